@@ -1,0 +1,50 @@
+//! What a caller did wrong, or what a solver could not do. Outcomes of a run are data: see `status`.
+
+use crate::status::Status;
+
+/// The errors of the core. The binding maps each variant to its Python class and puts the name of the
+/// called function before the message.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// An argument is not what the function takes: `argument problem: expected .., got .. (first bad index ..)`.
+    #[error("{argument} {problem}")]
+    Input { argument: String, problem: String },
+    /// A robot model is not well formed; `line` is 1-based in `file`.
+    #[error("{file}:{line}: {problem}")]
+    Model { file: String, line: u32, problem: String },
+    /// A solver ended without an answer, at time (or iteration) `t`.
+    #[error("{problem}")]
+    Solve { status: Status, t: f64, problem: String },
+    /// Stored data is not in the format it claims.
+    #[error("{0}")]
+    Format(String),
+    /// The result does not fit in memory.
+    #[error("the result needs {bytes} bytes, more than can be allocated")]
+    Memory { bytes: u128 },
+}
+
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// `argument problem`, the form of every refusal of an argument.
+    pub fn input(argument: impl Into<String>, problem: impl Into<String>) -> Self {
+        Error::Input { argument: argument.into(), problem: problem.into() }
+    }
+}
+
+/// Refuse a value that is not finite, naming the first bad index.
+pub fn finite(argument: &str, values: &[f64]) -> Result<()> {
+    match values.iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(i) if values.len() == 1 => Err(Error::input(argument, format!("is not finite: expected a finite number, got {}", values[i]))),
+        Some(i) => Err(Error::input(argument, format!("is not finite: expected finite numbers, got {} (first bad index {i})", values[i]))),
+    }
+}
+
+/// Refuse a number that is not positive and finite.
+pub fn positive(argument: &str, x: f64) -> Result<()> {
+    if x > 0.0 && x.is_finite() {
+        return Ok(());
+    }
+    Err(Error::input(argument, format!("is not positive: expected a finite number > 0, got {x}")))
+}

@@ -1,0 +1,10 @@
+//! The pure-Rust core of armlet: arms, plants, control laws, motions, planners, task priority and
+//! integrators, and the loops that close them. Knows no Python.
+//!
+//! The layers, lowest first; a module uses only those before it (checked by `tests/api/test_layering.py`):
+//! `error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
+//! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
+//! `integrate` over `error, status, scalar, linalg` alone.
+
+pub mod error;
+pub mod status;

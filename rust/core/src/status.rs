@@ -1,0 +1,68 @@
+//! How a run ended. A status is data: a diverged run is a result with a time, not a misuse.
+
+/// The outcome of a run or a solve; the numbers are stable and cross into Python as they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum Status {
+    #[default]
+    Success = 0,
+    /// The state or its derivative stopped being finite.
+    Diverged = 1,
+    /// The adaptive step fell below what the time variable can resolve.
+    StepUnderflow = 2,
+    /// The cap on steps or iterations was reached.
+    MaxSteps = 3,
+    /// The caller interrupted the run.
+    Interrupted = 4,
+    /// An event asked the run to stop.
+    Event = 5,
+    /// The answer leaves a residual that the problem did not allow for (lost directions, scaled task).
+    Degraded = 6,
+    /// No answer exists: the constraints exclude each other.
+    Infeasible = 7,
+}
+
+impl Status {
+    pub const ALL: [Status; 8] = [
+        Status::Success,
+        Status::Diverged,
+        Status::StepUnderflow,
+        Status::MaxSteps,
+        Status::Interrupted,
+        Status::Event,
+        Status::Degraded,
+        Status::Infeasible,
+    ];
+
+    /// The name used in Python (`al.Status.DIVERGED` is "diverged").
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Success => "success",
+            Status::Diverged => "diverged",
+            Status::StepUnderflow => "step_underflow",
+            Status::MaxSteps => "max_steps",
+            Status::Interrupted => "interrupted",
+            Status::Event => "event",
+            Status::Degraded => "degraded",
+            Status::Infeasible => "infeasible",
+        }
+    }
+
+    /// What the caller can do about it.
+    pub fn advice(self) -> &'static str {
+        match self {
+            Status::Success => "the run reached its end",
+            Status::Diverged => "the state stopped being finite: reduce dt or the gains, or use an adaptive method",
+            Status::StepUnderflow => "the step fell below the resolution of time: the problem is singular or stiff here; try a stiff method or looser tolerances",
+            Status::MaxSteps => "the cap on steps was reached: the problem may be stiff; try a stiff method, looser tolerances or a shorter span",
+            Status::Interrupted => "the run was interrupted by the caller",
+            Status::Event => "an event ended the run",
+            Status::Degraded => "part of the command was given up: see the residuals",
+            Status::Infeasible => "no answer exists: see the reason",
+        }
+    }
+
+    pub fn code(self) -> i32 {
+        self as i32
+    }
+}
