@@ -11,7 +11,7 @@ use super::Real;
 /// Largest |x| for which the three-part reduction is exact enough.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;
 
-pub(super) const TWO_OVER_PI: f64 = 0.636_619_772_367_581_343_08;
+pub(super) const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
 /// 1.5 * 2^52: adding it rounds to an integer and leaves that integer in the low bits.
 pub(super) const ROUND: f64 = 6_755_399_441_055_744.0;
 pub(super) const PIO2: [f64; 3] = [1.570_796_326_734_125_614_17, 6.077_100_506_303_965_976_60e-11, 2.022_266_248_795_950_631_54e-21];
