@@ -8,5 +8,10 @@
 
 pub mod dynamics;
 pub mod error;
+pub mod integrate;
+pub mod law;
+pub mod linalg;
+pub mod motion;
 pub mod scalar;
+pub mod simulate;
 pub mod status;

@@ -5,10 +5,12 @@
 //! they call on the hot path is `#[inline(always)]`, because the instruction set is that of the function
 //! they end up in: [`Real::enter`] is the only door into a region compiled for AVX2 + FMA or AVX-512.
 
+pub mod dual;
 pub mod lanes;
 mod scalars;
 pub mod trig;
 
+pub use dual::Dual;
 pub use lanes::{Array8, Isa, isa};
 pub use scalars::Fused;
 
@@ -34,6 +36,8 @@ pub trait Real:
 {
     /// One truth value per lane.
     type Mask: Copy;
+    /// The single number of the same instruction set.
+    type One: Real;
     /// How many independent runs the number carries.
     const LANES: usize;
 

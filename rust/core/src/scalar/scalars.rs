@@ -49,6 +49,7 @@ impl Neg for Fused {
 macro_rules! single_number {
     ($type:ty, $wrap:expr, $get:expr, $fused:literal) => {
         type Mask = bool;
+        type One = Self;
         const LANES: usize = 1;
         #[inline(always)]
         fn splat(x: f64) -> Self {

@@ -6,7 +6,7 @@
 //!
 //! [`rotate`] moves a known sine and cosine by a small angle: a Runge-Kutta step needs one full evaluation.
 
-use super::Real;
+use super::{Kernel, Real};
 
 /// Largest |x| for which the three-part reduction is exact enough.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;
@@ -81,6 +81,20 @@ impl<S: Real> Angle<S> {
     }
 }
 
+/// Sine and cosine in a function of its own: a call on a rare path instead of its code at every use.
+#[inline(never)]
+fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
+    struct SinCos<S>(S);
+    impl<S: Real> Kernel for SinCos<S> {
+        type Output = (S, S);
+        #[inline(always)]
+        fn run(self) -> (S, S) {
+            self.0.sin_cos()
+        }
+    }
+    S::enter(SinCos(q))
+}
+
 /// Beyond this angle [`rotate`] evaluates in full. The truncated series err by less than 2^-54 up to here:
 /// d^9/9! = 9.6e-20 for the sine, d^8/8! = 2.3e-17 for the cosine.
 pub const SMALL_ANGLE: f64 = 1.0 / 32.0;
@@ -98,7 +112,7 @@ pub fn rotate<S: Real>(from: &Angle<S>, q: S) -> (S, S) {
     let small = z.lt(k(SMALL_ANGLE * SMALL_ANGLE));
     let far = S::select(small, S::zero(), k(1.0));
     if S::any(S::zero().lt(far)) {
-        let (s, c) = q.sin_cos();
+        let (s, c) = sin_cos_apart(q);
         return (S::select(small, near.0, s), S::select(small, near.1, c));
     }
     near

@@ -1,6 +1,6 @@
 //! Eight lanes as a plain array, left to the compiler's vectoriser: baseline SSE2, or AVX2 + FMA.
 
-use super::super::{Kernel, Real, trig};
+use super::super::{Fused, Kernel, Real, trig};
 use super::{Isa, enter_avx2, isa};
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -15,11 +15,8 @@ macro_rules! operator {
         impl<const F: bool> $trait for Array8<F> {
             type Output = Self;
             #[inline(always)]
-            fn $method(mut self, other: Self) -> Self {
-                for i in 0..8 {
-                    self.0[i] = self.0[i] $op other.0[i];
-                }
-                self
+            fn $method(self, other: Self) -> Self {
+                self.zip(other, |a, b| a $op b)
             }
         }
     };
@@ -72,9 +69,24 @@ impl<const F: bool> Array8<F> {
     }
 }
 
-impl<const F: bool> Real for Array8<F> {
+/// The single number that goes with these lanes.
+pub trait OneOf {
+    type One: Real;
+}
+impl OneOf for Array8<false> {
+    type One = f64;
+}
+impl OneOf for Array8<true> {
+    type One = Fused;
+}
+
+impl<const F: bool> Real for Array8<F>
+where
+    Self: OneOf,
+{
     /// All bits set where true: selecting is then bit logic, which vectorises.
     type Mask = [u64; 8];
+    type One = <Self as OneOf>::One;
     const LANES: usize = 8;
 
     #[inline(always)]

@@ -3,7 +3,7 @@
 //! Every intrinsic below needs AVX-512 F (and DQ for the trigonometric bit logic). Values of this type are
 //! only computed with inside [`Real::enter`], which checks for both.
 
-use super::super::{Kernel, Real, trig};
+use super::super::{Fused, Kernel, Real, trig};
 use super::{Isa, enter_avx512, isa};
 use std::arch::x86_64::*;
 use std::array::from_fn;
@@ -143,6 +143,7 @@ fn from_array(x: [f64; 8]) -> __m512d {
 
 impl<const U: usize> Real for Avx512<U> {
     type Mask = [u8; U];
+    type One = Fused;
     const LANES: usize = 8 * U;
 
     #[inline(always)]

@@ -1,0 +1,68 @@
+//! The classical Runge-Kutta method of order 4 (Kutta 1901):
+//!
+//! `k1 = f(t, x)`, `k2 = f(t + h/2, x + h/2 k1)`, `k3 = f(t + h/2, x + h/2 k2)`, `k4 = f(t + h, x + h k3)`,
+//! `x += h/6 (k1 + 2 k2 + 2 k3 + k4)`. The input is taken three times, and the end's serves the next step.
+
+use super::{Buffer, FixedStep, System};
+use crate::scalar::Real;
+
+pub struct Rk4<B, U> {
+    k: B,
+    y: B,
+    sum: B,
+    start: U,
+    middle: U,
+    end: U,
+    /// The time of `end`, NaN when there is none to reuse.
+    end_time: f64,
+}
+
+impl<B: Clone, U: Clone> Rk4<B, U> {
+    #[inline(always)]
+    pub fn new(state: B, input: U) -> Self {
+        Rk4 { k: state.clone(), y: state.clone(), sum: state, start: input.clone(), middle: input.clone(), end: input, end_time: f64::NAN }
+    }
+}
+
+impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Rk4<B, F::Input> {
+    #[inline(always)]
+    fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
+        if self.end_time == t {
+            std::mem::swap(&mut self.start, &mut self.end);
+        } else {
+            system.input(t, &mut self.start);
+        }
+        system.input(t + 0.5 * h, &mut self.middle);
+        system.input(end, &mut self.end);
+        self.end_time = end;
+
+        let x = x.as_mut();
+        let (k, y, sum) = (self.k.as_mut(), self.y.as_mut(), self.sum.as_mut());
+        let (half, full, two, sixth) = (S::splat(0.5 * h), S::splat(h), S::splat(2.0), S::splat(h / 6.0));
+
+        system.anchor(x);
+        system.rhs(&self.start, x, k);
+        for i in 0..x.len() {
+            sum[i] = k[i];
+            y[i] = half.mul_add(k[i], x[i]);
+        }
+        system.rhs(&self.middle, y, k);
+        for i in 0..x.len() {
+            sum[i] = two.mul_add(k[i], sum[i]);
+            y[i] = half.mul_add(k[i], x[i]);
+        }
+        system.rhs(&self.middle, y, k);
+        for i in 0..x.len() {
+            sum[i] = two.mul_add(k[i], sum[i]);
+            y[i] = full.mul_add(k[i], x[i]);
+        }
+        system.rhs(&self.end, y, k);
+        for i in 0..x.len() {
+            x[i] = sixth.mul_add(sum[i] + k[i], x[i]);
+        }
+    }
+
+    fn restart(&mut self) {
+        self.end_time = f64::NAN;
+    }
+}

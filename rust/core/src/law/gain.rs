@@ -1,0 +1,127 @@
+//! Gains: a scalar, a diagonal or a full symmetric positive definite matrix, and their products in a step.
+
+use crate::error::{Error, Result, finite};
+use crate::linalg::cholesky::require_positive_definite;
+use crate::scalar::Real;
+
+/// A positive definite gain of size `n`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gain {
+    n: usize,
+    /// The `n` diagonal entries, or all `n n` row-major.
+    values: Vec<f64>,
+}
+
+impl Gain {
+    pub fn scalar(argument: &str, n: usize, k: f64) -> Result<Self> {
+        crate::error::positive(argument, k)?;
+        Ok(Gain { n, values: vec![k; n] })
+    }
+
+    pub fn diagonal(argument: &str, values: Vec<f64>) -> Result<Self> {
+        finite(argument, &values)?;
+        if let Some(i) = values.iter().position(|&k| k <= 0.0) {
+            return Err(Error::input(argument, format!("is not positive definite: expected > 0, got {} (first bad index {i})", values[i])));
+        }
+        Ok(Gain { n: values.len(), values })
+    }
+
+    /// `values` is `(n, n)`, row-major. A diagonal matrix is kept as its diagonal.
+    pub fn full(argument: &str, n: usize, values: Vec<f64>) -> Result<Self> {
+        require_positive_definite(argument, n, &values)?;
+        let off_diagonal = (0..n * n).any(|k| k / n != k % n && values[k] != 0.0);
+        if !off_diagonal && n > 1 {
+            return Ok(Gain { n, values: (0..n).map(|i| values[i * n + i]).collect() });
+        }
+        Ok(Gain { n, values })
+    }
+
+    /// Any matrix, such as `Kd^-1 Kp`, which need not be symmetric.
+    pub(super) fn unchecked(n: usize, values: Vec<f64>) -> Self {
+        Gain { n, values }
+    }
+
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    pub fn is_diagonal(&self) -> bool {
+        self.values.len() == self.n
+    }
+
+    /// Entry `(i, j)`.
+    #[inline(always)]
+    pub fn at(&self, i: usize, j: usize) -> f64 {
+        if !self.is_diagonal() {
+            self.values[i * self.n + j]
+        } else if i == j {
+            self.values[i]
+        } else {
+            0.0
+        }
+    }
+
+    /// `(n, n)`, row-major.
+    pub fn matrix(&self) -> Vec<f64> {
+        (0..self.n * self.n).map(|k| self.at(k / self.n, k % self.n)).collect()
+    }
+
+    /// `self^-1 other`, diagonal where both are.
+    pub fn solve(&self, other: &Gain) -> Gain {
+        let n = self.n;
+        if self.is_diagonal() && other.is_diagonal() {
+            return Gain::unchecked(n, (0..n).map(|i| other.values[i] / self.values[i]).collect());
+        }
+        let l = crate::linalg::cholesky::factor(n, &self.matrix()).unwrap_or_else(|| vec![f64::NAN; n * n]);
+        let mut out = vec![0.0; n * n];
+        let mut column = vec![0.0; n];
+        for j in 0..n {
+            for i in 0..n {
+                column[i] = other.at(i, j);
+            }
+            crate::linalg::cholesky::solve(n, &l, &mut column);
+            for i in 0..n {
+                out[i * n + j] = column[i];
+            }
+        }
+        Gain::unchecked(n, out)
+    }
+}
+
+/// A gain in a step: what it does to a vector.
+pub trait Multiply<S: Real> {
+    /// `y = K x`.
+    fn multiply(&self, x: &[S], y: &mut [S]);
+}
+
+/// A diagonal gain.
+#[derive(Clone, Copy, Debug)]
+pub struct Diagonal<B>(pub B);
+
+/// A full gain, row-major.
+#[derive(Clone, Copy, Debug)]
+pub struct Full<B>(pub B);
+
+impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
+    #[inline(always)]
+    fn multiply(&self, x: &[S], y: &mut [S]) {
+        let k = self.0.as_ref();
+        for i in 0..k.len() {
+            y[i] = k[i] * x[i];
+        }
+    }
+}
+
+impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
+    #[inline(always)]
+    fn multiply(&self, x: &[S], y: &mut [S]) {
+        let (k, n) = (self.0.as_ref(), x.len());
+        for i in 0..n {
+            let mut sum = k[i * n] * x[0];
+            for j in 1..n {
+                sum = k[i * n + j].mul_add(x[j], sum);
+            }
+            y[i] = sum;
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! `A = L L^T` for symmetric positive definite `A`, row-major.
+
+use crate::error::{Error, Result, finite};
+
+/// Largest asymmetry, relative to the largest entry, that rounding explains.
+const SYMMETRY: f64 = 1e-12;
+
+/// The lower factor of a symmetric positive definite matrix, zeros above the diagonal; `None` if it is not
+/// positive definite.
+pub fn factor(n: usize, a: &[f64]) -> Option<Vec<f64>> {
+    let mut l = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..=i {
+            let mut sum = a[i * n + j];
+            for k in 0..j {
+                sum -= l[i * n + k] * l[j * n + k];
+            }
+            if i > j {
+                l[i * n + j] = sum / l[j * n + j];
+            } else if sum > 0.0 && sum.is_finite() {
+                l[i * n + i] = sum.sqrt();
+            } else {
+                return None;
+            }
+        }
+    }
+    Some(l)
+}
+
+/// Solve `L L^T x = b` in place.
+pub fn solve(n: usize, l: &[f64], x: &mut [f64]) {
+    for i in 0..n {
+        for k in 0..i {
+            x[i] -= l[i * n + k] * x[k];
+        }
+        x[i] /= l[i * n + i];
+    }
+    for i in (0..n).rev() {
+        for k in i + 1..n {
+            x[i] -= l[k * n + i] * x[k];
+        }
+        x[i] /= l[i * n + i];
+    }
+}
+
+/// Refuse a matrix that is not finite, symmetric and positive definite.
+pub fn require_positive_definite(argument: &str, n: usize, a: &[f64]) -> Result<()> {
+    finite(argument, a)?;
+    let scale = a.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    for i in 0..n {
+        for j in 0..i {
+            let (x, y) = (a[i * n + j], a[j * n + i]);
+            if (x - y).abs() > SYMMETRY * scale {
+                return Err(Error::input(
+                    argument,
+                    format!("is not symmetric: expected equal entries, got {y} and {x} (first bad index ({j}, {i}))"),
+                ));
+            }
+        }
+    }
+    match factor(n, a) {
+        Some(_) => Ok(()),
+        None => Err(Error::input(argument, "is not positive definite: expected all eigenvalues > 0")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn solves_and_refuses() {
+        let a = [4.0, 1.0, 0.5, 1.0, 3.0, -0.2, 0.5, -0.2, 2.0];
+        let l = factor(3, &a).expect("positive definite");
+        let mut x = [5.5, 3.8, 2.3];
+        solve(3, &l, &mut x);
+        for (i, want) in [5.5, 3.8, 2.3].into_iter().enumerate() {
+            let got: f64 = (0..3).map(|j| a[3 * i + j] * x[j]).sum();
+            assert!((got - want).abs() < 1e-14, "three products and a sum of numbers below 10");
+        }
+        assert!(require_positive_definite("k", 2, &[1.0, 2.0, 2.0, 1.0]).is_err());
+        assert!(require_positive_definite("k", 2, &[1.0, 0.1, 0.0, 1.0]).is_err());
+        assert!(require_positive_definite("k", 2, &[1.0, f64::NAN, 0.0, 1.0]).is_err());
+        assert!(require_positive_definite("k", 2, &[0.0, 0.0, 0.0, 1.0]).is_err());
+    }
+}

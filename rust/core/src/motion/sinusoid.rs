@@ -1,0 +1,53 @@
+//! `q_d,i = offset_i + sum_k amplitude_ik sin(frequency_ik t + phase_ik)`.
+
+use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sinusoid {
+    offset: Vec<f64>,
+    /// Terms per joint.
+    terms: usize,
+    /// `(n, terms)` each, row-major.
+    amplitude: Vec<f64>,
+    frequency: Vec<f64>,
+    phase: Vec<f64>,
+}
+
+impl Sinusoid {
+    /// `amplitude`, `frequency` (rad/s) and `phase` (rad) are `(n, terms)`, row-major.
+    pub fn new(offset: Vec<f64>, terms: usize, amplitude: Vec<f64>, frequency: Vec<f64>, phase: Vec<f64>) -> Result<Self> {
+        finite("offset", &offset)?;
+        if offset.is_empty() {
+            return Err(Error::input("offset", "is empty: expected at least one joint, got 0"));
+        }
+        for (name, values) in [("amplitude", &amplitude), ("frequency", &frequency), ("phase", &phase)] {
+            finite(name, values)?;
+            if values.len() != offset.len() * terms {
+                return Err(Error::input(name, format!("has the wrong size: expected {}, got {}", offset.len() * terms, values.len())));
+            }
+        }
+        Ok(Sinusoid { offset, terms, amplitude, frequency, phase })
+    }
+
+    pub fn dof(&self) -> usize {
+        self.offset.len()
+    }
+
+    #[inline(always)]
+    pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
+        let n = self.offset.len();
+        for i in 0..n {
+            let (mut q, mut v, mut a) = (S::splat(self.offset[i]), S::zero(), S::zero());
+            for k in i * self.terms..(i + 1) * self.terms {
+                let w = self.frequency[k];
+                let (sin, cos) = S::splat(w * t + self.phase[k]).sin_cos();
+                let amplitude = self.amplitude[k];
+                q = S::splat(amplitude).mul_add(sin, q);
+                v = S::splat(amplitude * w).mul_add(cos, v);
+                a = S::splat(amplitude * w * w).neg_mul_add(sin, a);
+            }
+            (out[i], out[n + i], out[2 * n + i]) = (q, v, a);
+        }
+    }
+}

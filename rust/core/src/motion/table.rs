@@ -1,0 +1,99 @@
+//! A motion sampled at `start + k dt`: exact at its knots, quintic Hermite between them, held outside.
+//!
+//! On a knot interval with `x = (t - t_k)/dt`, the quintic that takes `q, v, a` at both ends.
+
+use crate::error::{Error, Result, finite, positive};
+use crate::scalar::Real;
+
+/// A time this close to a knot, in intervals, is that knot.
+const ON_KNOT: f64 = 1e-9;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    start: f64,
+    dt: f64,
+    rate: f64,
+    dof: usize,
+    /// One row `[q, v, a]` per knot.
+    rows: Vec<f64>,
+}
+
+impl Table {
+    /// `rows` is `(K, 3 n)`: `[q, v, a]` per knot, row-major, `K >= 1`.
+    pub fn new(start: f64, dt: f64, dof: usize, rows: Vec<f64>) -> Result<Self> {
+        positive("dt", dt)?;
+        finite("start", &[start])?;
+        finite("q, v, a", &rows)?;
+        if dof == 0 || rows.is_empty() || !rows.len().is_multiple_of(3 * dof) {
+            return Err(Error::input("q", "is empty: expected at least one knot and one joint"));
+        }
+        Ok(Table { start, dt, rate: 1.0 / dt, dof, rows })
+    }
+
+    pub fn dof(&self) -> usize {
+        self.dof
+    }
+
+    pub fn start(&self) -> f64 {
+        self.start
+    }
+
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    pub fn rows(&self) -> &[f64] {
+        &self.rows
+    }
+
+    #[inline(always)]
+    fn row(&self, k: usize) -> &[f64] {
+        &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
+    }
+
+    /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
+    #[inline(always)]
+    pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
+        let u = (t - self.start) * self.rate;
+        let last = self.rows.len() / (3 * self.dof) - 1;
+        // A cast saturates, so NaN, negative and huge times land on a knot and never out of bounds.
+        let k = ((u + 0.5) as usize).min(last);
+        let off = u - k as f64;
+        if off.abs() < ON_KNOT {
+            let row = self.row(k);
+            for i in 0..3 * self.dof {
+                out[i] = S::splat(row[i]);
+            }
+            return;
+        }
+        self.between(u, last, out);
+    }
+
+    #[inline(never)]
+    fn between<S: Real>(&self, u: f64, last: usize, out: &mut [S]) {
+        let n = self.dof;
+        if !(u > 0.0 && u < last as f64) {
+            let row = self.row(if u > 0.0 { last } else { 0 });
+            for i in 0..n {
+                (out[i], out[n + i], out[2 * n + i]) = (S::splat(row[i]), S::zero(), S::zero());
+            }
+            return;
+        }
+        let k = u as usize;
+        let (p, r) = (self.row(k), self.row(k + 1));
+        let (x, h, rate) = (u - k as f64, self.dt, self.rate);
+        for i in 0..n {
+            let (c0, c1, c2) = (p[i], h * p[n + i], 0.5 * h * h * p[2 * n + i]);
+            // What is left of the end's q, v, a after the quadratic fixed at the start.
+            let dq = r[i] - c0 - c1 - c2;
+            let dv = h * r[n + i] - c1 - 2.0 * c2;
+            let da = h * h * r[2 * n + i] - 2.0 * c2;
+            let c3 = 10.0 * dq - 4.0 * dv + 0.5 * da;
+            let c4 = -15.0 * dq + 7.0 * dv - da;
+            let c5 = 6.0 * dq - 3.0 * dv + 0.5 * da;
+            out[i] = S::splat(c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5)))));
+            out[n + i] = S::splat(rate * (c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))));
+            out[2 * n + i] = S::splat(rate * rate * (2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))));
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Motions: derivatives against differences, ends held, a table exact on its knots.
+
+use super::*;
+
+fn at(m: &Motion, t: f64) -> Vec<f64> {
+    let mut out = vec![0.0; 3 * m.dof()];
+    m.sample(t, &mut out);
+    out
+}
+
+fn motions() -> Vec<Motion> {
+    let sinusoid = Sinusoid::new(vec![0.1, -0.2], 2, vec![0.5, 0.2, 0.8, 0.3], vec![1.0, 2.3, 1.7, 0.6], vec![0.0, 0.4, 0.0, 1.0]).unwrap();
+    let sinusoid = Motion::Sinusoid(sinusoid);
+    let rows: Vec<f64> = (0..41).flat_map(|k| at(&sinusoid, 0.1 * k as f64)).collect();
+    vec![
+        Motion::hold(vec![0.3, -1.0]).unwrap(),
+        sinusoid,
+        Motion::Quintic(Quintic::new(vec![0.0, 1.0], vec![1.0, -2.5], 3.0).unwrap()),
+        Motion::BangBang(BangBang::new(vec![0.0, 1.0], vec![1.0, -2.5], 3.0).unwrap()),
+        Motion::Table(Table::new(0.0, 0.1, 2, rows).unwrap()),
+    ]
+}
+
+#[test]
+fn rates_are_derivatives() {
+    let h = 1e-5;
+    for m in motions() {
+        for t in [0.35, 0.8123, 1.2, 2.2, 2.9] {
+            let (before, now, after) = (at(&m, t - h), at(&m, t), at(&m, t + h));
+            for i in 0..4 {
+                let slope = (after[i] - before[i]) / (2.0 * h);
+                // Central differences: h^2 times third derivatives below 10, and rounding 1e-16 / h.
+                assert!((slope - now[i + 2]).abs() < 5e-9, "{m:?} {t} {i}: {slope} {}", now[i + 2]);
+            }
+        }
+    }
+}
+
+#[test]
+fn ends_are_held() {
+    let [_, _, quintic, bang, table] = motions().try_into().unwrap();
+    for m in [quintic, bang] {
+        assert_eq!(at(&m, 0.0)[..4], [0.0, 1.0, 0.0, 0.0]);
+        assert_eq!(at(&m, -1.0), [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
+        for t in [3.0, 3.0 + 1e-15, 1e9] {
+            assert_eq!(at(&m, t), [1.0, -2.5, 0.0, 0.0, 0.0, 0.0]);
+        }
+    }
+    assert_eq!(at(&table, 9.0)[2..], [0.0; 4]);
+    assert_eq!(at(&table, 9.0)[..2], at(&table, 4.0)[..2]);
+    assert_eq!(at(&table, f64::NAN).len(), 6);
+}
+
+#[test]
+fn a_table_is_its_motion() {
+    let m = motions();
+    for k in 0..=40 {
+        let t = 0.1 * k as f64;
+        assert_eq!(at(&m[4], t), at(&m[1], t));
+    }
+    for k in 0..400 {
+        let t = 0.01 * k as f64;
+        let error = (at(&m[4], t)[0] - at(&m[1], t)[0]).abs();
+        // Quintic Hermite: dt^6 / 46080 times the sixth derivative, here below 45.
+        assert!(error < 1e-9, "{t} {error}");
+    }
+}
+
+#[test]
+fn bad_motions_are_refused() {
+    assert!(Motion::hold(vec![]).is_err() && Motion::hold(vec![f64::NAN]).is_err());
+    assert!(Quintic::new(vec![0.0], vec![1.0], 0.0).is_err() && Quintic::new(vec![0.0], vec![1.0, 2.0], 1.0).is_err());
+    assert!(BangBang::new(vec![0.0], vec![f64::INFINITY], 1.0).is_err());
+    assert!(Sinusoid::new(vec![0.0], 2, vec![1.0], vec![1.0], vec![0.0]).is_err());
+    assert!(Table::new(0.0, 0.0, 1, vec![0.0; 3]).is_err() && Table::new(0.0, 1.0, 2, vec![0.0; 3]).is_err());
+}

@@ -1,0 +1,151 @@
+//! A run of an adaptive method: segments between jumps and samples, records by dense output.
+
+use super::schedule::{Times, require_times};
+use crate::error::Result;
+use crate::integrate::dop853::{Dop853, Work};
+use crate::integrate::{Buffer, System};
+use crate::scalar::Real;
+use crate::status::Status;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A time this close to a sample, in periods, is that sample.
+const ON_SAMPLE: f64 = 1e-9;
+
+/// The segments and records of an adaptive run.
+#[derive(Clone, Debug)]
+pub struct Segments {
+    pub t_end: f64,
+    pub times: Times,
+    /// Jumps of the input strictly inside the run, increasing.
+    pub breaks: Vec<f64>,
+    /// Period of a sampled law; `None` for a law inside every stage.
+    pub sample_time: Option<f64>,
+}
+
+impl Segments {
+    pub fn new(t_end: f64, times: Times, breaks: &[f64], sample_time: Option<f64>) -> Result<Self> {
+        match &times {
+            Times::At(t_eval) => require_times(t_eval, t_end)?,
+            Times::Every(0) => return Err(crate::error::Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
+            Times::Every(_) => {}
+        }
+        let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
+        Ok(Segments { t_end, times, breaks, sample_time })
+    }
+
+    /// Whether a sample falls on `t`.
+    fn is_sample(&self, t: f64) -> bool {
+        self.sample_time.is_some_and(|period| (t / period - (t / period).round()).abs() < ON_SAMPLE)
+    }
+
+    /// The end of the segment that starts at `t`, and whether the input jumps there.
+    fn next(&self, t: f64, sample: u64) -> (f64, bool) {
+        let mut end = (self.t_end, false);
+        if let Some(&b) = self.breaks.iter().find(|&&b| b > t) {
+            end = (b, true);
+        }
+        if let Some(period) = self.sample_time {
+            let next = (sample + 1) as f64 * period;
+            // A sample that is, up to rounding, the end is the end.
+            if next < end.0 - ON_SAMPLE * period {
+                end = (next, false);
+            }
+        }
+        end
+    }
+}
+
+/// How a run ended, when, and the work it took.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome {
+    pub status: Status,
+    pub t: f64,
+    pub work: Work,
+}
+
+/// Run `system` from `method.x`; `record(t, system, x)` is called for every record.
+#[inline(always)]
+pub fn run<S, F, B>(
+    system: &mut F,
+    method: &mut Dop853<B, F::Input>,
+    segments: &Segments,
+    stop: &AtomicBool,
+    mut record: impl FnMut(f64, &mut F, &B),
+) -> Outcome
+where
+    S: Real,
+    F: System<S>,
+    B: Buffer<S>,
+{
+    let (mut t, mut sample, mut wanted, mut accepted) = (0.0, 0u64, 0usize, 0usize);
+    let mut at = method.x.clone();
+    let mut started = false;
+    let outcome = |status, t, method: &Dop853<B, F::Input>| Outcome { status, t, work: method.work };
+    loop {
+        if let Some(period) = segments.sample_time {
+            if started && t >= (sample + 1) as f64 * period {
+                sample += 1;
+            }
+            system.sample(t, method.x.as_ref());
+        }
+        let (end, jumps) = segments.next(t, sample);
+        let input_end = if jumps { end.next_down() } else { end };
+        if let Err(status) = method.begin(system, t, end, input_end) {
+            return outcome(status, t, method);
+        }
+        if !started {
+            started = true;
+            match &segments.times {
+                Times::Every(_) => record(0.0, system, &method.x),
+                Times::At(t_eval) => {
+                    if t_eval.first() == Some(&0.0) {
+                        record(0.0, system, &method.x);
+                        wanted = 1;
+                    }
+                }
+            }
+            if segments.t_end == 0.0 {
+                return outcome(Status::Success, 0.0, method);
+            }
+        }
+        loop {
+            if stop.load(Ordering::Relaxed) {
+                return outcome(Status::Interrupted, method.t, method);
+            }
+            let done = match method.step(system) {
+                Ok(done) => done,
+                Err(status) => return outcome(status, method.t, method),
+            };
+            accepted += 1;
+            let finished = done && end >= segments.t_end;
+            match &segments.times {
+                Times::Every(every) => {
+                    if accepted.is_multiple_of(*every) || finished {
+                        if done && segments.is_sample(end) {
+                            system.sample(end, method.x.as_ref());
+                        }
+                        record(method.t, system, &method.x);
+                    }
+                }
+                Times::At(t_eval) => {
+                    while wanted < t_eval.len() && t_eval[wanted] <= method.t {
+                        method.interpolate(system, t_eval[wanted], &mut at);
+                        // The input recorded is that from this instant on.
+                        if done && t_eval[wanted] == end && segments.is_sample(end) {
+                            system.sample(end, at.as_ref());
+                        }
+                        record(t_eval[wanted], system, &at);
+                        wanted += 1;
+                    }
+                }
+            }
+            if done {
+                break;
+            }
+        }
+        t = end;
+        if t >= segments.t_end {
+            return outcome(Status::Success, t, method);
+        }
+    }
+}

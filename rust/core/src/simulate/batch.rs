@@ -1,0 +1,236 @@
+//! Many runs: lanes side by side, groups of lanes over threads.
+//!
+//! Each group writes its own rows, so the bits do not depend on how many threads there are or who took what.
+//! A group that is not full repeats its last run in the spare lanes.
+
+use super::adaptive_steps::Outcome;
+use super::fixed_steps::Faults;
+use super::monitors::{self, Monitor};
+use super::planar_pr::{Group, Sink};
+use super::pool;
+use super::problem::{Division, Fixed, Problem};
+use crate::error::{Error, Result};
+use crate::motion::{Motion, Table};
+use crate::scalar::{Real, Task, run_scalar, run_wide_lanes};
+use crate::status::Status;
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
+use std::sync::atomic::AtomicBool;
+
+/// What a batch keeps of each run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    All,
+    Final,
+}
+
+/// Largest table of a shared motion, in bytes: it has to live in the cache to pay.
+const LARGEST_TABLE: usize = 8 << 20;
+
+/// The records of a batch; arrays are row-major, `(B, K, ..)`.
+#[derive(Clone, Debug, Default)]
+pub struct BatchRuns {
+    pub t: Vec<f64>,
+    pub q: Vec<f64>,
+    pub v: Vec<f64>,
+    pub tau: Vec<f64>,
+    pub z: Vec<f64>,
+    pub monitors: Vec<(&'static str, Vec<f64>)>,
+    pub status: Vec<Status>,
+    /// When each run ended.
+    pub ended: Vec<f64>,
+    pub interrupted: bool,
+}
+
+/// The rows of one group.
+struct Rows<'a> {
+    records: usize,
+    p: usize,
+    q: &'a mut [f64],
+    v: &'a mut [f64],
+    tau: &'a mut [f64],
+    z: &'a mut [f64],
+    monitors: Vec<&'a mut [f64]>,
+    checks: Vec<Monitor<'a>>,
+    status: &'a mut [Status],
+    ended: &'a mut [f64],
+    row: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Sink for Rows<'_> {
+    #[inline(always)]
+    fn record<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]) {
+        for lane in 0..self.status.len() {
+            let at = lane * self.records + i;
+            for j in 0..2 {
+                self.q[2 * at + j] = x[j].lane(lane);
+                self.v[2 * at + j] = x[2 + j].lane(lane);
+                self.tau[2 * at + j] = tau[j].lane(lane);
+            }
+            for j in 0..self.p {
+                self.z[self.p * at + j] = x[4 + j].lane(lane);
+            }
+            if let Some(check) = self.checks.get_mut(lane) {
+                self.row.clear();
+                self.row.extend(x.iter().map(|x| x.lane(lane)));
+                check.evaluate(t, &self.row, &mut self.values);
+                for (series, &value) in self.monitors.iter_mut().zip(&self.values) {
+                    series[at] = value;
+                }
+            }
+        }
+    }
+}
+
+/// The number of lanes that a group has, asked of the route itself.
+struct CountLanes;
+impl Task for CountLanes {
+    type Output = usize;
+    #[inline(always)]
+    fn run<S: Real>(self) -> usize {
+        S::LANES
+    }
+}
+
+/// Run every run of `problem` on `threads` threads. `poll` is asked every 20 ms whether to stop.
+pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
+    let mut problem = problem.clone();
+    let runs = problem.runs();
+    if keep == Keep::Final {
+        problem.options.times = super::Times::At(vec![problem.options.t_end]);
+    }
+    let division = problem.validate()?;
+    let times = match &division {
+        Division::Fixed(fixed) => fixed.schedule.records.iter().map(|r| r.t).collect(),
+        Division::Adaptive(segments) => match &segments.times {
+            super::Times::At(t) => t.clone(),
+            super::Times::Every(_) => {
+                return Err(Error::input("t_eval", "is missing: expected times at which an adaptive batch is recorded, got None"));
+            }
+        },
+    };
+    let mut out = allocate(&problem, times)?;
+    if runs == 0 {
+        return Ok(out);
+    }
+    let lanes = if problem.options.method.is_adaptive() { 1 } else { run_wide_lanes(CountLanes) };
+    let tabulated = tabulate(&problem, &division);
+    let mut groups = split(&problem, &mut out, lanes);
+    let interrupted = pool::run(threads, poll, |stop: &AtomicBool| {
+        let go = |(g, rows): (usize, &mut Rows)| {
+            let (problem, first) = (&problem, g * lanes);
+            match &division {
+                Division::Fixed(fixed) => {
+                    let tabulated = tabulated.as_ref();
+                    let faults = run_wide_lanes(Group { problem, division: fixed, tabulated, first, stop, sink: &mut *rows });
+                    rows.finish_fixed(&faults, problem.options.t_end)
+                }
+                Division::Adaptive(segments) => {
+                    let outcome = run_scalar(Group { problem, division: segments, tabulated: None, first, stop, sink: &mut *rows });
+                    rows.finish_adaptive(&outcome)
+                }
+            }
+        };
+        groups.iter_mut().collect::<Vec<_>>().into_par_iter().enumerate().with_max_len(1).map(go).reduce(|| false, |a, b| a | b)
+    });
+    drop(groups);
+    out.interrupted = interrupted;
+    Ok(out)
+}
+
+/// Room for the records, NaN until written; an error at once where it does not fit.
+fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
+    let (runs, records, p) = (problem.runs(), t.len(), problem.law(0).initial_state().len());
+    let room = |width: usize| -> Result<Vec<f64>> {
+        let bytes = runs as u128 * records as u128 * width as u128 * 8;
+        let mut out = Vec::new();
+        let len = runs.checked_mul(records).and_then(|n| n.checked_mul(width)).ok_or(Error::Memory { bytes })?;
+        out.try_reserve_exact(len).map_err(|_| Error::Memory { bytes })?;
+        out.resize(len, f64::NAN);
+        Ok(out)
+    };
+    let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0)) } else { &[] };
+    let monitors = names.iter().map(|&name| room(1).map(|series| (name, series))).collect::<Result<_>>()?;
+    Ok(BatchRuns {
+        q: room(2)?,
+        v: room(2)?,
+        tau: room(2)?,
+        z: room(p)?,
+        monitors,
+        status: vec![Status::Interrupted; runs],
+        ended: vec![0.0; runs],
+        interrupted: false,
+        t,
+    })
+}
+
+/// The rows of each group of `lanes` runs.
+fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<Rows<'a>> {
+    let (records, p) = (out.t.len(), problem.law(0).initial_state().len());
+    let per_group = |w: usize| (lanes * records * w).max(1);
+    let (mut q, mut v, mut tau) = (out.q.chunks_mut(per_group(2)), out.v.chunks_mut(per_group(2)), out.tau.chunks_mut(per_group(2)));
+    let mut z = out.z.chunks_mut(per_group(p));
+    let mut monitors: Vec<_> = out.monitors.iter_mut().map(|(_, series)| series.chunks_mut(per_group(1))).collect();
+    let ended = out.ended.chunks_mut(lanes);
+    out.status
+        .chunks_mut(lanes)
+        .zip(ended)
+        .enumerate()
+        .map(|(g, (status, ended))| {
+            let runs = g * lanes..g * lanes + status.len();
+            let checks = if monitors.is_empty() { 0..0 } else { runs };
+            Rows {
+                records,
+                p,
+                q: q.next().unwrap_or_default(),
+                v: v.next().unwrap_or_default(),
+                tau: tau.next().unwrap_or_default(),
+                z: z.next().unwrap_or_default(),
+                values: vec![0.0; monitors.len()],
+                monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
+                checks: checks.map(|i| Monitor::new(problem.plant(i), problem.law(i))).collect(),
+                status,
+                ended,
+                row: Vec::with_capacity(6 + p),
+            }
+        })
+        .collect()
+}
+
+impl Rows<'_> {
+    /// Note how each run of the group ended; whether it was interrupted.
+    fn finish_fixed(&mut self, faults: &Faults, t_end: f64) -> bool {
+        if faults.interrupted {
+            return true;
+        }
+        for (lane, (status, ended)) in self.status.iter_mut().zip(self.ended.iter_mut()).enumerate() {
+            let fault = faults.at[lane];
+            *status = if fault.is_finite() { Status::Diverged } else { Status::Success };
+            *ended = fault.min(t_end);
+        }
+        false
+    }
+
+    fn finish_adaptive(&mut self, outcome: &Outcome) -> bool {
+        (self.status[0], self.ended[0]) = (outcome.status, outcome.t);
+        outcome.status == Status::Interrupted
+    }
+}
+
+/// The motion of all runs, sampled in advance at the stage times: worth it when many lanes share it.
+fn tabulate(problem: &Problem, division: &Division) -> Option<Motion> {
+    let Division::Fixed(Fixed { schedule, .. }) = division else { return None };
+    let motion = problem.law(0).motion();
+    let shared = problem.laws.len() == 1;
+    let regular = schedule.on_grid() && schedule.breaks.is_empty() && schedule.is_end(schedule.steps as f64 * schedule.dt, schedule.t_end);
+    let rows = 2 * schedule.steps + 1;
+    let width = 3 * motion.dof();
+    if !shared || !regular || matches!(motion, Motion::Hold(_) | Motion::Table(_)) || rows * width * 8 > LARGEST_TABLE {
+        return None;
+    }
+    let mut samples = vec![0.0; rows * width];
+    for (k, row) in samples.chunks_exact_mut(width).enumerate() {
+        motion.sample(0.5 * schedule.dt * k as f64, row);
+    }
+    Table::new(0.0, 0.5 * schedule.dt, motion.dof(), samples).ok().map(Motion::Table)
+}

@@ -1,0 +1,173 @@
+//! A fixed-step run: steps in short blocks, each checked once for a number that is not finite.
+//!
+//! A faulty block is run again from its start, step by step, to find the time of each lane's fault; that lane
+//! is NaN from there on, and its neighbours repeat the same operations, so they keep their bits.
+
+use super::schedule::Schedule;
+use crate::integrate::{Buffer, FixedStep, System};
+use crate::scalar::Real;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Steps between checks.
+const BLOCK: usize = 32;
+
+/// How the lanes of a run fared.
+pub struct Faults {
+    /// The time of each lane's fault; infinite for a lane without one.
+    pub at: Vec<f64>,
+    pub interrupted: bool,
+    pub steps: u64,
+}
+
+/// Run `system` over the schedule from `x`; `record(i, system, x)` is called for every record `i`.
+///
+/// The state is a local that never has its address taken on the hot path, so that a small one lives in
+/// registers; the code of a step, which is large, stands in one place.
+#[inline(always)]
+pub fn run<S, F, M, B>(
+    system: &mut F,
+    method: &mut M,
+    mut x: B,
+    schedule: &Schedule,
+    hold: usize,
+    stop: &AtomicBool,
+    mut record: impl FnMut(usize, &mut F, &B),
+) -> Faults
+where
+    S: Real,
+    F: System<S>,
+    M: FixedStep<S, F, B>,
+    B: Buffer<S>,
+{
+    let mut faults = Faults { at: vec![f64::INFINITY; S::LANES], interrupted: false, steps: 0 };
+    if any_not_finite(x.as_ref()) {
+        x = note_faults(&mut faults.at, x, 0.0);
+    }
+    let (mut step, mut i, mut next_break) = (0, 0, 0);
+    loop {
+        let record_here = i < schedule.records.len() && schedule.records[i].step == step;
+        let offset = if record_here { schedule.records[i].offset } else { 0.0 };
+        if record_here && offset == 0.0 {
+            if hold != 0 && step.is_multiple_of(hold) {
+                system.sample(schedule.records[i].t, x.as_ref());
+            }
+            record(i, system, &x);
+            i += 1;
+            continue;
+        }
+        if !record_here && step == schedule.steps {
+            return faults;
+        }
+        if stop.load(Ordering::Relaxed) {
+            faults.interrupted = true;
+            return faults;
+        }
+        let target = if i < schedule.records.len() { schedule.records[i].step } else { schedule.steps };
+        let to = if offset > 0.0 { step + 1 } else { target.min(step + BLOCK) };
+        let (start, first_break) = (x.clone(), next_break);
+        let mut careful = false;
+        loop {
+            for k in step..to {
+                if hold != 0 && k.is_multiple_of(hold) {
+                    system.sample(schedule.time(k), x.as_ref());
+                    method.restart();
+                }
+                one_step(system, method, schedule, k, offset, &mut next_break, &mut x);
+                if careful && any_not_finite(x.as_ref()) {
+                    x = note_faults(&mut faults.at, x, schedule.time(k + 1));
+                }
+            }
+            if careful || offset > 0.0 || !any_not_finite(x.as_ref()) || all_known(&faults.at, x.clone()) {
+                break;
+            }
+            careful = true;
+            x = start.clone();
+            next_break = first_break;
+            method.restart();
+        }
+        faults.steps += (to - step) as u64;
+        if offset > 0.0 {
+            // The block went to a record between two steps: keep to the run's own path.
+            record(i, system, &x);
+            x = start;
+            next_break = first_break;
+            method.restart();
+            i += 1;
+        } else {
+            step = to;
+        }
+    }
+}
+
+/// One step, or the part `offset` of it, in pieces where the input jumps inside it or at its end, each piece
+/// on its own side of the jump.
+#[inline(always)]
+fn one_step<S, F, M, B>(system: &mut F, method: &mut M, schedule: &Schedule, step: usize, offset: f64, next_break: &mut usize, x: &mut B)
+where
+    S: Real,
+    F: System<S>,
+    M: FixedStep<S, F, B>,
+    B: Buffer<S>,
+{
+    let (mut t, mut end) = (schedule.time(step), schedule.time(step + 1));
+    let mut h = if step + 1 < schedule.steps { schedule.dt } else { end - t };
+    if offset > 0.0 {
+        (end, h) = (t + offset, offset);
+    }
+    loop {
+        let (mut piece, mut input_end, mut jumps) = (h, end, false);
+        if *next_break < schedule.breaks.len() {
+            let jump = schedule.breaks[*next_break];
+            if jump <= end || schedule.is_end(jump, end) {
+                jumps = true;
+                input_end = jump.min(end).next_down();
+                piece = if schedule.is_end(jump, end) { end - t } else { jump - t };
+            }
+        }
+        method.step(system, t, piece, input_end, x);
+        if !jumps {
+            return;
+        }
+        *next_break += 1;
+        method.restart();
+        t += piece;
+        h = end - t;
+        if schedule.is_end(t, end) {
+            return;
+        }
+    }
+}
+
+/// Whether every lane that is not finite is known to be so.
+#[cold]
+#[inline(never)]
+fn all_known<S: Real, B: Buffer<S>>(at: &[f64], x: B) -> bool {
+    (0..S::LANES).all(|lane| at[lane].is_finite() || x.as_ref().iter().all(|x| x.lane(lane).is_finite()))
+}
+
+/// Note the lanes that stopped being finite by time `t` and make them NaN throughout.
+#[cold]
+#[inline(never)]
+fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], mut x: B, t: f64) -> B {
+    for lane in 0..S::LANES {
+        if at[lane].is_finite() || x.as_ref().iter().all(|x| x.lane(lane).is_finite()) {
+            continue;
+        }
+        at[lane] = t;
+        for x in x.as_mut() {
+            *x = S::from_lanes(|i| if i == lane { f64::NAN } else { x.lane(i) });
+        }
+    }
+    x
+}
+
+#[inline(always)]
+fn any_not_finite<S: Real>(x: &[S]) -> bool {
+    let mut zero = S::zero();
+    for &value in x {
+        zero = value.mul_add(S::zero(), zero);
+    }
+    // Zero times a finite number is zero, and NaN otherwise; a NaN is below nothing.
+    let good = S::select(zero.lt(S::splat(1.0)), S::splat(1.0), S::zero());
+    S::any(good.lt(S::splat(0.5)))
+}

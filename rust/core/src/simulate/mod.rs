@@ -1,0 +1,20 @@
+//! Closed loops: an arm, a law and a motion, run by a method, alone or in batches, with the theory's
+//! identities monitored.
+
+mod adaptive_steps;
+mod batch;
+mod fixed_steps;
+mod monitors;
+mod planar_pr;
+mod pool;
+mod problem;
+mod reference;
+mod rigid_loop;
+mod schedule;
+mod single;
+
+pub use batch::{BatchRuns, Keep, simulate_batch};
+pub use pool::default_threads;
+pub use problem::{Method, Options, Problem};
+pub use schedule::Times;
+pub use single::{Run, simulate};

@@ -1,0 +1,251 @@
+//! The PR arm's loops, monomorphised through: dynamics, law, gains and method inline into one kernel.
+
+use super::adaptive_steps::{self, Outcome, Segments};
+use super::fixed_steps::{self, Faults};
+use super::problem::{Fixed, Options, Problem};
+use super::reference::Reference;
+use super::rigid_loop::{RigidLoop, Shape};
+use crate::dynamics::PlanarPr;
+use crate::integrate::Rk4;
+use crate::integrate::dop853::{Dop853, Tolerance};
+use crate::law::gain::{Diagonal, Full, Gain};
+use crate::law::{Adaptive, AdaptiveSpec, ComputedTorque, ComputedTorqueSpec, Law, LawSpec};
+use crate::motion::Motion;
+use crate::scalar::trig::Angle;
+use crate::scalar::{Real, Task};
+use std::sync::atomic::AtomicBool;
+
+/// Receives the records of a group of lanes: index, time, lane-wise state `[q, v, z, quadratures]` and input.
+pub trait Sink {
+    fn record<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]);
+}
+
+/// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes).
+pub struct Group<'a, T, K> {
+    pub problem: &'a Problem<'a>,
+    /// How time is divided; its type decides which methods a group can run.
+    pub division: &'a T,
+    /// In place of the laws' own, where all runs share one sampled in advance.
+    pub tabulated: Option<&'a Motion>,
+    pub first: usize,
+    pub stop: &'a AtomicBool,
+    pub sink: &'a mut K,
+}
+
+/// A way of dividing time, which runs a closed loop from `x`.
+pub trait Drive {
+    type Ended;
+    fn drive<S, L, K, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
+        &self,
+        closed: PrLoop<S, L, Z, X, MONITORED, HELD>,
+        x: [S; X],
+        options: &Options,
+        stop: &AtomicBool,
+        sink: &mut K,
+    ) -> Self::Ended
+    where
+        S: Real,
+        L: Law<S>,
+        K: Sink;
+}
+
+type PrLoop<'a, S, L, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool> =
+    RigidLoop<'a, S, PlanarPr<S>, L, Arrays<Z, X>, MONITORED, HELD>;
+
+/// Vectors as arrays: `Z` states of the law, `X` of the loop.
+pub struct Arrays<const Z: usize, const X: usize>;
+
+impl<S: Real, const Z: usize, const X: usize> Shape<S> for Arrays<Z, X> {
+    type Joints = [S; 2];
+    type Desired = [S; 6];
+    type LawState = [S; Z];
+    type State = [S; X];
+    type Trig = [(S, S); 2];
+    type Anchors = [Angle<S>; 2];
+}
+
+impl<T: Drive, K: Sink> Task for Group<'_, T, K> {
+    type Output = T::Ended;
+
+    #[inline(always)]
+    fn run<S: Real>(self) -> T::Ended {
+        let problem = self.problem;
+        let last = problem.runs() - 1;
+        let run = |lane: usize| (self.first + lane).min(last);
+        match problem.law(0) {
+            LawSpec::Adaptive(_) => {
+                let spec = |lane: usize| -> &AdaptiveSpec {
+                    match problem.law(run(lane)) {
+                        LawSpec::Adaptive(law) => law,
+                        LawSpec::ComputedTorque(_) => unreachable!("a problem's laws are of one kind"),
+                    }
+                };
+                let diagonal = (0..S::LANES).all(|i| {
+                    let law = spec(i);
+                    law.lambda.is_diagonal() && law.kd.is_diagonal() && law.gamma.is_diagonal()
+                });
+                if diagonal && problem.options.sample_time.is_none() {
+                    let law = Adaptive::new(
+                        arm(|i| problem.plant(run(i))),
+                        Diagonal(diagonal_of::<S, 2>(|i| &spec(i).lambda)),
+                        Diagonal(diagonal_of::<S, 2>(|i| &spec(i).kd)),
+                        Diagonal(diagonal_of::<S, 3>(|i| &spec(i).gamma)),
+                        [S::zero(); 2],
+                        [S::zero(); 3],
+                    );
+                    if problem.options.monitors {
+                        self.close::<S, _, 3, 9, true, false>(law)
+                    } else {
+                        self.close::<S, _, 3, 7, false, false>(law)
+                    }
+                } else {
+                    let law = Adaptive::new(
+                        arm(|i| problem.plant(run(i))),
+                        Full(full_of::<S, 4>(2, |i| &spec(i).lambda)),
+                        Full(full_of::<S, 4>(2, |i| &spec(i).kd)),
+                        Full(full_of::<S, 9>(3, |i| &spec(i).gamma)),
+                        [S::zero(); 2],
+                        [S::zero(); 3],
+                    );
+                    self.close_any::<S, _, 3, 9>(law)
+                }
+            }
+            LawSpec::ComputedTorque(_) => {
+                let spec = |lane: usize| -> &ComputedTorqueSpec {
+                    match problem.law(run(lane)) {
+                        LawSpec::ComputedTorque(law) => law,
+                        LawSpec::Adaptive(_) => unreachable!("a problem's laws are of one kind"),
+                    }
+                };
+                let law = ComputedTorque::new(
+                    arm(|i| problem.law(run(i)).arm()),
+                    Full(full_of::<S, 4>(2, |i| &spec(i).kp)),
+                    Full(full_of::<S, 4>(2, |i| &spec(i).kd)),
+                    [S::zero(); 2],
+                );
+                self.close_any::<S, _, 0, 6>(law)
+            }
+        }
+    }
+}
+
+impl<T: Drive, K: Sink> Group<'_, T, K> {
+    /// The loops that are not made for speed alone carry the monitors' integrals always: fewer kernels.
+    #[inline(always)]
+    fn close_any<S: Real, L: Law<S>, const Z: usize, const X: usize>(self, law: L) -> T::Ended {
+        if self.problem.options.sample_time.is_some() {
+            self.close::<S, L, Z, X, true, true>(law)
+        } else {
+            self.close::<S, L, Z, X, true, false>(law)
+        }
+    }
+
+    /// Close the loop and run it.
+    #[inline(always)]
+    fn close<S: Real, L: Law<S>, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(self, law: L) -> T::Ended {
+        let problem = self.problem;
+        let last = problem.runs() - 1;
+        let run = |lane: usize| (self.first + lane).min(last);
+        let mut reference = match self.tabulated {
+            Some(motion) => Reference::new(vec![motion]),
+            None => Reference::new((0..S::LANES).map(|i| problem.law(run(i)).motion()).collect()),
+        };
+        let zero = S::zero();
+        let closed: PrLoop<S, L, Z, X, MONITORED, HELD> = RigidLoop::new(
+            arm(|i| problem.plant(run(i))),
+            law,
+            &mut reference,
+            problem.options.tau_max.as_deref(),
+            ([zero; 2], [zero; Z], [zero; 6]),
+            ([(zero, zero); 2], [Angle::default(); 2]),
+        );
+        let mut x = [zero; X];
+        for i in 0..2 {
+            x[i] = S::from_lanes(|lane| problem.q0[2 * run(lane) + i]);
+            x[2 + i] = S::from_lanes(|lane| problem.v0[2 * run(lane) + i]);
+        }
+        for i in 0..Z {
+            x[4 + i] = S::from_lanes(|lane| problem.law(run(lane)).initial_state()[i]);
+        }
+        self.division.drive(closed, x, &problem.options, self.stop, self.sink)
+    }
+}
+
+/// Recording in a function of its own, on a copy: the loop's state keeps its registers.
+#[inline(never)]
+fn record_apart<S: Real, K: Sink, const X: usize>(sink: &mut K, i: usize, t: f64, x: [S; X], tau: [S; 2]) {
+    sink.record(i, t, &x, &tau);
+}
+
+impl Drive for Fixed {
+    type Ended = Faults;
+
+    #[inline(always)]
+    fn drive<S, L, K, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
+        &self,
+        mut closed: PrLoop<S, L, Z, X, MONITORED, HELD>,
+        x: [S; X],
+        _: &Options,
+        stop: &AtomicBool,
+        sink: &mut K,
+    ) -> Faults
+    where
+        S: Real,
+        L: Law<S>,
+        K: Sink,
+    {
+        let mut method = Rk4::new(x, [S::zero(); 6]);
+        fixed_steps::run::<S, _, _, _>(&mut closed, &mut method, x, &self.schedule, self.hold, stop, |i, closed, x| {
+            let t = self.schedule.records[i].t;
+            if !HELD {
+                closed.observe(t, x);
+            }
+            record_apart(sink, i, t, *x, closed.tau);
+        })
+    }
+}
+
+impl Drive for Segments {
+    type Ended = Outcome;
+
+    #[inline(always)]
+    fn drive<S, L, K, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
+        &self,
+        mut closed: PrLoop<S, L, Z, X, MONITORED, HELD>,
+        x: [S; X],
+        options: &Options,
+        stop: &AtomicBool,
+        sink: &mut K,
+    ) -> Outcome
+    where
+        S: Real,
+        L: Law<S>,
+        K: Sink,
+    {
+        let tolerance = Tolerance { rtol: options.rtol, atol: options.atol, controlled: 4 + Z };
+        let mut method = Dop853::new(tolerance, x, [S::zero(); 6]);
+        let mut i = 0;
+        adaptive_steps::run::<S, _, _>(&mut closed, &mut method, self, stop, |t, closed, x| {
+            if !HELD {
+                closed.observe(t, x);
+            }
+            record_apart(sink, i, t, *x, closed.tau);
+            i += 1;
+        })
+    }
+}
+
+#[inline(always)]
+fn arm<'a, S: Real>(of: impl Fn(usize) -> &'a PlanarPr<f64>) -> PlanarPr<S> {
+    PlanarPr::from_lanes(|i| *of(i))
+}
+
+#[inline(always)]
+fn diagonal_of<'a, S: Real, const N: usize>(of: impl Fn(usize) -> &'a Gain) -> [S; N] {
+    std::array::from_fn(|i| S::from_lanes(|lane| of(lane).at(i, i)))
+}
+
+#[inline(always)]
+fn full_of<'a, S: Real, const NN: usize>(n: usize, of: impl Fn(usize) -> &'a Gain) -> [S; NN] {
+    std::array::from_fn(|k| S::from_lanes(|lane| of(lane).at(k / n, k % n)))
+}

@@ -1,0 +1,62 @@
+//! Worker threads: a pool made on first use, made anew in a forked child, and a caller that keeps listening
+//! while they work.
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
+use std::time::Duration;
+
+/// How long the caller waits between two looks at what else it has to do.
+const SLICE: Duration = Duration::from_millis(20);
+
+/// Pools by size, of one process. A forked child inherits the map but not the threads.
+static POOLS: Mutex<Option<(u32, HashMap<usize, Arc<ThreadPool>>)>> = Mutex::new(None);
+
+/// `ARMLET_NUM_THREADS` if it is a positive integer, else the cores.
+pub fn default_threads() -> usize {
+    let asked = std::env::var("ARMLET_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok()).filter(|&n| n > 0);
+    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
+}
+
+fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
+    let process = std::process::id();
+    let mut pools = POOLS.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    match &*pools {
+        Some((owner, _)) if *owner == process => {}
+        // The parent's threads do not exist here: dropping their pool would wait for them for ever.
+        _ => std::mem::forget(pools.replace((process, HashMap::new()))),
+    }
+    let (_, pools) = pools.as_mut()?;
+    if let Some(pool) = pools.get(&threads) {
+        return Some(pool.clone());
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("armlet-{i}")).build().ok()?;
+    let pool = Arc::new(pool);
+    pools.insert(threads, pool.clone());
+    Some(pool)
+}
+
+/// Run `work(stop)` in the pool; `poll` is asked every 20 ms whether to stop, and what it says is passed on.
+/// Where no thread can be had the work is done here.
+pub fn run<R: Send>(threads: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
+    let stop = AtomicBool::new(false);
+    let Some(pool) = pool(threads) else { return work(&stop) };
+    let mut result = None;
+    std::thread::scope(|scope| {
+        let (done, finished) = mpsc::channel::<()>();
+        let (result, stop) = (&mut result, &stop);
+        scope.spawn(move || {
+            *result = Some(pool.install(|| work(stop)));
+            // The receiver lives until the scope ends: this can't fail while anyone listens.
+            let _ = done.send(());
+        });
+        // A worker that panics drops its sender: that ends the wait too, and the scope passes the panic on.
+        while finished.recv_timeout(SLICE) == Err(mpsc::RecvTimeoutError::Timeout) {
+            if poll() {
+                stop.store(true, Ordering::Relaxed);
+            }
+        }
+    });
+    result.expect("a scope returns after its threads, or panics with them")
+}
