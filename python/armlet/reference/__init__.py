@@ -1,0 +1,33 @@
+"""The same robotics in plain numpy, each result derived by another route than the core takes; imports numpy only.
+
+It exists to be compared with: dynamics from energies by complex step instead of recursions, an extrapolation method
+instead of Runge-Kutta pairs, sampling and event simulation instead of closed forms. Slow, and never a fallback.
+"""
+
+from . import integrate
+from .lagrange import Mechanism
+from .law import Adaptive, ComputedTorque, Law, PDGravity
+from .motion import BangBang, Hold, Quintic, Sinusoid
+from .plant import ElasticArm, RigidArm
+from .pr import Pendulum, PlanarPR, pendulum, planar_pr
+from .simulate import simulate
+
+__all__ = [
+    "Adaptive",
+    "BangBang",
+    "ComputedTorque",
+    "ElasticArm",
+    "Hold",
+    "Law",
+    "Mechanism",
+    "PDGravity",
+    "Pendulum",
+    "PlanarPR",
+    "Quintic",
+    "RigidArm",
+    "Sinusoid",
+    "integrate",
+    "pendulum",
+    "planar_pr",
+    "simulate",
+]
