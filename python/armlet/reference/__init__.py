@@ -5,6 +5,7 @@ instead of Runge-Kutta pairs, sampling and event simulation instead of closed fo
 """
 
 from . import integrate
+from .arm import Arm, planar_arm
 from .lagrange import Mechanism
 from .law import Adaptive, ComputedTorque, Law, PDGravity
 from .motion import BangBang, Hold, Quintic, Sinusoid
@@ -14,6 +15,7 @@ from .simulate import simulate
 
 __all__ = [
     "Adaptive",
+    "Arm",
     "BangBang",
     "ComputedTorque",
     "ElasticArm",
@@ -28,6 +30,7 @@ __all__ = [
     "Sinusoid",
     "integrate",
     "pendulum",
+    "planar_arm",
     "planar_pr",
     "simulate",
 ]

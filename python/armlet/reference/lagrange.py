@@ -10,7 +10,7 @@ Only M_k and U_k are written by hand; every derivative is a complex step, f'(x) 
 subtraction and so no rounding error at h = 1e-30 (Martins, Sturdza and Alonso, 2003). No recursion over bodies enters.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,8 @@ def vectors(*values: ArrayLike, n: int | None = None) -> list[Array]:
         for array in arrays:
             if array.ndim == 0 or array.shape[-1] != n:
                 raise ValueError(f"expected the last axis of length {n}, got shape {array.shape}")
+    if len({array.shape for array in arrays}) == 1:
+        return arrays
     lead = np.broadcast_shapes(*(array.shape[:-1] for array in arrays))
     return [np.broadcast_to(array, lead + array.shape[-1:]) for array in arrays]
 
@@ -43,6 +45,15 @@ def complex_steps(q: Array) -> NDArray[np.complex128]:
     return q[..., None, :] + 1j * STEP * np.eye(q.shape[-1])
 
 
+class Expansion(NamedTuple):
+    """The unit energies at q: M_k (..., p, n, n), dM_k/dq_l (..., l, p, n, n), U_k (..., p), dU_k/dq_i (..., p, n)."""
+
+    mass: Array
+    mass_slopes: Array
+    potential: Array
+    gravity: Array
+
+
 class Mechanism:
     """An arm given by its parameters (p,) and the unit energies M_k(q), U_k(q); all functions broadcast over leading axes."""
 
@@ -50,45 +61,44 @@ class Mechanism:
         self.n = n
         self.parameters: Array = np.array(parameters, dtype=np.float64)
         self.armature: Array = np.broadcast_to(np.asarray(armature, dtype=np.float64), (n,)).copy()
+        self._last: tuple[tuple[tuple[int, ...], bytes], Expansion] | None = None
 
-    def mass_basis(self, q: Analytic) -> Analytic:
-        """M_k(q): (..., n) -> (..., p, n, n), analytic in q."""
+    def energy_basis(self, q: Analytic) -> tuple[Analytic, Analytic]:
+        """M_k(q) (..., p, n, n) and U_k(q) (..., p) from q (..., n), analytic in q."""
         raise NotImplementedError
 
-    def potential_basis(self, q: Analytic) -> Analytic:
-        """U_k(q): (..., n) -> (..., p), analytic in q."""
-        raise NotImplementedError
-
-    def _mass_slopes(self, q: Array) -> Array:
-        """dM_k/dq_l as (..., l, p, n, n)."""
-        return self.mass_basis(complex_steps(q)).imag / STEP
-
-    def _gravity_basis(self, q: Array) -> Array:
-        """dU_k/dq_i as (..., p, n)."""
-        return np.swapaxes(self.potential_basis(complex_steps(q)).imag / STEP, -1, -2)
+    def _expand(self, q: Array) -> Expansion:
+        """The unit energies and their slopes at q; the last point is kept, since every function of a control law asks for it."""
+        key = (q.shape, q.tobytes())
+        if self._last is None or self._last[0] != key:
+            mass, potential = self.energy_basis(complex_steps(q))
+            # The real part of a complex step is the value itself: h^2 is below the last bit.
+            slopes = np.swapaxes(potential.imag / STEP, -1, -2)
+            self._last = (key, Expansion(mass[..., 0, :, :, :].real, mass.imag / STEP, potential[..., 0, :].real, slopes))
+        return self._last[1]
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """M(q), (..., n, n), rotor inertia included on the diagonal."""
         (q,) = vectors(q, n=self.n)
-        mass: Array = np.einsum("p,...pij->...ij", self.parameters, self.mass_basis(q))
+        mass: Array = np.einsum("p,...pij->...ij", self.parameters, self._expand(q).mass)
         return mass + np.diag(self.armature)
 
     def mass_matrix_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """dM/dt along v, (..., n, n)."""
         q, v = vectors(q, v, n=self.n)
-        rate: Array = np.einsum("p,...lpij,...l->...ij", self.parameters, self._mass_slopes(q), v)
+        rate: Array = np.einsum("p,...lpij,...l->...ij", self.parameters, self._expand(q).mass_slopes, v)
         return rate
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """C(q, v) of the Christoffel symbols, (..., n, n)."""
         q, v = vectors(q, v, n=self.n)
-        slopes = np.einsum("p,...lpij->...lij", self.parameters, self._mass_slopes(q))
+        slopes = np.einsum("p,...lpij->...lij", self.parameters, self._expand(q).mass_slopes)
         return _christoffel(slopes[..., None, :, :], v)[..., 0, :, :]
 
     def gravity(self, q: ArrayLike) -> Array:
         """g(q) = dU/dq, (..., n)."""
         (q,) = vectors(q, n=self.n)
-        torque: Array = np.einsum("p,...pi->...i", self.parameters, self._gravity_basis(q))
+        torque: Array = np.einsum("p,...pi->...i", self.parameters, self._expand(q).gravity)
         return torque
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
@@ -111,16 +121,16 @@ class Mechanism:
     def regressor(self, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> Array:
         """Y with Y pi = M a_r + C(q, v) v_r + g, (..., n, p); rotor inertia is not among the columns."""
         q, v, v_r, a_r = vectors(q, v, v_r, a_r, n=self.n)
-        inertial = np.einsum("...pij,...j->...pi", self.mass_basis(q), a_r)
-        coriolis = np.einsum("...pij,...j->...pi", _christoffel(self._mass_slopes(q), v), v_r)
-        columns: Array = np.swapaxes(inertial + coriolis + self._gravity_basis(q), -1, -2)
+        inertial = np.einsum("...pij,...j->...pi", self._expand(q).mass, a_r)
+        coriolis = np.einsum("...pij,...j->...pi", _christoffel(self._expand(q).mass_slopes, v), v_r)
+        columns: Array = np.swapaxes(inertial + coriolis + self._expand(q).gravity, -1, -2)
         return columns
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
         """Kinetic and potential energy, each (...,)."""
         q, v = vectors(q, v, n=self.n)
         kinetic: Array = 0.5 * np.einsum("...i,...ij,...j->...", v, self.mass_matrix(q), v)
-        potential: Array = np.einsum("p,...p->...", self.parameters, self.potential_basis(q))
+        potential: Array = np.einsum("p,...p->...", self.parameters, self._expand(q).potential)
         return kinetic, potential
 
 

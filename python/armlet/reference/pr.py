@@ -19,16 +19,13 @@ class PlanarPR(Mechanism):
             raise ValueError(f"planar_pr: parameters are not a mass matrix: expected A > 0, C > 0, A C > B^2, got {(A, B, C)}")
         super().__init__(2, [A, B, C])
 
-    def mass_basis(self, q: Analytic) -> Analytic:
+    def energy_basis(self, q: Analytic) -> tuple[Analytic, Analytic]:
         basis = np.zeros((*q.shape[:-1], 3, 2, 2), dtype=q.dtype)
         basis[..., 0, 0, 0] = 1.0
         basis[..., 1, 0, 1] = np.cos(q[..., 1])
         basis[..., 1, 1, 0] = np.cos(q[..., 1])
         basis[..., 2, 1, 1] = 1.0
-        return basis
-
-    def potential_basis(self, q: Analytic) -> Analytic:
-        return np.zeros((*q.shape[:-1], 3), dtype=q.dtype)
+        return basis, np.zeros((*q.shape[:-1], 3), dtype=q.dtype)
 
 
 class Pendulum(Mechanism):
@@ -39,15 +36,12 @@ class Pendulum(Mechanism):
             raise ValueError(f"pendulum: inertia is not positive or not finite: got {(inertia, gravity_moment)}")
         super().__init__(1, [inertia, gravity_moment])
 
-    def mass_basis(self, q: Analytic) -> Analytic:
+    def energy_basis(self, q: Analytic) -> tuple[Analytic, Analytic]:
         basis = np.zeros((*q.shape[:-1], 2, 1, 1), dtype=q.dtype)
         basis[..., 0, 0, 0] = 1.0
-        return basis
-
-    def potential_basis(self, q: Analytic) -> Analytic:
-        basis = np.zeros((*q.shape[:-1], 2), dtype=q.dtype)
-        basis[..., 1] = -np.cos(q[..., 0])
-        return basis
+        height = np.zeros((*q.shape[:-1], 2), dtype=q.dtype)
+        height[..., 1] = -np.cos(q[..., 0])
+        return basis, height
 
 
 def planar_pr(A: float, B: float, C: float) -> PlanarPR:
