@@ -11,6 +11,7 @@ from .law import Adaptive, ComputedTorque, Law, PDGravity
 from .motion import BangBang, Hold, Quintic, Sinusoid
 from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
+from .priority import diagnose_priority, solve_priority
 from .simulate import simulate
 
 __all__ = [
@@ -28,9 +29,11 @@ __all__ = [
     "Quintic",
     "RigidArm",
     "Sinusoid",
+    "diagnose_priority",
     "integrate",
     "pendulum",
     "planar_arm",
     "planar_pr",
     "simulate",
+    "solve_priority",
 ]
