@@ -6,6 +6,8 @@ instead of Runge-Kutta pairs, sampling and event simulation instead of closed fo
 
 from . import integrate
 from .arm import Arm, planar_arm
+from .elastic import Equilibrium, equilibrium
+from .impedance import CartesianImpedance, ElasticImpedance
 from .lagrange import Mechanism
 from .law import Adaptive, ComputedTorque, Law, PDGravity
 from .motion import BangBang, Hold, Quintic, Sinusoid
@@ -18,8 +20,11 @@ __all__ = [
     "Adaptive",
     "Arm",
     "BangBang",
+    "CartesianImpedance",
     "ComputedTorque",
     "ElasticArm",
+    "ElasticImpedance",
+    "Equilibrium",
     "Hold",
     "Law",
     "Mechanism",
@@ -30,6 +35,7 @@ __all__ = [
     "RigidArm",
     "Sinusoid",
     "diagnose_priority",
+    "equilibrium",
     "integrate",
     "pendulum",
     "planar_arm",

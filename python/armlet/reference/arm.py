@@ -83,6 +83,7 @@ class Arm(Mechanism):
         self.parents, self.places, self.twists = list(parents), list(places), list(twists)
         self.frames = dict(frames)
         self.gravity_vector: Array = np.array(gravity, dtype=np.float64)
+        self._walked: tuple[tuple[Any, ...], tuple[list[Analytic], list[Analytic]]] | None = None
 
     @classmethod
     def from_chain(cls, joints: Sequence[Joint], gravity: ArrayLike = (0.0, 0.0, -9.81), armature: ArrayLike = 0.0) -> Self:
@@ -135,7 +136,13 @@ class Arm(Mechanism):
         return product
 
     def _walk(self, q: Analytic) -> tuple[list[Analytic], list[Analytic]]:
-        """T_i (..., 4, 4) and dT_i/dq (..., n, 4, 4) of every body."""
+        """T_i (..., 4, 4) and dT_i/dq (..., n, 4, 4) of every body; the last point is kept, as pose and Jacobian share it."""
+        key = (q.shape, q.dtype.char, q.tobytes())
+        if self._walked is None or self._walked[0] != key:
+            self._walked = (key, self._walk_anew(q))
+        return self._walked[1]
+
+    def _walk_anew(self, q: Analytic) -> tuple[list[Analytic], list[Analytic]]:
         base = np.broadcast_to(np.eye(4, dtype=q.dtype), (*q.shape[:-1], 4, 4))
         still = np.zeros((*q.shape, 4, 4), dtype=q.dtype)
         poses: list[Analytic] = []

@@ -4,7 +4,6 @@
                         tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot,   a_hat_dot = Gamma Y' s       (Slotine and Li 1987)
     ComputedTorque      tau = M (a_d + Kd e_dot + Kp e) + C v + g
     PDGravity           tau = Kp (q_target - q) - Kd v + g(q)
-    CartesianImpedance  tau = J' [K_m (x_d - x) - D_m J v] + g(q)
 
 `terms` evaluates once and names the parts, among them `tau` and `state_rate`.
 """
