@@ -10,6 +10,7 @@ from .elastic import Equilibrium, equilibrium
 from .impedance import CartesianImpedance, ElasticImpedance
 from .lagrange import Mechanism
 from .law import Adaptive, ComputedTorque, Law, PDGravity
+from .mintime import bang_bang_time, torque_optimal_time
 from .motion import BangBang, Hold, Quintic, Sinusoid
 from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
@@ -34,6 +35,7 @@ __all__ = [
     "Quintic",
     "RigidArm",
     "Sinusoid",
+    "bang_bang_time",
     "diagnose_priority",
     "equilibrium",
     "integrate",
@@ -42,4 +44,5 @@ __all__ = [
     "planar_pr",
     "simulate",
     "solve_priority",
+    "torque_optimal_time",
 ]

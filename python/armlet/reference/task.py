@@ -63,7 +63,8 @@ class Coordinates:
     def error(self, q: Array) -> Array:
         """x_d - x, (rows,)."""
         X = self.arm.pose(q, self.frame)
-        full = np.concatenate([self._point - X[:3, 3], rotation_vector(self._turn @ X[:3, :3].T)])
+        turn = rotation_vector(self._turn @ X[:3, :3].T) if max(self.rows) > 2 else np.zeros(3)
+        full = np.concatenate([self._point - X[:3, 3], turn])
         chosen: Array = full[self.rows]
         return chosen
 
