@@ -111,7 +111,8 @@ def _advance(
             h = min(stop - t, 0.1 / max(1e-8, float(np.max(np.abs(slope) / (np.abs(y) + scale + 1e-3)))))
         last = t + h >= stop - 1e-14 * max(abs(stop), 1.0)
         step = stop - t if last else h
-        value, error = _extrapolate(inside, t, y, step, slope, columns)
+        with np.errstate(over="ignore", invalid="ignore"):  # a trial step too long is rejected below
+            value, error = _extrapolate(inside, t, y, step, slope, columns)
         budget -= 1
         if budget <= 0:
             raise IntegrationError("the cap on steps was reached", t)
