@@ -6,8 +6,8 @@
     P_i = [[S, h], [h^T, m]],  S = 1/2 tr(I) 1 - I,  h = m c        (4 x 4 pseudo-inertia, linear in the ten parameters)
 
 Parameters per link: m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, inertia about the body-frame origin. A link behind a
-fixed joint adds X P X^T to the body that carries it. Rotations come from the half angle (Euler-Rodrigues), which is analytic
-in q, so that every derivative can be a complex step.
+fixed joint adds X P X^T to the body that carries it. The exponential is written in the half angle, which is analytic in q, so
+that every derivative can be a complex step.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,11 +48,10 @@ def cross(w: Array) -> Array:
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
-def rotation(axis: Array, angle: Analytic) -> Analytic:
-    """1 + 2 c u^ + 2 u^ u^ with c = cos(angle/2), u = axis sin(angle/2); (..., 3, 3)."""
-    hat = cross(axis)
-    c, s = np.cos(angle / 2)[..., None, None], np.sin(angle / 2)[..., None, None]
-    turned: Analytic = np.eye(3) + 2 * c * s * hat + 2 * s * s * (hat @ hat)
+def rotation(axis: int, angle: float) -> Array:
+    """About a coordinate axis, (3, 3): the plane of the other two as complex numbers."""
+    turned, (j, k), z = np.eye(3), ((axis + 1) % 3, (axis + 2) % 3), np.exp(1j * angle)
+    turned[[j, k], [j, k]], turned[k, j], turned[j, k] = z.real, z.imag, -z.imag
     return turned
 
 
@@ -61,7 +60,7 @@ def placement(xyz: ArrayLike, rpy: ArrayLike) -> Array:
     angles = np.asarray(rpy, dtype=np.float64)
     out = np.eye(4)
     for axis in (2, 1, 0):
-        out[:3, :3] = out[:3, :3] @ rotation(np.eye(3)[axis], np.asarray(angles[axis]))
+        out[:3, :3] = out[:3, :3] @ rotation(axis, float(angles[axis]))
     out[:3, 3] = np.asarray(xyz, dtype=np.float64)
     return out
 
@@ -83,6 +82,7 @@ class Arm(Mechanism):
         self.parents, self.places, self.twists = list(parents), list(places), list(twists)
         self.frames = dict(frames)
         self.gravity_vector: Array = np.array(gravity, dtype=np.float64)
+        self._powers = [(place, place @ twist, place @ twist @ twist) for place, twist in zip(places, twists, strict=True)]
         self._walked: tuple[tuple[Any, ...], tuple[list[Analytic], list[Analytic]]] | None = None
 
     @classmethod
@@ -125,15 +125,14 @@ class Arm(Mechanism):
         return Arm(self.parents, self.places, self.twists, parameters, self.frames, self.gravity_vector, self.armature)
 
     def _joint(self, index: int, q: Analytic) -> Analytic:
-        """place exp(xi q), (..., 4, 4)."""
-        twist = self.twists[index]
-        moved = np.zeros((*q.shape, 4, 4), dtype=q.dtype)
-        axis = np.array([twist[2, 1], twist[0, 2], twist[1, 0]])
-        moved[..., :3, :3] = rotation(axis, q)
-        moved[..., :3, 3] = twist[:3, 3] * q[..., None]
-        moved[..., 3, 3] = 1.0
-        product: Analytic = self.places[index] @ moved
-        return product
+        """place exp(xi q), (..., 4, 4): 1 + 2 c s xi + 2 s^2 xi^2 with the half angle's c and s, or 1 + q xi where xi^2 = 0."""
+        place, first, second = self._powers[index]
+        if not second.any():
+            slid: Analytic = place + q[..., None, None] * first
+            return slid
+        c, s = np.cos(q / 2)[..., None, None], np.sin(q / 2)[..., None, None]
+        turned: Analytic = place + (2 * c * s) * first + (2 * s * s) * second
+        return turned
 
     def _walk(self, q: Analytic) -> tuple[list[Analytic], list[Analytic]]:
         """T_i (..., 4, 4) and dT_i/dq (..., n, 4, 4) of every body; the last point is kept, as pose and Jacobian share it."""
@@ -161,7 +160,8 @@ class Arm(Mechanism):
         wide = np.stack(slopes, axis=-4)[..., :3, :]  # (..., link, j, row, b)
         flat = np.moveaxis(wide, -1, -2).reshape(*wide.shape[:-3], -1, 3)  # (..., link, j b, row)
         pairs = (flat @ np.swapaxes(flat, -1, -2)).reshape(*wide.shape[:-3], self.n, 4, self.n, 4)
-        mass = np.einsum("...jbkc,pbc->...pjk", pairs, PSEUDO, optimize=True)
+        pairs = np.swapaxes(pairs, -3, -2).reshape(*wide.shape[:-3], self.n * self.n, 16)
+        mass = np.swapaxes(pairs @ PSEUDO.reshape(10, 16).T, -1, -2)
         heights = -np.einsum("r,...rb->...b", self.gravity_vector, np.stack(poses, axis=-3)[..., :3, :])
         potential = heights @ PSEUDO[:, :, 3].T  # P e_4: the first moment and the mass
         lead = q.shape[:-1]
