@@ -138,3 +138,62 @@ def test_levels_are_lexicographic() -> None:
             np.testing.assert_allclose(part.residuals[-1], sol.residuals[level - 1], atol=1e-9)
         # With every non-zero singular value above eps the clamp is the exact map, up to rounding noise over eps^2: 1e-15/1e-8.
         np.testing.assert_allclose(ref.solve_priority(Js, vs, "clamp", eps=1e-4).v, sol.v, atol=1e-6 * (1 + np.abs(sol.v).max()))
+
+
+def near_singular(rng: np.random.Generator) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Three levels in seven joints whose second and third nearly repeat rows of the first."""
+    size = 10.0 ** rng.uniform(-14, 0)
+    J1 = rng.normal(size=(2, 7))
+    J2 = np.vstack([J1[0] + size * rng.normal(size=7), rng.normal(size=7)])
+    J3 = np.vstack([J2[1] + size * rng.normal(size=7), rng.normal(size=7), J1[1]])
+    return [J1, J2, J3], [rng.normal(size=J.shape[0]) for J in (J1, J2, J3)]
+
+
+@pytest.mark.parametrize("method", ["clamp", "damped", "chiaverini"])
+def test_bounded_and_primary_exact_near_singularities(method: str) -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(200):
+        Js, vs = near_singular(rng)
+        sol = ref.solve_priority(Js, vs, method, eps=0.05)
+        # The primary's singular values are far above eps; 1e-12 (1 + |v|) is the rounding of a product of that size.
+        assert np.abs(sol.residuals[0]).max() <= 1e-12 * (1 + np.linalg.norm(sol.v))
+        # Each level is bounded by |v_i - J_i x| / eps.
+        bound = 0.0
+        for J, v in zip(Js, vs, strict=True):
+            bound += (np.linalg.norm(v) + np.linalg.norm(J, 2) * bound) / 0.05
+        assert np.linalg.norm(sol.v) <= bound
+
+
+@pytest.mark.parametrize("method", ["clamp", "damped"])
+def test_the_continuous_maps_are_continuous(method: str) -> None:
+    """Through an exactly repeated row: steps of 1e-6 in the entries move the answer by a few |v|/eps^2 times that."""
+    rng = np.random.default_rng(12)
+    Js, vs = near_singular(rng)
+    away = rng.normal(size=7)
+    values = []
+    for k in range(-50, 51):
+        Js[1][0] = Js[0][0] + 1e-6 * k * away
+        values.append(ref.solve_priority(Js, vs, method, eps=0.05).v)
+    assert np.linalg.norm(np.diff(values, axis=0), axis=1).max() <= 1e-6 * 100 * np.linalg.norm(vs[1]) / 0.05**2
+    assert np.ptp(np.array(values), axis=0).max() > 1e-4
+
+
+@pytest.mark.parametrize("method", ["clamp", "damped"])
+def test_regular_levels_are_exact(method: str) -> None:
+    rng = np.random.default_rng(13)
+    Js, vs = [rng.normal(size=(2, 7)) for _ in range(3)], [rng.normal(size=2) for _ in range(3)]
+    exact = ref.solve_priority(Js, vs, "exact")
+    assert max(np.abs(r).max() for r in exact.residuals) < 1e-12
+    np.testing.assert_allclose(ref.solve_priority(Js, vs, method, eps=1e-3).v, exact.v, atol=1e-12)
+
+
+def test_chiaverini_is_exact_for_orthogonal_tasks() -> None:
+    rng = np.random.default_rng(14)
+    rows = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    Js, vs = [2.0 * rows[:2], rows[2:3], rows[3:5]], [rng.normal(size=m) for m in (2, 1, 2)]
+    np.testing.assert_allclose(ref.solve_priority(Js, vs, "chiaverini").v, ref.solve_priority(Js, vs, "exact").v, atol=1e-13)
+
+
+def test_unknown_method() -> None:
+    with pytest.raises(ValueError, match="chiaverini"):
+        ref.solve_priority([np.eye(2)], [np.ones(2)], "pinv")

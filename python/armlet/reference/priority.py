@@ -1,10 +1,12 @@
 """Prioritised velocities from plain matrices.
 
-    exact   q_dot = J1# p1_dot + (J2 P1)# (p2_dot - J2 J1# p1_dot),  P1 = I - J1# J1, level after level          (SPEC (5))
-            here:  min |J_i (x + N y) - v_i|, min |y|,  N an orthonormal null basis of all rows above,
-            with as many singular values of J_i N as  rank(rows down to i) - rank(rows above)
-    clamp   J+ = J' phi(J J'),  phi(mu) = 1/max(mu, eps^2) on the eigenvalues,
-            A_i = J_i P_{i-1},  x += A_i+ (v_i - J_i x),  P_i = P_{i-1} (I - A_i+ A_i) P_{i-1}
+    exact       q_dot = J1# p1_dot + (J2 P1)# (p2_dot - J2 J1# p1_dot),  P1 = I - J1# J1, level after level      (SPEC (5))
+                here:  min |J_i (x + N y) - v_i|, min |y|,  N an orthonormal null basis of all rows above,
+                with as many singular values of J_i N as  rank(rows down to i) - rank(rows above)
+    clamp       A_i = J_i P_{i-1},  x += A_i+ (v_i - J_i x),  R_i = I - A_i+ A_i,  P_i = (P_{i-1} R_i^2 P_{i-1})^1/2
+                A+ = A' phi(A A'),  phi(mu) = 1/max(mu, eps^2) on the eigenvalues
+    damped      the same with x += A_i' (A_i A_i' + lambda^2)^-1 (v_i - J_i x),  lambda = eps (1 - prod min(1, sigma/eps))
+    chiaverini  x = sum_i N_i N_i' J_i+ v_i,  J_i+ clamped, N_i as in exact                                (Chiaverini 1997)
 
 Ranks count singular values of stacked rows above rounding * sigma_max, each block first divided by its own norm, because
 tasks have different units. No singular value of a projected Jacobian is ever compared with the projected Jacobian itself.
@@ -81,13 +83,11 @@ def diagnose_priority(jacobians: Sequence[ArrayLike], rounding: float = 8 * EPS)
 
 def solve_exact(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], rounding: float = 8 * EPS) -> Solution:
     """The exact hierarchy: lexicographic least squares, least norm at each level."""
-    blocks = _blocks(jacobians)
-    targets = [np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in velocities]
+    blocks, targets, _ = _problem(jacobians, velocities, 1.0)
     ranks = diagnose_priority(blocks, rounding).projected_ranks
     x = np.zeros(blocks[0].shape[1])
     for level, (J, target) in enumerate(zip(blocks, targets, strict=True)):
-        above = np.vstack([np.zeros((0, x.size)), *[_unit(block) for block in blocks[:level]]])
-        N = _null_basis(above, sum(ranks[:level]))
+        N = _null_basis(_above(blocks, level), sum(ranks[:level]))
         left, sigma, right = np.linalg.svd(J @ N, full_matrices=False)
         keep = slice(0, ranks[level])
         x = x + N @ (right[keep].T @ ((left[:, keep].T @ (target - J @ x)) / sigma[keep]))
@@ -114,23 +114,61 @@ def default_eps(jacobians: Sequence[ArrayLike]) -> list[float]:
     return [0.02 * size if size > 0.0 else 1.0 for size in sizes]
 
 
-def solve_clamp(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None) -> Solution:
+def damped_inverse(A: Array, eps: float) -> Array:
+    """A' (A A' + lambda^2)^-1 with damping that vanishes where every singular value is at least eps."""
+    mu = np.maximum(np.linalg.eigvalsh(A @ A.T)[::-1][: min(A.shape)], 0.0)
+    damping = eps * (1.0 - float(np.prod(np.sqrt(np.minimum(1.0, mu / (eps * eps))))))
+    if damping == 0.0:
+        return clamp_inverse(A, eps)
+    # The stacked least-squares form: the normal equations would square the condition number.
+    m, k = A.shape
+    inverse: Array = np.linalg.lstsq(np.vstack([A, damping * np.eye(k)]), np.vstack([np.eye(m), np.zeros((k, m))]), rcond=None)[0]
+    return inverse
+
+
+def solve_clamp(
+    jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, damped: bool = False
+) -> Solution:
     """The continuous map; equals the exact one where every singular value is at least eps."""
+    blocks, targets, levels = _problem(jacobians, velocities, eps)
+    n = blocks[0].shape[1]
+    x, d, V = np.zeros(n), np.ones(n), np.eye(n)  # P = V diag(d) V'
+    for J, target, e in zip(blocks, targets, levels, strict=True):
+        # Working in V keeps the answer out of the rows above even where A is rounding noise over eps^2.
+        A = (J @ V) * d
+        inverse = clamp_inverse(A, e)
+        x = x + V @ ((damped_inverse(A, e) if damped else inverse) @ (target - J @ x))
+        _, d, rows = np.linalg.svd((np.eye(d.size) - inverse @ A) @ (V * d).T, full_matrices=False)
+        alive = d > 8 * n * EPS
+        d, V = d[alive], rows[alive].T
+    return Solution(x, [v - J @ x for J, v in zip(blocks, targets, strict=True)], diagnose_priority(blocks).projected_ranks)
+
+
+def solve_chiaverini(
+    jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, rounding: float = 8 * EPS
+) -> Solution:
+    """Each level solved alone and projected; nothing projected is inverted."""
+    blocks, targets, levels = _problem(jacobians, velocities, eps)
+    ranks = diagnose_priority(blocks, rounding).projected_ranks
+    x = np.zeros(blocks[0].shape[1])
+    for level, (J, target, e) in enumerate(zip(blocks, targets, levels, strict=True)):
+        N = _null_basis(_above(blocks, level), sum(ranks[:level]))
+        x = x + N @ (N.T @ (clamp_inverse(J, e) @ target))
+    return Solution(x, [v - J @ x for J, v in zip(blocks, targets, strict=True)], ranks)
+
+
+def _problem(
+    jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None
+) -> tuple[list[Array], list[Array], list[float]]:
     blocks = _blocks(jacobians)
     targets = [np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in velocities]
     levels = default_eps(blocks) if eps is None else [float(e) for e in np.broadcast_to(np.asarray(eps, dtype=np.float64), len(blocks))]
-    n = blocks[0].shape[1]
-    x, P = np.zeros(n), np.eye(n)
-    for J, target, e in zip(blocks, targets, levels, strict=True):
-        # P = V diag(d) V'. Working in V keeps the answer out of the rows above even where A is rounding noise over eps^2.
-        d, V = np.linalg.eigh(P)
-        d, V = d[d > n * EPS * 8], V[:, d > n * EPS * 8]
-        A = (J @ V) * d
-        inverse = clamp_inverse(A, e)
-        x = x + V @ (inverse @ (target - J @ x))
-        P = (V * d) @ (np.eye(d.size) - inverse @ A) @ (V * d).T
-        P = 0.5 * (P + P.T)
-    return Solution(x, [v - J @ x for J, v in zip(blocks, targets, strict=True)], diagnose_priority(blocks).projected_ranks)
+    return blocks, targets, levels
+
+
+def _above(blocks: list[Array], level: int) -> Array:
+    """The rows above a level, each block on its own scale."""
+    return np.vstack([np.zeros((0, blocks[0].shape[1])), *[_unit(block) for block in blocks[:level]]])
 
 
 def solve_priority(
@@ -140,12 +178,15 @@ def solve_priority(
     eps: float | Sequence[float] | None = None,
     rounding: float | None = None,
 ) -> Solution:
-    """Joint velocities (n,) for levels J_i v = v_i in falling priority; method "exact" or "clamp"."""
+    """Joint velocities (n,) for levels J_i v = v_i in falling priority; method "exact", "clamp", "damped" or "chiaverini"."""
+    relative = 8 * EPS if rounding is None else rounding
     if method == "exact":
-        return solve_exact(jacobians, velocities, 8 * EPS if rounding is None else rounding)
-    if method == "clamp":
-        return solve_clamp(jacobians, velocities, eps)
-    raise ValueError(f"solve_priority: method is unknown: expected 'exact' or 'clamp', got {method!r}")
+        return solve_exact(jacobians, velocities, relative)
+    if method in ("clamp", "damped"):
+        return solve_clamp(jacobians, velocities, eps, damped=method == "damped")
+    if method == "chiaverini":
+        return solve_chiaverini(jacobians, velocities, eps, relative)
+    raise ValueError(f"solve_priority: method is unknown: expected one of exact, clamp, damped, chiaverini, got {method!r}")
 
 
 # s2, s3, s4 different from zero (None: any) -> class and the ranks of J1, J2, J_E, J2 P1
