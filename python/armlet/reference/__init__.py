@@ -16,6 +16,7 @@ from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import diagnose_priority, solve_priority
 from .simulate import simulate
+from .velocity import PriorityVelocity, Task, VelocityArm
 
 __all__ = [
     "Adaptive",
@@ -32,9 +33,12 @@ __all__ = [
     "PDGravity",
     "Pendulum",
     "PlanarPR",
+    "PriorityVelocity",
     "Quintic",
     "RigidArm",
     "Sinusoid",
+    "Task",
+    "VelocityArm",
     "bang_bang_time",
     "diagnose_priority",
     "equilibrium",

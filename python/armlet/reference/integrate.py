@@ -16,6 +16,7 @@ import numpy as np
 from .lagrange import Array
 
 Field = Callable[[float, Array], Array]
+Step = Callable[[Field, float, Array, float], Array]
 
 
 class IntegrationError(RuntimeError):
@@ -40,7 +41,7 @@ def rk4(f: Field, t: float, y: Array, h: float) -> Array:
     return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-def semi_implicit(positions: slice, velocities: slice) -> Callable[[Field, float, Array, float], Array]:
+def semi_implicit(positions: slice, velocities: slice) -> Step:
     """The symplectic Euler step for a state whose `positions` move with its `velocities`."""
 
     def step(f: Field, t: float, y: Array, h: float) -> Array:
@@ -55,6 +56,9 @@ def _outside(size: int, positions: slice) -> Array:
     mask = np.ones(size)
     mask[positions] = 0.0
     return mask
+
+
+STEPS: dict[str, Step] = {"euler": euler, "rk4": rk4}
 
 
 def midpoint(f: Field, t: float, y: Array, h: float, substeps: int, slope: Array) -> Array:

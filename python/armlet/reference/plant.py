@@ -6,6 +6,8 @@
 `rates` returns the derivative of the state's columns; `energy` the stored energy and the power fed in from outside.
 """
 
+from typing import Any, Protocol
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -73,4 +75,17 @@ class ElasticArm:
         return float(stored), float(v @ load + theta_dot @ tau)
 
 
-Plant = RigidArm | ElasticArm
+class Plant(Protocol):
+    """What a closed loop asks of a plant."""
+
+    arm: Any
+    size: int
+    elastic: bool
+
+    def initial(self, q0: Array, v0: Array, theta0: ArrayLike | None, theta_dot0: ArrayLike | None) -> Array: ...
+
+    def split(self, y: Array) -> tuple[Array, Array, Array | None, Array | None]: ...
+
+    def rates(self, y: Array, tau: Array, load: Array) -> Array: ...
+
+    def energy(self, y: Array, tau: Array, load: Array) -> tuple[float, float]: ...
