@@ -161,3 +161,17 @@ def test_unknown_names_are_refused() -> None:
         arm.jacobian([0.0, 0.0], "hand")
     with pytest.raises(ValueError, match="type is unknown"):
         ref.Arm.from_chain([{"type": "ball", "axis": (0, 0, 1)}])
+
+
+def test_rotor_inertia_is_on_the_diagonal_and_not_in_the_regressor() -> None:
+    rng = np.random.default_rng(6)
+    bare = random_tree(rng, 4)
+    armature = np.array([0.1, 0.0, 0.3, 0.2])
+    arm = bare.with_parameters(bare.parameters)
+    arm.armature = armature
+    q, v, a = rng.normal(size=(3, 4))
+    np.testing.assert_allclose(arm.mass_matrix(q), bare.mass_matrix(q) + np.diag(armature), atol=1e-14)
+    tau = arm.regressor(q, v, v, a) @ arm.parameters + armature * a
+    np.testing.assert_allclose(tau, arm.inverse_dynamics(q, v, a), atol=1e-11)
+    np.testing.assert_allclose(arm.forward_dynamics(q, v, tau), a, atol=1e-10)
+    assert arm.energy(q, v)[0] == pytest.approx(bare.energy(q, v)[0] + 0.5 * armature @ v**2)

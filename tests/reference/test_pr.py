@@ -113,3 +113,26 @@ def test_broadcasting_equals_rows() -> None:
 def test_a_plant_without_positive_mass_is_refused(wrong: tuple[float, float, float]) -> None:
     with pytest.raises(ValueError, match="mass matrix"):
         ref.planar_pr(*wrong)
+
+
+def test_full_gains_keep_the_lyapunov_balance_and_track() -> None:
+    rng = np.random.default_rng(3)
+
+    def positive(n: int, scale: float) -> np.ndarray:
+        half = rng.normal(size=(n, n))
+        return scale * (half @ half.T / n + np.eye(n))
+
+    for _ in range(3):
+        A, C = rng.uniform(0.5, 3.0, 2)
+        arm = ref.planar_pr(A, 0.9 * np.sqrt(A * C) * rng.uniform(-1, 1), C)
+        # kp = kd Lambda with a full Lambda, so that kp is not even symmetric; the estimate starts from zero.
+        kd = positive(2, 15.0)
+        motion = ref.Quintic(rng.normal(size=2), rng.normal(size=2), 1.0)
+        law = ref.Adaptive(arm, motion, kd @ positive(2, 3.0), kd, positive(3, 3.0))
+        times = np.linspace(0.0, 6.0, 13)
+        run = ref.simulate(ref.RigidArm(arm), law, rng.normal(size=2), v0=rng.normal(size=2), t_end=6.0, t_eval=times, method="gbs")
+        assert np.abs(run["lyapunov_balance"]).max() <= 1e-9 * max(1.0, run["lyapunov"][0])
+        assert np.diff(run["lyapunov"]).max() <= 1e-9 and run["lyapunov"][-1] < run["lyapunov"][0]
+        # The slowest mode of Lambda is above 3/s: exp(-3 * 5) = 3e-7 of an error of a few radians after the motion.
+        assert np.abs(run["q"][-1] - motion(6.0)[0]).max() < 1e-2 * np.abs(run["q"][0] - motion(0.0)[0]).max()
+        assert np.abs(run["energy_balance"]).max() <= 1e-9 * max(1.0, np.abs(run["energy"]).max())
