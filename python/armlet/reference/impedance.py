@@ -96,15 +96,16 @@ class ElasticImpedance(CartesianImpedance):
         reduced = solve(self.reduced_inertia, parts["u"] - self.motor_damping @ w - spring)
         return parts | {"tau": spring + self.motor_inertia @ reduced, "tau_J": spring, "w": w}
 
-    def energy(self, plant: Any, x: Array, terms: Terms, load: Array) -> tuple[float, float]:
-        """E and P above at the plant state x = (q, v, theta, theta_dot)."""
+    def energy(self, plant: Any, x: Array, terms: Terms) -> float:
+        """E above at the plant state x = (q, v, theta, theta_dot)."""
         q, v, theta, theta_dot = np.split(x, 4)
-        stretch, e, x_dot = theta - q, terms["e"], terms["x_dot"]
-        stored = 0.5 * (
-            v @ plant.arm.mass_matrix(q) @ v
-            + stretch @ self.joint_stiffness @ stretch
-            + theta_dot @ self.reduced_inertia @ theta_dot
-            + e @ self.stiffness @ e
-        )
-        fed = load @ v - theta_dot @ self.motor_damping @ terms["w"] - x_dot @ self.damping @ x_dot + (theta_dot - v) @ terms["u"]
-        return float(stored), float(fed)
+        stretch, e = theta - q, terms["e"]
+        stored = v @ plant.arm.mass_matrix(q) @ v + stretch @ self.joint_stiffness @ stretch
+        return float(0.5 * (stored + theta_dot @ self.reduced_inertia @ theta_dot + e @ self.stiffness @ e))
+
+    def power(self, x: Array, terms: Terms, load: Array) -> float:
+        """P above: the rate of E."""
+        _, v, _, theta_dot = np.split(x, 4)
+        x_dot = terms["x_dot"]
+        lost = theta_dot @ self.motor_damping @ terms["w"] + x_dot @ self.damping @ x_dot
+        return float(load @ v - lost + (theta_dot - v) @ terms["u"])

@@ -3,7 +3,7 @@
     RigidArm    M a + C v + g = tau + J'F
     ElasticArm  M a + C v + g = K (theta - q) + J'F,   B theta_ddot + K (theta - q) = tau
 
-`rates` returns the derivative of the state's columns; `energy` the stored energy and the power fed in from outside.
+`rates` returns the derivative of the state's columns; `energy` what is stored and `power` what is fed in from outside.
 """
 
 from typing import Any, Protocol
@@ -35,10 +35,13 @@ class RigidArm:
         q, v, _, _ = self.split(y)
         return np.concatenate([v, self.arm.forward_dynamics(q, v, tau + load)])
 
-    def energy(self, y: Array, tau: Array, load: Array) -> tuple[float, float]:
+    def energy(self, y: Array) -> float:
         q, v, _, _ = self.split(y)
         kinetic, potential = self.arm.energy(q, v)
-        return float(kinetic + potential), float(v @ (tau + load))
+        return float(kinetic + potential)
+
+    def power(self, y: Array, tau: Array, load: Array) -> float:
+        return float(self.split(y)[1] @ (tau + load))
 
 
 class ElasticArm:
@@ -67,12 +70,16 @@ class ElasticArm:
         a = self.arm.forward_dynamics(q, v, spring + load)
         return np.concatenate([v, a, theta_dot, solve(self.motor_inertia, tau - spring)])
 
-    def energy(self, y: Array, tau: Array, load: Array) -> tuple[float, float]:
+    def energy(self, y: Array) -> float:
         q, v, theta, theta_dot = np.split(y, 4)
         kinetic, potential = self.arm.energy(q, v)
         stretch = theta - q
         stored = kinetic + potential + 0.5 * stretch @ self.stiffness @ stretch + 0.5 * theta_dot @ self.motor_inertia @ theta_dot
-        return float(stored), float(v @ load + theta_dot @ tau)
+        return float(stored)
+
+    def power(self, y: Array, tau: Array, load: Array) -> float:
+        _, v, _, theta_dot = np.split(y, 4)
+        return float(v @ load + theta_dot @ tau)
 
 
 class Plant(Protocol):
@@ -88,4 +95,6 @@ class Plant(Protocol):
 
     def rates(self, y: Array, tau: Array, load: Array) -> Array: ...
 
-    def energy(self, y: Array, tau: Array, load: Array) -> tuple[float, float]: ...
+    def energy(self, y: Array) -> float: ...
+
+    def power(self, y: Array, tau: Array, load: Array) -> float: ...

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import integrate
+from .impedance import ElasticImpedance
 from .lagrange import Array
 from .law import Adaptive, Law
 from .plant import Plant
@@ -86,23 +87,23 @@ class ClosedLoop:
     def __call__(self, t: float, y: Array) -> Array:
         x, terms, load = self._evaluate(t, y)
         loss = float(terms["s"] @ self.law.kd @ terms["s"]) if isinstance(self.law, Adaptive) else 0.0
-        power = self.energy(x, terms, load)[1]
+        law = self._storage()
+        power = law.power(x, terms, load) if law else self.plant.power(x, terms["tau"], load)
         return np.concatenate([self.plant.rates(x, terms["tau"], load), terms["state_rate"], [loss, power]])
 
-    def energy(self, x: Array, terms: dict[str, Array], load: Array) -> tuple[float, float]:
-        """The law's own storage function where it has one and acts all the time, else the mechanical energy."""
-        own = getattr(self.law, "energy", None)
-        if own is not None and self.plant.elastic and not self.sampled and self.tau_max is None:
-            value: tuple[float, float] = own(self.plant, x, terms, load)
-            return value
-        return self.plant.energy(x, terms["tau"], load)
+    def _storage(self) -> ElasticImpedance | None:
+        """The law's own storage function, where it has one and acts all the time; else the mechanical energy is watched."""
+        own = isinstance(self.law, ElasticImpedance) and not self.sampled and self.tau_max is None
+        return self.law if own and isinstance(self.law, ElasticImpedance) else None
 
     def record(self, t: float, y: Array) -> dict[str, Any]:
         """Everything a run shows at one instant."""
-        x, terms, load = self._evaluate(t, y)
+        x, terms, _ = self._evaluate(t, y)
         q, v, theta, theta_dot = self.plant.split(x)
         state = y[self.slices[1]]
-        row: dict[str, Any] = {"t": t, "q": q, "v": v, "tau": terms["tau"], "energy": self.energy(x, terms, load)[0]}
+        law = self._storage()
+        energy = law.energy(self.plant, x, terms) if law else self.plant.energy(x)
+        row: dict[str, Any] = {"t": t, "q": q, "v": v, "tau": terms["tau"], "energy": energy}
         row |= {"estimate": state, "loss": y[-2], "work": y[-1]}
         if theta is not None:
             row |= {"theta": theta, "theta_dot": theta_dot}

@@ -46,8 +46,11 @@ class VelocityArm:
     def rates(self, y: Array, tau: Array, load: Array) -> Array:
         return tau
 
-    def energy(self, y: Array, tau: Array, load: Array) -> tuple[float, float]:
-        return 0.0, 0.0
+    def energy(self, y: Array) -> float:
+        return 0.0
+
+    def power(self, y: Array, tau: Array, load: Array) -> float:
+        return 0.0
 
 
 class PriorityVelocity(Law):
