@@ -1,0 +1,143 @@
+"""Lagrangian mechanics of any arm whose energies are linear in its parameters.
+
+    T(q, v) = 1/2 v' M(q) v,   M(q) = sum_k pi_k M_k(q),   U(q) = sum_k pi_k U_k(q)
+    g_i   = dU/dq_i
+    C_ij  = 1/2 sum_k (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) v_k          (Christoffel symbols of the first kind)
+    tau   = M(q) a + C(q, v) v + g(q)
+    Y(q, v, v_r, a_r)[:, k] = M_k a_r + C_k v_r + g_k                      (one unit parameter at a time)
+
+Only M_k and U_k are written by hand; every derivative is a complex step, f'(x) = Im f(x + i h) / h, which has no
+subtraction and so no rounding error at h = 1e-30 (Martins, Sturdza and Alonso, 2003). No recursion over bodies enters.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Analytic = NDArray[Any]  # float64, or complex128 inside a complex step
+
+STEP = 1e-30
+
+
+def vectors(*values: ArrayLike, n: int | None = None) -> list[Array]:
+    """Float arrays with their leading axes broadcast against each other; the last axis is (n,)."""
+    arrays = [np.asarray(value, dtype=np.float64) for value in values]
+    if n is not None:
+        for array in arrays:
+            if array.ndim == 0 or array.shape[-1] != n:
+                raise ValueError(f"expected the last axis of length {n}, got shape {array.shape}")
+    if len({array.shape for array in arrays}) == 1:
+        return arrays
+    lead = np.broadcast_shapes(*(array.shape[:-1] for array in arrays))
+    return [np.broadcast_to(array, lead + array.shape[-1:]) for array in arrays]
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """numpy.linalg.solve on float64."""
+    solution: Array = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+    return solution
+
+
+def complex_steps(q: Array) -> NDArray[np.complex128]:
+    """The n points q + i h e_k, shape (..., n, n): row k perturbs coordinate k."""
+    return q[..., None, :] + 1j * STEP * np.eye(q.shape[-1])
+
+
+class Expansion(NamedTuple):
+    """The unit energies at q: M_k (..., p, n, n), dM_k/dq_l (..., l, p, n, n), U_k (..., p), dU_k/dq_i (..., p, n)."""
+
+    mass: Array
+    mass_slopes: Array
+    potential: Array
+    gravity: Array
+
+
+class Mechanism:
+    """An arm given by its parameters (p,) and the unit energies M_k(q), U_k(q); all functions broadcast over leading axes."""
+
+    def __init__(self, n: int, parameters: ArrayLike, armature: ArrayLike = 0.0) -> None:
+        self.n = n
+        self.parameters: Array = np.array(parameters, dtype=np.float64)
+        self.armature: Array = np.broadcast_to(np.asarray(armature, dtype=np.float64), (n,)).copy()
+        self._last: tuple[tuple[tuple[int, ...], bytes], Expansion] | None = None
+
+    def energy_basis(self, q: Analytic) -> tuple[Analytic, Analytic]:
+        """M_k(q) (..., p, n, n) and U_k(q) (..., p) from q (..., n), analytic in q."""
+        raise NotImplementedError
+
+    def _expand(self, q: Array) -> Expansion:
+        """The unit energies and their slopes at q; the last point is kept, since every function of a control law asks for it."""
+        key = (q.shape, q.tobytes())
+        if self._last is None or self._last[0] != key:
+            mass, potential = self.energy_basis(complex_steps(q))
+            # The real part of a complex step is the value itself: h^2 is below the last bit.
+            slopes = np.swapaxes(potential.imag / STEP, -1, -2)
+            self._last = (key, Expansion(mass[..., 0, :, :, :].real, mass.imag / STEP, potential[..., 0, :].real, slopes))
+        return self._last[1]
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """M(q), (..., n, n), rotor inertia included on the diagonal."""
+        (q,) = vectors(q, n=self.n)
+        mass: Array = np.einsum("p,...pij->...ij", self.parameters, self._expand(q).mass)
+        return mass + np.diag(self.armature)
+
+    def mass_matrix_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """dM/dt along v, (..., n, n)."""
+        q, v = vectors(q, v, n=self.n)
+        rate: Array = np.einsum("p,...lpij,...l->...ij", self.parameters, self._expand(q).mass_slopes, v)
+        return rate
+
+    def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """C(q, v) of the Christoffel symbols, (..., n, n)."""
+        q, v = vectors(q, v, n=self.n)
+        slopes = np.einsum("p,...lpij->...lij", self.parameters, self._expand(q).mass_slopes)
+        return _christoffel(slopes[..., None, :, :], v)[..., 0, :, :]
+
+    def gravity(self, q: ArrayLike) -> Array:
+        """g(q) = dU/dq, (..., n)."""
+        (q,) = vectors(q, n=self.n)
+        torque: Array = np.einsum("p,...pi->...i", self.parameters, self._expand(q).gravity)
+        return torque
+
+    def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """C(q, v) v + g(q), (..., n)."""
+        q, v = vectors(q, v, n=self.n)
+        bias: Array = np.einsum("...ij,...j->...i", self.coriolis_matrix(q, v), v) + self.gravity(q)
+        return bias
+
+    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """tau = M a + C v + g, (..., n)."""
+        q, v, a = vectors(q, v, a, n=self.n)
+        tau: Array = np.einsum("...ij,...j->...i", self.mass_matrix(q), a) + self.bias(q, v)
+        return tau
+
+    def forward_dynamics(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
+        """a from M a = tau - C v - g by one dense solve, (..., n)."""
+        q, v, tau = vectors(q, v, tau, n=self.n)
+        return solve(self.mass_matrix(q), (tau - self.bias(q, v))[..., None])[..., 0]
+
+    def regressor(self, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> Array:
+        """Y with Y pi = M a_r + C(q, v) v_r + g, (..., n, p); rotor inertia is not among the columns."""
+        q, v, v_r, a_r = vectors(q, v, v_r, a_r, n=self.n)
+        inertial = np.einsum("...pij,...j->...pi", self._expand(q).mass, a_r)
+        coriolis = np.einsum("...pij,...j->...pi", _christoffel(self._expand(q).mass_slopes, v), v_r)
+        columns: Array = np.swapaxes(inertial + coriolis + self._expand(q).gravity, -1, -2)
+        return columns
+
+    def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """Kinetic and potential energy, each (...,)."""
+        q, v = vectors(q, v, n=self.n)
+        kinetic: Array = 0.5 * np.einsum("...i,...ij,...j->...", v, self.mass_matrix(q), v)
+        potential: Array = np.einsum("p,...p->...", self.parameters, self._expand(q).potential)
+        return kinetic, potential
+
+
+def _christoffel(slopes: Array, v: Array) -> Array:
+    """1/2 sum_k (D_kij + D_jik - D_ijk) v_k for every parameter; slopes D_kij = dM_ij/dq_k as (..., k, p, i, j)."""
+    first = np.einsum("...kpij,...k->...pij", slopes, v)
+    second = np.einsum("...jpik,...k->...pij", slopes, v)
+    third = np.einsum("...ipjk,...k->...pij", slopes, v)
+    matrix: Array = 0.5 * (first + second - third)
+    return matrix

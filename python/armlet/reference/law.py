@@ -1,0 +1,119 @@
+"""Control laws of rigid arms, typed from their equations; e = q_d - q, C the Christoffel factorisation.
+
+    Adaptive            v_r = v_d + Lambda e,  Lambda = Kd^-1 Kp,  s = v_r - v,  a_r = a_d + Lambda e_dot
+                        tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot,   a_hat_dot = Gamma Y' s       (Slotine and Li 1987)
+    ComputedTorque      tau = M (a_d + Kd e_dot + Kp e) + C v + g
+    PDGravity           tau = Kp (q_target - q) - Kd v + g(q)
+
+`terms` evaluates once and names the parts, among them `tau` and `state_rate`.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .lagrange import Array, Mechanism, solve
+from .motion import Motion
+
+Terms = dict[str, Array]
+
+
+def gain(value: ArrayLike, n: int) -> Array:
+    """A scalar, (n,) or (n, n) gain as a matrix."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim < 2:
+        return np.diag(np.broadcast_to(array, (n,)))
+    if array.shape != (n, n):
+        raise ValueError(f"gain is misshapen: expected a scalar, ({n},) or ({n}, {n}), got shape {array.shape}")
+    return array.copy()
+
+
+class Law:
+    """tau and the rate of the law's own state from one evaluation."""
+
+    state0: Array = np.zeros(0)
+    breaks: tuple[float, ...] = ()
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        """The named parts of the law at one instant."""
+        raise NotImplementedError
+
+    def __call__(
+        self,
+        t: float,
+        q: ArrayLike,
+        v: ArrayLike,
+        theta: ArrayLike | None = None,
+        theta_dot: ArrayLike | None = None,
+        state: ArrayLike | None = None,
+    ) -> Array:
+        """tau (n,)."""
+        given: list[Any] = [None if x is None else np.asarray(x, dtype=np.float64) for x in (q, v, theta, theta_dot, state)]
+        return self.terms(t, *given)["tau"]
+
+
+class Adaptive(Law):
+    """Slotine-Li tracking; the state is the estimate a_hat (p,)."""
+
+    def __init__(
+        self, arm: Mechanism, motion: Motion, kp: ArrayLike, kd: ArrayLike, gamma: ArrayLike, estimate: ArrayLike | None = None
+    ) -> None:
+        p = arm.parameters.size
+        self.arm, self.motion = arm, motion
+        self.kp, self.kd, self.gamma = gain(kp, arm.n), gain(kd, arm.n), gain(gamma, p)
+        self.slope = solve(self.kd, self.kp)
+        self.state0 = np.zeros(p) if estimate is None else np.array(estimate, dtype=np.float64)
+        self.breaks = getattr(motion, "breaks", ())
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        estimate = self.state0 if state is None else state
+        q_d, v_d, a_d = self.motion(t)
+        e, e_dot = q_d - q, v_d - v
+        v_r, a_r = v_d + self.slope @ e, a_d + self.slope @ e_dot
+        s = v_r - v
+        Y = self.arm.regressor(q, v, v_r, a_r)
+        tau = Y @ estimate + self.kp @ e + self.kd @ e_dot
+        return {"tau": tau, "state_rate": self.gamma @ (Y.T @ s), "Y": Y, "s": s, "e": e, "e_dot": e_dot, "v_r": v_r, "a_r": a_r}
+
+    def lyapunov(self, t: float, q: Array, v: Array, state: Array, plant: Mechanism) -> tuple[float, float]:
+        """V1 = s'Ms/2 + d'Gamma^-1 d/2 with the plant's own M and parameters, d = a - a_hat; and its loss rate s'Kd s."""
+        s = self.terms(t, q, v, state=state)["s"]
+        d = plant.parameters - state
+        value = 0.5 * s @ plant.mass_matrix(q) @ s + 0.5 * d @ solve(self.gamma, d)
+        return float(value), float(s @ self.kd @ s)
+
+
+class ComputedTorque(Law):
+    """Feedback linearisation with PD on the error."""
+
+    def __init__(self, arm: Mechanism, motion: Motion, kp: ArrayLike, kd: ArrayLike) -> None:
+        self.arm, self.motion = arm, motion
+        self.kp, self.kd = gain(kp, arm.n), gain(kd, arm.n)
+        self.breaks = getattr(motion, "breaks", ())
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        q_d, v_d, a_d = self.motion(t)
+        e, e_dot = q_d - q, v_d - v
+        command = a_d + self.kd @ e_dot + self.kp @ e
+        return {"tau": self.arm.inverse_dynamics(q, v, command), "state_rate": np.zeros(0), "e": e, "e_dot": e_dot, "a": command}
+
+
+class PDGravity(Law):
+    """Regulation to a constant target (n,)."""
+
+    def __init__(self, arm: Mechanism, target: ArrayLike, kp: ArrayLike, kd: ArrayLike) -> None:
+        self.arm, self.target = arm, np.array(target, dtype=np.float64)
+        self.kp, self.kd = gain(kp, arm.n), gain(kd, arm.n)
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        e = self.target - q
+        return {"tau": self.kp @ e - self.kd @ v + self.arm.gravity(q), "state_rate": np.zeros(0), "e": e}

@@ -1,0 +1,101 @@
+"""Desired motions m(t) -> q_d, v_d, a_d.
+
+    Sinusoid:  q = offset + Im sum_k z_k,  z_k = amplitude_k exp(i (frequency_k t + phase_k));  d/dt multiplies z_k by i frequency_k
+    Quintic:   q = q0 + (q1 - q0) p(x),  x = t/T,  p the quintic with p = 0, 1 and p' = p'' = 0 at the ends (solved, not quoted)
+    BangBang:  q'' = +A before T/2, -A after,  integrated as polynomials piece by piece;  A = 4 (q1 - q0)/T^2
+
+All rest at q0 before t = 0 and at q1 from t = T on. Accelerations that jump are continuous from the right.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import ArrayLike
+
+from .lagrange import Array
+
+Sample = tuple[Array, Array, Array]
+Motion = Callable[[float], Sample]
+
+
+class Hold:
+    """Rest at q (n,)."""
+
+    breaks: tuple[float, ...] = ()
+
+    def __init__(self, q: ArrayLike) -> None:
+        self.q: Array = np.array(q, dtype=np.float64)
+
+    def __call__(self, t: float) -> Sample:
+        return self.q.copy(), np.zeros_like(self.q), np.zeros_like(self.q)
+
+
+class Sinusoid:
+    """offset + sum amplitude sin(frequency t + phase); amplitude (n,) or (n, k), the others broadcast to it."""
+
+    breaks: tuple[float, ...] = ()
+
+    def __init__(self, offset: ArrayLike, amplitude: ArrayLike, frequency: ArrayLike, phase: ArrayLike) -> None:
+        amplitudes = np.asarray(amplitude, dtype=np.float64)
+        shape = amplitudes.shape
+        terms = shape if len(shape) == 2 else (*shape, 1)
+        self.offset: Array = np.broadcast_to(np.asarray(offset, dtype=np.float64), shape[:1])
+        self.frequency: Array = np.broadcast_to(np.asarray(frequency, dtype=np.float64), shape).reshape(terms)
+        phases = np.broadcast_to(np.asarray(phase, dtype=np.float64), shape).reshape(terms)
+        self.phasor = amplitudes.reshape(terms) * np.exp(1j * phases)
+
+    def __call__(self, t: float) -> Sample:
+        turning = self.phasor * np.exp(1j * self.frequency * t)
+        rate = 1j * self.frequency
+        return (
+            self.offset + turning.sum(axis=-1).imag,
+            (rate * turning).sum(axis=-1).imag,
+            (rate * rate * turning).sum(axis=-1).imag,
+        )
+
+
+class _Piecewise:
+    """q0 + (q1 - q0) p_j(t) on [breaks_j, breaks_{j+1}), rest outside; derivatives by polynomial algebra."""
+
+    def __init__(self, q0: ArrayLike, q1: ArrayLike, breaks: tuple[float, ...], pieces: list[Polynomial]) -> None:
+        self.q0: Array = np.array(q0, dtype=np.float64)
+        self.q1: Array = np.array(q1, dtype=np.float64)
+        if not breaks[-1] > breaks[0]:
+            raise ValueError(f"duration is not positive: got {breaks[-1]}")
+        self.breaks = breaks
+        self.pieces = [(piece, piece.deriv(), piece.deriv(2)) for piece in pieces]
+
+    def __call__(self, t: float) -> Sample:
+        rest = np.zeros_like(self.q0)
+        if t < self.breaks[0]:
+            return self.q0.copy(), rest, rest.copy()
+        if t >= self.breaks[-1]:
+            return self.q1.copy(), rest, rest.copy()
+        index = int(np.searchsorted(self.breaks, t, side="right")) - 1
+        span = self.q1 - self.q0
+        share, speed, curvature = (float(piece(t)) for piece in self.pieces[index])
+        return self.q0 + span * share, span * speed, span * curvature
+
+
+class Quintic(_Piecewise):
+    """Rest to rest from q0 to q1 in `duration` with zero end accelerations."""
+
+    def __init__(self, q0: ArrayLike, q1: ArrayLike, duration: float) -> None:
+        powers = np.arange(6)
+        rows = []
+        for x in (0.0, 1.0):
+            rows += [x**powers, powers * x ** np.maximum(powers - 1, 0), powers * (powers - 1) * x ** np.maximum(powers - 2, 0)]
+        # The Hermite conditions have integer coefficients, so rounding restores the solution exactly.
+        shape = Polynomial(np.round(np.linalg.solve(np.array(rows), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0])))
+        super().__init__(q0, q1, (0.0, float(duration)), [shape(Polynomial([0.0, 1.0 / duration]))])
+
+
+class BangBang(_Piecewise):
+    """Rest to rest from q0 to q1 in `duration` under acceleration +A, then -A."""
+
+    def __init__(self, q0: ArrayLike, q1: ArrayLike, duration: float) -> None:
+        T = float(duration)
+        rise = Polynomial([4.0 / T**2]).integ(2)
+        fall = 1.0 - rise(Polynomial([T, -1.0]))
+        super().__init__(q0, q1, (0.0, T / 2, T), [rise, fall])

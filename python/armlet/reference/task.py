@@ -1,0 +1,79 @@
+"""Cartesian coordinates of a frame: chosen rows of position and orientation.
+
+    e = x_d - p_WF for the letters x y z,   e = log(R_d R') for rx ry rz,  R_d = exp(target)
+    e_dot = -J v for positions;  J the matching rows of the geometric Jacobian in world axes
+
+log comes from the unit quaternion that is the leading eigenvector of Bar-Itzhack's matrix (2000): no trace formula, no branch at pi.
+"""
+
+import re
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .arm import Arm, cross
+from .lagrange import Array
+
+ROWS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def parse_axes(axes: str) -> list[int]:
+    """Row numbers of "xyz", "xy", "rx ry rz", "xyz rz" in the 6 rows [v; w]."""
+    if re.sub(r"r[xyz]|[xyz]|[\s,]", "", axes) or not axes.strip():
+        raise ValueError(f"axes is not made of x y z rx ry rz: got {axes!r}")
+    rows = [ROWS.index(name) for name in re.findall(r"r[xyz]|[xyz]", axes)]
+    if len(set(rows)) != len(rows):
+        raise ValueError(f"axes repeats a letter: got {axes!r}")
+    return rows
+
+
+def rotation_vector(R: Array) -> Array:
+    """log R as axis times angle in [0, pi]."""
+    K = np.empty((4, 4))
+    K[:3, :3] = R + R.T - np.trace(R) * np.eye(3)
+    K[:3, 3] = K[3, :3] = (R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
+    K[3, 3] = np.trace(R)
+    quaternion = np.linalg.eigh(K)[1][:, -1]
+    quaternion = quaternion * (1.0 if quaternion[3] >= 0 else -1.0)
+    length = float(np.linalg.norm(quaternion[:3]))
+    angle = 2.0 * np.arctan2(length, quaternion[3])
+    vector: Array = quaternion[:3] * (angle / length if length > 0.0 else 2.0)
+    return vector
+
+
+def rotation_matrix(vector: Array) -> Array:
+    """exp of a rotation vector by the eigenvalues of i times its cross matrix, which is Hermitian."""
+    angles, U = np.linalg.eigh(1j * cross(vector))
+    R: Array = ((U * np.exp(-1j * angles)) @ U.conj().T).real
+    return R
+
+
+class Coordinates:
+    """Rows of one frame of an arm with a constant target, one entry per row."""
+
+    def __init__(self, arm: Arm, target: ArrayLike, frame: str, axes: str) -> None:
+        self.arm, self.frame, self.rows = arm, frame, parse_axes(axes)
+        self.target: Array = np.array(target, dtype=np.float64)
+        if self.target.shape != (len(self.rows),):
+            raise ValueError(f"target is misshapen: expected ({len(self.rows)},), got {self.target.shape}")
+        full = np.zeros(6)
+        full[self.rows] = self.target
+        self._point, self._turn = full[:3], rotation_matrix(full[3:])
+
+    def error(self, q: Array) -> Array:
+        """x_d - x, (rows,)."""
+        X = self.arm.pose(q, self.frame)
+        turn = rotation_vector(self._turn @ X[:3, :3].T) if max(self.rows) > 2 else np.zeros(3)
+        full = np.concatenate([self._point - X[:3, 3], turn])
+        chosen: Array = full[self.rows]
+        return chosen
+
+    def jacobian(self, q: Array) -> Array:
+        """(rows, n)."""
+        chosen: Array = self.arm.jacobian(q, self.frame)[self.rows]
+        return chosen
+
+    def load(self, q: Array, F: Array) -> Array:
+        """J'F, (n,)."""
+        torque: Array = self.jacobian(q).T @ F
+        return torque
