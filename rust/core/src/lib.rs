@@ -7,4 +7,5 @@
 //! `integrate` over `error, status, scalar, linalg` alone.
 
 pub mod error;
+pub mod plan;
 pub mod status;
