@@ -1,12 +1,17 @@
 //! Minimum-time planning of one link under gravity: `I theta_ddot + G sin theta = tau`, `tau_min <= tau <= tau_max`.
 //!
 //! - [`bang_bang_time`]: the exact interval of durations of the symmetric bang-bang acceleration profile.
+//! - [`torque_optimal_time`]: the optimum under full torque: monotone, back-swing, overshoot.
 
 mod bang_bang;
 mod link;
+mod phase;
 mod report;
 pub mod sine;
+mod swing;
+mod torque_optimal;
 
 pub use bang_bang::{BangBangReport, bang_bang_time};
 pub use link::Link;
-pub use report::{Bind, Limit, Place, Reason};
+pub use report::{Bind, Limit, MonotoneReason, Place, Reason};
+pub use torque_optimal::{Best, Family, TorqueOptimum, torque_optimal_time};

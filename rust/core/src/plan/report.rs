@@ -109,3 +109,56 @@ impl fmt::Display for Reason {
         }
     }
 }
+
+/// Why the monotone motion under full torque exists or not. `missing` is in N m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MonotoneReason {
+    Feasible,
+    /// The pushing torque cannot leave the start.
+    StartBlocked {
+        missing: f64,
+    },
+    /// The braking torque cannot come to rest at the end.
+    EndBlocked {
+        missing: f64,
+    },
+    /// The height between the ends exceeds the work of the torque over the distance.
+    Work {
+        missing: f64,
+    },
+    /// The link would come to rest before `x`, where gravity is ahead of the torque.
+    Hump {
+        x: f64,
+        missing: f64,
+    },
+}
+
+impl MonotoneReason {
+    /// From the coordinate along the motion to theta.
+    pub(super) fn along(self, sign: f64) -> Self {
+        match self {
+            MonotoneReason::Hump { x, missing } => MonotoneReason::Hump { x: sign * x, missing },
+            other => other,
+        }
+    }
+}
+
+impl fmt::Display for MonotoneReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            MonotoneReason::Feasible => f.write_str("feasible"),
+            MonotoneReason::StartBlocked { missing } => {
+                write!(f, "the torque towards the goal cannot leave the start: more than {missing:.6e} N m are missing")
+            }
+            MonotoneReason::EndBlocked { missing } => {
+                write!(f, "the torque against the motion cannot stop at the end: more than {missing:.6e} N m are missing")
+            }
+            MonotoneReason::Work { missing } => {
+                write!(f, "the potential difference exceeds the work of the torque over the path: more than {missing:.6e} N m are missing")
+            }
+            MonotoneReason::Hump { x, missing } => {
+                write!(f, "the motion stalls before theta = {x:.6} rad: more than {missing:.6e} N m are missing on average")
+            }
+        }
+    }
+}
