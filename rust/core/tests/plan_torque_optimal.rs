@@ -72,3 +72,186 @@ fn a_swing_can_win_and_can_make_feasible() {
     let o = torque_optimal_time(0.0, PI, 1.0, 1.0, -0.01, 0.01).unwrap();
     assert!(!o.feasible && o.best.kind == Family::NoneFound && o.best.t.is_nan(), "{o:?}");
 }
+
+/// Displacement and speed at the end under the torque sequence alone, by the classical Runge-Kutta method: no formula of the
+/// planner in it. The displacement is integrated, not the angle, so that tiny moves keep their digits.
+fn drive(p: &Problem, o: &TorqueOptimum, steps: usize) -> (f64, f64) {
+    let b = &o.best;
+    let first_up = (p.thetaf >= p.theta0) == (b.kind != Family::BackSwing);
+    let (mut q, mut v, mut t) = (0.0, 0.0, 0.0);
+    for k in 0..=b.switches {
+        let end = if k < b.switches { b.t_switches[k] } else { b.t };
+        let tau = if (k % 2 == 0) == first_up { p.tau_max } else { p.tau_min };
+        let f = |q: f64| (tau - p.gravity * (p.theta0 + q).sin()) / p.inertia;
+        let h = (end - t) / steps as f64;
+        for _ in 0..steps {
+            let (k1, l1) = (v, f(q));
+            let (k2, l2) = (v + 0.5 * h * l1, f(q + 0.5 * h * k1));
+            let (k3, l3) = (v + 0.5 * h * l2, f(q + 0.5 * h * k2));
+            let (k4, l4) = (v + h * l3, f(q + h * k3));
+            q += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+            v += h / 6.0 * (l1 + 2.0 * l2 + 2.0 * l3 + l4);
+        }
+        t = end;
+    }
+    (q, v)
+}
+
+/// The least kinetic energy over the work scale of the monotone motion, by plain sampling of `cos`.
+fn sampled_margin(p: &Problem) -> f64 {
+    let s = if p.thetaf >= p.theta0 { 1.0 } else { -1.0 };
+    let (x0, x1) = (s * p.theta0, s * p.thetaf);
+    let (up, down) = if s > 0.0 { (p.tau_max, -p.tau_min) } else { (-p.tau_min, p.tau_max) };
+    let n = 4000;
+    let mut least = f64::INFINITY;
+    for k in 1..n {
+        let x = x0 + (x1 - x0) * k as f64 / n as f64;
+        let push = up * (x - x0) - p.gravity * (x0.cos() - x.cos());
+        let brake = down * (x1 - x) - p.gravity * (x1.cos() - x.cos());
+        // Divided by the distances to the ends, so that the ends themselves are resolved.
+        least = least.min(push.min(brake) / (x - x0).min(x1 - x));
+    }
+    least
+}
+
+#[test]
+fn random_problems_arrive_at_rest() {
+    let mut random = Random::new(21);
+    let (mut counts, mut worst) = ([0usize; 4], 0.0f64);
+    for k in 0..random_count() / 4 {
+        let p = Problem::stratum(&mut random, k);
+        let o = optimum(&p);
+        counts[o.best.kind as usize] += 1;
+        let scale = p.tau_max.max(-p.tau_min) + p.gravity.abs();
+        let distance = (p.thetaf - p.theta0).abs();
+        if distance > 1e-3 {
+            // No false verdict on the monotone motion, rounding and sampling aside.
+            let margin = sampled_margin(&p) / scale;
+            assert!(if o.feasible { margin > -1e-9 } else { margin < 2e-2 }, "{p:?} {o:?} {margin}");
+        }
+        if o.best.kind == Family::NoneFound || distance == 0.0 {
+            continue;
+        }
+        assert!(o.best.t.is_finite() && o.best.t >= 0.0 && !(o.best.t > o.t), "{p:?} {o:?}");
+        // The open loop is unstable: an error grows by at most exp(t sqrt(|G|/I)), so problems beyond 1e4 are left to the profile test.
+        let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
+        if growth < 1e4 {
+            let (q, v) = drive(&p, &o, 400);
+            let size = distance + if o.best.switches == 2 { (o.best.theta_turn - p.theta0).abs() } else { 0.0 };
+            let error = (q - (p.thetaf - p.theta0)).abs().max(v.abs() * o.best.t) / size;
+            // Runge-Kutta of order 4 in 400 steps per phase: (t/400)^4, amplified.
+            assert!(error < 1e-8 * growth, "{p:?} {o:?} {q} {v} {error}");
+            worst = worst.max(error / growth);
+        }
+    }
+    println!("monotone, back-swing, overshoot, none: {counts:?}; worst end error {worst:.1e}");
+    assert!(counts[0] > 1000 && counts[1] > 10 && counts[2] > 10, "{counts:?}");
+}
+
+#[test]
+fn no_detour_beats_the_best() {
+    // T(a, z) + T(z, b) of monotone motions, for turning points z outside the path, on a grid of its own.
+    let mut random = Random::new(31);
+    let mut detours = 0;
+    for k in 0..random_count() / 80 {
+        let p = Problem::stratum(&mut random, if k % 4 == 1 { 0 } else { k });
+        let o = optimum(&p);
+        let sign = if p.thetaf >= p.theta0 { 1.0 } else { -1.0 };
+        for j in 0..40 {
+            let depth = 10f64.powf(-3.0 + 3.9 * (j / 2) as f64 / 19.0);
+            let z = if j % 2 == 0 { p.theta0 - sign * depth } else { p.thetaf + sign * depth };
+            let detour = optimum(&Problem { thetaf: z, ..p }).t + optimum(&Problem { theta0: z, ..p }).t;
+            if detour.is_finite() {
+                detours += 1;
+                assert!(o.best.t <= detour * (1.0 + 1e-9), "{p:?} {o:?} {z} {detour}");
+            }
+        }
+    }
+    assert!(detours > 1000, "{detours}");
+}
+
+#[test]
+fn profiles_are_continuous_and_obey_the_dynamics() {
+    let mut random = Random::new(41);
+    let mut swings = 0;
+    for k in 0..2_000 {
+        let p = Problem::stratum(&mut random, k);
+        let o = optimum(&p);
+        let Some(profile) = o.profile() else { continue };
+        if o.best.t == 0.0 {
+            assert_eq!((profile.at(0.0).q, profile.at(1.0).q), (p.theta0, p.thetaf));
+            continue;
+        }
+        swings += usize::from(o.best.kind != Family::Monotone);
+        let t = profile.duration();
+        let size = (p.thetaf - p.theta0).abs() + if o.best.switches == 2 { (o.best.theta_turn - p.theta0).abs() } else { 0.0 };
+        let (first, last) = (profile.at(0.0), profile.at(t));
+        assert!(first.q == p.theta0 && first.v == 0.0 && last.q == p.thetaf && last.v == 0.0);
+        let top = (2.0 * (p.tau_max - p.tau_min + 2.0 * p.gravity.abs()) * size / p.inertia).sqrt();
+        // The phases are integrated from rest at both ends: a jump at a switch is the error of both, grown by exp(t sqrt(|G|/I)).
+        let growth = (t * (p.gravity.abs() / p.inertia).sqrt()).exp().min(1e6);
+        for s in o.best.t_switches.iter().take(o.best.switches) {
+            let (before, after) = (profile.at(s * (1.0 - 1e-15)), profile.at(*s));
+            let place = 1e-13 * size * growth + 1e-15 * p.theta0.abs().max(p.thetaf.abs()) * growth;
+            assert!((before.q - after.q).abs() <= place, "{p:?} {o:?} {before:?} {after:?}");
+            assert!((before.v - after.v).abs() <= 1e-12 * top * growth, "{p:?} {o:?} {before:?} {after:?}");
+        }
+        for j in 0..50 {
+            let time = t * random.unit();
+            let s = profile.at(time);
+            assert!(s.tau == p.tau_max || s.tau == p.tau_min, "{p:?} {s:?}");
+            // Energy: v^2/2 from the work since the rest before, which is the integral of the dynamics.
+            assert!((p.inertia * s.a + p.gravity * s.q.sin() - s.tau).abs() <= 1e-12 * (s.tau.abs() + p.gravity.abs()), "{j}");
+            // Speed is the slope of the angle: central difference, away from the switches.
+            let h = 1e-5 * t;
+            let near_switch = o.best.t_switches.iter().chain([&o.best.t_turn, &0.0, &t]).any(|x| (x - time).abs() < 2.0 * h);
+            if !near_switch && size > 1e-3 {
+                let slope = (profile.at(time + h).q - profile.at(time - h).q) / (2.0 * h);
+                assert!((slope - s.v).abs() <= 1e-6 * top, "{p:?} {s:?} {slope}");
+            }
+        }
+    }
+    assert!(swings > 20, "{swings}");
+}
+
+#[test]
+fn mirror_and_reversal_laws() {
+    let mut random = Random::new(51);
+    for k in 0..1_000 {
+        let p = Problem::stratum(&mut random, k);
+        let o = optimum(&p);
+        let mirrored = optimum(&Problem { theta0: -p.theta0, thetaf: -p.thetaf, tau_min: -p.tau_max, tau_max: -p.tau_min, ..p });
+        assert_eq!((o.t.to_bits(), o.best.t.to_bits(), o.best.kind), (mirrored.t.to_bits(), mirrored.best.t.to_bits(), mirrored.best.kind));
+        assert!(o.theta_switch == -mirrored.theta_switch || o.theta_switch.is_nan() && mirrored.theta_switch.is_nan());
+        // Backwards in time the back-swing becomes an overshoot. Sums in another order: rounding.
+        let reversed = optimum(&Problem { theta0: p.thetaf, thetaf: p.theta0, ..p });
+        assert_eq!(o.feasible, reversed.feasible, "{p:?}");
+        assert!(!o.feasible || near(o.t, reversed.t, 1e-13), "{p:?}");
+        assert!(o.best.t.is_nan() && reversed.best.t.is_nan() || near(o.best.t, reversed.best.t, 1e-9), "{p:?} {o:?} {reversed:?}");
+    }
+}
+
+#[test]
+fn small_arguments_and_refusals() {
+    let o = torque_optimal_time(1.0, 1.0, 1.0, 2.0, -1.0, 1.0).unwrap();
+    assert!(o.feasible && o.t == 0.0 && o.best.t == 0.0 && o.best.kind == Family::Monotone);
+    // Tiny moves: a constant field, T = sqrt(2 I D (u1 + u2)/(u1 u2)) with the net torques u.
+    for d in [1e-16, 1e-12, 1e-8] {
+        let o = torque_optimal_time(0.0, d, 2.0, 0.7, -1.0, 3.0).unwrap();
+        assert!(near(o.t, (2.0 * 2.0 * d * 4.0 / 3.0f64).sqrt(), 1e-7), "{d}: {}", o.t);
+    }
+    // Either side of the stretch (pi) at which the quadrature changes its evaluation.
+    let f = |d: f64| torque_optimal_time(-0.3, -0.3 + d, 1.0, 0.4, -1.0, 1.0).unwrap().t;
+    assert!(near(f(2.0 * PI - 1e-9), f(2.0 * PI + 1e-9), 1e-8) && near(f(6.1), 0.5 * (f(6.1 - 1e-4) + f(6.1 + 1e-4)), 1e-8));
+    for (name, bad) in [
+        ("theta0", [f64::NAN, 1.0, 1.0, 1.0, -1.0, 1.0]),
+        ("thetaf", [0.0, f64::NEG_INFINITY, 1.0, 1.0, -1.0, 1.0]),
+        ("inertia", [0.0, 1.0, -1.0, 1.0, -1.0, 1.0]),
+        ("gravity_moment", [0.0, 1.0, 1.0, f64::NAN, -1.0, 1.0]),
+        ("tau_max", [0.0, 1.0, 1.0, 1.0, -1.0, -2.0]),
+    ] {
+        let [a, b, i, g, lo, hi] = bad;
+        let message = torque_optimal_time(a, b, i, g, lo, hi).unwrap_err().to_string();
+        assert!(message.starts_with(name), "{message}");
+    }
+}

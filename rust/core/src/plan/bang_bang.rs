@@ -13,7 +13,7 @@
 
 use super::link::{Link, check_ends};
 use super::report::{Bind, Limit, Place, Reason};
-use super::sine::{Sine, crest_inside, sine, trough_inside};
+use super::sine::{Sine, crest_inside, select, sine, trough_inside};
 use crate::error::Result;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -46,9 +46,10 @@ struct Bounds {
 /// (least, largest) value of `G sin` between two angles.
 #[inline(always)]
 fn gravity_range(g: f64, a: &Sine, b: &Sine) -> (f64, f64) {
-    let low = if trough_inside(a, b) { -1.0 } else { a.sin.min(b.sin) };
-    let high = if crest_inside(a, b) { 1.0 } else { a.sin.max(b.sin) };
-    if g >= 0.0 { (g * low, g * high) } else { (g * high, g * low) }
+    // An extreme that is not inside counts as 2 or -2, beyond every sine; min and max sort out the sign of g.
+    let low = a.sin.min(b.sin).min(2.0 - 3.0 * f64::from(u8::from(trough_inside(a, b))));
+    let high = a.sin.max(b.sin).max(3.0 * f64::from(u8::from(crest_inside(a, b))) - 2.0);
+    ((g * low).min(g * high), (g * low).max(g * high))
 }
 
 #[inline(always)]
@@ -68,7 +69,8 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
     let link = Link::new(inertia, gravity_moment, tau_min, tau_max)?;
     let forward = thetaf >= theta0;
     let along = link.along(forward);
-    let (x0, x1) = if forward { (theta0, thetaf) } else { (-theta0, -thetaf) };
+    let sign = 1.0f64.copysign(thetaf - theta0);
+    let (x0, x1) = (sign * theta0, sign * thetaf);
     let distance = x1 - x0;
     let (s0, sm, s1) = (sine(x0), sine(0.5 * x0 + 0.5 * x1), sine(x1));
     let b = bounds(&along, &s0, &sm, &s1);
@@ -77,7 +79,7 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
     let slack = link.slack();
     let holds = |s: &Sine| {
         let tau = gravity_moment * s.sin;
-        tau <= along.tau_max + slack && tau >= along.tau_min - slack
+        (tau <= along.tau_max + slack) & (tau >= along.tau_min - slack)
     };
     let (hold_start, hold_end) = (holds(&s0), holds(&s1));
     let (feasible, t_min, t_max) = if distance == 0.0 {
@@ -86,9 +88,10 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
         let t_min = 2.0 * (inertia * distance / a_max).sqrt();
         let t_max = 2.0 * (inertia * distance / a_min).sqrt();
         // Within the slack the interval is one duration.
-        (a_max > 0.0 && a_max >= a_min - slack, t_min, t_max.max(t_min))
+        ((a_max > 0.0) & (a_max >= a_min - slack), t_min, t_max.max(t_min))
     };
-    let (t_min, t_max) = if feasible { (t_min, t_max) } else { (f64::NAN, f64::NAN) };
+    let infeasible = u64::from(!feasible);
+    let (t_min, t_max) = (select(infeasible, f64::NAN, t_min), select(infeasible, f64::NAN, t_max));
     Ok(BangBangReport { feasible, t_min, t_max, a_min, a_max, hold_start, hold_end, theta0, thetaf, link })
 }
 

@@ -1,5 +1,6 @@
 //! One revolute link under gravity: `I theta_ddot + G sin theta = tau`, theta on the real line, from the downward vertical.
 
+use super::sine::select;
 use crate::error::{Error, Result, finite, positive};
 
 /// The slack that every torque limit is granted, relative to the larger bound: rounding, not disregard.
@@ -22,13 +23,14 @@ impl Link {
     /// Checks the numbers: `inertia > 0`, `tau_min <= 0 <= tau_max`, not both zero, all finite.
     #[inline]
     pub fn new(inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<Self> {
-        let valid = inertia > 0.0
-            && inertia < f64::INFINITY
-            && gravity_moment.abs() < f64::INFINITY
-            && tau_min <= 0.0
-            && tau_max >= 0.0
-            && tau_max - tau_min > 0.0
-            && tau_max - tau_min < f64::INFINITY;
+        let width = tau_max - tau_min;
+        let valid = (inertia > 0.0)
+            & (inertia < f64::INFINITY)
+            & (gravity_moment.abs() < f64::INFINITY)
+            & (tau_min <= 0.0)
+            & (tau_max >= 0.0)
+            & (width > 0.0)
+            & (width < f64::INFINITY);
         if valid { Ok(Link { inertia, gravity_moment, tau_min, tau_max }) } else { Err(refuse(inertia, gravity_moment, tau_min, tau_max)) }
     }
 
@@ -41,7 +43,8 @@ impl Link {
     /// The link as seen along the motion, `x = direction theta`: sin is odd, so only the bounds change places.
     #[inline(always)]
     pub(super) fn along(&self, forward: bool) -> Self {
-        if forward { *self } else { Link { tau_min: -self.tau_max, tau_max: -self.tau_min, ..*self } }
+        let back = u64::from(!forward);
+        Link { tau_min: select(back, -self.tau_max, self.tau_min), tau_max: select(back, -self.tau_min, self.tau_max), ..*self }
     }
 }
 

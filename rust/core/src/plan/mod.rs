@@ -2,6 +2,7 @@
 //!
 //! - [`bang_bang_time`]: the exact interval of durations of the symmetric bang-bang acceleration profile.
 //! - [`torque_optimal_time`]: the optimum under full torque: monotone, back-swing, overshoot.
+//! - [`TorqueProfile`]: the motion of that optimum, to follow.
 
 mod bang_bang;
 mod link;
@@ -10,8 +11,10 @@ mod report;
 pub mod sine;
 mod swing;
 mod torque_optimal;
+mod trajectory;
 
 pub use bang_bang::{BangBangReport, bang_bang_time};
 pub use link::Link;
 pub use report::{Bind, Limit, MonotoneReason, Place, Reason};
 pub use torque_optimal::{Best, Family, TorqueOptimum, torque_optimal_time};
+pub use trajectory::{Sample, TorqueProfile};

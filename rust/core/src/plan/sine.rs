@@ -20,6 +20,13 @@ const REDUCTION_LIMIT: f64 = 8.0e5;
 /// Adding and subtracting 1.5 * 2^52 rounds to the nearest integer and leaves it in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
+/// `a` if `flag` is 1, `b` if it is 0, without a branch: the quarter of a random angle cannot be predicted.
+#[inline(always)]
+pub(super) fn select(flag: u64, a: f64, b: f64) -> f64 {
+    let mask = flag.wrapping_neg();
+    f64::from_bits((a.to_bits() & mask) | (b.to_bits() & !mask))
+}
+
 /// An angle with its sine and its place on the circle.
 #[derive(Debug, Clone, Copy)]
 pub struct Sine {
@@ -28,15 +35,35 @@ pub struct Sine {
     quarter: i64,
 }
 
+/// Taylor coefficients from the highest down: of `sin r / r` to r^14 and of `cos r` to r^16, less the leading terms.
+const SINE: [f64; 6] =
+    [-1.0 / 1_307_674_368_000.0, 1.0 / 6_227_020_800.0, -1.0 / 39_916_800.0, 1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0];
+const COSINE: [f64; 6] =
+    [1.0 / 20_922_789_888_000.0, -1.0 / 87_178_291_200.0, 1.0 / 479_001_600.0, -1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0];
+
 #[inline(always)]
 fn kernels(r: f64) -> (f64, f64) {
     let z = r * r;
-    let s = 1.0 / 120.0
-        + z * (-1.0 / 5040.0 + z * (1.0 / 362_880.0 + z * (-1.0 / 39_916_800.0 + z * (1.0 / 6_227_020_800.0 - z / 1_307_674_368_000.0))));
-    let c = -1.0 / 720.0
-        + z * (1.0 / 40_320.0
-            + z * (-1.0 / 3_628_800.0 + z * (1.0 / 479_001_600.0 + z * (-1.0 / 87_178_291_200.0 + z / 20_922_789_888_000.0))));
+    let mut s = SINE[0];
+    let mut c = COSINE[0];
+    for k in 1..6 {
+        s = SINE[k] + z * s;
+        c = COSINE[k] + z * c;
+    }
     (r + r * z * (-1.0 / 6.0 + z * s), 1.0 - (0.5 * z - z * z * (1.0 / 24.0 + z * c)))
+}
+
+/// `sin r / r` and `cos r` for `|r| <= pi/4`.
+#[inline(always)]
+pub(super) fn sinc_cos_small(r: f64) -> (f64, f64) {
+    let z = r * r;
+    let mut s = SINE[0];
+    let mut c = COSINE[0];
+    for k in 1..6 {
+        s = SINE[k] + z * s;
+        c = COSINE[k] + z * c;
+    }
+    (1.0 + z * (-1.0 / 6.0 + z * s), 1.0 - (0.5 * z - z * z * (1.0 / 24.0 + z * c)))
 }
 
 /// `r` and `n` of `x = n pi/2 + r`, for `|x| <= REDUCTION_LIMIT`.
@@ -67,7 +94,7 @@ pub fn sine(x: f64) -> Sine {
     }
     let (r, n) = reduce(x);
     let (s, c) = kernels(r);
-    let magnitude = if n & 1 == 0 { s } else { c };
+    let magnitude = select(n as u64 & 1, c, s);
     let sign = ((n as u64) & 2) << 62;
     Sine { sin: f64::from_bits(magnitude.to_bits() ^ sign), quarter: n - i64::from(r < 0.0) }
 }

@@ -42,6 +42,11 @@ struct Trial {
     turn: f64,
 }
 
+/// Relative accuracy of the turning point: T is flat there, so its error is of the order of the square.
+const PLACE: f64 = 1e-8;
+/// Accuracies of the slope: on the grid its sign is enough, at the root it decides the place.
+const COARSE: f64 = 1e-3;
+const FINE: f64 = 1e-9;
 /// Farthest turning point, rad: beyond two turns only a chain of swings could help.
 const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
 
@@ -55,16 +60,18 @@ impl Search {
         }
     }
 
-    /// `dT/de` over `sqrt(I/2)`, or none where the swing is impossible.
-    fn slope(&self, e: f64) -> Option<f64> {
+    fn possible(&self, e: f64) -> Option<Trial> {
         let trial = self.trial(e);
-        if trial.away.reason() != MonotoneReason::Feasible || trial.towards.reason() != MonotoneReason::Feasible {
-            return None;
-        }
+        (trial.away.reason() == MonotoneReason::Feasible && trial.towards.reason() == MonotoneReason::Feasible).then_some(trial)
+    }
+
+    /// `dT/de` over `sqrt(I/2)`, or none where the swing is impossible.
+    fn slope(&self, e: f64, accuracy: f64) -> Option<f64> {
+        let trial = self.possible(e)?;
         let middle = &trial.towards.push;
         let (away, towards) = (&trial.away, &trial.towards);
         let ends = away.push.energy(away.push_length).sqrt().recip() + towards.push.energy(towards.push_length).sqrt().recip();
-        let slope = ends - middle.time_gradient(away.brake_length) - middle.time_gradient(towards.push_length);
+        let slope = ends - middle.time_gradient(away.brake_length, accuracy) - middle.time_gradient(towards.push_length, accuracy);
         slope.is_finite().then_some(slope)
     }
 
@@ -74,10 +81,7 @@ impl Search {
     }
 
     fn swing(&self, e: f64) -> Option<Swing> {
-        let trial = self.trial(e);
-        if trial.away.reason() != MonotoneReason::Feasible || trial.towards.reason() != MonotoneReason::Feasible {
-            return None;
-        }
+        let trial = self.possible(e)?;
         let ((t1, t2), (t3, t4)) = (trial.away.time_factors(), trial.towards.time_factors());
         let time = t1 + t2 + t3 + t4;
         time.is_finite().then_some(Swing {
@@ -91,41 +95,60 @@ impl Search {
 
     /// The last possible turning point between a possible and an impossible one.
     fn edge(&self, mut inside: f64, mut outside: f64) -> f64 {
-        for _ in 0..60 {
+        for _ in 0..45 {
             let middle = 0.5 * (inside + outside);
-            if middle == inside || middle == outside {
-                break;
-            }
-            if self.slope(middle).is_some() { inside = middle } else { outside = middle }
+            if self.possible(middle).is_some() { inside = middle } else { outside = middle }
         }
         inside
     }
 
-    /// The root of the slope between `a` (negative) and `b` (positive): secants, bisection when they dawdle.
-    fn root(&self, mut a: (f64, f64), mut b: (f64, f64)) -> f64 {
-        for step in 0..80 {
-            let width = (b.0 - a.0).abs();
-            if width <= 1e-9 * a.0.abs().max(b.0.abs()) {
+    /// The root of the slope between `a` (negative) and `b` (positive): Brent's zero.
+    fn root(&self, a: (f64, f64), b: (f64, f64)) -> f64 {
+        let (mut a, mut b) = (a, b);
+        let mut c = a;
+        let (mut step, mut before) = (b.0 - a.0, b.0 - a.0);
+        for _ in 0..100 {
+            if (b.1 > 0.0) == (c.1 > 0.0) {
+                c = a;
+                step = b.0 - a.0;
+                before = step;
+            }
+            if c.1.abs() < b.1.abs() {
+                (a, b, c) = (b, c, b);
+            }
+            let tolerance = PLACE * b.0.abs();
+            let half = 0.5 * (c.0 - b.0);
+            if half.abs() <= tolerance || b.1 == 0.0 {
                 break;
             }
-            let secant = a.0 - a.1 * (b.0 - a.0) / (b.1 - a.1);
-            let e = if step % 3 == 2 { 0.5 * (a.0 + b.0) } else { secant };
-            let Some(slope) = self.slope(e) else { break };
-            let move_a = slope < 0.0;
-            let (kept, moved) = if move_a { (&mut b, &mut a) } else { (&mut a, &mut b) };
-            // Illinois: halve the weight of an end that stays.
-            kept.1 *= 0.5;
-            *moved = (e, slope);
-            if (e - kept.0).abs() > 0.5 * width && step % 3 != 2 {
-                // A tiny step beyond the root closes the bracket when the secant has converged from one side.
-                let probe = e + (kept.0 - e) * 1e-7;
-                if let Some(s) = self.slope(probe) {
-                    let target = if (s < 0.0) == move_a { &mut *moved } else { &mut *kept };
-                    *target = (probe, s);
+            let mut bisect = true;
+            if before.abs() >= tolerance && a.1.abs() > b.1.abs() {
+                let s = b.1 / a.1;
+                let (mut p, mut q) = if a.0 == c.0 {
+                    (2.0 * half * s, 1.0 - s)
+                } else {
+                    let (q, r) = (a.1 / c.1, b.1 / c.1);
+                    (s * (2.0 * half * q * (q - r) - (b.0 - a.0) * (r - 1.0)), (q - 1.0) * (r - 1.0) * (s - 1.0))
+                };
+                if p > 0.0 {
+                    q = -q;
+                }
+                p = p.abs();
+                if 2.0 * p < (3.0 * half * q - (tolerance * q).abs()).min((before * q).abs()) {
+                    (before, step, bisect) = (step, p / q, false);
                 }
             }
+            if bisect {
+                (step, before) = (half, half);
+            }
+            a = b;
+            b.0 += if step.abs() > tolerance { step } else { tolerance.copysign(half) };
+            match self.slope(b.0, FINE) {
+                Some(slope) => b.1 = slope,
+                None => return a.0,
+            }
         }
-        0.5 * (a.0 + b.0)
+        b.0
     }
 
     /// Smallest turn worth trying: below it the field is constant, and in a constant field no swing helps.
@@ -164,17 +187,17 @@ impl Search {
         let mut any = false;
         let mut widest = (f64::NEG_INFINITY, e, e, e);
         while e <= FARTHEST && (8.0 / reach).sqrt() * (e.sqrt() + (e + distance).sqrt()) < limit {
-            let slope = self.slope(e);
+            let slope = self.slope(e, COARSE);
             any |= slope.is_some();
             match (previous, slope) {
                 (Some((p, Some(before))), Some(now)) if before < 0.0 && now >= 0.0 => {
                     consider(self.root((p, before), (e, now)), &mut limit)
                 }
-                (Some((p, None)), Some(now)) if now >= 0.0 => self.near_edge(self.edge(e, p), (e, now), &mut limit, &mut consider),
-                (Some((p, Some(before))), None) if before < 0.0 => self.near_edge(self.edge(p, e), (p, before), &mut limit, &mut consider),
+                (Some((p, None)), Some(now)) => self.from_edge(self.edge(e, p), (e, now), &mut limit, &mut consider),
+                (Some((p, Some(before))), None) => self.from_edge(self.edge(p, e), (p, before), &mut limit, &mut consider),
                 _ => {}
             }
-            let next = if e < 0.3 { 1.4 * e } else { e + 0.12 };
+            let next = if e < 0.4 { 1.6 * e } else { e + 0.2 };
             if !any {
                 let margin = self.margin(e);
                 if margin > widest.0 {
@@ -192,20 +215,30 @@ impl Search {
         if !any && widest.0 > f64::NEG_INFINITY {
             // A window narrower than the grid: climb the margin.
             let inside = self.widest(widest.1, widest.3);
-            if let Some(slope) = self.slope(inside) {
-                let outside = if slope < 0.0 { widest.3 } else { widest.1 };
-                self.near_edge(self.edge(inside, outside), (inside, slope), &mut limit, &mut consider);
+            if let Some(slope) = self.slope(inside, COARSE) {
+                for outside in [widest.1, widest.3] {
+                    self.from_edge(self.edge(inside, outside), (inside, slope), &mut limit, &mut consider);
+                }
             }
         }
         best
     }
 
-    /// The minimum between an edge of the feasible set and a point whose slope falls towards that edge.
-    fn near_edge(&self, edge: f64, inner: (f64, f64), limit: &mut f64, consider: &mut impl FnMut(f64, &mut f64)) {
-        match self.slope(edge) {
-            Some(s) if s < 0.0 && inner.1 >= 0.0 => consider(self.root((edge, s), inner), limit),
-            Some(s) if s >= 0.0 && inner.1 < 0.0 => consider(self.root(inner, (edge, s)), limit),
-            _ => consider(edge, limit),
+    /// The minima between an edge of the feasible set, where the slope may be infinite of either sign, and a point inside.
+    fn from_edge(&self, edge: f64, inner: (f64, f64), limit: &mut f64, consider: &mut impl FnMut(f64, &mut f64)) {
+        consider(edge, limit);
+        let mut previous: Option<(f64, f64)> = None;
+        for part in [0.0, 1e-6, 1e-4, 3e-3, 0.03, 0.1, 0.22, 0.4, 0.6, 0.8, 1.0] {
+            let e = edge + (inner.0 - edge) * part;
+            let slope = if part == 1.0 { Some(inner.1) } else { self.slope(e, COARSE) };
+            let Some(slope) = slope else { continue };
+            if let Some((p, before)) = previous {
+                let (low, high) = if p < e { ((p, before), (e, slope)) } else { ((e, slope), (p, before)) };
+                if low.1 < 0.0 && high.1 >= 0.0 {
+                    consider(self.root(low, high), limit);
+                }
+            }
+            previous = Some((e, slope));
         }
     }
 

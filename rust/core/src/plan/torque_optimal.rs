@@ -237,7 +237,7 @@ impl Best {
         t_turn: f64::NAN,
     };
 
-    fn monotone(t: f64, theta_switch: f64, t_switch: f64) -> Self {
+    pub(super) fn monotone(t: f64, theta_switch: f64, t_switch: f64) -> Self {
         Best {
             kind: Family::Monotone,
             t,
