@@ -13,7 +13,7 @@
 
 use super::link::{Link, check_ends};
 use super::report::{Bind, Limit, Place, Reason};
-use super::sine::{Sine, crest_inside, select, sine, trough_inside};
+use super::sine::{Sine, crest_inside, select, sine, sines, trough_inside};
 use crate::error::Result;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -72,7 +72,7 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
     let sign = 1.0f64.copysign(thetaf - theta0);
     let (x0, x1) = (sign * theta0, sign * thetaf);
     let distance = x1 - x0;
-    let (s0, sm, s1) = (sine(x0), sine(0.5 * x0 + 0.5 * x1), sine(x1));
+    let [s0, sm, s1, _] = sines([x0, 0.5 * x0 + 0.5 * x1, x1, 0.0]);
     let b = bounds(&along, &s0, &sm, &s1);
     let a_max = b.upper[0].min(b.upper[1]);
     let a_min = b.lower[0].max(b.lower[1]).max(0.0);

@@ -93,13 +93,13 @@ impl Search {
         })
     }
 
-    /// The last possible turning point between a possible and an impossible one.
-    fn edge(&self, mut inside: f64, mut outside: f64) -> f64 {
-        for _ in 0..45 {
+    /// The last possible turning point between a possible and an impossible one, in so many halvings.
+    fn edge(&self, mut inside: f64, mut outside: f64, halvings: usize) -> (f64, f64) {
+        for _ in 0..halvings {
             let middle = 0.5 * (inside + outside);
             if self.possible(middle).is_some() { inside = middle } else { outside = middle }
         }
-        inside
+        (inside, outside)
     }
 
     /// The root of the slope between `a` (negative) and `b` (positive): Brent's zero.
@@ -193,8 +193,8 @@ impl Search {
                 (Some((p, Some(before))), Some(now)) if before < 0.0 && now >= 0.0 => {
                     consider(self.root((p, before), (e, now)), &mut limit)
                 }
-                (Some((p, None)), Some(now)) => self.from_edge(self.edge(e, p), (e, now), &mut limit, &mut consider),
-                (Some((p, Some(before))), None) => self.from_edge(self.edge(p, e), (p, before), &mut limit, &mut consider),
+                (Some((p, None)), Some(now)) => self.from_edge((e, now), p, &mut limit, &mut consider),
+                (Some((p, Some(before))), None) => self.from_edge((p, before), e, &mut limit, &mut consider),
                 _ => {}
             }
             let next = if e < 0.4 { 1.6 * e } else { e + 0.2 };
@@ -217,25 +217,30 @@ impl Search {
             let inside = self.widest(widest.1, widest.3);
             if let Some(slope) = self.slope(inside, COARSE) {
                 for outside in [widest.1, widest.3] {
-                    self.from_edge(self.edge(inside, outside), (inside, slope), &mut limit, &mut consider);
+                    self.from_edge((inside, slope), outside, &mut limit, &mut consider);
                 }
             }
         }
         best
     }
 
-    /// The minima between an edge of the feasible set, where the slope may be infinite of either sign, and a point inside.
-    fn from_edge(&self, edge: f64, inner: (f64, f64), limit: &mut f64, consider: &mut impl FnMut(f64, &mut f64)) {
-        consider(edge, limit);
+    /// The minima between a point inside the feasible set and its edge towards `outside`, where the slope may be infinite of
+    /// either sign: T is infinite where the link stalls on a hump, finite where an outer phase shrinks to nothing.
+    fn from_edge(&self, inner: (f64, f64), outside: f64, limit: &mut f64, consider: &mut impl FnMut(f64, &mut f64)) {
+        let (edge, beyond) = self.edge(inner.0, outside, 16);
         let mut previous: Option<(f64, f64)> = None;
-        for part in [0.0, 1e-6, 1e-4, 3e-3, 0.03, 0.1, 0.22, 0.4, 0.6, 0.8, 1.0] {
+        for part in [0.0, 3e-3, 0.03, 0.1, 0.22, 0.4, 0.6, 0.8, 1.0] {
             let e = edge + (inner.0 - edge) * part;
             let slope = if part == 1.0 { Some(inner.1) } else { self.slope(e, COARSE) };
             let Some(slope) = slope else { continue };
-            if let Some((p, before)) = previous {
-                let (low, high) = if p < e { ((p, before), (e, slope)) } else { ((e, slope), (p, before)) };
-                if low.1 < 0.0 && high.1 >= 0.0 {
-                    consider(self.root(low, high), limit);
+            match previous {
+                None if (slope >= 0.0) == (edge < inner.0) => consider(self.edge(edge, beyond, 30).0, limit),
+                None => {}
+                Some((p, before)) => {
+                    let (low, high) = if p < e { ((p, before), (e, slope)) } else { ((e, slope), (p, before)) };
+                    if low.1 < 0.0 && high.1 >= 0.0 {
+                        consider(self.root(low, high), limit);
+                    }
                 }
             }
             previous = Some((e, slope));
