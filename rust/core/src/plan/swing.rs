@@ -193,8 +193,8 @@ impl Search {
                 (Some((p, Some(before))), Some(now)) if before < 0.0 && now >= 0.0 => {
                     consider(self.root((p, before), (e, now)), &mut limit)
                 }
-                (Some((p, None)), Some(now)) => self.from_edge((e, now), p, &mut limit, &mut consider),
-                (Some((p, Some(before))), None) => self.from_edge((p, before), e, &mut limit, &mut consider),
+                (Some((p, None)), Some(now)) => self.edge_minima((e, now), p, &mut limit, &mut consider),
+                (Some((p, Some(before))), None) => self.edge_minima((p, before), e, &mut limit, &mut consider),
                 _ => {}
             }
             let next = if e < 0.4 { 1.6 * e } else { e + 0.2 };
@@ -207,17 +207,17 @@ impl Search {
             previous = Some((e, slope));
             e = next;
         }
-        if let Some((p, Some(before))) = previous {
-            if before < 0.0 {
-                consider(p, &mut limit);
-            }
+        if let Some((p, Some(before))) = previous
+            && before < 0.0
+        {
+            consider(p, &mut limit);
         }
         if !any && widest.0 > f64::NEG_INFINITY {
             // A window narrower than the grid: climb the margin.
             let inside = self.widest(widest.1, widest.3);
             if let Some(slope) = self.slope(inside, COARSE) {
                 for outside in [widest.1, widest.3] {
-                    self.from_edge((inside, slope), outside, &mut limit, &mut consider);
+                    self.edge_minima((inside, slope), outside, &mut limit, &mut consider);
                 }
             }
         }
@@ -226,7 +226,7 @@ impl Search {
 
     /// The minima between a point inside the feasible set and its edge towards `outside`, where the slope may be infinite of
     /// either sign: T is infinite where the link stalls on a hump, finite where an outer phase shrinks to nothing.
-    fn from_edge(&self, inner: (f64, f64), outside: f64, limit: &mut f64, consider: &mut impl FnMut(f64, &mut f64)) {
+    fn edge_minima(&self, inner: (f64, f64), outside: f64, limit: &mut f64, consider: &mut impl FnMut(f64, &mut f64)) {
         let (edge, beyond) = self.edge(inner.0, outside, 16);
         let mut previous: Option<(f64, f64)> = None;
         for part in [0.0, 3e-3, 0.03, 0.1, 0.22, 0.4, 0.6, 0.8, 1.0] {

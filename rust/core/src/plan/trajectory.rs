@@ -11,7 +11,7 @@
 use super::sine::sin_cos;
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 
-const ORDER: usize = 24;
+pub(super) const ORDER: usize = 24;
 /// More steps than any phase of a hundred turns takes.
 const MAX_STEPS: usize = 4000;
 
@@ -57,8 +57,8 @@ pub struct TorqueProfile {
     runs: Vec<Run>,
 }
 
-/// Taylor coefficients at `y`, `v`.
-fn series(x: f64, y: f64, v: f64, push: f64, g: f64, inertia: f64) -> [f64; ORDER + 1] {
+/// Taylor coefficients at `y`, `v`; viscous friction, zero for the exact optimum, adds `-viscous y_dot`.
+pub(super) fn series(x: f64, y: f64, v: f64, push: f64, g: f64, viscous: f64, inertia: f64) -> [f64; ORDER + 1] {
     let mut c = [0.0; ORDER + 1];
     let (mut s, mut k) = ([0.0; ORDER + 1], [0.0; ORDER + 1]);
     (c[0], c[1]) = (y, v);
@@ -74,13 +74,19 @@ fn series(x: f64, y: f64, v: f64, push: f64, g: f64, inertia: f64) -> [f64; ORDE
             (s[n], k[n]) = (sine / n as f64, cosine / n as f64);
         }
         let force = if n == 0 { push - g * s[0] } else { -g * s[n] };
-        c[n + 2] = force / (inertia * ((n + 1) * (n + 2)) as f64);
+        c[n + 2] = (force - viscous * (n + 1) as f64 * c[n + 1]) / (inertia * ((n + 1) * (n + 2)) as f64);
     }
     c
 }
 
+/// The step whose dropped terms are below 1e-17 of `size`. From rest, and at a crest of the sine, all but every fourth term
+/// vanish: the last six decide.
+pub(super) fn step_length(c: &[f64; ORDER + 1], size: f64) -> f64 {
+    (ORDER - 5..=ORDER).map(|k| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64)).fold(f64::INFINITY, f64::min)
+}
+
 /// Position and speed of a step after `h`.
-fn evaluate(c: &[f64; ORDER + 1], h: f64) -> (f64, f64) {
+pub(super) fn evaluate(c: &[f64; ORDER + 1], h: f64) -> (f64, f64) {
     let (mut y, mut v) = (0.0, 0.0);
     for k in (0..=ORDER).rev() {
         v = v * h + y;
@@ -95,12 +101,9 @@ impl Run {
         let (mut time, mut y, mut v) = (0.0, 0.0, 0.0);
         let mut steps = Vec::new();
         while time < duration && steps.len() < MAX_STEPS {
-            let c = series(x, y, v, push, g, inertia);
+            let c = series(x, y, v, push, g, 0.0, inertia);
             steps.push(Step { time, y: c });
-            // From rest, and at a crest of the sine, all but every fourth term vanish: the last six decide the step.
-            let size = c[2].abs() * duration * duration + c[0].abs();
-            let radius = |k: usize| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64);
-            let h = (ORDER - 5..=ORDER).map(radius).fold(duration - time, f64::min).max(1e-4 * duration);
+            let h = step_length(&c, c[2].abs() * duration * duration + c[0].abs()).min(duration - time).max(1e-4 * duration);
             (y, v) = evaluate(&c, h);
             time += h;
         }
