@@ -132,7 +132,7 @@ fn random_problems_arrive_at_rest() {
         if o.best.kind == Family::NoneFound || distance == 0.0 {
             continue;
         }
-        assert!(o.best.t.is_finite() && o.best.t >= 0.0 && !(o.best.t > o.t), "{p:?} {o:?}");
+        assert!(o.best.t.is_finite() && o.best.t >= 0.0 && (o.t.is_nan() || o.best.t <= o.t), "{p:?} {o:?}");
         // The open loop is unstable: an error grows by at most exp(t sqrt(|G|/I)), so problems beyond 1e4 are left to the profile test.
         let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
         if growth < 1e4 {
