@@ -4,6 +4,8 @@ mod plan_support;
 use armlet_core::plan::{bang_bang_time, minimum_jerk_time, trapezoid_time};
 use plan_support::{Problem, Random, near, random_count};
 
+type Shape = Box<dyn Fn(f64) -> (f64, f64)>;
+
 /// (s, s'') of the trapezoid at u.
 fn trapezoid(u: f64, r: f64) -> (f64, f64) {
     let v = 1.0 / (1.0 - r);
@@ -53,10 +55,10 @@ fn random_problems_against_a_sampling_checker() {
             continue;
         }
         let ramp = random.range(0.05, 0.5);
-        let shapes: [(_, Box<dyn Fn(f64) -> (f64, f64)>); 2] = [
+        let shapes: [(_, Shape); 2] = [
             (
                 trapezoid_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, ramp).unwrap(),
-                Box::new(|u| trapezoid(u, ramp)),
+                Box::new(move |u| trapezoid(u, ramp)),
             ),
             (minimum_jerk_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max).unwrap(), Box::new(quintic)),
         ];
