@@ -12,6 +12,7 @@ pub mod integrate;
 pub mod law;
 pub mod linalg;
 pub mod motion;
+pub mod plan;
 pub mod scalar;
 pub mod simulate;
 pub mod status;

@@ -11,7 +11,10 @@ use std::time::Duration;
 const SLICE: Duration = Duration::from_millis(20);
 
 /// Pools by size, of one process. A forked child inherits the map but not the threads.
-static POOLS: Mutex<Option<(u32, HashMap<usize, Arc<ThreadPool>>)>> = Mutex::new(None);
+static POOLS: Mutex<Option<ProcessPools>> = Mutex::new(None);
+
+/// The process that made the pools, and the pools.
+type ProcessPools = (u32, HashMap<usize, Arc<ThreadPool>>);
 
 /// `ARMLET_NUM_THREADS` if it is a positive integer, else the cores.
 pub fn default_threads() -> usize {

@@ -108,10 +108,9 @@ impl Problem<'_> {
                 format!("mixes kinds: expected {} throughout, got {} (first bad index {i})", self.laws[0].name(), self.laws[i].name()),
             ));
         }
-        if let Some(limit) = &o.tau_max {
-            if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
-                return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {} (first bad index {i})", limit[i])));
-            }
+        let limit = o.tau_max.as_deref().unwrap_or_default();
+        if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
+            return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {} (first bad index {i})", limit[i])));
         }
         if let Some(period) = o.sample_time {
             positive("sample_time", period)?;

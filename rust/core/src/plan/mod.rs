@@ -1,0 +1,26 @@
+//! Minimum-time planning of one link under gravity: `I theta_ddot + G sin theta = tau`, `tau_min <= tau <= tau_max`.
+//!
+//! - [`bang_bang_time`]: the exact interval of durations of the symmetric bang-bang acceleration profile.
+//! - [`trapezoid_time`], [`minimum_jerk_time`]: the same for trapezoidal speed and for the quintic.
+//! - [`torque_optimal_time`]: the optimum under full torque: monotone, back-swing, overshoot.
+//! - [`torque_optimal_time_with_friction`]: the monotone optimum with viscous and Coulomb friction, by integration.
+//! - [`TorqueProfile`]: the motion of that optimum, to follow.
+
+mod bang_bang;
+mod friction;
+mod link;
+mod phase;
+mod profiles;
+mod report;
+pub mod sine;
+mod swing;
+mod torque_optimal;
+mod trajectory;
+
+pub use bang_bang::{BangBangReport, bang_bang_time};
+pub use friction::{FrictionOptimum, torque_optimal_time_with_friction};
+pub use link::Link;
+pub use profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
+pub use report::{Bind, Limit, MonotoneReason, Place, Reason};
+pub use torque_optimal::{Best, Family, TorqueOptimum, torque_optimal_time};
+pub use trajectory::{Sample, TorqueProfile};

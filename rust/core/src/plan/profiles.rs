@@ -1,0 +1,253 @@
+//! Trapezoidal-speed and minimum-jerk motions of one link, rest to rest, under torque bounds.
+//!
+//! ```text
+//! theta = theta0 + (thetaf - theta0) s(u),  u = t/T,  x = direction theta,  k = I D / T^2
+//! tau(u) = k s''(u) + G sin x(u)            linear in k: the durations obeying both bounds form one interval
+//! trapezoid, ramp fraction r in (0, 1/2]:  s'' = +-1/(r (1 - r)) on the ramps, 0 between;  x at the ramp ends: D r / (2 (1 - r)) from the ends
+//! minimum jerk:  s = 10 u^3 - 15 u^4 + 6 u^5,  s'' = 60 u (1 - u)(1 - 2 u)
+//! ```
+//!
+//! The trapezoid is closed form: on each stretch only the extremes of `sin` count; `r = 1/2` is `bang_bang_time`. For the
+//! quintic the bounds on `k` are extremes over `u` of `(bound - G sin x)/s''`: bracketed on a grid that resolves
+//! every quarter turn and polished by golden section; between grid points nothing but one extreme can hide.
+
+use super::link::{Link, check_ends};
+use super::sine::{crest_inside, sine, trough_inside};
+use crate::error::{Error, Result};
+
+/// The durations that obey the torque bounds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProfileReport {
+    pub feasible: bool,
+    /// Shortest duration, s; NaN if infeasible.
+    pub t_min: f64,
+    /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
+    pub t_max: f64,
+    /// Bounds on `k = inertia D / T^2`, N m.
+    pub k_min: f64,
+    pub k_max: f64,
+    /// Angle at which the upper bound of `k` is reached, rad.
+    pub theta_upper: f64,
+    /// Angle at which the lower bound is reached, rad; NaN if there is none.
+    pub theta_lower: f64,
+    pub hold_start: bool,
+    pub hold_end: bool,
+    /// How much wider both torque bounds must be, N m; 0 if feasible.
+    pub missing: f64,
+}
+
+/// A bound on `k` with the angle along the motion that gives it.
+type At = (f64, f64);
+
+/// Link, ends and direction of a motion.
+struct Motion {
+    link: Link,
+    sign: f64,
+    x0: f64,
+    x1: f64,
+}
+
+impl Motion {
+    fn new(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<Self> {
+        check_ends(theta0, thetaf)?;
+        let link = Link::new(inertia, gravity_moment, tau_min, tau_max)?;
+        let sign = 1.0f64.copysign(thetaf - theta0);
+        Ok(Motion { link: link.along(sign > 0.0), sign, x0: sign * theta0, x1: sign * thetaf })
+    }
+
+    fn gravity(&self, x: f64) -> f64 {
+        self.link.gravity_moment * sine(x).sin
+    }
+
+    fn holds(&self, x: f64) -> bool {
+        let (tau, slack) = (self.gravity(x), self.link.slack());
+        tau <= self.link.tau_max + slack && tau >= self.link.tau_min - slack
+    }
+
+    /// (least, largest) gravity torque on `[a, b]` with their angles.
+    fn range(&self, a: f64, b: f64) -> (At, At) {
+        let (sa, sb, g) = (sine(a), sine(b), self.link.gravity_moment);
+        let end = |largest: bool| {
+            let (va, vb) = (g * sa.sin, g * sb.sin);
+            if (va >= vb) == largest { (va, a) } else { (vb, b) }
+        };
+        let extreme = |crest: bool| {
+            let offset = if crest { 0.5 } else { -0.5 } * std::f64::consts::PI;
+            let turns = ((a - offset) / std::f64::consts::TAU).ceil();
+            (offset + turns * std::f64::consts::TAU).clamp(a, b)
+        };
+        let (crest, trough) = (crest_inside(&sa, &sb), trough_inside(&sa, &sb));
+        let (low_inside, high_inside) = if g >= 0.0 { (trough, crest) } else { (crest, trough) };
+        let low = if low_inside { (-g.abs(), extreme(g < 0.0)) } else { end(false) };
+        let high = if high_inside { (g.abs(), extreme(g >= 0.0)) } else { end(true) };
+        (low, high)
+    }
+
+    /// The report from the bounds on `k`. `hold`: where `s'' = 0`, gravity alone fits the bounds.
+    fn report(&self, lower: At, upper: At, hold: bool, missing: f64) -> ProfileReport {
+        let (k_min, k_max, slack) = (lower.0.max(0.0), upper.0, self.link.slack());
+        let (hold_start, hold_end) = (self.holds(self.x0), self.holds(self.x1));
+        let work = self.link.inertia * (self.x1 - self.x0);
+        let (feasible, t_min, t_max) = if work == 0.0 {
+            (hold_start, 0.0, 0.0)
+        } else {
+            let t_min = (work / k_max).sqrt();
+            (hold && k_max > 0.0 && k_max >= k_min - slack, t_min, (work / k_min).sqrt().max(t_min))
+        };
+        ProfileReport {
+            feasible,
+            t_min: if feasible { t_min } else { f64::NAN },
+            t_max: if feasible { t_max } else { f64::NAN },
+            k_min,
+            k_max,
+            theta_upper: self.sign * upper.1,
+            theta_lower: if lower.0 > 0.0 { self.sign * lower.1 } else { f64::NAN },
+            hold_start,
+            hold_end,
+            // At an exact tie nothing measurable is missing.
+            missing: if feasible { 0.0 } else { missing.max(0.0) },
+        }
+    }
+}
+
+fn least(a: At, b: At) -> At {
+    if b.0 < a.0 { b } else { a }
+}
+
+fn most(a: At, b: At) -> At {
+    if b.0 > a.0 { b } else { a }
+}
+
+/// The durations for which the trapezoidal-speed motion with ramps of `ramp * T` (0 < ramp <= 1/2) obeys the torque bounds.
+pub fn trapezoid_time(
+    theta0: f64,
+    thetaf: f64,
+    inertia: f64,
+    gravity_moment: f64,
+    tau_min: f64,
+    tau_max: f64,
+    ramp: f64,
+) -> Result<ProfileReport> {
+    let m = Motion::new(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?;
+    if !(ramp > 0.0 && ramp <= 0.5) {
+        return Err(Error::input("ramp", format!("is not a fraction: expected 0 < ramp <= 0.5, got {ramp}")));
+    }
+    let second = 1.0 / (ramp * (1.0 - ramp));
+    let (a, b) = if ramp == 0.5 {
+        (0.5 * m.x0 + 0.5 * m.x1, 0.5 * m.x0 + 0.5 * m.x1)
+    } else {
+        let length = (m.x1 - m.x0) * ramp / (2.0 * (1.0 - ramp));
+        (m.x0 + length, m.x1 - length)
+    };
+    let ((low1, high1), (low2, high2), (low3, high3)) = (m.range(m.x0, a), m.range(a, b), m.range(b, m.x1));
+    let (lo, hi) = (m.link.tau_min, m.link.tau_max);
+    let upper = least(((hi - high1.0) / second, high1.1), ((low3.0 - lo) / second, low3.1));
+    let lower = most(((lo - low1.0) / second, low1.1), ((high3.0 - hi) / second, high3.1));
+    // The cruise has no acceleration: gravity alone must fit.
+    let slack = m.link.slack();
+    let cruise = if ramp == 0.5 { f64::NEG_INFINITY } else { (high2.0 - hi).max(lo - low2.0) };
+    let missing = cruise.max((-upper.0).max(0.5 * (lower.0.max(0.0) - upper.0)) * second);
+    let missing = if m.x0 == m.x1 { (m.gravity(m.x0) - hi).max(lo - m.gravity(m.x0)) } else { missing };
+    Ok(m.report(lower, upper, cruise <= slack, missing))
+}
+
+fn quintic(u: f64) -> (f64, f64) {
+    // From the nearer end, so that neither end loses digits.
+    let w = u.min(1.0 - u);
+    let s = w * w * w * (10.0 - w * (15.0 - 6.0 * w));
+    let second = 60.0 * w * (1.0 - w) * (1.0 - 2.0 * w);
+    if u <= 0.5 { (s, second) } else { (1.0 - s, -second) }
+}
+
+impl Motion {
+    fn quintic_angle(&self, u: f64) -> f64 {
+        let w = u.min(1.0 - u);
+        let s = quintic(w).0 * (self.x1 - self.x0);
+        if u <= 0.5 { self.x0 + s } else { self.x1 - s }
+    }
+
+    /// Bounds on `k` at `u`: `(lower, upper)`.
+    fn quintic_bounds(&self, u: f64) -> (f64, f64) {
+        let second = quintic(u).1;
+        let gravity = self.gravity(self.quintic_angle(u));
+        if second == 0.0 {
+            let slack = self.link.slack();
+            let fits = gravity <= self.link.tau_max + slack && gravity >= self.link.tau_min - slack;
+            return if fits { (0.0, f64::INFINITY) } else { (f64::INFINITY, f64::NEG_INFINITY) };
+        }
+        let (a, b) = ((self.link.tau_max - gravity) / second, (self.link.tau_min - gravity) / second);
+        (a.min(b), a.max(b))
+    }
+}
+
+/// The durations for which the minimum-jerk (quintic) motion obeys the torque bounds.
+pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<ProfileReport> {
+    let m = Motion::new(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?;
+    let (lo, hi) = (m.link.tau_min, m.link.tau_max);
+    if m.x0 == m.x1 {
+        let missing = (m.gravity(m.x0) - hi).max(lo - m.gravity(m.x0));
+        return Ok(m.report((0.0, m.x0), (0.0, m.x0), true, missing));
+    }
+    // A quarter turn spans several points even where the motion is fastest, s' = 15/8. Capped: beyond, a finite grid decides.
+    let n = (128 + 24 * (m.x1 - m.x0).min(1e4) as usize).next_multiple_of(2);
+    let at = |k: usize| k as f64 / n as f64;
+    let (mut upper, mut lower) = ((f64::INFINITY, 0.5), (f64::NEG_INFINITY, 0.5));
+    let polish = |k: usize, f: &dyn Fn(f64) -> f64| {
+        const GOLDEN: f64 = 0.618_033_988_749_894_8;
+        let (mut a, mut b) = (at(k.saturating_sub(1)), at((k + 1).min(n)));
+        let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+        let (mut fc, mut fd) = (f(c), f(d));
+        for _ in 0..44 {
+            if fc < fd {
+                (b, d, fd) = (d, c, fc);
+                c = b - GOLDEN * (b - a);
+                fc = f(c);
+            } else {
+                (a, c, fc) = (c, d, fd);
+                d = a + GOLDEN * (b - a);
+                fd = f(d);
+            }
+        }
+        if fc < fd { (fc, c) } else { (fd, d) }
+    };
+    let (up, down) = (|u: f64| m.quintic_bounds(u).1, |u: f64| -m.quintic_bounds(u).0);
+    for (f, is_upper) in [(&up as &dyn Fn(f64) -> f64, true), (&down, false)] {
+        let (mut before, mut here) = (f64::INFINITY, f(at(0)));
+        for k in 0..=n {
+            let after = if k < n { f(at(k + 1)) } else { f64::INFINITY };
+            if here <= before && here <= after {
+                let best = if here.is_finite() { least((here, at(k)), polish(k, f)) } else { (here, at(k)) };
+                if is_upper {
+                    upper = least(upper, best);
+                } else {
+                    lower = most(lower, (-best.0, best.1));
+                }
+            }
+            (before, here) = (here, after);
+        }
+    }
+    let hold = upper.0 > f64::NEG_INFINITY && lower.0 < f64::INFINITY;
+    // What is missing: the least widening of both limits at which some k fits, by bisection of the same bounds on the grid.
+    let excess = |k: f64| {
+        (0..=n).fold(f64::NEG_INFINITY, |worst, j| {
+            let tau = k * quintic(at(j)).1 + m.gravity(m.quintic_angle(at(j)));
+            worst.max(tau - hi).max(lo - tau)
+        })
+    };
+    let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 { 0.0 } else { least_excess(excess, hi - lo + gravity_moment.abs()) };
+    Ok(m.report((lower.0, m.quintic_angle(lower.1)), (upper.0, m.quintic_angle(upper.1)), hold, missing))
+}
+
+/// The least of a convex function of `k >= 0` (a maximum of lines), by golden section on `[0, scale]`.
+fn least_excess(excess: impl Fn(f64) -> f64, scale: f64) -> f64 {
+    const GOLDEN: f64 = 0.618_033_988_749_894_8;
+    let (mut a, mut b) = (0.0, scale);
+    let mut found = excess(0.0);
+    for _ in 0..60 {
+        let (c, d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+        let (fc, fd) = (excess(c), excess(d));
+        found = found.min(fc).min(fd);
+        if fc < fd { b = d } else { a = c }
+    }
+    found
+}

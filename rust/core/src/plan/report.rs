@@ -1,0 +1,164 @@
+//! Which torque limit binds, where, and why a motion is impossible: data in the plan, words on request.
+
+use std::fmt;
+
+/// A torque limit of the link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limit {
+    TauMin,
+    TauMax,
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Limit::TauMin => "tau_min",
+            Limit::TauMax => "tau_max",
+        })
+    }
+}
+
+/// The place in a phase of the motion where a limit binds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// The first instant.
+    Start,
+    /// Strictly inside the phase, where gravity is extreme.
+    Interior,
+    /// The boundary to the next or from the previous phase.
+    Switch,
+    /// The last instant.
+    End,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Place::Start => "start",
+            Place::Interior => "interior",
+            Place::Switch => "switch",
+            Place::End => "end",
+        })
+    }
+}
+
+/// A torque limit that decides the shortest or the longest duration. Displays as `phase1:switch`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bind {
+    pub limit: Limit,
+    /// 1 while accelerating, 2 while braking (of three phases: 1, 2, 3).
+    pub phase: u8,
+    pub place: Place,
+    /// Angle where the limit is reached, rad.
+    pub theta: f64,
+    /// Time since the start at which it is reached, s; NaN when the motion is impossible.
+    pub time: f64,
+    /// Another phase reaches its limit at the same duration.
+    pub tie: bool,
+}
+
+impl fmt::Display for Bind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "phase{}:{}", self.phase, self.place)
+    }
+}
+
+/// Why a profile is possible or not. The words come from `Display`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reason {
+    Feasible,
+    /// The link is to stay where the torque cannot hold it. `missing`: how much wider the limit must be, N m.
+    CannotHold {
+        limit: Limit,
+        theta: f64,
+        missing: f64,
+    },
+    /// Gravity alone takes the whole of a limit: no duration, however long, obeys it.
+    Blocked {
+        upper: Bind,
+        missing: f64,
+    },
+    /// One limit asks for a slow motion, the other for a fast one. `missing`: how much wider both must be, N m.
+    Conflict {
+        upper: Bind,
+        lower: Bind,
+        missing: f64,
+    },
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reason::Feasible => f.write_str("feasible"),
+            Reason::CannotHold { limit, theta, missing } => {
+                write!(f, "{limit} cannot hold the link at theta = {theta:.6} rad: {missing:.6e} N m are missing")
+            }
+            Reason::Blocked { upper, missing } => {
+                write!(
+                    f,
+                    "{} leaves no acceleration at theta = {:.6} rad ({upper}): {missing:.6e} N m are missing",
+                    upper.limit, upper.theta
+                )
+            }
+            Reason::Conflict { upper, lower, missing } => write!(
+                f,
+                "{} at theta = {:.6} rad ({upper}) needs a slower motion and {} at theta = {:.6} rad ({lower}) a faster one: {missing:.6e} N m \
+                 are missing",
+                upper.limit, upper.theta, lower.limit, lower.theta
+            ),
+        }
+    }
+}
+
+/// Why the monotone motion under full torque exists or not. `missing` is in N m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MonotoneReason {
+    Feasible,
+    /// The pushing torque cannot leave the start.
+    StartBlocked {
+        missing: f64,
+    },
+    /// The braking torque cannot come to rest at the end.
+    EndBlocked {
+        missing: f64,
+    },
+    /// The height between the ends exceeds the work of the torque over the distance.
+    Work {
+        missing: f64,
+    },
+    /// The link would come to rest before `x`, where gravity is ahead of the torque.
+    Hump {
+        x: f64,
+        missing: f64,
+    },
+}
+
+impl MonotoneReason {
+    /// From the coordinate along the motion to theta.
+    pub(super) fn along(self, sign: f64) -> Self {
+        match self {
+            MonotoneReason::Hump { x, missing } => MonotoneReason::Hump { x: sign * x, missing },
+            other => other,
+        }
+    }
+}
+
+impl fmt::Display for MonotoneReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            MonotoneReason::Feasible => f.write_str("feasible"),
+            MonotoneReason::StartBlocked { missing } => {
+                write!(f, "the torque towards the goal cannot leave the start: more than {missing:.6e} N m are missing")
+            }
+            MonotoneReason::EndBlocked { missing } => {
+                write!(f, "the torque against the motion cannot stop at the end: more than {missing:.6e} N m are missing")
+            }
+            MonotoneReason::Work { missing } => {
+                write!(f, "the potential difference exceeds the work of the torque over the path: more than {missing:.6e} N m are missing")
+            }
+            MonotoneReason::Hump { x, missing } => {
+                write!(f, "the motion stalls before theta = {x:.6} rad: more than {missing:.6e} N m are missing on average")
+            }
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! The bang-bang profile: the public oracle, an independent sampling checker on random problems, symmetry laws, refusals.
+
+mod plan_support;
+use armlet_core::plan::{BangBangReport, Limit, Place, Reason, bang_bang_time};
+use plan_support::{Problem, Random, cases, expression, near, number, random_count};
+
+fn report(p: &Problem) -> BangBangReport {
+    bang_bang_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max).expect("valid problem")
+}
+
+#[test]
+fn public_oracle() {
+    let all = cases();
+    assert_eq!(all.len(), 16);
+    for case in &all {
+        let id = case["id"].as_str().unwrap();
+        let p = Problem::of_case(case);
+        let (expected, tolerance) = (&case["expected"]["profile"], &case["tolerance"]);
+        let (t_rel, a_abs) = (number(&tolerance["T_rel"]), number(&tolerance["a_abs"]));
+        let r = report(&p);
+        assert_eq!(r.feasible, expected["feasible"].as_bool().unwrap(), "{id}");
+        assert!((r.a_min - number(&expected["a_lo"])).abs() <= a_abs, "{id}: a_min {}", r.a_min);
+        assert!((r.a_max - number(&expected["a_hi"])).abs() <= a_abs, "{id}: a_max {}", r.a_max);
+        assert_eq!(r.hold_start, expected["hold_start"].as_bool().unwrap(), "{id}");
+        assert_eq!(r.hold_end, expected["hold_end"].as_bool().unwrap(), "{id}");
+        let upper = r.active_upper();
+        assert_eq!(upper.to_string(), expected["active_upper"].as_str().unwrap(), "{id}");
+        assert_eq!(upper.tie, expected["active_upper_tie"].as_bool().unwrap(), "{id}");
+        assert!(near(upper.theta, number(&expected["active_upper_theta"]), 1e-12), "{id}: theta {}", upper.theta);
+        assert_eq!(r.active_lower().map(|b| b.to_string()).as_deref(), expected["active_lower"].as_str(), "{id}");
+        if r.feasible {
+            assert!(near(r.t_min, number(&expected["T_min"]), t_rel), "{id}: t_min {}", r.t_min);
+            assert!(near(r.t_min, expression(expected["T_min_str"].as_str().unwrap()), t_rel), "{id}");
+            assert!(near(r.t_max, number(&expected["T_max"]), t_rel), "{id}: t_max {}", r.t_max);
+            let tau = r.torques(r.t_min);
+            for (k, name) in ["t0", "Thalf_minus", "Thalf_plus", "T"].iter().enumerate() {
+                assert!((tau[k] - number(&expected["tau_at_Tmin"][name])).abs() <= 1e-12 * p.tau_max.max(1.0), "{id}: {name} {}", tau[k]);
+            }
+            assert_eq!(r.reason(), Reason::Feasible);
+        } else {
+            assert!(r.t_min.is_nan() && r.t_max.is_nan());
+        }
+    }
+}
+
+#[test]
+fn infeasible_motions_say_what_is_missing() {
+    // G = 2.5, tau_max = 1: the exam motion needs tau_max = G/2, so 0.25 is missing on both limits.
+    let half = std::f64::consts::FRAC_PI_2;
+    let r = bang_bang_time(-half, half, 1.0, 2.5, -1.0, 1.0).unwrap();
+    let Reason::Conflict { upper, lower, missing } = r.reason() else { panic!("{:?}", r.reason()) };
+    assert!((missing - 0.25).abs() < 1e-15);
+    assert_eq!((upper.limit, upper.place, lower.limit, lower.place), (Limit::TauMax, Place::Switch, Limit::TauMin, Place::Start));
+    assert!(r.reason().to_string().contains("tau_max at theta = 0.000000 rad (phase1:switch)"), "{}", r.reason());
+    // The named amount is the exact threshold: a little less fails, a little more succeeds.
+    let mut random = Random::new(3);
+    let mut checked = 0;
+    for _ in 0..20_000 {
+        let p = Problem::nominal(&mut random);
+        let missing = match report(&p).reason() {
+            Reason::Feasible => continue,
+            Reason::Conflict { missing, .. } | Reason::Blocked { missing, .. } | Reason::CannotHold { missing, .. } => missing,
+        };
+        checked += 1;
+        let widened = |d: f64| report(&Problem { tau_min: p.tau_min - d, tau_max: p.tau_max + d, ..p }).feasible;
+        assert!(!widened(missing * (1.0 - 1e-6)), "{p:?} {missing}");
+        assert!(widened(missing * (1.0 + 1e-6) + 1e-12 * (p.tau_max + p.gravity.abs())), "{p:?} {missing}");
+    }
+    assert!(checked > 2_000, "{checked}");
+}
+
+/// Largest excess over the torque bounds of the motion of duration t, sampled on its own.
+fn excess(p: &Problem, t: f64) -> f64 {
+    let acceleration = 4.0 * (p.thetaf - p.theta0) / (t * t);
+    let middle = 0.5 * (p.theta0 + p.thetaf);
+    let samples = 400;
+    let mut worst = f64::NEG_INFINITY;
+    for k in 0..=samples {
+        let s = k as f64 / samples as f64;
+        for (theta, a) in [(p.theta0 + (middle - p.theta0) * s, acceleration), (middle + (p.thetaf - middle) * s, -acceleration)] {
+            let tau = p.inertia * a + p.gravity * theta.sin();
+            worst = worst.max(tau - p.tau_max).max(p.tau_min - tau);
+        }
+    }
+    worst
+}
+
+#[test]
+fn random_problems_against_a_sampling_checker() {
+    let mut random = Random::new(11);
+    let (mut feasible, mut infeasible) = (0, 0);
+    for k in 0..random_count() {
+        let p = Problem::stratum(&mut random, k);
+        let r = report(&p);
+        let scale = p.tau_max.max(-p.tau_min) + p.gravity.abs();
+        assert!(r.a_min.is_finite() && r.a_max.is_finite() && r.a_min >= 0.0, "{p:?}");
+        if p.theta0 == p.thetaf {
+            assert_eq!((r.feasible, r.hold_start), (r.hold_start, r.hold_end));
+            continue;
+        }
+        if r.feasible {
+            feasible += 1;
+            assert!(r.t_min.is_finite() && r.t_min > 0.0 && r.t_max >= r.t_min, "{p:?} {r:?}");
+            // 1e-9 of the torques: t^2 and the sines round, and the slack is 1e-12 of the bound.
+            assert!(excess(&p, r.t_min) <= 1e-9 * scale, "{p:?} {r:?} {}", excess(&p, r.t_min));
+            if r.t_max.is_finite() {
+                assert!(excess(&p, r.t_max) <= 1e-9 * scale, "{p:?} {r:?}");
+            }
+            // The limit binds where the report says: any faster motion breaks it.
+            let bind = r.active_upper();
+            let sign = if (bind.phase == 1) == (p.thetaf > p.theta0) { 1.0 } else { -1.0 };
+            let tau = sign * r.a_max + p.gravity * bind.theta.sin();
+            let limit = if bind.limit == Limit::TauMax { p.tau_max } else { p.tau_min };
+            assert!((tau - limit).abs() <= 1e-9 * scale, "{p:?} {bind:?} {tau}");
+            assert!((0.0..=r.t_min * (1.0 + 1e-12)).contains(&bind.time), "{p:?} {bind:?}");
+        } else {
+            infeasible += 1;
+            // No false infeasible: every duration of a wide scan breaks a limit.
+            let base = (p.inertia * (p.thetaf - p.theta0).abs() / scale).sqrt();
+            for j in 0..60 {
+                assert!(excess(&p, base * 10f64.powf(-1.0 + j as f64 * 0.1)) > 0.0, "{p:?} {r:?} {j}");
+            }
+        }
+    }
+    println!("bang-bang: {feasible} feasible, {infeasible} infeasible");
+    assert!(feasible * 5 > random_count() && infeasible * 5 > random_count(), "{feasible} {infeasible}");
+}
+
+#[test]
+fn mirror_reversal_and_shift_laws() {
+    let mut random = Random::new(5);
+    for k in 0..5_000 {
+        let p = Problem::stratum(&mut random, k);
+        let r = report(&p);
+        // theta -> -theta swaps the bounds; running backwards in time swaps the ends only.
+        let mirrored = report(&Problem { theta0: -p.theta0, thetaf: -p.thetaf, tau_min: -p.tau_max, tau_max: -p.tau_min, ..p });
+        let reversed = report(&Problem { theta0: p.thetaf, thetaf: p.theta0, ..p });
+        for other in [mirrored, reversed] {
+            assert_eq!(r.feasible, other.feasible, "{p:?}");
+            assert_eq!((r.a_min, r.a_max), (other.a_min, other.a_max), "{p:?}");
+            assert_eq!(r.t_min.to_bits(), other.t_min.to_bits(), "{p:?}");
+        }
+        assert_eq!((r.hold_start, r.hold_end), (reversed.hold_end, reversed.hold_start));
+        // G -> -G measures theta from the upward vertical: shift by pi. Rounding of the shifted angle only.
+        let pi = std::f64::consts::PI;
+        let up = report(&Problem { theta0: p.theta0 + pi, thetaf: p.thetaf + pi, gravity: -p.gravity, ..p });
+        let scale = 1e-13 * (p.tau_max - p.tau_min + p.gravity.abs()) * (1.0 + p.theta0.abs() + p.thetaf.abs());
+        assert!((up.a_max - r.a_max).abs() <= scale && (up.a_min - r.a_min).abs() <= scale, "{p:?}");
+    }
+}
+
+#[test]
+fn zero_moves_and_asymmetric_bounds() {
+    let half = std::f64::consts::FRAC_PI_2;
+    let held = bang_bang_time(half, half, 1.0, 1.0, -1.0, 1.0).unwrap();
+    assert!(held.feasible && held.t_min == 0.0 && held.t_max == 0.0);
+    let falling = bang_bang_time(half, half, 1.0, 1.5, -1.0, 1.0).unwrap();
+    assert!(!falling.feasible && falling.t_min.is_nan());
+    assert_eq!(falling.reason(), Reason::CannotHold { limit: Limit::TauMax, theta: half, missing: 0.5 });
+    // The smallest representable move on either side of zero.
+    for end in [f64::from_bits(half.to_bits() + 1), f64::from_bits(half.to_bits() - 1)] {
+        let tiny = bang_bang_time(half, end, 1.0, 0.5, -1.0, 1.0).unwrap();
+        assert!(tiny.feasible && near(tiny.t_min, 2.0 * ((end - half).abs() / 0.5).sqrt(), 1e-12), "{tiny:?}");
+    }
+    // No gravity, tau in [-1, 2]: the symmetric profile is bound by the weaker side, in the braking phase.
+    let r = bang_bang_time(0.0, 1.0, 1.0, 0.0, -1.0, 2.0).unwrap();
+    assert!(r.a_max == 1.0 && r.t_min == 2.0 && r.active_upper().limit == Limit::TauMin && r.active_upper().phase == 2);
+    // Only pulling: tau in [0, 1] brakes by gravity alone, weakest at the switch.
+    let r = bang_bang_time(0.2, 0.6, 1.0, 1.0, 0.0, 1.0).unwrap();
+    assert!(r.feasible && near(r.a_max, 0.4f64.sin(), 1e-15));
+}
+
+#[test]
+fn refusals() {
+    let nan = f64::NAN;
+    let inf = f64::INFINITY;
+    for (k, bad) in [
+        ("theta0", [nan, 1.0, 1.0, 1.0, -1.0, 1.0]),
+        ("thetaf", [0.0, inf, 1.0, 1.0, -1.0, 1.0]),
+        ("thetaf", [-1e308, 1e308, 1.0, 1.0, -1.0, 1.0]),
+        ("inertia", [0.0, 1.0, 0.0, 1.0, -1.0, 1.0]),
+        ("inertia", [0.0, 1.0, -1.0, 1.0, -1.0, 1.0]),
+        ("inertia", [0.0, 1.0, nan, 1.0, -1.0, 1.0]),
+        ("gravity_moment", [0.0, 1.0, 1.0, inf, -1.0, 1.0]),
+        ("tau_min", [0.0, 1.0, 1.0, 1.0, 0.5, 1.0]),
+        ("tau_min", [0.0, 1.0, 1.0, 1.0, nan, 1.0]),
+        ("tau_max", [0.0, 1.0, 1.0, 1.0, 0.0, 0.0]),
+        ("tau_max", [0.0, 1.0, 1.0, 1.0, -1.0, -1.0]),
+        ("tau_max", [0.0, 1.0, 1.0, 1.0, -1.0, inf]),
+        ("tau_max", [0.0, 1.0, 1.0, 1.0, -1e308, 1e308]),
+    ] {
+        let [a, b, i, g, lo, hi] = bad;
+        let message = bang_bang_time(a, b, i, g, lo, hi).unwrap_err().to_string();
+        assert!(message.starts_with(k) && message.contains("expected"), "{bad:?}: {message}");
+    }
+}

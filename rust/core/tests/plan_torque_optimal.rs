@@ -1,0 +1,257 @@
+//! The torque optimum: the public oracle, random problems against a time-stepping checker, symmetry laws, refusals.
+
+mod plan_support;
+use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, bang_bang_time, torque_optimal_time};
+use plan_support::{Problem, Random, cases, near, number, oracle, random_count};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+fn optimum(p: &Problem) -> TorqueOptimum {
+    torque_optimal_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max).expect("valid problem")
+}
+
+#[test]
+fn public_oracle() {
+    for case in &cases() {
+        let id = case["id"].as_str().unwrap();
+        let p = Problem::of_case(case);
+        let (expected, t_rel) = (&case["expected"]["optimal_monotone"], number(&case["tolerance"]["T_rel"]));
+        let o = optimum(&p);
+        assert_eq!(o.feasible, expected["feasible"].as_bool().unwrap(), "{id}");
+        if !o.feasible {
+            assert!(o.t.is_nan() && o.theta_switch.is_nan() && matches!(o.reason, MonotoneReason::Work { .. }), "{id}");
+            continue;
+        }
+        assert!(near(o.t, number(&expected["T"]), t_rel), "{id}: {} {}", o.t, expected["T"]);
+        assert!((o.theta_switch - number(&expected["theta_switch"])).abs() < 1e-12, "{id}: {}", o.theta_switch);
+        assert!(near(o.t_switch, number(&expected["t_switch"]), 1e-11), "{id}: {} {}", o.t_switch, expected["t_switch"]);
+        assert!(near(o.v_peak, number(&expected["omega_peak"]), 1e-12), "{id}: {}", o.v_peak);
+        assert_eq!(o.certified_global, expected["globally_optimal_certified"].as_bool().unwrap(), "{id}");
+        assert!(near(o.sturm_bound, number(&expected["sturm_bound"]), 1e-14), "{id}");
+        if let Some(ratio) = case["expected"]["ratio_profile_over_optimal"].as_f64() {
+            let profile = bang_bang_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max).unwrap();
+            assert!(near(profile.t_min / o.t, ratio, number(&case["tolerance"]["ratio_rel"])), "{id}");
+        }
+        assert!(o.best.t <= o.t);
+        let swing = &case["expected"]["optimal_with_backswing"];
+        if swing.is_object() {
+            assert_eq!(o.best.kind, Family::BackSwing, "{id}");
+            assert!(near(o.best.t, number(&swing["T"]), number(&case["tolerance"]["backswing_T_rel"])), "{id}: {:?}", o.best);
+            // The place of a minimum is known to the root of the tolerance of its value.
+            assert!((o.best.theta_switches[0] - number(&swing["theta_first_switch"])).abs() < 1e-6, "{id}: {:?}", o.best);
+        }
+    }
+}
+
+#[test]
+fn ratio_table() {
+    for row in oracle()["seed_ratio_table"].as_array().unwrap() {
+        let gamma = number(&row["gamma"]);
+        let o = torque_optimal_time(-FRAC_PI_2, FRAC_PI_2, 1.0, gamma, -1.0, 1.0).unwrap();
+        assert!(near(o.t, number(&row["T_optimal"]), 1e-12), "{gamma}: {}", o.t);
+        assert_eq!(o.certified_global, row["certified"].as_bool().unwrap(), "{gamma}");
+        let profile = bang_bang_time(-FRAC_PI_2, FRAC_PI_2, 1.0, gamma, -1.0, 1.0).unwrap();
+        match row["T_profile"].as_f64() {
+            Some(t) => assert!(near(profile.t_min, t, 1e-12) && near(profile.t_min / o.t, number(&row["ratio"]), 1e-11), "{gamma}"),
+            None => assert!(!profile.feasible, "{gamma}"),
+        }
+    }
+}
+
+#[test]
+fn a_swing_can_win_and_can_make_feasible() {
+    // SPEC: pi/2 -> 3 at tau_max = 1.02 G.
+    let o = torque_optimal_time(FRAC_PI_2, 3.0, 1.0, 1.0, -1.02, 1.02).unwrap();
+    assert!((o.t - 8.419).abs() < 5e-4 && (o.best.t - 5.702).abs() < 5e-4 && o.best.kind == Family::BackSwing, "{o:?}");
+    // Its mirror in time: from pi - 3 past the goal and back.
+    let o = torque_optimal_time(-3.0, -FRAC_PI_2, 1.0, 1.0, -1.02, 1.02).unwrap();
+    assert!((o.best.t - 5.702).abs() < 5e-4 && o.best.kind == Family::Overshoot, "{o:?}");
+    // Too weak to leave the horizontal: only a swing can.
+    let o = torque_optimal_time(FRAC_PI_2, PI, 1.0, 1.0, -0.9, 0.9).unwrap();
+    assert!(!o.feasible && matches!(o.reason, MonotoneReason::StartBlocked { .. }) && o.best.kind == Family::BackSwing, "{o:?}");
+    // Far too weak for one reversal.
+    let o = torque_optimal_time(0.0, PI, 1.0, 1.0, -0.01, 0.01).unwrap();
+    assert!(!o.feasible && o.best.kind == Family::NoneFound && o.best.t.is_nan(), "{o:?}");
+}
+
+/// Displacement and speed at the end under the torque sequence alone, by the classical Runge-Kutta method: no formula of the
+/// planner in it. The displacement is integrated, not the angle, so that tiny moves keep their digits.
+fn drive(p: &Problem, o: &TorqueOptimum, steps: usize) -> (f64, f64) {
+    let b = &o.best;
+    let first_up = (p.thetaf >= p.theta0) == (b.kind != Family::BackSwing);
+    let (mut q, mut v, mut t) = (0.0, 0.0, 0.0);
+    for k in 0..=b.switches {
+        let end = if k < b.switches { b.t_switches[k] } else { b.t };
+        let tau = if (k % 2 == 0) == first_up { p.tau_max } else { p.tau_min };
+        let f = |q: f64| (tau - p.gravity * (p.theta0 + q).sin()) / p.inertia;
+        let h = (end - t) / steps as f64;
+        for _ in 0..steps {
+            let (k1, l1) = (v, f(q));
+            let (k2, l2) = (v + 0.5 * h * l1, f(q + 0.5 * h * k1));
+            let (k3, l3) = (v + 0.5 * h * l2, f(q + 0.5 * h * k2));
+            let (k4, l4) = (v + h * l3, f(q + h * k3));
+            q += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+            v += h / 6.0 * (l1 + 2.0 * l2 + 2.0 * l3 + l4);
+        }
+        t = end;
+    }
+    (q, v)
+}
+
+/// The least kinetic energy over the work scale of the monotone motion, by plain sampling of `cos`.
+fn sampled_margin(p: &Problem) -> f64 {
+    let s = if p.thetaf >= p.theta0 { 1.0 } else { -1.0 };
+    let (x0, x1) = (s * p.theta0, s * p.thetaf);
+    let (up, down) = if s > 0.0 { (p.tau_max, -p.tau_min) } else { (-p.tau_min, p.tau_max) };
+    let n = 4000;
+    let mut least = f64::INFINITY;
+    for k in 1..n {
+        let x = x0 + (x1 - x0) * k as f64 / n as f64;
+        let push = up * (x - x0) - p.gravity * (x0.cos() - x.cos());
+        let brake = down * (x1 - x) - p.gravity * (x1.cos() - x.cos());
+        // Divided by the distances to the ends, so that the ends themselves are resolved.
+        least = least.min(push.min(brake) / (x - x0).min(x1 - x));
+    }
+    least
+}
+
+#[test]
+fn random_problems_arrive_at_rest() {
+    let mut random = Random::new(21);
+    let (mut counts, mut worst) = ([0usize; 4], 0.0f64);
+    for k in 0..random_count() / 4 {
+        let p = Problem::stratum(&mut random, k);
+        let o = optimum(&p);
+        counts[o.best.kind as usize] += 1;
+        let scale = p.tau_max.max(-p.tau_min) + p.gravity.abs();
+        let distance = (p.thetaf - p.theta0).abs();
+        if distance > 1e-3 {
+            // No false verdict on the monotone motion, rounding and sampling aside.
+            let margin = sampled_margin(&p) / scale;
+            assert!(if o.feasible { margin > -1e-9 } else { margin < 2e-2 }, "{p:?} {o:?} {margin}");
+        }
+        if o.best.kind == Family::NoneFound || distance == 0.0 {
+            continue;
+        }
+        assert!(o.best.t.is_finite() && o.best.t >= 0.0 && (o.t.is_nan() || o.best.t <= o.t), "{p:?} {o:?}");
+        // The open loop is unstable: an error grows by at most exp(t sqrt(|G|/I)), so problems beyond 1e4 are left to the profile test.
+        let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
+        if growth < 1e4 {
+            let (q, v) = drive(&p, &o, 400);
+            let size = distance + if o.best.switches == 2 { (o.best.theta_turn - p.theta0).abs() } else { 0.0 };
+            let error = (q - (p.thetaf - p.theta0)).abs().max(v.abs() * o.best.t) / size;
+            // Runge-Kutta of order 4 in 400 steps per phase: (t/400)^4, amplified.
+            assert!(error < 1e-8 * growth, "{p:?} {o:?} {q} {v} {error}");
+            worst = worst.max(error / growth);
+        }
+    }
+    println!("monotone, back-swing, overshoot, none: {counts:?}; worst end error {worst:.1e}");
+    assert!(counts[0] > 1000 && counts[1] > 10 && counts[2] > 10, "{counts:?}");
+}
+
+#[test]
+fn no_detour_beats_the_best() {
+    // T(a, z) + T(z, b) of monotone motions, for turning points z outside the path, on a grid of its own.
+    let mut random = Random::new(31);
+    let mut detours = 0;
+    for k in 0..random_count() / 80 {
+        let p = Problem::stratum(&mut random, if k % 4 == 1 { 0 } else { k });
+        let o = optimum(&p);
+        let sign = if p.thetaf >= p.theta0 { 1.0 } else { -1.0 };
+        for j in 0..40 {
+            let depth = 10f64.powf(-3.0 + 3.9 * (j / 2) as f64 / 19.0);
+            let z = if j % 2 == 0 { p.theta0 - sign * depth } else { p.thetaf + sign * depth };
+            let detour = optimum(&Problem { thetaf: z, ..p }).t + optimum(&Problem { theta0: z, ..p }).t;
+            if detour.is_finite() {
+                detours += 1;
+                assert!(o.best.t <= detour * (1.0 + 1e-9), "{p:?} {o:?} {z} {detour}");
+            }
+        }
+    }
+    assert!(detours > 1000, "{detours}");
+}
+
+#[test]
+fn profiles_are_continuous_and_obey_the_dynamics() {
+    let mut random = Random::new(41);
+    let mut swings = 0;
+    for k in 0..2_000 {
+        let p = Problem::stratum(&mut random, k);
+        let o = optimum(&p);
+        let Some(profile) = o.profile() else { continue };
+        if o.best.t == 0.0 {
+            assert_eq!((profile.at(0.0).q, profile.at(1.0).q), (p.theta0, p.thetaf));
+            continue;
+        }
+        swings += usize::from(o.best.kind != Family::Monotone);
+        let t = profile.duration();
+        let size = (p.thetaf - p.theta0).abs() + if o.best.switches == 2 { (o.best.theta_turn - p.theta0).abs() } else { 0.0 };
+        let (first, last) = (profile.at(0.0), profile.at(t));
+        assert!(first.q == p.theta0 && first.v == 0.0 && last.q == p.thetaf && last.v == 0.0);
+        let top = (2.0 * (p.tau_max - p.tau_min + 2.0 * p.gravity.abs()) * size / p.inertia).sqrt();
+        // The phases are integrated from rest at both ends: a jump at a switch is the error of both, grown by exp(t sqrt(|G|/I)).
+        let growth = (t * (p.gravity.abs() / p.inertia).sqrt()).exp().min(1e6);
+        for s in o.best.t_switches.iter().take(o.best.switches) {
+            let (before, after) = (profile.at(s * (1.0 - 1e-15)), profile.at(*s));
+            let place = 1e-13 * size * growth + 1e-15 * p.theta0.abs().max(p.thetaf.abs()) * growth;
+            assert!((before.q - after.q).abs() <= place, "{p:?} {o:?} {before:?} {after:?}");
+            assert!((before.v - after.v).abs() <= 1e-12 * top * growth, "{p:?} {o:?} {before:?} {after:?}");
+        }
+        for j in 0..50 {
+            let time = t * random.unit();
+            let s = profile.at(time);
+            assert!(s.tau == p.tau_max || s.tau == p.tau_min, "{p:?} {s:?}");
+            // Energy: v^2/2 from the work since the rest before, which is the integral of the dynamics.
+            assert!((p.inertia * s.a + p.gravity * s.q.sin() - s.tau).abs() <= 1e-12 * (s.tau.abs() + p.gravity.abs()), "{j}");
+            // Speed is the slope of the angle: central difference, away from the switches.
+            let h = 1e-5 * t;
+            let near_switch = o.best.t_switches.iter().chain([&o.best.t_turn, &0.0, &t]).any(|x| (x - time).abs() < 2.0 * h);
+            if !near_switch && size > 1e-3 {
+                let slope = (profile.at(time + h).q - profile.at(time - h).q) / (2.0 * h);
+                assert!((slope - s.v).abs() <= 1e-6 * top, "{p:?} {s:?} {slope}");
+            }
+        }
+    }
+    assert!(swings > 20, "{swings}");
+}
+
+#[test]
+fn mirror_and_reversal_laws() {
+    let mut random = Random::new(51);
+    for k in 0..1_000 {
+        let p = Problem::stratum(&mut random, k);
+        let o = optimum(&p);
+        let mirrored = optimum(&Problem { theta0: -p.theta0, thetaf: -p.thetaf, tau_min: -p.tau_max, tau_max: -p.tau_min, ..p });
+        assert_eq!((o.t.to_bits(), o.best.t.to_bits(), o.best.kind), (mirrored.t.to_bits(), mirrored.best.t.to_bits(), mirrored.best.kind));
+        assert!(o.theta_switch == -mirrored.theta_switch || o.theta_switch.is_nan() && mirrored.theta_switch.is_nan());
+        // Backwards in time the back-swing becomes an overshoot. Sums in another order: rounding.
+        let reversed = optimum(&Problem { theta0: p.thetaf, thetaf: p.theta0, ..p });
+        assert_eq!(o.feasible, reversed.feasible, "{p:?}");
+        assert!(!o.feasible || near(o.t, reversed.t, 1e-13), "{p:?}");
+        assert!(o.best.t.is_nan() && reversed.best.t.is_nan() || near(o.best.t, reversed.best.t, 1e-9), "{p:?} {o:?} {reversed:?}");
+    }
+}
+
+#[test]
+fn small_arguments_and_refusals() {
+    let o = torque_optimal_time(1.0, 1.0, 1.0, 2.0, -1.0, 1.0).unwrap();
+    assert!(o.feasible && o.t == 0.0 && o.best.t == 0.0 && o.best.kind == Family::Monotone);
+    // Tiny moves: a constant field, T = sqrt(2 I D (u1 + u2)/(u1 u2)) with the net torques u.
+    for d in [1e-16, 1e-12, 1e-8] {
+        let o = torque_optimal_time(0.0, d, 2.0, 0.7, -1.0, 3.0).unwrap();
+        assert!(near(o.t, (2.0 * 2.0 * d * 4.0 / 3.0f64).sqrt(), 1e-7), "{d}: {}", o.t);
+    }
+    // Either side of the stretch (pi) at which the quadrature changes its evaluation.
+    let f = |d: f64| torque_optimal_time(-0.3, -0.3 + d, 1.0, 0.4, -1.0, 1.0).unwrap().t;
+    assert!(near(f(2.0 * PI - 1e-9), f(2.0 * PI + 1e-9), 1e-8) && near(f(6.1), 0.5 * (f(6.1 - 1e-4) + f(6.1 + 1e-4)), 1e-8));
+    for (name, bad) in [
+        ("theta0", [f64::NAN, 1.0, 1.0, 1.0, -1.0, 1.0]),
+        ("thetaf", [0.0, f64::NEG_INFINITY, 1.0, 1.0, -1.0, 1.0]),
+        ("inertia", [0.0, 1.0, -1.0, 1.0, -1.0, 1.0]),
+        ("gravity_moment", [0.0, 1.0, 1.0, f64::NAN, -1.0, 1.0]),
+        ("tau_max", [0.0, 1.0, 1.0, 1.0, -1.0, -2.0]),
+    ] {
+        let [a, b, i, g, lo, hi] = bad;
+        let message = torque_optimal_time(a, b, i, g, lo, hi).unwrap_err().to_string();
+        assert!(message.starts_with(name), "{message}");
+    }
+}
