@@ -7,4 +7,6 @@
 //! `integrate` over `error, status, scalar, linalg` alone.
 
 pub mod error;
+pub mod linalg;
+pub mod priority;
 pub mod status;
