@@ -72,8 +72,7 @@ impl Workspace {
         }
     }
 
-    /// `exact`, all levels. `task`: whether to move (else only the basis and the ranks are wanted).
-    /// `protect`: see `consume_exact`.
+    /// `exact`, all levels.
     pub(super) fn solve_exact(&mut self) -> Result<()> {
         self.begin();
         let mut condition = 1.0;
@@ -118,7 +117,7 @@ impl Workspace {
         for i in 0..self.rows.len() {
             self.rest(i);
             let k = self.project(i)?;
-            let (m, eps) = (self.rows[i], self.eps2[i].sqrt());
+            let (m, eps) = (self.rows[i], self.threshold[i]);
             let p = m.min(k);
             let manipulability: f64 = self.svd.s().iter().map(|s| if *s >= eps { 1.0 } else { s / eps }).product();
             let lambda = eps * (1.0 - manipulability);
@@ -178,7 +177,7 @@ impl Workspace {
         let n = self.n;
         let mut condition = 1.0;
         for i in 0..self.rows.len() {
-            let (level, eps) = (self.level(i), self.eps2[i].sqrt());
+            let (level, eps) = (self.level(i), self.threshold[i]);
             let m = level.len();
             self.z[..n].fill(0.0);
             self.svd2.decompose(&self.j[level.start * n..level.end * n], m, n)?;

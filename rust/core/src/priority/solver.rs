@@ -6,19 +6,15 @@
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
 use super::metric::Metric;
 use super::sns::Saturation;
-use super::workspace::Workspace;
+use super::workspace::{TAME, Workspace};
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::dot;
 use crate::status::Status;
-
-/// Squares of row norms outside this range send a level through scaling by a power of two.
-const TAME: std::ops::Range<f64> = 1e-120..1e120;
 
 /// Prioritised inverse kinematics for `n` joints and levels of fixed sizes; `solve` does not allocate.
 #[derive(Debug, Clone)]
 pub struct PrioritySolver {
     method: Method,
-    eps: Option<Vec<f64>>,
     work: Workspace,
     saturation: Option<Saturation>,
     status: Status,
@@ -56,11 +52,12 @@ impl PrioritySolver {
             Some(each) => return Err(Error::input("eps", format!("has the wrong length: expected 1 or {levels}, got {}", each.len()))),
         };
         eps.iter().flatten().try_for_each(|e| positive("eps", *e))?;
+        work.eps = eps;
         if let Some(weight) = &options.weight {
             work.metric = Some(Metric::new(weight, n)?);
         }
         let saturation = (options.method == Method::Sns).then(|| Saturation::new(n));
-        let mut solver = PrioritySolver { method: options.method, eps, work, saturation, status: Status::Success };
+        let mut solver = PrioritySolver { method: options.method, work, saturation, status: Status::Success };
         solver.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
         match (&options.v_min, &options.v_max) {
             (None, None) if options.method == Method::Sns => {
@@ -164,7 +161,6 @@ impl PrioritySolver {
 
     /// Solve for what stands in `inputs`.
     pub fn run(&mut self) -> Result<Status> {
-        self.prepare()?;
         let w = &mut self.work;
         let regular = match self.method {
             Method::Exact => w.solve_regular(true),
@@ -173,19 +169,22 @@ impl PrioritySolver {
         };
         if regular {
             w.lost.fill(false);
-        } else {
-            match self.method {
-                Method::Exact => w.solve_exact()?,
-                Method::Clamp => w.solve_clamped(false)?,
-                Method::Damped => w.solve_clamped(true)?,
-                Method::Chiaverini => w.solve_chiaverini()?,
-                Method::Sns => w.solve_sns(self.saturation.as_mut().expect("allocated for sns"))?,
-            }
+            self.status = Status::Success;
+            return Ok(self.status);
+        }
+        self.prepare()?;
+        let w = &mut self.work;
+        match self.method {
+            Method::Exact => w.solve_exact()?,
+            Method::Clamp => w.solve_clamped(false)?,
+            Method::Damped => w.solve_clamped(true)?,
+            Method::Chiaverini => w.solve_chiaverini()?,
+            Method::Sns => w.solve_sns(self.saturation.as_mut().expect("allocated for sns"))?,
         }
         self.finish()
     }
 
-    /// Check the inputs, take norms, change to metric coordinates.
+    /// Refuse numbers that are not finite, change to metric coordinates, scale levels whose squares would overflow or vanish.
     fn prepare(&mut self) -> Result<()> {
         let w = &mut self.work;
         let n = w.n;
@@ -194,52 +193,30 @@ impl PrioritySolver {
         if let Some(metric) = &w.metric {
             w.j.chunks_exact_mut(n).for_each(|row| metric.row(row));
         }
-        let mut tame = w.c.iter().map(|c| c * 0.0).sum::<f64>() == 0.0;
         for i in 0..w.rows.len() {
-            let level = w.start[i]..w.start[i] + w.rows[i];
-            let (mut most, mut sum) = (0.0f64, 0.0);
-            for row in w.j[level.start * n..level.end * n].chunks_exact(n) {
-                let norm2 = dot(row, row);
-                most = most.max(norm2);
-                sum += norm2;
-            }
-            tame &= TAME.contains(&sum) || level.is_empty();
-            (w.row2[i], w.norm2[i]) = (most, sum);
-            w.eps2[i] = match &self.eps {
-                None => DEFAULT_EPS * DEFAULT_EPS * most,
-                Some(eps) => eps[i] * eps[i],
-            };
-        }
-        if tame { Ok(()) } else { self.prepare_extreme() }
-    }
-
-    /// Refuse numbers that are not finite; scale levels whose squares would overflow or vanish.
-    #[cold]
-    fn prepare_extreme(&mut self) -> Result<()> {
-        let w = &mut self.work;
-        let n = w.n;
-        for i in 0..w.rows.len() {
-            let level = w.start[i]..w.start[i] + w.rows[i];
-            finite(&format!("jacobians[{i}]"), &w.jacobian[level.start * n..level.end * n])?;
-            finite(&format!("velocities[{i}]"), &w.command[level.clone()])?;
+            let level = w.level(i);
             let block = &mut w.j[level.start * n..level.end * n];
-            finite(&format!("jacobians[{i}] in the metric of the weight"), block)?;
-            let biggest = block.iter().fold(0.0f64, |b, x| b.max(x.abs()));
-            if biggest == 0.0 || TAME.contains(&w.norm2[i]) {
-                continue;
+            let biggest = block.iter().chain(&w.c[level.clone()]).fold(0.0f64, |b, x| if x.abs() <= b { b } else { x.abs() });
+            if !biggest.is_finite() {
+                finite(&format!("jacobians[{i}]"), &w.jacobian[level.start * n..level.end * n])?;
+                finite(&format!("velocities[{i}]"), &w.command[level.clone()])?;
+                finite(&format!("jacobians[{i}] in the metric of the weight"), block)?;
             }
-            // Two factors, because one alone can itself overflow; powers of two change no digit.
-            let e = -(biggest.log2().floor() as i32);
-            let (f, g) = (2f64.powi(e / 2), 2f64.powi(e - e / 2));
-            block.iter_mut().chain(&mut w.c[level]).for_each(|x| *x = *x * f * g);
-            let (mut most, mut sum) = (0.0f64, 0.0);
-            for row in block.chunks_exact(n) {
-                most = most.max(dot(row, row));
-                sum += dot(row, row);
+            let norm2: f64 = block.iter().map(|x| x * x).sum();
+            let (mut f, mut g) = (1.0, 1.0);
+            if !TAME.contains(&norm2) {
+                let biggest = block.iter().fold(0.0f64, |b, x| b.max(x.abs()));
+                if biggest > 0.0 {
+                    // Two factors, because one alone can itself overflow; powers of two change no digit.
+                    let e = -(biggest.log2().floor() as i32);
+                    (f, g) = (2f64.powi(e / 2), 2f64.powi(e - e / 2));
+                    block.iter_mut().chain(&mut w.c[level]).for_each(|x| *x = *x * f * g);
+                }
             }
-            (w.row2[i], w.norm2[i]) = (most, sum);
-            let eps = self.eps.as_ref().map_or(DEFAULT_EPS * most.sqrt(), |eps| eps[i] * f * g);
-            w.eps2[i] = eps * eps;
+            w.threshold[i] = match &w.eps {
+                Some(eps) => eps[i] * f * g,
+                None => DEFAULT_EPS * block.chunks_exact(n).map(|row| dot(row, row)).fold(0.0, f64::max).sqrt(),
+            };
         }
         Ok(())
     }

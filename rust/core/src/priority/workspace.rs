@@ -3,6 +3,9 @@
 use super::metric::Metric;
 use crate::linalg::svd::Svd;
 
+/// Squares of a level's norm outside this range send it through scaling by a power of two.
+pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
+
 #[derive(Debug, Clone)]
 pub(super) struct Workspace {
     pub n: usize,
@@ -15,10 +18,11 @@ pub(super) struct Workspace {
     /// The stack in the coordinates of the metric, each level scaled by a power of two where its entries are extreme.
     pub j: Vec<f64>,
     pub c: Vec<f64>,
-    /// Squares of the largest row norm, of the Frobenius norm and of eps, per level.
-    pub row2: Vec<f64>,
+    /// Squares of the largest row norm and of the Frobenius norm of each level, on the regular route.
+    pub most2: Vec<f64>,
     pub norm2: Vec<f64>,
-    pub eps2: Vec<f64>,
+    /// The threshold in force, per level.
+    pub threshold: Vec<f64>,
     /// Rows: an orthonormal basis of joint space. Those before `free` are used up by higher levels; the others carry the
     /// factor `scale` that a clamped level left of them.
     pub basis: Vec<f64>,
@@ -30,10 +34,9 @@ pub(super) struct Workspace {
     pub r: Vec<f64>,
     pub t: Vec<f64>,
     pub z: Vec<f64>,
-    /// LQ factor, reflectors and coordinates of the regular route.
+    /// LQ factor of the regular route, its rows padded to a compiled length.
     pub lq: Vec<f64>,
-    pub h: Vec<f64>,
-    pub beta: Vec<f64>,
+    /// The answer in metric coordinates.
     pub y: Vec<f64>,
     /// Results.
     pub v: Vec<f64>,
@@ -42,6 +45,8 @@ pub(super) struct Workspace {
     pub lost: Vec<bool>,
     pub task_scale: Vec<f64>,
     pub metric: Option<Metric>,
+    /// Thresholds of each level as given, in the unit of its Jacobian.
+    pub eps: Option<Vec<f64>>,
     pub rounding: f64,
     pub bounds: Option<(Vec<f64>, Vec<f64>)>,
 }
@@ -60,9 +65,9 @@ impl Workspace {
             command: vec![0.0; total],
             j: vec![0.0; total * n],
             c: vec![0.0; total],
-            row2: vec![0.0; levels],
+            most2: vec![0.0; levels],
             norm2: vec![0.0; levels],
-            eps2: vec![0.0; levels],
+            threshold: vec![0.0; levels],
             basis: vec![0.0; n * n],
             free: 0,
             scale: vec![1.0; n],
@@ -72,9 +77,14 @@ impl Workspace {
             r: vec![0.0; most],
             t: vec![0.0; most * n],
             z: vec![0.0; most],
-            lq: vec![0.0; total * n],
-            h: vec![0.0; n * n],
-            beta: vec![0.0; n],
+            lq: vec![
+                0.0;
+                if n <= super::regular::MOST_JOINTS {
+                    total * n.next_multiple_of(4).max(if n > 12 { super::regular::MOST_JOINTS } else { 0 })
+                } else {
+                    0
+                }
+            ],
             y: vec![0.0; n],
             v: vec![0.0; n],
             residual: vec![0.0; total],
@@ -82,6 +92,7 @@ impl Workspace {
             lost: vec![false; levels],
             task_scale: vec![1.0; levels],
             metric: None,
+            eps: None,
             rounding: super::DEFAULT_ROUNDING,
             bounds: None,
         }
