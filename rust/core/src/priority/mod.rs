@@ -9,7 +9,7 @@
 //! `levels` is the general recursion over singular values; `sns` adds bounds. `solver` owns the buffers and chooses.
 
 mod bounds;
-//DIAG mod diagnose;
+mod diagnose;
 mod levels;
 mod method;
 mod metric;
@@ -19,6 +19,6 @@ mod solver;
 mod workspace;
 
 pub use bounds::velocity_bounds;
-//DIAG pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
+pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
 pub use solver::{PrioritySolver, Solution, solve_priority};

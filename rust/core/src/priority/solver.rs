@@ -133,6 +133,16 @@ impl PrioritySolver {
     /// Returns `Success`, or `Degraded` when some level lost a direction or was scaled. Errors: `Input` for wrong sizes or
     /// numbers that are not finite, `Solve` if the answer overflows.
     pub fn solve(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<Status> {
+        self.load(jacobians, velocities)?;
+        self.run()
+    }
+
+    pub(super) fn workspace(&mut self) -> &mut Workspace {
+        &mut self.work
+    }
+
+    /// Check the sizes and copy into `inputs`.
+    pub(super) fn load(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<()> {
         let levels = self.work.rows.len();
         for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
             if got != levels {
@@ -156,7 +166,7 @@ impl PrioritySolver {
             self.work.jacobian[level.start * n..level.end * n].copy_from_slice(jacobians[i]);
             self.work.command[level].copy_from_slice(velocities[i]);
         }
-        self.run()
+        Ok(())
     }
 
     /// Solve for what stands in `inputs`.
@@ -185,7 +195,7 @@ impl PrioritySolver {
     }
 
     /// Refuse numbers that are not finite, change to metric coordinates, scale levels whose squares would overflow or vanish.
-    fn prepare(&mut self) -> Result<()> {
+    pub(super) fn prepare(&mut self) -> Result<()> {
         let w = &mut self.work;
         let n = w.n;
         w.j.copy_from_slice(&w.jacobian);
@@ -204,11 +214,13 @@ impl PrioritySolver {
             }
             let norm2: f64 = block.iter().map(|x| x * x).sum();
             let (mut f, mut g) = (1.0, 1.0);
+            w.exponent[i] = 0;
             if !TAME.contains(&norm2) {
                 let biggest = block.iter().fold(0.0f64, |b, x| b.max(x.abs()));
                 if biggest > 0.0 {
                     // Two factors, because one alone can itself overflow; powers of two change no digit.
                     let e = -(biggest.log2().floor() as i32);
+                    w.exponent[i] = e;
                     (f, g) = (2f64.powi(e / 2), 2f64.powi(e - e / 2));
                     block.iter_mut().chain(&mut w.c[level]).for_each(|x| *x = *x * f * g);
                 }

@@ -21,6 +21,8 @@ pub(super) struct Workspace {
     /// Squares of the largest row norm and of the Frobenius norm of each level, on the regular route.
     pub most2: Vec<f64>,
     pub norm2: Vec<f64>,
+    /// Power of two by which a level of extreme magnitude is scaled.
+    pub exponent: Vec<i32>,
     /// The threshold in force, per level.
     pub threshold: Vec<f64>,
     /// Rows: an orthonormal basis of joint space. Those before `free` are used up by higher levels; the others carry the
@@ -67,6 +69,7 @@ impl Workspace {
             c: vec![0.0; total],
             most2: vec![0.0; levels],
             norm2: vec![0.0; levels],
+            exponent: vec![0; levels],
             threshold: vec![0.0; levels],
             basis: vec![0.0; n * n],
             free: 0,
