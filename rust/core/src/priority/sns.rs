@@ -14,6 +14,9 @@ use crate::linalg::{axpy, dot};
 /// A joint moves within the remaining null space if its row there is longer than this; below, fixing it would amplify rounding 1e10 times.
 const MOBILE: f64 = 1e-10;
 
+/// Rounding of a velocity at its bound, relative to the fastest joint; it is cut off at the end.
+const EDGE: f64 = 1e-13;
+
 /// Buffers of the method, shape `(n,)` each.
 #[derive(Debug, Clone)]
 pub(super) struct Saturation {
@@ -91,19 +94,18 @@ impl Workspace {
             for j in (0..n).filter(|&j| !sat.fixed[j]) {
                 let (low, high) = interval(sat.va[j], sat.vb[j], lower[j], upper[j]);
                 (from, to) = (from.max(low), to.min(high));
-                if high < 1.0 && high < least {
-                    (critical, least) = (Some(j), high);
+                let violates = low > 1.0 || high < 1.0;
+                if violates && (critical.is_none() || high < least) {
+                    let above = sat.va[j] + sat.vb[j] > upper[j];
+                    (critical, least) = (Some((j, if above { upper[j] } else { lower[j] })), high);
                 }
             }
-            if from <= to && to > scale {
+            if from <= to && to > scale && self.candidate(i, rank, k, to, sat) {
                 scale = to;
-                for ((best, a), b) in sat.best.iter_mut().zip(&sat.a).zip(&sat.b) {
-                    *best = to * a + b;
-                }
+                sat.best.copy_from_slice(&sat.a);
             }
-            let Some(joint) = critical else { break };
-            let bound = if sat.va[joint] + sat.vb[joint] > upper[joint] { upper[joint] } else { lower[joint] };
-            if k == 0 || !self.fix(joint, bound, k, sat) {
+            let Some((joint, bound)) = critical else { break };
+            if k == 0 || !bound.is_finite() || !self.fix(joint, bound, k, sat) {
                 break;
             }
             k -= 1;
@@ -137,6 +139,29 @@ impl Workspace {
             metric.velocity(&mut sat.va);
             metric.velocity(&mut sat.vb);
         }
+    }
+
+    /// `v(s)` into `a`, evaluated as `base + N (J N)# (s v_i - J base)`: near singularities `s a` and `b` are huge and cancel.
+    /// False if rounding carries it out of bounds all the same.
+    fn candidate(&mut self, i: usize, rank: usize, k: usize, s: f64, sat: &mut Saturation) -> bool {
+        let (n, level) = (self.n, self.level(i));
+        sat.a.copy_from_slice(&sat.base);
+        for (r, row) in level.clone().enumerate() {
+            self.r[r] = s * self.c[row] - dot(&self.j[row * n..(row + 1) * n], &sat.base);
+        }
+        for l in 0..rank {
+            let gain = dot(self.svd.u(l), &self.r[..level.len()]) / self.svd.s()[l];
+            for (c, v) in self.svd.v(l).iter().enumerate().take(k) {
+                axpy(gain * v, &self.t[c * n..(c + 1) * n], &mut sat.a);
+            }
+        }
+        sat.va.copy_from_slice(&sat.a);
+        if let Some(metric) = &self.metric {
+            metric.velocity(&mut sat.va);
+        }
+        let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
+        let fastest = sat.va.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        (0..n).all(|j| sat.va[j] >= lower[j] - EDGE * fastest && sat.va[j] <= upper[j] + EDGE * fastest)
     }
 
     /// Fix a joint's velocity at `bound` and remove the direction that moves it from the `k` rows of `t`; false if none moves it.
