@@ -29,3 +29,14 @@ pub fn axpy(s: f64, x: &[f64], y: &mut [f64]) {
         *y += s * x;
     }
 }
+
+/// Largest magnitude; NaN if any entry is not finite.
+#[inline(always)]
+pub fn largest(a: &[f64]) -> f64 {
+    let (mut most, mut sound) = (0.0f64, 0.0);
+    for x in a {
+        most = most.max(x.abs());
+        sound += x * 0.0;
+    }
+    most + sound
+}

@@ -6,7 +6,7 @@
 //! reflections and rotations: its trailing rows are the null basis. The sweep count is capped and the buffers are kept.
 
 use super::householder::{reflect, reflector};
-use super::{axpy, dot};
+use super::{axpy, dot, largest};
 use crate::error::{Error, Result, finite};
 use crate::status::Status;
 
@@ -72,7 +72,7 @@ impl Svd {
         if a.len() != m * k || self.work.len() < m * k || self.vt.len() < k * k || self.s.len() < p || self.ut.len() < p * m {
             return Err(Error::input("matrix", format!("is too large: expected at most the sizes of construction, got ({m}, {k})")));
         }
-        let biggest = a.iter().fold(0.0f64, |b, x| if x.abs() <= b { b } else { x.abs() });
+        let biggest = largest(a);
         if !biggest.is_finite() {
             finite("matrix", a)?;
         }

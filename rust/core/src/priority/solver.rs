@@ -8,7 +8,7 @@ use super::metric::Metric;
 use super::sns::Saturation;
 use super::workspace::{TAME, Workspace};
 use crate::error::{Error, Result, finite, positive};
-use crate::linalg::dot;
+use crate::linalg::{dot, largest};
 use crate::status::Status;
 
 /// Prioritised inverse kinematics for `n` joints and levels of fixed sizes; `solve` does not allocate.
@@ -206,8 +206,8 @@ impl PrioritySolver {
         for i in 0..w.rows.len() {
             let level = w.level(i);
             let block = &mut w.j[level.start * n..level.end * n];
-            let biggest = block.iter().chain(&w.c[level.clone()]).fold(0.0f64, |b, x| if x.abs() <= b { b } else { x.abs() });
-            if !biggest.is_finite() {
+            let biggest = largest(block) + largest(&w.c[level.clone()]);
+            if biggest.is_nan() {
                 finite(&format!("jacobians[{i}]"), &w.jacobian[level.start * n..level.end * n])?;
                 finite(&format!("velocities[{i}]"), &w.command[level.clone()])?;
                 finite(&format!("jacobians[{i}] in the metric of the weight"), block)?;
