@@ -28,7 +28,8 @@ pub fn velocity_bounds(
         }
     }
     for i in 0..n {
-        if !q[i].is_finite() || !(q_min[i] <= q_max[i]) || !(v_max[i] >= 0.0) || !(a_max[i] >= 0.0) {
+        let ordered = q[i].is_finite() && q_min[i] <= q_max[i] && v_max[i] >= 0.0 && a_max[i] >= 0.0;
+        if !ordered {
             let got = format!("q {}, limits [{}, {}], v_max {}, a_max {}", q[i], q_min[i], q_max[i], v_max[i], a_max[i]);
             return Err(Error::input(
                 "limits",
