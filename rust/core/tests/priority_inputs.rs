@@ -178,3 +178,18 @@ fn reusing_a_solver_gives_the_same_bits() {
         }
     }
 }
+
+/// A level that finds no freedom changes no bit of the levels above it, even where their answer is ill-conditioned.
+#[test]
+fn a_level_without_freedom_changes_nothing() {
+    let mut random = Random::new(15);
+    let (j1, j2, c1, c2) = (random.normals(8), random.normals(12), random.normals(2), random.normals(3));
+    for method in Method::ALL {
+        let two = solve_priority(4, &[&j1, &j2], &[&c1, &c2], &options(method, 4)).unwrap();
+        let three = solve_priority(4, &[&j1, &j2, &[0.0; 4]], &[&c1, &c2, &[1.0]], &options(method, 4)).unwrap();
+        assert_eq!((two.v, &two.ranks[..]), (three.v, &three.ranks[..2]), "{method:?}");
+        assert_eq!((three.ranks[2], three.residuals[2][0]), (0, 1.0));
+        let bad = solve_priority(4, &[&j1, &j2, &[0.0, f64::NAN, 0.0, 0.0]], &[&c1, &c2, &[1.0]], &options(method, 4));
+        refused(bad, "jacobians[2] is not finite");
+    }
+}

@@ -65,9 +65,6 @@ impl Workspace {
                 most = if row2 > most { row2 } else { most };
                 sum += row2;
             }
-            if !TAME.contains(&sum) && m > 0 {
-                return false;
-            }
             (self.most2[i], self.norm2[i]) = (most, sum);
         }
         let command = &self.command[..fit];
@@ -87,8 +84,12 @@ impl Workspace {
         for i in 0..self.rows.len() {
             let (m, p) = (self.rows[i], self.rows[i].min(n - used));
             self.ranks[i] = p;
+            // A level without rows or freedom decides nothing, so that it cannot change the route of the levels above it.
             if p == 0 {
                 continue;
+            }
+            if !TAME.contains(&self.norm2[i]) {
+                return false;
             }
             let inverse2 = if i < levels {
                 f.inverse_norm2(used, m, &mut self.z)
@@ -122,7 +123,10 @@ impl Workspace {
         if let Some(metric) = &self.metric {
             metric.velocity(&mut y[..n]);
         }
-        self.v.copy_from_slice(&y[..n]);
+        match <&mut [f64; N]>::try_from(&mut self.v[..]) {
+            Ok(v) => *v = y,
+            Err(_) => self.v.copy_from_slice(&y[..n]),
+        }
         let mut sound = 0.0;
         for ((r, given), c) in self.residual.iter_mut().zip(self.jacobian.chunks_exact(n)).zip(&self.command) {
             *r = c - match <&[f64; N]>::try_from(given) {
@@ -162,10 +166,11 @@ impl<const N: usize> Factor<N> {
         let rest = product(&w, &w);
         let mut alpha = x0;
         if rest > TAIL {
-            let norm = (x0 * x0 + rest).sqrt();
+            let norm2 = x0 * x0 + rest;
+            let norm = norm2.sqrt();
             alpha = -norm.copysign(x0);
             w[at] = x0 - alpha;
-            let beta = 1.0 / (norm * (norm + x0.abs()));
+            let beta = 1.0 / (norm2 + norm * x0.abs());
             for r in at + 1..N {
                 reflect(&w, beta, &mut self.l[r]);
             }
