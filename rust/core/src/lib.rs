@@ -13,6 +13,7 @@ pub mod law;
 pub mod linalg;
 pub mod motion;
 pub mod plan;
+pub mod priority;
 pub mod scalar;
 pub mod simulate;
 pub mod status;

@@ -1,3 +1,43 @@
-//! Decompositions for set-up and for rank decisions: capped, finite-checked, never a panic.
+//! Small dense linear algebra on row-major slices: decompositions that end on every input.
+//!
+//! Every routine refuses numbers that are not finite, caps its iterations and keeps its buffers, so that a
+//! control step neither hangs nor allocates. Matrices are row-major slices with their sizes beside them.
 
 pub mod cholesky;
+pub mod clamp;
+pub mod householder;
+pub mod null_basis;
+pub mod pinv;
+pub mod svd;
+pub mod symmetric_eigen;
+
+pub use clamp::{clamp_gain, clamp_remainder};
+pub use null_basis::null_basis;
+pub use pinv::pinv;
+pub use svd::Svd;
+pub use symmetric_eigen::symmetric_eigen;
+
+/// Sum of products of two vectors of equal length.
+#[inline(always)]
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// `y += s x`.
+#[inline(always)]
+pub fn axpy(s: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += s * x;
+    }
+}
+
+/// Largest magnitude; NaN if any entry is not finite.
+#[inline(always)]
+pub fn largest(a: &[f64]) -> f64 {
+    let (mut most, mut sound) = (0.0f64, 0.0);
+    for x in a {
+        most = most.max(x.abs());
+        sound += x * 0.0;
+    }
+    most + sound
+}

@@ -1,0 +1,56 @@
+//! Spectral clamp `sigma -> sigma / max(sigma, eps)^2`: the pseudo-inverse where `sigma >= eps`, continuous in the
+//! matrix and bounded by `1/eps` everywhere. What it leaves of a direction is `1 - min(1, (sigma/eps)^2)`.
+
+/// Gain of the clamped inverse, 1/unit of `sigma`; zero at zero, also for `eps = 0`.
+#[inline(always)]
+pub fn clamp_gain(sigma: f64, eps: f64) -> f64 {
+    if sigma <= 0.0 {
+        0.0
+    } else if sigma >= eps {
+        1.0 / sigma
+    } else {
+        // Two divisions, because eps * eps underflows for tasks in tiny units.
+        (sigma / eps) / eps
+    }
+}
+
+/// `1 - sigma gain`: the part of the direction that stays free for lower levels, in `[0, 1]`.
+#[inline(always)]
+pub fn clamp_remainder(sigma: f64, eps: f64) -> f64 {
+    if sigma <= 0.0 {
+        1.0
+    } else if sigma >= eps {
+        0.0
+    } else {
+        let x = sigma / eps;
+        (1.0 - x) * (1.0 + x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn continuous_at_the_threshold_and_zero_at_zero() {
+        let eps = 0.02f64;
+        // One unit in the last place below eps the gain may differ by rounding only.
+        let below = f64::from_bits(eps.to_bits() - 1);
+        assert!((clamp_gain(below, eps) - clamp_gain(eps, eps)).abs() < 1e-13 * clamp_gain(eps, eps));
+        assert_eq!(clamp_remainder(eps, eps), 0.0);
+        assert!(clamp_remainder(below, eps) > 0.0 && clamp_remainder(below, eps) < 1e-15);
+        assert_eq!((clamp_gain(0.0, eps), clamp_remainder(0.0, eps)), (0.0, 1.0));
+        assert_eq!((clamp_gain(0.0, 0.0), clamp_remainder(0.0, 0.0)), (0.0, 1.0));
+        // eps * eps would underflow; three roundings.
+        assert!((clamp_gain(1e-200, 1e-190) / 1e180 - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn bounded_by_one_over_eps() {
+        for i in 0..1000 {
+            let sigma = 10f64.powf(-20.0 + 0.021 * i as f64);
+            // 2 ulp of slack for the division.
+            assert!(clamp_gain(sigma, 0.02) <= 50.0 * (1.0 + 4e-16));
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! Householder reflection `H = I - beta w w'` with `H x = alpha e1`,
+//! `alpha = -sign(x1) |x|`, `w = x - alpha e1`, `beta = 1 / (|x| |w1|)` (Golub and Van Loan, Matrix Computations, 5.1).
+//!
+//! The sign of `alpha` avoids cancellation in `w1`, which makes the reflection orthogonal to working precision.
+
+use super::{axpy, dot};
+
+/// Below this the square of a tail has underflowed; the entries dropped are under 1e-145 of a matrix scaled to 1.
+pub const TAIL: f64 = 1e-290;
+
+/// Overwrite `x` by `w`; return `(alpha, beta)`. A tail of zeros gives `beta = 0`, the identity.
+#[inline(always)]
+pub fn reflector(x: &mut [f64]) -> (f64, f64) {
+    let x0 = x[0];
+    let tail = dot(&x[1..], &x[1..]);
+    if tail < TAIL {
+        return (x0, 0.0);
+    }
+    let norm = (x0 * x0 + tail).sqrt();
+    let alpha = -norm.copysign(x0);
+    x[0] = x0 - alpha;
+    (alpha, 1.0 / (norm * (norm + x0.abs())))
+}
+
+/// `y <- H y`.
+#[inline(always)]
+pub fn reflect(w: &[f64], beta: f64, y: &mut [f64]) {
+    let s = -beta * dot(w, y);
+    axpy(s, w, y);
+}

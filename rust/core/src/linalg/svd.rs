@@ -1,0 +1,227 @@
+//! Singular values `A = U diag(s) V'` by one-sided Jacobi rotations on the triangular factor of `A`
+//! (Drmac and Veselic 2008, `drmac2008jacobi`): `A = L Q` (wide) or `A = Q R` (tall), rotate the columns of the
+//! triangle until they are orthogonal, apply the same rotations to the rows of `V'`.
+//!
+//! `V` is complete (`k` by `k`) and orthonormal even where singular values vanish, because it is only ever multiplied by
+//! reflections and rotations: its trailing rows are the null basis. The sweep count is capped and the buffers are kept.
+
+use super::householder::{reflect, reflector};
+use super::{axpy, dot, largest};
+use crate::error::{Error, Result, finite};
+use crate::status::Status;
+
+/// Quadratic convergence ends in 5 to 10 sweeps; more means that something is broken.
+const MAX_SWEEPS: usize = 60;
+
+/// Workspace and result of a decomposition; `new` allocates, `decompose` does not.
+#[derive(Debug, Clone)]
+pub struct Svd {
+    m: usize,
+    k: usize,
+    p: usize,
+    work: Vec<f64>,
+    g: Vec<f64>,
+    beta: Vec<f64>,
+    vt: Vec<f64>,
+    ut: Vec<f64>,
+    s: Vec<f64>,
+}
+
+impl Svd {
+    /// Buffers for matrices of up to `rows` by `columns`.
+    pub fn new(rows: usize, columns: usize) -> Self {
+        let p = rows.min(columns);
+        Svd {
+            m: 0,
+            k: 0,
+            p: 0,
+            work: vec![0.0; rows * columns],
+            g: vec![0.0; p * p],
+            beta: vec![0.0; p],
+            vt: vec![0.0; columns * columns],
+            ut: vec![0.0; p * rows],
+            s: vec![0.0; p],
+        }
+    }
+
+    /// Singular values, descending; `min(m, k)` of them.
+    pub fn s(&self) -> &[f64] {
+        &self.s[..self.p]
+    }
+
+    /// Left singular vector `j`, shape `(m,)`; zeros where `s[j] = 0`.
+    pub fn u(&self, j: usize) -> &[f64] {
+        &self.ut[j * self.m..(j + 1) * self.m]
+    }
+
+    /// Right singular vector `j < k`, shape `(k,)`; those from `min(m, k)` on complete the basis.
+    pub fn v(&self, j: usize) -> &[f64] {
+        &self.vt[j * self.k..(j + 1) * self.k]
+    }
+
+    /// Number of singular values above `cut`.
+    pub fn rank(&self, cut: f64) -> usize {
+        self.s().iter().filter(|&&s| s > cut).count()
+    }
+
+    /// Decompose the row-major `m` by `k` matrix `a`.
+    ///
+    /// Errors: `Input` for a size beyond the buffers or an entry that is not finite, `Solve` at the sweep cap.
+    pub fn decompose(&mut self, a: &[f64], m: usize, k: usize) -> Result<()> {
+        let p = m.min(k);
+        if a.len() != m * k || self.work.len() < m * k || self.vt.len() < k * k || self.s.len() < p || self.ut.len() < p * m {
+            return Err(Error::input("matrix", format!("is too large: expected at most the sizes of construction, got ({m}, {k})")));
+        }
+        let biggest = largest(a);
+        if !biggest.is_finite() {
+            finite("matrix", a)?;
+        }
+        (self.m, self.k, self.p) = (m, k, p);
+        // Squares of entries must neither overflow nor underflow; a power of two changes no digit.
+        let scale = if biggest == 0.0 || (1e-60..1e60).contains(&biggest) {
+            1.0
+        } else {
+            2f64.powi(-(biggest.log2().floor() as i32).clamp(-1022, 1022))
+        };
+        self.identity();
+        if m <= k {
+            for (w, a) in self.work.iter_mut().zip(a) {
+                *w = a * scale;
+            }
+            self.triangle(m, k);
+            // Q = H_m .. H_1 applied to the identity from the right; row r is touched by H_j with j <= r only.
+            for j in (0..m).rev() {
+                let w = &self.work[j * k + j..(j + 1) * k];
+                for r in j..k {
+                    reflect(w, self.beta[j], &mut self.vt[r * k + j..(r + 1) * k]);
+                }
+            }
+        } else {
+            for i in 0..m {
+                for j in 0..k {
+                    self.work[j * m + i] = a[i * k + j] * scale;
+                }
+            }
+            self.triangle(k, m);
+        }
+        // Wide: row i of the work array is row i of L, and row j of g is column j of L. Tall: row i is column i of R.
+        let stride = if m <= k { k } else { m };
+        for i in 0..p {
+            for j in 0..i {
+                let x = self.work[i * stride + j];
+                if m <= k {
+                    (self.g[j * p + i], self.g[i * p + j]) = (x, 0.0);
+                } else {
+                    (self.g[i * p + j], self.g[j * p + i]) = (x, 0.0);
+                }
+            }
+            self.g[i * p + i] = self.s[i];
+        }
+        self.rotate()?;
+        self.finish(scale);
+        Ok(())
+    }
+
+    fn identity(&mut self) {
+        let k = self.k;
+        self.vt[..k * k].fill(0.0);
+        for i in 0..k {
+            self.vt[i * k + i] = 1.0;
+        }
+    }
+
+    /// Reduce the `p` rows of length `len` of the work array to a triangle; its diagonal goes to `s`, the reflectors stay in place.
+    fn triangle(&mut self, p: usize, len: usize) {
+        for j in 0..p {
+            let (head, below) = self.work[..p * len].split_at_mut((j + 1) * len);
+            let w = &mut head[j * len + j..];
+            (self.s[j], self.beta[j]) = reflector(w);
+            if self.beta[j] != 0.0 {
+                for row in below.chunks_exact_mut(len) {
+                    reflect(w, self.beta[j], &mut row[j..]);
+                }
+            }
+        }
+    }
+
+    /// Sweeps of plane rotations over the rows of `g`, repeated on the rows of `vt`, until all pairs are orthogonal.
+    fn rotate(&mut self) -> Result<()> {
+        let (p, k) = (self.p, self.k);
+        // A computed product of two p-vectors is itself uncertain by p ulp of their norms.
+        let tol = f64::EPSILON * (p.max(4) as f64);
+        for _ in 0..MAX_SWEEPS {
+            let mut quiet = true;
+            for i in 0..p {
+                for j in i + 1..p {
+                    let (gi, gj) = pair(&mut self.g, i, j, p);
+                    let (a, b, c) = (dot(gi, gi), dot(gj, gj), dot(gi, gj));
+                    if c * c <= tol * tol * a * b || a == 0.0 || b == 0.0 {
+                        continue;
+                    }
+                    quiet = false;
+                    let zeta = (b - a) / (2.0 * c);
+                    let t = if zeta.abs() > 1e150 { 0.5 / zeta } else { 1.0f64.copysign(zeta) / (zeta.abs() + (1.0 + zeta * zeta).sqrt()) };
+                    let cos = 1.0 / (1.0 + t * t).sqrt();
+                    turn(gi, gj, cos, cos * t);
+                    let (vi, vj) = pair(&mut self.vt, i, j, k);
+                    turn(vi, vj, cos, cos * t);
+                }
+            }
+            if quiet {
+                return Ok(());
+            }
+        }
+        Err(Error::Solve {
+            status: Status::MaxSteps,
+            t: MAX_SWEEPS as f64,
+            problem: "the singular value decomposition did not converge".into(),
+        })
+    }
+
+    /// Norms, descending order, left vectors.
+    fn finish(&mut self, scale: f64) {
+        let (m, k, p) = (self.m, self.k, self.p);
+        for j in 0..p {
+            let g = &self.g[j * p..(j + 1) * p];
+            self.s[j] = dot(g, g).sqrt();
+        }
+        for i in 0..p {
+            let top = (i..p).fold(i, |b, j| if self.s[j] > self.s[b] { j } else { b });
+            if top != i {
+                self.s.swap(i, top);
+                let (a, b) = pair(&mut self.g, i, top, p);
+                a.swap_with_slice(b);
+                let (a, b) = pair(&mut self.vt, i, top, k);
+                a.swap_with_slice(b);
+            }
+            let u = &mut self.ut[i * m..(i + 1) * m];
+            u.fill(0.0);
+            if self.s[i] > 0.0 {
+                axpy(1.0 / self.s[i], &self.g[i * p..(i + 1) * p], u);
+            }
+            if m > k {
+                for j in (0..k).rev() {
+                    reflect(&self.work[j * m + j..(j + 1) * m], self.beta[j], &mut u[j..]);
+                }
+            }
+        }
+        if scale != 1.0 {
+            self.s[..p].iter_mut().for_each(|s| *s /= scale);
+        }
+    }
+}
+
+/// Rows `i < j` of a row-major array with rows of length `len`.
+#[inline(always)]
+fn pair(a: &mut [f64], i: usize, j: usize, len: usize) -> (&mut [f64], &mut [f64]) {
+    let (head, tail) = a.split_at_mut(j * len);
+    (&mut head[i * len..(i + 1) * len], &mut tail[..len])
+}
+
+/// `(x, y) <- (c x - s y, s x + c y)`.
+#[inline(always)]
+fn turn(x: &mut [f64], y: &mut [f64], c: f64, s: f64) {
+    for (x, y) in x.iter_mut().zip(y) {
+        (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
+    }
+}

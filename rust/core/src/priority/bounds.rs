@@ -1,0 +1,62 @@
+//! Joint limits as velocity bounds for one sample of length `dt` (Flacco, De Luca, Khatib 2015, `flacco2015saturation`):
+//!
+//! `v_max' = min( (q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)) )`, `v_min'` likewise from below.
+//!
+//! The last term leaves room to brake before the limit. Outside a limit the bound points back inside, at most at `v_max`.
+
+use crate::error::{Error, Result, positive};
+
+/// Velocity bounds `(v_min, v_max)` of each joint, rad/s or m/s, written into `lower` and `upper`; all slices have one entry per joint.
+/// `a_max` may hold infinities: no braking distance.
+pub fn velocity_bounds(
+    q: &[f64],
+    q_min: &[f64],
+    q_max: &[f64],
+    v_max: &[f64],
+    a_max: &[f64],
+    dt: f64,
+    lower: &mut [f64],
+    upper: &mut [f64],
+) -> Result<()> {
+    positive("dt", dt)?;
+    let n = q.len();
+    for (name, x) in
+        [("q", q), ("q_min", q_min), ("q_max", q_max), ("v_max", v_max), ("a_max", a_max), ("lower", &*lower), ("upper", &*upper)]
+    {
+        if x.len() != n {
+            return Err(Error::input(name, format!("has the wrong length: expected {n}, got {}", x.len())));
+        }
+    }
+    for i in 0..n {
+        let ordered = q[i].is_finite() && q_min[i] <= q_max[i] && v_max[i] >= 0.0 && a_max[i] >= 0.0;
+        if !ordered {
+            let got = format!("q {}, limits [{}, {}], v_max {}, a_max {}", q[i], q_min[i], q_max[i], v_max[i], a_max[i]);
+            return Err(Error::input(
+                "limits",
+                format!("is not ordered: expected q_min <= q_max, v_max >= 0, a_max >= 0, got {got} (first bad index {i})"),
+            ));
+        }
+        let room = |distance: f64| (distance / dt).min((2.0 * a_max[i] * distance.max(0.0)).sqrt().min(v_max[i])).max(-v_max[i]);
+        let (down, up) = (q[i] - q_min[i], q_max[i] - q[i]);
+        upper[i] = if up < 0.0 { (up / dt).max(-v_max[i]) } else { room(up) };
+        lower[i] = if down < 0.0 { -(down / dt).max(-v_max[i]) } else { -room(down) };
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn at_the_limit_the_way_out_is_closed_and_beyond_it_points_back() {
+        let inf = f64::INFINITY;
+        let (mut lower, mut upper) = ([0.0; 3], [0.0; 3]);
+        velocity_bounds(&[1.0, 0.0, 1.5], &[-1.0; 3], &[1.0; 3], &[2.0; 3], &[inf, 0.5, inf], 0.01, &mut lower, &mut upper).unwrap();
+        assert_eq!((lower[0], upper[0]), (-2.0, 0.0));
+        // sqrt(2 * 0.5 * 1) is exact.
+        assert_eq!((lower[1], upper[1]), (-1.0, 1.0));
+        assert_eq!((lower[2], upper[2]), (-2.0, -2.0));
+        assert!(velocity_bounds(&[f64::NAN], &[0.0], &[1.0], &[1.0], &[1.0], 0.1, &mut [0.0], &mut [0.0]).is_err());
+    }
+}

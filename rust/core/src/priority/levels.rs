@@ -1,0 +1,220 @@
+//! The recursion over levels by singular values. With `X` an orthonormal basis of what the levels above left free, and
+//! `0 < scale <= 1` what they left of each direction,
+//!
+//! `A_i = J_i X diag(scale) = U diag(s) V'`,  `v += X V g(s) U' (v_i - J_i v)`,  `X diag(scale) <- X diag(scale) V_k diag(d)`,
+//!
+//! where `g` is the method's inverse and `d` what it leaves free: for `exact` 0 or 1 by the rank rule, for `clamp` and `damped`
+//! `1 - min(1, (s/eps)^2)`, columns with `d = 0` dropped. Two levels give the map of SPEC system 2.
+//! The product on the right is brought back to the form `X diag(scale)` by its singular values, which makes the
+//! projector `X diag(scale) X'` symmetric and continuous; its range is orthogonal to every direction with `s >= eps` above.
+//!
+//! Rank rule: `s` counts iff `s > rounding |J_i| c`, `c` the product of `|J_l| / (smallest counted s of level l)` over the levels above:
+//! the relative error of the null basis that they hand down. For two levels `c = cond(J1)`.
+
+use super::workspace::Workspace;
+use crate::error::Result;
+use crate::linalg::svd::Svd;
+use crate::linalg::{axpy, clamp_gain, clamp_remainder, dot};
+
+impl Workspace {
+    /// Start a recursion: all of joint space free, nothing commanded.
+    pub(super) fn begin(&mut self) {
+        let n = self.n;
+        self.basis.fill(0.0);
+        for i in 0..n {
+            self.basis[i * n + i] = 1.0;
+        }
+        self.free = 0;
+        self.scale.fill(1.0);
+        self.y.fill(0.0);
+    }
+
+    /// `A = J_i X diag(scale)` into `a`, decomposed in `svd`; returns its number of columns.
+    pub(super) fn project(&mut self, i: usize) -> Result<usize> {
+        let (n, free, level) = (self.n, self.free, self.level(i));
+        let (m, k) = (level.len(), n - free);
+        for (r, row) in level.enumerate() {
+            let j = &self.j[row * n..(row + 1) * n];
+            for c in 0..k {
+                self.a[r * k + c] = dot(j, &self.basis[(free + c) * n..(free + c + 1) * n]) * self.scale[free + c];
+            }
+        }
+        self.svd.decompose(&self.a[..m * k], m, k)?;
+        Ok(k)
+    }
+
+    /// `r = v_i - J_i y` into `r`.
+    pub(super) fn rest(&mut self, i: usize) {
+        let n = self.n;
+        for (r, row) in self.level(i).enumerate() {
+            self.r[r] = self.c[row] - dot(&self.j[row * n..(row + 1) * n], &self.y);
+        }
+    }
+
+    /// Spectral norm of `J_i`, the scale of its rank decisions.
+    pub(super) fn spectral_norm(&mut self, i: usize) -> Result<f64> {
+        let (n, level) = (self.n, self.level(i));
+        if self.free == 0 {
+            return Ok(self.svd.s().first().copied().unwrap_or(0.0));
+        }
+        self.svd2.decompose(&self.j[level.start * n..level.end * n], level.len(), n)?;
+        Ok(self.svd2.s().first().copied().unwrap_or(0.0))
+    }
+
+    /// `y += X (gain v_j)` for right singular vector `j` of the current level.
+    pub(super) fn move_along(&mut self, j: usize, gain: f64) {
+        let n = self.n;
+        if gain != 0.0 {
+            for (c, v) in self.svd.v(j).iter().enumerate() {
+                let at = (self.free + c) * n;
+                axpy(gain * v, &self.basis[at..at + n], &mut self.y);
+            }
+        }
+    }
+
+    /// `exact`, all levels.
+    pub(super) fn solve_exact(&mut self) -> Result<()> {
+        self.begin();
+        let mut condition = 1.0;
+        for i in 0..self.rows.len() {
+            self.rest(i);
+            let k = self.project(i)?;
+            let rank = self.consume_exact_rank(i, &mut condition)?;
+            for j in 0..rank.0 {
+                let gain = dot(self.svd.u(j), &self.r[..self.rows[i]]) / self.svd.s()[j];
+                self.move_along(j, gain);
+            }
+            self.ranks[i] = rank.0;
+            self.lost[i] = rank.0 < self.rows[i].min(k);
+            self.consume(rank.1);
+        }
+        Ok(())
+    }
+
+    /// `(counted, spent)` singular directions of level `i` after `project`; `condition` is carried on.
+    ///
+    /// Directions between rounding itself and the rule's cut-off are neither counted nor handed down: they may be noise, so
+    /// commanding them is wrong, and they may be real, so a lower level could disturb this one through them.
+    pub(super) fn consume_exact_rank(&mut self, i: usize, condition: &mut f64) -> Result<(usize, usize)> {
+        let norm = self.spectral_norm(i)?;
+        let rank = self.svd.rank(self.rounding * norm * *condition);
+        let spent = rank.max(self.svd.rank(self.rounding * norm));
+        if rank > 0 {
+            *condition *= norm / self.svd.s()[rank - 1];
+        }
+        Ok((rank, spent))
+    }
+
+    /// Rotate the free basis into the singular directions of the current level and spend the first `spent` of them.
+    pub(super) fn consume(&mut self, spent: usize) {
+        turn_basis(&mut self.basis, &mut self.t, &self.svd, self.n, self.free);
+        self.free += spent;
+    }
+
+    /// `clamp` and `damped`, all levels.
+    pub(super) fn solve_clamped(&mut self, damped: bool) -> Result<()> {
+        self.begin();
+        for i in 0..self.rows.len() {
+            self.rest(i);
+            let k = self.project(i)?;
+            let (m, eps) = (self.rows[i], self.threshold[i]);
+            let p = m.min(k);
+            let manipulability: f64 = self.svd.s().iter().map(|s| if *s >= eps { 1.0 } else { s / eps }).product();
+            let lambda = eps * (1.0 - manipulability);
+            self.ranks[i] = self.svd.s().iter().filter(|s| **s >= eps && **s > 0.0).count();
+            self.lost[i] = self.ranks[i] < p;
+            for j in 0..p {
+                let s = self.svd.s()[j];
+                let gain = if damped { damped_gain(s, lambda) } else { clamp_gain(s, eps) };
+                let along = gain * dot(self.svd.u(j), &self.r[..m]);
+                self.move_along(j, along);
+            }
+            self.leave(eps, k)?;
+        }
+        Ok(())
+    }
+
+    /// Hand down what a clamped level leaves: `X diag(scale) V_k diag(d)` in the form `X diag(scale)`.
+    fn leave(&mut self, eps: f64, k: usize) -> Result<()> {
+        let n = self.n;
+        // s descends, so the directions with d = 0 come first.
+        let spent = self.svd.s().iter().filter(|s| clamp_remainder(**s, eps) == 0.0).count();
+        let plain = self.scale[self.free..].iter().all(|s| *s == 1.0);
+        let partial = self.svd.s()[spent..].iter().any(|s| clamp_remainder(*s, eps) < 1.0);
+        let remainder = |svd: &Svd, j: usize| svd.s().get(j).map_or(1.0, |s| clamp_remainder(*s, eps));
+        if plain {
+            self.consume(spent);
+            if partial {
+                for j in spent..k {
+                    self.scale[self.free + j - spent] = remainder(&self.svd, j);
+                }
+            }
+            return Ok(());
+        }
+        // Rows: the vectors d_j V_j' diag(scale) in the coordinates of X, whose right singular vectors are the new directions.
+        let kept = k - spent;
+        for j in spent..k {
+            let d = remainder(&self.svd, j);
+            for c in 0..k {
+                self.a[(j - spent) * k + c] = d * self.svd.v(j)[c] * self.scale[self.free + c];
+            }
+        }
+        self.svd2.decompose(&self.a[..kept * k], kept, k)?;
+        // Kept directions go to the end, largest scale first; the complement is spent.
+        turn_basis(&mut self.basis, &mut self.t, &self.svd2, n, self.free);
+        let alive = self.svd2.rank(0.0);
+        self.basis[self.free * n..].rotate_left(alive * n);
+        self.free = n - alive;
+        for j in 0..alive {
+            self.scale[self.free + j] = self.svd2.s()[j].min(1.0);
+        }
+        Ok(())
+    }
+
+    /// `chiaverini`: `v = sum P_{i-1} J_i# v_i`, `J_i#` clamped, `P` the projector on the null space of the whole stack above.
+    pub(super) fn solve_chiaverini(&mut self) -> Result<()> {
+        self.begin();
+        let n = self.n;
+        let mut condition = 1.0;
+        for i in 0..self.rows.len() {
+            let (level, eps) = (self.level(i), self.threshold[i]);
+            let m = level.len();
+            self.z[..n].fill(0.0);
+            self.svd2.decompose(&self.j[level.start * n..level.end * n], m, n)?;
+            let mut kinematic = false;
+            for j in 0..m.min(n) {
+                let s = self.svd2.s()[j];
+                kinematic |= s < eps;
+                axpy(clamp_gain(s, eps) * dot(self.svd2.u(j), &self.c[level.clone()]), self.svd2.v(j), &mut self.z[..n]);
+            }
+            for c in self.free..n {
+                let x = &self.basis[c * n..(c + 1) * n];
+                axpy(dot(x, &self.z[..n]), x, &mut self.y);
+            }
+            let k = self.project(i)?;
+            let (rank, spent) = self.consume_exact_rank(i, &mut condition)?;
+            self.ranks[i] = rank;
+            self.lost[i] = kinematic || rank < m.min(k);
+            self.consume(spent);
+        }
+        Ok(())
+    }
+}
+
+#[inline(always)]
+fn damped_gain(s: f64, lambda: f64) -> f64 {
+    if s <= 0.0 { 0.0 } else { 1.0 / (s + lambda * (lambda / s)) }
+}
+
+/// Replace the free rows of the basis by their combinations along the right singular vectors.
+fn turn_basis(basis: &mut [f64], t: &mut [f64], svd: &Svd, n: usize, free: usize) {
+    let k = n - free;
+    let t = &mut t[..k * n];
+    t.fill(0.0);
+    for j in 0..k {
+        for (c, v) in svd.v(j).iter().enumerate() {
+            axpy(*v, &basis[(free + c) * n..(free + c + 1) * n], &mut t[j * n..(j + 1) * n]);
+        }
+    }
+    basis[free * n..].copy_from_slice(t);
+}

@@ -1,0 +1,73 @@
+//! The five maps from task velocities to joint velocities, and what they need.
+
+use crate::error::{Error, Result};
+
+/// Relative error of the entries of a Jacobian that carries no information beyond rounding; `8 eps (1 + sum|q|)` when an arm made it.
+pub const DEFAULT_ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// Default `eps` of a level, as a fraction of the norm of its largest row.
+pub const DEFAULT_EPS: f64 = 0.02;
+
+/// How a level's projected Jacobian `A_i = J_i N` is inverted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Equation (5): the pseudo-inverse with scale-aware ranks. Discontinuous at singularities; never disturbs a higher level.
+    Exact,
+    /// Spectral clamp `s -> s / max(s, eps)^2`: continuous, bounded by `1/eps`, equal to (5) where all `s >= eps`.
+    #[default]
+    Clamp,
+    /// Damped least squares `s -> s / (s^2 + lambda^2)`, `lambda = eps (1 - w)`, `w = prod min(1, s/eps)`: the manipulability
+    /// relative to the one at the threshold (Nakamura and Hanafusa 1986, `nakamura1986inverse`).
+    Damped,
+    /// `v = sum P_{i-1} J_i# v_i` (Chiaverini 1997, `chiaverini1997singularity`): no algorithmic singularities, because nothing
+    /// projected is inverted; the price is an error of the lower levels wherever tasks are not orthogonal.
+    Chiaverini,
+    /// Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`): joint bounds by fixing
+    /// saturated joints and scaling the task, direction kept.
+    Sns,
+}
+
+impl Method {
+    pub const ALL: [Method; 5] = [Method::Exact, Method::Clamp, Method::Damped, Method::Chiaverini, Method::Sns];
+
+    /// The name used in Python.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Exact => "exact",
+            Method::Clamp => "clamp",
+            Method::Damped => "damped",
+            Method::Chiaverini => "chiaverini",
+            Method::Sns => "sns",
+        }
+    }
+
+    /// The method of that name. Errors: `Input`, listing the names.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Method::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| {
+            let names: Vec<String> = Method::ALL.iter().map(|m| format!("{:?}", m.name())).collect();
+            Error::input("method", format!("is unknown: expected one of {}, got {name:?}", names.join(", ")))
+        })
+    }
+}
+
+/// What a solver is built with besides its sizes.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    pub method: Method,
+    /// Threshold on the singular values of each level, in the unit of the level's Jacobian; one per level or one for all.
+    /// `None`: `DEFAULT_EPS` of the level's largest row norm, measured at every solve. Unused by `exact` and `sns`.
+    pub eps: Option<Vec<f64>>,
+    /// Relative error of the entries of the Jacobians; `None`: `DEFAULT_ROUNDING`.
+    pub rounding: Option<f64>,
+    /// Symmetric positive definite joint metric `W`, row-major `(n, n)`: the maps minimise `v' W v`. `None`: identity.
+    pub weight: Option<Vec<f64>>,
+    /// Joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s; infinite entries are allowed.
+    pub v_min: Option<Vec<f64>>,
+    pub v_max: Option<Vec<f64>>,
+}
+
+impl Options {
+    pub fn new(method: Method) -> Self {
+        Options { method, ..Options::default() }
+    }
+}

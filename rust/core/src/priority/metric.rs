@@ -1,0 +1,74 @@
+//! Weighted joint metric by a change of coordinates: `W = L L'`, `y = L' v`, so `v' W v = y' y` and `J v = (J L^-T) y`.
+//!
+//! The maps run unchanged on `J L^-T`; `v = L^-T y` at the end. Singular values then have the unit of `J` over the root of that of `W`.
+
+use crate::error::{Error, Result, finite};
+
+/// The Cholesky factor `L`, row-major, lower.
+#[derive(Debug, Clone)]
+pub struct Metric {
+    n: usize,
+    l: Vec<f64>,
+}
+
+impl Metric {
+    /// Factor the row-major `(n, n)` weight. Errors: `Input` unless it is finite, symmetric and positive definite.
+    pub fn new(weight: &[f64], n: usize) -> Result<Self> {
+        if weight.len() != n * n {
+            return Err(Error::input("weight", format!("has the wrong size: expected ({n}, {n}), got {} entries", weight.len())));
+        }
+        finite("weight", weight)?;
+        let biggest = weight.iter().fold(0.0f64, |b, x| b.max(x.abs()));
+        let mut l = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                // Symmetric up to the rounding of whoever computed it.
+                if (weight[i * n + j] - weight[j * n + i]).abs() > 1e-12 * biggest {
+                    return Err(Error::input(
+                        "weight",
+                        format!(
+                            "is not symmetric: expected W[i, j] = W[j, i], got {} and {} (first bad index ({i}, {j}))",
+                            weight[i * n + j],
+                            weight[j * n + i]
+                        ),
+                    ));
+                }
+                let s = weight[i * n + j] - (0..j).map(|k| l[i * n + k] * l[j * n + k]).sum::<f64>();
+                if i > j {
+                    l[i * n + j] = s / l[j * n + j];
+                } else if s > f64::EPSILON * weight[i * n + i] && weight[i * n + i] > 0.0 {
+                    l[i * n + i] = s.sqrt();
+                } else {
+                    return Err(Error::input(
+                        "weight",
+                        format!("is not positive definite: expected positive pivots, got {s} (first bad index {i})"),
+                    ));
+                }
+            }
+        }
+        Ok(Metric { n, l })
+    }
+
+    /// `x <- x L^-T` for a row of a Jacobian, that is `L x' = row'`.
+    pub fn row(&self, x: &mut [f64]) {
+        for i in 0..self.n {
+            let s: f64 = (0..i).map(|k| self.l[i * self.n + k] * x[k]).sum();
+            x[i] = (x[i] - s) / self.l[i * self.n + i];
+        }
+    }
+
+    /// `y -> v = L^-T y`, in place.
+    pub fn velocity(&self, y: &mut [f64]) {
+        for i in (0..self.n).rev() {
+            let s: f64 = (i + 1..self.n).map(|k| self.l[k * self.n + i] * y[k]).sum();
+            y[i] = (y[i] - s) / self.l[i * self.n + i];
+        }
+    }
+
+    /// `v -> y = L' v`, in place.
+    pub fn coordinates(&self, v: &mut [f64]) {
+        for i in 0..self.n {
+            v[i] = (i..self.n).map(|k| self.l[k * self.n + i] * v[k]).sum();
+        }
+    }
+}

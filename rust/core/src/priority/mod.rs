@@ -1,0 +1,24 @@
+//! Task priority at velocity level from plain matrices (SPEC system 2; Siciliano and Slotine 1991, `siciliano1991priority`):
+//!
+//! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1`                                        (5)
+//!
+//! with any number of levels of any size. Five maps realise it (`Method`); `diagnose` says which directions of which level
+//! can be commanded at all, and why not. Derivation, limits and a table of the methods: `docs/priority.md`.
+//!
+//! Three layers: `regular` solves (5) by one LQ factorisation where it can prove that every singular value is large;
+//! `levels` is the general recursion over singular values; `sns` adds bounds. `solver` owns the buffers and chooses.
+
+mod bounds;
+mod diagnose;
+mod levels;
+mod method;
+mod metric;
+mod regular;
+mod sns;
+mod solver;
+mod workspace;
+
+pub use bounds::velocity_bounds;
+pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
+pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
+pub use solver::{PrioritySolver, Solution, solve_priority};

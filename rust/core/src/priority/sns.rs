@@ -1,0 +1,210 @@
+//! Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`): at each level find the largest `s <= 1` with
+//!
+//! `J_i v = s v_i`,  `v = v_above + N z`,  `v_min <= v <= v_max`,  `N` the null basis of the levels above.
+//!
+//! `v(s) = s a + b` is affine in `s`. While `s = 1` is out of bounds, the joint that limits `s` most is fixed at its bound, its
+//! direction is removed from `N`, and the others take over; the best scale met on the way is kept. A level that has no scale at
+//! all (`s < 0` only) leaves `v_above` as it is. Ranks as in `exact`, so higher levels are never disturbed.
+
+use super::workspace::Workspace;
+use crate::error::Result;
+use crate::linalg::householder::{reflect, reflector};
+use crate::linalg::{axpy, dot};
+
+/// A joint moves within the remaining null space if its row there is longer than this; below, fixing it would amplify rounding 1e10 times.
+const MOBILE: f64 = 1e-10;
+
+/// Rounding of a velocity at its bound, relative to the fastest joint; it is cut off at the end.
+const EDGE: f64 = 1e-13;
+
+/// Buffers of the method, shape `(n,)` each.
+#[derive(Debug, Clone)]
+pub(super) struct Saturation {
+    /// `v(s) = s a + b`, in metric coordinates and in joint velocities.
+    a: Vec<f64>,
+    b: Vec<f64>,
+    va: Vec<f64>,
+    vb: Vec<f64>,
+    base: Vec<f64>,
+    best: Vec<f64>,
+    row: Vec<f64>,
+    fixed: Vec<bool>,
+}
+
+impl Saturation {
+    pub fn new(n: usize) -> Self {
+        let zero = || vec![0.0; n];
+        Saturation { a: zero(), b: zero(), va: zero(), vb: zero(), base: zero(), best: zero(), row: zero(), fixed: vec![false; n] }
+    }
+}
+
+impl Workspace {
+    /// All levels, from zero velocity or, where that is out of bounds, from the nearest velocity within.
+    pub(super) fn solve_sns(&mut self, sat: &mut Saturation) -> Result<()> {
+        self.begin();
+        self.start_within(sat);
+        let mut condition = 1.0;
+        for i in 0..self.rows.len() {
+            let k = self.project(i)?;
+            let above = condition;
+            let (rank, spent) = self.consume_exact_rank(i, &mut condition)?;
+            let cut = self.rounding * self.spectral_norm(i)? * above;
+            self.ranks[i] = rank;
+            self.lost[i] = rank < self.rows[i].min(k);
+            // `consume` leaves the rotated free basis in t; the level works on that copy, the basis goes on to the next level.
+            self.consume(spent);
+            self.task_scale[i] = self.saturate(i, k, rank, cut, sat)?;
+        }
+        Ok(())
+    }
+
+    /// Metric coordinates of the velocity within bounds that is nearest to zero joint by joint.
+    fn start_within(&mut self, sat: &mut Saturation) {
+        let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
+        for ((v, l), u) in sat.vb.iter_mut().zip(lower).zip(upper) {
+            *v = 0.0f64.max(*l).min(*u);
+        }
+        if let Some(metric) = &self.metric {
+            metric.coordinates(&mut sat.vb);
+        }
+        self.y.copy_from_slice(&sat.vb);
+    }
+
+    /// One level; returns its scale, 0 if no scale in `[0, 1]` is feasible.
+    fn saturate(&mut self, i: usize, columns: usize, rank: usize, cut: f64, sat: &mut Saturation) -> Result<f64> {
+        let (n, level) = (self.n, self.level(i));
+        let m = level.len();
+        let mut k = columns;
+        let mut scale = -1.0;
+        sat.base.copy_from_slice(&self.y);
+        sat.fixed.fill(false);
+        loop {
+            for (r, row) in level.clone().enumerate() {
+                for c in 0..k {
+                    self.a[r * k + c] = dot(&self.j[row * n..(row + 1) * n], &self.t[c * n..(c + 1) * n]);
+                }
+            }
+            self.svd.decompose(&self.a[..m * k], m, k)?;
+            if self.svd.rank(cut) < rank {
+                break;
+            }
+            self.affine(i, rank, k, sat);
+            let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
+            let (mut from, mut to, mut critical, mut least) = (0.0f64, 1.0f64, None, f64::INFINITY);
+            for j in (0..n).filter(|&j| !sat.fixed[j]) {
+                let (low, high) = interval(sat.va[j], sat.vb[j], lower[j], upper[j]);
+                (from, to) = (from.max(low), to.min(high));
+                let violates = low > 1.0 || high < 1.0;
+                if violates && (critical.is_none() || high < least) {
+                    let above = sat.va[j] + sat.vb[j] > upper[j];
+                    (critical, least) = (Some((j, if above { upper[j] } else { lower[j] })), high);
+                }
+            }
+            if from <= to && to > scale && self.candidate(i, rank, k, to, sat) {
+                scale = to;
+                sat.best.copy_from_slice(&sat.a);
+            }
+            let Some((joint, bound)) = critical else { break };
+            if k == 0 || !bound.is_finite() || !self.fix(joint, bound, k, sat) {
+                break;
+            }
+            k -= 1;
+        }
+        if scale >= 0.0 {
+            self.y.copy_from_slice(&sat.best);
+        }
+        Ok(scale.max(0.0))
+    }
+
+    /// `a = N (J N)# v_i` and `b = base - N (J N)# J base`, with their joint velocities.
+    fn affine(&mut self, i: usize, rank: usize, k: usize, sat: &mut Saturation) {
+        let (n, level) = (self.n, self.level(i));
+        for (r, row) in level.clone().enumerate() {
+            self.r[r] = dot(&self.j[row * n..(row + 1) * n], &sat.base);
+        }
+        sat.a.fill(0.0);
+        sat.b.copy_from_slice(&sat.base);
+        for l in 0..rank {
+            let (s, u) = (self.svd.s()[l], self.svd.u(l));
+            let (ga, gb) = (dot(u, &self.c[level.clone()]) / s, -dot(u, &self.r[..level.len()]) / s);
+            for (c, v) in self.svd.v(l).iter().enumerate().take(k) {
+                let x = &self.t[c * n..(c + 1) * n];
+                axpy(ga * v, x, &mut sat.a);
+                axpy(gb * v, x, &mut sat.b);
+            }
+        }
+        sat.va.copy_from_slice(&sat.a);
+        sat.vb.copy_from_slice(&sat.b);
+        if let Some(metric) = &self.metric {
+            metric.velocity(&mut sat.va);
+            metric.velocity(&mut sat.vb);
+        }
+    }
+
+    /// `v(s)` into `a`, evaluated as `base + N (J N)# (s v_i - J base)`: near singularities `s a` and `b` are huge and cancel.
+    /// False if rounding carries it out of bounds all the same.
+    fn candidate(&mut self, i: usize, rank: usize, k: usize, s: f64, sat: &mut Saturation) -> bool {
+        let (n, level) = (self.n, self.level(i));
+        sat.a.copy_from_slice(&sat.base);
+        for (r, row) in level.clone().enumerate() {
+            self.r[r] = s * self.c[row] - dot(&self.j[row * n..(row + 1) * n], &sat.base);
+        }
+        for l in 0..rank {
+            let gain = dot(self.svd.u(l), &self.r[..level.len()]) / self.svd.s()[l];
+            for (c, v) in self.svd.v(l).iter().enumerate().take(k) {
+                axpy(gain * v, &self.t[c * n..(c + 1) * n], &mut sat.a);
+            }
+        }
+        sat.va.copy_from_slice(&sat.a);
+        if let Some(metric) = &self.metric {
+            metric.velocity(&mut sat.va);
+        }
+        let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
+        let fastest = sat.va.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        (0..n).all(|j| sat.va[j] >= lower[j] - EDGE * fastest && sat.va[j] <= upper[j] + EDGE * fastest)
+    }
+
+    /// Fix a joint's velocity at `bound` and remove the direction that moves it from the `k` rows of `t`; false if none moves it.
+    fn fix(&mut self, joint: usize, bound: f64, k: usize, sat: &mut Saturation) -> bool {
+        let n = self.n;
+        sat.row.fill(0.0);
+        sat.row[joint] = 1.0;
+        if let Some(metric) = &self.metric {
+            metric.row(&mut sat.row);
+        }
+        for c in 0..k {
+            self.z[c] = dot(&sat.row, &self.t[c * n..(c + 1) * n]);
+        }
+        if dot(&self.z[..k], &self.z[..k]).sqrt() <= MOBILE * dot(&sat.row, &sat.row).sqrt() {
+            return false;
+        }
+        let (alpha, beta) = reflector(&mut self.z[..k]);
+        if beta != 0.0 {
+            // H from the left on the rows of t: one column of t at a time.
+            for col in 0..n {
+                for c in 0..k {
+                    sat.va[c] = self.t[c * n + col];
+                }
+                reflect(&self.z[..k], beta, &mut sat.va[..k]);
+                for c in 0..k {
+                    self.t[c * n + col] = sat.va[c];
+                }
+            }
+        }
+        let step = (bound - dot(&sat.row, &sat.base)) / alpha;
+        axpy(step, &self.t[..n], &mut sat.base);
+        self.t.copy_within(n..k * n, 0);
+        sat.fixed[joint] = true;
+        true
+    }
+}
+
+/// The `s` with `lower <= s a + b <= upper`; empty as `(inf, -inf)`. Rounding of `b` at a bound is not a violation.
+fn interval(a: f64, b: f64, lower: f64, upper: f64) -> (f64, f64) {
+    let slack = |bound: f64| 4.0 * f64::EPSILON * (b.abs() + if bound.is_finite() { bound.abs() } else { 0.0 });
+    let (below, above) = (lower - b - slack(lower), upper - b + slack(upper));
+    if a == 0.0 {
+        return if below <= 0.0 && above >= 0.0 { (f64::NEG_INFINITY, f64::INFINITY) } else { (f64::INFINITY, f64::NEG_INFINITY) };
+    }
+    if a > 0.0 { (below / a, above / a) } else { (above / a, below / a) }
+}

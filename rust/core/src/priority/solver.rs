@@ -1,0 +1,320 @@
+//! The solver: one construction, then solves without allocation.
+//!
+//! `levels of (J_i, v_i) -> v`, with residuals `v_i - J_i v`, ranks and a status. Inputs are checked here once; the maps below see
+//! finite numbers of sane magnitude only.
+
+use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
+use super::metric::Metric;
+use super::sns::Saturation;
+use super::workspace::{TAME, Workspace};
+use crate::error::{Error, Result, finite, positive};
+use crate::linalg::{dot, largest};
+use crate::status::Status;
+
+/// Prioritised inverse kinematics for `n` joints and levels of fixed sizes; `solve` does not allocate.
+#[derive(Debug, Clone)]
+pub struct PrioritySolver {
+    method: Method,
+    work: Workspace,
+    saturation: Option<Saturation>,
+    status: Status,
+}
+
+/// The answer of `solve_priority`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// Joint velocities, shape `(n,)`.
+    pub v: Vec<f64>,
+    /// `v_i - J_i v` per level, in the unit of the task.
+    pub residuals: Vec<Vec<f64>>,
+    /// Directions of each level that were realised: counted by the rank rule (`exact`, `chiaverini`, `sns`), or with `s >= eps` (`clamp`, `damped`).
+    pub ranks: Vec<usize>,
+    /// Scale of each level's command; 1 except for `sns`.
+    pub scales: Vec<f64>,
+    pub status: Status,
+}
+
+impl PrioritySolver {
+    /// `n`: number of joints; `rows`: rows of each level, first the highest; zero rows and more rows than joints are allowed.
+    ///
+    /// Errors: `Input` for `n = 0`, a wrong number of `eps` or `eps <= 0`, a weight that is not positive definite, bounds out of order,
+    /// `sns` without bounds.
+    pub fn new(n: usize, rows: &[usize], options: &Options) -> Result<Self> {
+        if n == 0 {
+            return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
+        }
+        let levels = rows.len();
+        let mut work = Workspace::new(n, rows);
+        let eps = match options.eps.as_deref() {
+            None => None,
+            Some([one]) => Some(vec![*one; levels]),
+            Some(each) if each.len() == levels => Some(each.to_vec()),
+            Some(each) => return Err(Error::input("eps", format!("has the wrong length: expected 1 or {levels}, got {}", each.len()))),
+        };
+        eps.iter().flatten().try_for_each(|e| positive("eps", *e))?;
+        work.eps = eps;
+        if let Some(weight) = &options.weight {
+            work.metric = Some(Metric::new(weight, n)?);
+        }
+        let saturation = (options.method == Method::Sns).then(|| Saturation::new(n));
+        let mut solver = PrioritySolver { method: options.method, work, saturation, status: Status::Success };
+        solver.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
+        match (&options.v_min, &options.v_max) {
+            (None, None) if options.method == Method::Sns => {
+                return Err(Error::input(
+                    "v_max",
+                    format!("is missing: expected velocity bounds of shape ({n},) for method \"sns\", got none"),
+                ));
+            }
+            (None, None) => {}
+            (lower, upper) => {
+                // One bound alone is symmetric.
+                let mirror = |x: &Vec<f64>| x.iter().map(|b| -b).collect::<Vec<f64>>();
+                let low = lower.clone().unwrap_or_else(|| mirror(upper.as_ref().unwrap_or(&Vec::new())));
+                let high = upper.clone().unwrap_or_else(|| mirror(lower.as_ref().unwrap_or(&Vec::new())));
+                solver.work.bounds = Some((vec![0.0; n], vec![0.0; n]));
+                solver.set_bounds(&low, &high)?;
+            }
+        }
+        Ok(solver)
+    }
+
+    pub fn n(&self) -> usize {
+        self.work.n
+    }
+
+    pub fn rows(&self) -> &[usize] {
+        &self.work.rows
+    }
+
+    pub fn method(&self) -> Method {
+        self.method
+    }
+
+    /// Relative error of the entries of the next Jacobians, `8 eps (1 + sum|q|)` when an arm made them.
+    pub fn set_rounding(&mut self, rounding: f64) -> Result<()> {
+        if !(0.0..1.0).contains(&rounding) {
+            return Err(Error::input("rounding", format!("is not a relative error: expected 0 <= rounding < 1, got {rounding}")));
+        }
+        self.work.rounding = rounding;
+        Ok(())
+    }
+
+    /// Joint velocity bounds for the next solves, shape `(n,)`, rad/s or m/s; infinities allowed. Errors: wrong length, NaN, `v_min > v_max`.
+    pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) -> Result<()> {
+        let n = self.work.n;
+        for (name, x) in [("v_min", v_min), ("v_max", v_max)] {
+            if x.len() != n {
+                return Err(Error::input(name, format!("has the wrong length: expected {n}, got {}", x.len())));
+            }
+        }
+        // Not `v_min > v_max`: NaN must be refused too, and so must a bound that leaves no finite velocity.
+        let fine = |l: f64, u: f64| l <= u && l < f64::INFINITY && u > f64::NEG_INFINITY;
+        if let Some(i) = (0..n).find(|&i| !fine(v_min[i], v_max[i])) {
+            return Err(Error::input(
+                "v_min",
+                format!("is out of order: expected v_min <= v_max, got {} and {} (first bad index {i})", v_min[i], v_max[i]),
+            ));
+        }
+        if let Some((lower, upper)) = &mut self.work.bounds {
+            lower.copy_from_slice(v_min);
+            upper.copy_from_slice(v_max);
+        }
+        Ok(())
+    }
+
+    /// The buffers to fill before `run`: the stacked Jacobians, row-major `(sum rows, n)`, and the stacked task velocities.
+    pub fn inputs(&mut self) -> (&mut [f64], &mut [f64]) {
+        (&mut self.work.jacobian, &mut self.work.command)
+    }
+
+    /// Solve for one row-major `(rows_i, n)` Jacobian and one `(rows_i,)` task velocity per level.
+    ///
+    /// Returns `Success`, or `Degraded` when some level lost a direction or was scaled. Errors: `Input` for wrong sizes or
+    /// numbers that are not finite, `Solve` if the answer overflows.
+    pub fn solve(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<Status> {
+        self.load(jacobians, velocities)?;
+        self.run()
+    }
+
+    pub(super) fn workspace(&mut self) -> &mut Workspace {
+        &mut self.work
+    }
+
+    /// Check the sizes and copy into `inputs`.
+    pub(super) fn load(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<()> {
+        let levels = self.work.rows.len();
+        for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
+            if got != levels {
+                return Err(Error::input(name, format!("has the wrong number of levels: expected {levels}, got {got}")));
+            }
+        }
+        let n = self.work.n;
+        for i in 0..levels {
+            let level = self.work.level(i);
+            if jacobians[i].len() != level.len() * n {
+                let got = jacobians[i].len();
+                return Err(Error::input(
+                    format!("jacobians[{i}]"),
+                    format!("has the wrong size: expected ({}, {n}), got {got} entries", level.len()),
+                ));
+            }
+            if velocities[i].len() != level.len() {
+                let got = velocities[i].len();
+                return Err(Error::input(format!("velocities[{i}]"), format!("has the wrong length: expected {}, got {got}", level.len())));
+            }
+            self.work.jacobian[level.start * n..level.end * n].copy_from_slice(jacobians[i]);
+            self.work.command[level].copy_from_slice(velocities[i]);
+        }
+        Ok(())
+    }
+
+    /// Solve for what stands in `inputs`.
+    pub fn run(&mut self) -> Result<Status> {
+        let w = &mut self.work;
+        let regular = match self.method {
+            Method::Exact => w.solve_regular(true),
+            Method::Clamp | Method::Damped => w.solve_regular(false),
+            Method::Chiaverini | Method::Sns => false,
+        };
+        if regular {
+            w.lost.fill(false);
+            self.status = Status::Success;
+            return Ok(self.status);
+        }
+        self.prepare()?;
+        let w = &mut self.work;
+        match self.method {
+            Method::Exact => w.solve_exact()?,
+            Method::Clamp => w.solve_clamped(false)?,
+            Method::Damped => w.solve_clamped(true)?,
+            Method::Chiaverini => w.solve_chiaverini()?,
+            Method::Sns => w.solve_sns(self.saturation.as_mut().expect("allocated for sns"))?,
+        }
+        self.finish()
+    }
+
+    /// Refuse numbers that are not finite, change to metric coordinates, scale levels whose squares would overflow or vanish.
+    pub(super) fn prepare(&mut self) -> Result<()> {
+        let w = &mut self.work;
+        let n = w.n;
+        w.j.copy_from_slice(&w.jacobian);
+        w.c.copy_from_slice(&w.command);
+        if let Some(metric) = &w.metric {
+            w.j.chunks_exact_mut(n).for_each(|row| metric.row(row));
+        }
+        for i in 0..w.rows.len() {
+            let level = w.level(i);
+            let block = &mut w.j[level.start * n..level.end * n];
+            let biggest = largest(block) + largest(&w.c[level.clone()]);
+            if biggest.is_nan() {
+                finite(&format!("jacobians[{i}]"), &w.jacobian[level.start * n..level.end * n])?;
+                finite(&format!("velocities[{i}]"), &w.command[level.clone()])?;
+                finite(&format!("jacobians[{i}] in the metric of the weight"), block)?;
+            }
+            let norm2: f64 = block.iter().map(|x| x * x).sum();
+            let (mut f, mut g) = (1.0, 1.0);
+            w.exponent[i] = 0;
+            if !TAME.contains(&norm2) {
+                let biggest = block.iter().fold(0.0f64, |b, x| b.max(x.abs()));
+                if biggest > 0.0 {
+                    // Two factors, because one alone can itself overflow; powers of two change no digit.
+                    let e = -(biggest.log2().floor() as i32);
+                    w.exponent[i] = e;
+                    (f, g) = (2f64.powi(e / 2), 2f64.powi(e - e / 2));
+                    block.iter_mut().chain(&mut w.c[level]).for_each(|x| *x = *x * f * g);
+                }
+            }
+            w.threshold[i] = match &w.eps {
+                Some(eps) => eps[i] * f * g,
+                None => DEFAULT_EPS * block.chunks_exact(n).map(|row| dot(row, row)).fold(0.0, f64::max).sqrt(),
+            };
+        }
+        Ok(())
+    }
+
+    /// Joint velocities from metric coordinates, bounds to the last digit, residuals, status.
+    fn finish(&mut self) -> Result<Status> {
+        let w = &mut self.work;
+        let n = w.n;
+        w.v.copy_from_slice(&w.y);
+        if let Some(metric) = &w.metric {
+            metric.velocity(&mut w.v);
+        }
+        if self.method == Method::Sns
+            && let Some((lower, upper)) = &w.bounds
+        {
+            for ((v, l), u) in w.v.iter_mut().zip(lower).zip(upper) {
+                *v = v.max(*l).min(*u);
+            }
+        }
+        let mut sound = w.v.iter().map(|v| v * 0.0).sum::<f64>();
+        for ((r, row), c) in w.residual.iter_mut().zip(w.jacobian.chunks_exact(n)).zip(&w.command) {
+            *r = c - dot(row, &w.v);
+            sound += *r * 0.0;
+        }
+        if sound != 0.0 {
+            let problem = "the joint velocities that the task asks for overflow: scale the task or use method \"clamp\"";
+            return Err(Error::Solve { status: Status::Diverged, t: 0.0, problem: problem.into() });
+        }
+        let degraded = w.lost.iter().any(|l| *l) || w.task_scale.iter().any(|s| *s < 1.0);
+        self.status = if degraded { Status::Degraded } else { Status::Success };
+        Ok(self.status)
+    }
+
+    /// Joint velocities of the last solve, shape `(n,)`.
+    pub fn v(&self) -> &[f64] {
+        &self.work.v
+    }
+
+    /// Residual `v_i - J_i v` of level `i`, shape `(rows_i,)`.
+    pub fn residual(&self, i: usize) -> &[f64] {
+        &self.work.residual[self.work.level(i)]
+    }
+
+    /// Residuals of all levels, stacked.
+    pub fn residuals(&self) -> &[f64] {
+        &self.work.residual
+    }
+
+    /// Directions of each level that were realised.
+    pub fn ranks(&self) -> &[usize] {
+        &self.work.ranks
+    }
+
+    /// Scale of each level's command; 1 except for `sns`.
+    pub fn scales(&self) -> &[f64] {
+        &self.work.task_scale
+    }
+
+    /// Whether each level lost a direction that its rows and the freedom left to it would allow.
+    pub fn lost(&self) -> &[bool] {
+        &self.work.lost
+    }
+
+    pub fn status(&self) -> Status {
+        self.status
+    }
+}
+
+/// One prioritised solve from plain matrices: row-major `(rows_i, n)` Jacobians and `(rows_i,)` velocities, highest level first.
+///
+/// ```
+/// use armlet_core::priority::{Options, solve_priority};
+/// let (x, both) = ([1.0, 0.0], [1.0, 1.0]);
+/// let solution = solve_priority(2, &[&x, &both], &[&[1.0], &[3.0]], &Options::default()).unwrap();
+/// assert_eq!(solution.ranks, [1, 1]);
+/// assert!((solution.v[0] - 1.0).abs() < 1e-15 && (solution.v[1] - 2.0).abs() < 1e-14);
+/// ```
+pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], options: &Options) -> Result<Solution> {
+    let rows: Vec<usize> = velocities.iter().map(|v| v.len()).collect();
+    let mut solver = PrioritySolver::new(n, &rows, options)?;
+    let status = solver.solve(jacobians, velocities)?;
+    Ok(Solution {
+        v: solver.v().to_vec(),
+        residuals: (0..rows.len()).map(|i| solver.residual(i).to_vec()).collect(),
+        ranks: solver.ranks().to_vec(),
+        scales: solver.scales().to_vec(),
+        status,
+    })
+}

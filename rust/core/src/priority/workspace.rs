@@ -1,0 +1,109 @@
+//! The buffers of a solve: allocated once, sized by the number of joints and the rows of each level.
+
+use super::metric::Metric;
+use crate::linalg::svd::Svd;
+
+/// Squares of a level's norm outside this range send it through scaling by a power of two.
+pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
+
+#[derive(Debug, Clone)]
+pub(super) struct Workspace {
+    pub n: usize,
+    /// Rows of each level and the index of its first row in the stack.
+    pub rows: Vec<usize>,
+    pub start: Vec<usize>,
+    /// The stack as given: Jacobians `(sum rows, n)` and task velocities.
+    pub jacobian: Vec<f64>,
+    pub command: Vec<f64>,
+    /// The stack in the coordinates of the metric, each level scaled by a power of two where its entries are extreme.
+    pub j: Vec<f64>,
+    pub c: Vec<f64>,
+    /// Squares of the largest row norm and of the Frobenius norm of each level, on the regular route.
+    pub most2: Vec<f64>,
+    pub norm2: Vec<f64>,
+    /// Power of two by which a level of extreme magnitude is scaled.
+    pub exponent: Vec<i32>,
+    /// The threshold in force, per level.
+    pub threshold: Vec<f64>,
+    /// Rows: an orthonormal basis of joint space. Those before `free` are used up by higher levels; the others carry the
+    /// factor `scale` that a clamped level left of them.
+    pub basis: Vec<f64>,
+    pub free: usize,
+    pub scale: Vec<f64>,
+    pub svd: Svd,
+    pub svd2: Svd,
+    pub a: Vec<f64>,
+    pub r: Vec<f64>,
+    pub t: Vec<f64>,
+    pub z: Vec<f64>,
+    /// LQ factor of the regular route, its rows padded to a compiled length.
+    pub lq: Vec<f64>,
+    /// The answer in metric coordinates.
+    pub y: Vec<f64>,
+    /// Results.
+    pub v: Vec<f64>,
+    pub residual: Vec<f64>,
+    pub ranks: Vec<usize>,
+    pub lost: Vec<bool>,
+    pub task_scale: Vec<f64>,
+    pub metric: Option<Metric>,
+    /// Thresholds of each level as given, in the unit of its Jacobian.
+    pub eps: Option<Vec<f64>>,
+    pub rounding: f64,
+    pub bounds: Option<(Vec<f64>, Vec<f64>)>,
+}
+
+impl Workspace {
+    pub fn new(n: usize, rows: &[usize]) -> Self {
+        let total: usize = rows.iter().sum();
+        let most = rows.iter().copied().max().unwrap_or(0).max(n);
+        let levels = rows.len();
+        let start = rows.iter().scan(0, |s, r| Some(std::mem::replace(s, *s + r))).collect();
+        Workspace {
+            n,
+            rows: rows.to_vec(),
+            start,
+            jacobian: vec![0.0; total * n],
+            command: vec![0.0; total],
+            j: vec![0.0; total * n],
+            c: vec![0.0; total],
+            most2: vec![0.0; levels],
+            norm2: vec![0.0; levels],
+            exponent: vec![0; levels],
+            threshold: vec![0.0; levels],
+            basis: vec![0.0; n * n],
+            free: 0,
+            scale: vec![1.0; n],
+            svd: Svd::new(most, n),
+            svd2: Svd::new(most, n),
+            a: vec![0.0; most * n],
+            r: vec![0.0; most],
+            t: vec![0.0; most * n],
+            z: vec![0.0; most],
+            lq: vec![
+                0.0;
+                if n <= super::regular::MOST_JOINTS {
+                    total * n.next_multiple_of(4).max(if n > 12 { super::regular::MOST_JOINTS } else { 0 })
+                } else {
+                    0
+                }
+            ],
+            y: vec![0.0; n],
+            v: vec![0.0; n],
+            residual: vec![0.0; total],
+            ranks: vec![0; levels],
+            lost: vec![false; levels],
+            task_scale: vec![1.0; levels],
+            metric: None,
+            eps: None,
+            rounding: super::DEFAULT_ROUNDING,
+            bounds: None,
+        }
+    }
+
+    /// Row range of level `i` in the stack.
+    #[inline(always)]
+    pub fn level(&self, i: usize) -> std::ops::Range<usize> {
+        self.start[i]..self.start[i] + self.rows[i]
+    }
+}
