@@ -53,8 +53,12 @@ impl Status {
         match self {
             Status::Success => "the run reached its end",
             Status::Diverged => "the state stopped being finite: reduce dt or the gains, or use an adaptive method",
-            Status::StepUnderflow => "the step fell below the resolution of time: the problem is singular or stiff here; try a stiff method or looser tolerances",
-            Status::MaxSteps => "the cap on steps was reached: the problem may be stiff; try a stiff method, looser tolerances or a shorter span",
+            Status::StepUnderflow => {
+                "the step fell below the resolution of time: the problem is singular or stiff here; try a stiff method or looser tolerances"
+            }
+            Status::MaxSteps => {
+                "the cap on steps was reached: the problem may be stiff; try a stiff method, looser tolerances or a shorter span"
+            }
             Status::Interrupted => "the run was interrupted by the caller",
             Status::Event => "an event ended the run",
             Status::Degraded => "part of the command was given up: see the residuals",
