@@ -106,7 +106,8 @@ def test_imports_with_numpy_alone(tmp_path: Path) -> None:
     """A clean environment with the wheel and numpy: it imports, says its version, and imports nothing optional."""
     venv.create(tmp_path / "clean", with_pip=False, symlinks=os.name != "nt")
     python = tmp_path / "clean" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    report = subprocess.run([python, "-c", "import sysconfig; print(sysconfig.get_path('platlib'))"], capture_output=True, text=True, check=True)
+    where = "import sysconfig; print(sysconfig.get_path('platlib'))"
+    report = subprocess.run([python, "-c", where], capture_output=True, text=True, check=True)
     site = Path(report.stdout.strip())
     import numpy
 
