@@ -6,5 +6,7 @@
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone.
 
+pub mod dynamics;
 pub mod error;
+pub mod scalar;
 pub mod status;

@@ -1,0 +1,58 @@
+//! `M(q) a + C(q, v) v + g(q) = tau`: what control needs of an arm, whatever the arm is.
+//!
+//! `C` is the Christoffel factorisation, so that `C(q, x) y = C(q, y) x` and `dM/dt - 2 C` is skew.
+//! Matrices are row-major slices. `trig[i]` is (sin, cos) of angular coordinate `i`, computed once per stage
+//! and shared by plant and law; entries of joints that are not angular are never read.
+
+mod planar_pr;
+
+pub use planar_pr::PlanarPr;
+
+use crate::scalar::Real;
+
+/// The dynamics of an arm with `n` joints and `p` inertial parameters.
+pub trait Dynamics<S: Real> {
+    /// Buffers of the algorithms, made once: nothing allocates in a control step.
+    type Workspace;
+    fn workspace(&self) -> Self::Workspace;
+
+    /// Number of joints `n`.
+    fn dof(&self) -> usize;
+    /// Number of inertial parameters `p`.
+    fn parameter_count(&self) -> usize;
+    /// Whether coordinate `joint` enters through its sine and cosine.
+    fn is_angle(&self, joint: usize) -> bool;
+    /// The inertial parameters, `(p,)`.
+    fn parameters(&self, pi: &mut [S]);
+
+    /// `M(q)`, `(n, n)`.
+    fn mass_matrix(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], m: &mut [S]);
+    /// `C(q, v)`, `(n, n)`, Christoffel.
+    fn coriolis_matrix(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]);
+    /// `g(q)`, `(n,)`.
+    fn gravity(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], g: &mut [S]);
+    /// `C(q, v) v + g(q)`, `(n,)`.
+    fn bias(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], out: &mut [S]);
+    /// `tau = M a + C v + g`, `(n,)`.
+    fn inverse_dynamics(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], tau: &mut [S]);
+    /// `a = M^-1 (tau - C v - g)`, `(n,)`.
+    fn forward_dynamics(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]);
+    /// The Slotine-Li regressor, `(n, p)`: `Y(q, v, v_r, a_r) pi = M a_r + C(q, v) v_r + g`.
+    fn regressor(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]);
+    /// `Y pi` `(n,)` and `Y^T s` `(p,)` for any parameters `pi`, without forming `Y`.
+    fn regressor_products(
+        &self,
+        ws: &mut Self::Workspace,
+        trig: &[(S, S)],
+        q: &[S],
+        v: &[S],
+        v_r: &[S],
+        a_r: &[S],
+        pi: &[S],
+        s: &[S],
+        y_pi: &mut [S],
+        yt_s: &mut [S],
+    );
+    /// Kinetic and potential energy.
+    fn energy(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S);
+}

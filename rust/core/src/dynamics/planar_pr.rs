@@ -1,0 +1,159 @@
+//! The PR robot on a horizontal plane (Robotics 2 exam, Sapienza, 10 June 2022, exercise 1):
+//!
+//! `M = [[A, B cos q2], [B cos q2, C]]`, `C(q, v) = [[0, -B sin(q2) v2], [0, 0]]`, `g = 0`, with
+//! `A > 0`, `C > 0`, `A C > B^2`, and the regressor in the parameters `(A, B, C)`
+//! `Y = [[a_r1, a_r2 cos q2 - v2 v_r2 sin q2, 0], [0, a_r1 cos q2, a_r2]]`.
+
+use super::Dynamics;
+use crate::error::{Error, Result, finite, positive};
+use crate::scalar::Real;
+
+/// The arm; one parameter set per lane.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlanarPr<S> {
+    a: S,
+    b: S,
+    c: S,
+    /// `A C`, of which the determinant `A C - (B cos q2)^2` starts.
+    ac: S,
+}
+
+impl PlanarPr<f64> {
+    /// Refuses parameters whose mass matrix is not positive definite at every `q`.
+    pub fn new(a: f64, b: f64, c: f64) -> Result<Self> {
+        positive("A", a)?;
+        finite("B", &[b])?;
+        positive("C", c)?;
+        if a * c <= b * b {
+            return Err(Error::input(
+                "B",
+                format!("makes the mass matrix indefinite: expected A C > B^2, got A C = {}, B^2 = {}", a * c, b * b),
+            ));
+        }
+        Ok(PlanarPr { a, b, c, ac: a * c })
+    }
+
+    /// Any finite parameters: an estimate need not be a possible robot.
+    pub fn with_parameters(pi: [f64; 3]) -> Self {
+        PlanarPr { a: pi[0], b: pi[1], c: pi[2], ac: pi[0] * pi[2] }
+    }
+
+    /// `(A, B, C)`.
+    pub fn parameter_array(&self) -> [f64; 3] {
+        [self.a, self.b, self.c]
+    }
+}
+
+impl<S: Real> PlanarPr<S> {
+    /// Arm `of(i)` in lane `i`.
+    #[inline(always)]
+    pub fn from_lanes(of: impl Fn(usize) -> PlanarPr<f64>) -> Self {
+        let lift = |get: fn(&PlanarPr<f64>) -> f64| S::from_lanes(|i| get(&of(i)));
+        PlanarPr { a: lift(|p| p.a), b: lift(|p| p.b), c: lift(|p| p.c), ac: lift(|p| p.ac) }
+    }
+}
+
+impl<S: Real> Dynamics<S> for PlanarPr<S> {
+    type Workspace = ();
+    #[inline(always)]
+    fn workspace(&self) {}
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        2
+    }
+    #[inline(always)]
+    fn parameter_count(&self) -> usize {
+        3
+    }
+    #[inline(always)]
+    fn is_angle(&self, joint: usize) -> bool {
+        joint == 1
+    }
+    #[inline(always)]
+    fn parameters(&self, pi: &mut [S]) {
+        (pi[0], pi[1], pi[2]) = (self.a, self.b, self.c);
+    }
+
+    #[inline(always)]
+    fn mass_matrix(&self, _: &mut (), trig: &[(S, S)], _: &[S], m: &mut [S]) {
+        let bc = self.b * trig[1].1;
+        (m[0], m[1], m[2], m[3]) = (self.a, bc, bc, self.c);
+    }
+
+    #[inline(always)]
+    fn coriolis_matrix(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], c: &mut [S]) {
+        (c[0], c[2], c[3]) = (S::zero(), S::zero(), S::zero());
+        c[1] = -(self.b * trig[1].0) * v[1];
+    }
+
+    #[inline(always)]
+    fn gravity(&self, _: &mut (), _: &[(S, S)], _: &[S], g: &mut [S]) {
+        (g[0], g[1]) = (S::zero(), S::zero());
+    }
+
+    #[inline(always)]
+    fn bias(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], out: &mut [S]) {
+        out[0] = -(self.b * trig[1].0) * (v[1] * v[1]);
+        out[1] = S::zero();
+    }
+
+    #[inline(always)]
+    fn inverse_dynamics(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], a: &[S], tau: &mut [S]) {
+        let (sin, cos) = trig[1];
+        let bc = self.b * cos;
+        tau[0] = (self.b * sin).neg_mul_add(v[1] * v[1], self.a.mul_add(a[0], bc * a[1]));
+        tau[1] = bc.mul_add(a[0], self.c * a[1]);
+    }
+
+    #[inline(always)]
+    fn forward_dynamics(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], tau: &[S], a: &mut [S]) {
+        let (sin, cos) = trig[1];
+        let bc = self.b * cos;
+        let f1 = (self.b * sin).mul_add(v[1] * v[1], tau[0]);
+        let inverse_det = bc.neg_mul_add(bc, self.ac).recip();
+        a[0] = bc.neg_mul_add(tau[1], self.c * f1) * inverse_det;
+        a[1] = bc.neg_mul_add(f1, self.a * tau[1]) * inverse_det;
+    }
+
+    #[inline(always)]
+    fn regressor(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
+        let (y12, y22) = columns(trig[1], v, v_r, a_r);
+        (y[0], y[1], y[2]) = (a_r[0], y12, S::zero());
+        (y[3], y[4], y[5]) = (S::zero(), y22, a_r[1]);
+    }
+
+    #[inline(always)]
+    fn regressor_products(
+        &self,
+        _: &mut (),
+        trig: &[(S, S)],
+        _: &[S],
+        v: &[S],
+        v_r: &[S],
+        a_r: &[S],
+        pi: &[S],
+        s: &[S],
+        y_pi: &mut [S],
+        yt_s: &mut [S],
+    ) {
+        let (y12, y22) = columns(trig[1], v, v_r, a_r);
+        y_pi[0] = a_r[0].mul_add(pi[0], y12 * pi[1]);
+        y_pi[1] = y22.mul_add(pi[1], a_r[1] * pi[2]);
+        yt_s[0] = a_r[0] * s[0];
+        yt_s[1] = y12.mul_add(s[0], y22 * s[1]);
+        yt_s[2] = a_r[1] * s[1];
+    }
+
+    #[inline(always)]
+    fn energy(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S]) -> (S, S) {
+        let bc = self.b * trig[1].1;
+        let twice = self.a.mul_add(v[0] * v[0], self.c * (v[1] * v[1])) + (bc + bc) * (v[0] * v[1]);
+        (S::splat(0.5) * twice, S::zero())
+    }
+}
+
+/// The two entries of the middle column of the regressor, that of `B`.
+#[inline(always)]
+fn columns<S: Real>((sin, cos): (S, S), v: &[S], v_r: &[S], a_r: &[S]) -> (S, S) {
+    ((v[1] * v_r[1]).neg_mul_add(sin, a_r[1] * cos), a_r[0] * cos)
+}

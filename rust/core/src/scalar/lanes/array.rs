@@ -1,0 +1,170 @@
+//! Eight lanes as a plain array, left to the compiler's vectoriser: baseline SSE2, or AVX2 + FMA.
+
+use super::super::{Kernel, Real, trig};
+use super::{Isa, enter_avx2, isa};
+use std::array::from_fn;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// Eight independent numbers; `FUSED` where the code is compiled for AVX2 + FMA.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub struct Array8<const FUSED: bool>([f64; 8]);
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $op:tt) => {
+        impl<const F: bool> $trait for Array8<F> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(mut self, other: Self) -> Self {
+                for i in 0..8 {
+                    self.0[i] = self.0[i] $op other.0[i];
+                }
+                self
+            }
+        }
+    };
+}
+operator!(Add, add, +);
+operator!(Sub, sub, -);
+operator!(Mul, mul, *);
+operator!(Div, div, /);
+
+macro_rules! assign {
+    ($trait:ident, $method:ident, $op:tt) => {
+        impl<const F: bool> $trait for Array8<F> {
+            #[inline(always)]
+            fn $method(&mut self, other: Self) {
+                *self = *self $op other;
+            }
+        }
+    };
+}
+assign!(AddAssign, add_assign, +);
+assign!(SubAssign, sub_assign, -);
+assign!(MulAssign, mul_assign, *);
+
+impl<const F: bool> Neg for Array8<F> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(mut self) -> Self {
+        for i in 0..8 {
+            self.0[i] = -self.0[i];
+        }
+        self
+    }
+}
+
+impl<const F: bool> Array8<F> {
+    #[inline(always)]
+    fn each(mut self, f: impl Fn(f64) -> f64) -> Self {
+        for i in 0..8 {
+            self.0[i] = f(self.0[i]);
+        }
+        self
+    }
+
+    #[inline(always)]
+    fn zip(mut self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        for i in 0..8 {
+            self.0[i] = f(self.0[i], other.0[i]);
+        }
+        self
+    }
+}
+
+impl<const F: bool> Real for Array8<F> {
+    /// All bits set where true: selecting is then bit logic, which vectorises.
+    type Mask = [u64; 8];
+    const LANES: usize = 8;
+
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        Array8([x; 8])
+    }
+    #[inline(always)]
+    fn from_lanes(f: impl FnMut(usize) -> f64) -> Self {
+        Array8(from_fn(f))
+    }
+    #[inline(always)]
+    fn lane(self, i: usize) -> f64 {
+        self.0[i]
+    }
+    #[inline(always)]
+    fn mul_add(mut self, b: Self, c: Self) -> Self {
+        for i in 0..8 {
+            self.0[i] = trig::fma::<F>(self.0[i], b.0[i], c.0[i]);
+        }
+        self
+    }
+    #[inline(always)]
+    fn neg_mul_add(mut self, b: Self, c: Self) -> Self {
+        for i in 0..8 {
+            self.0[i] = trig::fma::<F>(-self.0[i], b.0[i], c.0[i]);
+        }
+        self
+    }
+    #[inline(always)]
+    fn recip(self) -> Self {
+        self.each(|x| 1.0 / x)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.each(f64::sqrt)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.each(f64::abs)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { b } else { a })
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if b < a { b } else { a })
+    }
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        let (mut s, mut c) = (self, self);
+        for i in 0..8 {
+            (s.0[i], c.0[i]) = trig::sin_cos_near::<F>(self.0[i]);
+        }
+        let mut far = false;
+        for i in 0..8 {
+            far |= !(self.0[i].abs() < trig::REDUCTION_LIMIT);
+        }
+        if far {
+            for i in 0..8 {
+                if !(self.0[i].abs() < trig::REDUCTION_LIMIT) {
+                    (s.0[i], c.0[i]) = trig::sin_cos_far(self.0[i]);
+                }
+            }
+        }
+        (s, c)
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> [u64; 8] {
+        from_fn(|i| if self.0[i] < other.0[i] { u64::MAX } else { 0 })
+    }
+    #[inline(always)]
+    fn select(mask: [u64; 8], yes: Self, no: Self) -> Self {
+        Array8(from_fn(|i| f64::from_bits((yes.0[i].to_bits() & mask[i]) | (no.0[i].to_bits() & !mask[i]))))
+    }
+    #[inline(always)]
+    fn any(mask: [u64; 8]) -> bool {
+        let mut any = 0;
+        for i in 0..8 {
+            any |= mask[i];
+        }
+        any != 0
+    }
+    #[inline(always)]
+    fn enter<K: Kernel>(kernel: K) -> K::Output {
+        if F {
+            assert!(isa() >= Isa::Avx2, "the fused lanes need AVX2 and FMA");
+            enter_avx2(kernel)
+        } else {
+            kernel.run()
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! The instruction sets and the only `unsafe` of the core: entering a region compiled for AVX2 + FMA or
+//! AVX-512 after the machine was seen to have it.
+
+mod array;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+
+pub use array::Array8;
+#[cfg(target_arch = "x86_64")]
+pub use avx512::Avx512;
+
+use super::Kernel;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// The instruction set that code is chosen for, in increasing order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Isa {
+    Baseline = 1,
+    Avx2 = 2,
+    Avx512 = 3,
+}
+
+impl Isa {
+    pub const ALL: [Isa; 3] = [Isa::Baseline, Isa::Avx2, Isa::Avx512];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Baseline => "baseline",
+            Isa::Avx2 => "avx2",
+            Isa::Avx512 => "avx512",
+        }
+    }
+
+    /// The best instruction set of this machine.
+    pub fn best() -> Isa {
+        #[cfg(target_arch = "x86_64")]
+        {
+            let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+            if avx2 && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+                return Isa::Avx512;
+            }
+            if avx2 {
+                return Isa::Avx2;
+            }
+        }
+        Isa::Baseline
+    }
+}
+
+static CHOSEN: AtomicU8 = AtomicU8::new(0);
+
+/// The instruction set in use: the best of the machine, or what `ARMLET_ISA` asks for if the machine has it
+/// (see [`isa_request`] for a request that can't be met).
+#[inline(always)]
+pub fn isa() -> Isa {
+    match CHOSEN.load(Ordering::Relaxed) {
+        1 => Isa::Baseline,
+        2 => Isa::Avx2,
+        3 => Isa::Avx512,
+        _ => choose(),
+    }
+}
+
+#[cold]
+fn choose() -> Isa {
+    let isa = isa_request().ok().flatten().unwrap_or_else(Isa::best);
+    CHOSEN.store(isa as u8, Ordering::Relaxed);
+    isa
+}
+
+/// What `ARMLET_ISA` asks for; an error where it names no instruction set or one that this machine lacks.
+pub fn isa_request() -> Result<Option<Isa>, String> {
+    let Ok(name) = std::env::var("ARMLET_ISA") else { return Ok(None) };
+    let best = Isa::best();
+    match Isa::ALL.iter().find(|isa| isa.name() == name) {
+        Some(&isa) if isa <= best => Ok(Some(isa)),
+        Some(_) => Err(format!("ARMLET_ISA is not available here: expected at most {}, got {name}", best.name())),
+        None => Err(format!("ARMLET_ISA is unknown: expected one of baseline, avx2, avx512, got {name}")),
+    }
+}
+
+/// Run `kernel` compiled for AVX2 + FMA. The caller has checked [`isa`].
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
+    #[target_feature(enable = "avx2,fma")]
+    fn region<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run()
+    }
+    debug_assert!(isa() >= Isa::Avx2);
+    // SAFETY: `isa()` is at least Avx2 only where the processor reported AVX2 and FMA.
+    unsafe { region(kernel) }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
+
+/// Run `kernel` compiled for AVX-512. The caller has checked [`isa`].
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(super) fn enter_avx512<K: Kernel>(kernel: K) -> K::Output {
+    #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+    fn region<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run()
+    }
+    debug_assert!(isa() >= Isa::Avx512);
+    // SAFETY: `isa()` is Avx512 only where the processor reported AVX-512 F and DQ, AVX2 and FMA.
+    unsafe { region(kernel) }
+}

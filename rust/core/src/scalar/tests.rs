@@ -1,0 +1,126 @@
+//! Every number against `f64`: the trigonometric functions in and out of range, select, and the fused operations.
+
+use super::trig::{Angle, SMALL_ANGLE, rotate};
+use super::*;
+
+/// Angles where a reduction goes wrong: zero, the quadrant edges, large, beyond the range, not finite.
+const ANGLES: [f64; 16] = [
+    0.0,
+    -0.0,
+    1e-300,
+    0.5,
+    std::f64::consts::FRAC_PI_4,
+    std::f64::consts::FRAC_PI_2,
+    std::f64::consts::PI,
+    -3.0 * std::f64::consts::FRAC_PI_2,
+    12_345.678,
+    -999_999.0,
+    1.0e6,
+    1.0e9,
+    -3.0e300,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
+    f64::NAN,
+];
+
+fn ulps_apart(a: f64, b: f64) -> f64 {
+    if a == b || (a.is_nan() && b.is_nan()) {
+        return 0.0;
+    }
+    (a - b).abs() / (f64::EPSILON * b.abs().max(f64::MIN_POSITIVE))
+}
+
+#[derive(Clone, Copy)]
+struct SinCos;
+impl Task for SinCos {
+    type Output = ();
+    fn run<S: Real>(self) {
+        for (k, &x) in ANGLES.iter().enumerate() {
+            // The angle under test stands among others: no lane may disturb its neighbours.
+            let lanes = S::from_lanes(|i| ANGLES[(k + i) % ANGLES.len()]);
+            let (s, c) = lanes.sin_cos();
+            let alone = S::splat(x).sin_cos();
+            for (lane, single, want) in [(s, alone.0, x.sin()), (c, alone.1, x.cos())] {
+                // 1 ulp of the polynomials plus half for the reduction's last rounding.
+                assert!(ulps_apart(lane.lane(0), want) <= 1.5, "{x}: {} {want}", lane.lane(0));
+                assert_eq!(lane.lane(0).to_bits() & !(1 << 63), single.lane(0).to_bits() & !(1 << 63), "{x}");
+            }
+        }
+        let mut x = -7.3;
+        while x < 7.3 {
+            let (s, c) = S::splat(x).sin_cos();
+            assert!(ulps_apart(s.lane(0), x.sin()) <= 1.5 && ulps_apart(c.lane(0), x.cos()) <= 1.5, "{x}");
+            x += 0.000_913;
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Rotate;
+impl Task for Rotate {
+    type Output = ();
+    fn run<S: Real>(self) {
+        for from in [0.0, 1.1, -2.7, 40.0] {
+            let angle = Angle::new(S::splat(from));
+            for d in [0.0, 1e-12, 0.01, SMALL_ANGLE * 0.999, SMALL_ANGLE, SMALL_ANGLE * 1.001, 0.5, -3.0] {
+                let (s, c) = rotate(&angle, S::splat(from + d));
+                // Three roundings of numbers below 1.
+                assert!((s.lane(0) - (from + d).sin()).abs() < 4e-16, "{from} {d}");
+                assert!((c.lane(0) - (from + d).cos()).abs() < 4e-16, "{from} {d}");
+            }
+            let (s, _) = rotate(&angle, S::splat(f64::NAN));
+            assert!(s.lane(0).is_nan());
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Arithmetic;
+impl Task for Arithmetic {
+    type Output = ();
+    fn run<S: Real>(self) {
+        let a = S::from_lanes(|i| 1.5 + i as f64);
+        let b = S::from_lanes(|i| -0.75 * i as f64);
+        let c = S::splat(0.3);
+        for i in 0..S::LANES {
+            let (x, y) = (1.5 + i as f64, -0.75 * i as f64);
+            assert!((a.mul_add(b, c).lane(i) - (x * y + 0.3)).abs() < 1e-13);
+            assert!((a.neg_mul_add(b, c).lane(i) - (0.3 - x * y)).abs() < 1e-13);
+            assert!(ulps_apart(a.recip().lane(i), 1.0 / x) <= 1.0);
+            assert_eq!(((a / c).lane(i), a.sqrt().lane(i), b.abs().lane(i)), (x / 0.3, x.sqrt(), y.abs()));
+            assert_eq!((a.max(c).lane(i), b.min(c).lane(i), (-b).lane(i)), (x.max(0.3), y.min(0.3), -y));
+            let chosen = S::select(b.lt(S::splat(-1.0)), a, c);
+            assert_eq!(chosen.lane(i), if y < -1.0 { x } else { 0.3 });
+        }
+        assert!(!S::any(S::splat(f64::NAN).lt(a)) && S::any(c.lt(a)));
+    }
+}
+
+fn on_every_number<T: Task + Copy>(task: T) {
+    on::<f64, T>(task);
+    on::<Array8<false>, T>(task);
+    if Isa::best() >= Isa::Avx2 {
+        on::<Fused, T>(task);
+        on::<Array8<true>, T>(task);
+    }
+    #[cfg(target_arch = "x86_64")]
+    if Isa::best() >= Isa::Avx512 {
+        on::<lanes::Avx512<1>, T>(task);
+        on::<lanes::Avx512<2>, T>(task);
+    }
+}
+
+#[test]
+fn sine_and_cosine() {
+    on_every_number(SinCos);
+}
+
+#[test]
+fn small_rotation() {
+    on_every_number(Rotate);
+}
+
+#[test]
+fn arithmetic() {
+    on_every_number(Arithmetic);
+}
