@@ -8,7 +8,7 @@ python=""
 for candidate in ${PYTHON:-} python3 python3.14 python3.13 python3.12 python3.11 python; do
     if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then python=$candidate; break; fi
 done
-[ -n "$python" ] || missing "Python >= 3.11, not found on PATH ($(python3 --version 2>/dev/null || echo 'no python3')): https://www.python.org/downloads"
+[ -n "$python" ] || missing "Python >= 3.11, not found on PATH ($(python3 --version 2>&1 | head -n 1)): https://www.python.org/downloads"
 "$python" -c 'import venv, ensurepip' >/dev/null 2>&1 || missing "Python's venv and ensurepip modules, missing from $python (on Debian and Ubuntu: apt install python3-venv)"
 if [ "${1:-}" = python ]; then echo "$python"; exit 0; fi
 

@@ -38,8 +38,6 @@ STYLE = {
     "ytick.labelsize": 8,
 }
 FORCE = {"rad": "N m", "m": "N"}
-# Below this a balance is rounding; a logarithmic axis needs a floor.
-FLOOR = 1e-17
 
 
 def available() -> bool:
@@ -191,10 +189,13 @@ def _lyapunov(ax: Axes, run: Run) -> None:
 
 
 def _magnitude(ax: Axes, run: Run, name: str) -> None:
-    values = np.maximum(np.abs(run.monitors[name]), FLOOR)
-    ax.semilogy(run.t, values, color=COLOURS[0], linewidth=0.9)
-    # A decade of air on both sides, so that rounding does not look like a signal.
-    ax.set_ylim(max(FLOOR, values.min() / 10), 10 * values.max())
+    values = np.abs(run.monitors[name])
+    # A balance starts at exactly zero, which a logarithmic axis cannot hold.
+    shown = values[np.isfinite(values) & (values > 0)]
+    ax.semilogy(run.t, np.where(values > 0, values, np.nan), color=COLOURS[0], linewidth=0.9)
+    if len(shown):
+        # A decade of air on both sides, so that rounding does not look like a signal.
+        ax.set_ylim(shown.min() / 10, 10 * shown.max())
 
 
 def _lyapunov_balance(ax: Axes, run: Run) -> None:

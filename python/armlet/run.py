@@ -47,22 +47,23 @@ class _Recorded:
 
     def __init__(self, fields: Mapping[str, Any], law: Any = None, motion: Any = None, plant: Any = None) -> None:
         given = dict(fields)
-        for name in ("t", "q", "v"):
-            setattr(self, name, np.asarray(given.pop(name), dtype=np.float64))
-        for name in SERIES[2:]:
-            value = given.pop(name, None)
+        self.t = np.atleast_1d(np.asarray(given.pop("t"), dtype=np.float64))
+        for name in SERIES:
+            value = given.pop(name) if name in ("q", "v") else given.pop(name, None)
             setattr(self, name, None if value is None else np.asarray(value, dtype=np.float64))
         self.monitors = {name: np.asarray(value, dtype=np.float64) for name, value in (given.pop("monitors", None) or {}).items()}
         self.stats = dict(given.pop("stats", None) or {})
-        self.law_name = given.pop("law_name", None) or ("" if law is None else type(law).__name__)
+        laws, plants = _rows(law), _rows(plant)
+        self.law_name = given.pop("law_name", None) or ("" if law is None else type(laws[0]).__name__)
         self._desired: tuple[Array, ...] | None = given.pop("desired", None)
-        self._motion = motion if motion is not None else getattr(law, "motion", None)
-        arm = getattr(plant, "arm", None)
+        motions = _rows(motion) if motion is not None else [getattr(each, "motion", None) for each in laws]
+        self._motions = motions if None not in motions else []
+        arms: list[Any] = [getattr(each, "arm", None) for each in plants]
         parameters = given.pop("parameters", None)
-        if parameters is None:
-            parameters = getattr(arm, "parameters", None)
+        if parameters is None and None not in arms:
+            parameters = [arm.parameters for arm in arms] if len(arms) > 1 else arms[0].parameters
         self.parameters = None if parameters is None else np.asarray(parameters, dtype=np.float64)
-        types = getattr(arm, "joint_types", None) or ("revolute",) * self.q.shape[-1]
+        types = getattr(arms[0], "joint_types", None) or ("revolute",) * self.q.shape[-1]
         self.units = tuple(given.pop("units", None) or ("m" if kind in ("prismatic", "P") else "rad" for kind in types))
         self._set_status(given.pop("status", Status.SUCCESS))
         if given:
@@ -82,11 +83,18 @@ class _Recorded:
         raise NotImplementedError
 
     def desired(self) -> tuple[Array, Array, Array] | None:
-        """The desired motion `(q_d, v_d, a_d)` at the times of the run, each (K, n); None where the law follows none."""
-        if self._desired is None and self._motion is not None:
-            samples = [self._motion(float(t)) for t in self.t]
-            shape = (len(self.t), self.q.shape[-1])
-            self._desired = tuple(np.array([sample[i] for sample in samples], dtype=np.float64).reshape(shape) for i in range(3))
+        """The desired motion `(q_d, v_d, a_d)` at the times of the run, each (K, n); None where the law follows none.
+
+        In a batch whose rows differ in motion or times each is (B, K, n).
+        """
+        if self._desired is None and self._motions:
+            if len(self._motions) == 1 and self.t.ndim == 1:
+                self._desired = _sampled(self._motions[0], self.t, self.q.shape[-1])
+            else:
+                shape = (self.q.shape[0], self.t.shape[-1])
+                motions = self._motions * (shape[0] if len(self._motions) == 1 else 1)
+                rows = [_sampled(m, t, self.q.shape[-1]) for m, t in zip(motions, np.broadcast_to(self.t, shape), strict=True)]
+                self._desired = tuple(np.stack(parts) for parts in zip(*rows, strict=True))
         return self._desired  # type: ignore[return-value]  # three by construction
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -106,6 +114,16 @@ class _Recorded:
             if values is not None:
                 columns |= {f"{name}{i + 1}": values[(*row, slice(None), i)] for i in range(values.shape[-1])}
         return columns | {name: values[row] for name, values in self.monitors.items()}
+
+
+def _rows(value: Any) -> list[Any]:
+    """One object for all rows, or one per row."""
+    return list(value) if isinstance(value, list | tuple) else [value]
+
+
+def _sampled(motion: Any, t: Array, n: int) -> tuple[Array, ...]:
+    samples = [motion(float(time)) for time in t]
+    return tuple(np.array([sample[i] for sample in samples], dtype=np.float64).reshape(len(t), n) for i in range(3))
 
 
 class Run(_Recorded):
@@ -166,7 +184,7 @@ class BatchRun(_Recorded):
 
     Attributes:
         status: how each run ended, (B,), integers of `armlet.Status`; rows hold NaN after their fault.
-        t: times, (K,), shared by all rows.
+        t: times, (K,) where all rows share them, else (B, K).
     """
 
     status: NDArray[np.int32]
@@ -187,10 +205,16 @@ class BatchRun(_Recorded):
         if self.q.ndim != 3:
             raise InputError('BatchRun: rows have no time axis: expected a batch run with keep="all"')
         items = {name: getattr(self, name)[i] for name in SERIES if getattr(self, name) is not None}
-        items |= {"t": self.t, "monitors": {name: values[i] for name, values in self.monitors.items()}}
-        items |= {"status": self.status[i], "law_name": self.law_name, "units": self.units, "parameters": self.parameters}
+        items |= {"t": self._times(i), "monitors": {name: values[i] for name, values in self.monitors.items()}}
+        items |= {"status": self.status[i], "law_name": self.law_name, "units": self.units}
+        items["parameters"] = self.parameters[i] if self.parameters is not None and self.parameters.ndim == 2 else self.parameters
         items["stats"] = {name: np.asarray(value)[i] if np.ndim(value) else value for name, value in self.stats.items()}
-        return Run(items | {"desired": self._desired}, motion=self._motion)
+        if self._desired is not None:
+            items["desired"] = tuple(part if part.ndim == 2 else part[i] for part in self._desired)
+        return Run(items, motion=self._motions[i if len(self._motions) > 1 else 0] if self._motions else None)
+
+    def _times(self, i: int) -> Array:
+        return self.t if self.t.ndim == 1 else self.t[i]
 
     def __iter__(self) -> Iterator[Run]:
         return (self[i] for i in range(len(self)))
@@ -200,7 +224,7 @@ class BatchRun(_Recorded):
         pandas = _pandas("BatchRun.to_pandas")
         if self.q.ndim != 3:
             raise InputError('BatchRun.to_pandas: rows have no time axis: expected a batch run with keep="all"')
-        frames = [pandas.DataFrame(self._table((i,)), index=pandas.Index(self.t, name="t")) for i in range(len(self))]
+        frames = [pandas.DataFrame(self._table((i,)), index=pandas.Index(self._times(i), name="t")) for i in range(len(self))]
         table: pd.DataFrame = pandas.concat(frames, keys=range(len(self)), names=["run", "t"])
         return table
 

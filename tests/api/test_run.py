@@ -111,6 +111,20 @@ def test_rows_of_a_batch(batch: BatchRun) -> None:
         batch[2]
 
 
+def test_rows_with_their_own_motion_and_parameters(tmp_path: Path) -> None:
+    one = fields()
+    laws = [SimpleNamespace(motion=lambda t, k=k: (np.full(2, k * t), np.full(2, k), np.zeros(2))) for k in (1.0, 2.0)]
+    plants = [PLANT, SimpleNamespace(arm=SimpleNamespace(parameters=np.array([3.0, 1.0, 1.0])))]
+    rows = {name: np.stack([one[name]] * 2) for name in ("q", "v")}
+    batch = BatchRun(rows | {"t": np.stack([T, T / 2]), "status": 0}, law=laws, plant=plants)
+    for first in (batch, pickle.loads(pickle.dumps(batch))):
+        desired = first[1].desired()
+        assert desired is not None
+        np.testing.assert_array_equal(desired[0][:, 0], 2.0 * (T / 2))
+        np.testing.assert_array_equal(first[1].parameters, [3.0, 1.0, 1.0])
+        np.testing.assert_array_equal(first[1].t, T / 2)
+
+
 def test_storage_returns_the_same(run: Run, batch: BatchRun, tmp_path: Path) -> None:
     for thing in (run, batch):
         thing.save(tmp_path / "x.armlet")
