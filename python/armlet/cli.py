@@ -24,7 +24,7 @@ def _demo(args: argparse.Namespace) -> int:
 
     figures = plots.available()
     report = demonstrate(args.out, figures=figures)
-    print()
+    print(f"\nreport: {report.out / 'report.html'}")
     if figures:
         print("figures: " + " ".join(str(path) for path in report.figures))
     else:
@@ -56,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="command", required=True)
 
     demo = commands.add_parser("demo", help="run the demonstration: a table of checks, and figures")
-    demo.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="folder for the figures (default: ./out)")
+    demo.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="folder for the report and the figures (default: ./out)")
     demo.set_defaults(run=_demo)
 
     info = commands.add_parser("info", help="print the version, the instruction set and the number of threads")

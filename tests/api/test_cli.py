@@ -104,7 +104,18 @@ def test_demo_without_matplotlib(
     assert cli.main(["demo", "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert len([line for line in printed.splitlines() if "figures skipped" in line and "armlet[plot]" in line]) == 1
-    assert not (tmp_path / "out").exists()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.html"]
+
+
+def test_the_page_stands_alone(system: System, tmp_path: Path) -> None:
+    """No address, no script, and what a check says is text, not markup."""
+    system(lambda report: report.near("<script>a & b</script>", (1.0, 2.0), (1.0, 3.0), 0.5, "1 < 2", "E1"))
+    assert cli.main(["demo", "--out", str(tmp_path)]) == 1
+    text = (tmp_path / "report.html").read_text()
+    for part in ("http:", "https:", "<script", "<link", "src=\"/"):
+        assert part not in text
+    assert "&lt;script&gt;a &amp; b" in text and "1 &lt; 2" in text and 'class="FAILED"' in text
+    assert 'name="viewport"' in text and "prefers-color-scheme: dark" in text
 
 
 def test_demo_where_nothing_can_be_written(system: System, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ import time
 from importlib import import_module
 from pathlib import Path
 
+from .. import _core
 from .report import Check, Report
 
 __all__ = ["SYSTEMS", "Check", "Report", "demonstrate"]
@@ -17,8 +18,8 @@ SYSTEMS = ("adaptive",)
 
 
 def demonstrate(out: Path, *, figures: bool = True) -> Report:
-    """Run every system; print its table as it ends; write the figures into `out`. A system that stops is a failed check."""
-    report = Report(out if figures else None)
+    """Run every system; print its table as it ends; write the figures and the page into `out`. A system that stops is a failed check."""
+    report = Report(out, figures=figures)
     for name in SYSTEMS:
         module = import_module(f".{name}", __name__)
         report.section(module.TITLE)
@@ -30,4 +31,6 @@ def demonstrate(out: Path, *, figures: bool = True) -> Report:
         except Exception as error:
             report.equal("runs to its end", "yes", f"{type(error).__name__}: {error}")
         report.close_section(time.perf_counter() - start)
+    build = [f"{name.replace('_', ' ')} {value}" for name, value in _core.build_info().items() if name != "version"]
+    report.write_page(", ".join([f"armlet {_core.__version__}", *build]))
     return report

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..storage import write_whole
+from .html import page
 
 if TYPE_CHECKING:
     from ..run import Run
 
-__all__ = ["Check", "Report"]
+__all__ = ["Check", "Report", "Section"]
 
 
 @dataclass(frozen=True)
@@ -72,26 +73,44 @@ def _text(value: Any, digits: int = 6) -> str:
     return "(" + ", ".join(_text(x, digits) for x in array) + ")"
 
 
+@dataclass
+class Section:
+    """The checks and figures of one system."""
+
+    title: str
+    checks: list[Check] = field(default_factory=list)
+    figures: list[Path] = field(default_factory=list)
+    seconds: float = 0.0
+
+
 class Report:
-    """Collects checks section by section and prints each section's table; writes figures.
+    """Collects checks and figures section by section, and prints each section's table as it ends.
 
     Args:
-        out: folder of the figures, made when it is missing; None writes none.
+        out: folder of the figures and of the page, made when it is missing.
+        figures: whether to draw; False where matplotlib is absent.
     """
 
-    def __init__(self, out: Path | None) -> None:
+    def __init__(self, out: Path, *, figures: bool = True) -> None:
+        out.mkdir(parents=True, exist_ok=True)
         self.out = out
-        self.checks: list[Check] = []
-        self.figures: list[Path] = []
-        self._open: list[Check] = []
-        if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
+        self.draw = figures
+        self.sections: list[Section] = []
+
+    @property
+    def checks(self) -> list[Check]:
+        return [check for section in self.sections for check in section.checks]
 
     @property
     def failed(self) -> list[Check]:
         return [check for check in self.checks if not check.passed]
 
+    @property
+    def figures(self) -> list[Path]:
+        return [path for section in self.sections for path in section.figures]
+
     def section(self, title: str) -> None:
+        self.sections.append(Section(title))
         print(f"\n{title}", flush=True)
 
     def near(self, what: str, expected: Any, got: Any, tolerance: float, printed: str = "", erratum: str = "") -> None:
@@ -108,7 +127,7 @@ class Report:
 
     def figure(self, name: str, run: Run) -> None:
         """Write the figure of a run to `out/name.png`."""
-        if self.out is None:
+        if not self.draw:
             return
         from matplotlib.figure import Figure
 
@@ -116,22 +135,29 @@ class Report:
         run.plot(figure)
         path = self.out / f"{name}.png"
         write_whole(path, lambda file: figure.savefig(file, format="png", dpi=150))
-        self.figures.append(path)
+        self.sections[-1].figures.append(path)
+
+    def write_page(self, build: str) -> Path:
+        """Write the report as one HTML file."""
+        path = self.out / "report.html"
+        write_whole(path, lambda file: file.write(page(self, build).encode()))
+        return path
 
     def _add(self, check: Check) -> None:
-        self.checks.append(check)
-        self._open.append(check)
+        checks = self.sections[-1].checks
+        checks.append(check)
         if sys.stderr.isatty():
-            print(f"\r  {len(self._open)} checks", end="\r", file=sys.stderr, flush=True)
+            print(f"\r  {len(checks)} checks", end="\r", file=sys.stderr, flush=True)
 
     def close_section(self, seconds: float) -> None:
         """Print the table of the section's checks."""
-        rows = [("what", "expected", "got", "verdict"), *(check.columns() for check in self._open)]
+        section = self.sections[-1]
+        section.seconds = seconds
+        rows = [("what", "expected", "got", "verdict"), *(check.columns() for check in section.checks)]
         widths = [max(len(row[i]) for row in rows) for i in range(3)]
         for i, row in enumerate(rows):
             print("  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)) + "  " + row[3])
             if i == 0:
                 print("  " + "  ".join("-" * width for width in (*widths, 7)))
-        passed = sum(check.passed for check in self._open)
-        print(f"  {passed} of {len(self._open)} checks hold, {seconds:.2f} s", flush=True)
-        self._open = []
+        passed = sum(check.passed for check in section.checks)
+        print(f"  {passed} of {len(section.checks)} checks hold, {seconds:.2f} s", flush=True)
