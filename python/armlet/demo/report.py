@@ -59,18 +59,21 @@ class Check:
         if self.expected is None:
             return what, f"<= {self.tolerance:g}", _text(self.got, 2), self.verdict
         bound = f" +- {self.tolerance:g}" if self.tolerance else ""
-        return what, _text(self.expected) + bound, _text(self.got), self.verdict
+        return what, _text(self.expected, zero=self.tolerance) + bound, _text(self.got, zero=self.tolerance), self.verdict
 
 
-def _text(value: Any, digits: int = 6) -> str:
+def _text(value: Any, digits: int = 6, zero: float = 0.0) -> str:
+    """A value in few characters; magnitudes below `zero` read 0."""
     if isinstance(value, str):
         return value
     array = np.asarray(value)
-    if array.dtype == bool or array.dtype.kind not in "iuf":
+    if array.ndim:
+        return "(" + ", ".join(_text(x, digits, zero) for x in array) + ")"
+    if array.dtype == bool:
+        return "yes" if array else "no"
+    if array.dtype.kind not in "iuf":
         return str(value)
-    if array.ndim == 0:
-        return f"{float(array):.{digits}g}"
-    return "(" + ", ".join(_text(x, digits) for x in array) + ")"
+    return "0" if abs(array) < zero else f"{float(array):.{digits}g}"
 
 
 @dataclass
