@@ -1,0 +1,78 @@
+# armlet. `make demo` and `make test` need Python >= 3.11 with venv, Rust, a C linker, and the network once.
+.DEFAULT_GOAL := help
+SHELL := /bin/sh
+.SHELLFLAGS := -eu -c
+.DELETE_ON_ERROR:
+.SUFFIXES:
+
+ROOT := $(CURDIR)
+VENV := $(ROOT)/.venv
+BUILD := $(ROOT)/build
+# -P: the directory a command runs in never shadows the installed package.
+PY := $(VENV)/bin/python -P
+OUT ?= out
+# if-installed: go on with a note when rustfmt or clippy is not installed. required: stop.
+LINT ?= if-installed
+
+export CARGO_TARGET_DIR ?= $(ROOT)/target
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PYTHONNOUSERSITE := 1
+unexport PYTHONPATH PYTHONHOME
+
+SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
+	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
+
+.PHONY: help demo test check bench docs lock clean tools
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
+
+demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of checks, figures in out/
+	@$(PY) -m armlet demo --out "$(OUT)"
+
+test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints, types, Rust and Python tests on the built wheel
+	@$(MAKE) --no-print-directory lint
+	cargo test --locked --workspace
+	@rm -rf $(BUILD)/elsewhere && mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && ARMLET_MAKE_TEST=1 ARMLET_SDIST="$$(cat $(BUILD)/sdist.path)" ARMLET_WHEEL="$$(cat $(BUILD)/wheel.path)" \
+		$(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests $(PYTEST)
+
+check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types alone
+	@$(MAKE) --no-print-directory lint LINT=required
+
+bench: $(BUILD)/installed $(BUILD)/requirements ## benchmarks against the peers (installs them)
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/bench.txt -c requirements/test.txt
+	@set -- benches/bench_*.py; test -e "$$1" || { echo "make bench: no benches/bench_*.py yet"; exit 1; }; \
+	for file in "$$@"; do echo "== $$file"; $(PY) "$$file"; done
+
+docs: $(BUILD)/installed $(BUILD)/requirements ## run every code block of README and docs/, and every example
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/api/test_docs.py
+
+lock: tools ## rewrite requirements/test.txt from what resolves today
+	@sh tools/lock.sh
+
+clean: ## remove what make built (the downloaded packages too)
+	rm -rf $(BUILD) $(VENV) target
+
+.PHONY: lint
+lint:
+	@sh tools/lint.sh "$(LINT)" $(PY)
+
+# What the machine must have: one line that names what is missing.
+tools:
+	@sh tools/require.sh
+
+# The environment with the packages that building and the demonstration need, at the locked versions.
+$(VENV)/built: requirements/test.txt tools/pip.sh tools/require.sh | tools
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" maturin numpy matplotlib -c requirements/test.txt
+	@touch $@
+
+$(BUILD)/requirements: requirements/test.txt $(VENV)/built
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/test.txt
+	@touch $@
+
+# One compile: the wheel is built from the unpacked sdist, and what is installed and tested is that wheel.
+$(BUILD)/installed: $(VENV)/built $(SOURCES) tools/build.sh tools/unpack_sdist.py
+	@sh tools/build.sh "$(VENV)" "$(BUILD)"
+	@touch $@

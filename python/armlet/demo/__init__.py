@@ -1,0 +1,36 @@
+"""`armlet demo`: the systems of the exam "Robotics 2" (10 June 2022), each run natively and checked against theory.
+
+One module per system exposes `TITLE` and `run(report)`; SYSTEMS lists them in the order of the table.
+"""
+
+from __future__ import annotations
+
+import time
+from importlib import import_module
+from pathlib import Path
+
+from .. import _core
+from .report import Check, Report
+
+__all__ = ["SYSTEMS", "Check", "Report", "demonstrate"]
+
+SYSTEMS = ("adaptive",)
+
+
+def demonstrate(out: Path, *, figures: bool = True) -> Report:
+    """Run every system; print its table as it ends; write the figures and the page into `out`. A system that stops is a failed check."""
+    report = Report(out, figures=figures)
+    for name in SYSTEMS:
+        module = import_module(f".{name}", __name__)
+        report.section(module.TITLE)
+        start = time.perf_counter()
+        try:
+            module.run(report)
+        except OSError:
+            raise  # the disk, not the system: the command line says so in one line
+        except Exception as error:
+            report.equal("runs to its end", "yes", f"{type(error).__name__}: {error}")
+        report.close_section(time.perf_counter() - start)
+    build = [f"{name.replace('_', ' ')} {value}" for name, value in _core.build_info().items() if name != "version"]
+    report.write_page(", ".join([f"armlet {_core.__version__}", *build]))
+    return report

@@ -1,0 +1,65 @@
+"""The report of a demonstration as one HTML file: tables and figures inside, readable offline, on a phone, in light and in dark."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .report import Report, Section
+
+__all__ = ["page"]
+
+STYLE = """
+:root { color-scheme: light dark; --line: #8884; --bad: #b3261e; --good: #00734f; }
+@media (prefers-color-scheme: dark) { :root { --bad: #ff8a80; --good: #5fd7a8; } }
+body { font: 16px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 70rem; padding: 1rem; }
+h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .875rem; width: 100%; }
+th, td { border-bottom: 1px solid var(--line); padding: .35rem .6rem; text-align: left; vertical-align: top; }
+td.number { font-family: ui-monospace, monospace; font-size: .8rem; }
+.ok { color: var(--good); } .FAILED { color: var(--bad); font-weight: 700; }
+img { background: #fff; border-radius: .4rem; height: auto; margin-top: 1rem; max-width: 100%; }
+small { opacity: .75; }
+"""
+
+
+def _section(section: Section) -> str:
+    rows = []
+    for check in section.checks:
+        what, expected, got, verdict = (escape(text) for text in check.columns())
+        rows.append(
+            f'<tr><td>{what}</td><td class="number">{expected}</td><td class="number">{got}</td><td class="{verdict}">{verdict}</td></tr>'
+        )
+    head = "<tr><th>what</th><th>expected</th><th>got</th><th>verdict</th></tr>"
+    figures = [
+        f'<img alt="{escape(section.title)}: {escape(path.stem)}" src="data:image/png;base64,{b64encode(path.read_bytes()).decode()}">'
+        for path in section.figures
+    ]
+    passed = sum(check.passed for check in section.checks)
+    lines = [
+        f"<section><h2>{escape(section.title)}</h2>",
+        f"<p>{passed} of {len(section.checks)} checks hold, {section.seconds:.2f} s</p>",
+        f'<div class="wide"><table><thead>{head}</thead><tbody>',
+        *rows,
+        "</tbody></table></div>",
+        *figures,
+        "</section>\n",
+    ]
+    return "\n".join(lines)
+
+
+def page(report: Report, build: str) -> str:
+    """The whole page; `build` says what ran: version, instruction set, machine."""
+    failed = len(report.failed)
+    verdict = f"{len(report.checks) - failed} of {len(report.checks)} checks hold"
+    colour = "FAILED" if failed else "ok"
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>armlet demo: {escape(verdict)}</title><style>{STYLE}</style></head><body>\n"
+        f'<h1>armlet demo</h1>\n<p class="{colour}">{escape(verdict)}</p>\n<p><small>{escape(build)}</small></p>\n'
+        + "".join(_section(section) for section in report.sections)
+        + "</body></html>\n"
+    )

@@ -1,0 +1,166 @@
+"""Checks with a computed verdict, and the report that collects and prints them."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..storage import write_whole
+from .html import page
+
+if TYPE_CHECKING:
+    from ..run import Run
+
+__all__ = ["Check", "Report", "Section"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One claim and what became of it.
+
+    Attributes:
+        what: the claim, in words.
+        expected: the right value: a number, an array, or anything that compares equal; None: the claim is |got| <= tolerance.
+        got: what armlet computed.
+        tolerance: largest deviation allowed, absolute; 0 for values that must be equal.
+        printed: what the exam's printed solution says, where it differs from `expected`.
+        erratum: the number of that erratum, "E1".., else "".
+    """
+
+    what: str
+    expected: Any
+    got: Any
+    tolerance: float = 0.0
+    printed: str = ""
+    erratum: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the claim holds. NaN never does."""
+        if isinstance(self.got, str) or isinstance(self.expected, str):
+            return bool(self.got == self.expected)
+        expected = 0.0 if self.expected is None else self.expected
+        if np.shape(expected) not in ((), np.shape(self.got)) or np.size(self.got) == 0:
+            return False
+        deviation = np.abs(np.asarray(self.got, dtype=np.float64) - np.asarray(expected, dtype=np.float64))
+        return bool(np.all(deviation <= self.tolerance))
+
+    @property
+    def verdict(self) -> str:
+        return "ok" if self.passed else "FAILED"
+
+    def columns(self) -> tuple[str, str, str, str]:
+        """What, expected, got and verdict as texts."""
+        what = f"{self.what} [{self.erratum}, printed: {self.printed}]" if self.erratum else self.what
+        if self.expected is None:
+            return what, f"<= {self.tolerance:g}", _text(self.got, 2), self.verdict
+        bound = f" +- {self.tolerance:g}" if self.tolerance else ""
+        return what, _text(self.expected, zero=self.tolerance) + bound, _text(self.got, zero=self.tolerance), self.verdict
+
+
+def _text(value: Any, digits: int = 6, zero: float = 0.0) -> str:
+    """A value in few characters; magnitudes below `zero` read 0."""
+    if isinstance(value, str):
+        return value
+    array = np.asarray(value)
+    if array.ndim:
+        return "(" + ", ".join(_text(x, digits, zero) for x in array) + ")"
+    if array.dtype == bool:
+        return "yes" if array else "no"
+    if array.dtype.kind not in "iuf":
+        return str(value)
+    return "0" if abs(array) < zero else f"{float(array):.{digits}g}"
+
+
+@dataclass
+class Section:
+    """The checks and figures of one system."""
+
+    title: str
+    checks: list[Check] = field(default_factory=list)
+    figures: list[Path] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+class Report:
+    """Collects checks and figures section by section, and prints each section's table as it ends.
+
+    Args:
+        out: folder of the figures and of the page, made when it is missing.
+        figures: whether to draw; False where matplotlib is absent.
+    """
+
+    def __init__(self, out: Path, *, figures: bool = True) -> None:
+        out.mkdir(parents=True, exist_ok=True)
+        self.out = out
+        self.draw = figures
+        self.sections: list[Section] = []
+
+    @property
+    def checks(self) -> list[Check]:
+        return [check for section in self.sections for check in section.checks]
+
+    @property
+    def failed(self) -> list[Check]:
+        return [check for check in self.checks if not check.passed]
+
+    @property
+    def figures(self) -> list[Path]:
+        return [path for section in self.sections for path in section.figures]
+
+    def section(self, title: str) -> None:
+        self.sections.append(Section(title))
+        print(f"\n{title}", flush=True)
+
+    def near(self, what: str, expected: Any, got: Any, tolerance: float, printed: str = "", erratum: str = "") -> None:
+        """The claim |got - expected| <= tolerance, for each entry."""
+        self._add(Check(what, expected, got, tolerance, printed, erratum))
+
+    def bound(self, what: str, got: Any, limit: float) -> None:
+        """The claim |got| <= limit."""
+        self._add(Check(what, None, got, limit))
+
+    def equal(self, what: str, expected: Any, got: Any, printed: str = "", erratum: str = "") -> None:
+        """The claim got == expected."""
+        self._add(Check(what, expected, got, 0.0, printed, erratum))
+
+    def figure(self, name: str, run: Run) -> None:
+        """Write the figure of a run to `out/name.png`."""
+        if not self.draw:
+            return
+        from matplotlib.figure import Figure
+
+        figure = Figure()
+        run.plot(figure)
+        path = self.out / f"{name}.png"
+        write_whole(path, lambda file: figure.savefig(file, format="png", dpi=150))
+        self.sections[-1].figures.append(path)
+
+    def write_page(self, build: str) -> Path:
+        """Write the report as one HTML file."""
+        path = self.out / "report.html"
+        write_whole(path, lambda file: file.write(page(self, build).encode()))
+        return path
+
+    def _add(self, check: Check) -> None:
+        checks = self.sections[-1].checks
+        checks.append(check)
+        if sys.stderr.isatty():
+            print(f"\r  {len(checks)} checks", end="\r", file=sys.stderr, flush=True)
+
+    def close_section(self, seconds: float) -> None:
+        """Print the table of the section's checks."""
+        section = self.sections[-1]
+        section.seconds = seconds
+        rows = [("what", "expected", "got", "verdict"), *(check.columns() for check in section.checks)]
+        widths = [max(len(row[i]) for row in rows) for i in range(3)]
+        for i, row in enumerate(rows):
+            print("  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)) + "  " + row[3])
+            if i == 0:
+                print("  " + "  ".join("-" * width for width in (*widths, 7)))
+        passed = sum(check.passed for check in section.checks)
+        print(f"  {passed} of {len(section.checks)} checks hold, {seconds:.2f} s", flush=True)

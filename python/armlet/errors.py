@@ -1,0 +1,74 @@
+"""What can go wrong, as a tree: misuse and broken models are errors, the outcome of a run is a status.
+
+::
+
+    ArmletError
+    ├── InputError (ValueError)       an argument is not what the function takes
+    │   └── ModelError                a robot model is not well formed; .file .line
+    ├── SolveError (RuntimeError)     a run or a solver ended without its answer; .status .t .partial
+    ├── FormatError (ValueError)      stored data is not in the format it claims
+    └── InternalError (RuntimeError)  a fault of armlet itself, caught at the border
+
+Every message reads ``function: argument what is wrong: expected .., got .. (first bad index ..)``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .status import Status
+
+__all__ = ["ArmletError", "FormatError", "InputError", "InternalError", "ModelError", "SolveError"]
+
+
+class ArmletError(Exception):
+    """The root of every error that armlet raises on purpose."""
+
+
+class InputError(ArmletError, ValueError):
+    """An argument is not what the function takes: wrong type, shape, sign, range, or not finite."""
+
+
+class ModelError(InputError):
+    """A robot model is not well formed.
+
+    Attributes:
+        file: the file, or ``"<string>"`` for a model given as text; None for a model built in code.
+        line: the 1-based line of the fault; None where no line can be named.
+    """
+
+    def __init__(self, message: str, file: str | None = None, line: int | None = None) -> None:
+        super().__init__(message)
+        self.file = file
+        self.line = line
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.file, self.line)
+
+
+class SolveError(ArmletError, RuntimeError):
+    """A run or a solver ended without its answer.
+
+    Attributes:
+        status: how it ended, with advice (`armlet.Status`); None where no status applies.
+        t: the time (s) or the iteration at which it ended; None where none applies.
+        partial: what was reached before: a `Run` up to `t`, or the last iterate; None where nothing was.
+    """
+
+    def __init__(self, message: str, status: Status | None = None, t: float | None = None, partial: Any = None) -> None:
+        super().__init__(message)
+        self.status = status
+        self.t = t
+        self.partial = partial
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.status, self.t, self.partial)
+
+
+class FormatError(ArmletError, ValueError):
+    """Stored data is not in the format it claims: damaged, cut short, or of a newer version."""
+
+
+class InternalError(ArmletError, RuntimeError):
+    """A fault of armlet itself, caught at the border. Please report it with the message."""

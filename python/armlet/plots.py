@@ -1,0 +1,216 @@
+"""Figures of runs. matplotlib is imported here and only when a figure is asked for.
+
+Every axis carries its unit, colours are those of Okabe and Ito (told apart by colour-blind readers), a joint keeps its
+colour in all panels, and true or desired values are dashed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .run import Run
+
+__all__ = ["available", "plot"]
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+STYLE = {
+    "axes.grid": True,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 10,
+    "axes.labelsize": 9,
+    "font.size": 9,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "none",
+    "lines.linewidth": 1.4,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+}
+FORCE = {"rad": "N m", "m": "N"}
+
+
+def available() -> bool:
+    """Whether matplotlib can be imported."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
+    """Draw the figure of `run`'s law into `fig` (None: a new pyplot figure); returns the axes as an array.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    try:
+        import matplotlib
+    except ImportError:
+        raise ImportError("plot: matplotlib is not installed: pip install 'armlet[plot]'") from None
+    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
+        panels = _panels(run)
+        columns = min(3, len(panels))
+        rows = -(-len(panels) // columns)
+        if fig is None:
+            from matplotlib import pyplot
+
+            fig = pyplot.figure()
+        fig.set_size_inches(4.0 * columns, 2.9 * rows)
+        fig.set_layout_engine("constrained")
+        axes = fig.subplots(rows, columns, squeeze=False, sharex=True)
+        for ax, panel in zip(axes.flat, panels, strict=False):
+            panel(ax, run)
+        for ax in axes.flat[len(panels) :]:
+            ax.set_visible(False)
+        for ax in axes[-1]:
+            ax.set_xlabel("time (s)")
+    result: NDArray[Any] = axes
+    return result
+
+
+def _panels(run: Run) -> list[Any]:
+    """The panels that this run has data for, in reading order."""
+    panels: list[Any] = [_position]
+    if run.desired() is not None:
+        panels.append(_error)
+    else:
+        panels.append(_velocity)
+    if run.tau is not None:
+        panels.append(_torque)
+    if run.estimate is not None and run.estimate.shape[-1]:
+        panels.append(_estimate)
+    # One identity per figure: the Lyapunov function where the law has one, the energy elsewhere.
+    watched = {"lyapunov": _lyapunov, "lyapunov_balance": _lyapunov_balance}
+    if "lyapunov" not in run.monitors:
+        watched = {"energy": _energy, "energy_balance": _energy_balance}
+    panels += [panel for name, panel in watched.items() if name in run.monitors]
+    return panels
+
+
+def _lines(ax: Axes, t: NDArray[Any], values: NDArray[Any], labels: list[str], **style: Any) -> None:
+    for i in range(values.shape[-1]):
+        ax.plot(t, values[:, i], color=COLOURS[i % len(COLOURS)], label=labels[i], **style)
+
+
+def _joints(symbol: str, units: tuple[str, ...]) -> list[str]:
+    """Legend texts; joints of different kinds carry their own unit."""
+    mixed = len(set(units)) > 1
+    return [rf"${symbol}_{{{i + 1}}}$" + (f" ({unit})" if mixed else "") for i, unit in enumerate(units)]
+
+
+def _axis(name: str, units: tuple[str, ...]) -> str:
+    return f"{name} ({', '.join(dict.fromkeys(units))})"
+
+
+def _legend(ax: Axes, columns: int | None = None) -> None:
+    """A legend above the data, never over it."""
+    handles, labels = ax.get_legend_handles_labels()
+    if 1 < len(handles) <= 12:
+        ax.margins(y=0.08)
+        low, high = ax.get_ylim()
+        if ax.get_yscale() == "linear":
+            ax.set_ylim(low, high + 0.22 * (high - low))
+        ax.legend(handles, labels, loc="upper right", ncols=columns or min(4, len(handles)), handlelength=1.4, columnspacing=1.0)
+
+
+def _position(ax: Axes, run: Run) -> None:
+    _lines(ax, run.t, run.q, _joints("q", run.units))
+    desired = run.desired()
+    if desired is not None:
+        _lines(ax, run.t, desired[0], [""] * run.q.shape[1], linestyle="--", linewidth=1.0, alpha=0.8)
+        ax.plot([], [], color="0.4", linestyle="--", linewidth=1.0, label="desired")
+    ax.set_ylabel(_axis("position", run.units))
+    ax.set_title("Joint positions")
+    _legend(ax)
+
+
+def _error(ax: Axes, run: Run) -> None:
+    desired = run.desired()
+    assert desired is not None
+    _lines(ax, run.t, desired[0] - run.q, _joints("e", run.units))
+    ax.set_ylabel(_axis("error", run.units))
+    ax.set_title(r"Tracking error $e = q_d - q$")
+    _legend(ax)
+
+
+def _velocity(ax: Axes, run: Run) -> None:
+    units = tuple(f"{unit}/s" for unit in run.units)
+    _lines(ax, run.t, run.v, _joints("v", units))
+    ax.set_ylabel(_axis("velocity", units))
+    ax.set_title("Joint velocities")
+    _legend(ax)
+
+
+def _torque(ax: Axes, run: Run) -> None:
+    assert run.tau is not None
+    units = tuple(FORCE.get(unit, "N m") for unit in run.units)
+    _lines(ax, run.t, run.tau, _joints(r"\tau", units))
+    ax.set_ylabel(_axis("input", units))
+    ax.set_title("Joint forces and torques" if len(set(units)) > 1 else "Joint torques")
+    _legend(ax)
+
+
+def _estimate(ax: Axes, run: Run) -> None:
+    assert run.estimate is not None
+    count = run.estimate.shape[-1]
+    _lines(ax, run.t, run.estimate, [rf"$\hat{{a}}_{{{i + 1}}}$" for i in range(count)])
+    if run.parameters is not None and run.parameters.shape == (count,):
+        for i, value in enumerate(run.parameters):
+            # Shifted dashes, so that equal parameters do not hide each other.
+            ax.axhline(value, color=COLOURS[i % len(COLOURS)], linestyle=(4 * i, (4, 4)), linewidth=1.0, alpha=0.8)
+        ax.plot([], [], color="0.4", linestyle="--", linewidth=1.0, label="true")
+    ax.set_ylabel("parameter (SI)")
+    ax.set_title("Parameter estimates")
+    _legend(ax)
+
+
+def _lyapunov(ax: Axes, run: Run) -> None:
+    values = run.monitors["lyapunov"]
+    ax.plot(run.t, values, color=COLOURS[0])
+    positive = values[values > 0]
+    if len(positive) and positive.max() > 1e3 * positive.min():
+        ax.set_yscale("log")
+    else:
+        ax.set_ylim(bottom=0.0)
+    ax.set_ylabel(r"$V_1$ (J)")
+    ax.set_title("Lyapunov function")
+
+
+def _magnitude(ax: Axes, run: Run, name: str) -> None:
+    values = np.abs(run.monitors[name])
+    # A balance starts at exactly zero, which a logarithmic axis cannot hold.
+    shown = values[np.isfinite(values) & (values > 0)]
+    ax.semilogy(run.t, np.where(values > 0, values, np.nan), color=COLOURS[0], linewidth=0.9)
+    if len(shown):
+        # A decade of air on both sides, so that rounding does not look like a signal.
+        ax.set_ylim(shown.min() / 10, 10 * shown.max())
+
+
+def _lyapunov_balance(ax: Axes, run: Run) -> None:
+    _magnitude(ax, run, "lyapunov_balance")
+    ax.set_ylabel("balance (J)")
+    ax.set_title(r"$|V_1(0) - V_1(t) - \int s^\mathsf{T} K_d s\,dt|$")
+
+
+def _energy(ax: Axes, run: Run) -> None:
+    ax.plot(run.t, run.monitors["energy"], color=COLOURS[0])
+    ax.set_ylabel("energy (J)")
+    ax.set_title("Energy")
+
+
+def _energy_balance(ax: Axes, run: Run) -> None:
+    _magnitude(ax, run, "energy_balance")
+    ax.set_ylabel("balance (J)")
+    ax.set_title(r"$|E(t) - E(0) - \int P\,dt|$")

@@ -1,0 +1,241 @@
+"""What a simulation returns: arrays over time, how it ended, what it cost, and the identities it was checked against.
+
+Time is the first axis of a run: `q` is (K, n); a batch of B runs puts its rows before it: (B, K, n).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .status import Status
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["BatchRun", "Run"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+# Quantities recorded over time, in the order in which tables and files hold them.
+SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
+
+
+class _Recorded:
+    """What `Run` and `BatchRun` share: the fields, and where they came from."""
+
+    t: Array
+    q: Array
+    v: Array
+    tau: Array | None
+    estimate: Array | None
+    theta: Array | None
+    theta_dot: Array | None
+    monitors: dict[str, Array]
+    stats: dict[str, Any]
+    #: "Adaptive", ..: decides which figure `plot` draws.
+    law_name: str
+    #: The plant's true parameters, for comparison with `estimate`; None where unknown.
+    parameters: Array | None
+    #: Unit of each joint's position, "rad" or "m".
+    units: tuple[str, ...]
+
+    def __init__(self, fields: Mapping[str, Any], law: Any = None, motion: Any = None, plant: Any = None) -> None:
+        given = dict(fields)
+        self.t = np.atleast_1d(np.asarray(given.pop("t"), dtype=np.float64))
+        for name in SERIES:
+            value = given.pop(name) if name in ("q", "v") else given.pop(name, None)
+            setattr(self, name, None if value is None else np.asarray(value, dtype=np.float64))
+        self.monitors = {name: np.asarray(value, dtype=np.float64) for name, value in (given.pop("monitors", None) or {}).items()}
+        self.stats = dict(given.pop("stats", None) or {})
+        laws, plants = _rows(law), _rows(plant)
+        self.law_name = given.pop("law_name", None) or ("" if law is None else type(laws[0]).__name__)
+        self._desired: tuple[Array, ...] | None = given.pop("desired", None)
+        motions = _rows(motion) if motion is not None else [getattr(each, "motion", None) for each in laws]
+        self._motions = motions if None not in motions else []
+        arms: list[Any] = [getattr(each, "arm", None) for each in plants]
+        parameters = given.pop("parameters", None)
+        if parameters is None and None not in arms:
+            parameters = [arm.parameters for arm in arms] if len(arms) > 1 else arms[0].parameters
+        self.parameters = None if parameters is None else np.asarray(parameters, dtype=np.float64)
+        types = getattr(arms[0], "joint_types", None) or ("revolute",) * self.q.shape[-1]
+        self.units = tuple(given.pop("units", None) or ("m" if kind in ("prismatic", "P") else "rad" for kind in types))
+        self._set_status(given.pop("status", Status.SUCCESS))
+        if given:
+            raise InputError(f"{type(self).__name__}: fields are unknown: expected those of a run, got {sorted(given)}")
+
+    def _set_status(self, status: Any) -> None:
+        raise NotImplementedError
+
+    def _items(self) -> dict[str, Any]:
+        """Every field by name, as `__init__` takes them."""
+        items = {name: getattr(self, name) for name in ("t", *SERIES, "parameters") if getattr(self, name) is not None}
+        items |= {"monitors": self.monitors, "stats": self.stats, "law_name": self.law_name, "units": self.units, "status": self._status()}
+        desired = self.desired()
+        return items if desired is None else items | {"desired": desired}
+
+    def _status(self) -> Any:
+        raise NotImplementedError
+
+    def desired(self) -> tuple[Array, Array, Array] | None:
+        """The desired motion `(q_d, v_d, a_d)` at the times of the run, each (K, n); None where the law follows none.
+
+        In a batch whose rows differ in motion or times each is (B, K, n).
+        """
+        if self._desired is None and self._motions:
+            if len(self._motions) == 1 and self.t.ndim == 1:
+                self._desired = _sampled(self._motions[0], self.t, self.q.shape[-1])
+            else:
+                shape = (self.q.shape[0], self.t.shape[-1])
+                motions = self._motions * (shape[0] if len(self._motions) == 1 else 1)
+                rows = [_sampled(m, t, self.q.shape[-1]) for m, t in zip(motions, np.broadcast_to(self.t, shape), strict=True)]
+                self._desired = tuple(np.stack(parts) for parts in zip(*rows, strict=True))
+        return self._desired  # type: ignore[return-value]  # three by construction
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the run to one file, whole or not at all; `armlet.load` reads it back. No pickle inside."""
+        from .storage import save
+
+        save(self, path)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self._items(),)
+
+    def _table(self, row: tuple[Any, ...] = ()) -> dict[str, Array]:
+        """Columns over time: q1.., v1.., tau1.., the recorded states and the monitors."""
+        columns: dict[str, Array] = {}
+        for name in SERIES:
+            values = getattr(self, name)
+            if values is not None:
+                columns |= {f"{name}{i + 1}": values[(*row, slice(None), i)] for i in range(values.shape[-1])}
+        return columns | {name: values[row] for name, values in self.monitors.items()}
+
+
+def _rows(value: Any) -> list[Any]:
+    """One object for all rows, or one per row."""
+    return list(value) if isinstance(value, list | tuple) else [value]
+
+
+def _sampled(motion: Any, t: Array, n: int) -> tuple[Array, ...]:
+    samples = [motion(float(time)) for time in t]
+    return tuple(np.array([sample[i] for sample in samples], dtype=np.float64).reshape(len(t), n) for i in range(3))
+
+
+class Run(_Recorded):
+    """One simulated run.
+
+    Attributes:
+        t: times, (K,), s.
+        q, v: joint positions and velocities, (K, n), rad or m, rad/s or m/s.
+        tau: the plant's input, (K, n), N m or N; right-continuous; the motors' torque for elastic arms.
+        estimate: the law's parameter estimate, (K, p); None for laws without one.
+        theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad, rad/s; else None.
+        status: how the run ended (`armlet.Status`), with advice.
+        stats: what it cost: counts of steps, evaluations, rejections.
+        monitors: the identities that were watched, by name, each (K,).
+    """
+
+    status: Status
+
+    def _set_status(self, status: Any) -> None:
+        self.status = Status(int(status))
+
+    def _status(self) -> Status:
+        return self.status
+
+    def plot(self, fig: Any = None) -> Any:
+        """Draw the figure that belongs to the law; returns the axes as an array. Needs matplotlib (`armlet[plot]`).
+
+        Args:
+            fig: a matplotlib figure to draw into; None makes one with pyplot.
+        """
+        from .plots import plot
+
+        return plot(self, fig)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A table with one row per recorded time (index `t`, s) and columns q1.., v1.., tau1.., and the monitors."""
+        pandas = _pandas("Run.to_pandas")
+        frame: pd.DataFrame = pandas.DataFrame(self._table(), index=pandas.Index(self.t, name="t"))
+        return frame
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __repr__(self) -> str:
+        if not len(self.t):
+            return f"Run({self.law_name}, no times recorded, {self.status.name.lower()})"
+        text = f"Run({self.law_name}, n={self.q.shape[-1]}, t={self.t[0]:g}..{self.t[-1]:g} s in {len(self.t)} records"
+        text += f", {self.status.name.lower()}"
+        if "lyapunov_balance" in self.monitors:
+            text += f", lyapunov balance {np.max(np.abs(self.monitors['lyapunov_balance'])):.1e}"
+        if "energy_balance" in self.monitors:
+            text += f", energy balance {np.max(np.abs(self.monitors['energy_balance'])):.1e} J"
+        return text + ")"
+
+
+class BatchRun(_Recorded):
+    """B runs side by side: the fields of `Run` with B before the time axis; `batch[i]` is one `Run`.
+
+    Attributes:
+        status: how each run ended, (B,), integers of `armlet.Status`; rows hold NaN after their fault.
+        t: times, (K,) where all rows share them, else (B, K).
+    """
+
+    status: NDArray[np.int32]
+
+    def _set_status(self, status: Any) -> None:
+        rows = np.asarray(status, dtype=np.int32)
+        self.status = np.broadcast_to(rows, (self.q.shape[0],)).copy()
+
+    def _status(self) -> NDArray[np.int32]:
+        return self.status
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def __getitem__(self, i: int) -> Run:
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"BatchRun: row is out of range: expected {-len(self)}..{len(self) - 1}, got {i}")
+        if self.q.ndim != 3:
+            raise InputError('BatchRun: rows have no time axis: expected a batch run with keep="all"')
+        items = {name: getattr(self, name)[i] for name in SERIES if getattr(self, name) is not None}
+        items |= {"t": self._times(i), "monitors": {name: values[i] for name, values in self.monitors.items()}}
+        items |= {"status": self.status[i], "law_name": self.law_name, "units": self.units}
+        items["parameters"] = self.parameters[i] if self.parameters is not None and self.parameters.ndim == 2 else self.parameters
+        items["stats"] = {name: np.asarray(value)[i] if np.ndim(value) else value for name, value in self.stats.items()}
+        if self._desired is not None:
+            items["desired"] = tuple(part if part.ndim == 2 else part[i] for part in self._desired)
+        return Run(items, motion=self._motions[i if len(self._motions) > 1 else 0] if self._motions else None)
+
+    def _times(self, i: int) -> Array:
+        return self.t if self.t.ndim == 1 else self.t[i]
+
+    def __iter__(self) -> Iterator[Run]:
+        return (self[i] for i in range(len(self)))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A table of all rows, indexed by (run, t)."""
+        pandas = _pandas("BatchRun.to_pandas")
+        if self.q.ndim != 3:
+            raise InputError('BatchRun.to_pandas: rows have no time axis: expected a batch run with keep="all"')
+        frames = [pandas.DataFrame(self._table((i,)), index=pandas.Index(self._times(i), name="t")) for i in range(len(self))]
+        table: pd.DataFrame = pandas.concat(frames, keys=range(len(self)), names=["run", "t"])
+        return table
+
+    def __repr__(self) -> str:
+        counts = [f"{np.sum(self.status == s)} {s.name.lower()}" for s in Status if np.any(self.status == s)]
+        return f"BatchRun({self.law_name}, {len(self)} runs, n={self.q.shape[-1]}, {', '.join(counts) or 'empty'})"
+
+
+def _pandas(caller: str) -> Any:
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError(f"{caller}: pandas is not installed: pip install 'armlet[data]'") from None
+    return pandas

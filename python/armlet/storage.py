@@ -1,0 +1,131 @@
+"""Runs on disk: an npz container with a JSON header and a SHA-256 over all of it. No pickle, whole or not at all.
+
+The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
+members are the arrays by name; monitors and array stats as `monitors/name` and `stats/name`, the desired motion as `q_d v_d a_d`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from os import PathLike
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import FormatError
+from .run import SERIES, BatchRun, Run
+from .status import Status
+
+if TYPE_CHECKING:
+    from .run import _Recorded
+
+__all__ = ["load", "save"]
+
+FORMAT = "armlet run"
+VERSION = 1
+DESIRED = ("q_d", "v_d", "a_d")
+
+
+def _digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+    """SHA-256 of the header (without its digest) and of every array with its name, type and shape."""
+    digest = hashlib.sha256(json.dumps({k: v for k, v in header.items() if k != "sha256"}, sort_keys=True).encode())
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"\0{name}\0{array.dtype.str}\0{array.shape}\0".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def save(run: _Recorded, path: str | PathLike[str]) -> None:
+    """Write `run` to `path`; the file is there whole or not at all, also when the disk is full."""
+    items = run._items()
+    arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, "parameters") if name in items}
+    arrays |= {f"monitors/{name}": values for name, values in run.monitors.items()}
+    arrays |= {f"stats/{name}": np.asarray(value) for name, value in run.stats.items() if np.ndim(value)}
+    arrays |= dict(zip(DESIRED, items["desired"], strict=True)) if "desired" in items else {}
+    status = items["status"]
+    if not isinstance(status, Status):
+        arrays["status"] = status
+    scalars = {name: value for name, value in run.stats.items() if not np.ndim(value)}
+    # Little-endian on every machine, so that the digest is of the values.
+    arrays = {name: np.ascontiguousarray(a, dtype=a.dtype.newbyteorder("<")) for name, a in arrays.items()}
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "kind": type(run).__name__,
+        "law": run.law_name,
+        "units": list(run.units),
+        "status": int(status) if isinstance(status, Status) else None,
+        "stats": {name: value.item() if isinstance(value, np.generic) else value for name, value in scalars.items()},
+    }
+    header["sha256"] = _digest(header, arrays)
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+
+    write_whole(path, lambda file: np.savez(file, allow_pickle=False, **arrays))
+
+
+def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
+    """Call `write(file)` on a temporary file beside `path` and rename it to `path`: never half a file, never the old one lost."""
+    target = os.path.abspath(os.fspath(path))
+    handle, scratch = tempfile.mkstemp(dir=os.path.dirname(target), prefix=".armlet-")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(scratch, 0o666 & ~umask)  # a temporary file is private: give the result the usual rights
+        os.replace(scratch, target)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(scratch)
+        raise
+
+
+def load(path: str | PathLike[str]) -> Run | BatchRun:
+    """Read a run that `run.save` wrote.
+
+    Raises:
+        FormatError: the file is no run of armlet, is damaged or cut short, or was written by a newer version.
+        OSError: the file cannot be read.
+    """
+    name = os.fspath(path)
+
+    def fault(problem: str) -> FormatError:
+        return FormatError(f"load: {name} {problem}")
+
+    try:
+        # Opened here: numpy leaves a damaged file open.
+        with open(name, "rb") as file, np.load(file, allow_pickle=False) as container:
+            arrays: dict[str, NDArray[Any]] = {key: container[key] for key in container.files}
+    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, AttributeError, TypeError) as error:
+        raise fault(f"is not a run of armlet or is damaged: expected an npz container, got {error or type(error).__name__}") from None
+    try:
+        header = json.loads(arrays.pop("header").tobytes().decode())
+        is_run = header["format"] == FORMAT
+    except (KeyError, TypeError, ValueError):
+        is_run = False
+    if not is_run:
+        raise fault("is not a run of armlet: expected a header that says so")
+    if header.get("version") != VERSION:
+        raise fault(f"has an unknown version: expected {VERSION}, got {header.get('version')}")
+    if header.get("sha256") != _digest(header, arrays):
+        raise fault("is damaged: its checksum does not match")
+
+    def group(prefix: str) -> dict[str, Any]:
+        return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
+
+    fields: dict[str, Any] = {key: arrays[key] for key in ("t", *SERIES, "parameters") if key in arrays}
+    fields |= {"monitors": group("monitors/"), "stats": header["stats"] | group("stats/"), "law_name": header["law"]}
+    fields |= {"units": tuple(header["units"]), "status": arrays.get("status", header["status"])}
+    if DESIRED[0] in arrays:
+        fields["desired"] = tuple(arrays[key] for key in DESIRED)
+    return (Run if header["kind"] == "Run" else BatchRun)(fields)

@@ -1,0 +1,203 @@
+"""Who may import whom: the house rules, read from the sources.
+
+The table is CONTRIBUTING.md's; each rule is also shown a planted violation, so that none of them can pass unread.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CORE = ROOT / "rust" / "core" / "src"
+BINDING = ROOT / "rust" / "py" / "src"
+PACKAGE = ROOT / "python" / "armlet"
+
+LINES = 500
+
+# What each module of the core may use directly, before closing over the chain.
+BELOW = {
+    "error": {"status"},
+    "status": set(),
+    "scalar": {"error", "status"},
+    "linalg": {"scalar"},
+    "spatial": {"linalg"},
+    "arm": {"spatial"},
+    "kinematics": {"arm"},
+    "dynamics": {"kinematics"},
+    "plant": {"dynamics"},
+    "priority": {"linalg"},
+    "motion": {"scalar"},
+    "law": {"plant", "priority", "motion"},
+    "plan": {"motion", "dynamics"},
+    "integrate": {"linalg"},
+    "analysis": {"law", "integrate"},
+    "simulate": {"law", "integrate"},
+}
+
+
+def allowed() -> dict[str, set[str]]:
+    """BELOW closed transitively: a module may use everything under what it may use."""
+
+    def under(module: str) -> set[str]:
+        return BELOW[module].union(*(under(below) for below in BELOW[module]))
+
+    return {module: under(module) for module in BELOW}
+
+
+def without_comments(source: str) -> str:
+    """Rust source without comments and string literals, line breaks kept."""
+
+    def blank(match: re.Match[str]) -> str:
+        return re.sub(r"[^\n]", " ", match.group())
+
+    return re.sub(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\])*"', blank, source, flags=re.DOTALL)
+
+
+def uses(source: str) -> set[str]:
+    """The top-level modules a Rust source names: `crate::x`, `use crate::{x, y::z}`, in any position."""
+    text = without_comments(source)
+    found = set(re.findall(r"\bcrate::([a-z_]\w*)", text))
+    for start in re.finditer(r"\bcrate::\{", text):
+        depth, item, items = 1, "", []
+        for character in text[start.end() :]:
+            depth += (character == "{") - (character == "}")
+            if depth == 0:
+                break
+            if character == "," and depth == 1:
+                items.append(item)
+                item = ""
+            else:
+                item += character
+        items.append(item)
+        found |= {name.group(1) for item in items if (name := re.match(r"\s*([a-z_]\w*)", item))}
+    return found
+
+
+def module_of(path: Path) -> str:
+    """The top-level module of the core that a file belongs to."""
+    return path.relative_to(CORE).parts[0].removesuffix(".rs")
+
+
+def strays(module: str, source: str) -> set[str]:
+    """Modules that `source`, a file of `module`, uses and may not."""
+    return uses(source) - allowed()[module] - {module}
+
+
+def imports(source: str) -> set[str]:
+    """Top-level packages a Python file imports; relative imports read as `.`, with the module at the border."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {f"{'.' * node.level}{node.module or ''}"} if node.level else {(node.module or "").split(".")[0]}
+    return found
+
+
+def sources(top: Path, pattern: str) -> list[Path]:
+    found = sorted(top.rglob(pattern))
+    assert found, f"nothing to check: no {pattern} in {top}"
+    return found
+
+
+def test_core_modules_are_in_the_table() -> None:
+    """A new top-level module needs its place in the table."""
+    assert {module_of(p) for p in sources(CORE, "*.rs")} - {"lib"} <= set(BELOW)
+
+
+def test_core_layers() -> None:
+    wrong = {str(p.relative_to(ROOT)): strays(module_of(p), p.read_text()) for p in sources(CORE, "*.rs") if p.name != "lib.rs"}
+    assert {path: names for path, names in wrong.items() if names} == {}
+
+
+@pytest.mark.parametrize(
+    ("module", "source", "expected"),
+    [
+        ("linalg", "use crate::arm::Tree;", {"arm"}),
+        ("integrate", "use crate::{error::Result, law::{Law, adaptive}, scalar};", {"law"}),
+        ("priority", "fn f() { crate::dynamics::rnea::go() }", {"dynamics"}),
+        ("plan", "use crate::{\n    motion::Motion,\n    simulate,\n};", {"simulate"}),
+        ("dynamics", "pub(crate) use crate::plant;", {"plant"}),
+        ("law", "// crate::simulate\nuse crate::motion::Motion;", set()),
+        ("analysis", "use crate::simulate::run;", {"simulate"}),
+    ],
+)
+def test_layer_rule_sees_planted_violations(module: str, source: str, expected: set[str]) -> None:
+    assert strays(module, source) == expected
+
+
+def test_core_knows_no_python() -> None:
+    named = [p for p in sources(CORE, "*.rs") if re.search(r"\b(pyo3|numpy)\b", without_comments(p.read_text()))]
+    manifest = (ROOT / "rust" / "core" / "Cargo.toml").read_text()
+    assert named == []
+    assert re.search(r"^\s*(pyo3|numpy|armlet-py)\b", manifest, re.MULTILINE) is None
+
+
+def unsafe_files(top: Path) -> list[Path]:
+    """Files with `unsafe` code (the lint name unsafe_op_in_unsafe_fn and comments do not count)."""
+    return [p for p in sources(top, "*.rs") if re.search(r"\bunsafe\b", without_comments(p.read_text()))]
+
+
+def test_unsafe_stands_in_its_rooms() -> None:
+    outside = [p for p in unsafe_files(CORE) if module_of(p) != "scalar"]
+    assert outside == []
+    assert len(unsafe_files(BINDING)) <= 1, unsafe_files(BINDING)
+
+
+def test_unsafe_rule_sees_planted_violation(tmp_path: Path) -> None:
+    (tmp_path / "a.rs").write_text("// unsafe\nlet s = \"unsafe\";\n")
+    (tmp_path / "b.rs").write_text("fn f(p: *const f64) -> f64 { unsafe { *p } }\n")
+    assert unsafe_files(tmp_path) == [tmp_path / "b.rs"]
+
+
+def long_files(tops: list[Path]) -> dict[str, int]:
+    """Files of code with more lines than a reader takes in."""
+    paths = [p for top in tops for pattern in ("*.rs", "*.py", "*.pyi") for p in top.rglob(pattern) if "target" not in p.parts]
+    assert paths
+    lengths = {str(p): p.read_text().count("\n") for p in paths}
+    return {path: lines for path, lines in lengths.items() if lines > LINES}
+
+
+def test_files_fit_in_a_head() -> None:
+    tops = [ROOT / top for top in ("rust", "python", "tests", "examples", "benches", "tools") if (ROOT / top).exists()]
+    # The stub is one list of signatures: it may be as long as the interface.
+    assert {path: n for path, n in long_files(tops).items() if not path.endswith("_core.pyi")} == {}
+
+
+def test_length_rule_sees_planted_violation(tmp_path: Path) -> None:
+    (tmp_path / "long.rs").write_text("\n" * (LINES + 1))
+    (tmp_path / "short.rs").write_text("\n" * LINES)
+    assert list(long_files([tmp_path])) == [str(tmp_path / "long.rs")]
+
+
+def reference_strays(source: str) -> set[str]:
+    """What a file of `reference` imports beside numpy, the standard library and its own package."""
+    own = {name for name in imports(source) if name.startswith(".") and not name.startswith("..")}
+    return imports(source) - own - sys.stdlib_module_names - {"numpy"}
+
+
+def test_reference_imports_numpy_alone() -> None:
+    folder = PACKAGE / "reference"
+    wrong = {str(p.relative_to(ROOT)): reference_strays(p.read_text()) for p in sources(folder, "*.py")}
+    assert {path: names for path, names in wrong.items() if names} == {}
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["import scipy.linalg", "from armlet import _core", "from .. import _core", "from .._core import Arm", "from ..law import x"],
+)
+def test_reference_rule_sees_planted_violations(line: str) -> None:
+    assert reference_strays(f"import numpy as np\nfrom .arms import chain\n{line}\n") != set()
+
+
+def test_nothing_falls_back_to_the_reference() -> None:
+    """The package imports `reference` nowhere: it is for tests and readers."""
+    outside = [p for p in sources(PACKAGE, "*.py") if "reference" not in p.relative_to(PACKAGE).parts[:-1]]
+    assert outside
+    naming = [p.name for p in outside if re.search(r"^\s*(from|import)\b.*\breference\b", p.read_text(), re.MULTILINE)]
+    assert naming in ([], ["__init__.py"])  # `al.reference` may be named as a submodule, for `al.reference.x` to read well

@@ -1,0 +1,134 @@
+"""What travels: the sdist and the wheel hold the sources and nothing an earlier build or run left behind, and import.
+
+`make test` builds both once and names them in ARMLET_SDIST and ARMLET_WHEEL. Without those names (a run of pytest alone)
+the sdist is listed by building one, and the installed package stands for the wheel.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import venv
+import zipfile
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FROM_MAKE = os.environ.get("ARMLET_MAKE_TEST") == "1"
+PACKAGE = ["__init__.py", "py.typed", "_core.pyi", "errors.py", "status.py", "run.py", "plots.py", "cli.py", "demo/__init__.py"]
+
+
+def artefact(variable: str) -> Path | None:
+    """The file that make names in `variable`; None in a run of pytest alone."""
+    value = os.environ.get(variable)
+    if value:
+        return Path(value)
+    assert not FROM_MAKE, f"make test did not set {variable}"
+    return None
+
+
+def stale(names: list[str]) -> list[str]:
+    """Names that no sdist holds: compiled code, caches, build and run outputs."""
+    folders = {"__pycache__", "build", "dist", "out", "target", ".venv", ".git", ".mypy_cache", ".ruff_cache", ".pytest_cache", "results"}
+    endings = (".pyc", ".so", ".pyd", ".dylib", ".dll", ".whl", ".tar.gz", ".egg-info", ".orig", "~")
+    return [name for name in names if folders & set(name.split("/")[:-1]) or name.endswith(endings)]
+
+
+@pytest.fixture(scope="module")
+def sdist_names(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    sdist = artefact("ARMLET_SDIST")
+    if sdist is None:
+        out = tmp_path_factory.mktemp("sdist")
+        subprocess.run([sys.executable, "-m", "maturin", "sdist", "--out", str(out)], cwd=ROOT, check=True)
+        (sdist,) = out.glob("armlet-*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        return [name.split("/", 1)[1] for name in archive.getnames()]
+
+
+@pytest.fixture(scope="module")
+def wheel_names() -> list[str]:
+    wheel = artefact("ARMLET_WHEEL")
+    if wheel is not None:
+        with zipfile.ZipFile(wheel) as archive:
+            return archive.namelist()
+    # pip writes caches and the launcher of the command line at installation: they are not the wheel's.
+    names = [str(file) for file in metadata.files("armlet") or []]
+    return [name for name in names if "__pycache__" not in name and not name.startswith("..")]
+
+
+def test_rule_sees_planted_leftovers() -> None:
+    planted = ["python/armlet/_core.abi3.so", "python/armlet/__pycache__/run.cpython-311.pyc", "build/lib/x.py", "dist/armlet-0.1.0.tar.gz"]
+    assert stale([*planted, "python/armlet/run.py", "tools/build.sh"]) == planted
+
+
+def test_sdist_has_no_leftovers(sdist_names: list[str]) -> None:
+    assert stale(sdist_names) == []
+
+
+def test_sdist_is_complete(sdist_names: list[str]) -> None:
+    """One can build, test and read from the sdist alone: the tracked sources are all there."""
+    kinds = {"python": ".py", "rust": ".rs", "tests": ".py", "examples": ".py", "docs": ".md", "requirements": ".txt"}
+    wanted = [str(p.relative_to(ROOT)) for top, end in kinds.items() for p in (ROOT / top).rglob(f"*{end}") if "_build" not in p.parts]
+    wanted += [str(p.relative_to(ROOT)) for p in (ROOT / "tests" / "vectors").glob("*.json")]
+    wanted += ["Cargo.toml", "Cargo.lock", "pyproject.toml", "Makefile", "LICENSE", "README.md", "PKG-INFO"]
+    assert sorted(set(wanted) - set(sdist_names)) == []
+
+
+def test_wheel_holds_package_and_metadata_alone(wheel_names: list[str]) -> None:
+    extension = [name for name in wheel_names if name.startswith("armlet/_core.") and name.endswith((".so", ".pyd"))]
+    leftovers = [name for name in stale(wheel_names) if name not in extension]
+    tops = {name.split("/")[0] for name in wheel_names}
+    dist_info = {top for top in tops if top.startswith("armlet-") and top.endswith(".dist-info")}
+    assert leftovers == []
+    assert len(dist_info) == 1
+    assert tops - dist_info <= {"armlet", "armlet.pth"}  # the .pth: an editable installation, outside make
+    if "armlet.pth" not in tops:
+        assert len(extension) == 1, extension
+        assert "abi3" in extension[0]
+        assert [name for name in PACKAGE if f"armlet/{name}" not in wheel_names] == []
+        assert any(name.endswith("licenses/LICENSE") for name in wheel_names)
+
+
+def test_tests_see_the_installed_wheel() -> None:
+    """Under make, the package under test is the wheel's, not the source tree's."""
+    import armlet
+
+    where = Path(armlet.__file__).resolve()
+    assert where.is_relative_to(Path(sysconfig.get_path("platlib")).resolve()) or (not FROM_MAKE and where.is_relative_to(ROOT / "python"))
+
+
+def test_imports_with_numpy_alone(tmp_path: Path) -> None:
+    """A clean environment with the wheel and numpy: it imports, says its version, and imports nothing optional."""
+    venv.create(tmp_path / "clean", with_pip=False, symlinks=os.name != "nt")
+    python = tmp_path / "clean" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    where = "import sysconfig; print(sysconfig.get_path('platlib'))"
+    report = subprocess.run([python, "-c", where], capture_output=True, text=True, check=True)
+    site = Path(report.stdout.strip())
+    import numpy
+
+    # numpy as it is installed here, and nothing else of this environment.
+    numpy_dir = Path(numpy.__file__).parent
+    for folder in [numpy_dir, numpy_dir.parent / "numpy.libs"]:
+        if folder.exists():
+            (site / folder.name).symlink_to(folder, target_is_directory=True)
+    wheel = artefact("ARMLET_WHEEL")
+    if wheel is not None:
+        command = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps", "--no-index", str(wheel)]
+        subprocess.run(command, check=True)
+    else:
+        import armlet
+
+        (site / "armlet").symlink_to(Path(armlet.__file__).parent, target_is_directory=True)
+    code = (
+        "import sys, armlet, armlet.cli; print(armlet.__version__); "
+        "others = {'matplotlib', 'scipy', 'pandas', 'xarray', 'viser', 'numba'} & set(sys.modules); assert not others, others"
+    )
+    run = subprocess.run([python, "-I", "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.strip() == metadata.version("armlet")
+    assert not (site / "matplotlib").exists()

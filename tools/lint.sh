@@ -1,0 +1,17 @@
+#!/bin/sh
+# lint.sh if-installed|required PYTHON..: formatting, lints and types of both languages, and the stub against the extension.
+set -eu
+mode=$1
+shift
+component() { # command, component: run it, or say that it is not there
+    if cargo "$1" --version >/dev/null 2>&1; then return 0; fi
+    echo "cargo $1 is not installed: rustup component add $2" >&2
+    if [ "$mode" = required ]; then exit 1; fi
+    return 1
+}
+run() { echo "+ $*"; "$@"; }
+if component fmt rustfmt; then run cargo fmt --check; fi
+if component clippy clippy; then run cargo clippy --locked --workspace --all-targets --quiet -- -D warnings; fi
+run "$@" -m ruff check python tests tools examples
+run "$@" -m mypy
+run "$@" -m mypy.stubtest armlet._core
