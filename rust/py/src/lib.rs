@@ -1,13 +1,31 @@
 //! The extension module `armlet._core`: converts, dispatches, maps errors and statuses. No algorithm lives here.
 
+mod arm;
+mod arrays;
+mod errors;
+mod law;
+mod motion;
+mod simulate;
+
 use pyo3::prelude::*;
 
 #[pymodule]
 mod _core {
     use super::*;
 
+    #[pymodule_export]
+    use super::arm::{_restore_planar_pr, Arm, planar_pr};
+    #[pymodule_export]
+    use super::law::{Adaptive, ComputedTorque, Law, RigidArm};
+    #[pymodule_export]
+    use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
+    #[pymodule_export]
+    use super::simulate::{build_info, simulate, simulate_batch, statuses};
+
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        // A request that can't be met is said once, at import, rather than silently replaced.
+        armlet_core::scalar::lanes::isa_request().map_err(pyo3::exceptions::PyImportError::new_err)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

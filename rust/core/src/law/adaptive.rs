@@ -3,7 +3,7 @@
 //! `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`,
 //! `tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot = Y a_hat + Kd s`, `a_hat_dot = Gamma Y^T s`.
 
-use super::gain::{Gain, Multiply};
+use super::gain::{Diagonal, Full, Gain, Multiply};
 use super::{Law, Term, require_same_dof, require_size};
 use crate::dynamics::{Dynamics, PlanarPr};
 use crate::error::{Error, Result, finite};
@@ -37,6 +37,20 @@ impl AdaptiveSpec {
         finite("estimate", &estimate)?;
         let lambda = kd.solve(&kp);
         Ok(AdaptiveSpec { arm, motion, kp, kd, lambda, gamma, estimate })
+    }
+}
+
+impl AdaptiveSpec {
+    /// The torque `(n,)` at one instant.
+    pub(super) fn input(&self, t: f64, q: &[f64], v: &[f64], z: &[f64], tau: &mut [f64]) {
+        let mut desired = [0.0; 6];
+        self.motion.sample(t, &mut desired);
+        let full = |k: &Gain| [k.at(0, 0), k.at(0, 1), k.at(1, 0), k.at(1, 1)];
+        // The rate of the estimate is not asked for, so its gain does not matter.
+        let mut law = Adaptive::new(self.arm, Full(full(&self.lambda)), Full(full(&self.kd)), Diagonal([1.0; 3]), [0.0; 2], [0.0; 3]);
+        let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
+        let x = [q[0], q[1], v[0], v[1]];
+        law.evaluate(&desired, &trig, &x, z, tau, &mut [0.0; 3]);
     }
 }
 

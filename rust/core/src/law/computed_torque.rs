@@ -3,7 +3,7 @@
 //! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` on the
 //! exact model. `Kp` is in 1/s^2 and `Kd` in 1/s.
 
-use super::gain::{Gain, Multiply};
+use super::gain::{Full, Gain, Multiply};
 use super::{Law, Term, require_same_dof, require_size};
 use crate::dynamics::{Dynamics, PlanarPr};
 use crate::error::Result;
@@ -25,6 +25,18 @@ impl ComputedTorqueSpec {
         require_size("kp", &kp, n)?;
         require_size("kd", &kd, n)?;
         Ok(ComputedTorqueSpec { arm, motion, kp, kd })
+    }
+}
+
+impl ComputedTorqueSpec {
+    /// The torque `(n,)` at one instant.
+    pub(super) fn input(&self, t: f64, q: &[f64], v: &[f64], tau: &mut [f64]) {
+        let mut desired = [0.0; 6];
+        self.motion.sample(t, &mut desired);
+        let full = |k: &Gain| [k.at(0, 0), k.at(0, 1), k.at(1, 0), k.at(1, 1)];
+        let mut law = ComputedTorque::new(self.arm, Full(full(&self.kp)), Full(full(&self.kd)), [0.0; 2]);
+        let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
+        law.evaluate(&desired, &trig, &[q[0], q[1], v[0], v[1]], &[], tau, &mut []);
     }
 }
 

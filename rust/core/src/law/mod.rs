@@ -61,6 +61,14 @@ impl LawSpec {
         }
     }
 
+    /// The plant's input `(n,)` at time `t`.
+    pub fn input(&self, t: f64, q: &[f64], v: &[f64], z: &[f64], tau: &mut [f64]) {
+        match self {
+            LawSpec::Adaptive(law) => law.input(t, q, v, z, tau),
+            LawSpec::ComputedTorque(law) => law.input(t, q, v, tau),
+        }
+    }
+
     /// The named parts of the law at time `t`: name, shape, values.
     pub fn terms(&self, t: f64, q: &[f64], v: &[f64], z: &[f64]) -> Vec<Term> {
         match self {

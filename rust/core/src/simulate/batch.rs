@@ -92,6 +92,11 @@ impl Task for CountLanes {
     }
 }
 
+/// How many runs a batch of a closed-form arm takes side by side.
+pub fn lanes() -> usize {
+    run_wide_lanes(CountLanes)
+}
+
 /// Run every run of `problem` on `threads` threads. `poll` is asked every 20 ms whether to stop.
 pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
     let mut problem = problem.clone();
@@ -113,7 +118,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     if runs == 0 {
         return Ok(out);
     }
-    let lanes = if problem.options.method.is_adaptive() { 1 } else { run_wide_lanes(CountLanes) };
+    let lanes = if problem.options.method.is_adaptive() { 1 } else { self::lanes() };
     let tabulated = tabulate(&problem, &division);
     let mut groups = split(&problem, &mut out, lanes);
     let interrupted = pool::run(threads, poll, |stop: &AtomicBool| {

@@ -13,8 +13,8 @@ mod rigid_loop;
 mod schedule;
 mod single;
 
-pub use batch::{BatchRuns, Keep, simulate_batch};
-pub use pool::default_threads;
+pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
+pub use pool::{default_threads, on_worker};
 pub use problem::{Method, Options, Problem};
 pub use schedule::Times;
 pub use single::{Run, simulate};

@@ -63,3 +63,8 @@ pub fn run<R: Send>(threads: usize, poll: &mut dyn FnMut() -> bool, work: impl F
     });
     result.expect("a scope returns after its threads, or panics with them")
 }
+
+/// Run `work` on one worker, so that the caller can go on listening.
+pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
+    run(1, poll, work)
+}

@@ -1,0 +1,64 @@
+"""Robot-arm control loops closed natively: arm x plant x law x motion x method, run in Rust, audited by theory.
+
+>>> import armlet as al
+>>> arm = al.planar_pr(2.0, 0.5, 0.5)
+>>> law = al.Adaptive(arm, al.Quintic([0.0, 0.0], [1.0, 1.5], 3.0), kp=40.0, kd=20.0, gamma=5.0)
+>>> run = al.simulate(al.RigidArm(arm), law, [0.1, -0.2], t_end=5.0, dt=1e-3)
+>>> run.status
+<Status.SUCCESS: 0>
+"""
+
+from ._core import (
+    Adaptive,
+    Arm,
+    BangBang,
+    ComputedTorque,
+    Hold,
+    Law,
+    Motion,
+    Quintic,
+    RigidArm,
+    Sinusoid,
+    Table,
+    __version__,
+    build_info,
+    planar_pr,
+)
+from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .run import BatchRun, Run
+from .simulation import simulate, simulate_batch
+from .status import Status
+from .storage import load
+
+__all__ = [
+    "Adaptive",
+    "Arm",
+    "ArmletError",
+    "BangBang",
+    "BatchRun",
+    "ComputedTorque",
+    "FormatError",
+    "Hold",
+    "InputError",
+    "InternalError",
+    "Law",
+    "ModelError",
+    "Motion",
+    "Quintic",
+    "RigidArm",
+    "Run",
+    "Sinusoid",
+    "SolveError",
+    "Status",
+    "Table",
+    "__version__",
+    "build_info",
+    "load",
+    "planar_pr",
+    "simulate",
+    "simulate_batch",
+]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,126 @@
+"""Run a closed loop, once or many times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from . import _core
+from .errors import SolveError
+from .run import BatchRun, Run
+from .status import Status
+
+__all__ = ["simulate", "simulate_batch"]
+
+
+def simulate(
+    plant: _core.RigidArm,
+    law: _core.Law,
+    q0: ArrayLike,
+    *,
+    t_end: float,
+    dt: float | None = None,
+    v0: ArrayLike | None = None,
+    method: str = "rk4",
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    sample_time: float | None = None,
+    record_every: int = 1,
+    t_eval: ArrayLike | None = None,
+    tau_max: ArrayLike | None = None,
+    monitors: bool = True,
+    throw: bool = True,
+) -> Run:
+    """Close the loop of `plant` and `law` and run it from rest, or from `v0`, with no Python inside.
+
+    Args:
+        plant: what is controlled, such as `RigidArm(arm)`.
+        law: what controls it, made for an arm with as many joints.
+        q0: initial position, (n,), rad or m.
+        t_end: length of the run, s.
+        dt: step of a fixed-step method, s; a last shorter step ends a run that is not a multiple of it.
+        v0: initial velocity, (n,); zero if None.
+        method: "rk4" (needs `dt`) or "dop853" (adaptive, `rtol` and `atol`).
+        rtol, atol: relative and absolute error allowed per step of an adaptive method.
+        sample_time: None evaluates the law inside every stage; a period in s holds its output that long, as a real controller does.
+        record_every: record the start and every so many steps, and the end.
+        t_eval: record exactly these times instead, increasing, in [0, t_end].
+        tau_max: the input saturates at this magnitude, scalar or (n,), N m or N.
+        monitors: integrate and record the identities that theory promises: see `Run.monitors`.
+        throw: raise where the run does not reach its end; False returns what there is, with its status.
+
+    Returns:
+        The recorded run.
+
+    Raises:
+        InputError: an argument is not what it should be.
+        SolveError: the run did not reach its end; `.status`, `.t` and `.partial` say how, when and what there is.
+
+    >>> import armlet as al
+    >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+    >>> law = al.ComputedTorque(arm, al.Hold([1.0, 0.0]), kp=100.0, kd=20.0)
+    >>> run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=2.0, dt=1e-3)
+    >>> run.q.shape
+    (2001, 2)
+    """
+    fields = _core.simulate(plant, law, q0, v0, t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors)
+    ended = fields.pop("ended")
+    run = Run(fields, law=law, plant=plant)
+    if throw and run.status is not Status.SUCCESS:
+        message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {run.status.advice}"
+        raise SolveError(message, run.status, ended, run)
+    return run
+
+
+def simulate_batch(
+    plant: _core.RigidArm | Sequence[_core.RigidArm],
+    law: _core.Law | Sequence[_core.Law],
+    q0: ArrayLike,
+    *,
+    t_end: float,
+    dt: float | None = None,
+    v0: ArrayLike | None = None,
+    method: str = "rk4",
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    sample_time: float | None = None,
+    record_every: int = 1,
+    t_eval: ArrayLike | None = None,
+    tau_max: ArrayLike | None = None,
+    monitors: bool = True,
+    threads: int | None = None,
+    keep: Literal["all", "final"] = "all",
+) -> BatchRun:
+    """Run B closed loops side by side, in lanes and threads; the fields are those of a run with a leading axis B.
+
+    A run that fails does not raise: `status` has one entry per run, its rows are NaN from the fault on, and the other runs keep their
+    bits. The same inputs give the same bits for every number of threads.
+
+    Args:
+        plant, law: one for all runs, or a list with one per run.
+        q0, v0: initial states, (B, n).
+        threads: worker threads; None follows ARMLET_NUM_THREADS, then the cores.
+        keep: "all" records, or the "final" state alone.
+        (the rest): as for `simulate`.
+
+    Raises:
+        InputError: an argument is not what it should be.
+        MemoryError: the records do not fit in memory; said before the batch starts.
+
+    >>> import numpy as np
+    >>> import armlet as al
+    >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+    >>> law = al.ComputedTorque(arm, al.Hold([1.0, 0.0]), kp=100.0, kd=20.0)
+    >>> batch = al.simulate_batch(al.RigidArm(arm), law, np.zeros((64, 2)), t_end=1.0, dt=1e-3, record_every=100)
+    >>> batch.q.shape
+    (64, 11, 2)
+    """
+    plants = list(plant) if isinstance(plant, Sequence) else plant
+    laws = list(law) if isinstance(law, Sequence) else law
+    fields = _core.simulate_batch(
+        plants, laws, q0, v0, t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors, threads, keep
+    )
+    fields["stats"] = {"ended": fields.pop("ended")}
+    return BatchRun(fields, law=laws, plant=plants)

@@ -1,0 +1,295 @@
+//! Arrays in and out: the one place where numbers cross the boundary, and the only `unsafe` of this crate.
+//!
+//! A C-contiguous, aligned float64 array is read in place, without the borrow tracking of `PyReadonlyArray`,
+//! which costs a global lock per array. Everything else (lists, integers, float32, strided, reversed, Fortran,
+//! read-only) goes through `numpy.asarray`; complex, object, boolean and string arrays are refused.
+
+use crate::errors::{Failure, input_error};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use std::borrow::Cow;
+
+type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
+
+/// The elements of a C-contiguous, aligned float64 array, in place.
+fn in_place<'a>(array: &'a Bound<'_, PyArrayDyn<f64>>) -> Option<&'a [f64]> {
+    // SAFETY: the GIL is held while the slice is used (callers copy before they release it), so no Python code
+    // can write to or free the array meanwhile; contiguity and alignment are checked, and `Bound` keeps it alive.
+    unsafe {
+        let flags = (*array.as_array_ptr()).fields.flags;
+        let wanted = numpy::npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | numpy::npyffi::flags::NPY_ARRAY_ALIGNED;
+        if flags & wanted != wanted {
+            return None;
+        }
+        if array.len() == 0 {
+            return Some(&[]);
+        }
+        Some(std::slice::from_raw_parts(array.data(), array.len()))
+    }
+}
+
+fn numpy_function<'py>(py: Python<'py>, name: &'static str) -> PyResult<Bound<'py, PyAny>> {
+    static NUMPY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let numpy = NUMPY.get_or_try_init(py, || PyResult::Ok(py.import("numpy")?.into_any().unbind()))?;
+    numpy.bind(py).getattr(name)
+}
+
+/// Any array of real numbers: its shape and its elements in C order.
+pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Converted<'a> {
+    if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
+        && let Some(slice) = in_place(array)
+    {
+        return Ok((array.shape().to_vec(), Cow::Borrowed(slice)));
+    }
+    let py = value.py();
+    let refuse = |got: String| {
+        Failure::Python(input_error(py, function, name, format!("is not an array of real numbers: expected float64, got {got}")))
+    };
+    let array = match numpy_function(py, "asarray")?.call1((value,)) {
+        Ok(array) => array,
+        Err(error) if error.is_instance_of::<pyo3::exceptions::PyValueError>(py) => return Err(refuse("rows of different lengths".into())),
+        Err(error) => return Err(error.into()),
+    };
+    let dtype = array.getattr("dtype")?;
+    let kind: String = dtype.getattr("kind")?.extract()?;
+    let size: usize = array.getattr("size")?.extract()?;
+    if !matches!(kind.as_str(), "i" | "u" | "f") || (size == 0 && kind != "f") {
+        return Err(refuse(dtype.str()?.to_string()));
+    }
+    let array = numpy_function(py, "ascontiguousarray")?.call1((&array, "float64"))?;
+    let shape: Vec<usize> = value_shape(&numpy_function(py, "shape")?.call1((value,))?)?;
+    let array = array.cast::<PyArrayDyn<f64>>().map_err(|_| refuse("something else".into()))?;
+    let copy = in_place(array).map(<[f64]>::to_vec).unwrap_or_default();
+    Ok((shape, Cow::Owned(copy)))
+}
+
+fn value_shape(shape: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+    shape.extract()
+}
+
+/// The row and column, or whatever the indices are, of element `k` of an array of this shape.
+pub fn index_of(shape: &[usize], mut k: usize) -> String {
+    let mut index = vec![0; shape.len()];
+    for (i, &n) in index.iter_mut().zip(shape).rev() {
+        *i = k % n;
+        k /= n;
+    }
+    match index.as_slice() {
+        [i] => i.to_string(),
+        many => format!("({})", many.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// Refuse numbers that are not finite.
+pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize], values: &[f64]) -> Result<(), Failure> {
+    match values.iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(k) if shape.is_empty() => {
+            Err(input_error(py, function, name, format!("is not finite: expected a finite number, got {}", values[k])).into())
+        }
+        Some(k) => {
+            let index = index_of(shape, k);
+            Err(input_error(
+                py,
+                function,
+                name,
+                format!("is not finite: expected finite numbers, got {} (first bad index {index})", values[k]),
+            )
+            .into())
+        }
+    }
+}
+
+/// How a shape reads in Python: `(3,)`, `(2, 7)`.
+pub fn shown(shape: &[usize]) -> String {
+    match shape {
+        [n] => format!("({n},)"),
+        many => format!("({})", many.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// A finite vector of length `n`, copied.
+pub fn vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
+    let (shape, values) = numbers(function, name, value)?;
+    if shape != [n] {
+        return Err(input_error(value.py(), function, name, format!("has the wrong shape: expected ({n},), got {}", shown(&shape))).into());
+    }
+    require_finite(value.py(), function, name, &shape, &values)?;
+    Ok(values.into_owned())
+}
+
+/// A finite vector of any length, copied.
+pub fn any_vector(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Failure> {
+    let (shape, values) = numbers(function, name, value)?;
+    if shape.len() != 1 {
+        return Err(input_error(value.py(), function, name, format!("has the wrong shape: expected (n,), got {}", shown(&shape))).into());
+    }
+    require_finite(value.py(), function, name, &shape, &values)?;
+    Ok(values.into_owned())
+}
+
+/// Arguments of a pure function, broadcast over their leading axes.
+pub struct Broadcast<'a, const K: usize> {
+    /// The leading axes.
+    pub shape: Vec<usize>,
+    /// How many rows they hold.
+    pub count: usize,
+    rows: [(Cow<'a, [f64]>, usize); K],
+}
+
+impl<const K: usize> Broadcast<'_, K> {
+    /// Argument `k` of row `i`.
+    #[inline]
+    pub fn row(&self, k: usize, i: usize) -> &[f64] {
+        let (values, width) = &self.rows[k];
+        let i = if values.len() == *width { 0 } else { i };
+        &values[i * width..(i + 1) * width]
+    }
+
+    /// All rows of argument `k`, each written out.
+    pub fn all(&self, k: usize) -> Cow<'_, [f64]> {
+        let (values, width) = &self.rows[k];
+        if values.len() == *width && self.count != 1 {
+            return Cow::Owned(values.repeat(self.count));
+        }
+        Cow::Borrowed(values)
+    }
+}
+
+/// Arguments `(..., n)` of a pure function: finite, of the right width, broadcast like numpy does.
+pub fn broadcast<'a, const K: usize>(
+    function: &str,
+    names: [&str; K],
+    values: [&'a Bound<'_, PyAny>; K],
+    width: usize,
+) -> Result<Broadcast<'a, K>, Failure> {
+    let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
+    let mut rows: [(Cow<'a, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), width));
+    for k in 0..K {
+        let (mut shape, data) = numbers(function, names[k], values[k])?;
+        if shape.last() != Some(&width) {
+            let problem = format!("has the wrong shape: expected (..., {width}), got {}", shown(&shape));
+            return Err(input_error(values[k].py(), function, names[k], problem).into());
+        }
+        require_finite(values[k].py(), function, names[k], &shape, &data)?;
+        shape.pop();
+        shapes[k] = shape;
+        rows[k].0 = data;
+    }
+    let shape = common_shape(&shapes).ok_or_else(|| {
+        let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
+        input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected leading axes that agree, got {all}"))
+    })?;
+    let count = shape.iter().product();
+    for k in 0..K {
+        let single = shapes[k].iter().product::<usize>() == 1;
+        if shapes[k] != shape && !single {
+            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, width));
+        }
+    }
+    Ok(Broadcast { shape, count, rows })
+}
+
+fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
+    let axes = shapes.iter().map(Vec::len).max().unwrap_or(0);
+    let mut common = vec![1; axes];
+    for shape in shapes {
+        let skip = axes - shape.len();
+        for (i, &n) in shape.iter().enumerate() {
+            let c = &mut common[skip + i];
+            if *c == 1 {
+                *c = n;
+            } else if n != 1 && n != *c {
+                return None;
+            }
+        }
+    }
+    Some(common)
+}
+
+/// Repeat the rows of an array of leading axes `from` into leading axes `to`.
+fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Vec<f64> {
+    let count: usize = to.iter().product();
+    let skip = to.len() - from.len();
+    let mut out = Vec::with_capacity(count * width);
+    let mut index = vec![0; to.len()];
+    for _ in 0..count {
+        let row = from.iter().zip(&index[skip..]).fold(0, |row, (&n, &i)| row * n + if n == 1 { 0 } else { i });
+        out.extend_from_slice(&data[row * width..(row + 1) * width]);
+        for axis in (0..to.len()).rev() {
+            index[axis] += 1;
+            if index[axis] < to[axis] {
+                break;
+            }
+            index[axis] = 0;
+        }
+    }
+    out
+}
+
+/// A new array of this shape, filled by `fill`.
+pub fn new_array<'py>(
+    py: Python<'py>,
+    shape: &[usize],
+    fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    // SAFETY: every element is written before anyone can see the array: it is zeroed, because `fill` may fail.
+    let (array, out) = unsafe {
+        let array = PyArrayDyn::<f64>::new(py, shape, false);
+        let data = std::slice::from_raw_parts_mut(array.data(), array.len());
+        data.fill(0.0);
+        (array, data)
+    };
+    fill(out)?;
+    Ok(array.into_any())
+}
+
+/// A new vector, filled by `fill`.
+pub fn new_vector<'py>(
+    py: Python<'py>,
+    n: usize,
+    fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    // SAFETY: as in `new_array`.
+    let (array, out) = unsafe {
+        let array = PyArray1::<f64>::new(py, n, false);
+        let data = std::slice::from_raw_parts_mut(array.data(), n);
+        data.fill(0.0);
+        (array, data)
+    };
+    fill(out)?;
+    Ok(array.into_any())
+}
+
+/// The elements of a caller's `out=` array of the wanted shape, refused where writing it would be wrong.
+pub fn out_slice<'a>(
+    function: &str,
+    value: &'a Bound<'_, PyAny>,
+    shape: &[usize],
+    inputs: &[&Bound<'_, PyAny>],
+) -> Result<&'a mut [f64], Failure> {
+    let py = value.py();
+    let refuse = |problem: String| -> Failure { input_error(py, function, "out", problem).into() };
+    let Ok(array) = value.cast::<PyArrayDyn<f64>>() else {
+        return Err(refuse(format!("is not a float64 array: expected shape {}, got {}", shown(shape), value.get_type())));
+    };
+    if array.shape() != shape {
+        return Err(refuse(format!("has the wrong shape: expected {}, got {}", shown(shape), shown(array.shape()))));
+    }
+    if in_place(array).is_none() {
+        return Err(refuse("is not C-contiguous: expected a C-contiguous array".into()));
+    }
+    // SAFETY: the flags are read under the GIL.
+    if unsafe { (*array.as_array_ptr()).fields.flags } & numpy::npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
+        return Err(refuse("is read-only: expected a writeable array".into()));
+    }
+    for input in inputs {
+        let shared: bool = numpy_function(py, "shares_memory")?.call1((value, input)).and_then(|b| b.extract()).unwrap_or(false);
+        if shared {
+            return Err(refuse("overlaps an argument: expected an array of its own".into()));
+        }
+    }
+    // SAFETY: contiguous, aligned, writeable, apart from the inputs, and the GIL is held while it is written.
+    Ok(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })
+}

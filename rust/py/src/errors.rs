@@ -1,0 +1,71 @@
+//! Core errors to Python classes, and panics to `InternalError`: no panic crosses the boundary.
+
+use armlet_core::error::Error;
+use pyo3::exceptions::PyMemoryError;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyType;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// A class of `armlet.errors`, imported once.
+fn class(py: Python<'_>, name: &'static str) -> PyResult<Py<PyType>> {
+    static MODULE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let module = MODULE.get_or_try_init(py, || PyResult::Ok(py.import("armlet.errors")?.into_any().unbind()))?;
+    Ok(module.bind(py).getattr(name)?.cast_into::<PyType>()?.unbind())
+}
+
+fn raise(py: Python<'_>, name: &'static str, arguments: impl for<'a> pyo3::call::PyCallArgs<'a>) -> PyErr {
+    match class(py, name).and_then(|class| class.bind(py).call1(arguments)) {
+        Ok(error) => PyErr::from_value(error),
+        Err(error) => error,
+    }
+}
+
+/// The Python error for a core error raised in `function`.
+pub fn to_python(py: Python<'_>, function: &str, error: Error) -> PyErr {
+    let message = format!("{function}: {error}");
+    match error {
+        Error::Input { .. } => raise(py, "InputError", (message,)),
+        Error::Model { file, line, .. } => raise(py, "ModelError", (message, file, line)),
+        Error::Solve { status, t, .. } => raise(py, "SolveError", (message, status.code(), t)),
+        Error::Format(_) => raise(py, "FormatError", (message,)),
+        Error::Memory { .. } => PyMemoryError::new_err(message),
+    }
+}
+
+/// An `InputError`: `function: argument problem`.
+pub fn input_error(py: Python<'_>, function: &str, argument: &str, problem: impl std::fmt::Display) -> PyErr {
+    raise(py, "InputError", (format!("{function}: {argument} {problem}"),))
+}
+
+/// Run the body of an entry point: errors are mapped, a panic becomes an `InternalError`.
+pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T, Failure>) -> PyResult<T> {
+    match catch_unwind(AssertUnwindSafe(body)) {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(Failure::Core(error))) => Err(to_python(py, function, error)),
+        Ok(Err(Failure::Python(error))) => Err(error),
+        Err(panic) => {
+            let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+            let message = format!("{function}: internal error, please report it: {}", text.unwrap_or("no message"));
+            Err(raise(py, "InternalError", (message,)))
+        }
+    }
+}
+
+/// What an entry point may fail with.
+pub enum Failure {
+    Core(Error),
+    Python(PyErr),
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Failure::Core(error)
+    }
+}
+
+impl From<PyErr> for Failure {
+    fn from(error: PyErr) -> Self {
+        Failure::Python(error)
+    }
+}

@@ -1,0 +1,239 @@
+//! `armlet.Motion` and its members.
+
+use crate::arrays::{any_vector, new_vector, numbers, require_finite, shown, vector};
+use crate::errors::{Failure, entry, input_error};
+use armlet_core::motion::{self, Motion as Core};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+/// A desired motion: `motion(t)` gives `q_d, v_d, a_d`, each `(n,)`. The base of all motions.
+#[pyclass(frozen, subclass, module = "armlet", name = "Motion")]
+pub struct Motion {
+    pub core: Core,
+    /// What the constructor was given, for `repr` and pickling.
+    arguments: Vec<(&'static str, Py<PyAny>)>,
+}
+
+impl Motion {
+    fn new(core: Core, arguments: Vec<(&'static str, Bound<'_, PyAny>)>) -> Self {
+        Motion { core, arguments: arguments.into_iter().map(|(name, value)| (name, value.unbind())).collect() }
+    }
+}
+
+#[pymethods]
+impl Motion {
+    /// Number of joints.
+    #[getter]
+    fn n(&self) -> usize {
+        self.core.dof()
+    }
+
+    /// `q_d, v_d, a_d` at time `t` in s, each `(n,)`.
+    fn __call__<'py>(&self, py: Python<'py>, t: f64) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        entry(py, "Motion", || {
+            require_finite(py, "Motion", "t", &[], &[t])?;
+            let n = self.core.dof();
+            let mut all = vec![0.0; 3 * n];
+            self.core.sample(t, &mut all);
+            let part = |k: usize| {
+                new_vector(py, n, |out| {
+                    out.copy_from_slice(&all[k * n..(k + 1) * n]);
+                    Ok(())
+                })
+            };
+            Ok((part(0)?, part(1)?, part(2)?))
+        })
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let py = slf.py();
+        let parts = slf.get().arguments.iter().map(|(name, value)| {
+            let value = value.bind(py);
+            let value = value.call_method0("tolist").unwrap_or_else(|_| value.clone());
+            Ok(format!("{name}={}", value.repr()?))
+        });
+        Ok(format!("{}({})", slf.get_type().name()?, parts.collect::<PyResult<Vec<_>>>()?.join(", ")))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        for (name, value) in &self.arguments {
+            keywords.set_item(name, value)?;
+        }
+        Ok((PyTuple::empty(py), keywords))
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Motion>().is_ok_and(|other| other.get().core == self.core)
+    }
+}
+
+fn kept<'py>(py: Python<'py>, values: &[f64], shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+    entry(py, "Motion", || {
+        crate::arrays::new_array(py, shape, |out| {
+            out.copy_from_slice(values);
+            Ok(())
+        })
+    })
+}
+
+/// Stay at `q`, `(n,)`.
+#[pyclass(frozen, extends = Motion, module = "armlet")]
+pub struct Hold;
+
+#[pymethods]
+impl Hold {
+    #[new]
+    fn new(py: Python<'_>, q: &Bound<'_, PyAny>) -> PyResult<PyClassInitializer<Self>> {
+        entry(py, "Hold", || {
+            let q = any_vector("Hold", "q", q)?;
+            let arguments = vec![("q", kept(py, &q, &[q.len()])?)];
+            Ok(PyClassInitializer::from(Motion::new(Core::hold(q)?, arguments)).add_subclass(Hold))
+        })
+    }
+}
+
+/// `(n,)`, `(n, terms)` or a scalar, written out as `(n, terms)`.
+fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<(usize, Vec<f64>), Failure> {
+    let (shape, values) = numbers(function, name, value)?;
+    require_finite(value.py(), function, name, &shape, &values)?;
+    match shape.as_slice() {
+        [] => Ok((1, vec![values[0]; n])),
+        [rows] if *rows == n => Ok((1, values.into_owned())),
+        [rows, terms] if *rows == n => Ok((*terms, values.into_owned())),
+        _ => {
+            let problem = format!("has the wrong shape: expected ({n},) or ({n}, k), got {}", shown(&shape));
+            Err(input_error(value.py(), function, name, problem).into())
+        }
+    }
+}
+
+/// `offset + sum amplitude sin(frequency t + phase)`, per joint.
+///
+/// Args:
+///     offset: `(n,)`, rad or m.
+///     amplitude, frequency, phase: `(n,)` or `(n, k)` for k terms per joint, or a scalar for all;
+///         frequency in rad/s, phase in rad. Zeros are allowed.
+#[pyclass(frozen, extends = Motion, module = "armlet")]
+pub struct Sinusoid;
+
+#[pymethods]
+impl Sinusoid {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        offset: &Bound<'_, PyAny>,
+        amplitude: &Bound<'_, PyAny>,
+        frequency: &Bound<'_, PyAny>,
+        phase: &Bound<'_, PyAny>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        entry(py, "Sinusoid", || {
+            let offset = any_vector("Sinusoid", "offset", offset)?;
+            let n = offset.len();
+            let named = [("amplitude", amplitude), ("frequency", frequency), ("phase", phase)];
+            let mut parts = Vec::new();
+            for (name, value) in named {
+                parts.push(terms("Sinusoid", name, value, n)?);
+            }
+            let count = parts.iter().map(|(terms, _)| *terms).max().unwrap_or(1);
+            let mut arguments = vec![("offset", kept(py, &offset, &[n])?)];
+            for (k, (name, value)) in named.into_iter().enumerate() {
+                if parts[k].0 == 1 && count > 1 {
+                    parts[k].1 = parts[k].1.iter().flat_map(|&x| std::iter::repeat_n(x, count)).collect();
+                    parts[k].0 = count;
+                }
+                if parts[k].0 != count {
+                    let problem = format!("has the wrong number of terms: expected {count}, got {}", parts[k].0);
+                    return Err(input_error(value.py(), "Sinusoid", name, problem).into());
+                }
+                arguments.push((name, kept(py, &parts[k].1, &[n, count])?));
+            }
+            let [(_, amplitude), (_, frequency), (_, phase)] = <[_; 3]>::try_from(parts).expect("three parts");
+            let core = motion::Sinusoid::new(offset, count, amplitude, frequency, phase)?;
+            Ok(PyClassInitializer::from(Motion::new(Core::Sinusoid(core), arguments)).add_subclass(Sinusoid))
+        })
+    }
+}
+
+macro_rules! rest_to_rest {
+    ($name:ident, $doc:literal) => {
+        #[doc = $doc]
+        ///
+        /// Holds `q0` before time 0 and `q1` after `duration`.
+        ///
+        /// Args:
+        ///     q0, q1: start and end, `(n,)`, rad or m.
+        ///     duration: s, > 0.
+        #[pyclass(frozen, extends = Motion, module = "armlet")]
+        pub struct $name;
+
+        #[pymethods]
+        impl $name {
+            #[new]
+            fn new(py: Python<'_>, q0: &Bound<'_, PyAny>, q1: &Bound<'_, PyAny>, duration: f64) -> PyResult<PyClassInitializer<Self>> {
+                const NAME: &str = stringify!($name);
+                entry(py, NAME, || {
+                    let q0 = any_vector(NAME, "q0", q0)?;
+                    let n = q0.len();
+                    let q1 = vector(NAME, "q1", q1, n)?;
+                    let number = duration.into_pyobject(py).map_err(PyErr::from)?.into_any();
+                    let arguments = vec![("q0", kept(py, &q0, &[n])?), ("q1", kept(py, &q1, &[n])?), ("duration", number)];
+                    let core = motion::$name::new(q0, q1, duration)?;
+                    Ok(PyClassInitializer::from(Motion::new(Core::$name(core), arguments)).add_subclass($name))
+                })
+            }
+        }
+    };
+}
+rest_to_rest!(Quintic, "Rest to rest with zero end accelerations: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / duration`.");
+rest_to_rest!(BangBang, "Rest to rest with the symmetric bang-bang acceleration `+-4 (q1 - q0) / duration^2`.");
+
+/// A motion sampled every `dt` from time `start`: exact at its knots, quintic Hermite between, held outside.
+///
+/// Args:
+///     dt: s, > 0.
+///     q, v, a: `(K, n)` each.
+///     start: time of the first knot, s (keyword only).
+#[pyclass(frozen, extends = Motion, module = "armlet")]
+pub struct Table;
+
+#[pymethods]
+impl Table {
+    #[new]
+    #[pyo3(signature = (dt, q, v, a, *, start=0.0))]
+    fn new(
+        py: Python<'_>,
+        dt: f64,
+        q: &Bound<'_, PyAny>,
+        v: &Bound<'_, PyAny>,
+        a: &Bound<'_, PyAny>,
+        start: f64,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        entry(py, "Table", || {
+            let mut columns = Vec::new();
+            let mut knots = vec![];
+            for (name, value) in [("q", q), ("v", v), ("a", a)] {
+                let (shape, values) = numbers("Table", name, value)?;
+                if shape.len() != 2 || (!knots.is_empty() && shape != knots) {
+                    let expected = if knots.is_empty() { "(K, n)".to_string() } else { shown(&knots) };
+                    let problem = format!("has the wrong shape: expected {expected}, got {}", shown(&shape));
+                    return Err(input_error(py, "Table", name, problem).into());
+                }
+                require_finite(py, "Table", name, &shape, &values)?;
+                knots = shape;
+                columns.push(values);
+            }
+            let n = knots[1];
+            let rows = (0..knots[0]).flat_map(|k| columns.iter().flat_map(move |c| c[k * n..(k + 1) * n].to_vec())).collect();
+            let number = |x: f64| -> Result<Bound<'_, PyAny>, Failure> { Ok(x.into_pyobject(py).map_err(PyErr::from)?.into_any()) };
+            let arguments = vec![
+                ("dt", number(dt)?),
+                ("q", kept(py, &columns[0], &knots)?),
+                ("v", kept(py, &columns[1], &knots)?),
+                ("a", kept(py, &columns[2], &knots)?),
+                ("start", number(start)?),
+            ];
+            Ok(PyClassInitializer::from(Motion::new(Core::Table(motion::Table::new(start, dt, n, rows)?), arguments)).add_subclass(Table))
+        })
+    }
+}
