@@ -139,7 +139,9 @@ fn check(s: &Stack, method: Method) {
             let peak = if method == Method::Clamp { 1.0 } else { 1.2072 };
             let step = norm(&difference(&prefixes[i].v, &before));
             let e = eps(s, i);
-            assert!(e == 0.0 || step <= peak / e * rest * (1.0 + 1e-9) + 1e-12, "{method:?}: level {i} moves {step} for {rest}, eps {e}");
+            // A level of rows of 1e-16 has eps to match and moves the arm at 1e15: its rounding stands in v.
+            let most = peak / e * rest * (1.0 + 1e-9) + 1e-12 * (1.0 + norm(&prefixes[i].v).max(norm(&before)));
+            assert!(e == 0.0 || step <= most, "{method:?}: level {i} moves {step} for {rest}, eps {e}, |v| = {:e}", norm(&before));
         }
     }
     let (m, n) = (s.velocities[0].len(), s.n);

@@ -24,6 +24,7 @@ impl Workspace {
         for i in 0..n {
             self.basis[i * n + i] = 1.0;
         }
+        self.identity = true;
         self.free = 0;
         self.scale.fill(1.0);
         self.y.fill(0.0);
@@ -33,6 +34,11 @@ impl Workspace {
     pub(super) fn project(&mut self, i: usize) -> Result<usize> {
         let (n, free, level) = (self.n, self.free, self.level(i));
         let (m, k) = (level.len(), n - free);
+        if self.identity {
+            self.svd.decompose(&self.j[level.start * n..level.end * n], m, n)?;
+            self.a[..m * n].copy_from_slice(&self.j[level.start * n..level.end * n]);
+            return Ok(n);
+        }
         for (r, row) in level.enumerate() {
             let j = &self.j[row * n..(row + 1) * n];
             for c in 0..k {
@@ -107,7 +113,15 @@ impl Workspace {
 
     /// Rotate the free basis into the singular directions of the current level and spend the first `spent` of them.
     pub(super) fn consume(&mut self, spent: usize) {
-        turn_basis(&mut self.basis, &mut self.t, &self.svd, self.n, self.free);
+        if self.identity {
+            for j in 0..self.n {
+                self.t[j * self.n..(j + 1) * self.n].copy_from_slice(self.svd.v(j));
+            }
+            self.basis.copy_from_slice(&self.t[..self.n * self.n]);
+            self.identity = false;
+        } else {
+            turn_basis(&mut self.basis, &mut self.t, &self.svd, self.n, self.free);
+        }
         self.free += spent;
     }
 

@@ -28,6 +28,8 @@ pub(super) struct Workspace {
     /// Rows: an orthonormal basis of joint space. Those before `free` are used up by higher levels; the others carry the
     /// factor `scale` that a clamped level left of them.
     pub basis: Vec<f64>,
+    /// No level has rotated the basis yet.
+    pub identity: bool,
     pub free: usize,
     pub scale: Vec<f64>,
     pub svd: Svd,
@@ -71,6 +73,7 @@ impl Workspace {
             norm2: vec![0.0; levels],
             exponent: vec![0; levels],
             threshold: vec![0.0; levels],
+            identity: true,
             basis: vec![0.0; n * n],
             free: 0,
             scale: vec![1.0; n],
