@@ -146,15 +146,6 @@ impl<const K: usize> Broadcast<'_, K> {
         let i = if values.len() == *width { 0 } else { i };
         &values[i * width..(i + 1) * width]
     }
-
-    /// All rows of argument `k`, each written out.
-    pub fn all(&self, k: usize) -> Cow<'_, [f64]> {
-        let (values, width) = &self.rows[k];
-        if values.len() == *width && self.count != 1 {
-            return Cow::Owned(values.repeat(self.count));
-        }
-        Cow::Borrowed(values)
-    }
 }
 
 /// Arguments `(..., n)` of a pure function: finite, of the right width, broadcast like numpy does.
