@@ -6,7 +6,10 @@
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone.
 
+pub mod arm;
 pub mod dynamics;
 pub mod error;
+pub mod kinematics;
 pub mod scalar;
+pub mod spatial;
 pub mod status;

@@ -4,9 +4,13 @@
 //! Matrices are row-major slices. `trig[i]` is (sin, cos) of angular coordinate `i`, computed once per stage
 //! and shared by plant and law; entries of joints that are not angular are never read.
 
+mod newton_euler;
 mod planar_pr;
+mod workspace;
 
+pub use newton_euler::newton_euler;
 pub use planar_pr::PlanarPr;
+pub use workspace::Workspace;
 
 use crate::scalar::Real;
 

@@ -1,0 +1,89 @@
+//! Buffers of the tree algorithms, made once per tree.
+
+use crate::arm::Tree;
+use crate::kinematics::Pose;
+use crate::scalar::Real;
+use crate::spatial::{M3, Sym3, V3};
+
+/// What one body needs in the Newton-Euler recursions.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Link<S> {
+    /// Rotation to the parent's axes, and the joint origin in them.
+    pub e: M3<S>,
+    pub p: V3<S>,
+    pub w: V3<S>,
+    pub wr: V3<S>,
+    pub wd: V3<S>,
+    pub a: V3<S>,
+    pub u: M3<S>,
+    pub f: V3<S>,
+    pub n: V3<S>,
+}
+
+/// Composite quantities of a subtree, world axes, about the joint origin.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Composite<S> {
+    pub mass: S,
+    pub moment: V3<S>,
+    pub inertia: Sym3<S>,
+    /// Linear momentum relative to the joint origin.
+    pub momentum: V3<S>,
+    /// `integral of u r' dm`, `u` the velocity relative to the joint origin.
+    pub k: M3<S>,
+}
+
+/// What one body needs in the articulated-body recursion, world axes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Articulated<S> {
+    pub mass: Sym3<S>,
+    pub h: M3<S>,
+    pub inertia: Sym3<S>,
+    pub f: V3<S>,
+    pub n: V3<S>,
+    pub p: V3<S>,
+    pub ca: V3<S>,
+    pub cw: V3<S>,
+    pub uf: V3<S>,
+    pub un: V3<S>,
+    pub u: S,
+    pub inverse: S,
+    pub w: V3<S>,
+    pub a: V3<S>,
+    pub wd: V3<S>,
+}
+
+/// A joint's share of motion at the world origin: `[v; w]` per unit rate, and its rate of change.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Column<S> {
+    pub linear: V3<S>,
+    pub angular: V3<S>,
+    pub w: V3<S>,
+    pub velocity: V3<S>,
+    pub alpha: V3<S>,
+    pub gamma: V3<S>,
+}
+
+#[derive(Clone, Debug)]
+pub struct Workspace<S> {
+    pub poses: Vec<Pose<S>>,
+    pub links: Vec<Link<S>>,
+    pub composites: Vec<Composite<S>>,
+    pub articulated: Vec<Articulated<S>>,
+    pub columns: Vec<Column<S>>,
+    /// One spare n-vector.
+    pub spare: Vec<S>,
+}
+
+impl<S: Real> Workspace<S> {
+    pub fn new(tree: &Tree<S>) -> Self {
+        let n = tree.n();
+        Workspace {
+            poses: vec![Pose::identity(); n],
+            links: vec![Link::default(); n],
+            composites: vec![Composite::default(); n],
+            articulated: vec![Articulated::default(); n],
+            columns: vec![Column::default(); n],
+            spare: vec![S::zero(); n],
+        }
+    }
+}
