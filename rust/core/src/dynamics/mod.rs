@@ -4,11 +4,16 @@
 //! Matrices are row-major slices. `trig[i]` is (sin, cos) of angular coordinate `i`, computed once per stage
 //! and shared by plant and law; entries of joints that are not angular are never read.
 
-mod newton_euler;
+pub mod aba;
+pub mod coriolis;
+pub mod crba;
+pub mod energy;
+pub mod newton_euler;
 mod planar_pr;
-mod workspace;
+pub mod regressor;
+mod tree;
+pub mod workspace;
 
-pub use newton_euler::newton_euler;
 pub use planar_pr::PlanarPr;
 pub use workspace::Workspace;
 

@@ -70,8 +70,10 @@ pub struct Workspace<S> {
     pub composites: Vec<Composite<S>>,
     pub articulated: Vec<Articulated<S>>,
     pub columns: Vec<Column<S>>,
-    /// One spare n-vector.
-    pub spare: Vec<S>,
+    /// Angular velocity of each body and velocity of its origin.
+    pub motion: Vec<(V3<S>, V3<S>)>,
+    /// Mass of each subtree and its first moment about the joint.
+    pub subtrees: Vec<(S, V3<S>)>,
 }
 
 impl<S: Real> Workspace<S> {
@@ -83,7 +85,8 @@ impl<S: Real> Workspace<S> {
             composites: vec![Composite::default(); n],
             articulated: vec![Articulated::default(); n],
             columns: vec![Column::default(); n],
-            spare: vec![S::zero(); n],
+            motion: vec![(V3::zero(), V3::zero()); n],
+            subtrees: vec![(S::zero(), V3::zero()); n],
         }
     }
 }

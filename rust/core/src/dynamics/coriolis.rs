@@ -1,0 +1,109 @@
+//! The Christoffel Coriolis matrix in O(n d), from composite bodies (after Echeandia and Wensing 2021).
+//!
+//! Column `j` is the polarised inverse dynamics for a unit rate of `j`. A point at `r` with velocity `u` has, under
+//! the unit motion `(s, z)` of joint `j`, the polarised acceleration `V_j x S_j` (as a rigid field) plus `z x u(r)`.
+//! A subtree therefore enters through its composite inertia, its linear momentum `P` and `K = integral of u r' dm`:
+//!
+//! `f = m alpha_v + alpha_w x h + z x P`,  `n = I alpha_w + h x alpha_v + (tr K) z - K z`.
+//!
+//! `P` and `K` are taken relative to the velocity of the joint origin, so no large momenta cancel; moving the
+//! reference by `p` with relative velocity `d`: `P' = P + m d`, `K' = K + P p' + d (h + m p)'`.
+
+use super::crba::joint_column;
+use super::workspace::{Column, Composite};
+use crate::arm::{BASE, Tree, second_moment};
+use crate::kinematics::{Pose, place_body};
+use crate::scalar::Real;
+use crate::spatial::{Inertia, M3, V3};
+
+/// `w x` each column of a symmetric matrix.
+#[inline(always)]
+fn cross_columns<S: Real>(w: V3<S>, m: M3<S>) -> M3<S> {
+    M3([w.cross(m.0[0]), w.cross(m.0[1]), w.cross(m.0[2])])
+}
+
+#[inline(always)]
+fn trace<S: Real>(k: &M3<S>) -> S {
+    k.0[0][0] + k.0[1][1] + k.0[2][2]
+}
+
+#[inline(always)]
+pub fn coriolis_matrix<S: Real>(
+    tree: &Tree<S>,
+    poses: &mut [Pose<S>],
+    composites: &mut [Composite<S>],
+    columns: &mut [Column<S>],
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    c: &mut [S],
+) {
+    let n = tree.n();
+    let root = Pose::identity();
+    for i in 0..n {
+        let body = &tree.bodies[i];
+        let (parent, w_p, velocity_p) = if body.parent == BASE {
+            (root, V3::zero(), V3::zero())
+        } else {
+            (poses[body.parent], columns[body.parent].w, columns[body.parent].velocity)
+        };
+        let pose = place_body(body, &parent, trig[i], q[i]);
+        let z = pose.z();
+        let swept = w_p.cross_add(pose.origin - parent.origin, velocity_p);
+        let (w, velocity) = if body.revolute { (z.scale_add(v[i], w_p), swept) } else { (w_p, z.scale_add(v[i], swept)) };
+        let wz = w.cross(z);
+        let (linear, angular) = joint_column(body.revolute, &pose);
+        // V_j x S_j at the world origin: beta = gamma + alpha x o_k + z x v_k at any other joint k.
+        let (alpha, gamma) =
+            if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (V3::zero(), wz) };
+        columns[i] = Column { linear, angular, w, velocity, alpha, gamma };
+        let Inertia { mass, moment, inertia } = body.inertia.rotated(pose.rotation);
+        let k = cross_columns(w, second_moment(&inertia).full());
+        composites[i] = Composite { mass, moment, inertia, momentum: w.cross(moment), k };
+        poses[i] = pose;
+    }
+    c.fill(S::zero());
+    for j in (0..n).rev() {
+        let body = &tree.bodies[j];
+        let Composite { mass, moment, inertia, momentum, k } = composites[j];
+        let me = columns[j];
+        let origin = poses[j].origin;
+        let z = poses[j].z();
+        let tr = trace(&k);
+        // Column j: the force (f, about_joint) on the subtree. Row j: what (alpha, angular, gamma) of another joint does.
+        let (f, about_joint, by_alpha, by_angular, by_gamma) = if body.revolute {
+            let f = me.alpha.cross_add(moment, z.cross(momentum));
+            let about_joint = inertia.apply_add(me.alpha, z.scale(tr) - k.apply(z));
+            (f, about_joint, inertia.apply(z), z.scale(tr) - k.apply_transposed(z), z.cross(moment))
+        } else {
+            let wz = me.gamma;
+            (wz.scale(mass), moment.cross(wz), moment.cross(z), momentum.cross(z), z.scale(mass))
+        };
+        c[j * n + j] = if body.revolute { z.dot(about_joint) } else { z.dot(f) };
+        if body.parent == BASE {
+            continue;
+        }
+        let about_origin = origin.cross_add(f, about_joint);
+        let by_alpha = origin.cross_add(by_gamma, by_alpha);
+        let by_angular = me.velocity.cross_add(by_gamma, by_angular);
+        let mut i = body.parent;
+        while i != BASE {
+            let up = &columns[i];
+            c[i * n + j] = up.linear.dot(f) + up.angular.dot(about_origin);
+            c[j * n + i] = up.alpha.dot(by_alpha) + up.angular.dot(by_angular) + up.gamma.dot(by_gamma);
+            i = tree.bodies[i].parent;
+        }
+        let p = origin - poses[body.parent].origin;
+        let d = me.velocity - columns[body.parent].velocity;
+        let moved = Inertia { mass, moment, inertia }.shifted(p);
+        let up = &mut composites[body.parent];
+        up.mass += moved.mass;
+        up.moment += moved.moment;
+        up.inertia = up.inertia.add(&moved.inertia);
+        up.momentum = d.scale_add(mass, up.momentum + momentum);
+        for col in 0..3 {
+            let sum = momentum.scale_add(p[col], up.k.0[col] + k.0[col]);
+            up.k.0[col] = d.scale_add(moved.moment[col], sum);
+        }
+    }
+}
