@@ -116,11 +116,8 @@ fn shifted<S: Real>(mass: &Sym3<S>, h: M3<S>, inertia: &Sym3<S>, p: V3<S>) -> (M
     let [x, y, z] = p.0;
     let (m0, m1, m2) = (mass.column(0), mass.column(1), mass.column(2));
     // Column k of M [p]x is M (p x e_k).
-    let moved = M3([
-        m1.scale_sub(z, m2.scale_add(y, h.0[0])),
-        m2.scale_sub(x, m0.scale_add(z, h.0[1])),
-        m0.scale_sub(y, m1.scale_add(x, h.0[2])),
-    ]);
+    let moved =
+        M3([m1.scale_sub(z, m2.scale_add(y, h.0[0])), m2.scale_sub(x, m0.scale_add(z, h.0[1])), m0.scale_sub(y, m1.scale_add(x, h.0[2]))]);
     // (H' [p]x) with H transposed: entry (i, k) is column i of H dotted with p x e_k.
     let first = |i: usize, k: usize, from: S| {
         let c = h.0[i];

@@ -54,8 +54,7 @@ pub fn coriolis_matrix<S: Real>(
         let wz = w.cross(z);
         let (linear, angular) = joint_column(body.revolute, &pose);
         // V_j x S_j at the world origin: beta = gamma + alpha x o_k + z x v_k at any other joint k.
-        let (alpha, gamma) =
-            if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (V3::zero(), wz) };
+        let (alpha, gamma) = if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (V3::zero(), wz) };
         columns[i] = Column { linear, angular, w, velocity, alpha, gamma };
         let Inertia { mass, moment, inertia } = body.inertia.rotated(pose.rotation);
         let k = cross_columns(w, second_moment(&inertia).full());

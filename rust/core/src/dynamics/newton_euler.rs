@@ -24,11 +24,7 @@ pub(crate) fn acceleration_matrix<S: Real, const POLAR: bool>(w: V3<S>, wr: V3<S
     let square = |i: usize| if POLAR { w[i] * wr[i] } else { w[i] * w[i] };
     let (xx, yy, zz) = (square(0), square(1), square(2));
     let (xy, xz, yz) = (product(0, 1), product(0, 2), product(1, 2));
-    M3([
-        V3([-(yy + zz), xy + wd[2], xz - wd[1]]),
-        V3([xy - wd[2], -(xx + zz), yz + wd[0]]),
-        V3([xz + wd[1], yz - wd[0], -(xx + yy)]),
-    ])
+    M3([V3([-(yy + zz), xy + wd[2], xz - wd[1]]), V3([xy - wd[2], -(xx + zz), yz + wd[0]]), V3([xz + wd[1], yz - wd[0], -(xx + yy)])])
 }
 
 /// `integral of r x (U r) dm` from the second moment `integral of r r' dm`, plus `c`.

@@ -42,16 +42,7 @@ fn body_axes<S: Real>(body: &Body<S>, pose: &Pose<S>) -> M3<S> {
 
 /// Poses, and the polarised field `(a, U)` of every body in world axes, into `links`.
 #[inline(always)]
-fn fields<S: Real>(
-    tree: &Tree<S>,
-    poses: &mut [Pose<S>],
-    links: &mut [Link<S>],
-    trig: &[(S, S)],
-    q: &[S],
-    v: &[S],
-    vr: &[S],
-    ar: &[S],
-) {
+fn fields<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], links: &mut [Link<S>], trig: &[(S, S)], q: &[S], v: &[S], vr: &[S], ar: &[S]) {
     let (root, half) = (Pose::identity(), S::splat(0.5));
     let base = Link { a: -tree.gravity.lift::<S>(), ..Link::default() };
     for i in 0..tree.n() {

@@ -39,8 +39,7 @@ pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)],
     let mut i = tree.frames[frame].body;
     while i != BASE {
         let z = poses[i].z();
-        let (linear, angular) =
-            if tree.bodies[i].revolute { (z.cross(p - poses[i].origin), z) } else { (z, V3::zero()) };
+        let (linear, angular) = if tree.bodies[i].revolute { (z.cross(p - poses[i].origin), z) } else { (z, V3::zero()) };
         write(j, n, i, linear, angular);
         i = tree.bodies[i].parent;
     }
@@ -115,14 +114,7 @@ pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &
 
 /// Jacobian `(3, n)` of the centre of mass. `subtree` has room for `(mass, first moment about the joint)`.
 #[inline(always)]
-pub fn com_jacobian<S: Real>(
-    tree: &Tree<S>,
-    poses: &mut [Pose<S>],
-    subtree: &mut [(S, V3<S>)],
-    trig: &[(S, S)],
-    q: &[S],
-    j: &mut [S],
-) {
+pub fn com_jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], subtree: &mut [(S, V3<S>)], trig: &[(S, S)], q: &[S], j: &mut [S]) {
     let n = tree.n();
     let (mass, _) = com(tree, poses, trig, q);
     let inverse = mass.recip();

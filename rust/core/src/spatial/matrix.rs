@@ -26,7 +26,11 @@ impl M3<f64> {
         let m = |r: usize, c: usize| self.0[c][r];
         let cp = m(0, 0).hypot(m(1, 0));
         // Near the singularity of the convention only roll -+ yaw is defined: yaw is set to zero.
-        if cp < 1e-12 { [(-m(1, 2)).atan2(m(1, 1)), (-m(2, 0)).atan2(cp), 0.0] } else { [m(2, 1).atan2(m(2, 2)), (-m(2, 0)).atan2(cp), m(1, 0).atan2(m(0, 0))] }
+        if cp < 1e-12 {
+            [(-m(1, 2)).atan2(m(1, 1)), (-m(2, 0)).atan2(cp), 0.0]
+        } else {
+            [m(2, 1).atan2(m(2, 2)), (-m(2, 0)).atan2(cp), m(1, 0).atan2(m(0, 0))]
+        }
     }
 
     /// The rotation by `angle` about the unit vector `axis` (Rodrigues).

@@ -17,11 +17,7 @@ impl<S: Real> V3<S> {
     }
     #[inline(always)]
     pub fn cross(self, b: Self) -> Self {
-        V3([
-            self[1].mul_add(b[2], -(self[2] * b[1])),
-            self[2].mul_add(b[0], -(self[0] * b[2])),
-            self[0].mul_add(b[1], -(self[1] * b[0])),
-        ])
+        V3([self[1].mul_add(b[2], -(self[2] * b[1])), self[2].mul_add(b[0], -(self[0] * b[2])), self[0].mul_add(b[1], -(self[1] * b[0]))])
     }
     /// `self x b + c`.
     #[inline(always)]

@@ -103,7 +103,8 @@ pub fn body(rng: &mut Rng) -> [f64; 10] {
     for k in 0..6 {
         let m = 0.2 + 0.2 * rng.unit().abs();
         let [x, y, z] = if k == 0 { [0.0; 3] } else { rng.array3(0.3) };
-        let add = [m, m * x, m * y, m * z, m * (y * y + z * z), -m * x * y, m * (x * x + z * z), -m * x * z, -m * y * z, m * (x * x + y * y)];
+        let add =
+            [m, m * x, m * y, m * z, m * (y * y + z * z), -m * x * y, m * (x * x + z * z), -m * x * z, -m * y * z, m * (x * x + y * y)];
         for (sum, term) in phi.iter_mut().zip(add) {
             *sum += term;
         }
