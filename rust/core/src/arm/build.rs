@@ -1,8 +1,9 @@
-//! Arms from lists of numbers: chains of joints, Denavit-Hartenberg rows, planar arms, the pendulum.
+//! Arms from lists of joints.
 
 use super::{Arm, Frame, Joint, JointKind, Limits};
 use crate::error::{Error, Result, finite};
 use crate::spatial::{Inertia, Placement, V3};
+use std::collections::HashSet;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointType {
@@ -58,6 +59,7 @@ impl Arm {
         let mut arm = Arm { name: "chain".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         // Of each list entry: the joint that carries it and its placement in that joint's body frame.
         let mut place: Vec<(Option<usize>, Placement)> = vec![(None, Placement::IDENTITY); list.len()];
+        let mut names = HashSet::new();
         for i in depth_first(&parents) {
             let item = &list[i];
             let (body, base) = parents[i].map_or((None, Placement::IDENTITY), |p| place[p]);
@@ -78,22 +80,18 @@ impl Arm {
                     arm.frames.push(frame);
                 }
                 JointType::Moving(kind) => {
-                    if arm.joints.iter().any(|joint| joint.name == name) {
+                    if !names.insert(name.clone()) {
                         return Err(Error::input(at("name"), format!("is a duplicate: expected distinct names, got {name} again")));
                     }
                     place[i] = (Some(arm.joints.len()), Placement::IDENTITY);
                     arm.frames.push(Frame { body: Some(arm.joints.len()), placement: Placement::IDENTITY, joint: None, ..frame });
                     arm.joints.push(Joint {
-                        name,
-                        kind,
-                        parent: body,
-                        placement,
-                        axis: unit(&at("axis"), item.axis)?,
                         limits: item.limits,
                         armature: item.armature,
                         damping: item.damping,
                         friction: item.friction,
                         parameters: item.phi,
+                        ..Joint::new(name, kind, body, placement, unit(&at("axis"), item.axis)?)
                     });
                 }
             }

@@ -61,6 +61,14 @@ pub struct Joint {
     pub parameters: [f64; 10],
 }
 
+impl Joint {
+    /// A joint without limits, friction or mass.
+    pub fn new(name: String, kind: JointKind, parent: Option<usize>, placement: Placement, axis: [f64; 3]) -> Self {
+        let limits = Limits::default();
+        Joint { name, kind, parent, placement, axis, limits, armature: 0.0, damping: 0.0, friction: 0.0, parameters: [0.0; 10] }
+    }
+}
+
 /// A named frame fixed to a body (to the base where `body` is `None`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {

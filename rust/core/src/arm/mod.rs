@@ -3,12 +3,19 @@
 //! hung on them stay as frames.
 
 mod build;
+mod classic;
+mod edit;
 mod joint;
 mod tree;
+mod urdf;
+mod urdf_examples;
 
 pub use build::{ChainJoint, JointType};
+pub use classic::{Convention, DhRow};
 pub use joint::{Frame, Joint, JointKind, Limits};
 pub use tree::{BASE, Body, Tree, TreeFrame, second_moment};
+pub use urdf::{MAX_BYTES, MAX_DEPTH, Written};
+pub use urdf_examples::{EXAMPLES, example_urdf};
 
 use crate::error::{Error, Result, finite};
 use crate::spatial::PARAMETERS;
@@ -68,12 +75,12 @@ impl Arm {
     }
 
     /// Index of a frame; a wrong name is answered with the names there are.
-    pub fn frame(&self, name: &str) -> Result<usize> {
+    pub fn frame_index(&self, name: &str) -> Result<usize> {
         index_of(self.frame_names(), name).ok_or_else(|| unknown("frame", name, "frames", self.frame_names()))
     }
 
     /// Index of a joint; a wrong name is answered with the names there are.
-    pub fn joint(&self, name: &str) -> Result<usize> {
+    pub fn joint_index(&self, name: &str) -> Result<usize> {
         index_of(self.joint_names(), name).ok_or_else(|| unknown("joint", name, "joints", self.joint_names()))
     }
 }
@@ -83,11 +90,15 @@ fn index_of<'a>(mut names: impl Iterator<Item = &'a str>, name: &str) -> Option<
 }
 
 /// A long list is cut: a message is for reading.
-const NAMES_SHOWN: usize = 40;
+const NAMES_SHOWN: usize = 20;
 
-fn unknown<'a>(argument: &str, name: &str, kind: &str, names: impl Iterator<Item = &'a str>) -> Error {
+/// The first names, and how many more there are.
+pub(crate) fn listed(names: &[&str]) -> String {
+    let shown = names.iter().take(NAMES_SHOWN).copied().collect::<Vec<_>>().join(", ");
+    if names.len() > NAMES_SHOWN { format!("{shown} and {} more", names.len() - NAMES_SHOWN) } else { shown }
+}
+
+pub(crate) fn unknown<'a>(argument: &str, name: &str, kind: &str, names: impl Iterator<Item = &'a str>) -> Error {
     let all: Vec<&str> = names.collect();
-    let more = if all.len() > NAMES_SHOWN { format!(" and {} more", all.len() - NAMES_SHOWN) } else { String::new() };
-    let shown = all.iter().take(NAMES_SHOWN).copied().collect::<Vec<_>>().join(", ");
-    Error::input(argument, format!("is unknown: expected one of the {kind} {shown}{more}, got {name}"))
+    Error::input(argument, format!("is unknown: expected one of the {kind} {}, got {name}", listed(&all)))
 }

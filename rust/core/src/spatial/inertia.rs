@@ -74,14 +74,12 @@ impl Inertia<f64> {
     pub fn placed(&self, x: &Placement) -> Self {
         self.rotated(x.rotation).shifted(x.translation)
     }
-    /// Centre of mass and inertia about it; a massless body keeps its origin.
-    pub fn com(&self) -> (V3<f64>, Sym3<f64>) {
-        if self.mass == 0.0 {
-            return (V3([0.0; 3]), self.inertia);
-        }
-        let com = self.moment.scale(1.0 / self.mass);
-        let central = self.shifted(-com);
-        (com, central.inertia)
+    /// Centre of mass and inertia about it; a body without mass has none, and keeps its inertia about the origin.
+    pub fn com(&self) -> (Option<V3<f64>>, Sym3<f64>) {
+        // Divided entry by entry: the reciprocal of a subnormal mass is infinite.
+        let com = V3(self.moment.0.map(|h| h / self.mass));
+        let central = self.shifted(-com).inertia;
+        if com.0.iter().chain(&central.0).all(|x| x.is_finite()) { (Some(com), central) } else { (None, self.inertia) }
     }
     pub fn is_zero(&self) -> bool {
         self.mass == 0.0 && self.moment.0 == [0.0; 3] && self.inertia.0 == [0.0; 6]

@@ -184,3 +184,31 @@ impl<S: Real> Sym3<S> {
         ])
     }
 }
+
+impl Sym3<f64> {
+    /// The eigenvalues in increasing order, by cyclic Jacobi rotations: six sweeps reach rounding for 3 x 3.
+    pub fn principal(&self) -> [f64; 3] {
+        let largest = self.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        if !(largest > 0.0 && largest.is_finite()) {
+            return [self.0[0], self.0[2], self.0[5]];
+        }
+        let mut a = Sym3(self.0.map(|x| x / largest)).full();
+        for _ in 0..6 {
+            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+                let off = a.0[p][q];
+                if off != 0.0 {
+                    // The smaller root of t^2 + 2 theta t - 1 = 0, the tangent of the angle that clears the entry.
+                    let theta = (a.0[q][q] - a.0[p][p]) / (2.0 * off);
+                    let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+                    let c = 1.0 / t.hypot(1.0);
+                    let mut j = M3::IDENTITY;
+                    (j.0[p][p], j.0[q][q], j.0[q][p], j.0[p][q]) = (c, c, t * c, -t * c);
+                    a = j.congruence_transposed(a);
+                }
+            }
+        }
+        let mut values = [a.0[0][0] * largest, a.0[1][1] * largest, a.0[2][2] * largest];
+        values.sort_by(f64::total_cmp);
+        values
+    }
+}
