@@ -7,11 +7,11 @@
 //! IA_p += X' (IA - U U'/D) X,   b_p += X' (b + (IA - U U'/D) c + U (tau - S.b) / D)
 //! ```
 
-use super::workspace::Articulated;
+use super::workspace::{Articulated, Handle};
 use crate::arm::{BASE, Tree};
-use crate::kinematics::{Pose, place_body};
+use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
-use crate::spatial::{M3, Sym3, V3};
+use crate::spatial::{Inertia, M3, Sym3, V3};
 
 #[inline(always)]
 pub fn forward_dynamics<S: Real>(
@@ -25,87 +25,92 @@ pub fn forward_dynamics<S: Real>(
     a: &mut [S],
 ) {
     let n = tree.n();
-    let root = Pose::identity();
+    let base = || (Pose::identity(), V3::zero());
+    let mut last = base();
     for i in 0..n {
         let body = &tree.bodies[i];
-        let (parent, w_p) = if body.parent == BASE { (root, V3::zero()) } else { (poses[body.parent], bodies[body.parent].w) };
+        let (parent, w_p) = from_parent(body.parent, i, last, |p| (poses[p], bodies[p].w), base);
         let pose = place_body(body, &parent, trig[i], q[i]);
         let p = pose.origin - parent.origin;
         let z = pose.z();
         let out = &mut bodies[i];
         out.p = p;
-        out.ca = w_p.cross(w_p.cross(p));
+        let mut ca = w_p.cross(w_p.cross(p));
         let wz = w_p.cross(z);
-        if body.revolute {
+        let w = if body.revolute {
             out.cw = wz.scale(v[i]);
-            out.w = z.scale_add(v[i], w_p);
+            z.scale_add(v[i], w_p)
         } else {
             out.cw = V3::zero();
-            out.ca = wz.scale_add(v[i] + v[i], out.ca);
-            out.w = w_p;
-        }
-        let inertia = body.inertia.rotated(pose.rotation);
-        let (w, h, zero) = (out.w, inertia.moment, S::zero());
-        out.f = w.cross(w.cross(h));
-        out.n = w.cross(inertia.inertia.apply(w));
-        let m = inertia.mass;
-        out.mass = Sym3([m, zero, m, zero, zero, m]);
-        // wd x h = -[h]x wd, by columns.
-        out.h = M3([V3([zero, -h[2], h[1]]), V3([h[2], zero, -h[0]]), V3([-h[1], h[0], zero])]);
-        out.inertia = inertia.inertia;
+            ca = wz.scale_add(v[i] + v[i], ca);
+            w_p
+        };
+        (out.ca, out.w) = (ca, w);
+        let Inertia { mass: m, moment: h, inertia } = body.inertia.rotated(pose.rotation);
+        let zero = S::zero();
+        out.handle = Handle {
+            mass: Sym3([m, zero, m, zero, zero, m]),
+            // wd x h = -[h]x wd, by columns.
+            h: M3([V3([zero, -h[2], h[1]]), V3([h[2], zero, -h[0]]), V3([-h[1], h[0], zero])]),
+            inertia,
+            f: w.cross(w.cross(h)),
+            n: w.cross(inertia.apply(w)),
+        };
         poses[i] = pose;
+        last = (pose, w);
     }
+    // The subtree just finished, while its parent is next in line.
+    let (mut carried, mut carried_to) = (Handle::default(), BASE);
     for i in (0..n).rev() {
         let body = &tree.bodies[i];
         let z = poses[i].z();
         let me = &mut bodies[i];
+        let mut ia = me.handle;
+        if carried_to == i {
+            ia = ia.add(&carried);
+        }
         let (uf, un, d, bias) = if body.revolute {
-            let un = me.inertia.apply(z);
-            (me.h.apply(z), un, z.dot(un), z.dot(me.n))
+            let un = ia.inertia.apply(z);
+            (ia.h.apply(z), un, z.dot(un), z.dot(ia.n))
         } else {
-            let uf = me.mass.apply(z);
-            (uf, me.h.apply_transposed(z), z.dot(uf), z.dot(me.f))
+            let uf = ia.mass.apply(z);
+            (uf, ia.h.apply_transposed(z), z.dot(uf), z.dot(ia.f))
         };
-        me.inverse = (d + S::splat(body.armature)).recip();
-        me.u = tau[i] - bias;
-        (me.uf, me.un) = (uf, un);
+        let inverse = (d + S::splat(body.armature)).recip();
+        let u = tau[i] - bias;
+        (me.inverse, me.u, me.uf, me.un) = (inverse, u, uf, un);
         if body.parent == BASE {
             continue;
         }
-        let minus = -me.inverse;
-        let mass = me.mass.add_outer(uf, minus);
-        let inertia = me.inertia.add_outer(un, minus);
-        let scaled = un.scale(me.inverse);
-        let h = M3([uf.scale_sub(scaled[0], me.h.0[0]), uf.scale_sub(scaled[1], me.h.0[1]), uf.scale_sub(scaled[2], me.h.0[2])]);
-        let gain = me.u * me.inverse;
-        let f = mass.apply_add(me.ca, h.apply_add(me.cw, uf.scale_add(gain, me.f)));
-        let moment = inertia.apply_add(me.cw, h.apply_transposed(me.ca) + un.scale_add(gain, me.n));
+        let mass = ia.mass.add_outer(uf, -inverse);
+        let inertia = ia.inertia.add_outer(un, -inverse);
+        let scaled = un.scale(inverse);
+        let h = M3([uf.scale_sub(scaled[0], ia.h.0[0]), uf.scale_sub(scaled[1], ia.h.0[1]), uf.scale_sub(scaled[2], ia.h.0[2])]);
+        let gain = u * inverse;
+        let f = mass.apply_add(me.ca, h.apply_add(me.cw, uf.scale_add(gain, ia.f)));
+        let moment = inertia.apply_add(me.cw, h.apply_transposed(me.ca) + un.scale_add(gain, ia.n));
         let p = me.p;
         let (h, inertia) = shifted(&mass, h, &inertia, p);
-        let up = &mut bodies[body.parent];
-        up.mass = up.mass.add(&mass);
-        for k in 0..3 {
-            up.h.0[k] += h.0[k];
+        let moved = Handle { mass, h, inertia, f, n: p.cross_add(f, moment) };
+        if body.parent + 1 == i {
+            (carried, carried_to) = (moved, body.parent);
+        } else {
+            bodies[body.parent].handle = bodies[body.parent].handle.add(&moved);
         }
-        up.inertia = up.inertia.add(&inertia);
-        up.f += f;
-        up.n = p.cross_add(f, up.n + moment);
     }
-    let ground = -tree.gravity.lift::<S>();
+    let ground = || (-tree.gravity.lift::<S>(), V3::zero());
+    let mut last = ground();
     for i in 0..n {
         let body = &tree.bodies[i];
-        let (a_p, wd_p) = if body.parent == BASE { (ground, V3::zero()) } else { (bodies[body.parent].a, bodies[body.parent].wd) };
+        let (a_p, wd_p) = from_parent(body.parent, i, last, |p| (bodies[p].a, bodies[p].wd), ground);
         let z = poses[i].z();
         let me = &mut bodies[i];
         let lin = wd_p.cross_add(me.p, a_p + me.ca);
         let ang = wd_p + me.cw;
         let rate = (me.u - (me.uf.dot(lin) + me.un.dot(ang))) * me.inverse;
         a[i] = rate;
-        if body.revolute {
-            (me.a, me.wd) = (lin, z.scale_add(rate, ang));
-        } else {
-            (me.a, me.wd) = (z.scale_add(rate, lin), ang);
-        }
+        last = if body.revolute { (lin, z.scale_add(rate, ang)) } else { (z.scale_add(rate, lin), ang) };
+        (me.a, me.wd) = last;
     }
 }
 

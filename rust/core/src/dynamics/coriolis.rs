@@ -12,7 +12,7 @@
 use super::crba::joint_column;
 use super::workspace::{Column, Composite};
 use crate::arm::{BASE, Tree, second_moment};
-use crate::kinematics::{Pose, place_body};
+use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
 use crate::spatial::{Inertia, M3, V3};
 
@@ -39,14 +39,11 @@ pub fn coriolis_matrix<S: Real>(
     c: &mut [S],
 ) {
     let n = tree.n();
-    let root = Pose::identity();
+    let base = || (Pose::identity(), V3::zero(), V3::zero());
+    let mut last = base();
     for i in 0..n {
         let body = &tree.bodies[i];
-        let (parent, w_p, velocity_p) = if body.parent == BASE {
-            (root, V3::zero(), V3::zero())
-        } else {
-            (poses[body.parent], columns[body.parent].w, columns[body.parent].velocity)
-        };
+        let (parent, w_p, velocity_p) = from_parent(body.parent, i, last, |p| (poses[p], columns[p].w, columns[p].velocity), base);
         let pose = place_body(body, &parent, trig[i], q[i]);
         let z = pose.z();
         let swept = w_p.cross_add(pose.origin - parent.origin, velocity_p);
@@ -56,15 +53,22 @@ pub fn coriolis_matrix<S: Real>(
         // V_j x S_j at the world origin: beta = gamma + alpha x o_k + z x v_k at any other joint k.
         let (alpha, gamma) = if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (V3::zero(), wz) };
         columns[i] = Column { linear, angular, w, velocity, alpha, gamma };
-        let Inertia { mass, moment, inertia } = body.inertia.rotated(pose.rotation);
-        let k = cross_columns(w, second_moment(&inertia).full());
-        composites[i] = Composite { mass, moment, inertia, momentum: w.cross(moment), k };
+        let inertia = body.inertia.rotated(pose.rotation);
+        let k = cross_columns(w, second_moment(&inertia.inertia).full());
+        composites[i] = Composite { inertia, momentum: w.cross(inertia.moment), k };
         poses[i] = pose;
+        last = (pose, w, velocity);
     }
     c.fill(S::zero());
+    // The subtree just finished, while its parent is next in line.
+    let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
         let body = &tree.bodies[j];
-        let Composite { mass, moment, inertia, momentum, k } = composites[j];
+        let mut whole = composites[j];
+        if carried_to == j {
+            whole = whole.add(&carried);
+        }
+        let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = whole;
         let me = columns[j];
         let origin = poses[j].origin;
         let z = poses[j].z();
@@ -94,15 +98,13 @@ pub fn coriolis_matrix<S: Real>(
         }
         let p = origin - poses[body.parent].origin;
         let d = me.velocity - columns[body.parent].velocity;
-        let moved = Inertia { mass, moment, inertia }.shifted(p);
-        let up = &mut composites[body.parent];
-        up.mass += moved.mass;
-        up.moment += moved.moment;
-        up.inertia = up.inertia.add(&moved.inertia);
-        up.momentum = d.scale_add(mass, up.momentum + momentum);
-        for col in 0..3 {
-            let sum = momentum.scale_add(p[col], up.k.0[col] + k.0[col]);
-            up.k.0[col] = d.scale_add(moved.moment[col], sum);
+        let moved = whole.inertia.shifted(p);
+        let column = |i: usize| d.scale_add(moved.moment[i], momentum.scale_add(p[i], k.0[i]));
+        let moved = Composite { momentum: d.scale_add(mass, momentum), k: M3([column(0), column(1), column(2)]), inertia: moved };
+        if body.parent + 1 == j {
+            (carried, carried_to) = (moved, body.parent);
+        } else {
+            composites[body.parent] = composites[body.parent].add(&moved);
         }
     }
 }

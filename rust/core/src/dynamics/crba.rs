@@ -6,7 +6,7 @@
 
 use super::workspace::{Column, Composite};
 use crate::arm::{BASE, Tree};
-use crate::kinematics::{Pose, place_body};
+use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
 use crate::spatial::{Inertia, V3};
 
@@ -28,22 +28,28 @@ pub fn mass_matrix<S: Real>(
     m: &mut [S],
 ) {
     let n = tree.n();
-    let root = Pose::identity();
+    let mut last = Pose::identity();
     for i in 0..n {
         let body = &tree.bodies[i];
-        let parent = if body.parent == BASE { root } else { poses[body.parent] };
+        let parent = from_parent(body.parent, i, last, |p| poses[p], Pose::identity);
         let pose = place_body(body, &parent, trig[i], q[i]);
-        let world = body.inertia.rotated(pose.rotation);
-        (composites[i].mass, composites[i].moment, composites[i].inertia) = (world.mass, world.moment, world.inertia);
+        composites[i].inertia = body.inertia.rotated(pose.rotation);
         (columns[i].linear, columns[i].angular) = joint_column(body.revolute, &pose);
         poses[i] = pose;
+        last = pose;
     }
     m.fill(S::zero());
+    // The subtree just finished, while its parent is next in line.
+    let (mut carried, mut carried_to) = (Inertia::zero(), BASE);
     for j in (0..n).rev() {
         let body = &tree.bodies[j];
-        let Composite { mass, moment, inertia, .. } = composites[j];
+        let mut whole = composites[j].inertia;
+        if carried_to == j {
+            whole = whole.add(&carried);
+        }
         let Pose { origin, .. } = poses[j];
         let z = poses[j].z();
+        let Inertia { mass, moment, inertia } = whole;
         let (f, about_joint) = if body.revolute { (z.cross(moment), inertia.apply(z)) } else { (z.scale(mass), moment.cross(z)) };
         let own = if body.revolute { z.dot(about_joint) } else { mass };
         m[j * n + j] = own + S::splat(body.armature);
@@ -58,10 +64,11 @@ pub fn mass_matrix<S: Real>(
             m[j * n + i] = entry;
             i = tree.bodies[i].parent;
         }
-        let up = &mut composites[body.parent];
-        let moved = Inertia { mass, moment, inertia }.shifted(origin - poses[body.parent].origin);
-        up.mass += moved.mass;
-        up.moment += moved.moment;
-        up.inertia = up.inertia.add(&moved.inertia);
+        let moved = whole.shifted(origin - poses[body.parent].origin);
+        if body.parent + 1 == j {
+            (carried, carried_to) = (moved, body.parent);
+        } else {
+            composites[body.parent].inertia = composites[body.parent].inertia.add(&moved);
+        }
     }
 }

@@ -5,7 +5,7 @@
 
 use super::workspace::{Column, Composite};
 use crate::arm::{BASE, Tree};
-use crate::kinematics::{Pose, place_body};
+use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
 use crate::spatial::V3;
 
@@ -13,22 +13,23 @@ use crate::spatial::V3;
 #[inline(always)]
 pub fn gravity<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], composites: &mut [Composite<S>], trig: &[(S, S)], q: &[S], g: &mut [S]) {
     let n = tree.n();
-    let root = Pose::identity();
+    let mut last = Pose::identity();
     for i in 0..n {
         let body = &tree.bodies[i];
-        let parent = if body.parent == BASE { root } else { poses[body.parent] };
-        poses[i] = place_body(body, &parent, trig[i], q[i]);
-        composites[i].mass = body.inertia.mass;
-        composites[i].moment = poses[i].rotation.apply(body.inertia.moment);
+        let parent = from_parent(body.parent, i, last, |p| poses[p], Pose::identity);
+        last = place_body(body, &parent, trig[i], q[i]);
+        poses[i] = last;
+        composites[i].inertia.mass = body.inertia.mass;
+        composites[i].inertia.moment = last.rotation.apply(body.inertia.moment);
     }
     let up = -tree.gravity.lift::<S>();
     for i in (0..n).rev() {
         let body = &tree.bodies[i];
-        let (mass, moment, z) = (composites[i].mass, composites[i].moment, poses[i].z());
+        let (mass, moment, z) = (composites[i].inertia.mass, composites[i].inertia.moment, poses[i].z());
         g[i] = if body.revolute { z.dot(moment.cross(up)) } else { mass * z.dot(up) };
         if body.parent != BASE {
             let p = poses[i].origin - poses[body.parent].origin;
-            let parent = &mut composites[body.parent];
+            let parent = &mut composites[body.parent].inertia;
             parent.mass += mass;
             parent.moment = p.scale_add(mass, parent.moment + moment);
         }
@@ -38,16 +39,13 @@ pub fn gravity<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], composites: &mut 
 /// Kinetic and potential energy.
 #[inline(always)]
 pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Column<S>], trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
-    let root = Pose::identity();
     let up = -tree.gravity.lift::<S>();
     let (mut twice, mut potential) = (S::zero(), S::zero());
+    let base = || (Pose::identity(), V3::zero(), V3::zero());
+    let mut last = base();
     for i in 0..tree.n() {
         let body = &tree.bodies[i];
-        let (parent, w_p, u_p) = if body.parent == BASE {
-            (root, V3::zero(), V3::zero())
-        } else {
-            (poses[body.parent], columns[body.parent].w, columns[body.parent].velocity)
-        };
+        let (parent, w_p, u_p) = from_parent(body.parent, i, last, |p| (poses[p], columns[p].w, columns[p].velocity), base);
         let pose = place_body(body, &parent, trig[i], q[i]);
         let z = pose.z();
         let swept = w_p.cross_add(pose.origin - parent.origin, u_p);
@@ -60,6 +58,7 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
         twice = S::splat(body.armature).mul_add(v[i] * v[i], twice);
         potential += up.dot(pose.origin.scale_add(m, h));
         poses[i] = pose;
+        last = (pose, w, u);
     }
     (S::splat(0.5) * twice, potential)
 }

@@ -11,7 +11,7 @@
 //! A slide adds `z ar + (w x z) vr + (wr x z) v` to `a`. The bias is quadratic in velocity, so its polarisation
 //! is `C(q, v) vr` with the Christoffel `C`; with `vr = v` it is the ordinary inverse dynamics.
 
-use super::workspace::Link;
+use super::workspace::{Link, Motion};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 use crate::spatial::{M3, Sym3, V3};
@@ -58,10 +58,10 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
 ) {
     let n = tree.n();
     let half = S::splat(0.5);
-    let base = Link { a: -tree.gravity.lift::<S>(), ..Link::default() };
+    let ground = Motion { a: -tree.gravity.lift::<S>(), ..Motion::default() };
     for i in 0..n {
         let body = &tree.bodies[i];
-        let up = if body.parent == BASE { &base } else { &links[body.parent] };
+        let up = if body.parent == BASE { &ground } else { &links[body.parent].motion };
         let (mut e, mut p) = (body.rotation.lift::<S>(), body.translation.lift::<S>());
         if body.revolute {
             e = e.rotate_z(trig[i]);
@@ -101,7 +101,7 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
         let h = body.inertia.moment;
         let f = u.apply_add(h, a.scale(body.inertia.mass));
         let moment = moment_of(u, &body.second_moment, h.cross(a));
-        links[i] = Link { e, p, w, wr, wd, a, u, f, n: moment };
+        links[i] = Link { e, p, motion: Motion { w, wr, wd, a, u }, f, n: moment };
     }
     for i in (0..n).rev() {
         let body = &tree.bodies[i];

@@ -8,9 +8,9 @@
 //! parameters stand; `Y' s` is the same expression for the motion `(v, w)` of the body under joint rates `s`.
 
 use super::newton_euler::{acceleration_matrix, moment_of};
-use super::workspace::Link;
+use super::workspace::{Link, Motion};
 use crate::arm::{BASE, Body, Tree, second_moment};
-use crate::kinematics::{Pose, place_body};
+use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
 use crate::spatial::{Inertia, M3, PARAMETERS, V3};
 
@@ -43,12 +43,14 @@ fn body_axes<S: Real>(body: &Body<S>, pose: &Pose<S>) -> M3<S> {
 /// Poses, and the polarised field `(a, U)` of every body in world axes, into `links`.
 #[inline(always)]
 fn fields<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], links: &mut [Link<S>], trig: &[(S, S)], q: &[S], v: &[S], vr: &[S], ar: &[S]) {
-    let (root, half) = (Pose::identity(), S::splat(0.5));
-    let base = Link { a: -tree.gravity.lift::<S>(), ..Link::default() };
+    let half = S::splat(0.5);
+    let ground = Motion { a: -tree.gravity.lift::<S>(), ..Motion::default() };
+    let mut last = Pose::identity();
     for i in 0..tree.n() {
         let body = &tree.bodies[i];
-        let (parent, up) = if body.parent == BASE { (&root, &base) } else { (&poses[body.parent], &links[body.parent]) };
-        let pose = place_body(body, parent, trig[i], q[i]);
+        let parent = from_parent(body.parent, i, last, |p| poses[p], Pose::identity);
+        let up = if body.parent == BASE { &ground } else { &links[body.parent].motion };
+        let pose = place_body(body, &parent, trig[i], q[i]);
         let (z, p) = (pose.z(), pose.origin - parent.origin);
         let (mut w, mut wr, mut wd) = (up.w, up.wr, up.wd);
         let mut a = up.u.apply_add(p, up.a);
@@ -60,10 +62,9 @@ fn fields<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], links: &mut [Link<S>],
         } else {
             a = z.scale_add(ar[i], twice.cross_add(z, a));
         }
-        let me = &mut links[i];
-        (me.p, me.w, me.wr, me.wd, me.a) = (p, w, wr, wd, a);
-        me.u = acceleration_matrix::<S, true>(w, wr, wd);
-        poses[i] = pose;
+        let motion = Motion { w, wr, wd, a, u: acceleration_matrix::<S, true>(w, wr, wd) };
+        (links[i].p, links[i].motion, poses[i]) = (p, motion, pose);
+        last = pose;
     }
 }
 
@@ -85,7 +86,7 @@ pub fn regressor<S: Real>(
     y.fill(S::zero());
     for i in 0..tree.n() {
         let r = body_axes(&tree.bodies[i], &poses[i]);
-        let (u, a) = (r.congruence_transposed(links[i].u), r.apply_transposed(links[i].a));
+        let (u, a) = (r.congruence_transposed(links[i].motion.u), r.apply_transposed(links[i].motion.a));
         let origin = poses[i].origin;
         let mut j = i;
         while j != BASE {
@@ -120,29 +121,31 @@ pub fn regressor_products<S: Real>(
 ) {
     let n = tree.n();
     fields(tree, poses, links, trig, q, v, vr, ar);
+    let still = || (V3::zero(), V3::zero());
+    let mut last = still();
     for i in 0..n {
         let body = &tree.bodies[i];
         let r = body_axes(body, &poses[i]);
-        let (u, a) = (r.congruence_transposed(links[i].u), r.apply_transposed(links[i].a));
+        let (u, a) = (r.congruence_transposed(links[i].motion.u), r.apply_transposed(links[i].motion.a));
         let given = Inertia::from_parameters(&pi[PARAMETERS * i..][..PARAMETERS]);
         let h = given.moment;
         let f = u.apply_add(h, a.scale(given.mass));
         let moment = moment_of(u, &second_moment(&given.inertia), h.cross(a));
-        // The motion (v, w) of this body under joint rates s takes the place of what the field no longer needs.
-        let (mut sv, mut sw) = (V3::zero(), V3::zero());
+        // The motion (v, w) of this body under joint rates s.
         let z = poses[i].z();
-        if body.parent != BASE {
-            sw = links[body.parent].w;
-            sv = sw.cross_add(links[i].p, links[body.parent].wr);
-        }
+        let (sv, sw) = from_parent(body.parent, i, last, |p| (links[p].motion.wr, links[p].motion.w), still);
+        let mut sv = sw.cross_add(links[i].p, sv);
+        let mut sw = sw;
         if body.revolute {
             sw = z.scale_add(s[i], sw);
         } else {
             sv = z.scale_add(s[i], sv);
         }
         coefficients(u, a, r.apply_transposed(sv), r.apply_transposed(sw), &mut yt_s[PARAMETERS * i..][..PARAMETERS]);
+        // Stored where the field is no longer needed.
         let me = &mut links[i];
-        (me.w, me.wr, me.f, me.n) = (sw, sv, r.apply(f), r.apply(moment));
+        (me.motion.w, me.motion.wr, me.f, me.n) = (sw, sv, r.apply(f), r.apply(moment));
+        last = (sv, sw);
     }
     for i in (0..n).rev() {
         let body = &tree.bodies[i];

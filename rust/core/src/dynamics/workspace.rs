@@ -3,7 +3,17 @@
 use crate::arm::Tree;
 use crate::kinematics::Pose;
 use crate::scalar::Real;
-use crate::spatial::{M3, Sym3, V3};
+use crate::spatial::{Inertia, M3, Sym3, V3};
+
+/// Angular velocities, and the acceleration field `a + U r` of a body.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Motion<S> {
+    pub w: V3<S>,
+    pub wr: V3<S>,
+    pub wd: V3<S>,
+    pub a: V3<S>,
+    pub u: M3<S>,
+}
 
 /// What one body needs in the Newton-Euler recursions.
 #[derive(Clone, Copy, Debug, Default)]
@@ -11,11 +21,7 @@ pub struct Link<S> {
     /// Rotation to the parent's axes, and the joint origin in them.
     pub e: M3<S>,
     pub p: V3<S>,
-    pub w: V3<S>,
-    pub wr: V3<S>,
-    pub wd: V3<S>,
-    pub a: V3<S>,
-    pub u: M3<S>,
+    pub motion: Motion<S>,
     pub f: V3<S>,
     pub n: V3<S>,
 }
@@ -23,23 +29,44 @@ pub struct Link<S> {
 /// Composite quantities of a subtree, world axes, about the joint origin.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Composite<S> {
-    pub mass: S,
-    pub moment: V3<S>,
-    pub inertia: Sym3<S>,
+    pub inertia: Inertia<S>,
     /// Linear momentum relative to the joint origin.
     pub momentum: V3<S>,
     /// `integral of u r' dm`, `u` the velocity relative to the joint origin.
     pub k: M3<S>,
 }
 
-/// What one body needs in the articulated-body recursion, world axes.
+impl<S: Real> Composite<S> {
+    #[inline(always)]
+    pub fn add(&self, b: &Composite<S>) -> Composite<S> {
+        let k = M3([self.k.0[0] + b.k.0[0], self.k.0[1] + b.k.0[1], self.k.0[2] + b.k.0[2]]);
+        Composite { inertia: self.inertia.add(&b.inertia), momentum: self.momentum + b.momentum, k }
+    }
+}
+
+/// An articulated inertia and bias force, world axes, about the joint origin: `f = M a + H wd + b_f`,
+/// `n = H' a + I wd + b_n`.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Articulated<S> {
+pub struct Handle<S> {
     pub mass: Sym3<S>,
     pub h: M3<S>,
     pub inertia: Sym3<S>,
     pub f: V3<S>,
     pub n: V3<S>,
+}
+
+impl<S: Real> Handle<S> {
+    #[inline(always)]
+    pub fn add(&self, b: &Handle<S>) -> Handle<S> {
+        let h = M3([self.h.0[0] + b.h.0[0], self.h.0[1] + b.h.0[1], self.h.0[2] + b.h.0[2]]);
+        Handle { mass: self.mass.add(&b.mass), h, inertia: self.inertia.add(&b.inertia), f: self.f + b.f, n: self.n + b.n }
+    }
+}
+
+/// What one body needs in the articulated-body recursion.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Articulated<S> {
+    pub handle: Handle<S>,
     pub p: V3<S>,
     pub ca: V3<S>,
     pub cw: V3<S>,

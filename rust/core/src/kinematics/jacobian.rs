@@ -3,7 +3,7 @@
 //! Column of a revolute joint `[z x (p - o); z]`, of a slide `[z; 0]`; their time derivatives with `z' = w x z`,
 //! `o'` and `p'` the velocities of the joint and of the frame. Matrices are `(6, n)` or `(3, n)`, row-major.
 
-use super::{Pose, place_body};
+use super::{Pose, from_parent, place_body};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 use crate::spatial::{ANGULAR, LINEAR, M3, V3};
@@ -67,16 +67,17 @@ pub fn jacobian_dot<S: Real>(
     j: &mut [S],
 ) {
     let n = tree.n();
-    let root = Pose::identity();
+    let base = || (Pose::identity(), (V3::zero(), V3::zero()));
+    let mut last = base();
     for i in 0..needed(tree, frame) {
         let body = &tree.bodies[i];
-        let (parent, (w, u)) =
-            if body.parent == BASE { (root, (V3::zero(), V3::zero())) } else { (poses[body.parent], motion[body.parent]) };
+        let (parent, (w, u)) = from_parent(body.parent, i, last, |p| (poses[p], motion[p]), base);
         let pose = place_body(body, &parent, trig[i], q[i]);
         let swept = w.cross_add(pose.origin - parent.origin, u);
         let z = pose.z();
         motion[i] = if body.revolute { (z.scale_add(v[i], w), swept) } else { (w, z.scale_add(v[i], swept)) };
         poses[i] = pose;
+        last = (pose, motion[i]);
     }
     let (_, p) = of_frame(tree, poses, frame);
     j.fill(S::zero());

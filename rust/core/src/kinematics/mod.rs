@@ -30,25 +30,42 @@ impl<S: Real> Pose<S> {
     }
 }
 
-/// One step of the recursion.
+/// One step of the recursion. The joint's own rotation comes first: only one product then waits for the parent.
 #[inline(always)]
 pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
-    let base = if body.rotated { parent.rotation.mul(body.rotation.lift()) } else { parent.rotation };
     let origin = parent.rotation.apply_add(body.translation.lift(), parent.origin);
     if body.revolute {
-        Pose { rotation: base.rotate_z(trig), origin }
+        let rotation =
+            if body.rotated { parent.rotation.mul(body.rotation.lift::<S>().rotate_z(trig)) } else { parent.rotation.rotate_z(trig) };
+        Pose { rotation, origin }
     } else {
-        Pose { rotation: base, origin: base.0[2].scale_add(q, origin) }
+        let rotation = if body.rotated { parent.rotation.mul(body.rotation.lift()) } else { parent.rotation };
+        Pose { rotation, origin: rotation.0[2].scale_add(q, origin) }
+    }
+}
+
+/// What body `i` takes from its parent in a pass outwards: along a chain it stays in registers (`last`), which spares
+/// the wait for a store that has only just been issued.
+#[inline(always)]
+pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: impl Fn(usize) -> T, base: impl Fn() -> T) -> T {
+    // The first body of the first tree: BASE is one before 0, and `last` starts as the base.
+    if parent == i.wrapping_sub(1) {
+        last
+    } else if parent == BASE {
+        base()
+    } else {
+        stored(parent)
     }
 }
 
 /// World placements of the first `poses.len()` bodies.
 #[inline(always)]
 pub fn place<S: Real>(tree: &Tree<S>, trig: &[(S, S)], q: &[S], poses: &mut [Pose<S>]) {
-    let root = Pose::identity();
+    let mut last = Pose::identity();
     for i in 0..poses.len() {
         let body = &tree.bodies[i];
-        let parent = if body.parent == BASE { root } else { poses[body.parent] };
-        poses[i] = place_body(body, &parent, trig[i], q[i]);
+        let parent = from_parent(body.parent, i, last, |p| poses[p], Pose::identity);
+        last = place_body(body, &parent, trig[i], q[i]);
+        poses[i] = last;
     }
 }
