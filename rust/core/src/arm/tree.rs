@@ -47,9 +47,8 @@ pub struct Tree<S> {
     pub gravity: V3<f64>,
 }
 
-impl<S: Real> Tree<S> {
-    /// The arm with the same parameters in every lane.
-    pub fn new(arm: &Arm) -> Self {
+impl Tree<f64> {
+    fn compile(arm: &Arm) -> Self {
         let turns: Vec<M3<f64>> = arm.joints.iter().map(|joint| M3::taking_z_to(V3(joint.axis))).collect();
         let parent_turn = |parent: Option<usize>| parent.map_or(M3::IDENTITY, |p| turns[p]).transpose();
         let bodies = arm
@@ -83,9 +82,32 @@ impl<S: Real> Tree<S> {
             })
             .collect();
         let mut tree = Tree { bodies, frames, gravity: V3(arm.gravity) };
-        let pi: Vec<S> = arm.parameters().into_iter().map(S::splat).collect();
-        tree.set_parameters(&pi);
+        tree.set_parameters(&arm.parameters());
         tree
+    }
+}
+
+impl<S: Real> Tree<S> {
+    /// The arm with the same parameters in every lane. Compiled in `f64`, so that every number starts from the same bits.
+    pub fn new(arm: &Arm) -> Self {
+        let Tree { bodies, frames, gravity } = Tree::compile(arm);
+        let lift = |body: Body<f64>| {
+            let Inertia { mass, moment, inertia } = body.inertia;
+            Body {
+                inertia: Inertia { mass: S::splat(mass), moment: moment.lift(), inertia: Sym3(inertia.0.map(S::splat)) },
+                second_moment: Sym3(body.second_moment.0.map(S::splat)),
+                parent: body.parent,
+                revolute: body.revolute,
+                rotated: body.rotated,
+                rotation: body.rotation,
+                translation: body.translation,
+                turn: body.turn,
+                armature: body.armature,
+                damping: body.damping,
+                friction: body.friction,
+            }
+        };
+        Tree { bodies: bodies.into_iter().map(lift).collect(), frames, gravity }
     }
 
     /// Inertial parameters, `(10 n,)` in SPEC order in the body frames of the model, lane by lane.

@@ -59,14 +59,14 @@ pub fn forward_dynamics<S: Real>(
         poses[i] = pose;
         last = (pose, w);
     }
-    // The subtree just finished, while its parent is next in line.
+    // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Handle::default(), BASE);
     for i in (0..n).rev() {
         let body = &tree.bodies[i];
         let z = poses[i].z();
         let me = &mut bodies[i];
         let mut ia = me.handle;
-        if carried_to == i {
+        if S::LANES == 1 && carried_to == i {
             ia = ia.add(&carried);
         }
         let (uf, un, d, bias) = if body.revolute {
@@ -92,7 +92,7 @@ pub fn forward_dynamics<S: Real>(
         let p = me.p;
         let (h, inertia) = shifted(&mass, h, &inertia, p);
         let moved = Handle { mass, h, inertia, f, n: p.cross_add(f, moment) };
-        if body.parent + 1 == i {
+        if S::LANES == 1 && body.parent + 1 == i {
             (carried, carried_to) = (moved, body.parent);
         } else {
             bodies[body.parent].handle = bodies[body.parent].handle.add(&moved);

@@ -60,12 +60,12 @@ pub fn coriolis_matrix<S: Real>(
         last = (pose, w, velocity);
     }
     c.fill(S::zero());
-    // The subtree just finished, while its parent is next in line.
+    // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
         let body = &tree.bodies[j];
         let mut whole = composites[j];
-        if carried_to == j {
+        if S::LANES == 1 && carried_to == j {
             whole = whole.add(&carried);
         }
         let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = whole;
@@ -101,7 +101,7 @@ pub fn coriolis_matrix<S: Real>(
         let moved = whole.inertia.shifted(p);
         let column = |i: usize| d.scale_add(moved.moment[i], momentum.scale_add(p[i], k.0[i]));
         let moved = Composite { momentum: d.scale_add(mass, momentum), k: M3([column(0), column(1), column(2)]), inertia: moved };
-        if body.parent + 1 == j {
+        if S::LANES == 1 && body.parent + 1 == j {
             (carried, carried_to) = (moved, body.parent);
         } else {
             composites[body.parent] = composites[body.parent].add(&moved);

@@ -39,12 +39,12 @@ pub fn mass_matrix<S: Real>(
         last = pose;
     }
     m.fill(S::zero());
-    // The subtree just finished, while its parent is next in line.
+    // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Inertia::zero(), BASE);
     for j in (0..n).rev() {
         let body = &tree.bodies[j];
         let mut whole = composites[j].inertia;
-        if carried_to == j {
+        if S::LANES == 1 && carried_to == j {
             whole = whole.add(&carried);
         }
         let Pose { origin, .. } = poses[j];
@@ -65,7 +65,7 @@ pub fn mass_matrix<S: Real>(
             i = tree.bodies[i].parent;
         }
         let moved = whole.shifted(origin - poses[body.parent].origin);
-        if body.parent + 1 == j {
+        if S::LANES == 1 && body.parent + 1 == j {
             (carried, carried_to) = (moved, body.parent);
         } else {
             composites[body.parent].inertia = composites[body.parent].inertia.add(&moved);

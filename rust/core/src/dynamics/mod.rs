@@ -8,12 +8,14 @@ pub mod aba;
 pub mod coriolis;
 pub mod crba;
 pub mod energy;
+mod evaluate;
 pub mod newton_euler;
 mod planar_pr;
 pub mod regressor;
 mod tree;
 pub mod workspace;
 
+pub use evaluate::{Evaluator, Quantity, Query};
 pub use planar_pr::PlanarPr;
 pub use workspace::Workspace;
 

@@ -68,10 +68,11 @@ fn fields<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], links: &mut [Link<S>],
     }
 }
 
-/// `Y`, `(n, 10 n)` row-major.
+/// `Y`, `(n, width)` row-major with `width >= 10 n`; columns beyond the inertial parameters are zero.
 #[inline(always)]
 pub fn regressor<S: Real>(
     tree: &Tree<S>,
+    width: usize,
     poses: &mut [Pose<S>],
     links: &mut [Link<S>],
     trig: &[(S, S)],
@@ -81,7 +82,6 @@ pub fn regressor<S: Real>(
     ar: &[S],
     y: &mut [S],
 ) {
-    let width = PARAMETERS * tree.n();
     fields(tree, poses, links, trig, q, v, vr, ar);
     y.fill(S::zero());
     for i in 0..tree.n() {
