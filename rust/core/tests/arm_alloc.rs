@@ -26,7 +26,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-const ALL: [Quantity; 14] = [
+const ALL: [Quantity; 16] = [
     Quantity::MassMatrix,
     Quantity::CoriolisMatrix,
     Quantity::Gravity,
@@ -41,6 +41,8 @@ const ALL: [Quantity; 14] = [
     Quantity::JacobianDot,
     Quantity::Com,
     Quantity::ComJacobian,
+    Quantity::InverseDynamicsDerivatives,
+    Quantity::ForwardDynamicsDerivatives,
 ];
 
 #[test]

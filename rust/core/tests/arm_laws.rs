@@ -4,7 +4,7 @@ mod arm_common;
 
 use arm_common::{Rng, close, largest, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, Tree};
-use armlet_core::dynamics::{Dynamics, Workspace, energy};
+use armlet_core::dynamics::{Dynamics, Evaluator, Quantity, Query, Workspace, energy};
 use armlet_core::kinematics;
 use armlet_core::scalar::{Real, Task};
 use armlet_core::spatial::V3;
@@ -266,4 +266,44 @@ fn friction_opposes_motion_and_rests_at_zero() {
     let of = |i: usize, v: f64| arm.joints[i].damping * v + arm.joints[i].friction * if v == 0.0 { 0.0 } else { v.signum() };
     assert_eq!(tau, [0.0, of(1, -2.0), of(2, 1e-300)]);
     assert!(largest(&tau) > 0.0);
+}
+
+#[test]
+fn derivatives_agree_with_differences() {
+    let mut rng = Rng(13);
+    for n in [1, 2, 3, 5, 8, 14] {
+        let arm = random_tree(&mut rng, n);
+        let [q, v, x]: [Vec<f64>; 3] = std::array::from_fn(|_| rng.vector(n, 1.0));
+        for (value, slopes) in [
+            (Quantity::InverseDynamics, Quantity::InverseDynamicsDerivatives),
+            (Quantity::ForwardDynamics, Quantity::ForwardDynamicsDerivatives),
+        ] {
+            let mut evaluator = Evaluator::new(&arm);
+            // Coulomb friction jumps at rest: no velocity here is near zero.
+            let with = |quantity: Quantity| Query { friction: true, ..quantity.into() };
+            let blocks = slopes_shape(slopes, n);
+            let mut got = vec![f64::NAN; blocks * n * n];
+            evaluator.one(&with(slopes), &[&q, &v, &x], &mut got).unwrap();
+            for block in 0..blocks {
+                for j in 0..n {
+                    let rate = slope(&mut |h| {
+                        let mut at = [q.clone(), v.clone(), x.clone()];
+                        // Derivatives by friction-free directions only: v stays on its side of zero.
+                        at[block][j] += if block == 1 { h * v[j].abs().min(1.0) } else { h };
+                        let mut out = vec![0.0; n];
+                        evaluator.one(&with(value), &[&at[0], &at[1], &at[2]], &mut out).unwrap();
+                        out
+                    });
+                    let scale = if block == 1 { v[j].abs().min(1.0) } else { 1.0 };
+                    let column: Vec<f64> = (0..n).map(|i| scale * got[(block * n + i) * n + j]).collect();
+                    // Forward: relative to accelerations that a light last link makes large.
+                    close(&format!("{slopes:?} {block} by {j}"), &column, &rate, 10.0 * DIFFERENCE, largest(&column).max(1.0));
+                }
+            }
+        }
+    }
+}
+
+fn slopes_shape(quantity: Quantity, n: usize) -> usize {
+    Query::from(quantity).shape(n).0 / n
 }

@@ -3,7 +3,7 @@
 //! outputs are the caller's.
 
 use super::energy::{add_friction, add_wrench, sign};
-use super::{Dynamics, Workspace, regressor};
+use super::{Dynamics, Workspace, derivatives, regressor};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::kinematics as kin;
@@ -41,6 +41,10 @@ pub enum Quantity {
     Com,
     /// `q -> (3, n)`.
     ComJacobian,
+    /// `q, v, a -> (2 n, n)`: `d tau / d q` over `d tau / d v`; `d tau / d a` is the mass matrix.
+    InverseDynamicsDerivatives,
+    /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
+    ForwardDynamicsDerivatives,
 }
 
 /// A quantity with its options.
@@ -72,6 +76,8 @@ impl Query {
             (Quantity::InverseDynamics, false) => &["q", "v", "a"],
             (Quantity::ForwardDynamics, true) => &["q", "v", "tau", "wrench"],
             (Quantity::ForwardDynamics, false) => &["q", "v", "tau"],
+            (Quantity::InverseDynamicsDerivatives, _) => &["q", "v", "a"],
+            (Quantity::ForwardDynamicsDerivatives, _) => &["q", "v", "tau"],
             (Quantity::Regressor, _) => &["q", "v", "v_r", "a_r"],
             (Quantity::CoriolisMatrix | Quantity::Bias | Quantity::Energy | Quantity::JacobianDot, _) => &["q", "v"],
             _ => &["q"],
@@ -94,12 +100,25 @@ impl Query {
             Quantity::Position | Quantity::Com => (1, 3),
             Quantity::Jacobian | Quantity::JacobianDot => (6, n),
             Quantity::ComJacobian => (3, n),
+            Quantity::InverseDynamicsDerivatives => (2 * n, n),
+            Quantity::ForwardDynamicsDerivatives => (3 * n, n),
         }
     }
 
     fn length(&self, n: usize) -> usize {
         let (rows, columns) = self.shape(n);
         rows * columns
+    }
+}
+
+/// What friction leaves of a torque.
+#[inline(always)]
+fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S]) {
+    if query.friction {
+        for (i, body) in tree.bodies.iter().enumerate() {
+            let viscous = S::splat(body.damping).neg_mul_add(v[i], tau[i]);
+            tau[i] = S::splat(body.friction).neg_mul_add(sign(v[i]), viscous);
+        }
     }
 }
 
@@ -111,6 +130,7 @@ struct Engine<S> {
     trig: Vec<(S, S)>,
     inputs: [Vec<S>; 4],
     out: Vec<S>,
+    square: Vec<S>,
 }
 
 impl<S: Real> Engine<S> {
@@ -119,13 +139,20 @@ impl<S: Real> Engine<S> {
         let (n, ws) = (tree.n(), Workspace::new(&tree));
         let zeros = |k: usize| vec![S::zero(); k];
         let largest = (n * n * (PARAMETERS + 3)).max(6 * n).max(16);
-        Engine { ws, trig: vec![(S::zero(), S::zero()); n], inputs: std::array::from_fn(|_| zeros(n.max(6))), out: zeros(largest), tree }
+        Engine {
+            ws,
+            trig: vec![(S::zero(), S::zero()); n],
+            inputs: std::array::from_fn(|_| zeros(n.max(6))),
+            out: zeros(largest),
+            square: zeros(n * n),
+            tree,
+        }
     }
 
     /// `out` from `inputs`. `OP` is the quantity, known at compile time so that each has its own region.
     #[inline(always)]
     fn compute<const OP: u8>(&mut self, query: &Query) {
-        let Engine { tree, ws, trig, inputs, out } = self;
+        let Engine { tree, ws, trig, inputs, out, square } = self;
         let n = tree.n();
         let [q, v, x, y] = inputs;
         for i in 0..n {
@@ -155,15 +182,7 @@ impl<S: Real> Engine<S> {
                 }
             }
             op if op == Quantity::ForwardDynamics as u8 => {
-                if query.friction {
-                    for tau in x.iter_mut() {
-                        *tau = -*tau;
-                    }
-                    add_friction(tree, v, x);
-                    for tau in x.iter_mut() {
-                        *tau = -*tau;
-                    }
-                }
+                take_friction(query, tree, v, x);
                 if let Some(frame) = query.wrench {
                     kin::place(tree, trig, q, &mut ws.poses);
                     add_wrench(tree, &ws.poses, frame, std::array::from_fn(|k| y[k]), one, x);
@@ -203,6 +222,18 @@ impl<S: Real> Engine<S> {
                 kin::jacobian_dot(tree, &mut ws.poses, &mut ws.motion, trig, q, v, query.frame, out);
             }
             op if op == Quantity::Com as u8 => out.copy_from_slice(&kin::com(tree, &mut ws.poses, trig, q).1.0),
+            op if op == Quantity::InverseDynamicsDerivatives as u8 => {
+                let (by_q, by_v) = out.split_at_mut(n * n);
+                derivatives::inverse_dynamics_by_q(tree, ws, trig, q, v, x, by_q);
+                derivatives::inverse_dynamics_by_v(tree, ws, trig, q, v, query.friction, by_v);
+            }
+            op if op == Quantity::ForwardDynamicsDerivatives as u8 => {
+                take_friction(query, tree, v, x);
+                let (by_q, rest) = out.split_at_mut(n * n);
+                let (by_v, by_tau) = rest.split_at_mut(n * n);
+                tree.forward_dynamics(ws, trig, q, v, x, &mut y[..n]);
+                derivatives::forward_dynamics_derivatives(tree, ws, trig, q, v, &y[..n], query.friction, square, by_q, by_v, by_tau);
+            }
             _ => kin::com_jacobian(tree, &mut ws.poses, &mut ws.subtrees, trig, q, out),
         }
     }
@@ -239,7 +270,7 @@ impl<S: Real> Engine<S> {
                 }
             };
         }
-        each!(MassMatrix CoriolisMatrix Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose Position Jacobian JacobianDot Com ComJacobian)
+        each!(MassMatrix CoriolisMatrix Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose Position Jacobian JacobianDot Com ComJacobian InverseDynamicsDerivatives ForwardDynamicsDerivatives)
     }
 }
 

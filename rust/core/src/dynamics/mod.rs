@@ -7,6 +7,7 @@
 pub mod aba;
 pub mod coriolis;
 pub mod crba;
+pub mod derivatives;
 pub mod energy;
 mod evaluate;
 pub mod newton_euler;

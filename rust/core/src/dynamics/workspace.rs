@@ -1,5 +1,6 @@
 //! Buffers of the tree algorithms, made once per tree.
 
+use super::derivatives::Slope;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
 use crate::scalar::Real;
@@ -97,6 +98,7 @@ pub struct Workspace<S> {
     pub composites: Vec<Composite<S>>,
     pub articulated: Vec<Articulated<S>>,
     pub columns: Vec<Column<S>>,
+    pub slopes: Vec<Slope<S>>,
     /// Angular velocity of each body and velocity of its origin.
     pub motion: Vec<(V3<S>, V3<S>)>,
     /// Mass of each subtree and its first moment about the joint.
@@ -112,6 +114,7 @@ impl<S: Real> Workspace<S> {
             composites: vec![Composite::default(); n],
             articulated: vec![Articulated::default(); n],
             columns: vec![Column::default(); n],
+            slopes: vec![Slope::default(); n],
             motion: vec![(V3::zero(), V3::zero()); n],
             subtrees: vec![(S::zero(), V3::zero()); n],
         }
