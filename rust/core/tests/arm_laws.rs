@@ -138,7 +138,7 @@ fn cholesky(m: &[f64], n: usize) -> bool {
                 l[i * n + j] -= l[i * n + k] * l[j * n + k];
             }
         }
-        if !(l[j * n + j] > 0.0) {
+        if l[j * n + j].is_nan() || l[j * n + j] <= 0.0 {
             return false;
         }
         let root = l[j * n + j].sqrt();

@@ -102,7 +102,7 @@ impl Arm {
     /// Add a body that is fixed to another; what is fixed to the base does not move and has no effect.
     pub(super) fn merge(&mut self, body: Option<usize>, inertia: &Inertia<f64>, placement: &Placement) {
         if let Some(b) = body {
-            let sum = Inertia::from_parameters(&self.joints[b].parameters).add(&inertia.placed(placement));
+            let sum = Inertia::from_parameters(&self.joints[b].parameters).plus(&inertia.placed(placement));
             sum.write_parameters(&mut self.joints[b].parameters);
         }
     }

@@ -57,7 +57,7 @@ impl Tree<f64> {
             .enumerate()
             .map(|(i, joint)| {
                 let back = parent_turn(joint.parent);
-                let rotation = back.mul(joint.placement.rotation).mul(turns[i]);
+                let rotation = back.times(joint.placement.rotation).times(turns[i]);
                 Body {
                     parent: joint.parent.unwrap_or(BASE),
                     revolute: joint.kind.is_angle(),

@@ -67,7 +67,7 @@ pub fn forward_dynamics<S: Real>(
         let me = &mut bodies[i];
         let mut ia = me.handle;
         if S::LANES == 1 && carried_to == i {
-            ia = ia.add(&carried);
+            ia = ia.plus(&carried);
         }
         let (uf, un, d, bias) = if body.revolute {
             let un = ia.inertia.apply(z);
@@ -95,7 +95,7 @@ pub fn forward_dynamics<S: Real>(
         if S::LANES == 1 && body.parent + 1 == i {
             (carried, carried_to) = (moved, body.parent);
         } else {
-            bodies[body.parent].handle = bodies[body.parent].handle.add(&moved);
+            bodies[body.parent].handle = bodies[body.parent].handle.plus(&moved);
         }
     }
     let ground = || (-tree.gravity.lift::<S>(), V3::zero());

@@ -66,7 +66,7 @@ pub fn coriolis_matrix<S: Real>(
         let body = &tree.bodies[j];
         let mut whole = composites[j];
         if S::LANES == 1 && carried_to == j {
-            whole = whole.add(&carried);
+            whole = whole.plus(&carried);
         }
         let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = whole;
         let me = columns[j];
@@ -104,7 +104,7 @@ pub fn coriolis_matrix<S: Real>(
         if S::LANES == 1 && body.parent + 1 == j {
             (carried, carried_to) = (moved, body.parent);
         } else {
-            composites[body.parent] = composites[body.parent].add(&moved);
+            composites[body.parent] = composites[body.parent].plus(&moved);
         }
     }
 }

@@ -45,7 +45,7 @@ pub fn mass_matrix<S: Real>(
         let body = &tree.bodies[j];
         let mut whole = composites[j].inertia;
         if S::LANES == 1 && carried_to == j {
-            whole = whole.add(&carried);
+            whole = whole.plus(&carried);
         }
         let Pose { origin, .. } = poses[j];
         let z = poses[j].z();
@@ -68,7 +68,7 @@ pub fn mass_matrix<S: Real>(
         if S::LANES == 1 && body.parent + 1 == j {
             (carried, carried_to) = (moved, body.parent);
         } else {
-            composites[body.parent].inertia = composites[body.parent].inertia.add(&moved);
+            composites[body.parent].inertia = composites[body.parent].inertia.plus(&moved);
         }
     }
 }

@@ -117,7 +117,7 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
         let p = origin - poses[body.parent].origin;
         let column = |c: usize| momentum.scale_add(p[c], k.0[c]);
         let moved = Composite { inertia: composites[j].inertia.shifted(p), momentum, k: M3([column(0), column(1), column(2)]) };
-        composites[body.parent] = composites[body.parent].add(&moved);
+        composites[body.parent] = composites[body.parent].plus(&moved);
         let up = &mut slopes[body.parent];
         up.f += me.f;
         up.n = p.cross_add(me.f, up.n + me.n);
@@ -180,7 +180,7 @@ fn factor<S: Real>(n: usize, m: &mut [S]) {
         let inverse = m[j * n + j].sqrt().recip();
         m[j * n + j] = inverse;
         for i in j + 1..n {
-            m[i * n + j] = m[i * n + j] * inverse;
+            m[i * n + j] *= inverse;
         }
     }
 }

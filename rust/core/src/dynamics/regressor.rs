@@ -36,7 +36,7 @@ fn coefficients<S: Real>(u: M3<S>, a: V3<S>, v: V3<S>, w: V3<S>, y: &mut [S]) {
 fn body_axes<S: Real>(body: &Body<S>, pose: &Pose<S>) -> M3<S> {
     match body.turn {
         None => pose.rotation,
-        Some(turn) => pose.rotation.mul(turn.lift::<S>().transpose()),
+        Some(turn) => pose.rotation.times(turn.lift::<S>().transpose()),
     }
 }
 

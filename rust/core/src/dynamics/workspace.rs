@@ -39,9 +39,9 @@ pub struct Composite<S> {
 
 impl<S: Real> Composite<S> {
     #[inline(always)]
-    pub fn add(&self, b: &Composite<S>) -> Composite<S> {
+    pub fn plus(&self, b: &Composite<S>) -> Composite<S> {
         let k = M3([self.k.0[0] + b.k.0[0], self.k.0[1] + b.k.0[1], self.k.0[2] + b.k.0[2]]);
-        Composite { inertia: self.inertia.add(&b.inertia), momentum: self.momentum + b.momentum, k }
+        Composite { inertia: self.inertia.plus(&b.inertia), momentum: self.momentum + b.momentum, k }
     }
 }
 
@@ -58,9 +58,9 @@ pub struct Handle<S> {
 
 impl<S: Real> Handle<S> {
     #[inline(always)]
-    pub fn add(&self, b: &Handle<S>) -> Handle<S> {
+    pub fn plus(&self, b: &Handle<S>) -> Handle<S> {
         let h = M3([self.h.0[0] + b.h.0[0], self.h.0[1] + b.h.0[1], self.h.0[2] + b.h.0[2]]);
-        Handle { mass: self.mass.add(&b.mass), h, inertia: self.inertia.add(&b.inertia), f: self.f + b.f, n: self.n + b.n }
+        Handle { mass: self.mass.plus(&b.mass), h, inertia: self.inertia.plus(&b.inertia), f: self.f + b.f, n: self.n + b.n }
     }
 }
 

@@ -20,7 +20,7 @@ fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize) -> (M3<S>,
     let at = &tree.frames[frame];
     let body = if at.body == BASE { Pose::identity() } else { poses[at.body] };
     let (r, p) = (at.placement.rotation, at.placement.translation);
-    (body.rotation.mul(r.lift()), body.rotation.apply_add(p.lift(), body.origin))
+    (body.rotation.times(r.lift()), body.rotation.apply_add(p.lift(), body.origin))
 }
 
 /// `R_WF` (by columns) and `p_WF`.

@@ -36,10 +36,10 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
     let origin = parent.rotation.apply_add(body.translation.lift(), parent.origin);
     if body.revolute {
         let rotation =
-            if body.rotated { parent.rotation.mul(body.rotation.lift::<S>().rotate_z(trig)) } else { parent.rotation.rotate_z(trig) };
+            if body.rotated { parent.rotation.times(body.rotation.lift::<S>().rotate_z(trig)) } else { parent.rotation.rotate_z(trig) };
         Pose { rotation, origin }
     } else {
-        let rotation = if body.rotated { parent.rotation.mul(body.rotation.lift()) } else { parent.rotation };
+        let rotation = if body.rotated { parent.rotation.times(body.rotation.lift()) } else { parent.rotation };
         Pose { rotation, origin: rotation.0[2].scale_add(q, origin) }
     }
 }

@@ -43,8 +43,8 @@ impl<S: Real> Inertia<S> {
         p[4..10].copy_from_slice(&self.inertia.0);
     }
     #[inline(always)]
-    pub fn add(&self, b: &Inertia<S>) -> Inertia<S> {
-        Inertia { mass: self.mass + b.mass, moment: self.moment + b.moment, inertia: self.inertia.add(&b.inertia) }
+    pub fn plus(&self, b: &Inertia<S>) -> Inertia<S> {
+        Inertia { mass: self.mass + b.mass, moment: self.moment + b.moment, inertia: self.inertia.plus(&b.inertia) }
     }
     /// The same body seen in axes turned by `r` (`x_new = r x_old`), about the same point.
     #[inline(always)]

@@ -100,7 +100,7 @@ impl<S: Real> M3<S> {
         V3([self.0[0].dot(x), self.0[1].dot(x), self.0[2].dot(x)])
     }
     #[inline(always)]
-    pub fn mul(self, b: M3<S>) -> M3<S> {
+    pub fn times(self, b: M3<S>) -> M3<S> {
         M3([self.apply(b.0[0]), self.apply(b.0[1]), self.apply(b.0[2])])
     }
     #[inline(always)]
@@ -117,7 +117,7 @@ impl<S: Real> M3<S> {
     /// `self' u self` for a general `u`.
     #[inline(always)]
     pub fn congruence_transposed(self, u: M3<S>) -> M3<S> {
-        let t = u.mul(self);
+        let t = u.times(self);
         M3([self.apply_transposed(t.0[0]), self.apply_transposed(t.0[1]), self.apply_transposed(t.0[2])])
     }
 }
@@ -154,7 +154,7 @@ impl<S: Real> Sym3<S> {
         M3([self.column(0), self.column(1), self.column(2)])
     }
     #[inline(always)]
-    pub fn add(&self, b: &Sym3<S>) -> Sym3<S> {
+    pub fn plus(&self, b: &Sym3<S>) -> Sym3<S> {
         let mut out = *self;
         for k in 0..6 {
             out.0[k] += b.0[k];
@@ -165,7 +165,7 @@ impl<S: Real> Sym3<S> {
     #[inline(always)]
     pub fn rotated(&self, r: M3<S>) -> Sym3<S> {
         // t = r self, then the lower triangle of t r': row i of t with row j of r.
-        let t = r.mul(self.full());
+        let t = r.times(self.full());
         let entry = |i: usize, j: usize| t.0[0][i].mul_add(r.0[0][j], t.0[1][i].mul_add(r.0[1][j], t.0[2][i] * r.0[2][j]));
         Sym3([entry(0, 0), entry(1, 0), entry(1, 1), entry(2, 0), entry(2, 1), entry(2, 2)])
     }

@@ -35,7 +35,7 @@ impl Placement {
 
     /// The placement of C in A from that of B in A (`self`) and of C in B.
     pub fn then(&self, other: &Placement) -> Placement {
-        Placement { rotation: self.rotation.mul(other.rotation), translation: self.rotation.apply(other.translation) + self.translation }
+        Placement { rotation: self.rotation.times(other.rotation), translation: self.rotation.apply(other.translation) + self.translation }
     }
 
     /// The placement of A in B.
