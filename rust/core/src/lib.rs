@@ -6,9 +6,11 @@
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone.
 
+pub mod arm;
 pub mod dynamics;
 pub mod error;
 pub mod integrate;
+pub mod kinematics;
 pub mod law;
 pub mod linalg;
 pub mod motion;
@@ -16,4 +18,5 @@ pub mod plan;
 pub mod priority;
 pub mod scalar;
 pub mod simulate;
+pub mod spatial;
 pub mod status;
