@@ -22,6 +22,10 @@ from ._core import (
     Table,
     __version__,
     build_info,
+    example_urdf,
+    load_urdf,
+    pendulum,
+    planar_arm,
     planar_pr,
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
@@ -53,7 +57,11 @@ __all__ = [
     "Table",
     "__version__",
     "build_info",
+    "example_urdf",
     "load",
+    "load_urdf",
+    "pendulum",
+    "planar_arm",
     "planar_pr",
     "simulate",
     "simulate_batch",
