@@ -60,7 +60,7 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 ///     InputError: an argument is wrong.
 ///
 /// >>> import armlet as al
-/// >>> al.load_urdf(al.example_urdf("2r")).n
+/// >>> al.load_urdf(al.example_urdf("planar_2r")).n
 /// 2
 #[pyfunction]
 #[pyo3(signature = (path_or_xml, *, gravity=None, root=None, tip=None))]
