@@ -9,6 +9,7 @@ pub mod coriolis;
 pub mod crba;
 pub mod derivatives;
 pub mod energy;
+#[cfg(not(test))]
 mod evaluate;
 pub mod newton_euler;
 mod planar_pr;
@@ -16,6 +17,7 @@ pub mod regressor;
 mod tree;
 pub mod workspace;
 
+#[cfg(not(test))]
 pub use evaluate::{Evaluator, Quantity, Query};
 pub use planar_pr::PlanarPr;
 pub use workspace::Workspace;
