@@ -252,10 +252,18 @@ impl<S: Real> Engine<S> {
                 }
             }
             self.compute::<OP>(query);
-            for lane in 0..S::LANES.min(last - at) {
-                let row = &mut out[(at - first + lane) * length..][..length];
-                for (to, from) in row.iter_mut().zip(&self.out) {
-                    *to = from.lane(lane);
+            let rows = &mut out[(at - first) * length..];
+            if last - at >= S::LANES {
+                // Value by value, all lanes of one: a lane chosen at run time would go through memory each time.
+                let rows = &mut rows[..S::LANES * length];
+                for (k, from) in self.out[..length].iter().enumerate() {
+                    for lane in 0..S::LANES {
+                        rows[lane * length + k] = from.lane(lane);
+                    }
+                }
+            } else {
+                for (k, to) in rows.iter_mut().enumerate() {
+                    *to = self.out[k % length].lane(k / length);
                 }
             }
             at += S::LANES;
