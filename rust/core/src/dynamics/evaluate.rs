@@ -2,13 +2,13 @@
 //! this machine, or many in its lanes. What a binding needs, and no more: shapes are checked here once, threads and
 //! outputs are the caller's.
 
-use super::energy::{add_friction, add_wrench, sign};
-use super::{Dynamics, Workspace, derivatives, regressor};
+use super::Workspace;
+use super::quantities::{self, Compute};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
-use crate::kinematics as kin;
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
 use crate::spatial::PARAMETERS;
+use std::marker::PhantomData;
 
 /// What can be asked; inputs in this order, each `(n,)` except a wrench `(6,)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,32 +105,21 @@ impl Query {
         }
     }
 
-    fn length(&self, n: usize) -> usize {
+    pub(super) fn length(&self, n: usize) -> usize {
         let (rows, columns) = self.shape(n);
         rows * columns
     }
 }
 
-/// What friction leaves of a torque.
-#[inline(always)]
-fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S]) {
-    if query.friction {
-        for (i, body) in tree.bodies.iter().enumerate() {
-            let viscous = S::splat(body.damping).neg_mul_add(v[i], tau[i]);
-            tau[i] = S::splat(body.friction).neg_mul_add(sign(v[i]), viscous);
-        }
-    }
-}
-
 /// Buffers of one number type.
 #[derive(Clone, Debug)]
-struct Engine<S> {
-    tree: Tree<S>,
-    ws: Workspace<S>,
-    trig: Vec<(S, S)>,
-    inputs: [Vec<S>; 4],
-    out: Vec<S>,
-    square: Vec<S>,
+pub(super) struct Engine<S> {
+    pub(super) tree: Tree<S>,
+    pub(super) ws: Workspace<S>,
+    pub(super) trig: Vec<(S, S)>,
+    pub(super) inputs: [Vec<S>; 4],
+    pub(super) out: Vec<S>,
+    pub(super) square: Vec<S>,
 }
 
 impl<S: Real> Engine<S> {
@@ -149,98 +138,9 @@ impl<S: Real> Engine<S> {
         }
     }
 
-    /// `out` from `inputs`. `OP` is the quantity, known at compile time so that each has its own region.
-    #[inline(always)]
-    fn compute<const OP: u8>(&mut self, query: &Query) {
-        let Engine { tree, ws, trig, inputs, out, square } = self;
-        let n = tree.n();
-        let [q, v, x, y] = inputs;
-        for i in 0..n {
-            trig[i] = q[i].sin_cos();
-        }
-        let (trig, q, v, x) = (&trig[..n], &q[..n], &v[..n], &mut x[..n]);
-        let out = &mut out[..query.length(n)];
-        let one = S::splat(1.0);
-        match OP {
-            op if op == Quantity::MassMatrix as u8 => tree.mass_matrix(ws, trig, q, out),
-            op if op == Quantity::CoriolisMatrix as u8 => tree.coriolis_matrix(ws, trig, q, v, out),
-            op if op == Quantity::Gravity as u8 => tree.gravity(ws, trig, q, out),
-            op if op == Quantity::Bias as u8 => {
-                tree.bias(ws, trig, q, v, out);
-                if query.friction {
-                    add_friction(tree, v, out);
-                }
-            }
-            op if op == Quantity::InverseDynamics as u8 => {
-                tree.inverse_dynamics(ws, trig, q, v, x, out);
-                if query.friction {
-                    add_friction(tree, v, out);
-                }
-                if let Some(frame) = query.wrench {
-                    kin::place(tree, trig, q, &mut ws.poses);
-                    add_wrench(tree, &ws.poses, frame, std::array::from_fn(|k| y[k]), -one, out);
-                }
-            }
-            op if op == Quantity::ForwardDynamics as u8 => {
-                take_friction(query, tree, v, x);
-                if let Some(frame) = query.wrench {
-                    kin::place(tree, trig, q, &mut ws.poses);
-                    add_wrench(tree, &ws.poses, frame, std::array::from_fn(|k| y[k]), one, x);
-                }
-                tree.forward_dynamics(ws, trig, q, v, x, out);
-            }
-            op if op == Quantity::Regressor as u8 => {
-                let (_, width) = query.shape(n);
-                regressor::regressor(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out);
-                for i in 0..n {
-                    let mut at = i * width + PARAMETERS * n + i;
-                    if query.armature {
-                        out[at] = y[i];
-                        at += n;
-                    }
-                    if query.friction {
-                        (out[at], out[at + n]) = (x[i], sign(v[i]));
-                    }
-                }
-            }
-            op if op == Quantity::Energy as u8 => (out[0], out[1]) = tree.energy(ws, trig, q, v),
-            op if op == Quantity::Pose as u8 => {
-                let (r, p) = kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame);
-                for k in 0..3 {
-                    (out[4 * k], out[4 * k + 1], out[4 * k + 2], out[4 * k + 3]) = (r.0[0][k], r.0[1][k], r.0[2][k], p[k]);
-                    out[12 + k] = S::zero();
-                }
-                out[15] = one;
-            }
-            op if op == Quantity::Position as u8 => {
-                out.copy_from_slice(&kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame).1.0);
-            }
-            op if op == Quantity::Jacobian as u8 => {
-                kin::jacobian(tree, &mut ws.poses, trig, q, query.frame, out);
-            }
-            op if op == Quantity::JacobianDot as u8 => {
-                kin::jacobian_dot(tree, &mut ws.poses, &mut ws.motion, trig, q, v, query.frame, out);
-            }
-            op if op == Quantity::Com as u8 => out.copy_from_slice(&kin::com(tree, &mut ws.poses, trig, q).1.0),
-            op if op == Quantity::InverseDynamicsDerivatives as u8 => {
-                let (by_q, by_v) = out.split_at_mut(n * n);
-                derivatives::inverse_dynamics_by_q(tree, ws, trig, q, v, x, by_q);
-                derivatives::inverse_dynamics_by_v(tree, ws, trig, q, v, query.friction, by_v);
-            }
-            op if op == Quantity::ForwardDynamicsDerivatives as u8 => {
-                take_friction(query, tree, v, x);
-                let (by_q, rest) = out.split_at_mut(n * n);
-                let (by_v, by_tau) = rest.split_at_mut(n * n);
-                tree.forward_dynamics(ws, trig, q, v, x, &mut y[..n]);
-                derivatives::forward_dynamics_derivatives(tree, ws, trig, q, v, &y[..n], query.friction, square, by_q, by_v, by_tau);
-            }
-            _ => kin::com_jacobian(tree, &mut ws.poses, &mut ws.subtrees, trig, q, out),
-        }
-    }
-
     /// Configurations `first..last` of the arrays, `S::LANES` at a time; the last lanes repeat the last one.
     #[inline(always)]
-    fn rows<const OP: u8>(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+    fn rows<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
         let n = self.tree.n();
         let length = query.length(n);
         let mut at = first;
@@ -251,7 +151,10 @@ impl<S: Real> Engine<S> {
                     self.inputs[k][i] = S::from_lanes(|lane| given[(at + lane).min(last - 1) * width + i]);
                 }
             }
-            self.compute::<OP>(query);
+            for i in 0..n {
+                self.trig[i] = self.inputs[0][i].sin_cos();
+            }
+            Q::compute(self, query);
             let rows = &mut out[(at - first) * length..];
             if last - at >= S::LANES {
                 // Value by value, all lanes of one: a lane chosen at run time would go through memory each time.
@@ -270,32 +173,50 @@ impl<S: Real> Engine<S> {
         }
     }
 
+    /// Each quantity in its own region. Derivatives are for single numbers: in lanes they are slower than one by one.
     fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
         macro_rules! each {
             ($($name:ident)*) => {
                 match query.quantity {
-                    $(Quantity::$name => S::enter(Rows::<S, { Quantity::$name as u8 }> { engine: self, query, inputs, first, last, out }),)*
+                    $(Quantity::$name => S::enter(Rows::<S, quantities::$name> { engine: self, query, inputs, first, last, out, quantity: PhantomData }),)*
+                    Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives => unreachable!("derivatives go one by one"),
                 }
             };
         }
-        each!(MassMatrix CoriolisMatrix Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose Position Jacobian JacobianDot Com ComJacobian InverseDynamicsDerivatives ForwardDynamicsDerivatives)
+        each!(MassMatrix CoriolisMatrix Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose Position Jacobian JacobianDot Com ComJacobian)
+    }
+
+    /// As [`Engine::dispatch`], derivatives included.
+    fn dispatch_single(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+        let quantity = PhantomData;
+        match query.quantity {
+            Quantity::InverseDynamicsDerivatives => {
+                S::enter(Rows::<S, quantities::InverseDynamicsDerivatives> { engine: self, query, inputs, first, last, out, quantity });
+            }
+            Quantity::ForwardDynamicsDerivatives => {
+                let quantity = PhantomData;
+                S::enter(Rows::<S, quantities::ForwardDynamicsDerivatives> { engine: self, query, inputs, first, last, out, quantity });
+            }
+            _ => self.dispatch(query, inputs, first, last, out),
+        }
     }
 }
 
-struct Rows<'a, S, const OP: u8> {
+struct Rows<'a, S, Q> {
     engine: &'a mut Engine<S>,
     query: &'a Query,
     inputs: &'a [&'a [f64]],
     first: usize,
     last: usize,
     out: &'a mut [f64],
+    quantity: PhantomData<Q>,
 }
 
-impl<S: Real, const OP: u8> Kernel for Rows<'_, S, OP> {
+impl<S: Real, Q: Compute> Kernel for Rows<'_, S, Q> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        self.engine.rows::<OP>(self.query, self.inputs, self.first, self.last, self.out);
+        self.engine.rows::<Q>(self.query, self.inputs, self.first, self.last, self.out);
     }
 }
 
@@ -343,8 +264,8 @@ impl Evaluator {
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<()> {
         check(query, inputs, 1, self.n, self.frames, out.len())?;
         match &mut self.route {
-            Route::Baseline(engine) => engine.dispatch(query, inputs, 0, 1, out),
-            Route::Fused(engine) => engine.dispatch(query, inputs, 0, 1, out),
+            Route::Baseline(engine) => engine.dispatch_single(query, inputs, 0, 1, out),
+            Route::Fused(engine) => engine.dispatch_single(query, inputs, 0, 1, out),
         }
         Ok(())
     }
@@ -359,8 +280,24 @@ impl Arm {
         }
         let frames = self.frames.len();
         check(query, inputs, count, self.n(), frames, out.len() + (count - (last - first)) * query.length(self.n()))?;
+        if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
+            return self.one_by_one(query, inputs, first, last, out);
+        }
         if first < last {
             run_lanes(Lanes { arm: self, query, inputs, first, last, out });
+        }
+        Ok(())
+    }
+
+    fn one_by_one(&self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) -> Result<()> {
+        let mut evaluator = Evaluator::new(self);
+        for (i, row) in (first..last).zip(out.chunks_exact_mut(query.length(self.n()).max(1))) {
+            let part = |k: usize| {
+                let width = query.input_length(k, self.n());
+                &inputs[k][i * width..(i + 1) * width]
+            };
+            let rows: Vec<&[f64]> = (0..inputs.len()).map(part).collect();
+            evaluator.one(query, &rows, row)?;
         }
         Ok(())
     }

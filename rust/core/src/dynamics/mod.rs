@@ -13,6 +13,8 @@ pub mod energy;
 mod evaluate;
 pub mod newton_euler;
 mod planar_pr;
+#[cfg(not(test))]
+mod quantities;
 pub mod regressor;
 mod tree;
 pub mod workspace;
