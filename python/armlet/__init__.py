@@ -16,6 +16,8 @@ from ._core import (
     Hold,
     Law,
     Motion,
+    PrioritySolution,
+    PrioritySolver,
     Quintic,
     RigidArm,
     Sinusoid,
@@ -23,8 +25,11 @@ from ._core import (
     __version__,
     build_info,
     planar_pr,
+    solve_priority,
+    velocity_bounds,
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .simulation import simulate, simulate_batch
 from .status import Status
@@ -44,6 +49,9 @@ __all__ = [
     "Law",
     "ModelError",
     "Motion",
+    "PriorityDiagnosis",
+    "PrioritySolution",
+    "PrioritySolver",
     "Quintic",
     "RigidArm",
     "Run",
@@ -53,10 +61,13 @@ __all__ = [
     "Table",
     "__version__",
     "build_info",
+    "diagnose_priority",
     "load",
     "planar_pr",
     "simulate",
     "simulate_batch",
+    "solve_priority",
+    "velocity_bounds",
 ]
 
 
