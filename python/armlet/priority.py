@@ -58,7 +58,9 @@ class PriorityDiagnosis:
 def diagnose_priority(
     jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike] | None = None, rounding: float = 8 * float(np.finfo(np.float64).eps)
 ) -> PriorityDiagnosis:
-    """Say which directions of which level can be commanded: algorithmic iff rank J_E < min(sum rank J_i, n), kinematic iff some J_i lacks rank.
+    """Say which directions of which level can be commanded.
+
+    Algorithmic iff `rank J_E < min(sum rank J_i, n)`, kinematic iff some `rank J_i` is below its number of rows.
 
     Args:
         jacobians: one (rows_i, n) per level, the highest first.

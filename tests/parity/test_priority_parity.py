@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from armlet.reference import priority as ref
 
 import armlet as al
+from armlet.reference import priority as ref
 
 Stack = tuple[list[np.ndarray], list[np.ndarray]]
 
