@@ -107,6 +107,31 @@ def test_out_is_filled_and_returned() -> None:
         al.PrioritySolver(4, [1]).solve([out.reshape(1, 4)], [[1.0]], out=out)
 
 
+def test_out_may_not_share_memory_in_part_either() -> None:
+    memory = np.ones(12)
+    one = al.PrioritySolver(4, [1])
+    for jacobian in (memory[3:7].reshape(1, 4), memory[1:9:2].reshape(1, 4), memory[::-1][4:8].reshape(1, 4)):
+        with pytest.raises(al.InputError, match="out overlaps an argument"):
+            one.solve([jacobian], [[1.0]], out=memory[4:8])
+    one.solve([memory[8:].reshape(1, 4)], [[1.0]], out=memory[4:8])
+    np.testing.assert_allclose(memory[4:8], 0.25, atol=1e-16)
+
+
+def test_calls_in_a_row_do_not_know_of_each_other() -> None:
+    """solve_priority keeps its last buffers: never the options of the last call."""
+    near = [np.array([[1.0, 0.0]]), np.array([[1.0, 1e-9]])]
+    asked = [np.array([1.0]), np.array([2.0])]
+    fine = al.solve_priority(near, asked, method="exact")
+    assert fine.ranks == [1, 1] and al.solve_priority(near, asked, method="exact", rounding=1e-6).ranks == [1, 0]
+    for _ in range(2):
+        np.testing.assert_array_equal(al.solve_priority(near, asked, method="exact").v, fine.v)
+    clamped = al.solve_priority(near, asked)
+    assert np.abs(al.solve_priority(near, asked, eps=1e-10).v - clamped.v).max() > 1.0
+    np.testing.assert_array_equal(al.solve_priority(near, asked).v, clamped.v)
+    assert al.solve_priority([near[0].T], [asked[0].repeat(2)], method="exact").v.shape == (1,)
+    np.testing.assert_array_equal(al.solve_priority(near, asked, method="exact").v, fine.v)
+
+
 def test_answers_do_not_change_later() -> None:
     solver = al.PrioritySolver(4, [2, 1])
     first = solver.solve([J1, J2], [V1, V2])

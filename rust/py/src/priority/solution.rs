@@ -1,10 +1,10 @@
 //! `armlet.solve_priority` and its answer, for one stack or for a batch of stacks.
 
 use super::stack::{Keywords, Stack, items};
-use crate::arrays::{integers, new_array};
+use crate::arrays::{integers, new_array, of_shape};
 use crate::errors::{Failure, entry};
 use armlet_core::error::Error;
-use armlet_core::priority::PrioritySolver as Core;
+use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core};
 use armlet_core::status::Status;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -83,7 +83,7 @@ fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Resu
         && last.rows() == rows
         && last.method().name() == keywords.method
     {
-        last.set_rounding(keywords.rounding.unwrap_or(armlet_core::priority::DEFAULT_ROUNDING))?;
+        last.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING))?;
         return Ok(last);
     }
     Ok(Core::new(n, rows, &keywords.options(function, n, rows.len())?)?)
@@ -148,28 +148,60 @@ pub fn solve_priority<'py>(
     const NAME: &str = "solve_priority";
     entry(py, NAME, || {
         let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
-        let stack = Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
         let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
+        if let Some(solver) = again(&jacobians, &velocities, &keywords) {
+            let solution = answer(py, &solver);
+            LAST.set(Some(solver));
+            return solution;
+        }
+        let stack = Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
         let solver = solver(NAME, stack.n, &stack.rows, &keywords)?;
         if stack.lead.is_empty() { single(py, solver, &stack, keywords.plain()) } else { batch(py, solver, stack) }
     })
 }
 
-fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result<PrioritySolution, Failure> {
-    let status = match solve_row(&mut solver, stack, 0) {
-        Ok(status) => status,
-        Err(error) => {
-            stack.require_finite(py, "solve_priority")?;
-            return Err(error.into());
-        }
-    };
-    let solution = PrioritySolution {
-        v: copied(py, &[stack.n], solver.v())?.unbind(),
-        residuals: residual_list(py, &stack.rows, solver.residuals())?.into_any().unbind(),
+/// One stack of contiguous arrays of the sizes and with the method of the last call: solved without a look at anything else.
+/// None where that is not so, or where there is something to refuse; the full path then finds out what.
+fn again(jacobians: &[Bound<'_, PyAny>], velocities: &[Bound<'_, PyAny>], keywords: &Keywords) -> Option<Core> {
+    if !keywords.plain() {
+        return None;
+    }
+    let mut solver = LAST.take()?;
+    let levels = solver.rows().len();
+    if solver.method().name() != keywords.method || [jacobians.len(), velocities.len()] != [levels; 2] {
+        return None;
+    }
+    solver.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING)).ok()?;
+    let (n, mut at) = (solver.n(), 0);
+    for i in 0..levels {
+        let m = solver.rows()[i];
+        let (jacobian, velocity) = (of_shape(&jacobians[i], &[m, n])?, of_shape(&velocities[i], &[m])?);
+        let (j, v) = solver.inputs();
+        j[at * n..(at + m) * n].copy_from_slice(jacobian);
+        v[at..at + m].copy_from_slice(velocity);
+        at += m;
+    }
+    solver.run().ok()?;
+    Some(solver)
+}
+
+/// What the solver found last.
+fn answer(py: Python<'_>, solver: &Core) -> Result<PrioritySolution, Failure> {
+    Ok(PrioritySolution {
+        v: copied(py, &[solver.n()], solver.v())?.unbind(),
+        residuals: residual_list(py, solver.rows(), solver.residuals())?.into_any().unbind(),
         ranks: PyList::new(py, solver.ranks())?.into_any().unbind(),
-        scales: copied(py, &[stack.rows.len()], solver.scales())?.unbind(),
-        status: status_member(py, status)?,
-    };
+        scales: copied(py, &[solver.rows().len()], solver.scales())?.unbind(),
+        status: status_member(py, solver.status())?,
+    })
+}
+
+fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result<PrioritySolution, Failure> {
+    if let Err(error) = solve_row(&mut solver, stack, 0) {
+        stack.require_finite(py, "solve_priority")?;
+        return Err(error.into());
+    }
+    let solution = answer(py, &solver)?;
     if keep {
         LAST.set(Some(solver));
     }

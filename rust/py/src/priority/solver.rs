@@ -38,6 +38,9 @@ pub struct PrioritySolver {
     state: Mutex<State>,
 }
 
+/// Positional and keyword arguments of the constructor.
+type Arguments<'py> = ((usize, Vec<usize>), Bound<'py, PyDict>);
+
 const SOLVE: &str = "PrioritySolver.solve";
 
 impl PrioritySolver {
@@ -222,7 +225,7 @@ impl PrioritySolver {
         Ok(format!("PrioritySolver({}, {}, method={:?})", self.n, PyList::new(py, &self.counts)?.repr()?, self.method()))
     }
 
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((usize, Vec<usize>), Bound<'py, PyDict>)> {
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Arguments<'py>> {
         let options = self.state().options.clone();
         let (n, keywords) = (self.n, PyDict::new(py));
         keywords.set_item("method", options.method.name())?;
