@@ -16,6 +16,8 @@ from ._core import (
     Hold,
     Law,
     Motion,
+    PrioritySolution,
+    PrioritySolver,
     Quintic,
     RigidArm,
     Sinusoid,
@@ -27,8 +29,11 @@ from ._core import (
     pendulum,
     planar_arm,
     planar_pr,
+    solve_priority,
+    velocity_bounds,
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .simulation import simulate, simulate_batch
 from .status import Status
@@ -48,6 +53,9 @@ __all__ = [
     "Law",
     "ModelError",
     "Motion",
+    "PriorityDiagnosis",
+    "PrioritySolution",
+    "PrioritySolver",
     "Quintic",
     "RigidArm",
     "Run",
@@ -58,6 +66,7 @@ __all__ = [
     "__version__",
     "build_info",
     "example_urdf",
+    "diagnose_priority",
     "load",
     "load_urdf",
     "pendulum",
@@ -65,6 +74,8 @@ __all__ = [
     "planar_pr",
     "simulate",
     "simulate_batch",
+    "solve_priority",
+    "velocity_bounds",
 ]
 
 

@@ -13,6 +13,10 @@ from ..storage import write_whole
 from .html import page
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
     from ..run import Run
 
 __all__ = ["Check", "Report", "Section"]
@@ -130,12 +134,16 @@ class Report:
 
     def figure(self, name: str, run: Run) -> None:
         """Write the figure of a run to `out/name.png`."""
+        self.draw_figure(name, run.plot)
+
+    def draw_figure(self, name: str, draw: Callable[[Figure], Any]) -> None:
+        """Write what `draw` puts into an empty matplotlib figure to `out/name.png`."""
         if not self.draw:
             return
         from matplotlib.figure import Figure
 
         figure = Figure()
-        run.plot(figure)
+        draw(figure)
         path = self.out / f"{name}.png"
         write_whole(path, lambda file: figure.savefig(file, format="png", dpi=150))
         self.sections[-1].figures.append(path)

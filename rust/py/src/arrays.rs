@@ -5,7 +5,7 @@
 //! read-only) goes through `numpy.asarray`; complex, object, boolean and string arrays are refused.
 
 use crate::errors::{Failure, input_error};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use std::borrow::Cow;
@@ -194,7 +194,8 @@ pub fn broadcast<'a, const K: usize>(
     Ok(Broadcast { shape, count, rows })
 }
 
-fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
+/// The leading axes that arguments with these leading axes broadcast to; None where they do not.
+pub fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
     let axes = shapes.iter().map(Vec::len).max().unwrap_or(0);
     let mut common = vec![1; axes];
     for shape in shapes {
@@ -212,7 +213,7 @@ fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
 }
 
 /// Repeat the rows of an array of leading axes `from` into leading axes `to`.
-fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Vec<f64> {
+pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Vec<f64> {
     let count: usize = to.iter().product();
     let skip = to.len() - from.len();
     let mut out = Vec::with_capacity(count * width);
@@ -229,6 +230,20 @@ fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Vec<f64>
         }
     }
     out
+}
+
+/// The elements of a C-contiguous, aligned float64 array of exactly this shape, in place; None for anything else.
+///
+/// For hot reads: `numbers` takes what this leaves.
+#[inline]
+pub fn of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a [f64]> {
+    let array = value.cast::<PyArrayDyn<f64>>().ok()?;
+    if array.shape() != shape { None } else { in_place(array) }
+}
+
+/// A new array of integers of this shape.
+pub fn integers<'py, T: Element>(py: Python<'py>, shape: &[usize], values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
+    Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
 }
 
 /// A new array of this shape, filled by `fill`.

@@ -5,6 +5,7 @@ mod arrays;
 mod errors;
 mod law;
 mod motion;
+mod priority;
 mod simulate;
 
 use pyo3::prelude::*;
@@ -19,6 +20,8 @@ mod _core {
     use super::law::{Adaptive, ComputedTorque, Law, RigidArm};
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
+    #[pymodule_export]
+    use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 
