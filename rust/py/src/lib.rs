@@ -5,6 +5,7 @@ mod arrays;
 mod errors;
 mod law;
 mod motion;
+mod plan;
 mod simulate;
 
 use pyo3::prelude::*;
@@ -19,6 +20,14 @@ mod _core {
     use super::law::{Adaptive, ComputedTorque, Law, RigidArm};
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
+    #[pymodule_export]
+    use super::plan::_restore_plan;
+    #[pymodule_export]
+    use super::plan::bang_bang::{BangBangBatch, BangBangReport, Bind, bang_bang_time};
+    #[pymodule_export]
+    use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
+    #[pymodule_export]
+    use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 
