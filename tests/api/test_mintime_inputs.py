@@ -8,20 +8,22 @@ import pickle
 from fractions import Fraction
 from typing import Any
 
-import armlet as al
 import numpy as np
 import pytest
 
+import armlet as al
+
 NAMES = ("theta0", "thetaf", "inertia", "gravity_moment", "tau_max", "tau_min")
 GOOD = {"theta0": -1.0, "thetaf": 1.0, "inertia": 1.0, "gravity_moment": 0.5, "tau_max": 1.0, "tau_min": -1.0}
-SCALAR = [al.trapezoid_time, al.minimum_jerk_time]
+SCALAR = [al.trapezoid_time, al.minimum_jerk_time, al.torque_optimal_time]
 PLANNERS = [al.bang_bang_time, *SCALAR]
+BAD = [math.nan, math.inf, -math.inf, True, np.True_, "1", b"1", 1j, None, [1.0, "x"], {}, 10**400]
 planners = pytest.mark.parametrize("planner", PLANNERS, ids=lambda p: p.__name__)
 
 
 @planners
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, True, np.True_, "1", b"1", 1j, None, [1.0, "x"], object(), 10**400], ids=repr)
+@pytest.mark.parametrize("bad", BAD, ids=lambda bad: repr(bad)[:20])
 def test_refused_by_name(planner: Any, name: str, bad: Any) -> None:
     if (name, bad) == ("tau_min", None):
         return  # the default
@@ -49,7 +51,7 @@ def test_numbers_of_every_type(planner: Any) -> None:
     wanted = planner(0, 2, 1, 0, 1)
     for kind in (float, np.float64, np.float32, np.int64, np.uint8, np.array, lambda x: np.array(x, dtype=np.float32)):
         got = planner(*(kind(x) for x in (0, 2, 1, 0, 1)))
-        assert got == wanted and type(got) is type(wanted) and type(got.t_min) is float
+        assert got == wanted and type(got) is type(wanted) and type(got.feasible) is bool
     assert planner(0, 2, 1, 0, 1, tau_min=-1) == wanted
 
 
@@ -140,7 +142,7 @@ def test_texts() -> None:
     assert repr(r).startswith("BangBangReport(feasible=True, t_min=3.5449") and "t_max=inf" in repr(r)
     assert repr(r.active_upper).startswith("Bind(limit='tau_max', phase=1, place='switch', theta=0.0, time=1.77")
     assert repr(al.bang_bang_time([0.0, 1.0], 1.5, 1.0, 3.0, 1.0)) == "BangBangBatch(2 problems of shape (2,), 0 feasible)"
-    for planner in SCALAR:
+    for planner in (al.trapezoid_time, al.minimum_jerk_time):
         good, bad = planner(**GOOD), planner(**{**GOOD, "gravity_moment": 5.0})
         assert repr(good).startswith("ProfileReport(feasible=True, t_min=") and good.reason == "" and good.missing == 0.0
         assert bad.missing > 0.0 and "N m are missing" in bad.reason and math.isnan(bad.t_min)
@@ -165,3 +167,48 @@ def test_docstrings_run(planner: Any) -> None:
     (found,) = doctest.DocTestFinder(recurse=False).find(planner, planner.__name__, globs={})
     assert found.examples
     assert doctest.DocTestRunner().run(found).failed == 0
+
+
+def test_friction_out_of_range() -> None:
+    for name in ("viscous", "coulomb"):
+        for bad in (-1.0, math.nan, math.inf):
+            with pytest.raises(al.InputError, match=rf"torque_optimal_time: {name} is not a friction coefficient"):
+                al.torque_optimal_time(**GOOD, **{name: bad})
+        for bad in (True, "1", None.__class__, [1.0]):
+            with pytest.raises(al.InputError, match=rf"torque_optimal_time: {name} is not a"):
+                al.torque_optimal_time(**GOOD, **{name: bad})
+
+
+def test_optimum_texts_and_pickles() -> None:
+    swing, none = al.torque_optimal_time(math.pi / 2, 3.0, 1.0, 1.0, 1.02), al.torque_optimal_time(0.0, math.pi, 1.0, 50.0, 1.0)
+    assert "best=Best(kind='back-swing', t=5.70" in repr(swing) and repr(swing).startswith("TorqueOptimum(feasible=True, t=8.419")
+    assert none.best.kind == "none found" and none.best.switches == () and math.isnan(none.best.t) and math.isnan(none.t)
+    assert "missing" in none.reason and not none.certified_global
+    rough = al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0, viscous=0.1, coulomb=0.1)
+    assert rough.feasible and rough.t > al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0).t
+    for result in (swing, none, rough, swing.best, none.best, rough.best):
+        back = pickle.loads(pickle.dumps(result))
+        assert back == result and repr(back) == repr(result)
+    assert swing != none and swing.best != none.best
+
+
+def test_profile_of_an_optimum() -> None:
+    o = al.torque_optimal_time(-1.0, 1.0, 1.0, 0.5, 1.0)
+    assert o.certified_global and o.best.kind == "monotone" and o.best.switches == (o.theta_switch,)
+    t = np.linspace(-1.0, o.t + 1.0, 12).reshape(3, 4)
+    arrays = o.profile(t)
+    assert isinstance(arrays, tuple) and [x.shape for x in arrays] == [(3, 4)] * 4
+    for k in np.ndindex(3, 4):
+        single = o.profile(t[k])
+        assert all(type(x) is float for x in single) and single == tuple(x[k] for x in arrays)
+    # At rest, held by the torque of gravity, outside.
+    assert o.profile(-1.0) == (-1.0, 0.0, 0.0, 0.5 * math.sin(-1.0)) and o.profile(o.t)[:3] == (1.0, 0.0, 0.0)
+    assert o.profile(1) == o.monotone_profile(np.float32(1.0)) and o.profile([])[0].shape == (0,)
+    for bad in (math.nan, math.inf, True, "1", [math.nan]):
+        with pytest.raises(al.InputError, match="profile: t is not"):
+            o.profile(bad)
+    none = al.torque_optimal_time(0.0, math.pi, 1.0, 50.0, 1.0)
+    with pytest.raises(al.InputError, match="profile: the optimum has no motion"):
+        none.profile(0.0)
+    with pytest.raises(al.InputError, match="monotone_profile: the optimum has friction"):
+        al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0, viscous=0.1).monotone_profile(0.0)

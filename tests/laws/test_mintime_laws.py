@@ -6,9 +6,10 @@
 
 from __future__ import annotations
 
-import armlet as al
 import numpy as np
 import pytest
+
+import armlet as al
 
 
 def problems(count: int, seed: int) -> list[tuple[float, ...]]:
@@ -85,3 +86,83 @@ def test_the_limit_is_reached_and_not_passed() -> None:
                 tau = inertia * a[0] + gravity * np.sin(q[0])
                 assert tau_min - 1e-11 <= tau <= tau_max + 1e-11
     assert checked > 50
+
+
+SWAPPED = {"monotone": "monotone", "back-swing": "overshoot", "overshoot": "back-swing", "none found": "none found"}
+
+
+@pytest.mark.parametrize("kind", ["mirror", "reversal"])
+def test_torque_optimum(kind: str) -> None:
+    """Both keep every duration; reversal makes a back-swing an overshoot."""
+    seen = set()
+    for p in problems(300, 6):
+        other, tau_min = swap(kind, p)
+        a, b = al.torque_optimal_time(*p[:5], tau_min=p[5]), al.torque_optimal_time(*other, tau_min=tau_min)
+        seen.add(a.best.kind)
+        assert (a.feasible, a.certified_global) == (b.feasible, b.certified_global), p
+        # 1e-9: motions near a stall, random ones among these, amplify the rounding of the switch.
+        assert b.t == pytest.approx(a.t, rel=1e-9, nan_ok=True), p
+        assert b.best.t == pytest.approx(a.best.t, rel=1e-9, nan_ok=True), p
+        assert b.best.kind == (a.best.kind if kind == "mirror" else SWAPPED[a.best.kind]), p
+        if a.feasible:
+            assert abs(b.v_peak) == pytest.approx(abs(a.v_peak), rel=1e-9), p
+            assert b.t_switch == pytest.approx(a.t_switch if kind == "mirror" else a.t - a.t_switch, rel=1e-8), p
+    assert seen == set(SWAPPED)
+
+
+def test_the_optimum_is_never_slower_than_the_profile() -> None:
+    checked = 0
+    for p in problems(500, 7):
+        r = al.bang_bang_time(*p[:5], tau_min=p[5])
+        if r.feasible:
+            o = al.torque_optimal_time(*p[:5], tau_min=p[5])
+            checked += 1
+            # Equal only without gravity.
+            assert o.feasible and o.best.t <= o.t <= r.t_min * (1.0 + 1e-12), p
+    assert checked > 100
+
+
+def test_the_profile_moves_the_link() -> None:
+    """Along the motion: the torque is on a limit, energy changes by the work of the torque, and the ends are rest in the right place."""
+    kinds = set()
+    for p in problems(60, 8):
+        theta0, thetaf, inertia, gravity, tau_max, tau_min = p
+        o = al.torque_optimal_time(*p[:5], tau_min=tau_min)
+        best = o.best
+        if best.kind == "none found" or best.t > 50.0:
+            continue
+        kinds.add(best.kind)
+        t = np.linspace(0.0, np.nextafter(best.t, 0.0), 257)
+        q, v, a, tau = o.profile(t)
+        assert set(tau.tolist()) <= {tau_max, tau_min}
+        # The equation of motion, term by term of order one.
+        np.testing.assert_allclose(inertia * a + gravity * np.sin(q), tau, rtol=0.0, atol=1e-13)
+        # Within a stretch of one torque I v^2/2 - G cos q - tau q is constant; 1e-8 for motions that nearly stall.
+        energy = inertia * v**2 / 2 - gravity * np.cos(q) - tau * q
+        phase = np.searchsorted(best.t_switches, t, side="right")
+        for k in range(len(best.switches) + 1):
+            part = energy[phase == k]
+            assert part.size == 0 or np.ptp(part) <= 1e-8, p
+        np.testing.assert_allclose([q[0], v[0], q[-1], v[-1]], [theta0, 0.0, thetaf, 0.0], atol=1e-8)
+        for angle, time in zip(best.switches, best.t_switches, strict=True):
+            np.testing.assert_allclose([o.profile(np.nextafter(time, 0.0))[0], o.profile(time)[0]], angle, atol=1e-7)
+    assert {"monotone", "back-swing", "overshoot"} <= kinds
+
+
+def test_friction() -> None:
+    """Little friction changes little, and Coulomb friction alone is a shift of the two limits."""
+    for p in problems(100, 9):
+        plain = al.torque_optimal_time(*p[:5], tau_min=p[5])
+        rough = al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=0.05)
+        if rough.feasible:
+            assert not rough.certified_global and rough.best.kind == "monotone" and rough.best.t == rough.t
+            nearly = al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=1e-9)
+            # Continuous at no friction: a billionth changes T by its order times T, more near a stall.
+            assert not plain.feasible or nearly.t == pytest.approx(plain.t, rel=1e-5)
+        c = 0.05
+        if p[1] > p[0] and p[4] > c:
+            shifted = al.torque_optimal_time(*p[:4], p[4] - c, tau_min=p[5] - c)
+            coulomb = al.torque_optimal_time(*p[:5], tau_min=p[5], coulomb=c)
+            assert coulomb.feasible == shifted.feasible
+            # Taylor steps against quadrature; a near stall amplifies.
+            assert coulomb.t == pytest.approx(shifted.t, rel=1e-8, nan_ok=True)

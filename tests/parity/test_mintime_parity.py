@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import armlet as al
 import numpy as np
 import pytest
+
+import armlet as al
 from armlet.reference import mintime as ref
 
 FIELDS = ("feasible", "t_min", "t_max", "a_min", "a_max", "hold_start", "hold_end")
@@ -48,3 +49,24 @@ def test_batch_is_the_single_calls() -> None:
             for name in FIELDS:
                 np.testing.assert_array_equal(getattr(batch, name)[i, j], getattr(single, name))
             assert batch[i, j] == single and batch.reason[i, j] == single.reason
+
+
+def test_torque_optimal_time() -> None:
+    """Two quadratures of the same optimum; swings are searched on different grids, so one may find what the other misses."""
+    kinds = set()
+    for row in problems(20, 3):
+        got, expected = al.torque_optimal_time(*row), ref.torque_optimal_time(*row)
+        kinds.add(got.best.kind)
+        assert (got.feasible, got.certified_global) == (expected.feasible, expected.certified_global), row
+        if got.feasible:
+            # The reference halves until 1e-14; a motion that nearly stalls amplifies rounding.
+            assert got.t == pytest.approx(expected.t, rel=1e-10), row
+            assert got.theta_switch == pytest.approx(expected.theta_switch, abs=1e-11), row
+            assert got.t_switch == pytest.approx(expected.t_switch, rel=1e-9), row
+        if expected.best.kind == "none found":
+            continue
+        # Never slower than the reference beyond its golden section.
+        assert got.best.t <= expected.best.t * (1.0 + 1e-8), row
+        if got.best.t >= expected.best.t * (1.0 - 1e-8):
+            assert got.best.kind == expected.best.kind, row
+    assert {"monotone", "back-swing", "overshoot"} <= kinds

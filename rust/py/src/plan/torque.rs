@@ -37,7 +37,7 @@ use std::sync::OnceLock;
 /// >>> o = al.torque_optimal_time(math.pi / 2, 3.0, inertia=1.0, gravity_moment=1.0, tau_max=1.02)
 /// >>> round(o.t, 3), o.certified_global, o.best.kind, round(o.best.t, 3)
 /// (8.419, False, 'back-swing', 5.702)
-/// >>> q, v, a, tau = o.profile(1.0)
+/// >>> q, v, a, tau = o.profile(0.0)
 /// >>> tau
 /// -1.02
 #[pyfunction]
