@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Number = float | np.floating[Any] | np.integer[Any]
+_Flags = NDArray[np.bool_]
+_Number = float | np.floating[Any] | np.integer[Any]
 
 __version__: str
 
@@ -153,8 +153,8 @@ class ComputedTorque(Law):
     def __new__(cls, arm: Arm, motion: Motion, kp: ArrayLike, kd: ArrayLike) -> Self: ...
 
 @overload
-def bang_bang_time(  # type: ignore[overload-overlap]  # numbers are arrays without axes
-    theta0: Number, thetaf: Number, inertia: Number, gravity_moment: Number, tau_max: Number, *, tau_min: Number | None = None
+def bang_bang_time(  # numbers are arrays without axes: the first form wins
+    theta0: _Number, thetaf: _Number, inertia: _Number, gravity_moment: _Number, tau_max: _Number, *, tau_min: _Number | None = None
 ) -> BangBangReport: ...
 @overload
 def bang_bang_time(
@@ -167,28 +167,28 @@ def bang_bang_time(
     tau_min: ArrayLike | None = None,
 ) -> BangBangBatch: ...
 def trapezoid_time(
-    theta0: Number,
-    thetaf: Number,
-    inertia: Number,
-    gravity_moment: Number,
-    tau_max: Number,
+    theta0: _Number,
+    thetaf: _Number,
+    inertia: _Number,
+    gravity_moment: _Number,
+    tau_max: _Number,
     *,
-    tau_min: Number | None = None,
-    ramp: Number | None = None,
+    tau_min: _Number | None = None,
+    ramp: _Number | None = None,
 ) -> ProfileReport: ...
 def minimum_jerk_time(
-    theta0: Number, thetaf: Number, inertia: Number, gravity_moment: Number, tau_max: Number, *, tau_min: Number | None = None
+    theta0: _Number, thetaf: _Number, inertia: _Number, gravity_moment: _Number, tau_max: _Number, *, tau_min: _Number | None = None
 ) -> ProfileReport: ...
 def torque_optimal_time(
-    theta0: Number,
-    thetaf: Number,
-    inertia: Number,
-    gravity_moment: Number,
-    tau_max: Number,
+    theta0: _Number,
+    thetaf: _Number,
+    inertia: _Number,
+    gravity_moment: _Number,
+    tau_max: _Number,
     *,
-    tau_min: Number | None = None,
-    viscous: Number | None = None,
-    coulomb: Number | None = None,
+    tau_min: _Number | None = None,
+    viscous: _Number | None = None,
+    coulomb: _Number | None = None,
 ) -> TorqueOptimum: ...
 def _restore_plan(function: str, arguments: tuple[Any, ...]) -> Any: ...
 
@@ -214,7 +214,7 @@ class BangBangReport:
     def active_upper(self) -> Bind: ...
     @property
     def active_lower(self) -> Bind | None: ...
-    def torques(self, t: Number) -> tuple[float, float, float, float]: ...
+    def torques(self, t: _Number) -> tuple[float, float, float, float]: ...
     def __eq__(self, other: object, /) -> bool: ...
 
 @final
@@ -238,7 +238,7 @@ class BangBangBatch:
     @property
     def shape(self) -> tuple[int, ...]: ...
     @property
-    def feasible(self) -> Flags: ...
+    def feasible(self) -> _Flags: ...
     @property
     def t_min(self) -> Array: ...
     @property
@@ -248,9 +248,9 @@ class BangBangBatch:
     @property
     def a_max(self) -> Array: ...
     @property
-    def hold_start(self) -> Flags: ...
+    def hold_start(self) -> _Flags: ...
     @property
-    def hold_end(self) -> Flags: ...
+    def hold_end(self) -> _Flags: ...
     @property
     def reason(self) -> NDArray[np.str_]: ...
     def __getitem__(self, index: SupportsIndex | tuple[SupportsIndex, ...], /) -> BangBangReport: ...
@@ -302,11 +302,11 @@ class TorqueOptimum:
     @property
     def best(self) -> Best: ...
     @overload
-    def profile(self, t: Number) -> tuple[float, float, float, float]: ...  # type: ignore[overload-overlap]
+    def profile(self, t: _Number) -> tuple[float, float, float, float]: ...
     @overload
     def profile(self, t: ArrayLike) -> tuple[Array, Array, Array, Array]: ...
     @overload
-    def monotone_profile(self, t: Number) -> tuple[float, float, float, float]: ...  # type: ignore[overload-overlap]
+    def monotone_profile(self, t: _Number) -> tuple[float, float, float, float]: ...
     @overload
     def monotone_profile(self, t: ArrayLike) -> tuple[Array, Array, Array, Array]: ...
     def __eq__(self, other: object, /) -> bool: ...

@@ -173,8 +173,8 @@ class MinimumTime:
         best = np.array([o.best.t for o in optima])
         finite = np.concatenate([r.t_min[r.feasible], best[np.isfinite(best)], [0.0]])
         top = 1.6 * float(finite.max()) or 1.0
-        style = {"color": PROFILE, "alpha": 0.12, "linewidth": 0.0, "label": "profile feasible"}
-        ax.fill_between(ratio, r.t_min, np.minimum(r.t_max, 10 * top), where=r.feasible, **style)
+        area = ax.fill_between(ratio, r.t_min, np.minimum(r.t_max, 10 * top), where=r.feasible, color=PROFILE, alpha=0.12, linewidth=0.0)
+        area.set_label("profile feasible")
         ax.plot(ratio, r.t_min, color=PROFILE)
         ax.plot(ratio[::6], [o.t for o in optima], color=OPTIMUM)
         swing = np.array([o.best.kind in ("back-swing", "overshoot") for o in optima])
