@@ -74,9 +74,9 @@ class MinimumTime:
             motions = self._motions()
             self._torques(axes[0, 0], axes[0, 1], motions)
             self._phase_plane(axes[1, 0], motions)
-            self._durations(axes[1, 1])
-            handles, labels = axes[0, 0].get_legend_handles_labels()
-            fig.legend(handles, labels, loc="outside upper center", ncols=len(handles), frameon=False)
+            self._durations(axes[1, 1], [float(t[-1]) for _, _, (t, _, _, _) in motions])
+            handles = axes[0, 0].get_legend_handles_labels()[0] + axes[0, 1].get_legend_handles_labels()[0][1:]
+            fig.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
         result: Array = axes
         return result
 
@@ -117,18 +117,7 @@ class MinimumTime:
             angle.plot(q, tau, color=colour)
         ends = sorted((self.theta0, self.thetaf))
         x = np.linspace(ends[0], ends[1], 400)
-        angle.plot(x, self.gravity_moment * np.sin(x), color="0.6", linewidth=1.0, linestyle=":")
-        inside = np.abs(self.gravity_moment * np.sin(x) - (low + high) / 2) < (high - low) / 2
-        if inside.any():
-            k = int(np.flatnonzero(inside)[len(np.flatnonzero(inside)) * 3 // 4])
-            angle.annotate(
-                r"gravity $G\,\sin\theta$",
-                (x[k], self.gravity_moment * np.sin(x[k])),
-                xytext=(8, -10),
-                textcoords="offset points",
-                fontsize=8,
-                color="0.4",
-            )
+        angle.plot(x, self.gravity_moment * np.sin(x), color="0.6", linewidth=1.0, linestyle=":", label=r"gravity $G\,\sin\theta$")
         time.set_xlabel("time (s)")
         time.set_title("Torque against time")
         angle.set_xlabel(r"angle $\theta$ (rad)")
@@ -163,7 +152,7 @@ class MinimumTime:
         ax.set_title("Phase plane: start (dot), goal (square)")
         ax.legend(loc="best", handlelength=1.8)
 
-    def _durations(self, ax: Axes) -> None:
+    def _durations(self, ax: Axes, here: list[float]) -> None:
         """The durations of the same motion as gravity grows from nothing to three times the larger limit."""
         limit = max(map(abs, self.limits))
         ratio = np.linspace(0.0, 3.0, 601)
@@ -171,8 +160,9 @@ class MinimumTime:
         r = bang_bang_time(*given, ratio * limit, self.tau_max, tau_min=self.tau_min)
         optima = [torque_optimal_time(*given, g, self.tau_max, tau_min=self.tau_min) for g in ratio[::6] * limit]
         best = np.array([o.best.t for o in optima])
-        finite = np.concatenate([r.t_min[r.feasible], best[np.isfinite(best)], [0.0]])
-        top = 1.6 * float(finite.max()) or 1.0
+        shown = np.concatenate([r.t_min[r.feasible], best[np.isfinite(best)], [0.0]])
+        # Durations grow without bound where a limit just fails: the axis shows the usual ones, and this link's.
+        top = max(1.6 * min(shown.max(), 3.0 * np.median(shown)), *(1.2 * t for t in here), 1e-9)
         area = ax.fill_between(ratio, r.t_min, np.minimum(r.t_max, 10 * top), where=r.feasible, color=PROFILE, alpha=0.12, linewidth=0.0)
         area.set_label("profile feasible")
         ax.plot(ratio, r.t_min, color=PROFILE)
@@ -180,15 +170,14 @@ class MinimumTime:
         swing = np.array([o.best.kind in ("back-swing", "overshoot") for o in optima])
         if swing.any():
             ax.plot(ratio[::6], np.where(swing, best, np.nan), color=SWING)
-        here = self.gravity_moment / limit
-        if 0.0 <= here <= 3.0:
-            ax.axvline(here, color="0.5", linestyle=":", linewidth=1.0, label="this link")
+        if 0.0 <= self.gravity_moment / limit <= 3.0:
+            ax.axvline(self.gravity_moment / limit, color="0.5", linestyle=":", linewidth=1.0, label="this link")
         ax.set_ylim(0.0, top)
         ax.set_xlim(0.0, 3.0)
         ax.set_xlabel(r"gravity over torque limit, $G/\tau_{\max}$")
         ax.set_ylabel("duration (s)")
         ax.set_title("Duration against gravity")
-        ax.legend(loc="lower left", handlelength=1.8)
+        ax.legend(loc="upper right", handlelength=1.8)
 
 
 def _times(duration: float, switches: tuple[float, ...]) -> Array:
