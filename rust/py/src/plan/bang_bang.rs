@@ -1,6 +1,6 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
-use super::{NAMES, Problem, again, float, problem, scalar, symmetric, truth};
+use super::{Again, Field, NAMES, Problem, again, float, problem, scalar, symmetric, truth};
 use crate::arrays::{Columns, columns, index_of, new_array, new_flags, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
@@ -179,7 +179,7 @@ impl BangBangReport {
         other.cast::<Self>().is_ok_and(|other| other.get().problem == self.problem)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String, Bound<'py, PyTuple>))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
         again(py, "bang_bang_time", &self.problem)
     }
 }
@@ -251,7 +251,7 @@ impl Bind {
         })
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Py<BangBangReport>, &'static str))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Field<'py, BangBangReport>> {
         Ok((py.import("builtins")?.getattr("getattr")?, (self.owner.clone_ref(py), self.field)))
     }
 }
@@ -371,7 +371,7 @@ impl BangBangBatch {
         format!("BangBangBatch({} problems of shape {}, {} feasible)", self.problems.count, shown(&self.problems.shape), self.solved)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String, Bound<'py, PyTuple>))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
         let shape = &self.problems.shape;
         let mut kept = Vec::new();
         for (k, column) in self.problems.columns.iter().enumerate() {

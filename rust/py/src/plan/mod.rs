@@ -82,8 +82,14 @@ pub fn truth(x: bool) -> &'static str {
     if x { "True" } else { "False" }
 }
 
+/// How a result is pickled: the function that restores it, and its arguments.
+pub type Again<'py> = (Bound<'py, PyAny>, (String, Bound<'py, PyTuple>));
+
+/// How a part of a result is pickled: `getattr`, the result, and the name of the part.
+pub type Field<'py, T> = (Bound<'py, PyAny>, (Py<T>, &'static str));
+
 /// A call again with the same numbers: how results are pickled.
-pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<(Bound<'py, PyAny>, (String, Bound<'py, PyTuple>))> {
+pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Again<'py>> {
     let restore = py.import("armlet._core")?.getattr("_restore_plan")?;
     Ok((restore, (function.to_string(), PyTuple::new(py, arguments)?)))
 }

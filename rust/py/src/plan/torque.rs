@@ -1,6 +1,6 @@
 //! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
 
-use super::{Problem, again, float, scalar, single, truth};
+use super::{Again, Field, Problem, again, float, scalar, single, truth};
 use crate::arrays::{new_array, number, numbers, require_finite};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
@@ -251,7 +251,7 @@ impl TorqueOptimum {
         other.cast::<Self>().is_ok_and(|other| other.get().problem == self.problem && other.get().friction == self.friction)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String, Bound<'py, PyTuple>))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
         again(py, "torque_optimal_time", &[&self.problem[..], &self.friction].concat())
     }
 }
@@ -317,7 +317,7 @@ impl Best {
         })
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Py<TorqueOptimum>, &'static str))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Field<'py, TorqueOptimum>> {
         Ok((py.import("builtins")?.getattr("getattr")?, (self.owner.clone_ref(py), "best")))
     }
 }
