@@ -149,16 +149,28 @@ impl<const K: usize> Broadcast<'_, K> {
     }
 }
 
+impl<const K: usize> Broadcast<'_, K> {
+    /// All rows of argument `k`, each written out.
+    pub fn all(&self, k: usize) -> Cow<'_, [f64]> {
+        let (values, width) = &self.rows[k];
+        if values.len() == *width && self.count != 1 {
+            return Cow::Owned(values.repeat(self.count));
+        }
+        Cow::Borrowed(values)
+    }
+}
+
 /// Arguments `(..., n)` of a pure function: finite, of the right width, broadcast like numpy does.
 pub fn broadcast<'a, const K: usize>(
     function: &str,
     names: [&str; K],
     values: [&'a Bound<'_, PyAny>; K],
-    width: usize,
+    widths: [usize; K],
 ) -> Result<Broadcast<'a, K>, Failure> {
     let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
-    let mut rows: [(Cow<'a, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), width));
+    let mut rows: [(Cow<'a, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), 0));
     for k in 0..K {
+        let width = widths[k];
         let (mut shape, data) = numbers(function, names[k], values[k])?;
         if shape.last() != Some(&width) {
             let problem = format!("has the wrong shape: expected (..., {width}), got {}", shown(&shape));
@@ -167,7 +179,7 @@ pub fn broadcast<'a, const K: usize>(
         require_finite(values[k].py(), function, names[k], &shape, &data)?;
         shape.pop();
         shapes[k] = shape;
-        rows[k].0 = data;
+        rows[k] = (data, width);
     }
     let shape = common_shape(&shapes).ok_or_else(|| {
         let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
@@ -177,7 +189,7 @@ pub fn broadcast<'a, const K: usize>(
     for k in 0..K {
         let single = shapes[k].iter().product::<usize>() == 1;
         if shapes[k] != shape && !single {
-            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, width));
+            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, widths[k]));
         }
     }
     Ok(Broadcast { shape, count, rows })
@@ -277,8 +289,9 @@ pub fn out_slice<'a>(
         return Err(refuse("is read-only: expected a writeable array".into()));
     }
     for input in inputs {
-        let shared: bool = numpy_function(py, "shares_memory")?.call1((value, input)).and_then(|b| b.extract()).unwrap_or(false);
-        if shared {
+        let Ok(input) = input.cast::<PyArrayDyn<f64>>() else { continue };
+        // SAFETY: pointers are compared, not followed.
+        if unsafe { overlaps(array, input) } {
             return Err(refuse("overlaps an argument: expected an array of its own".into()));
         }
     }
@@ -351,4 +364,23 @@ pub fn new_flags<'py>(py: Python<'py>, shape: &[usize], values: &[bool]) -> PyRe
     let array = PyArrayDyn::<bool>::zeros(py, shape, false);
     array.readwrite().as_slice_mut()?.copy_from_slice(values);
     Ok(array.into_any())
+}
+
+/// Whether the memory that two arrays span has an address in common.
+///
+/// # Safety
+/// Both arrays must be alive; nothing is read through their pointers.
+unsafe fn overlaps(a: &Bound<'_, PyArrayDyn<f64>>, b: &Bound<'_, PyArrayDyn<f64>>) -> bool {
+    let span = |x: &Bound<'_, PyArrayDyn<f64>>| {
+        let start = x.data() as isize;
+        let (mut low, mut high) = (start, start + 8);
+        for (&n, &stride) in x.shape().iter().zip(x.strides()) {
+            let reach = (n as isize - 1).max(0) * stride;
+            low += reach.min(0);
+            high += reach.max(0);
+        }
+        (low, high)
+    };
+    let ((a0, a1), (b0, b1)) = (span(a), span(b));
+    !a.is_empty() && !b.is_empty() && a0 < b1 && b0 < a1
 }

@@ -15,7 +15,7 @@ mod _core {
     use super::*;
 
     #[pymodule_export]
-    use super::arm::{_restore_planar_pr, Arm, planar_pr};
+    use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
     #[pymodule_export]
     use super::law::{Adaptive, ComputedTorque, Law, RigidArm};
     #[pymodule_export]
