@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from ..run import Run
 
 __all__ = ["Check", "Report", "Section"]
 
@@ -80,6 +79,12 @@ def _text(value: Any, digits: int = 6, zero: float = 0.0) -> str:
     return "0" if abs(array) < zero else f"{float(array):.{digits}g}"
 
 
+class Drawing(Protocol):
+    """What has a figure: a run, a problem."""
+
+    def plot(self, fig: Figure, /) -> Any: ...
+
+
 @dataclass
 class Section:
     """The checks and figures of one system."""
@@ -132,8 +137,8 @@ class Report:
         """The claim got == expected."""
         self._add(Check(what, expected, got, 0.0, printed, erratum))
 
-    def figure(self, name: str, run: Run) -> None:
-        """Write the figure of a run to `out/name.png`."""
+    def figure(self, name: str, run: Drawing) -> None:
+        """Write the figure of a run or problem to `out/name.png`."""
         self.draw_figure(name, run.plot)
 
     def draw_figure(self, name: str, draw: Callable[[Figure], Any]) -> None:

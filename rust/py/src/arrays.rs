@@ -8,6 +8,7 @@ use crate::errors::{Failure, input_error};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyFloat, PyInt};
 use std::borrow::Cow;
 
 type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
@@ -311,6 +312,73 @@ pub fn out_slice<'a>(
     }
     // SAFETY: contiguous, aligned, writeable, apart from the inputs, and the GIL is held while it is written.
     Ok(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })
+}
+
+/// A real number: a Python float or int, a numpy scalar, or an array without axes. Arrays with axes give None.
+pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Option<f64>, Failure> {
+    if let Ok(x) = value.cast::<PyFloat>() {
+        return Ok(Some(x.value()));
+    }
+    if let Ok(x) = value.cast_exact::<PyInt>() {
+        // An integer beyond every float is as good as infinite, and refused as such.
+        return Ok(Some(x.extract::<f64>().unwrap_or(f64::INFINITY)));
+    }
+    let (shape, values) = numbers(function, name, value)?;
+    Ok(if shape.is_empty() { Some(values[0]) } else { None })
+}
+
+/// Numbers broadcast against each other, copied: every column holds one number for all or one for each.
+pub struct Columns<const K: usize> {
+    pub shape: Vec<usize>,
+    pub count: usize,
+    pub columns: [Vec<f64>; K],
+}
+
+impl<const K: usize> Columns<K> {
+    /// Problem `i` of the batch.
+    #[inline]
+    pub fn row(&self, i: usize) -> [f64; K] {
+        std::array::from_fn(|k| if let [x] = self.columns[k][..] { x } else { self.columns[k][i] })
+    }
+}
+
+/// Finite arguments of any shape, broadcast like numpy does.
+pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Result<Columns<K>, Failure> {
+    let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
+    let mut columns: [Vec<f64>; K] = std::array::from_fn(|_| Vec::new());
+    for k in 0..K {
+        let (shape, data) = match value_or_array(function, names[k], values[k])? {
+            (shape, Cow::Borrowed(data)) => (shape, data.to_vec()),
+            (shape, Cow::Owned(data)) => (shape, data),
+        };
+        require_finite(values[k].py(), function, names[k], &shape, &data)?;
+        (shapes[k], columns[k]) = (shape, data);
+    }
+    let shape = common_shape(&shapes).ok_or_else(|| {
+        let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
+        input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected shapes that agree, got {all}"))
+    })?;
+    for k in 0..K {
+        if shapes[k] != shape && columns[k].len() != 1 {
+            columns[k] = stretch(&shapes[k], &shape, &columns[k], 1);
+        }
+    }
+    Ok(Columns { count: shape.iter().product(), shape, columns })
+}
+
+/// A number, written as an array without axes, or an array.
+fn value_or_array<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Converted<'a> {
+    match number(function, name, value)? {
+        Some(x) => Ok((vec![], Cow::Owned(vec![x]))),
+        None => numbers(function, name, value),
+    }
+}
+
+/// A new array of truth values.
+pub fn new_flags<'py>(py: Python<'py>, shape: &[usize], values: &[bool]) -> PyResult<Bound<'py, PyAny>> {
+    let array = PyArrayDyn::<bool>::zeros(py, shape, false);
+    array.readwrite().as_slice_mut()?.copy_from_slice(values);
+    Ok(array.into_any())
 }
 
 /// Whether the memory that two arrays span has an address in common.

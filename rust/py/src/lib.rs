@@ -6,6 +6,7 @@ mod errors;
 mod law;
 mod motion;
 mod priority;
+mod plan;
 mod simulate;
 
 use pyo3::prelude::*;
@@ -22,6 +23,13 @@ mod _core {
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]
     use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
+    use super::plan::_restore_plan;
+    #[pymodule_export]
+    use super::plan::bang_bang::{BangBangBatch, BangBangReport, Bind, bang_bang_time};
+    #[pymodule_export]
+    use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
+    #[pymodule_export]
+    use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 
