@@ -72,7 +72,7 @@ EXAMPLES = {name: thing for name, thing in DOCUMENTED.items() if ">>>" in (inspe
 @pytest.mark.parametrize("name", DOCUMENTED)
 def test_everything_public_is_documented(name: str) -> None:
     text = inspect.getdoc(DOCUMENTED[name])
-    assert text and text.splitlines()[0].rstrip().endswith((".", ":", ")")) or text and "\n" in text, name
+    assert text and len(text.split()) >= 3, name
 
 
 def test_there_are_examples() -> None:

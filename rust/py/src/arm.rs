@@ -1,6 +1,6 @@
 //! `armlet.Arm`.
 
-use crate::arrays::{Broadcast, broadcast, new_array, out_slice, vector};
+use crate::arrays::{Broadcast, broadcast, new_array, number, out_slice, vector};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::dynamics::{Dynamics, PlanarPr};
 use armlet_core::scalar::Real;
@@ -255,8 +255,9 @@ impl Arm {
 #[pyfunction]
 #[pyo3(name = "planar_pr", signature = (A, B, C))]
 #[allow(non_snake_case)]
-pub fn planar_pr(py: Python<'_>, A: f64, B: f64, C: f64) -> PyResult<Arm> {
-    entry(py, "planar_pr", || Ok(Arm { model: PlanarPr::new(A, B, C)? }))
+pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: &Bound<'_, PyAny>) -> PyResult<Arm> {
+    const NAME: &str = "planar_pr";
+    entry(py, NAME, || Ok(Arm { model: PlanarPr::new(number(NAME, "A", A)?, number(NAME, "B", B)?, number(NAME, "C", C)?)? }))
 }
 
 /// Any finite parameters: what pickling and `with_parameters` made need not be a possible robot.
