@@ -238,7 +238,7 @@ class BangBang(Motion):
 
 @final
 class Table(Motion):
-    def __new__(cls, dt: float, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, start: float = 0.0) -> Self: ...
+    def __new__(cls, dt: float, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, start: float | None = None) -> Self: ...
 
 class Law:
     @property

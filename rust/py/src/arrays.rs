@@ -5,11 +5,15 @@
 //! read-only) goes through `numpy.asarray`; complex, object, boolean and string arrays are refused.
 
 use crate::errors::{Failure, input_error};
+use armlet_core::error::Error;
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyFloat, PyInt};
+use pyo3::types::{PyFloat, PyInt, PyString, PyTuple};
 use std::borrow::Cow;
+
+/// Arrays of more elements than this are asked of numpy itself.
+const LARGE: usize = 1 << 22;
 
 type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
 
@@ -54,19 +58,81 @@ pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> C
     };
     let dtype = array.getattr("dtype")?;
     let kind: String = dtype.getattr("kind")?.extract()?;
-    let size: usize = array.getattr("size")?.extract()?;
-    if !matches!(kind.as_str(), "i" | "u" | "f") || (size == 0 && kind != "f") {
+    if !matches!(kind.as_str(), "i" | "u" | "f") {
         return Err(refuse(dtype.str()?.to_string()));
     }
-    let array = numpy_function(py, "ascontiguousarray")?.call1((&array, "float64"))?;
-    let shape: Vec<usize> = value_shape(&numpy_function(py, "shape")?.call1((value,))?)?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    // A fresh array is aligned as well as contiguous, which `ascontiguousarray` does not promise.
+    let array = numpy_function(py, "array")?.call1((&array, "float64"))?;
+    let array = numpy_function(py, "ascontiguousarray")?.call1((&array,))?;
     let array = array.cast::<PyArrayDyn<f64>>().map_err(|_| refuse("something else".into()))?;
-    let copy = in_place(array).map(<[f64]>::to_vec).unwrap_or_default();
-    Ok((shape, Cow::Owned(copy)))
+    match in_place(array) {
+        Some(slice) => Ok((shape, Cow::Owned(slice.to_vec()))),
+        None => Err(refuse("an array that numpy could not copy".into())),
+    }
 }
 
-fn value_shape(shape: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
-    shape.extract()
+/// What was given, for a message: its type, and the value where it is short.
+fn given(value: &Bound<'_, PyAny>) -> String {
+    let shown = value.repr().map(|text| text.to_string()).unwrap_or_default();
+    let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
+    if shown.is_empty() || shown.len() > 40 { format!("{kind:?}") } else { format!("{shown} ({kind})") }
+}
+
+/// A real number; not a boolean, not a string, not an array of one.
+pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
+    if let Ok(number) = value.cast::<PyFloat>() {
+        return Ok(number.value());
+    }
+    match numbers(function, name, value) {
+        Ok((shape, values)) if shape.is_empty() => Ok(values[0]),
+        Err(Failure::Python(error)) if !error.is_instance_of::<pyo3::exceptions::PyValueError>(value.py()) => Err(error.into()),
+        _ => Err(input_error(value.py(), function, name, format!("is not a number: expected a real number, got {}", given(value))).into()),
+    }
+}
+
+/// A real number, or None.
+pub fn optional_number(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<f64>, Failure> {
+    value.map(|value| number(function, name, value)).transpose()
+}
+
+/// An integer of at least one.
+pub fn count(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    match value.extract::<usize>() {
+        Ok(count) if count > 0 && !value.is_instance_of::<pyo3::types::PyBool>() => Ok(count),
+        _ => {
+            let problem = format!("is not a positive integer: expected an integer >= 1, got {}", given(value));
+            Err(input_error(value.py(), function, name, problem).into())
+        }
+    }
+}
+
+/// A text.
+pub fn text(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<String, Failure> {
+    match value.cast::<PyString>() {
+        Ok(text) => Ok(text.to_string()),
+        Err(_) => Err(input_error(value.py(), function, name, format!("is not a name: expected a string, got {}", given(value))).into()),
+    }
+}
+
+/// An object of a class of this module.
+pub fn object<'py, T: pyo3::PyClass>(
+    function: &str,
+    name: &str,
+    expected: &str,
+    value: &Bound<'py, PyAny>,
+) -> Result<Bound<'py, T>, Failure> {
+    let wrong = |_| {
+        let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
+        input_error(value.py(), function, name, format!("is of the wrong type: expected {expected}, got {kind}")).into()
+    };
+    value.cast::<T>().cloned().map_err(wrong)
+}
+
+/// The number of elements of an array of this shape; more than memory can address is a `MemoryError`.
+fn elements(shape: &[usize]) -> Result<usize, Failure> {
+    let bytes = shape.iter().fold(8_u128, |bytes, &n| bytes.saturating_mul(n as u128));
+    if bytes > isize::MAX as u128 { Err(Error::Memory { bytes }.into()) } else { Ok(bytes as usize / 8) }
 }
 
 /// The row and column, or whatever the indices are, of element `k` of an array of this shape.
@@ -185,11 +251,11 @@ pub fn broadcast<'a, const K: usize>(
         let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
         input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected leading axes that agree, got {all}"))
     })?;
-    let count = shape.iter().product();
+    let count = elements(&shape)?;
     for k in 0..K {
         let single = shapes[k].iter().product::<usize>() == 1;
         if shapes[k] != shape && !single {
-            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, widths[k]));
+            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, widths[k])?);
         }
     }
     Ok(Broadcast { shape, count, rows })
@@ -214,10 +280,12 @@ pub fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
 }
 
 /// Repeat the rows of an array of leading axes `from` into leading axes `to`.
-pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Vec<f64> {
-    let count: usize = to.iter().product();
+pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Result<Vec<f64>, Failure> {
+    let count = elements(to)?;
     let skip = to.len() - from.len();
-    let mut out = Vec::with_capacity(count * width);
+    let mut out = Vec::new();
+    let bytes = count as u128 * width as u128 * 8;
+    out.try_reserve_exact(count.saturating_mul(width)).map_err(|_| Error::Memory { bytes })?;
     let mut index = vec![0; to.len()];
     for _ in 0..count {
         let row = from.iter().zip(&index[skip..]).fold(0, |row, (&n, &i)| row * n + if n == 1 { 0 } else { i });
@@ -230,7 +298,7 @@ pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Vec<
             index[axis] = 0;
         }
     }
-    out
+    Ok(out)
 }
 
 /// The elements of a C-contiguous, aligned float64 array of exactly this shape, in place; None for anything else.
@@ -253,9 +321,16 @@ pub fn new_array<'py>(
     shape: &[usize],
     fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
 ) -> Result<Bound<'py, PyAny>, Failure> {
+    // numpy says what does not fit as a MemoryError; the quick way below may only panic.
+    let large = if elements(shape)? > LARGE {
+        let array = numpy_function(py, "empty")?.call1((PyTuple::new(py, shape)?,))?;
+        Some(array.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?)
+    } else {
+        None
+    };
     // SAFETY: every element is written before anyone can see the array: it is zeroed, because `fill` may fail.
     let (array, out) = unsafe {
-        let array = PyArrayDyn::<f64>::new(py, shape, false);
+        let array = large.unwrap_or_else(|| PyArrayDyn::<f64>::new(py, shape, false));
         let data = std::slice::from_raw_parts_mut(array.data(), array.len());
         data.fill(0.0);
         (array, data)
@@ -315,7 +390,7 @@ pub fn out_slice<'a>(
 }
 
 /// A real number: a Python float or int, a numpy scalar, or an array without axes. Arrays with axes give None.
-pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Option<f64>, Failure> {
+pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Option<f64>, Failure> {
     if let Ok(x) = value.cast::<PyFloat>() {
         return Ok(Some(x.value()));
     }
@@ -360,7 +435,7 @@ pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound
     })?;
     for k in 0..K {
         if shapes[k] != shape && columns[k].len() != 1 {
-            columns[k] = stretch(&shapes[k], &shape, &columns[k], 1);
+            columns[k] = stretch(&shapes[k], &shape, &columns[k], 1)?;
         }
     }
     Ok(Columns { count: shape.iter().product(), shape, columns })
@@ -368,7 +443,7 @@ pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound
 
 /// A number, written as an array without axes, or an array.
 fn value_or_array<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Converted<'a> {
-    match number(function, name, value)? {
+    match number_or_array(function, name, value)? {
         Some(x) => Ok((vec![], Cow::Owned(vec![x]))),
         None => numbers(function, name, value),
     }

@@ -1,12 +1,15 @@
 //! `armlet.Law` and its members, and `armlet.RigidArm`.
 
 use crate::arm::Arm;
-use crate::arrays::{new_array, new_vector, numbers, require_finite, shown, vector};
+use crate::arrays::{new_array, new_vector, number, numbers, object, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
 use armlet_core::law::{AdaptiveSpec, ComputedTorqueSpec, Gain, LawSpec};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+
+const AN_ARM: &str = "an Arm such as planar_pr(..)";
+const A_MOTION: &str = "a Motion such as Hold";
 
 /// A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) = tau`, `x = [q, v]`.
 #[pyclass(frozen, module = "armlet")]
@@ -18,8 +21,8 @@ pub struct RigidArm {
 #[pymethods]
 impl RigidArm {
     #[new]
-    fn new(arm: Py<Arm>) -> Self {
-        RigidArm { arm }
+    fn new(arm: &Bound<'_, PyAny>) -> PyResult<Self> {
+        entry(arm.py(), "RigidArm", || Ok(RigidArm { arm: object::<Arm>("RigidArm", "arm", AN_ARM, arm)?.unbind() }))
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -48,12 +51,13 @@ pub struct Law {
 fn asked(
     function: &str,
     spec: &LawSpec,
-    t: f64,
+    t: &Bound<'_, PyAny>,
     (q, v): (&Bound<'_, PyAny>, &Bound<'_, PyAny>),
     elastic: [Option<&Bound<'_, PyAny>>; 2],
     state: Option<&Bound<'_, PyAny>>,
-) -> Result<(Vec<f64>, Vec<f64>, Vec<f64>), Failure> {
+) -> Result<(f64, Vec<f64>, Vec<f64>, Vec<f64>), Failure> {
     let py = q.py();
+    let t = number(function, "t", t)?;
     require_finite(py, function, "t", &[], &[t])?;
     for (name, value) in ["theta", "theta_dot"].into_iter().zip(elastic) {
         if value.is_some() {
@@ -66,7 +70,7 @@ fn asked(
         Some(state) => vector(function, "state", state, initial.len())?,
         None => initial.to_vec(),
     };
-    Ok((vector(function, "q", q, n)?, vector(function, "v", v, n)?, z))
+    Ok((t, vector(function, "q", q, n)?, vector(function, "v", v, n)?, z))
 }
 
 #[pymethods]
@@ -78,7 +82,7 @@ impl Law {
     fn __call__<'py>(
         &self,
         py: Python<'py>,
-        t: f64,
+        t: &Bound<'py, PyAny>,
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
         theta: Option<&Bound<'py, PyAny>>,
@@ -87,7 +91,7 @@ impl Law {
     ) -> PyResult<Bound<'py, PyAny>> {
         let name = self.spec.name();
         entry(py, name, || {
-            let (q, v, z) = asked(name, &self.spec, t, (q, v), [theta, theta_dot], state)?;
+            let (t, q, v, z) = asked(name, &self.spec, t, (q, v), [theta, theta_dot], state)?;
             new_vector(py, q.len(), |tau| {
                 self.spec.input(t, &q, &v, &z, tau);
                 Ok(())
@@ -100,7 +104,7 @@ impl Law {
     fn terms<'py>(
         &self,
         py: Python<'py>,
-        t: f64,
+        t: &Bound<'py, PyAny>,
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
         theta: Option<&Bound<'py, PyAny>>,
@@ -108,7 +112,7 @@ impl Law {
         state: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         entry(py, "terms", || {
-            let (q, v, z) = asked("terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
+            let (t, q, v, z) = asked("terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
             let parts = PyDict::new(py);
             for (name, shape, values) in self.spec.terms(t, &q, &v, &z) {
                 let array = new_array(py, &shape, |out| {
@@ -197,16 +201,17 @@ impl Adaptive {
     #[new]
     #[pyo3(signature = (arm, motion, kp, kd, gamma, *, estimate=None))]
     fn new(
-        py: Python<'_>,
-        arm: Py<Arm>,
-        motion: Py<Motion>,
+        arm: &Bound<'_, PyAny>,
+        motion: &Bound<'_, PyAny>,
         kp: &Bound<'_, PyAny>,
         kd: &Bound<'_, PyAny>,
         gamma: &Bound<'_, PyAny>,
         estimate: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "Adaptive";
-        entry(py, NAME, || {
+        entry(arm.py(), NAME, || {
+            let (arm, motion) =
+                (object::<Arm>(NAME, "arm", AN_ARM, arm)?.unbind(), object::<Motion>(NAME, "motion", A_MOTION, motion)?.unbind());
             let model = arm.get().model.planar_pr()?;
             let (n, p) = (2, 3);
             let gains = [gain(NAME, "kp", kp, n)?, gain(NAME, "kd", kd, n)?, gain(NAME, "gamma", gamma, p)?];
@@ -242,14 +247,15 @@ pub struct ComputedTorque;
 impl ComputedTorque {
     #[new]
     fn new(
-        py: Python<'_>,
-        arm: Py<Arm>,
-        motion: Py<Motion>,
+        arm: &Bound<'_, PyAny>,
+        motion: &Bound<'_, PyAny>,
         kp: &Bound<'_, PyAny>,
         kd: &Bound<'_, PyAny>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ComputedTorque";
-        entry(py, NAME, || {
+        entry(arm.py(), NAME, || {
+            let (arm, motion) =
+                (object::<Arm>(NAME, "arm", AN_ARM, arm)?.unbind(), object::<Motion>(NAME, "motion", A_MOTION, motion)?.unbind());
             let model = arm.get().model.planar_pr()?;
             let (kp_gain, kd_gain) = (gain(NAME, "kp", kp, 2)?, gain(NAME, "kd", kd, 2)?);
             let arguments = vec![("kp", kept(NAME, "kp", kp)?.unbind()), ("kd", kept(NAME, "kd", kd)?.unbind())];

@@ -5,8 +5,8 @@ mod arrays;
 mod errors;
 mod law;
 mod motion;
-mod priority;
 mod plan;
+mod priority;
 mod simulate;
 
 use pyo3::prelude::*;
@@ -22,7 +22,6 @@ mod _core {
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]
-    use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
     use super::plan::_restore_plan;
     #[pymodule_export]
     use super::plan::bang_bang::{BangBangBatch, BangBangReport, Bind, bang_bang_time};
@@ -30,6 +29,8 @@ mod _core {
     use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
     #[pymodule_export]
     use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
+    #[pymodule_export]
+    use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 

@@ -1,6 +1,6 @@
 //! `armlet.Motion` and its members.
 
-use crate::arrays::{any_vector, new_vector, numbers, require_finite, shown, vector};
+use crate::arrays::{any_vector, new_vector, number, numbers, optional_number, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::motion::{self, Motion as Core};
 use pyo3::prelude::*;
@@ -29,8 +29,10 @@ impl Motion {
     }
 
     /// `q_d, v_d, a_d` at time `t` in s, each `(n,)`.
-    fn __call__<'py>(&self, py: Python<'py>, t: f64) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let py = t.py();
         entry(py, "Motion", || {
+            let t = number("Motion", "t", t)?;
             require_finite(py, "Motion", "t", &[], &[t])?;
             let n = self.core.dof();
             let mut all = vec![0.0; 3 * n];
@@ -170,14 +172,16 @@ macro_rules! rest_to_rest {
         #[pymethods]
         impl $name {
             #[new]
-            fn new(py: Python<'_>, q0: &Bound<'_, PyAny>, q1: &Bound<'_, PyAny>, duration: f64) -> PyResult<PyClassInitializer<Self>> {
+            fn new(q0: &Bound<'_, PyAny>, q1: &Bound<'_, PyAny>, duration: &Bound<'_, PyAny>) -> PyResult<PyClassInitializer<Self>> {
                 const NAME: &str = stringify!($name);
+                let py = q0.py();
                 entry(py, NAME, || {
+                    let duration = number(NAME, "duration", duration)?;
                     let q0 = any_vector(NAME, "q0", q0)?;
                     let n = q0.len();
                     let q1 = vector(NAME, "q1", q1, n)?;
-                    let number = duration.into_pyobject(py).map_err(PyErr::from)?.into_any();
-                    let arguments = vec![("q0", kept(py, &q0, &[n])?), ("q1", kept(py, &q1, &[n])?), ("duration", number)];
+                    let seconds = duration.into_pyobject(py).map_err(PyErr::from)?.into_any();
+                    let arguments = vec![("q0", kept(py, &q0, &[n])?), ("q1", kept(py, &q1, &[n])?), ("duration", seconds)];
                     let core = motion::$name::new(q0, q1, duration)?;
                     Ok(PyClassInitializer::from(Motion::new(Core::$name(core), arguments)).add_subclass($name))
                 })
@@ -193,23 +197,25 @@ rest_to_rest!(BangBang, "Rest to rest with the symmetric bang-bang acceleration 
 /// Args:
 ///     dt: s, > 0.
 ///     q, v, a: `(K, n)` each.
-///     start: time of the first knot, s (keyword only).
+///     start: time of the first knot, s; zero if None (keyword only).
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct Table;
 
 #[pymethods]
 impl Table {
     #[new]
-    #[pyo3(signature = (dt, q, v, a, *, start=0.0))]
+    #[pyo3(signature = (dt, q, v, a, *, start=None))]
     fn new(
-        py: Python<'_>,
-        dt: f64,
+        dt: &Bound<'_, PyAny>,
         q: &Bound<'_, PyAny>,
         v: &Bound<'_, PyAny>,
         a: &Bound<'_, PyAny>,
-        start: f64,
+        start: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
+        let py = dt.py();
         entry(py, "Table", || {
+            let dt = number("Table", "dt", dt)?;
+            let start = optional_number("Table", "start", start)?.unwrap_or(0.0);
             let mut columns = Vec::new();
             let mut knots = vec![];
             for (name, value) in [("q", q), ("v", v), ("a", a)] {
@@ -225,13 +231,13 @@ impl Table {
             }
             let n = knots[1];
             let rows = (0..knots[0]).flat_map(|k| columns.iter().flat_map(move |c| c[k * n..(k + 1) * n].to_vec())).collect();
-            let number = |x: f64| -> Result<Bound<'_, PyAny>, Failure> { Ok(x.into_pyobject(py).map_err(PyErr::from)?.into_any()) };
+            let kept_number = |x: f64| -> Result<Bound<'_, PyAny>, Failure> { Ok(x.into_pyobject(py).map_err(PyErr::from)?.into_any()) };
             let arguments = vec![
-                ("dt", number(dt)?),
+                ("dt", kept_number(dt)?),
                 ("q", kept(py, &columns[0], &knots)?),
                 ("v", kept(py, &columns[1], &knots)?),
                 ("a", kept(py, &columns[2], &knots)?),
-                ("start", number(start)?),
+                ("start", kept_number(start)?),
             ];
             Ok(PyClassInitializer::from(Motion::new(Core::Table(motion::Table::new(start, dt, n, rows)?), arguments)).add_subclass(Table))
         })

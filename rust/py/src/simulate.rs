@@ -1,6 +1,6 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{any_vector, numbers, require_finite, shown, vector};
+use crate::arrays::{any_vector, count, number, numbers, object, optional_number, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::law::{Law, RigidArm};
 use armlet_core::dynamics::PlanarPr;
@@ -30,40 +30,58 @@ fn several<'py, T: pyo3::PyClass>(
         return Err(input_error(value.py(), function, name, format!("is empty: expected {expected}, got []")).into());
     }
     let wrong = |item: &Bound<'py, PyAny>, i: usize| -> Failure {
-        let problem = format!("is not {expected}: got {} (first bad index {i})", item.get_type());
+        let problem = format!(
+            "is of the wrong type: expected {expected}, got {} (first bad index {i})",
+            item.get_type().name().map(|name| name.to_string()).unwrap_or_default()
+        );
         input_error(value.py(), function, name, problem).into()
     };
     items.iter().enumerate().map(|(i, item)| item.cast::<T>().cloned().map_err(|_| wrong(item, i))).collect()
 }
 
-#[allow(clippy::type_complexity)]
-fn options(
-    function: &str,
-    py: Python<'_>,
-    n: usize,
-    (t_end, dt, method, rtol, atol): (f64, Option<f64>, &str, f64, f64),
-    (sample_time, record_every, t_eval, tau_max): (Option<f64>, usize, Option<&Bound<'_, PyAny>>, Option<&Bound<'_, PyAny>>),
+/// How to run it, as Python gives it.
+struct Given<'a, 'py> {
+    t_end: &'a Bound<'py, PyAny>,
+    dt: Option<&'a Bound<'py, PyAny>>,
+    method: &'a Bound<'py, PyAny>,
+    rtol: &'a Bound<'py, PyAny>,
+    atol: &'a Bound<'py, PyAny>,
+    sample_time: Option<&'a Bound<'py, PyAny>>,
+    record_every: &'a Bound<'py, PyAny>,
+    t_eval: Option<&'a Bound<'py, PyAny>>,
+    tau_max: Option<&'a Bound<'py, PyAny>>,
     monitors: bool,
-) -> Result<Options, Failure> {
-    let times = match t_eval {
-        Some(t_eval) => Times::At(any_vector(function, "t_eval", t_eval)?),
-        None => Times::Every(record_every),
-    };
-    let tau_max = match tau_max {
-        None => None,
-        Some(value) => {
-            let (shape, values) = numbers(function, "tau_max", value)?;
-            match shape.as_slice() {
-                [] => Some(vec![values[0]; n]),
-                [rows] if *rows == n => Some(values.into_owned()),
-                _ => {
-                    let problem = format!("has the wrong shape: expected a scalar or ({n},), got {}", shown(&shape));
-                    return Err(input_error(py, function, "tau_max", problem).into());
+}
+
+impl Given<'_, '_> {
+    fn options(&self, function: &str, n: usize) -> Result<Options, Failure> {
+        let py = self.t_end.py();
+        let every = count(function, "record_every", self.record_every)?;
+        let times = match self.t_eval {
+            Some(t_eval) => Times::At(any_vector(function, "t_eval", t_eval)?),
+            None => Times::Every(every),
+        };
+        let tau_max = match self.tau_max {
+            None => None,
+            Some(value) => {
+                let (shape, values) = numbers(function, "tau_max", value)?;
+                match shape.as_slice() {
+                    [] => Some(vec![values[0]; n]),
+                    [rows] if *rows == n => Some(values.into_owned()),
+                    _ => {
+                        let problem = format!("has the wrong shape: expected a scalar or ({n},), got {}", shown(&shape));
+                        return Err(input_error(py, function, "tau_max", problem).into());
+                    }
                 }
             }
-        }
-    };
-    Ok(Options { t_end, dt, method: Method::from_name(method)?, rtol, atol, sample_time, times, tau_max, monitors })
+        };
+        let method = Method::from_name(&text(function, "method", self.method)?)?;
+        let [t_end, rtol, atol] =
+            [("t_end", self.t_end), ("rtol", self.rtol), ("atol", self.atol)].map(|(name, x)| number(function, name, x));
+        let dt = optional_number(function, "dt", self.dt)?;
+        let sample_time = optional_number(function, "sample_time", self.sample_time)?;
+        Ok(Options { t_end: t_end?, dt, method, rtol: rtol?, atol: atol?, sample_time, times, tau_max, monitors: self.monitors })
+    }
 }
 
 fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[usize]) -> Result<(), Failure> {
@@ -86,23 +104,23 @@ pub fn simulate<'py>(
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
     v0: Option<&Bound<'py, PyAny>>,
-    t_end: f64,
-    dt: Option<f64>,
-    method: &str,
-    rtol: f64,
-    atol: f64,
-    sample_time: Option<f64>,
-    record_every: usize,
+    t_end: &Bound<'py, PyAny>,
+    dt: Option<&Bound<'py, PyAny>>,
+    method: &Bound<'py, PyAny>,
+    rtol: &Bound<'py, PyAny>,
+    atol: &Bound<'py, PyAny>,
+    sample_time: Option<&Bound<'py, PyAny>>,
+    record_every: &Bound<'py, PyAny>,
     t_eval: Option<&Bound<'py, PyAny>>,
     tau_max: Option<&Bound<'py, PyAny>>,
     monitors: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "simulate";
     entry(py, NAME, || {
-        let plant = one::<RigidArm>(py, NAME, "plant", "a plant such as RigidArm", plant)?;
-        let law = one::<Law>(py, NAME, "law", "a law such as Adaptive", law)?;
+        let plant = object::<RigidArm>(NAME, "plant", "a plant such as RigidArm", plant)?;
+        let law = object::<Law>(NAME, "law", "a law such as Adaptive", law)?;
         let n = Problem::DOF;
-        let options = options(NAME, py, n, (t_end, dt, method, rtol, atol), (sample_time, record_every, t_eval, tau_max), monitors)?;
+        let options = Given { t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors }.options(NAME, n)?;
         let arm = plant.get().arm.get().model.planar_pr()?;
         let problem = Problem {
             plants: vec![&arm],
@@ -111,7 +129,8 @@ pub fn simulate<'py>(
             v0: single_state(NAME, "v0", v0, n)?,
             options,
         };
-        let short = dt.or(sample_time).is_some_and(|dt| t_end / dt < SHORT) && !problem.options.method.is_adaptive();
+        let given = &problem.options;
+        let short = given.dt.or(given.sample_time).is_some_and(|dt| given.t_end / dt < SHORT) && !given.method.is_adaptive();
         let mut signal = None;
         let run = if short {
             py.detach(|| core::simulate(&problem, &AtomicBool::new(false)))
@@ -147,19 +166,6 @@ pub fn simulate<'py>(
     })
 }
 
-fn one<'py, T: pyo3::PyClass>(
-    py: Python<'py>,
-    function: &str,
-    name: &str,
-    expected: &str,
-    value: &Bound<'py, PyAny>,
-) -> Result<Bound<'py, T>, Failure> {
-    value
-        .cast::<T>()
-        .cloned()
-        .map_err(|_| input_error(py, function, name, format!("is of the wrong type: expected {expected}, got {}", value.get_type())).into())
-}
-
 /// Look for Ctrl-C: what it raised is kept, and the work is told to stop.
 fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
     move || {
@@ -179,25 +185,25 @@ pub fn simulate_batch<'py>(
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
     v0: Option<&Bound<'py, PyAny>>,
-    t_end: f64,
-    dt: Option<f64>,
-    method: &str,
-    rtol: f64,
-    atol: f64,
-    sample_time: Option<f64>,
-    record_every: usize,
+    t_end: &Bound<'py, PyAny>,
+    dt: Option<&Bound<'py, PyAny>>,
+    method: &Bound<'py, PyAny>,
+    rtol: &Bound<'py, PyAny>,
+    atol: &Bound<'py, PyAny>,
+    sample_time: Option<&Bound<'py, PyAny>>,
+    record_every: &Bound<'py, PyAny>,
     t_eval: Option<&Bound<'py, PyAny>>,
     tau_max: Option<&Bound<'py, PyAny>>,
     monitors: bool,
-    threads: Option<usize>,
-    keep: &str,
+    threads: Option<&Bound<'py, PyAny>>,
+    keep: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "simulate_batch";
     entry(py, NAME, || {
         let plants = several::<RigidArm>(NAME, "plant", "a plant such as RigidArm, or a list of them", plant)?;
         let laws = several::<Law>(NAME, "law", "a law such as Adaptive, or a list of them", law)?;
         let n = Problem::DOF;
-        let keep = match keep {
+        let keep = match text(NAME, "keep", keep)?.as_str() {
             "all" => Keep::All,
             "final" => Keep::Final,
             other => {
@@ -206,8 +212,7 @@ pub fn simulate_batch<'py>(
             }
         };
         let threads = match threads {
-            Some(0) => return Err(input_error(py, NAME, "threads", "is not positive: expected an integer >= 1, got 0").into()),
-            Some(threads) => threads,
+            Some(threads) => count(NAME, "threads", threads)?,
             None => core::default_threads(),
         };
         let (rows, q0) = batch_rows(NAME, "q0", q0, n)?;
@@ -222,7 +227,7 @@ pub fn simulate_batch<'py>(
                 values
             }
         };
-        let options = options(NAME, py, n, (t_end, dt, method, rtol, atol), (sample_time, record_every, t_eval, tau_max), monitors)?;
+        let options = Given { t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors }.options(NAME, n)?;
         let models: Vec<PlanarPr<f64>> = plants.iter().map(|plant| plant.get().arm.get().model.planar_pr()).collect::<Result<_, _>>()?;
         let arms: Vec<&PlanarPr<f64>> = models.iter().collect();
         let specs: Vec<&LawSpec> = laws.iter().map(|law| &law.get().spec).collect();

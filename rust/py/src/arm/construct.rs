@@ -1,7 +1,7 @@
 //! The constructors of arms, and what pickling stores.
 
 use super::{Arm, Model};
-use crate::arrays::{any_vector, numbers, require_finite, shown, vector};
+use crate::arrays::{any_vector, number as scalar, numbers, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::PlanarPr;
@@ -29,8 +29,12 @@ use std::path::Path;
 #[pyfunction]
 #[pyo3(name = "planar_pr", signature = (A, B, C))]
 #[allow(non_snake_case)]
-pub fn planar_pr(py: Python<'_>, A: f64, B: f64, C: f64) -> PyResult<Arm> {
-    entry(py, "planar_pr", || Ok(Arm { model: Model::PlanarPr(PlanarPr::new(A, B, C)?) }))
+pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: &Bound<'_, PyAny>) -> PyResult<Arm> {
+    const NAME: &str = "planar_pr";
+    entry(py, NAME, || {
+        let [a, b, c] = [scalar(NAME, "A", A)?, scalar(NAME, "B", B)?, scalar(NAME, "C", C)?];
+        Ok(Arm { model: Model::PlanarPr(PlanarPr::new(a, b, c)?) })
+    })
 }
 
 /// Any finite parameters: what pickling and `with_parameters` made need not be a possible robot.
@@ -144,8 +148,9 @@ pub fn planar_arm(
 /// >>> float(al.pendulum(1.0, 2.0).gravity([1.5707963267948966])[0])
 /// 2.0
 #[pyfunction]
-pub fn pendulum(py: Python<'_>, inertia: f64, gravity_moment: f64) -> PyResult<Arm> {
-    entry(py, "pendulum", || Ok(core::Arm::pendulum(inertia, gravity_moment)?.into()))
+pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bound<'_, PyAny>) -> PyResult<Arm> {
+    const NAME: &str = "pendulum";
+    entry(py, NAME, || Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into()))
 }
 
 /// A number, or a decimal string as exact inputs are written.

@@ -4,7 +4,7 @@ pub mod bang_bang;
 pub mod profiles;
 pub mod torque;
 
-use crate::arrays::number;
+use crate::arrays::number_or_array;
 use crate::errors::{Failure, entry, input_error};
 use bang_bang::bang_bang_time;
 use profiles::ProfileReport;
@@ -27,14 +27,14 @@ pub fn problem(
 ) -> Result<Option<Problem>, Failure> {
     let mut p = [0.0; 6];
     for k in 0..5 {
-        match number(function, NAMES[k], values[k])? {
+        match number_or_array(function, NAMES[k], values[k])? {
             Some(x) => p[k] = x,
             None => return Ok(None),
         }
     }
     p[5] = match tau_min {
         None => symmetric(py, function, p[4])?,
-        Some(value) => match number(function, "tau_min", value)? {
+        Some(value) => match number_or_array(function, "tau_min", value)? {
             Some(x) => x,
             None => return Ok(None),
         },
@@ -69,8 +69,9 @@ pub fn single(
 /// A number; arrays with axes are refused.
 pub fn scalar(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
     let got = || value.getattr("shape").and_then(|s| s.str()).map_or("an array".to_string(), |s| format!("shape {s}"));
-    number(function, name, value)?
-        .ok_or_else(|| input_error(value.py(), function, name, format!("is not a number: expected a number, got {}", got())).into())
+    number_or_array(function, name, value)?.ok_or_else(|| {
+        input_error(value.py(), function, name, format!("is not a number: expected a number_or_array, got {}", got())).into()
+    })
 }
 
 /// How Python writes a float or a truth value.

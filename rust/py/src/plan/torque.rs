@@ -1,7 +1,7 @@
 //! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
 
 use super::{Again, Field, Problem, again, float, scalar, single, truth};
-use crate::arrays::{new_array, number, numbers, require_finite};
+use crate::arrays::{new_array, number_or_array, numbers, require_finite};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
 use armlet_core::plan::{self, FrictionOptimum, TorqueProfile};
@@ -119,7 +119,7 @@ impl TorqueOptimum {
             };
             return Err(input_error(py, function, "the optimum", problem).into());
         };
-        if let Some(t) = number(function, "t", t)? {
+        if let Some(t) = number_or_array(function, "t", t)? {
             require_finite(py, function, "t", &[], &[t])?;
             let s = profile.at(t);
             let mut out = Vec::with_capacity(4);

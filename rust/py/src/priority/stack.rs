@@ -117,7 +117,7 @@ impl<'a> Stack<'a> {
         let count = lead.iter().product();
         for part in blocks.iter_mut().chain(&mut commands) {
             if part.lead != lead && part.lead.iter().product::<usize>() != 1 {
-                part.values = Cow::Owned(stretch(&part.lead, &lead, &part.values, part.width));
+                part.values = Cow::Owned(stretch(&part.lead, &lead, &part.values, part.width)?);
             }
         }
         Ok(Stack { n, rows, lead, count, jacobians: blocks, velocities: commands, names })

@@ -1,0 +1,261 @@
+"""The same inputs give the same bits, whatever the threads and the order; runs stop on Ctrl-C, and survive a fork."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import armlet as al
+
+Array = NDArray[np.float64]
+
+ARM = al.planar_pr(2.0, 0.5, 0.5)
+PLANT = al.RigidArm(ARM)
+MOTION = al.Sinusoid([0.0, 0.3], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4])
+LAW = al.Adaptive(ARM, MOTION, [40.0, 20.0], [20.0, 10.0], 5.0)
+OPTIONS: dict[str, Any] = {"t_end": 0.5, "dt": 1e-3, "record_every": 100}
+FIELDS = ("q", "v", "tau", "estimate")
+
+
+def states(rows: int) -> tuple[Array, Array]:
+    rng = np.random.default_rng(31)
+    q0, v0 = rng.uniform(-1.0, 1.0, (2, rows, 2))
+    return q0, v0
+
+
+def same(a: Any, b: Any, rows: Any = slice(None), others: Any = slice(None)) -> None:
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(a, name)[rows], getattr(b, name)[others])
+    assert a.monitors.keys() == b.monitors.keys()
+    for name in a.monitors:
+        np.testing.assert_array_equal(a.monitors[name][rows], b.monitors[name][others])
+
+
+METHODS: dict[str, dict[str, Any]] = {
+    "rk4": OPTIONS,
+    "sampled": OPTIONS | {"sample_time": 5e-3},
+    "saturated": OPTIONS | {"tau_max": [6.0, 3.0]},
+    "dop853": {"t_end": 0.5, "method": "dop853", "t_eval": np.linspace(0.0, 0.5, 6)},
+}
+
+
+@pytest.mark.parametrize("options", METHODS.values(), ids=METHODS.keys())
+def test_threads_do_not_matter(options: dict[str, Any]) -> None:
+    """61 rows: tails in every division of the work."""
+    q0, v0 = states(61)
+    one = al.simulate_batch(PLANT, LAW, q0, v0=v0, threads=1, **options)
+    assert np.all(one.status == al.Status.SUCCESS) and np.all(np.isfinite(one.q))
+    for threads in (2, 3, 5, 8, None):
+        same(al.simulate_batch(PLANT, LAW, q0, v0=v0, threads=threads, **options), one)
+
+
+@pytest.mark.parametrize("options", METHODS.values(), ids=METHODS.keys())
+def test_order_and_company_do_not_matter(options: dict[str, Any]) -> None:
+    q0, v0 = states(37)
+    whole = al.simulate_batch(PLANT, LAW, q0, v0=v0, **options)
+    order = np.random.default_rng(32).permutation(37)
+    same(al.simulate_batch(PLANT, LAW, q0[order], v0=v0[order], **options), whole, others=order)
+    for rows in (slice(0, 1), slice(5, 14), slice(36, 37)):
+        same(al.simulate_batch(PLANT, LAW, q0[rows], v0=v0[rows], **options), whole, others=rows)
+
+
+@pytest.mark.parametrize("options", METHODS.values(), ids=METHODS.keys())
+def test_a_row_is_a_run(options: dict[str, Any]) -> None:
+    """Lanes and the single run may round differently; a loop that contracts forgets it."""
+    q0, v0 = states(11)
+    rows = al.simulate_batch(PLANT, LAW, q0, v0=v0, **options)
+    for i in range(11):
+        run = al.simulate(PLANT, LAW, q0[i], v0=v0[i], **options)
+        np.testing.assert_array_equal(run.t, rows.t)
+        for name in FIELDS:
+            np.testing.assert_allclose(getattr(run, name), getattr(rows, name)[i], rtol=1e-12, atol=1e-12 * 40)
+
+
+def test_own_plants_and_laws_per_row() -> None:
+    """A list of B plants and laws is B batches of one."""
+    rng = np.random.default_rng(33)
+    plants = [al.RigidArm(al.planar_pr(a, 0.3, c)) for a, c in rng.uniform(1.0, 3.0, (10, 2))]
+    laws = [
+        al.Adaptive(ARM, al.Quintic([0.0, 0.0], q, 0.4), np.diag([30.0, 20.0]) + 1.0, 10.0 + i, 2.0)
+        for i, q in enumerate(rng.uniform(-1, 1, (10, 2)))
+    ]
+    q0, _ = states(10)
+    whole = al.simulate_batch(plants, laws, q0, **OPTIONS)
+    for i in range(10):
+        same(al.simulate_batch(plants[i], laws[i], q0[i : i + 1], **OPTIONS), whole, others=slice(i, i + 1))
+
+
+@pytest.mark.parametrize("cause", ["law", "state"])
+@pytest.mark.parametrize("bad", [0, 7, 8, 12])
+def test_a_row_that_diverges_leaves_the_others_alone(bad: int, cause: str) -> None:
+    """An adaptation too fast for the step, or a start too fast for any; at both edges of a lane group and inside one."""
+    q0, v0 = states(13)
+    wild_v0 = v0.copy()
+    options = OPTIONS | {"t_end": 2.0, "dt": 0.01, "record_every": 1}
+    laws: Any = LAW
+    wild_laws: Any = LAW
+    if cause == "state":
+        wild_v0[bad] = 1e60
+    else:
+        laws, wild_laws = [LAW] * 13, [LAW] * 13
+        laws[bad] = al.Adaptive(ARM, MOTION, [41.0, 20.0], [20.0, 10.0], 5.0)
+        wild_laws[bad] = al.Adaptive(ARM, MOTION, [4000.0, 2000.0], [2000.0, 1000.0], 1e6)
+    calm = al.simulate_batch(PLANT, laws, q0, v0=v0, **options)
+    assert np.all(calm.status == al.Status.SUCCESS)
+    batch = al.simulate_batch(PLANT, wild_laws, q0, v0=wild_v0, **options)
+    others = np.arange(13) != bad
+    assert batch.status[bad] == al.Status.DIVERGED and np.all(batch.status[others] == al.Status.SUCCESS)
+    same(batch, calm, rows=others, others=others)
+    ended = batch.stats["ended"][bad]
+    assert 0.0 <= ended < 2.0
+    after = batch.t > ended + 1e-12
+    assert np.any(after)
+    for name in FIELDS:
+        assert np.all(np.isnan(getattr(batch, name)[bad][after]))
+        assert np.all(np.isfinite(getattr(batch, name)[bad][0]))
+    assert np.all(np.isnan(batch.monitors["lyapunov"][bad][after]))
+
+
+SCRIPT = """
+import sys
+import numpy as np
+import armlet as al
+arm = al.planar_pr(2.0, 0.5, 0.5)
+law = al.Adaptive(arm, al.Sinusoid([0.0, 0.3], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4]), [40.0, 20.0], [20.0, 10.0], 5.0)
+q0 = np.random.default_rng(7).uniform(-1.0, 1.0, (19, 2))
+batch = al.simulate_batch(al.RigidArm(arm), law, q0, t_end=2.0, dt=1e-3, record_every=50)
+run = al.simulate(al.RigidArm(arm), law, q0[0], t_end=2.0, dt=1e-3, record_every=50)
+np.savez(sys.stdout.buffer, q=batch.q, v=batch.v, estimate=batch.estimate, single=run.q, isa=al.build_info()["instruction_set"])
+"""
+
+
+def in_process(code: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, env=os.environ | environment, timeout=60)
+
+
+def test_instruction_sets_agree() -> None:
+    import io
+
+    best = al.build_info()["best_instruction_set"]
+    names = ["baseline", "avx2", "avx512"]
+    answers = {}
+    for name in names[: names.index(best) + 1]:
+        done = in_process(SCRIPT, ARMLET_ISA=name)
+        assert done.returncode == 0, done.stderr.decode()
+        answers[name] = dict(np.load(io.BytesIO(done.stdout)))
+        assert answers[name].pop("isa") == name
+    for name, answer in answers.items():
+        for field, values in answer.items():
+            assert np.all(np.isfinite(values))
+            # The loop contracts: roundings of different order stay at that order.
+            np.testing.assert_allclose(values, answers["baseline"][field], rtol=1e-12, atol=1e-12, err_msg=f"{name} {field}")
+
+
+@pytest.mark.parametrize("name", ["sse9", "AVX2 ", "0"])
+def test_an_unknown_instruction_set_is_said_at_import(name: str) -> None:
+    done = in_process("import armlet", ARMLET_ISA=name)
+    message = done.stderr.decode()
+    assert done.returncode == 1 and "ImportError" in message.splitlines()[-1], message
+    assert "ARMLET_ISA" in message and "baseline" in message and "avx2" in message and "avx512" in message
+
+
+LONG = """
+import signal, sys, time
+import numpy as np
+import armlet as al
+arm = al.planar_pr(2.0, 0.5, 0.5)
+plant = al.RigidArm(arm)
+law = al.Adaptive(arm, al.Sinusoid([0.0, 0.3], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4]), 40.0, 20.0, 5.0)
+when = []
+def stamp(number, frame):
+    when.append(time.perf_counter())
+    signal.default_int_handler(number, frame)
+signal.signal(signal.SIGINT, stamp)
+al.simulate_batch(plant, law, np.zeros((16, 2)), t_end=0.1, dt=1e-3)
+print("ready", flush=True)
+try:
+    {call}
+except KeyboardInterrupt:
+    late = time.perf_counter() - when[0]
+    after = al.simulate_batch(plant, law, np.zeros((16, 2)), t_end=0.1, dt=1e-3)
+    print("interrupted", late, int(after.status.sum()), flush=True)
+else:
+    print("finished", flush=True)
+"""
+CALLS = {
+    "simulate": "al.simulate(plant, law, [0.0, 0.0], t_end=1e6, dt=1e-3, record_every=10**8)",
+    "simulate_batch": "al.simulate_batch(plant, law, np.zeros((512, 2)), t_end=1e5, dt=1e-3, record_every=10**7)",
+    "batch of adaptive runs": "al.simulate_batch(plant, law, np.zeros((64, 2)), t_end=1e6, method='dop853', rtol=1e-12, t_eval=[1e6])",
+}
+
+
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
+def test_ctrl_c(call: str) -> None:
+    """The caller looks every 20 ms; half a second is what a busy machine may add."""
+    with subprocess.Popen([sys.executable, "-c", LONG.replace("{call}", call)], stdout=subprocess.PIPE, text=True) as process:
+        guard = threading.Timer(40.0, process.kill)
+        guard.start()
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            time.sleep(0.3)
+            sent = time.perf_counter()
+            process.send_signal(signal.SIGINT)
+            words = process.stdout.readline().split()
+            waited = time.perf_counter() - sent
+        finally:
+            guard.cancel()
+            process.kill()
+    assert words and words[0] == "interrupted", words
+    print(f"{call}: KeyboardInterrupt {1e3 * float(words[1]):.1f} ms after the handler, {1e3 * waited:.1f} ms in all with a new batch")
+    assert float(words[1]) <= 0.5
+    assert words[2] == "0"
+
+
+FORK = """
+import os, sys
+import numpy as np
+import armlet as al
+arm = al.planar_pr(2.0, 0.5, 0.5)
+law = al.Adaptive(arm, al.Hold([1.0, 0.0]), 40.0, 20.0, 5.0)
+def work():
+    return al.simulate_batch(al.RigidArm(arm), law, np.full((40, 2), 0.1), t_end=0.1, dt=1e-3, threads=2).q
+before = work()
+child = os.fork()
+if child == 0:
+    os._exit(0 if np.array_equal(work(), before) else 3)
+_, status = os.waitpid(child, 0)
+print(os.waitstatus_to_exitcode(status), np.array_equal(work(), before))
+"""
+
+
+def test_a_forked_child_has_its_own_pool() -> None:
+    done = in_process(FORK)
+    assert done.stdout.decode() == "0 True\n", done.stderr.decode()
+
+
+def test_batches_from_several_threads() -> None:
+    """Two callers at a time share the pool and get their own answers."""
+    q0, v0 = states(40)
+    expected = al.simulate_batch(PLANT, LAW, q0, v0=v0, **OPTIONS)
+    results: list[Any] = [None] * 4
+
+    def work(i: int) -> None:
+        results[i] = al.simulate_batch(PLANT, LAW, q0, v0=v0, threads=2, **OPTIONS)
+
+    workers = [threading.Thread(target=work, args=(i,)) for i in range(4)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join(timeout=30.0)
+    for result in results:
+        same(result, expected)

@@ -1,0 +1,92 @@
+"""What an import brings along, what a star import gives, and that every example in a docstring runs."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+import armlet as al
+
+OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba", "armlet.reference", "armlet.plots", "armlet.cli")
+
+
+def python(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_nothing_optional_is_imported() -> None:
+    """Import, and a run as well."""
+    code = """
+import sys
+import armlet as al
+arm = al.planar_pr(2.0, 0.5, 0.5)
+run = al.simulate(al.RigidArm(arm), al.ComputedTorque(arm, al.Hold([1.0, 0.0]), 4.0, 4.0), [0.0, 0.0], t_end=0.1, dt=0.01)
+repr(run)
+print(*sys.modules)
+"""
+    modules = set(python(code).split())
+    assert "numpy" in modules and "armlet._core" in modules
+    assert modules.isdisjoint(OPTIONAL)
+
+
+def test_only_numpy_is_brought_along() -> None:
+    """Beyond numpy's own modules an import of armlet loads armlet and the standard library."""
+    brought = python("import sys, numpy; before = set(sys.modules); import armlet; print(*(set(sys.modules) - before))").split()
+    roots = {name.partition(".")[0] for name in brought}
+    assert "armlet" in roots
+    assert roots - {"armlet", "numpy"} <= set(sys.stdlib_module_names)
+
+
+def test_star_import_gives_the_public_names() -> None:
+    names = set(python("from armlet import *; print(*[n for n in globals()])").split())
+    assert {name for name in names if name in al.__all__ or not name.startswith("__")} == set(al.__all__)
+    assert len(al.__all__) == len(set(al.__all__)) and list(al.__all__) == sorted(al.__all__)
+    assert all(hasattr(al, name) for name in al.__all__) and dir(al) == sorted(al.__all__)
+
+
+def documented() -> dict[str, Any]:
+    """Every public object and every public method, by name."""
+    found: dict[str, Any] = {"armlet": al}
+    for name in al.__all__:
+        thing = getattr(al, name)
+        if isinstance(thing, str):
+            continue
+        found[name] = thing
+        if inspect.isclass(thing):
+            members = {member: value for member, value in vars(thing).items() if not member.startswith("_")}
+            found |= {f"{name}.{member}": value for member, value in members.items() if getattr(value, "__doc__", None)}
+    return found
+
+
+DOCUMENTED = documented()
+EXAMPLES = {name: thing for name, thing in DOCUMENTED.items() if ">>>" in (inspect.getdoc(thing) or "")}
+
+
+@pytest.mark.parametrize("name", DOCUMENTED)
+def test_everything_public_is_documented(name: str) -> None:
+    text = inspect.getdoc(DOCUMENTED[name])
+    assert text and len(text.split()) >= 3, name
+
+
+def test_there_are_examples() -> None:
+    """The list below is what the next test runs; losing one is noticed here."""
+    assert {"armlet", "planar_pr", "Adaptive", "simulate", "simulate_batch"} <= set(EXAMPLES)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_run(name: str) -> None:
+    text = inspect.getdoc(EXAMPLES[name])
+    assert text is not None
+    test = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
+    assert test.examples
+    report: list[str] = []
+    runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.NORMALIZE_WHITESPACE)
+    runner.run(test, out=report.append)
+    assert runner.failures == 0, "".join(report)

@@ -1,0 +1,128 @@
+"""Every public object pickles, copies and shows itself; what comes back computes the same bits."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+ARM = al.planar_pr(2.0, 0.5, 0.25)
+KNOTS = np.arange(6.0).reshape(3, 2)
+MOTIONS = [
+    al.Hold([1.0, -0.5]),
+    al.Quintic([0.0, 0.0], [1.0, 1.5], 3.0),
+    al.BangBang([0.0, 0.0], [1.0, 1.5], 3.0),
+    al.Sinusoid([0.0, 0.3], [[0.5, 0.2], [0.8, 0.3]], [[1.0, 2.3], [1.7, 0.6]], 0.25),
+    al.Table(0.1, KNOTS, KNOTS / 3.0, KNOTS / 7.0, start=0.05),
+]
+FULL = np.array([[30.0, 1.0], [1.0, 20.0]])
+LAWS = [
+    al.Adaptive(ARM, MOTIONS[3], 40.0, [20.0, 10.0], np.diag([5.0, 4.0, 3.0]), estimate=[0.1, 0.2, 1.0 / 3.0]),
+    al.Adaptive(ARM, MOTIONS[0], FULL, FULL, 5.0),
+    al.ComputedTorque(ARM, MOTIONS[1], FULL, 20.0),
+]
+WAYS: dict[str, Callable[[Any], Any]] = {
+    **{f"pickle {p}": lambda x, p=p: pickle.loads(pickle.dumps(x, p)) for p in range(2, pickle.HIGHEST_PROTOCOL + 1)},
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+}
+way = pytest.mark.parametrize("back", WAYS.values(), ids=WAYS.keys())
+
+
+@way
+def test_arms(back: Callable[[Any], Any]) -> None:
+    # (the last is no possible robot: with_parameters takes any finite numbers)
+    for arm in (ARM, al.planar_pr(1.0 / 3.0, 0.0, 1e-300), ARM.with_parameters([-1.0, 0.0, 2.0])):
+        other = back(arm)
+        assert type(other) is al.Arm and other == arm and hash(other) == hash(arm) and repr(other) == repr(arm)
+        np.testing.assert_array_equal(other.parameters, arm.parameters)
+    assert back(ARM) != ARM.with_parameters([2.0, 0.5, 0.26])
+
+
+@way
+@pytest.mark.parametrize("motion", MOTIONS, ids=lambda motion: type(motion).__name__)
+def test_motions(back: Callable[[Any], Any], motion: Any) -> None:
+    other = back(motion)
+    assert type(other) is type(motion) and other == motion and repr(other) == repr(motion) and other.n == 2
+    for t in (0.0, 0.1, 0.7, 5.0):
+        for x, y in zip(other(t), motion(t), strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+@way
+@pytest.mark.parametrize("law", LAWS, ids=["adaptive", "adaptive from zero", "computed torque"])
+def test_laws_and_plants(back: Callable[[Any], Any], law: Any) -> None:
+    plant, other = back(al.RigidArm(ARM)), back(law)
+    assert type(plant) is al.RigidArm and plant.arm == ARM and repr(plant) == repr(al.RigidArm(ARM))
+    assert type(other) is type(law) and other.arm == law.arm and other.motion == law.motion and repr(other) == repr(law)
+    for name, value in law.terms(0.3, [0.1, 0.2], [0.3, 0.4]).items():
+        np.testing.assert_array_equal(other.terms(0.3, [0.1, 0.2], [0.3, 0.4])[name], value)
+    ours, theirs = (al.simulate(al.RigidArm(ARM), each, [0.1, 0.2], t_end=0.02, dt=1e-3) for each in (law, other))
+    np.testing.assert_array_equal(ours.q, theirs.q)
+
+
+def same(a: Any, b: Any) -> None:
+    assert type(a) is type(b) and repr(a) == repr(b)
+    for name in ("t", "q", "v", "tau", "estimate", "parameters", "status"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert a.monitors.keys() == b.monitors.keys() and a.units == b.units and a.law_name == b.law_name
+    for name in a.monitors:
+        np.testing.assert_array_equal(a.monitors[name], b.monitors[name])
+    for x, y in zip(a.desired(), b.desired(), strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+@way
+def test_runs(back: Callable[[Any], Any]) -> None:
+    run = al.simulate(al.RigidArm(ARM), LAWS[0], [0.1, 0.2], t_end=0.05, dt=1e-3)
+    batch = al.simulate_batch(al.RigidArm(ARM), LAWS[0], np.zeros((3, 2)), t_end=0.05, dt=1e-3, record_every=10)
+    same(back(run), run)
+    same(back(batch), batch)
+    same(back(batch)[1], batch[1])
+
+
+@way
+def test_errors(back: Callable[[Any], Any]) -> None:
+    wild = al.Adaptive(ARM, MOTIONS[0], 400.0, 200.0, 1e6)
+    with pytest.raises(al.SolveError) as solve:
+        al.simulate(al.RigidArm(ARM), wild, [0.0, 0.0], t_end=50.0, dt=0.05)
+    other = back(solve.value)
+    assert type(other) is al.SolveError and str(other) == str(solve.value)
+    assert other.status is al.Status.DIVERGED and other.t == solve.value.t
+    same(other.partial, solve.value.partial)
+    with pytest.raises(al.InputError) as misuse:
+        al.planar_pr(1.0, 2.0, 1.0)
+    assert type(back(misuse.value)) is al.InputError and str(back(misuse.value)) == str(misuse.value)
+    model = back(al.ModelError("load_urdf: link is bad", "arm.urdf", 12))
+    assert type(model) is al.ModelError and (model.file, model.line, str(model)) == ("arm.urdf", 12, "load_urdf: link is bad")
+    for kind in (al.ArmletError, al.FormatError, al.InternalError):
+        assert type(back(kind("x"))) is kind and str(back(kind("x"))) == "x"
+    for status in al.Status:
+        assert back(status) is status
+
+
+def test_reprs_read_like_what_made_them() -> None:
+    """Arms, motions and laws show the call that makes them; runs say how they went."""
+    names = {name: getattr(al, name) for name in al.__all__}
+    assert eval(repr(ARM), names) == ARM
+    for motion in MOTIONS:
+        assert eval(repr(motion), names) == motion
+    for law in LAWS:
+        again = eval(repr(law), names)
+        np.testing.assert_array_equal(again(0.3, [0.1, 0.2], [0.3, 0.4]), law(0.3, [0.1, 0.2], [0.3, 0.4]))
+    assert repr(al.RigidArm(ARM)) == "RigidArm(planar_pr(A=2, B=0.5, C=0.25))"
+    run = al.simulate(al.RigidArm(ARM), LAWS[0], [0.1, 0.2], t_end=0.05, dt=1e-3)
+    assert "Adaptive" in repr(run) and "t=0..0.05 s" in repr(run) and "success" in repr(run)
+
+
+def test_the_hot_classes_take_no_attributes() -> None:
+    """A misspelt attribute is an error, not a silent new one."""
+    for thing in (ARM, MOTIONS[0], LAWS[0], al.RigidArm(ARM)):
+        with pytest.raises(AttributeError):
+            thing.gravty = 1.0  # type: ignore[union-attr]
