@@ -10,7 +10,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -96,12 +95,14 @@ def rows_of_calls(count: int) -> list[tuple[str, Callable[[], None]]]:
     ]
 
 
-IMPORT = "import time, numpy; t = time.perf_counter(); import armlet; print(time.perf_counter() - t)"
+IMPORT = "import time, numpy; w, p = time.perf_counter(), time.process_time(); import armlet; "
+IMPORT += "print(time.perf_counter() - w, time.process_time() - p)"
 
 
-def import_seconds() -> float:
+def import_seconds() -> tuple[float, float]:
     """What `import armlet` adds once numpy is imported, in a fresh process."""
-    return float(subprocess.run([sys.executable, "-P", "-c", IMPORT], check=True, capture_output=True, text=True).stdout)
+    wall, processor = subprocess.run([sys.executable, "-P", "-c", IMPORT], check=True, capture_output=True, text=True).stdout.split()
+    return float(wall), float(processor)
 
 
 class Route:
@@ -143,9 +144,7 @@ def work() -> None:
         elif what.startswith("state:"):
             answer = runs[what.removeprefix("state:")]().tolist()
         else:
-            start = time.perf_counter()
-            runs[what]()
-            answer = time.perf_counter() - start
+            answer = timing.clocked(runs[what])
         print(json.dumps(answer), flush=True)
 
 

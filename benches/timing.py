@@ -1,6 +1,10 @@
 """median over rounds of t_case, and of t_case / t_yardstick within each round: every round runs every case once, so noise hits all alike.
 
-What the benchmarks share: interleaved rounds, pinning, the machine in one line, tables, and the file of results.
+What the benchmarks share: interleaved rounds, pinning, two clocks, the machine in one line, tables, and the file of results.
+
+Each call is timed by the wall clock and by the processor time of the whole process. On a quiet machine the two agree for one thread;
+on a busy one the wall clock counts other programs' turns too. Ratios between single-thread cases are therefore of processor times;
+where several threads take part both sides go by the wall clock, and the ratio means something on a quiet machine only.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from typing import Any
 class Case:
     """One thing to time.
 
-    `run` is called once per round; a number that it returns with `timed` set is the seconds it took, measured where the work was done.
+    `clock` is what its figures and ratios go by. `run` is called once per round; with `timed` set it returns the wall and processor seconds it took, measured where the work was done.
     `per` is how many units (steps, calls) one call does; `scale` turns seconds per unit into `unit`.
     """
 
@@ -31,18 +35,33 @@ class Case:
     unit: str = "ns"
     scale: float = 1e9
     threads: int = 1
+    clock: str = ""
     timed: bool = False
     rounds: int | None = None
     against: str | None = None
-    seconds: dict[int, float] = field(default_factory=dict)
+    wall: dict[int, float] = field(default_factory=dict)
+    processor: dict[int, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.clock = self.clock or ("processor" if self.threads == 1 else "wall")
+
+    def seconds(self, clock: str = "") -> dict[int, float]:
+        """By round, on its own clock or on the one named."""
+        return self.wall if (clock or self.clock) == "wall" else self.processor
+
+    def figure(self, seconds: float) -> float:
+        return seconds / self.per * self.scale
 
     @property
     def median(self) -> float:
-        return statistics.median(self.seconds.values()) / self.per * self.scale
+        return self.figure(statistics.median(self.seconds().values()))
 
-    @property
-    def fastest(self) -> float:
-        return min(self.seconds.values()) / self.per * self.scale
+
+def clocked(run: Callable[[], Any]) -> tuple[float, float]:
+    """Wall and processor seconds of one call."""
+    wall, processor = time.perf_counter(), time.process_time()
+    run()
+    return time.perf_counter() - wall, time.process_time() - processor
 
 
 def cores() -> list[int]:
@@ -65,29 +84,27 @@ def measure(cases: list[Case], rounds: int, core: int, say: Callable[[str], None
     every = cores()
     for case in cases:  # warm up: compile, build pools, fault pages in; and learn which cases are slow
         pin([core] if case.threads == 1 else every)
-        start = time.perf_counter()
-        case.run()
+        wall, _ = clocked(case.run)
         if case.rounds is None:
-            case.rounds = rounds if time.perf_counter() - start < 0.15 else min(rounds, 3)
+            case.rounds = rounds if wall < 0.15 else min(rounds, 5)
     gc.disable()
     for k in range(rounds):
         say(f"round {k + 1}/{rounds}")
         for case in cases:
             assert case.rounds is not None
-            if k % max(1, rounds // case.rounds) or len(case.seconds) >= case.rounds:
+            if k % max(1, rounds // case.rounds) or len(case.wall) >= case.rounds:
                 continue
             pin([core] if case.threads == 1 else every)
-            start = time.perf_counter()
-            took = case.run()
-            case.seconds[k] = took if case.timed else time.perf_counter() - start
+            case.wall[k], case.processor[k] = case.run() if case.timed else clocked(case.run)
     gc.enable()
     pin(every)
 
 
 def ratio(case: Case, yardstick: Case) -> float:
-    """Median over the rounds that both ran of the ratio within the round."""
-    shared = case.seconds.keys() & yardstick.seconds.keys()
-    return statistics.median((case.seconds[k] / case.per) / (yardstick.seconds[k] / yardstick.per) for k in shared)
+    """Median of the ratio within a round, over the rounds that ran both, on one clock."""
+    clock = "wall" if "wall" in (case.clock, yardstick.clock) else "processor"
+    ours, theirs = case.seconds(clock), yardstick.seconds(clock)
+    return statistics.median((ours[k] / case.per) / (theirs[k] / yardstick.per) for k in ours.keys() & theirs.keys())
 
 
 def machine() -> dict[str, Any]:
@@ -111,13 +128,14 @@ def digits(value: float) -> str:
 
 
 def rows(cases: list[Case]) -> list[tuple[str, ...]]:
-    """`(group, case, unit, median, fastest, yardstick, ratio)` as text; the yardstick of a case is named in `against`."""
+    """`(group, case, wall, fastest, processor, yardstick, ratio)` as text; the yardstick of a case is named in `against`."""
     by_name = {case.name: case for case in cases}
     lines = []
     for case in cases:
         yard = by_name.get(case.against or "")
         compared = (yard.name, f"{ratio(case, yard):.2f}") if yard is not None else ("", "")
-        lines.append((case.group, case.name, case.unit, digits(case.median), digits(case.fastest), *compared))
+        times = (statistics.median(case.wall.values()), min(case.wall.values()), statistics.median(case.processor.values()))
+        lines.append((case.group, case.name, *(digits(case.figure(each)) for each in times), *compared))
     return lines
 
 
@@ -127,8 +145,8 @@ def markdown(lines: list[tuple[str, ...]]) -> str:
     for line in lines:
         if line[0] != group:
             group = line[0]
-            text += ["", f"**{group}** ({line[2]})", "", "| case | median | fastest | ratio | to |", "|---|---:|---:|---:|---|"]
-        text.append(f"| {line[1]} | {line[3]} | {line[4]} | {line[6]} | {line[5]} |")
+            text += ["", f"**{group}**", "", "| case | wall | fastest | processor | ratio | to |", "|---|---:|---:|---:|---:|---|"]
+        text.append(f"| {line[1]} | {line[2]} | {line[3]} | {line[4]} | {line[6]} | {line[5]} |")
     return "\n".join(text).strip()
 
 
@@ -139,15 +157,16 @@ def plain(lines: list[tuple[str, ...]]) -> str:
     for line in lines:
         if line[0] != group:
             group = line[0]
-            text += ["", f"{group} ({line[2]})", f"  {'':{width}}  {'median':>9} {'fastest':>9}   ratio"]
+            text += ["", group, f"  {'':{width}}  {'wall':>9} {'fastest':>9} {'processor':>9}   ratio"]
         compared = f"   {line[6]:>5} of {line[5]}" if line[5] else ""
-        text.append(f"  {line[1]:{width}}  {line[3]:>9} {line[4]:>9}{compared}")
+        text.append(f"  {line[1]:{width}}  {line[2]:>9} {line[3]:>9} {line[4]:>9}{compared}")
     return "\n".join(text)
 
 
 def save(path: Path, cases: list[Case], extra: dict[str, Any]) -> None:
     """Every single time, so that other statistics can be taken later."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    fields = ("group", "name", "unit", "per", "scale", "threads", "against")
-    table = [{name: getattr(case, name) for name in fields} | {"seconds": list(case.seconds.values())} for case in cases]
+    fields = ("group", "name", "unit", "per", "scale", "threads", "clock", "against")
+    clocks = [{clock: list(getattr(case, clock).values()) for clock in ("wall", "processor")} for case in cases]
+    table = [{name: getattr(case, name) for name in fields} | times for case, times in zip(cases, clocks, strict=True)]
     path.write_text(json.dumps(extra | {"cases": table}, indent=1) + "\n")
