@@ -189,9 +189,10 @@ def targets(found: list[Case]) -> list[tuple[str, str, str, bool]]:
 def report(suite: Suite, as_markdown: bool) -> str:
     machine, info = timing.machine(), al.build_info()
     rounds = max(len(case.wall) for case in suite.cases)
-    head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; load average {machine['load']} after the run. "
-    head += f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds by the wall clock and in processor time; "
-    head += "a ratio is the median of the ratios within the rounds, of processor times for one thread, of wall times for two."
+    head = (
+        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; load average {machine['load']} after the run. "
+        f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
+    )
     lines, verdicts = timing.rows(suite.cases), targets(suite.cases)
     if not as_markdown:
         text = [head, timing.plain(lines), "", "Targets"]

@@ -24,8 +24,9 @@ from typing import Any
 class Case:
     """One thing to time.
 
-    `clock` is what its figures and ratios go by. `run` is called once per round; with `timed` set it returns the wall and processor seconds it took, measured where the work was done.
-    `per` is how many units (steps, calls) one call does; `scale` turns seconds per unit into `unit`.
+    `run` is called once per round; with `timed` set it returns the wall and processor seconds it took, measured where the work was done.
+    `per` is how many units (steps, calls) one call does; `scale` turns seconds per unit into `unit`. `clock` is what its figures and
+    ratios go by. `rounds` of None: every round, or a few of them where a call is slow.
     """
 
     group: str
