@@ -50,11 +50,11 @@ def batch(threads: int, steps: int = peers.BATCH_STEPS, motion: Any = None, **op
     parameters, q0 = peers.batch_inputs()
     law = al.Adaptive(al.planar_pr(*peers.PLANT), motion or tabulated(steps), peers.KP, peers.KD, peers.GAMMA)
     plants = [al.RigidArm(al.planar_pr(*row)) for row in parameters]
-    options = {"dt": peers.H, "monitors": False, "keep": "final"} | options
+    chosen: dict[str, Any] = {"dt": peers.H, "monitors": False, "keep": "final"} | options
 
     def run() -> Any:
-        done = al.simulate_batch(plants, law, q0, t_end=steps * peers.H, threads=threads, **options)
-        return done if options["keep"] == "all" else final(done)
+        done = al.simulate_batch(plants, law, q0, t_end=steps * peers.H, threads=threads, **chosen)
+        return done if chosen["keep"] == "all" else final(done)
 
     return run
 
@@ -83,7 +83,7 @@ def calls(count: int) -> list[tuple[str, Callable[[], None]]]:
     ]
 
 
-def rows_of_calls(count: int) -> list[tuple[str, Callable[[], None]]]:
+def rows_of_calls(count: int) -> list[tuple[str, Callable[[], Any]]]:
     """The arithmetic of the same functions, from one call on `count` rows."""
     q = np.random.default_rng(1).uniform(-1.0, 1.0, (count, 6))
     pr, six = al.planar_pr(*peers.PLANT), al.load_urdf(al.example_urdf("six_axis"))

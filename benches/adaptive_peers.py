@@ -33,7 +33,7 @@ FULL_KD = np.array([[10.0, 1.0], [1.0, 9.0]])
 FULL_GAMMA = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.2], [0.1, 0.2, 1.0]])
 
 
-def desired(t: Array | float) -> tuple[Array, Array, Array]:
+def desired(t: Any) -> tuple[Array, Array, Array]:
     """q_d = (0.5 sin t, 0.8 sin 2t) and its derivatives, (..., 2)."""
     t = np.asarray(t, float)[..., None]
     amplitude, rate = np.array([0.5, 0.8]), np.array([1.0, 2.0])

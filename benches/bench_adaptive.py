@@ -102,9 +102,9 @@ class Suite:
         many = (self.many, ROUNDING)
         yard = C_BATCH if c else NUMBA_BATCH if numba else None
         if c:
-            on = lambda threads: lambda: c.batch(self.short, peers.BATCH_STEPS, threads)  # noqa: E731
-            self.add(group, C_BATCH, on(1), per, many)
-            self.add(group, f"{C_BATCH}, 2 threads", on(2), per, many, threads=2, against=C_BATCH)
+            self.add(group, C_BATCH, functools.partial(c.batch, self.short, peers.BATCH_STEPS, 1), per, many)
+            both = functools.partial(c.batch, self.short, peers.BATCH_STEPS, 2)
+            self.add(group, f"{C_BATCH}, 2 threads", both, per, many, threads=2, against=C_BATCH)
         self.add(group, BATCH, cases.batch(1), per, many, against=yard)
         self.add(group, BATCH2, cases.batch(2), per, many, threads=2, against=BATCH)
         self.add(group, "armlet, batch, Sinusoid in the loop", cases.batch(1, motion=cases.sinusoid()), per, many, against=BATCH)
