@@ -36,9 +36,9 @@ from ._core import (
     planar_arm,
     planar_pr,
     solve_priority,
-    velocity_bounds,
     torque_optimal_time,
     trapezoid_time,
+    velocity_bounds,
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .priority import PriorityDiagnosis, diagnose_priority
@@ -78,8 +78,8 @@ __all__ = [
     "__version__",
     "bang_bang_time",
     "build_info",
-    "example_urdf",
     "diagnose_priority",
+    "example_urdf",
     "load",
     "load_urdf",
     "minimum_jerk_time",
@@ -89,9 +89,9 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "solve_priority",
-    "velocity_bounds",
     "torque_optimal_time",
     "trapezoid_time",
+    "velocity_bounds",
 ]
 
 

@@ -151,7 +151,7 @@ def armlet(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_info(tmp_path: Path) -> None:
     result = armlet("info", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    for word in ("armlet", "python", "numpy", "isa", "lanes", "threads"):
+    for word in ("armlet", "python", "numpy", "instruction set", "lanes", "threads"):
         assert word in result.stdout
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import pickle
 from collections.abc import Callable
 from typing import Any
@@ -235,3 +236,14 @@ def test_pickling(method: str) -> None:
     assert (again.ranks, again.status) == (sol.ranks, sol.status) and again.status is sol.status
     seen = al.diagnose_priority([J1, J2])
     assert str(pickle.loads(pickle.dumps(seen))) == str(seen)
+
+
+ENTRIES = [al.solve_priority, al.PrioritySolver, al.diagnose_priority, al.velocity_bounds]
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.__name__)
+def test_docstrings_run(entry: Any) -> None:
+    assert entry.__doc__ is not None
+    test = doctest.DocTestParser().get_doctest(entry.__doc__, {}, entry.__name__, None, None)
+    assert test.examples
+    assert doctest.DocTestRunner().run(test).failed == 0

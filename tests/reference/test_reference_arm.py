@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from armlet import reference as ref
 
 VECTORS = Path(__file__).parents[1] / "vectors"

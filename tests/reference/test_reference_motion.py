@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from armlet import reference as ref
 
 Q0, Q1, T = np.array([0.2, -1.0, 3.0]), np.array([1.2, 0.5, 3.0]), 1.7

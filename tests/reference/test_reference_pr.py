@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from armlet import reference as ref
 
 CASES = json.loads((Path(__file__).parents[1] / "vectors" / "oracle_ex1_adaptive_public.json").read_text())["cases"]

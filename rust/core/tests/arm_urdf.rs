@@ -338,7 +338,7 @@ fn mutate(rng: &mut Rng, text: &mut String, words: &[&str]) {
             let (a, b) = (edge(rng, text), edge(rng, text));
             text.replace_range(a.min(b)..a.max(b).min(a.min(b) + 200).max(a.min(b)), "");
         }
-        4 | 5 | 6 => {
+        4..=6 => {
             // One digit changed: mostly another good robot.
             let digits: Vec<usize> = text.bytes().enumerate().filter(|(_, b)| b.is_ascii_digit()).map(|(at, _)| at).collect();
             if !digits.is_empty() {

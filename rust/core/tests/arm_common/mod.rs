@@ -30,7 +30,7 @@ pub fn on_every_number<T: Task + Copy>(task: T) -> usize {
     }
     #[cfg(target_arch = "x86_64")]
     if Isa::best() >= Isa::Avx512 {
-        on::<armlet_core::scalar::lanes::Avx512<1>, T>(task);
+        on::<armlet_core::scalar::lanes::Avx512, T>(task);
         count += 1;
     }
     count
