@@ -1,6 +1,6 @@
 //! `armlet.Arm`.
 
-use crate::arrays::{Broadcast, broadcast, new_array, number, out_slice, vector};
+use crate::arrays::{Broadcast, broadcast, index_of, new_array, number, out_slice, vector};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::dynamics::{Dynamics, PlanarPr};
 use armlet_core::scalar::Real;
@@ -41,6 +41,12 @@ impl Arm {
                     let q = rows[0];
                     let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
                     row(&self.model, &trig, &rows, &mut data[i * width..(i + 1) * width]);
+                }
+                // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
+                if let Some(k) = data.iter().position(|x| !x.is_finite()) {
+                    let at = if full.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&full, k)) };
+                    let problem = format!("give a result that is not finite: expected finite numbers, got {}{at}", data[k]);
+                    return Err(input_error(py, function, &names.join(", "), problem).into());
                 }
                 Ok::<(), Failure>(())
             };
