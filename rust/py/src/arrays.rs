@@ -351,7 +351,17 @@ pub fn out_slice<'a>(
     if unsafe { (*array.as_array_ptr()).fields.flags } & numpy::npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
         return Err(refuse("is read-only: expected a writeable array".into()));
     }
+    let memory = array.data() as usize..array.data() as usize + 8 * array.len();
     for input in inputs {
+        if let Ok(input) = input.cast::<PyArrayDyn<f64>>()
+            && let Some(read) = in_place(input)
+        {
+            let start = read.as_ptr() as usize;
+            if start < memory.end && memory.start < start + 8 * read.len() {
+                return Err(refuse("overlaps an argument: expected an array of its own".into()));
+            }
+            continue;
+        }
         // The exact question can take for ever for odd strides: what is not settled in time counts as shared.
         let work = PyDict::new(py);
         work.set_item("max_work", 100_000)?;
