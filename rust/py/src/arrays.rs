@@ -330,6 +330,8 @@ pub fn new_vector<'py>(
 }
 
 /// The elements of a caller's `out=` array of the wanted shape, refused where writing it would be wrong.
+// The array owns its elements and Python shares it freely: `&Bound` is all that ever stands for one.
+#[allow(clippy::mut_from_ref)]
 pub fn out_slice<'a>(
     function: &str,
     value: &'a Bound<'_, PyAny>,

@@ -51,7 +51,10 @@ pub struct Law {
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
-/// What a law is asked about: `t, q, v` and its own state, checked.
+/// `t, q, v` and the law's own state.
+type Asked = (f64, Vec<f64>, Vec<f64>, Vec<f64>);
+
+/// What a law is asked about, checked.
 fn asked(
     function: &str,
     spec: &LawSpec,
@@ -59,7 +62,7 @@ fn asked(
     (q, v): (&Bound<'_, PyAny>, &Bound<'_, PyAny>),
     elastic: [Option<&Bound<'_, PyAny>>; 2],
     state: Option<&Bound<'_, PyAny>>,
-) -> Result<(f64, Vec<f64>, Vec<f64>, Vec<f64>), Failure> {
+) -> Result<Asked, Failure> {
     let py = q.py();
     let t = number(function, "t", t)?;
     require_finite(py, function, "t", &[], &[t])?;
