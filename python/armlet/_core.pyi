@@ -6,7 +6,6 @@ from typing import Any, Self, SupportsIndex, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
 from typing_extensions import disjoint_base
 
 from .status import Status

@@ -6,7 +6,7 @@ mod model;
 pub use construct::*;
 pub use model::Model;
 
-use crate::arrays::{Broadcast, broadcast, new_array, out_slice, vector};
+use crate::arrays::{Broadcast, broadcast, index_of, new_array, out_slice, vector};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::dynamics::{Quantity, Query};
 use pyo3::prelude::*;
@@ -43,7 +43,7 @@ impl Arm {
             let inputs: Broadcast<K> = broadcast(function, names, values, widths)?;
             let shape = self.model.shape(&query);
             let full: Vec<usize> = inputs.shape.iter().chain(shape.as_slice()).copied().collect();
-            let fill = |data: &mut [f64]| {
+            let compute = |data: &mut [f64]| {
                 if inputs.count == 1 {
                     let rows: [&[f64]; K] = std::array::from_fn(|k| inputs.row(k, 0));
                     return Ok(self.model.one(&query, &rows, data)?);
@@ -60,6 +60,14 @@ impl Arm {
                 py.detach(|| self.model.many(&query, &rows, inputs.count, &mut fresh))?;
                 data.copy_from_slice(&fresh);
                 Ok::<(), Failure>(())
+            };
+            let fill = |data: &mut [f64]| {
+                compute(data)?;
+                // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
+                let Some(k) = data.iter().position(|x| !x.is_finite()) else { return Ok(()) };
+                let at = if full.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&full, k)) };
+                let problem = format!("give a result that is not finite: expected finite numbers, got {}{at}", data[k]);
+                Err(input_error(py, function, &names.join(", "), problem).into())
             };
             match out {
                 None => new_array(py, &full, fill),
