@@ -32,7 +32,7 @@ demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of chec
 
 test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints, types, Rust and Python tests on the built wheel
 	@$(MAKE) --no-print-directory lint
-	cargo test --locked --workspace
+	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core
 	@rm -rf $(BUILD)/elsewhere && mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_MAKE_TEST=1 ARMLET_SDIST="$$(cat $(BUILD)/sdist.path)" ARMLET_WHEEL="$$(cat $(BUILD)/wheel.path)" \
 		$(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests $(PYTEST)

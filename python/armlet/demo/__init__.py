@@ -14,7 +14,7 @@ from .report import Check, Report
 
 __all__ = ["SYSTEMS", "Check", "Report", "demonstrate"]
 
-SYSTEMS = ("adaptive",)
+SYSTEMS = ("adaptive", "priority", "mintime")
 
 
 def demonstrate(out: Path, *, figures: bool = True) -> Report:

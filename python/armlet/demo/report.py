@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -13,7 +13,10 @@ from ..storage import write_whole
 from .html import page
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
 
 __all__ = ["Check", "Report", "Section"]
 
@@ -76,6 +79,12 @@ def _text(value: Any, digits: int = 6, zero: float = 0.0) -> str:
     return "0" if abs(array) < zero else f"{float(array):.{digits}g}"
 
 
+class Drawing(Protocol):
+    """What has a figure: a run, a problem."""
+
+    def plot(self, fig: Figure, /) -> Any: ...
+
+
 @dataclass
 class Section:
     """The checks and figures of one system."""
@@ -128,14 +137,18 @@ class Report:
         """The claim got == expected."""
         self._add(Check(what, expected, got, 0.0, printed, erratum))
 
-    def figure(self, name: str, run: Run) -> None:
-        """Write the figure of a run to `out/name.png`."""
+    def figure(self, name: str, run: Drawing) -> None:
+        """Write the figure of a run or problem to `out/name.png`."""
+        self.draw_figure(name, run.plot)
+
+    def draw_figure(self, name: str, draw: Callable[[Figure], Any]) -> None:
+        """Write what `draw` puts into an empty matplotlib figure to `out/name.png`."""
         if not self.draw:
             return
         from matplotlib.figure import Figure
 
         figure = Figure()
-        run.plot(figure)
+        draw(figure)
         path = self.out / f"{name}.png"
         write_whole(path, lambda file: figure.savefig(file, format="png", dpi=150))
         self.sections[-1].figures.append(path)

@@ -6,14 +6,20 @@
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone.
 
+pub mod arm;
 pub mod dynamics;
 pub mod error;
 pub mod integrate;
+pub mod kinematics;
 pub mod law;
 pub mod linalg;
 pub mod motion;
 pub mod plan;
 pub mod priority;
 pub mod scalar;
+// The loops are large once compiled for every instruction set; their tests are integration tests, so the unit
+// tests do without them.
+#[cfg(not(test))]
 pub mod simulate;
+pub mod spatial;
 pub mod status;

@@ -6,10 +6,10 @@
 
 use crate::errors::{Failure, input_error};
 use armlet_core::error::Error;
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyDict, PyFloat, PyString, PyTuple};
+use pyo3::types::{PyFloat, PyInt, PyString, PyTuple};
 use std::borrow::Cow;
 
 /// Arrays of more elements than this are asked of numpy itself.
@@ -215,16 +215,28 @@ impl<const K: usize> Broadcast<'_, K> {
     }
 }
 
+impl<const K: usize> Broadcast<'_, K> {
+    /// All rows of argument `k`, each written out.
+    pub fn all(&self, k: usize) -> Cow<'_, [f64]> {
+        let (values, width) = &self.rows[k];
+        if values.len() == *width && self.count != 1 {
+            return Cow::Owned(values.repeat(self.count));
+        }
+        Cow::Borrowed(values)
+    }
+}
+
 /// Arguments `(..., n)` of a pure function: finite, of the right width, broadcast like numpy does.
 pub fn broadcast<'a, const K: usize>(
     function: &str,
     names: [&str; K],
     values: [&'a Bound<'_, PyAny>; K],
-    width: usize,
+    widths: [usize; K],
 ) -> Result<Broadcast<'a, K>, Failure> {
     let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
-    let mut rows: [(Cow<'a, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), width));
+    let mut rows: [(Cow<'a, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), 0));
     for k in 0..K {
+        let width = widths[k];
         let (mut shape, data) = numbers(function, names[k], values[k])?;
         if shape.last() != Some(&width) {
             let problem = format!("has the wrong shape: expected (..., {width}), got {}", shown(&shape));
@@ -233,7 +245,7 @@ pub fn broadcast<'a, const K: usize>(
         require_finite(values[k].py(), function, names[k], &shape, &data)?;
         shape.pop();
         shapes[k] = shape;
-        rows[k].0 = data;
+        rows[k] = (data, width);
     }
     let shape = common_shape(&shapes).ok_or_else(|| {
         let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
@@ -243,13 +255,14 @@ pub fn broadcast<'a, const K: usize>(
     for k in 0..K {
         let single = shapes[k].iter().product::<usize>() == 1;
         if shapes[k] != shape && !single {
-            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, width)?);
+            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, widths[k])?);
         }
     }
     Ok(Broadcast { shape, count, rows })
 }
 
-fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
+/// The leading axes that arguments with these leading axes broadcast to; None where they do not.
+pub fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
     let axes = shapes.iter().map(Vec::len).max().unwrap_or(0);
     let mut common = vec![1; axes];
     for shape in shapes {
@@ -267,7 +280,7 @@ fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
 }
 
 /// Repeat the rows of an array of leading axes `from` into leading axes `to`.
-fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Result<Vec<f64>, Failure> {
+pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Result<Vec<f64>, Failure> {
     let count = elements(to)?;
     let skip = to.len() - from.len();
     let mut out = Vec::new();
@@ -286,6 +299,20 @@ fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Result<V
         }
     }
     Ok(out)
+}
+
+/// The elements of a C-contiguous, aligned float64 array of exactly this shape, in place; None for anything else.
+///
+/// For hot reads: `numbers` takes what this leaves.
+#[inline]
+pub fn of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a [f64]> {
+    let array = value.cast::<PyArrayDyn<f64>>().ok()?;
+    if array.shape() != shape { None } else { in_place(array) }
+}
+
+/// A new array of integers of this shape.
+pub fn integers<'py, T: Element>(py: Python<'py>, shape: &[usize], values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
+    Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
 }
 
 /// A new array of this shape, filled by `fill`.
@@ -353,25 +380,99 @@ pub fn out_slice<'a>(
     if unsafe { (*array.as_array_ptr()).fields.flags } & numpy::npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
         return Err(refuse("is read-only: expected a writeable array".into()));
     }
-    let memory = array.data() as usize..array.data() as usize + 8 * array.len();
     for input in inputs {
-        if let Ok(input) = input.cast::<PyArrayDyn<f64>>()
-            && let Some(read) = in_place(input)
-        {
-            let start = read.as_ptr() as usize;
-            if start < memory.end && memory.start < start + 8 * read.len() {
-                return Err(refuse("overlaps an argument: expected an array of its own".into()));
-            }
-            continue;
-        }
-        // The exact question can take for ever for odd strides: what is not settled in time counts as shared.
-        let work = PyDict::new(py);
-        work.set_item("max_work", 100_000)?;
-        let shared = numpy_function(py, "shares_memory")?.call((value, input), Some(&work)).and_then(|shared| shared.extract());
-        if shared.unwrap_or(true) {
+        let Ok(input) = input.cast::<PyArrayDyn<f64>>() else { continue };
+        // SAFETY: pointers are compared, not followed.
+        if unsafe { overlaps(array, input) } {
             return Err(refuse("overlaps an argument: expected an array of its own".into()));
         }
     }
     // SAFETY: contiguous, aligned, writeable, apart from the inputs, and the GIL is held while it is written.
     Ok(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })
+}
+
+/// A real number: a Python float or int, a numpy scalar, or an array without axes. Arrays with axes give None.
+pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Option<f64>, Failure> {
+    if let Ok(x) = value.cast::<PyFloat>() {
+        return Ok(Some(x.value()));
+    }
+    if let Ok(x) = value.cast_exact::<PyInt>() {
+        // An integer beyond every float is as good as infinite, and refused as such.
+        return Ok(Some(x.extract::<f64>().unwrap_or(f64::INFINITY)));
+    }
+    let (shape, values) = numbers(function, name, value)?;
+    Ok(if shape.is_empty() { Some(values[0]) } else { None })
+}
+
+/// Numbers broadcast against each other, copied: every column holds one number for all or one for each.
+pub struct Columns<const K: usize> {
+    pub shape: Vec<usize>,
+    pub count: usize,
+    pub columns: [Vec<f64>; K],
+}
+
+impl<const K: usize> Columns<K> {
+    /// Problem `i` of the batch.
+    #[inline]
+    pub fn row(&self, i: usize) -> [f64; K] {
+        std::array::from_fn(|k| if let [x] = self.columns[k][..] { x } else { self.columns[k][i] })
+    }
+}
+
+/// Finite arguments of any shape, broadcast like numpy does.
+pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Result<Columns<K>, Failure> {
+    let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
+    let mut columns: [Vec<f64>; K] = std::array::from_fn(|_| Vec::new());
+    for k in 0..K {
+        let (shape, data) = match value_or_array(function, names[k], values[k])? {
+            (shape, Cow::Borrowed(data)) => (shape, data.to_vec()),
+            (shape, Cow::Owned(data)) => (shape, data),
+        };
+        require_finite(values[k].py(), function, names[k], &shape, &data)?;
+        (shapes[k], columns[k]) = (shape, data);
+    }
+    let shape = common_shape(&shapes).ok_or_else(|| {
+        let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
+        input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected shapes that agree, got {all}"))
+    })?;
+    for k in 0..K {
+        if shapes[k] != shape && columns[k].len() != 1 {
+            columns[k] = stretch(&shapes[k], &shape, &columns[k], 1)?;
+        }
+    }
+    Ok(Columns { count: shape.iter().product(), shape, columns })
+}
+
+/// A number, written as an array without axes, or an array.
+fn value_or_array<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Converted<'a> {
+    match number_or_array(function, name, value)? {
+        Some(x) => Ok((vec![], Cow::Owned(vec![x]))),
+        None => numbers(function, name, value),
+    }
+}
+
+/// A new array of truth values.
+pub fn new_flags<'py>(py: Python<'py>, shape: &[usize], values: &[bool]) -> PyResult<Bound<'py, PyAny>> {
+    let array = PyArrayDyn::<bool>::zeros(py, shape, false);
+    array.readwrite().as_slice_mut()?.copy_from_slice(values);
+    Ok(array.into_any())
+}
+
+/// Whether the memory that two arrays span has an address in common.
+///
+/// # Safety
+/// Both arrays must be alive; nothing is read through their pointers.
+unsafe fn overlaps(a: &Bound<'_, PyArrayDyn<f64>>, b: &Bound<'_, PyArrayDyn<f64>>) -> bool {
+    let span = |x: &Bound<'_, PyArrayDyn<f64>>| {
+        let start = x.data() as isize;
+        let (mut low, mut high) = (start, start + 8);
+        for (&n, &stride) in x.shape().iter().zip(x.strides()) {
+            let reach = (n as isize - 1).max(0) * stride;
+            low += reach.min(0);
+            high += reach.max(0);
+        }
+        (low, high)
+    };
+    let ((a0, a1), (b0, b1)) = (span(a), span(b));
+    !a.is_empty() && !b.is_empty() && a0 < b1 && b0 < a1
 }

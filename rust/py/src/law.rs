@@ -219,6 +219,7 @@ impl Adaptive {
         entry(arm.py(), NAME, || {
             let (arm, motion) =
                 (object::<Arm>(NAME, "arm", AN_ARM, arm)?.unbind(), object::<Motion>(NAME, "motion", A_MOTION, motion)?.unbind());
+            let model = arm.get().model.planar_pr()?;
             let (n, p) = (2, 3);
             let gains = [gain(NAME, "kp", kp, n)?, gain(NAME, "kd", kd, n)?, gain(NAME, "gamma", gamma, p)?];
             let mut arguments = vec![("kp", kept(NAME, "kp", kp)?), ("kd", kept(NAME, "kd", kd)?), ("gamma", kept(NAME, "gamma", gamma)?)];
@@ -230,7 +231,7 @@ impl Adaptive {
                 None => None,
             };
             let [kp, kd, gamma] = gains;
-            let spec = AdaptiveSpec::new(arm.get().model, motion.get().core.clone(), kp, kd, gamma, start)?;
+            let spec = AdaptiveSpec::new(model, motion.get().core.clone(), kp, kd, gamma, start)?;
             let arguments = arguments.into_iter().map(|(name, value)| (name, value.unbind())).collect();
             Ok(PyClassInitializer::from(Law { spec: LawSpec::Adaptive(spec), arm, motion, arguments }).add_subclass(Adaptive))
         })
@@ -267,9 +268,10 @@ impl ComputedTorque {
         entry(arm.py(), NAME, || {
             let (arm, motion) =
                 (object::<Arm>(NAME, "arm", AN_ARM, arm)?.unbind(), object::<Motion>(NAME, "motion", A_MOTION, motion)?.unbind());
+            let model = arm.get().model.planar_pr()?;
             let (kp_gain, kd_gain) = (gain(NAME, "kp", kp, 2)?, gain(NAME, "kd", kd, 2)?);
             let arguments = vec![("kp", kept(NAME, "kp", kp)?.unbind()), ("kd", kept(NAME, "kd", kd)?.unbind())];
-            let spec = ComputedTorqueSpec::new(arm.get().model, motion.get().core.clone(), kp_gain, kd_gain)?;
+            let spec = ComputedTorqueSpec::new(model, motion.get().core.clone(), kp_gain, kd_gain)?;
             Ok(PyClassInitializer::from(Law { spec: LawSpec::ComputedTorque(spec), arm, motion, arguments }).add_subclass(ComputedTorque))
         })
     }

@@ -5,6 +5,8 @@ mod arrays;
 mod errors;
 mod law;
 mod motion;
+mod plan;
+mod priority;
 mod simulate;
 
 use pyo3::prelude::*;
@@ -14,11 +16,21 @@ mod _core {
     use super::*;
 
     #[pymodule_export]
-    use super::arm::{_restore_planar_pr, Arm, planar_pr};
+    use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
     #[pymodule_export]
     use super::law::{Adaptive, ComputedTorque, Law, RigidArm};
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
+    #[pymodule_export]
+    use super::plan::_restore_plan;
+    #[pymodule_export]
+    use super::plan::bang_bang::{BangBangBatch, BangBangReport, Bind, bang_bang_time};
+    #[pymodule_export]
+    use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
+    #[pymodule_export]
+    use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
+    #[pymodule_export]
+    use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 

@@ -121,8 +121,9 @@ pub fn simulate<'py>(
         let law = object::<Law>(NAME, "law", "a law such as Adaptive", law)?;
         let n = Problem::DOF;
         let options = Given { t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors }.options(NAME, n)?;
+        let arm = plant.get().arm.get().model.planar_pr()?;
         let problem = Problem {
-            plants: vec![&plant.get().arm.get().model],
+            plants: vec![&arm],
             laws: vec![&law.get().spec],
             q0: vector(NAME, "q0", q0, n)?,
             v0: single_state(NAME, "v0", v0, n)?,
@@ -227,7 +228,8 @@ pub fn simulate_batch<'py>(
             }
         };
         let options = Given { t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors }.options(NAME, n)?;
-        let arms: Vec<&PlanarPr<f64>> = plants.iter().map(|plant| &plant.get().arm.get().model).collect();
+        let models: Vec<PlanarPr<f64>> = plants.iter().map(|plant| plant.get().arm.get().model.planar_pr()).collect::<Result<_, _>>()?;
+        let arms: Vec<&PlanarPr<f64>> = models.iter().collect();
         let specs: Vec<&LawSpec> = laws.iter().map(|law| &law.get().spec).collect();
         let stateful = !specs[0].initial_state().is_empty();
         let problem = Problem { plants: arms, laws: specs, q0, v0, options };

@@ -4,9 +4,25 @@
 //! Matrices are row-major slices. `trig[i]` is (sin, cos) of angular coordinate `i`, computed once per stage
 //! and shared by plant and law; entries of joints that are not angular are never read.
 
+pub mod aba;
+pub mod coriolis;
+pub mod crba;
+pub mod derivatives;
+pub mod energy;
+#[cfg(not(test))]
+mod evaluate;
+pub mod newton_euler;
 mod planar_pr;
+#[cfg(not(test))]
+mod quantities;
+pub mod regressor;
+mod tree;
+pub mod workspace;
 
+#[cfg(not(test))]
+pub use evaluate::{Evaluator, Quantity, Query};
 pub use planar_pr::PlanarPr;
+pub use workspace::Workspace;
 
 use crate::scalar::Real;
 

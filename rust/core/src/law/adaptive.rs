@@ -65,7 +65,6 @@ where
     kd: J,
     gamma: G,
     s: B,
-    kd_s: B,
     e: B,
     e_dot: B,
     v_r: B,
@@ -78,20 +77,7 @@ impl<S: Real, D: Dynamics<S>, J, G, B: Clone, P> Adaptive<S, D, J, G, B, P> {
     pub fn new(arm: D, lambda: J, kd: J, gamma: G, joints: B, parameters: P) -> Self {
         let workspace = arm.workspace();
         let zero = || joints.clone();
-        Adaptive {
-            arm,
-            workspace,
-            lambda,
-            kd,
-            gamma,
-            s: zero(),
-            kd_s: zero(),
-            e: zero(),
-            e_dot: zero(),
-            v_r: zero(),
-            a_r: zero(),
-            yt_s: parameters,
-        }
+        Adaptive { arm, workspace, lambda, kd, gamma, s: zero(), e: zero(), e_dot: zero(), v_r: zero(), a_r: zero(), yt_s: parameters }
     }
 }
 
@@ -101,7 +87,7 @@ where
     D: Dynamics<S>,
     J: Multiply<S>,
     G: Multiply<S>,
-    B: AsRef<[S]> + AsMut<[S]>,
+    B: Clone + AsRef<[S]> + AsMut<[S]>,
     P: AsRef<[S]> + AsMut<[S]>,
 {
     #[inline(always)]
@@ -109,30 +95,28 @@ where
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
         let (e, e_dot) = (self.e.as_mut(), self.e_dot.as_mut());
-        let (s, v_r, a_r, kd_s) = (self.s.as_mut(), self.v_r.as_mut(), self.a_r.as_mut(), self.kd_s.as_mut());
+        let (s, v_r, a_r) = (self.s.as_mut(), self.v_r.as_mut(), self.a_r.as_mut());
         for i in 0..n {
             e[i] = desired[i] - q[i];
             e_dot[i] = desired[n + i] - v[i];
+            (s[i], v_r[i], a_r[i]) = (e_dot[i], desired[n + i], desired[2 * n + i]);
         }
-        self.lambda.multiply(e, v_r);
-        self.lambda.multiply(e_dot, a_r);
-        for i in 0..n {
-            s[i] = e_dot[i] + v_r[i];
-            v_r[i] += desired[n + i];
-            a_r[i] += desired[2 * n + i];
-        }
+        // Lambda e twice, fused with its two sums: no more work than once and two additions.
+        self.lambda.add_to(e, s);
+        self.lambda.add_to(e, v_r);
+        self.lambda.add_to(e_dot, a_r);
         self.arm.regressor_products(&mut self.workspace, trig, q, v, v_r, a_r, z, s, tau, self.yt_s.as_mut());
-        self.kd.multiply(s, kd_s);
-        for i in 0..n {
-            tau[i] += kd_s[i];
-        }
+        self.kd.add_to(s, tau);
         self.gamma.multiply(self.yt_s.as_ref(), dz);
     }
 
     /// `s^T Kd s`.
     #[inline(always)]
     fn dissipation(&self) -> S {
-        let (s, kd_s) = (self.s.as_ref(), self.kd_s.as_ref());
+        let s = self.s.as_ref();
+        let mut kd_s = self.s.clone();
+        self.kd.multiply(s, kd_s.as_mut());
+        let kd_s = kd_s.as_ref();
         let mut sum = s[0] * kd_s[0];
         for i in 1..s.len() {
             sum = s[i].mul_add(kd_s[i], sum);

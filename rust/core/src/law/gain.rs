@@ -92,6 +92,8 @@ impl Gain {
 pub trait Multiply<S: Real> {
     /// `y = K x`.
     fn multiply(&self, x: &[S], y: &mut [S]);
+    /// `y += K x`.
+    fn add_to(&self, x: &[S], y: &mut [S]);
 }
 
 /// A diagonal gain.
@@ -110,6 +112,13 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
             y[i] = k[i] * x[i];
         }
     }
+    #[inline(always)]
+    fn add_to(&self, x: &[S], y: &mut [S]) {
+        let k = self.0.as_ref();
+        for i in 0..k.len() {
+            y[i] = k[i].mul_add(x[i], y[i]);
+        }
+    }
 }
 
 impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
@@ -122,6 +131,15 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
                 sum = k[i * n + j].mul_add(x[j], sum);
             }
             y[i] = sum;
+        }
+    }
+    #[inline(always)]
+    fn add_to(&self, x: &[S], y: &mut [S]) {
+        let (k, n) = (self.0.as_ref(), x.len());
+        for i in 0..n {
+            for j in 0..n {
+                y[i] = k[i * n + j].mul_add(x[j], y[i]);
+            }
         }
     }
 }

@@ -51,6 +51,20 @@ impl Table {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
+    /// The row at time `t`, where that is a knot.
+    #[inline(always)]
+    pub fn knot(&self, t: f64) -> Option<&[f64]> {
+        let u = (t - self.start) * self.rate;
+        // A cast saturates and a signed one is a single instruction; what is no knot passes no bound.
+        let k = (u + 0.5) as i64;
+        if !((u - k as f64).abs() < ON_KNOT) || k < 0 {
+            return None;
+        }
+        let width = 3 * self.dof;
+        let start = (k as usize).checked_mul(width)?;
+        self.rows.get(start..)?.get(..width)
+    }
+
     /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
     #[inline(always)]
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {

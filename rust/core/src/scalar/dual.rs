@@ -143,6 +143,10 @@ impl Real for Dual {
         mask
     }
     #[inline(always)]
+    fn all(mask: bool) -> bool {
+        mask
+    }
+    #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
         kernel.run()
     }

@@ -1,5 +1,5 @@
 //! The number that an algorithm runs on: one run (`f64`, [`Fused`]), or several independent runs side by
-//! side ([`Array8`], `Avx512`), one per lane.
+//! side ([`lanes`]), one per lane.
 //!
 //! Algorithms are written once over [`Real`]. They have no branch on lane data: `select` instead. Everything
 //! they call on the hot path is `#[inline(always)]`, because the instruction set is that of the function
@@ -66,6 +66,7 @@ pub trait Real:
     /// `yes` where the mask holds, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     fn any(mask: Self::Mask) -> bool;
+    fn all(mask: Self::Mask) -> bool;
 
     /// Run `kernel` compiled for the instruction set of this number.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
@@ -118,25 +119,36 @@ pub fn run_scalar<T: Task>(task: T) -> T::Output {
     }
 }
 
-/// Run `task` on 8 lanes, by the best route of this machine.
+/// Run `task` on lanes, by the best route of this machine: one register of them, two where registers are short.
+#[cfg(target_arch = "x86_64")]
 pub fn run_lanes<T: Task>(task: T) -> T::Output {
     match isa() {
-        Isa::Baseline => on::<Array8<false>, T>(task),
-        Isa::Avx2 => on::<Array8<true>, T>(task),
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => on::<lanes::Avx512<1>, T>(task),
-        #[cfg(not(target_arch = "x86_64"))]
-        Isa::Avx512 => on::<Array8<true>, T>(task),
+        Isa::Baseline => on::<lanes::Pair<lanes::Sse2>, T>(task),
+        Isa::Avx2 => on::<lanes::Pair<lanes::Avx2>, T>(task),
+        Isa::Avx512 => on::<lanes::Avx512, T>(task),
     }
 }
 
-/// Run `task` on two interleaved vectors of lanes where that hides latency (small closed-form arms).
+/// Run `task` on two interleaved registers of lanes, which hides latency (small closed-form arms).
+#[cfg(target_arch = "x86_64")]
 pub fn run_wide_lanes<T: Task>(task: T) -> T::Output {
     match isa() {
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => on::<lanes::Avx512<2>, T>(task),
-        _ => run_lanes(task),
+        Isa::Baseline => on::<lanes::Pair<lanes::Sse2>, T>(task),
+        Isa::Avx2 => on::<lanes::Pair<lanes::Avx2>, T>(task),
+        Isa::Avx512 => on::<lanes::Pair<lanes::Avx512>, T>(task),
     }
+}
+
+/// Run `task` on eight lanes left to the compiler's vectoriser.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn run_lanes<T: Task>(task: T) -> T::Output {
+    on::<Array8<false>, T>(task)
+}
+
+/// Run `task` on eight lanes left to the compiler's vectoriser.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn run_wide_lanes<T: Task>(task: T) -> T::Output {
+    run_lanes(task)
 }
 
 #[cfg(test)]

@@ -113,6 +113,10 @@ macro_rules! single_number {
         fn any(mask: bool) -> bool {
             mask
         }
+        #[inline(always)]
+        fn all(mask: bool) -> bool {
+            mask
+        }
     };
 }
 

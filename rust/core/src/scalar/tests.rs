@@ -93,6 +93,10 @@ impl Task for Arithmetic {
             assert_eq!(chosen.lane(i), if y < -1.0 { x } else { 0.3 });
         }
         assert!(!S::any(S::splat(f64::NAN).lt(a)) && S::any(c.lt(a)));
+        // One lane that differs decides.
+        let last = S::from_lanes(|i| if i + 1 == S::LANES { 2.0 } else { 0.0 });
+        assert!(S::any(S::splat(1.0).lt(last)) && S::all(last.lt(S::splat(3.0))));
+        assert!(!S::all(last.lt(S::splat(1.0))) && !S::any(last.lt(S::zero())));
     }
 }
 
@@ -104,9 +108,17 @@ fn on_every_number<T: Task + Copy>(task: T) {
         on::<Array8<true>, T>(task);
     }
     #[cfg(target_arch = "x86_64")]
-    if Isa::best() >= Isa::Avx512 {
-        on::<lanes::Avx512<1>, T>(task);
-        on::<lanes::Avx512<2>, T>(task);
+    {
+        on::<lanes::Sse2, T>(task);
+        on::<lanes::Pair<lanes::Sse2>, T>(task);
+        if Isa::best() >= Isa::Avx2 {
+            on::<lanes::Avx2, T>(task);
+            on::<lanes::Pair<lanes::Avx2>, T>(task);
+        }
+        if Isa::best() >= Isa::Avx512 {
+            on::<lanes::Avx512, T>(task);
+            on::<lanes::Pair<lanes::Avx512>, T>(task);
+        }
     }
 }
 

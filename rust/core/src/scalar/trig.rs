@@ -66,11 +66,19 @@ pub(super) fn sin_cos_far(x: f64) -> (f64, f64) {
 }
 
 /// A known sine and cosine: what a step starts from.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Angle<S> {
     pub q: S,
     pub sin: S,
     pub cos: S,
+}
+
+/// The angle zero.
+impl<S: Real> Default for Angle<S> {
+    #[inline(always)]
+    fn default() -> Self {
+        Angle { q: S::zero(), sin: S::zero(), cos: S::splat(1.0) }
+    }
 }
 
 impl<S: Real> Angle<S> {
@@ -78,6 +86,14 @@ impl<S: Real> Angle<S> {
     pub fn new(q: S) -> Self {
         let (sin, cos) = q.sin_cos();
         Angle { q, sin, cos }
+    }
+
+    /// Anew, unless it is there already: a single run that was just recorded needs no second sine.
+    #[inline(always)]
+    pub fn move_to(&mut self, q: S) {
+        if S::LANES > 1 || q.lane(0).to_bits() != self.q.lane(0).to_bits() {
+            *self = Angle::new(q);
+        }
     }
 }
 
@@ -110,10 +126,9 @@ pub fn rotate<S: Real>(from: &Angle<S>, q: S) -> (S, S) {
     let near = (from.sin.mul_add(cos_d, from.cos * sin_d), from.sin.neg_mul_add(sin_d, from.cos * cos_d));
     // Decided lane by lane, so that a run's bits do not depend on its neighbours. NaN takes the full path.
     let small = z.lt(k(SMALL_ANGLE * SMALL_ANGLE));
-    let far = S::select(small, S::zero(), k(1.0));
-    if S::any(S::zero().lt(far)) {
-        let (s, c) = sin_cos_apart(q);
-        return (S::select(small, near.0, s), S::select(small, near.1, c));
+    if S::all(small) {
+        return near;
     }
-    near
+    let (s, c) = sin_cos_apart(q);
+    (S::select(small, near.0, s), S::select(small, near.1, c))
 }

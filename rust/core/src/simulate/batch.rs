@@ -53,30 +53,24 @@ struct Rows<'a> {
     checks: Vec<Monitor<'a>>,
     status: &'a mut [Status],
     ended: &'a mut [f64],
-    row: Vec<f64>,
     values: Vec<f64>,
 }
 
 impl Sink for Rows<'_> {
-    #[inline(always)]
-    fn record<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]) {
-        for lane in 0..self.status.len() {
-            let at = lane * self.records + i;
-            for j in 0..2 {
-                self.q[2 * at + j] = x[j].lane(lane);
-                self.v[2 * at + j] = x[2 + j].lane(lane);
-                self.tau[2 * at + j] = tau[j].lane(lane);
-            }
-            for j in 0..self.p {
-                self.z[self.p * at + j] = x[4 + j].lane(lane);
-            }
-            if let Some(check) = self.checks.get_mut(lane) {
-                self.row.clear();
-                self.row.extend(x.iter().map(|x| x.lane(lane)));
-                check.evaluate(t, &self.row, &mut self.values);
-                for (series, &value) in self.monitors.iter_mut().zip(&self.values) {
-                    series[at] = value;
-                }
+    fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]) {
+        // The spare lanes of a group that is not full have no rows.
+        if lane >= self.status.len() {
+            return;
+        }
+        let at = lane * self.records + i;
+        self.q[2 * at..2 * at + 2].copy_from_slice(&x[..2]);
+        self.v[2 * at..2 * at + 2].copy_from_slice(&x[2..4]);
+        self.tau[2 * at..2 * at + 2].copy_from_slice(tau);
+        self.z[self.p * at..self.p * (at + 1)].copy_from_slice(&x[4..4 + self.p]);
+        if let Some(check) = self.checks.get_mut(lane) {
+            check.evaluate(t, x, &mut self.values);
+            for (series, &value) in self.monitors.iter_mut().zip(&self.values) {
+                series[at] = value;
             }
         }
     }
@@ -196,7 +190,6 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
                 checks: checks.map(|i| Monitor::new(problem.plant(i), problem.law(i))).collect(),
                 status,
                 ended,
-                row: Vec::with_capacity(6 + p),
             }
         })
         .collect()

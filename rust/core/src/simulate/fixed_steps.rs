@@ -19,10 +19,16 @@ pub struct Faults {
     pub steps: u64,
 }
 
-/// Run `system` over the schedule from `x`; `record(i, system, x)` is called for every record `i`.
+/// Who is told of every record. `record` must be `#[inline(always)]`: a call would take the address of the
+/// system, and nothing whose address is taken lives in registers.
+pub trait Record<F, B> {
+    fn record(&mut self, i: usize, system: &mut F, x: &B);
+}
+
+/// Run `system` over the schedule from `x`.
 ///
-/// The state is a local that never has its address taken on the hot path, so that a small one lives in
-/// registers; the code of a step, which is large, stands in one place.
+/// System, method and state are locals whose address is never taken, so that small ones live in registers; the
+/// code of a step and of a record, which is large, stands in one place each.
 #[inline(always)]
 pub fn run<S, F, M, B>(
     system: &mut F,
@@ -31,7 +37,7 @@ pub fn run<S, F, M, B>(
     schedule: &Schedule,
     hold: usize,
     stop: &AtomicBool,
-    mut record: impl FnMut(usize, &mut F, &B),
+    recorder: &mut impl Record<F, B>,
 ) -> Faults
 where
     S: Real,
@@ -44,15 +50,24 @@ where
         x = note_faults(&mut faults.at, x, 0.0);
     }
     let (mut step, mut i, mut next_break) = (0, 0, 0);
+    // Where the run stands while `x` is ahead of it, at a record between two steps.
+    let (mut start, mut first_break, mut ahead) = (x.clone(), 0, false);
     loop {
         let record_here = i < schedule.records.len() && schedule.records[i].step == step;
         let offset = if record_here { schedule.records[i].offset } else { 0.0 };
-        if record_here && offset == 0.0 {
-            if hold != 0 && step.is_multiple_of(hold) {
+        if record_here && (offset == 0.0 || ahead) {
+            if hold != 0 && offset == 0.0 && step.is_multiple_of(hold) {
                 system.sample(schedule.records[i].t, x.as_ref());
             }
-            record(i, system, &x);
+            recorder.record(i, system, &x);
             i += 1;
+            if ahead {
+                // Keep to the run's own path.
+                x = start.clone();
+                next_break = first_break;
+                method.restart();
+                ahead = false;
+            }
             continue;
         }
         if !record_here && step == schedule.steps {
@@ -64,7 +79,7 @@ where
         }
         let target = if i < schedule.records.len() { schedule.records[i].step } else { schedule.steps };
         let to = if offset > 0.0 { step + 1 } else { target.min(step + BLOCK) };
-        let (start, first_break) = (x.clone(), next_break);
+        (start, first_break) = (x.clone(), next_break);
         let mut careful = false;
         loop {
             for k in step..to {
@@ -86,14 +101,8 @@ where
             method.restart();
         }
         faults.steps += (to - step) as u64;
-        if offset > 0.0 {
-            // The block went to a record between two steps: keep to the run's own path.
-            record(i, system, &x);
-            x = start;
-            next_break = first_break;
-            method.restart();
-            i += 1;
-        } else {
+        ahead = offset > 0.0;
+        if !ahead {
             step = to;
         }
     }
@@ -168,6 +177,5 @@ fn any_not_finite<S: Real>(x: &[S]) -> bool {
         zero = value.mul_add(S::zero(), zero);
     }
     // Zero times a finite number is zero, and NaN otherwise; a NaN is below nothing.
-    let good = S::select(zero.lt(S::splat(1.0)), S::splat(1.0), S::zero());
-    S::any(good.lt(S::splat(0.5)))
+    !S::all(zero.lt(S::splat(1.0)))
 }

@@ -1,10 +1,11 @@
 //! The PR arm's loops, monomorphised through: dynamics, law, gains and method inline into one kernel.
 
 use super::adaptive_steps::{self, Outcome, Segments};
-use super::fixed_steps::{self, Faults};
+use super::fixed_steps::{self, Faults, Record};
 use super::problem::{Fixed, Options, Problem};
-use super::reference::Reference;
+use super::reference::{Desired, Reference, Shared};
 use super::rigid_loop::{RigidLoop, Shape};
+use super::schedule::Schedule;
 use crate::dynamics::PlanarPr;
 use crate::integrate::Rk4;
 use crate::integrate::dop853::{Dop853, Tolerance};
@@ -15,13 +16,14 @@ use crate::scalar::trig::Angle;
 use crate::scalar::{Real, Task};
 use std::sync::atomic::AtomicBool;
 
-/// Receives the records of a group of lanes: index, time, lane-wise state `[q, v, z, quadratures]` and input.
+/// Receives the records of a group of lanes.
 pub trait Sink {
-    fn record<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]);
+    /// Record `i` of `lane`: time, state `[q, v, z, quadratures]` and input.
+    fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]);
 }
 
 /// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes).
-pub struct Group<'a, T, K> {
+pub struct Group<'a, T> {
     pub problem: &'a Problem<'a>,
     /// How time is divided; its type decides which methods a group can run.
     pub division: &'a T,
@@ -29,42 +31,43 @@ pub struct Group<'a, T, K> {
     pub tabulated: Option<&'a Motion>,
     pub first: usize,
     pub stop: &'a AtomicBool,
-    pub sink: &'a mut K,
+    pub sink: &'a mut dyn Sink,
 }
 
 /// A way of dividing time, which runs a closed loop from `x`.
 pub trait Drive {
     type Ended;
-    fn drive<S, L, K, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
+    fn drive<S, L, U, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
         &self,
-        closed: PrLoop<S, L, Z, X, MONITORED, HELD>,
+        closed: PrLoop<S, L, U, Z, X, MONITORED, HELD>,
         x: [S; X],
+        desired: U,
         options: &Options,
         stop: &AtomicBool,
-        sink: &mut K,
+        sink: &mut dyn Sink,
     ) -> Self::Ended
     where
         S: Real,
         L: Law<S>,
-        K: Sink;
+        U: Desired<S>;
 }
 
-type PrLoop<'a, S, L, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool> =
-    RigidLoop<'a, S, PlanarPr<S>, L, Arrays<Z, X>, MONITORED, HELD>;
+type PrLoop<'a, 'm, S, L, U, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool> =
+    RigidLoop<'a, 'm, S, PlanarPr<S>, L, Arrays<U, Z, X>, MONITORED, HELD>;
 
-/// Vectors as arrays: `Z` states of the law, `X` of the loop.
-pub struct Arrays<const Z: usize, const X: usize>;
+/// Vectors as arrays: `Z` states of the law, `X` of the loop, the desired motion as `U`.
+pub struct Arrays<U, const Z: usize, const X: usize>(std::marker::PhantomData<U>);
 
-impl<S: Real, const Z: usize, const X: usize> Shape<S> for Arrays<Z, X> {
+impl<S: Real, U: Desired<S>, const Z: usize, const X: usize> Shape<S> for Arrays<U, Z, X> {
     type Joints = [S; 2];
-    type Desired = [S; 6];
+    type Desired = U;
     type LawState = [S; Z];
     type State = [S; X];
     type Trig = [(S, S); 2];
     type Anchors = [Angle<S>; 2];
 }
 
-impl<T: Drive, K: Sink> Task for Group<'_, T, K> {
+impl<T: Drive> Task for Group<'_, T> {
     type Output = T::Ended;
 
     #[inline(always)]
@@ -84,7 +87,9 @@ impl<T: Drive, K: Sink> Task for Group<'_, T, K> {
                     let law = spec(i);
                     law.lambda.is_diagonal() && law.kd.is_diagonal() && law.gamma.is_diagonal()
                 });
-                if diagonal && problem.options.sample_time.is_none() {
+                let reference = self.reference::<S>();
+                let plain = problem.options.sample_time.is_none() && problem.options.tau_max.is_none() && !problem.options.monitors;
+                if diagonal && plain && reference.is_shared() {
                     let law = Adaptive::new(
                         arm(|i| problem.plant(run(i))),
                         Diagonal(diagonal_of::<S, 2>(|i| &spec(i).lambda)),
@@ -93,11 +98,7 @@ impl<T: Drive, K: Sink> Task for Group<'_, T, K> {
                         [S::zero(); 2],
                         [S::zero(); 3],
                     );
-                    if problem.options.monitors {
-                        self.close::<S, _, 3, 9, true, false>(law)
-                    } else {
-                        self.close::<S, _, 3, 7, false, false>(law)
-                    }
+                    self.close::<S, _, _, 3, 7, false, false>(law, reference, Shared([0.0; 6]))
                 } else {
                     let law = Adaptive::new(
                         arm(|i| problem.plant(run(i))),
@@ -107,7 +108,7 @@ impl<T: Drive, K: Sink> Task for Group<'_, T, K> {
                         [S::zero(); 2],
                         [S::zero(); 3],
                     );
-                    self.close_any::<S, _, 3, 9>(law)
+                    self.close_any::<S, _, 3, 9>(law, reference)
                 }
             }
             LawSpec::ComputedTorque(_) => {
@@ -123,40 +124,57 @@ impl<T: Drive, K: Sink> Task for Group<'_, T, K> {
                     Full(full_of::<S, 4>(2, |i| &spec(i).kd)),
                     [S::zero(); 2],
                 );
-                self.close_any::<S, _, 0, 6>(law)
+                let reference = self.reference::<S>();
+                self.close_any::<S, _, 0, 6>(law, reference)
             }
         }
     }
 }
 
-impl<T: Drive, K: Sink> Group<'_, T, K> {
+impl<'a, T: Drive> Group<'a, T> {
+    #[inline(always)]
+    fn reference<S: Real>(&self) -> Reference<'a, S> {
+        let last = self.problem.runs() - 1;
+        match self.tabulated {
+            Some(motion) => Reference::new(vec![motion]),
+            None => Reference::new((0..S::LANES).map(|i| self.problem.law((self.first + i).min(last)).motion()).collect()),
+        }
+    }
+
     /// The loops that are not made for speed alone carry the monitors' integrals always: fewer kernels.
     #[inline(always)]
-    fn close_any<S: Real, L: Law<S>, const Z: usize, const X: usize>(self, law: L) -> T::Ended {
+    fn close_any<S: Real, L: Law<S>, const Z: usize, const X: usize>(self, law: L, reference: Reference<'a, S>) -> T::Ended {
+        let desired = [S::zero(); 6];
         if self.problem.options.sample_time.is_some() {
-            self.close::<S, L, Z, X, true, true>(law)
+            self.close::<S, L, _, Z, X, true, true>(law, reference, desired)
         } else {
-            self.close::<S, L, Z, X, true, false>(law)
+            self.close::<S, L, _, Z, X, true, false>(law, reference, desired)
         }
     }
 
     /// Close the loop and run it.
     #[inline(always)]
-    fn close<S: Real, L: Law<S>, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(self, law: L) -> T::Ended {
+    fn close<S, L, U, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
+        self,
+        law: L,
+        mut reference: Reference<'a, S>,
+        desired: U,
+    ) -> T::Ended
+    where
+        S: Real,
+        L: Law<S>,
+        U: Desired<S>,
+    {
         let problem = self.problem;
         let last = problem.runs() - 1;
         let run = |lane: usize| (self.first + lane).min(last);
-        let mut reference = match self.tabulated {
-            Some(motion) => Reference::new(vec![motion]),
-            None => Reference::new((0..S::LANES).map(|i| problem.law(run(i)).motion()).collect()),
-        };
         let zero = S::zero();
-        let closed: PrLoop<S, L, Z, X, MONITORED, HELD> = RigidLoop::new(
+        let closed: PrLoop<S, L, U, Z, X, MONITORED, HELD> = RigidLoop::new(
             arm(|i| problem.plant(run(i))),
             law,
             &mut reference,
             problem.options.tau_max.as_deref(),
-            ([zero; 2], [zero; Z], [zero; 6]),
+            ([zero; 2], [zero; Z], desired.clone()),
             ([(zero, zero); 2], [Angle::default(); 2]),
         );
         let mut x = [zero; X];
@@ -167,41 +185,62 @@ impl<T: Drive, K: Sink> Group<'_, T, K> {
         for i in 0..Z {
             x[4 + i] = S::from_lanes(|lane| problem.law(run(lane)).initial_state()[i]);
         }
-        self.division.drive(closed, x, &problem.options, self.stop, self.sink)
+        self.division.drive(closed, x, desired, &problem.options, self.stop, self.sink)
     }
 }
 
 /// Recording in a function of its own, on a copy: the loop's state keeps its registers.
 #[inline(never)]
-fn record_apart<S: Real, K: Sink, const X: usize>(sink: &mut K, i: usize, t: f64, x: [S; X], tau: [S; 2]) {
-    sink.record(i, t, &x, &tau);
+fn record_apart<S: Real, const X: usize>(sink: &mut dyn Sink, i: usize, t: f64, x: [S; X], tau: [S; 2]) {
+    for lane in 0..S::LANES {
+        sink.record(i, lane, t, &x.map(|x| x.lane(lane)), &tau.map(|tau| tau.lane(lane)));
+    }
+}
+
+/// The records of a fixed-step run.
+struct Records<'a> {
+    schedule: &'a Schedule,
+    sink: &'a mut dyn Sink,
+}
+
+impl<S, L, U, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>
+    Record<PrLoop<'_, '_, S, L, U, Z, X, MONITORED, HELD>, [S; X]> for Records<'_>
+where
+    S: Real,
+    L: Law<S>,
+    U: Desired<S>,
+{
+    #[inline(always)]
+    fn record(&mut self, i: usize, closed: &mut PrLoop<S, L, U, Z, X, MONITORED, HELD>, x: &[S; X]) {
+        let t = self.schedule.records[i].t;
+        if !HELD {
+            closed.observe(t, x);
+        }
+        record_apart(self.sink, i, t, *x, closed.tau);
+    }
 }
 
 impl Drive for Fixed {
     type Ended = Faults;
 
     #[inline(always)]
-    fn drive<S, L, K, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
+    fn drive<S, L, U, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
         &self,
-        mut closed: PrLoop<S, L, Z, X, MONITORED, HELD>,
+        mut closed: PrLoop<S, L, U, Z, X, MONITORED, HELD>,
         x: [S; X],
+        desired: U,
         _: &Options,
         stop: &AtomicBool,
-        sink: &mut K,
+        sink: &mut dyn Sink,
     ) -> Faults
     where
         S: Real,
         L: Law<S>,
-        K: Sink,
+        U: Desired<S>,
     {
-        let mut method = Rk4::new(x, [S::zero(); 6]);
-        fixed_steps::run::<S, _, _, _>(&mut closed, &mut method, x, &self.schedule, self.hold, stop, |i, closed, x| {
-            let t = self.schedule.records[i].t;
-            if !HELD {
-                closed.observe(t, x);
-            }
-            record_apart(sink, i, t, *x, closed.tau);
-        })
+        let mut method = Rk4::new(x, desired);
+        let mut records = Records { schedule: &self.schedule, sink };
+        fixed_steps::run::<S, _, _, _>(&mut closed, &mut method, x, &self.schedule, self.hold, stop, &mut records)
     }
 }
 
@@ -209,21 +248,22 @@ impl Drive for Segments {
     type Ended = Outcome;
 
     #[inline(always)]
-    fn drive<S, L, K, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
+    fn drive<S, L, U, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>(
         &self,
-        mut closed: PrLoop<S, L, Z, X, MONITORED, HELD>,
+        mut closed: PrLoop<S, L, U, Z, X, MONITORED, HELD>,
         x: [S; X],
+        desired: U,
         options: &Options,
         stop: &AtomicBool,
-        sink: &mut K,
+        sink: &mut dyn Sink,
     ) -> Outcome
     where
         S: Real,
         L: Law<S>,
-        K: Sink,
+        U: Desired<S>,
     {
         let tolerance = Tolerance { rtol: options.rtol, atol: options.atol, controlled: 4 + Z };
-        let mut method = Dop853::new(tolerance, x, [S::zero(); 6]);
+        let mut method = Dop853::new(tolerance, x, desired);
         let mut i = 0;
         adaptive_steps::run::<S, _, _>(&mut closed, &mut method, self, stop, |t, closed, x| {
             if !HELD {

@@ -32,29 +32,70 @@ impl<'a, S: Real> Reference<'a, S> {
         Reference { table, motions, one, all }
     }
 
-    #[inline(always)]
-    pub fn sample(&mut self, t: f64, out: &mut [S]) {
-        match self.table {
-            Some(table) => table.sample(t, out),
-            None => self.sample_motions(t, out),
-        }
+    /// Whether one motion serves all lanes.
+    pub fn is_shared(&self) -> bool {
+        self.motions.len() == 1
     }
 
+    /// The sample of the one motion of all lanes, by value: what a call can't reach may live in registers.
     #[inline(always)]
-    fn sample_motions(&mut self, t: f64, out: &mut [S]) {
-        let width = out.len();
-        if self.motions.len() == 1 {
-            sample_apart(self.motions[0], t, &mut self.one);
-            for i in 0..width {
-                out[i] = S::splat(self.one[i].lane(0));
-            }
-            return;
+    fn sample_shared<const D: usize>(&mut self, t: f64) -> [f64; D] {
+        if let Some(row) = self.table.and_then(|table| table.knot(t)).and_then(|row| row.first_chunk()) {
+            return *row;
         }
+        sample_apart(self.motions[0], t, &mut self.one);
+        self.one.first_chunk().map_or([f64::NAN; D], |row| row.map(|x| x.lane(0)))
+    }
+
+    #[inline(never)]
+    fn sample_each(&mut self, t: f64) {
+        let width = self.all.len() / self.motions.len();
         for (motion, row) in self.motions.iter().zip(self.all.chunks_exact_mut(width)) {
             sample_apart(motion, t, row);
         }
-        for i in 0..width {
-            out[i] = S::from_lanes(|lane| self.all[lane * width + i]);
+    }
+}
+
+/// What a loop is told of its desired motion at one instant.
+pub trait Desired<S: Real>: Clone {
+    /// `[q_d, v_d, a_d]`, `(3 n,)`
+    type Lanes: AsRef<[S]>;
+    fn sample(&mut self, reference: &mut Reference<S>, t: f64);
+    fn lanes(&self) -> Self::Lanes;
+}
+
+/// One motion for all lanes: numbers, spread over the lanes where they are used.
+#[derive(Clone, Copy)]
+pub struct Shared<const D: usize>(pub [f64; D]);
+
+impl<S: Real, const D: usize> Desired<S> for Shared<D> {
+    type Lanes = [S; D];
+    #[inline(always)]
+    fn sample(&mut self, reference: &mut Reference<S>, t: f64) {
+        self.0 = reference.sample_shared(t);
+    }
+    #[inline(always)]
+    fn lanes(&self) -> [S; D] {
+        self.0.map(S::splat)
+    }
+}
+
+/// Whatever the lanes share or not.
+impl<S: Real, const D: usize> Desired<S> for [S; D] {
+    type Lanes = [S; D];
+    #[inline(always)]
+    fn sample(&mut self, reference: &mut Reference<S>, t: f64) {
+        if reference.is_shared() {
+            *self = reference.sample_shared(t).map(S::splat);
+            return;
         }
+        reference.sample_each(t);
+        for i in 0..D {
+            self[i] = S::from_lanes(|lane| reference.all[lane * D + i]);
+        }
+    }
+    #[inline(always)]
+    fn lanes(&self) -> [S; D] {
+        *self
     }
 }

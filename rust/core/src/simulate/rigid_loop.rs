@@ -2,9 +2,10 @@
 //!
 //! `q' = v`, `v' = M^-1 (tau - C v - g)`, `z' = ` the law's rate, and, where the run is monitored, the two
 //! integrals that the identities need: the law's dissipation `s' Kd s` and the power `tau' v` put in.
+//! Not `MONITORED` is the plain loop: without these, and without a limit on `tau`.
 //! `HELD`: `tau` and `z'` are those of the last sample, as a real controller holds them.
 
-use super::reference::Reference;
+use super::reference::{Desired, Reference};
 use crate::dynamics::Dynamics;
 use crate::integrate::{Buffer, System};
 use crate::law::Law;
@@ -16,7 +17,7 @@ pub trait Shape<S: Real> {
     /// `(n,)`
     type Joints: Buffer<S>;
     /// `[q_d, v_d, a_d]`, `(3 n,)`
-    type Desired: Buffer<S>;
+    type Desired: Desired<S>;
     /// `(p,)`
     type LawState: Buffer<S>;
     /// `x = [q, v, z, quadratures]`
@@ -25,12 +26,12 @@ pub trait Shape<S: Real> {
     type Anchors: AsRef<[Angle<S>]> + AsMut<[Angle<S>]>;
 }
 
-pub struct RigidLoop<'a, S: Real, D: Dynamics<S>, L, Q: Shape<S>, const MONITORED: bool, const HELD: bool> {
+pub struct RigidLoop<'a, 'm, S: Real, D: Dynamics<S>, L, Q: Shape<S>, const MONITORED: bool, const HELD: bool> {
     arm: D,
     workspace: D::Workspace,
     law: L,
     /// Borrowed, so that nothing of the loop's own needs dropping and all of it can live in registers.
-    reference: &'a mut Reference<'a, S>,
+    reference: &'a mut Reference<'m, S>,
     /// Largest |tau| per joint, where the input saturates.
     tau_max: Option<&'a [f64]>,
     anchors: Q::Anchors,
@@ -41,7 +42,7 @@ pub struct RigidLoop<'a, S: Real, D: Dynamics<S>, L, Q: Shape<S>, const MONITORE
     desired: Q::Desired,
 }
 
-impl<'a, S, D, L, Q, const MONITORED: bool, const HELD: bool> RigidLoop<'a, S, D, L, Q, MONITORED, HELD>
+impl<'a, 'm, S, D, L, Q, const MONITORED: bool, const HELD: bool> RigidLoop<'a, 'm, S, D, L, Q, MONITORED, HELD>
 where
     S: Real,
     D: Dynamics<S>,
@@ -52,7 +53,7 @@ where
     pub fn new(
         arm: D,
         law: L,
-        reference: &'a mut Reference<'a, S>,
+        reference: &'a mut Reference<'m, S>,
         tau_max: Option<&'a [f64]>,
         (joints, law_state, desired): (Q::Joints, Q::LawState, Q::Desired),
         (trig, anchors): (Q::Trig, Q::Anchors),
@@ -78,7 +79,7 @@ where
         let n = self.tau.as_ref().len();
         let p = self.dz.as_ref().len();
         self.law.evaluate(desired, self.trig.as_ref(), &x[..2 * n], &x[2 * n..2 * n + p], self.tau.as_mut(), self.dz.as_mut());
-        if let Some(limit) = self.tau_max {
+        if let (true, Some(limit)) = (MONITORED, self.tau_max) {
             let tau = self.tau.as_mut();
             for i in 0..n {
                 // A NaN passes, as it must: min and max would hide it.
@@ -93,7 +94,7 @@ where
     #[inline(always)]
     pub fn observe(&mut self, t: f64, x: &[S]) {
         let mut desired = self.desired.clone();
-        self.reference.sample(t, desired.as_mut());
+        desired.sample(self.reference, t);
         self.anchor(x);
         let n = self.tau.as_ref().len();
         let (anchors, trig) = (self.anchors.as_ref(), self.trig.as_mut());
@@ -102,11 +103,11 @@ where
                 trig[i] = (anchors[i].sin, anchors[i].cos);
             }
         }
-        self.control(desired.as_ref(), x);
+        self.control(desired.lanes().as_ref(), x);
     }
 }
 
-impl<S, D, L, Q, const MONITORED: bool, const HELD: bool> System<S> for RigidLoop<'_, S, D, L, Q, MONITORED, HELD>
+impl<S, D, L, Q, const MONITORED: bool, const HELD: bool> System<S> for RigidLoop<'_, '_, S, D, L, Q, MONITORED, HELD>
 where
     S: Real,
     D: Dynamics<S>,
@@ -120,12 +121,14 @@ where
         if HELD {
             return;
         }
-        self.reference.sample(t, u.as_mut());
+        u.sample(self.reference, t);
     }
 
     #[inline(always)]
     fn sample(&mut self, t: f64, x: &[S]) {
-        self.observe(t, x);
+        if HELD {
+            self.observe(t, x);
+        }
     }
 
     #[inline(always)]
@@ -134,7 +137,7 @@ where
         let anchors = self.anchors.as_mut();
         for i in 0..n {
             if self.arm.is_angle(i) {
-                anchors[i] = Angle::new(x[i]);
+                anchors[i].move_to(x[i]);
             }
         }
     }
@@ -144,7 +147,7 @@ where
         let n = self.tau.as_ref().len();
         self.turn(x);
         if !HELD {
-            self.control(u.as_ref(), x);
+            self.control(u.lanes().as_ref(), x);
         }
         let (q, v) = (&x[..n], &x[n..2 * n]);
         for i in 0..n {

@@ -84,7 +84,8 @@ impl Schedule {
     /// The time after `step` steps.
     #[inline(always)]
     pub fn time(&self, step: usize) -> f64 {
-        if step >= self.steps { self.t_end } else { step as f64 * self.dt }
+        // Signed conversion is one instruction.
+        if step >= self.steps { self.t_end } else { step as i64 as f64 * self.dt }
     }
 
     fn locate(&self, t: f64) -> Record {

@@ -4,7 +4,7 @@ use super::monitors::{self, Monitor};
 use super::planar_pr::{Group, Sink};
 use super::problem::{Division, Problem};
 use crate::error::Result;
-use crate::scalar::{Real, run_scalar};
+use crate::scalar::run_scalar;
 use crate::status::Status;
 use std::sync::atomic::AtomicBool;
 
@@ -32,27 +32,19 @@ struct Rows<'a> {
     run: &'a mut Run,
     p: usize,
     monitor: Option<Monitor<'a>>,
-    row: Vec<f64>,
     values: Vec<f64>,
 }
 
 impl Sink for Rows<'_> {
-    #[inline(always)]
-    fn record<S: Real>(&mut self, _: usize, t: f64, x: &[S], tau: &[S]) {
+    fn record(&mut self, _: usize, _: usize, t: f64, x: &[f64], tau: &[f64]) {
         let run = &mut *self.run;
         run.t.push(t);
-        for i in 0..2 {
-            run.q.push(x[i].lane(0));
-            run.v.push(x[2 + i].lane(0));
-            run.tau.push(tau[i].lane(0));
-        }
-        for i in 0..self.p {
-            run.z.push(x[4 + i].lane(0));
-        }
+        run.q.extend_from_slice(&x[..2]);
+        run.v.extend_from_slice(&x[2..4]);
+        run.tau.extend_from_slice(tau);
+        run.z.extend_from_slice(&x[4..4 + self.p]);
         if let Some(monitor) = &mut self.monitor {
-            self.row.clear();
-            self.row.extend(x.iter().map(|x| x.lane(0)));
-            monitor.evaluate(t, &self.row, &mut self.values);
+            monitor.evaluate(t, x, &mut self.values);
             for ((_, series), &value) in run.monitors.iter_mut().zip(&self.values) {
                 series.push(value);
             }
@@ -83,7 +75,7 @@ pub fn simulate(problem: &Problem, stop: &AtomicBool) -> Result<Run> {
     run.monitors = names.iter().map(|&name| (name, Vec::new())).collect();
     let monitor = problem.options.monitors.then(|| Monitor::new(problem.plant(0), problem.law(0)));
     let values = vec![0.0; names.len()];
-    let mut sink = Rows { run: &mut run, p, monitor, row: Vec::with_capacity(6 + p), values };
+    let mut sink = Rows { run: &mut run, p, monitor, values };
     match &division {
         Division::Fixed(fixed) => {
             sink.reserve(fixed.schedule.records.len());

@@ -171,6 +171,14 @@ where
         any != 0
     }
     #[inline(always)]
+    fn all(mask: [u64; 8]) -> bool {
+        let mut all = u64::MAX;
+        for i in 0..8 {
+            all &= mask[i];
+        }
+        all == u64::MAX
+    }
+    #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
         if F {
             assert!(isa() >= Isa::Avx2, "the fused lanes need AVX2 and FMA");

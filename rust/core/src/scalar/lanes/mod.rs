@@ -3,11 +3,23 @@
 
 mod array;
 #[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
 mod avx512;
+mod pair;
+#[cfg(target_arch = "x86_64")]
+mod sse2;
+#[cfg(target_arch = "x86_64")]
+mod vector;
 
 pub use array::Array8;
 #[cfg(target_arch = "x86_64")]
+pub use avx2::Avx2;
+#[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
+pub use pair::Pair;
+#[cfg(target_arch = "x86_64")]
+pub use sse2::Sse2;
 
 use super::Kernel;
 use std::sync::atomic::{AtomicU8, Ordering};

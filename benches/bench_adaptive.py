@@ -1,0 +1,254 @@
+"""M(q) a + S(q, v) v = tau under the adaptive law, RK4 at 1 ms: armlet beside numpy, scipy, numba and hand-written C, in one run.
+
+First every answer is compared with a tight reference; only then anything is timed. See README.md beside this file.
+
+    python benches/bench_adaptive.py                  the table, and benches/results/adaptive.json
+    python benches/bench_adaptive.py --markdown       the same as Markdown
+    python benches/bench_adaptive.py --readme         the same, written into benches/README.md
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import importlib.util
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+import adaptive_cases as cases
+import adaptive_peers as peers
+import timing
+from timing import Case
+
+import armlet as al
+
+HERE = Path(__file__).parent
+ISAS = ("baseline", "avx2", "avx512")
+CALLS, ROWS = 5_000, 100_000
+C, C_BATCH, NUMBA, NUMBA_BATCH = "C, by hand", "C with AVX-512, by hand", "numba, scalars", "numba, batch"
+ONE, BATCH, BATCH2 = "armlet", "armlet, batch", "armlet, batch, 2 threads"
+# RK4 at 1 ms leaves 1.1e-10 here, DOP853 at rtol 1e-8 6e-11; two RK4 codes differ by rounding alone, and the loop contracts.
+TRUNCATION, ROUNDING = 1e-9, 1e-12
+
+
+def say(text: str) -> None:
+    print(f"bench_adaptive: {text}", file=sys.stderr, flush=True)
+
+
+def compare(name: str, answer: Any, reference: Any, tolerance: float) -> None:
+    worst = float(np.max(np.abs(np.asarray(answer) - reference)))
+    if not worst <= tolerance:
+        raise SystemExit(f"bench_adaptive: {name} differs from the reference by {worst:.1e}: expected at most {tolerance:.0e}")
+    say(f"equal within {tolerance:.0e} (worst {worst:.1e}): {name}")
+
+
+class Suite:
+    """Adds a case only once its answer is right."""
+
+    def __init__(self, core: int, two: bool) -> None:
+        self.cases: list[Case] = []
+        self.core, self.two = core, two
+        self.motion, self.short = peers.table(peers.STEPS), peers.table(peers.BATCH_STEPS)
+        self.exact = cases.adaptive_method(1e-13, 1e-14)()
+        self.full = peers.numpy_loop(peers.STEPS, full=True)
+        self.many = peers.numpy_batch(peers.BATCH_STEPS)
+
+    def add(self, group: str, name: str, run: Callable[[], Any], per: float, check: tuple[Any, float] | None = None, **more: Any) -> None:
+        if more.get("threads", 1) > 1 and not self.two:
+            return say(f"skipped: {name}: one core")
+        if check is not None:
+            compare(name, run(), *check)
+        self.cases.append(Case(group, name, run, per, **more))
+
+    def singles(self, c: peers.LimitKernels | None, numba: dict[str, Callable[..., Any]] | None) -> None:
+        group = "One run, 10,000 steps: ns per step"
+        yard = C if c else NUMBA if numba else None
+        add = functools.partial(self.add, group, per=peers.STEPS)
+        exact = (self.exact, TRUNCATION)
+        if c:
+            add(C, lambda: c.single(self.motion, peers.STEPS), check=exact)
+        table, wave = cases.tabulated(peers.STEPS), cases.sinusoid()
+        add(ONE, cases.single(table), check=exact, against=yard)
+        add("armlet, Sinusoid in the loop", cases.single(wave), check=exact, against=ONE)
+        add("armlet, full gain matrices", cases.single(table, full=True), check=(self.full, ROUNDING), against=ONE)
+        add("armlet, record_every=1", cases.single(table, record_every=1), check=exact, against=ONE)
+        add("armlet, monitors", cases.single(table, monitors=True), check=exact, against=ONE)
+        everything = cases.single(wave, full=True, record_every=1, monitors=True)
+        add("armlet, all four at once", everything, check=(self.full, TRUNCATION), against=ONE)
+        if numba:
+            inputs = (np.array(peers.PLANT), peers.start(), self.motion, peers.STEPS, peers.H)
+            add(NUMBA, lambda: numba["scalars"](*inputs), check=exact, against=ONE)
+            add("numba, small arrays", lambda: numba["arrays"](*inputs), check=exact, against=ONE)
+        compare("numpy loop", peers.numpy_loop(peers.STEPS), *exact)
+        self.add(group, "numpy loop", lambda: peers.numpy_loop(500), 500, against=ONE)
+
+    def adaptive_methods(self) -> None:
+        group, per = "One run of 10 s, dop853, rtol 1e-8: ns per simulated ms", peers.T * 1e3
+        self.add(group, "armlet, dop853", cases.adaptive_method(1e-8, 1e-10), per, (self.exact, TRUNCATION))
+        if importlib.util.find_spec("scipy") is None:
+            return say("skipped: scipy: not installed")
+        compare("scipy DOP853, rtol 1e-12, the reference itself", peers.scipy_dop853(1e-12, 1e-13)[0], self.exact, 1e-9)
+        scipy = lambda: peers.scipy_dop853(1e-8, 1e-10)[0]  # noqa: E731
+        self.add(group, "scipy, DOP853", scipy, per, (self.exact, TRUNCATION), against="armlet, dop853")
+
+    def batches(self, c: peers.LimitKernels | None, numba: dict[str, Callable[..., Any]] | None) -> None:
+        group, per = "1,024 runs, 1,000 steps: ns per run and step", peers.RUNS * peers.BATCH_STEPS
+        many = (self.many, ROUNDING)
+        yard = C_BATCH if c else NUMBA_BATCH if numba else None
+        if c:
+            self.add(group, C_BATCH, functools.partial(c.batch, self.short, peers.BATCH_STEPS, 1), per, many)
+            both = functools.partial(c.batch, self.short, peers.BATCH_STEPS, 2)
+            self.add(group, f"{C_BATCH}, 2 threads", both, per, many, threads=2, against=C_BATCH)
+        self.add(group, BATCH, cases.batch(1), per, many, against=yard)
+        self.add(group, BATCH2, cases.batch(2), per, many, threads=2, against=BATCH)
+        self.add(group, "armlet, batch, Sinusoid in the loop", cases.batch(1, motion=cases.sinusoid()), per, many, against=BATCH)
+        self.add(group, "armlet, batch, monitors", cases.batch(1, monitors=True), per, many, against=BATCH)
+        everything = cases.batch(1, keep="all", record_every=10)
+        self.add(group, 'armlet, batch, keep="all", record_every=10', everything, per, against=BATCH)
+        if numba:
+            inputs = (peers.batch_inputs()[0], peers.start(peers.batch_inputs()[1]), self.short, peers.BATCH_STEPS, peers.H)
+            self.add(group, NUMBA_BATCH, lambda: numba["batch"](*inputs), per, many, against=BATCH)
+            self.add(group, f"{NUMBA_BATCH}, 2 threads", lambda: numba["parallel"](*inputs), per, many, threads=2, against=BATCH2)
+        self.add(group, "numpy, vectorised over the runs", lambda: peers.numpy_batch(20), 20 * peers.RUNS, against=BATCH)
+
+    def routes(self, c: peers.LimitKernels | None) -> list[cases.Route]:
+        best = ISAS.index(al.build_info()["best_instruction_set"])
+        routes = []
+        for isa in ISAS[: best + 1]:
+            route = cases.Route(isa)
+            routes.append(route)
+            compare(f"ARMLET_ISA={isa}, one run", route.ask("state:single"), cases.single(cases.tabulated(peers.STEPS))(), 1e-12)
+            compare(f"ARMLET_ISA={isa}, batch", route.ask("state:batch"), cases.batch(1)(), 1e-12)
+            for what, per, yard in (
+                ("single", float(peers.STEPS), C if c else ONE),
+                ("batch", float(peers.RUNS * peers.BATCH_STEPS), C_BATCH if c else BATCH),
+            ):
+                group = "ARMLET_ISA, each in its own process: ns per step, or per run and step"
+                run = functools.partial(route.ask, what, self.core)
+                self.add(group, f"{isa}, {'one run' if what == 'single' else what}", run, per, timed=True, against=yard)
+        return routes
+
+    def calls(self) -> None:
+        for name, loop in cases.calls(CALLS):
+            self.add("One Python call: ns", name, loop, CALLS)
+        for name, loop in cases.rows_of_calls(ROWS):
+            self.add("One Python call: ns", name, loop, ROWS)
+        self.add(
+            "Import beyond numpy's: ms",
+            "import armlet",
+            cases.import_seconds,
+            1.0,
+            unit="ms",
+            scale=1e3,
+            timed=True,
+            rounds=7,
+            clock="wall",
+        )
+
+
+def targets(found: list[Case]) -> list[tuple[str, str, str, bool]]:
+    """(what, target, measured, met); only what this run could measure."""
+    by_name = {case.name: case for case in found}
+    lines = []
+
+    def ratio(what: str, name: str, yard: str, limit: float, at_least: bool = False) -> None:
+        if name in by_name and yard in by_name:
+            value = timing.ratio(by_name[name], by_name[yard])
+            value = 1.0 / value if at_least else value
+            lines.append((what, f"{'>=' if at_least else '<='} {limit}", f"{value:.2f}", value >= limit if at_least else value <= limit))
+
+    def ceiling(what: str, name: str, limit: float, unit: str, less: str | None = None, share: float = 1.0) -> None:
+        if name in by_name:
+            value = by_name[name].median - (share * by_name[less].median if less in by_name else 0.0)
+            lines.append((what, f"<= {limit:g} {unit}", f"{timing.digits(value)} {unit}", value <= limit))
+
+    ratio("one run / C by hand", ONE, C, 1.4)
+    ratio("one run / C by hand (aim)", ONE, C, 1.15)
+    ratio("one run / numba scalars: ahead", ONE, NUMBA, 1.0)
+    ratio("batch, AVX2 + FMA / C with AVX-512", "avx2, batch", C_BATCH, 2.0)
+    ratio("batch, AVX-512 / C with AVX-512", "avx512, batch", C_BATCH, 1.3)
+    ratio("batch, AVX-512 / C with AVX-512 (aim)", "avx512, batch", C_BATCH, 1.15)
+    ratio("batch: two threads over one", BATCH2, BATCH, 1.8, at_least=True)
+    ceiling("mass_matrix over its arithmetic", "arm.mass_matrix(q), PR", 250, "ns", "mass_matrix per row of a batch, PR")
+    arithmetic = "inverse_dynamics per row of a batch, PR"
+    ceiling("inverse_dynamics over its arithmetic", "arm.inverse_dynamics(q, v, a), PR", 250, "ns", arithmetic)
+    # A stage of the loop evaluates motion, law and plant: what the law's arithmetic costs, and a little more.
+    ceiling("law over its arithmetic", "law(t, q, v), Adaptive, PR", 250, "ns", "armlet, Sinusoid in the loop", 0.25)
+    six = "inverse_dynamics per row of a batch, six axes"
+    ceiling("inverse_dynamics of six axes over its arithmetic", "arm.inverse_dynamics(q, v, a), six axes", 250, "ns", six)
+    ceiling("import armlet beyond numpy's", "import armlet", 150, "ms")
+    return lines
+
+
+def report(suite: Suite, as_markdown: bool) -> str:
+    machine, info = timing.machine(), al.build_info()
+    rounds = max(len(case.wall) for case in suite.cases)
+    head = (
+        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; load average {machine['load']} after the run. "
+        f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
+    )
+    lines, verdicts = timing.rows(suite.cases), targets(suite.cases)
+    if not as_markdown:
+        text = [head, timing.plain(lines), "", "Targets"]
+        return "\n".join(text + [f"  {'met   ' if met else 'MISSED'} {what}: {got} (target {goal})" for what, goal, got, met in verdicts])
+    table = ["| target | goal | measured | |", "|---|---:|---:|---|"]
+    table += [f"| {what} | {goal} | {got} | {'met' if met else '**missed**'} |" for what, goal, got, met in verdicts]
+    return "\n".join([head, "", *table, "", timing.markdown(lines)])
+
+
+def write_readme(text: str) -> None:
+    path, marks = HERE / "README.md", ("<!-- figures: begin -->", "<!-- figures: end -->")
+    before, rest = path.read_text().split(marks[0])
+    after = rest.split(marks[1])[1]
+    path.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{after}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="armlet beside its peers on the adaptive PR robot")
+    parser.add_argument("--markdown", action="store_true", help="print Markdown")
+    parser.add_argument("--readme", action="store_true", help="put the figures into benches/README.md")
+    parser.add_argument("--rounds", type=int, default=21)
+    parser.add_argument("--core", type=int, default=timing.cores()[-1], help="core of the single-thread cases (default: the last allowed)")
+    options = parser.parse_args()
+    if al.build_info()["profile"] != "release":
+        raise SystemExit("bench_adaptive: armlet is a debug build: install the release wheel (make bench)")
+
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # numba's idle workers must not spend the next case's processor time
+    suite = Suite(options.core, len(timing.cores()) > 1)
+    c: peers.LimitKernels | None = None
+    numba: dict[str, Callable[..., Any]] | None = None
+    try:
+        c = peers.LimitKernels()
+    except ImportError as missing:
+        say(f"skipped: hand-written C: {missing}")
+    try:
+        numba = peers.numba_kernels()
+    except ImportError as missing:
+        say(f"skipped: numba: {missing}")
+    routes: list[cases.Route] = []
+    try:
+        suite.singles(c, numba)
+        suite.adaptive_methods()
+        suite.batches(c, numba)
+        routes = suite.routes(c)
+        suite.calls()
+        timing.measure(suite.cases, options.rounds, options.core, say)
+    finally:
+        for route in routes:
+            route.close()
+    about = {"machine": timing.machine(), "build": al.build_info(), "targets": targets(suite.cases)}
+    timing.save(HERE / "results" / "adaptive.json", suite.cases, about)
+    text = report(suite, options.markdown or options.readme)
+    if options.readme:
+        write_readme(text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

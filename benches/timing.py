@@ -1,0 +1,173 @@
+"""median over rounds of t_case, and of t_case / t_yardstick within each round: every round runs every case once, so noise hits all alike.
+
+What the benchmarks share: interleaved rounds, pinning, two clocks, the machine in one line, tables, and the file of results.
+
+Each call is timed by the wall clock and by the processor time of the whole process. On a quiet machine the two agree for one thread;
+on a busy one the wall clock counts other programs' turns too. Ratios between single-thread cases are therefore of processor times;
+where several threads take part both sides go by the wall clock, and the ratio means something on a quiet machine only.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass
+class Case:
+    """One thing to time.
+
+    `run` is called once per round; with `timed` set it returns the wall and processor seconds it took, measured where the work was done.
+    `per` is how many units (steps, calls) one call does; `scale` turns seconds per unit into `unit`. `clock` is what its figures and
+    ratios go by. `rounds` of None: every round, or a few of them where a call is slow.
+    """
+
+    group: str
+    name: str
+    run: Callable[[], Any]
+    per: float
+    unit: str = "ns"
+    scale: float = 1e9
+    threads: int = 1
+    clock: str = ""
+    timed: bool = False
+    rounds: int | None = None
+    against: str | None = None
+    wall: dict[int, float] = field(default_factory=dict)
+    processor: dict[int, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.clock = self.clock or ("processor" if self.threads == 1 else "wall")
+
+    def seconds(self, clock: str = "") -> dict[int, float]:
+        """By round, on its own clock or on the one named."""
+        return self.wall if (clock or self.clock) == "wall" else self.processor
+
+    def figure(self, seconds: float) -> float:
+        return seconds / self.per * self.scale
+
+    @property
+    def median(self) -> float:
+        return self.figure(statistics.median(self.seconds().values()))
+
+
+def clocked(run: Callable[[], Any]) -> tuple[float, float]:
+    """Wall and processor seconds of one call."""
+    wall, processor = time.perf_counter(), time.process_time()
+    run()
+    return time.perf_counter() - wall, time.process_time() - processor
+
+
+def cores() -> list[int]:
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+
+
+def pin(allowed: list[int]) -> None:
+    """Bind every thread of this process, the pools' workers included, to these cores."""
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    for thread in os.listdir("/proc/self/task"):
+        try:
+            os.sched_setaffinity(int(thread), allowed)
+        except ProcessLookupError:  # a thread that ended meanwhile
+            continue
+
+
+def measure(cases: list[Case], rounds: int, core: int, say: Callable[[str], None]) -> None:
+    """Time every case in every round; single-thread cases on `core`, the others on all cores. Slow cases sit out most rounds."""
+    every = cores()
+    for case in cases:  # warm up: compile, build pools, fault pages in; and learn which cases are slow
+        pin([core] if case.threads == 1 else every)
+        wall, _ = clocked(case.run)
+        if case.rounds is None:
+            case.rounds = rounds if wall < 0.15 else min(rounds, 5)
+    gc.disable()
+    for k in range(rounds):
+        say(f"round {k + 1}/{rounds}")
+        for case in cases:
+            assert case.rounds is not None
+            if k % max(1, rounds // case.rounds) or len(case.wall) >= case.rounds:
+                continue
+            pin([core] if case.threads == 1 else every)
+            case.wall[k], case.processor[k] = case.run() if case.timed else clocked(case.run)
+    gc.enable()
+    pin(every)
+
+
+def ratio(case: Case, yardstick: Case) -> float:
+    """Median of the ratio within a round, over the rounds that ran both, on one clock."""
+    clock = "wall" if "wall" in (case.clock, yardstick.clock) else "processor"
+    ours, theirs = case.seconds(clock), yardstick.seconds(clock)
+    return statistics.median((ours[k] / case.per) / (theirs[k] / yardstick.per) for k in ours.keys() & theirs.keys())
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores and load: nothing that names the machine."""
+    model, flags = "unknown processor", set()
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            key, _, value = line.partition(":")
+            if key.strip() == "model name":
+                model = value.strip()
+            elif key.strip() == "flags":
+                flags = set(value.split())
+    except OSError:
+        pass
+    widest = next((name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), "no AVX2")
+    return {"cpu": model, "cores": os.cpu_count(), "simd": widest, "load": round(os.getloadavg()[0], 1)}
+
+
+def digits(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
+
+
+def rows(cases: list[Case]) -> list[tuple[str, ...]]:
+    """`(group, case, wall, fastest, processor, yardstick, ratio)` as text; the yardstick of a case is named in `against`."""
+    by_name = {case.name: case for case in cases}
+    lines = []
+    for case in cases:
+        yard = by_name.get(case.against or "")
+        compared = (yard.name, f"{ratio(case, yard):.2f}") if yard is not None else ("", "")
+        times = (statistics.median(case.wall.values()), min(case.wall.values()), statistics.median(case.processor.values()))
+        lines.append((case.group, case.name, *(digits(case.figure(each)) for each in times), *compared))
+    return lines
+
+
+def markdown(lines: list[tuple[str, ...]]) -> str:
+    """One table per group."""
+    text, group = [], None
+    for line in lines:
+        if line[0] != group:
+            group = line[0]
+            text += ["", f"**{group}**", "", "| case | wall | fastest | processor | ratio | to |", "|---|---:|---:|---:|---:|---|"]
+        text.append(f"| {line[1]} | {line[2]} | {line[3]} | {line[4]} | {line[6]} | {line[5]} |")
+    return "\n".join(text).strip()
+
+
+def plain(lines: list[tuple[str, ...]]) -> str:
+    """The same for a terminal."""
+    width = max(len(line[1]) for line in lines)
+    text, group = [], None
+    for line in lines:
+        if line[0] != group:
+            group = line[0]
+            text += ["", group, f"  {'':{width}}  {'wall':>9} {'fastest':>9} {'processor':>9}   ratio"]
+        compared = f"   {line[6]:>5} of {line[5]}" if line[5] else ""
+        text.append(f"  {line[1]:{width}}  {line[2]:>9} {line[3]:>9} {line[4]:>9}{compared}")
+    return "\n".join(text)
+
+
+def save(path: Path, cases: list[Case], extra: dict[str, Any]) -> None:
+    """Every single time, so that other statistics can be taken later."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fields = ("group", "name", "unit", "per", "scale", "threads", "clock", "against")
+    clocks = [{clock: list(getattr(case, clock).values()) for clock in ("wall", "processor")} for case in cases]
+    table = [{name: getattr(case, name) for name in fields} | times for case, times in zip(cases, clocks, strict=True)]
+    path.write_text(json.dumps(extra | {"cases": table}, indent=1) + "\n")

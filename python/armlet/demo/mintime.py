@@ -1,0 +1,115 @@
+"""System 4: one link under gravity, minimum time rest to rest under a torque limit.
+
+    I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam
+
+Theory promises, and the planners are checked for: the symmetric bang-bang profile takes T = sqrt(4 pi I / tau_max) iff G <= 2 tau_max,
+whatever G is until then, and no T works beyond; the optimum under full torque is faster as gravity grows; and where no certificate
+holds, backing up first can win.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import armlet as al
+
+from ..mintime_plots import MinimumTime
+
+if TYPE_CHECKING:
+    from .report import Report
+
+TITLE = "System 4: minimum time of one link under gravity, rest to rest"
+
+START, END = -math.pi / 2, math.pi / 2
+# T of the profile over T of the optimum, by G / tau_max, to the digits of the exam's corrected solution.
+RATIOS = {0.5: 1.2084, 1.0: 1.3853, 2.0: 1.6837}
+# Square roots and quotients of numbers of order one: a few roundings.
+ROUNDING = 4e-15
+
+
+def run(report: Report) -> None:
+    profile(report)
+    impossible(report)
+    erratum(report)
+    optimum(report)
+    swings(report)
+    report.figure("mintime", MinimumTime(START, END, 1.0, 1.5, 1.0))
+
+
+def profile(report: Report) -> None:
+    """The exam's motion: feasible iff G <= 2 tau_max, and then T does not depend on G."""
+    rng = np.random.default_rng(40)
+    inertia, tau_max = 10.0 ** rng.uniform(-2.0, 2.0, (2, 10_000))
+    ratio = rng.uniform(0.0, 2.0, 10_000)
+    r = al.bang_bang_time(START, END, inertia, ratio * tau_max, tau_max)
+    report.equal("exam motion, 10000 random links with G <= 2 tau_max: feasible", 10_000, int(r.feasible.sum()))
+    t_min = np.sqrt(4 * np.pi * inertia / tau_max)
+    report.bound("T_min / sqrt(4 pi I / tau_max) - 1, largest", np.abs(r.t_min / t_min - 1).max(), ROUNDING)
+    heavy = ratio > 1.001
+    t_max = np.sqrt(4 * np.pi * inertia[heavy] / ((ratio[heavy] - 1) * tau_max[heavy]))
+    # G - tau_max loses three digits at G = 1.001 tau_max.
+    report.bound("T_max / sqrt(4 pi I / (G - tau_max)) - 1 where G > tau_max, largest", np.abs(r.t_max[heavy] / t_max - 1).max(), 1e-12)
+    report.equal("T_max is infinite where G <= tau_max", True, bool(np.isinf(r.t_max[ratio <= 1.0]).all()))
+    one = al.bang_bang_time(START, END, 1.0, 1.5, 1.0)
+    report.near("the limit decides T_min at (rad)", 0.0, one.active_upper.theta, 0.0)
+    u = np.linspace(0.0, 1.0, 4001)
+    q = np.where(u < 0.5, START + 2 * np.pi * u**2, END - 2 * np.pi * (1 - u) ** 2)
+    tau = np.where(u < 0.5, 1.0, -1.0) * 4 * np.pi / one.t_min**2 + 1.5 * np.sin(q)
+    report.near("largest |tau| along that motion, G = 1.5 tau_max", 1.0, np.abs(tau).max(), 1e-12)
+
+
+def impossible(report: Report) -> None:
+    """Beyond G = 2 tau_max no duration works, and the missing torque is exact."""
+    ratio = 2.0 + np.geomspace(1e-9, 1e3, 1000)
+    r = al.bang_bang_time(START, END, 1.0, ratio, 1.0)
+    report.equal("1000 links with G > 2 tau_max: feasible", 0, int(r.feasible.sum()))
+    report.equal("  their shortest durations are NaN", True, bool(np.isnan(r.t_min).all()))
+    one = al.bang_bang_time(START, END, 1.0, 2.5, 1.0)
+    report.near("G = 2.5 tau_max, torque missing on both limits (N m)", 0.25, (one.a_min - one.a_max) / 2, ROUNDING)
+    report.equal("  the reason names it", True, "2.500000e-1 N m are missing" in one.reason)
+    report.equal("  with a limit of 1.25 N m", True, al.bang_bang_time(START, END, 1.0, 2.5, 1.25).feasible)
+    report.equal("  the ends can be held", False, one.hold_start or one.hold_end)
+
+
+def erratum(report: Report) -> None:
+    """The largest torque is max(I A, |G - I A|): the second wins in a slow motion of a heavy link."""
+    r = al.bang_bang_time(START, END, 1.0, 1.5, 1.0)
+    for a in (0.6, 0.9):
+        t = math.sqrt(4 * math.pi / a)
+        largest = max(abs(tau) for tau in r.torques(t))
+        printed, name = (f"I A = {a:g}", "E13") if a < 0.75 else ("", "")
+        report.near(f"max |tau| at I A = {a:g}, G = 1.5: max(I A, |G - I A|)", max(a, 1.5 - a), largest, 2e-15, printed, name)
+
+
+def optimum(report: Report) -> None:
+    """The true optimum of the exam's motion."""
+    ratios = {g: al.bang_bang_time(START, END, 1.0, g, 1.0).t_min / al.torque_optimal_time(START, END, 1.0, g, 1.0).t for g in RATIOS}
+    # Half a unit of the last digit that is printed.
+    report.near("T_profile / T_optimum at G / tau_max = 0.5, 1, 2", tuple(RATIOS.values()), tuple(ratios.values()), 5e-5)
+    o = al.torque_optimal_time(START, END, 1.0, 1.0, 1.0)
+    report.equal("certified as the global optimum at G / tau_max = 1", True, o.certified_global)
+    t = np.nextafter(o.t, 0.0)
+    q, v, _, _ = o.profile(t)
+    report.near("its motion just before T: theta, theta_dot", (END, 0.0), (q, v), 1e-12)
+    before, after = np.array(o.profile(np.nextafter(o.t_switch, 0.0))), np.array(o.profile(o.t_switch))
+    # Push and brake are integrated from opposite ends.
+    report.bound("push and brake meet at the switch: jump of theta, theta_dot", np.abs(after - before)[:2].max(), 1e-12)
+    report.near("  the torque falls from tau_max to -tau_max", (1.0, -1.0), (before[3], after[3]), 0.0)
+
+
+def swings(report: Report) -> None:
+    """Backing up first, or overshooting, where the monotone optimum is not certified."""
+    o = al.torque_optimal_time(math.pi / 2, 3.0, 1.0, 1.0, 1.02)
+    report.equal("pi/2 -> 3 at tau_max = 1.02 G: certified", False, o.certified_global)
+    report.near("  monotone T (s)", 8.419, o.t, 5e-4)
+    report.near(f"  best T (s), {o.best.kind}", 5.702, o.best.t, 5e-4)
+    report.equal("  its kind", "back-swing", o.best.kind)
+    back = al.torque_optimal_time(3.0, math.pi / 2, 1.0, 1.0, 1.02)
+    report.equal("  backwards", "overshoot", back.best.kind)
+    report.bound("  T backwards minus T", back.best.t - o.best.t, 1e-9)
+    weak = al.torque_optimal_time(math.pi / 2, math.pi, 1.0, 1.0, 0.9)
+    report.equal("pi/2 -> pi at tau_max = 0.9 G: monotone motion", False, weak.feasible)
+    report.equal("  found all the same", "back-swing", weak.best.kind)

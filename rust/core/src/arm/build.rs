@@ -1,0 +1,153 @@
+//! Arms from lists of joints.
+
+use super::{Arm, Frame, Joint, JointKind, Limits};
+use crate::error::{Error, Result, finite};
+use crate::spatial::{Inertia, Placement, V3};
+use std::collections::HashSet;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointType {
+    Moving(JointKind),
+    Fixed,
+}
+
+impl JointType {
+    /// `"R"`, `"P"`, or the names of URDF.
+    pub fn parse(name: &str) -> Option<JointType> {
+        Some(match name {
+            "R" | "revolute" => JointType::Moving(JointKind::Revolute),
+            "continuous" => JointType::Moving(JointKind::Continuous),
+            "P" | "prismatic" => JointType::Moving(JointKind::Prismatic),
+            "F" | "fixed" => JointType::Fixed,
+            _ => return None,
+        })
+    }
+}
+
+/// One joint of [`Arm::from_chain`]: a placement `(rpy, xyz)` in the parent body frame at `q = 0`, then a
+/// motion about or along `axis`; the body frame is the moved joint frame.
+#[derive(Clone, Debug)]
+pub struct ChainJoint {
+    pub name: Option<String>,
+    pub kind: JointType,
+    pub axis: [f64; 3],
+    pub rpy: [f64; 3],
+    pub xyz: [f64; 3],
+    pub phi: [f64; 10],
+    /// Index of the parent in the list, which must come earlier; `Some(None)` is the base, `None` the
+    /// previous joint.
+    pub parent: Option<Option<usize>>,
+    pub limits: Limits,
+    pub armature: f64,
+    pub damping: f64,
+    pub friction: f64,
+}
+
+impl ChainJoint {
+    pub fn new(kind: JointType, axis: [f64; 3], rpy: [f64; 3], xyz: [f64; 3], phi: [f64; 10]) -> Self {
+        let limits = Limits::default();
+        ChainJoint { name: None, kind, axis, rpy, xyz, phi, parent: None, limits, armature: 0.0, damping: 0.0, friction: 0.0 }
+    }
+}
+
+impl Arm {
+    /// An arm from a list of joints. Frames `"link1"`.. are the body frames (one per list entry, fixed ones
+    /// included). `q` is in list order made depth first.
+    pub fn from_chain(list: &[ChainJoint], gravity: [f64; 3]) -> Result<Arm> {
+        finite("gravity", &gravity)?;
+        let parents = parents_of(list)?;
+        let mut arm = Arm { name: "chain".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
+        // Of each list entry: the joint that carries it and its placement in that joint's body frame.
+        let mut place: Vec<(Option<usize>, Placement)> = vec![(None, Placement::IDENTITY); list.len()];
+        let mut names = HashSet::new();
+        for i in depth_first(&parents) {
+            let item = &list[i];
+            let (body, base) = parents[i].map_or((None, Placement::IDENTITY), |p| place[p]);
+            let at = |what: &str| format!("joints[{i}].{what}");
+            for (what, values) in [("rpy", &item.rpy[..]), ("xyz", &item.xyz), ("phi", &item.phi)] {
+                finite(&at(what), values)?;
+            }
+            for (what, value) in [("armature", item.armature), ("damping", item.damping), ("friction", item.friction)] {
+                finite(&at(what), &[value])?;
+            }
+            let placement = base.then(&Placement::from_rpy(item.rpy, item.xyz));
+            let name = item.name.clone().unwrap_or_else(|| format!("joint{}", i + 1));
+            let frame = Frame { name: format!("link{}", i + 1), body, placement, joint: Some(name.clone()) };
+            match item.kind {
+                JointType::Fixed => {
+                    place[i] = (body, placement);
+                    arm.merge(body, &Inertia::from_parameters(&item.phi), &placement);
+                    arm.frames.push(frame);
+                }
+                JointType::Moving(kind) => {
+                    if !names.insert(name.clone()) {
+                        return Err(Error::input(at("name"), format!("is a duplicate: expected distinct names, got {name} again")));
+                    }
+                    place[i] = (Some(arm.joints.len()), Placement::IDENTITY);
+                    arm.frames.push(Frame { body: Some(arm.joints.len()), placement: Placement::IDENTITY, joint: None, ..frame });
+                    arm.joints.push(Joint {
+                        limits: item.limits,
+                        armature: item.armature,
+                        damping: item.damping,
+                        friction: item.friction,
+                        parameters: item.phi,
+                        ..Joint::new(name, kind, body, placement, unit(&at("axis"), item.axis)?)
+                    });
+                }
+            }
+        }
+        Ok(arm)
+    }
+
+    /// Add a body that is fixed to another; what is fixed to the base does not move and has no effect.
+    pub(super) fn merge(&mut self, body: Option<usize>, inertia: &Inertia<f64>, placement: &Placement) {
+        if let Some(b) = body {
+            let sum = Inertia::from_parameters(&self.joints[b].parameters).plus(&inertia.placed(placement));
+            sum.write_parameters(&mut self.joints[b].parameters);
+        }
+    }
+}
+
+fn parents_of(list: &[ChainJoint]) -> Result<Vec<Option<usize>>> {
+    let parent = |(i, item): (usize, &ChainJoint)| match item.parent {
+        None => Ok(i.checked_sub(1)),
+        Some(Some(p)) if p >= i => {
+            Err(Error::input(format!("joints[{i}].parent"), format!("is not an earlier joint: expected an index below {i}, got {p}")))
+        }
+        Some(parent) => Ok(parent),
+    };
+    list.iter().enumerate().map(parent).collect()
+}
+
+/// Indices in depth-first order, siblings in list order, without recursion.
+pub(super) fn depth_first(parents: &[Option<usize>]) -> Vec<usize> {
+    let mut children: Vec<Vec<usize>> = vec![Vec::new(); parents.len()];
+    let mut stack = Vec::new();
+    for (i, parent) in parents.iter().enumerate().rev() {
+        match parent {
+            Some(p) => children[*p].push(i),
+            None => stack.push(i),
+        }
+    }
+    let mut order = Vec::with_capacity(parents.len());
+    while let Some(i) = stack.pop() {
+        order.push(i);
+        stack.append(&mut children[i]);
+    }
+    order
+}
+
+/// The unit vector along `axis`.
+pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
+    finite(argument, &axis)?;
+    // Scaled first, so that neither tiny nor huge axes under- or overflow.
+    let largest = axis.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if largest == 0.0 {
+        return Err(Error::input(argument, "is zero: expected a vector with a direction, got (0, 0, 0)"));
+    }
+    // Twice: `largest` may be subnormal, whose reciprocal is infinite.
+    let scaled = V3(axis.map(|x| x / largest));
+    let unit = V3(scaled.0.map(|x| x / scaled.norm()));
+    // A vector that is already a unit vector to rounding keeps its bits.
+    if (V3(axis).norm() - 1.0).abs() <= f64::EPSILON { Ok(axis) } else { Ok(unit.0) }
+}

@@ -1,0 +1,126 @@
+//! Arms of the textbooks: Denavit-Hartenberg rows, planar arms, the pendulum.
+//!
+//! Standard: `T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)`; modified (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)`.
+//! `q` is added to `theta` of a revolute row and to `d` of a prismatic one.
+
+use super::{Arm, ChainJoint, Frame, Joint, JointKind, JointType};
+use crate::error::{Error, Result, finite};
+use crate::spatial::{Inertia, M3, Placement, V3};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Convention {
+    Standard,
+    Modified,
+}
+
+impl Convention {
+    pub fn parse(name: &str) -> Result<Convention> {
+        match name {
+            "standard" => Ok(Convention::Standard),
+            "modified" => Ok(Convention::Modified),
+            _ => Err(Error::input("convention", format!("is unknown: expected one of standard, modified, got {name}"))),
+        }
+    }
+}
+
+/// One Denavit-Hartenberg row; lengths in m, angles in rad.
+#[derive(Clone, Debug)]
+pub struct DhRow {
+    pub kind: JointKind,
+    pub a: f64,
+    pub alpha: f64,
+    pub d: f64,
+    pub theta: f64,
+    /// The body's ten parameters in Denavit-Hartenberg frame `i`.
+    pub phi: [f64; 10],
+}
+
+impl Arm {
+    /// An arm from Denavit-Hartenberg rows; frames `"link1"`.. are the Denavit-Hartenberg frames. With the
+    /// standard convention these sit at the far end of the link: `parameters` are then about the joint, in axes
+    /// whose z is the joint axis.
+    pub fn from_dh(rows: &[DhRow], convention: Convention, gravity: [f64; 3]) -> Result<Arm> {
+        finite("gravity", &gravity)?;
+        let mut arm = Arm { name: "dh".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
+        let mut before = Placement::IDENTITY;
+        for (i, row) in rows.iter().enumerate() {
+            for (what, value) in [("a", row.a), ("alpha", row.alpha), ("d", row.d), ("theta", row.theta)] {
+                finite(&format!("rows[{i}].{what}"), &[value])?;
+            }
+            finite(&format!("rows[{i}].phi"), &row.phi)?;
+            let along_x = Placement::from_rpy([row.alpha, 0.0, 0.0], [row.a, 0.0, 0.0]);
+            let turn = Placement::from_rpy([0.0, 0.0, row.theta], [0.0; 3]);
+            let slide = Placement { rotation: M3::IDENTITY, translation: V3([0.0, 0.0, row.d]) };
+            // Turn and slide share the z axis and commute with the motion of the joint.
+            let (placement, frame) = match convention {
+                Convention::Standard => (before.then(&turn).then(&slide), along_x),
+                Convention::Modified => (before.then(&along_x).then(&turn).then(&slide), Placement::IDENTITY),
+            };
+            let name = format!("joint{}", i + 1);
+            let mut joint = Joint::new(name, row.kind, i.checked_sub(1), placement, [0.0, 0.0, 1.0]);
+            Inertia::from_parameters(&row.phi).placed(&frame).write_parameters(&mut joint.parameters);
+            arm.joints.push(joint);
+            let fixed = (convention == Convention::Standard).then(|| format!("link{}_fixed", i + 1));
+            arm.frames.push(Frame { name: format!("link{}", i + 1), body: Some(i), placement: frame, joint: fixed });
+            before = frame;
+        }
+        Ok(arm)
+    }
+
+    /// A planar arm in the x-y plane, `q1` from the x axis, axes along z, frames `"link1"`.. at the link tips.
+    /// `coms` from each joint along the link (m), `inertias` about the com (kg m^2); what is omitted is that of a
+    /// uniform rod of 1 kg/m, its mass given or not.
+    pub fn planar(
+        lengths: &[f64],
+        masses: Option<&[f64]>,
+        coms: Option<&[f64]>,
+        inertias: Option<&[f64]>,
+        gravity: [f64; 2],
+    ) -> Result<Arm> {
+        for (what, values) in [("lengths", Some(lengths)), ("masses", masses), ("coms", coms), ("inertias", inertias)] {
+            let Some(values) = values else { continue };
+            if values.len() != lengths.len() {
+                let problem = format!("has the wrong length: expected {} (one per link), got {}", lengths.len(), values.len());
+                return Err(Error::input(what, problem));
+            }
+            finite(what, values)?;
+        }
+        if lengths.is_empty() {
+            return Err(Error::input("lengths", "is empty: expected at least one link, got none"));
+        }
+        finite("gravity", &gravity)?;
+        let given = |list: Option<&[f64]>, i: usize, otherwise: f64| list.map_or(otherwise, |list| list[i]);
+        let mut list = Vec::with_capacity(lengths.len());
+        for (i, &length) in lengths.iter().enumerate() {
+            let mass = given(masses, i, length.abs());
+            let com = given(coms, i, 0.5 * length);
+            let inertia = given(inertias, i, mass * length * length / 12.0);
+            let at_joint = inertia + mass * com * com;
+            // Thin in y and z: the moment about x vanishes, that about y equals that about z.
+            let phi = [mass, mass * com, 0.0, 0.0, 0.0, 0.0, at_joint, 0.0, 0.0, at_joint];
+            let xyz = if i == 0 { [0.0; 3] } else { [lengths[i - 1], 0.0, 0.0] };
+            list.push(ChainJoint::new(JointType::Moving(JointKind::Revolute), [0.0, 0.0, 1.0], [0.0; 3], xyz, phi));
+        }
+        let mut arm = Arm::from_chain(&list, [gravity[0], gravity[1], 0.0])?;
+        for (frame, &length) in arm.frames.iter_mut().zip(lengths) {
+            frame.placement.translation = V3([length, 0.0, 0.0]);
+            frame.joint = Some(format!("{}_fixed", frame.name));
+        }
+        arm.name = "planar".into();
+        Ok(arm)
+    }
+
+    /// `I a + G sin(theta) = tau`, theta from the downward vertical (SPEC system 4): a point mass `G^2 / (I g0^2)` at
+    /// the distance `I g0 / G` that has these two numbers, hanging in the x-y plane under `g0 = 9.81` along -y.
+    pub fn pendulum(inertia: f64, gravity_moment: f64) -> Result<Arm> {
+        crate::error::positive("inertia", inertia)?;
+        finite("gravity_moment", &[gravity_moment])?;
+        const G0: f64 = 9.81;
+        let moment = gravity_moment / G0;
+        let mass = moment * moment / inertia;
+        let phi = [mass, moment, 0.0, 0.0, 0.0, 0.0, inertia, 0.0, 0.0, inertia];
+        let down = [0.0, 0.0, -std::f64::consts::FRAC_PI_2];
+        let joint = ChainJoint::new(JointType::Moving(JointKind::Revolute), [0.0, 0.0, 1.0], down, [0.0; 3], phi);
+        Ok(Arm { name: "pendulum".into(), ..Arm::from_chain(&[joint], [0.0, -G0, 0.0])? })
+    }
+}

@@ -1,0 +1,132 @@
+//! Arms made from arms: payload, tool frames, locked joints, sub-chains.
+
+use super::{Arm, Frame, JointKind};
+use crate::error::{Error, Result, finite};
+use crate::spatial::{Inertia, M3, Placement, Sym3, V3};
+
+impl Arm {
+    /// The arm with a frame `name` placed in another one.
+    pub fn with_frame(&self, name: &str, parent: &str, rpy: [f64; 3], xyz: [f64; 3]) -> Result<Arm> {
+        finite("rpy", &rpy)?;
+        finite("xyz", &xyz)?;
+        let at = self.frames[self.frame_index(parent)?].clone();
+        if self.frame_names().any(|known| known == name) {
+            return Err(Error::input("name", format!("is taken: expected a new frame name, got {name}")));
+        }
+        let mut arm = self.clone();
+        let placement = at.placement.then(&Placement::from_rpy(rpy, xyz));
+        arm.frames.push(Frame { name: name.into(), body: at.body, placement, joint: Some(format!("{name}_fixed")) });
+        Ok(arm)
+    }
+
+    /// The arm carrying a body fixed to `frame`: centre of mass in frame axes from its origin, inertia about the
+    /// centre of mass in frame axes. A payload on the base changes nothing.
+    pub fn with_payload(&self, frame: &str, mass: f64, com: [f64; 3], inertia: [[f64; 3]; 3]) -> Result<Arm> {
+        finite("mass", &[mass])?;
+        if mass < 0.0 {
+            return Err(Error::input("mass", format!("is negative: expected a mass >= 0 in kg, got {mass}")));
+        }
+        finite("com", &com)?;
+        finite("inertia", inertia.as_flattened())?;
+        let largest = inertia.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+            if (inertia[i][j] - inertia[j][i]).abs() > 1e-12 * largest {
+                let (a, b) = (inertia[i][j], inertia[j][i]);
+                return Err(Error::input(
+                    "inertia",
+                    format!("is not symmetric: expected equal entries, got {a} and {b} (first bad index ({i}, {j}))"),
+                ));
+            }
+        }
+        let at = self.frames[self.frame_index(frame)?].clone();
+        let moments = Sym3([inertia[0][0], inertia[1][0], inertia[1][1], inertia[2][0], inertia[2][1], inertia[2][2]]);
+        let mut arm = self.clone();
+        arm.merge(at.body, &Inertia::about_com(mass, V3(com), moments), &at.placement);
+        Ok(arm)
+    }
+
+    /// The arm with joints held at values: they leave `q`, their bodies join their parents.
+    pub fn locked(&self, joints: &[(&str, f64)]) -> Result<Arm> {
+        let mut held = vec![None; self.n()];
+        for (name, value) in joints {
+            finite(&format!("joints[{name}]"), &[*value])?;
+            held[self.joint_index(name)?] = Some(*value);
+        }
+        let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), ..self.clone() };
+        // Of each old body: the body that carries it now, and where.
+        let mut moved: Vec<(Option<usize>, Placement)> = Vec::with_capacity(self.n());
+        for (joint, held) in self.joints.iter().zip(held) {
+            let (body, place) = joint.parent.map_or((None, Placement::IDENTITY), |p| moved[p]);
+            let placement = place.then(&joint.placement);
+            let Some(value) = held else {
+                moved.push((Some(arm.joints.len()), Placement::IDENTITY));
+                arm.joints.push(super::Joint { parent: body, placement, ..joint.clone() });
+                continue;
+            };
+            let axis = V3(joint.axis);
+            let motion = match joint.kind {
+                JointKind::Prismatic => Placement { rotation: M3::IDENTITY, translation: axis.scale(value) },
+                _ => Placement { rotation: M3::from_axis_angle(axis, value), translation: V3([0.0; 3]) },
+            };
+            let place = placement.then(&motion);
+            moved.push((body, place));
+            arm.merge(body, &Inertia::from_parameters(&joint.parameters), &place);
+            arm.report.push(format!("locked: joint {} at {value}", joint.name));
+        }
+        for frame in &self.frames {
+            let (body, place) = frame.body.map_or((None, Placement::IDENTITY), |b| moved[b]);
+            let locked = frame.body.is_some_and(|b| moved[b].0.is_none() || moved[b].1 != Placement::IDENTITY);
+            // What hung on a locked joint is now held by a fixed one of the same name.
+            let name = frame.body.filter(|_| locked && frame.joint.is_none()).map(|b| self.joints[b].name.clone());
+            arm.frames.push(Frame { body, placement: place.then(&frame.placement), joint: name.or(frame.joint.clone()), ..frame.clone() });
+        }
+        Ok(arm)
+    }
+
+    /// The part of the arm between two frames: `root` becomes the fixed base and world frame (gravity is then in its
+    /// axes), and with `tip` only the joints that move it relative to `root` stay.
+    pub fn sub_chain(&self, root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
+        let find = |name: Option<&str>| name.map(|name| self.frame_index(name)).transpose();
+        let (root, tip) = (find(root)?, find(tip)?);
+        let base = root.and_then(|f| self.frames[f].body);
+        let back = root.map_or(Placement::IDENTITY, |f| self.frames[f].placement.inverse());
+        // Which bodies hang on the base, in one pass since parents come first.
+        let mut below = vec![false; self.n()];
+        for (i, joint) in self.joints.iter().enumerate() {
+            below[i] = joint.parent == base || joint.parent.is_some_and(|p| below[p]);
+        }
+        let mut kept = below.clone();
+        if let Some(tip) = tip {
+            kept = vec![false; self.n()];
+            let mut body = self.frames[tip].body;
+            while body != base {
+                let Some(b) = body.filter(|&b| below[b]) else {
+                    return Err(Error::input("tip", format!("is not moved by joints after the root: got {}", self.frames[tip].name)));
+                };
+                kept[b] = true;
+                body = self.joints[b].parent;
+            }
+        }
+        let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), ..self.clone() };
+        let mut index = vec![None; self.n()];
+        for (i, joint) in self.joints.iter().enumerate().filter(|(i, _)| kept[*i]) {
+            index[i] = Some(arm.joints.len());
+            let on_base = joint.parent == base;
+            let placement = if on_base { back.then(&joint.placement) } else { joint.placement };
+            let parent = if on_base { None } else { joint.parent.and_then(|p| index[p]) };
+            arm.joints.push(super::Joint { parent, placement, ..joint.clone() });
+        }
+        for frame in &self.frames {
+            match frame.body {
+                body if body == base => arm.frames.push(Frame { body: None, placement: back.then(&frame.placement), ..frame.clone() }),
+                Some(b) if kept[b] => arm.frames.push(Frame { body: index[b], ..frame.clone() }),
+                _ => {}
+            }
+        }
+        let gone: Vec<&str> = (0..self.n()).filter(|&i| !kept[i]).map(|i| self.joints[i].name.as_str()).collect();
+        if !gone.is_empty() {
+            arm.report.push(format!("dropped: joints outside the sub-chain, and what they carry: {}", super::listed(&gone)));
+        }
+        Ok(arm)
+    }
+}

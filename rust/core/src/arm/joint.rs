@@ -1,0 +1,80 @@
+//! Joints and frames of the model, as the user describes them.
+
+use crate::spatial::Placement;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    Revolute,
+    /// Revolute without position limits.
+    Continuous,
+    Prismatic,
+}
+
+impl JointKind {
+    /// Whether the coordinate is an angle.
+    pub fn is_angle(self) -> bool {
+        self != JointKind::Prismatic
+    }
+    pub fn name(self) -> &'static str {
+        match self {
+            JointKind::Revolute => "revolute",
+            JointKind::Continuous => "continuous",
+            JointKind::Prismatic => "prismatic",
+        }
+    }
+}
+
+/// Bounds of a joint; infinite where the model gives none. Units: rad or m, per second, N m or N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    pub lower: f64,
+    pub upper: f64,
+    pub velocity: f64,
+    pub effort: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, velocity: f64::INFINITY, effort: f64::INFINITY }
+    }
+}
+
+/// A moving joint and the body that it carries; the body frame is the moved joint frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    pub name: String,
+    pub kind: JointKind,
+    /// Index of the joint that carries the parent body, `None` for the base.
+    pub parent: Option<usize>,
+    /// Of the joint frame in the parent's body frame at `q = 0`.
+    pub placement: Placement,
+    /// Unit vector in the joint frame.
+    pub axis: [f64; 3],
+    pub limits: Limits,
+    /// Rotor inertia seen at the joint, kg m^2 (kg for a slide): added to the diagonal of `M`.
+    pub armature: f64,
+    /// Viscous friction, N m s/rad (N s/m).
+    pub damping: f64,
+    /// Coulomb friction, N m (N).
+    pub friction: f64,
+    /// The ten inertial parameters of the body (with everything fixed to it), SPEC order.
+    pub parameters: [f64; 10],
+}
+
+impl Joint {
+    /// A joint without limits, friction or mass.
+    pub fn new(name: String, kind: JointKind, parent: Option<usize>, placement: Placement, axis: [f64; 3]) -> Self {
+        let limits = Limits::default();
+        Joint { name, kind, parent, placement, axis, limits, armature: 0.0, damping: 0.0, friction: 0.0, parameters: [0.0; 10] }
+    }
+}
+
+/// A named frame fixed to a body (to the base where `body` is `None`).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    pub name: String,
+    pub body: Option<usize>,
+    pub placement: Placement,
+    /// The fixed joint that held it in the file, if there was one.
+    pub joint: Option<String>,
+}

@@ -1,0 +1,104 @@
+//! Arms: trees of revolute, continuous, prismatic and fixed joints. [`Arm`] is the model as the user sees it,
+//! [`Tree`] its compiled form. Fixed joints are merged into bodies when a model is read; the links that
+//! hung on them stay as frames.
+
+mod build;
+mod classic;
+mod edit;
+mod joint;
+mod tree;
+mod urdf;
+mod urdf_examples;
+
+pub use build::{ChainJoint, JointType};
+pub use classic::{Convention, DhRow};
+pub use joint::{Frame, Joint, JointKind, Limits};
+pub use tree::{BASE, Body, Tree, TreeFrame, second_moment};
+pub use urdf::{MAX_BYTES, MAX_DEPTH, Written};
+pub use urdf_examples::{EXAMPLES, example_urdf};
+
+use crate::error::{Error, Result, finite};
+use crate::spatial::PARAMETERS;
+
+pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
+
+/// The model of an arm. Joint order is that of `q`: depth first, siblings in the order given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arm {
+    pub name: String,
+    pub joints: Vec<Joint>,
+    pub frames: Vec<Frame>,
+    /// Gravity in world axes, m/s^2.
+    pub gravity: [f64; 3],
+    /// What was noticed and what was dropped on the way in.
+    pub report: Vec<String>,
+}
+
+impl Arm {
+    /// Number of joints.
+    pub fn n(&self) -> usize {
+        self.joints.len()
+    }
+
+    pub fn joint_names(&self) -> impl Iterator<Item = &str> {
+        self.joints.iter().map(|joint| joint.name.as_str())
+    }
+
+    pub fn frame_names(&self) -> impl Iterator<Item = &str> {
+        self.frames.iter().map(|frame| frame.name.as_str())
+    }
+
+    /// Inertial parameters `(10 n,)`, SPEC order, in the body frames.
+    pub fn parameters(&self) -> Vec<f64> {
+        self.joints.iter().flat_map(|joint| joint.parameters).collect()
+    }
+
+    /// The arm with other inertial parameters: any finite numbers.
+    pub fn with_parameters(&self, pi: &[f64]) -> Result<Arm> {
+        if pi.len() != PARAMETERS * self.n() {
+            return Err(Error::input(
+                "parameters",
+                format!("has the wrong length: expected {} (10 per joint), got {}", PARAMETERS * self.n(), pi.len()),
+            ));
+        }
+        finite("parameters", pi)?;
+        let mut arm = self.clone();
+        for (joint, p) in arm.joints.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
+            joint.parameters.copy_from_slice(p);
+        }
+        Ok(arm)
+    }
+
+    pub fn with_gravity(&self, gravity: [f64; 3]) -> Result<Arm> {
+        finite("gravity", &gravity)?;
+        Ok(Arm { gravity, ..self.clone() })
+    }
+
+    /// Index of a frame; a wrong name is answered with the names there are.
+    pub fn frame_index(&self, name: &str) -> Result<usize> {
+        index_of(self.frame_names(), name).ok_or_else(|| unknown("frame", name, "frames", self.frame_names()))
+    }
+
+    /// Index of a joint; a wrong name is answered with the names there are.
+    pub fn joint_index(&self, name: &str) -> Result<usize> {
+        index_of(self.joint_names(), name).ok_or_else(|| unknown("joint", name, "joints", self.joint_names()))
+    }
+}
+
+fn index_of<'a>(mut names: impl Iterator<Item = &'a str>, name: &str) -> Option<usize> {
+    names.position(|known| known == name)
+}
+
+/// A long list is cut: a message is for reading.
+const NAMES_SHOWN: usize = 20;
+
+/// The first names, and how many more there are.
+pub(crate) fn listed(names: &[&str]) -> String {
+    let shown = names.iter().take(NAMES_SHOWN).copied().collect::<Vec<_>>().join(", ");
+    if names.len() > NAMES_SHOWN { format!("{shown} and {} more", names.len() - NAMES_SHOWN) } else { shown }
+}
+
+pub(crate) fn unknown<'a>(argument: &str, name: &str, kind: &str, names: impl Iterator<Item = &'a str>) -> Error {
+    let all: Vec<&str> = names.collect();
+    Error::input(argument, format!("is unknown: expected one of the {kind} {}, got {name}", listed(&all)))
+}

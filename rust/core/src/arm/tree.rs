@@ -1,0 +1,148 @@
+//! The compiled form of an arm, on which the algorithms run.
+//!
+//! Every body has a frame of its own choice: origin on the joint, z along the joint axis, so that the motion
+//! subspace is `e_z` and a joint rotation touches two columns. `turn` leads back to the body frame of the
+//! model. Geometry is the same in all lanes; inertial parameters may differ from lane to lane.
+
+use super::Arm;
+use crate::scalar::Real;
+use crate::spatial::{Inertia, M3, PARAMETERS, Placement, Sym3, V3};
+
+/// The parent of a body that hangs on the fixed base.
+pub const BASE: usize = usize::MAX;
+
+#[derive(Clone, Debug)]
+pub struct Body<S> {
+    /// Index of the parent body, [`BASE`] for the base; parents come before children.
+    pub parent: usize,
+    /// Turns about its axis; slides along it otherwise.
+    pub revolute: bool,
+    /// Whether `rotation` is not the identity.
+    pub rotated: bool,
+    /// Placement of the joint in the parent's compiled frame at `q = 0`.
+    pub rotation: M3<f64>,
+    pub translation: V3<f64>,
+    /// In compiled axes, about the joint origin.
+    pub inertia: Inertia<S>,
+    /// `integral of r r' dm = tr(I)/2 - I`.
+    pub second_moment: Sym3<S>,
+    /// `x_body = turn x_compiled`; `None` where the two frames are one.
+    pub turn: Option<M3<f64>>,
+    pub armature: f64,
+    pub damping: f64,
+    pub friction: f64,
+}
+
+/// A frame fixed to a body, in its compiled axes; to the base where `body` is [`BASE`].
+#[derive(Clone, Debug)]
+pub struct TreeFrame {
+    pub body: usize,
+    pub placement: Placement,
+}
+
+#[derive(Clone, Debug)]
+pub struct Tree<S> {
+    pub bodies: Vec<Body<S>>,
+    pub frames: Vec<TreeFrame>,
+    pub gravity: V3<f64>,
+}
+
+impl Tree<f64> {
+    fn compile(arm: &Arm) -> Self {
+        let turns: Vec<M3<f64>> = arm.joints.iter().map(|joint| M3::taking_z_to(V3(joint.axis))).collect();
+        let parent_turn = |parent: Option<usize>| parent.map_or(M3::IDENTITY, |p| turns[p]).transpose();
+        let bodies = arm
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(i, joint)| {
+                let back = parent_turn(joint.parent);
+                let rotation = back.times(joint.placement.rotation).times(turns[i]);
+                Body {
+                    parent: joint.parent.unwrap_or(BASE),
+                    revolute: joint.kind.is_angle(),
+                    rotated: rotation != M3::IDENTITY,
+                    rotation,
+                    translation: back.apply(joint.placement.translation),
+                    inertia: Inertia::zero(),
+                    second_moment: Sym3::zero(),
+                    turn: (turns[i] != M3::IDENTITY).then_some(turns[i]),
+                    armature: joint.armature,
+                    damping: joint.damping,
+                    friction: joint.friction,
+                }
+            })
+            .collect();
+        let frames = arm
+            .frames
+            .iter()
+            .map(|frame| {
+                let back = Placement { rotation: parent_turn(frame.body), translation: V3([0.0; 3]) };
+                TreeFrame { body: frame.body.unwrap_or(BASE), placement: back.then(&frame.placement) }
+            })
+            .collect();
+        let mut tree = Tree { bodies, frames, gravity: V3(arm.gravity) };
+        tree.set_parameters(&arm.parameters());
+        tree
+    }
+}
+
+impl<S: Real> Tree<S> {
+    /// The arm with the same parameters in every lane. Compiled in `f64`, so that every number starts from the same bits.
+    pub fn new(arm: &Arm) -> Self {
+        let Tree { bodies, frames, gravity } = Tree::compile(arm);
+        let lift = |body: Body<f64>| {
+            let Inertia { mass, moment, inertia } = body.inertia;
+            Body {
+                inertia: Inertia { mass: S::splat(mass), moment: moment.lift(), inertia: Sym3(inertia.0.map(S::splat)) },
+                second_moment: Sym3(body.second_moment.0.map(S::splat)),
+                parent: body.parent,
+                revolute: body.revolute,
+                rotated: body.rotated,
+                rotation: body.rotation,
+                translation: body.translation,
+                turn: body.turn,
+                armature: body.armature,
+                damping: body.damping,
+                friction: body.friction,
+            }
+        };
+        Tree { bodies: bodies.into_iter().map(lift).collect(), frames, gravity }
+    }
+
+    /// Inertial parameters, `(10 n,)` in SPEC order in the body frames of the model, lane by lane.
+    pub fn set_parameters(&mut self, pi: &[S]) {
+        for (body, p) in self.bodies.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
+            let given = Inertia::from_parameters(p);
+            body.inertia = match body.turn {
+                None => given,
+                Some(turn) => given.rotated(turn.lift::<S>().transpose()),
+            };
+            body.second_moment = second_moment(&body.inertia.inertia);
+        }
+    }
+
+    /// What [`Tree::set_parameters`] was given, up to rounding.
+    pub fn write_parameters(&self, pi: &mut [S]) {
+        for (body, p) in self.bodies.iter().zip(pi.chunks_exact_mut(PARAMETERS)) {
+            let inertia = match body.turn {
+                None => body.inertia,
+                Some(turn) => body.inertia.rotated(turn.lift()),
+            };
+            inertia.write_parameters(p);
+        }
+    }
+
+    #[inline(always)]
+    pub fn n(&self) -> usize {
+        self.bodies.len()
+    }
+}
+
+/// `tr(I)/2 - I`.
+#[inline(always)]
+pub fn second_moment<S: Real>(inertia: &Sym3<S>) -> Sym3<S> {
+    let [xx, xy, yy, xz, yz, zz] = inertia.0;
+    let half_trace = S::splat(0.5) * (xx + yy + zz);
+    Sym3([half_trace - xx, -xy, half_trace - yy, -xz, -yz, half_trace - zz])
+}

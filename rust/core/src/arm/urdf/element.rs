@@ -1,0 +1,299 @@
+//! From XML elements to numbers: links and joints of the file, with the lines they stand on.
+
+use super::{Source, XACRO};
+use crate::arm::build::unit;
+use crate::arm::{JointKind, Limits};
+use crate::error::Result;
+use crate::spatial::{Inertia, Placement, Sym3, V3};
+use roxmltree::{Document, Node};
+use std::collections::BTreeMap;
+
+pub struct Robot {
+    pub name: String,
+    pub links: Vec<Link>,
+    pub joints: Vec<UrdfJoint>,
+    /// What was noticed, one line each.
+    pub report: Vec<String>,
+}
+
+pub struct Link {
+    pub name: String,
+    pub line: u32,
+    /// About the link frame.
+    pub inertia: Inertia<f64>,
+}
+
+pub struct UrdfJoint {
+    pub name: String,
+    pub line: u32,
+    /// `None` for a fixed joint.
+    pub kind: Option<JointKind>,
+    pub parent: String,
+    pub child: String,
+    pub placement: Placement,
+    pub axis: [f64; 3],
+    pub limits: Limits,
+    pub armature: f64,
+    pub damping: f64,
+    pub friction: f64,
+}
+
+/// Principal moments negative by more than this share of the largest entry are not rounding,
+const NEGATIVE: f64 = 1e-9;
+/// nor by more than this, kg m^2: files print seven or eight decimals (an antenna of one milligram in a public robot
+/// has -3.5e-8). What is below comes with a triangle warning.
+const DIGITS: f64 = 1e-7;
+/// A triangle inequality missed by more than this share is worth a warning.
+const TRIANGLE: f64 = 1e-6;
+
+/// The least principal moment about the centre of mass where it is negative by more than rounding: that of the file's
+/// digits, and that of moving the inertia of a body at `com` to its centre of mass.
+pub fn negative_moment(moments: &Sym3<f64>, mass: f64, com: V3<f64>) -> Option<f64> {
+    let largest = moments.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let moved = 1e-14 * mass * com.dot(com);
+    Some(moments.principal()[0]).filter(|least| *least < -(NEGATIVE * largest + moved + DIGITS))
+}
+
+struct Reader<'a> {
+    source: &'a Source<'a>,
+    report: Vec<String>,
+    /// Elements that are not kept: parent and own name, count, first line.
+    dropped: BTreeMap<String, (usize, u32)>,
+}
+
+pub fn read(source: &Source, document: &Document) -> Result<Robot> {
+    let root = document.root_element();
+    let mut reader = Reader { source, report: Vec::new(), dropped: BTreeMap::new() };
+    if let Some(node) = document.descendants().find(|n| n.tag_name().namespace().is_some_and(|ns| ns.contains("xacro"))) {
+        return Err(reader.error(node, format!("holds the xacro element {}{XACRO}", node.tag_name().name())));
+    }
+    if root.tag_name().name() != "robot" {
+        return Err(reader.error(root, format!("is not a robot: expected the root element robot, got {}", root.tag_name().name())));
+    }
+    let (mut links, mut joints) = (Vec::new(), Vec::new());
+    for node in root.children().filter(Node::is_element) {
+        match node.tag_name().name() {
+            "link" => links.push(reader.link(node)?),
+            "joint" => joints.push(reader.joint(node)?),
+            _ => reader.drop(node),
+        }
+    }
+    let name = root.attribute("name").unwrap_or("robot").into();
+    let mut report = reader.report;
+    for (what, (count, line)) in reader.dropped {
+        report.push(format!("dropped: {what} ({count}, first in line {line})"));
+    }
+    Ok(Robot { name, links, joints, report })
+}
+
+impl Reader<'_> {
+    fn line(&self, node: Node) -> u32 {
+        self.source.line(node.range().start)
+    }
+    fn error(&self, node: Node, problem: impl Into<String>) -> crate::error::Error {
+        self.source.error(self.line(node), problem)
+    }
+    fn warn(&mut self, node: Node, what: String) {
+        let line = self.line(node);
+        self.report.push(format!("line {line}: {what}"));
+    }
+    fn drop(&mut self, node: Node) {
+        let parent = node.parent().map_or("", |p| p.tag_name().name());
+        let line = self.line(node);
+        self.dropped.entry(format!("{} of {parent}", node.tag_name().name())).or_insert((0, line)).0 += 1;
+    }
+
+    fn required<'n>(&self, node: Node<'n, '_>, attribute: &str) -> Result<&'n str> {
+        match node.attribute(attribute).map(str::trim) {
+            Some(text) if !text.is_empty() => Ok(text),
+            _ => Err(self.error(node, format!("{} has no {attribute}", node.tag_name().name()))),
+        }
+    }
+
+    fn numbers<const N: usize>(&self, node: Node, attribute: &str, text: &str) -> Result<[f64; N]> {
+        let label = || format!("{attribute} of {}", node.tag_name().name());
+        let mut out = [0.0; N];
+        let mut count = 0;
+        for word in text.split_whitespace() {
+            let Ok(x) = word.parse::<f64>() else {
+                return Err(self.error(node, format!("{} is not a number: got {}", label(), shortened(word))));
+            };
+            if !x.is_finite() {
+                return Err(self.error(node, format!("{} is not finite: got {}", label(), shortened(word))));
+            }
+            if count < N {
+                out[count] = x;
+            }
+            count += 1;
+        }
+        if count != N {
+            return Err(self.error(node, format!("{} has the wrong length: expected {N} numbers, got {count}", label())));
+        }
+        Ok(out)
+    }
+
+    fn number(&self, node: Node, attribute: &str) -> Result<Option<f64>> {
+        node.attribute(attribute).map(|text| self.numbers::<1>(node, attribute, text).map(|x| x[0])).transpose()
+    }
+
+    fn vector(&self, node: Node, attribute: &str) -> Result<Option<[f64; 3]>> {
+        node.attribute(attribute).map(|text| self.numbers(node, attribute, text)).transpose()
+    }
+
+    fn placement(&self, node: Option<Node>) -> Result<Placement> {
+        let Some(node) = node else { return Ok(Placement::IDENTITY) };
+        let rpy = self.vector(node, "rpy")?.unwrap_or_default();
+        Ok(Placement::from_rpy(rpy, self.vector(node, "xyz")?.unwrap_or_default()))
+    }
+
+    /// The children of a node: those asked for, once each; the others are counted as dropped.
+    fn children<'a, 'i, const N: usize>(&mut self, node: Node<'a, 'i>, names: [&str; N]) -> Result<[Option<Node<'a, 'i>>; N]> {
+        let mut found = [None; N];
+        for child in node.children().filter(Node::is_element) {
+            match names.iter().position(|name| *name == child.tag_name().name()) {
+                None => self.drop(child),
+                Some(k) if found[k].is_some() => {
+                    return Err(self.error(child, format!("{} has a second {}", node.tag_name().name(), names[k])));
+                }
+                Some(k) => found[k] = Some(child),
+            }
+        }
+        Ok(found)
+    }
+
+    fn link(&mut self, node: Node) -> Result<Link> {
+        let name = self.required(node, "name")?.to_string();
+        let line = self.line(node);
+        let [inertial] = self.children(node, ["inertial"])?;
+        let inertia = inertial.map(|node| self.inertial(node, &name)).transpose()?.unwrap_or_default();
+        Ok(Link { name, line, inertia })
+    }
+
+    fn inertial(&mut self, node: Node, link: &str) -> Result<Inertia<f64>> {
+        let [origin, mass, inertia] = self.children(node, ["origin", "mass", "inertia"])?;
+        let placement = self.placement(origin)?;
+        let Some(mass_node) = mass else { return Err(self.error(node, format!("link {link} has an inertial without mass"))) };
+        let Some(mass) = self.number(mass_node, "value")? else { return Err(self.error(mass_node, "mass has no value")) };
+        if mass < 0.0 {
+            return Err(self.error(mass_node, format!("mass of link {link} is negative: got {mass}")));
+        }
+        let Some(node) = inertia else { return Err(self.error(node, format!("link {link} has an inertial without inertia"))) };
+        let entry = |name: &str, needed: bool| match self.number(node, name)? {
+            Some(x) => Ok(x),
+            None if needed => Err(self.error(node, format!("inertia of link {link} has no {name}"))),
+            None => Ok(0.0),
+        };
+        let moments = Sym3([
+            entry("ixx", true)?,
+            entry("ixy", false)?,
+            entry("iyy", true)?,
+            entry("ixz", false)?,
+            entry("iyz", false)?,
+            entry("izz", true)?,
+        ]);
+        if mass == 0.0 {
+            self.warn(node, format!("link {link} has zero mass"));
+        }
+        let largest = moments.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let principal = moments.principal();
+        if let Some(worst) = negative_moment(&moments, mass, placement.translation) {
+            return Err(self.error(node, format!("inertia of link {link} has a negative principal moment: got {worst:e}")));
+        }
+        if principal[2] > principal[0] + principal[1] + TRIANGLE * largest {
+            let [a, b, c] = principal;
+            self.warn(
+                node,
+                format!(
+                    "inertia of link {link} is no rigid body's: principal moments {a:.4e}, {b:.4e}, {c:.4e} break the triangle inequality"
+                ),
+            );
+        }
+        // Written at the centre of mass, in axes turned by rpy.
+        let turned = Inertia { mass, moment: V3::zero(), inertia: moments };
+        Ok(turned.placed(&placement))
+    }
+
+    fn joint(&mut self, node: Node) -> Result<UrdfJoint> {
+        let name = self.required(node, "name")?.to_string();
+        let line = self.line(node);
+        let kind = match self.required(node, "type")? {
+            "revolute" => Some(JointKind::Revolute),
+            "continuous" => Some(JointKind::Continuous),
+            "prismatic" => Some(JointKind::Prismatic),
+            "fixed" => None,
+            other => {
+                let problem = format!("joint {name} has the type {}: expected revolute, continuous, prismatic or fixed", shortened(other));
+                return Err(self.error(node, problem));
+            }
+        };
+        let [origin, parent, child, axis, limit, dynamics, mimic] =
+            self.children(node, ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic"])?;
+        let end = |what: &str, node: Option<Node>| match node {
+            Some(n) => Ok(self.required(n, "link")?.to_string()),
+            None => Err(self.source.error(line, format!("joint {name} has no {what}"))),
+        };
+        let (parent, child) = (end("parent", parent)?, end("child", child)?);
+        let placement = self.placement(origin)?;
+        let mut out = UrdfJoint {
+            line,
+            kind,
+            parent,
+            child,
+            placement,
+            axis: [1.0, 0.0, 0.0],
+            limits: Limits::default(),
+            armature: 0.0,
+            damping: 0.0,
+            friction: 0.0,
+            name,
+        };
+        let Some(kind) = kind else { return Ok(out) };
+        if let Some(axis) = axis {
+            let given = self.vector(axis, "xyz")?.unwrap_or(out.axis);
+            out.axis = unit("axis", given).map_err(|_| self.error(axis, format!("axis of joint {} is zero", out.name)))?;
+        }
+        if let Some(limit) = limit {
+            out.limits = self.limits(limit, kind, &out.name)?;
+        }
+        if let Some(node) = dynamics {
+            for (what, value) in [("armature", &mut out.armature), ("damping", &mut out.damping), ("friction", &mut out.friction)] {
+                *value = self.number(node, what)?.unwrap_or(0.0);
+                if *value < 0.0 {
+                    let problem = format!("joint {} has negative {what}: {value}", out.name);
+                    self.warn(node, problem);
+                }
+            }
+        }
+        if let Some(mimic) = mimic {
+            let problem = format!("joint {} mimics {}: kept as an independent joint", out.name, mimic.attribute("joint").unwrap_or("?"));
+            self.warn(mimic, problem);
+        }
+        Ok(out)
+    }
+
+    /// Bounds that the file does not give are infinite; a continuous joint has no position bounds.
+    fn limits(&mut self, node: Node, kind: JointKind, joint: &str) -> Result<Limits> {
+        let mut limits = Limits::default();
+        let bounded = kind != JointKind::Continuous;
+        for (what, value, kept) in [
+            ("lower", &mut limits.lower, bounded),
+            ("upper", &mut limits.upper, bounded),
+            ("velocity", &mut limits.velocity, true),
+            ("effort", &mut limits.effort, true),
+        ] {
+            if let (Some(x), true) = (self.number(node, what)?, kept) {
+                *value = x;
+            }
+        }
+        if limits.lower > limits.upper {
+            self.warn(node, format!("joint {joint} has its lower limit {} above its upper limit {}", limits.lower, limits.upper));
+        }
+        Ok(limits)
+    }
+}
+
+/// A word of the file, cut to what a message can show.
+fn shortened(word: &str) -> String {
+    let cut: String = word.chars().take(40).collect();
+    if cut.len() < word.len() { format!("{cut}...") } else { cut }
+}

@@ -1,0 +1,167 @@
+//! An arm as URDF. Reading it back gives the same arm up to the rounding of `c = h / m` and of the angles.
+
+use super::element::negative_moment;
+use crate::arm::{Arm, Frame, Joint, JointKind, STANDARD_GRAVITY, listed};
+use crate::spatial::{Inertia, Placement, V3};
+use std::collections::HashSet;
+use std::fmt::Write;
+
+/// The text, and what URDF has no place for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Written {
+    pub text: String,
+    pub report: Vec<String>,
+}
+
+impl Arm {
+    /// Write the arm: one link per frame, moving joints in the order of `q`.
+    pub fn to_urdf(&self) -> Written {
+        let mut report = Vec::new();
+        let mut taken: HashSet<String> =
+            self.frames.iter().map(|f| f.name.clone()).chain(self.joints.iter().map(|j| j.name.clone())).collect();
+        let mut fresh = |wanted: String| {
+            let mut name = wanted.clone();
+            let mut k = 2;
+            while !taken.insert(name.clone()) {
+                name = format!("{wanted}_{k}");
+                k += 1;
+            }
+            name
+        };
+        // Links that stand for the base and for every body: a frame that coincides, else one made up here.
+        let mut own: Vec<Option<usize>> = vec![None; self.n() + 1];
+        let slot = |body: Option<usize>| body.map_or(0, |b| b + 1);
+        for (k, frame) in self.frames.iter().enumerate() {
+            if frame.joint.is_none() && frame.placement == Placement::IDENTITY && own[slot(frame.body)].is_none() {
+                own[slot(frame.body)] = Some(k);
+            }
+        }
+        let mut made = Vec::new();
+        let names: Vec<String> = (0..=self.n())
+            .map(|s| match own[s] {
+                Some(k) => self.frames[k].name.clone(),
+                None => {
+                    let name = fresh(if s == 0 { "base".into() } else { format!("{}_body", self.joints[s - 1].name) });
+                    made.push(name.clone());
+                    name
+                }
+            })
+            .collect();
+        let mut out = String::new();
+        let _ = writeln!(out, "<?xml version=\"1.0\"?>\n<robot name=\"{}\">", escaped(&self.name));
+        for (s, name) in names.iter().enumerate() {
+            if own[s].is_none() {
+                let parameters = s.checked_sub(1).map(|b| &self.joints[b].parameters);
+                link(&mut out, name, parameters, &mut report);
+                if s > 0 {
+                    moving(&mut out, &self.joints[s - 1], name, &names);
+                }
+            }
+        }
+        for (k, frame) in self.frames.iter().enumerate() {
+            let s = slot(frame.body);
+            if own[s] != Some(k) {
+                link(&mut out, &frame.name, None, &mut report);
+                let joint = frame.joint.clone().unwrap_or_else(|| fresh(format!("{}_fixed", frame.name)));
+                fixed(&mut out, &joint, frame, &names[s]);
+            } else {
+                link(&mut out, &frame.name, frame.body.map(|b| &self.joints[b].parameters), &mut report);
+                if let Some(b) = frame.body {
+                    moving(&mut out, &self.joints[b], &frame.name, &names);
+                }
+            }
+        }
+        out.push_str("</robot>\n");
+        if !made.is_empty() {
+            report.push(format!(
+                "added: links for bodies without a frame of their own: {}",
+                listed(&made.iter().map(String::as_str).collect::<Vec<_>>())
+            ));
+        }
+        if self.gravity != STANDARD_GRAVITY {
+            report.push(format!("dropped: gravity {:?} (URDF has none)", self.gravity));
+        }
+        Written { text: out, report }
+    }
+}
+
+fn moving(out: &mut String, joint: &Joint, child: &str, names: &[String]) {
+    let parent = &names[joint.parent.map_or(0, |p| p + 1)];
+    let _ = writeln!(out, "  <joint name=\"{}\" type=\"{}\">", escaped(&joint.name), joint.kind.name());
+    ends(out, parent, child, &joint.placement);
+    let _ = writeln!(out, "    <axis xyz=\"{}\"/>", numbers(&joint.axis));
+    let limits = [
+        ("lower", joint.limits.lower, joint.kind != JointKind::Continuous),
+        ("upper", joint.limits.upper, joint.kind != JointKind::Continuous),
+        ("velocity", joint.limits.velocity, true),
+        ("effort", joint.limits.effort, true),
+    ];
+    attributes(out, "limit", limits.into_iter().filter(|(_, x, kept)| *kept && x.is_finite()).map(|(name, x, _)| (name, x)));
+    let dynamics = [("damping", joint.damping), ("friction", joint.friction), ("armature", joint.armature)];
+    attributes(out, "dynamics", dynamics.into_iter().filter(|(_, x)| *x != 0.0));
+    out.push_str("  </joint>\n");
+}
+
+fn attributes<'a>(out: &mut String, element: &str, list: impl Iterator<Item = (&'a str, f64)>) {
+    let text: String = list.map(|(name, x)| format!(" {name}=\"{x:?}\"")).collect();
+    if !text.is_empty() {
+        let _ = writeln!(out, "    <{element}{text}/>");
+    }
+}
+
+fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str) {
+    let _ = writeln!(out, "  <joint name=\"{}\" type=\"fixed\">", escaped(name));
+    ends(out, parent, &frame.name, &frame.placement);
+    out.push_str("  </joint>\n");
+}
+
+fn ends(out: &mut String, parent: &str, child: &str, placement: &Placement) {
+    let (xyz, rpy) = (numbers(&placement.translation.0), numbers(&placement.rotation.to_rpy()));
+    let _ = writeln!(out, "    <parent link=\"{}\"/>\n    <child link=\"{}\"/>", escaped(parent), escaped(child));
+    let _ = writeln!(out, "    <origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>");
+}
+
+fn link(out: &mut String, name: &str, parameters: Option<&[f64; 10]>, report: &mut Vec<String>) {
+    let inertia = parameters.map(|p| Inertia::from_parameters(p)).filter(|inertia| !inertia.is_zero());
+    let Some(inertia) = inertia else {
+        let _ = writeln!(out, "  <link name=\"{}\"/>", escaped(name));
+        return;
+    };
+    let (com, i) = inertia.com();
+    if com.is_none() && inertia.moment.0 != [0.0; 3] {
+        report.push(format!("dropped: the first moment of link {name}, which has no mass"));
+    }
+    let com = com.unwrap_or(V3([0.0; 3]));
+    if inertia.mass < 0.0 || negative_moment(&i, inertia.mass, com).is_some() {
+        report.push(format!("link {name} is no possible body: readers, armlet included, refuse its mass or inertia"));
+    }
+    let [xx, xy, yy, xz, yz, zz] = i.0;
+    let _ = writeln!(out, "  <link name=\"{}\">\n    <inertial>\n      <origin xyz=\"{}\" rpy=\"0 0 0\"/>", escaped(name), numbers(&com.0));
+    let _ = writeln!(out, "      <mass value=\"{:?}\"/>", inertia.mass);
+    let _ = writeln!(
+        out,
+        "      <inertia ixx=\"{xx:?}\" ixy=\"{xy:?}\" ixz=\"{xz:?}\" iyy=\"{yy:?}\" iyz=\"{yz:?}\" izz=\"{zz:?}\"/>\n    </inertial>\n  </link>"
+    );
+}
+
+fn numbers(x: &[f64; 3]) -> String {
+    format!("{:?} {:?} {:?}", x[0], x[1], x[2])
+}
+
+/// Text inside a quoted attribute; line breaks and tabs as references, since a parser turns bare ones into spaces.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\n' | '\r' | '\t' => {
+                let _ = write!(out, "&#{};", c as u32);
+            }
+            _ => out.push(c),
+        }
+    }
+    out
+}

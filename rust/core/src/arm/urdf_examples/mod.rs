@@ -1,0 +1,21 @@
+//! Own robot models inside the library: plausible numbers, no one's product.
+
+use crate::error::{Error, Result};
+
+/// Name and text of every example.
+pub const EXAMPLES: [(&str, &str); 6] = [
+    ("planar_2r", include_str!("planar_2r.urdf")),
+    ("planar_pr", include_str!("planar_pr.urdf")),
+    ("macro_micro_4r", include_str!("macro_micro_4r.urdf")),
+    ("six_axis", include_str!("six_axis.urdf")),
+    ("seven_axis", include_str!("seven_axis.urdf")),
+    ("two_arms", include_str!("two_arms.urdf")),
+];
+
+/// The URDF text of an example.
+pub fn example_urdf(name: &str) -> Result<&'static str> {
+    EXAMPLES.iter().find(|(known, _)| *known == name).map(|(_, text)| *text).ok_or_else(|| {
+        let names = EXAMPLES.map(|(name, _)| name).join(", ");
+        Error::input("name", format!("is unknown: expected one of {names}, got {name}"))
+    })
+}

@@ -1,0 +1,110 @@
+//! The Christoffel Coriolis matrix in O(n d), from composite bodies (after Echeandia and Wensing 2021).
+//!
+//! Column `j` is the polarised inverse dynamics for a unit rate of `j`. A point at `r` with velocity `u` has, under
+//! the unit motion `(s, z)` of joint `j`, the polarised acceleration `V_j x S_j` (as a rigid field) plus `z x u(r)`.
+//! A subtree therefore enters through its composite inertia, its linear momentum `P` and `K = integral of u r' dm`:
+//!
+//! `f = m alpha_v + alpha_w x h + z x P`,  `n = I alpha_w + h x alpha_v + (tr K) z - K z`.
+//!
+//! `P` and `K` are taken relative to the velocity of the joint origin, so no large momenta cancel; moving the
+//! reference by `p` with relative velocity `d`: `P' = P + m d`, `K' = K + P p' + d (h + m p)'`.
+
+use super::crba::joint_column;
+use super::workspace::{Column, Composite};
+use crate::arm::{BASE, Tree, second_moment};
+use crate::kinematics::{Pose, from_parent, place_body};
+use crate::scalar::Real;
+use crate::spatial::{Inertia, M3, V3};
+
+/// `w x` each column of a symmetric matrix.
+#[inline(always)]
+fn cross_columns<S: Real>(w: V3<S>, m: M3<S>) -> M3<S> {
+    M3([w.cross(m.0[0]), w.cross(m.0[1]), w.cross(m.0[2])])
+}
+
+#[inline(always)]
+fn trace<S: Real>(k: &M3<S>) -> S {
+    k.0[0][0] + k.0[1][1] + k.0[2][2]
+}
+
+#[inline(always)]
+pub fn coriolis_matrix<S: Real>(
+    tree: &Tree<S>,
+    poses: &mut [Pose<S>],
+    composites: &mut [Composite<S>],
+    columns: &mut [Column<S>],
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    c: &mut [S],
+) {
+    let n = tree.n();
+    let base = || (Pose::identity(), V3::zero(), V3::zero());
+    let mut last = base();
+    for i in 0..n {
+        let body = &tree.bodies[i];
+        let (parent, w_p, velocity_p) = from_parent(body.parent, i, last, |p| (poses[p], columns[p].w, columns[p].velocity), base);
+        let pose = place_body(body, &parent, trig[i], q[i]);
+        let z = pose.z();
+        let swept = w_p.cross_add(pose.origin - parent.origin, velocity_p);
+        let (w, velocity) = if body.revolute { (z.scale_add(v[i], w_p), swept) } else { (w_p, z.scale_add(v[i], swept)) };
+        let wz = w.cross(z);
+        let (linear, angular) = joint_column(body.revolute, &pose);
+        // V_j x S_j at the world origin: beta = gamma + alpha x o_k + z x v_k at any other joint k.
+        let (alpha, gamma) = if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (V3::zero(), wz) };
+        columns[i] = Column { linear, angular, w, velocity, alpha, gamma };
+        let inertia = body.inertia.rotated(pose.rotation);
+        let k = cross_columns(w, second_moment(&inertia.inertia).full());
+        composites[i] = Composite { inertia, momentum: w.cross(inertia.moment), k };
+        poses[i] = pose;
+        last = (pose, w, velocity);
+    }
+    c.fill(S::zero());
+    // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
+    let (mut carried, mut carried_to) = (Composite::default(), BASE);
+    for j in (0..n).rev() {
+        let body = &tree.bodies[j];
+        let mut whole = composites[j];
+        if S::LANES == 1 && carried_to == j {
+            whole = whole.plus(&carried);
+        }
+        let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = whole;
+        let me = columns[j];
+        let origin = poses[j].origin;
+        let z = poses[j].z();
+        let tr = trace(&k);
+        // Column j: the force (f, about_joint) on the subtree. Row j: what (alpha, angular, gamma) of another joint does.
+        let (f, about_joint, by_alpha, by_angular, by_gamma) = if body.revolute {
+            let f = me.alpha.cross_add(moment, z.cross(momentum));
+            let about_joint = inertia.apply_add(me.alpha, z.scale(tr) - k.apply(z));
+            (f, about_joint, inertia.apply(z), z.scale(tr) - k.apply_transposed(z), z.cross(moment))
+        } else {
+            let wz = me.gamma;
+            (wz.scale(mass), moment.cross(wz), moment.cross(z), momentum.cross(z), z.scale(mass))
+        };
+        c[j * n + j] = if body.revolute { z.dot(about_joint) } else { z.dot(f) };
+        if body.parent == BASE {
+            continue;
+        }
+        let about_origin = origin.cross_add(f, about_joint);
+        let by_alpha = origin.cross_add(by_gamma, by_alpha);
+        let by_angular = me.velocity.cross_add(by_gamma, by_angular);
+        let mut i = body.parent;
+        while i != BASE {
+            let up = &columns[i];
+            c[i * n + j] = up.linear.dot(f) + up.angular.dot(about_origin);
+            c[j * n + i] = up.alpha.dot(by_alpha) + up.angular.dot(by_angular) + up.gamma.dot(by_gamma);
+            i = tree.bodies[i].parent;
+        }
+        let p = origin - poses[body.parent].origin;
+        let d = me.velocity - columns[body.parent].velocity;
+        let moved = whole.inertia.shifted(p);
+        let column = |i: usize| d.scale_add(moved.moment[i], momentum.scale_add(p[i], k.0[i]));
+        let moved = Composite { momentum: d.scale_add(mass, momentum), k: M3([column(0), column(1), column(2)]), inertia: moved };
+        if S::LANES == 1 && body.parent + 1 == j {
+            (carried, carried_to) = (moved, body.parent);
+        } else {
+            composites[body.parent] = composites[body.parent].plus(&moved);
+        }
+    }
+}

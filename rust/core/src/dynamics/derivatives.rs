@@ -1,0 +1,217 @@
+//! Exact derivatives of inverse and forward dynamics in O(n d) (after Carpentier and Mansard 2018; Singh, Russell and
+//! Wensing 2022), in the notation of `coriolis`.
+//!
+//! Turning joint `j` moves its subtree as a rigid body, and what does not move with it changes by
+//!
+//! ```text
+//! psi_j = V_p x S_j,   phi_j = A_p x S_j + V_p x psi_j          (p the parent body, at the joint)
+//! d f_k / d q_j = S_j x* f_k + I_k phi_j + 2 B_k psi_j,         k in the subtree of j
+//! d tau_i / d q_j = S_i . (S_j x* F_j + I_j^c phi_j + 2 B_j^c psi_j)   for i = j or i carrying j
+//! d tau_i / d q_j = S_i . (I_i^c phi_j + 2 B_i^c psi_j)                for i carried by j
+//! d tau / d v = 2 C(q, v),   d tau / d a = M
+//! ```
+//!
+//! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`. Forward: `d a = -M^-1 d tau`, `d a / d tau = M^-1`.
+
+use super::crba::joint_column;
+use super::workspace::{Composite, Workspace};
+use crate::arm::{BASE, Tree, second_moment};
+use crate::kinematics::{Pose, place_body};
+use crate::scalar::Real;
+use crate::spatial::{Inertia, M3, V3};
+
+/// What one joint needs: its column, the motion of its body, `phi` and `psi`, and the wrench on its subtree.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Slope<S> {
+    linear: V3<S>,
+    angular: V3<S>,
+    w: V3<S>,
+    v: V3<S>,
+    a: V3<S>,
+    wd: V3<S>,
+    /// At the joint; at the world origin the linear part is `phi_v + o x phi_w`.
+    phi_v: V3<S>,
+    phi_w: V3<S>,
+    psi_w: V3<S>,
+    f: V3<S>,
+    n: V3<S>,
+}
+
+/// `d tau / d q` at `(q, v, a)`, `(n, n)` row-major: row `i`, column `j` is `d tau_i / d q_j`.
+#[inline(always)]
+pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
+    let n = tree.n();
+    let Workspace { poses, composites, slopes, .. } = ws;
+    let ground = Slope { a: -tree.gravity.lift::<S>(), ..Slope::default() };
+    let root = Pose::identity();
+    for i in 0..n {
+        let body = &tree.bodies[i];
+        let (parent, up) = if body.parent == BASE { (&root, &ground) } else { (&poses[body.parent], &slopes[body.parent]) };
+        let pose = place_body(body, parent, trig[i], q[i]);
+        let (p, z) = (pose.origin - parent.origin, pose.z());
+        let (w_p, wd_p) = (up.w, up.wd);
+        let swept = w_p.cross_add(p, up.v);
+        // Of the point of the parent body at the joint.
+        let point = w_p.cross_add(w_p.cross(p), wd_p.cross_add(p, up.a));
+        let wz = w_p.cross(z);
+        let mut me = Slope { w: w_p, v: swept, a: point, wd: wd_p, ..Slope::default() };
+        (me.linear, me.angular) = joint_column(body.revolute, &pose);
+        if body.revolute {
+            me.psi_w = wz;
+            let vwz = swept.cross(wz);
+            me.phi_v = point.cross_add(z, vwz + vwz);
+            me.phi_w = wd_p.cross_add(z, w_p.cross(wz));
+            me.w = z.scale_add(v[i], w_p);
+            me.wd = z.scale_add(a[i], wz.scale_add(v[i], wd_p));
+        } else {
+            me.phi_v = wd_p.cross_add(z, w_p.cross(wz));
+            me.v = z.scale_add(v[i], swept);
+            me.a = z.scale_add(a[i], wz.scale_add(v[i] + v[i], point));
+        }
+        let inertia = body.inertia.rotated(pose.rotation);
+        let Inertia { mass: m, moment: h, inertia: about } = inertia;
+        let (w, wd) = (me.w, me.wd);
+        me.f = wd.cross_add(h, w.cross_add(w.cross(h), me.a.scale(m)));
+        me.n = h.cross_add(me.a, about.apply_add(wd, w.cross(about.apply(w))));
+        let s = second_moment(&about).full().0;
+        let k = |c: usize| me.v.scale_add(h[c], w.cross(s[c]));
+        composites[i] = Composite { inertia, momentum: w.cross_add(h, me.v.scale(m)), k: M3([k(0), k(1), k(2)]) };
+        poses[i] = pose;
+        slopes[i] = me;
+    }
+    d.fill(S::zero());
+    for j in (0..n).rev() {
+        let body = &tree.bodies[j];
+        let (me, z, origin) = (slopes[j], poses[j].z(), poses[j].origin);
+        let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = composites[j];
+        let tr = k.0[0][0] + k.0[1][1] + k.0[2][2];
+        // The change of the wrench on the subtree, about the joint.
+        let two_psi = me.psi_w + me.psi_w;
+        let mut f = me.phi_w.cross_add(moment, two_psi.cross_add(momentum, me.phi_v.scale(mass)));
+        let turned = inertia.apply_add(me.phi_w, two_psi.scale(tr) - k.apply(two_psi));
+        let mut about_joint = moment.cross_add(me.phi_v, turned);
+        // Momentum of the subtree per unit rate, and what psi of a carrying joint does to this one.
+        let (unit_f, unit_n, by_psi) = if body.revolute {
+            f = z.cross_add(me.f, f);
+            about_joint = z.cross_add(me.n, about_joint);
+            (z.cross(moment), inertia.apply(z), z.scale(tr) - k.apply_transposed(z))
+        } else {
+            about_joint = z.cross_add(me.f, about_joint);
+            (z.scale(mass), moment.cross(z), momentum.cross(z))
+        };
+        d[j * n + j] = if body.revolute { z.dot(about_joint) } else { z.dot(f) };
+        if body.parent == BASE {
+            continue;
+        }
+        let about_origin = origin.cross_add(f, about_joint);
+        let unit_n = origin.cross_add(unit_f, unit_n);
+        let by_psi = by_psi + by_psi;
+        let mut i = body.parent;
+        while i != BASE {
+            let up = &slopes[i];
+            d[i * n + j] = up.linear.dot(f) + up.angular.dot(about_origin);
+            let phi_v = poses[i].origin.cross_add(up.phi_w, up.phi_v);
+            d[j * n + i] = unit_f.dot(phi_v) + unit_n.dot(up.phi_w) + by_psi.dot(up.psi_w);
+            i = tree.bodies[i].parent;
+        }
+        let p = origin - poses[body.parent].origin;
+        let column = |c: usize| momentum.scale_add(p[c], k.0[c]);
+        let moved = Composite { inertia: composites[j].inertia.shifted(p), momentum, k: M3([column(0), column(1), column(2)]) };
+        composites[body.parent] = composites[body.parent].plus(&moved);
+        let up = &mut slopes[body.parent];
+        up.f += me.f;
+        up.n = p.cross_add(me.f, up.n + me.n);
+    }
+}
+
+/// `d tau / d v = 2 C(q, v)`, and with `friction` the damping on the diagonal.
+#[inline(always)]
+pub fn inverse_dynamics_by_v<S: Real>(
+    tree: &Tree<S>,
+    ws: &mut Workspace<S>,
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    friction: bool,
+    d: &mut [S],
+) {
+    super::coriolis::coriolis_matrix(tree, &mut ws.poses, &mut ws.composites, &mut ws.columns, trig, q, v, d);
+    for x in d.iter_mut() {
+        *x = *x + *x;
+    }
+    if friction {
+        for (i, body) in tree.bodies.iter().enumerate() {
+            d[i * tree.n() + i] += S::splat(body.damping);
+        }
+    }
+}
+
+/// `x -> -M^-1 x` for an `(n, n)` matrix in place, `M` given by its Cholesky factor.
+#[inline(always)]
+fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
+    for c in 0..n {
+        for i in 0..n {
+            let mut sum = x[i * n + c] * factor;
+            for k in 0..i {
+                sum = l[i * n + k].neg_mul_add(x[k * n + c], sum);
+            }
+            x[i * n + c] = sum * l[i * n + i];
+        }
+        for i in (0..n).rev() {
+            let mut sum = x[i * n + c];
+            for k in i + 1..n {
+                sum = l[k * n + i].neg_mul_add(x[k * n + c], sum);
+            }
+            x[i * n + c] = sum * l[i * n + i];
+        }
+    }
+}
+
+/// The lower Cholesky factor in place, its diagonal inverted; NaN where `M` is not positive definite.
+#[inline(always)]
+fn factor<S: Real>(n: usize, m: &mut [S]) {
+    for j in 0..n {
+        for k in 0..j {
+            let l = m[j * n + k];
+            for i in j..n {
+                m[i * n + j] = m[i * n + k].neg_mul_add(l, m[i * n + j]);
+            }
+        }
+        let inverse = m[j * n + j].sqrt().recip();
+        m[j * n + j] = inverse;
+        for i in j + 1..n {
+            m[i * n + j] *= inverse;
+        }
+    }
+}
+
+/// `d a / d q`, `d a / d v` and `d a / d tau = M^-1` of forward dynamics at `(q, v)` and the acceleration `a` that it gives
+/// there; each `(n, n)` row-major. `m` has room for `(n, n)`.
+#[inline(always)]
+pub fn forward_dynamics_derivatives<S: Real>(
+    tree: &Tree<S>,
+    ws: &mut Workspace<S>,
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    a: &[S],
+    friction: bool,
+    m: &mut [S],
+    by_q: &mut [S],
+    by_v: &mut [S],
+    by_tau: &mut [S],
+) {
+    let n = tree.n();
+    super::crba::mass_matrix(tree, &mut ws.poses, &mut ws.composites, &mut ws.columns, trig, q, m);
+    factor(n, m);
+    let minus = S::splat(-1.0);
+    inverse_dynamics_by_q(tree, ws, trig, q, v, a, by_q);
+    solve(n, m, by_q, minus);
+    inverse_dynamics_by_v(tree, ws, trig, q, v, friction, by_v);
+    solve(n, m, by_v, minus);
+    by_tau.fill(S::zero());
+    for i in 0..n {
+        by_tau[i * n + i] = S::splat(1.0);
+    }
+    solve(n, m, by_tau, S::splat(1.0));
+}

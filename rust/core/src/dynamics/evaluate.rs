@@ -1,0 +1,331 @@
+//! The quantities of an arm as functions from `f64` arrays to `f64` arrays: one configuration by the scalar route of
+//! this machine, or many in its lanes. What a binding needs, and no more: shapes are checked here once, threads and
+//! outputs are the caller's.
+
+use super::Workspace;
+use super::quantities::{self, Compute};
+use crate::arm::{Arm, Tree};
+use crate::error::{Error, Result, finite};
+use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
+use crate::spatial::PARAMETERS;
+use std::marker::PhantomData;
+
+/// What can be asked; inputs in this order, each `(n,)` except a wrench `(6,)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// `q -> (n, n)`.
+    MassMatrix,
+    /// `q, v -> (n, n)`.
+    CoriolisMatrix,
+    /// `q -> (n,)`.
+    Gravity,
+    /// `q, v -> (n,)`.
+    Bias,
+    /// `q, v, a -> (n,)`; with a wrench frame `q, v, a, wrench -> (n,)`.
+    InverseDynamics,
+    /// `q, v, tau -> (n,)`; with a wrench frame `q, v, tau, wrench -> (n,)`.
+    ForwardDynamics,
+    /// `q, v, v_r, a_r -> (n, p)`.
+    Regressor,
+    /// `q, v -> (2,)`: kinetic, potential.
+    Energy,
+    /// `q -> (4, 4)`.
+    Pose,
+    /// `q -> (3,)`.
+    Position,
+    /// `q -> (6, n)`.
+    Jacobian,
+    /// `q, v -> (6, n)`.
+    JacobianDot,
+    /// `q -> (3,)`.
+    Com,
+    /// `q -> (3, n)`.
+    ComJacobian,
+    /// `q, v, a -> (2 n, n)`: `d tau / d q` over `d tau / d v`; `d tau / d a` is the mass matrix.
+    InverseDynamicsDerivatives,
+    /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
+    ForwardDynamicsDerivatives,
+}
+
+/// A quantity with its options.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Query {
+    pub quantity: Quantity,
+    /// Of pose, position, Jacobian and its rate.
+    pub frame: usize,
+    /// Where the wrench `[f; n]` (world axes, at the frame origin) of inverse and forward dynamics acts.
+    pub wrench: Option<usize>,
+    /// Add damping and Coulomb friction to bias and inverse dynamics, take them off the torque in forward
+    /// dynamics; in the regressor append columns `diag(v_r)` and `diag(sign v)`.
+    pub friction: bool,
+    /// In the regressor append columns `diag(a_r)`, before those of friction.
+    pub armature: bool,
+}
+
+impl From<Quantity> for Query {
+    fn from(quantity: Quantity) -> Self {
+        Query { quantity, frame: 0, wrench: None, friction: false, armature: false }
+    }
+}
+
+impl Query {
+    /// Names of the inputs.
+    pub fn inputs(&self) -> &'static [&'static str] {
+        match (self.quantity, self.wrench.is_some()) {
+            (Quantity::InverseDynamics, true) => &["q", "v", "a", "wrench"],
+            (Quantity::InverseDynamics, false) => &["q", "v", "a"],
+            (Quantity::ForwardDynamics, true) => &["q", "v", "tau", "wrench"],
+            (Quantity::ForwardDynamics, false) => &["q", "v", "tau"],
+            (Quantity::InverseDynamicsDerivatives, _) => &["q", "v", "a"],
+            (Quantity::ForwardDynamicsDerivatives, _) => &["q", "v", "tau"],
+            (Quantity::Regressor, _) => &["q", "v", "v_r", "a_r"],
+            (Quantity::CoriolisMatrix | Quantity::Bias | Quantity::Energy | Quantity::JacobianDot, _) => &["q", "v"],
+            _ => &["q"],
+        }
+    }
+
+    /// Numbers per configuration of an input.
+    pub fn input_length(&self, input: usize, n: usize) -> usize {
+        if self.inputs()[input] == "wrench" { 6 } else { n }
+    }
+
+    /// Rows and columns of the output; one row for vectors.
+    pub fn shape(&self, n: usize) -> (usize, usize) {
+        match self.quantity {
+            Quantity::MassMatrix | Quantity::CoriolisMatrix => (n, n),
+            Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => (1, n),
+            Quantity::Regressor => (n, n * (PARAMETERS + usize::from(self.armature) + 2 * usize::from(self.friction))),
+            Quantity::Energy => (1, 2),
+            Quantity::Pose => (4, 4),
+            Quantity::Position | Quantity::Com => (1, 3),
+            Quantity::Jacobian | Quantity::JacobianDot => (6, n),
+            Quantity::ComJacobian => (3, n),
+            Quantity::InverseDynamicsDerivatives => (2 * n, n),
+            Quantity::ForwardDynamicsDerivatives => (3 * n, n),
+        }
+    }
+
+    pub(super) fn length(&self, n: usize) -> usize {
+        let (rows, columns) = self.shape(n);
+        rows * columns
+    }
+}
+
+/// Buffers of one number type.
+#[derive(Clone, Debug)]
+pub(super) struct Engine<S> {
+    pub(super) tree: Tree<S>,
+    pub(super) ws: Workspace<S>,
+    pub(super) trig: Vec<(S, S)>,
+    pub(super) inputs: [Vec<S>; 4],
+    pub(super) out: Vec<S>,
+    pub(super) square: Vec<S>,
+}
+
+impl<S: Real> Engine<S> {
+    fn new(arm: &Arm) -> Self {
+        let tree = Tree::new(arm);
+        let (n, ws) = (tree.n(), Workspace::new(&tree));
+        let zeros = |k: usize| vec![S::zero(); k];
+        let largest = (n * n * (PARAMETERS + 3)).max(6 * n).max(16);
+        Engine {
+            ws,
+            trig: vec![(S::zero(), S::zero()); n],
+            inputs: std::array::from_fn(|_| zeros(n.max(6))),
+            out: zeros(largest),
+            square: zeros(n * n),
+            tree,
+        }
+    }
+
+    /// Configurations `first..last` of the arrays, `S::LANES` at a time; the last lanes repeat the last one.
+    #[inline(always)]
+    fn rows<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+        let n = self.tree.n();
+        let length = query.length(n);
+        let mut at = first;
+        while at < last {
+            for (k, given) in inputs.iter().enumerate() {
+                let width = query.input_length(k, n);
+                for i in 0..width {
+                    self.inputs[k][i] = S::from_lanes(|lane| given[(at + lane).min(last - 1) * width + i]);
+                }
+            }
+            for i in 0..n {
+                self.trig[i] = self.inputs[0][i].sin_cos();
+            }
+            Q::compute(self, query);
+            let rows = &mut out[(at - first) * length..];
+            if last - at >= S::LANES {
+                // Value by value, all lanes of one: a lane chosen at run time would go through memory each time.
+                let rows = &mut rows[..S::LANES * length];
+                for (k, from) in self.out[..length].iter().enumerate() {
+                    for lane in 0..S::LANES {
+                        rows[lane * length + k] = from.lane(lane);
+                    }
+                }
+            } else {
+                for (k, to) in rows.iter_mut().enumerate() {
+                    *to = self.out[k % length].lane(k / length);
+                }
+            }
+            at += S::LANES;
+        }
+    }
+
+    /// Each quantity in its own region. Derivatives are for single numbers: in lanes they are slower than one by one.
+    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+        macro_rules! each {
+            ($($name:ident)*) => {
+                match query.quantity {
+                    $(Quantity::$name => S::enter(Rows::<S, quantities::$name> { engine: self, query, inputs, first, last, out, quantity: PhantomData }),)*
+                    Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives => unreachable!("derivatives go one by one"),
+                }
+            };
+        }
+        each!(MassMatrix CoriolisMatrix Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose Position Jacobian JacobianDot Com ComJacobian)
+    }
+
+    /// As [`Engine::dispatch`], derivatives included.
+    fn dispatch_single(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+        let quantity = PhantomData;
+        match query.quantity {
+            Quantity::InverseDynamicsDerivatives => {
+                S::enter(Rows::<S, quantities::InverseDynamicsDerivatives> { engine: self, query, inputs, first, last, out, quantity });
+            }
+            Quantity::ForwardDynamicsDerivatives => {
+                let quantity = PhantomData;
+                S::enter(Rows::<S, quantities::ForwardDynamicsDerivatives> { engine: self, query, inputs, first, last, out, quantity });
+            }
+            _ => self.dispatch(query, inputs, first, last, out),
+        }
+    }
+}
+
+struct Rows<'a, S, Q> {
+    engine: &'a mut Engine<S>,
+    query: &'a Query,
+    inputs: &'a [&'a [f64]],
+    first: usize,
+    last: usize,
+    out: &'a mut [f64],
+    quantity: PhantomData<Q>,
+}
+
+impl<S: Real, Q: Compute> Kernel for Rows<'_, S, Q> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.engine.rows::<Q>(self.query, self.inputs, self.first, self.last, self.out);
+    }
+}
+
+/// Rows in lanes, buffers included.
+struct Lanes<'a> {
+    arm: &'a Arm,
+    query: &'a Query,
+    inputs: &'a [&'a [f64]],
+    first: usize,
+    last: usize,
+    out: &'a mut [f64],
+}
+
+impl Task for Lanes<'_> {
+    type Output = ();
+    fn run<S: Real>(self) {
+        Engine::<S>::new(self.arm).dispatch(self.query, self.inputs, self.first, self.last, self.out);
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Route {
+    Baseline(Box<Engine<f64>>),
+    Fused(Box<Engine<Fused>>),
+}
+
+/// One configuration after another, without allocating.
+#[derive(Clone, Debug)]
+pub struct Evaluator {
+    route: Route,
+    n: usize,
+    frames: usize,
+}
+
+impl Evaluator {
+    pub fn new(arm: &Arm) -> Self {
+        let route = match isa() {
+            Isa::Baseline => Route::Baseline(Box::new(Engine::new(arm))),
+            Isa::Avx2 | Isa::Avx512 => Route::Fused(Box::new(Engine::new(arm))),
+        };
+        Evaluator { route, n: arm.n(), frames: arm.frames.len() }
+    }
+
+    /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major.
+    pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<()> {
+        check(query, inputs, 1, self.n, self.frames, out.len())?;
+        match &mut self.route {
+            Route::Baseline(engine) => engine.dispatch_single(query, inputs, 0, 1, out),
+            Route::Fused(engine) => engine.dispatch_single(query, inputs, 0, 1, out),
+        }
+        Ok(())
+    }
+}
+
+impl Arm {
+    /// Configurations `first..last` of `count`, in lanes on the calling thread: inputs `(count, n)` in full, `out` of
+    /// the rows asked for. Which rows share a call does not change their bits.
+    pub fn evaluate(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<()> {
+        if first > last || last > count {
+            return Err(Error::input("rows", format!("is out of range: expected 0 <= first <= last <= {count}, got {first}..{last}")));
+        }
+        let frames = self.frames.len();
+        check(query, inputs, count, self.n(), frames, out.len() + (count - (last - first)) * query.length(self.n()))?;
+        if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
+            return self.one_by_one(query, inputs, first, last, out);
+        }
+        if first < last {
+            run_lanes(Lanes { arm: self, query, inputs, first, last, out });
+        }
+        Ok(())
+    }
+
+    fn one_by_one(&self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) -> Result<()> {
+        let mut evaluator = Evaluator::new(self);
+        for (i, row) in (first..last).zip(out.chunks_exact_mut(query.length(self.n()).max(1))) {
+            let part = |k: usize| {
+                let width = query.input_length(k, self.n());
+                &inputs[k][i * width..(i + 1) * width]
+            };
+            let rows: Vec<&[f64]> = (0..inputs.len()).map(part).collect();
+            evaluator.one(query, &rows, row)?;
+        }
+        Ok(())
+    }
+}
+
+fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> Result<()> {
+    let names = query.inputs();
+    if inputs.len() != names.len() {
+        return Err(Error::input(
+            "inputs",
+            format!("has the wrong length: expected {} ({}), got {}", names.len(), names.join(", "), inputs.len()),
+        ));
+    }
+    for (k, (name, given)) in names.iter().zip(inputs).enumerate() {
+        let want = count * query.input_length(k, n);
+        if given.len() != want {
+            return Err(Error::input(*name, format!("has the wrong length: expected {want}, got {}", given.len())));
+        }
+        finite(name, given)?;
+    }
+    let needs_frame = matches!(query.quantity, Quantity::Pose | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot);
+    let frame = if needs_frame { query.frame } else { query.wrench.unwrap_or(0) };
+    if (needs_frame || query.wrench.is_some()) && frame >= frames {
+        return Err(Error::input("frame", format!("is out of range: expected an index below {frames}, got {frame}")));
+    }
+    let want = count * query.length(n);
+    if out != want {
+        return Err(Error::input("out", format!("has the wrong length: expected {want}, got {out}")));
+    }
+    Ok(())
+}

@@ -1,0 +1,121 @@
+//! Newton-Euler recursion in body axes, without linear velocities (Luh, Walker and Paul 1980), in the
+//! polarised form that Slotine and Li's law needs:
+//!
+//! ```text
+//! U = [wd]x + ([w]x [wr]x + [wr]x [w]x) / 2,   acceleration at r:  a + U r
+//! w_i = R' w_p + z v,   wr_i = R' wr_p + z vr
+//! wd_i = R' wd_p + z ar + ((w x z) vr + (wr x z) v) / 2,   a_i = R' (a_p + U_p p),   a_0 = -gravity
+//! f_i = m a + U h,   n_i = integral of r x (U r) dm + h x a
+//! ```
+//!
+//! A slide adds `z ar + (w x z) vr + (wr x z) v` to `a`. The bias is quadratic in velocity, so its polarisation
+//! is `C(q, v) vr` with the Christoffel `C`; with `vr = v` it is the ordinary inverse dynamics.
+
+use super::workspace::{Link, Motion};
+use crate::arm::{BASE, Tree};
+use crate::scalar::Real;
+use crate::spatial::{M3, Sym3, V3};
+
+/// `[wd]x + ([w]x [wr]x + [wr]x [w]x) / 2`.
+#[inline(always)]
+pub(crate) fn acceleration_matrix<S: Real, const POLAR: bool>(w: V3<S>, wr: V3<S>, wd: V3<S>) -> M3<S> {
+    let half = S::splat(0.5);
+    let product = |i: usize, j: usize| if POLAR { half * w[i].mul_add(wr[j], w[j] * wr[i]) } else { w[i] * w[j] };
+    let square = |i: usize| if POLAR { w[i] * wr[i] } else { w[i] * w[i] };
+    let (xx, yy, zz) = (square(0), square(1), square(2));
+    let (xy, xz, yz) = (product(0, 1), product(0, 2), product(1, 2));
+    M3([V3([-(yy + zz), xy + wd[2], xz - wd[1]]), V3([xy - wd[2], -(xx + zz), yz + wd[0]]), V3([xz + wd[1], yz - wd[0], -(xx + yy)])])
+}
+
+/// `integral of r x (U r) dm` from the second moment `integral of r r' dm`, plus `c`.
+#[inline(always)]
+pub(crate) fn moment_of<S: Real>(u: M3<S>, second: &Sym3<S>, c: V3<S>) -> V3<S> {
+    // Entry (i, k) of U Sigma; the moment is the axial vector of U Sigma - (U Sigma)'.
+    let [xx, xy, yy, xz, yz, zz] = second.0;
+    let row = |i: usize| (u.0[0][i], u.0[1][i], u.0[2][i]);
+    let ((x0, x1, x2), (y0, y1, y2), (z0, z1, z2)) = (row(0), row(1), row(2));
+    let zy = z0.mul_add(xy, z1.mul_add(yy, z2.mul_add(yz, c[0])));
+    let xz_ = x0.mul_add(xz, x1.mul_add(yz, x2.mul_add(zz, c[1])));
+    let yx = y0.mul_add(xx, y1.mul_add(xy, y2.mul_add(xz, c[2])));
+    V3([
+        y0.neg_mul_add(xz, y1.neg_mul_add(yz, y2.neg_mul_add(zz, zy))),
+        z0.neg_mul_add(xx, z1.neg_mul_add(xy, z2.neg_mul_add(xz, xz_))),
+        x0.neg_mul_add(xy, x1.neg_mul_add(yy, x2.neg_mul_add(yz, yx))),
+    ])
+}
+
+/// `tau` for `(v, vr, ar)`; `POLAR = false` takes `vr = v` and never reads `vr`.
+#[inline(always)]
+pub fn newton_euler<S: Real, const POLAR: bool>(
+    tree: &Tree<S>,
+    links: &mut [Link<S>],
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    vr: &[S],
+    ar: Option<&[S]>,
+    tau: &mut [S],
+) {
+    let n = tree.n();
+    let half = S::splat(0.5);
+    let ground = Motion { a: -tree.gravity.lift::<S>(), ..Motion::default() };
+    for i in 0..n {
+        let body = &tree.bodies[i];
+        let up = if body.parent == BASE { &ground } else { &links[body.parent].motion };
+        let (mut e, mut p) = (body.rotation.lift::<S>(), body.translation.lift::<S>());
+        if body.revolute {
+            e = e.rotate_z(trig[i]);
+        } else {
+            p = e.0[2].scale_add(q[i], p);
+        }
+        let mut w = e.apply_transposed(up.w);
+        let mut wr = if POLAR { e.apply_transposed(up.wr) } else { w };
+        let mut wd = e.apply_transposed(up.wd);
+        let mut a = e.apply_transposed(up.u.apply_add(p, up.a));
+        // ((w x z) vr + (wr x z) v) / 2, and the acceleration along the joint.
+        let (cx, cy) = if POLAR {
+            (half * w[1].mul_add(vr[i], wr[1] * v[i]), half * w[0].mul_add(vr[i], wr[0] * v[i]))
+        } else {
+            (w[1] * v[i], w[0] * v[i])
+        };
+        if body.revolute {
+            wd[0] += cx;
+            wd[1] -= cy;
+            if let Some(ar) = ar {
+                wd[2] += ar[i];
+            }
+            w[2] += v[i];
+            if POLAR {
+                wr[2] += vr[i];
+            } else {
+                wr = w;
+            }
+        } else {
+            a[0] += cx + cx;
+            a[1] -= cy + cy;
+            if let Some(ar) = ar {
+                a[2] += ar[i];
+            }
+        }
+        let u = acceleration_matrix::<S, POLAR>(w, wr, wd);
+        let h = body.inertia.moment;
+        let f = u.apply_add(h, a.scale(body.inertia.mass));
+        let moment = moment_of(u, &body.second_moment, h.cross(a));
+        links[i] = Link { e, p, motion: Motion { w, wr, wd, a, u }, f, n: moment };
+    }
+    for i in (0..n).rev() {
+        let body = &tree.bodies[i];
+        let Link { e, p, f, n: moment, .. } = links[i];
+        let force = if body.revolute { moment[2] } else { f[2] };
+        tau[i] = match ar {
+            Some(ar) => S::splat(body.armature).mul_add(ar[i], force),
+            None => force,
+        };
+        if body.parent != BASE {
+            let up = &mut links[body.parent];
+            let f = e.apply(f);
+            up.f += f;
+            up.n = p.cross_add(f, e.apply_add(moment, up.n));
+        }
+    }
+}

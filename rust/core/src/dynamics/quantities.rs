@@ -1,0 +1,145 @@
+//! What each quantity of [`super::Evaluator`] computes: one type per quantity, so that the code of each stands in its
+//! own region and nowhere else.
+
+use super::energy::{add_friction, add_wrench, sign};
+use super::evaluate::{Engine, Query};
+use super::{Dynamics, derivatives, regressor};
+use crate::arm::Tree;
+use crate::kinematics as kin;
+use crate::scalar::Real;
+use crate::spatial::PARAMETERS;
+
+/// How a quantity is computed from the buffers of an engine, trigonometry done.
+pub trait Compute {
+    fn compute<S: Real>(engine: &mut Engine<S>, query: &Query);
+}
+
+/// What friction leaves of a torque.
+#[inline(always)]
+fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S]) {
+    if query.friction {
+        for (i, body) in tree.bodies.iter().enumerate() {
+            let viscous = S::splat(body.damping).neg_mul_add(v[i], tau[i]);
+            tau[i] = S::splat(body.friction).neg_mul_add(sign(v[i]), viscous);
+        }
+    }
+}
+
+macro_rules! quantity {
+    ($name:ident, ($tree:ident, $ws:ident, $trig:ident, $n:ident, $q:ident, $v:ident, $x:ident, $y:ident, $out:ident, $query:ident, $square:ident), $body:expr) => {
+        pub struct $name;
+        impl Compute for $name {
+            #[inline(always)]
+            #[allow(unused_variables)]
+            fn compute<S: Real>(engine: &mut Engine<S>, $query: &Query) {
+                let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square } = engine;
+                let $n = $tree.n();
+                let [q, v, x, $y] = inputs;
+                let ($trig, $q, $v, $x) = (&trig[..$n], &q[..$n], &v[..$n], &mut x[..$n]);
+                let $out = &mut out[..$query.length($n)];
+                $body
+            }
+        }
+    };
+}
+
+quantity!(MassMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    tree.mass_matrix(ws, trig, q, out);
+});
+
+quantity!(CoriolisMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    tree.coriolis_matrix(ws, trig, q, v, out);
+});
+
+quantity!(Gravity, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    tree.gravity(ws, trig, q, out);
+});
+
+quantity!(Bias, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    tree.bias(ws, trig, q, v, out);
+    if query.friction {
+        add_friction(tree, v, out);
+    }
+});
+
+quantity!(InverseDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    tree.inverse_dynamics(ws, trig, q, v, x, out);
+    if query.friction {
+        add_friction(tree, v, out);
+    }
+    if let Some(frame) = query.wrench {
+        kin::place(tree, trig, q, &mut ws.poses);
+        add_wrench(tree, &ws.poses, frame, std::array::from_fn(|k| y[k]), -S::splat(1.0), out);
+    }
+});
+
+quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    take_friction(query, tree, v, x);
+    if let Some(frame) = query.wrench {
+        kin::place(tree, trig, q, &mut ws.poses);
+        add_wrench(tree, &ws.poses, frame, std::array::from_fn(|k| y[k]), S::splat(1.0), x);
+    }
+    tree.forward_dynamics(ws, trig, q, v, x, out);
+});
+
+quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    let (_, width) = query.shape(n);
+    regressor::regressor(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out);
+    for i in 0..n {
+        let mut at = i * width + PARAMETERS * n + i;
+        if query.armature {
+            out[at] = y[i];
+            at += n;
+        }
+        if query.friction {
+            (out[at], out[at + n]) = (x[i], sign(v[i]));
+        }
+    }
+});
+
+quantity!(Energy, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    (out[0], out[1]) = tree.energy(ws, trig, q, v);
+});
+
+quantity!(Pose, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    let (r, p) = kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame);
+    for k in 0..3 {
+        (out[4 * k], out[4 * k + 1], out[4 * k + 2], out[4 * k + 3]) = (r.0[0][k], r.0[1][k], r.0[2][k], p[k]);
+        out[12 + k] = S::zero();
+    }
+    out[15] = S::splat(1.0);
+});
+
+quantity!(Position, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    out.copy_from_slice(&kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame).1.0);
+});
+
+quantity!(Jacobian, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    kin::jacobian(tree, &mut ws.poses, trig, q, query.frame, out);
+});
+
+quantity!(JacobianDot, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    kin::jacobian_dot(tree, &mut ws.poses, &mut ws.motion, trig, q, v, query.frame, out);
+});
+
+quantity!(Com, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    out.copy_from_slice(&kin::com(tree, &mut ws.poses, trig, q).1.0);
+});
+
+quantity!(InverseDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    let (by_q, by_v) = out.split_at_mut(n * n);
+    derivatives::inverse_dynamics_by_q(tree, ws, trig, q, v, x, by_q);
+    derivatives::inverse_dynamics_by_v(tree, ws, trig, q, v, query.friction, by_v);
+});
+
+quantity!(ForwardDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    take_friction(query, tree, v, x);
+    let (by_q, rest) = out.split_at_mut(n * n);
+    let (by_v, by_tau) = rest.split_at_mut(n * n);
+    tree.forward_dynamics(ws, trig, q, v, x, &mut y[..n]);
+    derivatives::forward_dynamics_derivatives(tree, ws, trig, q, v, &y[..n], query.friction, square, by_q, by_v, by_tau);
+});
+
+quantity!(ComJacobian, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    kin::com_jacobian(tree, &mut ws.poses, &mut ws.subtrees, trig, q, out);
+});

@@ -1,0 +1,139 @@
+//! Poses of frames, geometric Jacobians in world axes at the frame origin `p`, and the centre of mass.
+//!
+//! Column of a revolute joint `[z x (p - o); z]`, of a slide `[z; 0]`; their time derivatives with `z' = w x z`,
+//! `o'` and `p'` the velocities of the joint and of the frame. Matrices are `(6, n)` or `(3, n)`, row-major.
+
+use super::{Pose, from_parent, place_body};
+use crate::arm::{BASE, Tree};
+use crate::scalar::Real;
+use crate::spatial::{ANGULAR, LINEAR, M3, V3};
+
+/// Number of leading bodies that the placement of a frame depends on.
+#[inline(always)]
+fn needed<S: Real>(tree: &Tree<S>, frame: usize) -> usize {
+    let body = tree.frames[frame].body;
+    if body == BASE { 0 } else { body + 1 }
+}
+
+#[inline(always)]
+fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize) -> (M3<S>, V3<S>) {
+    let at = &tree.frames[frame];
+    let body = if at.body == BASE { Pose::identity() } else { poses[at.body] };
+    let (r, p) = (at.placement.rotation, at.placement.translation);
+    (body.rotation.times(r.lift()), body.rotation.apply_add(p.lift(), body.origin))
+}
+
+/// `R_WF` (by columns) and `p_WF`.
+#[inline(always)]
+pub fn frame_pose<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize) -> (M3<S>, V3<S>) {
+    super::place(tree, trig, q, &mut poses[..needed(tree, frame)]);
+    of_frame(tree, poses, frame)
+}
+
+/// The geometric Jacobian `(6, n)`; returns `p_WF`.
+#[inline(always)]
+pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> V3<S> {
+    let n = tree.n();
+    let (_, p) = frame_pose(tree, poses, trig, q, frame);
+    j.fill(S::zero());
+    let mut i = tree.frames[frame].body;
+    while i != BASE {
+        let z = poses[i].z();
+        let (linear, angular) = if tree.bodies[i].revolute { (z.cross(p - poses[i].origin), z) } else { (z, V3::zero()) };
+        write(j, n, i, linear, angular);
+        i = tree.bodies[i].parent;
+    }
+    p
+}
+
+#[inline(always)]
+fn write<S: Real>(j: &mut [S], n: usize, i: usize, linear: V3<S>, angular: V3<S>) {
+    for k in 0..3 {
+        j[(LINEAR + k) * n + i] = linear[k];
+        j[(ANGULAR + k) * n + i] = angular[k];
+    }
+}
+
+/// `dJ/dt` `(6, n)` at joint rates `v`. `motion` has room for `(w, velocity)` of every body.
+#[inline(always)]
+pub fn jacobian_dot<S: Real>(
+    tree: &Tree<S>,
+    poses: &mut [Pose<S>],
+    motion: &mut [(V3<S>, V3<S>)],
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    frame: usize,
+    j: &mut [S],
+) {
+    let n = tree.n();
+    let base = || (Pose::identity(), (V3::zero(), V3::zero()));
+    let mut last = base();
+    for i in 0..needed(tree, frame) {
+        let body = &tree.bodies[i];
+        let (parent, (w, u)) = from_parent(body.parent, i, last, |p| (poses[p], motion[p]), base);
+        let pose = place_body(body, &parent, trig[i], q[i]);
+        let swept = w.cross_add(pose.origin - parent.origin, u);
+        let z = pose.z();
+        motion[i] = if body.revolute { (z.scale_add(v[i], w), swept) } else { (w, z.scale_add(v[i], swept)) };
+        poses[i] = pose;
+        last = (pose, motion[i]);
+    }
+    let (_, p) = of_frame(tree, poses, frame);
+    j.fill(S::zero());
+    let mut i = tree.frames[frame].body;
+    if i == BASE {
+        return;
+    }
+    let (w, u) = motion[i];
+    let velocity = w.cross_add(p - poses[i].origin, u);
+    while i != BASE {
+        let (z, (w, u)) = (poses[i].z(), motion[i]);
+        let z_dot = w.cross(z);
+        let (linear, angular) = if tree.bodies[i].revolute {
+            (z_dot.cross_add(p - poses[i].origin, z.cross(velocity - u)), z_dot)
+        } else {
+            (z_dot, V3::zero())
+        };
+        write(j, n, i, linear, angular);
+        i = tree.bodies[i].parent;
+    }
+}
+
+/// Mass of the moving bodies and their centre of mass in the world; NaN for a massless arm.
+#[inline(always)]
+pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S]) -> (S, V3<S>) {
+    let n = tree.n();
+    super::place(tree, trig, q, &mut poses[..n]);
+    let (mut mass, mut moment) = (S::zero(), V3::zero());
+    for (body, pose) in tree.bodies.iter().zip(poses.iter()) {
+        mass += body.inertia.mass;
+        moment += pose.rotation.apply_add(body.inertia.moment, pose.origin.scale(body.inertia.mass));
+    }
+    (mass, moment.scale(mass.recip()))
+}
+
+/// Jacobian `(3, n)` of the centre of mass. `subtree` has room for `(mass, first moment about the joint)`.
+#[inline(always)]
+pub fn com_jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], subtree: &mut [(S, V3<S>)], trig: &[(S, S)], q: &[S], j: &mut [S]) {
+    let n = tree.n();
+    let (mass, _) = com(tree, poses, trig, q);
+    let inverse = mass.recip();
+    for (i, body) in tree.bodies.iter().enumerate() {
+        subtree[i] = (body.inertia.mass, poses[i].rotation.apply(body.inertia.moment));
+    }
+    for i in (0..n).rev() {
+        let body = &tree.bodies[i];
+        let (m, h) = subtree[i];
+        let z = poses[i].z();
+        let column = if body.revolute { z.cross(h) } else { z.scale(m) };
+        for k in 0..3 {
+            j[k * n + i] = column[k] * inverse;
+        }
+        if body.parent != BASE {
+            let p = poses[i].origin - poses[body.parent].origin;
+            let (up_m, up_h) = subtree[body.parent];
+            subtree[body.parent] = (up_m + m, p.scale_add(m, up_h + h));
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Where bodies and frames are, and how they move with the joints.
+//!
+//! `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0` (a slide: `R_i = R_p R_0`, `o_i = o_p + R_p p_0 + z_i q`),
+//! from the base outwards; `z_i` is the third column of `R_i`.
+
+mod jacobian;
+
+pub use jacobian::{com, com_jacobian, frame_pose, jacobian, jacobian_dot};
+
+use crate::arm::{BASE, Body, Tree};
+use crate::scalar::Real;
+use crate::spatial::{M3, V3};
+
+/// World placement of a body's compiled frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Pose<S> {
+    pub rotation: M3<S>,
+    pub origin: V3<S>,
+}
+
+impl<S: Real> Pose<S> {
+    #[inline(always)]
+    pub fn identity() -> Self {
+        Pose { rotation: M3::IDENTITY.lift(), origin: V3::zero() }
+    }
+    /// The joint axis in world axes.
+    #[inline(always)]
+    pub fn z(&self) -> V3<S> {
+        self.rotation.0[2]
+    }
+}
+
+/// One step of the recursion. The joint's own rotation comes first: only one product then waits for the parent.
+#[inline(always)]
+pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
+    let origin = parent.rotation.apply_add(body.translation.lift(), parent.origin);
+    if body.revolute {
+        let rotation =
+            if body.rotated { parent.rotation.times(body.rotation.lift::<S>().rotate_z(trig)) } else { parent.rotation.rotate_z(trig) };
+        Pose { rotation, origin }
+    } else {
+        let rotation = if body.rotated { parent.rotation.times(body.rotation.lift()) } else { parent.rotation };
+        Pose { rotation, origin: rotation.0[2].scale_add(q, origin) }
+    }
+}
+
+/// What body `i` takes from its parent in a pass outwards: along a chain it stays in registers (`last`), which spares
+/// the wait for a store that has only just been issued.
+#[inline(always)]
+pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: impl Fn(usize) -> T, base: impl Fn() -> T) -> T {
+    // The first body of the first tree: BASE is one before 0, and `last` starts as the base.
+    if parent == i.wrapping_sub(1) {
+        last
+    } else if parent == BASE {
+        base()
+    } else {
+        stored(parent)
+    }
+}
+
+/// World placements of the first `poses.len()` bodies.
+#[inline(always)]
+pub fn place<S: Real>(tree: &Tree<S>, trig: &[(S, S)], q: &[S], poses: &mut [Pose<S>]) {
+    let mut last = Pose::identity();
+    for i in 0..poses.len() {
+        let body = &tree.bodies[i];
+        let parent = from_parent(body.parent, i, last, |p| poses[p], Pose::identity);
+        last = place_body(body, &parent, trig[i], q[i]);
+        poses[i] = last;
+    }
+}

@@ -1,0 +1,82 @@
+//! Explicit AVX2 and FMA: four lanes in a register.
+//!
+//! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the processor has
+//! them because `enter` refused to run otherwise.
+
+use super::super::{Fused, Kernel, Real, trig};
+use super::vector::{sin_cos_near, vector};
+use super::{Isa, enter_avx2, isa};
+use std::arch::x86_64::*;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+vector!(
+    Avx2,
+    __m256d,
+    4,
+    __m256d,
+    Fused,
+    _mm256_set1_pd,
+    _mm256_add_pd,
+    _mm256_sub_pd,
+    _mm256_mul_pd,
+    _mm256_div_pd,
+    _mm256_sqrt_pd,
+    _mm256_xor_pd,
+    _mm256_andnot_pd
+);
+sin_cos_near!(__m256d, _mm256_set1_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_xor_pd, swap, sign_of_bit_1, next);
+
+#[inline(always)]
+fn fma(a: __m256d, b: __m256d, c: __m256d) -> __m256d {
+    unsafe { _mm256_fmadd_pd(a, b, c) }
+}
+
+#[inline(always)]
+fn fnma(a: __m256d, b: __m256d, c: __m256d) -> __m256d {
+    unsafe { _mm256_fnmadd_pd(a, b, c) }
+}
+
+#[inline(always)]
+fn recip(x: __m256d) -> __m256d {
+    unsafe { _mm256_div_pd(_mm256_set1_pd(1.0), x) }
+}
+
+#[inline(always)]
+fn lt(a: __m256d, b: __m256d) -> __m256d {
+    unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(a, b) }
+}
+
+/// By the sign bit of the mask.
+#[inline(always)]
+fn select(mask: __m256d, yes: __m256d, no: __m256d) -> __m256d {
+    unsafe { _mm256_blendv_pd(no, yes, mask) }
+}
+
+#[inline(always)]
+fn bits(mask: __m256d) -> u32 {
+    unsafe { _mm256_movemask_pd(mask) as u32 }
+}
+
+/// Bit 0 moved to the sign.
+#[inline(always)]
+fn swap(quadrant: __m256d) -> __m256d {
+    unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<63>(_mm256_castpd_si256(quadrant))) }
+}
+
+/// Bit 1 moved to the sign.
+#[inline(always)]
+fn sign_of_bit_1(quadrant: __m256d) -> __m256d {
+    unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<62>(_mm256_and_si256(_mm256_castpd_si256(quadrant), _mm256_set1_epi64x(2)))) }
+}
+
+/// The bits plus one.
+#[inline(always)]
+fn next(quadrant: __m256d) -> __m256d {
+    unsafe { _mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(quadrant), _mm256_set1_epi64x(1))) }
+}
+
+#[inline(always)]
+fn enter<K: Kernel>(kernel: K) -> K::Output {
+    assert!(isa() >= Isa::Avx2, "these lanes need AVX2 and FMA");
+    enter_avx2(kernel)
+}

@@ -1,0 +1,183 @@
+//! What the explicit vectors share: `vector!` writes a register type and its arithmetic from the names of the
+//! intrinsics, so that each instruction set's file holds only what is its own.
+
+/// A vector of `$lanes` doubles in `$register`. `$own` names what the file writes by hand: `fma` and `fnma`
+/// (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`, `select`, `bits` (a mask, one bit per lane) and `enter`.
+macro_rules! vector {
+    ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
+     $sqrt:ident, $xor:ident, $andnot:ident) => {
+        #[derive(Clone, Copy, Debug)]
+        #[repr(transparent)]
+        pub struct $name($register);
+
+        vector!(@operator $name, Add, add, AddAssign, add_assign, $add);
+        vector!(@operator $name, Sub, sub, SubAssign, sub_assign, $sub);
+        vector!(@operator $name, Mul, mul, MulAssign, mul_assign, $mul);
+
+        impl Div for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                $name(unsafe { $div(self.0, other.0) })
+            }
+        }
+
+        impl Neg for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                $name(unsafe { $xor(self.0, $set1(-0.0)) })
+            }
+        }
+
+        impl Default for $name {
+            #[inline(always)]
+            fn default() -> Self {
+                Self::splat(0.0)
+            }
+        }
+
+        #[inline(always)]
+        fn to_array(x: $register) -> [f64; $lanes] {
+            // SAFETY: both are that many doubles and nothing else.
+            unsafe { std::mem::transmute(x) }
+        }
+
+        #[inline(always)]
+        fn from_array(x: [f64; $lanes]) -> $register {
+            // SAFETY: both are that many doubles and nothing else.
+            unsafe { std::mem::transmute(x) }
+        }
+
+        /// The lanes beyond the range of the reduction, one by one.
+        #[cold]
+        #[inline(never)]
+        fn far_lanes(x: $name, s: $name, c: $name) -> ($name, $name) {
+            let (x, mut s, mut c) = (to_array(x.0), to_array(s.0), to_array(c.0));
+            for i in 0..$lanes {
+                if !(x[i].abs() < trig::REDUCTION_LIMIT) {
+                    (s[i], c[i]) = trig::sin_cos_far(x[i]);
+                }
+            }
+            ($name(from_array(s)), $name(from_array(c)))
+        }
+
+        impl Real for $name {
+            type Mask = $mask;
+            type One = $one;
+            const LANES: usize = $lanes;
+
+            #[inline(always)]
+            fn splat(x: f64) -> Self {
+                $name(from_array([x; $lanes]))
+            }
+            #[inline(always)]
+            fn from_lanes(f: impl FnMut(usize) -> f64) -> Self {
+                $name(from_array(std::array::from_fn(f)))
+            }
+            #[inline(always)]
+            fn lane(self, i: usize) -> f64 {
+                to_array(self.0)[i]
+            }
+            #[inline(always)]
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                $name(fma(self.0, b.0, c.0))
+            }
+            #[inline(always)]
+            fn neg_mul_add(self, b: Self, c: Self) -> Self {
+                $name(fnma(self.0, b.0, c.0))
+            }
+            #[inline(always)]
+            fn recip(self) -> Self {
+                $name(recip(self.0))
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $name(unsafe { $sqrt(self.0) })
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                $name(unsafe { $andnot($set1(-0.0), self.0) })
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                Self::select(self.lt(other), other, self)
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                Self::select(other.lt(self), other, self)
+            }
+            #[inline(always)]
+            fn sin_cos(self) -> (Self, Self) {
+                let (s, c) = sin_cos(self.0);
+                let near = Self::all(self.abs().lt(Self::splat(trig::REDUCTION_LIMIT)));
+                if near { ($name(s), $name(c)) } else { far_lanes(self, $name(s), $name(c)) }
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> $mask {
+                lt(self.0, other.0)
+            }
+            #[inline(always)]
+            fn select(mask: $mask, yes: Self, no: Self) -> Self {
+                $name(select(mask, yes.0, no.0))
+            }
+            #[inline(always)]
+            fn any(mask: $mask) -> bool {
+                bits(mask) != 0
+            }
+            #[inline(always)]
+            fn all(mask: $mask) -> bool {
+                bits(mask) == (1 << $lanes) - 1
+            }
+            #[inline(always)]
+            fn enter<K: Kernel>(kernel: K) -> K::Output {
+                enter(kernel)
+            }
+        }
+    };
+    (@operator $name:ident, $trait:ident, $method:ident, $assign:ident, $assign_method:ident, $intrinsic:ident) => {
+        impl $trait for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                $name(unsafe { $intrinsic(self.0, other.0) })
+            }
+        }
+        impl $assign for $name {
+            #[inline(always)]
+            fn $assign_method(&mut self, other: Self) {
+                *self = $trait::$method(*self, other);
+            }
+        }
+    };
+}
+pub(super) use vector;
+
+/// Sine and cosine within the range of the reduction, without a branch, from the register operations of the
+/// file it is used in; see [`super::super::trig`] for the method.
+macro_rules! sin_cos_near {
+    ($register:ident, $set1:ident, $sub:ident, $mul:ident, $xor:ident, $swap:ident, $sign_of_bit_1:ident, $next:ident) => {
+        #[inline(always)]
+        fn sin_cos(x: $register) -> ($register, $register) {
+            unsafe {
+                let set = |v: f64| $set1(v);
+                let rounded = fma(x, set(trig::TWO_OVER_PI), set(trig::ROUND));
+                let k = $sub(rounded, set(trig::ROUND));
+                let r = fnma(k, set(trig::PIO2[0]), x);
+                let r = fnma(k, set(trig::PIO2[1]), r);
+                let r = fnma(k, set(trig::PIO2[2]), r);
+                let z = $mul(r, r);
+                let (s, c) = (trig::SIN, trig::COS);
+                let sin = fma(fma(set(s[0]), z, set(s[1])), z, set(s[2]));
+                let cos = fma(fma(set(c[0]), z, set(c[1])), z, set(c[2]));
+                let sin = fma(fma(fma(sin, z, set(s[3])), z, set(s[4])), z, set(s[5]));
+                let cos = fma(fma(fma(cos, z, set(c[3])), z, set(c[4])), z, set(c[5]));
+                let sin = fma($mul(r, z), sin, r);
+                let cos = fma($mul(z, z), cos, fnma(set(0.5), z, set(1.0)));
+                let swap = $swap(rounded);
+                ($xor(select(swap, cos, sin), $sign_of_bit_1(rounded)), $xor(select(swap, sin, cos), $sign_of_bit_1($next(rounded))))
+            }
+        }
+    };
+}
+pub(super) use sin_cos_near;

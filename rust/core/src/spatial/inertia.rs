@@ -1,0 +1,87 @@
+//! The inertia of a body about its frame origin: mass `m`, first moment `h = m c`, second moment `I`, with
+//!
+//! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`  (a: acceleration of the origin).
+//!
+//! Moving the reference point by `p` (new point at `-p` from the old one, seen from the new one the old origin
+//! is at `p`): `h' = h + m p`, `I' = I + (h.p + p.h') 1 - (p h' + h p')` symmetrised (Huygens-Steiner).
+
+use super::{M3, Placement, Sym3, V3};
+use crate::scalar::Real;
+
+/// Inertial parameters per body.
+pub const PARAMETERS: usize = 10;
+
+/// Where each parameter stands: `m`, `h`, then the inertia in `Sym3`'s order.
+pub mod parameter {
+    pub const MASS: usize = 0;
+    pub const FIRST_MOMENT: usize = 1;
+    pub const INERTIA: usize = 4;
+    pub const NAMES: [&str; 10] = ["m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Inertia<S> {
+    pub mass: S,
+    pub moment: V3<S>,
+    pub inertia: Sym3<S>,
+}
+
+impl<S: Real> Inertia<S> {
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Inertia { mass: S::zero(), moment: V3::zero(), inertia: Sym3::zero() }
+    }
+    /// From ten numbers in SPEC order.
+    #[inline(always)]
+    pub fn from_parameters(p: &[S]) -> Self {
+        Inertia { mass: p[0], moment: V3([p[1], p[2], p[3]]), inertia: Sym3([p[4], p[5], p[6], p[7], p[8], p[9]]) }
+    }
+    #[inline(always)]
+    pub fn write_parameters(&self, p: &mut [S]) {
+        p[0] = self.mass;
+        p[1..4].copy_from_slice(&self.moment.0);
+        p[4..10].copy_from_slice(&self.inertia.0);
+    }
+    #[inline(always)]
+    pub fn plus(&self, b: &Inertia<S>) -> Inertia<S> {
+        Inertia { mass: self.mass + b.mass, moment: self.moment + b.moment, inertia: self.inertia.plus(&b.inertia) }
+    }
+    /// The same body seen in axes turned by `r` (`x_new = r x_old`), about the same point.
+    #[inline(always)]
+    pub fn rotated(&self, r: M3<S>) -> Inertia<S> {
+        Inertia { mass: self.mass, moment: r.apply(self.moment), inertia: self.inertia.rotated(r) }
+    }
+    /// The same body about the point from which its old origin is seen at `p`.
+    #[inline(always)]
+    pub fn shifted(&self, p: V3<S>) -> Inertia<S> {
+        let h = self.moment;
+        let moment = p.scale_add(self.mass, h);
+        // p h'^T + h p^T is symmetric; twice its trace part is h.p + p.h'.
+        let t = |i: usize, j: usize| p[i].mul_add(moment[j], h[i] * p[j]);
+        let (xx, yy, zz) = (t(0, 0), t(1, 1), t(2, 2));
+        let i = self.inertia.0;
+        let inertia = Sym3([i[0] + (yy + zz), i[1] - t(0, 1), i[2] + (xx + zz), i[3] - t(0, 2), i[4] - t(1, 2), i[5] + (xx + yy)]);
+        Inertia { mass: self.mass, moment, inertia }
+    }
+}
+
+impl Inertia<f64> {
+    /// From mass, centre of mass and inertia about the centre of mass, all in the body's axes.
+    pub fn about_com(mass: f64, com: V3<f64>, inertia: Sym3<f64>) -> Self {
+        Inertia { mass, moment: V3::zero(), inertia }.shifted(com)
+    }
+    /// The same body in the frame that it is placed in.
+    pub fn placed(&self, x: &Placement) -> Self {
+        self.rotated(x.rotation).shifted(x.translation)
+    }
+    /// Centre of mass and inertia about it; a body without mass has none, and keeps its inertia about the origin.
+    pub fn com(&self) -> (Option<V3<f64>>, Sym3<f64>) {
+        // Divided entry by entry: the reciprocal of a subnormal mass is infinite.
+        let com = V3(self.moment.0.map(|h| h / self.mass));
+        let central = self.shifted(-com).inertia;
+        if com.0.iter().chain(&central.0).all(|x| x.is_finite()) { (Some(com), central) } else { (None, self.inertia) }
+    }
+    pub fn is_zero(&self) -> bool {
+        self.mass == 0.0 && self.moment.0 == [0.0; 3] && self.inertia.0 == [0.0; 6]
+    }
+}

@@ -1,0 +1,59 @@
+//! Vectors, rotations, placements and inertias over one number or one number per lane.
+//!
+//! Spatial vectors are linear first, `[v; w]` and `[f; n]`. The ten inertial parameters of a body are
+//! `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` with the inertia about the body-frame origin
+//! (SPEC order, that of Pinocchio's `toDynamicParameters`). These orderings stand here and nowhere else.
+
+mod inertia;
+mod matrix;
+mod vector;
+
+pub use inertia::{Inertia, PARAMETERS, parameter};
+pub use matrix::{M3, Sym3};
+pub use vector::V3;
+
+use crate::scalar::Real;
+
+/// First row of the linear and of the angular part of a spatial vector.
+pub const LINEAR: usize = 0;
+pub const ANGULAR: usize = 3;
+
+/// `x_A = rotation x_B + translation`: the placement of frame B in frame A.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    pub rotation: M3<f64>,
+    pub translation: V3<f64>,
+}
+
+impl Placement {
+    pub const IDENTITY: Placement = Placement { rotation: M3::IDENTITY, translation: V3([0.0; 3]) };
+
+    /// `Rz(yaw) Ry(pitch) Rx(roll)` and a translation, the convention of URDF.
+    pub fn from_rpy(rpy: [f64; 3], xyz: [f64; 3]) -> Self {
+        Placement { rotation: M3::from_rpy(rpy), translation: V3(xyz) }
+    }
+
+    /// The placement of C in A from that of B in A (`self`) and of C in B.
+    pub fn then(&self, other: &Placement) -> Placement {
+        Placement { rotation: self.rotation.times(other.rotation), translation: self.rotation.apply(other.translation) + self.translation }
+    }
+
+    /// The placement of A in B.
+    pub fn inverse(&self) -> Placement {
+        Placement { rotation: self.rotation.transpose(), translation: -self.rotation.apply_transposed(self.translation) }
+    }
+}
+
+/// A spatial motion or force: `[linear; angular]` at a point.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spatial<S> {
+    pub linear: V3<S>,
+    pub angular: V3<S>,
+}
+
+impl<S: Real> Spatial<S> {
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Spatial { linear: V3::zero(), angular: V3::zero() }
+    }
+}

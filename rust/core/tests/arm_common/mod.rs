@@ -1,0 +1,160 @@
+//! What the arm tests share: every number, seeded random trees, chains from the vectors.
+#![allow(dead_code)]
+
+use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType};
+use armlet_core::scalar::{Array8, Fused, Isa, Kernel, Real, Task};
+use serde_json::Value;
+
+struct On<S, T>(T, std::marker::PhantomData<S>);
+impl<S: Real, T: Task> Kernel for On<S, T> {
+    type Output = T::Output;
+    #[inline(always)]
+    fn run(self) -> T::Output {
+        self.0.run::<S>()
+    }
+}
+
+pub fn on<S: Real, T: Task>(task: T) -> T::Output {
+    S::enter(On::<S, T>(task, std::marker::PhantomData))
+}
+
+/// Run the task on every number that this machine has; returns how many.
+pub fn on_every_number<T: Task + Copy>(task: T) -> usize {
+    on::<f64, T>(task);
+    on::<Array8<false>, T>(task);
+    let mut count = 2;
+    if Isa::best() >= Isa::Avx2 {
+        on::<Fused, T>(task);
+        on::<Array8<true>, T>(task);
+        count += 2;
+    }
+    #[cfg(target_arch = "x86_64")]
+    if Isa::best() >= Isa::Avx512 {
+        on::<armlet_core::scalar::lanes::Avx512<1>, T>(task);
+        count += 1;
+    }
+    count
+}
+
+pub fn lift<S: Real>(x: &[f64]) -> Vec<S> {
+    x.iter().map(|&x| S::splat(x)).collect()
+}
+
+pub fn sin_cos<S: Real>(q: &[S]) -> Vec<(S, S)> {
+    q.iter().map(|q| q.sin_cos()).collect()
+}
+
+pub fn vectors(file: &str) -> Value {
+    let path = format!("{}/../../tests/vectors/{file}", env!("CARGO_MANIFEST_DIR"));
+    serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap()
+}
+
+/// Numbers stand in the vectors as numbers or as decimal strings, in nested arrays.
+pub fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(items) => items.iter().flat_map(numbers).collect(),
+        Value::String(text) => vec![text.parse().unwrap()],
+        other => vec![other.as_f64().unwrap()],
+    }
+}
+
+pub fn array<const N: usize>(value: &Value) -> [f64; N] {
+    numbers(value).try_into().unwrap()
+}
+
+pub fn chain(value: &Value) -> Arm {
+    let joint = |j: &Value| {
+        let kind = JointType::parse(j["type"].as_str().unwrap()).unwrap();
+        ChainJoint::new(kind, array(&j["axis"]), array(&j["rpy"]), array(&j["xyz"]), array(&j["phi"]))
+    };
+    let joints: Vec<ChainJoint> = value["joints"].as_array().unwrap().iter().map(joint).collect();
+    Arm::from_chain(&joints, array(&value["gravity"])).unwrap()
+}
+
+/// splitmix64: small, seeded, the same everywhere.
+#[derive(Clone, Copy)]
+pub struct Rng(pub u64);
+impl Rng {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+    /// Uniform in (-1, 1).
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.next() % n as u64) as usize
+    }
+    pub fn vector(&mut self, n: usize, scale: f64) -> Vec<f64> {
+        (0..n).map(|_| scale * self.unit()).collect()
+    }
+    pub fn array3(&mut self, scale: f64) -> [f64; 3] {
+        [scale * self.unit(), scale * self.unit(), scale * self.unit()]
+    }
+}
+
+/// Parameters of a real body: five random point masses on a core.
+pub fn body(rng: &mut Rng) -> [f64; 10] {
+    let mut phi = [0.0; 10];
+    for k in 0..6 {
+        let m = 0.2 + 0.2 * rng.unit().abs();
+        let [x, y, z] = if k == 0 { [0.0; 3] } else { rng.array3(0.3) };
+        let add =
+            [m, m * x, m * y, m * z, m * (y * y + z * z), -m * x * y, m * (x * x + z * z), -m * x * z, -m * y * z, m * (x * x + y * y)];
+        for (sum, term) in phi.iter_mut().zip(add) {
+            *sum += term;
+        }
+    }
+    phi
+}
+
+/// A random tree with `n` moving joints, branches, slides, fixed bodies, coordinate and skew axes, and rotors.
+pub fn random_tree(rng: &mut Rng, n: usize) -> Arm {
+    let mut list: Vec<ChainJoint> = Vec::new();
+    let mut moving = 0;
+    while moving < n {
+        let fixed = !list.is_empty() && rng.below(6) == 0;
+        let kind = match rng.below(4) {
+            _ if fixed => JointType::Fixed,
+            0 => JointType::Moving(JointKind::Prismatic),
+            1 => JointType::Moving(JointKind::Continuous),
+            _ => JointType::Moving(JointKind::Revolute),
+        };
+        moving += usize::from(!fixed);
+        let axis = match rng.below(5) {
+            0 => [0.0, 0.0, 1.0],
+            1 => [0.0, 1.0, 0.0],
+            2 => [-1.0, 0.0, 0.0],
+            _ => rng.array3(1.0),
+        };
+        let rpy = if rng.below(3) == 0 { [0.0; 3] } else { rng.array3(2.0) };
+        let mut joint = ChainJoint::new(kind, axis, rpy, rng.array3(0.4), body(rng));
+        // Mostly chains, sometimes a branch, now and then a second tree on the base.
+        joint.parent = match rng.below(8) {
+            0 if !list.is_empty() => Some(Some(rng.below(list.len()))),
+            1 if list.len() > 2 && rng.below(3) == 0 => Some(None),
+            _ => None,
+        };
+        (joint.armature, joint.damping, joint.friction) = (0.1 * rng.unit().abs(), 0.3 * rng.unit().abs(), 0.2 * rng.unit().abs());
+        list.push(joint);
+    }
+    Arm::from_chain(&list, [0.4, -0.3, -9.81]).unwrap()
+}
+
+pub fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |m, x| m.max(x.abs()))
+}
+
+/// Fails where an entry differs by more than `tolerance` of the largest entry of `want` (and `floor`).
+#[track_caller]
+pub fn close(what: &str, got: &[f64], want: &[f64], tolerance: f64, floor: f64) {
+    assert_eq!(got.len(), want.len(), "{what}");
+    let scale = largest(want).max(floor);
+    for (i, (g, w)) in got.iter().zip(want).enumerate() {
+        assert!((g - w).abs() <= tolerance * scale, "{what}[{i}]: got {g}, expected {w}, off by {:e} of {scale}", (g - w).abs() / scale);
+    }
+}

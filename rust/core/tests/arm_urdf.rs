@@ -1,0 +1,359 @@
+//! The URDF reader and writer: examples, round trips, bad files with their lines, mutants, size.
+
+mod arm_common;
+
+use arm_common::{Rng, close};
+use armlet_core::arm::{Arm, EXAMPLES, JointKind, MAX_BYTES, MAX_DEPTH, STANDARD_GRAVITY, Tree, example_urdf};
+use armlet_core::dynamics::{Dynamics, Workspace};
+use armlet_core::error::Error;
+use std::time::{Duration, Instant};
+
+fn read(text: &str) -> Result<Arm, Error> {
+    Arm::from_urdf(text, "robot.urdf", STANDARD_GRAVITY, None, None)
+}
+
+fn example(name: &str) -> Arm {
+    read(example_urdf(name).unwrap()).unwrap()
+}
+
+fn names<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+    names.collect()
+}
+
+/// `M(q)` row-major and `g(q)`.
+fn dynamics(arm: &Arm, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let tree = Tree::<f64>::new(arm);
+    let mut ws = Workspace::new(&tree);
+    let (mut m, mut g) = (vec![0.0; q.len() * q.len()], vec![0.0; q.len()]);
+    tree.mass_matrix(&mut ws, &arm_common::sin_cos(q), q, &mut m);
+    tree.gravity(&mut ws, &arm_common::sin_cos(q), q, &mut g);
+    (m, g)
+}
+
+#[test]
+fn examples_read_as_written() {
+    let sizes: Vec<usize> = EXAMPLES.iter().map(|(name, _)| example(name).n()).collect();
+    assert_eq!(sizes, [2, 2, 4, 6, 7, 8]);
+    let arm = example("two_arms");
+    let want = ["lift", "neck", "left_shoulder_pitch", "left_elbow", "left_roll", "right_shoulder_pitch", "right_elbow", "right_roll"];
+    assert_eq!(names(arm.joint_names()), want);
+    let parents: Vec<Option<usize>> = arm.joints.iter().map(|j| j.parent).collect();
+    assert_eq!(parents, [None, Some(0), Some(0), Some(2), Some(3), Some(0), Some(5), Some(6)]);
+    assert_eq!(names(arm.frame_names()).len(), 12);
+    assert_eq!((arm.joints[4].kind, arm.joints[4].limits.upper, arm.joints[4].limits.effort), (JointKind::Continuous, f64::INFINITY, 15.0));
+    assert_eq!((arm.joints[0].damping, arm.joints[0].friction, arm.joints[3].armature), (40.0, 5.0, 0.08));
+    let seven = example("seven_axis");
+    assert!(seven.report.iter().any(|line| line.contains("fixed to the base") && line.contains("base")), "{:?}", seven.report);
+    // The fixed hand is part of the last body.
+    assert!((seven.joints[6].parameters[0] - 1.4).abs() < 1e-15);
+    assert!(matches!(example_urdf("nine_axis"), Err(Error::Input { problem, .. }) if problem.contains("seven_axis")));
+}
+
+#[test]
+fn two_links_by_hand() {
+    // Rods with their mass in the middle: the textbook 2R in a vertical plane.
+    let arm = example("planar_2r");
+    let (m1, m2, l1, c1, c2) = (3.0, 2.0, 0.5, 0.25, 0.2);
+    let (i1, i2) = (3.0 * (3.0 * 0.04 * 0.04 + 0.25) / 12.0, 2.0 * (3.0 * 0.03 * 0.03 + 0.16) / 12.0);
+    let (q1, q2) = (0.4f64, -0.9f64);
+    let (m, g) = dynamics(&arm, &[q1, q2]);
+    let m22 = i2 + m2 * c2 * c2;
+    let m12 = m22 + m2 * l1 * c2 * q2.cos();
+    let m11 = i1 + m1 * c1 * c1 + m22 + m2 * (l1 * l1 + 2.0 * l1 * c2 * q2.cos());
+    let g2 = 9.81 * m2 * c2 * (q1 + q2).cos();
+    let g1 = 9.81 * (m1 * c1 + m2 * l1) * q1.cos() + g2;
+    // The file rounds its inertias to six digits.
+    close("M", &m, &[m11, m12, m12, m22], 1e-6, 1.0);
+    close("g", &g, &[g1, g2], 1e-12, 1.0);
+}
+
+#[test]
+fn round_trips() {
+    let mut rng = Rng(3);
+    let mut arms: Vec<Arm> = EXAMPLES.iter().map(|(name, _)| example(name)).collect();
+    arms.push(arms[4].with_payload("tcp", 1.5, [0.02, -0.01, 0.05], [[0.01, 1e-3, 0.0], [1e-3, 0.02, 0.0], [0.0, 0.0, 0.015]]).unwrap());
+    arms.push(arms[5].locked(&[("lift", 0.2), ("left_elbow", -1.0)]).unwrap());
+    arms.extend((1..12).map(|n| arm_common::random_tree(&mut rng, n).with_gravity(STANDARD_GRAVITY).unwrap()));
+    arms.push(Arm::pendulum(0.7, 3.1).unwrap().with_gravity(STANDARD_GRAVITY).unwrap());
+    for arm in arms {
+        let written = arm.to_urdf();
+        let back = read(&written.text).unwrap();
+        assert_eq!(names(back.joint_names()), names(arm.joint_names()));
+        // Arms of the examples have a link for everything; chains lack a base link, which is added.
+        let kept: Vec<&str> = back.frame_names().filter(|name| arm.frame_index(name).is_ok()).collect();
+        assert_eq!(kept, names(arm.frame_names()), "{}", written.text);
+        assert!(back.frames.len() == arm.frames.len() || written.report.iter().any(|line| line.starts_with("added")));
+        for (a, b) in arm.joints.iter().zip(&back.joints) {
+            assert_eq!((a.kind, a.parent, a.axis, a.limits), (b.kind, b.parent, b.axis, b.limits), "{}", a.name);
+            assert_eq!((a.armature, a.damping, a.friction), (b.armature, b.damping, b.friction), "{}", a.name);
+            // A few roundings: m c / m, moving the inertia to the com and back, angles of a rotation matrix.
+            close(&a.name, &b.parameters, &a.parameters, 1e-14, 1.0);
+            close(&a.name, &b.placement.translation.0, &a.placement.translation.0, 1e-15, 1.0);
+            for k in 0..3 {
+                close(&a.name, &b.placement.rotation.0[k].0, &a.placement.rotation.0[k].0, 1e-15, 1.0);
+            }
+        }
+        for frame in &arm.frames {
+            let other = &back.frames[back.frame_index(&frame.name).unwrap()];
+            assert_eq!(frame.body, other.body);
+            close(&frame.name, &other.placement.translation.0, &frame.placement.translation.0, 1e-14, 1.0);
+        }
+        // Once written, writing again keeps names, joints and order: only last digits may move.
+        assert_eq!(back.to_urdf().text.lines().count(), written.text.lines().count());
+    }
+}
+
+#[test]
+fn odd_names_survive() {
+    let text = "<robot name='a&amp;b'><link name='x &lt;&quot;&#9;y'/><link name='z'/>\
+        <joint name='j&gt;' type='revolute'><parent link='x &lt;&quot;&#9;y'/><child link='z'/></joint></robot>";
+    let arm = read(text).unwrap();
+    assert_eq!(arm.frames[0].name, "x <\"\ty");
+    let back = read(&arm.to_urdf().text).unwrap();
+    assert_eq!((back.name, back.frames, back.joints[0].name.as_str()), (arm.name, arm.frames, "j>"));
+    // Without an axis a joint turns about x, without limits it has none; its body has no mass, which is said.
+    assert_eq!((arm.joints[0].axis, arm.joints[0].limits.lower), ([1.0, 0.0, 0.0], f64::NEG_INFINITY));
+    assert!(arm.report.iter().any(|line| line.contains("zero mass") && line.contains("j>")));
+}
+
+const LINKS: &str = "<robot name='r'>\n<link name='a'/>\n<link name='b'/>\n<link name='c'/>\n";
+
+fn joint(name: &str, kind: &str, parent: &str, child: &str, inside: &str) -> String {
+    format!("<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>{inside}</joint>\n")
+}
+
+fn inertial(mass: &str, inertia: &str) -> String {
+    format!("<robot name='r'>\n<link name='a'>\n<inertial>\n<mass value='{mass}'/>\n<inertia {inertia}/>\n</inertial>\n</link>\n</robot>")
+}
+
+#[test]
+fn bad_files_are_refused_with_their_line() {
+    let chain = joint("j1", "revolute", "a", "b", "") + &joint("j2", "revolute", "b", "c", "");
+    let with = |body: &str| format!("{LINKS}{body}</robot>");
+    let after = |tail: String| format!("{LINKS}{}{tail}</robot>", joint("j1", "revolute", "a", "b", ""));
+    let good = "ixx='1' iyy='1' izz='1'";
+    let table: Vec<(String, u32, &str)> = vec![
+        ("".into(), 1, "XML"),
+        ("not a robot".into(), 1, "XML"),
+        ("<robot>\n<link name='a'>\n</robot>".into(), 3, "XML"),
+        ("<model name='x'/>".into(), 1, "expected the root element robot"),
+        ("<robot name='r'/>".into(), 1, "no links"),
+        ("<robot xmlns:xacro='http://www.ros.org/wiki/xacro'>\n<xacro:arg name='x'/></robot>".into(), 2, "xacro robot.xacro"),
+        ("<robot>\n<xacro:include filename='x'/></robot>".into(), 2, "xacro robot.xacro"),
+        ("<!DOCTYPE robot [<!ENTITY a 'b'>]>\n<robot><link name='a'/></robot>".into(), 1, "XML"),
+        (with(""), 3, "3 root links"),
+        (with(&joint("j1", "revolute", "a", "b", "")), 4, "2 root links"),
+        (with(&(chain.clone() + &joint("j3", "revolute", "c", "a", ""))), 7, "cycle"),
+        (with(&(joint("j1", "revolute", "b", "c", "") + &joint("j2", "revolute", "c", "b", ""))), 6, "cycle"),
+        (with(&joint("j1", "revolute", "a", "a", "")), 4, "2 root links"),
+        (with(&(chain.clone() + &joint("j3", "fixed", "a", "c", ""))), 7, "child of two joints"),
+        (with(&(chain.clone() + "<link name='b'/>")), 7, "duplicate: the first is in line 3"),
+        (after(joint("j1", "revolute", "b", "c", "")), 6, "joint j1 is a duplicate: the first is in line 5"),
+        (after(joint("j2", "floating", "b", "c", "")), 6, "floating"),
+        (after(joint("j2", "spherical", "b", "c", "")), 6, "expected revolute, continuous, prismatic or fixed"),
+        (after(joint("j2", "revolute", "b", "d", "")), 6, "no link"),
+        (after("<joint name='j2' type='revolute'><parent link='b'/></joint>".into()), 6, "no child"),
+        (after("<joint type='revolute'><parent link='b'/><child link='c'/></joint>".into()), 6, "no name"),
+        (after("<joint name='' type='revolute'><parent link='b'/><child link='c'/></joint>".into()), 6, "no name"),
+        (after(joint("j2", "revolute", "b", "c", "<axis xyz='0 0 0'/>")), 6, "axis of joint j2 is zero"),
+        (after(joint("j2", "revolute", "b", "c", "<axis xyz='0 nan 1'/>")), 6, "not finite"),
+        (after(joint("j2", "revolute", "b", "c", "\n<origin xyz='0 0'/>")), 7, "expected 3 numbers, got 2"),
+        (after(joint("j2", "revolute", "b", "c", "<origin rpy='0 0 x'/>")), 6, "not a number"),
+        (after(joint("j2", "revolute", "b", "c", "<origin rpy='0 0 1e999'/>")), 6, "not finite"),
+        (after(joint("j2", "revolute", "b", "c", "<limit lower='-inf'/>")), 6, "not finite"),
+        (after(joint("j2", "revolute", "b", "c", "<limit lower='1'/>\n<limit upper='2'/>")), 7, "second limit"),
+        (after(joint("j2", "revolute", "b", "c", "<dynamics damping=''/>")), 6, "expected 1 numbers, got 0"),
+        (inertial("-1", good), 4, "negative"),
+        (inertial("NaN", good), 4, "not finite"),
+        (inertial("1", "ixx='1' iyy='1'"), 5, "no izz"),
+        (inertial("1", "ixx='1' iyy='1' izz='-0.1'"), 5, "negative principal moment"),
+        (inertial("1", "ixx='1' ixy='2' iyy='1' izz='1'"), 5, "negative principal moment"),
+        (inertial("1", "ixx='1' iyy='inf' izz='1'"), 5, "not finite"),
+        ("<robot>\n<link name='a'><inertial><mass value='1'/></inertial></link></robot>".into(), 2, "without inertia"),
+        ("<robot>\n<link name='a'>\n<inertial/></link></robot>".into(), 3, "without mass"),
+        (format!("<robot><link name='a'/>{}{}</robot>", "\n<x>".repeat(MAX_DEPTH), "</x>".repeat(MAX_DEPTH)), 101, "nested too deeply"),
+        (format!("<robot>\n<link name='a'{}/></robot>", (0..300).map(|k| format!(" a{k}='0'")).collect::<String>()), 2, "attributes"),
+        (
+            format!("<robot>\n<link name='a' {}/></robot>", (0..70).map(|k| format!("xmlns:a{k}='{k}' ")).collect::<String>()),
+            2,
+            "namespaces",
+        ),
+        (
+            "<robot><link name='a'/>\n<link name='b'><inertial><origin xyz='1e200 0 0'/><mass value='1e200'/>\
+                <inertia ixx='1' iyy='1' izz='1'/></inertial></link>\n<joint name='j' type='revolute'><parent link='a'/>\
+                <child link='b'/></joint></robot>"
+                .into(),
+            3,
+            "overflow",
+        ),
+    ];
+    for (text, line, word) in table {
+        match read(&text) {
+            Err(Error::Model { file, line: got, problem }) => {
+                assert!(problem.contains(word), "{problem}, expected {word}");
+                assert_eq!((file.as_str(), got), ("robot.urdf", line), "{problem}\n{text}");
+            }
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+    let large = format!("<robot>{}</robot>", " ".repeat(MAX_BYTES));
+    assert!(matches!(read(&large), Err(Error::Model { problem, .. }) if problem.contains("too large")));
+}
+
+#[test]
+fn what_is_odd_but_usable_is_reported() {
+    let body = "<link name='b'><visual><geometry><mesh filename='package://nowhere/b.stl'/></geometry></visual><inertial>\
+        <mass value='1'/><inertia ixx='1' iyy='1' izz='3'/></inertial></link><link name='c'><inertial><mass value='0'/>\
+        <inertia ixx='0' iyy='0' izz='0'/></inertial></link><gazebo/><gazebo/>";
+    let text = format!(
+        "<robot><link name='a'/>{body}\n{}\n{}</robot>",
+        joint("j1", "revolute", "a", "b", "<dynamics damping='-1'/><limit lower='2' upper='1'/>"),
+        joint("j2", "prismatic", "b", "c", "<mimic joint='j1' multiplier='2'/>")
+    );
+    let arm = read(&text).unwrap();
+    assert_eq!(arm.n(), 2);
+    for word in [
+        "triangle",
+        "zero mass: the bodies moved by j2",
+        "link c has zero mass",
+        "j2 mimics j1",
+        "negative damping",
+        "lower limit 2",
+        "gazebo of robot (2,",
+        "visual of link (1,",
+    ] {
+        assert_eq!(arm.report.iter().filter(|line| line.contains(word)).count(), 1, "{word}: {:#?}", arm.report);
+    }
+}
+
+#[test]
+fn root_and_tip_cut_the_tree() {
+    let text = example_urdf("two_arms").unwrap();
+    let cut = |root, tip| Arm::from_urdf(text, "two_arms", STANDARD_GRAVITY, root, tip);
+    let left = cut(None, Some("left_hand")).unwrap();
+    assert_eq!(names(left.joint_names()), ["lift", "left_shoulder_pitch", "left_elbow", "left_roll"]);
+    assert!(left.report.iter().any(|line| line.contains("neck, right_shoulder_pitch")), "{:?}", left.report);
+    let arm = cut(Some("column"), Some("left_fore")).unwrap();
+    assert_eq!(names(arm.joint_names()), ["left_shoulder_pitch", "left_elbow"]);
+    assert_eq!(arm.frames[0].name, "column");
+    // The same cut made on the arm, and the placement relative to the new base.
+    let again = example("two_arms").sub_chain(Some("column"), Some("left_fore")).unwrap();
+    assert_eq!(names(again.joint_names()), names(arm.joint_names()));
+    assert_eq!((again.joints[0].placement, again.parameters()), (arm.joints[0].placement, arm.parameters()));
+    assert!(matches!(cut(None, Some("nose")), Err(Error::Input { argument, .. }) if argument == "tip"));
+    assert!(matches!(cut(Some("left_upper"), Some("right_upper")), Err(Error::Input { argument, .. }) if argument == "tip"));
+    assert!(matches!(example("two_arms").sub_chain(Some("left_upper"), Some("head")), Err(Error::Input { .. })));
+}
+
+#[test]
+fn long_chains_load_within_a_second() {
+    let n = 20_000;
+    for kind in ["revolute", "fixed"] {
+        let mut text = String::from("<robot name='long'>\n<link name='l0'/>\n");
+        for k in 1..n {
+            text += &format!("<link name='l{k}'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1'/></inertial></link>\n");
+            text += &joint(&format!("j{k}"), kind, &format!("l{}", k - 1), &format!("l{k}"), "<origin xyz='0.001 0 0'/>");
+        }
+        let start = Instant::now();
+        let arm = read(&(text + "</robot>")).unwrap();
+        assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
+        assert_eq!((arm.n(), arm.frames.len()), (if kind == "fixed" { 0 } else { n - 1 }, n));
+        if kind == "fixed" {
+            assert!((arm.frames[n - 1].placement.translation[0] - 0.001 * (n - 1) as f64).abs() < 1e-9);
+        }
+    }
+}
+
+/// Bytes changed, cut, doubled, and words swapped for awkward ones: an arm or a `ModelError` comes back, soon.
+#[test]
+fn mutants_do_no_harm() {
+    let count: usize = std::env::var("ARMLET_URDF_MUTANTS").ok().and_then(|n| n.parse().ok()).unwrap_or(5_000);
+    const WORDS: [&str; 18] = [
+        "nan",
+        "-inf",
+        "1e308",
+        "-1",
+        "0",
+        "",
+        "1e-320",
+        "<",
+        ">",
+        "</link>",
+        "<joint>",
+        "&lt;",
+        "&#0;",
+        "]]>",
+        "<!--",
+        "base",
+        "joint1",
+        "\u{e9}\u{1F916}",
+    ];
+    let mut rng = Rng(7);
+    let (mut read_well, mut slowest) = (0, Duration::ZERO);
+    for k in 0..count {
+        let mut text = EXAMPLES[k % EXAMPLES.len()].1.to_string();
+        for _ in 0..1 + rng.below(3) {
+            mutate(&mut rng, &mut text, &WORDS);
+        }
+        let start = Instant::now();
+        match read(&text) {
+            Ok(arm) => {
+                read_well += 1;
+                // Whatever was read can be used and written.
+                let (m, _) = dynamics(&arm, &vec![0.3; arm.n()]);
+                assert_eq!(m.len(), arm.n() * arm.n());
+                let written = arm.to_urdf();
+                let back = read(&written.text);
+                assert!(back.is_ok_and(|back| back.n() == arm.n()) || !written.report.is_empty() || text.contains("1e308"), "{text}");
+            }
+            Err(Error::Model { line, .. }) => assert!(line as usize <= text.lines().count() + 1),
+            Err(other) => panic!("{other}"),
+        }
+        slowest = slowest.max(start.elapsed());
+    }
+    assert!(slowest < Duration::from_secs(1), "{slowest:?}");
+    // Both outcomes must occur, or the mutator tests nothing.
+    assert!(read_well > count / 20 && read_well < count - count / 20, "{read_well} of {count}");
+}
+
+fn mutate(rng: &mut Rng, text: &mut String, words: &[&str]) {
+    let edge = |rng: &mut Rng, text: &str| {
+        let mut at = rng.below(text.len() + 1);
+        while !text.is_char_boundary(at) {
+            at -= 1;
+        }
+        at
+    };
+    match rng.below(8) {
+        // A quoted value replaced.
+        0 | 1 => {
+            let quotes: Vec<usize> = text.match_indices('"').map(|(at, _)| at).collect();
+            if quotes.len() > 1 {
+                let k = rng.below(quotes.len() - 1);
+                text.replace_range(quotes[k] + 1..quotes[k + 1], words[rng.below(words.len())]);
+            }
+        }
+        2 => text.insert_str(edge(rng, text), words[rng.below(words.len())]),
+        3 => {
+            let (a, b) = (edge(rng, text), edge(rng, text));
+            text.replace_range(a.min(b)..a.max(b).min(a.min(b) + 200).max(a.min(b)), "");
+        }
+        4 | 5 | 6 => {
+            // One digit changed: mostly another good robot.
+            let digits: Vec<usize> = text.bytes().enumerate().filter(|(_, b)| b.is_ascii_digit()).map(|(at, _)| at).collect();
+            if !digits.is_empty() {
+                let at = digits[rng.below(digits.len())];
+                text.replace_range(at..at + 1, &rng.below(10).to_string());
+            }
+        }
+        _ => {
+            // A line doubled: duplicates and second elements.
+            let lines: Vec<&str> = text.lines().collect();
+            if !lines.is_empty() {
+                let k = rng.below(lines.len());
+                let doubled = format!("{}\n{}\n{}", lines[..=k].join("\n"), lines[k], lines[k + 1..].join("\n"));
+                *text = doubled;
+            }
+        }
+    }
+}

@@ -1,0 +1,374 @@
+//! The constructors of arms, and what pickling stores.
+
+use super::{Arm, Model};
+use crate::arrays::{any_vector, number as scalar, numbers, require_finite, shown, vector};
+use crate::errors::{Failure, entry, input_error};
+use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
+use armlet_core::dynamics::PlanarPr;
+use armlet_core::spatial::{M3, Placement, V3};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::path::Path;
+
+/// The PR robot on a horizontal plane, `M = [[A, B cos q2], [B cos q2, C]]`, with parameters `(A, B, C)`.
+///
+/// Args:
+///     A: mass of both links, kg; > 0.
+///     B: mass of link 2 times the distance of its centre from the joint, kg m; `A C > B^2`.
+///     C: inertia of link 2 about the joint, kg m^2; > 0.
+///
+/// Raises:
+///     InputError: a parameter is not finite, or the mass matrix is not positive definite at every q.
+///
+/// Source: Robotics 2 exam, Sapienza, 10 June 2022, exercise 1. The arm has no frames.
+///
+/// >>> import armlet as al
+/// >>> al.planar_pr(2.0, 0.5, 0.5).mass_matrix([0.0, 0.0])
+/// array([[2. , 0.5],
+///        [0.5, 0.5]])
+#[pyfunction]
+#[pyo3(name = "planar_pr", signature = (A, B, C))]
+#[allow(non_snake_case)]
+pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: &Bound<'_, PyAny>) -> PyResult<Arm> {
+    const NAME: &str = "planar_pr";
+    entry(py, NAME, || {
+        let [a, b, c] = [scalar(NAME, "A", A)?, scalar(NAME, "B", B)?, scalar(NAME, "C", C)?];
+        Ok(Arm { model: Model::PlanarPr(PlanarPr::new(a, b, c)?) })
+    })
+}
+
+/// Any finite parameters: what pickling and `with_parameters` made need not be a possible robot.
+#[pyfunction]
+pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
+    Arm { model: Model::PlanarPr(PlanarPr::with_parameters(pi)) }
+}
+
+fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 3], Failure> {
+    let Some(gravity) = gravity else { return Ok(core::STANDARD_GRAVITY) };
+    let g = vector(function, "gravity", gravity, 3)?;
+    Ok([g[0], g[1], g[2]])
+}
+
+/// An arm from a URDF file, or from its text: any tree of revolute, continuous, prismatic and fixed joints.
+///
+/// Args:
+///     path_or_xml: a path, or a string that holds the XML itself.
+///     gravity: world axes, `(3,)`, m/s^2; (0, 0, -9.81) if None (keyword only).
+///     root, tip: links between which a sub-chain is taken (keyword only).
+///
+/// The order of `q` is depth first, siblings in file order; frames are the link names. Meshes are never opened.
+/// What looks odd, and what armlet does not keep, is listed in `arm.report`.
+///
+/// Raises:
+///     ModelError: the model is not well formed; `.file` and `.line` say where.
+///     InputError: an argument is wrong.
+///
+/// >>> import armlet as al
+/// >>> al.load_urdf(al.example_urdf("planar_2r")).n
+/// 2
+#[pyfunction]
+#[pyo3(signature = (path_or_xml, *, gravity=None, root=None, tip=None))]
+pub fn load_urdf(
+    py: Python<'_>,
+    path_or_xml: &Bound<'_, PyAny>,
+    gravity: Option<&Bound<'_, PyAny>>,
+    root: Option<&str>,
+    tip: Option<&str>,
+) -> PyResult<Arm> {
+    const NAME: &str = "load_urdf";
+    entry(py, NAME, || {
+        let gravity = gravity3(NAME, gravity)?;
+        let text: String = match path_or_xml.extract::<String>() {
+            Ok(text) => text,
+            Err(_) => path_or_xml.call_method0("__fspath__").and_then(|path| path.extract()).map_err(|_| {
+                let problem = format!("is of the wrong type: expected a path or a string of XML, got {}", path_or_xml.get_type());
+                input_error(py, NAME, "path_or_xml", problem)
+            })?,
+        };
+        let arm = if text.trim_start().starts_with('<') {
+            core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
+        } else {
+            core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?
+        };
+        Ok(arm.into())
+    })
+}
+
+/// The text of one of the package's own URDFs; a wrong name is answered with the names there are.
+#[pyfunction]
+pub fn example_urdf(py: Python<'_>, name: &str) -> PyResult<&'static str> {
+    entry(py, "example_urdf", || Ok(core::example_urdf(name)?))
+}
+
+/// A planar nR arm in the x-y plane, `q1` from the x axis; frames "link1" .. are at the link tips.
+///
+/// Args:
+///     lengths: `(n,)`, m.
+///     masses: `(n,)`, kg; 1 kg/m if None.
+///     coms: centre of mass of each link from its joint, `(n,)`, m; half the length if None.
+///     inertias: about the centre of mass, `(n,)`, kg m^2; that of a uniform rod if None.
+///     gravity: in the plane, `(2,)`, m/s^2.
+///
+/// >>> import armlet as al
+/// >>> al.planar_arm([1.0, 1.0]).position([0.0, 0.0], "link2")
+/// array([2., 0., 0.])
+#[pyfunction]
+#[pyo3(signature = (lengths, *, masses=None, coms=None, inertias=None, gravity=None))]
+pub fn planar_arm(
+    py: Python<'_>,
+    lengths: &Bound<'_, PyAny>,
+    masses: Option<&Bound<'_, PyAny>>,
+    coms: Option<&Bound<'_, PyAny>>,
+    inertias: Option<&Bound<'_, PyAny>>,
+    gravity: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Arm> {
+    const NAME: &str = "planar_arm";
+    entry(py, NAME, || {
+        let lengths = any_vector(NAME, "lengths", lengths)?;
+        let given = |name, value: Option<&Bound<'_, PyAny>>| value.map(|v| any_vector(NAME, name, v)).transpose();
+        let (masses, coms, inertias) = (given("masses", masses)?, given("coms", coms)?, given("inertias", inertias)?);
+        let gravity = match gravity {
+            Some(gravity) => vector(NAME, "gravity", gravity, 2)?,
+            None => vec![0.0, -9.81],
+        };
+        let (masses, coms, inertias) = (masses.as_deref(), coms.as_deref(), inertias.as_deref());
+        Ok(core::Arm::planar(&lengths, masses, coms, inertias, [gravity[0], gravity[1]])?.into())
+    })
+}
+
+/// One link under gravity: `inertia a + gravity_moment sin(theta) = tau`, theta from the downward vertical.
+///
+/// Args:
+///     inertia: about the joint, kg m^2; > 0.
+///     gravity_moment: mass times gravity times distance, N m.
+///
+/// Source: Robotics 2 exam, Sapienza, 10 June 2022, exercise 4.
+///
+/// >>> import armlet as al
+/// >>> float(al.pendulum(1.0, 2.0).gravity([1.5707963267948966])[0])
+/// 2.0
+#[pyfunction]
+pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bound<'_, PyAny>) -> PyResult<Arm> {
+    const NAME: &str = "pendulum";
+    entry(py, NAME, || Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into()))
+}
+
+/// A number, or a decimal string as exact inputs are written.
+fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
+    let text = value.extract::<String>().ok();
+    let parsed = text.as_deref().map_or_else(|| value.extract::<f64>().ok(), |text| text.trim().parse().ok());
+    match parsed {
+        Some(x) if x.is_finite() => Ok(x),
+        Some(x) => Err(input_error(value.py(), function, name, format!("is not finite: expected a finite number, got {x}")).into()),
+        None => {
+            Err(input_error(value.py(), function, name, format!("is not a number: expected a real number, got {}", value.repr()?)).into())
+        }
+    }
+}
+
+/// Entry `key` of joint `i`: a vector of `N` numbers, or `default` where it is not given.
+fn entry_of<const N: usize>(
+    function: &str,
+    joint: &Bound<'_, PyDict>,
+    i: usize,
+    key: &str,
+    default: [f64; N],
+) -> Result<[f64; N], Failure> {
+    let Some(value) = joint.get_item(key)? else { return Ok(default) };
+    let name = format!("joints[{i}][{key:?}]");
+    let items: Vec<Bound<'_, PyAny>> = value.try_iter()?.collect::<PyResult<_>>()?;
+    if items.len() != N {
+        let problem = format!("has the wrong length: expected {N}, got {}", items.len());
+        return Err(input_error(joint.py(), function, &name, problem).into());
+    }
+    let mut out = [0.0; N];
+    for (x, item) in out.iter_mut().zip(&items) {
+        *x = number(function, &name, item)?;
+    }
+    Ok(out)
+}
+
+/// Entry `key` of joint `i`: a number, or `default`.
+fn scalar_of(function: &str, joint: &Bound<'_, PyDict>, i: usize, key: &str, default: f64) -> Result<f64, Failure> {
+    joint.get_item(key)?.map_or(Ok(default), |value| number(function, &format!("joints[{i}][{key:?}]"), &value))
+}
+
+const CHAIN_KEYS: [&str; 14] =
+    ["type", "axis", "rpy", "xyz", "phi", "parent", "name", "lower", "upper", "velocity", "effort", "armature", "damping", "friction"];
+
+fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result<ChainJoint, Failure> {
+    let py = joint.py();
+    let refuse = |key: &str, problem: String| -> Failure { input_error(py, function, &format!("joints[{i}]{key}"), problem).into() };
+    let joint = joint.cast::<PyDict>().map_err(|_| refuse("", format!("is not a dict: got {}", joint.get_type())))?;
+    for key in joint.keys() {
+        let known = key.extract::<String>().is_ok_and(|key| CHAIN_KEYS.contains(&key.as_str()));
+        if !known {
+            return Err(refuse("", format!("has an unknown key: expected one of {}, got {}", CHAIN_KEYS.join(", "), key.repr()?)));
+        }
+    }
+    let kind = joint.get_item("type")?.and_then(|kind| kind.extract::<String>().ok());
+    let Some(kind) = kind.as_deref().and_then(JointType::parse) else {
+        let got = joint.get_item("type")?.map_or("nothing".to_string(), |kind| kind.to_string());
+        return Err(refuse(
+            "[\"type\"]",
+            format!("is unknown: expected one of R, P, F, revolute, continuous, prismatic, fixed, got {got}"),
+        ));
+    };
+    let axis = entry_of(function, joint, i, "axis", [0.0, 0.0, 1.0])?;
+    let (rpy, xyz) = (entry_of(function, joint, i, "rpy", [0.0; 3])?, entry_of(function, joint, i, "xyz", [0.0; 3])?);
+    let mut out = ChainJoint::new(kind, axis, rpy, xyz, entry_of(function, joint, i, "phi", [0.0; 10])?);
+    out.name = joint.get_item("name")?.map(|name| name.extract()).transpose()?;
+    if let Some(parent) = joint.get_item("parent")? {
+        let parent: Option<i64> =
+            parent.extract().map_err(|_| refuse("[\"parent\"]", "is not an index: expected an integer or None".into()))?;
+        out.parent = Some(match parent {
+            None | Some(-1) => None,
+            Some(p) if p >= 0 => Some(p as usize),
+            Some(p) => return Err(refuse("[\"parent\"]", format!("is not an index: expected -1, None or an earlier joint, got {p}"))),
+        });
+    }
+    out.limits = Limits {
+        lower: scalar_of(function, joint, i, "lower", f64::NEG_INFINITY)?,
+        upper: scalar_of(function, joint, i, "upper", f64::INFINITY)?,
+        velocity: scalar_of(function, joint, i, "velocity", f64::INFINITY)?,
+        effort: scalar_of(function, joint, i, "effort", f64::INFINITY)?,
+    };
+    out.armature = scalar_of(function, joint, i, "armature", 0.0)?;
+    out.damping = scalar_of(function, joint, i, "damping", 0.0)?;
+    out.friction = scalar_of(function, joint, i, "friction", 0.0)?;
+    Ok(out)
+}
+
+fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow, Failure> {
+    let py = row.py();
+    if let Ok(joint) = row.cast::<PyDict>() {
+        let kind = joint.get_item("type")?.map_or(Ok("R".to_string()), |kind| kind.extract::<String>())?;
+        let Some(JointType::Moving(kind)) = JointType::parse(&kind) else {
+            let problem = format!("is unknown: expected one of R, P, revolute, continuous, prismatic, got {kind}");
+            return Err(input_error(py, function, &format!("rows[{i}][\"type\"]"), problem).into());
+        };
+        let get = |key: &str| scalar_of(function, joint, i, key, 0.0);
+        let phi = entry_of(function, joint, i, "phi", [0.0; 10])?;
+        return Ok(DhRow { kind, a: get("a")?, alpha: get("alpha")?, d: get("d")?, theta: get("theta")?, phi });
+    }
+    let name = format!("rows[{i}]");
+    let (shape, x) = numbers(function, &name, row)?;
+    if shape != [4] {
+        let problem = format!("has the wrong shape: expected (4,) (a, alpha, d, theta) or a dict, got {}", shown(&shape));
+        return Err(input_error(py, function, &name, problem).into());
+    }
+    require_finite(py, function, &name, &shape, &x)?;
+    Ok(DhRow { kind: JointKind::Revolute, a: x[0], alpha: x[1], d: x[2], theta: x[3], phi: [0.0; 10] })
+}
+
+/// What a joint and a frame are in a pickle: plain tuples.
+type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10]);
+type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
+type TreeState = (String, Vec<JointState>, Vec<FrameState>, [f64; 3], Vec<String>);
+
+fn stored(p: &Placement) -> [[f64; 3]; 4] {
+    let M3([a, b, c]) = p.rotation;
+    [a.0, b.0, c.0, p.translation.0]
+}
+
+fn placed([a, b, c, t]: [[f64; 3]; 4]) -> Placement {
+    Placement { rotation: M3([V3(a), V3(b), V3(c)]), translation: V3(t) }
+}
+
+fn tree_state(arm: &core::Arm) -> TreeState {
+    let joint = |j: &Joint| {
+        let drive = [j.limits.lower, j.limits.upper, j.limits.velocity, j.limits.effort, j.armature, j.damping, j.friction];
+        (j.name.clone(), j.kind.name().to_string(), j.parent, stored(&j.placement), j.axis, drive, j.parameters)
+    };
+    let frame = |f: &Frame| (f.name.clone(), f.body, stored(&f.placement), f.joint.clone());
+    (arm.name.clone(), arm.joints.iter().map(joint).collect(), arm.frames.iter().map(frame).collect(), arm.gravity, arm.report.clone())
+}
+
+/// An arm from what its pickle stores.
+#[pyfunction]
+pub fn _restore_tree(py: Python<'_>, state: TreeState) -> PyResult<Arm> {
+    entry(py, "_restore_tree", || {
+        let (name, joints, frames, gravity, report) = state;
+        let count = joints.len();
+        let damaged = || Failure::from(armlet_core::error::Error::Format("the stored arm is damaged".into()));
+        let joint = |(i, (name, kind, parent, placement, axis, drive, parameters)): (usize, JointState)| {
+            let Some(JointType::Moving(kind)) = JointType::parse(&kind) else { return Err(damaged()) };
+            if parent.is_some_and(|p| p >= i) {
+                return Err(damaged());
+            }
+            let [lower, upper, velocity, effort, armature, damping, friction] = drive;
+            let limits = Limits { lower, upper, velocity, effort };
+            Ok(Joint { name, kind, parent, placement: placed(placement), axis, limits, armature, damping, friction, parameters })
+        };
+        let joints = joints.into_iter().enumerate().map(joint).collect::<Result<Vec<_>, Failure>>()?;
+        let frame = |(name, body, placement, joint): FrameState| {
+            if body.is_some_and(|b| b >= count) { Err(damaged()) } else { Ok(Frame { name, body, placement: placed(placement), joint }) }
+        };
+        let frames = frames.into_iter().map(frame).collect::<Result<Vec<_>, Failure>>()?;
+        Ok(core::Arm { name, joints, frames, gravity, report }.into())
+    })
+}
+
+#[pymethods]
+impl Arm {
+    /// An arm from a list of joints, each a dict.
+    ///
+    /// Keys: `type` ("R", "P", "F", or "revolute", "continuous", "prismatic", "fixed"); `axis` `(3,)` in the joint frame,
+    /// normalised for you; `rpy`, `xyz`: placement of the joint frame in the parent's body frame at q = 0 (rad, m);
+    /// `phi`: the ten inertial parameters about the body frame's origin. Optional: `parent` (index of an earlier joint,
+    /// -1 or None for the base; the previous joint if not given), `name`, `lower`, `upper`, `velocity`, `effort`,
+    /// `armature`, `damping`, `friction`. Frames "link1" .. are the body frames.
+    ///
+    /// >>> import armlet as al
+    /// >>> arm = al.Arm.from_chain([{"type": "R", "axis": [0, 0, 1], "phi": [1, 0.5, 0, 0, 0, 0, 0, 0, 0, 0.3]}])
+    /// >>> arm.mass_matrix([0.0])
+    /// array([[0.3]])
+    #[staticmethod]
+    #[pyo3(signature = (joints, *, gravity=None))]
+    fn from_chain(py: Python<'_>, joints: &Bound<'_, PyAny>, gravity: Option<&Bound<'_, PyAny>>) -> PyResult<Arm> {
+        const NAME: &str = "Arm.from_chain";
+        entry(py, NAME, || {
+            let list = as_list(NAME, "joints", joints)?;
+            let list = list.iter().enumerate().map(|(i, joint)| chain_joint(NAME, joint, i)).collect::<Result<Vec<_>, _>>()?;
+            Ok(core::Arm::from_chain(&list, gravity3(NAME, gravity)?)?.into())
+        })
+    }
+
+    /// An arm from Denavit-Hartenberg rows `(a, alpha, d, theta)` in m and rad, or dicts with these keys, `type` and `phi`.
+    ///
+    /// `convention`: "standard" or "modified" (Craig). Frames "link1" .. are the Denavit-Hartenberg frames.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.Arm.from_dh([(1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)]).position([0.0, 0.0], "link2")
+    /// array([2., 0., 0.])
+    #[staticmethod]
+    #[pyo3(signature = (rows, *, convention="standard", gravity=None))]
+    fn from_dh(py: Python<'_>, rows: &Bound<'_, PyAny>, convention: &str, gravity: Option<&Bound<'_, PyAny>>) -> PyResult<Arm> {
+        const NAME: &str = "Arm.from_dh";
+        entry(py, NAME, || {
+            let convention = Convention::parse(convention)?;
+            let list = as_list(NAME, "rows", rows)?;
+            let list = list.iter().enumerate().map(|(i, row)| dh_row(NAME, row, i)).collect::<Result<Vec<_>, _>>()?;
+            Ok(core::Arm::from_dh(&list, convention, gravity3(NAME, gravity)?)?.into())
+        })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let module = py.import("armlet._core")?;
+        match &self.model {
+            Model::PlanarPr(arm) => Ok((module.getattr("_restore_planar_pr")?, (arm.parameter_array(),).into_pyobject(py)?.into_any())),
+            Model::Tree(tree) => Ok((module.getattr("_restore_tree")?, (tree_state(&tree.arm),).into_pyobject(py)?.into_any())),
+        }
+    }
+}
+
+fn as_list<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Failure> {
+    let refuse =
+        || input_error(value.py(), function, name, format!("is not a list: expected one entry per joint, got {}", value.get_type()));
+    if value.is_instance_of::<PyDict>() || value.extract::<String>().is_ok() {
+        return Err(refuse().into());
+    }
+    let list: Bound<'py, PyList> =
+        value.try_iter().and_then(|items| PyList::new(value.py(), items.collect::<PyResult<Vec<_>>>()?)).map_err(|_| refuse())?;
+    Ok(list.iter().collect())
+}

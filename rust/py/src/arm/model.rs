@@ -1,0 +1,226 @@
+//! The model behind `armlet.Arm`: a closed-form arm or a tree, with one way to ask either.
+
+use armlet_core::arm::{Arm as Tree, JointKind};
+use armlet_core::dynamics::{Dynamics, Evaluator, PlanarPr, Quantity, Query};
+use armlet_core::error::{Error, Result};
+use armlet_core::scalar::Real;
+use std::sync::Mutex;
+
+/// A tree with the evaluator of single calls, which keeps its buffers between them.
+pub struct TreeModel {
+    pub arm: Tree,
+    evaluator: Mutex<Evaluator>,
+}
+
+pub enum Model {
+    PlanarPr(PlanarPr<f64>),
+    Tree(Box<TreeModel>),
+}
+
+impl PartialEq for Model {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Model::PlanarPr(a), Model::PlanarPr(b)) => a == b,
+            (Model::Tree(a), Model::Tree(b)) => a.arm == b.arm,
+            _ => false,
+        }
+    }
+}
+
+impl From<Tree> for super::Arm {
+    fn from(arm: Tree) -> Self {
+        let evaluator = Mutex::new(Evaluator::new(&arm));
+        super::Arm { model: Model::Tree(Box::new(TreeModel { arm, evaluator })) }
+    }
+}
+
+impl Model {
+    /// The tree, or an error that says what this arm lacks.
+    pub fn tree(&self, function: &str) -> Result<&Tree> {
+        match self {
+            Model::Tree(tree) => Ok(&tree.arm),
+            Model::PlanarPr(_) => {
+                let name = function.rsplit('.').next().unwrap_or(function);
+                Err(Error::input("arm", format!("has no links: expected an arm with a kinematic model for {name}, got planar_pr")))
+            }
+        }
+    }
+
+    /// The closed-form arm that loops are made for.
+    pub fn planar_pr(&self) -> Result<PlanarPr<f64>> {
+        match self {
+            Model::PlanarPr(arm) => Ok(*arm),
+            Model::Tree(_) => Err(Error::input("arm", "has no loops of its own yet: expected planar_pr, got an arm of links")),
+        }
+    }
+
+    pub fn n(&self) -> usize {
+        match self {
+            Model::PlanarPr(_) => 2,
+            Model::Tree(tree) => tree.arm.n(),
+        }
+    }
+
+    pub fn joint_names(&self) -> Vec<String> {
+        match self {
+            Model::PlanarPr(_) => vec!["p1".into(), "r2".into()],
+            Model::Tree(tree) => tree.arm.joint_names().map(String::from).collect(),
+        }
+    }
+
+    pub fn joint_types(&self) -> Vec<String> {
+        match self {
+            Model::PlanarPr(_) => vec!["prismatic".into(), "revolute".into()],
+            Model::Tree(tree) => tree.arm.joints.iter().map(|joint| joint.kind.name().to_string()).collect(),
+        }
+    }
+
+    pub fn frame_names(&self) -> Vec<String> {
+        match self {
+            Model::PlanarPr(_) => Vec::new(),
+            Model::Tree(tree) => tree.arm.frame_names().map(String::from).collect(),
+        }
+    }
+
+    pub fn report(&self) -> &[String] {
+        match self {
+            Model::PlanarPr(_) => &[],
+            Model::Tree(tree) => &tree.arm.report,
+        }
+    }
+
+    pub fn frame(&self, name: &str) -> Result<usize> {
+        match self {
+            Model::PlanarPr(_) => Err(Error::input(
+                "frame",
+                format!("is unknown: expected one of (), got {name:?}: planar_pr is given by its dynamics alone"),
+            )),
+            Model::Tree(tree) => tree.arm.frame_index(name),
+        }
+    }
+
+    pub fn parameters(&self) -> Vec<f64> {
+        match self {
+            Model::PlanarPr(arm) => arm.parameter_array().to_vec(),
+            Model::Tree(tree) => tree.arm.parameters(),
+        }
+    }
+
+    pub fn with_parameters(&self, pi: &[f64]) -> Result<Model> {
+        match self {
+            Model::PlanarPr(_) => Ok(Model::PlanarPr(PlanarPr::with_parameters([pi[0], pi[1], pi[2]]))),
+            Model::Tree(tree) => Ok(super::Arm::from(tree.arm.with_parameters(pi)?).model),
+        }
+    }
+
+    /// Limits and drives of the joints, by name.
+    pub fn limits(&self) -> Vec<(&'static str, Vec<f64>)> {
+        let Model::Tree(tree) = self else { return Vec::new() };
+        let joints = &tree.arm.joints;
+        let of = |get: &dyn Fn(&armlet_core::arm::Joint) -> f64| joints.iter().map(get).collect::<Vec<f64>>();
+        vec![
+            ("q_min", of(&|j| j.limits.lower)),
+            ("q_max", of(&|j| j.limits.upper)),
+            ("v_max", of(&|j| j.limits.velocity)),
+            ("effort", of(&|j| j.limits.effort)),
+            ("damping", of(&|j| j.damping)),
+            ("friction", of(&|j| j.friction)),
+            ("armature", of(&|j| j.armature)),
+        ]
+    }
+
+    /// The trailing axes of a quantity.
+    pub fn shape(&self, query: &Query) -> Vec<usize> {
+        let n = self.n();
+        match query.quantity {
+            Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => vec![n],
+            Quantity::Energy => vec![2],
+            Quantity::Position | Quantity::Com => vec![3],
+            Quantity::Regressor if matches!(self, Model::PlanarPr(_)) => vec![2, 3],
+            _ => {
+                let (rows, columns) = query.shape(n);
+                vec![rows, columns]
+            }
+        }
+    }
+
+    /// One configuration.
+    pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<()> {
+        match self {
+            Model::PlanarPr(arm) => planar_pr_row(arm, query, inputs, out),
+            Model::Tree(tree) => match tree.evaluator.try_lock() {
+                Ok(mut evaluator) => evaluator.one(query, inputs, out),
+                // Another thread is in the buffers: a set of one's own is the price.
+                Err(_) => Evaluator::new(&tree.arm).one(query, inputs, out),
+            },
+        }
+    }
+
+    /// Many configurations, written out in full.
+    pub fn many(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<()> {
+        match self {
+            Model::PlanarPr(arm) => {
+                let width = out.len() / count.max(1);
+                for i in 0..count {
+                    let rows: Vec<&[f64]> = inputs.iter().map(|x| &x[2 * i..2 * i + 2]).collect();
+                    planar_pr_row(arm, query, &rows, &mut out[i * width..(i + 1) * width])?;
+                }
+                Ok(())
+            }
+            Model::Tree(tree) => tree.arm.evaluate(query, inputs, count, 0, count, out),
+        }
+    }
+
+    /// How the arm reads: a table of its joints.
+    pub fn shown(&self) -> String {
+        let tree = match self {
+            Model::PlanarPr(arm) => {
+                let [a, b, c] = arm.parameter_array();
+                return format!("planar_pr(A={a}, B={b}, C={c})");
+            }
+            Model::Tree(tree) => &tree.arm,
+        };
+        let mut text = format!("Arm {:?}: {} joints, {} frames, gravity {:?}", tree.name, tree.n(), tree.frames.len(), tree.gravity);
+        let wide = tree.joint_names().map(str::len).max().unwrap_or(0).max(5);
+        text += &format!(
+            "\n  {:>3}  {:wide$}  {:10}  {:>10}  {:>10}  {:>9}  {:>9}  {:>9}",
+            "", "joint", "type", "lower", "upper", "v_max", "effort", "mass"
+        );
+        for (i, joint) in tree.joints.iter().enumerate() {
+            let unit = if joint.kind == JointKind::Prismatic { "m" } else { "rad" };
+            let limit = |x: f64| if x.is_finite() { format!("{x:.4} {unit}") } else { "-".into() };
+            let number = |x: f64| if x.is_finite() { format!("{x:.4}") } else { "-".into() };
+            text += &format!(
+                "\n  {i:>3}  {:wide$}  {:10}  {:>10}  {:>10}  {:>9}  {:>9}  {:>9.4}",
+                joint.name,
+                joint.kind.name(),
+                limit(joint.limits.lower),
+                limit(joint.limits.upper),
+                number(joint.limits.velocity),
+                number(joint.limits.effort),
+                joint.parameters[0],
+            );
+        }
+        text
+    }
+}
+
+fn planar_pr_row(arm: &PlanarPr<f64>, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<()> {
+    let q = x[0];
+    let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
+    if query.friction || query.armature {
+        return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
+    }
+    match query.quantity {
+        Quantity::MassMatrix => arm.mass_matrix(&mut (), &trig, q, out),
+        Quantity::CoriolisMatrix => arm.coriolis_matrix(&mut (), &trig, q, x[1], out),
+        Quantity::Gravity => arm.gravity(&mut (), &trig, q, out),
+        Quantity::Bias => arm.bias(&mut (), &trig, q, x[1], out),
+        Quantity::InverseDynamics => arm.inverse_dynamics(&mut (), &trig, q, x[1], x[2], out),
+        Quantity::ForwardDynamics => arm.forward_dynamics(&mut (), &trig, q, x[1], x[2], out),
+        Quantity::Regressor => arm.regressor(&mut (), &trig, q, x[1], x[2], x[3], out),
+        Quantity::Energy => (out[0], out[1]) = arm.energy(&mut (), &trig, q, x[1]),
+        _ => return Err(Error::input("arm", "has no links: expected an arm with a kinematic model, got planar_pr")),
+    }
+    Ok(())
+}

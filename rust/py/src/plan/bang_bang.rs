@@ -1,0 +1,394 @@
+//! `armlet.bang_bang_time`, for one problem and for arrays of them.
+
+use super::{Again, Field, NAMES, Problem, again, float, problem, scalar, symmetric, truth};
+use crate::arrays::{Columns, columns, index_of, new_array, new_flags, shown};
+use crate::errors::{Failure, entry, input_error};
+use armlet_core::error::Error;
+use armlet_core::plan::{self, Bind as Core};
+use pyo3::prelude::*;
+use pyo3::types::{PyString, PyTuple};
+
+/// The shortest and the longest duration of the symmetric bang-bang acceleration profile, rest to rest, under torque limits.
+///
+/// `inertia * theta_ddot + gravity_moment sin theta = tau`, `tau_min <= tau <= tau_max`; the acceleration is `+A`, then `-A`,
+/// `A = 4 |thetaf - theta0| / T^2`, and `a = inertia * A`.
+///
+/// Args:
+///     theta0, thetaf: start and end, rad from the downward vertical; nothing wraps.
+///     inertia: about the joint, kg m^2, > 0.
+///     gravity_moment: `m g0 d`, N m; negative measures from the upward vertical.
+///     tau_max: largest torque, N m, >= 0.
+///     tau_min: least torque, N m, <= 0; `-tau_max` if None.
+///
+/// Returns:
+///     A `BangBangReport` for numbers. Arrays broadcast, and give a `BangBangBatch` with arrays in its fields. No feasible duration is
+///     an answer, not an error: `feasible` is false, the durations are NaN, and `reason` says which limit, where, by how much.
+///
+/// Raises:
+///     InputError: a number is not finite, the inertia not positive, or the limits do not hold 0 between them.
+///
+/// Source: docs/minimum_time.md.
+///
+/// >>> import armlet as al, math
+/// >>> r = al.bang_bang_time(-math.pi / 2, math.pi / 2, inertia=1.0, gravity_moment=1.5, tau_max=1.0)
+/// >>> r.feasible, round(r.t_min, 6), round(r.t_max, 6)
+/// (True, 3.544908, 5.013257)
+/// >>> al.bang_bang_time(-math.pi / 2, math.pi / 2, 1.0, 2.5, 1.0).reason[:60]
+/// 'tau_max at theta = 0.000000 rad (phase1:switch) needs a slow'
+#[pyfunction]
+#[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None))]
+pub fn bang_bang_time<'py>(
+    py: Python<'py>,
+    theta0: &Bound<'py, PyAny>,
+    thetaf: &Bound<'py, PyAny>,
+    inertia: &Bound<'py, PyAny>,
+    gravity_moment: &Bound<'py, PyAny>,
+    tau_max: &Bound<'py, PyAny>,
+    tau_min: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    const NAME: &str = "bang_bang_time";
+    entry(py, NAME, || {
+        let values = [theta0, thetaf, inertia, gravity_moment, tau_max];
+        match problem(py, NAME, values, tau_min)? {
+            Some(p) => Ok(Bound::new(py, BangBangReport::solve(p)?)?.into_any()),
+            None => {
+                // Symmetric limits borrow tau_max's array; its sign is turned below.
+                let mut c = columns(NAME, NAMES, [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.unwrap_or(tau_max)])?;
+                if tau_min.is_none() {
+                    for &x in &c.columns[4] {
+                        symmetric(py, NAME, x)?;
+                    }
+                    c.columns[5].iter_mut().for_each(|x| *x = -*x);
+                }
+                Ok(Bound::new(py, BangBangBatch::solve(py, c)?)?.into_any())
+            }
+        }
+    })
+}
+
+/// What the symmetric bang-bang profile can and cannot do: see `bang_bang_time`.
+#[pyclass(frozen, module = "armlet", name = "BangBangReport")]
+pub struct BangBangReport {
+    core: plan::BangBangReport,
+    problem: Problem,
+}
+
+impl BangBangReport {
+    #[inline]
+    fn core([theta0, thetaf, inertia, gravity_moment, tau_max, tau_min]: Problem) -> Result<plan::BangBangReport, Error> {
+        plan::bang_bang_time(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)
+    }
+
+    fn solve(problem: Problem) -> Result<Self, Error> {
+        Ok(BangBangReport { core: Self::core(problem)?, problem })
+    }
+}
+
+#[pymethods]
+impl BangBangReport {
+    /// Whether some duration obeys the limits.
+    #[getter]
+    fn feasible(&self) -> bool {
+        self.core.feasible
+    }
+
+    /// Shortest duration, s; NaN if infeasible.
+    #[getter]
+    fn t_min(&self) -> f64 {
+        self.core.t_min
+    }
+
+    /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
+    #[getter]
+    fn t_max(&self) -> f64 {
+        self.core.t_max
+    }
+
+    /// Least `inertia * acceleration` that the limits demand, N m.
+    #[getter]
+    fn a_min(&self) -> f64 {
+        self.core.a_min
+    }
+
+    /// Largest `inertia * acceleration` that the limits allow, N m.
+    #[getter]
+    fn a_max(&self) -> f64 {
+        self.core.a_max
+    }
+
+    /// Whether the torque can hold the link at rest at the start.
+    #[getter]
+    fn hold_start(&self) -> bool {
+        self.core.hold_start
+    }
+
+    /// Whether the torque can hold the link at rest at the end.
+    #[getter]
+    fn hold_end(&self) -> bool {
+        self.core.hold_end
+    }
+
+    /// Why no duration works: the limits, where they bind, and the missing torque; empty if feasible.
+    #[getter]
+    fn reason(&self) -> String {
+        if self.core.feasible { String::new() } else { self.core.reason().to_string() }
+    }
+
+    /// The limit that decides `t_min`.
+    #[getter]
+    fn active_upper(slf: &Bound<'_, Self>) -> Bind {
+        Bind { core: slf.get().core.active_upper(), owner: slf.clone().unbind(), field: "active_upper" }
+    }
+
+    /// The limit that decides `t_max`; None if the motion may be arbitrarily slow.
+    #[getter]
+    fn active_lower(slf: &Bound<'_, Self>) -> Option<Bind> {
+        let core = slf.get().core.active_lower()?;
+        Some(Bind { core, owner: slf.clone().unbind(), field: "active_lower" })
+    }
+
+    /// Torque, N m, of the motion of duration `t` (s): at its start, just before and just after the switch, and at its end.
+    fn torques(&self, py: Python<'_>, t: &Bound<'_, PyAny>) -> PyResult<(f64, f64, f64, f64)> {
+        entry(py, "torques", || {
+            let t = scalar("torques", "t", t)?;
+            if !(t > 0.0 && t.is_finite()) {
+                return Err(
+                    input_error(py, "torques", "t", format!("is not positive: expected a finite number > 0, got {}", float(t))).into()
+                );
+            }
+            Ok(self.core.torques(t).into())
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        let c = &self.core;
+        format!(
+            "BangBangReport(feasible={}, t_min={}, t_max={}, a_min={}, a_max={}, hold_start={}, hold_end={}, reason={:?})",
+            truth(c.feasible),
+            float(c.t_min),
+            float(c.t_max),
+            float(c.a_min),
+            float(c.a_max),
+            truth(c.hold_start),
+            truth(c.hold_end),
+            self.reason()
+        )
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| other.get().problem == self.problem)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+        again(py, "bang_bang_time", &self.problem)
+    }
+}
+
+/// A torque limit that decides a duration: which, in which phase, where and when.
+#[pyclass(frozen, module = "armlet._core", name = "Bind")]
+pub struct Bind {
+    core: Core,
+    owner: Py<BangBangReport>,
+    field: &'static str,
+}
+
+#[pymethods]
+impl Bind {
+    /// `"tau_min"` or `"tau_max"`.
+    #[getter]
+    fn limit(&self) -> String {
+        self.core.limit.to_string()
+    }
+
+    /// 1 while accelerating, 2 while braking.
+    #[getter]
+    fn phase(&self) -> u8 {
+        self.core.phase
+    }
+
+    /// `"start"`, `"interior"`, `"switch"` or `"end"`: where in its phase.
+    #[getter]
+    fn place(&self) -> String {
+        self.core.place.to_string()
+    }
+
+    /// The angle where the limit is reached, rad.
+    #[getter]
+    fn theta(&self) -> f64 {
+        self.core.theta
+    }
+
+    /// The time since the start at which it is reached, s; NaN if the motion is infeasible.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.core.time
+    }
+
+    /// Whether the other phase reaches its limit at the same duration.
+    #[getter]
+    fn tie(&self) -> bool {
+        self.core.tie
+    }
+
+    /// `phase1:switch`.
+    fn __str__(&self) -> String {
+        self.core.to_string()
+    }
+
+    fn __repr__(&self) -> String {
+        let c = &self.core;
+        let (limit, place) = (c.limit, c.place);
+        let (theta, time, tie) = (float(c.theta), float(c.time), truth(c.tie));
+        format!("Bind(limit='{limit}', phase={}, place='{place}', theta={theta}, time={time}, tie={tie})", c.phase)
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| {
+            let (a, b) = (&other.get().core, &self.core);
+            // The time of an infeasible motion is NaN, and equal to itself here.
+            (a.limit, a.phase, a.place, a.theta, a.tie) == (b.limit, b.phase, b.place, b.theta, b.tie)
+                && (a.time == b.time || a.time.is_nan() && b.time.is_nan())
+        })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Field<'py, BangBangReport>> {
+        Ok((py.import("builtins")?.getattr("getattr")?, (self.owner.clone_ref(py), self.field)))
+    }
+}
+
+/// The answers of `bang_bang_time` to arrays of problems: the fields of `BangBangReport` as arrays of the broadcast shape.
+#[pyclass(frozen, module = "armlet", name = "BangBangBatch")]
+pub struct BangBangBatch {
+    problems: Columns<6>,
+    #[pyo3(get)]
+    feasible: Py<PyAny>,
+    #[pyo3(get)]
+    t_min: Py<PyAny>,
+    #[pyo3(get)]
+    t_max: Py<PyAny>,
+    #[pyo3(get)]
+    a_min: Py<PyAny>,
+    #[pyo3(get)]
+    a_max: Py<PyAny>,
+    #[pyo3(get)]
+    hold_start: Py<PyAny>,
+    #[pyo3(get)]
+    hold_end: Py<PyAny>,
+    /// How many problems are feasible.
+    solved: usize,
+}
+
+/// Problems solved between two looks at the keyboard: some milliseconds.
+const CHUNK: usize = 1 << 16;
+
+/// A refused problem of a batch, with its index.
+fn refused(py: Python<'_>, function: &str, shape: &[usize], i: usize, error: Error) -> Failure {
+    match error {
+        Error::Input { argument, problem } => {
+            input_error(py, function, &argument, format!("{problem} (first bad index {})", index_of(shape, i))).into()
+        }
+        other => other.into(),
+    }
+}
+
+impl BangBangBatch {
+    fn solve(py: Python<'_>, problems: Columns<6>) -> Result<Self, Failure> {
+        let n = problems.count;
+        let mut times: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; n]);
+        let mut flags: [Vec<bool>; 3] = std::array::from_fn(|_| vec![false; n]);
+        for start in (0..n).step_by(CHUNK) {
+            let fill = || {
+                for i in start..n.min(start + CHUNK) {
+                    let r = BangBangReport::core(problems.row(i)).map_err(|error| (i, error))?;
+                    (times[0][i], times[1][i], times[2][i], times[3][i]) = (r.t_min, r.t_max, r.a_min, r.a_max);
+                    (flags[0][i], flags[1][i], flags[2][i]) = (r.feasible, r.hold_start, r.hold_end);
+                }
+                Ok(())
+            };
+            py.detach(fill).map_err(|(i, error)| refused(py, "bang_bang_time", &problems.shape, i, error))?;
+            py.check_signals()?;
+        }
+        let shape = &problems.shape;
+        let time = |k: usize| {
+            let fill = |out: &mut [f64]| {
+                out.copy_from_slice(&times[k]);
+                Ok(())
+            };
+            Ok::<_, Failure>(new_array(py, shape, fill)?.unbind())
+        };
+        let flag = |k: usize| Ok::<_, Failure>(new_flags(py, shape, &flags[k])?.unbind());
+        Ok(BangBangBatch {
+            feasible: flag(0)?,
+            hold_start: flag(1)?,
+            hold_end: flag(2)?,
+            t_min: time(0)?,
+            t_max: time(1)?,
+            a_min: time(2)?,
+            a_max: time(3)?,
+            solved: flags[0].iter().filter(|&&f| f).count(),
+            problems,
+        })
+    }
+
+    /// The report of problem `i` in C order.
+    fn report(&self, i: usize) -> Result<BangBangReport, Error> {
+        BangBangReport::solve(self.problems.row(i))
+    }
+}
+
+#[pymethods]
+impl BangBangBatch {
+    /// The shape that the arguments broadcast to.
+    #[getter]
+    fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.problems.shape)
+    }
+
+    /// Why no duration works, as in `BangBangReport.reason`: an array of strings, empty where feasible.
+    #[getter]
+    fn reason<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        entry(py, "reason", || {
+            let words = (0..self.problems.count).map(|i| Ok(self.report(i)?.reason())).collect::<Result<Vec<_>, Error>>()?;
+            let words = py.import("numpy")?.call_method1("array", (words, PyString::new(py, "str")))?;
+            Ok(words.call_method1("reshape", (PyTuple::new(py, &self.problems.shape)?,))?)
+        })
+    }
+
+    /// The report of one problem: its index in C order, or one index for each axis.
+    fn __getitem__(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<BangBangReport> {
+        let parts: Vec<isize> = index.extract().or_else(|_| index.extract().map(|i| vec![i]))?;
+        let shape: &[usize] = if parts.len() == 1 { &[self.problems.count] } else { &self.problems.shape };
+        let mut flat = Some(0).filter(|_| parts.len() == shape.len());
+        for (&i, &n) in parts.iter().zip(shape) {
+            let inside = if i < 0 { i + n as isize } else { i };
+            flat = flat.filter(|_| inside >= 0 && inside < n as isize).map(|k| k * n + inside as usize);
+        }
+        let flat = flat.ok_or_else(|| pyo3::exceptions::PyIndexError::new_err(format!("index {index} outside shape {shape:?}")))?;
+        entry(py, "BangBangBatch", || Ok(self.report(flat)?))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("BangBangBatch({} problems of shape {}, {} feasible)", self.problems.count, shown(&self.problems.shape), self.solved)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+        let shape = &self.problems.shape;
+        let mut kept = Vec::new();
+        for (k, column) in self.problems.columns.iter().enumerate() {
+            // The first column carries the shape, the others only their numbers.
+            let full = k == 0 || column.len() != 1;
+            let axes: &[usize] = if full { shape } else { &[] };
+            let fill = |out: &mut [f64]| {
+                if column.len() == out.len() {
+                    out.copy_from_slice(column)
+                } else {
+                    out.fill(column[0])
+                }
+                Ok(())
+            };
+            kept.push(entry(py, "BangBangBatch", || new_array(py, axes, fill))?);
+        }
+        let restore = py.import("armlet._core")?.getattr("_restore_plan")?;
+        Ok((restore, ("bang_bang_time".to_string(), PyTuple::new(py, kept)?)))
+    }
+}

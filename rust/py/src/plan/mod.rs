@@ -1,0 +1,116 @@
+//! Minimum-time planning of one link under gravity: the arguments of the planners, and their results' pickling.
+
+pub mod bang_bang;
+pub mod profiles;
+pub mod torque;
+
+use crate::arrays::number_or_array;
+use crate::errors::{Failure, entry, input_error};
+use bang_bang::bang_bang_time;
+use profiles::ProfileReport;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use torque::TorqueOptimum;
+
+/// The problem of every planner: the ends, the link, its limits.
+pub const NAMES: [&str; 6] = ["theta0", "thetaf", "inertia", "gravity_moment", "tau_max", "tau_min"];
+
+/// `theta0, thetaf, inertia, gravity_moment, tau_max, tau_min`.
+pub type Problem = [f64; 6];
+
+/// The numbers of one problem, None if an argument is an array with axes. `tau_min` is `-tau_max` unless given.
+pub fn problem(
+    py: Python<'_>,
+    function: &str,
+    values: [&Bound<'_, PyAny>; 5],
+    tau_min: Option<&Bound<'_, PyAny>>,
+) -> Result<Option<Problem>, Failure> {
+    let mut p = [0.0; 6];
+    for k in 0..5 {
+        match number_or_array(function, NAMES[k], values[k])? {
+            Some(x) => p[k] = x,
+            None => return Ok(None),
+        }
+    }
+    p[5] = match tau_min {
+        None => symmetric(py, function, p[4])?,
+        Some(value) => match number_or_array(function, "tau_min", value)? {
+            Some(x) => x,
+            None => return Ok(None),
+        },
+    };
+    Ok(Some(p))
+}
+
+/// `-tau_max`, or a refusal that names the argument that was given.
+fn symmetric(py: Python<'_>, function: &str, tau_max: f64) -> Result<f64, Failure> {
+    if tau_max > 0.0 && tau_max.is_finite() {
+        return Ok(-tau_max);
+    }
+    Err(input_error(py, function, "tau_max", format!("is not positive: expected a finite number > 0, got {tau_max}")).into())
+}
+
+/// The problem of a planner that takes numbers only.
+pub fn single(
+    py: Python<'_>,
+    function: &str,
+    values: [&Bound<'_, PyAny>; 5],
+    tau_min: Option<&Bound<'_, PyAny>>,
+) -> Result<Problem, Failure> {
+    if let Some(p) = problem(py, function, values, tau_min)? {
+        return Ok(p);
+    }
+    for (name, value) in NAMES.into_iter().zip(values.into_iter().chain(tau_min)) {
+        scalar(function, name, value)?;
+    }
+    unreachable!("an argument has axes")
+}
+
+/// A number; arrays with axes are refused.
+pub fn scalar(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
+    let got = || value.getattr("shape").and_then(|s| s.str()).map_or("an array".to_string(), |s| format!("shape {s}"));
+    number_or_array(function, name, value)?.ok_or_else(|| {
+        input_error(value.py(), function, name, format!("is not a number: expected a number_or_array, got {}", got())).into()
+    })
+}
+
+/// How Python writes a float or a truth value.
+pub fn float(x: f64) -> String {
+    if x.is_nan() || x.is_infinite() { x.to_string().to_lowercase() } else { format!("{x:?}") }
+}
+
+pub fn truth(x: bool) -> &'static str {
+    if x { "True" } else { "False" }
+}
+
+/// How a result is pickled: the function that restores it, and its arguments.
+pub type Again<'py> = (Bound<'py, PyAny>, (String, Bound<'py, PyTuple>));
+
+/// How a part of a result is pickled: `getattr`, the result, and the name of the part.
+pub type Field<'py, T> = (Bound<'py, PyAny>, (Py<T>, &'static str));
+
+/// A call again with the same numbers: how results are pickled.
+pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Again<'py>> {
+    let restore = py.import("armlet._core")?.getattr("_restore_plan")?;
+    Ok((restore, (function.to_string(), PyTuple::new(py, arguments)?)))
+}
+
+/// A result again from the function that gave it and the numbers it was given.
+#[pyfunction]
+pub fn _restore_plan<'py>(py: Python<'py>, function: &str, arguments: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {
+    let all: Vec<Bound<'py, PyAny>> = arguments.iter().collect();
+    if let ("bang_bang_time", [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min]) = (function, &all[..]) {
+        return bang_bang_time(py, theta0, thetaf, inertia, gravity_moment, tau_max, Some(tau_min));
+    }
+    let x: Vec<f64> = all.iter().map(|x| x.extract()).collect::<PyResult<_>>()?;
+    entry(py, function, || match (function, &x[..]) {
+        ("trapezoid_time", &[a, b, c, d, e, f, ramp]) => {
+            Ok(Bound::new(py, ProfileReport::solve([a, b, c, d, e, f], Some(ramp))?)?.into_any())
+        }
+        ("minimum_jerk_time", &[a, b, c, d, e, f]) => Ok(Bound::new(py, ProfileReport::solve([a, b, c, d, e, f], None)?)?.into_any()),
+        ("torque_optimal_time", &[a, b, c, d, e, f, viscous, coulomb]) => {
+            Ok(Bound::new(py, TorqueOptimum::solve([a, b, c, d, e, f], [viscous, coulomb])?)?.into_any())
+        }
+        _ => Err(input_error(py, "_restore_plan", "function", format!("is unknown: got {function} with {} numbers", x.len())).into()),
+    })
+}

@@ -1,0 +1,323 @@
+//! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
+
+use super::{Again, Field, Problem, again, float, scalar, single, truth};
+use crate::arrays::{new_array, number_or_array, numbers, require_finite};
+use crate::errors::{Failure, entry, input_error};
+use armlet_core::error::Error;
+use armlet_core::plan::{self, FrictionOptimum, TorqueProfile};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use std::sync::OnceLock;
+
+/// The fastest motion of one link, rest to rest, under torque limits.
+///
+/// `inertia * theta_ddot + gravity_moment sin theta + viscous theta_dot + coulomb sign(theta_dot) = tau`, `tau_min <= tau <= tau_max`. The fields
+/// `t`, `theta_switch`, `t_switch` belong to the monotone optimum: full torque towards the goal, then full torque against
+/// the motion. `best` is the fastest of that, the back-swing (-, +, -) and the overshoot (+, -, +).
+///
+/// Args:
+///     theta0, thetaf: start and end, rad from the downward vertical; nothing wraps.
+///     inertia: about the joint, kg m^2, > 0.
+///     gravity_moment: `m g0 d`, N m; negative measures from the upward vertical.
+///     tau_max: largest torque, N m, >= 0.
+///     tau_min: least torque, N m, <= 0; `-tau_max` if None.
+///     viscous: viscous friction, N m s/rad, >= 0.
+///     coulomb: Coulomb friction, N m, >= 0.
+///         With friction only the monotone motion is searched, nothing is certified, and there is no profile.
+///
+/// Returns:
+///     A `TorqueOptimum`. No motion is an answer, not an error: `t` is NaN, and `reason` says what is missing.
+///
+/// Raises:
+///     InputError: a number is not finite, or outside its range.
+///
+/// Source: docs/minimum_time.md.
+///
+/// >>> import armlet as al, math
+/// >>> o = al.torque_optimal_time(math.pi / 2, 3.0, inertia=1.0, gravity_moment=1.0, tau_max=1.02)
+/// >>> round(o.t, 3), o.certified_global, o.best.kind, round(o.best.t, 3)
+/// (8.419, False, 'back-swing', 5.702)
+/// >>> q, v, a, tau = o.profile(0.0)
+/// >>> tau
+/// -1.02
+#[pyfunction]
+#[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None, viscous=None, coulomb=None))]
+pub fn torque_optimal_time<'py>(
+    py: Python<'py>,
+    theta0: &Bound<'py, PyAny>,
+    thetaf: &Bound<'py, PyAny>,
+    inertia: &Bound<'py, PyAny>,
+    gravity_moment: &Bound<'py, PyAny>,
+    tau_max: &Bound<'py, PyAny>,
+    tau_min: Option<&Bound<'py, PyAny>>,
+    viscous: Option<&Bound<'py, PyAny>>,
+    coulomb: Option<&Bound<'py, PyAny>>,
+) -> PyResult<TorqueOptimum> {
+    const NAME: &str = "torque_optimal_time";
+    entry(py, NAME, || {
+        let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
+        let friction = |name, value: Option<&Bound<'py, PyAny>>| value.map_or(Ok(0.0), |value| scalar(NAME, name, value));
+        Ok(TorqueOptimum::solve(problem, [friction("viscous", viscous)?, friction("coulomb", coulomb)?])?)
+    })
+}
+
+enum Core {
+    Exact(plan::TorqueOptimum),
+    Friction(FrictionOptimum),
+}
+
+/// The monotone optimum and the best of the three families: see `torque_optimal_time`.
+#[pyclass(frozen, module = "armlet", name = "TorqueOptimum")]
+pub struct TorqueOptimum {
+    core: Core,
+    problem: Problem,
+    friction: [f64; 2],
+    /// Built when asked for: of the best family, of the monotone optimum.
+    profiles: [OnceLock<Option<TorqueProfile>>; 2],
+}
+
+impl TorqueOptimum {
+    pub fn solve(problem: Problem, friction: [f64; 2]) -> Result<Self, Error> {
+        let [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min] = problem;
+        let [viscous, coulomb] = friction;
+        let core = if viscous == 0.0 && coulomb == 0.0 {
+            Core::Exact(plan::torque_optimal_time(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?)
+        } else {
+            Core::Friction(plan::torque_optimal_time_with_friction(
+                theta0,
+                thetaf,
+                inertia,
+                gravity_moment,
+                tau_min,
+                tau_max,
+                viscous,
+                coulomb,
+            )?)
+        };
+        Ok(TorqueOptimum { core, problem, friction, profiles: [OnceLock::new(), OnceLock::new()] })
+    }
+
+    /// Feasible, t, theta_switch, t_switch, v_peak.
+    fn monotone(&self) -> (bool, f64, f64, f64, f64) {
+        match &self.core {
+            Core::Exact(o) => (o.feasible, o.t, o.theta_switch, o.t_switch, o.v_peak),
+            Core::Friction(o) => (o.feasible, o.t, o.theta_switch, o.t_switch, o.v_peak),
+        }
+    }
+
+    /// The motion at a time or at an array of times.
+    fn sample<'py>(&self, py: Python<'py>, function: &str, which: usize, t: &Bound<'py, PyAny>) -> Result<[Bound<'py, PyAny>; 4], Failure> {
+        let profile = self.profiles[which].get_or_init(|| match &self.core {
+            Core::Exact(o) if which == 0 => o.profile(),
+            Core::Exact(o) => o.monotone_profile(),
+            Core::Friction(_) => None,
+        });
+        let Some(profile) = profile else {
+            let problem = match self.core {
+                Core::Exact(_) => "has no motion: expected a feasible problem, got one with the `reason` that no duration works",
+                Core::Friction(_) => "has friction: expected an optimum without friction, whose motion is known in closed steps",
+            };
+            return Err(input_error(py, function, "the optimum", problem).into());
+        };
+        if let Some(t) = number_or_array(function, "t", t)? {
+            require_finite(py, function, "t", &[], &[t])?;
+            let s = profile.at(t);
+            let mut out = Vec::with_capacity(4);
+            for x in [s.q, s.v, s.a, s.tau] {
+                out.push(x.into_pyobject(py).map_err(PyErr::from)?.into_any());
+            }
+            return Ok(out.try_into().expect("four numbers"));
+        }
+        let (shape, times) = numbers(function, "t", t)?;
+        require_finite(py, function, "t", &shape, &times)?;
+        let samples: Vec<_> = times.iter().map(|&t| profile.at(t)).collect();
+        let part = |k: usize| {
+            new_array(py, &shape, |out| {
+                for (x, s) in out.iter_mut().zip(&samples) {
+                    *x = [s.q, s.v, s.a, s.tau][k];
+                }
+                Ok(())
+            })
+        };
+        Ok([part(0)?, part(1)?, part(2)?, part(3)?])
+    }
+}
+
+#[pymethods]
+impl TorqueOptimum {
+    /// Whether the monotone motion exists.
+    #[getter]
+    fn feasible(&self) -> bool {
+        self.monotone().0
+    }
+
+    /// Duration of the monotone optimum, s; NaN if there is none.
+    #[getter]
+    fn t(&self) -> f64 {
+        self.monotone().1
+    }
+
+    /// The angle at which its torque switches, rad.
+    #[getter]
+    fn theta_switch(&self) -> f64 {
+        self.monotone().2
+    }
+
+    /// The time at which its torque switches, s.
+    #[getter]
+    fn t_switch(&self) -> f64 {
+        self.monotone().3
+    }
+
+    /// Its speed at the switch, rad/s, signed.
+    #[getter]
+    fn v_peak(&self) -> f64 {
+        self.monotone().4
+    }
+
+    /// Whether no other motion of any kind is faster than the monotone optimum, proven by Sturm's comparison.
+    #[getter]
+    fn certified_global(&self) -> bool {
+        matches!(&self.core, Core::Exact(o) if o.certified_global)
+    }
+
+    /// `pi sqrt(inertia / |gravity_moment|)`, s: no optimal motion shorter than this switches more than once; NaN with friction.
+    #[getter]
+    fn sturm_bound(&self) -> f64 {
+        match &self.core {
+            Core::Exact(o) => o.sturm_bound,
+            Core::Friction(_) => f64::NAN,
+        }
+    }
+
+    /// Why the monotone motion does not exist, with the missing torque; empty if it does.
+    #[getter]
+    fn reason(&self) -> String {
+        match &self.core {
+            Core::Exact(o) if !o.feasible => o.reason.to_string(),
+            Core::Friction(o) if !o.feasible => {
+                let [reach, begin] = o.theta_stall;
+                format!(
+                    "the push ends at theta = {reach:.6} rad and the brake can begin at theta = {begin:.6} rad: their speeds do not meet"
+                )
+            }
+            _ => String::new(),
+        }
+    }
+
+    /// The fastest motion of the three families.
+    #[getter]
+    fn best(slf: &Bound<'_, Self>) -> Best {
+        let core = match &slf.get().core {
+            Core::Exact(o) => o.best,
+            Core::Friction(o) => plan::Best {
+                kind: if o.feasible { plan::Family::Monotone } else { plan::Family::NoneFound },
+                t: o.t,
+                theta_switches: [o.theta_switch, f64::NAN],
+                t_switches: [o.t_switch, f64::NAN],
+                switches: usize::from(o.feasible),
+                theta_turn: f64::NAN,
+                t_turn: f64::NAN,
+            },
+        };
+        Best { core, owner: slf.clone().unbind() }
+    }
+
+    /// `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at time `t` (s), a number or an array; at rest before 0 and from its end on.
+    fn profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
+        entry(py, "profile", || Ok(PyTuple::new(py, self.sample(py, "profile", 0, t)?)?))
+    }
+
+    /// As `profile`, for the monotone optimum.
+    fn monotone_profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
+        entry(py, "monotone_profile", || Ok(PyTuple::new(py, self.sample(py, "monotone_profile", 1, t)?)?))
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> String {
+        let (feasible, t, theta, time, _) = slf.get().monotone();
+        format!(
+            "TorqueOptimum(feasible={}, t={}, theta_switch={}, t_switch={}, certified_global={}, best={}, reason={:?})",
+            truth(feasible),
+            float(t),
+            float(theta),
+            float(time),
+            truth(slf.get().certified_global()),
+            Self::best(slf).__repr__(),
+            slf.get().reason()
+        )
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| other.get().problem == self.problem && other.get().friction == self.friction)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+        again(py, "torque_optimal_time", &[&self.problem[..], &self.friction].concat())
+    }
+}
+
+/// The fastest motion of the three families.
+#[pyclass(frozen, module = "armlet._core", name = "Best")]
+pub struct Best {
+    core: plan::Best,
+    owner: Py<TorqueOptimum>,
+}
+
+#[pymethods]
+impl Best {
+    /// `"monotone"`, `"back-swing"` (-, +, -), `"overshoot"` (+, -, +), or `"none found"`; signs are those towards the goal.
+    #[getter]
+    fn kind(&self) -> &'static str {
+        self.core.kind.name()
+    }
+
+    /// Duration, s; NaN if none was found.
+    #[getter]
+    fn t(&self) -> f64 {
+        self.core.t
+    }
+
+    /// The angles at which the torque switches, rad, in order of time.
+    #[getter]
+    fn switches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.core.theta_switches[..self.core.switches])
+    }
+
+    /// The times at which the torque switches, s.
+    #[getter]
+    fn t_switches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.core.t_switches[..self.core.switches])
+    }
+
+    /// The angle at which a swing reverses, rad; NaN for the monotone motion.
+    #[getter]
+    fn theta_turn(&self) -> f64 {
+        self.core.theta_turn
+    }
+
+    /// The time at which a swing reverses, s; NaN for the monotone motion.
+    #[getter]
+    fn t_turn(&self) -> f64 {
+        self.core.t_turn
+    }
+
+    fn __repr__(&self) -> String {
+        let c = &self.core;
+        let angles = c.theta_switches[..c.switches].iter().map(|&x| float(x)).collect::<Vec<_>>().join(", ");
+        let comma = if c.switches == 1 { "," } else { "" };
+        format!("Best(kind='{}', t={}, switches=({angles}{comma}))", c.kind.name(), float(c.t))
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| {
+            let (a, b) = (&other.get().core, &self.core);
+            a.kind == b.kind
+                && a.theta_switches[..a.switches] == b.theta_switches[..b.switches]
+                && (a.t == b.t || a.t.is_nan() && b.t.is_nan())
+        })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Field<'py, TorqueOptimum>> {
+        Ok((py.import("builtins")?.getattr("getattr")?, (self.owner.clone_ref(py), "best")))
+    }
+}

@@ -1,0 +1,103 @@
+//! `armlet._core.diagnose_priority`, the fields of `armlet.PriorityDiagnosis`; and `armlet.velocity_bounds`.
+
+use super::solution::copied;
+use super::stack::{Stack, items, per_joint};
+use crate::arrays::{any_vector, new_vector, shown};
+use crate::errors::{Failure, entry, input_error};
+use armlet_core::priority::{diagnose, velocity_bounds as core_bounds};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+/// The fields of a diagnosis by name.
+#[pyfunction]
+#[pyo3(signature = (jacobians, rhs, rounding))]
+pub fn diagnose_priority<'py>(
+    py: Python<'py>,
+    jacobians: &Bound<'py, PyAny>,
+    rhs: Option<&Bound<'py, PyAny>>,
+    rounding: Option<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    const NAME: &str = "diagnose_priority";
+    entry(py, NAME, || {
+        let jacobians = items(NAME, "jacobians", jacobians)?;
+        let rhs = rhs.map(|rhs| items(NAME, "rhs", rhs)).transpose()?;
+        let stack = Stack::read(py, NAME, ["jacobians", "rhs"], &jacobians, rhs.as_deref())?;
+        if !stack.lead.is_empty() {
+            let problem = format!("has leading axes: expected (rows, n), got leading axes {}", shown(&stack.lead));
+            return Err(input_error(py, NAME, "jacobians", problem).into());
+        }
+        stack.require_finite(py, NAME)?;
+        let levels = 0..stack.rows.len();
+        let blocks: Vec<&[f64]> = levels.clone().map(|i| stack.jacobian(i, 0)).collect();
+        let commands: Option<Vec<&[f64]>> = rhs.as_ref().map(|_| levels.map(|i| stack.velocity(i, 0)).collect());
+        let d = diagnose(stack.n, &stack.rows, &blocks, commands.as_deref(), rounding)?;
+        let vectors = |parts: Vec<&[f64]>| -> Result<Bound<'py, PyList>, Failure> {
+            let arrays = parts.iter().map(|x| copied(py, &[x.len()], x)).collect::<Result<Vec<_>, _>>()?;
+            Ok(PyList::new(py, arrays)?)
+        };
+        let fields = PyDict::new(py);
+        fields.set_item("n", d.n)?;
+        fields.set_item("kind", d.kind.name())?;
+        fields.set_item("ranks", d.ranks())?;
+        fields.set_item("projected_ranks", d.projected_ranks())?;
+        fields.set_item("stacked_rank", d.stacked_rank)?;
+        fields.set_item("overlap", d.overlap)?;
+        fields.set_item("singular_values", vectors(d.levels.iter().map(|l| l.singular_values.as_slice()).collect())?)?;
+        fields
+            .set_item("projected_singular_values", vectors(d.levels.iter().map(|l| l.projected_singular_values.as_slice()).collect())?)?;
+        fields.set_item("kinematic", d.levels.iter().map(|l| l.kinematic).collect::<Vec<_>>())?;
+        fields.set_item("algorithmic", d.levels.iter().map(|l| l.algorithmic).collect::<Vec<_>>())?;
+        let lost = d.levels.iter().map(|l| copied(py, &[l.lost.len(), l.rows], &l.lost.concat())).collect::<Result<Vec<_>, _>>()?;
+        fields.set_item("lost", PyList::new(py, lost)?)?;
+        if let Some(parts) = &d.compatibility {
+            fields.set_item("losses", vectors(parts.iter().map(|c| c.loss.as_slice()).collect())?)?;
+            fields.set_item("compatible", parts.iter().all(|c| c.compatible))?;
+        }
+        fields.set_item("text", d.to_string())?;
+        Ok(fields)
+    })
+}
+
+/// Joint limits as velocity bounds for one sample: `v_max' = min((q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)))`, `v_min'` likewise.
+///
+/// Args:
+///     q: joint positions, `(n,)`, rad or m.
+///     q_min, q_max: position limits, a number or `(n,)`; infinities are allowed.
+///     v_max: velocity limit, a number or `(n,)`, rad/s or m/s.
+///     dt: the sample time, s.
+///     a_max: deceleration that brakes before a limit, a number or `(n,)`; None: no braking distance.
+///
+/// Returns:
+///     `(v_min, v_max)`, `(n,)` each, as "sns" takes them. Outside a limit the bound points back inside.
+///
+/// Raises:
+///     InputError: limits out of order, a shape that does not fit, numbers that are not finite.
+///
+/// Source: Flacco, De Luca and Khatib, Control of redundant robots under hard joint constraints, T-RO 31(3), 2015.
+///
+/// >>> import armlet as al
+/// >>> al.velocity_bounds([0.0, 1.0], -1.0, 1.0, 2.0, dt=0.01)
+/// (array([-2., -2.]), array([2., 0.]))
+#[pyfunction]
+#[pyo3(signature = (q, q_min, q_max, v_max, *, dt, a_max=None))]
+pub fn velocity_bounds<'py>(
+    py: Python<'py>,
+    q: &Bound<'py, PyAny>,
+    q_min: &Bound<'py, PyAny>,
+    q_max: &Bound<'py, PyAny>,
+    v_max: &Bound<'py, PyAny>,
+    dt: f64,
+    a_max: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    const NAME: &str = "velocity_bounds";
+    entry(py, NAME, || {
+        let q = any_vector(NAME, "q", q)?;
+        let n = q.len();
+        let (q_min, q_max, v_max) =
+            (per_joint(NAME, "q_min", q_min, n)?, per_joint(NAME, "q_max", q_max, n)?, per_joint(NAME, "v_max", v_max, n)?);
+        let a_max = a_max.map_or_else(|| Ok(vec![f64::INFINITY; n]), |a| per_joint(NAME, "a_max", a, n))?;
+        let mut upper = vec![0.0; n];
+        let lower = new_vector(py, n, |lower| Ok(core_bounds(&q, &q_min, &q_max, &v_max, &a_max, dt, lower, &mut upper)?))?;
+        Ok((lower, copied(py, &[n], &upper)?))
+    })
+}

@@ -1,0 +1,274 @@
+//! `armlet.solve_priority` and its answer, for one stack or for a batch of stacks.
+
+use super::stack::{Keywords, Stack, items};
+use crate::arrays::{integers, new_array, of_shape};
+use crate::errors::{Failure, entry};
+use armlet_core::error::Error;
+use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core};
+use armlet_core::status::Status;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyList, PyTuple};
+use std::cell::RefCell;
+
+/// Joint velocities from prioritised tasks, and what became of each level.
+///
+/// `v`: joint velocities, `(n,)`, rad/s or m/s. `residuals`: `v_i - J_i v` per level, `(rows_i,)` each, in the unit of the task.
+/// `ranks`: directions of each level that were realised. `scales`: scale of each level's command, `(levels,)`, 1 except for "sns".
+/// `status`: `Status.SUCCESS`, or `Status.DEGRADED` when some level lost a direction or was scaled.
+/// In a batch all have the leading axes in front: `ranks` and `scales` are `(..., levels)`, `status` holds integers of `Status`.
+#[pyclass(frozen, get_all, module = "armlet")]
+pub struct PrioritySolution {
+    pub v: Py<PyAny>,
+    pub residuals: Py<PyAny>,
+    pub ranks: Py<PyAny>,
+    pub scales: Py<PyAny>,
+    pub status: Py<PyAny>,
+}
+
+#[pymethods]
+impl PrioritySolution {
+    #[new]
+    fn new(v: Py<PyAny>, residuals: Py<PyAny>, ranks: Py<PyAny>, scales: Py<PyAny>, status: Py<PyAny>) -> Self {
+        PrioritySolution { v, residuals, ranks, scales, status }
+    }
+
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, [&self.v, &self.residuals, &self.ranks, &self.scales, &self.status])
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let show = |value: &Py<PyAny>| PyResult::Ok(value.bind(py).repr()?.to_string());
+        Ok(format!("PrioritySolution(v={}, ranks={}, status={})", show(&self.v)?, show(&self.ranks)?, show(&self.status)?))
+    }
+}
+
+/// The member of `armlet.Status`.
+pub fn status_member(py: Python<'_>, status: Status) -> PyResult<Py<PyAny>> {
+    static MEMBERS: PyOnceLock<Vec<Py<PyAny>>> = PyOnceLock::new();
+    let members = MEMBERS.get_or_try_init(py, || {
+        let class = py.import("armlet.status")?.getattr("Status")?;
+        Status::ALL.iter().map(|s| Ok(class.call1((s.code(),))?.unbind())).collect::<PyResult<Vec<_>>>()
+    })?;
+    Ok(members[status.code() as usize].clone_ref(py))
+}
+
+/// A copy of these numbers as an array.
+pub fn copied<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
+    new_array(py, shape, |out| {
+        out.copy_from_slice(values);
+        Ok(())
+    })
+}
+
+/// The residuals of the last solve as a list of vectors.
+pub fn residual_list<'py>(py: Python<'py>, rows: &[usize], stacked: &[f64]) -> Result<Bound<'py, PyList>, Failure> {
+    let (mut start, mut parts) = (0, Vec::with_capacity(rows.len()));
+    for m in rows {
+        parts.push(copied(py, &[*m], &stacked[start..start + m])?);
+        start += m;
+    }
+    Ok(PyList::new(py, parts)?)
+}
+
+thread_local! {
+    /// The last solver without options of its own: a loop over stacks of one size builds its buffers once.
+    static LAST: RefCell<Option<Core>> = const { RefCell::new(None) };
+}
+
+fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Result<Core, Failure> {
+    if keywords.plain()
+        && let Some(mut last) = LAST.take()
+        && last.n() == n
+        && last.rows() == rows
+        && last.method().name() == keywords.method
+    {
+        last.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING))?;
+        return Ok(last);
+    }
+    Ok(Core::new(n, rows, &keywords.options(function, n, rows.len())?)?)
+}
+
+/// Fill the solver's inputs from row `i` of a batch and solve.
+fn solve_row(solver: &mut Core, stack: &Stack, i: usize) -> Result<Status, Error> {
+    let (jacobian, command) = solver.inputs();
+    let (mut at, mut to) = (0, 0);
+    for (level, m) in stack.rows.iter().enumerate() {
+        jacobian[at..at + m * stack.n].copy_from_slice(stack.jacobian(level, i));
+        command[to..to + m].copy_from_slice(stack.velocity(level, i));
+        at += m * stack.n;
+        to += m;
+    }
+    solver.run()
+}
+
+/// Joint velocities that execute tasks `J_i v = v_i` in priority: each level uses only the freedom that those above leave.
+///
+/// `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1`, with ranks decided on the scale of the unprojected tasks.
+///
+/// Args:
+///     jacobians: one `(..., rows_i, n)` per level, the highest first; zero rows and more rows than joints are allowed.
+///     velocities: one `(..., rows_i)` per level, in the unit of the task.
+///     method: "exact" (the equation), "clamp" (continuous and bounded, equal to it where all singular values reach `eps`),
+///         "damped", "chiaverini", or "sns" (within `v_min`, `v_max`).
+///     eps: threshold on singular values, one number or one per level; None: 0.02 of each level's largest row norm.
+///     rounding: relative error of the entries of the Jacobians; None: 8 machine epsilons; `8 eps (1 + sum|q|)` where angles made them.
+///     weight: joint metric `W`, `(n, n)`, symmetric positive definite: `v' W v` is minimised; None: the identity.
+///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s; one alone is symmetric.
+///
+/// Returns:
+///     A `PrioritySolution`. Batches never raise for one bad row: `status` has one entry per row, and a row whose numbers are not
+///     finite, or whose answer overflows, is NaN with `Status.DIVERGED`.
+///
+/// Raises:
+///     InputError: shapes that do not fit, an empty stack, an unknown method; in one stack also numbers that are not finite.
+///     SolveError: the answer of one stack overflows.
+///
+/// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
+///
+/// >>> import armlet as al
+/// >>> sol = al.solve_priority([[[1.0, 0.0]], [[1.0, 1.0]]], [[1.0], [3.0]], method="exact")
+/// >>> sol.v.round(12)
+/// array([1., 2.])
+/// >>> sol.status
+/// <Status.SUCCESS: 0>
+#[pyfunction]
+#[pyo3(signature = (jacobians, velocities, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None))]
+pub fn solve_priority<'py>(
+    py: Python<'py>,
+    jacobians: &Bound<'py, PyAny>,
+    velocities: &Bound<'py, PyAny>,
+    method: &str,
+    eps: Option<&Bound<'py, PyAny>>,
+    rounding: Option<f64>,
+    weight: Option<&Bound<'py, PyAny>>,
+    v_min: Option<&Bound<'py, PyAny>>,
+    v_max: Option<&Bound<'py, PyAny>>,
+) -> PyResult<PrioritySolution> {
+    const NAME: &str = "solve_priority";
+    entry(py, NAME, || {
+        let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
+        let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
+        if let Some(solver) = again(&jacobians, &velocities, &keywords) {
+            let solution = answer(py, &solver);
+            LAST.set(Some(solver));
+            return solution;
+        }
+        let stack = Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
+        let solver = solver(NAME, stack.n, &stack.rows, &keywords)?;
+        if stack.lead.is_empty() { single(py, solver, &stack, keywords.plain()) } else { batch(py, solver, stack) }
+    })
+}
+
+/// One stack of contiguous arrays of the sizes and with the method of the last call: solved without a look at anything else.
+/// None where that is not so, or where there is something to refuse; the full path then finds out what.
+fn again(jacobians: &[Bound<'_, PyAny>], velocities: &[Bound<'_, PyAny>], keywords: &Keywords) -> Option<Core> {
+    if !keywords.plain() {
+        return None;
+    }
+    let mut solver = LAST.take()?;
+    let levels = solver.rows().len();
+    if solver.method().name() != keywords.method || [jacobians.len(), velocities.len()] != [levels; 2] {
+        return None;
+    }
+    solver.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING)).ok()?;
+    let (n, mut at) = (solver.n(), 0);
+    for i in 0..levels {
+        let m = solver.rows()[i];
+        let (jacobian, velocity) = (of_shape(&jacobians[i], &[m, n])?, of_shape(&velocities[i], &[m])?);
+        let (j, v) = solver.inputs();
+        j[at * n..(at + m) * n].copy_from_slice(jacobian);
+        v[at..at + m].copy_from_slice(velocity);
+        at += m;
+    }
+    solver.run().ok()?;
+    Some(solver)
+}
+
+/// What the solver found last.
+fn answer(py: Python<'_>, solver: &Core) -> Result<PrioritySolution, Failure> {
+    Ok(PrioritySolution {
+        v: copied(py, &[solver.n()], solver.v())?.unbind(),
+        residuals: residual_list(py, solver.rows(), solver.residuals())?.into_any().unbind(),
+        ranks: PyList::new(py, solver.ranks())?.into_any().unbind(),
+        scales: copied(py, &[solver.rows().len()], solver.scales())?.unbind(),
+        status: status_member(py, solver.status())?,
+    })
+}
+
+fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result<PrioritySolution, Failure> {
+    if let Err(error) = solve_row(&mut solver, stack, 0) {
+        stack.require_finite(py, "solve_priority")?;
+        return Err(error.into());
+    }
+    let solution = answer(py, &solver)?;
+    if keep {
+        LAST.set(Some(solver));
+    }
+    Ok(solution)
+}
+
+/// What a batch answers, row after row.
+struct Rows {
+    v: Vec<f64>,
+    residuals: Vec<Vec<f64>>,
+    ranks: Vec<i64>,
+    scales: Vec<f64>,
+    status: Vec<i32>,
+}
+
+impl Rows {
+    fn push(&mut self, solver: &mut Core, stack: &Stack, i: usize) {
+        let (n, levels) = (stack.n, stack.rows.len());
+        match solve_row(solver, stack, i) {
+            Ok(status) => {
+                self.v.extend_from_slice(solver.v());
+                self.residuals.iter_mut().enumerate().for_each(|(k, r)| r.extend_from_slice(solver.residual(k)));
+                self.ranks.extend(solver.ranks().iter().map(|r| *r as i64));
+                self.scales.extend_from_slice(solver.scales());
+                self.status.push(status.code());
+            }
+            Err(_) => {
+                self.v.extend(std::iter::repeat_n(f64::NAN, n));
+                self.residuals.iter_mut().zip(&stack.rows).for_each(|(r, m)| r.extend(std::iter::repeat_n(f64::NAN, *m)));
+                self.ranks.extend(std::iter::repeat_n(0, levels));
+                self.scales.extend(std::iter::repeat_n(f64::NAN, levels));
+                self.status.push(Status::Diverged.code());
+            }
+        }
+    }
+}
+
+/// Rows solved between two looks at the signals: a few milliseconds.
+const CHUNK: usize = 2048;
+
+fn batch(py: Python<'_>, mut solver: Core, stack: Stack) -> Result<PrioritySolution, Failure> {
+    let stack = stack.owned();
+    let (count, levels) = (stack.count, stack.rows.len());
+    let room = |width: usize| -> Result<Vec<f64>, Failure> {
+        let mut values = Vec::new();
+        let bytes = count as u128 * width as u128 * 8;
+        values.try_reserve_exact(count.saturating_mul(width)).map_err(|_| Error::Memory { bytes })?;
+        Ok(values)
+    };
+    let residuals = stack.rows.iter().map(|m| room(*m)).collect::<Result<Vec<_>, _>>()?;
+    let mut rows = Rows { v: room(stack.n)?, residuals, ranks: Vec::new(), scales: room(levels)?, status: Vec::new() };
+    for start in (0..count).step_by(CHUNK) {
+        let mut chunk = || (start..count.min(start + CHUNK)).for_each(|i| rows.push(&mut solver, &stack, i));
+        if count < CHUNK / 4 {
+            chunk();
+        } else {
+            py.detach(chunk);
+            py.check_signals()?;
+        }
+    }
+    let shape = |last: &[usize]| -> Vec<usize> { stack.lead.iter().chain(last).copied().collect() };
+    let residuals = stack.rows.iter().zip(&rows.residuals).map(|(m, r)| copied(py, &shape(&[*m]), r)).collect::<Result<Vec<_>, _>>()?;
+    Ok(PrioritySolution {
+        v: copied(py, &shape(&[stack.n]), &rows.v)?.unbind(),
+        residuals: PyList::new(py, residuals)?.into_any().unbind(),
+        ranks: integers(py, &shape(&[levels]), rows.ranks)?.unbind(),
+        scales: copied(py, &shape(&[levels]), &rows.scales)?.unbind(),
+        status: integers(py, &stack.lead, rows.status)?.unbind(),
+    })
+}

@@ -1,0 +1,239 @@
+//! `armlet.PrioritySolver`: buffers built once, then solves without allocation in the core.
+
+use super::solution::{copied, residual_list, status_member};
+use super::stack::{Keywords, Stack, items, per_joint, require_size};
+use crate::arrays::{new_vector, of_shape, out_slice, shown};
+use crate::errors::{Failure, entry, input_error};
+use armlet_core::priority::{DEFAULT_ROUNDING, Options, PrioritySolver as Core};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+struct State {
+    core: Core,
+    options: Options,
+}
+
+/// Prioritised velocities for stacks of one size, solved again and again: the buffers are built once.
+///
+/// Args:
+///     n: number of joints.
+///     rows: rows of each level, the highest first.
+///     method, eps, rounding, weight, v_min, v_max: as for `solve_priority`; keyword only.
+///
+/// Raises:
+///     InputError: a size is not positive, a shape does not fit, the method is unknown.
+///
+/// >>> import armlet as al
+/// >>> solver = al.PrioritySolver(2, [1, 1], method="exact")
+/// >>> solver.solve([[[1.0, 0.0]], [[1.0, 1.0]]], [[1.0], [3.0]]).round(12)
+/// array([1., 2.])
+/// >>> solver.ranks
+/// [1, 1]
+#[pyclass(frozen, module = "armlet")]
+pub struct PrioritySolver {
+    n: usize,
+    counts: Vec<usize>,
+    // Python code never runs under this lock: inputs are read before it is taken, arrays are made before it too.
+    state: Mutex<State>,
+}
+
+/// Positional and keyword arguments of the constructor.
+type Arguments<'py> = ((usize, Vec<usize>), Bound<'py, PyDict>);
+
+const SOLVE: &str = "PrioritySolver.solve";
+
+impl PrioritySolver {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The arrays in place, if all are float64, contiguous and of the right shape.
+    fn borrowed<'a>(&self, jacobians: &'a [Bound<'_, PyAny>], velocities: &'a [Bound<'_, PyAny>], out: &mut Vec<[&'a [f64]; 2]>) -> bool {
+        self.counts.iter().zip(jacobians.iter().zip(velocities)).all(|(m, (jacobian, velocity))| {
+            match (of_shape(jacobian, &[*m, self.n]), of_shape(velocity, &[*m])) {
+                (Some(jacobian), Some(velocity)) => {
+                    out.push([jacobian, velocity]);
+                    true
+                }
+                _ => false,
+            }
+        })
+    }
+
+    fn run(&self, levels: &[[&[f64]; 2]], out: &mut [f64]) -> Result<(), Failure> {
+        let core = &mut self.state().core;
+        let (jacobian, command) = core.inputs();
+        let (mut at, mut to) = (0, 0);
+        for [j, v] in levels {
+            jacobian[at..at + j.len()].copy_from_slice(j);
+            command[to..to + v.len()].copy_from_slice(v);
+            at += j.len();
+            to += v.len();
+        }
+        core.run()?;
+        out.copy_from_slice(core.v());
+        Ok(())
+    }
+}
+
+#[pymethods]
+impl PrioritySolver {
+    #[new]
+    #[pyo3(signature = (n, rows, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None))]
+    fn new(
+        py: Python<'_>,
+        n: usize,
+        rows: Vec<usize>,
+        method: &str,
+        eps: Option<&Bound<'_, PyAny>>,
+        rounding: Option<f64>,
+        weight: Option<&Bound<'_, PyAny>>,
+        v_min: Option<&Bound<'_, PyAny>>,
+        v_max: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        const NAME: &str = "PrioritySolver";
+        entry(py, NAME, || {
+            require_size(py, NAME, n, &rows)?;
+            let options = Keywords { method, eps, rounding, weight, v_min, v_max }.options(NAME, n, rows.len())?;
+            let core = Core::new(n, &rows, &options)?;
+            Ok(PrioritySolver { n, counts: rows, state: Mutex::new(State { core, options }) })
+        })
+    }
+
+    /// Joint velocities `(n,)` for one `(rows_i, n)` Jacobian and one `(rows_i,)` task velocity per level, written to `out` if given.
+    #[pyo3(signature = (jacobians, velocities, *, out=None))]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        jacobians: &Bound<'py, PyAny>,
+        velocities: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        entry(py, SOLVE, || {
+            let (jacobians, velocities) = (items(SOLVE, "jacobians", jacobians)?, items(SOLVE, "velocities", velocities)?);
+            let count = self.counts.len();
+            for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
+                if got != count {
+                    let problem = format!("has the wrong number of levels: expected {count}, got {got}");
+                    return Err(input_error(py, SOLVE, name, problem).into());
+                }
+            }
+            let mut levels = Vec::with_capacity(count);
+            let stack;
+            if !self.borrowed(&jacobians, &velocities, &mut levels) {
+                stack = Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
+                if stack.n != self.n || stack.rows != self.counts || !stack.lead.is_empty() {
+                    let i = (0..count).find(|&i| stack.rows[i] != self.counts[i]).unwrap_or(0);
+                    let got: Vec<usize> = stack.lead.iter().copied().chain([stack.rows[i], stack.n]).collect();
+                    let problem = format!("has the wrong shape: expected {}, got {}", shown(&[self.counts[i], self.n]), shown(&got));
+                    return Err(input_error(py, SOLVE, &format!("jacobians[{i}]"), problem).into());
+                }
+                levels.clear();
+                levels.extend((0..count).map(|i| [stack.jacobian(i, 0), stack.velocity(i, 0)]));
+            }
+            let answer = match out {
+                None => new_vector(py, self.n, |v| self.run(&levels, v)),
+                Some(out) => {
+                    let inputs: Vec<&Bound<'_, PyAny>> = jacobians.iter().chain(&velocities).collect();
+                    let v = out_slice(SOLVE, out, &[self.n], &inputs)?;
+                    self.run(&levels, v).map(|()| out.clone())
+                }
+            };
+            answer.map_err(|failure| {
+                // Say which entry is not finite in the caller's indices, if that is what it was.
+                Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))
+                    .and_then(|stack| stack.require_finite(py, SOLVE))
+                    .err()
+                    .unwrap_or(failure)
+            })
+        })
+    }
+
+    /// The relative error of the entries of the next Jacobians: `8 eps (1 + sum|q|)` where joint angles made them.
+    fn set_rounding(&self, py: Python<'_>, rounding: f64) -> PyResult<()> {
+        entry(py, "PrioritySolver.set_rounding", || {
+            let state = &mut *self.state();
+            state.core.set_rounding(rounding)?;
+            state.options.rounding = Some(rounding);
+            Ok(())
+        })
+    }
+
+    /// The bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s.
+    fn set_bounds(&self, py: Python<'_>, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> PyResult<()> {
+        const NAME: &str = "PrioritySolver.set_bounds";
+        entry(py, NAME, || {
+            let (low, high) = (per_joint(NAME, "v_min", v_min, self.n)?, per_joint(NAME, "v_max", v_max, self.n)?);
+            let state = &mut *self.state();
+            state.core.set_bounds(&low, &high)?;
+            (state.options.v_min, state.options.v_max) = (Some(low), Some(high));
+            Ok(())
+        })
+    }
+
+    /// Number of joints.
+    #[getter]
+    fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Rows of each level, the highest first.
+    #[getter]
+    fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.counts)
+    }
+
+    /// The name of the map.
+    #[getter]
+    fn method(&self) -> &'static str {
+        self.state().core.method().name()
+    }
+
+    /// `v_i - J_i v` of the last solve, `(rows_i,)` per level.
+    #[getter]
+    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        entry(py, "PrioritySolver.residuals", || {
+            let stacked = self.state().core.residuals().to_vec();
+            residual_list(py, &self.counts, &stacked)
+        })
+    }
+
+    /// Directions of each level that the last solve realised.
+    #[getter]
+    fn ranks(&self) -> Vec<usize> {
+        self.state().core.ranks().to_vec()
+    }
+
+    /// Scale of each level's command in the last solve, `(levels,)`; 1 except for "sns".
+    #[getter]
+    fn scales<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        entry(py, "PrioritySolver.scales", || {
+            let scales = self.state().core.scales().to_vec();
+            copied(py, &[scales.len()], &scales)
+        })
+    }
+
+    /// How the last solve ended.
+    #[getter]
+    fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let status = self.state().core.status();
+        status_member(py, status)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(format!("PrioritySolver({}, {}, method={:?})", self.n, PyList::new(py, &self.counts)?.repr()?, self.method()))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Arguments<'py>> {
+        let options = self.state().options.clone();
+        let (n, keywords) = (self.n, PyDict::new(py));
+        keywords.set_item("method", options.method.name())?;
+        keywords.set_item("eps", options.eps)?;
+        keywords.set_item("rounding", options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
+        keywords.set_item("weight", options.weight.map(|w| w.chunks(n).map(<[f64]>::to_vec).collect::<Vec<_>>()))?;
+        keywords.set_item("v_min", options.v_min)?;
+        keywords.set_item("v_max", options.v_max)?;
+        Ok(((n, self.counts.clone()), keywords))
+    }
+}

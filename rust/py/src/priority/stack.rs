@@ -1,0 +1,223 @@
+//! Levels in: lists of Jacobians `(..., rows_i, n)` and task velocities `(..., rows_i)`, checked and broadcast over their leading axes.
+
+use crate::arrays::{common_shape, numbers, require_finite, shown, stretch};
+use crate::errors::{Failure, input_error};
+use armlet_core::priority::{Method, Options};
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
+use std::borrow::Cow;
+
+/// The entries of a list, tuple or other iterable of arrays, one per level.
+pub fn items<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Failure> {
+    if let Ok(list) = value.cast::<PyList>() {
+        return Ok(list.iter().collect());
+    }
+    if let Ok(tuple) = value.cast::<PyTuple>() {
+        return Ok(tuple.iter().collect());
+    }
+    match value.try_iter() {
+        Ok(entries) => Ok(entries.collect::<PyResult<Vec<_>>>()?),
+        Err(_) => {
+            let problem = format!("is not a list of arrays: expected one per level, got {}", value.get_type());
+            Err(input_error(value.py(), function, name, problem).into())
+        }
+    }
+}
+
+/// One array of one level: elements, leading axes, elements per row of the batch.
+struct Part<'a> {
+    values: Cow<'a, [f64]>,
+    lead: Vec<usize>,
+    shape: Vec<usize>,
+    width: usize,
+}
+
+impl Part<'_> {
+    #[inline]
+    fn row(&self, i: usize) -> &[f64] {
+        let i = if self.values.len() == self.width { 0 } else { i };
+        &self.values[i * self.width..(i + 1) * self.width]
+    }
+
+    fn owned(self) -> Part<'static> {
+        Part { values: Cow::Owned(self.values.into_owned()), lead: self.lead, shape: self.shape, width: self.width }
+    }
+}
+
+/// A stack of levels, or a batch of stacks.
+pub struct Stack<'a> {
+    pub n: usize,
+    pub rows: Vec<usize>,
+    /// The leading axes; empty for one stack.
+    pub lead: Vec<usize>,
+    pub count: usize,
+    jacobians: Vec<Part<'a>>,
+    velocities: Vec<Part<'a>>,
+    names: [&'static str; 2],
+}
+
+impl<'a> Stack<'a> {
+    /// `velocities` may be empty: a diagnosis needs none. `names`: of the two arguments.
+    pub fn read(
+        py: Python<'_>,
+        function: &str,
+        names: [&'static str; 2],
+        jacobians: &'a [Bound<'_, PyAny>],
+        velocities: Option<&'a [Bound<'_, PyAny>]>,
+    ) -> Result<Self, Failure> {
+        let refuse = |argument: &str, problem: String| -> Failure { input_error(py, function, argument, problem).into() };
+        if jacobians.is_empty() {
+            return Err(refuse(names[0], "is empty: expected at least one level, got 0".into()));
+        }
+        if let Some(velocities) = velocities
+            && velocities.len() != jacobians.len()
+        {
+            let problem = format!("has the wrong number of levels: expected {}, got {}", jacobians.len(), velocities.len());
+            return Err(refuse(names[1], problem));
+        }
+        let mut n = 0;
+        let (mut blocks, mut commands, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, jacobian) in jacobians.iter().enumerate() {
+            let name = format!("{}[{i}]", names[0]);
+            let (shape, values) = numbers(function, &name, jacobian)?;
+            let &[ref lead @ .., m, columns] = shape.as_slice() else {
+                return Err(refuse(&name, format!("has the wrong shape: expected (..., rows, n), got {}", shown(&shape))));
+            };
+            if i == 0 {
+                n = columns;
+                if n == 0 {
+                    return Err(refuse(&name, format!("has no columns: expected at least one joint, got {}", shown(&shape))));
+                }
+            }
+            if columns != n {
+                return Err(refuse(&name, format!("has the wrong number of columns: expected {n}, got {columns}")));
+            }
+            rows.push(m);
+            blocks.push(Part { values, lead: lead.to_vec(), width: m * n, shape });
+        }
+        for (i, velocity) in velocities.unwrap_or_default().iter().enumerate() {
+            let name = format!("{}[{i}]", names[1]);
+            let (shape, values) = numbers(function, &name, velocity)?;
+            match shape.as_slice() {
+                [lead @ .., m] if *m == rows[i] => commands.push(Part { values, lead: lead.to_vec(), width: rows[i], shape }),
+                _ => {
+                    let leading = if blocks[i].lead.is_empty() { "" } else { "..., " };
+                    let comma = if leading.is_empty() { "," } else { "" };
+                    let problem = format!("has the wrong shape: expected ({leading}{}{comma}), got {}", rows[i], shown(&shape));
+                    return Err(refuse(&name, problem));
+                }
+            }
+        }
+        require_size(py, function, n, &rows)?;
+        let leads: Vec<Vec<usize>> = blocks.iter().chain(&commands).map(|part| part.lead.clone()).collect();
+        let lead = common_shape(&leads).ok_or_else(|| {
+            let all = leads.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
+            refuse(&names.join(", "), format!("do not broadcast: expected leading axes that agree, got {all}"))
+        })?;
+        let count = lead.iter().product();
+        for part in blocks.iter_mut().chain(&mut commands) {
+            if part.lead != lead && part.lead.iter().product::<usize>() != 1 {
+                part.values = Cow::Owned(stretch(&part.lead, &lead, &part.values, part.width)?);
+            }
+        }
+        Ok(Stack { n, rows, lead, count, jacobians: blocks, velocities: commands, names })
+    }
+
+    pub fn jacobian(&self, level: usize, i: usize) -> &[f64] {
+        self.jacobians[level].row(i)
+    }
+
+    pub fn velocity(&self, level: usize, i: usize) -> &[f64] {
+        self.velocities[level].row(i)
+    }
+
+    /// Refuse numbers that are not finite, naming the level and the index.
+    pub fn require_finite(&self, py: Python<'_>, function: &str) -> Result<(), Failure> {
+        for (parts, name) in [(&self.jacobians, self.names[0]), (&self.velocities, self.names[1])] {
+            for (i, part) in parts.iter().enumerate() {
+                require_finite(py, function, &format!("{name}[{i}]"), &part.shape, &part.values)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A copy that outlives the interpreter lock.
+    pub fn owned(self) -> Stack<'static> {
+        Stack {
+            n: self.n,
+            rows: self.rows,
+            lead: self.lead,
+            count: self.count,
+            jacobians: self.jacobians.into_iter().map(Part::owned).collect(),
+            velocities: self.velocities.into_iter().map(Part::owned).collect(),
+            names: self.names,
+        }
+    }
+}
+
+/// The buffers grow with `(n + rows)^2`: a transposed array must not ask for all the memory there is.
+pub fn require_size(py: Python<'_>, function: &str, n: usize, rows: &[usize]) -> Result<(), Failure> {
+    const MOST: usize = 4096;
+    let total = rows.iter().fold(0usize, |sum, m| sum.saturating_add(*m));
+    for (name, size) in [("n", n), ("rows", total)] {
+        if size > MOST {
+            return Err(input_error(py, function, name, format!("is too large: expected at most {MOST}, got {size}")).into());
+        }
+    }
+    Ok(())
+}
+
+/// A number for all joints or one per joint; infinities pass, the core refuses NaN.
+pub fn per_joint(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
+    let (shape, values) = numbers(function, name, value)?;
+    match shape.as_slice() {
+        [] => Ok(vec![values[0]; n]),
+        [m] if *m == n => Ok(values.into_owned()),
+        _ => {
+            let problem = format!("has the wrong shape: expected a number or ({n},), got {}", shown(&shape));
+            Err(input_error(value.py(), function, name, problem).into())
+        }
+    }
+}
+
+/// The keywords that every solver takes, as they come.
+#[derive(Clone, Copy)]
+pub struct Keywords<'a, 'py> {
+    pub method: &'a str,
+    pub eps: Option<&'a Bound<'py, PyAny>>,
+    pub rounding: Option<f64>,
+    pub weight: Option<&'a Bound<'py, PyAny>>,
+    pub v_min: Option<&'a Bound<'py, PyAny>>,
+    pub v_max: Option<&'a Bound<'py, PyAny>>,
+}
+
+impl Keywords<'_, '_> {
+    /// Whether only the method and the rounding are given.
+    pub fn plain(&self) -> bool {
+        self.eps.is_none() && self.weight.is_none() && self.v_min.is_none() && self.v_max.is_none()
+    }
+
+    pub fn options(&self, function: &str, n: usize, levels: usize) -> Result<Options, Failure> {
+        let mut options = Options { rounding: self.rounding, ..Options::new(Method::from_name(self.method)?) };
+        if let Some(eps) = self.eps {
+            let (shape, values) = numbers(function, "eps", eps)?;
+            if !(shape.is_empty() || shape == [levels]) {
+                let problem = format!("has the wrong shape: expected a number or ({levels},), got {}", shown(&shape));
+                return Err(input_error(eps.py(), function, "eps", problem).into());
+            }
+            options.eps = Some(if shape.is_empty() { vec![values[0]; levels] } else { values.into_owned() });
+        }
+        if let Some(weight) = self.weight {
+            let (shape, values) = numbers(function, "weight", weight)?;
+            if shape != [n, n] {
+                let problem = format!("has the wrong shape: expected ({n}, {n}), got {}", shown(&shape));
+                return Err(input_error(weight.py(), function, "weight", problem).into());
+            }
+            require_finite(weight.py(), function, "weight", &shape, &values)?;
+            options.weight = Some(values.into_owned());
+        }
+        options.v_min = self.v_min.map(|v| per_joint(function, "v_min", v, n)).transpose()?;
+        options.v_max = self.v_max.map(|v| per_joint(function, "v_max", v, n)).transpose()?;
+        Ok(options)
+    }
+}
