@@ -43,7 +43,7 @@ impl Arm {
             let inputs: Broadcast<K> = broadcast(function, names, values, widths)?;
             let shape = self.model.shape(&query);
             let full: Vec<usize> = inputs.shape.iter().chain(shape.as_slice()).copied().collect();
-            let compute = |data: &mut [f64]| {
+            let fill = |data: &mut [f64]| {
                 if inputs.count == 1 {
                     let rows: [&[f64]; K] = std::array::from_fn(|k| inputs.row(k, 0));
                     return Ok(self.model.one(&query, &rows, data)?);
@@ -61,18 +61,18 @@ impl Arm {
                 data.copy_from_slice(&fresh);
                 Ok::<(), Failure>(())
             };
-            let fill = |data: &mut [f64]| {
-                compute(data)?;
-                // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
+            // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
+            let checked = |data: &mut [f64]| -> Result<(), Failure> {
+                fill(data)?;
                 let Some(k) = data.iter().position(|x| !x.is_finite()) else { return Ok(()) };
                 let at = if full.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&full, k)) };
                 let problem = format!("give a result that is not finite: expected finite numbers, got {}{at}", data[k]);
                 Err(input_error(py, function, &names.join(", "), problem).into())
             };
             match out {
-                None => new_array(py, &full, fill),
+                None => new_array(py, &full, checked),
                 Some(out) => {
-                    fill(out_slice(function, out, &full, &values)?)?;
+                    checked(out_slice(function, out, &full, &values)?)?;
                     Ok(out.clone())
                 }
             }
