@@ -54,6 +54,7 @@ class Suite:
     def __init__(self, core: int, two: bool) -> None:
         self.cases: list[Case] = []
         self.core, self.two = core, two
+        self.busy = timing.busy()
         self.motion, self.short = peers.table(peers.STEPS), peers.table(peers.BATCH_STEPS)
         self.exact = cases.adaptive_method(1e-13, 1e-14)()
         self.full = peers.numpy_loop(peers.STEPS, full=True)
@@ -134,6 +135,9 @@ class Suite:
                 self.add(group, f"{isa}, {'one run' if what == 'single' else what}", run, per, timed=True, against=yard)
         return routes
 
+    def targets(self) -> list[tuple[str, str, str, bool]]:
+        return targets(self.cases, busy=self.busy > 0.1)
+
     def calls(self) -> None:
         for name, loop in cases.calls(CALLS):
             self.add("One Python call: ns", name, loop, CALLS)
@@ -152,8 +156,8 @@ class Suite:
         )
 
 
-def targets(found: list[Case]) -> list[tuple[str, str, str, bool]]:
-    """(what, target, measured, met); only what this run could measure."""
+def targets(found: list[Case], busy: bool) -> list[tuple[str, str, str, bool]]:
+    """(what, target, measured, met); only what this run could measure. Wall times of two threads say nothing on a busy machine."""
     by_name = {case.name: case for case in found}
     lines = []
 
@@ -161,7 +165,9 @@ def targets(found: list[Case]) -> list[tuple[str, str, str, bool]]:
         if name in by_name and yard in by_name:
             value = timing.ratio(by_name[name], by_name[yard])
             value = 1.0 / value if at_least else value
-            lines.append((what, f"{'>=' if at_least else '<='} {limit}", f"{value:.2f}", value >= limit if at_least else value <= limit))
+            note = " on a busy machine: not conclusive" if busy and "wall" in (by_name[name].clock, by_name[yard].clock) else ""
+            met = value >= limit if at_least else value <= limit
+            lines.append((what, f"{'>=' if at_least else '<='} {limit}", f"{value:.2f}{note}", met))
 
     def ceiling(what: str, name: str, limit: float, unit: str, less: str | None = None, share: float = 1.0) -> None:
         if name in by_name:
@@ -180,8 +186,6 @@ def targets(found: list[Case]) -> list[tuple[str, str, str, bool]]:
     ceiling("inverse_dynamics over its arithmetic", "arm.inverse_dynamics(q, v, a), PR", 250, "ns", arithmetic)
     # A stage of the loop evaluates motion, law and plant: what the law's arithmetic costs, and a little more.
     ceiling("law over its arithmetic", "law(t, q, v), Adaptive, PR", 250, "ns", "armlet, Sinusoid in the loop", 0.25)
-    six = "inverse_dynamics per row of a batch, six axes"
-    ceiling("inverse_dynamics of six axes over its arithmetic", "arm.inverse_dynamics(q, v, a), six axes", 250, "ns", six)
     ceiling("import armlet beyond numpy's", "import armlet", 150, "ms")
     return lines
 
@@ -190,10 +194,10 @@ def report(suite: Suite, as_markdown: bool) -> str:
     machine, info = timing.machine(), al.build_info()
     rounds = max(len(case.wall) for case in suite.cases)
     head = (
-        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; load average {machine['load']} after the run. "
+        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {suite.busy:.0%} of them at the start. "
         f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
     )
-    lines, verdicts = timing.rows(suite.cases), targets(suite.cases)
+    lines, verdicts = timing.rows(suite.cases), suite.targets()
     if not as_markdown:
         text = [head, timing.plain(lines), "", "Targets"]
         return "\n".join(text + [f"  {'met   ' if met else 'MISSED'} {what}: {got} (target {goal})" for what, goal, got, met in verdicts])
@@ -242,7 +246,7 @@ def main() -> None:
     finally:
         for route in routes:
             route.close()
-    about = {"machine": timing.machine(), "build": al.build_info(), "targets": targets(suite.cases)}
+    about = {"machine": timing.machine(), "busy": suite.busy, "build": al.build_info(), "targets": suite.targets()}
     timing.save(HERE / "results" / "adaptive.json", suite.cases, about)
     text = report(suite, options.markdown or options.readme)
     if options.readme:

@@ -96,6 +96,8 @@ def measure(cases: list[Case], rounds: int, core: int, say: Callable[[str], None
             if k % max(1, rounds // case.rounds) or len(case.wall) >= case.rounds:
                 continue
             pin([core] if case.threads == 1 else every)
+            if case.threads > 1:
+                case.run()  # untimed: lets the scheduler spread threads that were just let go from one core
             case.wall[k], case.processor[k] = case.run() if case.timed else clocked(case.run)
     gc.enable()
     pin(every)
@@ -109,7 +111,7 @@ def ratio(case: Case, yardstick: Case) -> float:
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores and load: nothing that names the machine."""
+    """Processor and cores: nothing that names the machine."""
     model, flags = "unknown processor", set()
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
@@ -121,7 +123,22 @@ def machine() -> dict[str, Any]:
     except OSError:
         pass
     widest = next((name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), "no AVX2")
-    return {"cpu": model, "cores": os.cpu_count(), "simd": widest, "load": round(os.getloadavg()[0], 1)}
+    return {"cpu": model, "cores": os.cpu_count(), "simd": widest}
+
+
+def busy() -> float:
+    """The share of all cores' time that other programs take, over a second; 0 where the system does not say."""
+
+    def ticks() -> list[int]:
+        return [int(field) for field in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
+
+    try:
+        before = ticks()
+        time.sleep(1.0)
+        spent = [b - a for a, b in zip(before, ticks(), strict=True)]
+    except OSError:
+        return 0.0
+    return 1.0 - (spent[3] + spent[4]) / max(1, sum(spent))  # idle, and idle waiting for a disk
 
 
 def digits(value: float) -> str:

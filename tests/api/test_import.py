@@ -77,7 +77,9 @@ def test_everything_public_is_documented(name: str) -> None:
 
 def test_there_are_examples() -> None:
     """The list below is what the next test runs; losing one is noticed here."""
-    assert {"armlet", "planar_pr", "Adaptive", "simulate", "simulate_batch"} <= set(EXAMPLES)
+    assert {"armlet", "planar_pr", "Adaptive", "ComputedTorque", "Hold", "RigidArm", "Sinusoid", "simulate", "simulate_batch"} <= set(
+        EXAMPLES
+    )
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

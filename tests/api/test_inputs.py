@@ -178,6 +178,16 @@ def test_not_finite(bad: float) -> None:
         refused(lambda: run(tau_max=[1.0, bad]), "simulate: tau_max ", "first bad index 1")
 
 
+def test_results_that_are_not_finite() -> None:
+    """A singular mass matrix and an overflow are told from finite answers, with the row."""
+    singular = ARM.with_parameters([1.0, 1.0, 1.0])
+    tau = np.ones((3, 2))
+    q = np.array([[1.0, 1.0], [0.0, 2.0], [1.0, 0.0]])
+    refused(lambda: singular.forward_dynamics(q, 0.0 * q, tau + q), "forward_dynamics: q, v, tau ", "not finite", "first bad index (2, 0)")
+    refused(lambda: ARM.bias([0.0, 1.0], [1e200, 1e200]), "bias: q, v ", "not finite", "first bad index 0")
+    refused(lambda: ARM.energy([0.0, 0.0], [1e200, 0.0]), "energy: q, v ", "not finite")
+
+
 # Kinds of arrays
 
 REFUSED: dict[str, Any] = {

@@ -357,7 +357,7 @@ pub fn new_vector<'py>(
 }
 
 /// The elements of a caller's `out=` array of the wanted shape, refused where writing it would be wrong.
-// The slice is the memory of a Python array that was checked to be writeable, not of the reference to it.
+// The array owns its elements and Python shares it freely: `&Bound` is all that ever stands for one.
 #[allow(clippy::mut_from_ref)]
 pub fn out_slice<'a>(
     function: &str,

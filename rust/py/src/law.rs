@@ -12,6 +12,10 @@ const AN_ARM: &str = "an Arm such as planar_pr(..)";
 const A_MOTION: &str = "a Motion such as Hold";
 
 /// A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) = tau`, `x = [q, v]`.
+///
+/// >>> import armlet as al
+/// >>> al.RigidArm(al.planar_pr(2.0, 0.5, 0.5))
+/// RigidArm(planar_pr(A=2, B=0.5, C=0.5))
 #[pyclass(frozen, module = "armlet")]
 pub struct RigidArm {
     #[pyo3(get)]
@@ -47,7 +51,7 @@ pub struct Law {
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
-/// `t`, `q`, `v` and the law's own state.
+/// `t, q, v` and the law's own state.
 type Asked = (f64, Vec<f64>, Vec<f64>, Vec<f64>);
 
 /// What a law is asked about, checked.
@@ -243,6 +247,11 @@ impl Adaptive {
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///
+/// >>> import armlet as al
+/// >>> law = al.ComputedTorque(al.planar_pr(2.0, 0.5, 0.5), al.Hold([1.0, 0.0]), kp=100.0, kd=20.0)
+/// >>> law(0.0, [0.0, 0.0], [0.0, 0.0])
+/// array([200.,  50.])
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct ComputedTorque;
 

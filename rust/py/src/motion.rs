@@ -80,6 +80,10 @@ fn kept<'py>(py: Python<'py>, values: &[f64], shape: &[usize]) -> PyResult<Bound
 }
 
 /// Stay at `q`, `(n,)`.
+///
+/// >>> import armlet as al
+/// >>> al.Hold([1.0, 0.0])(2.0)[0]
+/// array([1., 0.])
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct Hold;
 
@@ -116,6 +120,11 @@ fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Resu
 ///     offset: `(n,)`, rad or m.
 ///     amplitude, frequency, phase: `(n,)` or `(n, k)` for k terms per joint, or a scalar for all;
 ///         frequency in rad/s, phase in rad. Zeros are allowed.
+///
+/// >>> import armlet as al
+/// >>> q_d, v_d, a_d = al.Sinusoid([0.0], [0.5], [2.0], [0.0])(0.0)
+/// >>> v_d
+/// array([1.])
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct Sinusoid;
 

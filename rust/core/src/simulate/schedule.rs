@@ -4,8 +4,10 @@ use crate::error::{Error, Result, finite, positive};
 
 /// A time this close to a step's end, in steps, is that end.
 const ON_GRID: f64 = 1e-9;
-/// More records than this is a mistake in the arguments, not a run.
-const MAX_RECORDS: f64 = 1e9;
+/// More steps than this is a mistake in the arguments, not a run.
+const MAX_STEPS: f64 = 1e12;
+/// What one record takes at least: its place in the schedule, time, state, input and monitors of a small arm.
+const BYTES_PER_RECORD: u128 = 160;
 
 /// What is recorded.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +30,15 @@ pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Refuse more records than memory holds, before any is made: one large reservation is refused at once where
+/// many small ones would end the process.
+fn require_memory(records: u128) -> Result<()> {
+    let bytes = records * BYTES_PER_RECORD;
+    let refused = Error::Memory { bytes };
+    let Ok(size) = usize::try_from(bytes) else { return Err(refused) };
+    Vec::<u8>::new().try_reserve_exact(size).map_err(|_| refused)
 }
 
 /// A record of a fixed-step run: after `step` steps, and a further `offset` seconds.
@@ -53,11 +64,8 @@ impl Schedule {
     pub fn new(dt: f64, t_end: f64, times: &Times, breaks: &[f64]) -> Result<Self> {
         positive("dt", dt)?;
         let exact = t_end / dt;
-        if exact > MAX_RECORDS * 1e3 {
-            return Err(Error::input(
-                "dt",
-                format!("is too small for the run: expected at least {}, got {dt}", t_end / (MAX_RECORDS * 1e3)),
-            ));
+        if exact > MAX_STEPS {
+            return Err(Error::input("dt", format!("is too small for the run: expected at least {}, got {dt}", t_end / MAX_STEPS)));
         }
         // A last step shorter than the rest ends a run whose length is not a multiple of dt.
         let steps = (exact - ON_GRID * exact.max(1.0)).ceil().max(0.0) as usize;
@@ -65,9 +73,7 @@ impl Schedule {
         match times {
             Times::Every(0) => return Err(Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
             Times::Every(every) => {
-                if steps as f64 / *every as f64 > MAX_RECORDS {
-                    return Err(Error::Memory { bytes: steps as u128 / *every as u128 * 64 });
-                }
+                require_memory(steps as u128 / *every as u128)?;
                 let last = if steps.is_multiple_of(*every) { None } else { Some(steps) };
                 let on_grid = (0..=steps).step_by(*every).chain(last);
                 schedule.records = on_grid.map(|step| Record { step, offset: 0.0, t: schedule.time(step) }).collect();

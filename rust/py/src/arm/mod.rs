@@ -6,7 +6,7 @@ mod model;
 pub use construct::*;
 pub use model::Model;
 
-use crate::arrays::{Broadcast, broadcast, new_array, out_slice, vector};
+use crate::arrays::{Broadcast, broadcast, index_of, new_array, out_slice, vector};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::dynamics::{Quantity, Query};
 use pyo3::prelude::*;
@@ -61,10 +61,18 @@ impl Arm {
                 data.copy_from_slice(&fresh);
                 Ok::<(), Failure>(())
             };
+            // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
+            let checked = |data: &mut [f64]| -> Result<(), Failure> {
+                fill(data)?;
+                let Some(k) = data.iter().position(|x| !x.is_finite()) else { return Ok(()) };
+                let at = if full.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&full, k)) };
+                let problem = format!("give a result that is not finite: expected finite numbers, got {}{at}", data[k]);
+                Err(input_error(py, function, &names.join(", "), problem).into())
+            };
             match out {
-                None => new_array(py, &full, fill),
+                None => new_array(py, &full, checked),
                 Some(out) => {
-                    fill(out_slice(function, out, &full, &values)?)?;
+                    checked(out_slice(function, out, &full, &values)?)?;
                     Ok(out.clone())
                 }
             }

@@ -69,9 +69,8 @@ pub fn single(
 /// A number; arrays with axes are refused.
 pub fn scalar(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
     let got = || value.getattr("shape").and_then(|s| s.str()).map_or("an array".to_string(), |s| format!("shape {s}"));
-    number_or_array(function, name, value)?.ok_or_else(|| {
-        input_error(value.py(), function, name, format!("is not a number: expected a number_or_array, got {}", got())).into()
-    })
+    number_or_array(function, name, value)?
+        .ok_or_else(|| input_error(value.py(), function, name, format!("is not a number: expected a number, got {}", got())).into())
 }
 
 /// How Python writes a float or a truth value.
