@@ -97,7 +97,10 @@ def measure(cases: list[Case], rounds: int, core: int, say: Callable[[str], None
                 continue
             pin([core] if case.threads == 1 else every)
             if case.threads > 1:
-                case.run()  # untimed: lets the scheduler spread threads that were just let go from one core
+                # Untimed: the scheduler takes tens of milliseconds to spread threads that were just let go from one core.
+                warm = time.perf_counter()
+                while time.perf_counter() - warm < 0.1:
+                    case.run()
             case.wall[k], case.processor[k] = case.run() if case.timed else clocked(case.run)
     gc.enable()
     pin(every)

@@ -43,18 +43,25 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
 /// Run `work(stop)` in the pool; `poll` is asked every 20 ms whether to stop, and what it says is passed on.
 /// Where no thread can be had the work is done here.
 pub fn run<R: Send>(threads: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
+    match pool(threads) {
+        Some(pool) => on_worker(poll, |stop| pool.install(|| work(stop))),
+        None => work(&AtomicBool::new(false)),
+    }
+}
+
+/// Run `work(stop)` on a thread of its own, so that the caller can go on listening: `poll` is asked every 20 ms.
+pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
     let stop = AtomicBool::new(false);
-    let Some(pool) = pool(threads) else { return work(&stop) };
     let mut result = None;
     std::thread::scope(|scope| {
         let (done, finished) = mpsc::channel::<()>();
         let (result, stop) = (&mut result, &stop);
         scope.spawn(move || {
-            *result = Some(pool.install(|| work(stop)));
+            *result = Some(work(stop));
             // The receiver lives until the scope ends: this can't fail while anyone listens.
             let _ = done.send(());
         });
-        // A worker that panics drops its sender: that ends the wait too, and the scope passes the panic on.
+        // Work that panics drops its sender: that ends the wait too, and the scope passes the panic on.
         while finished.recv_timeout(SLICE) == Err(mpsc::RecvTimeoutError::Timeout) {
             if poll() {
                 stop.store(true, Ordering::Relaxed);
@@ -62,9 +69,4 @@ pub fn run<R: Send>(threads: usize, poll: &mut dyn FnMut() -> bool, work: impl F
         }
     });
     result.expect("a scope returns after its threads, or panics with them")
-}
-
-/// Run `work` on one worker, so that the caller can go on listening.
-pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
-    run(1, poll, work)
 }
