@@ -102,6 +102,7 @@ def simulate_batch(
         plant, law: one for all runs, or a list with one per run.
         q0, v0: initial states, (B, n).
         threads: worker threads; None follows ARMLET_NUM_THREADS, then the cores.
+        t_eval: needed by an adaptive method that keeps "all": its runs step at different times.
         keep: "all" records, or the "final" state alone.
         (the rest): as for `simulate`.
 

@@ -153,17 +153,12 @@ pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bou
     entry(py, NAME, || Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into()))
 }
 
-/// A number, or a decimal string as exact inputs are written.
+/// A finite number, or a decimal string as exact inputs are written.
 fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
-    let text = value.extract::<String>().ok();
-    let parsed = text.as_deref().map_or_else(|| value.extract::<f64>().ok(), |text| text.trim().parse().ok());
-    match parsed {
-        Some(x) if x.is_finite() => Ok(x),
-        Some(x) => Err(input_error(value.py(), function, name, format!("is not finite: expected a finite number, got {x}")).into()),
-        None => {
-            Err(input_error(value.py(), function, name, format!("is not a number: expected a real number, got {}", value.repr()?)).into())
-        }
-    }
+    let decimal = value.extract::<String>().ok().and_then(|text| text.trim().parse().ok());
+    let x = decimal.map_or_else(|| scalar(function, name, value), Ok)?;
+    require_finite(value.py(), function, name, &[], &[x])?;
+    Ok(x)
 }
 
 /// Entry `key` of joint `i`: a vector of `N` numbers, or `default` where it is not given.
