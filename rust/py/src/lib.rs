@@ -3,9 +3,12 @@
 mod arm;
 mod arrays;
 mod errors;
+mod force;
+mod given;
 mod law;
 mod motion;
 mod plan;
+mod plant;
 mod priority;
 mod simulate;
 
@@ -18,7 +21,7 @@ mod _core {
     #[pymodule_export]
     use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
     #[pymodule_export]
-    use super::law::{Adaptive, ComputedTorque, Law, RigidArm};
+    use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity};
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]
@@ -29,6 +32,8 @@ mod _core {
     use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
     #[pymodule_export]
     use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
+    #[pymodule_export]
+    use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
     #[pymodule_export]
     use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
     #[pymodule_export]

@@ -1,12 +1,12 @@
 //! A run of an adaptive method: segments between jumps and samples, records by dense output.
 
 use super::schedule::{Times, require_times};
+use super::stop::Stop;
 use crate::error::Result;
 use crate::integrate::dop853::{Dop853, Work};
 use crate::integrate::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A time this close to a sample, in periods, is that sample.
 const ON_SAMPLE: f64 = 1e-9;
@@ -69,7 +69,7 @@ pub fn run<S, F, B>(
     system: &mut F,
     method: &mut Dop853<B, F::Input>,
     segments: &Segments,
-    stop: &AtomicBool,
+    stop: &dyn Stop,
     mut record: impl FnMut(f64, &mut F, &B),
 ) -> Outcome
 where
@@ -109,7 +109,7 @@ where
             }
         }
         loop {
-            if stop.load(Ordering::Relaxed) {
+            if stop.requested() {
                 return outcome(Status::Interrupted, method.t, method);
             }
             let done = match method.step(system) {
