@@ -141,7 +141,7 @@ impl RigidArm {
 ///
 /// >>> import armlet as al
 /// >>> al.VelocityArm(al.planar_arm([0.5, 0.4]))
-/// VelocityArm(Arm "planar_2r": 2 joints, 3 frames, gravity [0.0, -9.81, 0.0])
+/// VelocityArm(Arm "planar": 2 joints, 2 frames, gravity [0.0, -9.81, 0.0])
 #[pyclass(frozen, extends = Plant, module = "armlet")]
 pub struct VelocityArm;
 

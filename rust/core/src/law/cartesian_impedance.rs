@@ -113,7 +113,6 @@ impl<S: Real> CartesianImpedance<S> {
     fn velocity(&self, v: &[S]) -> Vec<S> {
         self.jacobian.chunks_exact(v.len()).map(|row| row.iter().zip(v).fold(S::zero(), |sum, (&j, &v)| j.mul_add(v, sum))).collect()
     }
-
 }
 
 impl<S: Real> Law<S> for CartesianImpedance<S> {
