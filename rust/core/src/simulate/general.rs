@@ -7,7 +7,8 @@ use super::planar_pr::Sink;
 use super::problem::{Division, Ended, Problem};
 use super::stop::Stop;
 use crate::integrate::Rk4;
-use crate::integrate::dop853::{Dop853, Tolerance};
+use crate::integrate::Tolerance;
+use crate::integrate::dop853::Dop853;
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
 use crate::scalar::{Real, Task};
@@ -75,7 +76,7 @@ impl Task for General<'_> {
                 let mut method = Dop853::new(tolerance, x, u);
                 let mut recorder = Recorder { sink: self.sink, times: &|_| 0.0, x: vec![0.0; size], tau: vec![0.0; n] };
                 let mut i = 0;
-                Ended::Adaptive(adaptive_steps::run::<S, _, _>(&mut closed, &mut method, segments, self.stop, |t, closed, x| {
+                Ended::Adaptive(adaptive_steps::run::<S, _, _, _>(&mut closed, &mut method, segments, self.stop, |t, closed, x| {
                     closed.observe_unheld(t, x);
                     recorder.write(i, t, closed, x);
                     i += 1;

@@ -9,7 +9,8 @@ use super::schedule::Schedule;
 use super::stop::Stop;
 use crate::dynamics::{Model, PlanarPr};
 use crate::integrate::Rk4;
-use crate::integrate::dop853::{Dop853, Tolerance};
+use crate::integrate::Tolerance;
+use crate::integrate::dop853::Dop853;
 use crate::law::{Adaptive, AdaptiveSpec, ComputedTorque, ComputedTorqueSpec, Law, LawSpec};
 use crate::linalg::gain::{Diagonal, Full, Gain};
 use crate::motion::Motion;
@@ -266,7 +267,7 @@ impl Drive for Segments {
         let tolerance = Tolerance { rtol: options.rtol, atol: options.atol, controlled: 4 + Z };
         let mut method = Dop853::new(tolerance, x, desired);
         let mut i = 0;
-        adaptive_steps::run::<S, _, _>(&mut closed, &mut method, self, stop, |t, closed, x| {
+        adaptive_steps::run::<S, _, _, _>(&mut closed, &mut method, self, stop, |t, closed, x| {
             if !HELD {
                 closed.observe(t, x);
             }
