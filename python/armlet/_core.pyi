@@ -306,12 +306,16 @@ class Law:
 
 @final
 class Adaptive(Law):
+    @property
+    def motion(self) -> Motion: ...
     def __new__(
         cls, arm: Arm, motion: Motion, kp: ArrayLike, kd: ArrayLike, gamma: ArrayLike, *, estimate: ArrayLike | None = None
     ) -> Self: ...
 
 @final
 class ComputedTorque(Law):
+    @property
+    def motion(self) -> Motion: ...
     def __new__(cls, arm: Arm, motion: Motion, kp: ArrayLike, kd: ArrayLike) -> Self: ...
 
 @final
