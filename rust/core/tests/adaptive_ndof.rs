@@ -42,7 +42,7 @@ fn trajectories() {
             method: Method::Rk4,
             rtol: 1e-11,
             atol: 1e-12,
-            sample_time: None,
+            sampling: None,
             times: Times::At(times.clone()),
             tau_max: None,
             monitors: true,

@@ -4,7 +4,7 @@ use armlet_core::dynamics::{Dynamics, Model, PlanarPr};
 use armlet_core::law::{AdaptiveSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Quintic, Sinusoid};
 use armlet_core::plant::{PlantSpec, RigidSpec};
-use armlet_core::simulate::{Keep, Method, Options, Problem, Times, simulate, simulate_batch};
+use armlet_core::simulate::{Keep, Method, Options, Problem, Sampling, Times, simulate, simulate_batch};
 use armlet_core::status::Status;
 use serde_json::Value;
 use std::sync::atomic::AtomicBool;
@@ -83,7 +83,7 @@ impl Case {
             method,
             rtol: 1e-12,
             atol: 1e-12,
-            sample_time: None,
+            sampling: None,
             times,
             tau_max: None,
             monitors: true,
@@ -187,7 +187,7 @@ fn sampled_control_holds_the_input() {
     let built = Case::from(&cases("trajectory")[0]["input"]);
     let mut problem = built.problem(Method::Rk4, Some(1e-3), Times::Every(1));
     problem.options.t_end = 0.2;
-    problem.options.sample_time = Some(0.01);
+    problem.options.sampling = Some(Sampling::every(0.01));
     let run = simulate(&problem, &stop).unwrap();
     for k in 0..200 {
         let held = run.tau[2 * k] == run.tau[2 * (k + 1)];

@@ -5,7 +5,7 @@ use armlet_core::dynamics::{Model, PlanarPr};
 use armlet_core::law::{AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec};
-use armlet_core::simulate::{Force, Method, Options, Problem, Times, simulate};
+use armlet_core::simulate::{Force, Method, Options, Problem, Sampling, Times, simulate};
 use armlet_core::status::Status;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
@@ -44,7 +44,7 @@ fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: 
         method,
         rtol: 1e-8,
         atol: 1e-10,
-        sample_time: sample,
+        sampling: sample.map(Sampling::every),
         times: Times::At(vec![t_end]),
         tau_max: Some(vec![1e4; n]),
         monitors: true,

@@ -17,33 +17,58 @@ pub struct Segments {
     pub times: Times,
     /// Jumps of the input strictly inside the run, increasing.
     pub breaks: Vec<f64>,
-    /// Period of a sampled law; `None` for a law inside every stage.
-    pub sample_time: Option<f64>,
+    pub clock: Clock,
+}
+
+/// When a sampled law is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Clock {
+    /// In every stage.
+    None,
+    /// Once per period, s.
+    Every(f64),
+    /// At every break, of which the loop knows what falls there.
+    Breaks,
 }
 
 impl Segments {
-    pub fn new(t_end: f64, times: Times, breaks: &[f64], sample_time: Option<f64>) -> Result<Self> {
+    pub fn new(t_end: f64, times: Times, breaks: &[f64], clock: Clock) -> Result<Self> {
         match &times {
             Times::At(t_eval) => require_times(t_eval, t_end)?,
             Times::Every(0) => return Err(crate::error::Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
             Times::Every(_) => {}
         }
         let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
-        Ok(Segments { t_end, times, breaks, sample_time })
+        Ok(Segments { t_end, times, breaks, clock })
+    }
+
+    /// The same run with more breaks.
+    pub fn with_breaks(&self, more: &[f64]) -> Self {
+        let mut all = self.clone();
+        if !more.is_empty() {
+            all.breaks.extend(more);
+            all.breaks.sort_by(f64::total_cmp);
+            all.breaks.dedup();
+        }
+        all
     }
 
     /// Whether a sample falls on `t`.
     fn is_sample(&self, t: f64) -> bool {
-        self.sample_time.is_some_and(|period| (t / period - (t / period).round()).abs() < ON_SAMPLE)
+        match self.clock {
+            Clock::None => false,
+            Clock::Every(period) => (t / period - (t / period).round()).abs() < ON_SAMPLE,
+            Clock::Breaks => true,
+        }
     }
 
     /// The end of the segment that starts at `t`, and whether the input jumps there.
     fn next(&self, t: f64, sample: u64) -> (f64, bool) {
         let mut end = (self.t_end, false);
-        if let Some(&b) = self.breaks.iter().find(|&&b| b > t) {
+        if let Some(&b) = self.breaks.get(self.breaks.partition_point(|&b| b <= t)) {
             end = (b, true);
         }
-        if let Some(period) = self.sample_time {
+        if let Clock::Every(period) = self.clock {
             let next = (sample + 1) as f64 * period;
             // A sample that is, up to rounding, the end is the end.
             if next < end.0 - ON_SAMPLE * period {
@@ -82,10 +107,13 @@ where
     let mut started = false;
     let outcome = |status, t, method: &M| Outcome { status, t, work: method.work() };
     loop {
-        if let Some(period) = segments.sample_time {
-            if started && t >= (sample + 1) as f64 * period {
-                sample += 1;
-            }
+        if let Clock::Every(period) = segments.clock
+            && started
+            && t >= (sample + 1) as f64 * period
+        {
+            sample += 1;
+        }
+        if segments.clock != Clock::None {
             system.sample(t, method.x().as_ref());
         }
         let (end, jumps) = segments.next(t, sample);

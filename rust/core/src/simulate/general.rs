@@ -5,6 +5,7 @@ use super::closed_loop::{ClosedLoop, Closing, Exogenous, World};
 use super::fixed_steps::{self, Record};
 use super::planar_pr::Sink;
 use super::problem::{Division, Ended, Problem};
+use super::sampler::Sampler;
 use super::stop::Stop;
 use crate::integrate::Rk4;
 use crate::integrate::Tolerance;
@@ -12,6 +13,7 @@ use crate::integrate::dop853::Dop853;
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
 use crate::scalar::{Real, Task};
+use std::borrow::Cow;
 
 /// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes).
 pub struct General<'a> {
@@ -71,6 +73,8 @@ impl Task for General<'_> {
                 Ended::Fixed(fixed_steps::run(&mut closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
             }
             Division::Adaptive(segments) => {
+                // Each run has its own instants where samples are late by chance.
+                let segments = &segments.with_breaks(&closed.instants(segments.t_end));
                 let o = &self.problem.options;
                 let tolerance = Tolerance { rtol: o.rtol, atol: o.atol, controlled: closed.controlled() };
                 let mut method = Dop853::new(tolerance, x, u);
@@ -96,14 +100,18 @@ fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>,
     let law = LawSpec::build::<S>(|lane| problem.law(run(lane)));
     let world = World::new(S::LANES, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)));
     let closing = Closing {
-        tau_max: o.tau_max.as_deref(),
-        held: o.sample_time.is_some(),
+        tau_max: o.tau_max.as_deref().map(Cow::Borrowed),
+        held: o.sampling.is_some(),
         monitored: o.monitors,
         storage: problem.watches_storage(run(0)),
     };
     let spec = problem.plant(run(0));
     let (states, p) = (spec.states(), problem.law(run(0)).initial_state().len());
-    let closed = ClosedLoop::new(plant, law, world, closing, (states, p, spec.model().angles()));
+    let sampler = o.sampling.as_ref().filter(|sampling| !sampling.is_plain()).map(|sampling| {
+        let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
+        Sampler::new(sampling.clone(), seeds, o.grid(), (states, spec.n(), p))
+    });
+    let closed = ClosedLoop::new(plant, law, world, closing, sampler, (states, p, spec.model().angles()));
     let mut x = vec![S::zero(); closed.size()];
     for (k, x) in x.iter_mut().enumerate().take(states) {
         *x = S::from_lanes(|lane| problem.x0[run(lane) * states + k]);

@@ -89,7 +89,7 @@ impl<T: Drive> Task for Group<'_, T> {
                     law.lambda.is_diagonal() && law.kd.is_diagonal() && law.gamma.is_diagonal()
                 });
                 let reference = self.reference::<S>();
-                let plain = problem.options.sample_time.is_none() && problem.options.tau_max.is_none() && !problem.options.monitors;
+                let plain = problem.options.sampling.is_none() && problem.options.tau_max.is_none() && !problem.options.monitors;
                 if diagonal && plain && reference.is_shared() {
                     let law = Adaptive::new(
                         arm(|i| closed_form(problem.plant(run(i)).model())),
@@ -147,7 +147,7 @@ impl<'a, T: Drive> Group<'a, T> {
     #[inline(always)]
     fn close_any<S: Real, L: Law<S>, const Z: usize, const X: usize>(self, law: L, reference: Reference<'a, S>) -> T::Ended {
         let desired = [S::zero(); 6];
-        if self.problem.options.sample_time.is_some() {
+        if self.problem.options.sampling.is_some() {
             self.close::<S, L, _, Z, X, true, true>(law, reference, desired)
         } else {
             self.close::<S, L, _, Z, X, true, false>(law, reference, desired)

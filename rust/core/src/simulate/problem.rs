@@ -1,8 +1,9 @@
 //! What is to be run, validated.
 
-use super::adaptive_steps::{Outcome, Segments};
+use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::fixed_steps::Faults;
 use super::force::Force;
+use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
@@ -41,12 +42,19 @@ pub struct Options {
     pub method: Method,
     pub rtol: f64,
     pub atol: f64,
-    /// `None`: the law is evaluated in every stage; a period: its output is held that long.
-    pub sample_time: Option<f64>,
+    /// `None`: the law is evaluated in every stage; else it is asked at samples and its output held.
+    pub sampling: Option<Sampling>,
     pub times: Times,
     /// Largest |tau| per joint, `(n,)`.
     pub tau_max: Option<Vec<f64>>,
     pub monitors: bool,
+}
+
+impl Options {
+    /// The step of a fixed-step method; 0 for an adaptive one.
+    pub fn grid(&self) -> f64 {
+        if self.method.is_adaptive() { 0.0 } else { self.dt.or(self.sampling.as_ref().map(|s| s.period)).unwrap_or(0.0) }
+    }
 }
 
 /// Runs that share everything but their initial states, and possibly their plants, laws and forces.
@@ -116,14 +124,17 @@ impl<'a> Problem<'a> {
     /// Whether the energy watched in a run is the law's own storage function.
     pub fn watches_storage(&self, run: usize) -> bool {
         let o = &self.options;
-        o.monitors && o.sample_time.is_none() && o.tau_max.is_none() && self.law(run).has_storage(self.plant(run))
+        o.monitors && o.sampling.is_none() && o.tau_max.is_none() && self.law(run).has_storage(self.plant(run))
     }
 
     /// Whether all runs can go side by side in lanes.
     pub fn fits_lanes(&self) -> bool {
         let (plant, law) = (self.plants[0], self.laws[0]);
+        // Samples that are late by chance are late together in lanes.
         !self.options.method.is_adaptive()
+            && self.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0)
             && !self.forces.iter().any(|force| matches!(force, Force::Signal(_)))
+            && !matches!(law, LawSpec::External(_))
             && self.plants.iter().all(|p| std::ptr::eq(*p, plant) || p.same_shape(plant))
             && self.laws.iter().all(|l| std::ptr::eq(*l, law) || l.same_shape(law))
     }
@@ -134,6 +145,7 @@ impl<'a> Problem<'a> {
         let law =
             |law: &LawSpec| matches!(law.model(), Model::PlanarPr(_)) && matches!(law, LawSpec::Adaptive(_) | LawSpec::ComputedTorque(_));
         self.forces.is_empty()
+            && self.options.sampling.as_ref().is_none_or(Sampling::is_plain)
             && matches!(self.options.method, Method::Rk4 | Method::Dop853)
             && self.plants.iter().all(|p| plant(p))
             && self.laws.iter().all(|l| law(l))
@@ -166,6 +178,9 @@ impl<'a> Problem<'a> {
                 law.plant().name()
             );
             return Err(Error::input("law", problem));
+        }
+        if matches!(law, LawSpec::External(_)) && self.options.sampling.is_none() {
+            return Err(Error::input("sample_time", "is missing: expected the period at which a law from outside is asked, got None"));
         }
         let n = plant.n();
         for (i, l) in self.laws.iter().enumerate() {
@@ -216,8 +231,8 @@ impl<'a> Problem<'a> {
         if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
             return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {} (first bad index {i})", limit[i])));
         }
-        if let Some(period) = o.sample_time {
-            positive("sample_time", period)?;
+        if let Some(sampling) = &o.sampling {
+            sampling.validate()?;
         }
         let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
         breaks.extend(self.forces.iter().flat_map(|force| force.breaks()));
@@ -231,20 +246,31 @@ impl<'a> Problem<'a> {
             if o.rtol < 1e-15 {
                 return Err(Error::input("rtol", format!("is below what a double resolves: expected at least 1e-15, got {}", o.rtol)));
             }
-            return Ok(Division::Adaptive(Segments::new(o.t_end, o.times.clone(), &breaks, o.sample_time)?));
+            let clock = match &o.sampling {
+                None => Clock::None,
+                Some(sampling) if sampling.is_plain() => Clock::Every(sampling.period),
+                Some(_) => Clock::Breaks,
+            };
+            return Ok(Division::Adaptive(Segments::new(o.t_end, o.times.clone(), &breaks, clock)?));
         }
-        let Some(dt) = o.dt.or(o.sample_time) else {
+        let Some(dt) = o.dt.or(o.sampling.as_ref().map(|sampling| sampling.period)) else {
             return Err(Error::input("dt", "is missing: expected a step in seconds for a fixed-step method, got None"));
         };
         let schedule = Schedule::new(dt, o.t_end, &o.times, &breaks)?;
-        let hold = match o.sample_time {
+        let steps = |name: &str, duration: f64, least: f64| {
+            let ratio = duration / dt;
+            if ratio.round() < least || (ratio - ratio.round()).abs() > 1e-9 * ratio.max(1.0) {
+                return Err(Error::input(name, format!("is not a multiple of dt: expected k * {dt}, got {duration}")));
+            }
+            Ok(ratio.round() as usize)
+        };
+        let hold = match &o.sampling {
             None => 0,
-            Some(period) => {
-                let ratio = period / dt;
-                if ratio.round() < 1.0 || (ratio - ratio.round()).abs() > 1e-9 * ratio {
-                    return Err(Error::input("sample_time", format!("is not a multiple of dt: expected k * {dt}, got {period}")));
-                }
-                ratio.round() as usize
+            Some(sampling) => {
+                let period = steps("sample_time", sampling.period, 1.0)?;
+                steps("delay", sampling.delay, 0.0)?;
+                // A controller with a clock of its own is shown every step.
+                if sampling.is_plain() { period } else { 1 }
             }
         };
         Ok(Division::Fixed(Fixed { schedule, hold }))
