@@ -6,6 +6,7 @@
 pub mod cholesky;
 pub mod clamp;
 pub mod householder;
+pub mod lu;
 pub mod null_basis;
 pub mod pinv;
 pub mod svd;
