@@ -59,7 +59,9 @@ fn methods_have_their_order() {
         let found = order(|h| fixed_error::<Oscillator>(name, 2.0, h), h);
         assert!((found - expected).abs() < 0.1, "{name}: {found}");
     }
-    for (name, expected, h) in [("dopri5", 5.0, 1.0 / 32.0), ("dop853", 8.0, 0.25), ("rodas4", 4.0, 1.0 / 64.0)] {
+    for (name, expected, h) in
+        [("dopri5", 5.0, 1.0 / 32.0), ("dop853", 8.0, 0.25), ("radau5", 5.0, 1.0 / 16.0), ("rodas4", 4.0, 1.0 / 64.0)]
+    {
         let found = [order(|h| adaptive_errors::<Circle>(name, 2.0, h).0, h), order(|h| adaptive_errors::<Riccati>(name, 2.0, h).0, h)];
         assert!(found.iter().all(|p| (p - expected).abs() < 0.1), "{name}: {found:?}");
     }

@@ -156,7 +156,7 @@ impl<T: Accuracy> Pace<T> {
                 factor = factor.clamp(control.shrink, control.grow);
             }
             self.error_old = error.max(LEAST_ERROR);
-            self.accept(h, t_new, h * if self.rejected { factor.min(1.0) } else { factor });
+            self.accept(t_new, h * if self.rejected { factor.min(1.0) } else { factor });
             return true;
         }
         let blown = !error.is_finite();
@@ -165,7 +165,7 @@ impl<T: Accuracy> Pace<T> {
     }
 
     #[inline(always)]
-    pub fn accept(&mut self, _h: f64, t_new: f64, h_next: f64) {
+    pub fn accept(&mut self, t_new: f64, h_next: f64) {
         self.t_old = self.t;
         self.t = t_new;
         self.h = h_next.min(self.h_max);

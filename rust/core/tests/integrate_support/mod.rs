@@ -58,7 +58,7 @@ pub fn twin<P: Problem>() -> Twin<P> {
 }
 
 pub type Boxed<P> = Box<dyn Adaptive<f64, Twin<P>, Vec<f64>>>;
-pub const ADAPTIVE: [(&str, f64); 3] = [("dopri5", 5.0), ("dop853", 8.0), ("rodas4", 4.0)];
+pub const ADAPTIVE: [(&str, f64); 4] = [("dopri5", 5.0), ("dop853", 8.0), ("radau5", 5.0), ("rodas4", 4.0)];
 pub const FIXED: [(&str, f64); 3] = [("euler", 1.0), ("rk4", 4.0), ("ros2", 2.0)];
 
 pub fn adaptive<P: Problem + 'static>(name: &str, rtol: f64, atol: f64) -> Boxed<P> {
@@ -67,6 +67,7 @@ pub fn adaptive<P: Problem + 'static>(name: &str, rtol: f64, atol: f64) -> Boxed
     match name {
         "dopri5" => Box::new(Dopri5::new(tolerance, x, 0.0)),
         "dop853" => Box::new(Dop853::new(tolerance, x, 0.0)),
+        "radau5" => Box::new(Radau5::new(tolerance, x, 0.0)),
         "rodas4" => Box::new(Rodas4::new(tolerance, x, j, vec![0; P::N], 0.0)),
         other => panic!("{other}"),
     }
