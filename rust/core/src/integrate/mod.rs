@@ -6,10 +6,26 @@
 pub mod adaptive;
 pub mod dop853;
 mod dop853_tableau;
+mod dopri5;
+mod euler;
+mod linearised;
+mod pace;
+mod radau5;
 mod rk4;
+mod rodas4;
+mod ros2;
+mod semi_implicit;
 
 pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
+pub use dop853::Dop853;
+pub use dopri5::Dopri5;
+pub use euler::Euler;
+pub use linearised::{DualSystem, Linearised};
+pub use radau5::Radau5;
 pub use rk4::Rk4;
+pub use rodas4::Rodas4;
+pub use ros2::Ros2;
+pub use semi_implicit::SemiImplicit;
 
 use crate::scalar::Real;
 

@@ -7,6 +7,7 @@ pub mod cholesky;
 pub mod clamp;
 pub mod gain;
 pub mod householder;
+pub mod lu;
 pub mod null_basis;
 pub mod pinv;
 pub mod svd;
