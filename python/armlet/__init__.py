@@ -49,6 +49,7 @@ from ._core import (
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
+from .sampling import Sampling
 from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
@@ -80,6 +81,7 @@ __all__ = [
     "Quintic",
     "RigidArm",
     "Run",
+    "Sampling",
     "Sinusoid",
     "SolveError",
     "Status",

@@ -5,12 +5,13 @@ use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;
 use crate::plant::Plant;
-use armlet_core::law::LawSpec;
+use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
-use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Times};
+use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Sampling, Times};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
+use std::sync::Arc;
 
 const A_PLANT: &str = "a plant such as RigidArm";
 const A_LAW: &str = "a law such as Adaptive";
@@ -65,6 +66,36 @@ impl<'py> Given<'py> {
         optional_number(self.function, name, self.get(name)?.as_ref())
     }
 
+    /// A period in s, or an `armlet.Sampling`.
+    fn sampling(&self) -> Result<Option<Sampling>, Failure> {
+        let Some(value) = self.get("sample_time")? else { return Ok(None) };
+        let function = self.function;
+        let Ok(period) = value.getattr("period") else {
+            return Ok(Some(Sampling::every(number(function, "sample_time", &value)?)));
+        };
+        let field = |name: &str| -> Result<f64, Failure> { number(function, name, &value.getattr(name)?) };
+        let channels = |name: &str| -> Result<[f64; 4], Failure> {
+            let given = value.getattr(name)?;
+            let mut all = [0.0; 4];
+            for (to, channel) in all.iter_mut().zip(core::CHANNELS) {
+                if let Ok(x) = given.get_item(channel) {
+                    *to = number(function, &format!("{name}[{channel:?}]"), &x)?;
+                }
+            }
+            Ok(all)
+        };
+        Ok(Some(Sampling {
+            period: number(function, "period", &period)?,
+            delay: field("delay")?,
+            jitter: field("jitter")?,
+            sensor_delay: index(function, "sensor_delay", &value.getattr("sensor_delay")?)?,
+            noise: channels("noise")?,
+            resolution: channels("resolution")?,
+            rate_limit: field("rate_limit")?,
+            seed: index(function, "seed", &value.getattr("seed")?)? as u64,
+        }))
+    }
+
     /// One number for all, or one per joint.
     fn per_joint(&self, name: &str, n: usize) -> Result<Option<Vec<f64>>, Failure> {
         let Some(value) = self.get(name)? else { return Ok(None) };
@@ -92,7 +123,7 @@ impl<'py> Given<'py> {
             dt: self.optional_number("dt")?,
             rtol: self.number("rtol")?,
             atol: self.number("atol")?,
-            sample_time: self.optional_number("sample_time")?,
+            sampling: self.sampling()?,
             times,
             tau_max: self.per_joint("tau_max", n)?,
             monitors: self.required("monitors")?.is_truthy()?,
@@ -173,6 +204,39 @@ fn put_series(
     Ok(())
 }
 
+/// An integer >= 0.
+fn index(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    let refused = || input_error(value.py(), function, name, "is not an integer >= 0: expected such as 0");
+    Ok(value.extract::<usize>().map_err(|_| refused())?)
+}
+
+/// The law as it is, or the callable that stands for one.
+fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec, raised: &Raised) -> Result<LawSpec, Failure> {
+    if let Ok(law) = law.cast::<Law>() {
+        return Ok(law.get().spec.clone());
+    }
+    if !law.is_callable() {
+        object::<Law>(function, "law", A_LAW, law)?;
+    }
+    let (call, raised, n) = (law.clone().unbind(), raised.clone(), plant.n());
+    let answer = move |t: f64, x: &[f64], tau: &mut [f64]| {
+        Python::attach(|py| {
+            let mut ask = || -> Result<(), Failure> {
+                // t, then q, v, theta, theta_dot as far as the plant has them.
+                let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
+                for part in x.chunks_exact(n) {
+                    arguments.push(PyArray1::from_slice(py, part).into_any());
+                }
+                let answer = call.bind(py).call1(PyTuple::new(py, arguments)?)?;
+                tau.copy_from_slice(&vector(function, "law", &answer, n)?);
+                Ok(py.check_signals()?)
+            };
+            ask().map_err(|failure| force::keep(&raised, py, function, failure)).is_ok()
+        })
+    };
+    Ok(LawSpec::External(ExternalSpec { model: plant.model().clone(), plant: plant.kind(), call: Arc::new(answer) }))
+}
+
 /// What was raised inside a run, or by Ctrl-C.
 fn raise(signal: Option<PyErr>, raised: &Raised) -> Result<(), Failure> {
     let inside = raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
@@ -191,13 +255,13 @@ pub fn simulate<'py>(
     const NAME: &str = "simulate";
     entry(py, NAME, || {
         let plant = object::<Plant>(NAME, "plant", A_PLANT, plant)?;
-        let law = object::<Law>(NAME, "law", A_LAW, law)?;
-        let (plant, law) = (&plant.get().spec, &law.get().spec);
+        let plant = &plant.get().spec;
+        let raised = Raised::default();
+        let law = &law_of(NAME, law, plant, &raised)?;
         let given = Given { function: NAME, keywords: keywords.clone() };
         let n = plant.n();
         let options = given.options(n)?;
         let (_, x0) = given.initial_states(&[plant], q0, false)?;
-        let raised = Raised::default();
         let (force, force_frame) = given.force(plant, law, &raised)?;
         let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options };
         let mut signal = None;

@@ -8,6 +8,8 @@ use crate::scalar::{Duals, Real};
 pub trait DualSystem<V: Real>: System<Duals<V>> {
     /// The input at `t`, moving at its time derivative along direction 0.
     fn moving_input(&mut self, t: f64, u: &mut Self::Input);
+    /// Hold what a sampled loop holds: its input and the rate of its law.
+    fn hold(&mut self, _input: &[V::One], _rate: &[V::One]) {}
     /// Whether the input never moves.
     fn autonomous(&self) -> bool {
         false
@@ -42,7 +44,8 @@ impl<S, F, G, V, X, U> System<S> for Linearised<F, G, V, X, U>
 where
     S: Real,
     F: System<S>,
-    V: Real,
+    V: Real<One = S>,
+    G: DualSystem<V, Input = U>,
 {
     type Input = F::Input;
     #[inline(always)]
@@ -60,6 +63,9 @@ where
     #[inline(always)]
     fn sample(&mut self, t: f64, x: &[S]) {
         self.system.sample(t, x);
+        if let Some((input, rate)) = self.system.held() {
+            self.twin.hold(input, rate);
+        }
     }
     #[inline(always)]
     fn rate_of(&self, i: usize) -> Option<usize> {

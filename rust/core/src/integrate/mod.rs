@@ -40,6 +40,10 @@ pub trait System<S: Real> {
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
     /// Called with the state at every sample of a sampled loop: what is held until the next one.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
+    /// What is held since the last sample: the input and the rate of the law; `None` where nothing is.
+    fn held(&self) -> Option<(&[S], &[S])> {
+        None
+    }
     /// The component that is the rate of component `i`, where there is one: `x_i' = x_k` gives `Some(k)`.
     /// Positions have their velocities; a method that treats the two apart needs to know.
     fn rate_of(&self, _i: usize) -> Option<usize> {

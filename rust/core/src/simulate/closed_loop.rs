@@ -5,12 +5,12 @@
 
 use super::force::Force;
 use super::sampler::Sampler;
-use crate::integrate::System;
+use crate::integrate::{DualSystem, System};
 use crate::law::Law;
 use crate::motion::{Motion, sample_apart};
 use crate::plant::Plant;
-use crate::scalar::Real;
 use crate::scalar::trig::{Angle, rotate};
+use crate::scalar::{Duals, Real};
 use std::borrow::Cow;
 
 /// What the world tells the loop at one instant.
@@ -61,6 +61,11 @@ impl<'a> World<'a> {
             lanes: self.lanes,
             width: self.width,
         }
+    }
+
+    /// Whether a force is a function of time, which moves between jumps.
+    fn smooth_force(&self) -> bool {
+        self.forces.iter().any(|force| matches!(**force, Force::Signal(_)))
     }
 
     /// Room for one instant.
@@ -272,6 +277,16 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         }
     }
 
+    fn held(&self) -> Option<(&[S], &[S])> {
+        self.closing.held.then_some((&self.tau, &self.dz))
+    }
+
+    fn rate_of(&self, i: usize) -> Option<usize> {
+        // [q, v] or [q, v, theta, theta_dot]: a position stands n places before its rate.
+        let n = self.tau.len();
+        (i < self.states && self.states > n && (i / n).is_multiple_of(2)).then_some(i + n)
+    }
+
     #[inline(always)]
     fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
         for (i, trig) in self.trig.iter_mut().enumerate() {
@@ -292,5 +307,48 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
             dx[states + p + 1] =
                 if self.closing.storage { self.law.storage_rate(&x[..states], power.outside) } else { power.input + power.outside };
         }
+    }
+}
+
+/// The step of time over which the desired acceleration is differenced, s: what it leaves out of a Jacobian of second order
+/// in it is far below an error of a step.
+const JERK_STEP: f64 = 1e-6;
+
+impl<V: Real> DualSystem<V> for ClosedLoop<'_, Duals<V>> {
+    fn moving_input(&mut self, t: f64, u: &mut Exogenous<Duals<V>>) {
+        self.world.sample(t, u);
+        let mut after = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [Duals::default(); 6] });
+        self.world.sample(t + JERK_STEP, &mut after);
+        let still = V::zero();
+        let mut at = 0;
+        for motions in &self.world.motions {
+            let m = motions[0].dof();
+            for i in at..at + m {
+                let jerk = (after.desired[i + 2 * m].value.lane(0) - u.desired[i + 2 * m].value.lane(0)) / JERK_STEP;
+                let (v, a) = (u.desired[i + m].value.lane(0), u.desired[i + 2 * m].value.lane(0));
+                for (k, rate) in [(i, v), (i + m, a), (i + 2 * m, jerk)] {
+                    u.desired[k] = Duals::new(u.desired[k].value, V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 }));
+                }
+            }
+            at += 3 * m;
+        }
+        for k in 0..6 {
+            let rate = (after.wrench[k].value.lane(0) - u.wrench[k].value.lane(0)) / JERK_STEP;
+            // A force in steps does not move between its jumps.
+            let rate = if self.world.smooth_force() { rate } else { 0.0 };
+            u.wrench[k] = Duals::new(u.wrench[k].value, still + V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 }));
+        }
+        self.now = after;
+    }
+
+    fn hold(&mut self, input: &[V::One], rate: &[V::One]) {
+        for (to, &from) in self.tau.iter_mut().zip(input).chain(self.dz.iter_mut().zip(rate)) {
+            *to = Duals::new(from, V::zero());
+        }
+    }
+
+    fn autonomous(&self) -> bool {
+        let still = |motions: &Vec<Cow<Motion>>| matches!(*motions[0], Motion::Hold(_));
+        (self.closing.held || self.world.motions.iter().all(still)) && !self.world.smooth_force()
     }
 }

@@ -24,7 +24,7 @@ pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
 pub use force::{Force, Wrench};
 pub use pool::default_threads;
 pub use problem::{Method, Options, Problem};
-pub use sampling::Sampling;
+pub use sampling::{CHANNELS, Sampling};
 pub use schedule::Times;
 pub use single::{Run, simulate};
 pub use stop::{Poller, Stop};

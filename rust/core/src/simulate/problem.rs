@@ -3,22 +3,39 @@
 use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::fixed_steps::Faults;
 use super::force::Force;
+use super::general::{General, Implicit};
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
 use crate::law::LawSpec;
-use crate::plant::{PlantSpec, RigidSpec};
+use crate::plant::{PlantKind, PlantSpec, RigidSpec};
+use crate::scalar::{run_lanes, run_scalar};
 
 /// The numerical method of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
+    Euler,
+    SemiImplicit,
     Rk4,
+    Ros2,
+    Dopri5,
     Dop853,
+    Radau5,
+    Rodas4,
 }
 
 impl Method {
-    pub const NAMES: [(&'static str, Method); 2] = [("rk4", Method::Rk4), ("dop853", Method::Dop853)];
+    pub const NAMES: [(&'static str, Method); 8] = [
+        ("euler", Method::Euler),
+        ("semi_implicit", Method::SemiImplicit),
+        ("rk4", Method::Rk4),
+        ("ros2", Method::Ros2),
+        ("dopri5", Method::Dopri5),
+        ("dop853", Method::Dop853),
+        ("radau5", Method::Radau5),
+        ("rodas4", Method::Rodas4),
+    ];
 
     pub fn from_name(name: &str) -> Result<Self> {
         let names: Vec<&str> = Self::NAMES.iter().map(|(n, _)| *n).collect();
@@ -28,8 +45,23 @@ impl Method {
         }
     }
 
+    /// Whether it chooses its own steps.
     pub fn is_adaptive(self) -> bool {
-        self == Method::Dop853
+        matches!(self, Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4)
+    }
+
+    /// Whether it needs the derivatives of the loop.
+    pub fn is_implicit(self) -> bool {
+        matches!(self, Method::Ros2 | Method::Radau5 | Method::Rodas4)
+    }
+
+    /// Evaluations of the right-hand side in a step of a fixed-step method.
+    pub fn evaluations_per_step(self) -> u64 {
+        match self {
+            Method::Euler | Method::SemiImplicit => 1,
+            Method::Ros2 => 2,
+            _ => 4,
+        }
     }
 }
 
@@ -77,6 +109,13 @@ pub struct Problem<'a> {
 pub enum Division {
     Fixed(Fixed),
     Adaptive(Segments),
+}
+
+impl Division {
+    /// Run the one run `group` starts with, by whatever the method needs.
+    pub fn run_single(group: General) -> Ended {
+        if group.problem.options.method.is_implicit() { run_lanes(Implicit(group)) } else { run_scalar(group) }
+    }
 }
 
 /// How a group of lanes ended, by the way time was divided.
@@ -132,6 +171,7 @@ impl<'a> Problem<'a> {
         let (plant, law) = (self.plants[0], self.laws[0]);
         // Samples that are late by chance are late together in lanes.
         !self.options.method.is_adaptive()
+            && !self.options.method.is_implicit()
             && self.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0)
             && !self.forces.iter().any(|force| matches!(force, Force::Signal(_)))
             && !matches!(law, LawSpec::External(_))
@@ -178,6 +218,12 @@ impl<'a> Problem<'a> {
                 law.plant().name()
             );
             return Err(Error::input("law", problem));
+        }
+        if self.options.method == Method::SemiImplicit && plant.kind() == PlantKind::Velocity {
+            return Err(Error::input(
+                "method",
+                "needs velocities among the states: expected such as rk4 for VelocityArm, got semi_implicit",
+            ));
         }
         if matches!(law, LawSpec::External(_)) && self.options.sampling.is_none() {
             return Err(Error::input("sample_time", "is missing: expected the period at which a law from outside is asked, got None"));
