@@ -42,9 +42,9 @@ fn several<'py, T: pyo3::PyClass>(
 }
 
 /// How to run it, as Python gives it: keyword by keyword.
-struct Given<'py> {
-    function: &'static str,
-    keywords: Bound<'py, PyDict>,
+pub struct Given<'py> {
+    pub function: &'static str,
+    pub keywords: Bound<'py, PyDict>,
 }
 
 impl<'py> Given<'py> {
@@ -53,7 +53,7 @@ impl<'py> Given<'py> {
         Ok(self.keywords.get_item(name)?.filter(|value| !value.is_none()))
     }
 
-    fn required(&self, name: &str) -> Result<Bound<'py, PyAny>, Failure> {
+    pub fn required(&self, name: &str) -> Result<Bound<'py, PyAny>, Failure> {
         let missing = || input_error(self.keywords.py(), self.function, name, "is missing: expected a value, got None");
         Ok(self.get(name)?.ok_or_else(missing)?)
     }
@@ -110,7 +110,7 @@ impl<'py> Given<'py> {
         }
     }
 
-    fn options(&self, n: usize) -> Result<Options, Failure> {
+    pub fn options(&self, n: usize) -> Result<Options, Failure> {
         let function = self.function;
         let every = count(function, "record_every", &self.required("record_every")?)?;
         let times = match self.get("t_eval")? {
@@ -131,7 +131,7 @@ impl<'py> Given<'py> {
     }
 
     /// Initial states of the plants, `(rows, states)`: `q0, v0, theta0, theta_dot0` are `(n,)` for one run, `(B, n)` for a batch.
-    fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
+    pub fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
         let n = plants[0].n();
         let read = |name: &str, value: &Bound<'py, PyAny>| -> Result<(usize, Vec<f64>), Failure> {
             if batch { batch_rows(self.function, name, value, n) } else { Ok((1, vector(self.function, name, value, n)?)) }
@@ -164,7 +164,7 @@ impl<'py> Given<'py> {
     }
 
     /// The force and the frame it acts at; the callables' errors go to `raised`.
-    fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
+    pub fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
         let frame = match self.get("force_frame")? {
             None => None,
             Some(frame) => Some(plant.model().tree("force_frame")?.frame_index(&text(self.function, "force_frame", &frame)?)?),
@@ -211,7 +211,7 @@ fn index(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, 
 }
 
 /// The law as it is, or the callable that stands for one.
-fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec, raised: &Raised) -> Result<LawSpec, Failure> {
+pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec, raised: &Raised) -> Result<LawSpec, Failure> {
     if let Ok(law) = law.cast::<Law>() {
         return Ok(law.get().spec.clone());
     }
@@ -238,7 +238,7 @@ fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec, rai
 }
 
 /// What was raised inside a run, or by Ctrl-C.
-fn raise(signal: Option<PyErr>, raised: &Raised) -> Result<(), Failure> {
+pub fn raise(signal: Option<PyErr>, raised: &Raised) -> Result<(), Failure> {
     let inside = raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
     signal.or(inside).map_or(Ok(()), |error| Err(Failure::Python(error)))
 }

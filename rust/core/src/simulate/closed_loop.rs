@@ -171,6 +171,26 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
+    /// The same loop with motions, forces and limits of its own.
+    pub fn into_owned(self) -> ClosedLoop<'static, S> {
+        let Closing { tau_max, held, monitored, storage } = self.closing;
+        ClosedLoop {
+            plant: self.plant,
+            law: self.law,
+            world: self.world.into_owned(),
+            closing: Closing { tau_max: tau_max.map(|limit| Cow::Owned(limit.into_owned())), held, monitored, storage },
+            sampler: self.sampler,
+            states: self.states,
+            angles: self.angles,
+            anchors: self.anchors,
+            trig: self.trig,
+            tau: self.tau,
+            dz: self.dz,
+            now: self.now,
+            acting: self.acting,
+        }
+    }
+
     /// Size of the state with the quadratures.
     pub fn size(&self) -> usize {
         self.states + self.dz.len() + if self.closing.monitored { 2 } else { 0 }
@@ -195,12 +215,28 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     #[inline(always)]
     fn control(&mut self, desired: &[S], measured: &[S], z: &[S]) {
         self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, &mut self.dz);
+        self.saturate();
+    }
+
+    #[inline(always)]
+    fn saturate(&mut self) {
         if let Some(limit) = &self.closing.tau_max {
             for (tau, &limit) in self.tau.iter_mut().zip(limit.iter()) {
                 // A NaN passes, as it must: min and max would hide it.
                 let (high, low) = (S::splat(limit), S::splat(-limit));
                 *tau = S::select(high.lt(*tau), high, S::select(tau.lt(low), low, *tau));
             }
+        }
+    }
+
+    /// The input is `tau` from now on, and the law's state rests; `None` gives the input back to the law.
+    #[inline(always)]
+    pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
+        self.closing.held = held || tau.is_some();
+        if let Some(tau) = tau {
+            self.tau.copy_from_slice(tau);
+            self.saturate();
+            self.dz.fill(S::zero());
         }
     }
 

@@ -8,7 +8,7 @@ use super::problem::{Division, Ended, Fixed, Method, Problem};
 use super::sampler::Sampler;
 use super::stop::Stop;
 use crate::integrate::{
-    Adaptive, Dop853, Dopri5, Euler, FixedStep, Linearised, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System, Tolerance,
+    Adaptive, Dop853, Dopri5, DualSystem, Euler, FixedStep, Linearised, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System, Tolerance,
 };
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
@@ -28,9 +28,11 @@ pub struct General<'a> {
 pub struct Implicit<'a>(pub General<'a>);
 
 /// A loop that can be recorded.
-trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
+pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     /// The plant's input at state `x` and time `t`.
     fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
+    /// Take `tau` for the plant's input instead of the law's; `None` gives it back to the law, held or not.
+    fn drive(&mut self, tau: Option<&[S]>, held: bool);
 }
 
 impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
@@ -39,15 +41,27 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
         self.observe_unheld(t, x);
         &self.tau
     }
+    #[inline(always)]
+    fn drive(&mut self, tau: Option<&[S]>, held: bool) {
+        self.take_over(tau, held);
+    }
 }
 
 /// A loop with its twin on dual numbers.
-type Twins<'a, V> = Linearised<ClosedLoop<'a, <V as Real>::One>, ClosedLoop<'a, Duals<V>>, V, Vec<Duals<V>>, Exogenous<Duals<V>>>;
+pub type Twins<'a, V> = Linearised<ClosedLoop<'a, <V as Real>::One>, ClosedLoop<'a, Duals<V>>, V, Vec<Duals<V>>, Exogenous<Duals<V>>>;
 
 impl<V: Real> Watched<V::One> for Twins<'_, V> {
     #[inline(always)]
     fn input_at(&mut self, t: f64, x: &[V::One]) -> &[V::One] {
         self.system.input_at(t, x)
+    }
+    #[inline(always)]
+    fn drive(&mut self, tau: Option<&[V::One]>, held: bool) {
+        self.system.drive(tau, held);
+        self.twin.take_over(None, held || tau.is_some());
+        if let Some((input, rate)) = self.system.held() {
+            self.twin.hold(input, rate);
+        }
     }
 }
 
@@ -167,11 +181,10 @@ impl Task for Implicit<'_> {
     fn run<V: Real>(self) -> Ended {
         let general = self.0;
         let (closed, x) = close::<V::One>(general.problem, general.first);
-        let (twin, moving) = close::<Duals<V>>(general.problem, general.first);
-        let (u, input, size) = (closed.instant(), twin.instant(), x.len());
+        let (u, size) = (closed.instant(), x.len());
         let (matrix, pivots) = (vec![V::One::zero(); size * size], vec![0usize; size]);
         let (tolerance, instants) = (general.problem.tolerance(closed.controlled()), closed.instants(general.problem.options.t_end));
-        let twins: Twins<V> = Linearised::new(closed, twin, moving, input);
+        let twins: Twins<V> = twin(closed, general.problem, general.first);
         match (general.division, general.problem.options.method) {
             (Division::Fixed(fixed), _) => {
                 let method = Ros2::new(x.clone(), matrix, pivots, u);
@@ -183,9 +196,25 @@ impl Task for Implicit<'_> {
     }
 }
 
+/// A loop with its twin on dual numbers.
+fn twin<'a, V: Real>(closed: ClosedLoop<'a, V::One>, problem: &'a Problem<'a>, first: usize) -> Twins<'a, V> {
+    let (twin, moving) = close::<Duals<V>>(problem, first);
+    let input = twin.instant();
+    Linearised::new(closed, twin, moving, input)
+}
+
+/// The loop of run `first` with its twin, both with motions and forces of their own, and its state at the start.
+pub fn twins<V: Real>(problem: &Problem, first: usize) -> (Twins<'static, V>, Vec<V::One>) {
+    let (closed, x) = close::<V::One>(problem, first);
+    let (twin, moving) = close::<Duals<V>>(problem, first);
+    let (closed, twin) = (closed.into_owned(), twin.into_owned());
+    let input = twin.instant();
+    (Linearised::new(closed, twin, moving, input), x)
+}
+
 /// The loop of the runs from `first` on, and its state at the start.
 #[inline(never)]
-fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
+pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
     let last = problem.runs() - 1;
     let run = |lane: usize| (first + lane).min(last);
     let o = &problem.options;

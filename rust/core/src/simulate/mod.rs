@@ -18,6 +18,7 @@ mod sampler;
 mod sampling;
 mod schedule;
 mod single;
+mod stepper;
 mod stop;
 
 pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
@@ -27,4 +28,5 @@ pub use problem::{Method, Options, Problem};
 pub use sampling::{CHANNELS, Sampling};
 pub use schedule::Times;
 pub use single::{Run, simulate};
+pub use stepper::{Stepping, stepper};
 pub use stop::{Poller, Stop};

@@ -45,6 +45,10 @@ impl Method {
         }
     }
 
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, method)| *method == self).map_or("", |(name, _)| name)
+    }
+
     /// Whether it chooses its own steps.
     pub fn is_adaptive(self) -> bool {
         matches!(self, Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4)
