@@ -7,10 +7,10 @@ use super::adaptive_steps::Outcome;
 use super::fixed_steps::Faults;
 use super::monitors::{self, Monitor};
 use super::planar_pr::{Group, Sink};
-use super::pool;
 use super::problem::{Division, Fixed, Problem};
 use crate::error::{Error, Result};
 use crate::motion::{Motion, Table};
+use crate::parallel;
 use crate::scalar::{Real, Task, run_scalar, run_wide_lanes};
 use crate::status::Status;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
@@ -115,7 +115,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     let lanes = if problem.options.method.is_adaptive() { 1 } else { self::lanes() };
     let tabulated = tabulate(&problem, &division);
     let mut groups = split(&problem, &mut out, lanes);
-    let interrupted = pool::run(threads, poll, |stop: &AtomicBool| {
+    let interrupted = parallel::run(threads, poll, |stop: &AtomicBool| {
         let go = |(g, rows): (usize, &mut Rows)| {
             let (problem, first) = (&problem, g * lanes);
             match &division {

@@ -6,15 +6,14 @@ mod batch;
 mod fixed_steps;
 mod monitors;
 mod planar_pr;
-mod pool;
 mod problem;
 mod reference;
 mod rigid_loop;
 mod schedule;
 mod single;
 
+pub use crate::parallel::{default_threads, on_worker};
 pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
-pub use pool::{default_threads, on_worker};
 pub use problem::{Method, Options, Problem};
 pub use schedule::Times;
 pub use single::{Run, simulate};
