@@ -35,12 +35,14 @@ from ._core import (
     pendulum,
     planar_arm,
     planar_pr,
+    project_parameters,
     solve_priority,
     torque_optimal_time,
     trapezoid_time,
     velocity_bounds,
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .identification import BaseParameters, Identification, ParameterReport
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .simulation import simulate, simulate_batch
@@ -54,15 +56,18 @@ __all__ = [
     "BangBang",
     "BangBangBatch",
     "BangBangReport",
+    "BaseParameters",
     "BatchRun",
     "ComputedTorque",
     "FormatError",
     "Hold",
+    "Identification",
     "InputError",
     "InternalError",
     "Law",
     "ModelError",
     "Motion",
+    "ParameterReport",
     "PriorityDiagnosis",
     "PrioritySolution",
     "PrioritySolver",
@@ -86,6 +91,7 @@ __all__ = [
     "pendulum",
     "planar_arm",
     "planar_pr",
+    "project_parameters",
     "simulate",
     "simulate_batch",
     "solve_priority",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
+from .identification import BaseParameters, Identification, ParameterReport
 from .status import Status
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "pendulum",
     "planar_arm",
     "planar_pr",
+    "project_parameters",
     "simulate",
     "simulate_batch",
     "solve_priority",
@@ -74,6 +76,7 @@ def load_urdf(
     path_or_xml: str | PathLike[str], *, gravity: ArrayLike | None = None, root: str | None = None, tip: str | None = None
 ) -> Arm: ...
 def example_urdf(name: str) -> str: ...
+def project_parameters(pi: ArrayLike, *, length: _Number | None = None, floor: _Number | None = None) -> _Array: ...
 def _restore_planar_pr(pi: Sequence[float]) -> Arm: ...
 def _restore_tree(state: tuple[Any, ...]) -> Arm: ...
 def simulate(
@@ -246,6 +249,21 @@ class Arm:
     def linearize(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, friction: bool = False, out: tuple[_Array, _Array] | None = None
     ) -> tuple[_Array, _Array]: ...
+    def base_parameters(self, *, armature: bool = False, friction: bool = False) -> BaseParameters: ...
+    def check_parameters(self, pi: ArrayLike | None = None) -> ParameterReport: ...
+    def project_parameters(self, pi: ArrayLike, *, length: _Number | None = None, floor: _Number | None = None) -> _Array: ...
+    def identify(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        tau: ArrayLike,
+        *,
+        armature: bool = False,
+        friction: bool = False,
+        noise: ArrayLike | None = None,
+        cutoff: _Number | None = None,
+    ) -> Identification: ...
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[_Array, _Array]: ...
     def pose(self, q: ArrayLike, frame: str, *, out: _Array | None = None) -> _Array: ...
     def position(self, q: ArrayLike, frame: str, *, out: _Array | None = None) -> _Array: ...

@@ -6,6 +6,7 @@
 
 mod inertia;
 mod matrix;
+pub mod pseudo_inertia;
 mod vector;
 
 pub use inertia::{Inertia, PARAMETERS, parameter};

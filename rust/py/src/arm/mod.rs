@@ -3,9 +3,11 @@
 mod construct;
 mod derivatives;
 mod evaluate;
+mod identify;
 mod model;
 
 pub use construct::*;
+pub use identify::*;
 pub use model::Model;
 
 use crate::arrays::{new_array, vector};
