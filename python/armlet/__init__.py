@@ -43,6 +43,7 @@ from ._core import (
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .identification import BaseParameters, Identification, ParameterReport
+from .interop import Verification, from_mujoco, from_pinocchio, verify
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .simulation import simulate, simulate_batch
@@ -80,11 +81,14 @@ __all__ = [
     "Status",
     "Table",
     "TorqueOptimum",
+    "Verification",
     "__version__",
     "bang_bang_time",
     "build_info",
     "diagnose_priority",
     "example_urdf",
+    "from_mujoco",
+    "from_pinocchio",
     "load",
     "load_urdf",
     "minimum_jerk_time",
@@ -98,6 +102,7 @@ __all__ = [
     "torque_optimal_time",
     "trapezoid_time",
     "velocity_bounds",
+    "verify",
 ]
 
 
