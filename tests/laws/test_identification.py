@@ -183,3 +183,37 @@ def test_bad_records_are_refused() -> None:
     bad[7, 1] = np.nan
     with pytest.raises(al.InputError, match=r"identify: tau is not finite: .* \(first bad index \(7, 1\)\)"):
         arm.identify(q, q, q, bad)
+
+
+def plate(ixx: float, iyy: float, izz: float, mass: float = 1.5) -> al.Arm:
+    """One body on a revolute joint, its centre 0.1 m away."""
+    moments = f'ixx="{ixx!r}" iyy="{iyy!r}" izz="{izz!r}" ixy="0" ixz="0" iyz="0"'
+    return al.load_urdf(
+        f"""<robot name="plate"><link name="base"/>
+        <link name="plate"><inertial><origin xyz="0.1 0 0"/><mass value="{mass!r}"/><inertia {moments}/></inertial></link>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="plate"/><axis xyz="0 0 1"/></joint></robot>"""
+    )
+
+
+@pytest.mark.parametrize("slack, warned", [(1e-5, False), (1e-7, False), (-1e-7, False), (-1e-5, True)])
+def test_the_triangle_inequality_near_its_border(slack: float, warned: bool) -> None:
+    """Reading warns beyond a millionth, which files round away; the check of consistency has no slack."""
+    moment = 0.02
+    arm = plate(moment, moment, 2.0 * moment * (1.0 - slack))
+    assert any("triangle" in line for line in arm.report) is warned
+    assert arm.check_parameters().consistent is (slack > 0.0)
+    np.testing.assert_allclose(arm.mass_matrix([0.3]), [[2.0 * moment * (1.0 - slack) + 1.5 * 0.01]], rtol=1e-14)
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-12])
+def test_negative_moments_within_the_digits_of_files(size: float) -> None:
+    """Up to 1e-7 kg m^2 is read as rounding, with a warning, however small the load is; more is refused; the check tells it."""
+    arm = plate(-0.9 * size, size, size, mass=1e-3)
+    assert any("triangle" in line for line in arm.report)
+    report = arm.check_parameters()
+    assert report.inconsistent == ("turn",) and "smallest is not positive" in report.problems[0]
+    projected = arm.with_parameters(arm.project_parameters(arm.parameters))
+    assert projected.check_parameters().consistent
+    if size == 1e-7:
+        with pytest.raises(al.ModelError, match="negative principal moment"):
+            plate(-1.1 * size, size, size, mass=1e-3)
