@@ -42,12 +42,15 @@ from ._core import (
     pendulum,
     planar_arm,
     planar_pr,
+    project_parameters,
     solve_priority,
     torque_optimal_time,
     trapezoid_time,
     velocity_bounds,
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .identification import BaseParameters, Identification, ParameterReport
+from .interop import Verification, from_mujoco, from_pinocchio, verify
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .sampling import Sampling
@@ -62,12 +65,14 @@ __all__ = [
     "BangBang",
     "BangBangBatch",
     "BangBangReport",
+    "BaseParameters",
     "BatchRun",
     "CartesianImpedance",
     "ComputedTorque",
     "ElasticArm",
     "FormatError",
     "Hold",
+    "Identification",
     "InputError",
     "InternalError",
     "Law",
@@ -75,6 +80,7 @@ __all__ = [
     "Motion",
     "PDGravity",
     "Plant",
+    "ParameterReport",
     "PriorityDiagnosis",
     "PrioritySolution",
     "PrioritySolver",
@@ -91,23 +97,28 @@ __all__ = [
     "TorqueOptimum",
     "VelocityArm",
     "Wall",
+    "Verification",
     "__version__",
     "bang_bang_time",
     "build_info",
     "diagnose_priority",
     "example_urdf",
+    "from_mujoco",
+    "from_pinocchio",
     "load",
     "load_urdf",
     "minimum_jerk_time",
     "pendulum",
     "planar_arm",
     "planar_pr",
+    "project_parameters",
     "simulate",
     "simulate_batch",
     "solve_priority",
     "torque_optimal_time",
     "trapezoid_time",
     "velocity_bounds",
+    "verify",
 ]
 
 

@@ -22,6 +22,7 @@ LINES = 500
 # What each module of the core may use directly, before closing over the chain.
 BELOW = {
     "error": {"status"},
+    "parallel": {"error"},
     "status": set(),
     "scalar": {"error", "status"},
     "linalg": {"scalar"},
@@ -36,7 +37,7 @@ BELOW = {
     "plan": {"motion", "dynamics"},
     "integrate": {"linalg"},
     "analysis": {"law", "integrate"},
-    "simulate": {"law", "integrate"},
+    "simulate": {"law", "integrate", "parallel"},
 }
 
 

@@ -5,7 +5,7 @@
 //! read-only) goes through `numpy.asarray`; complex, object, boolean and string arrays are refused.
 
 use crate::errors::{Failure, input_error};
-use armlet_core::error::Error;
+use armlet_core::error::{Error, all_finite};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -150,6 +150,9 @@ pub fn index_of(shape: &[usize], mut k: usize) -> String {
 
 /// Refuse numbers that are not finite.
 pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize], values: &[f64]) -> Result<(), Failure> {
+    if all_finite(values) {
+        return Ok(());
+    }
     match values.iter().position(|x| !x.is_finite()) {
         None => Ok(()),
         Some(k) if shape.is_empty() => {
@@ -323,19 +326,14 @@ pub fn new_array<'py>(
 ) -> Result<Bound<'py, PyAny>, Failure> {
     // numpy says what does not fit as a MemoryError; the quick way below may only panic.
     let large = if elements(shape)? > LARGE {
-        let array = numpy_function(py, "empty")?.call1((PyTuple::new(py, shape)?,))?;
+        let array = numpy_function(py, "zeros")?.call1((PyTuple::new(py, shape)?,))?;
         Some(array.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?)
     } else {
         None
     };
-    // SAFETY: every element is written before anyone can see the array: it is zeroed, because `fill` may fail.
-    let (array, out) = unsafe {
-        let array = large.unwrap_or_else(|| PyArrayDyn::<f64>::new(py, shape, false));
-        let data = std::slice::from_raw_parts_mut(array.data(), array.len());
-        data.fill(0.0);
-        (array, data)
-    };
-    fill(out)?;
+    let array = large.unwrap_or_else(|| PyArrayDyn::<f64>::zeros(py, shape, false));
+    // SAFETY: zeroed, contiguous and aligned, and nobody else has seen the array yet.
+    fill(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })?;
     Ok(array.into_any())
 }
 
@@ -354,7 +352,7 @@ pub fn new_vector<'py>(
     n: usize,
     fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
 ) -> Result<Bound<'py, PyAny>, Failure> {
-    // SAFETY: as in `new_array`.
+    // SAFETY: every element is written before anyone can see the array: it is zeroed, because `fill` may fail.
     let (array, out) = unsafe {
         let array = PyArray1::<f64>::new(py, n, false);
         let data = std::slice::from_raw_parts_mut(array.data(), n);

@@ -20,7 +20,9 @@ mod _core {
     use super::*;
 
     #[pymodule_export]
-    use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
+    use super::arm::{
+        _restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr, project_parameters,
+    };
     #[pymodule_export]
     use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity};
     #[pymodule_export]

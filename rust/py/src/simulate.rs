@@ -293,7 +293,7 @@ pub fn simulate<'py>(
 }
 
 /// Look for Ctrl-C: what it raised is kept, and the work is told to stop.
-fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
+pub fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
     move || {
         if signal.is_none() {
             *signal = Python::attach(|py| py.check_signals()).err();

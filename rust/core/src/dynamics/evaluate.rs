@@ -41,7 +41,7 @@ pub enum Quantity {
     Com,
     /// `q -> (3, n)`.
     ComJacobian,
-    /// `q, v, a -> (2 n, n)`: `d tau / d q` over `d tau / d v`; `d tau / d a` is the mass matrix.
+    /// `q, v, a -> (3 n, n)`: `d tau / d q` over `d tau / d v` over `d tau / d a = M`.
     InverseDynamicsDerivatives,
     /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
     ForwardDynamicsDerivatives,
@@ -100,14 +100,26 @@ impl Query {
             Quantity::Position | Quantity::Com => (1, 3),
             Quantity::Jacobian | Quantity::JacobianDot => (6, n),
             Quantity::ComJacobian => (3, n),
-            Quantity::InverseDynamicsDerivatives => (2 * n, n),
-            Quantity::ForwardDynamicsDerivatives => (3 * n, n),
+            Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives => (3 * n, n),
         }
     }
 
     pub(super) fn length(&self, n: usize) -> usize {
         let (rows, columns) = self.shape(n);
         rows * columns
+    }
+
+    /// About how long one of many configurations takes on this machine, ns: good enough to choose how to run them.
+    pub fn nanoseconds(&self, n: usize) -> f64 {
+        let (joints, numbers) = (n as f64, self.length(n) as f64);
+        let singly = matches!(self.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives);
+        let in_lanes = if singly { 100.0 * joints + 10.0 * numbers } else { 8.0 * joints + 0.3 * numbers };
+        let slower = match isa() {
+            Isa::Baseline => 4.0,
+            Isa::Avx2 => 2.0,
+            Isa::Avx512 => 1.0,
+        };
+        10.0 + slower * in_lanes
     }
 }
 
@@ -138,25 +150,27 @@ impl<S: Real> Engine<S> {
         }
     }
 
-    /// Configurations `first..last` of the arrays, `S::LANES` at a time; the last lanes repeat the last one.
+    /// All configurations of the arrays, `S::LANES` at a time; the last lanes repeat the last one. Whether every
+    /// number of the answer is finite.
     #[inline(always)]
-    fn rows<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+    fn rows<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         let n = self.tree.n();
         let length = query.length(n);
-        let mut at = first;
-        while at < last {
+        let (mut at, mut sound) = (0, true);
+        while at < count {
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
                 for i in 0..width {
-                    self.inputs[k][i] = S::from_lanes(|lane| given[(at + lane).min(last - 1) * width + i]);
+                    self.inputs[k][i] = S::from_lanes(|lane| given[(at + lane).min(count - 1) * width + i]);
                 }
             }
             for i in 0..n {
                 self.trig[i] = self.inputs[0][i].sin_cos();
             }
             Q::compute(self, query);
-            let rows = &mut out[(at - first) * length..];
-            if last - at >= S::LANES {
+            sound &= all_sound(&self.out[..length]);
+            let rows = &mut out[at * length..];
+            if count - at >= S::LANES {
                 // Value by value, all lanes of one: a lane chosen at run time would go through memory each time.
                 let rows = &mut rows[..S::LANES * length];
                 for (k, from) in self.out[..length].iter().enumerate() {
@@ -171,14 +185,15 @@ impl<S: Real> Engine<S> {
             }
             at += S::LANES;
         }
+        sound
     }
 
     /// Each quantity in its own region. Derivatives are for single numbers: in lanes they are slower than one by one.
-    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         macro_rules! each {
             ($($name:ident)*) => {
                 match query.quantity {
-                    $(Quantity::$name => S::enter(Rows::<S, quantities::$name> { engine: self, query, inputs, first, last, out, quantity: PhantomData }),)*
+                    $(Quantity::$name => S::enter(Rows::<S, quantities::$name> { engine: self, query, inputs, count, out, quantity: PhantomData }),)*
                     Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives => unreachable!("derivatives go one by one"),
                 }
             };
@@ -187,17 +202,17 @@ impl<S: Real> Engine<S> {
     }
 
     /// As [`Engine::dispatch`], derivatives included.
-    fn dispatch_single(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+    fn dispatch_single(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         let quantity = PhantomData;
         match query.quantity {
             Quantity::InverseDynamicsDerivatives => {
-                S::enter(Rows::<S, quantities::InverseDynamicsDerivatives> { engine: self, query, inputs, first, last, out, quantity });
+                S::enter(Rows::<S, quantities::InverseDynamicsDerivatives> { engine: self, query, inputs, count, out, quantity })
             }
             Quantity::ForwardDynamicsDerivatives => {
                 let quantity = PhantomData;
-                S::enter(Rows::<S, quantities::ForwardDynamicsDerivatives> { engine: self, query, inputs, first, last, out, quantity });
+                S::enter(Rows::<S, quantities::ForwardDynamicsDerivatives> { engine: self, query, inputs, count, out, quantity })
             }
-            _ => self.dispatch(query, inputs, first, last, out),
+            _ => self.dispatch(query, inputs, count, out),
         }
     }
 }
@@ -206,17 +221,16 @@ struct Rows<'a, S, Q> {
     engine: &'a mut Engine<S>,
     query: &'a Query,
     inputs: &'a [&'a [f64]],
-    first: usize,
-    last: usize,
+    count: usize,
     out: &'a mut [f64],
     quantity: PhantomData<Q>,
 }
 
 impl<S: Real, Q: Compute> Kernel for Rows<'_, S, Q> {
-    type Output = ();
+    type Output = bool;
     #[inline(always)]
-    fn run(self) {
-        self.engine.rows::<Q>(self.query, self.inputs, self.first, self.last, self.out);
+    fn run(self) -> bool {
+        self.engine.rows::<Q>(self.query, self.inputs, self.count, self.out)
     }
 }
 
@@ -225,15 +239,14 @@ struct Lanes<'a> {
     arm: &'a Arm,
     query: &'a Query,
     inputs: &'a [&'a [f64]],
-    first: usize,
-    last: usize,
+    count: usize,
     out: &'a mut [f64],
 }
 
 impl Task for Lanes<'_> {
-    type Output = ();
-    fn run<S: Real>(self) {
-        Engine::<S>::new(self.arm).dispatch(self.query, self.inputs, self.first, self.last, self.out);
+    type Output = bool;
+    fn run<S: Real>(self) -> bool {
+        Engine::<S>::new(self.arm).dispatch(self.query, self.inputs, self.count, self.out)
     }
 }
 
@@ -260,50 +273,71 @@ impl Evaluator {
         Evaluator { route, n: arm.n(), frames: arm.frames.len() }
     }
 
-    /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major.
-    pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<()> {
+    /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. Whether every
+    /// number of the answer is finite: a singular mass matrix and an overflow are told so.
+    pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         check(query, inputs, 1, self.n, self.frames, out.len())?;
-        match &mut self.route {
-            Route::Baseline(engine) => engine.dispatch_single(query, inputs, 0, 1, out),
-            Route::Fused(engine) => engine.dispatch_single(query, inputs, 0, 1, out),
-        }
-        Ok(())
+        Ok(match &mut self.route {
+            Route::Baseline(engine) => engine.dispatch_single(query, inputs, 1, out),
+            Route::Fused(engine) => engine.dispatch_single(query, inputs, 1, out),
+        })
     }
 }
 
 impl Arm {
     /// Configurations `first..last` of `count`, in lanes on the calling thread: inputs `(count, n)` in full, `out` of
-    /// the rows asked for. Which rows share a call does not change their bits.
-    pub fn evaluate(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<()> {
+    /// the rows asked for. Which rows share a call does not change their bits. Whether all of the answer is finite.
+    pub fn evaluate(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<bool> {
         if first > last || last > count {
             return Err(Error::input("rows", format!("is out of range: expected 0 <= first <= last <= {count}, got {first}..{last}")));
         }
-        let frames = self.frames.len();
-        check(query, inputs, count, self.n(), frames, out.len() + (count - (last - first)) * query.length(self.n()))?;
+        check_lengths(query, inputs, count, self.n())?;
+        let n = self.n();
+        let mut rows: [&[f64]; 4] = [&[]; 4];
+        for (k, given) in inputs.iter().enumerate() {
+            let width = query.input_length(k, n);
+            rows[k] = &given[first * width..last * width];
+        }
+        let rows = &rows[..inputs.len()];
+        check(query, rows, last - first, n, self.frames.len(), out.len())?;
+        if first == last {
+            return Ok(true);
+        }
         if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
-            return self.one_by_one(query, inputs, first, last, out);
+            let mut evaluator = Evaluator::new(self);
+            return Ok(match &mut evaluator.route {
+                Route::Baseline(engine) => engine.dispatch_single(query, rows, last - first, out),
+                Route::Fused(engine) => engine.dispatch_single(query, rows, last - first, out),
+            });
         }
-        if first < last {
-            run_lanes(Lanes { arm: self, query, inputs, first, last, out });
-        }
-        Ok(())
-    }
-
-    fn one_by_one(&self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) -> Result<()> {
-        let mut evaluator = Evaluator::new(self);
-        for (i, row) in (first..last).zip(out.chunks_exact_mut(query.length(self.n()).max(1))) {
-            let part = |k: usize| {
-                let width = query.input_length(k, self.n());
-                &inputs[k][i * width..(i + 1) * width]
-            };
-            let rows: Vec<&[f64]> = (0..inputs.len()).map(part).collect();
-            evaluator.one(query, &rows, row)?;
-        }
-        Ok(())
+        Ok(run_lanes(Lanes { arm: self, query, inputs: rows, count: last - first, out }))
     }
 }
 
-fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> Result<()> {
+/// Whether every number of every lane is finite, without a branch per number.
+#[inline(always)]
+fn all_sound<S: Real>(values: &[S]) -> bool {
+    if S::LANES == 1 {
+        const INFINITE: u64 = 0x7ff << 52;
+        return values.iter().fold(0, |bad, x| bad | u64::from(x.lane(0).to_bits() & INFINITE == INFINITE)) == 0;
+    }
+    // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
+    let mut zeros = [S::zero(); 4];
+    let (blocks, rest) = values.as_chunks::<4>();
+    for block in blocks {
+        for k in 0..4 {
+            zeros[k] = block[k].mul_add(S::zero(), zeros[k]);
+        }
+    }
+    for &x in rest {
+        zeros[0] = x.mul_add(S::zero(), zeros[0]);
+    }
+    let zero = (zeros[0] + zeros[1]) + (zeros[2] + zeros[3]);
+    // A comparison with NaN fails.
+    S::all(zero.lt(S::splat(1.0)))
+}
+
+fn check_lengths(query: &Query, inputs: &[&[f64]], count: usize, n: usize) -> Result<()> {
     let names = query.inputs();
     if inputs.len() != names.len() {
         return Err(Error::input(
@@ -316,6 +350,13 @@ fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize
         if given.len() != want {
             return Err(Error::input(*name, format!("has the wrong length: expected {want}, got {}", given.len())));
         }
+    }
+    Ok(())
+}
+
+fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> Result<()> {
+    check_lengths(query, inputs, count, n)?;
+    for (name, given) in query.inputs().iter().zip(inputs) {
         finite(name, given)?;
     }
     let needs_frame = matches!(query.quantity, Quantity::Pose | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot);

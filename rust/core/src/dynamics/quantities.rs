@@ -127,9 +127,11 @@ quantity!(Com, (tree, ws, trig, n, q, v, x, y, out, query, square), {
 });
 
 quantity!(InverseDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    let (by_q, by_v) = out.split_at_mut(n * n);
+    let (by_q, rest) = out.split_at_mut(n * n);
+    let (by_v, by_a) = rest.split_at_mut(n * n);
     derivatives::inverse_dynamics_by_q(tree, ws, trig, q, v, x, by_q);
     derivatives::inverse_dynamics_by_v(tree, ws, trig, q, v, query.friction, by_v);
+    tree.mass_matrix(ws, trig, q, by_a);
 });
 
 quantity!(ForwardDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {

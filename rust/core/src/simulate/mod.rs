@@ -10,7 +10,6 @@ mod force;
 mod general;
 mod monitors;
 mod planar_pr;
-mod pool;
 mod problem;
 mod reference;
 mod rigid_loop;
@@ -21,9 +20,9 @@ mod single;
 mod stepper;
 mod stop;
 
+pub use crate::parallel::default_threads;
 pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
 pub use force::{Force, Wrench};
-pub use pool::default_threads;
 pub use problem::{Method, Options, Problem};
 pub use sampling::{CHANNELS, Sampling};
 pub use schedule::Times;
