@@ -3,6 +3,7 @@
 mod arm;
 mod arrays;
 mod errors;
+mod integrate;
 mod law;
 mod motion;
 mod plan;
@@ -17,6 +18,8 @@ mod _core {
 
     #[pymodule_export]
     use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
+    #[pymodule_export]
+    use super::integrate::{Stepper, integrate};
     #[pymodule_export]
     use super::law::{Adaptive, ComputedTorque, Law, RigidArm};
     #[pymodule_export]
