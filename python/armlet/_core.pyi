@@ -76,40 +76,8 @@ def load_urdf(
 def example_urdf(name: str) -> str: ...
 def _restore_planar_pr(pi: Sequence[float]) -> Arm: ...
 def _restore_tree(state: tuple[Any, ...]) -> Arm: ...
-def simulate(
-    plant: RigidArm,
-    law: Law,
-    q0: ArrayLike,
-    v0: ArrayLike | None,
-    t_end: float,
-    dt: float | None,
-    method: str,
-    rtol: float,
-    atol: float,
-    sample_time: float | None,
-    record_every: int,
-    t_eval: ArrayLike | None,
-    tau_max: ArrayLike | None,
-    monitors: bool,
-) -> dict[str, Any]: ...
-def simulate_batch(
-    plant: RigidArm | Sequence[RigidArm],
-    law: Law | Sequence[Law],
-    q0: ArrayLike,
-    v0: ArrayLike | None,
-    t_end: float,
-    dt: float | None,
-    method: str,
-    rtol: float,
-    atol: float,
-    sample_time: float | None,
-    record_every: int,
-    t_eval: ArrayLike | None,
-    tau_max: ArrayLike | None,
-    monitors: bool,
-    threads: int | None,
-    keep: str,
-) -> dict[str, Any]: ...
+def simulate(plant: Plant, law: Law, q0: ArrayLike, keywords: dict[str, Any]) -> dict[str, Any]: ...
+def simulate_batch(plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, keywords: dict[str, Any]) -> dict[str, Any]: ...
 def solve_priority(
     jacobians: Sequence[ArrayLike],
     velocities: Sequence[ArrayLike],
@@ -197,9 +165,7 @@ class Arm:
     def with_parameters(self, pi: ArrayLike) -> Arm: ...
     def with_gravity(self, gravity: ArrayLike) -> Arm: ...
     def with_frame(self, name: str, parent: str, *, xyz: Sequence[float] = ..., rpy: Sequence[float] = ...) -> Arm: ...
-    def with_payload(
-        self, frame: str, mass: float, com: Sequence[float] = ..., inertia: Sequence[Sequence[float]] = ...
-    ) -> Arm: ...
+    def with_payload(self, frame: str, mass: float, com: Sequence[float] = ..., inertia: Sequence[Sequence[float]] = ...) -> Arm: ...
     def locked(self, joints: dict[str, float]) -> Arm: ...
     def to_urdf(self) -> tuple[str, list[str]]: ...
     def mass_matrix(self, q: ArrayLike, *, out: _Array | None = None) -> _Array: ...
@@ -249,12 +215,37 @@ class Arm:
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self, /) -> int: ...
 
-@final
-class RigidArm:
-    def __new__(cls, arm: Arm) -> Self: ...
+@disjoint_base
+class Plant:
     @property
     def arm(self) -> Arm: ...
-    def __getnewargs__(self) -> tuple[Arm]: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
+
+@final
+class Wall:
+    def __new__(cls, frame: str, point: ArrayLike, normal: ArrayLike, *, stiffness: float, damping: float | None = None) -> Self: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[str, list[float], list[float]], dict[str, Any]]: ...
+
+@final
+class RigidArm(Plant):
+    def __new__(cls, arm: Arm, *, friction: bool = False, wall: Wall | None = None) -> Self: ...
+
+@final
+class VelocityArm(Plant):
+    def __new__(cls, arm: Arm) -> Self: ...
+
+@final
+class ElasticArm(Plant):
+    def __new__(
+        cls,
+        arm: Arm,
+        stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        *,
+        joint_damping: ArrayLike | None = None,
+        motor_friction: ArrayLike | None = None,
+        wall: Wall | None = None,
+    ) -> Self: ...
 
 @disjoint_base
 class Motion:
@@ -289,7 +280,7 @@ class Law:
     @property
     def arm(self) -> Arm: ...
     @property
-    def motion(self) -> Motion: ...
+    def motion(self) -> Motion | None: ...
     def __call__(
         self,
         /,
@@ -315,13 +306,27 @@ class Law:
 
 @final
 class Adaptive(Law):
+    @property
+    def motion(self) -> Motion: ...
     def __new__(
         cls, arm: Arm, motion: Motion, kp: ArrayLike, kd: ArrayLike, gamma: ArrayLike, *, estimate: ArrayLike | None = None
     ) -> Self: ...
 
 @final
 class ComputedTorque(Law):
+    @property
+    def motion(self) -> Motion: ...
     def __new__(cls, arm: Arm, motion: Motion, kp: ArrayLike, kd: ArrayLike) -> Self: ...
+
+@final
+class PDGravity(Law):
+    def __new__(cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike) -> Self: ...
+
+@final
+class CartesianImpedance(Law):
+    def __new__(
+        cls, arm: Arm, target: ArrayLike, stiffness: ArrayLike, damping: ArrayLike, *, frame: str, axes: str | None = None
+    ) -> Self: ...
 
 @overload
 def bang_bang_time(  # numbers are arrays without axes: the first form wins

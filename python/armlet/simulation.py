@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Callable, Sequence
+from typing import Literal, TypeAlias
 
 from numpy.typing import ArrayLike
 
@@ -14,21 +14,27 @@ from .status import Status
 
 __all__ = ["simulate", "simulate_batch"]
 
+Force: TypeAlias = ArrayLike | Sequence[tuple[float, ArrayLike]] | Callable[[float], ArrayLike] | None
+
 
 def simulate(
-    plant: _core.RigidArm,
+    plant: _core.Plant,
     law: _core.Law,
     q0: ArrayLike,
     *,
     t_end: float,
     dt: float | None = None,
     v0: ArrayLike | None = None,
+    theta0: ArrayLike | None = None,
+    theta_dot0: ArrayLike | None = None,
     method: str = "rk4",
     rtol: float = 1e-8,
     atol: float = 1e-10,
     sample_time: float | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
+    force: Force = None,
+    force_frame: str | None = None,
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
     throw: bool = True,
@@ -42,11 +48,16 @@ def simulate(
         t_end: length of the run, s.
         dt: step of a fixed-step method, s; a last shorter step ends a run that is not a multiple of it.
         v0: initial velocity, (n,); zero if None.
+        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,); None: the springs carry gravity, the motors
+            move with the links.
         method: "rk4" (needs `dt`) or "dop853" (adaptive, `rtol` and `atol`).
         rtol, atol: relative and absolute error allowed per step of an adaptive method.
         sample_time: None evaluates the law inside every stage; a period in s holds its output that long, as a real controller does.
         record_every: record the start and every so many steps, and the end.
         t_eval: record exactly these times instead, increasing, in [0, t_end].
+        force: external force: None, constant, `[(t_start, F), ...]` piecewise constant, or a callable `F(t)`; in the law's axes at its
+            frame, N or N m. A callable is Python inside the loop, and slow.
+        force_frame: the frame at which the force acts instead; then it is (3,), or (6,) as [f; m], in world axes.
         tau_max: the input saturates at this magnitude, scalar or (n,), N m or N.
         monitors: integrate and record the identities that theory promises: see `Run.monitors`.
         throw: raise where the run does not reach its end; False returns what there is, with its status.
@@ -65,7 +76,8 @@ def simulate(
     >>> run.q.shape
     (2001, 2)
     """
-    fields = _core.simulate(plant, law, q0, v0, t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors)
+    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "throw")}
+    fields = _core.simulate(plant, law, q0, keywords)
     ended = fields.pop("ended")
     run = Run(fields, law=law, plant=plant)
     if throw and run.status is not Status.SUCCESS:
@@ -75,19 +87,23 @@ def simulate(
 
 
 def simulate_batch(
-    plant: _core.RigidArm | Sequence[_core.RigidArm],
+    plant: _core.Plant | Sequence[_core.Plant],
     law: _core.Law | Sequence[_core.Law],
     q0: ArrayLike,
     *,
     t_end: float,
     dt: float | None = None,
     v0: ArrayLike | None = None,
+    theta0: ArrayLike | None = None,
+    theta_dot0: ArrayLike | None = None,
     method: str = "rk4",
     rtol: float = 1e-8,
     atol: float = 1e-10,
     sample_time: float | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
+    force: ArrayLike | Sequence[tuple[float, ArrayLike]] | None = None,
+    force_frame: str | None = None,
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
     threads: int | None = None,
@@ -100,7 +116,7 @@ def simulate_batch(
 
     Args:
         plant, law: one for all runs, or a list with one per run.
-        q0, v0: initial states, (B, n).
+        q0, v0, theta0, theta_dot0: initial states, (B, n).
         threads: worker threads; None follows ARMLET_NUM_THREADS, then the cores.
         t_eval: needed by an adaptive method that keeps "all": its runs step at different times.
         keep: "all" records, or the "final" state alone.
@@ -118,10 +134,9 @@ def simulate_batch(
     >>> batch.q.shape
     (64, 11, 2)
     """
+    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0")}
     plants = list(plant) if isinstance(plant, Sequence) else plant
     laws = list(law) if isinstance(law, Sequence) else law
-    fields = _core.simulate_batch(
-        plants, laws, q0, v0, t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors, threads, keep
-    )
+    fields = _core.simulate_batch(plants, laws, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended")}
     return BatchRun(fields, law=laws, plant=plants)

@@ -1,10 +1,10 @@
 """Equilibria and limits of elastic-joint impedance control.
 
-    equilibrium   J'(K_m (x_d - x) + F) = 0,   tau_E = g(q_E) - J'F,   theta_E = q_E + K_J^-1 tau_E
-                  found as a minimum of  W = e'K_m e/2 - F.x  by Newton's method with |eigenvalues| of the Hessian
-    linearisation differences of the whole closed loop, extrapolated in h^2 (Richardson)
-    sampled loop  one motor, link locked, torque held over dt: spectral radius of x -> Phi x + Gamma tau(x)
-    1-DoF limit   roots of (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s), the largest k with none on the right
+equilibrium   J'(K_m (x_d - x) + F) = 0,   tau_E = g(q_E) - J'F,   theta_E = q_E + K_J^-1 tau_E
+              found as a minimum of  W = e'K_m e/2 - F.x  by Newton's method with |eigenvalues| of the Hessian
+linearisation differences of the whole closed loop, extrapolated in h^2 (Richardson)
+sampled loop  one motor, link locked, torque held over dt: spectral radius of x -> Phi x + Gamma tau(x)
+1-DoF limit   roots of (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s), the largest k with none on the right
 """
 
 from collections.abc import Callable

@@ -1,11 +1,11 @@
 """Cartesian impedance, for rigid arms and through elastic joints.
 
-    rigid    tau = J'[K_m (x_d - x) - D_m J v] + g(q)
-    elastic  tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 w),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
-             w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
-    D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
-    E  = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
-    P  = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u
+rigid    tau = J'[K_m (x_d - x) - D_m J v] + g(q)
+elastic  tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 w),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
+         w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
+D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
+E  = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
+P  = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u
 """
 
 from typing import Any
@@ -38,9 +38,7 @@ def ratio_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
 class CartesianImpedance(Law):
     """Spring and damper between a frame and its target, gravity compensated."""
 
-    def __init__(
-        self, arm: Arm, target: ArrayLike, stiffness: ArrayLike, damping: ArrayLike, *, frame: str, axes: str = "xyz"
-    ) -> None:
+    def __init__(self, arm: Arm, target: ArrayLike, stiffness: ArrayLike, damping: ArrayLike, *, frame: str, axes: str = "xyz") -> None:
         self.arm = arm
         self.coordinates = Coordinates(arm, target, frame, axes)
         rows = len(self.coordinates.rows)

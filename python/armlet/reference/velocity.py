@@ -1,6 +1,6 @@
 """Task priority closed over an arm whose joint velocities are the input.
 
-    q' = u,   u = the chosen priority map of  J_i u = x_dot_d,i + gain_i (x_d,i - x_i)      (closed-loop inverse kinematics)
+q' = u,   u = the chosen priority map of  J_i u = x_dot_d,i + gain_i (x_d,i - x_i)      (closed-loop inverse kinematics)
 """
 
 from collections.abc import Sequence
@@ -19,9 +19,7 @@ from .task import Coordinates, parse_axes
 class Task:
     """Rows of a frame that follow a motion (rows,) or rest at a target; gain scalar, (rows,) or (rows, rows)."""
 
-    def __init__(
-        self, frame: str, axes: str, motion: Motion | None = None, target: ArrayLike | None = None, gain: ArrayLike = 0.0
-    ) -> None:
+    def __init__(self, frame: str, axes: str, motion: Motion | None = None, target: ArrayLike | None = None, gain: ArrayLike = 0.0) -> None:
         if (motion is None) == (target is None):
             raise ValueError("Task: expected either motion or target")
         self.frame, self.axes, self.gain = frame, axes, gain

@@ -15,6 +15,7 @@ pub mod law;
 pub mod linalg;
 pub mod motion;
 pub mod plan;
+pub mod plant;
 pub mod priority;
 pub mod scalar;
 // The loops are large once compiled for every instruction set; their tests are integration tests, so the unit

@@ -3,10 +3,13 @@
 mod arm;
 mod arrays;
 mod errors;
+mod force;
+mod given;
 mod integrate;
 mod law;
 mod motion;
 mod plan;
+mod plant;
 mod priority;
 mod simulate;
 
@@ -21,7 +24,7 @@ mod _core {
     #[pymodule_export]
     use super::integrate::{Stepper, integrate};
     #[pymodule_export]
-    use super::law::{Adaptive, ComputedTorque, Law, RigidArm};
+    use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity};
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]
@@ -32,6 +35,8 @@ mod _core {
     use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
     #[pymodule_export]
     use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
+    #[pymodule_export]
+    use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
     #[pymodule_export]
     use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
     #[pymodule_export]

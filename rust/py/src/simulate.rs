@@ -2,17 +2,18 @@
 
 use crate::arrays::{any_vector, count, number, numbers, object, optional_number, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::law::{Law, RigidArm};
-use armlet_core::dynamics::PlanarPr;
+use crate::force::{self, Raised};
+use crate::law::Law;
+use crate::plant::Plant;
 use armlet_core::law::LawSpec;
-use armlet_core::simulate::{self as core, Keep, Method, Options, Problem, Times};
+use armlet_core::plant::{PlantKind, PlantSpec};
+use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Times};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use std::sync::atomic::AtomicBool;
 
-/// Steps that take less than the time between two looks at the keyboard: run where the caller stands.
-const SHORT: f64 = 100_000.0;
+const A_PLANT: &str = "a plant such as RigidArm";
+const A_LAW: &str = "a law such as Adaptive";
 
 /// One object, or a list of them.
 fn several<'py, T: pyo3::PyClass>(
@@ -39,48 +40,107 @@ fn several<'py, T: pyo3::PyClass>(
     items.iter().enumerate().map(|(i, item)| item.cast::<T>().cloned().map_err(|_| wrong(item, i))).collect()
 }
 
-/// How to run it, as Python gives it.
-struct Given<'a, 'py> {
-    t_end: &'a Bound<'py, PyAny>,
-    dt: Option<&'a Bound<'py, PyAny>>,
-    method: &'a Bound<'py, PyAny>,
-    rtol: &'a Bound<'py, PyAny>,
-    atol: &'a Bound<'py, PyAny>,
-    sample_time: Option<&'a Bound<'py, PyAny>>,
-    record_every: &'a Bound<'py, PyAny>,
-    t_eval: Option<&'a Bound<'py, PyAny>>,
-    tau_max: Option<&'a Bound<'py, PyAny>>,
-    monitors: bool,
+/// How to run it, as Python gives it: keyword by keyword.
+struct Given<'py> {
+    function: &'static str,
+    keywords: Bound<'py, PyDict>,
 }
 
-impl Given<'_, '_> {
-    fn options(&self, function: &str, n: usize) -> Result<Options, Failure> {
-        let py = self.t_end.py();
-        let every = count(function, "record_every", self.record_every)?;
-        let times = match self.t_eval {
-            Some(t_eval) => Times::At(any_vector(function, "t_eval", t_eval)?),
+impl<'py> Given<'py> {
+    /// A keyword; `None` where it is missing or None.
+    fn get(&self, name: &str) -> Result<Option<Bound<'py, PyAny>>, Failure> {
+        Ok(self.keywords.get_item(name)?.filter(|value| !value.is_none()))
+    }
+
+    fn required(&self, name: &str) -> Result<Bound<'py, PyAny>, Failure> {
+        let missing = || input_error(self.keywords.py(), self.function, name, "is missing: expected a value, got None");
+        Ok(self.get(name)?.ok_or_else(missing)?)
+    }
+
+    fn number(&self, name: &str) -> Result<f64, Failure> {
+        number(self.function, name, &self.required(name)?)
+    }
+
+    fn optional_number(&self, name: &str) -> Result<Option<f64>, Failure> {
+        optional_number(self.function, name, self.get(name)?.as_ref())
+    }
+
+    /// One number for all, or one per joint.
+    fn per_joint(&self, name: &str, n: usize) -> Result<Option<Vec<f64>>, Failure> {
+        let Some(value) = self.get(name)? else { return Ok(None) };
+        let (shape, values) = numbers(self.function, name, &value)?;
+        match shape.as_slice() {
+            [] => Ok(Some(vec![values[0]; n])),
+            [rows] if *rows == n => Ok(Some(values.into_owned())),
+            _ => {
+                let problem = format!("has the wrong shape: expected a scalar or ({n},), got {}", shown(&shape));
+                Err(input_error(value.py(), self.function, name, problem).into())
+            }
+        }
+    }
+
+    fn options(&self, n: usize) -> Result<Options, Failure> {
+        let function = self.function;
+        let every = count(function, "record_every", &self.required("record_every")?)?;
+        let times = match self.get("t_eval")? {
+            Some(t_eval) => Times::At(any_vector(function, "t_eval", &t_eval)?),
             None => Times::Every(every),
         };
-        let tau_max = match self.tau_max {
-            None => None,
-            Some(value) => {
-                let (shape, values) = numbers(function, "tau_max", value)?;
-                match shape.as_slice() {
-                    [] => Some(vec![values[0]; n]),
-                    [rows] if *rows == n => Some(values.into_owned()),
-                    _ => {
-                        let problem = format!("has the wrong shape: expected a scalar or ({n},), got {}", shown(&shape));
-                        return Err(input_error(py, function, "tau_max", problem).into());
-                    }
-                }
-            }
+        Ok(Options {
+            method: Method::from_name(&text(function, "method", &self.required("method")?)?)?,
+            t_end: self.number("t_end")?,
+            dt: self.optional_number("dt")?,
+            rtol: self.number("rtol")?,
+            atol: self.number("atol")?,
+            sample_time: self.optional_number("sample_time")?,
+            times,
+            tau_max: self.per_joint("tau_max", n)?,
+            monitors: self.required("monitors")?.is_truthy()?,
+        })
+    }
+
+    /// Initial states of the plants, `(rows, states)`: `q0, v0, theta0, theta_dot0` are `(n,)` for one run, `(B, n)` for a batch.
+    fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
+        let n = plants[0].n();
+        let read = |name: &str, value: &Bound<'py, PyAny>| -> Result<(usize, Vec<f64>), Failure> {
+            if batch { batch_rows(self.function, name, value, n) } else { Ok((1, vector(self.function, name, value, n)?)) }
         };
-        let method = Method::from_name(&text(function, "method", self.method)?)?;
-        let [t_end, rtol, atol] =
-            [("t_end", self.t_end), ("rtol", self.rtol), ("atol", self.atol)].map(|(name, x)| number(function, name, x));
-        let dt = optional_number(function, "dt", self.dt)?;
-        let sample_time = optional_number(function, "sample_time", self.sample_time)?;
-        Ok(Options { t_end: t_end?, dt, method, rtol: rtol?, atol: atol?, sample_time, times, tau_max, monitors: self.monitors })
+        let (rows, q) = read("q0", q0)?;
+        let mut rest = [const { None }; 3];
+        for (part, name) in rest.iter_mut().zip(["v0", "theta0", "theta_dot0"]) {
+            let Some(value) = self.get(name)? else { continue };
+            if name != "v0" && plants[0].kind() != PlantKind::Elastic {
+                let problem = format!("is not used: expected None for {}", plants[0].kind().name());
+                return Err(input_error(value.py(), self.function, name, problem).into());
+            }
+            let (given, values) = read(name, &value)?;
+            if given != rows {
+                let problem = format!("has the wrong shape: expected ({rows}, {n}), got ({given}, {n})");
+                return Err(input_error(value.py(), self.function, name, problem).into());
+            }
+            *part = Some(values);
+        }
+        let [v, theta, theta_dot] = &rest;
+        let zero = vec![0.0; n];
+        let part = |values: &'_ Option<Vec<f64>>, row: usize| values.as_ref().map(|values| values[row * n..(row + 1) * n].to_vec());
+        let mut x0 = Vec::with_capacity(rows * plants[0].states());
+        for row in 0..rows {
+            let plant = plants[if plants.len() == 1 { 0 } else { row.min(plants.len() - 1) }];
+            let v = part(v, row).unwrap_or_else(|| zero.clone());
+            x0.extend(plant.initial_state(&q[row * n..(row + 1) * n], &v, part(theta, row).as_deref(), part(theta_dot, row).as_deref()));
+        }
+        Ok((rows, x0))
+    }
+
+    /// The force and the frame it acts at; the callables' errors go to `raised`.
+    fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
+        let frame = match self.get("force_frame")? {
+            None => None,
+            Some(frame) => Some(plant.model().tree("force_frame")?.frame_index(&text(self.function, "force_frame", &frame)?)?),
+        };
+        let Some(value) = self.get("force")? else { return Ok((None, frame)) };
+        let rows = if frame.is_some() { None } else { law.coordinates().map(|coordinates| coordinates.rows.as_slice()) };
+        Ok((Some(force::force(self.function, &value, rows, raised)?), frame))
     }
 }
 
@@ -90,66 +150,68 @@ fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[
     Ok(fields.set_item(name, array)?)
 }
 
-/// The rows of `q0` or `v0`: `(n,)` for one run, `(B, n)` for a batch.
-fn single_state(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, n: usize) -> Result<Vec<f64>, Failure> {
-    value.map_or_else(|| Ok(vec![0.0; n]), |value| vector(function, name, value, n))
+/// The recorded quantities of one run (`lead` empty) or of a batch (`lead` its rows) over `k` times.
+fn put_series(
+    fields: &Bound<'_, PyDict>,
+    lead: &[usize],
+    k: usize,
+    n: usize,
+    p: usize,
+    series: [(&str, Vec<f64>); 6],
+) -> Result<(), Failure> {
+    for (name, values) in series {
+        let width = if name == "estimate" { p } else { n };
+        // A plant without motors has no theta, a law without state no estimate.
+        if (name.starts_with("theta") && values.is_empty() && k > 0) || width == 0 {
+            continue;
+        }
+        let shape: Vec<usize> = lead.iter().copied().chain([k, width]).collect();
+        if values.len() == shape.iter().product::<usize>() {
+            put(fields, name, values, &shape)?;
+        }
+    }
+    Ok(())
 }
 
-/// One run as a dictionary of its fields.
+/// What was raised inside a run, or by Ctrl-C.
+fn raise(signal: Option<PyErr>, raised: &Raised) -> Result<(), Failure> {
+    let inside = raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
+    signal.or(inside).map_or(Ok(()), |error| Err(Failure::Python(error)))
+}
+
+/// One run as a dictionary of its fields; keywords as `armlet.simulate` documents them.
 #[pyfunction]
-#[pyo3(signature = (plant, law, q0, v0, t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors))]
 pub fn simulate<'py>(
     py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
-    v0: Option<&Bound<'py, PyAny>>,
-    t_end: &Bound<'py, PyAny>,
-    dt: Option<&Bound<'py, PyAny>>,
-    method: &Bound<'py, PyAny>,
-    rtol: &Bound<'py, PyAny>,
-    atol: &Bound<'py, PyAny>,
-    sample_time: Option<&Bound<'py, PyAny>>,
-    record_every: &Bound<'py, PyAny>,
-    t_eval: Option<&Bound<'py, PyAny>>,
-    tau_max: Option<&Bound<'py, PyAny>>,
-    monitors: bool,
+    keywords: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "simulate";
     entry(py, NAME, || {
-        let plant = object::<RigidArm>(NAME, "plant", "a plant such as RigidArm", plant)?;
-        let law = object::<Law>(NAME, "law", "a law such as Adaptive", law)?;
-        let n = Problem::DOF;
-        let options = Given { t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors }.options(NAME, n)?;
-        let arm = plant.get().arm.get().model.planar_pr()?;
-        let problem = Problem {
-            plants: vec![&arm],
-            laws: vec![&law.get().spec],
-            q0: vector(NAME, "q0", q0, n)?,
-            v0: single_state(NAME, "v0", v0, n)?,
-            options,
-        };
-        let given = &problem.options;
-        let short = given.dt.or(given.sample_time).is_some_and(|dt| given.t_end / dt < SHORT) && !given.method.is_adaptive();
+        let plant = object::<Plant>(NAME, "plant", A_PLANT, plant)?;
+        let law = object::<Law>(NAME, "law", A_LAW, law)?;
+        let (plant, law) = (&plant.get().spec, &law.get().spec);
+        let given = Given { function: NAME, keywords: keywords.clone() };
+        let n = plant.n();
+        let options = given.options(n)?;
+        let (_, x0) = given.initial_states(&[plant], q0, false)?;
+        let raised = Raised::default();
+        let (force, force_frame) = given.force(plant, law, &raised)?;
+        let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options };
         let mut signal = None;
-        let run = if short {
-            py.detach(|| core::simulate(&problem, &AtomicBool::new(false)))
-        } else {
+        let run = {
             let mut poll = listen(&mut signal);
-            py.detach(|| core::on_worker(&mut poll, |stop| core::simulate(&problem, stop)))
-        }?;
-        if let Some(signal) = signal {
-            return Err(Failure::Python(signal));
-        }
-        let (k, p) = (run.t.len(), run.z.len() / run.t.len().max(1));
+            py.detach(|| core::simulate(&problem, &core::Poller::new(&mut poll)))?
+        };
+        raise(signal, &raised)?;
+        let (k, p) = (run.t.len(), law.initial_state().len());
         let fields = PyDict::new(py);
         put(&fields, "t", run.t, &[k])?;
-        put(&fields, "q", run.q, &[k, n])?;
-        put(&fields, "v", run.v, &[k, n])?;
-        put(&fields, "tau", run.tau, &[k, n])?;
-        if !law.get().spec.initial_state().is_empty() {
-            put(&fields, "estimate", run.z, &[k, p])?;
-        }
+        let series =
+            [("q", run.q), ("v", run.v), ("tau", run.tau), ("theta", run.theta), ("theta_dot", run.theta_dot), ("estimate", run.z)];
+        put_series(&fields, &[], k, n, p, series)?;
         let series = PyDict::new(py);
         for (name, values) in run.monitors {
             put(&series, name, values, &[k])?;
@@ -176,34 +238,21 @@ fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
     }
 }
 
-/// A batch as a dictionary of its fields.
+/// A batch as a dictionary of its fields; keywords as `armlet.simulate_batch` documents them.
 #[pyfunction]
-#[pyo3(signature = (plant, law, q0, v0, t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors, threads, keep))]
 pub fn simulate_batch<'py>(
     py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
-    v0: Option<&Bound<'py, PyAny>>,
-    t_end: &Bound<'py, PyAny>,
-    dt: Option<&Bound<'py, PyAny>>,
-    method: &Bound<'py, PyAny>,
-    rtol: &Bound<'py, PyAny>,
-    atol: &Bound<'py, PyAny>,
-    sample_time: Option<&Bound<'py, PyAny>>,
-    record_every: &Bound<'py, PyAny>,
-    t_eval: Option<&Bound<'py, PyAny>>,
-    tau_max: Option<&Bound<'py, PyAny>>,
-    monitors: bool,
-    threads: Option<&Bound<'py, PyAny>>,
-    keep: &Bound<'py, PyAny>,
+    keywords: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "simulate_batch";
     entry(py, NAME, || {
-        let plants = several::<RigidArm>(NAME, "plant", "a plant such as RigidArm, or a list of them", plant)?;
+        let plants = several::<Plant>(NAME, "plant", "a plant such as RigidArm, or a list of them", plant)?;
         let laws = several::<Law>(NAME, "law", "a law such as Adaptive, or a list of them", law)?;
-        let n = Problem::DOF;
-        let keep = match text(NAME, "keep", keep)?.as_str() {
+        let given = Given { function: NAME, keywords: keywords.clone() };
+        let keep = match text(NAME, "keep", &given.required("keep")?)?.as_str() {
             "all" => Keep::All,
             "final" => Keep::Final,
             other => {
@@ -211,45 +260,41 @@ pub fn simulate_batch<'py>(
                 return Err(input_error(py, NAME, "keep", problem).into());
             }
         };
-        let threads = match threads {
-            Some(threads) => count(NAME, "threads", threads)?,
+        let threads = match given.get("threads")? {
+            Some(threads) => count(NAME, "threads", &threads)?,
             None => core::default_threads(),
         };
-        let (rows, q0) = batch_rows(NAME, "q0", q0, n)?;
-        let v0 = match v0 {
-            None => vec![0.0; q0.len()],
-            Some(v0) => {
-                let (given, values) = batch_rows(NAME, "v0", v0, n)?;
-                if given != rows {
-                    let problem = format!("has the wrong shape: expected ({rows}, {n}), got ({given}, {n})");
-                    return Err(input_error(py, NAME, "v0", problem).into());
-                }
-                values
-            }
-        };
-        let options = Given { t_end, dt, method, rtol, atol, sample_time, record_every, t_eval, tau_max, monitors }.options(NAME, n)?;
-        let models: Vec<PlanarPr<f64>> = plants.iter().map(|plant| plant.get().arm.get().model.planar_pr()).collect::<Result<_, _>>()?;
-        let arms: Vec<&PlanarPr<f64>> = models.iter().collect();
-        let specs: Vec<&LawSpec> = laws.iter().map(|law| &law.get().spec).collect();
-        let stateful = !specs[0].initial_state().is_empty();
-        let problem = Problem { plants: arms, laws: specs, q0, v0, options };
-        let mut signal = None;
-        let mut poll = listen(&mut signal);
-        let batch = py.detach(|| core::simulate_batch(&problem, keep, threads, &mut poll))?;
-        drop(poll);
-        if let Some(signal) = signal {
-            return Err(Failure::Python(signal));
+        let plants: Vec<&PlantSpec> = plants.iter().map(|plant| &plant.get().spec).collect();
+        let laws: Vec<&LawSpec> = laws.iter().map(|law| &law.get().spec).collect();
+        let n = plants[0].n();
+        let options = given.options(n)?;
+        let (rows, x0) = given.initial_states(&plants, q0, true)?;
+        let raised = Raised::default();
+        let (force, force_frame) = given.force(plants[0], laws[0], &raised)?;
+        if matches!(force, Some(Force::Signal(_))) {
+            let problem = "is a function: expected None, a constant or [(t_start, F), ...] in a batch, which runs without Python inside";
+            return Err(input_error(py, NAME, "force", problem).into());
         }
+        let p = laws[0].initial_state().len();
+        let problem = Problem { plants, laws, x0, forces: force.iter().collect(), force_frame, options };
+        let mut signal = None;
+        let batch = {
+            let mut poll = listen(&mut signal);
+            py.detach(|| core::simulate_batch(&problem, keep, threads, &mut poll))?
+        };
+        raise(signal, &raised)?;
         let k = batch.t.len();
-        let p = problem.laws[0].initial_state().len();
         let fields = PyDict::new(py);
         put(&fields, "t", batch.t, &[k])?;
-        put(&fields, "q", batch.q, &[rows, k, n])?;
-        put(&fields, "v", batch.v, &[rows, k, n])?;
-        put(&fields, "tau", batch.tau, &[rows, k, n])?;
-        if stateful {
-            put(&fields, "estimate", batch.z, &[rows, k, p])?;
-        }
+        let series = [
+            ("q", batch.q),
+            ("v", batch.v),
+            ("tau", batch.tau),
+            ("theta", batch.theta),
+            ("theta_dot", batch.theta_dot),
+            ("estimate", batch.z),
+        ];
+        put_series(&fields, &[rows], k, n, p, series)?;
         let series = PyDict::new(py);
         for (name, values) in batch.monitors {
             put(&series, name, values, &[rows, k])?;

@@ -4,7 +4,7 @@
 //! `tau_friction = damping v + friction sign(v)`, `tau_ext = J' F`.
 
 use super::workspace::{Column, Composite};
-use crate::arm::{BASE, Tree};
+use crate::arm::{BASE, Body, Tree};
 use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
 use crate::spatial::V3;
@@ -70,12 +70,17 @@ pub fn sign<S: Real>(v: S) -> S {
     S::select(zero.lt(v), one, S::select(v.lt(zero), -one, zero))
 }
 
+/// What a joint's friction takes at rate `v`: `damping v + friction sign(v)`.
+#[inline(always)]
+pub fn friction_torque<S: Real>(body: &Body<S>, v: S) -> S {
+    S::splat(body.friction).mul_add(sign(v), S::splat(body.damping) * v)
+}
+
 /// `tau += damping v + friction sign(v)`.
 #[inline(always)]
 pub fn add_friction<S: Real>(tree: &Tree<S>, v: &[S], tau: &mut [S]) {
     for (i, body) in tree.bodies.iter().enumerate() {
-        let viscous = S::splat(body.damping).mul_add(v[i], tau[i]);
-        tau[i] = S::splat(body.friction).mul_add(sign(v[i]), viscous);
+        tau[i] += friction_torque(body, v[i]);
     }
 }
 

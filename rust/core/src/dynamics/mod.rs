@@ -11,6 +11,7 @@ pub mod derivatives;
 pub mod energy;
 #[cfg(not(test))]
 mod evaluate;
+mod model;
 pub mod newton_euler;
 mod planar_pr;
 #[cfg(not(test))]
@@ -21,6 +22,7 @@ pub mod workspace;
 
 #[cfg(not(test))]
 pub use evaluate::{Evaluator, Quantity, Query};
+pub use model::{AnyArm, Model};
 pub use planar_pr::PlanarPr;
 pub use workspace::Workspace;
 

@@ -73,7 +73,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         B: Buffer<S>,
     {
         (self.t, self.t_old, self.t_end, self.input_end) = (t, t, t_end, input_end);
-        self.x_old = self.x.clone();
+        self.x_old.clone_from(&self.x);
         self.dense_ready = false;
         system.anchor(self.x.as_ref());
         system.input(t, &mut self.u);

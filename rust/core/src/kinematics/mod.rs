@@ -3,8 +3,10 @@
 //! `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0` (a slide: `R_i = R_p R_0`, `o_i = o_p + R_p p_0 + z_i q`),
 //! from the base outwards; `z_i` is the third column of `R_i`.
 
+pub mod coordinates;
 mod jacobian;
 
+pub use coordinates::Coordinates;
 pub use jacobian::{com, com_jacobian, frame_pose, jacobian, jacobian_dot};
 
 use crate::arm::{BASE, Body, Tree};

@@ -3,40 +3,74 @@
 //! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` on the
 //! exact model. `Kp` is in 1/s^2 and `Kd` in 1/s.
 
-use super::gain::{Full, Gain, Multiply};
-use super::{Law, Term, require_same_dof, require_size};
-use crate::dynamics::{Dynamics, PlanarPr};
+use super::{Definition, Instant, Law, Term, require_same_dof, require_size};
+use crate::dynamics::{AnyArm, Dynamics, Model};
 use crate::error::Result;
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
+use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComputedTorqueSpec {
-    pub(super) arm: PlanarPr<f64>,
-    pub(super) motion: Motion,
+    pub(crate) model: Model,
+    pub motion: Motion,
     pub kp: Gain,
     pub kd: Gain,
 }
 
 impl ComputedTorqueSpec {
-    pub fn new(arm: PlanarPr<f64>, motion: Motion, kp: Gain, kd: Gain) -> Result<Self> {
-        let n = Dynamics::<f64>::dof(&arm);
+    pub fn new(model: Model, motion: Motion, kp: Gain, kd: Gain) -> Result<Self> {
+        let n = model.n();
         require_same_dof(n, &motion)?;
         require_size("kp", &kp, n)?;
         require_size("kd", &kd, n)?;
-        Ok(ComputedTorqueSpec { arm, motion, kp, kd })
+        Ok(ComputedTorqueSpec { model, motion, kp, kd })
     }
 }
 
-impl ComputedTorqueSpec {
-    /// The torque `(n,)` at one instant.
-    pub(super) fn input(&self, t: f64, q: &[f64], v: &[f64], tau: &mut [f64]) {
-        let mut desired = [0.0; 6];
-        self.motion.sample(t, &mut desired);
-        let full = |k: &Gain| [k.at(0, 0), k.at(0, 1), k.at(1, 0), k.at(1, 1)];
-        let mut law = ComputedTorque::new(self.arm, Full(full(&self.kp)), Full(full(&self.kd)), [0.0; 2]);
-        let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
-        law.evaluate(&desired, &trig, &[q[0], q[1], v[0], v[1]], &[], tau, &mut []);
+impl Definition for ComputedTorqueSpec {
+    const NAME: &'static str = "ComputedTorque";
+    const PLANT: PlantKind = PlantKind::Rigid;
+    type Lanes<S: Real> = ComputedTorque<S, AnyArm<S>, AnyGain<S>, Vec<S>>;
+
+    fn model(&self) -> &Model {
+        &self.model
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        vec![&self.motion]
+    }
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
+        ComputedTorque::new(
+            AnyArm::from_lanes(|i| &of(i).model),
+            AnyGain::from_lanes(|i| &of(i).kp),
+            AnyGain::from_lanes(|i| &of(i).kd),
+            vec![S::zero(); of(0).model.n()],
+        )
+    }
+
+    /// `e`, `e_dot`, the commanded acceleration and the torque.
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let n = self.model.n();
+        let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);
+        let arm = AnyArm::<f64>::from_lanes(|_| &self.model);
+        let e: Vec<f64> = (0..n).map(|i| desired[i] - q[i]).collect();
+        let e_dot: Vec<f64> = (0..n).map(|i| desired[n + i] - v[i]).collect();
+        let (kp_e, kd_e_dot) = (self.kp.times(&e), self.kd.times(&e_dot));
+        let command: Vec<f64> = (0..n).map(|i| desired[2 * n + i] + kd_e_dot[i] + kp_e[i]).collect();
+        let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut tau = vec![0.0; n];
+        arm.inverse_dynamics(&mut arm.workspace(), &trig, q, v, &command, &mut tau);
+        vec![
+            ("q_d", vec![n], desired[..n].to_vec()),
+            ("v_d", vec![n], desired[n..2 * n].to_vec()),
+            ("a_d", vec![n], desired[2 * n..].to_vec()),
+            ("e", vec![n], e),
+            ("e_dot", vec![n], e_dot),
+            ("a", vec![n], command),
+            ("tau", vec![n], tau),
+        ]
     }
 }
 
@@ -86,32 +120,4 @@ where
         }
         self.arm.inverse_dynamics(&mut self.workspace, trig, q, v, command, tau);
     }
-
-    #[inline(always)]
-    fn dissipation(&self) -> S {
-        S::zero()
-    }
-}
-
-/// `e`, `e_dot`, the commanded acceleration and the torque.
-pub fn computed_torque_terms(law: &ComputedTorqueSpec, t: f64, q: &[f64], v: &[f64]) -> Vec<Term> {
-    let n = q.len();
-    let mut desired = vec![0.0; 3 * n];
-    law.motion.sample(t, &mut desired);
-    let e: Vec<f64> = (0..n).map(|i| desired[i] - q[i]).collect();
-    let e_dot: Vec<f64> = (0..n).map(|i| desired[n + i] - v[i]).collect();
-    let command: Vec<f64> =
-        (0..n).map(|i| desired[2 * n + i] + (0..n).map(|j| law.kd.at(i, j) * e_dot[j] + law.kp.at(i, j) * e[j]).sum::<f64>()).collect();
-    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
-    let mut tau = vec![0.0; n];
-    law.arm.inverse_dynamics(&mut (), &trig, q, v, &command, &mut tau);
-    vec![
-        ("q_d", vec![n], desired[..n].to_vec()),
-        ("v_d", vec![n], desired[n..2 * n].to_vec()),
-        ("a_d", vec![n], desired[2 * n..].to_vec()),
-        ("e", vec![n], e),
-        ("e_dot", vec![n], e_dot),
-        ("a", vec![n], command),
-        ("tau", vec![n], tau),
-    ]
 }

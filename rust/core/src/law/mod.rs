@@ -1,91 +1,239 @@
 //! Control laws: from the desired motion and the measured state to the plant's input.
+//!
+//! A law is stated once ([`Definition`], gathered in [`LawSpec`]) and made for the number it runs on ([`Law`]).
 
 mod adaptive;
+mod cartesian_impedance;
 mod computed_torque;
-pub mod gain;
+mod evaluator;
+mod pd_gravity;
 
-pub use adaptive::{Adaptive, AdaptiveSpec, adaptive_terms};
-pub use computed_torque::{ComputedTorque, ComputedTorqueSpec, computed_torque_terms};
-pub use gain::Gain;
+pub use crate::linalg::gain::Gain;
+pub use adaptive::{Adaptive, AdaptiveSpec};
+pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
+pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
+pub use evaluator::LawEvaluator;
+pub use pd_gravity::{PdGravity, PdGravitySpec};
 
-use crate::dynamics::PlanarPr;
+use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::motion::Motion;
-use crate::scalar::Real;
+use crate::plant::{PlantKind, PlantSpec};
+use crate::scalar::{Kernel, Real};
 
 /// A law in a loop: its input to the plant and its own rate, from one evaluation.
 pub trait Law<S: Real> {
-    /// `tau` `(n,)` and the rate `dz` `(p,)` of the law's state `z`, from the desired `[q_d, v_d, a_d]`, the
-    /// (sin, cos) of the joints and the plant's state `x = [q, v]`.
+    /// `tau` `(n,)` and the rate `dz` `(p,)` of the law's state `z`, from the desired motions one after another, each
+    /// `[x_d, x_d', x_d'']`, the (sin, cos) of the joints and the plant's state `x`.
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]);
 
     /// The rate at which the law's Lyapunov function falls, as of the last evaluation; zero without one.
-    fn dissipation(&self) -> S;
-}
-
-/// A law as the user states it, validated; loops make their own [`Law`] from it.
-#[derive(Clone, Debug, PartialEq)]
-pub enum LawSpec {
-    Adaptive(AdaptiveSpec),
-    ComputedTorque(ComputedTorqueSpec),
-}
-
-impl LawSpec {
-    pub fn name(&self) -> &'static str {
-        match self {
-            LawSpec::Adaptive(_) => "Adaptive",
-            LawSpec::ComputedTorque(_) => "ComputedTorque",
-        }
+    #[inline(always)]
+    fn dissipation(&self) -> S {
+        S::zero()
     }
+
+    /// The rate of the law's own storage function, as of the last evaluation, when the world outside puts in `outside`.
+    #[inline(always)]
+    fn storage_rate(&self, _x: &[S], outside: S) -> S {
+        outside
+    }
+}
+
+/// A law as the user states it, validated.
+pub trait Definition {
+    /// The class in Python.
+    const NAME: &'static str;
+    const PLANT: PlantKind;
+    type Lanes<S: Real>: Law<S> + Send + 'static;
 
     /// The arm the law was made for.
-    pub fn arm(&self) -> &PlanarPr<f64> {
-        match self {
-            LawSpec::Adaptive(law) => &law.arm,
-            LawSpec::ComputedTorque(law) => &law.arm,
-        }
+    fn model(&self) -> &Model;
+    /// The desired motions, in the order in which [`Law::evaluate`] reads them.
+    fn motions(&self) -> Vec<&Motion>;
+    /// The law's state at the start of a run, `(p,)`.
+    fn initial_state(&self) -> &[f64] {
+        &[]
     }
+    /// The laws of the lanes as one; all have the same shape.
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S>
+    where
+        Self: 'a;
+    /// The named parts of the law at one instant.
+    fn terms(&self, at: &Instant) -> Vec<Term>;
+}
 
-    pub fn motion(&self) -> &Motion {
-        match self {
-            LawSpec::Adaptive(law) => &law.motion,
-            LawSpec::ComputedTorque(law) => &law.motion,
-        }
-    }
-
-    /// The law's state at the start of a run, `(p,)`; empty for a law without one.
-    pub fn initial_state(&self) -> &[f64] {
-        match self {
-            LawSpec::Adaptive(law) => &law.estimate,
-            LawSpec::ComputedTorque(_) => &[],
-        }
-    }
-
-    /// The plant's input `(n,)` at time `t`.
-    pub fn input(&self, t: f64, q: &[f64], v: &[f64], z: &[f64], tau: &mut [f64]) {
-        match self {
-            LawSpec::Adaptive(law) => law.input(t, q, v, z, tau),
-            LawSpec::ComputedTorque(law) => law.input(t, q, v, tau),
-        }
-    }
-
-    /// The named parts of the law at time `t`: name, shape, values.
-    pub fn terms(&self, t: f64, q: &[f64], v: &[f64], z: &[f64]) -> Vec<Term> {
-        match self {
-            LawSpec::Adaptive(law) => adaptive_terms(law, t, q, v, z),
-            LawSpec::ComputedTorque(law) => computed_torque_terms(law, t, q, v),
-        }
-    }
+/// What a law is asked about: its motions' samples, the plant's state and the law's own.
+pub struct Instant<'a> {
+    pub desired: &'a [f64],
+    pub x: &'a [f64],
+    pub z: &'a [f64],
 }
 
 /// A named part of a law: its values, row-major, in its shape.
 pub type Term = (&'static str, Vec<usize>, Vec<f64>);
 
+/// The laws there are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LawSpec {
+    Adaptive(AdaptiveSpec),
+    ComputedTorque(ComputedTorqueSpec),
+    PdGravity(PdGravitySpec),
+    CartesianImpedance(CartesianImpedanceSpec),
+}
+
+/// `$body` with `$law` the definition inside `$spec`.
+macro_rules! each {
+    ($spec:expr, $law:ident => $body:expr) => {
+        match $spec {
+            LawSpec::Adaptive($law) => $body,
+            LawSpec::ComputedTorque($law) => $body,
+            LawSpec::PdGravity($law) => $body,
+            LawSpec::CartesianImpedance($law) => $body,
+        }
+    };
+}
+
+impl LawSpec {
+    pub fn name(&self) -> &'static str {
+        fn of<D: Definition>(_: &D) -> &'static str {
+            D::NAME
+        }
+        each!(self, law => of(law))
+    }
+
+    pub fn plant(&self) -> PlantKind {
+        fn of<D: Definition>(_: &D) -> PlantKind {
+            D::PLANT
+        }
+        each!(self, law => of(law))
+    }
+
+    pub fn model(&self) -> &Model {
+        each!(self, law => law.model())
+    }
+
+    pub fn motions(&self) -> Vec<&Motion> {
+        each!(self, law => law.motions())
+    }
+
+    /// Times at which the desired motion jumps, increasing.
+    pub fn breaks(&self) -> Vec<f64> {
+        let mut breaks: Vec<f64> = self.motions().iter().flat_map(|motion| motion.breaks()).collect();
+        breaks.sort_by(f64::total_cmp);
+        breaks
+    }
+
+    pub fn initial_state(&self) -> &[f64] {
+        each!(self, law => law.initial_state())
+    }
+
+    /// The named parts of the law at time `t`.
+    pub fn terms(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
+        let mut desired = Vec::new();
+        for motion in self.motions() {
+            let start = desired.len();
+            desired.resize(start + 3 * motion.dof(), 0.0);
+            motion.sample(t, &mut desired[start..]);
+        }
+        each!(self, law => law.terms(&Instant { desired: &desired, x, z }))
+    }
+
+    /// The frame and axes in which the law takes an external force; `None` for a law of joints alone.
+    pub fn coordinates(&self) -> Option<&crate::kinematics::Coordinates> {
+        match self {
+            LawSpec::CartesianImpedance(law) => Some(&law.coordinates),
+            _ => None,
+        }
+    }
+
+    /// Whether the law has a storage function of its own on this plant.
+    pub fn has_storage(&self, _plant: &PlantSpec) -> bool {
+        false
+    }
+
+    /// That storage function at plant state `x`.
+    pub fn storage(&self, _t: f64, _x: &[f64], _plant: &PlantSpec) -> Option<f64> {
+        None
+    }
+
+    /// Whether both can run side by side in lanes.
+    pub fn same_shape(&self, other: &LawSpec) -> bool {
+        std::mem::discriminant(self) == std::mem::discriminant(other)
+            && self.model().same_geometry(other.model())
+            && self.coordinates() == other.coordinates()
+            && self.initial_state().len() == other.initial_state().len()
+    }
+
+    /// The laws of the lanes as one, all of the same shape.
+    pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
+        macro_rules! gather {
+            ($($variant:ident)*) => {
+                match of(0) {
+                    $(LawSpec::$variant(first) => Box::new(OutOfLine(Definition::build::<S>(|i| match of(i) {
+                        LawSpec::$variant(law) => law,
+                        _ => first,
+                    }))),)*
+                }
+            };
+        }
+        gather!(Adaptive ComputedTorque PdGravity CartesianImpedance)
+    }
+}
+
+/// A law whose evaluation is a function of its own, compiled for the instruction set of `S`.
+struct OutOfLine<L>(L);
+
+impl<S: Real, L: Law<S>> Law<S> for OutOfLine<L> {
+    #[inline(never)]
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        struct Evaluate<'a, S, L>(&'a mut L, &'a [S], &'a [(S, S)], &'a [S], &'a [S], &'a mut [S], &'a mut [S]);
+        impl<S: Real, L: Law<S>> Kernel for Evaluate<'_, S, L> {
+            type Output = ();
+            #[inline(always)]
+            fn run(self) {
+                self.0.evaluate(self.1, self.2, self.3, self.4, self.5, self.6);
+            }
+        }
+        S::enter(Evaluate(&mut self.0, desired, trig, x, z, tau, dz));
+    }
+
+    #[inline(never)]
+    fn dissipation(&self) -> S {
+        struct Dissipation<'a, S, L>(&'a L, std::marker::PhantomData<S>);
+        impl<S: Real, L: Law<S>> Kernel for Dissipation<'_, S, L> {
+            type Output = S;
+            #[inline(always)]
+            fn run(self) -> S {
+                self.0.dissipation()
+            }
+        }
+        S::enter(Dissipation(&self.0, std::marker::PhantomData::<S>))
+    }
+
+    #[inline(never)]
+    fn storage_rate(&self, x: &[S], outside: S) -> S {
+        struct Rate<'a, S, L>(&'a L, &'a [S], S);
+        impl<S: Real, L: Law<S>> Kernel for Rate<'_, S, L> {
+            type Output = S;
+            #[inline(always)]
+            fn run(self) -> S {
+                self.0.storage_rate(self.1, self.2)
+            }
+        }
+        S::enter(Rate(&self.0, x, outside))
+    }
+}
+
 fn require_same_dof(n: usize, motion: &Motion) -> Result<()> {
-    if motion.dof() == n {
+    require_rows("motion", n, motion.dof())
+}
+
+fn require_rows(argument: &str, n: usize, got: usize) -> Result<()> {
+    if got == n {
         return Ok(());
     }
-    Err(Error::input("motion", format!("has the wrong number of joints: expected {n}, got {}", motion.dof())))
+    Err(Error::input(argument, format!("has the wrong number of joints: expected {n}, got {got}")))
 }
 
 fn require_size(argument: &str, gain: &Gain, n: usize) -> Result<()> {

@@ -5,6 +5,7 @@
 
 pub mod cholesky;
 pub mod clamp;
+pub mod gain;
 pub mod householder;
 pub mod lu;
 pub mod null_basis;
@@ -13,6 +14,7 @@ pub mod svd;
 pub mod symmetric_eigen;
 
 pub use clamp::{clamp_gain, clamp_remainder};
+pub use gain::{AnyGain, Gain};
 pub use null_basis::null_basis;
 pub use pinv::pinv;
 pub use svd::Svd;

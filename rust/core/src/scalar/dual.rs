@@ -131,6 +131,12 @@ impl Real for Dual {
         (self.chain(s, c), self.chain(c, -s))
     }
     #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        let length = x.value * x.value + self.value * self.value;
+        let rate = x.value * self.rate - self.value * x.rate;
+        Dual::new(self.value.atan2(x.value), if rate == 0.0 { 0.0 } else { rate / length })
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> bool {
         self.value < other.value
     }

@@ -63,6 +63,12 @@ pub trait Real:
     /// Sine and cosine to 1 ulp for every finite argument.
     fn sin_cos(self) -> (Self, Self);
 
+    /// The angle of the point `(x, self)`, lane by lane through the library function: for orientation errors, not for hot loops.
+    #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        Self::from_lanes(|i| self.lane(i).atan2(x.lane(i)))
+    }
+
     /// `self < other`, lane by lane; false where either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
     /// `yes` where the mask holds, `no` elsewhere.

@@ -99,7 +99,7 @@ impl<S: Real> Angle<S> {
 
 /// Sine and cosine in a function of its own: a call on a rare path instead of its code at every use.
 #[inline(never)]
-fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
+pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
     struct SinCos<S>(S);
     impl<S: Real> Kernel for SinCos<S> {
         type Output = (S, S);

@@ -1,12 +1,11 @@
 //! A run of an adaptive method: segments between jumps and samples, records by dense output.
 
 use super::schedule::{Times, require_times};
+use super::stop::Stop;
 use crate::error::Result;
-use crate::integrate::dop853::{Dop853, Work};
-use crate::integrate::{Buffer, System};
+use crate::integrate::{Adaptive, Buffer, System, Work};
 use crate::scalar::Real;
 use crate::status::Status;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A time this close to a sample, in periods, is that sample.
 const ON_SAMPLE: f64 = 1e-9;
@@ -65,28 +64,29 @@ pub struct Outcome {
 
 /// Run `system` from `method.x`; `record(t, system, x)` is called for every record.
 #[inline(always)]
-pub fn run<S, F, B>(
+pub fn run<S, F, B, M>(
     system: &mut F,
-    method: &mut Dop853<B, F::Input>,
+    method: &mut M,
     segments: &Segments,
-    stop: &AtomicBool,
+    stop: &dyn Stop,
     mut record: impl FnMut(f64, &mut F, &B),
 ) -> Outcome
 where
     S: Real,
     F: System<S>,
     B: Buffer<S>,
+    M: Adaptive<S, F, B>,
 {
     let (mut t, mut sample, mut wanted, mut accepted) = (0.0, 0u64, 0usize, 0usize);
-    let mut at = method.x.clone();
+    let mut at = method.x().clone();
     let mut started = false;
-    let outcome = |status, t, method: &Dop853<B, F::Input>| Outcome { status, t, work: method.work };
+    let outcome = |status, t, method: &M| Outcome { status, t, work: method.work() };
     loop {
         if let Some(period) = segments.sample_time {
             if started && t >= (sample + 1) as f64 * period {
                 sample += 1;
             }
-            system.sample(t, method.x.as_ref());
+            system.sample(t, method.x().as_ref());
         }
         let (end, jumps) = segments.next(t, sample);
         let input_end = if jumps { end.next_down() } else { end };
@@ -96,10 +96,10 @@ where
         if !started {
             started = true;
             match &segments.times {
-                Times::Every(_) => record(0.0, system, &method.x),
+                Times::Every(_) => record(0.0, system, method.x()),
                 Times::At(t_eval) => {
                     if t_eval.first() == Some(&0.0) {
-                        record(0.0, system, &method.x);
+                        record(0.0, system, method.x());
                         wanted = 1;
                     }
                 }
@@ -109,12 +109,12 @@ where
             }
         }
         loop {
-            if stop.load(Ordering::Relaxed) {
-                return outcome(Status::Interrupted, method.t, method);
+            if stop.requested() {
+                return outcome(Status::Interrupted, method.t(), method);
             }
             let done = match method.step(system) {
                 Ok(done) => done,
-                Err(status) => return outcome(status, method.t, method),
+                Err(status) => return outcome(status, method.t(), method),
             };
             accepted += 1;
             let finished = done && end >= segments.t_end;
@@ -122,13 +122,13 @@ where
                 Times::Every(every) => {
                     if accepted.is_multiple_of(*every) || finished {
                         if done && segments.is_sample(end) {
-                            system.sample(end, method.x.as_ref());
+                            system.sample(end, method.x().as_ref());
                         }
-                        record(method.t, system, &method.x);
+                        record(method.t(), system, method.x());
                     }
                 }
                 Times::At(t_eval) => {
-                    while wanted < t_eval.len() && t_eval[wanted] <= method.t {
+                    while wanted < t_eval.len() && t_eval[wanted] <= method.t() {
                         method.interpolate(system, t_eval[wanted], &mut at);
                         // The input recorded is that from this instant on.
                         if done && t_eval[wanted] == end && segments.is_sample(end) {

@@ -3,15 +3,15 @@
 //! Each group writes its own rows, so the bits do not depend on how many threads there are or who took what.
 //! A group that is not full repeats its last run in the spare lanes.
 
-use super::adaptive_steps::Outcome;
-use super::fixed_steps::Faults;
+use super::columns::Columns;
+use super::general::General;
 use super::monitors::{self, Monitor};
 use super::planar_pr::{Group, Sink};
 use super::pool;
-use super::problem::{Division, Fixed, Problem};
+use super::problem::{Division, Ended, Fixed, Problem};
 use crate::error::{Error, Result};
 use crate::motion::{Motion, Table};
-use crate::scalar::{Real, Task, run_scalar, run_wide_lanes};
+use crate::scalar::{Real, Task, run_lanes, run_scalar, run_wide_lanes};
 use crate::status::Status;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use std::sync::atomic::AtomicBool;
@@ -33,6 +33,9 @@ pub struct BatchRuns {
     pub q: Vec<f64>,
     pub v: Vec<f64>,
     pub tau: Vec<f64>,
+    /// Motors of elastic plants; else empty.
+    pub theta: Vec<f64>,
+    pub theta_dot: Vec<f64>,
     pub z: Vec<f64>,
     pub monitors: Vec<(&'static str, Vec<f64>)>,
     pub status: Vec<Status>,
@@ -44,10 +47,12 @@ pub struct BatchRuns {
 /// The rows of one group.
 struct Rows<'a> {
     records: usize,
-    p: usize,
+    columns: Columns,
     q: &'a mut [f64],
     v: &'a mut [f64],
     tau: &'a mut [f64],
+    theta: &'a mut [f64],
+    theta_dot: &'a mut [f64],
     z: &'a mut [f64],
     monitors: Vec<&'a mut [f64]>,
     checks: Vec<Monitor<'a>>,
@@ -63,10 +68,18 @@ impl Sink for Rows<'_> {
             return;
         }
         let at = lane * self.records + i;
-        self.q[2 * at..2 * at + 2].copy_from_slice(&x[..2]);
-        self.v[2 * at..2 * at + 2].copy_from_slice(&x[2..4]);
-        self.tau[2 * at..2 * at + 2].copy_from_slice(tau);
-        self.z[self.p * at..self.p * (at + 1)].copy_from_slice(&x[4..4 + self.p]);
+        let parts = self.columns.split(x, tau);
+        let rows: [(&mut [f64], &[f64]); 6] = [
+            (self.q, parts.q),
+            (self.v, parts.v),
+            (self.tau, tau),
+            (self.theta, parts.theta),
+            (self.theta_dot, parts.theta_dot),
+            (self.z, parts.z),
+        ];
+        for (to, from) in rows {
+            to[from.len() * at..from.len() * (at + 1)].copy_from_slice(from);
+        }
         if let Some(check) = self.checks.get_mut(lane) {
             check.evaluate(t, x, &mut self.values);
             for (series, &value) in self.monitors.iter_mut().zip(&self.values) {
@@ -91,6 +104,33 @@ pub fn lanes() -> usize {
     run_wide_lanes(CountLanes)
 }
 
+/// The loop a batch runs in, and how many runs that takes side by side.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Loop {
+    PlanarPr,
+    Lanes,
+    Single,
+}
+
+impl Loop {
+    fn of(problem: &Problem) -> Self {
+        match (problem.is_planar_pr(), problem.fits_lanes()) {
+            (true, _) => Loop::PlanarPr,
+            (false, true) => Loop::Lanes,
+            (false, false) => Loop::Single,
+        }
+    }
+
+    fn width(self, adaptive: bool) -> usize {
+        match self {
+            _ if adaptive => 1,
+            Loop::PlanarPr => lanes(),
+            Loop::Lanes => run_lanes(CountLanes),
+            Loop::Single => 1,
+        }
+    }
+}
+
 /// Run every run of `problem` on `threads` threads. `poll` is asked every 20 ms whether to stop.
 pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
     let mut problem = problem.clone();
@@ -112,21 +152,27 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     if runs == 0 {
         return Ok(out);
     }
-    let lanes = if problem.options.method.is_adaptive() { 1 } else { self::lanes() };
-    let tabulated = tabulate(&problem, &division);
+    let route = Loop::of(&problem);
+    let lanes = route.width(problem.options.method.is_adaptive());
+    let tabulated = if route == Loop::PlanarPr { tabulate(&problem, &division) } else { None };
     let mut groups = split(&problem, &mut out, lanes);
     let interrupted = pool::run(threads, poll, |stop: &AtomicBool| {
         let go = |(g, rows): (usize, &mut Rows)| {
             let (problem, first) = (&problem, g * lanes);
-            match &division {
-                Division::Fixed(fixed) => {
+            match (&division, route) {
+                (Division::Fixed(fixed), Loop::PlanarPr) => {
                     let tabulated = tabulated.as_ref();
                     let faults = run_wide_lanes(Group { problem, division: fixed, tabulated, first, stop, sink: &mut *rows });
-                    rows.finish_fixed(&faults, problem.options.t_end)
+                    rows.finish(&Ended::Fixed(faults), problem.options.t_end)
                 }
-                Division::Adaptive(segments) => {
+                (Division::Adaptive(segments), Loop::PlanarPr) => {
                     let outcome = run_scalar(Group { problem, division: segments, tabulated: None, first, stop, sink: &mut *rows });
-                    rows.finish_adaptive(&outcome)
+                    rows.finish(&Ended::Adaptive(outcome), problem.options.t_end)
+                }
+                (division, route) => {
+                    let group = General { problem, division, first, stop, sink: &mut *rows };
+                    let ended = if route == Loop::Lanes { run_lanes(group) } else { run_scalar(group) };
+                    rows.finish(&ended, problem.options.t_end)
                 }
             }
         };
@@ -139,7 +185,8 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
 
 /// Room for the records, NaN until written; an error at once where it does not fit.
 fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
-    let (runs, records, p) = (problem.runs(), t.len(), problem.law(0).initial_state().len());
+    let (runs, records, columns) = (problem.runs(), t.len(), Columns::of(problem));
+    let (n, p) = (columns.n, columns.p);
     let room = |width: usize| -> Result<Vec<f64>> {
         let bytes = runs as u128 * records as u128 * width as u128 * 8;
         let mut out = Vec::new();
@@ -151,9 +198,11 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
     let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0)) } else { &[] };
     let monitors = names.iter().map(|&name| room(1).map(|series| (name, series))).collect::<Result<_>>()?;
     Ok(BatchRuns {
-        q: room(2)?,
-        v: room(2)?,
-        tau: room(2)?,
+        q: room(n)?,
+        v: room(n)?,
+        tau: room(n)?,
+        theta: room(columns.motors())?,
+        theta_dot: room(columns.motors())?,
         z: room(p)?,
         monitors,
         status: vec![Status::Interrupted; runs],
@@ -165,10 +214,12 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
 
 /// The rows of each group of `lanes` runs.
 fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<Rows<'a>> {
-    let (records, p) = (out.t.len(), problem.law(0).initial_state().len());
+    let (records, columns) = (out.t.len(), Columns::of(problem));
+    let (n, motors) = (columns.n, columns.motors());
     let per_group = |w: usize| (lanes * records * w).max(1);
-    let (mut q, mut v, mut tau) = (out.q.chunks_mut(per_group(2)), out.v.chunks_mut(per_group(2)), out.tau.chunks_mut(per_group(2)));
-    let mut z = out.z.chunks_mut(per_group(p));
+    let (mut q, mut v, mut tau) = (out.q.chunks_mut(per_group(n)), out.v.chunks_mut(per_group(n)), out.tau.chunks_mut(per_group(n)));
+    let (mut theta, mut theta_dot) = (out.theta.chunks_mut(per_group(motors)), out.theta_dot.chunks_mut(per_group(motors)));
+    let mut z = out.z.chunks_mut(per_group(columns.p));
     let mut monitors: Vec<_> = out.monitors.iter_mut().map(|(_, series)| series.chunks_mut(per_group(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
     out.status
@@ -180,14 +231,16 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
             let checks = if monitors.is_empty() { 0..0 } else { runs };
             Rows {
                 records,
-                p,
+                columns,
                 q: q.next().unwrap_or_default(),
                 v: v.next().unwrap_or_default(),
                 tau: tau.next().unwrap_or_default(),
+                theta: theta.next().unwrap_or_default(),
+                theta_dot: theta_dot.next().unwrap_or_default(),
                 z: z.next().unwrap_or_default(),
                 values: vec![0.0; monitors.len()],
                 monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
-                checks: checks.map(|i| Monitor::new(problem.plant(i), problem.law(i))).collect(),
+                checks: checks.map(|i| Monitor::new(problem.plant(i), problem.law(i), problem.watches_storage(i))).collect(),
                 status,
                 ended,
             }
@@ -197,28 +250,29 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
 
 impl Rows<'_> {
     /// Note how each run of the group ended; whether it was interrupted.
-    fn finish_fixed(&mut self, faults: &Faults, t_end: f64) -> bool {
-        if faults.interrupted {
-            return true;
+    fn finish(&mut self, ended: &Ended, t_end: f64) -> bool {
+        match ended {
+            Ended::Fixed(faults) if faults.interrupted => true,
+            Ended::Fixed(faults) => {
+                for (lane, (status, ended)) in self.status.iter_mut().zip(self.ended.iter_mut()).enumerate() {
+                    let fault = faults.at[lane];
+                    *status = if fault.is_finite() { Status::Diverged } else { Status::Success };
+                    *ended = fault.min(t_end);
+                }
+                false
+            }
+            Ended::Adaptive(outcome) => {
+                (self.status[0], self.ended[0]) = (outcome.status, outcome.t);
+                outcome.status == Status::Interrupted
+            }
         }
-        for (lane, (status, ended)) in self.status.iter_mut().zip(self.ended.iter_mut()).enumerate() {
-            let fault = faults.at[lane];
-            *status = if fault.is_finite() { Status::Diverged } else { Status::Success };
-            *ended = fault.min(t_end);
-        }
-        false
-    }
-
-    fn finish_adaptive(&mut self, outcome: &Outcome) -> bool {
-        (self.status[0], self.ended[0]) = (outcome.status, outcome.t);
-        outcome.status == Status::Interrupted
     }
 }
 
 /// The motion of all runs, sampled in advance at the stage times: worth it when many lanes share it.
 fn tabulate(problem: &Problem, division: &Division) -> Option<Motion> {
     let Division::Fixed(Fixed { schedule, .. }) = division else { return None };
-    let motion = problem.law(0).motion();
+    let motion = problem.law(0).motions()[0];
     let shared = problem.laws.len() == 1;
     let regular = schedule.on_grid() && schedule.breaks.is_empty() && schedule.is_end(schedule.steps as f64 * schedule.dt, schedule.t_end);
     let rows = 2 * schedule.steps + 1;

@@ -4,9 +4,9 @@
 //! is NaN from there on, and its neighbours repeat the same operations, so they keep their bits.
 
 use super::schedule::Schedule;
+use super::stop::Stop;
 use crate::integrate::{Buffer, FixedStep, System};
 use crate::scalar::Real;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Steps between checks.
 const BLOCK: usize = 32;
@@ -36,7 +36,7 @@ pub fn run<S, F, M, B>(
     mut x: B,
     schedule: &Schedule,
     hold: usize,
-    stop: &AtomicBool,
+    stop: &dyn Stop,
     recorder: &mut impl Record<F, B>,
 ) -> Faults
 where
@@ -63,7 +63,7 @@ where
             i += 1;
             if ahead {
                 // Keep to the run's own path.
-                x = start.clone();
+                x.clone_from(&start);
                 next_break = first_break;
                 method.restart();
                 ahead = false;
@@ -73,13 +73,14 @@ where
         if !record_here && step == schedule.steps {
             return faults;
         }
-        if stop.load(Ordering::Relaxed) {
+        if stop.requested() {
             faults.interrupted = true;
             return faults;
         }
         let target = if i < schedule.records.len() { schedule.records[i].step } else { schedule.steps };
         let to = if offset > 0.0 { step + 1 } else { target.min(step + BLOCK) };
-        (start, first_break) = (x.clone(), next_break);
+        start.clone_from(&x);
+        first_break = next_break;
         let mut careful = false;
         loop {
             for k in step..to {
@@ -96,7 +97,7 @@ where
                 break;
             }
             careful = true;
-            x = start.clone();
+            x.clone_from(&start);
             next_break = first_break;
             method.restart();
         }

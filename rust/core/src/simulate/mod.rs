@@ -3,7 +3,11 @@
 
 mod adaptive_steps;
 mod batch;
+mod closed_loop;
+mod columns;
 mod fixed_steps;
+mod force;
+mod general;
 mod monitors;
 mod planar_pr;
 mod pool;
@@ -12,9 +16,12 @@ mod reference;
 mod rigid_loop;
 mod schedule;
 mod single;
+mod stop;
 
 pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
-pub use pool::{default_threads, on_worker};
+pub use force::{Force, Wrench};
+pub use pool::default_threads;
 pub use problem::{Method, Options, Problem};
 pub use schedule::Times;
 pub use single::{Run, simulate};
+pub use stop::{Poller, Stop};

@@ -6,15 +6,16 @@ use super::problem::{Fixed, Options, Problem};
 use super::reference::{Desired, Reference, Shared};
 use super::rigid_loop::{RigidLoop, Shape};
 use super::schedule::Schedule;
-use crate::dynamics::PlanarPr;
+use super::stop::Stop;
+use crate::dynamics::{Model, PlanarPr};
 use crate::integrate::Rk4;
-use crate::integrate::dop853::{Dop853, Tolerance};
-use crate::law::gain::{Diagonal, Full, Gain};
+use crate::integrate::Tolerance;
+use crate::integrate::dop853::Dop853;
 use crate::law::{Adaptive, AdaptiveSpec, ComputedTorque, ComputedTorqueSpec, Law, LawSpec};
+use crate::linalg::gain::{Diagonal, Full, Gain};
 use crate::motion::Motion;
 use crate::scalar::trig::Angle;
 use crate::scalar::{Real, Task};
-use std::sync::atomic::AtomicBool;
 
 /// Receives the records of a group of lanes.
 pub trait Sink {
@@ -30,7 +31,7 @@ pub struct Group<'a, T> {
     /// In place of the laws' own, where all runs share one sampled in advance.
     pub tabulated: Option<&'a Motion>,
     pub first: usize,
-    pub stop: &'a AtomicBool,
+    pub stop: &'a dyn Stop,
     pub sink: &'a mut dyn Sink,
 }
 
@@ -43,7 +44,7 @@ pub trait Drive {
         x: [S; X],
         desired: U,
         options: &Options,
-        stop: &AtomicBool,
+        stop: &dyn Stop,
         sink: &mut dyn Sink,
     ) -> Self::Ended
     where
@@ -80,7 +81,7 @@ impl<T: Drive> Task for Group<'_, T> {
                 let spec = |lane: usize| -> &AdaptiveSpec {
                     match problem.law(run(lane)) {
                         LawSpec::Adaptive(law) => law,
-                        LawSpec::ComputedTorque(_) => unreachable!("a problem's laws are of one kind"),
+                        _ => unreachable!("a problem's laws are of one kind"),
                     }
                 };
                 let diagonal = (0..S::LANES).all(|i| {
@@ -91,7 +92,7 @@ impl<T: Drive> Task for Group<'_, T> {
                 let plain = problem.options.sample_time.is_none() && problem.options.tau_max.is_none() && !problem.options.monitors;
                 if diagonal && plain && reference.is_shared() {
                     let law = Adaptive::new(
-                        arm(|i| problem.plant(run(i))),
+                        arm(|i| closed_form(problem.plant(run(i)).model())),
                         Diagonal(diagonal_of::<S, 2>(|i| &spec(i).lambda)),
                         Diagonal(diagonal_of::<S, 2>(|i| &spec(i).kd)),
                         Diagonal(diagonal_of::<S, 3>(|i| &spec(i).gamma)),
@@ -101,7 +102,7 @@ impl<T: Drive> Task for Group<'_, T> {
                     self.close::<S, _, _, 3, 7, false, false>(law, reference, Shared([0.0; 6]))
                 } else {
                     let law = Adaptive::new(
-                        arm(|i| problem.plant(run(i))),
+                        arm(|i| closed_form(problem.plant(run(i)).model())),
                         Full(full_of::<S, 4>(2, |i| &spec(i).lambda)),
                         Full(full_of::<S, 4>(2, |i| &spec(i).kd)),
                         Full(full_of::<S, 9>(3, |i| &spec(i).gamma)),
@@ -115,11 +116,11 @@ impl<T: Drive> Task for Group<'_, T> {
                 let spec = |lane: usize| -> &ComputedTorqueSpec {
                     match problem.law(run(lane)) {
                         LawSpec::ComputedTorque(law) => law,
-                        LawSpec::Adaptive(_) => unreachable!("a problem's laws are of one kind"),
+                        _ => unreachable!("a problem's laws are of one kind"),
                     }
                 };
                 let law = ComputedTorque::new(
-                    arm(|i| problem.law(run(i)).arm()),
+                    arm(|i| closed_form(problem.law(run(i)).model())),
                     Full(full_of::<S, 4>(2, |i| &spec(i).kp)),
                     Full(full_of::<S, 4>(2, |i| &spec(i).kd)),
                     [S::zero(); 2],
@@ -127,6 +128,7 @@ impl<T: Drive> Task for Group<'_, T> {
                 let reference = self.reference::<S>();
                 self.close_any::<S, _, 0, 6>(law, reference)
             }
+            _ => unreachable!("other laws have no loop of their own"),
         }
     }
 }
@@ -137,7 +139,7 @@ impl<'a, T: Drive> Group<'a, T> {
         let last = self.problem.runs() - 1;
         match self.tabulated {
             Some(motion) => Reference::new(vec![motion]),
-            None => Reference::new((0..S::LANES).map(|i| self.problem.law((self.first + i).min(last)).motion()).collect()),
+            None => Reference::new((0..S::LANES).map(|i| self.problem.law((self.first + i).min(last)).motions()[0]).collect()),
         }
     }
 
@@ -170,7 +172,7 @@ impl<'a, T: Drive> Group<'a, T> {
         let run = |lane: usize| (self.first + lane).min(last);
         let zero = S::zero();
         let closed: PrLoop<S, L, U, Z, X, MONITORED, HELD> = RigidLoop::new(
-            arm(|i| problem.plant(run(i))),
+            arm(|i| closed_form(problem.plant(run(i)).model())),
             law,
             &mut reference,
             problem.options.tau_max.as_deref(),
@@ -179,8 +181,8 @@ impl<'a, T: Drive> Group<'a, T> {
         );
         let mut x = [zero; X];
         for i in 0..2 {
-            x[i] = S::from_lanes(|lane| problem.q0[2 * run(lane) + i]);
-            x[2 + i] = S::from_lanes(|lane| problem.v0[2 * run(lane) + i]);
+            x[i] = S::from_lanes(|lane| problem.x0[4 * run(lane) + i]);
+            x[2 + i] = S::from_lanes(|lane| problem.x0[4 * run(lane) + 2 + i]);
         }
         for i in 0..Z {
             x[4 + i] = S::from_lanes(|lane| problem.law(run(lane)).initial_state()[i]);
@@ -230,7 +232,7 @@ impl Drive for Fixed {
         x: [S; X],
         desired: U,
         _: &Options,
-        stop: &AtomicBool,
+        stop: &dyn Stop,
         sink: &mut dyn Sink,
     ) -> Faults
     where
@@ -254,7 +256,7 @@ impl Drive for Segments {
         x: [S; X],
         desired: U,
         options: &Options,
-        stop: &AtomicBool,
+        stop: &dyn Stop,
         sink: &mut dyn Sink,
     ) -> Outcome
     where
@@ -265,13 +267,22 @@ impl Drive for Segments {
         let tolerance = Tolerance { rtol: options.rtol, atol: options.atol, controlled: 4 + Z };
         let mut method = Dop853::new(tolerance, x, desired);
         let mut i = 0;
-        adaptive_steps::run::<S, _, _>(&mut closed, &mut method, self, stop, |t, closed, x| {
+        adaptive_steps::run::<S, _, _, _>(&mut closed, &mut method, self, stop, |t, closed, x| {
             if !HELD {
                 closed.observe(t, x);
             }
             record_apart(sink, i, t, *x, closed.tau);
             i += 1;
         })
+    }
+}
+
+/// The arm of a problem that [`Problem::is_planar_pr`].
+#[inline(always)]
+fn closed_form(model: &Model) -> &PlanarPr<f64> {
+    match model {
+        Model::PlanarPr(arm) => arm,
+        Model::Tree(_) => unreachable!("this loop is for the closed-form arm"),
     }
 }
 

@@ -50,7 +50,7 @@ pub fn run<R: Send>(threads: usize, poll: &mut dyn FnMut() -> bool, work: impl F
 }
 
 /// Run `work(stop)` on a thread of its own, so that the caller can go on listening: `poll` is asked every 20 ms.
-pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
+fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
     let stop = AtomicBool::new(false);
     let mut result = None;
     std::thread::scope(|scope| {

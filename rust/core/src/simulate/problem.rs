@@ -1,10 +1,13 @@
 //! What is to be run, validated.
 
-use super::adaptive_steps::Segments;
+use super::adaptive_steps::{Outcome, Segments};
+use super::fixed_steps::Faults;
+use super::force::Force;
 use super::schedule::{Schedule, Times};
-use crate::dynamics::PlanarPr;
+use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
 use crate::law::LawSpec;
+use crate::plant::{PlantSpec, RigidSpec};
 
 /// The numerical method of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,16 +49,19 @@ pub struct Options {
     pub monitors: bool,
 }
 
-/// Runs that share everything but their initial states, and possibly their plants and laws.
+/// Runs that share everything but their initial states, and possibly their plants, laws and forces.
 #[derive(Clone, Debug)]
 pub struct Problem<'a> {
     /// One, or one per run.
-    pub plants: Vec<&'a PlanarPr<f64>>,
+    pub plants: Vec<&'a PlantSpec>,
     /// One, or one per run.
     pub laws: Vec<&'a LawSpec>,
-    /// `(B, n)`, row-major.
-    pub q0: Vec<f64>,
-    pub v0: Vec<f64>,
+    /// Initial states of the plants, `(B, states)`, row-major.
+    pub x0: Vec<f64>,
+    /// None, one, or one per run.
+    pub forces: Vec<&'a Force>,
+    /// Where a force acts; `None`: at the law's own frame.
+    pub force_frame: Option<usize>,
     pub options: Options,
 }
 
@@ -65,6 +71,12 @@ pub enum Division {
     Adaptive(Segments),
 }
 
+/// How a group of lanes ended, by the way time was divided.
+pub enum Ended {
+    Fixed(Faults),
+    Adaptive(Outcome),
+}
+
 /// Steps of one size.
 pub struct Fixed {
     pub schedule: Schedule,
@@ -72,19 +84,124 @@ pub struct Fixed {
     pub hold: usize,
 }
 
-impl Problem<'_> {
-    pub const DOF: usize = 2;
-
+impl<'a> Problem<'a> {
     pub fn runs(&self) -> usize {
-        self.q0.len() / Self::DOF
+        self.x0.len() / self.plants[0].states()
     }
 
-    pub fn plant(&self, run: usize) -> &PlanarPr<f64> {
+    pub fn plant(&self, run: usize) -> &'a PlantSpec {
         self.plants[if self.plants.len() == 1 { 0 } else { run }]
     }
 
-    pub fn law(&self, run: usize) -> &LawSpec {
+    pub fn law(&self, run: usize) -> &'a LawSpec {
         self.laws[if self.laws.len() == 1 { 0 } else { run }]
+    }
+
+    pub fn force(&self, run: usize) -> Option<&'a Force> {
+        match self.forces.as_slice() {
+            [] => None,
+            [force] => Some(force),
+            forces => Some(forces[run]),
+        }
+    }
+
+    /// The frame at which the forces of this problem act, if there are any.
+    pub fn force_frame(&self) -> Option<usize> {
+        if self.forces.is_empty() {
+            return None;
+        }
+        self.force_frame.or_else(|| self.laws[0].coordinates().map(|coordinates| coordinates.frame))
+    }
+
+    /// Whether the energy watched in a run is the law's own storage function.
+    pub fn watches_storage(&self, run: usize) -> bool {
+        let o = &self.options;
+        o.monitors && o.sample_time.is_none() && o.tau_max.is_none() && self.law(run).has_storage(self.plant(run))
+    }
+
+    /// Whether all runs can go side by side in lanes.
+    pub fn fits_lanes(&self) -> bool {
+        let (plant, law) = (self.plants[0], self.laws[0]);
+        !self.options.method.is_adaptive()
+            && !self.forces.iter().any(|force| matches!(force, Force::Signal(_)))
+            && self.plants.iter().all(|p| std::ptr::eq(*p, plant) || p.same_shape(plant))
+            && self.laws.iter().all(|l| std::ptr::eq(*l, law) || l.same_shape(law))
+    }
+
+    /// The closed-form arm under the laws that have loops of their own, monomorphised through.
+    pub fn is_planar_pr(&self) -> bool {
+        let plant = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(RigidSpec { model: Model::PlanarPr(_), .. }));
+        let law =
+            |law: &LawSpec| matches!(law.model(), Model::PlanarPr(_)) && matches!(law, LawSpec::Adaptive(_) | LawSpec::ComputedTorque(_));
+        self.forces.is_empty()
+            && matches!(self.options.method, Method::Rk4 | Method::Dop853)
+            && self.plants.iter().all(|p| plant(p))
+            && self.laws.iter().all(|l| law(l))
+    }
+
+    /// Refuse plants and laws that do not belong together.
+    fn validate_pairs(&self) -> Result<()> {
+        let runs = self.runs();
+        let counts = [("plant", self.plants.len()), ("law", self.laws.len()), ("force", self.forces.len().max(1))];
+        for (name, count) in counts {
+            if count != 1 && count != runs {
+                return Err(Error::input(name, format!("has the wrong number of entries: expected 1 or {runs}, got {count}")));
+            }
+        }
+        let (plant, law) = (self.plants[0], self.laws[0]);
+        let mixed = |argument: &str, i: usize, expected: &str, got: &str| {
+            Err(Error::input(argument, format!("mixes kinds: expected {expected} throughout, got {got} (first bad index {i})")))
+        };
+        if let Some(i) = self.laws.iter().position(|l| std::mem::discriminant(*l) != std::mem::discriminant(law)) {
+            return mixed("law", i, law.name(), self.laws[i].name());
+        }
+        if let Some(i) = self.plants.iter().position(|p| p.kind() != plant.kind()) {
+            return mixed("plant", i, plant.kind().name(), self.plants[i].kind().name());
+        }
+        if law.plant() != plant.kind() {
+            let problem = format!(
+                "is made for another plant: expected a law for {}, got {}, a law for {}",
+                plant.kind().name(),
+                law.name(),
+                law.plant().name()
+            );
+            return Err(Error::input("law", problem));
+        }
+        let n = plant.n();
+        for (i, l) in self.laws.iter().enumerate() {
+            if l.model().n() != n {
+                return Err(Error::input(
+                    "law",
+                    format!("has the wrong number of joints: expected {n}, got {} (first bad index {i})", l.model().n()),
+                ));
+            }
+            if l.initial_state().len() != law.initial_state().len() {
+                let (p, got) = (law.initial_state().len(), l.initial_state().len());
+                return Err(Error::input("law", format!("has the wrong number of states: expected {p}, got {got} (first bad index {i})")));
+            }
+        }
+        if let Some(i) = self.plants.iter().position(|p| p.n() != n) {
+            let problem = format!("has the wrong number of joints: expected {n}, got {} (first bad index {i})", self.plants[i].n());
+            return Err(Error::input("plant", problem));
+        }
+        if !self.forces.is_empty() {
+            let Model::Tree(arm) = plant.model() else {
+                return Err(Error::input("force", "has no frame to act at: expected a plant with links, got planar_pr"));
+            };
+            match self.force_frame() {
+                None => {
+                    return Err(Error::input(
+                        "force_frame",
+                        format!("is missing: expected a frame for the force, since {} has none", law.name()),
+                    ));
+                }
+                Some(frame) if frame >= arm.frames.len() => {
+                    return Err(Error::input("force_frame", format!("is out of range: expected below {}, got {frame}", arm.frames.len())));
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(())
     }
 
     /// Refuse what can't be run; the division of time of what can.
@@ -93,21 +210,8 @@ impl Problem<'_> {
         if !(o.t_end >= 0.0 && o.t_end.is_finite()) {
             return Err(Error::input("t_end", format!("is not a duration: expected a finite number >= 0, got {}", o.t_end)));
         }
-        finite("q0", &self.q0)?;
-        finite("v0", &self.v0)?;
-        let runs = self.runs();
-        for (name, count) in [("plant", self.plants.len()), ("law", self.laws.len())] {
-            if count != 1 && count != runs {
-                return Err(Error::input(name, format!("has the wrong number of entries: expected 1 or {runs}, got {count}")));
-            }
-        }
-        let kind = |law: &LawSpec| std::mem::discriminant(law);
-        if let Some(i) = self.laws.iter().position(|law| kind(law) != kind(self.laws[0])) {
-            return Err(Error::input(
-                "law",
-                format!("mixes kinds: expected {} throughout, got {} (first bad index {i})", self.laws[0].name(), self.laws[i].name()),
-            ));
-        }
+        finite("initial state", &self.x0)?;
+        self.validate_pairs()?;
         let limit = o.tau_max.as_deref().unwrap_or_default();
         if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
             return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {} (first bad index {i})", limit[i])));
@@ -115,7 +219,8 @@ impl Problem<'_> {
         if let Some(period) = o.sample_time {
             positive("sample_time", period)?;
         }
-        let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.motion().breaks()).collect();
+        let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
+        breaks.extend(self.forces.iter().flat_map(|force| force.breaks()));
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
         if o.method.is_adaptive() {

@@ -1,12 +1,15 @@
 //! One run, on one number.
 
+use super::columns::Columns;
+use super::general::General;
 use super::monitors::{self, Monitor};
 use super::planar_pr::{Group, Sink};
-use super::problem::{Division, Problem};
+use super::problem::{Division, Ended, Problem};
+use super::stop::Stop;
 use crate::error::Result;
+use crate::plant::PlantKind;
 use crate::scalar::run_scalar;
 use crate::status::Status;
-use std::sync::atomic::AtomicBool;
 
 /// The records of one run; arrays are row-major with time first.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +19,9 @@ pub struct Run {
     pub q: Vec<f64>,
     pub v: Vec<f64>,
     pub tau: Vec<f64>,
+    /// Motors of an elastic plant, `(K, n)`; else empty.
+    pub theta: Vec<f64>,
+    pub theta_dot: Vec<f64>,
     /// The law's state, `(K, p)`.
     pub z: Vec<f64>,
     /// `(K,)` per monitor.
@@ -30,7 +36,7 @@ pub struct Run {
 
 struct Rows<'a> {
     run: &'a mut Run,
-    p: usize,
+    columns: Columns,
     monitor: Option<Monitor<'a>>,
     values: Vec<f64>,
 }
@@ -39,10 +45,13 @@ impl Sink for Rows<'_> {
     fn record(&mut self, _: usize, _: usize, t: f64, x: &[f64], tau: &[f64]) {
         let run = &mut *self.run;
         run.t.push(t);
-        run.q.extend_from_slice(&x[..2]);
-        run.v.extend_from_slice(&x[2..4]);
+        let parts = self.columns.split(x, tau);
+        run.q.extend_from_slice(parts.q);
+        run.v.extend_from_slice(parts.v);
         run.tau.extend_from_slice(tau);
-        run.z.extend_from_slice(&x[4..4 + self.p]);
+        run.theta.extend_from_slice(parts.theta);
+        run.theta_dot.extend_from_slice(parts.theta_dot);
+        run.z.extend_from_slice(parts.z);
         if let Some(monitor) = &mut self.monitor {
             monitor.evaluate(t, x, &mut self.values);
             for ((_, series), &value) in run.monitors.iter_mut().zip(&self.values) {
@@ -54,12 +63,17 @@ impl Sink for Rows<'_> {
 
 impl Rows<'_> {
     fn reserve(&mut self, records: usize) {
+        let Columns { kind, n, p } = self.columns;
         let run = &mut *self.run;
         run.t.reserve_exact(records);
         for series in [&mut run.q, &mut run.v, &mut run.tau] {
-            series.reserve_exact(2 * records);
+            series.reserve_exact(n * records);
         }
-        run.z.reserve_exact(self.p * records);
+        if kind == PlantKind::Elastic {
+            run.theta.reserve_exact(n * records);
+            run.theta_dot.reserve_exact(n * records);
+        }
+        run.z.reserve_exact(p * records);
         for (_, series) in &mut run.monitors {
             series.reserve_exact(records);
         }
@@ -67,19 +81,29 @@ impl Rows<'_> {
 }
 
 /// Run the one run of `problem`. What it recorded before a fault is in the result, with the status.
-pub fn simulate(problem: &Problem, stop: &AtomicBool) -> Result<Run> {
+pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
     let division = problem.validate()?;
     let mut run = Run::default();
-    let p = problem.law(0).initial_state().len();
+    let columns = Columns::of(problem);
     let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0)) } else { &[] };
     run.monitors = names.iter().map(|&name| (name, Vec::new())).collect();
-    let monitor = problem.options.monitors.then(|| Monitor::new(problem.plant(0), problem.law(0)));
+    let monitor = problem.options.monitors.then(|| Monitor::new(problem.plant(0), problem.law(0), problem.watches_storage(0)));
     let values = vec![0.0; names.len()];
-    let mut sink = Rows { run: &mut run, p, monitor, values };
-    match &division {
-        Division::Fixed(fixed) => {
-            sink.reserve(fixed.schedule.records.len());
-            let faults = run_scalar(Group { problem, division: fixed, tabulated: None, first: 0, stop, sink: &mut sink });
+    let mut sink = Rows { run: &mut run, columns, monitor, values };
+    if let Division::Fixed(fixed) = &division {
+        sink.reserve(fixed.schedule.records.len());
+    }
+    let ended = match &division {
+        Division::Fixed(fixed) if problem.is_planar_pr() => {
+            Ended::Fixed(run_scalar(Group { problem, division: fixed, tabulated: None, first: 0, stop, sink: &mut sink }))
+        }
+        Division::Adaptive(segments) if problem.is_planar_pr() => {
+            Ended::Adaptive(run_scalar(Group { problem, division: segments, tabulated: None, first: 0, stop, sink: &mut sink }))
+        }
+        division => run_scalar(General { problem, division, first: 0, stop, sink: &mut sink }),
+    };
+    match ended {
+        Ended::Fixed(faults) => {
             run.steps = faults.steps;
             run.evaluations = 4 * faults.steps;
             run.ended = faults.at[0].min(problem.options.t_end);
@@ -92,8 +116,7 @@ pub fn simulate(problem: &Problem, stop: &AtomicBool) -> Result<Run> {
                 run.keep_before(run.ended);
             }
         }
-        Division::Adaptive(segments) => {
-            let outcome = run_scalar(Group { problem, division: segments, tabulated: None, first: 0, stop, sink: &mut sink });
+        Ended::Adaptive(outcome) => {
             (run.status, run.ended) = (outcome.status, outcome.t);
             (run.evaluations, run.steps, run.rejections) = (outcome.work.evaluations, outcome.work.steps, outcome.work.rejections);
         }
@@ -104,13 +127,11 @@ pub fn simulate(problem: &Problem, stop: &AtomicBool) -> Result<Run> {
 impl Run {
     /// Drop the records from the fault on.
     fn keep_before(&mut self, t: f64) {
-        let k = self.t.iter().position(|&s| s >= t).unwrap_or(self.t.len());
-        let p = self.z.len() / self.t.len().max(1);
+        let (k, records) = (self.t.iter().position(|&s| s >= t).unwrap_or(self.t.len()), self.t.len().max(1));
         self.t.truncate(k);
-        self.q.truncate(2 * k);
-        self.v.truncate(2 * k);
-        self.tau.truncate(2 * k);
-        self.z.truncate(p * k);
+        for series in [&mut self.q, &mut self.v, &mut self.tau, &mut self.theta, &mut self.theta_dot, &mut self.z] {
+            series.truncate(series.len() / records * k);
+        }
         for (_, series) in &mut self.monitors {
             series.truncate(k);
         }

@@ -6,10 +6,12 @@
 
 mod inertia;
 mod matrix;
+mod rotation_log;
 mod vector;
 
 pub use inertia::{Inertia, PARAMETERS, parameter};
 pub use matrix::{M3, Sym3};
+pub use rotation_log::{rotation_exp, rotation_log};
 pub use vector::V3;
 
 use crate::scalar::Real;

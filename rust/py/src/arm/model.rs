@@ -4,11 +4,11 @@ use armlet_core::arm::{Arm as Tree, JointKind};
 use armlet_core::dynamics::{Dynamics, Evaluator, PlanarPr, Quantity, Query};
 use armlet_core::error::{Error, Result};
 use armlet_core::scalar::Real;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 /// A tree with the evaluator of single calls, which keeps its buffers between them.
 pub struct TreeModel {
-    pub arm: Tree,
+    pub arm: Arc<Tree>,
     evaluator: Mutex<Evaluator>,
 }
 
@@ -30,6 +30,7 @@ impl PartialEq for Model {
 impl From<Tree> for super::Arm {
     fn from(arm: Tree) -> Self {
         let evaluator = Mutex::new(Evaluator::new(&arm));
+        let arm = Arc::new(arm);
         super::Arm { model: Model::Tree(Box::new(TreeModel { arm, evaluator })) }
     }
 }
@@ -46,11 +47,11 @@ impl Model {
         }
     }
 
-    /// The closed-form arm that loops are made for.
-    pub fn planar_pr(&self) -> Result<PlanarPr<f64>> {
+    /// The model as loops and laws take it.
+    pub fn core(&self) -> armlet_core::dynamics::Model {
         match self {
-            Model::PlanarPr(arm) => Ok(*arm),
-            Model::Tree(_) => Err(Error::input("arm", "has no loops of its own yet: expected planar_pr, got an arm of links")),
+            Model::PlanarPr(arm) => armlet_core::dynamics::Model::PlanarPr(*arm),
+            Model::Tree(tree) => armlet_core::dynamics::Model::Tree(tree.arm.clone()),
         }
     }
 

@@ -1,4 +1,5 @@
-//! Gains: a scalar, a diagonal or a full symmetric positive definite matrix, and their products in a step.
+//! Gains: a scalar, a diagonal or a full symmetric positive definite matrix (gains, stiffness, inertia), and their
+//! products in a step.
 
 use crate::error::{Error, Result, finite};
 use crate::linalg::cholesky::require_positive_definite;
@@ -37,7 +38,7 @@ impl Gain {
     }
 
     /// Any matrix, such as `Kd^-1 Kp`, which need not be symmetric.
-    pub(super) fn unchecked(n: usize, values: Vec<f64>) -> Self {
+    pub(crate) fn unchecked(n: usize, values: Vec<f64>) -> Self {
         Gain { n, values }
     }
 
@@ -64,6 +65,26 @@ impl Gain {
     /// `(n, n)`, row-major.
     pub fn matrix(&self) -> Vec<f64> {
         (0..self.n * self.n).map(|k| self.at(k / self.n, k % self.n)).collect()
+    }
+
+    /// `self x`.
+    pub fn times(&self, x: &[f64]) -> Vec<f64> {
+        (0..self.n).map(|i| (0..self.n).map(|j| self.at(i, j) * x[j]).sum()).collect()
+    }
+
+    /// `self^-1`.
+    pub fn inverse(&self) -> Gain {
+        self.solve(&Gain::unchecked(self.n, vec![1.0; self.n]))
+    }
+
+    /// `self other`, diagonal where both are.
+    pub fn product(&self, other: &Gain) -> Gain {
+        let n = self.n;
+        if self.is_diagonal() && other.is_diagonal() {
+            return Gain::unchecked(n, (0..n).map(|i| self.values[i] * other.values[i]).collect());
+        }
+        let entry = |k: usize| (0..n).map(|j| self.at(k / n, j) * other.at(j, k % n)).sum();
+        Gain::unchecked(n, (0..n * n).map(entry).collect())
     }
 
     /// `self^-1 other`, diagonal where both are.
@@ -94,6 +115,8 @@ pub trait Multiply<S: Real> {
     fn multiply(&self, x: &[S], y: &mut [S]);
     /// `y += K x`.
     fn add_to(&self, x: &[S], y: &mut [S]);
+    /// `x' K x`.
+    fn quadratic(&self, x: &[S]) -> S;
 }
 
 /// A diagonal gain.
@@ -105,6 +128,15 @@ pub struct Diagonal<B>(pub B);
 pub struct Full<B>(pub B);
 
 impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
+    #[inline(always)]
+    fn quadratic(&self, x: &[S]) -> S {
+        let k = self.0.as_ref();
+        let mut sum = S::zero();
+        for i in 0..k.len() {
+            sum = (k[i] * x[i]).mul_add(x[i], sum);
+        }
+        sum
+    }
     #[inline(always)]
     fn multiply(&self, x: &[S], y: &mut [S]) {
         let k = self.0.as_ref();
@@ -123,6 +155,19 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
 
 impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
     #[inline(always)]
+    fn quadratic(&self, x: &[S]) -> S {
+        let (k, n) = (self.0.as_ref(), x.len());
+        let mut sum = S::zero();
+        for i in 0..n {
+            let mut row = k[i * n] * x[0];
+            for j in 1..n {
+                row = k[i * n + j].mul_add(x[j], row);
+            }
+            sum = row.mul_add(x[i], sum);
+        }
+        sum
+    }
+    #[inline(always)]
     fn multiply(&self, x: &[S], y: &mut [S]) {
         let (k, n) = (self.0.as_ref(), x.len());
         for i in 0..n {
@@ -140,6 +185,49 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
             for j in 0..n {
                 y[i] = k[i * n + j].mul_add(x[j], y[i]);
             }
+        }
+    }
+}
+
+/// A gain whose form is known at run time, one per lane.
+#[derive(Clone, Debug)]
+pub enum AnyGain<S> {
+    Diagonal(Diagonal<Vec<S>>),
+    Full(Full<Vec<S>>),
+}
+
+impl<S: Real> AnyGain<S> {
+    /// Gain `of(i)` in lane `i`.
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Gain) -> Self {
+        let n = of(0).n();
+        if (0..S::LANES).all(|i| of(i).is_diagonal()) {
+            AnyGain::Diagonal(Diagonal((0..n).map(|k| S::from_lanes(|i| of(i).at(k, k))).collect()))
+        } else {
+            AnyGain::Full(Full((0..n * n).map(|k| S::from_lanes(|i| of(i).at(k / n, k % n))).collect()))
+        }
+    }
+}
+
+impl<S: Real> Multiply<S> for AnyGain<S> {
+    #[inline(always)]
+    fn quadratic(&self, x: &[S]) -> S {
+        match self {
+            AnyGain::Diagonal(k) => k.quadratic(x),
+            AnyGain::Full(k) => k.quadratic(x),
+        }
+    }
+    #[inline(always)]
+    fn multiply(&self, x: &[S], y: &mut [S]) {
+        match self {
+            AnyGain::Diagonal(k) => k.multiply(x, y),
+            AnyGain::Full(k) => k.multiply(x, y),
+        }
+    }
+    #[inline(always)]
+    fn add_to(&self, x: &[S], y: &mut [S]) {
+        match self {
+            AnyGain::Diagonal(k) => k.add_to(x, y),
+            AnyGain::Full(k) => k.add_to(x, y),
         }
     }
 }

@@ -1,0 +1,276 @@
+//! Any arm, chosen at run time: the closed-form PR or a tree of bodies.
+//!
+//! Each quantity is a function of its own, compiled for the instruction set of the number it runs on: laws and plants
+//! share one copy of the code, at the price of a call.
+
+use super::workspace::Workspace;
+use super::{Dynamics, PlanarPr};
+use crate::arm::{Arm, Tree};
+use crate::error::{Error, Result};
+use crate::kinematics::{self, Coordinates};
+use crate::scalar::{Kernel, Real};
+use crate::spatial::V3;
+use std::sync::Arc;
+
+/// An arm as the user states it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Model {
+    PlanarPr(PlanarPr<f64>),
+    Tree(Arc<Arm>),
+}
+
+impl Model {
+    /// Number of joints `n`.
+    pub fn n(&self) -> usize {
+        match self {
+            Model::PlanarPr(_) => 2,
+            Model::Tree(arm) => arm.n(),
+        }
+    }
+
+    /// Number of inertial parameters `p`.
+    pub fn parameter_count(&self) -> usize {
+        self.parameters().len()
+    }
+
+    /// Inertial parameters `(p,)`.
+    pub fn parameters(&self) -> Vec<f64> {
+        match self {
+            Model::PlanarPr(arm) => arm.parameter_array().to_vec(),
+            Model::Tree(arm) => arm.parameters(),
+        }
+    }
+
+    /// Whether each coordinate enters through its sine and cosine.
+    pub fn angles(&self) -> Vec<bool> {
+        match self {
+            Model::PlanarPr(_) => vec![false, true],
+            Model::Tree(arm) => arm.joints.iter().map(|joint| joint.kind.is_angle()).collect(),
+        }
+    }
+
+    /// Rotor inertia of each joint, `(n,)`, outside of the inertial parameters.
+    pub fn armature(&self) -> Vec<f64> {
+        match self {
+            Model::PlanarPr(_) => vec![0.0; 2],
+            Model::Tree(arm) => arm.joints.iter().map(|joint| joint.armature).collect(),
+        }
+    }
+
+    /// The tree of bodies, or an error that says what `argument` lacks.
+    pub fn tree(&self, argument: &str) -> Result<&Arc<Arm>> {
+        match self {
+            Model::Tree(arm) => Ok(arm),
+            Model::PlanarPr(_) => Err(Error::input(argument, "has no links: expected an arm with a kinematic model, got planar_pr")),
+        }
+    }
+
+    /// Whether both have the same joints and frames, so that they can share lanes: inertial parameters may differ.
+    pub fn same_geometry(&self, other: &Model) -> bool {
+        match (self, other) {
+            (Model::PlanarPr(_), Model::PlanarPr(_)) => true,
+            (Model::Tree(a), Model::Tree(b)) => {
+                Arc::ptr_eq(a, b)
+                    || (a.gravity == b.gravity
+                        && a.frames == b.frames
+                        && a.joints.len() == b.joints.len()
+                        && a.joints.iter().zip(&b.joints).all(|(x, y)| {
+                            let mut x = x.clone();
+                            x.parameters = y.parameters;
+                            x == *y
+                        }))
+            }
+            _ => false,
+        }
+    }
+}
+
+/// A model made to run on `S`; its inertial parameters may differ from lane to lane.
+#[derive(Clone, Debug)]
+pub enum AnyArm<S: Real> {
+    PlanarPr(PlanarPr<S>),
+    Tree(Tree<S>),
+}
+
+impl<S: Real> AnyArm<S> {
+    /// Model `of(i)` in lane `i`; all have the same geometry.
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Model) -> Self {
+        match of(0) {
+            Model::PlanarPr(first) => AnyArm::PlanarPr(PlanarPr::from_lanes(|i| match of(i) {
+                Model::PlanarPr(arm) => *arm,
+                Model::Tree(_) => *first,
+            })),
+            Model::Tree(arm) => {
+                let mut tree = Tree::new(arm);
+                if (1..S::LANES).any(|i| !std::ptr::eq(of(i), of(0))) {
+                    let rows: Vec<Vec<f64>> = (0..S::LANES).map(|i| of(i).parameters()).collect();
+                    let pi: Vec<S> = (0..rows[0].len()).map(|k| S::from_lanes(|i| rows[i][k])).collect();
+                    tree.set_parameters(&pi);
+                }
+                AnyArm::Tree(tree)
+            }
+        }
+    }
+
+    /// The tree; `None` for an arm that is given by its dynamics alone.
+    pub fn tree(&self) -> Option<&Tree<S>> {
+        match self {
+            AnyArm::PlanarPr(_) => None,
+            AnyArm::Tree(tree) => Some(tree),
+        }
+    }
+}
+
+/// A quantity out of line: `$name(ws, trig, inputs.., outputs..)`, in the region of `S`.
+macro_rules! apart {
+    ($name:ident, [$($input:ident),*], [$($output:ident),+]) => {
+        #[inline(never)]
+        fn $name(&self, ws: &mut Workspace<S>, trig: &[(S, S)], $($input: &[S],)* $($output: &mut [S]),+) {
+            struct Apart<'a, S: Real> {
+                arm: &'a AnyArm<S>,
+                ws: &'a mut Workspace<S>,
+                trig: &'a [(S, S)],
+                $($input: &'a [S],)*
+                $($output: &'a mut [S],)+
+            }
+            impl<S: Real> Kernel for Apart<'_, S> {
+                type Output = ();
+                #[inline(always)]
+                fn run(self) {
+                    match self.arm {
+                        AnyArm::PlanarPr(arm) => arm.$name(&mut (), self.trig, $(self.$input,)* $(self.$output),+),
+                        AnyArm::Tree(arm) => arm.$name(self.ws, self.trig, $(self.$input,)* $(self.$output),+),
+                    }
+                }
+            }
+            S::enter(Apart { arm: self, ws, trig, $($input,)* $($output),+ });
+        }
+    };
+}
+
+impl<S: Real> Dynamics<S> for AnyArm<S> {
+    type Workspace = Workspace<S>;
+
+    fn workspace(&self) -> Workspace<S> {
+        match self {
+            AnyArm::PlanarPr(_) => Workspace::new(&Tree { bodies: Vec::new(), frames: Vec::new(), gravity: V3([0.0; 3]) }),
+            AnyArm::Tree(tree) => Workspace::new(tree),
+        }
+    }
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        match self {
+            AnyArm::PlanarPr(_) => 2,
+            AnyArm::Tree(tree) => tree.n(),
+        }
+    }
+    #[inline(always)]
+    fn parameter_count(&self) -> usize {
+        match self {
+            AnyArm::PlanarPr(arm) => arm.parameter_count(),
+            AnyArm::Tree(tree) => tree.parameter_count(),
+        }
+    }
+    #[inline(always)]
+    fn is_angle(&self, joint: usize) -> bool {
+        match self {
+            AnyArm::PlanarPr(arm) => arm.is_angle(joint),
+            AnyArm::Tree(tree) => tree.is_angle(joint),
+        }
+    }
+    fn parameters(&self, pi: &mut [S]) {
+        match self {
+            AnyArm::PlanarPr(arm) => arm.parameters(pi),
+            AnyArm::Tree(tree) => tree.parameters(pi),
+        }
+    }
+
+    apart!(mass_matrix, [q], [m]);
+    apart!(coriolis_matrix, [q, v], [c]);
+    apart!(gravity, [q], [g]);
+    apart!(bias, [q, v], [out]);
+    apart!(inverse_dynamics, [q, v, a], [tau]);
+    apart!(forward_dynamics, [q, v, tau], [a]);
+    apart!(regressor, [q, v, v_r, a_r], [y]);
+    apart!(regressor_products, [q, v, v_r, a_r, pi, s], [y_pi, yt_s]);
+
+    fn energy(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
+        let mut out = [S::zero(); 2];
+        self.energies(ws, trig, q, v, &mut out);
+        (out[0], out[1])
+    }
+}
+
+impl<S: Real> AnyArm<S> {
+    #[inline(never)]
+    fn energies(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], out: &mut [S; 2]) {
+        struct Apart<'a, S: Real>(&'a AnyArm<S>, &'a mut Workspace<S>, &'a [(S, S)], &'a [S], &'a [S]);
+        impl<S: Real> Kernel for Apart<'_, S> {
+            type Output = (S, S);
+            #[inline(always)]
+            fn run(self) -> (S, S) {
+                match self.0 {
+                    AnyArm::PlanarPr(arm) => arm.energy(&mut (), self.2, self.3, self.4),
+                    AnyArm::Tree(arm) => arm.energy(self.1, self.2, self.3, self.4),
+                }
+            }
+        }
+        (out[0], out[1]) = S::enter(Apart(self, ws, trig, q, v));
+    }
+}
+
+impl<S: Real> AnyArm<S> {
+    /// The geometric Jacobian `(6, n)` of a frame; returns its position. A planar PR has no frames: zero.
+    #[inline(never)]
+    pub fn jacobian(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> V3<S> {
+        struct Apart<'a, S: Real>(&'a Tree<S>, &'a mut Workspace<S>, &'a [(S, S)], &'a [S], usize, &'a mut [S]);
+        impl<S: Real> Kernel for Apart<'_, S> {
+            type Output = V3<S>;
+            #[inline(always)]
+            fn run(self) -> V3<S> {
+                kinematics::jacobian(self.0, &mut self.1.poses, self.2, self.3, self.4, self.5)
+            }
+        }
+        match self {
+            AnyArm::PlanarPr(_) => V3::zero(),
+            AnyArm::Tree(tree) => S::enter(Apart(tree, ws, trig, q, frame, j)),
+        }
+    }
+
+    /// Error `(m,)` and Jacobian `(m, n)` of Cartesian coordinates; `full` has room for `(6, n)`.
+    #[inline(never)]
+    pub fn error_and_jacobian(
+        &self,
+        ws: &mut Workspace<S>,
+        coordinates: &Coordinates,
+        full: &mut [S],
+        trig: &[(S, S)],
+        q: &[S],
+        target: &[S],
+        e: &mut [S],
+        j: &mut [S],
+    ) {
+        struct Apart<'a, S: Real> {
+            tree: &'a Tree<S>,
+            ws: &'a mut Workspace<S>,
+            coordinates: &'a Coordinates,
+            full: &'a mut [S],
+            trig: &'a [(S, S)],
+            q: &'a [S],
+            target: &'a [S],
+            e: &'a mut [S],
+            j: &'a mut [S],
+        }
+        impl<S: Real> Kernel for Apart<'_, S> {
+            type Output = ();
+            #[inline(always)]
+            fn run(self) {
+                let Apart { tree, ws, coordinates, full, trig, q, target, e, j } = self;
+                coordinates.error_and_jacobian(tree, &mut ws.poses, full, trig, q, target, e, j);
+            }
+        }
+        if let AnyArm::Tree(tree) = self {
+            S::enter(Apart { tree, ws, coordinates, full, trig, q, target, e, j });
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Cartesian coordinates of a frame: chosen rows of its position and orientation, in world axes.
+//!
+//! Error `e = x_d - p_WF` for the letters x, y, z and `e = log(R_d R')` for rx, ry, rz, with `R_d = exp` of the target's
+//! rotation vector (letters that are left out count as zero); Jacobian: the same rows of the geometric one.
+
+use crate::arm::{Arm, Tree};
+use crate::error::{Error, Result};
+use crate::kinematics::{Pose, frame_pose, jacobian, jacobian_dot};
+use crate::scalar::Real;
+use crate::spatial::{V3, rotation_exp, rotation_log};
+
+pub const LETTERS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// A frame of an arm and the rows of `[p; r]` that are controlled, in the order asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coordinates {
+    pub frame: usize,
+    pub rows: Vec<usize>,
+}
+
+/// The rows that `axes` names: "xyz", "xy", "rx ry rz", "xyz rz".
+pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
+    let refused = || Error::input("axes", format!("is not made of x y z rx ry rz: expected such as \"xyz\" or \"x y rz\", got {axes:?}"));
+    let mut rows = Vec::new();
+    let mut letters = axes.chars().filter(|c| !c.is_whitespace() && *c != ',');
+    while let Some(letter) = letters.next() {
+        let (turn, letter) = if letter == 'r' { (3, letters.next().ok_or_else(refused)?) } else { (0, letter) };
+        let row = turn + ['x', 'y', 'z'].iter().position(|c| *c == letter).ok_or_else(refused)?;
+        if rows.contains(&row) {
+            return Err(Error::input("axes", format!("repeats {}: expected each letter once, got {axes:?}", LETTERS[row])));
+        }
+        rows.push(row);
+    }
+    if rows.is_empty() { Err(refused()) } else { Ok(rows) }
+}
+
+impl Coordinates {
+    pub fn new(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
+        Ok(Coordinates { frame: arm.frame_index(frame)?, rows: parse_axes(axes)? })
+    }
+
+    /// Number of rows `m`.
+    pub fn m(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether a row speaks of orientation.
+    pub fn turns(&self) -> bool {
+        self.rows.iter().any(|&row| row > 2)
+    }
+
+    /// The coordinates `x` `(m,)` themselves: rows of `p_WF` and of `log R_WF`.
+    #[inline(always)]
+    pub fn position<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], x: &mut [S]) {
+        let (r, p) = frame_pose(tree, poses, trig, q, self.frame);
+        let turn = if self.turns() { rotation_log(&r) } else { V3::zero() };
+        for (x, &row) in x.iter_mut().zip(&self.rows) {
+            *x = if row < 3 { p[row] } else { turn[row - 3] };
+        }
+    }
+
+    /// The error `e` `(m,)` to `target` `(m,)` and the Jacobian `j` `(m, n)`; `full` has room for `(6, n)`.
+    #[inline(always)]
+    pub fn error_and_jacobian<S: Real>(
+        &self,
+        tree: &Tree<S>,
+        poses: &mut [Pose<S>],
+        full: &mut [S],
+        trig: &[(S, S)],
+        q: &[S],
+        target: &[S],
+        e: &mut [S],
+        j: &mut [S],
+    ) {
+        let n = tree.n();
+        let p = jacobian(tree, poses, trig, q, self.frame, full);
+        let turn = if self.turns() { self.turn_error(tree, poses, trig, q, target) } else { V3::zero() };
+        for (k, &row) in self.rows.iter().enumerate() {
+            e[k] = if row < 3 { target[k] - p[row] } else { turn[row - 3] };
+            j[k * n..(k + 1) * n].copy_from_slice(&full[row * n..(row + 1) * n]);
+        }
+    }
+
+    /// `log(R_d R')`.
+    #[inline(always)]
+    fn turn_error<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], target: &[S]) -> V3<S> {
+        let (r, _) = frame_pose(tree, poses, trig, q, self.frame);
+        let desired = |lane: usize| {
+            let mut vector = [0.0; 3];
+            for (k, &row) in self.rows.iter().enumerate() {
+                if row > 2 {
+                    vector[row - 3] = target[k].lane(lane);
+                }
+            }
+            rotation_exp(vector)
+        };
+        let mut r_d = crate::spatial::M3::zero();
+        let lanes: [_; 32] = std::array::from_fn(|lane| if lane < S::LANES { desired(lane) } else { crate::spatial::M3::IDENTITY });
+        for c in 0..3 {
+            for k in 0..3 {
+                r_d.0[c].0[k] = S::from_lanes(|lane| lanes[lane].0[c].0[k]);
+            }
+        }
+        rotation_log(&r_d.times(r.transpose()))
+    }
+
+    /// The same rows of `dJ/dt` `(m, n)`; `full` has room for `(6, n)`.
+    #[inline(always)]
+    pub fn jacobian_dot<S: Real>(
+        &self,
+        tree: &Tree<S>,
+        poses: &mut [Pose<S>],
+        motion: &mut [(V3<S>, V3<S>)],
+        full: &mut [S],
+        trig: &[(S, S)],
+        q: &[S],
+        v: &[S],
+        j: &mut [S],
+    ) {
+        let n = tree.n();
+        jacobian_dot(tree, poses, motion, trig, q, v, self.frame, full);
+        for (k, &row) in self.rows.iter().enumerate() {
+            j[k * n..(k + 1) * n].copy_from_slice(&full[row * n..(row + 1) * n]);
+        }
+    }
+}

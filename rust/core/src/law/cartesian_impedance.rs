@@ -1,0 +1,141 @@
+//! Cartesian impedance (Hogan 1985): spring and damper between a frame and its target, gravity compensated,
+//!
+//! `tau = J' (K_m e + D_m (x_d' - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and
+//! orientation. No inverse of `J`: the law stays defined at singularities.
+
+use super::{Definition, Instant, Law, Term, require_size};
+use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::error::{Error, Result};
+use crate::kinematics::Coordinates;
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::motion::Motion;
+use crate::plant::PlantKind;
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct CartesianImpedanceSpec {
+    pub model: Model,
+    pub coordinates: Coordinates,
+    /// A fixed pose is a motion that holds.
+    pub target: Motion,
+    /// `K_m`, N/m, N m/rad.
+    pub stiffness: Gain,
+    /// `D_m`, N s/m, N m s/rad.
+    pub damping: Gain,
+}
+
+impl CartesianImpedanceSpec {
+    pub fn new(model: Model, target: Motion, stiffness: Gain, damping: Gain, frame: &str, axes: &str) -> Result<Self> {
+        let coordinates = Coordinates::new(model.tree("arm")?, frame, axes)?;
+        let m = coordinates.m();
+        if target.dof() != m {
+            return Err(Error::input("target", format!("has the wrong shape: expected ({m},) for axes {axes:?}, got ({},)", target.dof())));
+        }
+        require_size("stiffness", &stiffness, m)?;
+        require_size("damping", &damping, m)?;
+        Ok(CartesianImpedanceSpec { model, coordinates, target, stiffness, damping })
+    }
+}
+
+impl Definition for CartesianImpedanceSpec {
+    const NAME: &'static str = "CartesianImpedance";
+    const PLANT: PlantKind = PlantKind::Rigid;
+    type Lanes<S: Real> = CartesianImpedance<S>;
+
+    fn model(&self) -> &Model {
+        &self.model
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        vec![&self.target]
+    }
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> CartesianImpedance<S> {
+        let first = of(0);
+        let (n, m) = (first.model.n(), first.coordinates.m());
+        let arm = AnyArm::from_lanes(|i| &of(i).model);
+        let zeros = |k: usize| vec![S::zero(); k];
+        CartesianImpedance {
+            workspace: arm.workspace(),
+            arm,
+            coordinates: first.coordinates.clone(),
+            stiffness: AnyGain::from_lanes(|i| &of(i).stiffness),
+            damping: AnyGain::from_lanes(|i| &of(i).damping),
+            full: zeros(6 * n),
+            jacobian: zeros(m * n),
+            e: zeros(m),
+            slip: zeros(m),
+            force: zeros(m),
+        }
+    }
+
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let (n, m) = (self.model.n(), self.coordinates.m());
+        let mut law = Self::build::<f64>(|_| self);
+        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut u = vec![0.0; n];
+        law.evaluate(at.desired, &trig, at.x, &[], &mut u, &mut []);
+        let x_dot = law.velocity(&at.x[n..2 * n]);
+        let mut position = vec![0.0; m];
+        if let AnyArm::Tree(tree) = &law.arm {
+            self.coordinates.position(tree, &mut law.workspace.poses, &trig, &at.x[..n], &mut position);
+        }
+        vec![
+            ("x", vec![m], position),
+            ("x_d", vec![m], at.desired[..m].to_vec()),
+            ("x_dot", vec![m], x_dot),
+            ("e", vec![m], law.e.clone()),
+            ("J", vec![m, n], law.jacobian.clone()),
+            ("force", vec![m], law.force.clone()),
+            ("u", vec![n], u.clone()),
+            ("tau", vec![n], u),
+        ]
+    }
+}
+
+/// The law in a loop; through elastic joints it is the outer loop.
+pub struct CartesianImpedance<S: Real> {
+    pub(super) arm: AnyArm<S>,
+    pub(super) workspace: Workspace<S>,
+    coordinates: Coordinates,
+    pub(super) stiffness: AnyGain<S>,
+    pub(super) damping: AnyGain<S>,
+    full: Vec<S>,
+    /// `(m, n)`
+    pub(super) jacobian: Vec<S>,
+    pub(super) e: Vec<S>,
+    /// `x_d' - x'`
+    pub(super) slip: Vec<S>,
+    force: Vec<S>,
+}
+
+impl<S: Real> CartesianImpedance<S> {
+    /// `J v`.
+    fn velocity(&self, v: &[S]) -> Vec<S> {
+        self.jacobian.chunks_exact(v.len()).map(|row| row.iter().zip(v).fold(S::zero(), |sum, (&j, &v)| j.mul_add(v, sum))).collect()
+    }
+}
+
+impl<S: Real> Law<S> for CartesianImpedance<S> {
+    #[inline(always)]
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+        let (n, m) = (tau.len(), self.e.len());
+        let (q, v) = (&x[..n], &x[n..2 * n]);
+        self.arm.gravity(&mut self.workspace, trig, q, tau);
+        let CartesianImpedance { arm, workspace, coordinates, full, jacobian, e, slip, force, stiffness, damping } = self;
+        arm.error_and_jacobian(workspace, coordinates, full, trig, q, &desired[..m], e, jacobian);
+        for k in 0..m {
+            let mut rate = desired[m + k];
+            for i in 0..n {
+                rate = jacobian[k * n + i].neg_mul_add(v[i], rate);
+            }
+            slip[k] = rate;
+        }
+        stiffness.multiply(e, force);
+        damping.add_to(slip, force);
+        for i in 0..n {
+            for k in 0..m {
+                tau[i] = jacobian[k * n + i].mul_add(force[k], tau[i]);
+            }
+        }
+    }
+}

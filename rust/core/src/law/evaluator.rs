@@ -1,0 +1,83 @@
+//! A law asked instant by instant: what `law(t, q, v)` costs from Python.
+
+use super::{Law, LawSpec};
+use crate::motion::{Motion, sample_apart};
+use crate::scalar::trig::sin_cos_apart;
+use crate::scalar::{Fused, Isa, Real, isa};
+
+enum Route {
+    Baseline(Engine<f64>),
+    Fused(Engine<Fused>),
+}
+
+struct Engine<S> {
+    law: Box<dyn Law<S> + Send>,
+    motions: Vec<Motion>,
+    desired: Vec<S>,
+    trig: Vec<(S, S)>,
+    x: Vec<S>,
+    z: Vec<S>,
+    tau: Vec<S>,
+    dz: Vec<S>,
+}
+
+/// Buffers of one law, kept between calls: a call allocates nothing.
+pub struct LawEvaluator(Route);
+
+impl LawEvaluator {
+    pub fn new(spec: &LawSpec) -> Self {
+        LawEvaluator(match isa() {
+            Isa::Baseline => Route::Baseline(Engine::new(spec)),
+            Isa::Avx2 | Isa::Avx512 => Route::Fused(Engine::new(spec)),
+        })
+    }
+
+    /// The plant's input `(n,)` at time `t`, plant state `x` and law state `z`.
+    pub fn input(&mut self, t: f64, x: &[f64], z: &[f64], tau: &mut [f64]) {
+        match &mut self.0 {
+            Route::Baseline(engine) => engine.input(t, x, z, tau),
+            Route::Fused(engine) => engine.input(t, x, z, tau),
+        }
+    }
+}
+
+impl<S: Real> Engine<S> {
+    fn new(spec: &LawSpec) -> Self {
+        let n = spec.model().n();
+        let width = spec.motions().iter().map(|motion| 3 * motion.dof()).sum();
+        let zeros = |k: usize| vec![S::zero(); k];
+        let p = spec.initial_state().len();
+        Engine {
+            law: LawSpec::build(|_| spec),
+            motions: spec.motions().into_iter().cloned().collect(),
+            desired: zeros(width),
+            trig: vec![(S::zero(), S::zero()); n],
+            x: zeros(spec.plant().states(n)),
+            z: zeros(p),
+            tau: zeros(n),
+            dz: zeros(p),
+        }
+    }
+
+    fn input(&mut self, t: f64, x: &[f64], z: &[f64], tau: &mut [f64]) {
+        for (to, &from) in self.x.iter_mut().zip(x) {
+            *to = S::splat(from);
+        }
+        for (to, &from) in self.z.iter_mut().zip(z) {
+            *to = S::splat(from);
+        }
+        for (trig, &q) in self.trig.iter_mut().zip(&self.x) {
+            *trig = sin_cos_apart(q);
+        }
+        let mut at = 0;
+        for motion in &self.motions {
+            let width = 3 * motion.dof();
+            sample_apart(motion, t, &mut self.desired[at..at + width]);
+            at += width;
+        }
+        self.law.evaluate(&self.desired, &self.trig, &self.x, &self.z, &mut self.tau, &mut self.dz);
+        for (to, from) in tau.iter_mut().zip(&self.tau) {
+            *to = from.lane(0);
+        }
+    }
+}

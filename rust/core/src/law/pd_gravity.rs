@@ -1,0 +1,91 @@
+//! PD control with gravity compensation (Takegaki and Arimoto 1981): `tau = Kp (q_d - q) - Kd v + g(q)`.
+
+use super::{Definition, Instant, Law, Term, require_rows, require_size};
+use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::error::Result;
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::motion::Motion;
+use crate::plant::PlantKind;
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct PdGravitySpec {
+    model: Model,
+    target: Motion,
+    pub kp: Gain,
+    pub kd: Gain,
+}
+
+impl PdGravitySpec {
+    pub fn new(model: Model, target: Vec<f64>, kp: Gain, kd: Gain) -> Result<Self> {
+        let n = model.n();
+        require_rows("target", n, target.len())?;
+        crate::error::finite("target", &target)?;
+        require_size("kp", &kp, n)?;
+        require_size("kd", &kd, n)?;
+        Ok(PdGravitySpec { model, target: Motion::Hold(target), kp, kd })
+    }
+}
+
+impl Definition for PdGravitySpec {
+    const NAME: &'static str = "PDGravity";
+    const PLANT: PlantKind = PlantKind::Rigid;
+    type Lanes<S: Real> = PdGravity<S>;
+
+    fn model(&self) -> &Model {
+        &self.model
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        vec![&self.target]
+    }
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> PdGravity<S> {
+        let arm = AnyArm::from_lanes(|i| &of(i).model);
+        PdGravity {
+            workspace: arm.workspace(),
+            work: vec![S::zero(); of(0).model.n()],
+            arm,
+            kp: AnyGain::from_lanes(|i| &of(i).kp),
+            kd: AnyGain::from_lanes(|i| &of(i).kd),
+        }
+    }
+
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let n = self.model.n();
+        let (q, v) = (&at.x[..n], &at.x[n..2 * n]);
+        let arm = AnyArm::<f64>::from_lanes(|_| &self.model);
+        let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
+        let e: Vec<f64> = (0..n).map(|i| at.desired[i] - q[i]).collect();
+        let mut g = vec![0.0; n];
+        arm.gravity(&mut arm.workspace(), &trig, q, &mut g);
+        let (kp_e, kd_v) = (self.kp.times(&e), self.kd.times(v));
+        let tau = (0..n).map(|i| kp_e[i] - kd_v[i] + g[i]).collect();
+        vec![("q_d", vec![n], at.desired[..n].to_vec()), ("e", vec![n], e), ("g", vec![n], g), ("tau", vec![n], tau)]
+    }
+}
+
+/// The law in a loop.
+pub struct PdGravity<S: Real> {
+    arm: AnyArm<S>,
+    workspace: Workspace<S>,
+    kp: AnyGain<S>,
+    kd: AnyGain<S>,
+    work: Vec<S>,
+}
+
+impl<S: Real> Law<S> for PdGravity<S> {
+    #[inline(always)]
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+        let n = tau.len();
+        let (q, v) = (&x[..n], &x[n..2 * n]);
+        self.arm.gravity(&mut self.workspace, trig, q, tau);
+        for i in 0..n {
+            self.work[i] = desired[i] - q[i];
+        }
+        self.kp.add_to(&self.work, tau);
+        for i in 0..n {
+            self.work[i] = -v[i];
+        }
+        self.kd.add_to(&self.work, tau);
+    }
+}

@@ -1,0 +1,128 @@
+//! An arm with elastic joints (Spong 1987): links and motors coupled by springs,
+//!
+//! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`,
+//! `tau_J = K (theta - q) + D (theta_dot - v)`, `x = [q, v, theta, theta_dot]`.
+
+use super::rigid::{Links, link_energy};
+use super::{Plant, Power, Wall};
+use crate::dynamics::{AnyArm, Dynamics, Model};
+use crate::error::{Error, Result, finite};
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElasticSpec {
+    pub model: Model,
+    /// `K`, N m/rad.
+    pub stiffness: Gain,
+    /// `B`, kg m^2.
+    pub motor_inertia: Gain,
+    /// `D` in parallel with the springs, N m s/rad, `(n,)`, >= 0.
+    pub joint_damping: Vec<f64>,
+    /// Viscous friction `F` of the motors, N m s/rad, `(n,)`, >= 0.
+    pub motor_friction: Vec<f64>,
+    pub wall: Option<Wall>,
+    inverse_inertia: Gain,
+}
+
+impl ElasticSpec {
+    pub fn new(
+        model: Model,
+        stiffness: Gain,
+        motor_inertia: Gain,
+        joint_damping: Option<Vec<f64>>,
+        motor_friction: Option<Vec<f64>>,
+        wall: Option<Wall>,
+    ) -> Result<Self> {
+        let n = model.n();
+        for (name, gain) in [("stiffness", &stiffness), ("motor_inertia", &motor_inertia)] {
+            if gain.n() != n {
+                return Err(Error::input(name, format!("has the wrong size: expected {n}, got {}", gain.n())));
+            }
+        }
+        let dissipative = |name: &str, values: Option<Vec<f64>>| -> Result<Vec<f64>> {
+            let values = values.unwrap_or_else(|| vec![0.0; n]);
+            if values.len() != n {
+                return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
+            }
+            finite(name, &values)?;
+            match values.iter().position(|&d| d < 0.0) {
+                Some(i) => Err(Error::input(name, format!("is negative: expected >= 0, got {} (first bad index {i})", values[i]))),
+                None => Ok(values),
+            }
+        };
+        let (joint_damping, motor_friction) =
+            (dissipative("joint_damping", joint_damping)?, dissipative("motor_friction", motor_friction)?);
+        let inverse_inertia = motor_inertia.inverse();
+        Ok(ElasticSpec { model, stiffness, motor_inertia, joint_damping, motor_friction, wall, inverse_inertia })
+    }
+
+    /// The motor position at which the springs carry gravity: `theta = q + K^-1 g(q)`.
+    pub fn resting_motor(&self, q: &[f64]) -> Vec<f64> {
+        let arm = AnyArm::<f64>::from_lanes(|_| &self.model);
+        let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut g = vec![0.0; q.len()];
+        arm.gravity(&mut arm.workspace(), &trig, q, &mut g);
+        let deflection = self.stiffness.inverse().times(&g);
+        q.iter().zip(&deflection).map(|(q, d)| q + d).collect()
+    }
+
+    pub(super) fn energy(&self, x: &[f64]) -> f64 {
+        let n = self.model.n();
+        let stretch: Vec<f64> = (0..n).map(|i| x[2 * n + i] - x[i]).collect();
+        let half = |k: &Gain, x: &[f64]| 0.5 * x.iter().zip(k.times(x)).map(|(a, b)| a * b).sum::<f64>();
+        link_energy(&self.model, self.wall.as_ref(), x) + half(&self.stiffness, &stretch) + half(&self.motor_inertia, &x[3 * n..4 * n])
+    }
+}
+
+/// The plant in a loop.
+pub struct Elastic<S: Real> {
+    links: Links<S>,
+    stiffness: AnyGain<S>,
+    inverse_inertia: AnyGain<S>,
+    joint_damping: Vec<S>,
+    motor_friction: Vec<S>,
+    /// `theta - q`, then what is left for the motors.
+    work: Vec<S>,
+}
+
+impl<S: Real> Elastic<S> {
+    pub fn new<'a>(of: impl Fn(usize) -> &'a ElasticSpec, force_frame: Option<usize>) -> Self {
+        let n = of(0).model.n();
+        Elastic {
+            links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), force_frame),
+            stiffness: AnyGain::from_lanes(|i| &of(i).stiffness),
+            inverse_inertia: AnyGain::from_lanes(|i| &of(i).inverse_inertia),
+            joint_damping: (0..n).map(|k| S::from_lanes(|i| of(i).joint_damping[k])).collect(),
+            motor_friction: (0..n).map(|k| S::from_lanes(|i| of(i).motor_friction[k])).collect(),
+            work: vec![S::zero(); n],
+        }
+    }
+}
+
+impl<S: Real> Plant<S> for Elastic<S> {
+    #[inline(always)]
+    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
+        let n = self.links.n;
+        let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
+        let (mut input, mut outside) = (S::zero(), S::zero());
+        for i in 0..n {
+            self.work[i] = theta[i] - q[i];
+        }
+        self.stiffness.multiply(&self.work, &mut self.links.effort);
+        for i in 0..n {
+            let slip = theta_dot[i] - v[i];
+            let damped = self.joint_damping[i] * slip;
+            let rubbed = self.motor_friction[i] * theta_dot[i];
+            self.links.effort[i] += damped;
+            self.work[i] = tau[i] - self.links.effort[i] - rubbed;
+            input = tau[i].mul_add(theta_dot[i], input);
+            outside = outside - damped * slip - rubbed * theta_dot[i];
+            (dx[i], dx[2 * n + i]) = (v[i], theta_dot[i]);
+        }
+        self.inverse_inertia.multiply(&self.work, &mut dx[3 * n..4 * n]);
+        outside += self.links.add_outside(trig, q, v, wrench);
+        self.links.accelerate(trig, q, v, &mut dx[n..2 * n]);
+        Power { input, outside }
+    }
+}

@@ -1,0 +1,183 @@
+//! Plants: what turns a law's input into motion, and what a state of it is.
+//!
+//! rigid `x = [q, v]`, elastic `x = [q, v, theta, theta_dot]`, velocity-controlled `x = [q]`. An external wrench
+//! `W = [f; m]` (world axes) acts at one frame as `J' W`; a wall pushes back where a frame enters it.
+
+mod contact;
+mod elastic;
+mod rigid;
+mod velocity;
+
+pub use contact::Wall;
+pub use elastic::{Elastic, ElasticSpec};
+pub use rigid::{Rigid, RigidSpec};
+pub use velocity::{Velocity, VelocitySpec};
+
+use crate::dynamics::Model;
+use crate::scalar::{Kernel, Real};
+
+/// Power into a plant: its sum is the rate of the stored energy.
+#[derive(Clone, Copy, Debug)]
+pub struct Power<S> {
+    /// By the input.
+    pub input: S,
+    /// By wrench and wall, less what friction takes.
+    pub outside: S,
+}
+
+/// A plant in a loop.
+pub trait Plant<S: Real> {
+    /// Rates `dx` of the plant's state `x` under the input `tau` `(n,)` and the wrench `(6,)` at the frame the plant was
+    /// made with; returns the power put in.
+    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
+}
+
+/// A plant whose rates are a function of their own, compiled for the instruction set of `S`.
+pub(crate) struct OutOfLine<P>(pub P);
+
+impl<S: Real, P: Plant<S>> Plant<S> for OutOfLine<P> {
+    #[inline(never)]
+    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
+        struct Rates<'a, S, P>(&'a mut P, &'a [(S, S)], &'a [S], &'a [S], &'a [S], &'a mut [S]);
+        impl<S: Real, P: Plant<S>> Kernel for Rates<'_, S, P> {
+            type Output = Power<S>;
+            #[inline(always)]
+            fn run(self) -> Power<S> {
+                self.0.rates(self.1, self.2, self.3, self.4, self.5)
+            }
+        }
+        S::enter(Rates(&mut self.0, trig, x, tau, wrench, dx))
+    }
+}
+
+/// Which plant a law is made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlantKind {
+    Rigid,
+    Elastic,
+    Velocity,
+}
+
+impl PlantKind {
+    /// The class in Python.
+    pub fn name(self) -> &'static str {
+        match self {
+            PlantKind::Rigid => "RigidArm",
+            PlantKind::Elastic => "ElasticArm",
+            PlantKind::Velocity => "VelocityArm",
+        }
+    }
+
+    /// Size of the state of a plant of `n` joints.
+    pub fn states(self, n: usize) -> usize {
+        match self {
+            PlantKind::Rigid => 2 * n,
+            PlantKind::Elastic => 4 * n,
+            PlantKind::Velocity => n,
+        }
+    }
+}
+
+/// A plant as the user states it, validated.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlantSpec {
+    Rigid(RigidSpec),
+    Elastic(ElasticSpec),
+    Velocity(VelocitySpec),
+}
+
+impl PlantSpec {
+    pub fn kind(&self) -> PlantKind {
+        match self {
+            PlantSpec::Rigid(_) => PlantKind::Rigid,
+            PlantSpec::Elastic(_) => PlantKind::Elastic,
+            PlantSpec::Velocity(_) => PlantKind::Velocity,
+        }
+    }
+
+    pub fn model(&self) -> &Model {
+        match self {
+            PlantSpec::Rigid(plant) => &plant.model,
+            PlantSpec::Elastic(plant) => &plant.model,
+            PlantSpec::Velocity(plant) => &plant.model,
+        }
+    }
+
+    /// Number of joints, which is that of inputs.
+    pub fn n(&self) -> usize {
+        self.model().n()
+    }
+
+    /// Size of the state `x`.
+    pub fn states(&self) -> usize {
+        self.kind().states(self.n())
+    }
+
+    /// `x` at the start: `theta0 = None` is where the springs carry gravity, `theta_dot0 = None` moves with the links.
+    pub fn initial_state(&self, q0: &[f64], v0: &[f64], theta0: Option<&[f64]>, theta_dot0: Option<&[f64]>) -> Vec<f64> {
+        let mut x = q0.to_vec();
+        match self {
+            PlantSpec::Velocity(_) => {}
+            PlantSpec::Rigid(_) => x.extend(v0),
+            PlantSpec::Elastic(plant) => {
+                x.extend(v0);
+                match theta0 {
+                    Some(theta) => x.extend(theta),
+                    None => x.extend(plant.resting_motor(q0)),
+                }
+                x.extend(theta_dot0.unwrap_or(v0));
+            }
+        }
+        x
+    }
+
+    /// The plants of the lanes as one, with the wrench acting at `force_frame`.
+    pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
+        match of(0) {
+            PlantSpec::Rigid(first) => Box::new(OutOfLine(Rigid::new(
+                |i| match of(i) {
+                    PlantSpec::Rigid(plant) => plant,
+                    _ => first,
+                },
+                force_frame,
+            ))),
+            PlantSpec::Elastic(first) => Box::new(OutOfLine(Elastic::new(
+                |i| match of(i) {
+                    PlantSpec::Elastic(plant) => plant,
+                    _ => first,
+                },
+                force_frame,
+            ))),
+            PlantSpec::Velocity(plant) => Box::new(Velocity { n: plant.model.n() }),
+        }
+    }
+
+    /// Whether both can run side by side in lanes.
+    pub fn same_shape(&self, other: &PlantSpec) -> bool {
+        self.kind() == other.kind()
+            && self.model().same_geometry(other.model())
+            && self.wall().is_some() == other.wall().is_some()
+            && self.friction() == other.friction()
+    }
+
+    pub fn wall(&self) -> Option<&Wall> {
+        match self {
+            PlantSpec::Rigid(plant) => plant.wall.as_ref(),
+            PlantSpec::Elastic(plant) => plant.wall.as_ref(),
+            PlantSpec::Velocity(_) => None,
+        }
+    }
+
+    fn friction(&self) -> bool {
+        matches!(self, PlantSpec::Rigid(RigidSpec { friction: true, .. }))
+    }
+
+    /// The energy stored at `x`, the wall's spring included; zero for a plant without dynamics.
+    pub fn energy(&self, x: &[f64]) -> f64 {
+        match self {
+            PlantSpec::Rigid(plant) => plant.energy(x),
+            PlantSpec::Elastic(plant) => plant.energy(x),
+            PlantSpec::Velocity(_) => 0.0,
+        }
+    }
+}

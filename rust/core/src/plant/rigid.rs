@@ -1,0 +1,154 @@
+//! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`, `x = [q, v]`.
+
+use super::{Plant, Power, Wall};
+use crate::dynamics::energy::friction_torque;
+use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::scalar::Real;
+use crate::spatial::V3;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigidSpec {
+    pub model: Model,
+    /// Viscous and Coulomb friction of the model's joints act on the plant.
+    pub friction: bool,
+    pub wall: Option<Wall>,
+}
+
+impl RigidSpec {
+    pub fn new(model: Model) -> Self {
+        RigidSpec { model, friction: false, wall: None }
+    }
+
+    pub(super) fn energy(&self, x: &[f64]) -> f64 {
+        link_energy(&self.model, self.wall.as_ref(), x)
+    }
+}
+
+/// Kinetic and potential energy of the links and of the wall's spring.
+pub(super) fn link_energy(model: &Model, wall: Option<&Wall>, x: &[f64]) -> f64 {
+    let n = model.n();
+    let arm = AnyArm::<f64>::from_lanes(|_| model);
+    let mut ws = arm.workspace();
+    let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+    let (kinetic, potential) = arm.energy(&mut ws, &trig, &x[..n], &x[n..2 * n]);
+    let stored = wall.map_or(0.0, |wall| {
+        let mut j = vec![0.0; 6 * n];
+        wall.energy(arm.jacobian(&mut ws, &trig, &x[..n], wall.frame, &mut j).0)
+    });
+    kinetic + potential + stored
+}
+
+/// The links of a plant, and what pushes them from outside.
+pub(super) struct Links<S: Real> {
+    pub arm: AnyArm<S>,
+    pub ws: Workspace<S>,
+    pub n: usize,
+    force_frame: Option<usize>,
+    walls: Option<Vec<Wall>>,
+    jacobian: Vec<S>,
+    /// `(n,)`: all that acts on the joints.
+    pub effort: Vec<S>,
+}
+
+impl<S: Real> Links<S> {
+    pub fn new<'a>(model: impl Fn(usize) -> &'a Model, wall: impl Fn(usize) -> Option<&'a Wall>, force_frame: Option<usize>) -> Self {
+        let n = model(0).n();
+        let arm = AnyArm::from_lanes(model);
+        let walls = wall(0).map(|first| (0..S::LANES).map(|i| wall(i).unwrap_or(first).clone()).collect());
+        let used = force_frame.is_some() || wall(0).is_some();
+        Links {
+            ws: arm.workspace(),
+            arm,
+            n,
+            force_frame,
+            walls,
+            jacobian: vec![S::zero(); if used { 6 * n } else { 0 }],
+            effort: vec![S::zero(); n],
+        }
+    }
+
+    /// Add the torques of wrench and wall to `self.effort`; returns the power they put in.
+    #[inline(always)]
+    pub fn add_outside(&mut self, trig: &[(S, S)], q: &[S], v: &[S], wrench: &[S]) -> S {
+        let mut power = S::zero();
+        if let Some(frame) = self.force_frame {
+            self.arm.jacobian(&mut self.ws, trig, q, frame, &mut self.jacobian);
+            for i in 0..self.n {
+                let mut torque = self.jacobian[i] * wrench[0];
+                for k in 1..6 {
+                    torque = self.jacobian[k * self.n + i].mul_add(wrench[k], torque);
+                }
+                self.effort[i] += torque;
+                power = torque.mul_add(v[i], power);
+            }
+        }
+        if let Some(walls) = &self.walls {
+            let p = self.arm.jacobian(&mut self.ws, trig, q, walls[0].frame, &mut self.jacobian);
+            let p_dot = V3(std::array::from_fn(|k| {
+                let mut sum = S::zero();
+                for i in 0..self.n {
+                    sum = self.jacobian[k * self.n + i].mul_add(v[i], sum);
+                }
+                sum
+            }));
+            let (f, lost) = if S::LANES == 1 { walls[0].force(p, p_dot) } else { each_wall(walls, p, p_dot) };
+            for i in 0..self.n {
+                for k in 0..3 {
+                    self.effort[i] = self.jacobian[k * self.n + i].mul_add(f[k], self.effort[i]);
+                }
+            }
+            power -= lost;
+        }
+        power
+    }
+
+    /// `a = M^-1 (effort - C v - g)` into `a`.
+    #[inline(always)]
+    pub fn accelerate(&mut self, trig: &[(S, S)], q: &[S], v: &[S], a: &mut [S]) {
+        self.arm.forward_dynamics(&mut self.ws, trig, q, v, &self.effort, a);
+    }
+}
+
+/// The walls of the lanes, each its own.
+#[inline(never)]
+fn each_wall<S: Real>(walls: &[Wall], p: V3<S>, p_dot: V3<S>) -> (V3<S>, S) {
+    let one = |i: usize| walls[i].force(V3(p.0.map(|x| x.lane(i))), V3(p_dot.0.map(|x| x.lane(i))));
+    (V3(std::array::from_fn(|k| S::from_lanes(|i| one(i).0[k]))), S::from_lanes(|i| one(i).1))
+}
+
+/// The plant in a loop.
+pub struct Rigid<S: Real> {
+    links: Links<S>,
+    friction: bool,
+}
+
+impl<S: Real> Rigid<S> {
+    pub fn new<'a>(of: impl Fn(usize) -> &'a RigidSpec, force_frame: Option<usize>) -> Self {
+        let friction = of(0).friction;
+        Rigid { links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), force_frame), friction }
+    }
+}
+
+impl<S: Real> Plant<S> for Rigid<S> {
+    #[inline(always)]
+    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
+        let n = self.links.n;
+        let (q, v) = (&x[..n], &x[n..2 * n]);
+        let (mut input, mut outside) = (S::zero(), S::zero());
+        for i in 0..n {
+            self.links.effort[i] = tau[i];
+            input = tau[i].mul_add(v[i], input);
+            dx[i] = v[i];
+        }
+        if let (true, AnyArm::Tree(tree)) = (self.friction, &self.links.arm) {
+            for (i, body) in tree.bodies.iter().enumerate() {
+                let loss = friction_torque(body, v[i]);
+                self.links.effort[i] -= loss;
+                outside = loss.neg_mul_add(v[i], outside);
+            }
+        }
+        outside += self.links.add_outside(trig, q, v, wrench);
+        self.links.accelerate(trig, q, v, &mut dx[n..2 * n]);
+        Power { input, outside }
+    }
+}

@@ -1,0 +1,65 @@
+//! The external wrench over time: constant, in steps, or any function.
+
+use crate::error::{Error, Result, finite};
+use std::sync::Arc;
+
+/// `[f; m]`, world axes, at the frame it was given for.
+pub type Wrench = [f64; 6];
+
+/// A force as a function of time: what `call(t)` gives; `None` stops the run.
+type Signal = Arc<dyn Fn(f64) -> Option<Wrench> + Send + Sync>;
+
+#[derive(Clone)]
+pub enum Force {
+    /// From `starts[i]` on it is `values[i]`; nothing before the first.
+    Steps {
+        starts: Vec<f64>,
+        values: Vec<Wrench>,
+    },
+    Signal(Signal),
+}
+
+impl std::fmt::Debug for Force {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Force::Steps { starts, values } => write!(f, "Steps({starts:?}, {values:?})"),
+            Force::Signal(_) => f.write_str("Signal"),
+        }
+    }
+}
+
+impl Force {
+    /// Steps at increasing times.
+    pub fn steps(starts: Vec<f64>, values: Vec<Wrench>) -> Result<Self> {
+        finite("force", &starts)?;
+        if let Some(i) = (1..starts.len()).find(|&i| starts[i] <= starts[i - 1]) {
+            let (last, bad) = (starts[i - 1], starts[i]);
+            return Err(Error::input("force", format!("is not in order of time: expected > {last}, got {bad} (first bad index {i})")));
+        }
+        for (i, value) in values.iter().enumerate() {
+            if value.iter().any(|x| !x.is_finite()) {
+                return Err(Error::input("force", format!("is not finite: expected finite numbers, got {value:?} (first bad index {i})")));
+            }
+        }
+        Ok(Force::Steps { starts, values })
+    }
+
+    /// Times at which it jumps.
+    pub fn breaks(&self) -> &[f64] {
+        match self {
+            Force::Steps { starts, .. } => starts,
+            Force::Signal(_) => &[],
+        }
+    }
+
+    /// The wrench at `t`; NaN where a function gave none.
+    pub fn at(&self, t: f64) -> Wrench {
+        match self {
+            Force::Steps { starts, values } => match starts.partition_point(|&s| s <= t) {
+                0 => [0.0; 6],
+                i => values[i - 1],
+            },
+            Force::Signal(call) => call(t).unwrap_or([f64::NAN; 6]),
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Whether a run is to stop: told by another thread, or found out by looking up now and then.
+
+use std::cell::{Cell, RefCell};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How long a run goes on between two looks.
+const SLICE: Duration = Duration::from_millis(20);
+/// Questions between two looks at the clock: a question comes once per block of steps.
+const QUESTIONS: u32 = 16;
+
+/// What a run asks from time to time.
+pub trait Stop {
+    fn requested(&self) -> bool;
+}
+
+impl Stop for AtomicBool {
+    #[inline(always)]
+    fn requested(&self) -> bool {
+        self.load(Ordering::Relaxed)
+    }
+}
+
+/// Asks `poll` every 20 ms, on the thread that runs: no other thread is needed to hear of Ctrl-C.
+pub struct Poller<'a> {
+    poll: RefCell<&'a mut dyn FnMut() -> bool>,
+    questions: Cell<u32>,
+    next: Cell<Option<Instant>>,
+    stopped: Cell<bool>,
+}
+
+impl<'a> Poller<'a> {
+    pub fn new(poll: &'a mut dyn FnMut() -> bool) -> Self {
+        Poller { poll: RefCell::new(poll), questions: Cell::new(0), next: Cell::new(None), stopped: Cell::new(false) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn look(&self) -> bool {
+        let now = Instant::now();
+        match self.next.get() {
+            Some(next) if now < next => {}
+            Some(_) => {
+                if (self.poll.borrow_mut())() {
+                    self.stopped.set(true);
+                }
+                self.next.set(Some(now + SLICE));
+            }
+            None => self.next.set(Some(now + SLICE)),
+        }
+        self.stopped.get()
+    }
+}
+
+impl Stop for Poller<'_> {
+    #[inline(always)]
+    fn requested(&self) -> bool {
+        let questions = self.questions.get() + 1;
+        self.questions.set(questions % QUESTIONS);
+        if questions < QUESTIONS { self.stopped.get() } else { self.look() }
+    }
+}

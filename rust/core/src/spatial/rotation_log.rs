@@ -1,0 +1,92 @@
+//! The rotation vector of a rotation matrix: `log R`, axis times angle in [0, pi].
+//!
+//! Over the unit quaternion `(w, u)` (Shepperd 1978: of the four ways to write it the one with the largest root), `log R =
+//! 2 atan2(|u|, |w|) sign(w) u / |u|`, which loses no digits at any angle; near the identity the quotient is `2 / w (1 - |u|^2/(3 w^2))`.
+
+use super::{M3, V3};
+use crate::scalar::Real;
+
+/// Below this |u|^2 the series is exact to rounding: the next term is `|u|^4 / 5`.
+const SMALL: f64 = 1e-8;
+
+/// `log R` for `R` by columns.
+#[inline(always)]
+pub fn rotation_log<S: Real>(r: &M3<S>) -> V3<S> {
+    let at = |row: usize, column: usize| r.0[column][row];
+    let one = S::splat(1.0);
+    let (x, y, z) = (at(0, 0), at(1, 1), at(2, 2));
+    // Four times the squares of w, x, y, z; the largest is at least 1.
+    let squares = [one + x + y + z, one + x - y - z, one - x + y - z, one - x - y + z];
+    let differences = [at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1)];
+    let sums = [at(0, 1) + at(1, 0), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1)];
+    let [dx, dy, dz] = differences;
+    let [xy, xz, yz] = sums;
+    // Each candidate is (w, x, y, z) times twice the root of its square.
+    let candidates = [[squares[0], dx, dy, dz], [dx, squares[1], xy, xz], [dy, xy, squares[2], yz], [dz, xz, yz, squares[3]]];
+    let (mut best, mut quaternion) = (squares[0], candidates[0]);
+    for k in 1..4 {
+        let better = best.lt(squares[k]);
+        best = S::select(better, squares[k], best);
+        for i in 0..4 {
+            quaternion[i] = S::select(better, candidates[k][i], quaternion[i]);
+        }
+    }
+    let scale = S::splat(0.5) / best.sqrt();
+    let [w, ux, uy, uz] = quaternion.map(|c| c * scale);
+    let negative = w.lt(S::zero());
+    let (w, sign) = (w.abs(), S::select(negative, -one, one));
+    let square = ux * ux + uy * uy + uz * uz;
+    let small = square.lt(S::splat(SMALL));
+    // A root of zero has no slope: take it of a number that does not matter where the series answers.
+    let length = S::select(small, one, square).sqrt();
+    let far = S::splat(2.0) * length.atan2(w) / length;
+    let near_w = S::select(small, w, one);
+    let near = S::splat(2.0) / near_w * (one - square / (S::splat(3.0) * near_w * near_w));
+    let factor = sign * S::select(small, near, far);
+    V3([ux * factor, uy * factor, uz * factor])
+}
+
+/// `exp` of a rotation vector, by columns (Rodrigues).
+pub fn rotation_exp(vector: [f64; 3]) -> M3<f64> {
+    let v = V3(vector);
+    let angle = v.norm();
+    if angle == 0.0 { M3::IDENTITY } else { M3::from_axis_angle(V3(vector.map(|x| x / angle)), angle) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scalar::Dual;
+
+    #[test]
+    fn log_undoes_exp_at_every_angle() {
+        let axis = [2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0];
+        let pi = std::f64::consts::PI;
+        for angle in [0.0, 1e-12, 1e-5, 9.9e-5, 2e-4, 1e-2, 1.0, 2.0, 3.0, pi - 1e-4, pi - 1e-9] {
+            let vector = axis.map(|a| a * angle);
+            let back = rotation_log(&rotation_exp(vector));
+            // The matrix itself is exact to 2e-16, and near pi an angle is found from it to that.
+            for k in 0..3 {
+                assert!((back.0[k] - vector[k]).abs() < 5e-16 * (1.0 + angle), "{angle}: {:?} against {vector:?}", back.0);
+            }
+        }
+        // At pi either sign of the axis is right.
+        let half_turn = rotation_log(&rotation_exp([pi, 0.0, 0.0])).0;
+        assert!((half_turn[0].abs() - pi).abs() < 1e-15 && half_turn[1].abs() < 1e-15 && half_turn[2].abs() < 1e-15);
+    }
+
+    #[test]
+    fn its_derivative_at_the_identity_is_the_rate_of_turning() {
+        let turning = rotation_exp([0.0; 3]);
+        let rate = [0.3, -0.2, 0.5];
+        // R' = [rate]x R at R = 1.
+        let r = M3(std::array::from_fn(|c| {
+            let column = V3(rate).cross(turning.0[c]);
+            V3(std::array::from_fn(|k| Dual::new(turning.0[c].0[k], column.0[k])))
+        }));
+        let log = rotation_log(&r);
+        for k in 0..3 {
+            assert!((log.0[k].rate - rate[k]).abs() < 1e-15);
+        }
+    }
+}

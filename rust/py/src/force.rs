@@ -1,0 +1,80 @@
+//! External forces as Python gives them: None, a constant, `[(t_start, F), ...]` or `F(t)`.
+
+use crate::arrays::{number, numbers, require_finite, shown};
+use crate::errors::{Failure, input_error};
+use armlet_core::simulate::{Force, Wrench};
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
+use std::sync::{Arc, Mutex};
+
+/// What a callable raised, kept until the run has ended.
+pub type Raised = Arc<Mutex<Option<PyErr>>>;
+
+/// `rows[k]` is the place in `[f; m]` of entry `k`.
+fn wrench(function: &str, value: &Bound<'_, PyAny>, rows: &[usize]) -> Result<Wrench, Failure> {
+    let (shape, values) = numbers(function, "force", value)?;
+    if shape != [rows.len()] {
+        let problem = format!("has the wrong shape: expected ({},), got {}", rows.len(), shown(&shape));
+        return Err(input_error(value.py(), function, "force", problem).into());
+    }
+    require_finite(value.py(), function, "force", &shape, &values)?;
+    let mut full = [0.0; 6];
+    for (&row, &x) in rows.iter().zip(values.iter()) {
+        full[row] = x;
+    }
+    Ok(full)
+}
+
+/// The number of entries of a first sample decides between (3,) and (6,) where a frame is named.
+fn rows_of(value: &Bound<'_, PyAny>, law: Option<&[usize]>) -> Vec<usize> {
+    match law {
+        Some(rows) => rows.to_vec(),
+        None => (0..if value.len().unwrap_or(3) == 6 { 6 } else { 3 }).collect(),
+    }
+}
+
+/// A force whose entries are the law's `rows`; `None`: (3,) or (6,) in world axes.
+pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[usize]>, raised: &Raised) -> Result<Force, Failure> {
+    if value.is_callable() {
+        let (call, rows, raised) = (value.clone().unbind(), rows.map(<[usize]>::to_vec), raised.clone());
+        return Ok(Force::Signal(Arc::new(move |t| {
+            Python::attach(|py| {
+                let sample = call.bind(py).call1((t,)).map_err(Failure::Python);
+                let result = sample.and_then(|sample| wrench(function, &sample, &rows_of(&sample, rows.as_deref())));
+                result.map_err(|failure| keep(&raised, py, function, failure)).ok()
+            })
+        })));
+    }
+    let is_steps = (value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>())
+        && value.get_item(0).is_ok_and(|first| first.is_instance_of::<PyTuple>() || first.is_instance_of::<PyList>());
+    if !is_steps {
+        return Ok(Force::steps(vec![0.0], vec![wrench(function, value, &rows_of(value, rows))?])?);
+    }
+    let (mut starts, mut values) = (Vec::new(), Vec::new());
+    for (i, step) in value.try_iter()?.enumerate() {
+        let step = step?;
+        let pair = step
+            .cast::<PyTuple>()
+            .cloned()
+            .or_else(|_| step.try_iter().and_then(|items| PyTuple::new(step.py(), items.collect::<PyResult<Vec<_>>>()?)));
+        let (start, value) = match pair {
+            Ok(pair) if pair.len() == 2 => (pair.get_item(0)?, pair.get_item(1)?),
+            _ => {
+                let problem = format!("is not made of pairs: expected [(t_start, F), ...] (first bad index {i})");
+                return Err(input_error(step.py(), function, "force", problem).into());
+            }
+        };
+        starts.push(number(function, "force", &start)?);
+        values.push(wrench(function, &value, &rows_of(&value, rows))?);
+    }
+    Ok(Force::steps(starts, values)?)
+}
+
+/// Keep the first thing that was raised.
+pub fn keep(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
+    let error = match failure {
+        Failure::Python(error) => error,
+        Failure::Core(error) => crate::errors::to_python(py, function, error),
+    };
+    raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).get_or_insert(error);
+}

@@ -1,0 +1,124 @@
+//! What constructors of laws and plants are given: read once, kept for `repr` and pickling.
+
+use crate::arm::Arm;
+use crate::arrays::{new_array, numbers, object, require_finite, shown, text, vector};
+use crate::errors::{Failure, input_error};
+use crate::motion::Motion;
+use armlet_core::kinematics::coordinates::parse_axes;
+use armlet_core::linalg::gain::Gain;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+const AN_ARM: &str = "an Arm such as planar_pr(..)";
+const A_MOTION: &str = "a Motion such as Hold";
+
+/// The arguments of a law or a plant that stands on an arm.
+pub struct Given<'py> {
+    function: &'static str,
+    pub arm: Bound<'py, Arm>,
+    /// All but the arm, as they are kept.
+    pub arguments: Vec<(&'static str, Py<PyAny>)>,
+}
+
+impl<'py> Given<'py> {
+    pub fn new(function: &'static str, arm: &Bound<'py, PyAny>) -> Result<Self, Failure> {
+        Ok(Given { function, arm: object::<Arm>(function, "arm", AN_ARM, arm)?, arguments: Vec::new() })
+    }
+
+    pub fn model(&self) -> armlet_core::dynamics::Model {
+        self.arm.get().model.core()
+    }
+
+    /// A gain: a scalar, `(n,)` or `(n, n)`.
+    pub fn gain(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Gain, Failure> {
+        let gain = gain(self.function, name, value, n)?;
+        self.keep(name, value)?;
+        Ok(gain)
+    }
+
+    /// An array `(n,)`.
+    pub fn vector(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
+        let values = vector(self.function, name, value, n)?;
+        self.keep(name, value)?;
+        Ok(values)
+    }
+
+    pub fn motion(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<armlet_core::motion::Motion, Failure> {
+        let motion = object::<Motion>(self.function, name, A_MOTION, value)?;
+        self.arguments.push((name, value.clone().unbind()));
+        Ok(motion.get().core.clone())
+    }
+
+    /// The frame, the axes ("xyz" unless given) and how many rows they are.
+    pub fn frame_and_axes(
+        &mut self,
+        frame: &Bound<'py, PyAny>,
+        axes: Option<&Bound<'py, PyAny>>,
+    ) -> Result<(String, String, usize), Failure> {
+        let name = text(self.function, "frame", frame)?;
+        self.plain("frame", frame);
+        let axes = match axes {
+            Some(axes) => {
+                self.plain("axes", axes);
+                text(self.function, "axes", axes)?
+            }
+            None => "xyz".into(),
+        };
+        let rows = parse_axes(&axes)?.len();
+        Ok((name, axes, rows))
+    }
+
+    /// Text or a flag, kept as it is.
+    pub fn plain(&mut self, name: &'static str, value: &Bound<'py, PyAny>) {
+        self.arguments.push((name, value.clone().unbind()));
+    }
+
+    /// A copy of what the caller gave, so that changing it later changes nothing here.
+    fn keep(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
+        let (shape, values) = numbers(self.function, name, value)?;
+        let copy = new_array(value.py(), &shape, |out| {
+            out.copy_from_slice(&values);
+            Ok(())
+        })?;
+        self.arguments.push((name, copy.unbind()));
+        Ok(())
+    }
+}
+
+/// A gain as the user gives it: a scalar, `(n,)` or `(n, n)`.
+fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Gain, Failure> {
+    let (shape, values) = numbers(function, name, value)?;
+    require_finite(value.py(), function, name, &shape, &values)?;
+    match shape.as_slice() {
+        [] => Ok(Gain::scalar(name, n, values[0])?),
+        [rows] if *rows == n => Ok(Gain::diagonal(name, values.into_owned())?),
+        [rows, columns] if *rows == n && *columns == n => Ok(Gain::full(name, n, values.into_owned())?),
+        _ => {
+            let problem = format!("has the wrong shape: expected a scalar, ({n},) or ({n}, {n}), got {}", shown(&shape));
+            Err(input_error(value.py(), function, name, problem).into())
+        }
+    }
+}
+
+/// `Name(arm, argument=value, ..)`.
+pub fn shown_as(object: &Bound<'_, PyAny>, arm: &Bound<'_, Arm>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<String> {
+    let py = object.py();
+    // The table of an arm of links is for reading by itself: its first line names it.
+    let mut parts = vec![arm.repr()?.to_string().lines().next().unwrap_or_default().to_string()];
+    for (name, value) in arguments {
+        let value = value.bind(py);
+        let value = value.call_method0("tolist").unwrap_or_else(|_| value.clone());
+        parts.push(format!("{name}={}", value.repr()?));
+    }
+    Ok(format!("{}({})", object.get_type().name()?, parts.join(", ")))
+}
+
+/// The call that makes the object anew.
+pub fn call<'py>(arm: &Bound<'py, Arm>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+    let keywords = PyDict::new(arm.py());
+    keywords.set_item("arm", arm)?;
+    for (name, value) in arguments {
+        keywords.set_item(name, value)?;
+    }
+    Ok((PyTuple::empty(arm.py()), keywords))
+}

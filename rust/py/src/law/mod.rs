@@ -1,0 +1,148 @@
+//! `armlet.Law`, the base of all laws, and what their constructors share.
+
+mod rigid;
+
+pub use rigid::{Adaptive, CartesianImpedance, ComputedTorque, PDGravity};
+
+use crate::arm::Arm;
+use crate::arrays::{new_array, new_vector, number, require_finite, vector};
+use crate::errors::{Failure, entry, input_error};
+use crate::given::{Given, call, shown_as};
+use armlet_core::law::{LawEvaluator, LawSpec};
+use armlet_core::plant::PlantKind;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::sync::Mutex;
+
+/// A control law: `law(t, q, v)` gives the plant's input `(n,)`. The base of all laws.
+#[pyclass(frozen, subclass, module = "armlet", name = "Law")]
+pub struct Law {
+    pub spec: LawSpec,
+    /// Buffers of single calls, kept between them.
+    evaluator: Mutex<LawEvaluator>,
+    /// The arm the law was made for.
+    #[pyo3(get)]
+    arm: Py<Arm>,
+    /// What else the constructor was given, for `repr` and pickling.
+    arguments: Vec<(&'static str, Py<PyAny>)>,
+}
+
+impl Given<'_> {
+    /// The law of these arguments.
+    fn law(self, spec: LawSpec) -> PyClassInitializer<Law> {
+        let evaluator = Mutex::new(LawEvaluator::new(&spec));
+        PyClassInitializer::from(Law { spec, evaluator, arm: self.arm.unbind(), arguments: self.arguments })
+    }
+}
+
+/// `t`, the plant's state and the law's own.
+type Asked = (f64, Vec<f64>, Vec<f64>);
+
+/// What a law is asked about, checked.
+fn asked(
+    function: &str,
+    spec: &LawSpec,
+    t: &Bound<'_, PyAny>,
+    (q, v): (&Bound<'_, PyAny>, &Bound<'_, PyAny>),
+    motors: [Option<&Bound<'_, PyAny>>; 2],
+    state: Option<&Bound<'_, PyAny>>,
+) -> Result<Asked, Failure> {
+    let py = q.py();
+    let t = number(function, "t", t)?;
+    require_finite(py, function, "t", &[], &[t])?;
+    let n = spec.model().n();
+    let mut x = vector(function, "q", q, n)?;
+    let rates = vector(function, "v", v, n)?;
+    if spec.plant() != PlantKind::Velocity {
+        x.extend(rates);
+    }
+    for (name, value) in ["theta", "theta_dot"].into_iter().zip(motors) {
+        match (value, spec.plant()) {
+            (Some(value), PlantKind::Elastic) => x.extend(vector(function, name, value, n)?),
+            (None, PlantKind::Elastic) => {
+                let problem = format!("is missing: expected ({n},) for a law of elastic arms, got None");
+                return Err(input_error(py, function, name, problem).into());
+            }
+            (Some(_), _) => return Err(input_error(py, function, name, "is not used: expected None for a law of rigid arms").into()),
+            (None, _) => {}
+        }
+    }
+    let initial = spec.initial_state();
+    let z = match state {
+        Some(state) => vector(function, "state", state, initial.len())?,
+        None => initial.to_vec(),
+    };
+    Ok((t, x, z))
+}
+
+#[pymethods]
+impl Law {
+    /// The plant's input `(n,)` at time `t` in s, position `q` and velocity `v`, `(n,)`.
+    ///
+    /// `theta`, `theta_dot`: motor positions and velocities `(n,)`, for laws of elastic arms. `state`: the law's own
+    /// state, such as an estimate `(p,)`; its initial value if None.
+    #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
+    fn __call__<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+        theta_dot: Option<&Bound<'py, PyAny>>,
+        state: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let name = self.spec.name();
+        entry(py, name, || {
+            let (t, x, z) = asked(name, &self.spec, t, (q, v), [theta, theta_dot], state)?;
+            new_vector(py, self.spec.model().n(), |tau| {
+                match self.evaluator.try_lock() {
+                    Ok(mut evaluator) => evaluator.input(t, &x, &z, tau),
+                    // Another thread is in the buffers: a set of one's own is the price.
+                    Err(_) => LawEvaluator::new(&self.spec).input(t, &x, &z, tau),
+                }
+                Ok(())
+            })
+        })
+    }
+
+    /// The named parts of the law at one instant, by name: arguments as for a call.
+    #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
+    fn terms<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+        theta_dot: Option<&Bound<'py, PyAny>>,
+        state: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        entry(py, "terms", || {
+            let (t, x, z) = asked("terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
+            let parts = PyDict::new(py);
+            for (name, shape, values) in self.spec.terms(t, &x, &z) {
+                let array = new_array(py, &shape, |out| {
+                    out.copy_from_slice(&values);
+                    Ok(())
+                })?;
+                parts.set_item(name, array)?;
+            }
+            Ok(parts)
+        })
+    }
+
+    /// The motion the law tracks; None for a law that holds a target.
+    #[getter]
+    fn motion(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.arguments.iter().find(|(name, _)| *name == "motion").map(|(_, value)| value.clone_ref(py))
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        call(self.arm.bind(py), &self.arguments)
+    }
+}

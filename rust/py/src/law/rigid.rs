@@ -1,0 +1,188 @@
+//! Laws of rigid arms.
+
+use super::{Given, Law};
+use crate::errors::entry;
+use armlet_core::law::{AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec};
+use armlet_core::motion::Motion;
+use pyo3::prelude::*;
+
+/// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
+///
+/// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `s = v_r - v`, `Y` the arm's regressor. The error
+/// goes to zero from any initial state and any estimate; the estimate converges only under excitation.
+///
+/// Args:
+///     arm: the arm whose regressor is used; its parameters are not.
+///     motion: the desired motion.
+///     kp, kd: positive definite gains: scalar, `(n,)` or `(n, n)`; `kp = kd Lambda`.
+///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`.
+///     estimate: initial estimate `(p,)`; zero if None (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///
+/// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+/// >>> law = al.Adaptive(arm, al.Hold([1.0, 0.0]), kp=40.0, kd=20.0, gamma=5.0)
+/// >>> law(0.0, [0.0, 0.0], [0.0, 0.0])
+/// array([40.,  0.])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct Adaptive;
+
+#[pymethods]
+impl Adaptive {
+    #[new]
+    #[pyo3(signature = (arm, motion, kp, kd, gamma, *, estimate=None))]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        motion: &Bound<'py, PyAny>,
+        kp: &Bound<'py, PyAny>,
+        kd: &Bound<'py, PyAny>,
+        gamma: &Bound<'py, PyAny>,
+        estimate: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        entry(arm.py(), "Adaptive", || {
+            let mut given = Given::new("Adaptive", arm)?;
+            let model = given.model();
+            let (n, p) = (model.n(), model.parameter_count());
+            let motion = given.motion("motion", motion)?;
+            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+            let gamma = given.gain("gamma", gamma, p)?;
+            let start = estimate.map(|estimate| given.vector("estimate", estimate, p)).transpose()?;
+            let spec = AdaptiveSpec::new(model, motion, kp, kd, gamma, start)?;
+            Ok(given.law(LawSpec::Adaptive(spec)).add_subclass(Adaptive))
+        })
+    }
+}
+
+/// Computed torque: `tau = M (a_d + Kd e_dot + Kp e) + C v + g`, so that `e_ddot + Kd e_dot + Kp e = 0`.
+///
+/// Args:
+///     arm: the model of the plant.
+///     motion: the desired motion.
+///     kp, kd: positive definite gains, 1/s^2 and 1/s: scalar, `(n,)` or `(n, n)`.
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///
+/// >>> import armlet as al
+/// >>> law = al.ComputedTorque(al.planar_pr(2.0, 0.5, 0.5), al.Hold([1.0, 0.0]), kp=100.0, kd=20.0)
+/// >>> law(0.0, [0.0, 0.0], [0.0, 0.0])
+/// array([200.,  50.])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct ComputedTorque;
+
+#[pymethods]
+impl ComputedTorque {
+    #[new]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        motion: &Bound<'py, PyAny>,
+        kp: &Bound<'py, PyAny>,
+        kd: &Bound<'py, PyAny>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        entry(arm.py(), "ComputedTorque", || {
+            let mut given = Given::new("ComputedTorque", arm)?;
+            let model = given.model();
+            let n = model.n();
+            let motion = given.motion("motion", motion)?;
+            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+            let spec = ComputedTorqueSpec::new(model, motion, kp, kd)?;
+            Ok(given.law(LawSpec::ComputedTorque(spec)).add_subclass(ComputedTorque))
+        })
+    }
+}
+
+/// PD control with gravity compensation: `tau = Kp (q_d - q) - Kd v + g(q)`.
+///
+/// The arm comes to rest at the target from any state when `Kp` and `Kd` are positive definite.
+///
+/// Args:
+///     arm: the model whose gravity is compensated.
+///     target: `q_d`, `(n,)`, rad or m.
+///     kp, kd: positive definite gains, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///
+/// Source: Takegaki and Arimoto, A new feedback method for dynamic control of manipulators, 1981.
+///
+/// >>> import armlet as al
+/// >>> law = al.PDGravity(al.pendulum(1.0, 5.0), [1.0], kp=10.0, kd=4.0)
+/// >>> law(0.0, [0.0], [0.5])
+/// array([8.])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct PDGravity;
+
+#[pymethods]
+impl PDGravity {
+    #[new]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        target: &Bound<'py, PyAny>,
+        kp: &Bound<'py, PyAny>,
+        kd: &Bound<'py, PyAny>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        entry(arm.py(), "PDGravity", || {
+            let mut given = Given::new("PDGravity", arm)?;
+            let model = given.model();
+            let n = model.n();
+            let target = given.vector("target", target, n)?;
+            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+            let spec = PdGravitySpec::new(model, target, kp, kd)?;
+            Ok(given.law(LawSpec::PdGravity(spec)).add_subclass(PDGravity))
+        })
+    }
+}
+
+/// Cartesian impedance: a spring and a damper between a frame and its target, `tau = J'(K (x_d - x) - D J v) + g(q)`.
+///
+/// `axes` chooses the rows, in order: letters of "xyz" for position, "rx ry rz" for orientation (error `log(R_d R')`,
+/// `R_d` from the target's rotation vector). The law has no inverse of `J` and stays defined at singularities.
+///
+/// Args:
+///     arm: the model: its kinematics and its gravity.
+///     target: `x_d`, one number per row, m or rad.
+///     stiffness, damping: positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
+///     frame: name of the controlled frame (keyword only).
+///     axes: the rows, such as "xyz", "xy" or "xyz rx ry rz" (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
+///
+/// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> law = al.CartesianImpedance(arm, [0.4, 0.5], [300.0, 200.0], [40.0, 30.0], frame="link2", axes="xy")
+/// >>> run = al.simulate(al.RigidArm(arm), law, [0.3, 1.0], t_end=3.0, method="dop853", t_eval=[0.0, 3.0])
+/// >>> arm.position(run.q[-1], "link2").round(3)
+/// array([0.4, 0.5, 0. ])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct CartesianImpedance;
+
+#[pymethods]
+impl CartesianImpedance {
+    #[new]
+    #[pyo3(signature = (arm, target, stiffness, damping, *, frame, axes=None))]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        target: &Bound<'py, PyAny>,
+        stiffness: &Bound<'py, PyAny>,
+        damping: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        axes: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "CartesianImpedance";
+        entry(arm.py(), NAME, || {
+            let mut given = Given::new(NAME, arm)?;
+            let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
+            let target = given.vector("target", target, m)?;
+            let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
+            let spec = CartesianImpedanceSpec::new(given.model(), Motion::Hold(target), stiffness, damping, &frame, &axes)?;
+            Ok(given.law(LawSpec::CartesianImpedance(spec)).add_subclass(CartesianImpedance))
+        })
+    }
+}

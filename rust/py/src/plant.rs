@@ -1,0 +1,211 @@
+//! `armlet.RigidArm`, `armlet.ElasticArm`, `armlet.VelocityArm` and the wall that plants touch.
+
+use crate::arm::Arm;
+use crate::arrays::{number, object, text, vector};
+use crate::errors::{Failure, entry};
+use crate::given::{Given, call, shown_as};
+use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, VelocitySpec, Wall as CoreWall};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+/// What a law drives. The base of all plants.
+#[pyclass(frozen, subclass, module = "armlet", name = "Plant")]
+pub struct Plant {
+    pub spec: PlantSpec,
+    #[pyo3(get)]
+    pub arm: Py<Arm>,
+    arguments: Vec<(&'static str, Py<PyAny>)>,
+}
+
+impl Given<'_> {
+    /// The plant of these arguments.
+    fn plant(self, spec: PlantSpec) -> PyClassInitializer<Plant> {
+        PyClassInitializer::from(Plant { spec, arm: self.arm.unbind(), arguments: self.arguments })
+    }
+}
+
+#[pymethods]
+impl Plant {
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        call(self.arm.bind(py), &self.arguments)
+    }
+}
+
+/// A wall that pushes back where a frame enters it: `f = n max(0, k d + c d_dot)` at depth `d > 0`; it never pulls.
+///
+/// Args:
+///     frame: name of the frame that touches it.
+///     point: a point of the surface, (3,), world axes, m.
+///     normal: direction out of the wall, (3,), any length > 0.
+///     stiffness: `k` in N/m (keyword only).
+///     damping: `c` in N s/m, >= 0 (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite or of the wrong sign.
+///
+/// >>> import armlet as al
+/// >>> al.Wall("link2", [0.7, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=1e4, damping=10.0)
+/// Wall('link2', point=[0.7, 0.0, 0.0], normal=[-1.0, 0.0, 0.0], stiffness=10000.0, damping=10.0)
+#[pyclass(frozen, module = "armlet")]
+pub struct Wall {
+    frame: String,
+    core: CoreWall,
+}
+
+/// Frame, point and normal.
+type Placed = (String, [f64; 3], [f64; 3]);
+
+#[pymethods]
+impl Wall {
+    #[new]
+    #[pyo3(signature = (frame, point, normal, *, stiffness, damping=None))]
+    fn new(
+        frame: &Bound<'_, PyAny>,
+        point: &Bound<'_, PyAny>,
+        normal: &Bound<'_, PyAny>,
+        stiffness: &Bound<'_, PyAny>,
+        damping: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        const NAME: &str = "Wall";
+        entry(frame.py(), NAME, || {
+            let three = |name: &str, value| -> Result<[f64; 3], Failure> {
+                let v = vector(NAME, name, value, 3)?;
+                Ok([v[0], v[1], v[2]])
+            };
+            let damping = damping.map_or(Ok(0.0), |damping| number(NAME, "damping", damping))?;
+            let stiffness = number(NAME, "stiffness", stiffness)?;
+            // The frame's index is found where the plant is made: a wall belongs to no arm yet.
+            let core = CoreWall::new(0, three("point", point)?, three("normal", normal)?, stiffness, damping)?;
+            Ok(Wall { frame: text(NAME, "frame", frame)?, core })
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        let CoreWall { point, normal, stiffness, damping, .. } = &self.core;
+        format!("Wall({:?}, point={point:?}, normal={normal:?}, stiffness={stiffness:?}, damping={damping:?})", self.frame)
+            .replace('"', "'")
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Placed, Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("stiffness", self.core.stiffness)?;
+        keywords.set_item("damping", self.core.damping)?;
+        Ok(((self.frame.clone(), self.core.point, self.core.normal), keywords))
+    }
+}
+
+/// The wall of a plant, with its frame found.
+fn wall<'py>(given: &mut Given<'py>, function: &str, wall: Option<&Bound<'py, PyAny>>) -> Result<Option<CoreWall>, Failure> {
+    let Some(wall) = wall.filter(|wall| !wall.is_none()) else { return Ok(None) };
+    let object = object::<Wall>(function, "wall", "a Wall or None", wall)?;
+    given.plain("wall", wall);
+    let model = given.model();
+    let frame = model.tree("wall")?.frame_index(&object.get().frame)?;
+    Ok(Some(CoreWall { frame, ..object.get().core.clone() }))
+}
+
+/// A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) = tau + J'F`, `x = [q, v]`.
+///
+/// Args:
+///     arm: the true arm; a law may be made for another one.
+///     friction: the model's viscous and Coulomb friction act too (keyword only).
+///     wall: a `Wall` that the arm may touch (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.RigidArm(al.planar_pr(2.0, 0.5, 0.5))
+/// RigidArm(planar_pr(A=2, B=0.5, C=0.5))
+#[pyclass(frozen, extends = Plant, module = "armlet")]
+pub struct RigidArm;
+
+#[pymethods]
+impl RigidArm {
+    #[new]
+    #[pyo3(signature = (arm, *, friction=false, wall=None))]
+    fn new<'py>(arm: &Bound<'py, PyAny>, friction: bool, wall: Option<&Bound<'py, PyAny>>) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "RigidArm";
+        entry(arm.py(), NAME, || {
+            let mut given = Given::new(NAME, arm)?;
+            if friction {
+                given.model().tree("friction")?;
+                given.plain("friction", &friction.into_pyobject(arm.py()).map(|flag| flag.to_owned().into_any()).map_err(PyErr::from)?);
+            }
+            let wall = self::wall(&mut given, NAME, wall)?;
+            let spec = RigidSpec { friction, wall, ..RigidSpec::new(given.model()) };
+            Ok(given.plant(PlantSpec::Rigid(spec)).add_subclass(RigidArm))
+        })
+    }
+}
+
+/// An arm whose joint velocities are the input: `q' = u`.
+///
+/// >>> import armlet as al
+/// >>> al.VelocityArm(al.planar_arm([0.5, 0.4]))
+/// VelocityArm(Arm "planar": 2 joints, 2 frames, gravity [0.0, -9.81, 0.0])
+#[pyclass(frozen, extends = Plant, module = "armlet")]
+pub struct VelocityArm;
+
+#[pymethods]
+impl VelocityArm {
+    #[new]
+    fn new(arm: &Bound<'_, PyAny>) -> PyResult<PyClassInitializer<Self>> {
+        entry(arm.py(), "VelocityArm", || {
+            let given = Given::new("VelocityArm", arm)?;
+            let spec = VelocitySpec { model: given.model() };
+            Ok(given.plant(PlantSpec::Velocity(spec)).add_subclass(VelocityArm))
+        })
+    }
+}
+
+/// An arm with elastic joints: links and motors coupled by springs (Spong 1987).
+///
+/// `M(q) a + C(q, v) v + g(q) = tau_J + J'F`, `B theta_ddot + tau_J = tau`, `tau_J = K (theta - q)`; motors come after
+/// the gears. The state is `[q, v, theta, theta_dot]`.
+///
+/// Args:
+///     arm: the links.
+///     stiffness: `K`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
+///     motor_inertia: `B`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
+///     joint_damping: in parallel with the springs, N m s/rad, `(n,)`, >= 0 (keyword only).
+///     motor_friction: viscous, N m s/rad, `(n,)`, >= 0 (keyword only).
+///     wall: a `Wall` that the arm may touch (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite.
+///
+/// Source: Spong, Modeling and control of elastic joint robots, J. Dyn. Sys. Meas. Control 109, 1987.
+///
+/// >>> import armlet as al
+/// >>> plant = al.ElasticArm(al.planar_arm([0.5, 0.4]), [800.0, 500.0], [0.4, 0.25])
+#[pyclass(frozen, extends = Plant, module = "armlet")]
+pub struct ElasticArm;
+
+#[pymethods]
+impl ElasticArm {
+    #[new]
+    #[pyo3(signature = (arm, stiffness, motor_inertia, *, joint_damping=None, motor_friction=None, wall=None))]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        stiffness: &Bound<'py, PyAny>,
+        motor_inertia: &Bound<'py, PyAny>,
+        joint_damping: Option<&Bound<'py, PyAny>>,
+        motor_friction: Option<&Bound<'py, PyAny>>,
+        wall: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "ElasticArm";
+        entry(arm.py(), NAME, || {
+            let mut given = Given::new(NAME, arm)?;
+            let model = given.model();
+            let n = model.n();
+            let (stiffness, inertia) = (given.gain("stiffness", stiffness, n)?, given.gain("motor_inertia", motor_inertia, n)?);
+            let mut optional = |name, value: Option<&Bound<'py, PyAny>>| value.map(|value| given.vector(name, value, n)).transpose();
+            let (damping, friction) = (optional("joint_damping", joint_damping)?, optional("motor_friction", motor_friction)?);
+            let wall = self::wall(&mut given, NAME, wall)?;
+            let spec = ElasticSpec::new(model, stiffness, inertia, damping, friction, wall)?;
+            Ok(given.plant(PlantSpec::Elastic(spec)).add_subclass(ElasticArm))
+        })
+    }
+}
