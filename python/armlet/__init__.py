@@ -47,8 +47,10 @@ from ._core import (
     velocity_bounds,
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .integration import DenseOutput, Integration, integrate
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
+from .scipy_method import scipy_method
 from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
@@ -63,10 +65,12 @@ __all__ = [
     "BatchRun",
     "CartesianImpedance",
     "ComputedTorque",
+    "DenseOutput",
     "ElasticArm",
     "FormatError",
     "Hold",
     "InputError",
+    "Integration",
     "InternalError",
     "Law",
     "ModelError",
@@ -92,12 +96,14 @@ __all__ = [
     "build_info",
     "diagnose_priority",
     "example_urdf",
+    "integrate",
     "load",
     "load_urdf",
     "minimum_jerk_time",
     "pendulum",
     "planar_arm",
     "planar_pr",
+    "scipy_method",
     "simulate",
     "simulate_batch",
     "solve_priority",

@@ -26,6 +26,8 @@ pub struct Field {
     f: Py<PyAny>,
     /// Further arguments of `f`.
     arguments: Option<Py<PyTuple>>,
+    /// States go out as lists of floats instead of arrays.
+    lists: bool,
     jacobian: Jacobian,
     /// -1 where the span decreases.
     direction: f64,
@@ -43,13 +45,14 @@ impl Field {
         function: &'static str,
         f: Py<PyAny>,
         arguments: Option<Py<PyTuple>>,
+        lists: bool,
         jacobian: Jacobian,
         direction: f64,
         positions: usize,
         n: usize,
     ) -> Self {
         let [up, down, at] = std::array::from_fn(|_| vec![0.0; n]);
-        Field { function, f, arguments, jacobian, direction, positions, error: None, evaluations: 0, up, down, at }
+        Field { function, f, arguments, lists, jacobian, direction, positions, error: None, evaluations: 0, up, down, at }
     }
 
     /// Call `f(t, y)` into `out`, both in the caller's own time.
@@ -59,7 +62,7 @@ impl Field {
             return;
         }
         self.evaluations += 1;
-        let result = Python::attach(|py| call(py, self.function, "f", self.f.bind(py), self.arguments.as_ref(), t, y, out));
+        let result = Python::attach(|py| call(py, self.function, self.f.bind(py), self.arguments.as_ref(), self.lists, t, y, out));
         if let Err(error) = result {
             self.error = Some(error);
             out.fill(f64::NAN);
@@ -83,31 +86,31 @@ impl Field {
 fn call(
     py: Python<'_>,
     function: &str,
-    name: &str,
     f: &Bound<'_, PyAny>,
     arguments: Option<&Py<PyTuple>>,
+    lists: bool,
     t: f64,
     y: &[f64],
     out: &mut [f64],
 ) -> PyResult<()> {
-    let value = with(py, f, arguments, t, y)?;
+    let value = with(py, f, arguments, lists, t, y)?;
     if let Some(slice) = of_shape(&value, &[out.len()]) {
         out.copy_from_slice(slice);
         return Ok(());
     }
     if let Ok(list) = value.cast_exact::<PyList>()
         && list.len() == out.len()
-        && list.iter().zip(out.iter_mut()).all(|(item, out)| item.cast_exact::<PyFloat>().map(|x| *out = x.value()).is_ok())
+        && list.iter().zip(out.iter_mut()).all(|(item, out)| item.cast::<PyFloat>().map(|x| *out = x.value()).is_ok())
     {
         return Ok(());
     }
     if let Ok(tuple) = value.cast_exact::<PyTuple>()
         && tuple.len() == out.len()
-        && tuple.iter_borrowed().zip(out.iter_mut()).all(|(item, out)| item.cast_exact::<PyFloat>().map(|x| *out = x.value()).is_ok())
+        && tuple.iter_borrowed().zip(out.iter_mut()).all(|(item, out)| item.cast::<PyFloat>().map(|x| *out = x.value()).is_ok())
     {
         return Ok(());
     }
-    slow(py, function, name, &value, out)
+    slow(py, function, &value, out)
 }
 
 /// `f(t, y, *arguments)`.
@@ -115,11 +118,12 @@ pub fn with<'py>(
     py: Python<'py>,
     f: &Bound<'py, PyAny>,
     arguments: Option<&Py<PyTuple>>,
+    lists: bool,
     t: f64,
     y: &[f64],
 ) -> PyResult<Bound<'py, PyAny>> {
-    // A fresh array each time: the callable may keep it.
-    let y = PyArray1::from_slice(py, y);
+    // A fresh one each time: the callable may keep it.
+    let y = if lists { PyList::new(py, y)?.into_any() } else { PyArray1::from_slice(py, y).into_any() };
     match arguments {
         None => f.call1((t, y)),
         Some(more) => {
@@ -131,12 +135,12 @@ pub fn with<'py>(
 }
 
 /// Anything that numpy takes for `n` numbers.
-fn slow(py: Python<'_>, function: &str, name: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
-    let what = format!("{name}(t, y)");
-    let (shape, values) = numbers(function, &what, value).map_err(|failure| python(py, function, failure))?;
+fn slow(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
+    const WHAT: &str = "f(t, y)";
+    let (shape, values) = numbers(function, WHAT, value).map_err(|failure| python(py, function, failure))?;
     if values.len() != out.len() || shape.len() > 1 {
         let problem = format!("has the wrong shape: expected ({},), got {}", out.len(), shown(&shape));
-        return Err(input_error(py, function, &what, problem));
+        return Err(input_error(py, function, WHAT, problem));
     }
     out.copy_from_slice(&values);
     Ok(())
@@ -193,7 +197,7 @@ impl Differentiable<f64> for Field {
                     return;
                 }
                 let result = Python::attach(|py| {
-                    let value = with(py, jac.bind(py), self.arguments.as_ref(), self.direction * t, x)?;
+                    let value = with(py, jac.bind(py), self.arguments.as_ref(), self.lists, self.direction * t, x)?;
                     matrix(py, self.function, &value, j, n)
                 });
                 if let Err(error) = result {

@@ -211,7 +211,7 @@ fn filled<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound
 
 /// One run of `f` as a dictionary of its fields.
 #[pyfunction]
-#[pyo3(signature = (f, t0, t1, y0, method, rtol, atol, dt, t_eval, dense, events, jac, args, max_step, first_step, positions))]
+#[pyo3(signature = (f, t0, t1, y0, method, rtol, atol, dt, t_eval, dense, events, jac, args, max_step, first_step, positions, lists))]
 pub fn integrate<'py>(
     py: Python<'py>,
     f: &Bound<'py, PyAny>,
@@ -230,6 +230,7 @@ pub fn integrate<'py>(
     max_step: Option<&Bound<'py, PyAny>>,
     first_step: Option<&Bound<'py, PyAny>>,
     positions: usize,
+    lists: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "integrate";
     entry(py, NAME, || {
@@ -248,7 +249,7 @@ pub fn integrate<'py>(
         let jacobian = jacobian(NAME, jac, n, settings.central())?;
         let args = (!args.is_empty()).then(|| args.clone().unbind());
         let mut field =
-            Field::new(NAME, f.clone().unbind(), args.as_ref().map(|args| args.clone_ref(py)), jacobian, direction, positions, n);
+            Field::new(NAME, f.clone().unbind(), args.as_ref().map(|args| args.clone_ref(py)), lists, jacobian, direction, positions, n);
         let mut method = settings.method(NAME, py, &field, y0, positions)?;
 
         let watched: Vec<Event> =
@@ -258,7 +259,7 @@ pub fn integrate<'py>(
             if raised.is_some() {
                 return f64::NAN;
             }
-            let got = field::with(py, &events[i].0, args.as_ref(), direction * s, y)
+            let got = field::with(py, &events[i].0, args.as_ref(), lists, direction * s, y)
                 .and_then(|value| number(NAME, "event(t, y)", &value).map_err(|failure| field::python(py, NAME, failure)));
             got.unwrap_or_else(|error| {
                 raised = Some(error);

@@ -41,7 +41,7 @@ impl Stepper {
             let settings = Settings::new(NAME, n, method, rtol, atol, None, max_step, first_step)?;
             let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
             let jacobian = jacobian(NAME, jac, n, settings.central())?;
-            let mut field = Field::new(NAME, f.clone().unbind(), None, jacobian, direction, 0, n);
+            let mut field = Field::new(NAME, f.clone().unbind(), None, false, jacobian, direction, 0, n);
             let mut method = settings.method(NAME, py, &field, y0, 0)?;
             let end = direction * span[1];
             let begun = method.begin(&mut field, direction * span[0], end, end);
