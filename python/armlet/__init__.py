@@ -50,10 +50,12 @@ from ._core import (
 )
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .identification import BaseParameters, Identification, ParameterReport
+from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .sampling import Sampling
+from .scipy_method import scipy_method
 from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
@@ -69,18 +71,20 @@ __all__ = [
     "BatchRun",
     "CartesianImpedance",
     "ComputedTorque",
+    "DenseOutput",
     "ElasticArm",
     "FormatError",
     "Hold",
     "Identification",
     "InputError",
+    "Integration",
     "InternalError",
     "Law",
     "ModelError",
     "Motion",
     "PDGravity",
-    "Plant",
     "ParameterReport",
+    "Plant",
     "PriorityDiagnosis",
     "PrioritySolution",
     "PrioritySolver",
@@ -96,8 +100,8 @@ __all__ = [
     "Table",
     "TorqueOptimum",
     "VelocityArm",
-    "Wall",
     "Verification",
+    "Wall",
     "__version__",
     "bang_bang_time",
     "build_info",
@@ -105,6 +109,7 @@ __all__ = [
     "example_urdf",
     "from_mujoco",
     "from_pinocchio",
+    "integrate",
     "load",
     "load_urdf",
     "minimum_jerk_time",
@@ -112,6 +117,7 @@ __all__ = [
     "planar_arm",
     "planar_pr",
     "project_parameters",
+    "scipy_method",
     "simulate",
     "simulate_batch",
     "solve_priority",

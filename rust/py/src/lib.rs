@@ -5,6 +5,7 @@ mod arrays;
 mod errors;
 mod force;
 mod given;
+mod integrate;
 mod law;
 mod motion;
 mod plan;
@@ -23,6 +24,8 @@ mod _core {
     use super::arm::{
         _restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr, project_parameters,
     };
+    #[pymodule_export]
+    use super::integrate::{Stepper, integrate};
     #[pymodule_export]
     use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity};
     #[pymodule_export]

@@ -29,8 +29,7 @@ const D: [f64; 7] = [
     -1453857185.0 / 822651844.0,
     69997945.0 / 29380423.0,
 ];
-const BETA: f64 = 0.04;
-const CONTROL: Control = Control { safety: 0.9, alpha: 0.2 - 0.75 * BETA, beta: BETA, shrink: 0.2, grow: 10.0 };
+const CONTROL: Control = Control { safety: 0.9, alpha: 0.2, beta: 0.0, shrink: 0.2, grow: 10.0 };
 
 pub struct Dopri5<B, U, T = Tolerance> {
     pace: Pace<T>,
