@@ -1,6 +1,6 @@
 """Types of the extension module; checked against it by stubtest."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Self, SupportsIndex, final, overload
 
@@ -30,10 +30,12 @@ __all__ = [
     "RigidArm",
     "Sinusoid",
     "Table",
+    "TimedPath",
     "TorqueOptimum",
     "__version__",
     "_restore_plan",
     "_restore_planar_pr",
+    "_restore_time_path",
     "_restore_tree",
     "bang_bang_time",
     "build_info",
@@ -49,6 +51,7 @@ __all__ = [
     "simulate_batch",
     "solve_priority",
     "statuses",
+    "time_path",
     "torque_optimal_time",
     "trapezoid_time",
     "velocity_bounds",
@@ -551,3 +554,43 @@ class Simulator:
     def state(self) -> dict[str, Any]: ...
     def step(self, tau: ArrayLike | None = None) -> None: ...
     def reset(self, q0: ArrayLike | None = None, v0: ArrayLike | None = None) -> None: ...
+
+# Timing of paths.
+def time_path(
+    arm: Arm,
+    path: ArrayLike | Callable[[float], Any],
+    *,
+    tau_max: ArrayLike | None = None,
+    v_max: ArrayLike | None = None,
+    a_max: ArrayLike | None = None,
+    knots: ArrayLike | None = None,
+    spline: str | None = None,
+    stops: Iterable[int] | None = None,
+    start_speed: _Number | None = None,
+    end_speed: _Number | None = None,
+    friction: ArrayLike | None = None,
+    grid: int | None = None,
+    refine: bool = True,
+    samples: int | None = None,
+) -> TimedPath: ...
+def _restore_time_path(parts: Sequence[_Array], margin: float, why: tuple[Any, ...] | None) -> TimedPath: ...
+
+@final
+class TimedPath(Motion):
+    def __call__(self, /, t: ArrayLike) -> tuple[_Array, _Array, _Array]: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def feasible(self) -> bool: ...
+    @property
+    def margin(self) -> float: ...
+    @property
+    def reason(self) -> str | None: ...
+    @property
+    def shortfall(self) -> dict[str, Any] | None: ...
+    @property
+    def s(self) -> _Array: ...
+    @property
+    def s_dot(self) -> _Array: ...
+    @property
+    def t(self) -> _Array: ...

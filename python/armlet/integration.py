@@ -16,6 +16,7 @@ __all__ = ["DenseOutput", "Integration", "integrate"]
 
 Array: TypeAlias = NDArray[np.float64]
 
+
 class DenseOutput:
     """The solution between the steps: `dense(t)` is `(n,)` for a number `t` and `(K, n)` for times of shape `(K,)`.
 

@@ -37,6 +37,8 @@ mod _core {
     #[pymodule_export]
     use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
     #[pymodule_export]
+    use super::plan::time_path::{_restore_time_path, TimedPath, time_path};
+    #[pymodule_export]
     use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
     #[pymodule_export]
     use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
