@@ -498,3 +498,23 @@ class Best:
     @property
     def t_turn(self) -> float: ...
     def __eq__(self, other: object, /) -> bool: ...
+
+# elastic joints
+@final
+class ElasticImpedance(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        target: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        *,
+        frame: str,
+        axes: str | None = None,
+        motor_damping: ArrayLike | None = None,
+        damping_ratio: float | None = None,
+        relative_damping: bool = False,
+    ) -> Self: ...

@@ -21,7 +21,7 @@ mod _core {
     #[pymodule_export]
     use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
     #[pymodule_export]
-    use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity};
+    use super::law::{Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, Law, PDGravity};
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]

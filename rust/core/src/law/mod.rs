@@ -5,14 +5,18 @@
 mod adaptive;
 mod cartesian_impedance;
 mod computed_torque;
+mod elastic_impedance;
 mod evaluator;
+mod inertia_reduction;
 mod pd_gravity;
 
 pub use crate::linalg::gain::Gain;
 pub use adaptive::{Adaptive, AdaptiveSpec};
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
+pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
 pub use evaluator::LawEvaluator;
+pub use inertia_reduction::{Reduction, ReductionSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
 
 use crate::dynamics::Model;
@@ -80,6 +84,7 @@ pub enum LawSpec {
     ComputedTorque(ComputedTorqueSpec),
     PdGravity(PdGravitySpec),
     CartesianImpedance(CartesianImpedanceSpec),
+    ElasticImpedance(ElasticImpedanceSpec),
 }
 
 /// `$body` with `$law` the definition inside `$spec`.
@@ -90,6 +95,7 @@ macro_rules! each {
             LawSpec::ComputedTorque($law) => $body,
             LawSpec::PdGravity($law) => $body,
             LawSpec::CartesianImpedance($law) => $body,
+            LawSpec::ElasticImpedance($law) => $body,
         }
     };
 }
@@ -143,18 +149,25 @@ impl LawSpec {
     pub fn coordinates(&self) -> Option<&crate::kinematics::Coordinates> {
         match self {
             LawSpec::CartesianImpedance(law) => Some(&law.coordinates),
+            LawSpec::ElasticImpedance(law) => Some(&law.outer.coordinates),
             _ => None,
         }
     }
 
     /// Whether the law has a storage function of its own on this plant.
-    pub fn has_storage(&self, _plant: &PlantSpec) -> bool {
-        false
+    pub fn has_storage(&self, plant: &PlantSpec) -> bool {
+        match self {
+            LawSpec::ElasticImpedance(law) => law.has_storage(plant),
+            _ => false,
+        }
     }
 
     /// That storage function at plant state `x`.
-    pub fn storage(&self, _t: f64, _x: &[f64], _plant: &PlantSpec) -> Option<f64> {
-        None
+    pub fn storage(&self, t: f64, x: &[f64], plant: &PlantSpec) -> Option<f64> {
+        match self {
+            LawSpec::ElasticImpedance(law) => Some(law.storage(t, x, plant)),
+            _ => None,
+        }
     }
 
     /// Whether both can run side by side in lanes.
@@ -177,7 +190,7 @@ impl LawSpec {
                 }
             };
         }
-        gather!(Adaptive ComputedTorque PdGravity CartesianImpedance)
+        gather!(Adaptive ComputedTorque PdGravity CartesianImpedance ElasticImpedance)
     }
 }
 
