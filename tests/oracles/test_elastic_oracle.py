@@ -78,3 +78,56 @@ def test_trajectory(case: dict[str, Any]) -> None:
     np.testing.assert_allclose(energy[0], expected["E0"], rtol=1e-12)
     # The balance is an identity: 1e-8 of the largest energy.
     assert np.abs(run.monitors["energy_balance"]).max() <= 1e-8 * energy.max()
+
+
+@pytest.mark.parametrize("case", KINDS["equilibrium"] + KINDS["spurious_equilibrium"])
+def test_equilibrium(case: dict[str, Any]) -> None:
+    given, expected, tolerance = case["input"], case["expected"], case["tolerance"]
+    plant, law = loop(given)
+    rest = al.equilibrium(plant, law, numbers(given.get("F", ["0", "0"])), q0=numbers(given["q0"]))
+    assert rest.theta is not None
+    for name, got in {"q_E": rest.q, "x_E": rest.x, "theta_E": rest.theta, "tau_E": rest.tau, "u_E": rest.tau}.items():
+        wanted = numbers(expected[name])
+        assert np.abs(got - wanted).max() <= tolerance["rel"] * np.abs(wanted).max(), name
+    assert abs(rest.eigenvalues.real.max() - expected["max_real_eig"]) <= tolerance["eig_rel"] * abs(expected["max_real_eig"])
+    if "eig_sorted" in expected:
+        # The file lists both members of a conjugate pair with one sign, so the imaginary parts are compared by size.
+        folded = rest.eigenvalues.real + 1j * np.abs(rest.eigenvalues.imag)
+        wanted = numbers(expected["eig_sorted"]) @ [1.0, 1.0j]
+        atol = tolerance["eig_rel"] * np.abs(wanted).max()
+        np.testing.assert_allclose(np.sort_complex(np.round(folded, 9)), np.sort_complex(np.round(wanted, 9)), rtol=0.0, atol=atol)
+    spurious, boundary = case["kind"] == "spurious_equilibrium", expected.get("kind") == "boundary"
+    assert (rest.spurious, rest.reachable, rest.stable) == (spurious or boundary, not boundary, not spurious)
+
+
+def test_sampled_limit() -> None:
+    entries = FILE["analysis"]["zoh_limit"]
+    assert len(entries) == 10
+    B, K_J, dt, B0_min = (numbers([entry[name] for entry in entries]) for name in ("B", "K_J", "dt", "B0_min"))
+    # Near the limit the radius is flat in B0: rounding of the eigenvalues moves the root by its own size over the slope.
+    np.testing.assert_allclose(al.smallest_reduced_inertia(B, K_J, dt), B0_min, rtol=1e-7)
+
+
+def test_stiffness_limit() -> None:
+    entries = FILE["analysis"]["routh_1dof"]
+    assert len(entries) == 5
+    M, K_J, B0, d, D0, k_max = (numbers([entry[name] for entry in entries]) for name in ("M", "K_J", "B0", "d", "D0", "k_max"))
+    np.testing.assert_allclose(al.stiffness_limit(M, K_J, B0, d), k_max, rtol=1e-13)
+    np.testing.assert_allclose(al.stiffness_limit(M, K_J, B0, d, motor_damping=D0), k_max, rtol=1e-13)
+
+
+def test_stiffness_scale() -> None:
+    """K_m times kappa at the rest of the force-step case without its force, D_m as given, a fifth of it, and none."""
+    (case,) = (case.values[0] for case in KINDS["trajectory"] if case.id == "ex3_force_step")
+    given = case["input"]
+    plant, _ = loop(given)
+    K_J, B, K_m, D_m = (numbers(given[name]) for name in ("K_J", "B", "K_m", "D_m"))
+    entries = FILE["analysis"]["km_scaling_limit"]
+    assert len(entries) == 6
+    for entry in entries:
+        # A law's damping is positive definite: "none" is 1e-9 of it, which moves kappa by as much.
+        for name, share in (("Dm_x1", 1.0), ("Dm_x02", 0.2), ("Dm_0", 1e-9)):
+            B0 = entry["B0_over_B"] * B
+            law = al.ElasticImpedance(plant.arm, numbers(given["x_d"]), K_m, share * D_m, K_J, B, B0, frame="link2", axes="xy")
+            limits = al.elastic_limits(plant, law, q0=numbers(given["q0"]))
+            assert abs(limits.stiffness_scale_max / entry["kappa_max"][name] - 1.0) <= 1e-6, (entry["B0_over_B"], name)

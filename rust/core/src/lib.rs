@@ -6,6 +6,8 @@
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone.
 
+#[cfg(not(test))]
+pub mod analysis;
 pub mod arm;
 pub mod dynamics;
 pub mod error;

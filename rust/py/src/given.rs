@@ -100,7 +100,7 @@ impl<'py> Given<'py> {
 }
 
 /// A gain as the user gives it: a scalar, `(n,)` or `(n, n)`.
-fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Gain, Failure> {
+pub fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Gain, Failure> {
     let (shape, values) = numbers(function, name, value)?;
     require_finite(value.py(), function, name, &shape, &values)?;
     match shape.as_slice() {

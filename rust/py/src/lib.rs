@@ -2,6 +2,7 @@
 
 mod arm;
 mod arrays;
+mod elastic;
 mod errors;
 mod force;
 mod given;
@@ -21,7 +22,12 @@ mod _core {
     #[pymodule_export]
     use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
     #[pymodule_export]
-    use super::law::{Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, Law, PDGravity};
+    use super::elastic::{damping_from_ratio, elastic_limits, equilibrium, smallest_reduced_inertia, stiffness_limit};
+    #[pymodule_export]
+    use super::law::{
+        Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, JointImpedance, Law, MotorPD, PDGravity,
+        StateFeedback,
+    };
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]

@@ -5,6 +5,8 @@
 
 pub mod cholesky;
 pub mod clamp;
+pub mod eigenvalues;
+pub mod exponential;
 pub mod gain;
 pub mod householder;
 pub mod null_basis;

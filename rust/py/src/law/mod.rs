@@ -3,7 +3,7 @@
 mod elastic;
 mod rigid;
 
-pub use elastic::ElasticImpedance;
+pub use elastic::{ElasticImpedance, ElasticTracking, JointImpedance, MotorPD, StateFeedback};
 pub use rigid::{Adaptive, CartesianImpedance, ComputedTorque, PDGravity};
 
 use crate::arm::Arm;
