@@ -58,6 +58,7 @@ from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
+from .sampling import Sampling
 from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
@@ -95,6 +96,7 @@ __all__ = [
     "Quintic",
     "RigidArm",
     "Run",
+    "Sampling",
     "Sinusoid",
     "SolveError",
     "StateFeedback",

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from . import _core
 from .errors import SolveError
 from .run import BatchRun, Run
+from .sampling import Sampling
 from .status import Status
 
 __all__ = ["simulate", "simulate_batch"]
@@ -19,7 +20,7 @@ Force: TypeAlias = ArrayLike | Sequence[tuple[float, ArrayLike]] | Callable[[flo
 
 def simulate(
     plant: _core.Plant,
-    law: _core.Law,
+    law: _core.Law | Callable[..., ArrayLike],
     q0: ArrayLike,
     *,
     t_end: float,
@@ -30,7 +31,7 @@ def simulate(
     method: str = "rk4",
     rtol: float = 1e-8,
     atol: float = 1e-10,
-    sample_time: float | None = None,
+    sample_time: float | Sampling | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
     force: Force = None,
@@ -43,16 +44,19 @@ def simulate(
 
     Args:
         plant: what is controlled, such as `RigidArm(arm)`.
-        law: what controls it, made for an arm with as many joints.
+        law: what controls it, made for an arm with as many joints; or any callable `law(t, q, v) -> tau` (`law(t, q)` for a VelocityArm,
+            `law(t, q, v, theta, theta_dot)` for an ElasticArm), which is Python inside the loop, asked once per sample: slow.
         q0: initial position, (n,), rad or m.
         t_end: length of the run, s.
         dt: step of a fixed-step method, s; a last shorter step ends a run that is not a multiple of it.
         v0: initial velocity, (n,); zero if None.
         theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,); None: the springs carry gravity, the motors
             move with the links.
-        method: "rk4" (needs `dt`) or "dop853" (adaptive, `rtol` and `atol`).
+        method: "euler", "semi_implicit", "rk4", "ros2" (fixed steps, need `dt`; ros2 is implicit and L-stable) or "dopri5", "dop853",
+            "radau5", "rodas4" (adaptive, `rtol` and `atol`; the last two are implicit, for stiff plants).
         rtol, atol: relative and absolute error allowed per step of an adaptive method.
-        sample_time: None evaluates the law inside every stage; a period in s holds its output that long, as a real controller does.
+        sample_time: None evaluates the law inside every stage; a period in s holds its output that long, as a real controller does; a
+            `Sampling` adds delay, jitter, noise, quantisation and a rate limit.
         record_every: record the start and every so many steps, and the end.
         t_eval: record exactly these times instead, increasing, in [0, t_end].
         force: external force: None, constant, `[(t_start, F), ...]` piecewise constant, or a callable `F(t)`; in the law's axes at its
@@ -99,7 +103,7 @@ def simulate_batch(
     method: str = "rk4",
     rtol: float = 1e-8,
     atol: float = 1e-10,
-    sample_time: float | None = None,
+    sample_time: float | Sampling | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
     force: ArrayLike | Sequence[tuple[float, ArrayLike]] | None = None,

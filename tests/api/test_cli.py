@@ -112,7 +112,7 @@ def test_the_page_stands_alone(system: System, tmp_path: Path) -> None:
     system(lambda report: report.near("<script>a & b</script>", (1.0, 2.0), (1.0, 3.0), 0.5, "1 < 2", "E1"))
     assert cli.main(["demo", "--out", str(tmp_path)]) == 1
     text = (tmp_path / "report.html").read_text()
-    for part in ("http:", "https:", "<script", "<link", "src=\"/"):
+    for part in ("http:", "https:", "<script", "<link", 'src="/'):
         assert part not in text
     assert "&lt;script&gt;a &amp; b" in text and "1 &lt; 2" in text and 'class="FAILED"' in text
     assert 'name="viewport"' in text and "prefers-color-scheme: dark" in text

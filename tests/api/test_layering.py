@@ -150,7 +150,7 @@ def test_unsafe_stands_in_its_rooms() -> None:
 
 
 def test_unsafe_rule_sees_planted_violation(tmp_path: Path) -> None:
-    (tmp_path / "a.rs").write_text("// unsafe\nlet s = \"unsafe\";\n")
+    (tmp_path / "a.rs").write_text('// unsafe\nlet s = "unsafe";\n')
     (tmp_path / "b.rs").write_text("fn f(p: *const f64) -> f64 { unsafe { *p } }\n")
     assert unsafe_files(tmp_path) == [tmp_path / "b.rs"]
 

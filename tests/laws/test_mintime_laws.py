@@ -1,7 +1,7 @@
 """Symmetries of the link: its mirror image, and time run backwards.
 
-    mirror:    theta -> -theta, tau -> -tau     swaps the limits
-    reversal:  t -> T - t                       swaps the ends, keeps the limits
+mirror:    theta -> -theta, tau -> -tau     swaps the limits
+reversal:  t -> T - t                       swaps the ends, keeps the limits
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 //! System 1 against the 25-digit vectors, and its loops against each other.
 
-use armlet_core::dynamics::{Dynamics, PlanarPr};
+use armlet_core::dynamics::{Dynamics, Model, PlanarPr};
 use armlet_core::law::{AdaptiveSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Quintic, Sinusoid};
-use armlet_core::simulate::{Keep, Method, Options, Problem, Times, simulate, simulate_batch};
+use armlet_core::plant::{PlantSpec, RigidSpec};
+use armlet_core::simulate::{Keep, Method, Options, Problem, Sampling, Times, simulate, simulate_batch};
 use armlet_core::status::Status;
 use serde_json::Value;
 use std::sync::atomic::AtomicBool;
@@ -50,7 +51,7 @@ fn motion(reference: &Value) -> Motion {
 }
 
 struct Case {
-    plant: PlanarPr<f64>,
+    plant: PlantSpec,
     law: LawSpec,
     q0: Vec<f64>,
     v0: Vec<f64>,
@@ -60,10 +61,10 @@ struct Case {
 impl Case {
     fn from(input: &Value) -> Self {
         let p = &input["plant"];
-        let plant = PlanarPr::new(numbers(&p["A"])[0], numbers(&p["B"])[0], numbers(&p["C"])[0]).unwrap();
+        let model = Model::PlanarPr(PlanarPr::new(numbers(&p["A"])[0], numbers(&p["B"])[0], numbers(&p["C"])[0]).unwrap());
         let gain = |name: &str, key: &str, n: usize| Gain::full(name, n, numbers(&input[key])).unwrap();
         let law = AdaptiveSpec::new(
-            plant,
+            model.clone(),
             motion(&input["reference"]),
             gain("kp", "K_P", 2),
             gain("kd", "K_D", 2),
@@ -71,6 +72,7 @@ impl Case {
             Some(numbers(&input["ahat0"])),
         );
         let law = LawSpec::Adaptive(law.unwrap());
+        let plant = PlantSpec::Rigid(RigidSpec::new(model));
         Case { plant, law, q0: numbers(&input["q0"]), v0: numbers(&input["qd0"]), times: numbers(&input["times"]) }
     }
 
@@ -81,12 +83,13 @@ impl Case {
             method,
             rtol: 1e-12,
             atol: 1e-12,
-            sample_time: None,
+            sampling: None,
             times,
             tau_max: None,
             monitors: true,
         };
-        Problem { plants: vec![&self.plant], laws: vec![&self.law], q0: self.q0.clone(), v0: self.v0.clone(), options }
+        let x0 = self.plant.initial_state(&self.q0, &self.v0, None, None);
+        Problem { plants: vec![&self.plant], laws: vec![&self.law], x0, forces: Vec::new(), force_frame: None, options }
     }
 }
 
@@ -153,10 +156,10 @@ fn batch_rows_are_runs() {
     let runs = 19;
     let mut problem = built.problem(Method::Rk4, Some(1e-3), Times::Every(500));
     problem.options.t_end = 2.0;
-    problem.q0 = (0..2 * runs).map(|i| 0.3 * (i as f64).sin()).collect();
-    problem.v0 = (0..2 * runs).map(|i| 0.2 * (i as f64).cos()).collect();
+    let start = |i: usize| if i % 4 < 2 { 0.3 * (i as f64).sin() } else { 0.2 * (i as f64).cos() };
+    problem.x0 = (0..4 * runs).map(start).collect();
     // One run starts where it can only diverge; its neighbours must not notice.
-    problem.v0[2 * 7] = 1e200;
+    problem.x0[4 * 7 + 2] = 1e200;
     let batch = simulate_batch(&problem, Keep::All, 1, &mut || false).unwrap();
     let other = simulate_batch(&problem, Keep::All, 3, &mut || false).unwrap();
     let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
@@ -164,8 +167,7 @@ fn batch_rows_are_runs() {
     let k = batch.t.len();
     for i in 0..runs {
         let mut one = problem.clone();
-        one.q0 = problem.q0[2 * i..2 * i + 2].to_vec();
-        one.v0 = problem.v0[2 * i..2 * i + 2].to_vec();
+        one.x0 = problem.x0[4 * i..4 * i + 4].to_vec();
         let run = simulate(&one, &stop).unwrap();
         assert_eq!(batch.status[i], run.status);
         if run.status == Status::Success {
@@ -185,7 +187,7 @@ fn sampled_control_holds_the_input() {
     let built = Case::from(&cases("trajectory")[0]["input"]);
     let mut problem = built.problem(Method::Rk4, Some(1e-3), Times::Every(1));
     problem.options.t_end = 0.2;
-    problem.options.sample_time = Some(0.01);
+    problem.options.sampling = Some(Sampling::every(0.01));
     let run = simulate(&problem, &stop).unwrap();
     for k in 0..200 {
         let held = run.tau[2 * k] == run.tau[2 * (k + 1)];

@@ -339,6 +339,15 @@ pub fn new_array<'py>(
     Ok(array.into_any())
 }
 
+/// Overwrite an array that `new_array` made and Python may hold too: of the same length, contiguous.
+pub fn overwrite(array: &Bound<'_, PyAny>, values: &[f64]) -> Result<(), Failure> {
+    let array = array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?;
+    assert!(array.len() == values.len() && array.is_c_contiguous(), "an array of the extension's own");
+    // SAFETY: the elements are those checked above; the GIL is held and no other borrow is alive here.
+    unsafe { std::slice::from_raw_parts_mut(array.data(), values.len()) }.copy_from_slice(values);
+    Ok(())
+}
+
 /// A new vector, filled by `fill`.
 pub fn new_vector<'py>(
     py: Python<'py>,

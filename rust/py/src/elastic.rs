@@ -20,7 +20,7 @@ const COMFORTABLE: f64 = 1.0 / 3.0;
 
 /// Say so where the sample time comes close to what the motor loop stands.
 pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> PyResult<()> {
-    let (Some(dt), Some(limit)) = (problem.options.sample_time, problem.sample_time_limit()) else { return Ok(()) };
+    let (Some(dt), Some(limit)) = (problem.options.sampling.as_ref().map(|s| s.period), problem.sample_time_limit()) else { return Ok(()) };
     if dt > COMFORTABLE * limit && dt < limit {
         let text = format!(
             "{function}: sample_time {dt:.3e} s is above a third of {limit:.3e} s, where the motor loop becomes unstable: expect oscillation"

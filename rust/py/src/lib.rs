@@ -12,6 +12,7 @@ mod plan;
 mod plant;
 mod priority;
 mod simulate;
+mod simulator;
 
 use pyo3::prelude::*;
 
@@ -44,6 +45,9 @@ mod _core {
     use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
+
+    #[pymodule_export]
+    use super::simulator::Simulator;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -56,6 +56,9 @@ pub struct Wall {
     core: CoreWall,
 }
 
+/// Frame, point and normal.
+type Placed = (String, [f64; 3], [f64; 3]);
+
 #[pymethods]
 impl Wall {
     #[new]
@@ -87,7 +90,7 @@ impl Wall {
             .replace('"', "'")
     }
 
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((String, [f64; 3], [f64; 3]), Bound<'py, PyDict>)> {
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Placed, Bound<'py, PyDict>)> {
         let keywords = PyDict::new(py);
         keywords.set_item("stiffness", self.core.stiffness)?;
         keywords.set_item("damping", self.core.damping)?;

@@ -6,12 +6,13 @@ use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;
 use crate::plant::Plant;
-use armlet_core::law::LawSpec;
+use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
-use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Times};
+use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Sampling, Times};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
+use std::sync::Arc;
 
 const A_PLANT: &str = "a plant such as RigidArm";
 const A_LAW: &str = "a law such as Adaptive";
@@ -42,9 +43,9 @@ fn several<'py, T: pyo3::PyClass>(
 }
 
 /// How to run it, as Python gives it: keyword by keyword.
-struct Given<'py> {
-    function: &'static str,
-    keywords: Bound<'py, PyDict>,
+pub struct Given<'py> {
+    pub function: &'static str,
+    pub keywords: Bound<'py, PyDict>,
 }
 
 impl<'py> Given<'py> {
@@ -53,7 +54,7 @@ impl<'py> Given<'py> {
         Ok(self.keywords.get_item(name)?.filter(|value| !value.is_none()))
     }
 
-    fn required(&self, name: &str) -> Result<Bound<'py, PyAny>, Failure> {
+    pub fn required(&self, name: &str) -> Result<Bound<'py, PyAny>, Failure> {
         let missing = || input_error(self.keywords.py(), self.function, name, "is missing: expected a value, got None");
         Ok(self.get(name)?.ok_or_else(missing)?)
     }
@@ -64,6 +65,36 @@ impl<'py> Given<'py> {
 
     fn optional_number(&self, name: &str) -> Result<Option<f64>, Failure> {
         optional_number(self.function, name, self.get(name)?.as_ref())
+    }
+
+    /// A period in s, or an `armlet.Sampling`.
+    fn sampling(&self) -> Result<Option<Sampling>, Failure> {
+        let Some(value) = self.get("sample_time")? else { return Ok(None) };
+        let function = self.function;
+        let Ok(period) = value.getattr("period") else {
+            return Ok(Some(Sampling::every(number(function, "sample_time", &value)?)));
+        };
+        let field = |name: &str| -> Result<f64, Failure> { number(function, name, &value.getattr(name)?) };
+        let channels = |name: &str| -> Result<[f64; 4], Failure> {
+            let given = value.getattr(name)?;
+            let mut all = [0.0; 4];
+            for (to, channel) in all.iter_mut().zip(core::CHANNELS) {
+                if let Ok(x) = given.get_item(channel) {
+                    *to = number(function, &format!("{name}[{channel:?}]"), &x)?;
+                }
+            }
+            Ok(all)
+        };
+        Ok(Some(Sampling {
+            period: number(function, "period", &period)?,
+            delay: field("delay")?,
+            jitter: field("jitter")?,
+            sensor_delay: index(function, "sensor_delay", &value.getattr("sensor_delay")?)?,
+            noise: channels("noise")?,
+            resolution: channels("resolution")?,
+            rate_limit: field("rate_limit")?,
+            seed: index(function, "seed", &value.getattr("seed")?)? as u64,
+        }))
     }
 
     /// One number for all, or one per joint.
@@ -80,7 +111,7 @@ impl<'py> Given<'py> {
         }
     }
 
-    fn options(&self, n: usize) -> Result<Options, Failure> {
+    pub fn options(&self, n: usize) -> Result<Options, Failure> {
         let function = self.function;
         let every = count(function, "record_every", &self.required("record_every")?)?;
         let times = match self.get("t_eval")? {
@@ -93,7 +124,7 @@ impl<'py> Given<'py> {
             dt: self.optional_number("dt")?,
             rtol: self.number("rtol")?,
             atol: self.number("atol")?,
-            sample_time: self.optional_number("sample_time")?,
+            sampling: self.sampling()?,
             times,
             tau_max: self.per_joint("tau_max", n)?,
             monitors: self.required("monitors")?.is_truthy()?,
@@ -101,7 +132,7 @@ impl<'py> Given<'py> {
     }
 
     /// Initial states of the plants, `(rows, states)`: `q0, v0, theta0, theta_dot0` are `(n,)` for one run, `(B, n)` for a batch.
-    fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
+    pub fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
         let n = plants[0].n();
         let read = |name: &str, value: &Bound<'py, PyAny>| -> Result<(usize, Vec<f64>), Failure> {
             if batch { batch_rows(self.function, name, value, n) } else { Ok((1, vector(self.function, name, value, n)?)) }
@@ -134,7 +165,7 @@ impl<'py> Given<'py> {
     }
 
     /// The force and the frame it acts at; the callables' errors go to `raised`.
-    fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
+    pub fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
         let frame = match self.get("force_frame")? {
             None => None,
             Some(frame) => Some(plant.model().tree("force_frame")?.frame_index(&text(self.function, "force_frame", &frame)?)?),
@@ -174,8 +205,41 @@ fn put_series(
     Ok(())
 }
 
+/// An integer >= 0.
+fn index(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    let refused = || input_error(value.py(), function, name, "is not an integer >= 0: expected such as 0");
+    Ok(value.extract::<usize>().map_err(|_| refused())?)
+}
+
+/// The law as it is, or the callable that stands for one.
+pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec, raised: &Raised) -> Result<LawSpec, Failure> {
+    if let Ok(law) = law.cast::<Law>() {
+        return Ok(law.get().spec.clone());
+    }
+    if !law.is_callable() {
+        object::<Law>(function, "law", A_LAW, law)?;
+    }
+    let (call, raised, n) = (law.clone().unbind(), raised.clone(), plant.n());
+    let answer = move |t: f64, x: &[f64], tau: &mut [f64]| {
+        Python::attach(|py| {
+            let mut ask = || -> Result<(), Failure> {
+                // t, then q, v, theta, theta_dot as far as the plant has them.
+                let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
+                for part in x.chunks_exact(n) {
+                    arguments.push(PyArray1::from_slice(py, part).into_any());
+                }
+                let answer = call.bind(py).call1(PyTuple::new(py, arguments)?)?;
+                tau.copy_from_slice(&vector(function, "law", &answer, n)?);
+                Ok(py.check_signals()?)
+            };
+            ask().map_err(|failure| force::keep(&raised, py, function, failure)).is_ok()
+        })
+    };
+    Ok(LawSpec::External(ExternalSpec { model: plant.model().clone(), plant: plant.kind(), call: Arc::new(answer) }))
+}
+
 /// What was raised inside a run, or by Ctrl-C.
-fn raise(signal: Option<PyErr>, raised: &Raised) -> Result<(), Failure> {
+pub fn raise(signal: Option<PyErr>, raised: &Raised) -> Result<(), Failure> {
     let inside = raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
     signal.or(inside).map_or(Ok(()), |error| Err(Failure::Python(error)))
 }
@@ -192,13 +256,13 @@ pub fn simulate<'py>(
     const NAME: &str = "simulate";
     entry(py, NAME, || {
         let plant = object::<Plant>(NAME, "plant", A_PLANT, plant)?;
-        let law = object::<Law>(NAME, "law", A_LAW, law)?;
-        let (plant, law) = (&plant.get().spec, &law.get().spec);
+        let plant = &plant.get().spec;
+        let raised = Raised::default();
+        let law = &law_of(NAME, law, plant, &raised)?;
         let given = Given { function: NAME, keywords: keywords.clone() };
         let n = plant.n();
         let options = given.options(n)?;
         let (_, x0) = given.initial_states(&[plant], q0, false)?;
-        let raised = Raised::default();
         let (force, force_frame) = given.force(plant, law, &raised)?;
         let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options };
         warn_of_sampling(py, NAME, &problem)?;

@@ -4,6 +4,8 @@
 //! Error of a step: `|h| e5^2 / sqrt(n (e5^2 + 0.01 e3^2))` with the weighted norms of the two estimators;
 //! accepted below 1, the next step grows by `0.9 error^(-1/8)` within [0.2, 10].
 
+use super::adaptive::{Accuracy, Adaptive, MAX_STEPS};
+pub use super::adaptive::{Tolerance, Work};
 use super::dop853_tableau::{A, C, D, E3, E5};
 use super::{Buffer, System};
 use crate::scalar::Real;
@@ -12,27 +14,8 @@ use crate::status::Status;
 const SAFETY: f64 = 0.9;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 10.0;
-/// Steps, accepted or not, after which a run is given up.
-pub const MAX_STEPS: u64 = 10_000_000;
-
-/// Work done so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Work {
-    pub evaluations: u64,
-    pub steps: u64,
-    pub rejections: u64,
-}
-
-/// The relative and absolute error allowed per step, over the first `controlled` components of the state.
-#[derive(Clone, Copy, Debug)]
-pub struct Tolerance {
-    pub rtol: f64,
-    pub atol: f64,
-    pub controlled: usize,
-}
-
-pub struct Dop853<B, U> {
-    tolerance: Tolerance,
+pub struct Dop853<B, U, T = Tolerance> {
+    tolerance: T,
     /// The slopes of the 12 stages, of the end, and of the dense output.
     k: [B; 16],
     /// Dense output, rows 3 to 6.
@@ -47,14 +30,17 @@ pub struct Dop853<B, U> {
     t_end: f64,
     input_end: f64,
     h: f64,
+    h_max: f64,
+    /// The first step asked for; zero for a guess.
+    h_first: f64,
     /// Whether `dense` belongs to the last step.
     dense_ready: bool,
     pub work: Work,
 }
 
-impl<B: Clone, U: Clone> Dop853<B, U> {
+impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
     #[inline(always)]
-    pub fn new(tolerance: Tolerance, state: B, input: U) -> Self {
+    pub fn new(tolerance: T, state: B, input: U) -> Self {
         let k = std::array::from_fn(|_| state.clone());
         let dense = std::array::from_fn(|_| state.clone());
         Dop853 {
@@ -70,6 +56,8 @@ impl<B: Clone, U: Clone> Dop853<B, U> {
             t_end: 0.0,
             input_end: 0.0,
             h: 0.0,
+            h_max: f64::INFINITY,
+            h_first: 0.0,
             dense_ready: false,
             work: Work::default(),
         }
@@ -85,7 +73,7 @@ impl<B: Clone, U: Clone> Dop853<B, U> {
         B: Buffer<S>,
     {
         (self.t, self.t_old, self.t_end, self.input_end) = (t, t, t_end, input_end);
-        self.x_old = self.x.clone();
+        self.x_old.clone_from(&self.x);
         self.dense_ready = false;
         system.anchor(self.x.as_ref());
         system.input(t, &mut self.u);
@@ -94,25 +82,25 @@ impl<B: Clone, U: Clone> Dop853<B, U> {
         if !finite(self.x.as_ref()) || !finite(self.k[0].as_ref()) {
             return Err(Status::Diverged);
         }
-        self.h = self.first_step(system);
+        self.h = if self.h_first > 0.0 { self.h_first } else { self.guess_step(system) }.min(self.h_max);
         Ok(())
     }
 
     /// A first step from the sizes of the state, its slope and its curvature (Hairer, section II.4).
     #[inline(always)]
-    fn first_step<S, F>(&mut self, system: &mut F) -> f64
+    fn guess_step<S, F>(&mut self, system: &mut F) -> f64
     where
         S: Real,
         F: System<S, Input = U>,
         B: Buffer<S>,
     {
-        let m = self.tolerance.controlled;
+        let m = self.tolerance.controlled();
         let span = self.t_end - self.t;
-        let scale = |x: S| self.tolerance.atol + x.lane(0).abs() * self.tolerance.rtol;
+        let scale = |i: usize, x: S| self.tolerance.scale(i, x.lane(0).abs());
         let norm = |f: &dyn Fn(usize) -> f64| ((0..m).map(|i| f(i) * f(i)).sum::<f64>() / m.max(1) as f64).sqrt();
         let (x, k) = (self.x.as_ref(), self.k[0].as_ref());
-        let d0 = norm(&|i| x[i].lane(0) / scale(x[i]));
-        let d1 = norm(&|i| k[i].lane(0) / scale(x[i]));
+        let d0 = norm(&|i| x[i].lane(0) / scale(i, x[i]));
+        let d1 = norm(&|i| k[i].lane(0) / scale(i, x[i]));
         let h0 = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(span);
         for i in 0..x.len() {
             self.y.as_mut()[i] = S::splat(h0).mul_add(k[i], x[i]);
@@ -121,7 +109,7 @@ impl<B: Clone, U: Clone> Dop853<B, U> {
         system.rhs(&self.u, self.y.as_ref(), self.k[1].as_mut());
         self.work.evaluations += 1;
         let (x, k0, k1) = (self.x.as_ref(), self.k[0].as_ref(), self.k[1].as_ref());
-        let d2 = norm(&|i| (k1[i] - k0[i]).lane(0) / scale(x[i])) / h0;
+        let d2 = norm(&|i| (k1[i] - k0[i]).lane(0) / scale(i, x[i])) / h0;
         let steepest = d1.max(d2);
         let h1 = if steepest <= 1e-15 { (1e-3 * h0).max(1e-6) } else { (0.01 / steepest).powf(0.125) };
         let h = (100.0 * h0).min(h1).min(span);
@@ -164,7 +152,7 @@ impl<B: Clone, U: Clone> Dop853<B, U> {
                 std::mem::swap(&mut self.x_old, &mut self.x);
                 std::mem::swap(&mut self.x, &mut self.y);
                 self.k.swap(0, 12);
-                self.h = h * factor;
+                self.h = (h * factor).min(self.h_max);
                 self.work.steps += 1;
                 return Ok(self.t >= self.t_end);
             }
@@ -229,7 +217,7 @@ impl<B: Clone, U: Clone> Dop853<B, U> {
         }
         let (x, y) = (self.x.as_ref(), self.y.as_ref());
         let (mut e3, mut e5) = (0.0, 0.0);
-        let m = self.tolerance.controlled.min(x.len());
+        let m = self.tolerance.controlled().min(x.len());
         for c in 0..m {
             let (mut s3, mut s5) = (S::zero(), S::zero());
             for j in 0..13 {
@@ -241,7 +229,7 @@ impl<B: Clone, U: Clone> Dop853<B, U> {
                     s5 = S::splat(E5[j]).mul_add(k, s5);
                 }
             }
-            let scale = self.tolerance.atol + self.tolerance.rtol * x[c].lane(0).abs().max(y[c].lane(0).abs());
+            let scale = self.tolerance.scale(c, x[c].lane(0).abs().max(y[c].lane(0).abs()));
             let (s3, s5) = (s3.lane(0) / scale, s5.lane(0) / scale);
             e3 += s3 * s3;
             e5 += s5 * s5;
@@ -315,6 +303,45 @@ impl<B: Clone, U: Clone> Dop853<B, U> {
         self.k.swap(0, 12);
         std::mem::swap(&mut self.x, &mut self.x_old);
         self.dense_ready = true;
+    }
+}
+
+impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adaptive<S, F, B> for Dop853<B, U, T> {
+    #[inline(always)]
+    fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
+        Dop853::begin(self, system, t, t_end, input_end)
+    }
+    #[inline(always)]
+    fn step(&mut self, system: &mut F) -> Result<bool, Status> {
+        Dop853::step(self, system)
+    }
+    #[inline(always)]
+    fn interpolate(&mut self, system: &mut F, t: f64, out: &mut B) {
+        Dop853::interpolate(self, system, t, out);
+    }
+    fn dense_degree(&self) -> usize {
+        7
+    }
+    fn t(&self) -> f64 {
+        self.t
+    }
+    fn t_old(&self) -> f64 {
+        self.t_old
+    }
+    fn x(&self) -> &B {
+        &self.x
+    }
+    fn x_mut(&mut self) -> &mut B {
+        &mut self.x
+    }
+    fn work(&self) -> Work {
+        self.work
+    }
+    fn limit_step(&mut self, h_max: f64) {
+        self.h_max = h_max;
+    }
+    fn first_step(&mut self, h: f64) {
+        self.h_first = h;
     }
 }
 

@@ -3,11 +3,29 @@
 //! The exogenous input `u(t)` (desired motion, applied force) is asked for once per distinct stage time; for
 //! a plain `x' = f(t, x)` it is the time itself.
 
+pub mod adaptive;
 pub mod dop853;
 mod dop853_tableau;
+mod dopri5;
+mod euler;
+mod linearised;
+mod pace;
+mod radau5;
 mod rk4;
+mod rodas4;
+mod ros2;
+mod semi_implicit;
 
+pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
+pub use dop853::Dop853;
+pub use dopri5::Dopri5;
+pub use euler::Euler;
+pub use linearised::{DualSystem, Linearised};
+pub use radau5::Radau5;
 pub use rk4::Rk4;
+pub use rodas4::Rodas4;
+pub use ros2::Ros2;
+pub use semi_implicit::SemiImplicit;
 
 use crate::scalar::Real;
 
@@ -22,6 +40,27 @@ pub trait System<S: Real> {
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
     /// Called with the state at every sample of a sampled loop: what is held until the next one.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
+    /// What is held since the last sample: the input and the rate of the law; `None` where nothing is.
+    fn held(&self) -> Option<(&[S], &[S])> {
+        None
+    }
+    /// The component that is the rate of component `i`, where there is one: `x_i' = x_k` gives `Some(k)`.
+    /// Positions have their velocities; a method that treats the two apart needs to know.
+    fn rate_of(&self, _i: usize) -> Option<usize> {
+        None
+    }
+}
+
+/// A system that knows its derivatives, as implicit methods need them. `n` is the number of states.
+pub trait Differentiable<S: Real>: System<S> {
+    /// The slope into `dx`, as `rhs` gives it, and `df/dx` into `j`, `(n, n)` row-major. `u` is the input at `t`.
+    fn linearise(&mut self, t: f64, u: &Self::Input, x: &[S], dx: &mut [S], j: &mut [S]);
+    /// `df/dt` at fixed `x`, which comes from the input's own motion, into `dft`, `(n,)`. `u` is the input at `t`.
+    fn time_derivative(&mut self, t: f64, u: &Self::Input, x: &[S], dft: &mut [S]);
+    /// Whether the input never moves, so that `df/dt` is zero and is not asked for.
+    fn autonomous(&self) -> bool {
+        false
+    }
 }
 
 /// Where a state lives: an array for small closed-form systems, the heap for any other.

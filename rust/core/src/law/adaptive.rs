@@ -187,14 +187,6 @@ where
     /// `s^T Kd s`.
     #[inline(always)]
     fn dissipation(&self) -> S {
-        let s = self.s.as_ref();
-        let mut kd_s = self.s.clone();
-        self.kd.multiply(s, kd_s.as_mut());
-        let kd_s = kd_s.as_ref();
-        let mut sum = s[0] * kd_s[0];
-        for i in 1..s.len() {
-            sum = s[i].mul_add(kd_s[i], sum);
-        }
-        sum
+        self.kd.quadratic(self.s.as_ref())
     }
 }

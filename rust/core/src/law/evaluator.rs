@@ -75,6 +75,7 @@ impl<S: Real> Engine<S> {
             sample_apart(motion, t, &mut self.desired[at..at + width]);
             at += width;
         }
+        self.law.at(t);
         self.law.evaluate(&self.desired, &self.trig, &self.x, &self.z, &mut self.tau, &mut self.dz);
         for (to, from) in tau.iter_mut().zip(&self.tau) {
             *to = from.lane(0);

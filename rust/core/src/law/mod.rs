@@ -7,6 +7,7 @@ mod cartesian_impedance;
 mod computed_torque;
 mod elastic_impedance;
 mod evaluator;
+mod external;
 mod inertia_reduction;
 mod joint_impedance;
 mod motor_regulation;
@@ -19,6 +20,7 @@ pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
 pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
 pub use evaluator::LawEvaluator;
+pub use external::{Call, External, ExternalSpec};
 pub use inertia_reduction::{Reduction, ReductionSpec};
 pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
 pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
@@ -36,6 +38,9 @@ pub trait Law<S: Real> {
     /// `tau` `(n,)` and the rate `dz` `(p,)` of the law's state `z`, from the desired motions one after another, each
     /// `[x_d, x_d', x_d'']`, the (sin, cos) of the joints and the plant's state `x`.
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]);
+
+    /// The time of the samples that follow: for laws that are a function of time itself, asked at samples alone.
+    fn at(&mut self, _t: f64) {}
 
     /// The rate at which the law's Lyapunov function falls, as of the last evaluation; zero without one.
     #[inline(always)]
@@ -94,12 +99,15 @@ pub enum LawSpec {
     JointImpedance(JointImpedanceSpec),
     MotorPd(MotorPdSpec),
     StateFeedback(StateFeedbackSpec),
+    /// A function from outside, asked at samples.
+    External(ExternalSpec),
 }
 
-/// `$body` with `$law` the definition inside `$spec`.
+/// `$body` with `$law` the definition inside `$spec`, `$other` for a law from outside.
 macro_rules! each {
-    ($spec:expr, $law:ident => $body:expr) => {
+    ($spec:expr, $law:ident => $body:expr, $outside:ident => $other:expr) => {
         match $spec {
+            LawSpec::External($outside) => $other,
             LawSpec::Adaptive($law) => $body,
             LawSpec::ComputedTorque($law) => $body,
             LawSpec::PdGravity($law) => $body,
@@ -117,22 +125,22 @@ impl LawSpec {
         fn of<D: Definition>(_: &D) -> &'static str {
             D::NAME
         }
-        each!(self, law => of(law))
+        each!(self, law => of(law), _outside => "PythonLaw")
     }
 
     pub fn plant(&self) -> PlantKind {
         fn of<D: Definition>(_: &D) -> PlantKind {
             D::PLANT
         }
-        each!(self, law => of(law))
+        each!(self, law => of(law), outside => outside.plant)
     }
 
     pub fn model(&self) -> &Model {
-        each!(self, law => law.model())
+        each!(self, law => law.model(), outside => &outside.model)
     }
 
     pub fn motions(&self) -> Vec<&Motion> {
-        each!(self, law => law.motions())
+        each!(self, law => law.motions(), _outside => Vec::new())
     }
 
     /// Times at which the desired motion jumps, increasing.
@@ -143,7 +151,7 @@ impl LawSpec {
     }
 
     pub fn initial_state(&self) -> &[f64] {
-        each!(self, law => law.initial_state())
+        each!(self, law => law.initial_state(), _outside => &[])
     }
 
     /// The named parts of the law at time `t`.
@@ -154,7 +162,7 @@ impl LawSpec {
             desired.resize(start + 3 * motion.dof(), 0.0);
             motion.sample(t, &mut desired[start..]);
         }
-        each!(self, law => law.terms(&Instant { desired: &desired, x, z }))
+        each!(self, law => law.terms(&Instant { desired: &desired, x, z }), outside => outside.terms(t, x))
     }
 
     /// The frame and axes in which the law takes an external force; `None` for a law of joints alone.
@@ -230,6 +238,7 @@ impl LawSpec {
                         LawSpec::$variant(law) => law,
                         _ => first,
                     }))),)*
+                    LawSpec::External(outside) => Box::new(External::new(outside)),
                 }
             };
         }
@@ -252,6 +261,10 @@ impl<S: Real, L: Law<S>> Law<S> for OutOfLine<L> {
             }
         }
         S::enter(Evaluate(&mut self.0, desired, trig, x, z, tau, dz));
+    }
+
+    fn at(&mut self, t: f64) {
+        self.0.at(t);
     }
 
     #[inline(never)]

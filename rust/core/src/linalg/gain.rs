@@ -125,6 +125,8 @@ pub trait Multiply<S: Real> {
     fn multiply(&self, x: &[S], y: &mut [S]);
     /// `y += K x`.
     fn add_to(&self, x: &[S], y: &mut [S]);
+    /// `x' K x`.
+    fn quadratic(&self, x: &[S]) -> S;
 }
 
 /// A diagonal gain.
@@ -136,6 +138,15 @@ pub struct Diagonal<B>(pub B);
 pub struct Full<B>(pub B);
 
 impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
+    #[inline(always)]
+    fn quadratic(&self, x: &[S]) -> S {
+        let k = self.0.as_ref();
+        let mut sum = S::zero();
+        for i in 0..k.len() {
+            sum = (k[i] * x[i]).mul_add(x[i], sum);
+        }
+        sum
+    }
     #[inline(always)]
     fn multiply(&self, x: &[S], y: &mut [S]) {
         let k = self.0.as_ref();
@@ -153,6 +164,19 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
 }
 
 impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
+    #[inline(always)]
+    fn quadratic(&self, x: &[S]) -> S {
+        let (k, n) = (self.0.as_ref(), x.len());
+        let mut sum = S::zero();
+        for i in 0..n {
+            let mut row = k[i * n] * x[0];
+            for j in 1..n {
+                row = k[i * n + j].mul_add(x[j], row);
+            }
+            sum = row.mul_add(x[i], sum);
+        }
+        sum
+    }
     #[inline(always)]
     fn multiply(&self, x: &[S], y: &mut [S]) {
         let (k, n) = (self.0.as_ref(), x.len());
@@ -195,6 +219,13 @@ impl<S: Real> AnyGain<S> {
 }
 
 impl<S: Real> Multiply<S> for AnyGain<S> {
+    #[inline(always)]
+    fn quadratic(&self, x: &[S]) -> S {
+        match self {
+            AnyGain::Diagonal(k) => k.quadratic(x),
+            AnyGain::Full(k) => k.quadratic(x),
+        }
+    }
     #[inline(always)]
     fn multiply(&self, x: &[S], y: &mut [S]) {
         match self {

@@ -9,6 +9,7 @@ pub mod eigenvalues;
 pub mod exponential;
 pub mod gain;
 pub mod householder;
+pub mod lu;
 pub mod null_basis;
 pub mod pinv;
 pub mod ratio_damping;

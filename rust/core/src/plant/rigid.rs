@@ -97,7 +97,7 @@ impl<S: Real> Links<S> {
                     self.effort[i] = self.jacobian[k * self.n + i].mul_add(f[k], self.effort[i]);
                 }
             }
-            power = power - lost;
+            power -= lost;
         }
         power
     }
@@ -143,7 +143,7 @@ impl<S: Real> Plant<S> for Rigid<S> {
         if let (true, AnyArm::Tree(tree)) = (self.friction, &self.links.arm) {
             for (i, body) in tree.bodies.iter().enumerate() {
                 let loss = friction_torque(body, v[i]);
-                self.links.effort[i] = self.links.effort[i] - loss;
+                self.links.effort[i] -= loss;
                 outside = loss.neg_mul_add(v[i], outside);
             }
         }

@@ -6,11 +6,13 @@
 //! they end up in: [`Real::enter`] is the only door into a region compiled for AVX2 + FMA or AVX-512.
 
 pub mod dual;
+pub mod duals;
 pub mod lanes;
 mod scalars;
 pub mod trig;
 
 pub use dual::Dual;
+pub use duals::{Dual8, Duals};
 pub use lanes::{Array8, Isa, isa};
 pub use scalars::Fused;
 

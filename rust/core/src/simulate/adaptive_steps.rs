@@ -3,8 +3,7 @@
 use super::schedule::{Times, require_times};
 use super::stop::Stop;
 use crate::error::Result;
-use crate::integrate::dop853::{Dop853, Work};
-use crate::integrate::{Buffer, System};
+use crate::integrate::{Adaptive, Buffer, System, Work};
 use crate::scalar::Real;
 use crate::status::Status;
 
@@ -18,33 +17,58 @@ pub struct Segments {
     pub times: Times,
     /// Jumps of the input strictly inside the run, increasing.
     pub breaks: Vec<f64>,
-    /// Period of a sampled law; `None` for a law inside every stage.
-    pub sample_time: Option<f64>,
+    pub clock: Clock,
+}
+
+/// When a sampled law is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Clock {
+    /// In every stage.
+    None,
+    /// Once per period, s.
+    Every(f64),
+    /// At every break, of which the loop knows what falls there.
+    Breaks,
 }
 
 impl Segments {
-    pub fn new(t_end: f64, times: Times, breaks: &[f64], sample_time: Option<f64>) -> Result<Self> {
+    pub fn new(t_end: f64, times: Times, breaks: &[f64], clock: Clock) -> Result<Self> {
         match &times {
             Times::At(t_eval) => require_times(t_eval, t_end)?,
             Times::Every(0) => return Err(crate::error::Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
             Times::Every(_) => {}
         }
         let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
-        Ok(Segments { t_end, times, breaks, sample_time })
+        Ok(Segments { t_end, times, breaks, clock })
+    }
+
+    /// The same run with more breaks.
+    pub fn with_breaks(&self, more: &[f64]) -> Self {
+        let mut all = self.clone();
+        if !more.is_empty() {
+            all.breaks.extend(more);
+            all.breaks.sort_by(f64::total_cmp);
+            all.breaks.dedup();
+        }
+        all
     }
 
     /// Whether a sample falls on `t`.
     fn is_sample(&self, t: f64) -> bool {
-        self.sample_time.is_some_and(|period| (t / period - (t / period).round()).abs() < ON_SAMPLE)
+        match self.clock {
+            Clock::None => false,
+            Clock::Every(period) => (t / period - (t / period).round()).abs() < ON_SAMPLE,
+            Clock::Breaks => true,
+        }
     }
 
     /// The end of the segment that starts at `t`, and whether the input jumps there.
     fn next(&self, t: f64, sample: u64) -> (f64, bool) {
         let mut end = (self.t_end, false);
-        if let Some(&b) = self.breaks.iter().find(|&&b| b > t) {
+        if let Some(&b) = self.breaks.get(self.breaks.partition_point(|&b| b <= t)) {
             end = (b, true);
         }
-        if let Some(period) = self.sample_time {
+        if let Clock::Every(period) = self.clock {
             let next = (sample + 1) as f64 * period;
             // A sample that is, up to rounding, the end is the end.
             if next < end.0 - ON_SAMPLE * period {
@@ -65,9 +89,9 @@ pub struct Outcome {
 
 /// Run `system` from `method.x`; `record(t, system, x)` is called for every record.
 #[inline(always)]
-pub fn run<S, F, B>(
+pub fn run<S, F, B, M>(
     system: &mut F,
-    method: &mut Dop853<B, F::Input>,
+    method: &mut M,
     segments: &Segments,
     stop: &dyn Stop,
     mut record: impl FnMut(f64, &mut F, &B),
@@ -76,17 +100,21 @@ where
     S: Real,
     F: System<S>,
     B: Buffer<S>,
+    M: Adaptive<S, F, B>,
 {
     let (mut t, mut sample, mut wanted, mut accepted) = (0.0, 0u64, 0usize, 0usize);
-    let mut at = method.x.clone();
+    let mut at = method.x().clone();
     let mut started = false;
-    let outcome = |status, t, method: &Dop853<B, F::Input>| Outcome { status, t, work: method.work };
+    let outcome = |status, t, method: &M| Outcome { status, t, work: method.work() };
     loop {
-        if let Some(period) = segments.sample_time {
-            if started && t >= (sample + 1) as f64 * period {
-                sample += 1;
-            }
-            system.sample(t, method.x.as_ref());
+        if let Clock::Every(period) = segments.clock
+            && started
+            && t >= (sample + 1) as f64 * period
+        {
+            sample += 1;
+        }
+        if segments.clock != Clock::None {
+            system.sample(t, method.x().as_ref());
         }
         let (end, jumps) = segments.next(t, sample);
         let input_end = if jumps { end.next_down() } else { end };
@@ -96,10 +124,10 @@ where
         if !started {
             started = true;
             match &segments.times {
-                Times::Every(_) => record(0.0, system, &method.x),
+                Times::Every(_) => record(0.0, system, method.x()),
                 Times::At(t_eval) => {
                     if t_eval.first() == Some(&0.0) {
-                        record(0.0, system, &method.x);
+                        record(0.0, system, method.x());
                         wanted = 1;
                     }
                 }
@@ -110,11 +138,11 @@ where
         }
         loop {
             if stop.requested() {
-                return outcome(Status::Interrupted, method.t, method);
+                return outcome(Status::Interrupted, method.t(), method);
             }
             let done = match method.step(system) {
                 Ok(done) => done,
-                Err(status) => return outcome(status, method.t, method),
+                Err(status) => return outcome(status, method.t(), method),
             };
             accepted += 1;
             let finished = done && end >= segments.t_end;
@@ -122,13 +150,13 @@ where
                 Times::Every(every) => {
                     if accepted.is_multiple_of(*every) || finished {
                         if done && segments.is_sample(end) {
-                            system.sample(end, method.x.as_ref());
+                            system.sample(end, method.x().as_ref());
                         }
-                        record(method.t, system, &method.x);
+                        record(method.t(), system, method.x());
                     }
                 }
                 Times::At(t_eval) => {
-                    while wanted < t_eval.len() && t_eval[wanted] <= method.t {
+                    while wanted < t_eval.len() && t_eval[wanted] <= method.t() {
                         method.interpolate(system, t_eval[wanted], &mut at);
                         // The input recorded is that from this instant on.
                         if done && t_eval[wanted] == end && segments.is_sample(end) {

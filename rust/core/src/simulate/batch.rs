@@ -171,7 +171,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
                 }
                 (division, route) => {
                     let group = General { problem, division, first, stop, sink: &mut *rows };
-                    let ended = if route == Loop::Lanes { run_lanes(group) } else { run_scalar(group) };
+                    let ended = if route == Loop::Lanes { run_lanes(group) } else { Division::run_single(group) };
                     rows.finish(&ended, problem.options.t_end)
                 }
             }

@@ -4,12 +4,14 @@
 //! stored energy (the law's own storage function where it has one).
 
 use super::force::Force;
-use crate::integrate::System;
+use super::sampler::Sampler;
+use crate::integrate::{DualSystem, System};
 use crate::law::Law;
 use crate::motion::{Motion, sample_apart};
 use crate::plant::Plant;
-use crate::scalar::Real;
 use crate::scalar::trig::{Angle, rotate};
+use crate::scalar::{Duals, Real};
+use std::borrow::Cow;
 
 /// What the world tells the loop at one instant.
 #[derive(Clone)]
@@ -22,8 +24,8 @@ pub struct Exogenous<S> {
 
 /// Where it comes from: per desired motion one for all lanes, or one per lane; the same of forces.
 pub struct World<'a> {
-    motions: Vec<Vec<&'a Motion>>,
-    forces: Vec<&'a Force>,
+    motions: Vec<Vec<Cow<'a, Motion>>>,
+    forces: Vec<Cow<'a, Force>>,
     /// A sample per lane, of the widest motion.
     rows: Vec<f64>,
     lanes: usize,
@@ -39,13 +41,31 @@ impl<'a> World<'a> {
             if column.iter().all(|&m| std::ptr::eq(m, column[0])) { vec![column[0]] } else { column }
         };
         let motions: Vec<Vec<&Motion>> = (0..per_lane[0].len()).map(gather).collect();
+        let motions: Vec<Vec<Cow<Motion>>> = motions.into_iter().map(|lanes| lanes.into_iter().map(Cow::Borrowed).collect()).collect();
         let mut forces: Vec<&Force> = (0..lanes).filter_map(force).collect();
         if forces.iter().all(|&f| std::ptr::eq(f, forces[0])) {
             forces.truncate(1);
         }
         let width = motions.iter().map(|motions| 3 * motions[0].dof()).sum();
         let widest = motions.iter().map(|motions| 3 * motions[0].dof()).max().unwrap_or(0);
+        let forces = forces.into_iter().map(Cow::Borrowed).collect();
         World { motions, forces, rows: vec![0.0; widest * lanes], lanes, width }
+    }
+
+    /// The same world with motions and forces of its own.
+    pub fn into_owned(self) -> World<'static> {
+        World {
+            motions: self.motions.into_iter().map(|lanes| lanes.into_iter().map(|m| Cow::Owned(m.into_owned())).collect()).collect(),
+            forces: self.forces.into_iter().map(|force| Cow::Owned(force.into_owned())).collect(),
+            rows: self.rows,
+            lanes: self.lanes,
+            width: self.width,
+        }
+    }
+
+    /// Whether a force is a function of time, which moves between jumps.
+    fn smooth_force(&self) -> bool {
+        self.forces.iter().any(|force| matches!(**force, Force::Signal(_)))
     }
 
     /// Room for one instant.
@@ -61,7 +81,7 @@ impl<'a> World<'a> {
             let width = 3 * motions[0].dof();
             let out = &mut u.desired[at..at + width];
             if motions.len() == 1 {
-                sample_apart(motions[0], t, out);
+                sample_apart(&motions[0], t, out);
             } else {
                 for (motion, row) in motions.iter().zip(self.rows.chunks_exact_mut(width)) {
                     sample_apart(motion, t, row);
@@ -94,7 +114,7 @@ impl<'a> World<'a> {
 /// How the loop is closed.
 pub struct Closing<'a> {
     /// Largest |tau| per joint, where the input saturates.
-    pub tau_max: Option<&'a [f64]>,
+    pub tau_max: Option<Cow<'a, [f64]>>,
     /// The law is asked at samples and its answer held; else in every stage.
     pub held: bool,
     pub monitored: bool,
@@ -107,6 +127,8 @@ pub struct ClosedLoop<'a, S: Real> {
     law: Box<dyn Law<S> + Send>,
     world: World<'a>,
     closing: Closing<'a>,
+    /// The clock of a controller that is late or sees badly; `None` for a perfect one.
+    sampler: Option<Sampler<S>>,
     /// Size of the plant's state, and which joints are angles.
     states: usize,
     angles: Vec<bool>,
@@ -116,6 +138,8 @@ pub struct ClosedLoop<'a, S: Real> {
     pub tau: Vec<S>,
     dz: Vec<S>,
     now: Exogenous<S>,
+    /// Room for the answer that acts while another one is worked out.
+    acting: (Vec<S>, Vec<S>),
 }
 
 impl<'a, S: Real> ClosedLoop<'a, S> {
@@ -124,12 +148,47 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         law: Box<dyn Law<S> + Send>,
         world: World<'a>,
         closing: Closing<'a>,
+        sampler: Option<Sampler<S>>,
         (states, p, angles): (usize, usize, Vec<bool>),
     ) -> Self {
         let n = angles.len();
         let (anchors, trig) = (vec![Angle::default(); n], vec![(S::zero(), S::splat(1.0)); n]);
         let now = world.instant();
-        ClosedLoop { plant, law, world, closing, states, angles, anchors, trig, tau: vec![S::zero(); n], dz: vec![S::zero(); p], now }
+        ClosedLoop {
+            plant,
+            law,
+            world,
+            closing,
+            sampler,
+            states,
+            angles,
+            anchors,
+            trig,
+            tau: vec![S::zero(); n],
+            dz: vec![S::zero(); p],
+            now,
+            acting: (vec![S::zero(); n], vec![S::zero(); p]),
+        }
+    }
+
+    /// The same loop with motions, forces and limits of its own.
+    pub fn into_owned(self) -> ClosedLoop<'static, S> {
+        let Closing { tau_max, held, monitored, storage } = self.closing;
+        ClosedLoop {
+            plant: self.plant,
+            law: self.law,
+            world: self.world.into_owned(),
+            closing: Closing { tau_max: tau_max.map(|limit| Cow::Owned(limit.into_owned())), held, monitored, storage },
+            sampler: self.sampler,
+            states: self.states,
+            angles: self.angles,
+            anchors: self.anchors,
+            trig: self.trig,
+            tau: self.tau,
+            dz: self.dz,
+            now: self.now,
+            acting: self.acting,
+        }
     }
 
     /// Size of the state with the quadratures.
@@ -142,17 +201,27 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.states + self.dz.len()
     }
 
+    /// The instants of a controller with a clock of its own.
+    pub fn instants(&self, t_end: f64) -> Vec<f64> {
+        self.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
+    }
+
     /// Room for the exogenous input of one instant.
     pub fn instant(&self) -> Exogenous<S> {
         self.world.instant()
     }
 
+    /// The law's answer at the plant state `measured` and its own state `z`, within the limits of the input.
     #[inline(always)]
-    fn control(&mut self, desired: &[S], x: &[S]) {
-        let (plant, z) = (&x[..self.states], &x[self.states..self.states + self.dz.len()]);
-        self.law.evaluate(desired, &self.trig, plant, z, &mut self.tau, &mut self.dz);
-        if let Some(limit) = self.closing.tau_max {
-            for (tau, &limit) in self.tau.iter_mut().zip(limit) {
+    fn control(&mut self, desired: &[S], measured: &[S], z: &[S]) {
+        self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, &mut self.dz);
+        self.saturate();
+    }
+
+    #[inline(always)]
+    fn saturate(&mut self) {
+        if let Some(limit) = &self.closing.tau_max {
+            for (tau, &limit) in self.tau.iter_mut().zip(limit.iter()) {
                 // A NaN passes, as it must: min and max would hide it.
                 let (high, low) = (S::splat(limit), S::splat(-limit));
                 *tau = S::select(high.lt(*tau), high, S::select(tau.lt(low), low, *tau));
@@ -160,17 +229,53 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
+    /// The input is `tau` from now on, and the law's state rests; `None` gives the input back to the law.
+    #[inline(always)]
+    pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
+        self.closing.held = held || tau.is_some();
+        if let Some(tau) = tau {
+            self.tau.copy_from_slice(tau);
+            self.saturate();
+            self.dz.fill(S::zero());
+        }
+    }
+
     /// Evaluate the law at state `x` and time `t`, into `self.tau`: the held input of a sampled loop, or the input to record.
     #[inline(always)]
     pub fn observe(&mut self, t: f64, x: &[S]) {
+        let (measured, z) = x.split_at(self.states);
+        self.ask(t, measured, &z[..self.dz.len()]);
+    }
+
+    #[inline(always)]
+    fn ask(&mut self, t: f64, measured: &[S], z: &[S]) {
         let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [S::zero(); 6] });
         self.world.sample(t, &mut now);
-        self.anchor(x);
+        self.anchor(measured);
         for (trig, anchor) in self.trig.iter_mut().zip(&self.anchors) {
             *trig = (anchor.sin, anchor.cos);
         }
-        self.control(&now.desired, x);
+        self.law.at(t);
+        self.control(&now.desired, measured, z);
         self.now = now;
+    }
+
+    /// A sample of a controller with a clock of its own.
+    #[inline(never)]
+    fn sample_by(&mut self, mut sampler: Sampler<S>, t: f64, x: &[S]) -> Sampler<S> {
+        let (plant, z) = x.split_at(self.states);
+        let (n, p) = (self.tau.len(), self.dz.len());
+        let (mut tau, mut dz) = (std::mem::take(&mut self.acting.0), std::mem::take(&mut self.acting.1));
+        let law = |measured: &[S], tau: &mut [S], dz: &mut [S]| {
+            self.ask(t, measured, &z[..p]);
+            tau.copy_from_slice(&self.tau);
+            dz.copy_from_slice(&self.dz);
+        };
+        sampler.run(t, plant, n, law, &mut tau, &mut dz);
+        self.tau.copy_from_slice(&tau);
+        self.dz.copy_from_slice(&dz);
+        self.acting = (tau, dz);
+        sampler
     }
 
     /// As [`ClosedLoop::observe`] where the law is asked in every stage; a held input stays.
@@ -192,7 +297,9 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
 
     #[inline(always)]
     fn sample(&mut self, t: f64, x: &[S]) {
-        if self.closing.held {
+        if let Some(sampler) = self.sampler.take() {
+            self.sampler = Some(self.sample_by(sampler, t, x));
+        } else if self.closing.held {
             self.observe(t, x);
         }
     }
@@ -206,6 +313,16 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         }
     }
 
+    fn held(&self) -> Option<(&[S], &[S])> {
+        self.closing.held.then_some((&self.tau, &self.dz))
+    }
+
+    fn rate_of(&self, i: usize) -> Option<usize> {
+        // [q, v] or [q, v, theta, theta_dot]: a position stands n places before its rate.
+        let n = self.tau.len();
+        (i < self.states && self.states > n && (i / n).is_multiple_of(2)).then_some(i + n)
+    }
+
     #[inline(always)]
     fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
         for (i, trig) in self.trig.iter_mut().enumerate() {
@@ -214,7 +331,8 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
             }
         }
         if !self.closing.held {
-            self.control(&u.desired, x);
+            let (measured, z) = x.split_at(self.states);
+            self.control(&u.desired, measured, &z[..self.dz.len()]);
         }
         let states = self.states;
         let power = self.plant.rates(&self.trig, &x[..states], &self.tau, &u.wrench, &mut dx[..states]);
@@ -225,5 +343,48 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
             dx[states + p + 1] =
                 if self.closing.storage { self.law.storage_rate(&x[..states], power.outside) } else { power.input + power.outside };
         }
+    }
+}
+
+/// The step of time over which the desired acceleration is differenced, s: what it leaves out of a Jacobian of second order
+/// in it is far below an error of a step.
+const JERK_STEP: f64 = 1e-6;
+
+impl<V: Real> DualSystem<V> for ClosedLoop<'_, Duals<V>> {
+    fn moving_input(&mut self, t: f64, u: &mut Exogenous<Duals<V>>) {
+        self.world.sample(t, u);
+        let mut after = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [Duals::default(); 6] });
+        self.world.sample(t + JERK_STEP, &mut after);
+        let still = V::zero();
+        let mut at = 0;
+        for motions in &self.world.motions {
+            let m = motions[0].dof();
+            for i in at..at + m {
+                let jerk = (after.desired[i + 2 * m].value.lane(0) - u.desired[i + 2 * m].value.lane(0)) / JERK_STEP;
+                let (v, a) = (u.desired[i + m].value.lane(0), u.desired[i + 2 * m].value.lane(0));
+                for (k, rate) in [(i, v), (i + m, a), (i + 2 * m, jerk)] {
+                    u.desired[k] = Duals::new(u.desired[k].value, V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 }));
+                }
+            }
+            at += 3 * m;
+        }
+        for k in 0..6 {
+            let rate = (after.wrench[k].value.lane(0) - u.wrench[k].value.lane(0)) / JERK_STEP;
+            // A force in steps does not move between its jumps.
+            let rate = if self.world.smooth_force() { rate } else { 0.0 };
+            u.wrench[k] = Duals::new(u.wrench[k].value, still + V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 }));
+        }
+        self.now = after;
+    }
+
+    fn hold(&mut self, input: &[V::One], rate: &[V::One]) {
+        for (to, &from) in self.tau.iter_mut().zip(input).chain(self.dz.iter_mut().zip(rate)) {
+            *to = Duals::new(from, V::zero());
+        }
+    }
+
+    fn autonomous(&self) -> bool {
+        let still = |motions: &Vec<Cow<Motion>>| matches!(*motions[0], Motion::Hold(_));
+        (self.closing.held || self.world.motions.iter().all(still)) && !self.world.smooth_force()
     }
 }

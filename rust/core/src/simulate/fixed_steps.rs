@@ -78,7 +78,7 @@ where
             return faults;
         }
         let target = if i < schedule.records.len() { schedule.records[i].step } else { schedule.steps };
-        let to = if offset > 0.0 { step + 1 } else { target.min(step + BLOCK) };
+        let to = if offset > 0.0 { step + 1 } else { target.min(step + block(step, hold)) };
         start.clone_from(&x);
         first_break = next_break;
         let mut careful = false;
@@ -107,6 +107,17 @@ where
             step = to;
         }
     }
+}
+
+/// Steps in the block that starts at `step`. A block that starts inside a hold ends with it, so that what is held at its start
+/// is still held when a faulty block is run again.
+#[inline(always)]
+fn block(step: usize, hold: usize) -> usize {
+    if hold == 0 {
+        return BLOCK;
+    }
+    let inside = step % hold;
+    if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
 }
 
 /// One step, or the part `offset` of it, in pieces where the input jumps inside it or at its end, each piece

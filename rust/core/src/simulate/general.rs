@@ -4,21 +4,65 @@ use super::adaptive_steps;
 use super::closed_loop::{ClosedLoop, Closing, Exogenous, World};
 use super::fixed_steps::{self, Record};
 use super::planar_pr::Sink;
-use super::problem::{Division, Ended, Problem};
+use super::problem::{Division, Ended, Fixed, Method, Problem};
+use super::sampler::Sampler;
 use super::stop::Stop;
-use crate::integrate::Rk4;
-use crate::integrate::dop853::{Dop853, Tolerance};
+use crate::integrate::{
+    Adaptive, Dop853, Dopri5, DualSystem, Euler, FixedStep, Linearised, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System, Tolerance,
+};
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
-use crate::scalar::{Real, Task};
+use crate::scalar::{Duals, Real, Task};
+use std::borrow::Cow;
 
-/// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes).
+/// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes), by an explicit method.
 pub struct General<'a> {
     pub problem: &'a Problem<'a>,
     pub division: &'a Division,
     pub first: usize,
     pub stop: &'a dyn Stop,
     pub sink: &'a mut dyn Sink,
+}
+
+/// The run `first` of a problem by an implicit method: on one number, with its derivatives in the lanes of the task's.
+pub struct Implicit<'a>(pub General<'a>);
+
+/// A loop that can be recorded.
+pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
+    /// The plant's input at state `x` and time `t`.
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
+    /// Take `tau` for the plant's input instead of the law's; `None` gives it back to the law, held or not.
+    fn drive(&mut self, tau: Option<&[S]>, held: bool);
+}
+
+impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
+    #[inline(always)]
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
+        self.observe_unheld(t, x);
+        &self.tau
+    }
+    #[inline(always)]
+    fn drive(&mut self, tau: Option<&[S]>, held: bool) {
+        self.take_over(tau, held);
+    }
+}
+
+/// A loop with its twin on dual numbers.
+pub type Twins<'a, V> = Linearised<ClosedLoop<'a, <V as Real>::One>, ClosedLoop<'a, Duals<V>>, V, Vec<Duals<V>>, Exogenous<Duals<V>>>;
+
+impl<V: Real> Watched<V::One> for Twins<'_, V> {
+    #[inline(always)]
+    fn input_at(&mut self, t: f64, x: &[V::One]) -> &[V::One] {
+        self.system.input_at(t, x)
+    }
+    #[inline(always)]
+    fn drive(&mut self, tau: Option<&[V::One]>, held: bool) {
+        self.system.drive(tau, held);
+        self.twin.take_over(None, held || tau.is_some());
+        if let Some((input, rate)) = self.system.held() {
+            self.twin.hold(input, rate);
+        }
+    }
 }
 
 /// Records of a lane at a time, from a buffer made once.
@@ -31,12 +75,12 @@ struct Recorder<'a> {
 
 impl Recorder<'_> {
     #[inline(never)]
-    fn write<S: Real>(&mut self, i: usize, t: f64, closed: &ClosedLoop<S>, x: &[S]) {
+    fn write<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]) {
         for lane in 0..S::LANES {
             for (to, from) in self.x.iter_mut().zip(x) {
                 *to = from.lane(lane);
             }
-            for (to, from) in self.tau.iter_mut().zip(&closed.tau) {
+            for (to, from) in self.tau.iter_mut().zip(tau) {
                 *to = from.lane(lane);
             }
             self.sink.record(i, lane, t, &self.x, &self.tau);
@@ -44,12 +88,55 @@ impl Recorder<'_> {
     }
 }
 
-impl<S: Real> Record<ClosedLoop<'_, S>, Vec<S>> for Recorder<'_> {
+impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for Recorder<'_> {
     #[inline(always)]
-    fn record(&mut self, i: usize, closed: &mut ClosedLoop<S>, x: &Vec<S>) {
+    fn record(&mut self, i: usize, closed: &mut F, x: &Vec<S>) {
         let t = (self.times)(i);
-        closed.observe_unheld(t, x);
-        self.write(i, t, closed, x);
+        let tau = closed.input_at(t, x);
+        self.write(i, t, x, tau);
+    }
+}
+
+impl<'a> General<'a> {
+    fn recorder<'b>(sink: &'b mut dyn Sink, times: &'b dyn Fn(usize) -> f64, size: usize, n: usize) -> Recorder<'b> {
+        Recorder { sink, times, x: vec![0.0; size], tau: vec![0.0; n] }
+    }
+
+    #[inline(always)]
+    fn fixed<S, F, M>(self, fixed: &Fixed, mut closed: F, x: Vec<S>, mut method: M) -> Ended
+    where
+        S: Real,
+        F: Watched<S>,
+        M: FixedStep<S, F, Vec<S>>,
+    {
+        let times = |i: usize| fixed.schedule.records[i].t;
+        let mut recorder = Self::recorder(self.sink, &times, x.len(), self.problem.plant(0).n());
+        Ended::Fixed(fixed_steps::run(&mut closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
+    }
+
+    #[inline(always)]
+    fn adaptive<S, F, M>(self, mut closed: F, size: usize, instants: &[f64], mut method: M) -> Ended
+    where
+        S: Real,
+        F: Watched<S>,
+        M: Adaptive<S, F, Vec<S>>,
+    {
+        let Division::Adaptive(segments) = self.division else { unreachable!("an adaptive method divides time itself") };
+        // Each run has its own instants where samples are late by chance.
+        let segments = segments.with_breaks(instants);
+        let mut recorder = Self::recorder(self.sink, &|_| 0.0, size, self.problem.plant(0).n());
+        let mut i = 0;
+        Ended::Adaptive(adaptive_steps::run(&mut closed, &mut method, &segments, self.stop, |t, closed: &mut F, x: &Vec<S>| {
+            let tau = closed.input_at(t, x);
+            recorder.write(i, t, x, tau);
+            i += 1;
+        }))
+    }
+}
+
+impl Problem<'_> {
+    fn tolerance(&self, controlled: usize) -> Tolerance {
+        Tolerance { rtol: self.options.rtol, atol: self.options.atol, controlled }
     }
 }
 
@@ -58,36 +145,76 @@ impl Task for General<'_> {
 
     #[inline(always)]
     fn run<S: Real>(self) -> Ended {
-        let (mut closed, x) = close::<S>(self.problem, self.first);
-        let u = closed.instant();
-        let (n, size) = (closed.tau.len(), x.len());
+        let (closed, x) = close::<S>(self.problem, self.first);
+        let (u, size) = (closed.instant(), x.len());
         match self.division {
-            Division::Fixed(fixed) => {
-                let records = &fixed.schedule.records;
-                let times = |i: usize| records[i].t;
-                let mut recorder = Recorder { sink: self.sink, times: &times, x: vec![0.0; size], tau: vec![0.0; n] };
-                let mut method = Rk4::<Vec<S>, Exogenous<S>>::new(x.clone(), u);
-                Ended::Fixed(fixed_steps::run(&mut closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
-            }
+            Division::Fixed(fixed) => match self.problem.options.method {
+                Method::Euler => {
+                    let method = Euler::new(x.clone(), u);
+                    self.fixed(fixed, closed, x, method)
+                }
+                Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
+                    Ok(method) => self.fixed(fixed, closed, x, method),
+                    Err(_) => unreachable!("plants without velocities were refused"),
+                },
+                _ => {
+                    let method = Rk4::new(x.clone(), u);
+                    self.fixed(fixed, closed, x, method)
+                }
+            },
             Division::Adaptive(segments) => {
-                let o = &self.problem.options;
-                let tolerance = Tolerance { rtol: o.rtol, atol: o.atol, controlled: closed.controlled() };
-                let mut method = Dop853::new(tolerance, x, u);
-                let mut recorder = Recorder { sink: self.sink, times: &|_| 0.0, x: vec![0.0; size], tau: vec![0.0; n] };
-                let mut i = 0;
-                Ended::Adaptive(adaptive_steps::run::<S, _, _>(&mut closed, &mut method, segments, self.stop, |t, closed, x| {
-                    closed.observe_unheld(t, x);
-                    recorder.write(i, t, closed, x);
-                    i += 1;
-                }))
+                let (tolerance, instants) = (self.problem.tolerance(closed.controlled()), closed.instants(segments.t_end));
+                if self.problem.options.method == Method::Dopri5 {
+                    self.adaptive(closed, size, &instants, Dopri5::new(tolerance, x, u))
+                } else {
+                    self.adaptive(closed, size, &instants, Dop853::new(tolerance, x, u))
+                }
             }
         }
     }
 }
 
+impl Task for Implicit<'_> {
+    type Output = Ended;
+
+    #[inline(always)]
+    fn run<V: Real>(self) -> Ended {
+        let general = self.0;
+        let (closed, x) = close::<V::One>(general.problem, general.first);
+        let (u, size) = (closed.instant(), x.len());
+        let (matrix, pivots) = (vec![V::One::zero(); size * size], vec![0usize; size]);
+        let (tolerance, instants) = (general.problem.tolerance(closed.controlled()), closed.instants(general.problem.options.t_end));
+        let twins: Twins<V> = twin(closed, general.problem, general.first);
+        match (general.division, general.problem.options.method) {
+            (Division::Fixed(fixed), _) => {
+                let method = Ros2::new(x.clone(), matrix, pivots, u);
+                general.fixed(fixed, twins, x, method)
+            }
+            (_, Method::Radau5) => general.adaptive(twins, size, &instants, Radau5::new(tolerance, x, u)),
+            _ => general.adaptive(twins, size, &instants, Rodas4::new(tolerance, x, matrix, pivots, u)),
+        }
+    }
+}
+
+/// A loop with its twin on dual numbers.
+fn twin<'a, V: Real>(closed: ClosedLoop<'a, V::One>, problem: &'a Problem<'a>, first: usize) -> Twins<'a, V> {
+    let (twin, moving) = close::<Duals<V>>(problem, first);
+    let input = twin.instant();
+    Linearised::new(closed, twin, moving, input)
+}
+
+/// The loop of run `first` with its twin, both with motions and forces of their own, and its state at the start.
+pub fn twins<V: Real>(problem: &Problem, first: usize) -> (Twins<'static, V>, Vec<V::One>) {
+    let (closed, x) = close::<V::One>(problem, first);
+    let (twin, moving) = close::<Duals<V>>(problem, first);
+    let (closed, twin) = (closed.into_owned(), twin.into_owned());
+    let input = twin.instant();
+    (Linearised::new(closed, twin, moving, input), x)
+}
+
 /// The loop of the runs from `first` on, and its state at the start.
 #[inline(never)]
-fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
+pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
     let last = problem.runs() - 1;
     let run = |lane: usize| (first + lane).min(last);
     let o = &problem.options;
@@ -95,14 +222,18 @@ fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>,
     let law = LawSpec::build::<S>(|lane| problem.law(run(lane)));
     let world = World::new(S::LANES, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)));
     let closing = Closing {
-        tau_max: o.tau_max.as_deref(),
-        held: o.sample_time.is_some(),
+        tau_max: o.tau_max.as_deref().map(Cow::Borrowed),
+        held: o.sampling.is_some(),
         monitored: o.monitors,
         storage: problem.watches_storage(run(0)),
     };
     let spec = problem.plant(run(0));
     let (states, p) = (spec.states(), problem.law(run(0)).initial_state().len());
-    let closed = ClosedLoop::new(plant, law, world, closing, (states, p, spec.model().angles()));
+    let sampler = o.sampling.as_ref().filter(|sampling| !sampling.is_plain()).map(|sampling| {
+        let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
+        Sampler::new(sampling.clone(), seeds, o.grid(), (states, spec.n(), p))
+    });
+    let closed = ClosedLoop::new(plant, law, world, closing, sampler, (states, p, spec.model().angles()));
     let mut x = vec![S::zero(); closed.size()];
     for (k, x) in x.iter_mut().enumerate().take(states) {
         *x = S::from_lanes(|lane| problem.x0[run(lane) * states + k]);

@@ -9,7 +9,8 @@ use super::schedule::Schedule;
 use super::stop::Stop;
 use crate::dynamics::{Model, PlanarPr};
 use crate::integrate::Rk4;
-use crate::integrate::dop853::{Dop853, Tolerance};
+use crate::integrate::Tolerance;
+use crate::integrate::dop853::Dop853;
 use crate::law::{Adaptive, AdaptiveSpec, ComputedTorque, ComputedTorqueSpec, Law, LawSpec};
 use crate::linalg::gain::{Diagonal, Full, Gain};
 use crate::motion::Motion;
@@ -88,7 +89,7 @@ impl<T: Drive> Task for Group<'_, T> {
                     law.lambda.is_diagonal() && law.kd.is_diagonal() && law.gamma.is_diagonal()
                 });
                 let reference = self.reference::<S>();
-                let plain = problem.options.sample_time.is_none() && problem.options.tau_max.is_none() && !problem.options.monitors;
+                let plain = problem.options.sampling.is_none() && problem.options.tau_max.is_none() && !problem.options.monitors;
                 if diagonal && plain && reference.is_shared() {
                     let law = Adaptive::new(
                         arm(|i| closed_form(problem.plant(run(i)).model())),
@@ -146,7 +147,7 @@ impl<'a, T: Drive> Group<'a, T> {
     #[inline(always)]
     fn close_any<S: Real, L: Law<S>, const Z: usize, const X: usize>(self, law: L, reference: Reference<'a, S>) -> T::Ended {
         let desired = [S::zero(); 6];
-        if self.problem.options.sample_time.is_some() {
+        if self.problem.options.sampling.is_some() {
             self.close::<S, L, _, Z, X, true, true>(law, reference, desired)
         } else {
             self.close::<S, L, _, Z, X, true, false>(law, reference, desired)
@@ -266,7 +267,7 @@ impl Drive for Segments {
         let tolerance = Tolerance { rtol: options.rtol, atol: options.atol, controlled: 4 + Z };
         let mut method = Dop853::new(tolerance, x, desired);
         let mut i = 0;
-        adaptive_steps::run::<S, _, _>(&mut closed, &mut method, self, stop, |t, closed, x| {
+        adaptive_steps::run::<S, _, _, _>(&mut closed, &mut method, self, stop, |t, closed, x| {
             if !HELD {
                 closed.observe(t, x);
             }

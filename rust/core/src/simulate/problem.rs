@@ -1,23 +1,41 @@
 //! What is to be run, validated.
 
-use super::adaptive_steps::{Outcome, Segments};
+use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::fixed_steps::Faults;
 use super::force::Force;
+use super::general::{General, Implicit};
+use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
 use crate::law::{LawSpec, LockedMotors};
-use crate::plant::{PlantSpec, RigidSpec};
+use crate::plant::{PlantKind, PlantSpec, RigidSpec};
+use crate::scalar::{run_lanes, run_scalar};
 
 /// The numerical method of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
+    Euler,
+    SemiImplicit,
     Rk4,
+    Ros2,
+    Dopri5,
     Dop853,
+    Radau5,
+    Rodas4,
 }
 
 impl Method {
-    pub const NAMES: [(&'static str, Method); 2] = [("rk4", Method::Rk4), ("dop853", Method::Dop853)];
+    pub const NAMES: [(&'static str, Method); 8] = [
+        ("euler", Method::Euler),
+        ("semi_implicit", Method::SemiImplicit),
+        ("rk4", Method::Rk4),
+        ("ros2", Method::Ros2),
+        ("dopri5", Method::Dopri5),
+        ("dop853", Method::Dop853),
+        ("radau5", Method::Radau5),
+        ("rodas4", Method::Rodas4),
+    ];
 
     pub fn from_name(name: &str) -> Result<Self> {
         let names: Vec<&str> = Self::NAMES.iter().map(|(n, _)| *n).collect();
@@ -27,8 +45,27 @@ impl Method {
         }
     }
 
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, method)| *method == self).map_or("", |(name, _)| name)
+    }
+
+    /// Whether it chooses its own steps.
     pub fn is_adaptive(self) -> bool {
-        self == Method::Dop853
+        matches!(self, Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4)
+    }
+
+    /// Whether it needs the derivatives of the loop.
+    pub fn is_implicit(self) -> bool {
+        matches!(self, Method::Ros2 | Method::Radau5 | Method::Rodas4)
+    }
+
+    /// Evaluations of the right-hand side in a step of a fixed-step method.
+    pub fn evaluations_per_step(self) -> u64 {
+        match self {
+            Method::Euler | Method::SemiImplicit => 1,
+            Method::Ros2 => 2,
+            _ => 4,
+        }
     }
 }
 
@@ -41,12 +78,19 @@ pub struct Options {
     pub method: Method,
     pub rtol: f64,
     pub atol: f64,
-    /// `None`: the law is evaluated in every stage; a period: its output is held that long.
-    pub sample_time: Option<f64>,
+    /// `None`: the law is evaluated in every stage; else it is asked at samples and its output held.
+    pub sampling: Option<Sampling>,
     pub times: Times,
     /// Largest |tau| per joint, `(n,)`.
     pub tau_max: Option<Vec<f64>>,
     pub monitors: bool,
+}
+
+impl Options {
+    /// The step of a fixed-step method; 0 for an adaptive one.
+    pub fn grid(&self) -> f64 {
+        if self.method.is_adaptive() { 0.0 } else { self.dt.or(self.sampling.as_ref().map(|s| s.period)).unwrap_or(0.0) }
+    }
 }
 
 /// Runs that share everything but their initial states, and possibly their plants, laws and forces.
@@ -69,6 +113,13 @@ pub struct Problem<'a> {
 pub enum Division {
     Fixed(Fixed),
     Adaptive(Segments),
+}
+
+impl Division {
+    /// Run the one run `group` starts with, by whatever the method needs.
+    pub fn run_single(group: General) -> Ended {
+        if group.problem.options.method.is_implicit() { run_lanes(Implicit(group)) } else { run_scalar(group) }
+    }
 }
 
 /// How a group of lanes ended, by the way time was divided.
@@ -116,14 +167,18 @@ impl<'a> Problem<'a> {
     /// Whether the energy watched in a run is the law's own storage function.
     pub fn watches_storage(&self, run: usize) -> bool {
         let o = &self.options;
-        o.monitors && o.sample_time.is_none() && o.tau_max.is_none() && self.law(run).has_storage(self.plant(run))
+        o.monitors && o.sampling.is_none() && o.tau_max.is_none() && self.law(run).has_storage(self.plant(run))
     }
 
     /// Whether all runs can go side by side in lanes.
     pub fn fits_lanes(&self) -> bool {
         let (plant, law) = (self.plants[0], self.laws[0]);
+        // Samples that are late by chance are late together in lanes.
         !self.options.method.is_adaptive()
+            && !self.options.method.is_implicit()
+            && self.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0)
             && !self.forces.iter().any(|force| matches!(force, Force::Signal(_)))
+            && !matches!(law, LawSpec::External(_))
             && self.plants.iter().all(|p| std::ptr::eq(*p, plant) || p.same_shape(plant))
             && self.laws.iter().all(|l| std::ptr::eq(*l, law) || l.same_shape(law))
     }
@@ -134,6 +189,7 @@ impl<'a> Problem<'a> {
         let law =
             |law: &LawSpec| matches!(law.model(), Model::PlanarPr(_)) && matches!(law, LawSpec::Adaptive(_) | LawSpec::ComputedTorque(_));
         self.forces.is_empty()
+            && self.options.sampling.as_ref().is_none_or(Sampling::is_plain)
             && matches!(self.options.method, Method::Rk4 | Method::Dop853)
             && self.plants.iter().all(|p| plant(p))
             && self.laws.iter().all(|l| law(l))
@@ -166,6 +222,15 @@ impl<'a> Problem<'a> {
                 law.plant().name()
             );
             return Err(Error::input("law", problem));
+        }
+        if self.options.method == Method::SemiImplicit && plant.kind() == PlantKind::Velocity {
+            return Err(Error::input(
+                "method",
+                "needs velocities among the states: expected such as rk4 for VelocityArm, got semi_implicit",
+            ));
+        }
+        if matches!(law, LawSpec::External(_)) && self.options.sampling.is_none() {
+            return Err(Error::input("sample_time", "is missing: expected the period at which a law from outside is asked, got None"));
         }
         let n = plant.n();
         for (i, l) in self.laws.iter().enumerate() {
@@ -240,9 +305,9 @@ impl<'a> Problem<'a> {
         if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
             return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {} (first bad index {i})", limit[i])));
         }
-        if let Some(period) = o.sample_time {
-            positive("sample_time", period)?;
-            self.validate_motor_loops(period)?;
+        if let Some(sampling) = &o.sampling {
+            sampling.validate()?;
+            self.validate_motor_loops(sampling.period)?;
         }
         let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
         breaks.extend(self.forces.iter().flat_map(|force| force.breaks()));
@@ -256,20 +321,31 @@ impl<'a> Problem<'a> {
             if o.rtol < 1e-15 {
                 return Err(Error::input("rtol", format!("is below what a double resolves: expected at least 1e-15, got {}", o.rtol)));
             }
-            return Ok(Division::Adaptive(Segments::new(o.t_end, o.times.clone(), &breaks, o.sample_time)?));
+            let clock = match &o.sampling {
+                None => Clock::None,
+                Some(sampling) if sampling.is_plain() => Clock::Every(sampling.period),
+                Some(_) => Clock::Breaks,
+            };
+            return Ok(Division::Adaptive(Segments::new(o.t_end, o.times.clone(), &breaks, clock)?));
         }
-        let Some(dt) = o.dt.or(o.sample_time) else {
+        let Some(dt) = o.dt.or(o.sampling.as_ref().map(|sampling| sampling.period)) else {
             return Err(Error::input("dt", "is missing: expected a step in seconds for a fixed-step method, got None"));
         };
         let schedule = Schedule::new(dt, o.t_end, &o.times, &breaks)?;
-        let hold = match o.sample_time {
+        let steps = |name: &str, duration: f64, least: f64| {
+            let ratio = duration / dt;
+            if ratio.round() < least || (ratio - ratio.round()).abs() > 1e-9 * ratio.max(1.0) {
+                return Err(Error::input(name, format!("is not a multiple of dt: expected k * {dt}, got {duration}")));
+            }
+            Ok(ratio.round() as usize)
+        };
+        let hold = match &o.sampling {
             None => 0,
-            Some(period) => {
-                let ratio = period / dt;
-                if ratio.round() < 1.0 || (ratio - ratio.round()).abs() > 1e-9 * ratio {
-                    return Err(Error::input("sample_time", format!("is not a multiple of dt: expected k * {dt}, got {period}")));
-                }
-                ratio.round() as usize
+            Some(sampling) => {
+                let period = steps("sample_time", sampling.period, 1.0)?;
+                steps("delay", sampling.delay, 0.0)?;
+                // A controller with a clock of its own is shown every step.
+                if sampling.is_plain() { period } else { 1 }
             }
         };
         Ok(Division::Fixed(Fixed { schedule, hold }))

@@ -100,12 +100,12 @@ pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
         Division::Adaptive(segments) if problem.is_planar_pr() => {
             Ended::Adaptive(run_scalar(Group { problem, division: segments, tabulated: None, first: 0, stop, sink: &mut sink }))
         }
-        division => run_scalar(General { problem, division, first: 0, stop, sink: &mut sink }),
+        division => Division::run_single(General { problem, division, first: 0, stop, sink: &mut sink }),
     };
     match ended {
         Ended::Fixed(faults) => {
             run.steps = faults.steps;
-            run.evaluations = 4 * faults.steps;
+            run.evaluations = problem.options.method.evaluations_per_step() * faults.steps;
             run.ended = faults.at[0].min(problem.options.t_end);
             run.status = match (faults.interrupted, faults.at[0].is_finite()) {
                 (true, _) => Status::Interrupted,

@@ -1,0 +1,109 @@
+//! What every adaptive method does: steps of its own choice from `t` towards `t_end`, each with an error estimate
+//!
+//! `error = sqrt(1/m sum ((x - x_embedded)_i / (atol_i + rtol max(|x_i|, |x_new_i|)))^2)`, accepted below 1,
+//!
+//! and a polynomial over the last step (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
+//! sections II.4 to II.6).
+
+use super::{Buffer, System};
+use crate::scalar::Real;
+use crate::status::Status;
+
+/// Steps, accepted or not, after which a run is given up.
+pub const MAX_STEPS: u64 = 10_000_000;
+
+/// Work done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    pub evaluations: u64,
+    /// Accepted steps.
+    pub steps: u64,
+    pub rejections: u64,
+    /// Of an implicit method: evaluations of the Jacobian, and decompositions of real or complex matrices.
+    pub jacobians: u64,
+    pub factorisations: u64,
+}
+
+/// The error allowed per step.
+pub trait Accuracy {
+    /// The first so many components count, at least one; others follow (quadratures).
+    fn controlled(&self) -> usize;
+    fn rtol(&self) -> f64;
+    fn atol(&self, i: usize) -> f64;
+
+    /// The error allowed in component `i`, of magnitude `x`.
+    #[inline(always)]
+    fn scale(&self, i: usize, x: f64) -> f64 {
+        self.atol(i) + self.rtol() * x
+    }
+}
+
+/// The relative and absolute error allowed per step, over the first `controlled` components of the state.
+#[derive(Clone, Copy, Debug)]
+pub struct Tolerance {
+    pub rtol: f64,
+    pub atol: f64,
+    pub controlled: usize,
+}
+
+impl Accuracy for Tolerance {
+    #[inline(always)]
+    fn controlled(&self) -> usize {
+        self.controlled
+    }
+    #[inline(always)]
+    fn rtol(&self) -> f64 {
+        self.rtol
+    }
+    #[inline(always)]
+    fn atol(&self, _: usize) -> f64 {
+        self.atol
+    }
+}
+
+/// A tolerance with an absolute error of each component's own.
+#[derive(Clone, Debug)]
+pub struct Tolerances {
+    pub rtol: f64,
+    pub atol: Vec<f64>,
+}
+
+impl Accuracy for Tolerances {
+    fn controlled(&self) -> usize {
+        self.atol.len()
+    }
+    fn rtol(&self) -> f64 {
+        self.rtol
+    }
+    fn atol(&self, i: usize) -> f64 {
+        self.atol[i]
+    }
+}
+
+/// An adaptive method on a system. Time runs forward; a decreasing span is a system with its time reversed.
+///
+/// `x_mut` first, to put the initial state; then `begin` a segment, and `step` until it says `true`. A segment ends
+/// where the input or the state jumps; the next one begins there, with the state changed through `x_mut` if it jumped.
+pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
+    /// Begin a segment from the state `x` at `t < t_end`. `input_end` is the latest time at which the input is taken:
+    /// `t_end`, or just before it where the input jumps there. Fails where the state or its derivative is not finite.
+    fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status>;
+    /// One accepted step; `true` at the end of the segment.
+    fn step(&mut self, system: &mut F) -> Result<bool, Status>;
+    /// The state at `t` within the last step.
+    fn interpolate(&mut self, system: &mut F, t: f64, out: &mut B);
+    /// Degree of the polynomial that `interpolate` follows over one step.
+    fn dense_degree(&self) -> usize;
+    /// The time reached.
+    fn t(&self) -> f64;
+    /// The start of the last step.
+    fn t_old(&self) -> f64;
+    /// The state reached.
+    fn x(&self) -> &B;
+    fn x_mut(&mut self) -> &mut B;
+    fn work(&self) -> Work;
+    /// Largest step from now on (infinite at first).
+    fn limit_step(&mut self, h_max: f64);
+    /// The step of the next segment's start, instead of a guess.
+    fn first_step(&mut self, h: f64);
+}

@@ -1,0 +1,153 @@
+//! The explicit Runge-Kutta pair of orders 5 and 4 (Dormand and Prince 1980), first same as last, with dense output of order 4
+//! (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6).
+
+use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::pace::{Control, Pace, finite, paced};
+use super::{Buffer, System};
+use crate::scalar::Real;
+use crate::status::Status;
+
+const C: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
+const A: [[f64; 6]; 7] = [
+    [0.0; 6],
+    [0.2, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
+    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
+    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
+    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
+    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
+];
+/// The two solutions' difference.
+const E: [f64; 7] = [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
+/// The last row of the dense output.
+const D: [f64; 7] = [
+    -12715105075.0 / 11282082432.0,
+    0.0,
+    87487479700.0 / 32700410799.0,
+    -10690763975.0 / 1880347072.0,
+    701980252875.0 / 199316789632.0,
+    -1453857185.0 / 822651844.0,
+    69997945.0 / 29380423.0,
+];
+const BETA: f64 = 0.04;
+const CONTROL: Control = Control { safety: 0.9, alpha: 0.2 - 0.75 * BETA, beta: BETA, shrink: 0.2, grow: 10.0 };
+
+pub struct Dopri5<B, U, T = Tolerance> {
+    pace: Pace<T>,
+    /// Slopes of the stages; the last is that of the end.
+    k: [B; 7],
+    y: B,
+    x: B,
+    x_old: B,
+    u: U,
+}
+
+impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
+    #[inline(always)]
+    pub fn new(tolerance: T, state: B, input: U) -> Self {
+        let k = std::array::from_fn(|_| state.clone());
+        Dopri5 { pace: Pace::new(tolerance), k, y: state.clone(), x: state.clone(), x_old: state, u: input }
+    }
+
+    /// Try a step of `h`: the new state in `y`, its slope in `k[6]`; returns the error.
+    #[inline(always)]
+    fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
+    where
+        S: Real,
+        F: System<S, Input = U>,
+        B: Buffer<S>,
+    {
+        for i in 1..7 {
+            let (x, y) = (self.x.as_ref(), self.y.as_mut());
+            for c in 0..x.len() {
+                let mut sum = S::splat(A[i][0]) * self.k[0].as_ref()[c];
+                for j in 1..i {
+                    sum = S::splat(A[i][j]).mul_add(self.k[j].as_ref()[c], sum);
+                }
+                y[c] = S::splat(h).mul_add(sum, x[c]);
+            }
+            system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
+            system.rhs(&self.u, self.y.as_ref(), self.k[i].as_mut());
+            self.pace.work.evaluations += 1;
+        }
+        if !finite(self.y.as_ref()) || !finite(self.k[6].as_ref()) {
+            return f64::NAN;
+        }
+        let k = &self.k;
+        self.pace.norm(self.x.as_ref(), self.y.as_ref(), |c| {
+            let mut sum = S::zero();
+            for j in 0..7 {
+                sum = S::splat(E[j]).mul_add(k[j].as_ref()[c], sum);
+            }
+            S::splat(h) * sum
+        })
+    }
+}
+
+impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adaptive<S, F, B> for Dopri5<B, U, T> {
+    paced!(4);
+
+    #[inline(always)]
+    fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
+        self.pace.begin(t, t_end, input_end);
+        self.x_old = self.x.clone();
+        system.anchor(self.x.as_ref());
+        system.input(t, &mut self.u);
+        system.rhs(&self.u, self.x.as_ref(), self.k[0].as_mut());
+        self.pace.work.evaluations += 1;
+        if !finite(self.x.as_ref()) || !finite(self.k[0].as_ref()) {
+            return Err(Status::Diverged);
+        }
+        let [k0, k1, ..] = &mut self.k;
+        self.pace.guess::<S, F, B>(system, &mut self.u, &self.x, k0, &mut self.y, k1, 4.0);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn step(&mut self, system: &mut F) -> Result<bool, Status> {
+        if self.pace.done() {
+            return Ok(true);
+        }
+        system.anchor(self.x.as_ref());
+        // The slopes of the last step served its dense output until now.
+        if self.pace.t > self.pace.t_old {
+            self.k.swap(0, 6);
+            self.pace.t_old = self.pace.t;
+        }
+        self.pace.open();
+        loop {
+            let (h, t_new) = self.pace.propose()?;
+            let error = self.attempt::<S, F>(system, h);
+            if self.pace.judge(error, h, t_new, &CONTROL) {
+                std::mem::swap(&mut self.x_old, &mut self.x);
+                std::mem::swap(&mut self.x, &mut self.y);
+                return Ok(self.pace.done());
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
+        let h = self.pace.t - self.pace.t_old;
+        if h == 0.0 || t >= self.pace.t {
+            out.clone_from(&self.x);
+            return;
+        }
+        let theta = (t - self.pace.t_old) / h;
+        let (r, q, h) = (S::splat(theta), S::splat(1.0 - theta), S::splat(h));
+        let (x0, x1, out) = (self.x_old.as_ref(), self.x.as_ref(), out.as_mut());
+        for c in 0..x0.len() {
+            let delta = x1[c] - x0[c];
+            let bend = h * self.k[0].as_ref()[c] - delta;
+            let row3 = delta - h * self.k[6].as_ref()[c] - bend;
+            let mut row4 = S::zero();
+            for j in 0..7 {
+                row4 = S::splat(D[j]).mul_add(self.k[j].as_ref()[c], row4);
+            }
+            let tail = (h * row4).mul_add(q, row3);
+            let tail = tail.mul_add(r, bend);
+            let tail = tail.mul_add(q, delta);
+            out[c] = tail.mul_add(r, x0[c]);
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! The explicit Euler method, order 1: `x += h f(t, x)`.
+
+use super::{Buffer, FixedStep, System};
+use crate::scalar::Real;
+
+pub struct Euler<B, U> {
+    k: B,
+    u: U,
+}
+
+impl<B: Clone, U: Clone> Euler<B, U> {
+    #[inline(always)]
+    pub fn new(state: B, input: U) -> Self {
+        Euler { k: state, u: input }
+    }
+}
+
+impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Euler<B, F::Input> {
+    #[inline(always)]
+    fn step(&mut self, system: &mut F, t: f64, h: f64, _end: f64, x: &mut B) {
+        let (x, k) = (x.as_mut(), self.k.as_mut());
+        system.anchor(x);
+        system.input(t, &mut self.u);
+        system.rhs(&self.u, x, k);
+        for i in 0..x.len() {
+            x[i] = S::splat(h).mul_add(k[i], x[i]);
+        }
+    }
+
+    fn restart(&mut self) {}
+}

@@ -1,0 +1,126 @@
+//! The Jacobian of any system from the same right-hand side on dual numbers: column `j` of `df/dx` is the rate of `f` along
+//! `x_j`, `RATES` columns per evaluation.
+
+use super::{Differentiable, System};
+use crate::scalar::{Duals, Real};
+
+/// A right-hand side on dual numbers.
+pub trait DualSystem<V: Real>: System<Duals<V>> {
+    /// The input at `t`, moving at its time derivative along direction 0.
+    fn moving_input(&mut self, t: f64, u: &mut Self::Input);
+    /// Hold what a sampled loop holds: its input and the rate of its law.
+    fn hold(&mut self, _input: &[V::One], _rate: &[V::One]) {}
+    /// Whether the input never moves.
+    fn autonomous(&self) -> bool {
+        false
+    }
+}
+
+/// A system and its twin on dual numbers: together they are [`Differentiable`].
+pub struct Linearised<F, G, V: Real, X, U> {
+    pub system: F,
+    pub twin: G,
+    /// Scratch for the twin: state, slope, input.
+    x: X,
+    dx: X,
+    u: U,
+    rates: std::marker::PhantomData<V>,
+}
+
+impl<F, G, V, X, U> Linearised<F, G, V, X, U>
+where
+    V: Real,
+    G: DualSystem<V, Input = U>,
+    X: Clone + AsMut<[Duals<V>]>,
+{
+    /// `state` is as long as the system's; `input` is one of the twin's.
+    #[inline(always)]
+    pub fn new(system: F, twin: G, state: X, input: U) -> Self {
+        Linearised { system, twin, dx: state.clone(), x: state, u: input, rates: std::marker::PhantomData }
+    }
+}
+
+impl<S, F, G, V, X, U> System<S> for Linearised<F, G, V, X, U>
+where
+    S: Real,
+    F: System<S>,
+    V: Real<One = S>,
+    G: DualSystem<V, Input = U>,
+{
+    type Input = F::Input;
+    #[inline(always)]
+    fn input(&mut self, t: f64, u: &mut F::Input) {
+        self.system.input(t, u);
+    }
+    #[inline(always)]
+    fn anchor(&mut self, x: &[S]) {
+        self.system.anchor(x);
+    }
+    #[inline(always)]
+    fn rhs(&mut self, u: &F::Input, x: &[S], dx: &mut [S]) {
+        self.system.rhs(u, x, dx);
+    }
+    #[inline(always)]
+    fn sample(&mut self, t: f64, x: &[S]) {
+        self.system.sample(t, x);
+        if let Some((input, rate)) = self.system.held() {
+            self.twin.hold(input, rate);
+        }
+    }
+    #[inline(always)]
+    fn rate_of(&self, i: usize) -> Option<usize> {
+        self.system.rate_of(i)
+    }
+}
+
+impl<S, F, G, V, X, U> Differentiable<S> for Linearised<F, G, V, X, U>
+where
+    S: Real,
+    F: System<S>,
+    V: Real<One = S>,
+    G: DualSystem<V, Input = U>,
+    X: Clone + AsMut<[Duals<V>]>,
+{
+    #[inline(always)]
+    fn linearise(&mut self, t: f64, _: &F::Input, x: &[S], dx: &mut [S], j: &mut [S]) {
+        let n = x.len();
+        let (state, slope) = (&mut self.x.as_mut()[..n], &mut self.dx.as_mut()[..n]);
+        self.twin.input(t, &mut self.u);
+        for first in (0..n).step_by(V::LANES) {
+            let columns = V::LANES.min(n - first);
+            for i in 0..n {
+                state[i] = if i >= first && i < first + columns { Duals::seed(x[i], i - first) } else { Duals::new(x[i], V::zero()) };
+            }
+            self.twin.anchor(state);
+            self.twin.rhs(&self.u, state, slope);
+            for i in 0..n {
+                for k in 0..columns {
+                    j[i * n + first + k] = S::splat(slope[i].rate(k));
+                }
+            }
+        }
+        for i in 0..n {
+            dx[i] = slope[i].value;
+        }
+    }
+
+    #[inline(always)]
+    fn time_derivative(&mut self, t: f64, _: &F::Input, x: &[S], dft: &mut [S]) {
+        let n = x.len();
+        let (state, slope) = (&mut self.x.as_mut()[..n], &mut self.dx.as_mut()[..n]);
+        self.twin.moving_input(t, &mut self.u);
+        for i in 0..n {
+            state[i] = Duals::new(x[i], V::zero());
+        }
+        self.twin.anchor(state);
+        self.twin.rhs(&self.u, state, slope);
+        for i in 0..n {
+            dft[i] = S::splat(slope[i].rate(0));
+        }
+    }
+
+    #[inline(always)]
+    fn autonomous(&self) -> bool {
+        self.twin.autonomous()
+    }
+}

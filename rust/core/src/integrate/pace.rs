@@ -1,0 +1,234 @@
+//! The time and the step of an adaptive method: when to give up, how long the next step is.
+//!
+//! PI control (Gustafsson; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.2):
+//! `h_new = h safety error^-alpha error_old^beta`, within `[shrink, grow]`, never longer right after a rejection.
+
+use super::adaptive::{Accuracy, MAX_STEPS, Work};
+use super::{Buffer, System};
+use crate::scalar::Real;
+use crate::status::Status;
+
+/// The constants of the step control.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Control {
+    pub safety: f64,
+    pub alpha: f64,
+    pub beta: f64,
+    pub shrink: f64,
+    pub grow: f64,
+}
+
+/// Errors below this count as this in the memory of the control (Hairer's dopri5.f).
+const LEAST_ERROR: f64 = 1e-4;
+/// After a stage that is not finite.
+const BLOWN: f64 = 0.2;
+
+#[derive(Clone, Debug)]
+pub(super) struct Pace<T> {
+    pub tolerance: T,
+    pub t: f64,
+    pub t_old: f64,
+    /// End of the segment, and the latest time at which its input is taken.
+    pub t_end: f64,
+    pub input_end: f64,
+    /// The step proposed.
+    pub h: f64,
+    pub h_max: f64,
+    /// The first step asked for; zero for a guess.
+    pub h_first: f64,
+    pub work: Work,
+    error_old: f64,
+    rejected: bool,
+    blown: bool,
+}
+
+impl<T: Accuracy> Pace<T> {
+    #[inline(always)]
+    pub fn new(tolerance: T) -> Self {
+        Pace {
+            tolerance,
+            t: 0.0,
+            t_old: 0.0,
+            t_end: 0.0,
+            input_end: 0.0,
+            h: 0.0,
+            h_max: f64::INFINITY,
+            h_first: 0.0,
+            work: Work::default(),
+            error_old: LEAST_ERROR,
+            rejected: false,
+            blown: false,
+        }
+    }
+
+    #[inline(always)]
+    pub fn begin(&mut self, t: f64, t_end: f64, input_end: f64) {
+        (self.t, self.t_old, self.t_end, self.input_end) = (t, t, t_end, input_end);
+        self.error_old = LEAST_ERROR;
+    }
+
+    /// The latest of `t` and the end of the input.
+    #[inline(always)]
+    pub fn input_time(&self, t: f64) -> f64 {
+        t.min(self.input_end)
+    }
+
+    #[inline(always)]
+    pub fn done(&self) -> bool {
+        self.t >= self.t_end
+    }
+
+    /// Root mean square over the controlled components of `e(i)` in units of the allowed error at `x` and `y`.
+    #[inline(always)]
+    pub fn norm<S: Real>(&self, x: &[S], y: &[S], e: impl Fn(usize) -> S) -> f64 {
+        let m = self.tolerance.controlled().min(x.len());
+        let mut sum = 0.0;
+        for i in 0..m {
+            let r = e(i).lane(0) / self.tolerance.scale(i, x[i].lane(0).abs().max(y[i].lane(0).abs()));
+            sum += r * r;
+        }
+        (sum / m.max(1) as f64).sqrt()
+    }
+
+    /// A first step from the sizes of the state, its slope `k` and its curvature (Hairer, section II.4); `order` is that of
+    /// the error. `y` and `dy` are scratch.
+    #[inline(always)]
+    pub fn guess<S, F, B>(&mut self, system: &mut F, u: &mut F::Input, x: &B, k: &B, y: &mut B, dy: &mut B, order: f64)
+    where
+        S: Real,
+        F: System<S>,
+        B: Buffer<S>,
+    {
+        if self.h_first > 0.0 {
+            self.h = self.h_first.min(self.h_max);
+            return;
+        }
+        let span = self.t_end - self.t;
+        let (x, k) = (x.as_ref(), k.as_ref());
+        let d0 = self.norm(x, x, |i| x[i]);
+        let d1 = self.norm(x, x, |i| k[i]);
+        let h0 = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(span);
+        for i in 0..x.len() {
+            y.as_mut()[i] = S::splat(h0).mul_add(k[i], x[i]);
+        }
+        system.input(self.input_time(self.t + h0), u);
+        system.rhs(u, y.as_ref(), dy.as_mut());
+        self.work.evaluations += 1;
+        let dy = dy.as_ref();
+        let d2 = self.norm(x, x, |i| dy[i] - k[i]) / h0;
+        let steepest = d1.max(d2);
+        let h1 = if steepest <= 1e-15 { (1e-3 * h0).max(1e-6) } else { (0.01 / steepest).powf(1.0 / (order + 1.0)) };
+        let h = (100.0 * h0).min(h1).min(span);
+        self.h = if h.is_finite() && h > 0.0 { h } else { span * 1e-6 }.min(self.h_max);
+    }
+
+    /// Before the first attempt of a step.
+    #[inline(always)]
+    pub fn open(&mut self) {
+        (self.rejected, self.blown) = (false, false);
+    }
+
+    /// The step to attempt and where it ends, or why there is none.
+    #[inline(always)]
+    pub fn propose(&self) -> Result<(f64, f64), Status> {
+        let smallest = 10.0 * (self.t.next_up() - self.t);
+        if self.work.steps + self.work.rejections >= MAX_STEPS {
+            return Err(Status::MaxSteps);
+        }
+        let left = self.t_end - self.t;
+        if !(self.h >= smallest) && self.h < left {
+            return Err(if self.blown { Status::Diverged } else { Status::StepUnderflow });
+        }
+        // A last step that would leave a sliver is stretched over it.
+        Ok(if self.h >= left - smallest { (left, self.t_end) } else { (self.h, self.t + self.h) })
+    }
+
+    /// Whether the attempt of step `h` is accepted; the next step either way.
+    #[inline(always)]
+    pub fn judge(&mut self, error: f64, h: f64, t_new: f64, control: &Control) -> bool {
+        if error < 1.0 {
+            let mut factor = control.grow;
+            if error > 0.0 {
+                factor = control.safety * power(error, -control.alpha);
+                if control.beta != 0.0 {
+                    factor *= power(self.error_old, control.beta);
+                }
+                factor = factor.clamp(control.shrink, control.grow);
+            }
+            self.error_old = error.max(LEAST_ERROR);
+            self.accept(t_new, h * if self.rejected { factor.min(1.0) } else { factor });
+            return true;
+        }
+        let blown = !error.is_finite();
+        self.reject(h * if blown { BLOWN } else { (control.safety * power(error, -control.alpha)).max(control.shrink) }, blown);
+        false
+    }
+
+    #[inline(always)]
+    pub fn accept(&mut self, t_new: f64, h_next: f64) {
+        self.t_old = self.t;
+        self.t = t_new;
+        self.h = h_next.min(self.h_max);
+        self.work.steps += 1;
+    }
+
+    #[inline(always)]
+    pub fn reject(&mut self, h_next: f64, blown: bool) {
+        self.work.rejections += 1;
+        self.rejected = true;
+        self.blown = blown;
+        self.h = h_next;
+    }
+}
+
+/// `x^p`; the fourth root, which every step of a Rosenbrock method takes, without the library.
+#[inline(always)]
+fn power(x: f64, p: f64) -> f64 {
+    if p == -0.25 { 1.0 / x.sqrt().sqrt() } else { x.powf(p) }
+}
+
+/// Whether all numbers are finite, without a branch per number.
+#[inline(always)]
+pub(super) fn finite<S: Real>(x: &[S]) -> bool {
+    let mut zero = S::zero();
+    for &value in x {
+        zero += value * S::zero();
+    }
+    zero.lane(0) == 0.0
+}
+
+/// The parts of [`super::Adaptive`] that are the pace's: for a method with fields `pace` and `x`.
+macro_rules! paced {
+    ($degree:literal) => {
+        fn dense_degree(&self) -> usize {
+            $degree
+        }
+        #[inline(always)]
+        fn t(&self) -> f64 {
+            self.pace.t
+        }
+        #[inline(always)]
+        fn t_old(&self) -> f64 {
+            self.pace.t_old
+        }
+        #[inline(always)]
+        fn x(&self) -> &B {
+            &self.x
+        }
+        #[inline(always)]
+        fn x_mut(&mut self) -> &mut B {
+            &mut self.x
+        }
+        #[inline(always)]
+        fn work(&self) -> Work {
+            self.pace.work
+        }
+        fn limit_step(&mut self, h_max: f64) {
+            self.pace.h_max = h_max;
+        }
+        fn first_step(&mut self, h: f64) {
+            self.pace.h_first = h;
+        }
+    };
+}
+pub(super) use paced;

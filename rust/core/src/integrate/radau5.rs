@@ -1,0 +1,371 @@
+//! Radau IIA of three stages, order 5, L-stable (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8):
+//!
+//! `z_i = h sum_j a_ij f(t + c_j h, x + z_j)`, `x_new = x + z_3`,
+//!
+//! by simplified Newton on `w = T^-1 z`, in which `A^-1` splits into one real and one complex pole:
+//! `(m/h - J) dw_1 = (T^-1 f)_1 - m/h w_1` and `((a + ib)/h - J)(dw_2 + i dw_3) = ..`.
+//! Error: `(m/h - J)^-1 (f(t, x) + (e_1 z_1 + e_2 z_2 + e_3 z_3)/h)`. The collocation polynomial of degree 3 is the dense output
+//! and, extrapolated, the start of the next Newton iteration. Predictive step control (Gustafsson 1994).
+
+use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::pace::{Pace, finite, paced};
+use super::{Buffer, Differentiable};
+use crate::linalg::lu::{self, Complex};
+use crate::scalar::Real;
+use crate::status::Status;
+
+const ROOT6: f64 = 2.449489742783178;
+const C: [f64; 3] = [(4.0 - ROOT6) / 10.0, (4.0 + ROOT6) / 10.0, 1.0];
+const E: [f64; 3] = [(-13.0 - 7.0 * ROOT6) / 3.0, (-13.0 + 7.0 * ROOT6) / 3.0, -1.0 / 3.0];
+/// The eigenvalues of `A^-1`: `3 + 9^(1/3) - 3^(1/3)`, and `3 + (3^(1/3) - 9^(1/3))/2 -+ i (3^(5/6) + 3^(7/6))/2`.
+const REAL_POLE: f64 = 3.637834252744496;
+const COMPLEX_POLE: (f64, f64) = (2.681082873627752, -3.0504301992474105);
+const T: [[f64; 3]; 3] = [
+    [0.09443876248897524, -0.14125529502095421, 0.03002919410514742],
+    [0.25021312296533332, 0.20412935229379994, -0.38294211275726192],
+    [1.0, 1.0, 0.0],
+];
+const T_INVERSE: [[f64; 3]; 3] = [
+    [4.17871859155190428, 0.32768282076106237, 0.52337644549944951],
+    [-4.17871859155190428, -0.32768282076106237, 0.47662355450055044],
+    [0.50287263494578682, -2.57192694985560522, 0.59603920482822492],
+];
+/// `x(t_old + s h) = x_old + sum_i z_i (P_i0 s + P_i1 s^2 + P_i2 s^3)`
+const P: [[f64; 3]; 3] = [
+    [13.0 / 3.0 + 7.0 * ROOT6 / 3.0, -23.0 / 3.0 - 22.0 * ROOT6 / 3.0, 10.0 / 3.0 + 5.0 * ROOT6],
+    [13.0 / 3.0 - 7.0 * ROOT6 / 3.0, -23.0 / 3.0 + 22.0 * ROOT6 / 3.0, 10.0 / 3.0 - 5.0 * ROOT6],
+    [1.0 / 3.0, -8.0 / 3.0, 10.0 / 3.0],
+];
+const ITERATIONS: usize = 6;
+const SHRINK: f64 = 0.2;
+const GROW: f64 = 10.0;
+/// A step that would grow less keeps its length, and with it the decompositions.
+const WORTHWHILE: f64 = 1.2;
+/// Contraction of Newton above which the Jacobian is renewed after an accepted step.
+const SLOW: f64 = 1e-3;
+
+pub struct Radau5<S, B, U, A = Tolerance> {
+    pace: Pace<A>,
+    newton_tolerance: f64,
+    z: [B; 3],
+    w: [B; 3],
+    f: [B; 3],
+    /// The stages of the last step: its polynomial.
+    z_old: [B; 3],
+    slope: B,
+    y: B,
+    error: B,
+    x: B,
+    x_old: B,
+    u: U,
+    jacobian: Vec<S>,
+    real: Vec<S>,
+    complex: Vec<Complex<S>>,
+    pair: Vec<Complex<S>>,
+    real_pivots: Vec<usize>,
+    complex_pivots: Vec<usize>,
+    /// The step that the decompositions are for; NaN for none.
+    h_factored: f64,
+    /// Whether the Jacobian is that of the present state.
+    current: bool,
+    /// Whether there is a last step to extrapolate.
+    warm: bool,
+    /// Step and error of the last accepted step.
+    last: Option<(f64, f64)>,
+}
+
+/// How Newton's iteration ended.
+struct Newton {
+    converged: bool,
+    iterations: usize,
+    rate: f64,
+}
+
+impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
+    pub fn new(tolerance: A, state: B, input: U) -> Self {
+        let n = state.as_ref().len();
+        let three = || std::array::from_fn(|_| state.clone());
+        let rtol = tolerance.rtol();
+        Radau5 {
+            newton_tolerance: (10.0 * f64::EPSILON / rtol).max(rtol.sqrt().min(0.03)),
+            pace: Pace::new(tolerance),
+            z: three(),
+            w: three(),
+            f: three(),
+            z_old: three(),
+            slope: state.clone(),
+            y: state.clone(),
+            error: state.clone(),
+            x_old: state.clone(),
+            x: state,
+            u: input,
+            jacobian: vec![S::zero(); n * n],
+            real: vec![S::zero(); n * n],
+            complex: vec![Complex::default(); n * n],
+            pair: vec![Complex::default(); n],
+            real_pivots: vec![0; n],
+            complex_pivots: vec![0; n],
+            h_factored: f64::NAN,
+            current: false,
+            warm: false,
+            last: None,
+        }
+    }
+
+    /// Slope and Jacobian at the present state.
+    fn linearise<F: Differentiable<S, Input = U>>(&mut self, system: &mut F) {
+        let (t, x) = (self.pace.t, self.x.as_ref());
+        system.input(self.pace.input_time(t), &mut self.u);
+        system.linearise(t, &self.u, x, self.slope.as_mut(), &mut self.jacobian);
+        self.pace.work.evaluations += 1;
+        self.pace.work.jacobians += 1;
+        self.current = true;
+        self.h_factored = f64::NAN;
+    }
+
+    /// Decompose both matrices for a step `h`.
+    fn factor(&mut self, h: f64) -> bool {
+        let n = self.x.as_ref().len();
+        let zero = S::zero();
+        for k in 0..n * n {
+            self.real[k] = -self.jacobian[k];
+            self.complex[k] = Complex(-self.jacobian[k], zero);
+        }
+        for i in 0..n {
+            let k = i * n + i;
+            self.real[k] += S::splat(REAL_POLE / h);
+            self.complex[k] = Complex(self.complex[k].0 + S::splat(COMPLEX_POLE.0 / h), S::splat(COMPLEX_POLE.1 / h));
+        }
+        self.pace.work.factorisations += 2;
+        let sound =
+            lu::decompose(n, &mut self.real, &mut self.real_pivots) && lu::decompose(n, &mut self.complex, &mut self.complex_pivots);
+        self.h_factored = if sound { h } else { f64::NAN };
+        sound
+    }
+
+    /// The polynomial of the last step, `s` steps of `h_old` after its start, less `from`.
+    fn extrapolate(z: &[B; 3], x_old: &[S], s: f64, c: usize) -> S {
+        let mut sum = x_old[c];
+        for i in 0..3 {
+            sum = S::splat(s * (P[i][0] + s * (P[i][1] + s * P[i][2]))).mul_add(z[i].as_ref()[c], sum);
+        }
+        sum
+    }
+
+    /// `out = M in` over the three stages.
+    fn transform(m: &[[f64; 3]; 3], from: &[B; 3], to: &mut [B; 3]) {
+        for i in 0..3 {
+            let out = to[i].as_mut();
+            for c in 0..out.len() {
+                let sum = S::splat(m[i][0]) * from[0].as_ref()[c];
+                let sum = S::splat(m[i][1]).mul_add(from[1].as_ref()[c], sum);
+                out[c] = S::splat(m[i][2]).mul_add(from[2].as_ref()[c], sum);
+            }
+        }
+    }
+
+    /// The stages' start, from the last polynomial.
+    fn start(&mut self, h: f64) {
+        let h_old = self.pace.t - self.pace.t_old;
+        for i in 0..3 {
+            let z = self.z[i].as_mut();
+            for c in 0..z.len() {
+                z[c] = if self.warm {
+                    Self::extrapolate(&self.z_old, self.x_old.as_ref(), 1.0 + h * C[i] / h_old, c) - self.x.as_ref()[c]
+                } else {
+                    S::zero()
+                };
+            }
+        }
+        Self::transform(&T_INVERSE, &self.z, &mut self.w);
+    }
+
+    /// Solve the stages of a step `h`, from `z` and `w`.
+    fn newton<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Newton {
+        let n = self.x.as_ref().len();
+        let (mut rate, mut norm_old) = (f64::NAN, f64::NAN);
+        for k in 0..ITERATIONS {
+            for i in 0..3 {
+                let (x, y) = (self.x.as_ref(), self.y.as_mut());
+                for c in 0..n {
+                    y[c] = x[c] + self.z[i].as_ref()[c];
+                }
+                system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
+                system.rhs(&self.u, self.y.as_ref(), self.f[i].as_mut());
+                self.pace.work.evaluations += 1;
+                if !finite(self.f[i].as_ref()) {
+                    return Newton { converged: false, iterations: k + 1, rate };
+                }
+            }
+            let (real, re, im) = (S::splat(REAL_POLE / h), S::splat(COMPLEX_POLE.0 / h), S::splat(COMPLEX_POLE.1 / h));
+            let error = self.error.as_mut();
+            for c in 0..n {
+                let f: [S; 3] = std::array::from_fn(|i| self.f[i].as_ref()[c]);
+                let w: [S; 3] = std::array::from_fn(|i| self.w[i].as_ref()[c]);
+                let row = |i: usize| {
+                    let m = T_INVERSE[i];
+                    S::splat(m[2]).mul_add(f[2], S::splat(m[1]).mul_add(f[1], S::splat(m[0]) * f[0]))
+                };
+                error[c] = real.neg_mul_add(w[0], row(0));
+                self.pair[c] = Complex(row(1) - (re * w[1] - im * w[2]), row(2) - (re * w[2] + im * w[1]));
+            }
+            lu::solve(n, &self.real, &self.real_pivots, error);
+            lu::solve(n, &self.complex, &self.complex_pivots, &mut self.pair);
+            let (x, pair) = (self.x.as_ref(), &self.pair);
+            let parts = [self.pace.norm(x, x, |c| error[c]), self.pace.norm(x, x, |c| pair[c].0), self.pace.norm(x, x, |c| pair[c].1)];
+            let norm = (parts.iter().map(|p| p * p).sum::<f64>() / 3.0).sqrt();
+            rate = norm / norm_old;
+            let left = (ITERATIONS - k) as i32;
+            // NaN fails as well, except for the first rate, which there is none of.
+            if !norm.is_finite() || rate >= 1.0 || rate.powi(left) / (1.0 - rate) * norm > self.newton_tolerance {
+                return Newton { converged: false, iterations: k + 1, rate };
+            }
+            for c in 0..n {
+                self.w[0].as_mut()[c] += error[c];
+                self.w[1].as_mut()[c] += self.pair[c].0;
+                self.w[2].as_mut()[c] += self.pair[c].1;
+            }
+            Self::transform(&T, &self.w, &mut self.z);
+            if norm == 0.0 || rate / (1.0 - rate) * norm < self.newton_tolerance {
+                return Newton { converged: true, iterations: k + 1, rate };
+            }
+            norm_old = norm;
+        }
+        Newton { converged: false, iterations: ITERATIONS, rate }
+    }
+
+    /// The error of the step in `y`, from the slope in `f[0]`.
+    fn estimate(&mut self, h: f64) -> f64 {
+        let n = self.x.as_ref().len();
+        let error = self.error.as_mut();
+        for c in 0..n {
+            let mut sum = S::zero();
+            for i in 0..3 {
+                sum = S::splat(E[i] / h).mul_add(self.z[i].as_ref()[c], sum);
+            }
+            error[c] = self.f[0].as_ref()[c] + sum;
+        }
+        lu::solve(n, &self.real, &self.real_pivots, error);
+        self.pace.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
+    }
+
+    /// `error^(-1/4)`, less where the last step's error says that it rises.
+    fn predict(&self, h: f64, error: f64) -> f64 {
+        let trend = match self.last {
+            Some((h_old, error_old)) if error > 0.0 => (h / h_old * (error_old / error).powf(0.25)).min(1.0),
+            _ => 1.0,
+        };
+        // An error of zero lets the step grow as far as it may.
+        (trend * error.powf(-0.25)).min(1e10)
+    }
+}
+
+impl<S, F, B, U, A> Adaptive<S, F, B> for Radau5<S, B, U, A>
+where
+    S: Real,
+    F: Differentiable<S, Input = U>,
+    B: Buffer<S>,
+    U: Clone,
+    A: Accuracy,
+{
+    paced!(3);
+
+    fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
+        self.pace.begin(t, t_end, input_end);
+        self.x_old.clone_from(&self.x);
+        (self.warm, self.last) = (false, None);
+        system.anchor(self.x.as_ref());
+        self.linearise(system);
+        if !finite(self.x.as_ref()) || !finite(self.slope.as_ref()) {
+            return Err(Status::Diverged);
+        }
+        let [k, ..] = &mut self.f;
+        self.pace.guess::<S, F, B>(system, &mut self.u, &self.x, &self.slope, &mut self.y, k, 3.0);
+        Ok(())
+    }
+
+    fn step(&mut self, system: &mut F) -> Result<bool, Status> {
+        if self.pace.done() {
+            return Ok(true);
+        }
+        if !finite(self.slope.as_ref()) {
+            return Err(Status::Diverged);
+        }
+        system.anchor(self.x.as_ref());
+        self.pace.open();
+        let mut rejected = false;
+        loop {
+            let (h, t_new) = self.pace.propose()?;
+            if self.h_factored != h && !self.factor(h) {
+                self.pace.reject(0.5 * h, true);
+                continue;
+            }
+            self.start(h);
+            let newton = self.newton(system, h);
+            if !newton.converged {
+                if self.current {
+                    self.pace.reject(0.5 * h, !finite(self.f[0].as_ref()) || !finite(self.f[1].as_ref()) || !finite(self.f[2].as_ref()));
+                } else {
+                    self.linearise(system);
+                }
+                continue;
+            }
+            for c in 0..self.x.as_ref().len() {
+                self.y.as_mut()[c] = self.x.as_ref()[c] + self.z[2].as_ref()[c];
+            }
+            self.f[0].clone_from(&self.slope);
+            let mut error = self.estimate(h);
+            if rejected && error > 1.0 {
+                // The stiff components of the first estimate do not tell: filter it once more.
+                let (x, y) = (self.x.as_ref(), self.f[1].as_mut());
+                for c in 0..x.len() {
+                    y[c] = x[c] + self.error.as_ref()[c];
+                }
+                system.input(self.pace.input_time(self.pace.t), &mut self.u);
+                let [slope, at, _] = &mut self.f;
+                system.rhs(&self.u, at.as_ref(), slope.as_mut());
+                self.pace.work.evaluations += 1;
+                error = self.estimate(h);
+            }
+            let safety = 0.9 * (2 * ITERATIONS + 1) as f64 / (2 * ITERATIONS + newton.iterations) as f64;
+            if !(error <= 1.0) {
+                let blown = !error.is_finite();
+                self.pace.reject(h * if blown { SHRINK } else { (safety * self.predict(h, error)).max(SHRINK) }, blown);
+                rejected = true;
+                continue;
+            }
+            let renew = newton.iterations > 2 && newton.rate > SLOW;
+            let mut factor = (safety * self.predict(h, error)).min(GROW);
+            if !renew && factor < WORTHWHILE {
+                factor = 1.0;
+            }
+            self.last = Some((h, error));
+            self.pace.accept(t_new, h * factor);
+            std::mem::swap(&mut self.x_old, &mut self.x);
+            std::mem::swap(&mut self.x, &mut self.y);
+            std::mem::swap(&mut self.z_old, &mut self.z);
+            self.warm = true;
+            if renew {
+                self.linearise(system);
+            } else {
+                self.current = false;
+                system.input(self.pace.input_time(self.pace.t), &mut self.u);
+                system.rhs(&self.u, self.x.as_ref(), self.slope.as_mut());
+                self.pace.work.evaluations += 1;
+            }
+            return Ok(self.pace.done());
+        }
+    }
+
+    fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
+        let h = self.pace.t - self.pace.t_old;
+        if h == 0.0 || t >= self.pace.t {
+            out.clone_from(&self.x);
+            return;
+        }
+        let s = (t - self.pace.t_old) / h;
+        for c in 0..self.x.as_ref().len() {
+            out.as_mut()[c] = Self::extrapolate(&self.z_old, self.x_old.as_ref(), s, c);
+        }
+    }
+}

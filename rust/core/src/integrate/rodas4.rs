@@ -1,0 +1,237 @@
+//! RODAS, a stiffly accurate L-stable Rosenbrock method of order 4 with an embedded one of order 3 and dense output of order 3
+//! (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7; coefficients of its code `rodas.f`):
+//!
+//! `(I/(g h) - df/dx) u_i = f(t + c_i h, x + sum_j a_ij u_j) + sum_j c_ij u_j / h + d_i h df/dt`, six stages,
+//! `x_5 = x + sum a_5j u_j + u_5`, `x_new = x_5 + u_6`, error `u_6`.
+
+use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::pace::{Control, Pace, finite, paced};
+use super::{Buffer, Differentiable};
+use crate::linalg::lu;
+use crate::scalar::Real;
+use crate::status::Status;
+
+const GAMMA: f64 = 0.25;
+/// Times of the stages.
+const C: [f64; 6] = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
+/// Weights of `h df/dt`.
+const D: [f64; 6] = [0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0];
+/// Arguments of the stages; the last adds all of stage 5.
+const A: [[f64; 5]; 6] = [
+    [0.0; 5],
+    [1.544, 0.0, 0.0, 0.0, 0.0],
+    [0.9466785280815826, 0.2557011698983284, 0.0, 0.0, 0.0],
+    [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0.0, 0.0],
+    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 0.0],
+    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0],
+];
+/// Coupling of the stages, over `h`.
+const K: [[f64; 5]; 6] = [
+    [0.0; 5],
+    [-5.6688, 0.0, 0.0, 0.0, 0.0],
+    [-2.430093356833875, -0.2063599157091915, 0.0, 0.0, 0.0],
+    [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0.0, 0.0],
+    [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.7089089320616, 0.0],
+    [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054],
+];
+/// Rows of the dense output.
+const DENSE: [[f64; 5]; 2] = [
+    [10.12623508344586, -7.487995877610167, -34.80091861555747, -7.992771707568823, 1.025137723295662],
+    [-0.6762803392801253, 6.087714651680015, 16.43084320892478, 24.76722511418386, -6.594389125716872],
+];
+const CONTROL: Control = Control { safety: 0.9, alpha: 0.25, beta: 0.0, shrink: 0.2, grow: 6.0 };
+
+/// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for any other.
+pub struct Rodas4<B, M, P, U, T = Tolerance> {
+    pace: Pace<T>,
+    stages: [B; 6],
+    slope: B,
+    dft: B,
+    y: B,
+    x: B,
+    x_old: B,
+    jacobian: M,
+    lu: M,
+    pivots: P,
+    u: U,
+    start: U,
+    /// Whether slope and Jacobian belong to `x`.
+    linear: bool,
+}
+
+impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
+    #[inline(always)]
+    pub fn new(tolerance: T, state: B, matrix: M, pivots: P, input: U) -> Self {
+        Rodas4 {
+            pace: Pace::new(tolerance),
+            stages: std::array::from_fn(|_| state.clone()),
+            slope: state.clone(),
+            dft: state.clone(),
+            y: state.clone(),
+            x: state.clone(),
+            x_old: state,
+            jacobian: matrix.clone(),
+            lu: matrix,
+            pivots,
+            u: input.clone(),
+            start: input,
+            linear: false,
+        }
+    }
+
+    /// Slope, Jacobian and time derivative at the start of a step.
+    #[inline(always)]
+    fn linearise<S, F>(&mut self, system: &mut F)
+    where
+        S: Real,
+        F: Differentiable<S, Input = U>,
+        B: Buffer<S>,
+        M: Buffer<S>,
+    {
+        let (t, x) = (self.pace.t, self.x.as_ref());
+        system.anchor(x);
+        system.input(self.pace.input_time(t), &mut self.start);
+        system.linearise(t, &self.start, x, self.slope.as_mut(), self.jacobian.as_mut());
+        if !system.autonomous() {
+            system.time_derivative(t, &self.start, x, self.dft.as_mut());
+        }
+        self.pace.work.evaluations += 1;
+        self.pace.work.jacobians += 1;
+        self.linear = true;
+    }
+
+    /// Try a step of `h`: the new state in `y`; returns the error.
+    #[inline(always)]
+    fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
+    where
+        S: Real,
+        F: Differentiable<S, Input = U>,
+        B: Buffer<S>,
+        M: Buffer<S>,
+        P: AsMut<[usize]>,
+    {
+        let n = self.x.as_ref().len();
+        let moves = !system.autonomous();
+        let (lu, pivots) = (&mut self.lu.as_mut()[..n * n], &mut self.pivots.as_mut()[..n]);
+        let jacobian = &self.jacobian.as_ref()[..n * n];
+        for k in 0..n * n {
+            lu[k] = -jacobian[k];
+        }
+        for i in 0..n {
+            lu[i * n + i] += S::splat(1.0 / (GAMMA * h));
+        }
+        self.pace.work.factorisations += 1;
+        if !lu::decompose(n, lu, pivots) {
+            return f64::NAN;
+        }
+        for i in 0..6 {
+            let (done, rest) = self.stages.split_at_mut(i);
+            let (x, y, stage) = (&self.x.as_ref()[..n], &mut self.y.as_mut()[..n], &mut rest[0].as_mut()[..n]);
+            if i == 0 {
+                stage.copy_from_slice(&self.slope.as_ref()[..n]);
+            } else {
+                for c in 0..n {
+                    let mut sum = x[c];
+                    for j in 0..i {
+                        sum = S::splat(A[i][j]).mul_add(done[j].as_ref()[c], sum);
+                    }
+                    y[c] = sum;
+                }
+                system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
+                system.rhs(&self.u, y, stage);
+                self.pace.work.evaluations += 1;
+                for c in 0..n {
+                    let mut sum = S::zero();
+                    for j in 0..i {
+                        sum = S::splat(K[i][j]).mul_add(done[j].as_ref()[c], sum);
+                    }
+                    stage[c] = S::splat(1.0 / h).mul_add(sum, stage[c]);
+                }
+            }
+            if moves && D[i] != 0.0 {
+                let dft = self.dft.as_ref();
+                for c in 0..n {
+                    stage[c] = S::splat(D[i] * h).mul_add(dft[c], stage[c]);
+                }
+            }
+            lu::solve(n, lu, pivots, stage);
+        }
+        let (y, error) = (self.y.as_mut(), self.stages[5].as_ref());
+        for c in 0..n {
+            y[c] += error[c];
+        }
+        if !finite(self.y.as_ref()) {
+            return f64::NAN;
+        }
+        self.pace.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
+    }
+}
+
+impl<S, F, B, M, P, U, T> Adaptive<S, F, B> for Rodas4<B, M, P, U, T>
+where
+    S: Real,
+    F: Differentiable<S, Input = U>,
+    B: Buffer<S>,
+    M: Buffer<S>,
+    P: AsMut<[usize]>,
+    U: Clone,
+    T: Accuracy,
+{
+    paced!(3);
+
+    #[inline(always)]
+    fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
+        self.pace.begin(t, t_end, input_end);
+        self.x_old = self.x.clone();
+        self.linearise::<S, F>(system);
+        if !finite(self.x.as_ref()) || !finite(self.slope.as_ref()) {
+            return Err(Status::Diverged);
+        }
+        let [k, ..] = &mut self.stages;
+        self.pace.guess::<S, F, B>(system, &mut self.u, &self.x, &self.slope, &mut self.y, k, 3.0);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn step(&mut self, system: &mut F) -> Result<bool, Status> {
+        if self.pace.done() {
+            return Ok(true);
+        }
+        if !self.linear {
+            self.linearise::<S, F>(system);
+        }
+        self.pace.open();
+        loop {
+            let (h, t_new) = self.pace.propose()?;
+            let error = self.attempt::<S, F>(system, h);
+            if self.pace.judge(error, h, t_new, &CONTROL) {
+                std::mem::swap(&mut self.x_old, &mut self.x);
+                std::mem::swap(&mut self.x, &mut self.y);
+                self.linear = false;
+                return Ok(self.pace.done());
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
+        let h = self.pace.t - self.pace.t_old;
+        if h == 0.0 || t >= self.pace.t {
+            out.clone_from(&self.x);
+            return;
+        }
+        let theta = (t - self.pace.t_old) / h;
+        let (r, q) = (S::splat(theta), S::splat(1.0 - theta));
+        let (x0, x1, out) = (self.x_old.as_ref(), self.x.as_ref(), out.as_mut());
+        for c in 0..x0.len() {
+            let (mut row2, mut row3) = (S::zero(), S::zero());
+            for j in 0..5 {
+                let u = self.stages[j].as_ref()[c];
+                row2 = S::splat(DENSE[0][j]).mul_add(u, row2);
+                row3 = S::splat(DENSE[1][j]).mul_add(u, row3);
+            }
+            let tail = row3.mul_add(r, row2);
+            out[c] = r.mul_add(tail.mul_add(q, x1[c]), x0[c] * q);
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! The semi-implicit (symplectic) Euler method, order 1 (Hairer, Lubich and Wanner, Geometric Numerical Integration, I.1.4):
+//!
+//! `v += h v'(t, q, v)`, then `q += h v` with the new `v`; every other component as in the explicit method.
+//!
+//! The system says which component is the rate of which: [`System::rate_of`].
+
+use super::{Buffer, FixedStep, System};
+use crate::error::{Error, Result};
+use crate::scalar::Real;
+
+pub struct SemiImplicit<B, U> {
+    k: B,
+    u: U,
+    /// `(position, its rate)`
+    pairs: Vec<(usize, usize)>,
+}
+
+impl<B: Clone, U: Clone> SemiImplicit<B, U> {
+    /// Refuses a system of whose components none is the rate of another.
+    pub fn new<S, F>(system: &F, state: B, input: U) -> Result<Self>
+    where
+        S: Real,
+        F: System<S, Input = U>,
+        B: Buffer<S>,
+    {
+        let n = state.as_ref().len();
+        let pairs: Vec<_> = (0..n).filter_map(|i| system.rate_of(i).map(|k| (i, k))).collect();
+        if pairs.is_empty() {
+            let problem = "is semi_implicit: expected a system with positions and velocities, got one that names none";
+            return Err(Error::input("method", problem));
+        }
+        Ok(SemiImplicit { k: state, u: input, pairs })
+    }
+}
+
+impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for SemiImplicit<B, F::Input> {
+    #[inline(always)]
+    fn step(&mut self, system: &mut F, t: f64, h: f64, _end: f64, x: &mut B) {
+        let (x, k) = (x.as_mut(), self.k.as_mut());
+        system.anchor(x);
+        system.input(t, &mut self.u);
+        system.rhs(&self.u, x, k);
+        // The positions' own slopes are the old velocities.
+        for &(position, _) in &self.pairs {
+            k[position] = S::zero();
+        }
+        for i in 0..x.len() {
+            x[i] = S::splat(h).mul_add(k[i], x[i]);
+        }
+        for &(position, rate) in &self.pairs {
+            x[position] = S::splat(h).mul_add(x[rate], x[position]);
+        }
+    }
+
+    fn restart(&mut self) {}
+}

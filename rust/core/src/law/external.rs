@@ -1,0 +1,73 @@
+//! A law from outside: any function of time, the measured state and nothing else, asked at samples.
+
+use super::{Law, Term};
+use crate::dynamics::Model;
+use crate::plant::PlantKind;
+use crate::scalar::Real;
+use std::sync::Arc;
+
+/// `call(t, x, tau)`; `false` where it has no answer, which ends the run.
+pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
+
+#[derive(Clone)]
+pub struct ExternalSpec {
+    pub model: Model,
+    pub plant: PlantKind,
+    pub call: Call,
+}
+
+impl std::fmt::Debug for ExternalSpec {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ExternalSpec({:?}, {:?})", self.model, self.plant)
+    }
+}
+
+impl PartialEq for ExternalSpec {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.call, &other.call)
+    }
+}
+
+impl ExternalSpec {
+    /// The torque is all there is to say of it.
+    pub fn terms(&self, t: f64, x: &[f64]) -> Vec<Term> {
+        let mut tau = vec![0.0; self.model.n()];
+        if !(self.call)(t, x, &mut tau) {
+            tau.fill(f64::NAN);
+        }
+        vec![("tau", vec![tau.len()], tau)]
+    }
+}
+
+/// The law in a loop of one run.
+pub struct External {
+    call: Call,
+    t: f64,
+    x: Vec<f64>,
+    tau: Vec<f64>,
+}
+
+impl External {
+    pub fn new(spec: &ExternalSpec) -> Self {
+        let n = spec.model.n();
+        External { call: spec.call.clone(), t: 0.0, x: vec![0.0; spec.plant.states(n)], tau: vec![0.0; n] }
+    }
+}
+
+impl<S: Real> Law<S> for External {
+    fn at(&mut self, t: f64) {
+        self.t = t;
+    }
+
+    fn evaluate(&mut self, _: &[S], _: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+        for (to, from) in self.x.iter_mut().zip(x) {
+            *to = from.lane(0);
+        }
+        if !(self.call)(self.t, &self.x, &mut self.tau) {
+            self.tau.fill(f64::NAN);
+        }
+        for (to, &from) in tau.iter_mut().zip(&self.tau) {
+            *to = S::splat(from);
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The clock of a sampled loop as it runs: which sample a time belongs to, what the law answered there, and which answer acts.
+
+use super::sampling::{CHANNELS, Sampling};
+use crate::scalar::Real;
+
+/// A time this close to an instant, in periods, is that instant.
+const ON_TIME: f64 = 1e-9;
+/// Answers kept: a faulty block of steps is run again from its start, whose input must still be known.
+const KEPT: usize = 64;
+
+/// One sample: what was measured, and the law's answer to it.
+#[derive(Clone, Debug)]
+struct Entry<S> {
+    index: u64,
+    measured: Vec<S>,
+    tau: Vec<S>,
+    dz: Vec<S>,
+}
+
+#[derive(Clone, Debug)]
+pub struct Sampler<S> {
+    sampling: Sampling,
+    /// One per lane.
+    seeds: Vec<u64>,
+    /// Steps of a fixed-step method, to which lateness is rounded; 0 for an adaptive one.
+    grid: f64,
+    ring: Vec<Entry<S>>,
+    delayed: u64,
+}
+
+impl<S: Real> Sampler<S> {
+    pub fn new(sampling: Sampling, seeds: Vec<u64>, grid: f64, (states, n, p): (usize, usize, usize)) -> Self {
+        let delayed = (sampling.delay / sampling.period).ceil() as u64;
+        let kept = KEPT + delayed as usize + sampling.sensor_delay;
+        let zeros = |k: usize| vec![S::zero(); k];
+        let entry = Entry { index: u64::MAX, measured: zeros(states), tau: zeros(n), dz: zeros(p) };
+        Sampler { ring: vec![entry; kept], sampling, seeds, grid, delayed }
+    }
+
+    fn instant(&self, k: u64) -> f64 {
+        self.sampling.instant(self.seeds[0], k, self.grid)
+    }
+
+    /// The last sample taken at or before `t`; `None` before the first.
+    fn last_sample(&self, t: f64) -> Option<u64> {
+        let slack = ON_TIME * self.sampling.period;
+        let k = ((t + slack) / self.sampling.period).floor().max(0.0) as u64;
+        if self.instant(k) <= t + slack { Some(k) } else { k.checked_sub(1) }
+    }
+
+    /// The sample whose answer acts at `t`.
+    fn acting(&self, t: f64) -> Option<u64> {
+        self.last_sample(t - self.sampling.delay)
+    }
+
+    /// The sample to take at `t`, if one falls there.
+    fn due(&self, t: f64) -> Option<u64> {
+        let k = self.last_sample(t)?;
+        ((self.instant(k) - t).abs() <= ON_TIME * self.sampling.period).then_some(k)
+    }
+
+    fn slot(&self, k: u64) -> usize {
+        (k % self.ring.len() as u64) as usize
+    }
+
+    /// At time `t` and plant state `x`: take the sample that is due, let the answer act that is due.
+    /// `law(measured, tau, dz)` is asked where a sample is taken; `tau` and `dz` are what acts from now on.
+    pub fn run(&mut self, t: f64, x: &[S], n: usize, mut law: impl FnMut(&[S], &mut [S], &mut [S]), tau: &mut [S], dz: &mut [S]) {
+        if let Some(k) = self.due(t) {
+            let slot = self.slot(k);
+            let mut entry =
+                std::mem::replace(&mut self.ring[slot], Entry { index: k, measured: Vec::new(), tau: Vec::new(), dz: Vec::new() });
+            entry.index = k;
+            self.measure(k, x, n, &mut entry.measured);
+            let seen = k.saturating_sub(self.sampling.sensor_delay as u64);
+            if seen == k {
+                law(&entry.measured, &mut entry.tau, &mut entry.dz);
+            } else {
+                let old = self.slot(seen);
+                law(&self.ring[old].measured, &mut entry.tau, &mut entry.dz);
+            }
+            self.limit_rate(k, &mut entry.tau);
+            self.ring[slot] = entry;
+        }
+        if let Some(k) = self.acting(t) {
+            let entry = &self.ring[self.slot(k)];
+            if entry.index == k {
+                tau.copy_from_slice(&entry.tau);
+                dz.copy_from_slice(&entry.dz);
+            }
+        } else {
+            // Nothing has reached the plant yet.
+            tau.fill(S::zero());
+            dz.fill(S::zero());
+        }
+    }
+
+    fn measure(&self, k: u64, x: &[S], n: usize, measured: &mut [S]) {
+        for (at, (to, from)) in measured.iter_mut().zip(x).enumerate() {
+            let channel = at / n;
+            if channel >= CHANNELS.len() || (self.sampling.noise[channel] == 0.0 && self.sampling.resolution[channel] == 0.0) {
+                *to = *from;
+            } else {
+                *to = S::from_lanes(|lane| self.sampling.measure(self.seeds[lane], k, channel, at % n, from.lane(lane)));
+            }
+        }
+    }
+
+    fn limit_rate(&self, k: u64, tau: &mut [S]) {
+        let Some(before) = k.checked_sub(1).filter(|_| self.sampling.rate_limit.is_finite()) else { return };
+        let entry = &self.ring[self.slot(before)];
+        if entry.index != before {
+            return;
+        }
+        let most = S::splat(self.sampling.rate_limit * self.sampling.period);
+        for (tau, &last) in tau.iter_mut().zip(&entry.tau) {
+            let (high, low) = (last + most, last - most);
+            // A NaN passes, as it must.
+            *tau = S::select(high.lt(*tau), high, S::select(tau.lt(low), low, *tau));
+        }
+    }
+
+    /// All instants inside a run: samples and the moments at which their answers act, increasing.
+    pub fn instants(&self, t_end: f64) -> Vec<f64> {
+        let samples = (t_end / self.sampling.period).ceil() as u64 + 1;
+        let mut all: Vec<f64> =
+            (0..samples + self.delayed).flat_map(|k| [self.instant(k), self.instant(k) + self.sampling.delay]).collect();
+        all.retain(|&t| t > 0.0 && t < t_end);
+        all.sort_by(f64::total_cmp);
+        all.dedup_by(|a, b| (*a - *b).abs() <= ON_TIME * self.sampling.period);
+        all
+    }
+}

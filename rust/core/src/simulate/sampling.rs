@@ -1,0 +1,146 @@
+//! A controller on a clock: when it looks, what it sees, and when its answer reaches the plant.
+//!
+//! Sample `k` is taken at `t_k = k T + j_k`, `j_k` uniform in [0, jitter]; what was measured `sensor_delay` samples before
+//! is what the law sees, with noise and in steps of the encoders' resolution; its answer acts from `t_k + delay` on, its rate
+//! of change limited. Every random number is a function of seed, sample and channel alone (splitmix64; Steele, Lea and
+//! Flood 2014): a run repeats to the bit, and so does one that is taken up again in the middle.
+
+use crate::error::{Error, Result, positive};
+
+/// What is measured of a plant, in the order of its state.
+pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sampling {
+    /// `T`, s.
+    pub period: f64,
+    /// From a sample to the moment its answer acts, s.
+    pub delay: f64,
+    /// Largest lateness of a sample, s.
+    pub jitter: f64,
+    /// Samples between what is measured and what the law sees.
+    pub sensor_delay: usize,
+    /// Standard deviation of the noise of each channel, in its unit.
+    pub noise: [f64; 4],
+    /// Step of each channel; 0 for none.
+    pub resolution: [f64; 4],
+    /// Largest change of the input per second; infinite for none.
+    pub rate_limit: f64,
+    pub seed: u64,
+}
+
+impl Sampling {
+    /// A perfect controller of this period.
+    pub fn every(period: f64) -> Self {
+        Sampling {
+            period,
+            delay: 0.0,
+            jitter: 0.0,
+            sensor_delay: 0,
+            noise: [0.0; 4],
+            resolution: [0.0; 4],
+            rate_limit: f64::INFINITY,
+            seed: 0,
+        }
+    }
+
+    pub fn validate(&self) -> Result<()> {
+        positive("sample_time", self.period)?;
+        let nonnegative = |name: &str, x: f64| {
+            if x >= 0.0 && x.is_finite() {
+                return Ok(());
+            }
+            Err(Error::input(name, format!("is negative or not finite: expected a number >= 0, got {x}")))
+        };
+        nonnegative("delay", self.delay)?;
+        nonnegative("jitter", self.jitter)?;
+        if self.jitter >= self.period {
+            return Err(Error::input("jitter", format!("is not below the period: expected < {}, got {}", self.period, self.jitter)));
+        }
+        for (name, values) in [("noise", self.noise), ("resolution", self.resolution)] {
+            for (channel, x) in CHANNELS.iter().zip(values) {
+                nonnegative(&format!("{name}[{channel:?}]"), x)?;
+            }
+        }
+        if !(self.rate_limit > 0.0) {
+            return Err(Error::input("rate_limit", format!("is not positive: expected > 0, got {}", self.rate_limit)));
+        }
+        Ok(())
+    }
+
+    /// Whether all it does is to hold the law's answer.
+    pub fn is_plain(&self) -> bool {
+        *self == Sampling { seed: self.seed, ..Sampling::every(self.period) }
+    }
+
+    /// When sample `k` is taken; `grid > 0` rounds its lateness down to whole steps of that size.
+    pub fn instant(&self, seed: u64, k: u64, grid: f64) -> f64 {
+        let late = if self.jitter > 0.0 { self.jitter * uniform(seed, k, JITTER) } else { 0.0 };
+        let late = if grid > 0.0 { (late / grid).floor() * grid } else { late };
+        k as f64 * self.period + late
+    }
+
+    /// The measurement of entry `i` of channel `channel` at sample `k`.
+    pub fn measure(&self, seed: u64, k: u64, channel: usize, i: usize, x: f64) -> f64 {
+        let noise = self.noise[channel];
+        let x = if noise > 0.0 { x + noise * gaussian(seed, k, (4 * i + channel) as u64) } else { x };
+        let step = self.resolution[channel];
+        if step > 0.0 { (x / step).round() * step } else { x }
+    }
+}
+
+/// The channel of lateness, apart from every measured one.
+const JITTER: u64 = u64::MAX;
+
+/// A well-mixed 64-bit number of `seed`, `k` and `channel`.
+fn mixed(seed: u64, k: u64, channel: u64) -> u64 {
+    let mut z = seed;
+    for word in [k, channel] {
+        z = z.wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_add(word.wrapping_mul(0xd134_2543_de82_ef95));
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^= z >> 31;
+    }
+    z
+}
+
+/// Uniform in [0, 1).
+fn uniform(seed: u64, k: u64, channel: u64) -> f64 {
+    (mixed(seed, k, channel) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Standard normal (Box and Muller 1958).
+fn gaussian(seed: u64, k: u64, channel: u64) -> f64 {
+    let (a, b) = (uniform(seed, k, 2 * channel), uniform(seed, k, 2 * channel + 1));
+    (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_has_its_moments_and_no_memory() {
+        let n = 200_000;
+        let draws: Vec<f64> = (0..n).map(|k| gaussian(7, k, 3)).collect();
+        let mean = draws.iter().sum::<f64>() / n as f64;
+        let second = draws.iter().map(|x| x * x).sum::<f64>() / n as f64;
+        let lag = draws.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / n as f64;
+        // Five standard errors: 1/sqrt(n) of mean and lag, sqrt(2/n) of the variance.
+        let error = 5.0 / (n as f64).sqrt();
+        assert!(mean.abs() < error && lag.abs() < error && (second - 1.0).abs() < 1.5 * error, "{mean} {second} {lag}");
+        assert_ne!(gaussian(7, 1, 3), gaussian(8, 1, 3));
+    }
+
+    #[test]
+    fn resolution_rounds_to_steps() {
+        let mut sampling = Sampling::every(1e-3);
+        assert!(sampling.is_plain());
+        sampling.resolution[0] = 0.1;
+        assert!(!sampling.is_plain());
+        assert!((sampling.measure(0, 0, 0, 0, 0.234) - 0.2).abs() < 1e-16);
+        assert_eq!(sampling.measure(0, 0, 1, 0, 0.234), 0.234);
+        sampling.jitter = 1e-3;
+        assert!(sampling.validate().is_err());
+    }
+}

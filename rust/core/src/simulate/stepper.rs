@@ -1,0 +1,165 @@
+//! A loop stepped by hand: one step of fixed size per call, the input from the law or from the caller.
+
+use super::closed_loop::Exogenous;
+use super::general::{Twins, Watched, close, twins};
+use super::problem::{Method, Problem};
+use crate::error::{Error, Result};
+use crate::integrate::{Euler, FixedStep, Rk4, Ros2, SemiImplicit};
+use crate::scalar::{Kernel, Real, Task, run_lanes, run_scalar};
+
+/// What a stepped loop does, on whatever number it runs.
+pub trait Stepping: Send {
+    /// Advance by one step under `tau` `(n,)`, or under the law where there is none.
+    fn step(&mut self, tau: Option<&[f64]>);
+    /// The plant's state and the law's, `(states + p,)`, into `x`; the input of the last step into `tau`.
+    fn read(&self, x: &mut [f64], tau: &mut [f64]);
+    /// Start anew at `t = 0` from `x`, `(states + p,)`.
+    fn reset(&mut self, x: &[f64]);
+    /// The number of steps taken.
+    fn steps(&self) -> u64;
+}
+
+/// The loop, its method and its state; `R` is the number whose instruction set it is compiled for.
+struct Stepper<R, S, F, M> {
+    closed: F,
+    method: M,
+    x: Vec<S>,
+    tau: Vec<S>,
+    dt: f64,
+    /// Steps per sample; 0 for a law asked in every stage.
+    hold: u64,
+    steps: u64,
+    region: std::marker::PhantomData<R>,
+}
+
+struct Step<'a, R, S, F, M>(&'a mut Stepper<R, S, F, M>, Option<&'a [f64]>);
+
+impl<R, S, F, M> Kernel for Step<'_, R, S, F, M>
+where
+    S: Real,
+    F: Watched<S>,
+    M: FixedStep<S, F, Vec<S>>,
+{
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Step(stepper, tau) = self;
+        let (t, end) = (stepper.steps as f64 * stepper.dt, (stepper.steps + 1) as f64 * stepper.dt);
+        match tau {
+            Some(tau) => {
+                for (to, &from) in stepper.tau.iter_mut().zip(tau) {
+                    *to = S::splat(from);
+                }
+                stepper.closed.drive(Some(&stepper.tau), false);
+            }
+            None => {
+                stepper.closed.drive(None, stepper.hold != 0);
+                if stepper.hold != 0 && stepper.steps.is_multiple_of(stepper.hold) {
+                    stepper.closed.sample(t, &stepper.x);
+                    stepper.method.restart();
+                }
+                let input = stepper.closed.input_at(t, &stepper.x);
+                stepper.tau.copy_from_slice(input);
+            }
+        }
+        stepper.method.step(&mut stepper.closed, t, stepper.dt, end, &mut stepper.x);
+        stepper.steps += 1;
+    }
+}
+
+impl<R, S, F, M> Stepping for Stepper<R, S, F, M>
+where
+    R: Real,
+    S: Real,
+    F: Watched<S> + Send,
+    M: FixedStep<S, F, Vec<S>> + Send,
+{
+    fn step(&mut self, tau: Option<&[f64]>) {
+        R::enter(Step(self, tau));
+    }
+
+    fn read(&self, x: &mut [f64], tau: &mut [f64]) {
+        for (to, from) in x.iter_mut().zip(&self.x) {
+            *to = from.lane(0);
+        }
+        for (to, from) in tau.iter_mut().zip(&self.tau) {
+            *to = from.lane(0);
+        }
+    }
+
+    fn reset(&mut self, x: &[f64]) {
+        for (to, &from) in self.x.iter_mut().zip(x) {
+            *to = S::splat(from);
+        }
+        self.tau.fill(S::zero());
+        self.steps = 0;
+        self.method.restart();
+    }
+
+    fn steps(&self) -> u64 {
+        self.steps
+    }
+}
+
+/// The one run of a problem, to be stepped by hand. Monitors are left out: their integrals would be the caller's to read.
+pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
+    let o = &problem.options;
+    if o.method.is_adaptive() {
+        let problem = format!("chooses its own steps: expected one of euler, semi_implicit, rk4, ros2, got {}", o.method.name());
+        return Err(Error::input("method", problem));
+    }
+    problem.validate()?;
+    Ok(if o.method == Method::Ros2 { run_lanes(Implicit(problem)) } else { run_scalar(Explicit(problem)) })
+}
+
+struct Explicit<'a>(&'a Problem<'a>);
+struct Implicit<'a>(&'a Problem<'a>);
+
+fn boxed<R, S, F, M>(problem: &Problem, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping>
+where
+    R: Real,
+    S: Real,
+    F: Watched<S> + Send + 'static,
+    M: FixedStep<S, F, Vec<S>> + Send + 'static,
+{
+    let o = &problem.options;
+    let hold = o.sampling.as_ref().map_or(0, |sampling| if sampling.is_plain() { (sampling.period / o.grid()).round() as u64 } else { 1 });
+    let tau = vec![S::zero(); problem.plant(0).n()];
+    Box::new(Stepper::<R, S, F, M> { closed, method, x, tau, dt: o.grid(), hold, steps: 0, region: std::marker::PhantomData })
+}
+
+impl Task for Explicit<'_> {
+    type Output = Box<dyn Stepping>;
+
+    fn run<S: Real>(self) -> Box<dyn Stepping> {
+        let (closed, x) = close::<S>(self.0, 0);
+        let closed = closed.into_owned();
+        let u: Exogenous<S> = closed.instant();
+        match self.0.options.method {
+            Method::Euler => {
+                let method = Euler::new(x.clone(), u);
+                boxed::<S, S, _, _>(self.0, closed, x, method)
+            }
+            Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
+                Ok(method) => boxed::<S, S, _, _>(self.0, closed, x, method),
+                Err(_) => unreachable!("plants without velocities were refused"),
+            },
+            _ => {
+                let method = Rk4::new(x.clone(), u);
+                boxed::<S, S, _, _>(self.0, closed, x, method)
+            }
+        }
+    }
+}
+
+impl Task for Implicit<'_> {
+    type Output = Box<dyn Stepping>;
+
+    fn run<V: Real>(self) -> Box<dyn Stepping> {
+        let (twins, x): (Twins<'static, V>, Vec<V::One>) = twins(self.0, 0);
+        let u = twins.system.instant();
+        let matrix = vec![V::One::zero(); x.len() * x.len()];
+        let method = Ros2::new(x.clone(), matrix, vec![0usize; x.len()], u);
+        boxed::<V, V::One, _, _>(self.0, twins, x, method)
+    }
+}

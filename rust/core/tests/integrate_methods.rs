@@ -1,0 +1,208 @@
+//! Every method of `integrate` on the same problems: order, dense output, ends, Jacobians.
+
+mod integrate_support;
+
+use armlet_core::integrate::*;
+use armlet_core::status::Status;
+use integrate_support::*;
+
+/// Slope of the last two errors as steps halve.
+fn order(error: impl Fn(f64) -> f64, h: f64) -> f64 {
+    (error(h) / error(h / 2.0)).log2()
+}
+
+fn fixed_error<P: Exact>(name: &str, t_end: f64, h: f64) -> f64 {
+    let (mut system, mut method, mut x) = (twin::<P>(), fixed::<P>(name), P::start());
+    let steps = (t_end / h).round() as usize;
+    for k in 0..steps {
+        let t = k as f64 * h;
+        method.step(&mut system, t, h, t + h, &mut x);
+    }
+    distance(&x, &P::exact(t_end))
+}
+
+/// The largest error at the ends of steps of `h`, and that of the dense output.
+fn adaptive_errors<P: Exact + 'static>(name: &str, t_end: f64, h: f64) -> (f64, f64) {
+    let mut method = adaptive::<P>(name, 1e6, 1e6);
+    let mut system = twin::<P>();
+    method.limit_step(h);
+    method.first_step(h);
+    method.begin(&mut system, 0.0, t_end, t_end).unwrap();
+    let (mut ends, mut dense, mut out) = (0.0f64, 0.0f64, P::start());
+    loop {
+        let done = method.step(&mut system).unwrap();
+        ends = ends.max(distance(method.x(), &P::exact(method.t())));
+        for k in 0..8 {
+            let t = method.t_old() + (method.t() - method.t_old()) * k as f64 / 8.0;
+            method.interpolate(&mut system, t, &mut out);
+            dense = dense.max(distance(&out, &P::exact(t)));
+        }
+        if done {
+            break;
+        }
+    }
+    assert_eq!(method.work().steps, (t_end / h).round() as u64, "{name}");
+    (ends, dense)
+}
+
+// The steps are those where the leading term of the error stands clear both of the next one and of rounding; 0.1 is the
+// width that the project asks for.
+#[test]
+fn methods_have_their_order() {
+    for (name, expected, h) in
+        [("euler", 1.0, 1.0 / 1024.0), ("semi_implicit", 1.0, 1.0 / 1024.0), ("rk4", 4.0, 1.0 / 64.0), ("ros2", 2.0, 1.0 / 512.0)]
+    {
+        if name != "semi_implicit" {
+            let found = [order(|h| fixed_error::<Circle>(name, 2.0, h), h), order(|h| fixed_error::<Riccati>(name, 2.0, h), h)];
+            assert!(found.iter().all(|p| (p - expected).abs() < 0.1), "{name}: {found:?}");
+        }
+        let found = order(|h| fixed_error::<Oscillator>(name, 2.0, h), h);
+        assert!((found - expected).abs() < 0.1, "{name}: {found}");
+    }
+    for (name, expected, h) in
+        [("dopri5", 5.0, 1.0 / 32.0), ("dop853", 8.0, 0.25), ("radau5", 5.0, 1.0 / 16.0), ("rodas4", 4.0, 1.0 / 64.0)]
+    {
+        let found = [order(|h| adaptive_errors::<Circle>(name, 2.0, h).0, h), order(|h| adaptive_errors::<Riccati>(name, 2.0, h).0, h)];
+        assert!(found.iter().all(|p| (p - expected).abs() < 0.1), "{name}: {found:?}");
+    }
+}
+
+/// The polynomial of degree d follows the solution to order d + 1 locally: the largest error falls as h^(d + 1), the method
+/// permitting.
+#[test]
+fn dense_outputs_have_their_order() {
+    for (name, expected, h) in [("dopri5", 5.0, 1.0 / 16.0), ("dop853", 8.0, 0.25), ("rodas4", 4.0, 1.0 / 64.0)] {
+        let found = order(|h| adaptive_errors::<Circle>(name, 2.0, h).1, h);
+        assert!((found - expected).abs() < 0.2, "{name}: {found}");
+    }
+}
+
+#[test]
+fn errors_fall_with_the_tolerance() {
+    for (name, _) in ADAPTIVE {
+        let mut last = f64::INFINITY;
+        for exponent in [4, 6, 8, 10] {
+            let rtol = 10f64.powi(-exponent);
+            let mut method = adaptive::<Circle>(name, rtol, rtol);
+            run(&mut method, 0.0, 10.0).unwrap();
+            let error = distance(method.x(), &Circle::exact(10.0));
+            // The global error is a modest multiple of the tolerance on this neutral problem.
+            assert!(error < 100.0 * rtol && error < last / 10.0, "{name} {rtol:e}: {error:e}");
+            last = error;
+        }
+    }
+}
+
+#[test]
+fn symplectic_euler_keeps_its_invariant() {
+    let (mut system, mut method, mut x) = (twin::<Oscillator>(), fixed::<Oscillator>("semi_implicit"), Oscillator::start());
+    let h = 0.1;
+    let invariant = |x: &[f64]| x[0] * x[0] + x[1] * x[1] - h * x[0] * x[1];
+    let before = invariant(&x);
+    for k in 0..10_000 {
+        method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
+    }
+    // Rounding of 1e4 steps.
+    assert!((invariant(&x) - before).abs() < 1e-11);
+    assert!(SemiImplicit::new::<f64, _>(&twin::<Circle>(), Circle::start(), 0.0).is_err());
+}
+
+#[test]
+fn jacobians_by_duals_match_central_differences() {
+    let (mut system, x, t, eps) = (twin::<Chain>(), Chain::start(), 0.3, 1e-6);
+    let (mut dx, mut j, mut dft) = (vec![0.0; 10], vec![0.0; 100], vec![0.0; 10]);
+    system.linearise(t, &t, &x, &mut dx, &mut j);
+    system.time_derivative(t, &t, &x, &mut dft);
+    let f = |t: f64, x: &[f64]| {
+        let mut dx = vec![0.0; 10];
+        <Chain as Problem>::f(t, x, &mut dx);
+        dx
+    };
+    assert_eq!(dx, f(t, &x));
+    for k in 0..10 {
+        let (mut up, mut down) = (x.clone(), x.clone());
+        up[k] += eps;
+        down[k] -= eps;
+        let (up, down) = (f(t, &up), f(t, &down));
+        for i in 0..10 {
+            // Rounding over eps: 1e-16 / 1e-6.
+            assert!((j[i * 10 + k] - (up[i] - down[i]) / (2.0 * eps)).abs() < 1e-8, "{i} {k}");
+        }
+    }
+    let (up, down) = (f(t + eps, &x), f(t - eps, &x));
+    for i in 0..10 {
+        assert!((dft[i] - (up[i] - down[i]) / (2.0 * eps)).abs() < 1e-8, "{i}");
+    }
+}
+
+/// `x' = -1e6 (x - cos t)` at h = 1 ms: a pole of h lambda = -1000 is gone in a few steps, and the slow solution stays.
+struct Stiff;
+impl Problem for Stiff {
+    const N: usize = 1;
+    fn f<S: armlet_core::scalar::Real>(t: S, x: &[S], dx: &mut [S]) {
+        dx[0] = S::splat(-1e6) * (x[0] - t.sin_cos().1);
+    }
+    fn start() -> Vec<f64> {
+        vec![2.0]
+    }
+}
+
+#[test]
+fn ros2_damps_what_it_cannot_resolve() {
+    let (mut system, mut method, mut x) = (twin::<Stiff>(), fixed::<Stiff>("ros2"), Stiff::start());
+    let h = 1e-3;
+    for k in 0..1000 {
+        method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
+    }
+    // The slow manifold is cos t + O(1e-6); the method adds O(h^2) = 1e-6.
+    assert!((x[0] - 1f64.cos()).abs() < 1e-5, "{}", x[0] - 1f64.cos());
+}
+
+/// A right-hand side that is not finite from some time on, or where the state is large.
+struct Bad<const KIND: u8>;
+impl<const KIND: u8> Problem for Bad<KIND> {
+    const N: usize = 2;
+    fn f<S: armlet_core::scalar::Real>(t: S, x: &[S], dx: &mut [S]) {
+        dx[0] = x[1];
+        dx[1] = -x[0];
+        match KIND {
+            0 => dx[0] = S::splat(f64::NAN),
+            1 if t.lane(0) > 0.5 => dx[1] = S::splat(f64::NAN),
+            2 if t.lane(0) > 0.5 => dx[1] = S::splat(f64::INFINITY),
+            // x = 1 / (1 - t)
+            3 => (dx[0], dx[1]) = (x[0] * x[0], S::zero()),
+            _ => {}
+        }
+    }
+    fn start() -> Vec<f64> {
+        vec![1.0, 0.0]
+    }
+}
+
+fn ends<const KIND: u8>(at: f64, allowed: &[Status]) {
+    for (name, _) in ADAPTIVE {
+        let began = std::time::Instant::now();
+        let mut method = adaptive::<Bad<KIND>>(name, 1e-8, 1e-10);
+        let status = run(&mut method, 0.0, 2.0).unwrap_err();
+        assert!(allowed.contains(&status), "{name} {KIND}: {status:?}");
+        assert!((method.t() - at).abs() < 1e-3 && method.x().iter().all(|x| x.is_finite()), "{name} {KIND}: {}", method.t());
+        assert!(began.elapsed().as_secs_f64() < 1.0, "{name} {KIND}");
+    }
+}
+
+#[test]
+fn what_is_not_finite_ends_with_a_status() {
+    ends::<0>(0.0, &[Status::Diverged]);
+    ends::<1>(0.5, &[Status::Diverged]);
+    ends::<2>(0.5, &[Status::Diverged]);
+    ends::<3>(1.0, &[Status::Diverged, Status::StepUnderflow]);
+    for (name, _) in ADAPTIVE {
+        let mut method = adaptive::<Oscillator>(name, 1e-8, 1e-10);
+        method.x_mut()[0] = f64::NAN;
+        assert_eq!(run(&mut method, 0.0, 1.0), Err(Status::Diverged), "{name}");
+        // No span is no step.
+        let mut method = adaptive::<Oscillator>(name, 1e-8, 1e-10);
+        assert_eq!(run(&mut method, 1.0, 1.0), Ok(()), "{name}");
+        assert_eq!((method.work().steps, method.x()[0]), (0, 1.0));
+    }
+}

@@ -1,0 +1,175 @@
+//! Problems with known solutions, written once for every number, and every method driven through one door.
+#![allow(dead_code)]
+
+use armlet_core::integrate::*;
+use armlet_core::scalar::{Array8, Dual8, Duals, Real};
+use armlet_core::status::Status;
+
+/// `x' = f(t, x)`.
+pub trait Problem {
+    const N: usize;
+    fn f<S: Real>(t: S, x: &[S], dx: &mut [S]);
+    fn start() -> Vec<f64>;
+    fn autonomous() -> bool {
+        false
+    }
+    fn rate_of(_i: usize) -> Option<usize> {
+        None
+    }
+}
+
+pub trait Exact: Problem {
+    fn exact(t: f64) -> Vec<f64>;
+}
+
+pub struct Of<P>(pub std::marker::PhantomData<P>);
+
+impl<P: Problem, S: Real> System<S> for Of<P> {
+    type Input = S;
+    fn input(&mut self, t: f64, u: &mut S) {
+        *u = S::splat(t);
+    }
+    fn anchor(&mut self, _: &[S]) {}
+    fn rhs(&mut self, t: &S, x: &[S], dx: &mut [S]) {
+        P::f(*t, x, dx);
+    }
+    fn rate_of(&self, i: usize) -> Option<usize> {
+        P::rate_of(i)
+    }
+}
+
+impl<P: Problem> DualSystem<Array8<false>> for Of<P> {
+    fn moving_input(&mut self, t: f64, u: &mut Dual8) {
+        *u = Dual8::seed(t, 0);
+    }
+    fn autonomous(&self) -> bool {
+        P::autonomous()
+    }
+}
+
+pub type Twin<P> = Linearised<Of<P>, Of<P>, Array8<false>, Vec<Dual8>, Dual8>;
+
+pub fn of<P: Problem>() -> Of<P> {
+    Of(std::marker::PhantomData)
+}
+
+pub fn twin<P: Problem>() -> Twin<P> {
+    Linearised::new(of(), of(), vec![Duals::splat(0.0); P::N], Duals::splat(0.0))
+}
+
+pub type Boxed<P> = Box<dyn Adaptive<f64, Twin<P>, Vec<f64>>>;
+pub const ADAPTIVE: [(&str, f64); 4] = [("dopri5", 5.0), ("dop853", 8.0), ("radau5", 5.0), ("rodas4", 4.0)];
+pub const FIXED: [(&str, f64); 3] = [("euler", 1.0), ("rk4", 4.0), ("ros2", 2.0)];
+
+pub fn adaptive<P: Problem + 'static>(name: &str, rtol: f64, atol: f64) -> Boxed<P> {
+    let tolerance = Tolerance { rtol, atol, controlled: P::N };
+    let (x, j) = (P::start(), vec![0.0; P::N * P::N]);
+    match name {
+        "dopri5" => Box::new(Dopri5::new(tolerance, x, 0.0)),
+        "dop853" => Box::new(Dop853::new(tolerance, x, 0.0)),
+        "radau5" => Box::new(Radau5::new(tolerance, x, 0.0)),
+        "rodas4" => Box::new(Rodas4::new(tolerance, x, j, vec![0; P::N], 0.0)),
+        other => panic!("{other}"),
+    }
+}
+
+pub fn fixed<P: Problem>(name: &str) -> Box<dyn FixedStep<f64, Twin<P>, Vec<f64>>> {
+    let (x, j) = (P::start(), vec![0.0; P::N * P::N]);
+    match name {
+        "euler" => Box::new(Euler::new(x, 0.0)),
+        "semi_implicit" => Box::new(SemiImplicit::new::<f64, _>(&twin::<P>(), x, 0.0).unwrap()),
+        "rk4" => Box::new(Rk4::new(x, 0.0)),
+        "ros2" => Box::new(Ros2::new(x, j, vec![0; P::N], 0.0)),
+        other => panic!("{other}"),
+    }
+}
+
+/// The end of a run and its status.
+pub fn run<P: Problem + 'static>(method: &mut Boxed<P>, t: f64, t_end: f64) -> Result<(), Status> {
+    let mut system = twin::<P>();
+    method.begin(&mut system, t, t_end, t_end)?;
+    while !method.step(&mut system)? {}
+    Ok(())
+}
+
+pub fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+/// A point on a circle at a speed that varies: not linear in time, not autonomous.
+pub struct Circle;
+impl Problem for Circle {
+    const N: usize = 2;
+    fn f<S: Real>(t: S, x: &[S], dx: &mut [S]) {
+        let speed = S::splat(1.0) + S::splat(0.5) * t.sin_cos().1;
+        dx[0] = -(x[1] * speed);
+        dx[1] = x[0] * speed;
+    }
+    fn start() -> Vec<f64> {
+        Self::exact(0.0)
+    }
+}
+impl Exact for Circle {
+    fn exact(t: f64) -> Vec<f64> {
+        let (s, c) = (t + 0.5 * t.sin()).sin_cos();
+        vec![c, s]
+    }
+}
+
+/// `x0 = 1 / (2 - t/2)` grows by its square, and `x1 = exp(sin t)` is driven through `x0`.
+pub struct Riccati;
+impl Problem for Riccati {
+    const N: usize = 2;
+    fn f<S: Real>(t: S, x: &[S], dx: &mut [S]) {
+        dx[0] = S::splat(0.5) * x[0] * x[0];
+        let one = x[0] * S::splat(-0.5).mul_add(t, S::splat(2.0));
+        dx[1] = t.sin_cos().1 * x[1] * one * one;
+    }
+    fn start() -> Vec<f64> {
+        Self::exact(0.0)
+    }
+}
+impl Exact for Riccati {
+    fn exact(t: f64) -> Vec<f64> {
+        vec![1.0 / (2.0 - 0.5 * t), t.sin().exp()]
+    }
+}
+
+/// A harmonic oscillator: position, velocity.
+pub struct Oscillator;
+impl Problem for Oscillator {
+    const N: usize = 2;
+    fn f<S: Real>(_: S, x: &[S], dx: &mut [S]) {
+        dx[0] = x[1];
+        dx[1] = -x[0];
+    }
+    fn start() -> Vec<f64> {
+        vec![1.0, 0.0]
+    }
+    fn autonomous() -> bool {
+        true
+    }
+    fn rate_of(i: usize) -> Option<usize> {
+        (i == 0).then_some(1)
+    }
+}
+impl Exact for Oscillator {
+    fn exact(t: f64) -> Vec<f64> {
+        vec![t.cos(), -t.sin()]
+    }
+}
+
+/// Ten linked decays, so that the Jacobian takes more than one sweep of duals.
+pub struct Chain;
+impl Problem for Chain {
+    const N: usize = 10;
+    fn f<S: Real>(t: S, x: &[S], dx: &mut [S]) {
+        for i in 0..10 {
+            let fed = if i == 0 { t.sin_cos().0 } else { x[i - 1] * x[i - 1] };
+            dx[i] = fed - S::splat(1.0 + i as f64) * x[i] * x[(i + 3) % 10];
+        }
+    }
+    fn start() -> Vec<f64> {
+        (0..10).map(|i| 1.0 - 0.05 * i as f64).collect()
+    }
+}

@@ -1,0 +1,106 @@
+//! A step of a closed loop allocates nothing: runs of more steps make no more allocations.
+
+use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
+use armlet_core::dynamics::{Model, PlanarPr};
+use armlet_core::law::{AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec};
+use armlet_core::motion::{Motion, Sinusoid};
+use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec};
+use armlet_core::simulate::{Force, Method, Options, Problem, Sampling, Times, simulate};
+use armlet_core::status::Status;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+struct Counting;
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call goes on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's contract is passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's contract is passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn sinusoid(n: usize) -> Motion {
+    Motion::Sinusoid(Sinusoid::new(vec![0.1; n], 1, vec![0.3; n], vec![1.5; n], vec![0.0; n]).unwrap())
+}
+
+/// Allocations of a run of `steps` steps of 1 ms that records its end alone.
+fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: Method, sample: Option<f64>, steps: usize) -> usize {
+    let n = plant.n();
+    let t_end = steps as f64 * 1e-3;
+    let options = Options {
+        t_end,
+        dt: Some(1e-3),
+        method,
+        rtol: 1e-8,
+        atol: 1e-10,
+        sampling: sample.map(Sampling::every),
+        times: Times::At(vec![t_end]),
+        tau_max: Some(vec![1e4; n]),
+        monitors: true,
+    };
+    let x0 = plant.initial_state(&vec![0.2; n], &vec![0.0; n], None, None);
+    let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.into_iter().collect(), force_frame: None, options };
+    let stop = AtomicBool::new(false);
+    let before = COUNT.load(Ordering::Relaxed);
+    let run = simulate(&problem, &stop).unwrap();
+    let count = COUNT.load(Ordering::Relaxed) - before;
+    assert_eq!(run.status, Status::Success);
+    count
+}
+
+// One test in this file: the counter is the process's.
+#[test]
+fn steps_allocate_nothing() {
+    let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
+    let pr = Model::PlanarPr(PlanarPr::new(2.0, 0.5, 0.5).unwrap());
+    let read = |name: &str| Arm::from_urdf(example_urdf(name).unwrap(), name, STANDARD_GRAVITY, None, None).unwrap();
+    let tree = |name: &str| Model::Tree(Arc::new(read(name)));
+    let adaptive = |model: &Model, diagonal: bool| {
+        let (n, p) = (model.n(), model.parameter_count());
+        let mut gamma = Gain::scalar("gamma", p, 0.1).unwrap().matrix();
+        if !diagonal {
+            (gamma[1], gamma[p]) = (0.01, 0.01);
+        }
+        let gamma = Gain::full("gamma", p, gamma).unwrap();
+        LawSpec::Adaptive(AdaptiveSpec::new(model.clone(), sinusoid(n), gain(n, 0.5), gain(n, 0.5), gamma, None).unwrap())
+    };
+    let rigid = |model: &Model| PlantSpec::Rigid(RigidSpec::new(model.clone()));
+    let (six, two) = (tree("six_axis"), tree("planar_2r"));
+    let torque = LawSpec::ComputedTorque(ComputedTorqueSpec::new(six.clone(), sinusoid(6), gain(6, 100.0), gain(6, 20.0)).unwrap());
+    let target = Motion::Hold(vec![0.4, 0.3]);
+    let frame = two.tree("arm").unwrap().frames.last().unwrap().name.clone();
+    let impedance = CartesianImpedanceSpec::new(two.clone(), target, gain(2, 200.0), gain(2, 30.0), &frame, "xy").unwrap();
+    let impedance = LawSpec::CartesianImpedance(impedance);
+    let push = Force::steps(vec![0.01], vec![[5.0, 0.0, 0.0, 0.0, 0.0, 0.0]]).unwrap();
+    let cases = [
+        ("PR, diagonal gains", rigid(&pr), adaptive(&pr, true), None),
+        ("PR, full gains", rigid(&pr), adaptive(&pr, false), None),
+        ("adaptive six axes", rigid(&six), adaptive(&six, false), None),
+        ("computed torque", rigid(&six), torque, None),
+        ("impedance under a force", rigid(&two), impedance, Some(&push)),
+    ];
+    for (what, plant, law, force) in &cases {
+        for method in [Method::Rk4, Method::Dop853] {
+            for sample in [None, Some(0.002)] {
+                let few = allocations(plant, law, *force, method, sample, 100);
+                let many = allocations(plant, law, *force, method, sample, 1000);
+                assert_eq!(few, many, "{what}, {method:?}, sampled at {sample:?}");
+                assert!(few > 0);
+            }
+        }
+    }
+    // The motors of elastic joints are part of the same loop.
+    let spec = ElasticSpec::new(two.clone(), gain(2, 800.0), gain(2, 0.2), None, None, None).unwrap();
+    assert_eq!(PlantSpec::Elastic(spec).states(), 8);
+}

@@ -1,0 +1,237 @@
+//! `armlet.Simulator`: a loop stepped by hand, its state in arrays that stay the same objects.
+
+use crate::arrays::{new_array, object, of_shape, overwrite, vector};
+use crate::errors::{Failure, entry, input_error};
+use crate::force::Raised;
+use crate::plant::Plant;
+use crate::simulate::{Given, law_of, raise};
+use armlet_core::law::{ExternalSpec, LawSpec};
+use armlet_core::plant::{PlantKind, PlantSpec};
+use armlet_core::simulate::{Problem, Stepping, stepper};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A closed loop stepped by hand: `step()` advances by `dt` under the law, `step(tau)` under an input of your own.
+///
+/// `q`, `v`, `tau` (and `theta`, `theta_dot` of elastic arms, `estimate` of laws with a state) are `(n,)` arrays that are
+/// made once and overwritten by every step: keep them, copy what must last. A loop of your own at 1 kHz costs well under a
+/// microsecond per step besides the arithmetic.
+///
+/// Args:
+///     plant: what is controlled, such as `RigidArm(arm)`.
+///     law: what controls it; None where every step is given its input.
+///     q0: initial position, `(n,)`, rad or m.
+///     dt: the step, s (keyword only).
+///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max: as for `simulate`; the method takes fixed
+///         steps: "euler", "semi_implicit", "rk4" or "ros2" (keyword only).
+///
+/// Raises:
+///     InputError: an argument is not what it should be.
+///
+/// >>> import armlet as al
+/// >>> arm = al.pendulum(1.0, 5.0)
+/// >>> sim = al.Simulator(al.RigidArm(arm), None, [0.5], dt=1e-3)
+/// >>> for _ in range(1000):
+/// ...     sim.step(5.0 * (0.2 - sim.q) - 2.0 * sim.v + arm.gravity(sim.q))
+/// >>> round(sim.t, 6), sim.q.shape
+/// (1.0, (1,))
+#[pyclass(module = "armlet")]
+pub struct Simulator {
+    /// Locked by nobody: the lock is what lets Python share the object.
+    stepping: Mutex<Box<dyn Stepping>>,
+    plant: PlantSpec,
+    dt: f64,
+    start: Vec<f64>,
+    raised: Raised,
+    has_law: bool,
+    /// The state and the input as the core gives them.
+    x: Vec<f64>,
+    input: Vec<f64>,
+    given: Vec<f64>,
+    #[pyo3(get)]
+    q: Py<PyAny>,
+    #[pyo3(get)]
+    v: Py<PyAny>,
+    #[pyo3(get)]
+    tau: Py<PyAny>,
+    #[pyo3(get)]
+    theta: Option<Py<PyAny>>,
+    #[pyo3(get)]
+    theta_dot: Option<Py<PyAny>>,
+    #[pyo3(get)]
+    estimate: Option<Py<PyAny>>,
+}
+
+const NAME: &str = "Simulator";
+
+#[pymethods]
+impl Simulator {
+    #[new]
+    #[pyo3(signature = (plant, law, q0, **keywords))]
+    fn new<'py>(
+        plant: &Bound<'py, PyAny>,
+        law: &Bound<'py, PyAny>,
+        q0: &Bound<'py, PyAny>,
+        keywords: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Self> {
+        let py = plant.py();
+        entry(py, NAME, || {
+            let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
+            let keywords = match keywords {
+                Some(keywords) => keywords.copy()?,
+                None => PyDict::new(py),
+            };
+            const KNOWN: [&str; 9] = ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max"];
+            for key in keywords.keys() {
+                let key = key.to_string();
+                if !KNOWN.contains(&key.as_str()) {
+                    return Err(input_error(py, NAME, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into());
+                }
+            }
+            for (name, value) in [("record_every", 1), ("t_end", 0)] {
+                keywords.set_item(name, value)?;
+            }
+            for (name, value) in [("rtol", 1e-8), ("atol", 1e-10)] {
+                keywords.set_item(name, value)?;
+            }
+            keywords.set_item("monitors", false)?;
+            if !keywords.contains("method")? {
+                keywords.set_item("method", "rk4")?;
+            }
+            let raised = Raised::default();
+            let has_law = !law.is_none();
+            let law = if has_law { law_of(NAME, law, &plant, &raised)? } else { idle(&plant) };
+            let given = Given { function: NAME, keywords };
+            if !has_law {
+                // Nobody is asked: the clock of a law that is not there does not matter.
+                given.keywords.set_item("sample_time", given.required("dt")?)?;
+            }
+            let n = plant.n();
+            given.required("dt")?;
+            let options = given.options(n)?;
+            let dt = options.dt.unwrap_or_default();
+            let (_, x0) = given.initial_states(&[&plant], q0, false)?;
+            let (force, force_frame) = given.force(&plant, &law, &raised)?;
+            let start: Vec<f64> = x0.iter().chain(law.initial_state()).copied().collect();
+            let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: force.iter().collect(), force_frame, options };
+            let stepping = stepper(&problem)?;
+            let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
+            let elastic = plant.kind() == PlantKind::Elastic;
+            let p = law.initial_state().len();
+            let mut simulator = Simulator {
+                stepping: Mutex::new(stepping),
+                dt,
+                raised,
+                has_law,
+                x: vec![0.0; start.len()],
+                input: vec![0.0; n],
+                given: vec![0.0; n],
+                q: array(n)?,
+                v: array(n)?,
+                tau: array(n)?,
+                theta: elastic.then(|| array(n)).transpose()?,
+                theta_dot: elastic.then(|| array(n)).transpose()?,
+                estimate: (p > 0).then(|| array(p)).transpose()?,
+                start,
+                plant,
+            };
+            simulator.show(py)?;
+            Ok(simulator)
+        })
+    }
+
+    /// Advance by `dt`: under `tau` `(n,)`, held for the step, or under the law.
+    #[pyo3(signature = (tau=None))]
+    fn step(&mut self, py: Python<'_>, tau: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        entry(py, "Simulator.step", || {
+            match tau {
+                Some(tau) => {
+                    let n = self.given.len();
+                    match of_shape(tau, &[n]) {
+                        Some(values) => self.given.copy_from_slice(values),
+                        None => self.given.copy_from_slice(&vector("Simulator.step", "tau", tau, n)?),
+                    }
+                    if let Some(i) = self.given.iter().position(|x| !x.is_finite()) {
+                        let problem = format!("is not finite: expected finite numbers, got {} (first bad index {i})", self.given[i]);
+                        return Err(input_error(py, "Simulator.step", "tau", problem).into());
+                    }
+                    self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).step(Some(&self.given));
+                }
+                None if self.has_law => self.stepping().step(None),
+                None => return Err(input_error(py, "Simulator.step", "tau", "is missing: expected (n,), since there is no law").into()),
+            }
+            raise(None, &self.raised)?;
+            self.show(py)
+        })
+    }
+
+    /// Start anew at `t = 0`, from the initial state or from `q0` and `v0`, `(n,)`; the law's own state starts anew too.
+    #[pyo3(signature = (q0=None, v0=None))]
+    fn reset(&mut self, py: Python<'_>, q0: Option<&Bound<'_, PyAny>>, v0: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        entry(py, "Simulator.reset", || {
+            let n = self.plant.n();
+            let mut start = self.start.clone();
+            if q0.is_some() || v0.is_some() {
+                let read = |name, value: Option<&Bound<'_, PyAny>>, from: &[f64]| {
+                    value.map_or_else(|| Ok(from.to_vec()), |value| vector("Simulator.reset", name, value, n))
+                };
+                let q = read("q0", q0, &self.start[..n])?;
+                let v = if self.plant.kind() == PlantKind::Velocity { Vec::new() } else { read("v0", v0, &self.start[n..2 * n])? };
+                let x = self.plant.initial_state(&q, &v, None, None);
+                start[..x.len()].copy_from_slice(&x);
+            }
+            self.stepping().reset(&start);
+            self.show(py)
+        })
+    }
+
+    /// Time, s.
+    #[getter]
+    fn t(&self) -> f64 {
+        self.stepping.lock().unwrap_or_else(PoisonError::into_inner).steps() as f64 * self.dt
+    }
+
+    /// The state as a dictionary of copies: `t`, `q`, `v`, `tau`, and what else there is.
+    #[getter]
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let state = PyDict::new(py);
+        state.set_item("t", self.t())?;
+        let some = [("theta", &self.theta), ("theta_dot", &self.theta_dot), ("estimate", &self.estimate)];
+        let all = [("q", &self.q), ("v", &self.v), ("tau", &self.tau)];
+        for (name, array) in all.into_iter().chain(some.into_iter().filter_map(|(name, array)| Some((name, array.as_ref()?)))) {
+            state.set_item(name, array.call_method0(py, "copy")?)?;
+        }
+        Ok(state)
+    }
+}
+
+impl Simulator {
+    fn stepping(&mut self) -> &mut dyn Stepping {
+        self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).as_mut()
+    }
+
+    /// Write the state into the arrays.
+    fn show(&mut self, py: Python<'_>) -> Result<(), Failure> {
+        self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).read(&mut self.x, &mut self.input);
+        let (n, kind) = (self.plant.n(), self.plant.kind());
+        let states = kind.states(n);
+        overwrite(self.q.bind(py), &self.x[..n])?;
+        overwrite(self.v.bind(py), if kind == PlantKind::Velocity { &self.input } else { &self.x[n..2 * n] })?;
+        overwrite(self.tau.bind(py), &self.input)?;
+        if let (Some(theta), Some(theta_dot)) = (&self.theta, &self.theta_dot) {
+            overwrite(theta.bind(py), &self.x[2 * n..3 * n])?;
+            overwrite(theta_dot.bind(py), &self.x[3 * n..4 * n])?;
+        }
+        if let Some(estimate) = &self.estimate {
+            overwrite(estimate.bind(py), &self.x[states..])?;
+        }
+        Ok(())
+    }
+}
+
+/// No law: every step is given its input.
+fn idle(plant: &PlantSpec) -> LawSpec {
+    let call = Arc::new(|_: f64, _: &[f64], _: &mut [f64]| false);
+    LawSpec::External(ExternalSpec { model: plant.model().clone(), plant: plant.kind(), call })
+}
