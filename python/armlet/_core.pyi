@@ -594,3 +594,99 @@ class TimedPath(Motion):
     def s_dot(self) -> _Array: ...
     @property
     def t(self) -> _Array: ...
+
+# elastic joints
+@final
+class ElasticImpedance(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        target: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        *,
+        frame: str,
+        axes: str | None = None,
+        motor_damping: ArrayLike | None = None,
+        damping_ratio: float | None = None,
+        relative_damping: bool = False,
+    ) -> Self: ...
+
+@final
+class ElasticTracking(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        motion: Motion,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        *,
+        frame: str,
+        axes: str | None = None,
+        motor_damping: ArrayLike | None = None,
+        damping_ratio: float | None = None,
+        relative_damping: bool = False,
+    ) -> Self: ...
+
+@final
+class JointImpedance(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        target: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        *,
+        motor_damping: ArrayLike | None = None,
+        damping_ratio: float | None = None,
+        relative_damping: bool = False,
+    ) -> Self: ...
+
+@final
+class MotorPD(Law):
+    def __new__(
+        cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike, joint_stiffness: ArrayLike, *, online: bool = False
+    ) -> Self: ...
+
+@final
+class StateFeedback(Law):
+    def __new__(
+        cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike, kt: ArrayLike, ks: ArrayLike, joint_stiffness: ArrayLike
+    ) -> Self: ...
+
+def equilibrium(plant: Plant, law: Law, force: ArrayLike | None, q0: ArrayLike, force_frame: str | None) -> dict[str, Any]: ...
+def elastic_limits(
+    plant: Plant,
+    law: Law,
+    force: ArrayLike | None,
+    q0: ArrayLike,
+    force_frame: str | None,
+    sample_time: float | None,
+    sensor_bandwidth: float | None,
+) -> dict[str, Any]: ...
+def smallest_reduced_inertia(
+    motor_inertia: ArrayLike,
+    joint_stiffness: ArrayLike,
+    sample_time: ArrayLike,
+    *,
+    damping_ratio: ArrayLike | None = None,
+    sensor_bandwidth: ArrayLike | None = None,
+) -> _Array: ...
+def stiffness_limit(
+    mass: ArrayLike,
+    joint_stiffness: ArrayLike,
+    reduced_inertia: ArrayLike,
+    damping: ArrayLike,
+    *,
+    motor_damping: ArrayLike | None = None,
+) -> _Array: ...
+def damping_from_ratio(inertia: ArrayLike, stiffness: ArrayLike, ratio: float) -> _Array: ...

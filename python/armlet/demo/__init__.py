@@ -14,7 +14,7 @@ from .report import Check, Report
 
 __all__ = ["SYSTEMS", "Check", "Report", "demonstrate"]
 
-SYSTEMS = ("adaptive", "priority", "mintime")
+SYSTEMS = ("adaptive", "priority", "elastic", "mintime")
 
 
 def demonstrate(out: Path, *, figures: bool = True) -> Report:

@@ -68,6 +68,20 @@ impl<'py> Given<'py> {
         Ok((name, axes, rows))
     }
 
+    /// One number.
+    pub fn number(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<f64, Failure> {
+        let x = crate::arrays::number(self.function, name, value)?;
+        require_finite(value.py(), self.function, name, &[], &[x])?;
+        self.plain(name, value);
+        Ok(x)
+    }
+
+    pub fn flag(&mut self, name: &'static str, value: bool) -> Result<(), Failure> {
+        let kept = value.into_pyobject(self.arm.py()).map_err(PyErr::from)?.to_owned();
+        self.plain(name, kept.as_any());
+        Ok(())
+    }
+
     /// Text or a flag, kept as it is.
     pub fn plain(&mut self, name: &'static str, value: &Bound<'py, PyAny>) {
         self.arguments.push((name, value.clone().unbind()));
@@ -86,7 +100,7 @@ impl<'py> Given<'py> {
 }
 
 /// A gain as the user gives it: a scalar, `(n,)` or `(n, n)`.
-fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Gain, Failure> {
+pub fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Gain, Failure> {
     let (shape, values) = numbers(function, name, value)?;
     require_finite(value.py(), function, name, &shape, &values)?;
     match shape.as_slice() {

@@ -2,6 +2,7 @@
 
 mod arm;
 mod arrays;
+mod elastic;
 mod errors;
 mod force;
 mod given;
@@ -25,9 +26,14 @@ mod _core {
         _restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr, project_parameters,
     };
     #[pymodule_export]
+    use super::elastic::{damping_from_ratio, elastic_limits, equilibrium, smallest_reduced_inertia, stiffness_limit};
+    #[pymodule_export]
     use super::integrate::{Stepper, integrate};
     #[pymodule_export]
-    use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity};
+    use super::law::{
+        Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, JointImpedance, Law, MotorPD, PDGravity,
+        StateFeedback,
+    };
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]

@@ -1,6 +1,7 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
 use crate::arrays::{any_vector, count, number, numbers, object, optional_number, require_finite, shown, text, vector};
+use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;
@@ -264,6 +265,7 @@ pub fn simulate<'py>(
         let (_, x0) = given.initial_states(&[plant], q0, false)?;
         let (force, force_frame) = given.force(plant, law, &raised)?;
         let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options };
+        warn_of_sampling(py, NAME, &problem)?;
         let mut signal = None;
         let run = {
             let mut poll = listen(&mut signal);
@@ -341,6 +343,7 @@ pub fn simulate_batch<'py>(
         }
         let p = laws[0].initial_state().len();
         let problem = Problem { plants, laws, x0, forces: force.iter().collect(), force_frame, options };
+        warn_of_sampling(py, NAME, &problem)?;
         let mut signal = None;
         let batch = {
             let mut poll = listen(&mut signal);

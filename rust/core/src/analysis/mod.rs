@@ -1,7 +1,10 @@
-//! What is asked of an arm or a loop beside running it: linearisation, base parameters, physical consistency,
-//! identification.
+//! What can be said of an arm and of a closed loop without running it: linearisation, base parameters, physical
+//! consistency, identification, equilibria and limits.
 
 pub mod base_parameters;
 pub mod consistency;
+pub mod elastic_limits;
+pub mod equilibrium;
 pub mod identification;
 pub mod linearisation;
+pub mod loop_slope;

@@ -64,6 +64,7 @@ impl Definition for CartesianImpedanceSpec {
             jacobian: zeros(m * n),
             e: zeros(m),
             slip: zeros(m),
+            spring: zeros(m),
             force: zeros(m),
         }
     }
@@ -105,6 +106,9 @@ pub struct CartesianImpedance<S: Real> {
     pub(super) e: Vec<S>,
     /// `x_d' - x'`
     pub(super) slip: Vec<S>,
+    /// `K_m e`
+    spring: Vec<S>,
+    /// `K_m e + D_m (x_d' - x')`
     force: Vec<S>,
 }
 
@@ -115,13 +119,32 @@ impl<S: Real> CartesianImpedance<S> {
     }
 }
 
+impl<S: Real> CartesianImpedance<S> {
+    /// `x_dot.(force) + (x_d' - x_dot).K_m e`, as of the last evaluation: what the law's spring takes and its damper loses,
+    /// `-x_dot'D_m x_dot` for a target at rest.
+    #[inline(always)]
+    pub(super) fn power(&self, x: &[S]) -> S {
+        let (m, n) = (self.e.len(), self.jacobian.len() / self.e.len());
+        let mut sum = S::zero();
+        for k in 0..m {
+            let mut rate = S::zero();
+            for i in 0..n {
+                rate = self.jacobian[k * n + i].mul_add(x[n + i], rate);
+            }
+            sum = rate.mul_add(self.force[k], sum);
+            sum = self.slip[k].mul_add(self.spring[k], sum);
+        }
+        sum
+    }
+}
+
 impl<S: Real> Law<S> for CartesianImpedance<S> {
     #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = (&x[..n], &x[n..2 * n]);
         self.arm.gravity(&mut self.workspace, trig, q, tau);
-        let CartesianImpedance { arm, workspace, coordinates, full, jacobian, e, slip, force, stiffness, damping } = self;
+        let CartesianImpedance { arm, workspace, coordinates, full, jacobian, e, slip, spring, force, stiffness, damping } = self;
         arm.error_and_jacobian(workspace, coordinates, full, trig, q, &desired[..m], e, jacobian);
         for k in 0..m {
             let mut rate = desired[m + k];
@@ -130,7 +153,8 @@ impl<S: Real> Law<S> for CartesianImpedance<S> {
             }
             slip[k] = rate;
         }
-        stiffness.multiply(e, force);
+        stiffness.multiply(e, spring);
+        force.copy_from_slice(spring);
         damping.add_to(slip, force);
         for i in 0..n {
             for k in 0..m {

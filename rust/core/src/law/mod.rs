@@ -5,17 +5,27 @@
 mod adaptive;
 mod cartesian_impedance;
 mod computed_torque;
+mod elastic_impedance;
 mod evaluator;
 mod external;
+mod inertia_reduction;
+mod joint_impedance;
+mod motor_regulation;
 mod pd_gravity;
+mod sampled_reduction;
 
 pub use crate::linalg::gain::Gain;
 pub use adaptive::{Adaptive, AdaptiveSpec};
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
+pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
+pub use inertia_reduction::{Reduction, ReductionSpec};
+pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
+pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
+pub use sampled_reduction::LockedMotors;
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
@@ -85,6 +95,10 @@ pub enum LawSpec {
     ComputedTorque(ComputedTorqueSpec),
     PdGravity(PdGravitySpec),
     CartesianImpedance(CartesianImpedanceSpec),
+    ElasticImpedance(ElasticImpedanceSpec),
+    JointImpedance(JointImpedanceSpec),
+    MotorPd(MotorPdSpec),
+    StateFeedback(StateFeedbackSpec),
     /// A function from outside, asked at samples.
     External(ExternalSpec),
 }
@@ -98,6 +112,10 @@ macro_rules! each {
             LawSpec::ComputedTorque($law) => $body,
             LawSpec::PdGravity($law) => $body,
             LawSpec::CartesianImpedance($law) => $body,
+            LawSpec::ElasticImpedance($law) => $body,
+            LawSpec::JointImpedance($law) => $body,
+            LawSpec::MotorPd($law) => $body,
+            LawSpec::StateFeedback($law) => $body,
         }
     };
 }
@@ -151,18 +169,56 @@ impl LawSpec {
     pub fn coordinates(&self) -> Option<&crate::kinematics::Coordinates> {
         match self {
             LawSpec::CartesianImpedance(law) => Some(&law.coordinates),
+            LawSpec::ElasticImpedance(law) => Some(&law.outer.coordinates),
             _ => None,
         }
     }
 
+    /// The motor-inertia reduction inside, for a law that has one.
+    pub fn reduction(&self) -> Option<&ReductionSpec> {
+        match self {
+            LawSpec::ElasticImpedance(law) => Some(&law.inner),
+            LawSpec::JointImpedance(law) => Some(&law.inner),
+            _ => None,
+        }
+    }
+
+    /// The law of links alone that asks for the joint torque: the outer loop, or a law of rigid arms that stands on a spring.
+    pub fn outer(&self) -> Option<LawSpec> {
+        match self {
+            LawSpec::ElasticImpedance(law) => Some(LawSpec::CartesianImpedance(law.outer.clone())),
+            LawSpec::JointImpedance(law) => Some(LawSpec::PdGravity(law.outer.clone())),
+            LawSpec::CartesianImpedance(_) | LawSpec::PdGravity(_) => Some(self.clone()),
+            _ => None,
+        }
+    }
+
+    /// The same law with its Cartesian stiffness times `kappa`; `None` for a law without one.
+    pub fn with_stiffness(&self, kappa: f64) -> Option<LawSpec> {
+        let mut law = self.clone();
+        let outer = match &mut law {
+            LawSpec::ElasticImpedance(law) => &mut law.outer,
+            LawSpec::CartesianImpedance(law) => law,
+            _ => return None,
+        };
+        outer.stiffness = outer.stiffness.scaled(kappa);
+        Some(law)
+    }
+
     /// Whether the law has a storage function of its own on this plant.
-    pub fn has_storage(&self, _plant: &PlantSpec) -> bool {
-        false
+    pub fn has_storage(&self, plant: &PlantSpec) -> bool {
+        match self {
+            LawSpec::ElasticImpedance(law) => law.has_storage(plant),
+            _ => false,
+        }
     }
 
     /// That storage function at plant state `x`.
-    pub fn storage(&self, _t: f64, _x: &[f64], _plant: &PlantSpec) -> Option<f64> {
-        None
+    pub fn storage(&self, t: f64, x: &[f64], plant: &PlantSpec) -> Option<f64> {
+        match self {
+            LawSpec::ElasticImpedance(law) => Some(law.storage(t, x, plant)),
+            _ => None,
+        }
     }
 
     /// Whether both can run side by side in lanes.
@@ -186,7 +242,7 @@ impl LawSpec {
                 }
             };
         }
-        gather!(Adaptive ComputedTorque PdGravity CartesianImpedance)
+        gather!(Adaptive ComputedTorque PdGravity CartesianImpedance ElasticImpedance JointImpedance MotorPd StateFeedback)
     }
 }
 

@@ -72,6 +72,16 @@ impl Gain {
         (0..self.n).map(|i| (0..self.n).map(|j| self.at(i, j) * x[j]).sum()).collect()
     }
 
+    /// `k self`.
+    pub fn scaled(&self, k: f64) -> Gain {
+        Gain::unchecked(self.n, self.values.iter().map(|x| k * x).collect())
+    }
+
+    /// `x' self x`.
+    pub fn form(&self, x: &[f64]) -> f64 {
+        self.times(x).iter().zip(x).map(|(y, x)| y * x).sum()
+    }
+
     /// `self^-1`.
     pub fn inverse(&self) -> Gain {
         self.solve(&Gain::unchecked(self.n, vec![1.0; self.n]))

@@ -5,11 +5,14 @@
 
 pub mod cholesky;
 pub mod clamp;
+pub mod eigenvalues;
+pub mod exponential;
 pub mod gain;
 pub mod householder;
 pub mod lu;
 pub mod null_basis;
 pub mod pinv;
+pub mod ratio_damping;
 pub mod svd;
 pub mod symmetric_eigen;
 
@@ -17,6 +20,7 @@ pub use clamp::{clamp_gain, clamp_remainder};
 pub use gain::{AnyGain, Gain};
 pub use null_basis::null_basis;
 pub use pinv::pinv;
+pub use ratio_damping::ratio_damping;
 pub use svd::Svd;
 pub use symmetric_eigen::symmetric_eigen;
 

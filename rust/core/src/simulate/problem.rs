@@ -8,7 +8,7 @@ use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
-use crate::law::LawSpec;
+use crate::law::{LawSpec, LockedMotors};
 use crate::plant::{PlantKind, PlantSpec, RigidSpec};
 use crate::scalar::{run_lanes, run_scalar};
 
@@ -269,6 +269,30 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
+    /// The sample time at which the motor loop of the first run becomes unstable with locked links; `None` without one.
+    pub fn sample_time_limit(&self) -> Option<f64> {
+        match (self.plants.first()?, self.laws.first()?.reduction()?) {
+            (PlantSpec::Elastic(plant), law) => Some(LockedMotors::new(plant, law, f64::INFINITY).largest_sample_time()),
+            _ => None,
+        }
+    }
+
+    /// Refuse a sample time that no motor loop stands.
+    fn validate_motor_loops(&self, period: f64) -> Result<()> {
+        for run in 0..self.plants.len().max(self.laws.len()) {
+            let (PlantSpec::Elastic(plant), Some(law)) = (self.plant(run), self.law(run).reduction()) else { continue };
+            let motors = LockedMotors::new(plant, law, f64::INFINITY);
+            // Islands of stability beyond the first limit are no place to be.
+            let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.largest_sample_time() } else { f64::INFINITY };
+            if period >= limit {
+                let problem =
+                    format!("is too large for the motor loop: expected below {limit:.6e} s, where it becomes unstable, got {period:e}");
+                return Err(Error::input("sample_time", if run == 0 { problem } else { format!("{problem} (first bad index {run})") }));
+            }
+        }
+        Ok(())
+    }
+
     /// Refuse what can't be run; the division of time of what can.
     pub fn validate(&self) -> Result<Division> {
         let o = &self.options;
@@ -283,6 +307,7 @@ impl<'a> Problem<'a> {
         }
         if let Some(sampling) = &o.sampling {
             sampling.validate()?;
+            self.validate_motor_loops(sampling.period)?;
         }
         let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
         breaks.extend(self.forces.iter().flat_map(|force| force.breaks()));

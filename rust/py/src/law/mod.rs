@@ -1,7 +1,9 @@
 //! `armlet.Law`, the base of all laws, and what their constructors share.
 
+mod elastic;
 mod rigid;
 
+pub use elastic::{ElasticImpedance, ElasticTracking, JointImpedance, MotorPD, StateFeedback};
 pub use rigid::{Adaptive, CartesianImpedance, ComputedTorque, PDGravity};
 
 use crate::arm::Arm;

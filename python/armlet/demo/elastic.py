@@ -1,0 +1,348 @@
+"""System 3: Cartesian impedance of a 2R arm with elastic joints, by motor-inertia reduction.
+
+    M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
+    tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
+
+Vertical plane, gravity along -y. At rest x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, where x_E is reachable and regular.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import armlet as al
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from .report import Report
+
+TITLE = "System 3: elastic joints, motor-inertia reduction and Cartesian impedance"
+
+Array: TypeAlias = NDArray[np.float64]
+
+K_J, B, B0 = np.array([800.0, 500.0]), np.array([0.4, 0.25]), np.array([0.02, 0.0125])
+K_M, D_M = np.array([300.0, 200.0]), np.array([40.0, 30.0])
+X_D = np.array([0.505963125229884173856431054358, 0.546758097972291559929349721299])
+Q0, FORCE = (0.3, 1.2), np.array([10.0, -15.0])
+FRAME: dict[str, Any] = {"frame": "link2", "axes": "xy"}
+TIGHT: dict[str, Any] = {"method": "dop853", "rtol": 1e-12, "atol": 1e-12}
+
+# t: (q, v, theta, theta_dot) under FORCE from rest in Q0, integrated with 25 digits and rounded to 13.
+ORACLE = {
+    0.02: (
+        0.2982878554708,
+        1.195994818169,
+        -0.1771066593904,
+        -0.2724533555989,
+        0.3251381279686,
+        1.203496474677,
+        0.2587096022862,
+        0.09948210081598,
+    ),
+    0.1: (
+        0.2702200829591,
+        1.194479170599,
+        -0.3855463262159,
+        0.07683890968217,
+        0.3091901421224,
+        1.205133454926,
+        -0.3552505714973,
+        0.08139679964483,
+    ),
+    0.5: (
+        0.1906726381988,
+        1.243392824459,
+        -0.0900393489219,
+        0.1125377910954,
+        0.2290649108434,
+        1.254084083209,
+        -0.09174470581773,
+        0.1116825565671,
+    ),
+    1.0: (
+        0.1645848515667,
+        1.282655138982,
+        -0.0293317389868,
+        0.04974607968376,
+        0.2025680167521,
+        1.293040013598,
+        -0.02972294545174,
+        0.04935294490654,
+    ),
+    2.0: (
+        0.151442959736,
+        1.305304799009,
+        -0.004427651028629,
+        0.007664424843312,
+        0.1892537313345,
+        1.315511130117,
+        -0.004485978731874,
+        0.007604326173425,
+    ),
+    5.0: (
+        0.1491193676543,
+        1.309323315169,
+        -1.466471888901e-05,
+        2.533561216016e-05,
+        0.1868994129756,
+        1.319498179857,
+        -1.485941162879e-05,
+        2.513750865008e-05,
+    ),
+}
+# 25 digits rounded to 13, of numbers below 10, and the integrator at rtol = atol = 1e-12.
+ORACLE_TOLERANCE = 1e-10
+# B0/B from 1/4 down to 1/65536 in steps of 4.
+SHARES: Array = 0.25 ** np.arange(1.0, 9.0, dtype=np.float64)
+
+
+def make_arm() -> al.Arm:
+    return al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], coms=[0.25, 0.2], inertias=[0.0625, 0.027], gravity=(0.0, -9.81))
+
+
+def make_law(arm: al.Arm, target: ArrayLike = X_D, reduced: ArrayLike = B0, **options: Any) -> al.ElasticImpedance:
+    return al.ElasticImpedance(arm, target, K_M, D_M, K_J, B, reduced, **FRAME, **options)
+
+
+def tip(arm: al.Arm, q: ArrayLike) -> Array:
+    return np.asarray(arm.position(q, "link2"))[..., :2]
+
+
+def run(report: Report) -> None:
+    arm = make_arm()
+    plant, law = al.ElasticArm(arm, K_J, B), make_law(arm)
+    step = force_step(report, arm, plant, law)
+    printed = printed_law(report, arm, step)
+    unreachable(report, arm, plant, law)
+    anywhere(report, arm, plant)
+    errors = reduction(report, arm, plant)
+    sampled(report, arm, plant, law)
+    report.draw_figure("elastic", lambda figure: draw(figure, arm, law, step, printed, errors))
+
+
+def force_step(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> al.Run:
+    """A force step at rest against the 25-digit solution, its equilibrium, and the identity of its energy."""
+    times = list(ORACLE)
+    short = al.simulate(plant, law, Q0, t_end=times[-1], t_eval=times, force=FORCE, **TIGHT)
+    assert short.theta is not None and short.theta_dot is not None
+    states = np.hstack([short.q, short.v, short.theta, short.theta_dot])
+    for state, t, expected in zip(states, times, ORACLE.values(), strict=True):
+        report.bound(f"(q, v, theta, theta_dot) at {t:g} s minus the 25-digit solution", np.abs(state - expected).max(), ORACLE_TOLERANCE)
+    step = al.simulate(plant, law, Q0, t_end=12.0, t_eval=np.linspace(0.0, 12.0, 4801), force=FORCE, **TIGHT)
+    rest = al.equilibrium(plant, law, FORCE, q0=Q0)
+    q_E, load = step.q[-1], np.asarray(arm.jacobian(step.q[-1], "link2"))[:2].T @ FORCE
+    assert step.tau is not None
+    # The slowest mode decays with 1.9/s: 1e-10 is left after 12 s.
+    report.near("force step F = (10, -15) N: x at 12 s = x_E = x_d + K_m^-1 F (m)", X_D + FORCE / K_M, tip(arm, q_E), 1e-9)
+    report.near("equilibrium: x_E without running (m)", X_D + FORCE / K_M, rest.x, 1e-13)
+    gravity = np.asarray(arm.gravity(q_E))
+    report.near("tau at 12 s = g(q_E) - J'F (N m)", gravity - load, step.tau[-1], 1e-7, "u_E = J'F + g", "E10")
+    wrong = float(np.abs(gravity + load - step.tau[-1]).max())
+    report.equal(f"the printed J'F + g is off by {wrong:.1f} N m", True, wrong > 1.0, "u_E = J'F + g", "E10")
+    energy = step.monitors["energy"]
+    report.near("E(0) (J)", 0.17393085271986963, energy[0], 1e-12)
+    # An identity: what is left is the error of the integrator.
+    balance = np.abs(step.monitors["energy_balance"]).max() / energy.max()
+    report.bound("energy balance E(t) - E(0) - integral of P, over the largest E", balance, 1e-8)
+    return step
+
+
+def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: float, dt: float = 1e-3) -> tuple[Array, Array]:
+    """The loop with another outer law u(q, v, J), by RK4 in numpy: armlet has no such law. Times and q."""
+    D0 = 2.0 * np.sqrt(B0 * K_J)
+
+    def rate(x: Array) -> Array:
+        q, v, theta, theta_dot = x.reshape(4, 2)
+        J = np.asarray(arm.jacobian(q, "link2"))[:2]
+        spring = K_J * (theta - q)
+        tau = spring + B / B0 * (u(q, v, J) - D0 * theta_dot - spring)
+        return np.concatenate([v, arm.forward_dynamics(q, v, spring + J.T @ FORCE), theta_dot, (tau - spring) / B])
+
+    x = np.concatenate([Q0, [0.0, 0.0], Q0 + np.asarray(arm.gravity(Q0)) / K_J, [0.0, 0.0]])
+    times = dt * np.arange(round(t_end / dt) + 1)
+    states = np.full((times.size, 8), np.nan)
+    for k in range(times.size):
+        states[k] = x
+        k1 = rate(x)
+        k2 = rate(x + 0.5 * dt * k1)
+        k3 = rate(x + 0.5 * dt * k2)
+        x = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(x + dt * k3))
+        if not np.abs(x).max() < 1e3:
+            break
+    return times, states[:, :2]
+
+
+def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Array, Array]]:
+    """E9: the final law as printed has lost J'( ) and the v after D_m J."""
+    x_E = X_D + FORCE / K_M
+
+    def right(q: Array, v: Array, J: Array) -> Array:
+        return J.T @ (K_M * (X_D - tip(arm, q)) - D_M * (J @ v)) + np.asarray(arm.gravity(q))
+
+    def without_transpose(q: Array, v: Array, J: Array) -> Array:
+        return K_M * (X_D - tip(arm, q)) - D_M * (J @ v) + np.asarray(arm.gravity(q))
+
+    def without_velocity(q: Array, v: Array, J: Array) -> Array:
+        # A matrix does not add to a vector: its rows are summed, as if v were (1, 1) rad/s.
+        return J.T @ (K_M * (X_D - tip(arm, q)) - D_M * J.sum(axis=1)) + np.asarray(arm.gravity(q))
+
+    t_end = 2.0
+    runs = {
+        name: printed_run(arm, u, t_end)
+        for name, u in (("right", right), ("without J'( )", without_transpose), ("without v", without_velocity))
+    }
+    native = step.q[int(np.searchsorted(step.t, t_end))]
+    # RK4 at 1 ms of modes up to 300/s: (0.3)^5/120 per step while they last.
+    report.near("the same loop in numpy (RK4, 1 ms): q at 2 s (rad)", native, runs["right"][1][-1], 1e-6)
+    for name in ("without J'( )", "without v"):
+        q = runs[name][1]
+        late = q[q.shape[0] // 2 :]
+        # A run that diverged ends in NaN, which is no distance: the comparison below is then with 1 m, the reach of the arm.
+        miss = float(np.nan_to_num(np.linalg.norm(tip(arm, late) - x_E, axis=1), nan=1.0).max())
+        report.equal(f"law {name}: up to {miss:.2g} m from x_E between 1 and 2 s", True, bool(miss > 0.1), "K_m (x_d - f(q)) - D_m J", "E9")
+    return runs
+
+
+def unreachable(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> None:
+    """E11: x_E needs to be reachable, regular and stable."""
+    pulled = al.equilibrium(plant, law, [300.0, 100.0], q0=Q0)
+    text = "x_E unconditional"
+    report.equal("F = (300, 100) N: x_d + K_m^-1 F reachable", False, pulled.reachable, text, "E11")
+    report.near("F = (300, 100) N: the arm rests stretched, at (m)", (0.784978594517357, 0.4402369886203963), pulled.x, 1e-10, text, "E11")
+    folded = al.ElasticImpedance(arm, 0.6 / 0.9 * tip(arm, [0.3, 0.0]), 250.0, 40.0, K_J, B, B0, **FRAME)
+    rest = al.equilibrium(plant, folded, q0=[0.3, 0.0])
+    size = float(np.linalg.norm(tip(arm, rest.q) - 0.6 / 0.9 * tip(arm, [0.3, 0.0])))
+    report.near("target in line with the stretched arm: rests short of it by (m)", 0.3, size, 1e-9, text, "E11")
+    report.equal("and is said to be spurious and unstable", "spurious, unstable", _described(rest), text, "E11")
+    report.near("its rightmost eigenvalue (1/s)", 2.510776293363032, float(rest.eigenvalues.real.max()), 1e-6)
+
+
+def _described(rest: al.Equilibrium) -> str:
+    return f"{'spurious' if rest.spurious else 'regular'}, {'stable' if rest.stable else 'unstable'}"
+
+
+def anywhere(report: Report, arm: al.Arm, plant: al.ElasticArm) -> None:
+    """Random reachable targets and forces."""
+    rng = np.random.default_rng(20220610)
+    runs, worst_x, worst_tau = 8, 0.0, 0.0
+    for _ in range(runs):
+        q_d = rng.uniform([-1.0, 0.7], [1.0, 1.8])
+        force = rng.uniform(-15.0, 15.0, 2)
+        law = make_law(arm, tip(arm, q_d))
+        run = al.simulate(plant, law, q_d + rng.uniform(-0.3, 0.3, 2), t_end=30.0, t_eval=[30.0], force=force, **TIGHT)
+        assert run.tau is not None
+        load = np.asarray(arm.jacobian(run.q[-1], "link2"))[:2].T @ force
+        worst_x = max(worst_x, float(np.abs(tip(arm, run.q[-1]) - tip(arm, q_d) - force / K_M).max()))
+        worst_tau = max(worst_tau, float(np.abs(run.tau[-1] - arm.gravity(run.q[-1]) + load).max()))
+    report.bound(f"{runs} random targets and forces: largest |x - x_d - K_m^-1 F| at 30 s (m)", worst_x, 1e-8)
+    report.bound(f"{runs} random targets and forces: largest |tau - g + J'F| at 30 s (N m)", worst_tau, 1e-6)
+
+
+def distances(arm: al.Arm, plant: al.ElasticArm, shares: Array, **options: Any) -> Array:
+    """sup |x - x_rigid| over 2 s of the force step, against the rigid target, for each B0/B."""
+    times = np.linspace(0.0, 2.0, 2001)
+    kinds: dict[str, Any] = {
+        "t_end": 2.0,
+        "t_eval": times,
+        "force": FORCE,
+        "method": "dop853",
+        "rtol": 1e-9,
+        "atol": 1e-11,
+        "monitors": False,
+    }
+    rigid = al.simulate(al.RigidArm(arm), al.CartesianImpedance(arm, X_D, K_M, D_M, **FRAME), Q0, **kinds)
+    target = tip(arm, rigid.q)
+    runs = (al.simulate(plant, make_law(arm, reduced=share * B, **options), Q0, **kinds) for share in shares)
+    return np.array([np.linalg.norm(tip(arm, run.q) - target, axis=1).max() for run in runs])
+
+
+def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Array]:
+    """E12: B0 small is not enough, D0 must shrink with it; damping on theta_dot - v is better."""
+    text = "B0 arbitrarily small suffices"
+    tied = distances(arm, plant, SHARES)
+    # With D0 fixed the motors' rate D0/B0 grows like 1/B0: the smallest two would take most of the time of the demo.
+    fixed = distances(arm, plant, SHARES[:6], motor_damping=2.0 * np.sqrt(B0 * K_J))
+    relative = distances(arm, plant, SHARES, relative_damping=True)
+    orders = np.diff(np.log(tied)) / np.log(0.25)
+    # Sampled every millisecond, a maximum is missed by a thousandth at most.
+    report.near(
+        "D0 tied to B0: sup |x - x_rigid| at B0/B = 1/4, 1/64, 1/65536 (m)", (0.0399765, 0.0220352, 0.00115615), tied[[0, 2, 7]], 1e-5
+    )
+    report.near("D0 tied to B0: order of the error at B0/B below 6e-5", 0.475, orders[-1], 0.025, text, "E12")
+    practical = bool(np.all((orders[1:4] > 0.2) & (orders[1:4] < 0.4)))
+    report.equal("D0 tied to B0: only 0.2 to 0.4 from 1/16 to 1/1024", True, practical, text, "E12")
+    report.near("D0 fixed: error at B0/B = 1/4096 over that at 1/4", 1.0, fixed[-1] / fixed[0], 0.01, text, "E12")
+    gain = float(np.min(tied[1:] / relative[1:]))
+    report.equal(f"damping on theta_dot - v: error smaller by {gain:.1f} or more, B0/B <= 1/16", True, gain >= 10.0)
+    return {"tied": tied, "fixed": fixed, "relative": relative}
+
+
+def sampled(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> None:
+    """A sampled controller cannot make B0 as small as it likes: B0 > K_J dt^2."""
+    smallest = al.smallest_reduced_inertia(B, K_J, 1e-3)
+    report.near("smallest B0 at 1 ms, near K_J dt^2 (kg m^2)", (0.0008002667422419266, 0.0005001667139012043), smallest, 1e-10)
+    limit = al.elastic_limits(plant, law, q0=Q0).sample_time_max
+    report.near("largest sample time for B0 = B/20 (s), near sqrt(B0/K_J)", np.sqrt(B0[0] / K_J[0]), limit, 5e-5)
+    for share, expected in ((0.3, "runs"), (1.01, "InputError")):
+        try:
+            dt = share * limit
+            al.simulate(plant, law, Q0, t_end=100 * dt, dt=dt / 10, sample_time=dt, force=FORCE, monitors=False)
+            answer = "runs"
+        except al.InputError:
+            answer = "InputError"
+        report.equal(f"sample time at {share:g} of it", expected, answer)
+
+
+def draw(
+    figure: Any, arm: al.Arm, law: al.ElasticImpedance, step: al.Run, printed: dict[str, tuple[Array, Array]], errors: dict[str, Array]
+) -> None:
+    """Where the tip goes, what the springs carry, what the printed law does, and how the error falls with B0."""
+    from ..plots import COLOURS
+
+    figure.set_size_inches(11.0, 7.4)
+    figure.set_layout_engine("constrained")
+    (path, torque), (wrong, order) = figure.subplots(2, 2)
+    seconds = step.t <= 3.0
+    t, x = step.t[seconds], tip(arm, step.q[seconds])
+    x_E = X_D + FORCE / K_M
+    for k, name in enumerate("xy"):
+        path.plot(t, x[:, k], color=COLOURS[k], label=f"${name}$")
+        path.axhline(x_E[k], color=COLOURS[k], linestyle="--", linewidth=1.0)
+        path.axhline(X_D[k], color=COLOURS[k], linestyle=":", linewidth=1.0)
+    path.set_title("Force step: the tip goes to $x_E = x_d + K_m^{-1} F$ (dashed; $x_d$ dotted)", loc="left", fontsize=10)
+    path.set_ylabel("m")
+    assert step.theta is not None and step.theta_dot is not None
+    early = step.t <= 1.0
+    rows = zip(step.t[early], step.q[early], step.v[early], step.theta[early], step.theta_dot[early], strict=True)
+    parts = [law.terms(t, q, v, theta=theta, theta_dot=theta_dot) for t, q, v, theta, theta_dot in rows]
+    for k in range(2):
+        torque.plot(step.t[early], [part["tau_J"][k] for part in parts], color=COLOURS[k], label=f"$\\tau_{{J{k + 1}}}$")
+        torque.plot(step.t[early], [part["u"][k] for part in parts], color=COLOURS[k], linestyle="--", linewidth=1.0, label=f"$u_{k + 1}$")
+    load, gravity = np.asarray(arm.jacobian(step.q[-1], "link2"))[:2].T @ FORCE, np.asarray(arm.gravity(step.q[-1]))
+    for k in range(2):
+        torque.axhline((gravity + load)[k], color=COLOURS[k], linestyle=":", linewidth=1.0)
+    torque.plot([], [], color="0.4", linestyle=":", linewidth=1.0, label="$J'F + g$, printed")
+    torque.set_title("E10: $\\tau_J$ follows $u$, to $g - J'F$ and not to the printed sum", loc="left", fontsize=10)
+    torque.set_ylabel("N m")
+    for k, (name, (times, q)) in enumerate(printed.items()):
+        wrong.plot(times, np.linalg.norm(tip(arm, q) - x_E, axis=1), color=COLOURS[k], label="as it must be" if name == "right" else name)
+    wrong.set_yscale("log")
+    wrong.set_title("E9: the law as printed does not reach $x_E$", loc="left", fontsize=10)
+    wrong.set_ylabel("$|x - x_E|$ (m)")
+    names = {"tied": "$D_0 = 2\\sqrt{B_0 K_J}$", "fixed": "$D_0$ fixed", "relative": "on $\\dot\\theta - v$, tied"}
+    for k, (name, values) in enumerate(errors.items()):
+        order.loglog(SHARES[: values.size], values, "o-", color=COLOURS[k], markersize=4, label=names[name])
+    order.loglog(SHARES[-4:], 0.6 * errors["tied"][-1] * (SHARES[-4:] / SHARES[-1]) ** 0.5, color="0.5", linewidth=1.0, label="slope 1/2")
+    order.set_title("E12: the error falls with $B_0$ only if $D_0$ does", loc="left", fontsize=10)
+    order.set_xlabel("$B_0/B$")
+    order.set_ylabel("$\\sup |x - x_\\mathrm{rigid}|$ (m)")
+    for ax in (path, torque, wrong):
+        ax.set_xlabel("s")
+    for ax in (path, torque, wrong, order):
+        ax.grid(alpha=0.3, linewidth=0.6)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.legend(fontsize=8, frameon=False, loc="center right" if ax in (path, torque) else "best")

@@ -1,0 +1,137 @@
+//! How far the control of elastic joints can be taken.
+//!
+//! sampled motor loop: the largest `dt` for a `B0`, the smallest `B0` for a `dt`, a damping ratio and a torque sensor
+//! 1-DoF stiffness limit (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`, with `D0 = 2 sqrt(B0 K_J)`:
+//! `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`
+//! stiffness scale: the largest `kappa` with every eigenvalue of the loop with `kappa K_m`, linearised at rest, on the left
+
+use super::equilibrium::equilibrium;
+use crate::error::{Error, Result, positive};
+use crate::law::{LawSpec, LockedMotors};
+use crate::linalg::Gain;
+use crate::plant::PlantSpec;
+
+/// The largest stiffness `k` (N m/rad) of a spring at a link of inertia `M` behind a joint `K_J` whose motor feels like `B0`
+/// with damping `D0`, link damping `d`; negative or zero: no stiffness is stable.
+pub fn stiffness_limit(mass: f64, joint_stiffness: f64, reduced_inertia: f64, damping: f64, motor_damping: f64) -> f64 {
+    joint_stiffness * (1.0 + damping / motor_damping) * (1.0 - damping * reduced_inertia / (motor_damping * mass))
+}
+
+/// The smallest `B0 <= B` whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` is stable, links locked; NaN if even
+/// `B0 = B` is not. `bandwidth` of the torque sensor in rad/s, infinite without one.
+pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, bandwidth: f64, damping_ratio: f64) -> Result<f64> {
+    for (name, x) in
+        [("motor_inertia", inertia), ("joint_stiffness", stiffness), ("sample_time", sample_time), ("damping_ratio", damping_ratio)]
+    {
+        positive(name, x)?;
+    }
+    if !(bandwidth > 0.0) {
+        return Err(Error::input("sensor_bandwidth", format!("is not positive: expected rad/s > 0, got {bandwidth}")));
+    }
+    let stable = |b0: f64| {
+        let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
+        LockedMotors::single(inertia, stiffness, b0, damping, bandwidth).radius(sample_time) < 1.0
+    };
+    if !stable(inertia) {
+        return Ok(f64::NAN);
+    }
+    const SHRINK: f64 = 0.95;
+    const FLOOR: f64 = 1e-15;
+    let (mut high, mut low) = (inertia, SHRINK * inertia);
+    while stable(low) {
+        (high, low) = (low, SHRINK * low);
+        if low < FLOOR * inertia {
+            return Ok(0.0);
+        }
+    }
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            return Ok(high);
+        }
+        if stable(middle) { high = middle } else { low = middle }
+    }
+}
+
+/// The largest `kappa` for which the loop with `kappa K_m` (damping and rest as given) has every eigenvalue on the left at
+/// the rest `q`, `theta`; infinite if none is found below `1e6`, zero if the loop as given is unstable.
+pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<f64> {
+    const GROWTH: f64 = 1.05;
+    const CAP: f64 = 1e6;
+    // Without a force rest is at the target whatever the stiffness; with one it moves with kappa.
+    let mut q = q0.to_vec();
+    let mut stable = |kappa: f64| -> Result<bool> {
+        let Some(scaled) = law.with_stiffness(kappa) else {
+            return Err(Error::input("law", format!("has no Cartesian stiffness: expected an impedance law, got {}", law.name())));
+        };
+        let rest = equilibrium(plant, &scaled, wrench, force_frame, &q)?;
+        q.copy_from_slice(&rest.q);
+        Ok(rest.stable)
+    };
+    if !stable(1.0)? {
+        return Ok(0.0);
+    }
+    let (mut low, mut high) = (1.0, GROWTH);
+    while stable(high)? {
+        (low, high) = (high, GROWTH * high);
+        if high > CAP {
+            return Ok(f64::INFINITY);
+        }
+    }
+    while high - low > 1e-12 * high {
+        let middle = 0.5 * (low + high);
+        if stable(middle)? { low = middle } else { high = middle }
+    }
+    Ok(0.5 * (low + high))
+}
+
+/// The limits of an elastic plant under a law, at a rest.
+#[derive(Clone, Debug)]
+pub struct ElasticLimits {
+    /// The sample time at which the motor loops become unstable, s.
+    pub sample_time_max: f64,
+    /// Per joint: the smallest `B0`, kg m^2, at the sample time asked about; empty without one.
+    pub reduced_inertia_min: Vec<f64>,
+    /// Per joint, the 1-DoF limit with the other joints held, N m/rad, and the stiffness `(J' K_m J)_ii` it bounds.
+    pub stiffness_max: Vec<f64>,
+    pub stiffness: Vec<f64>,
+    /// How much stiffer the law may be at this rest.
+    pub stiffness_scale_max: f64,
+    /// Of the loop linearised there.
+    pub eigenvalues: Vec<(f64, f64)>,
+}
+
+/// The limits of `plant` under `law` at the rest that `q0` descends to; `sample_time` and `bandwidth` (rad/s, infinite without
+/// a torque sensor) for the smallest `B0` at the law's own damping ratio.
+pub fn elastic_limits(
+    plant: &PlantSpec,
+    law: &LawSpec,
+    wrench: &[f64; 6],
+    force_frame: Option<usize>,
+    q0: &[f64],
+    sample_time: Option<f64>,
+    bandwidth: f64,
+) -> Result<ElasticLimits> {
+    let (PlantSpec::Elastic(elastic), Some(inner)) = (plant, law.reduction()) else {
+        return Err(Error::input("law", format!("has no motor loop: expected a law such as ElasticImpedance, got {}", law.name())));
+    };
+    let rest = equilibrium(plant, law, wrench, force_frame, q0)?;
+    let n = plant.n();
+    let diagonal = |gain: &Gain| (0..n).map(|i| gain.at(i, i)).collect::<Vec<f64>>();
+    let [k_j, b, b0, d0] = [&elastic.stiffness, &elastic.motor_inertia, &inner.reduced_inertia, &inner.motor_damping].map(diagonal);
+    let (mass, stiffness, damping) = super::equilibrium::joint_view(plant, law, &rest.q);
+    let reduced_inertia_min = match sample_time {
+        None => Vec::new(),
+        Some(dt) => (0..n)
+            .map(|i| smallest_reduced_inertia(b[i], k_j[i], dt, bandwidth, d0[i] / (2.0 * (b0[i] * k_j[i]).sqrt())))
+            .collect::<Result<_>>()?,
+    };
+    Ok(ElasticLimits {
+        sample_time_max: LockedMotors::new(elastic, inner, bandwidth).largest_sample_time(),
+        reduced_inertia_min,
+        stiffness_max: (0..n).map(|i| stiffness_limit(mass[i], k_j[i], b0[i], damping[i], d0[i])).collect(),
+        stiffness,
+        stiffness_scale_max: stiffness_scale(plant, law, wrench, force_frame, &rest.q)?,
+        eigenvalues: rest.eigenvalues,
+    })
+}

@@ -1,0 +1,305 @@
+//! Where an impedance-controlled arm comes to rest under a constant force:
+//!
+//! `r(q) = u(q) + J'F - g(q) = 0`, `tau_E = g(q_E) - J'F`, `theta_E = q_E + K^-1 tau_E`,
+//!
+//! which for a law that knows the plant's gravity is `J'(K_m (x_d - x) + F) = 0`: `x_E = x_d + K_m^-1 F` if that pose is
+//! reachable and `det J != 0`. Spurious rest (`J' p = 0` with `p = K_m (x_d - x) + F != 0`) is flagged.
+//!
+//! `r` is followed downhill from `q0` by Newton's method with the magnitudes of the eigenvalues of `-dr/dq`.
+
+use super::loop_slope::loop_eigenvalues;
+use crate::dynamics::{AnyArm, Dynamics};
+use crate::error::{Error, Result, finite};
+use crate::law::{CartesianImpedanceSpec, Law, LawSpec};
+use crate::linalg::{cholesky, symmetric_eigen};
+use crate::motion::Motion;
+use crate::plant::PlantSpec;
+use crate::scalar::{Dual, Real};
+use crate::status::Status;
+
+/// A pose of rest and what can be said of it.
+#[derive(Clone, Debug)]
+pub struct Equilibrium {
+    pub q: Vec<f64>,
+    /// Motors, `(n,)`; empty for a rigid plant.
+    pub theta: Vec<f64>,
+    /// The plant's input at rest.
+    pub tau: Vec<f64>,
+    /// The controlled coordinates, `(m,)`: joint positions for a law of joints.
+    pub x: Vec<f64>,
+    /// Whether `x_d + K_m^-1 F` can be reached at all.
+    pub reachable: bool,
+    /// At rest with the spring unbalanced.
+    pub spurious: bool,
+    /// No eigenvalue lies to the right; free motions of a redundant arm have eigenvalues at zero.
+    pub stable: bool,
+    /// Of the linearised closed loop, by real part.
+    pub eigenvalues: Vec<(f64, f64)>,
+}
+
+/// The law's torque at rest, on one number.
+type AtRest<S> = Box<dyn Law<S> + Send>;
+
+/// `r(q)` and, with it, one number's worth of buffers.
+struct Residual<S: Real> {
+    law: AtRest<S>,
+    arm: AnyArm<S>,
+    ws: crate::dynamics::Workspace<S>,
+    desired: Vec<S>,
+    x: Vec<S>,
+    wrench: [f64; 6],
+    frame: Option<usize>,
+    jacobian: Vec<S>,
+    g: Vec<S>,
+}
+
+impl<S: Real> Residual<S> {
+    fn new(plant: &PlantSpec, outer: &LawSpec, wrench: [f64; 6], frame: Option<usize>) -> Self {
+        let n = plant.n();
+        let arm = AnyArm::<S>::from_lanes(|_| plant.model());
+        let mut desired = Vec::new();
+        for motion in outer.motions() {
+            let mut sample = vec![0.0; 3 * motion.dof()];
+            motion.sample(0.0, &mut sample);
+            desired.extend(sample.into_iter().map(S::splat));
+        }
+        let zeros = |k: usize| vec![S::zero(); k];
+        Residual {
+            law: LawSpec::build::<S>(|_| outer),
+            ws: arm.workspace(),
+            arm,
+            desired,
+            x: zeros(2 * n),
+            wrench,
+            frame,
+            jacobian: zeros(6 * n),
+            g: zeros(n),
+        }
+    }
+
+    fn evaluate(&mut self, q: &[S], r: &mut [S]) {
+        let n = q.len();
+        let trig: Vec<(S, S)> = q.iter().map(|q| q.sin_cos()).collect();
+        self.x[..n].copy_from_slice(q);
+        self.law.evaluate(&self.desired, &trig, &self.x, &[], r, &mut []);
+        self.arm.gravity(&mut self.ws, &trig, q, &mut self.g);
+        if let Some(frame) = self.frame {
+            self.arm.jacobian(&mut self.ws, &trig, q, frame, &mut self.jacobian);
+        }
+        for i in 0..n {
+            r[i] = r[i] - self.g[i];
+            for (k, &w) in self.wrench.iter().enumerate() {
+                r[i] = self.jacobian[k * n + i].mul_add(S::splat(w), r[i]);
+            }
+        }
+    }
+}
+
+/// `-dr/dq`, its symmetric part.
+fn hessian(residual: &mut Residual<Dual>, q: &[f64]) -> Vec<f64> {
+    let n = q.len();
+    let mut moving: Vec<Dual> = q.iter().map(|&q| Dual::splat(q)).collect();
+    let mut r = vec![Dual::default(); n];
+    let mut h = vec![0.0; n * n];
+    for j in 0..n {
+        moving[j].rate = 1.0;
+        residual.evaluate(&moving, &mut r);
+        moving[j].rate = 0.0;
+        for i in 0..n {
+            h[i * n + j] -= 0.5 * r[i].rate;
+            h[j * n + i] -= 0.5 * r[i].rate;
+        }
+    }
+    h
+}
+
+/// From `q` downhill to rest.
+fn descend(plant: &PlantSpec, outer: &LawSpec, wrench: [f64; 6], frame: Option<usize>, q: &mut [f64]) -> Result<()> {
+    const STEPS: usize = 500;
+    /// Larger steps leave the basin, rad or m.
+    const REACH: f64 = 0.3;
+    /// Below this a direction is flat: rounding of `dr/dq` is 1e-15, a free motion of a redundant arm.
+    const FLAT: f64 = 1e-9;
+    let n = q.len();
+    let (mut here, mut slope) = (Residual::<f64>::new(plant, outer, wrench, frame), Residual::<Dual>::new(plant, outer, wrench, frame));
+    let (mut r, mut ahead, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    let mut best = f64::INFINITY;
+    for _ in 0..STEPS {
+        here.evaluate(q, &mut r);
+        finite("equilibrium", &r)?;
+        let (values, vectors) = symmetric_eigen(&hessian(&mut slope, q), n)?;
+        let stiffest = values.iter().fold(0.0f64, |most, l| most.max(l.abs()));
+        let mut step = vec![0.0; n];
+        for (l, u) in values.iter().zip(vectors.chunks_exact(n)) {
+            if l.abs() > FLAT * stiffest {
+                crate::linalg::axpy(crate::linalg::dot(u, &r) / l.abs(), u, &mut step);
+            }
+        }
+        let longest = crate::linalg::largest(&step);
+        let close = 1.0 + crate::linalg::largest(q);
+        // At rest as well as rounding allows, or no longer coming closer.
+        if longest <= 1e-15 * close || (longest <= 1e-9 * close && longest >= best) {
+            return Ok(());
+        }
+        best = longest;
+        let mut size = (REACH / longest).min(1.0);
+        loop {
+            for i in 0..n {
+                trial[i] = q[i] + size * step[i];
+            }
+            here.evaluate(&trial, &mut ahead);
+            // The work of r along the step, by the trapezoid: r falls off towards rest and turns round beyond it.
+            let work: f64 = (0..n).map(|i| step[i] * (r[i] + ahead[i])).sum();
+            if work >= 0.0 || size < 1e-12 || longest < 1e-7 * close {
+                break;
+            }
+            size *= 0.5;
+        }
+        q.copy_from_slice(&trial);
+    }
+    Err(Error::Solve { status: Status::MaxSteps, t: STEPS as f64, problem: "no rest was found: the descent did not end".into() })
+}
+
+/// `p = K_m e + F` and the size that it is judged by, and `x`.
+fn unbalanced(law: &CartesianImpedanceSpec, push: &[f64], q: &[f64]) -> (Vec<f64>, f64, Vec<f64>) {
+    let m = law.coordinates.m();
+    let (e, target) = (task_error(law, q).0, target(law));
+    let load = law.stiffness.inverse().times(push);
+    let goal: Vec<f64> = (0..m).map(|k| (target[k] + load[k]).abs() + 1.0).collect();
+    let scale = crate::linalg::largest(&law.stiffness.times(&goal));
+    let spring = law.stiffness.times(&e);
+    let x = (0..m).map(|k| target[k] - e[k]).collect();
+    ((0..m).map(|k| spring[k] + push[k]).collect(), scale, x)
+}
+
+fn target(law: &CartesianImpedanceSpec) -> Vec<f64> {
+    let m = law.coordinates.m();
+    let mut sample = vec![0.0; 3 * m];
+    law.target.sample(0.0, &mut sample);
+    sample.truncate(m);
+    sample
+}
+
+/// `e` `(m,)` and `J` `(m, n)`.
+fn task_error(law: &CartesianImpedanceSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (n, m) = (q.len(), law.coordinates.m());
+    let arm = AnyArm::<f64>::from_lanes(|_| &law.model);
+    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
+    let (mut full, mut e, mut j) = (vec![0.0; 6 * n], vec![0.0; m], vec![0.0; m * n]);
+    arm.error_and_jacobian(&mut arm.workspace(), &law.coordinates, &mut full, &trig, q, &target(law), &mut e, &mut j);
+    (e, j)
+}
+
+/// Per joint: the diagonal of `M`, of `J' K_m J` and of `J' D_m J` at `q`; the gains themselves for a law of joints.
+pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+    let n = q.len();
+    let arm = AnyArm::<f64>::from_lanes(|_| plant.model());
+    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
+    let mut m = vec![0.0; n * n];
+    arm.mass_matrix(&mut arm.workspace(), &trig, q, &mut m);
+    let mass = (0..n).map(|i| m[i * n + i]).collect();
+    match law.outer() {
+        Some(LawSpec::CartesianImpedance(law)) => {
+            let (_, j) = task_error(&law, q);
+            let column = |i: usize| -> Vec<f64> { j.iter().skip(i).step_by(n).copied().collect() };
+            (mass, (0..n).map(|i| law.stiffness.form(&column(i))).collect(), (0..n).map(|i| law.damping.form(&column(i))).collect())
+        }
+        Some(LawSpec::PdGravity(law)) => (mass, (0..n).map(|i| law.kp.at(i, i)).collect(), (0..n).map(|i| law.kd.at(i, i)).collect()),
+        _ => (mass, vec![0.0; n], vec![0.0; n]),
+    }
+}
+
+/// Whether some pose has `e + K_m^-1 F = 0`: damped Gauss-Newton from `q0` and from spread starts; it errs towards no.
+fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
+    const STARTS: u32 = 24;
+    const STEPS: usize = 200;
+    let (n, m) = (q0.len(), law.coordinates.m());
+    let load = law.stiffness.inverse().times(push);
+    // Additive recurrence by powers of the generalised golden ratio: spread in n dimensions, the same every time.
+    let phi = (0..64).fold(2.0f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
+    (0..STARTS).any(|start| {
+        let spread = |i: usize| (f64::from(start) * phi.powi(-(i as i32 + 1))).fract() * std::f64::consts::TAU - std::f64::consts::PI;
+        let mut q: Vec<f64> = (0..n).map(|i| q0[i] + if start == 0 { 0.0 } else { spread(i) }).collect();
+        for _ in 0..STEPS {
+            let (e, j) = task_error(law, &q);
+            let miss: Vec<f64> = (0..m).map(|k| e[k] + load[k]).collect();
+            let size = miss.iter().map(|x| x * x).sum::<f64>();
+            if size.sqrt() < 1e-9 {
+                return true;
+            }
+            let gram: Vec<f64> = (0..m * m)
+                .map(|at| {
+                    let (a, b) = (at / m, at % m);
+                    (0..n).map(|i| j[a * n + i] * j[b * n + i]).sum::<f64>() + if a == b { 1e-2 * size + 1e-14 } else { 0.0 }
+                })
+                .collect();
+            let Some(l) = cholesky::factor(m, &gram) else { return false };
+            let mut weights = miss;
+            cholesky::solve(m, &l, &mut weights);
+            for i in 0..n {
+                q[i] += (0..m).map(|k| j[k * n + i] * weights[k]).sum::<f64>();
+            }
+        }
+        false
+    })
+}
+
+/// The rest that `q0` descends to under a constant wrench `[f; m]` (world axes) at `force_frame`.
+///
+/// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` where the descent does not end.
+pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {
+    finite("q0", q0)?;
+    let (n, fault) = (plant.n(), |argument: &str, problem: String| Err(Error::input(argument, problem)));
+    if law.plant() != plant.kind() || law.model().n() != n {
+        return fault(
+            "law",
+            format!("is made for another plant: expected a law for {} of {n} joints, got {}", plant.kind().name(), law.name()),
+        );
+    }
+    let Some(outer) = law.outer() else {
+        return fault("law", format!("is not at rest by a spring: expected an impedance or PD law, got {}", law.name()));
+    };
+    if !outer.motions().iter().all(|motion| matches!(motion, Motion::Hold(_))) {
+        return fault("law", "has a target that moves: expected a law with a fixed target".into());
+    }
+    if plant.wall().is_some() {
+        return fault("plant", "has a wall: expected a plant without one, whose forces are those given".into());
+    }
+    let mut q = q0.to_vec();
+    descend(plant, &outer, *wrench, force_frame, &mut q)?;
+    let arm = AnyArm::<f64>::from_lanes(|_| plant.model());
+    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
+    let (mut ws, mut tau, mut j) = (arm.workspace(), vec![0.0; n], vec![0.0; 6 * n]);
+    arm.gravity(&mut ws, &trig, &q, &mut tau);
+    if let Some(frame) = force_frame {
+        arm.jacobian(&mut ws, &trig, &q, frame, &mut j);
+    }
+    for i in 0..n {
+        tau[i] -= (0..6).map(|k| j[k * n + i] * wrench[k]).sum::<f64>();
+    }
+    let mut state = q.clone();
+    state.resize(2 * n, 0.0);
+    let mut theta = Vec::new();
+    if let PlantSpec::Elastic(plant) = plant {
+        let stretch = plant.stiffness.inverse().times(&tau);
+        theta = q.iter().zip(stretch).map(|(q, s)| q + s).collect();
+        state.extend(&theta);
+        state.resize(4 * n, 0.0);
+    }
+    let (mut reachable, mut spurious, mut x) = (true, false, q.clone());
+    if let LawSpec::CartesianImpedance(task) = &outer {
+        // The force as the law's spring sees it, where it acts at the law's own frame.
+        let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
+        let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
+        let (p, scale, position) = unbalanced(task, &push, &q);
+        x = position;
+        if same {
+            spurious = crate::linalg::largest(&p) > 1e-7 * scale;
+            reachable = !spurious || reaches(task, &push, q0);
+        }
+    }
+    let eigenvalues = loop_eigenvalues(plant, law, &state, &[], wrench, force_frame)?;
+    let fastest = eigenvalues.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
+    let stable = eigenvalues.iter().all(|(re, _)| *re < 1e-9 * fastest);
+    Ok(Equilibrium { q, theta, tau, x, reachable, spurious, stable, eigenvalues })
+}

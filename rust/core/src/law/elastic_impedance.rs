@@ -1,0 +1,148 @@
+//! Cartesian impedance through elastic joints (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008): the impedance law gives
+//! `u`, the inner loop turns it into motor torque,
+//!
+//! `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 ( J'[K_m (x_d - x) - D_m J v] + g(q) - D0 w )`
+//!
+//! `E = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2` obeys the identity
+//! `dE/dt = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u`, whose last term has no sign.
+
+use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
+use super::inertia_reduction::{Reduction, ReductionSpec, described};
+use super::{Definition, Instant, Law, Term};
+use crate::dynamics::{AnyArm, Dynamics, Model};
+use crate::linalg::cholesky;
+use crate::motion::Motion;
+use crate::plant::{PlantKind, PlantSpec};
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElasticImpedanceSpec {
+    pub outer: CartesianImpedanceSpec,
+    pub inner: ReductionSpec,
+}
+
+impl ElasticImpedanceSpec {
+    /// The storage function `E` (with the wall's spring) is that of this plant: no losses but the law's, no row of
+    /// orientation, where the rate of `e` is not `-J v`.
+    pub fn has_storage(&self, plant: &PlantSpec) -> bool {
+        !self.outer.coordinates.turns() && described(plant, &self.outer.model, &self.inner).is_some()
+    }
+
+    /// `E` at time `t` and plant state `x`.
+    pub fn storage(&self, t: f64, x: &[f64], plant: &PlantSpec) -> f64 {
+        let (n, m) = (self.outer.model.n(), self.outer.coordinates.m());
+        let mut desired = vec![0.0; 3 * m];
+        self.outer.target.sample(t, &mut desired);
+        let arm = AnyArm::<f64>::from_lanes(|_| &self.outer.model);
+        let mut ws = arm.workspace();
+        let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+        let (mut full, mut e, mut jacobian) = (vec![0.0; 6 * n], vec![0.0; m], vec![0.0; m * n]);
+        arm.error_and_jacobian(&mut ws, &self.outer.coordinates, &mut full, &trig, &x[..n], &desired[..m], &mut e, &mut jacobian);
+        let (kinetic, _) = arm.energy(&mut ws, &trig, &x[..n], &x[n..2 * n]);
+        let wall = plant.wall().map_or(0.0, |wall| {
+            let p = arm.jacobian(&mut ws, &trig, &x[..n], wall.frame, &mut full);
+            wall.energy(p.0)
+        });
+        kinetic + self.inner.energy(x) + 0.5 * self.outer.stiffness.form(&e) + wall
+    }
+}
+
+impl Definition for ElasticImpedanceSpec {
+    const NAME: &'static str = "ElasticImpedance";
+    const PLANT: PlantKind = PlantKind::Elastic;
+    type Lanes<S: Real> = ElasticImpedance<S>;
+
+    fn model(&self) -> &Model {
+        &self.outer.model
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        self.outer.motions()
+    }
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> ElasticImpedance<S> {
+        ElasticImpedance { outer: CartesianImpedanceSpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
+    }
+
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let n = self.outer.model.n();
+        let mut law = Self::build::<f64>(|_| self);
+        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut tau = vec![0.0; n];
+        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| !["u", "tau"].contains(name)).collect();
+        terms.extend(self.target_dynamics(&mut law.outer, &trig, &at.x[..n], &at.x[n..2 * n]));
+        terms.extend(law.inner.terms(&self.inner));
+        terms.push(("tau", vec![n], tau));
+        terms
+    }
+}
+
+impl ElasticImpedanceSpec {
+    /// `M`, `S` (the Coriolis matrix), `g`, `Jdot` and the target's `M_x = (J M^-1 J')^-1`,
+    /// `S_x = M_x (J M^-1 S - Jdot) M^-1 J' M_x`, NaN where `J` loses rank: for diagnosis, the law inverts nothing.
+    fn target_dynamics(&self, outer: &mut CartesianImpedance<f64>, trig: &[(f64, f64)], q: &[f64], v: &[f64]) -> Vec<Term> {
+        let (n, m) = (q.len(), self.outer.coordinates.m());
+        let (mut mass, mut coriolis, mut g) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n]);
+        outer.arm.mass_matrix(&mut outer.workspace, trig, q, &mut mass);
+        outer.arm.coriolis_matrix(&mut outer.workspace, trig, q, v, &mut coriolis);
+        outer.arm.gravity(&mut outer.workspace, trig, q, &mut g);
+        let mut rate = vec![0.0; m * n];
+        if let AnyArm::Tree(tree) = &outer.arm {
+            let (ws, full) = (&mut outer.workspace, &mut vec![0.0; 6 * n]);
+            self.outer.coordinates.jacobian_dot(tree, &mut ws.poses, &mut ws.motion, full, trig, q, v, &mut rate);
+        }
+        let jacobian = &outer.jacobian;
+        let nan = || vec![f64::NAN; m * m];
+        // Rows of J M^-1.
+        let spread = cholesky::factor(n, &mass).map(|l| {
+            let mut rows = jacobian.clone();
+            rows.chunks_exact_mut(n).for_each(|row| cholesky::solve(n, &l, row));
+            rows
+        });
+        let (mut m_x, mut s_x) = (nan(), nan());
+        if let Some(rows) = &spread {
+            let product = |a: &[f64], b: &[f64]| -> Vec<f64> {
+                // a b', both (m, n).
+                (0..m * m).map(|at| (0..n).map(|k| a[at / m * n + k] * b[at % m * n + k]).sum()).collect()
+            };
+            if let Some(l) = cholesky::factor(m, &product(jacobian, rows)) {
+                // Columns of M_x, which is symmetric; X M_x row by row.
+                let times_m_x = |x: &mut [f64]| x.chunks_exact_mut(m).for_each(|row| cholesky::solve(m, &l, row));
+                m_x = (0..m * m).map(|at| f64::from(u8::from(at / m == at % m))).collect();
+                times_m_x(&mut m_x);
+                let drift: Vec<f64> =
+                    (0..m * n).map(|at| (0..n).map(|k| rows[at / n * n + k] * coriolis[k * n + at % n]).sum::<f64>() - rate[at]).collect();
+                let mut right = product(&drift, rows);
+                times_m_x(&mut right);
+                s_x = (0..m * m).map(|at| (0..m).map(|k| m_x[at / m * m + k] * right[k * m + at % m]).sum()).collect();
+            }
+        }
+        vec![
+            ("M", vec![n, n], mass),
+            ("S", vec![n, n], coriolis),
+            ("g", vec![n], g),
+            ("Jdot", vec![m, n], rate),
+            ("M_x", vec![m, m], m_x),
+            ("S_x", vec![m, m], s_x),
+        ]
+    }
+}
+
+/// The law in a loop.
+pub struct ElasticImpedance<S: Real> {
+    outer: CartesianImpedance<S>,
+    inner: Reduction<S>,
+}
+
+impl<S: Real> Law<S> for ElasticImpedance<S> {
+    #[inline(always)]
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        self.outer.evaluate(desired, trig, x, z, tau, dz);
+        self.inner.apply(x, tau);
+    }
+
+    #[inline(always)]
+    fn storage_rate(&self, x: &[S], outside: S) -> S {
+        outside + self.inner.power(x) + self.outer.power(x)
+    }
+}

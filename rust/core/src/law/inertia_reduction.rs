@@ -1,0 +1,151 @@
+//! Motor-inertia reduction (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008): torque feedback makes motors of inertia `B`
+//! answer like `B0`,
+//!
+//! `tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 w)` gives `B0 theta_ddot + D0 w + tau_J = u`, `tau_J = K_J (theta - q)`,
+//!
+//! `w = theta_dot`, or `theta_dot - v` with relative damping; `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2`
+//! unless given. The order is `B B0^-1`: it matters for full matrices.
+
+use super::{Term, require_size};
+use crate::error::Result;
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::ratio_damping;
+use crate::plant::{ElasticSpec, PlantSpec};
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReductionSpec {
+    /// `K_J`, N m/rad.
+    pub joint_stiffness: Gain,
+    /// `B`, kg m^2.
+    pub motor_inertia: Gain,
+    /// `B0`, kg m^2.
+    pub reduced_inertia: Gain,
+    /// `D0`, N m s/rad.
+    pub motor_damping: Gain,
+    /// Damping acts on `theta_dot - v` instead of `theta_dot`.
+    pub relative: bool,
+    /// `B B0^-1`.
+    ratio: Gain,
+}
+
+impl ReductionSpec {
+    /// `motor_damping = None`: by the ratio `damping_ratio`.
+    pub fn new(
+        n: usize,
+        joint_stiffness: Gain,
+        motor_inertia: Gain,
+        reduced_inertia: Gain,
+        motor_damping: Option<Gain>,
+        damping_ratio: f64,
+        relative: bool,
+    ) -> Result<Self> {
+        require_size("joint_stiffness", &joint_stiffness, n)?;
+        require_size("motor_inertia", &motor_inertia, n)?;
+        require_size("reduced_inertia", &reduced_inertia, n)?;
+        let motor_damping = match motor_damping {
+            Some(damping) => {
+                require_size("motor_damping", &damping, n)?;
+                damping
+            }
+            None => ratio_damping(&reduced_inertia, &joint_stiffness, damping_ratio)?,
+        };
+        let ratio = motor_inertia.product(&reduced_inertia.inverse());
+        Ok(ReductionSpec { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, relative, ratio })
+    }
+
+    /// Whether a plant's springs and motors are those the law believes in, with no other loss.
+    pub(super) fn matches(&self, plant: &ElasticSpec) -> bool {
+        plant.stiffness == self.joint_stiffness
+            && plant.motor_inertia == self.motor_inertia
+            && plant.joint_damping.iter().chain(&plant.motor_friction).all(|&d| d == 0.0)
+    }
+
+    /// Energy of springs and reduced motors at plant state `x`.
+    pub(super) fn energy(&self, x: &[f64]) -> f64 {
+        let n = x.len() / 4;
+        let stretch: Vec<f64> = (0..n).map(|i| x[2 * n + i] - x[i]).collect();
+        0.5 * (self.joint_stiffness.form(&stretch) + self.reduced_inertia.form(&x[3 * n..]))
+    }
+
+    pub(super) fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Reduction<S> {
+        let zeros = vec![S::zero(); of(0).ratio.n()];
+        Reduction {
+            joint_stiffness: AnyGain::from_lanes(|i| &of(i).joint_stiffness),
+            motor_damping: AnyGain::from_lanes(|i| &of(i).motor_damping),
+            ratio: AnyGain::from_lanes(|i| &of(i).ratio),
+            relative: S::from_lanes(|i| f64::from(of(i).relative)),
+            u: zeros.clone(),
+            spring: zeros.clone(),
+            damped: zeros.clone(),
+            work: zeros,
+        }
+    }
+}
+
+/// The inner loop.
+pub struct Reduction<S: Real> {
+    joint_stiffness: AnyGain<S>,
+    motor_damping: AnyGain<S>,
+    ratio: AnyGain<S>,
+    /// 1 with relative damping, else 0.
+    relative: S,
+    /// The outer loop's input, as of the last evaluation.
+    pub u: Vec<S>,
+    /// `tau_J`
+    pub spring: Vec<S>,
+    /// `D0 w`
+    damped: Vec<S>,
+    work: Vec<S>,
+}
+
+impl<S: Real> Reduction<S> {
+    /// From `u` in `tau` to the motor torque, at plant state `x`.
+    #[inline(always)]
+    pub fn apply(&mut self, x: &[S], tau: &mut [S]) {
+        let n = tau.len();
+        let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
+        self.u.copy_from_slice(tau);
+        for i in 0..n {
+            self.work[i] = theta[i] - q[i];
+        }
+        self.joint_stiffness.multiply(&self.work, &mut self.spring);
+        for i in 0..n {
+            self.work[i] = self.relative.neg_mul_add(v[i], theta_dot[i]);
+        }
+        self.motor_damping.multiply(&self.work, &mut self.damped);
+        for i in 0..n {
+            self.work[i] = tau[i] - self.damped[i] - self.spring[i];
+        }
+        tau.copy_from_slice(&self.spring);
+        self.ratio.add_to(&self.work, tau);
+    }
+
+    /// `(theta_dot - v).u - theta_dot.D0 w`, as of the last evaluation.
+    #[inline(always)]
+    pub fn power(&self, x: &[S]) -> S {
+        let n = self.u.len();
+        let mut sum = S::zero();
+        for i in 0..n {
+            let (v, theta_dot) = (x[n + i], x[3 * n + i]);
+            sum = (theta_dot - v).mul_add(self.u[i], sum);
+            sum = theta_dot.neg_mul_add(self.damped[i], sum);
+        }
+        sum
+    }
+}
+
+impl Reduction<f64> {
+    pub(super) fn terms(&self, spec: &ReductionSpec) -> Vec<Term> {
+        let n = self.u.len();
+        vec![("D0", vec![n, n], spec.motor_damping.matrix()), ("u", vec![n], self.u.clone()), ("tau_J", vec![n], self.spring.clone())]
+    }
+}
+
+/// The elastic plant that `law`'s model and inner loop describe exactly, if `plant` is one.
+pub(super) fn described<'a>(plant: &'a PlantSpec, model: &crate::dynamics::Model, reduction: &ReductionSpec) -> Option<&'a ElasticSpec> {
+    match plant {
+        PlantSpec::Elastic(plant) if plant.model == *model && reduction.matches(plant) => Some(plant),
+        _ => None,
+    }
+}

@@ -1,0 +1,59 @@
+//! Joint impedance through elastic joints: `u = K (q_d - q) - D v + g(q)` outside, motor-inertia reduction inside
+//! (Albu-Schaeffer, Ott and Hirzinger 2007).
+
+use super::inertia_reduction::{Reduction, ReductionSpec};
+use super::pd_gravity::{PdGravity, PdGravitySpec};
+use super::{Definition, Instant, Law, Term};
+use crate::dynamics::Model;
+use crate::motion::Motion;
+use crate::plant::PlantKind;
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointImpedanceSpec {
+    pub outer: PdGravitySpec,
+    pub inner: ReductionSpec,
+}
+
+impl Definition for JointImpedanceSpec {
+    const NAME: &'static str = "JointImpedance";
+    const PLANT: PlantKind = PlantKind::Elastic;
+    type Lanes<S: Real> = JointImpedance<S>;
+
+    fn model(&self) -> &Model {
+        self.outer.model()
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        self.outer.motions()
+    }
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> JointImpedance<S> {
+        JointImpedance { outer: PdGravitySpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
+    }
+
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let n = self.model().n();
+        let mut law = Self::build::<f64>(|_| self);
+        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut tau = vec![0.0; n];
+        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| *name != "tau").collect();
+        terms.extend(law.inner.terms(&self.inner));
+        terms.push(("tau", vec![n], tau));
+        terms
+    }
+}
+
+/// The law in a loop.
+pub struct JointImpedance<S: Real> {
+    outer: PdGravity<S>,
+    inner: Reduction<S>,
+}
+
+impl<S: Real> Law<S> for JointImpedance<S> {
+    #[inline(always)]
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        self.outer.evaluate(desired, trig, x, z, tau, dz);
+        self.inner.apply(x, tau);
+    }
+}

@@ -1,0 +1,200 @@
+//! Regulation of an arm with elastic joints from its motors: `theta_d = q_d + K_J^-1 g(q_d)`,
+//!
+//! `tau = g + Kp (theta_d - theta) - Kd theta_dot` (Tomei 1991), `g = g(q_d)`, or online `g(theta - K_J^-1 g(q_d))`
+//! (De Luca, Siciliano and Zollo 2005); with the joint torque fed back also
+//! `+ Kt (g(q_d) - tau_J) - Ks tau_J_dot` (Albu-Schaeffer and Hirzinger 2001).
+
+use super::{Definition, Instant, Law, Term, require_rows, require_size};
+use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::error::Result;
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::motion::Motion;
+use crate::plant::PlantKind;
+use crate::scalar::Real;
+use crate::scalar::trig::sin_cos_apart;
+
+/// `TORQUE`: the joint torque and its rate are fed back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotorRegulationSpec<const TORQUE: bool> {
+    model: Model,
+    /// `theta_d`, held.
+    target: Motion,
+    pub kp: Gain,
+    pub kd: Gain,
+    /// `Kt` and `Ks`; the identity, unused, without torque feedback.
+    kt: Gain,
+    ks: Gain,
+    joint_stiffness: Gain,
+    /// Gravity follows the motors instead of standing at the target's.
+    online: bool,
+    /// `g(q_d)` and `K_J^-1 g(q_d)`.
+    load: Vec<f64>,
+    sag: Vec<f64>,
+}
+
+/// PD of the motors.
+pub type MotorPdSpec = MotorRegulationSpec<false>;
+/// PD of the motors and feedback of the joint torque.
+pub type StateFeedbackSpec = MotorRegulationSpec<true>;
+
+impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
+    fn regulation(model: Model, target: &[f64], [kp, kd, kt, ks]: [Gain; 4], joint_stiffness: Gain, online: bool) -> Result<Self> {
+        let n = model.n();
+        require_rows("target", n, target.len())?;
+        crate::error::finite("target", target)?;
+        for (name, gain) in [("kp", &kp), ("kd", &kd), ("kt", &kt), ("ks", &ks), ("joint_stiffness", &joint_stiffness)] {
+            require_size(name, gain, n)?;
+        }
+        let arm = AnyArm::<f64>::from_lanes(|_| &model);
+        let trig: Vec<(f64, f64)> = target.iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut load = vec![0.0; n];
+        arm.gravity(&mut arm.workspace(), &trig, target, &mut load);
+        let sag = joint_stiffness.inverse().times(&load);
+        let theta = target.iter().zip(&sag).map(|(q, s)| q + s).collect();
+        Ok(MotorRegulationSpec { model, target: Motion::Hold(theta), kp, kd, kt, ks, joint_stiffness, online, load, sag })
+    }
+}
+
+impl MotorPdSpec {
+    /// `target` is `q_d` of the links.
+    pub fn new(model: Model, target: &[f64], kp: Gain, kd: Gain, joint_stiffness: Gain, online: bool) -> Result<Self> {
+        let one = Gain::scalar("kt", model.n(), 1.0)?;
+        Self::regulation(model, target, [kp, kd, one.clone(), one], joint_stiffness, online)
+    }
+}
+
+impl StateFeedbackSpec {
+    /// `gains` are `Kp, Kd, Kt, Ks`; `target` is `q_d` of the links.
+    pub fn new(model: Model, target: &[f64], gains: [Gain; 4], joint_stiffness: Gain) -> Result<Self> {
+        Self::regulation(model, target, gains, joint_stiffness, false)
+    }
+}
+
+impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
+    const NAME: &'static str = if TORQUE { "StateFeedback" } else { "MotorPD" };
+    const PLANT: PlantKind = PlantKind::Elastic;
+    type Lanes<S: Real> = MotorRegulation<S, TORQUE>;
+
+    fn model(&self) -> &Model {
+        &self.model
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        vec![&self.target]
+    }
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> MotorRegulation<S, TORQUE> {
+        let n = of(0).model.n();
+        let arm = AnyArm::from_lanes(|i| &of(i).model);
+        let zeros = vec![S::zero(); n];
+        MotorRegulation {
+            workspace: arm.workspace(),
+            arm,
+            gains: [
+                AnyGain::from_lanes(|i| &of(i).kp),
+                AnyGain::from_lanes(|i| &of(i).kd),
+                AnyGain::from_lanes(|i| &of(i).kt),
+                AnyGain::from_lanes(|i| &of(i).ks),
+            ],
+            joint_stiffness: AnyGain::from_lanes(|i| &of(i).joint_stiffness),
+            online: (0..S::LANES).any(|i| of(i).online),
+            load: (0..n).map(|k| S::from_lanes(|i| of(i).load[k])).collect(),
+            sag: (0..n).map(|k| S::from_lanes(|i| of(i).sag[k])).collect(),
+            // A lane that does not follow the motors keeps its load.
+            follow: S::from_lanes(|i| f64::from(of(i).online)),
+            trig: vec![(S::zero(), S::zero()); n],
+            spring: zeros.clone(),
+            part: zeros.clone(),
+            work: zeros,
+        }
+    }
+
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let n = self.model.n();
+        let mut law = Self::build::<f64>(|_| self);
+        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut tau = vec![0.0; n];
+        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        let theta_d = at.desired[..n].to_vec();
+        let e = (0..n).map(|i| theta_d[i] - at.x[2 * n + i]).collect();
+        let stretch: Vec<f64> = (0..n).map(|i| at.x[2 * n + i] - at.x[i]).collect();
+        vec![
+            ("theta_d", vec![n], theta_d),
+            ("e", vec![n], e),
+            ("tau_J", vec![n], self.joint_stiffness.times(&stretch)),
+            ("g", vec![n], law.compensation(at.x)),
+            ("tau", vec![n], tau),
+        ]
+    }
+}
+
+/// The law in a loop.
+pub struct MotorRegulation<S: Real, const TORQUE: bool> {
+    arm: AnyArm<S>,
+    workspace: Workspace<S>,
+    gains: [AnyGain<S>; 4],
+    joint_stiffness: AnyGain<S>,
+    online: bool,
+    follow: S,
+    load: Vec<S>,
+    sag: Vec<S>,
+    trig: Vec<(S, S)>,
+    spring: Vec<S>,
+    part: Vec<S>,
+    work: Vec<S>,
+}
+
+impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
+    /// The gravity that is compensated, into `self.part`.
+    #[inline(always)]
+    fn compensate(&mut self, theta: &[S]) {
+        if !self.online {
+            self.part.copy_from_slice(&self.load);
+            return;
+        }
+        for i in 0..theta.len() {
+            self.work[i] = theta[i] - self.sag[i];
+            self.trig[i] = sin_cos_apart(self.work[i]);
+        }
+        self.arm.gravity(&mut self.workspace, &self.trig, &self.work, &mut self.part);
+        for i in 0..theta.len() {
+            self.part[i] = self.follow.mul_add(self.part[i] - self.load[i], self.load[i]);
+        }
+    }
+}
+
+impl<const TORQUE: bool> MotorRegulation<f64, TORQUE> {
+    fn compensation(&mut self, x: &[f64]) -> Vec<f64> {
+        let n = self.part.len();
+        self.compensate(&x[2 * n..3 * n]);
+        self.part.clone()
+    }
+}
+
+impl<S: Real, const TORQUE: bool> Law<S> for MotorRegulation<S, TORQUE> {
+    #[inline(always)]
+    fn evaluate(&mut self, desired: &[S], _: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+        let n = tau.len();
+        let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
+        self.compensate(theta);
+        tau.copy_from_slice(&self.part);
+        for i in 0..n {
+            self.work[i] = desired[i] - theta[i];
+            self.part[i] = -theta_dot[i];
+        }
+        self.gains[0].add_to(&self.work, tau);
+        self.gains[1].add_to(&self.part, tau);
+        if TORQUE {
+            for i in 0..n {
+                self.work[i] = theta[i] - q[i];
+            }
+            self.joint_stiffness.multiply(&self.work, &mut self.spring);
+            for i in 0..n {
+                self.work[i] = self.load[i] - self.spring[i];
+                self.part[i] = v[i] - theta_dot[i];
+            }
+            self.gains[2].add_to(&self.work, tau);
+            self.joint_stiffness.multiply(&self.part, &mut self.spring);
+            self.gains[3].add_to(&self.spring, tau);
+        }
+    }
+}

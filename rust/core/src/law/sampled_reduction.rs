@@ -1,0 +1,213 @@
+//! The motor loop as a sampled controller sees it, links locked: over one sample of length `dt` the torque is held,
+//!
+//! `y' = A y + G tau`, `tau = F y` at samples, so `y <- (exp(A dt) + int_0^dt exp(A s) ds G F) y`,
+//!
+//! `y = [theta, theta_dot]`, with a first-order torque sensor of bandwidth `w_c` also `tau_f' = w_c (tau_J - tau_f)`. The
+//! loop is stable iff the spectral radius of that map is below 1. For `B0 << B` and no sensor the limit is
+//! `omega_n dt < min(4 zeta, 1/zeta)`, `omega_n = sqrt(K_J/B0)`; at `B0 = B` that rule errs on the unsafe side.
+
+use super::ReductionSpec;
+use crate::linalg::Gain;
+use crate::linalg::eigenvalues::spectral_radius;
+use crate::linalg::exponential::exponential;
+use crate::plant::ElasticSpec;
+
+/// Motors with locked links under the inner loop.
+pub struct LockedMotors {
+    n: usize,
+    /// Per group of joints that couple, its matrices.
+    groups: Vec<Group>,
+}
+
+struct Group {
+    n: usize,
+    stiffness: Vec<f64>,
+    inverse_inertia: Vec<f64>,
+    /// What brakes the motors against the ground, `(n,)`.
+    friction: Vec<f64>,
+    model_stiffness: Vec<f64>,
+    /// `B B0^-1`
+    ratio: Vec<f64>,
+    /// `B B0^-1 D0`
+    damping: Vec<f64>,
+    /// Of the torque sensor, rad/s; infinite without one.
+    bandwidth: f64,
+    /// A sample time far below every limit, s.
+    short: f64,
+}
+
+fn times(n: usize, a: &[f64], b: &[f64]) -> Vec<f64> {
+    (0..n * n).map(|at| (0..n).map(|k| a[at / n * n + k] * b[k * n + at % n]).sum()).collect()
+}
+
+fn norm(n: usize, a: &[f64]) -> f64 {
+    (0..n).map(|i| a[i * n..(i + 1) * n].iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max)
+}
+
+impl LockedMotors {
+    /// The motors of `plant` under the inner loop `law`; `bandwidth` of the torque sensor in rad/s, infinite without one.
+    pub fn new(plant: &ElasticSpec, law: &ReductionSpec, bandwidth: f64) -> Self {
+        let n = law.reduced_inertia.n();
+        let friction: Vec<f64> = (0..n).map(|i| plant.joint_damping[i] + plant.motor_friction[i]).collect();
+        let gains =
+            [&plant.stiffness, &plant.motor_inertia, &law.joint_stiffness, &law.motor_inertia, &law.reduced_inertia, &law.motor_damping];
+        let joints: Vec<Vec<usize>> =
+            if gains.iter().all(|gain| gain.is_diagonal()) { (0..n).map(|i| vec![i]).collect() } else { vec![(0..n).collect()] };
+        let groups = joints.iter().map(|joints| {
+            let part = |gain: &Gain| {
+                Gain::unchecked(
+                    joints.len(),
+                    joints.iter().flat_map(|&i| joints.iter().map(move |&j| (i, j))).map(|(i, j)| gain.at(i, j)).collect(),
+                )
+            };
+            let friction = joints.iter().map(|&i| friction[i]).collect();
+            Group::new(gains.map(part), friction, bandwidth)
+        });
+        LockedMotors { n, groups: groups.collect() }
+    }
+
+    /// One motor by its numbers.
+    pub fn single(inertia: f64, stiffness: f64, reduced_inertia: f64, motor_damping: f64, bandwidth: f64) -> Self {
+        let gains = [stiffness, inertia, stiffness, inertia, reduced_inertia, motor_damping].map(|x| Gain::unchecked(1, vec![x]));
+        LockedMotors { n: 1, groups: vec![Group::new(gains, vec![0.0], bandwidth)] }
+    }
+
+    /// Number of joints.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Spectral radius over one sample of `dt`; infinite where it can't be computed.
+    pub fn radius(&self, dt: f64) -> f64 {
+        self.groups.iter().map(|group| group.radius(dt)).fold(0.0, f64::max)
+    }
+
+    /// The sample time at which the loop first becomes unstable, s; infinite if none is found.
+    pub fn largest_sample_time(&self) -> f64 {
+        self.groups.iter().map(Group::largest_sample_time).fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Group {
+    fn new(gains: [Gain; 6], friction: Vec<f64>, bandwidth: f64) -> Self {
+        let n = friction.len();
+        let [stiffness, inertia, model_stiffness, model_inertia, reduced, damping] = gains;
+        let inverse_reduced = reduced.inverse().matrix();
+        let ratio = times(n, &model_inertia.matrix(), &inverse_reduced);
+        let rate = norm(n, &times(n, &inverse_reduced, &model_stiffness.matrix())).sqrt();
+        let brake = norm(n, &times(n, &inverse_reduced, &damping.matrix()));
+        let creep = norm(n, &damping.solve(&model_stiffness).matrix());
+        let slowest = if bandwidth.is_finite() { bandwidth } else { 0.0 };
+        Group {
+            n,
+            damping: times(n, &ratio, &damping.matrix()),
+            stiffness: stiffness.matrix(),
+            inverse_inertia: inertia.inverse().matrix(),
+            model_stiffness: model_stiffness.matrix(),
+            friction,
+            ratio,
+            bandwidth,
+            short: 1e-2 / rate.max(brake).max(creep).max(slowest),
+        }
+    }
+
+    /// The map over one sample, row-major, and its size.
+    fn map(&self, dt: f64) -> (Vec<f64>, usize) {
+        let n = self.n;
+        let sensor = self.bandwidth.is_finite();
+        let s = if sensor { 3 * n } else { 2 * n };
+        let size = s + n;
+        let mut a = vec![0.0; size * size];
+        let pull = times(n, &self.inverse_inertia, &self.stiffness);
+        for i in 0..n {
+            a[i * size + n + i] = dt;
+            for j in 0..n {
+                a[(n + i) * size + j] = -dt * pull[i * n + j];
+                a[(n + i) * size + n + j] = -dt * self.inverse_inertia[i * n + j] * self.friction[j];
+                a[(n + i) * size + s + j] = dt * self.inverse_inertia[i * n + j];
+                if sensor {
+                    a[(2 * n + i) * size + j] = dt * self.bandwidth * self.stiffness[i * n + j];
+                }
+            }
+            if sensor {
+                a[(2 * n + i) * size + 2 * n + i] = -dt * self.bandwidth;
+            }
+        }
+        let e = exponential(&a, size);
+        // tau = (I - R) tau_J - R D0 theta_dot, tau_J modelled or measured.
+        let share = |i: usize, j: usize| f64::from(u8::from(i == j)) - self.ratio[i * n + j];
+        let mut f = vec![0.0; n * s];
+        for i in 0..n {
+            for j in 0..n {
+                let torque = if sensor { 2 * n + j } else { j };
+                f[i * s + torque] = if sensor { share(i, j) } else { (0..n).map(|k| share(i, k) * self.model_stiffness[k * n + j]).sum() };
+                f[i * s + n + j] = -self.damping[i * n + j];
+            }
+        }
+        let entry = |at: usize| {
+            let (i, j) = (at / s, at % s);
+            e[i * size + j] + (0..n).map(|k| e[i * size + s + k] * f[k * s + j]).sum::<f64>()
+        };
+        ((0..s * s).map(entry).collect(), s)
+    }
+
+    fn radius(&self, dt: f64) -> f64 {
+        let (map, s) = self.map(dt);
+        spectral_radius(&map, s).unwrap_or(f64::INFINITY)
+    }
+
+    fn largest_sample_time(&self) -> f64 {
+        const GROWTH: f64 = 1.02;
+        const CAP: f64 = 1e8;
+        let mut low = self.short;
+        if self.radius(low) >= 1.0 {
+            return 0.0;
+        }
+        let mut high = low * GROWTH;
+        while self.radius(high) < 1.0 {
+            if high > CAP * self.short {
+                return f64::INFINITY;
+            }
+            (low, high) = (high, high * GROWTH);
+        }
+        loop {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high {
+                return low;
+            }
+            if self.radius(middle) < 1.0 { low = middle } else { high = middle }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_limit_of_small_inertia_is_the_rule_of_thumb() {
+        let (b, k) = (0.4, 800.0);
+        for zeta in [0.1, 0.25, 0.5, 1.0, 2.0] {
+            let b0 = 1e-6 * b;
+            let omega = (k / b0 as f64).sqrt();
+            let limit = omega * LockedMotors::single(b, k, b0, 2.0 * zeta * (b0 * k).sqrt(), f64::INFINITY).largest_sample_time();
+            let rule = (4.0 * zeta).min(1.0 / zeta);
+            // The error of the rule shrinks with B0/B = 1e-6.
+            assert!((limit / rule - 1.0).abs() < 1e-5, "zeta {zeta}: {limit} {rule}");
+            // At B0 = B it is on the unsafe side by 8 to 27 %.
+            let full =
+                (k / b as f64).sqrt() * LockedMotors::single(b, k, b, 2.0 * zeta * (b * k).sqrt(), f64::INFINITY).largest_sample_time();
+            assert!(full < 0.93 * rule && full > 0.73 * rule, "zeta {zeta}: {full} {rule}");
+        }
+    }
+
+    #[test]
+    fn coupled_motors_that_do_not_couple_agree_with_single_ones() {
+        let single = LockedMotors::single(0.4, 800.0, 0.02, 8.0, 2000.0).largest_sample_time();
+        let both = Group::new([800.0, 0.4, 800.0, 0.4, 0.02, 8.0].map(|x| Gain::unchecked(2, vec![x, 0.0, 0.0, x])), vec![0.0; 2], 2000.0)
+            .largest_sample_time();
+        assert!((single / both - 1.0).abs() < 1e-6, "a double eigenvalue is known to the root of a rounding: {single} {both}");
+        // A sensor that lags costs sample time.
+        assert!(single < LockedMotors::single(0.4, 800.0, 0.02, 8.0, f64::INFINITY).largest_sample_time());
+    }
+}

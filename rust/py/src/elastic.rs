@@ -1,0 +1,301 @@
+//! `armlet.equilibrium`, `armlet.elastic_limits` and the limits by numbers; the warning of a coarse sample time.
+
+use crate::arrays::{common_shape, new_array, number, numbers, object, optional_number, shown, stretch, text, vector};
+use crate::errors::{Failure, entry, input_error};
+use crate::force::{self, Raised};
+use crate::law::Law;
+use crate::plant::Plant;
+use armlet_core::analysis::{elastic_limits as limits, equilibrium as rest};
+use armlet_core::law::LawSpec;
+use armlet_core::linalg::ratio_damping;
+use armlet_core::plant::PlantSpec;
+use armlet_core::simulate::{Force, Problem, Wrench};
+use numpy::{Complex64, PyArray1};
+use pyo3::exceptions::PyUserWarning;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// A sample time above this share of the limit deserves a word.
+const COMFORTABLE: f64 = 1.0 / 3.0;
+
+/// Say so where the sample time comes close to what the motor loop stands.
+pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> PyResult<()> {
+    let (Some(dt), Some(limit)) = (problem.options.sampling.as_ref().map(|s| s.period), problem.sample_time_limit()) else { return Ok(()) };
+    if dt > COMFORTABLE * limit && dt < limit {
+        let text = format!(
+            "{function}: sample_time {dt:.3e} s is above a third of {limit:.3e} s, where the motor loop becomes unstable: expect oscillation"
+        );
+        let text = std::ffi::CString::new(text).unwrap_or_default();
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
+    }
+    Ok(())
+}
+
+/// A constant force: its wrench and the frame it acts at.
+fn constant(
+    function: &'static str,
+    plant: &PlantSpec,
+    law: &LawSpec,
+    value: Option<&Bound<'_, PyAny>>,
+    frame: Option<&Bound<'_, PyAny>>,
+) -> Result<(Wrench, Option<usize>), Failure> {
+    let named = match frame {
+        None => None,
+        Some(frame) => Some(plant.model().tree("force_frame")?.frame_index(&text(function, "force_frame", frame)?)?),
+    };
+    let own = law.coordinates();
+    let at = named.or(own.map(|coordinates| coordinates.frame));
+    let Some(value) = value else { return Ok(([0.0; 6], at)) };
+    if at.is_none() {
+        let problem = format!("is missing: expected a frame for the force, since {} has none", law.name());
+        return Err(input_error(value.py(), function, "force_frame", problem).into());
+    }
+    let rows = if named.is_some() { None } else { own.map(|coordinates| coordinates.rows.as_slice()) };
+    match force::force(function, value, rows, &Raised::default())? {
+        Force::Steps { values, .. } if values.len() == 1 => Ok((values[0], at)),
+        _ => Err(input_error(value.py(), function, "force", "is not constant: expected None or one force").into()),
+    }
+}
+
+fn put(fields: &Bound<'_, PyDict>, name: &str, values: &[f64]) -> Result<(), Failure> {
+    Ok(fields.set_item(name, PyArray1::from_slice(fields.py(), values))?)
+}
+
+fn put_eigenvalues(fields: &Bound<'_, PyDict>, values: &[(f64, f64)]) -> Result<(), Failure> {
+    let values: Vec<Complex64> = values.iter().map(|&(re, im)| Complex64::new(re, im)).collect();
+    Ok(fields.set_item("eigenvalues", PyArray1::from_vec(fields.py(), values))?)
+}
+
+/// The fields of `armlet.Equilibrium`.
+#[pyfunction]
+pub fn equilibrium<'py>(
+    py: Python<'py>,
+    plant: &Bound<'py, PyAny>,
+    law: &Bound<'py, PyAny>,
+    force: Option<&Bound<'py, PyAny>>,
+    q0: &Bound<'py, PyAny>,
+    force_frame: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    const NAME: &str = "equilibrium";
+    entry(py, NAME, || {
+        let plant = object::<Plant>(NAME, "plant", "a plant such as ElasticArm", plant)?;
+        let law = object::<Law>(NAME, "law", "a law such as ElasticImpedance", law)?;
+        let (plant, law) = (&plant.get().spec, &law.get().spec);
+        let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
+        let q0 = vector(NAME, "q0", q0, plant.n())?;
+        let found = py.detach(|| rest::equilibrium(plant, law, &wrench, frame, &q0))?;
+        let fields = PyDict::new(py);
+        put(&fields, "q", &found.q)?;
+        put(&fields, "tau", &found.tau)?;
+        put(&fields, "x", &found.x)?;
+        if matches!(plant, PlantSpec::Elastic(_)) {
+            put(&fields, "theta", &found.theta)?;
+        }
+        fields.set_item("reachable", found.reachable)?;
+        fields.set_item("spurious", found.spurious)?;
+        fields.set_item("stable", found.stable)?;
+        put_eigenvalues(&fields, &found.eigenvalues)?;
+        Ok(fields)
+    })
+}
+
+/// The fields of `armlet.ElasticLimits`.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn elastic_limits<'py>(
+    py: Python<'py>,
+    plant: &Bound<'py, PyAny>,
+    law: &Bound<'py, PyAny>,
+    force: Option<&Bound<'py, PyAny>>,
+    q0: &Bound<'py, PyAny>,
+    force_frame: Option<&Bound<'py, PyAny>>,
+    sample_time: Option<&Bound<'py, PyAny>>,
+    sensor_bandwidth: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    const NAME: &str = "elastic_limits";
+    entry(py, NAME, || {
+        let plant = object::<Plant>(NAME, "plant", "a plant such as ElasticArm", plant)?;
+        let law = object::<Law>(NAME, "law", "a law such as ElasticImpedance", law)?;
+        let (plant, law) = (&plant.get().spec, &law.get().spec);
+        let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
+        let q0 = vector(NAME, "q0", q0, plant.n())?;
+        let sample_time = optional_number(NAME, "sample_time", sample_time)?;
+        let bandwidth = optional_number(NAME, "sensor_bandwidth", sensor_bandwidth)?.unwrap_or(f64::INFINITY);
+        let found = py.detach(|| limits::elastic_limits(plant, law, &wrench, frame, &q0, sample_time, bandwidth))?;
+        let fields = PyDict::new(py);
+        fields.set_item("sample_time_max", found.sample_time_max)?;
+        if sample_time.is_some() {
+            put(&fields, "reduced_inertia_min", &found.reduced_inertia_min)?;
+        }
+        put(&fields, "stiffness_max", &found.stiffness_max)?;
+        put(&fields, "stiffness", &found.stiffness)?;
+        fields.set_item("stiffness_scale_max", found.stiffness_scale_max)?;
+        put_eigenvalues(&fields, &found.eigenvalues)?;
+        Ok(fields)
+    })
+}
+
+/// `f` of every entry of the arguments, broadcast together.
+fn each<'py, const K: usize>(
+    py: Python<'py>,
+    function: &str,
+    names: [&str; K],
+    values: [&Bound<'py, PyAny>; K],
+    f: impl Fn([f64; K]) -> Result<f64, Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    let mut shapes = Vec::with_capacity(K);
+    let mut data = Vec::with_capacity(K);
+    for (name, value) in names.iter().zip(values) {
+        let (shape, entries) = numbers(function, name, value)?;
+        if let Some(k) = entries.iter().position(|x| x.is_nan()) {
+            return Err(input_error(py, function, name, format!("is not a number: expected numbers, got NaN (first bad index {k})")).into());
+        }
+        shapes.push(shape);
+        data.push(entries);
+    }
+    let Some(shape) = common_shape(&shapes) else {
+        let shapes: Vec<String> = shapes.iter().map(|s| shown(s)).collect();
+        let problem = format!("does not broadcast with the others: expected shapes that fit together, got {}", shapes.join(", "));
+        return Err(input_error(py, function, names[0], problem).into());
+    };
+    let columns: Vec<Vec<f64>> = shapes.iter().zip(&data).map(|(from, data)| stretch(from, &shape, data, 1)).collect::<Result<_, _>>()?;
+    new_array(py, &shape, |out| {
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = f(std::array::from_fn(|k| columns[k][i]))?;
+        }
+        Ok(())
+    })
+}
+
+/// The smallest motor inertia `B0` that a sampled inertia reduction stands, links locked; NaN if even `B0 = B` is too small.
+///
+/// One sample of length `dt` with the torque held maps `(theta, theta_dot)` exactly; `B0` is where the spectral radius of the
+/// map reaches 1 with `D0 = 2 zeta sqrt(B0 K_J)`. For `B0 << B`: `B0 = K_J (dt / min(4 zeta, 1/zeta))^2`.
+///
+/// Args:
+///     motor_inertia: `B`, kg m^2, > 0; all arguments broadcast, which makes maps.
+///     joint_stiffness: `K_J`, N m/rad, > 0.
+///     sample_time: `dt`, s, > 0.
+///     damping_ratio: `zeta`, > 0; 1 if None (keyword only).
+///     sensor_bandwidth: of a first-order torque sensor, rad/s; no lag if None (keyword only).
+///
+/// Returns:
+///     `B0`, kg m^2, of the common shape.
+///
+/// Raises:
+///     InputError: a number is not positive, shapes do not fit together.
+///
+/// >>> import armlet as al
+/// >>> al.smallest_reduced_inertia(0.4, 800.0, [0.0005, 0.001, 0.002]).round(6)
+/// array([0.0002  , 0.0008  , 0.003204])
+#[pyfunction]
+#[pyo3(signature = (motor_inertia, joint_stiffness, sample_time, *, damping_ratio=None, sensor_bandwidth=None))]
+pub fn smallest_reduced_inertia<'py>(
+    py: Python<'py>,
+    motor_inertia: &Bound<'py, PyAny>,
+    joint_stiffness: &Bound<'py, PyAny>,
+    sample_time: &Bound<'py, PyAny>,
+    damping_ratio: Option<&Bound<'py, PyAny>>,
+    sensor_bandwidth: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    const NAME: &str = "smallest_reduced_inertia";
+    entry(py, NAME, || {
+        let one = 1.0f64.into_pyobject(py).map_err(PyErr::from)?.into_any();
+        let never = f64::INFINITY.into_pyobject(py).map_err(PyErr::from)?.into_any();
+        let (ratio, bandwidth) = (damping_ratio.unwrap_or(&one), sensor_bandwidth.unwrap_or(&never));
+        let names = ["motor_inertia", "joint_stiffness", "sample_time", "damping_ratio", "sensor_bandwidth"];
+        each(py, NAME, names, [motor_inertia, joint_stiffness, sample_time, ratio, bandwidth], |[b, k, dt, zeta, w]| {
+            Ok(limits::smallest_reduced_inertia(b, k, dt, w, zeta)?)
+        })
+    })
+}
+
+/// The largest stiffness of a spring at one link behind an elastic joint: `K_J (1 + d/D0)(1 - d B0/(D0 M))` (Routh).
+///
+/// Negative or zero: no stiffness is stable. With `D0 = 2 sqrt(B0 K_J)` it is `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`.
+///
+/// Args:
+///     mass: inertia of the link `M`, kg m^2, > 0; all arguments broadcast.
+///     joint_stiffness: `K_J`, N m/rad, > 0.
+///     reduced_inertia: `B0`, kg m^2, > 0.
+///     damping: `d` of the link's damper, N m s/rad, >= 0.
+///     motor_damping: `D0`, N m s/rad; critical if None (keyword only).
+///
+/// Returns:
+///     the largest `k`, N m/rad, of the common shape.
+///
+/// Raises:
+///     InputError: a number is of the wrong sign, shapes do not fit together.
+///
+/// >>> import armlet as al
+/// >>> float(al.stiffness_limit(1.0, 800.0, 0.02, 20.0))
+/// 2660.0
+#[pyfunction]
+#[pyo3(signature = (mass, joint_stiffness, reduced_inertia, damping, *, motor_damping=None))]
+pub fn stiffness_limit<'py>(
+    py: Python<'py>,
+    mass: &Bound<'py, PyAny>,
+    joint_stiffness: &Bound<'py, PyAny>,
+    reduced_inertia: &Bound<'py, PyAny>,
+    damping: &Bound<'py, PyAny>,
+    motor_damping: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    const NAME: &str = "stiffness_limit";
+    entry(py, NAME, || {
+        let critical = motor_damping.is_none();
+        let names = ["mass", "joint_stiffness", "reduced_inertia", "damping", "motor_damping"];
+        // Without a damping of its own the fifth is a stand-in that is never read.
+        let values = [mass, joint_stiffness, reduced_inertia, damping, motor_damping.unwrap_or(mass)];
+        each(py, NAME, names, values, |[m, k, b0, d, d0]| {
+            let d0 = if critical { 2.0 * (b0 * k).sqrt() } else { d0 };
+            for (name, x) in [("mass", m), ("joint_stiffness", k), ("reduced_inertia", b0), ("motor_damping", d0)] {
+                armlet_core::error::positive(name, x)?;
+            }
+            if !(d >= 0.0 && d.is_finite()) {
+                return Err(input_error(py, NAME, "damping", format!("is negative or not finite: expected >= 0, got {d}")).into());
+            }
+            Ok(limits::stiffness_limit(m, k, b0, d, d0))
+        })
+    })
+}
+
+/// The damping that gives every mode of an inertia and a stiffness one ratio: `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`.
+///
+/// It is the double diagonalisation rule: with `M = Q'Q`, `K = Q' diag(k) Q` it is `2 zeta Q' diag(k)^1/2 Q`.
+///
+/// Args:
+///     inertia: `M`, positive definite, (n, n), such as `M_x` of a law's terms.
+///     stiffness: `K`, positive definite, (n, n).
+///     ratio: `zeta` > 0.
+///
+/// Returns:
+///     `D`, (n, n), symmetric positive definite, in the unit of sqrt(M K).
+///
+/// Raises:
+///     InputError: a matrix is not square, symmetric or positive definite, the ratio is not positive.
+///
+/// Source: Albu-Schaeffer, Ott, Frese and Hirzinger, Cartesian impedance control of redundant robots, ICRA 2003.
+///
+/// >>> import armlet as al
+/// >>> al.damping_from_ratio([[2.0, 0.0], [0.0, 0.5]], [[200.0, 0.0], [0.0, 50.0]], 0.7)
+/// array([[28.,  0.],
+///        [ 0.,  7.]])
+#[pyfunction]
+pub fn damping_from_ratio<'py>(
+    inertia: &Bound<'py, PyAny>,
+    stiffness: &Bound<'py, PyAny>,
+    ratio: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    const NAME: &str = "damping_from_ratio";
+    let py = inertia.py();
+    entry(py, NAME, || {
+        let n = numbers(NAME, "inertia", inertia)?.0.first().copied().unwrap_or(1);
+        let square = |name: &'static str, value| crate::given::gain(NAME, name, value, n);
+        let (m, k) = (square("inertia", inertia)?, square("stiffness", stiffness)?);
+        let d = ratio_damping(&m, &k, number(NAME, "ratio", ratio)?)?;
+        new_array(py, &[n, n], |out| {
+            out.copy_from_slice(&d.matrix());
+            Ok(())
+        })
+    })
+}

@@ -1,0 +1,322 @@
+//! Laws of arms with elastic joints.
+
+use super::{Given, Law};
+use crate::errors::{Failure, entry};
+use armlet_core::law::{
+    CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, LawSpec, MotorPdSpec, PdGravitySpec, ReductionSpec, StateFeedbackSpec,
+};
+use armlet_core::motion::Motion;
+use pyo3::prelude::*;
+
+/// The inner loop's arguments.
+struct Inner<'a, 'py> {
+    joint_stiffness: &'a Bound<'py, PyAny>,
+    motor_inertia: &'a Bound<'py, PyAny>,
+    reduced_inertia: &'a Bound<'py, PyAny>,
+    motor_damping: Option<&'a Bound<'py, PyAny>>,
+    damping_ratio: Option<&'a Bound<'py, PyAny>>,
+    relative_damping: bool,
+}
+
+impl<'py> Inner<'_, 'py> {
+    fn read(self, given: &mut Given<'py>) -> Result<ReductionSpec, Failure> {
+        let n = given.model().n();
+        let joint_stiffness = given.gain("joint_stiffness", self.joint_stiffness, n)?;
+        let motor_inertia = given.gain("motor_inertia", self.motor_inertia, n)?;
+        let reduced_inertia = given.gain("reduced_inertia", self.reduced_inertia, n)?;
+        let damping = self.motor_damping.map(|value| given.gain("motor_damping", value, n)).transpose()?;
+        let ratio = self.damping_ratio.map(|value| given.number("damping_ratio", value)).transpose()?.unwrap_or(1.0);
+        if self.relative_damping {
+            given.flag("relative_damping", true)?;
+        }
+        Ok(ReductionSpec::new(n, joint_stiffness, motor_inertia, reduced_inertia, damping, ratio, self.relative_damping)?)
+    }
+}
+
+/// Cartesian impedance through elastic joints: motor-inertia reduction inside, a spring and a damper at the frame outside.
+///
+/// `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 theta_dot)`, `u = J'(K (x_d - x) - D J v) + g(q)`: motors of
+/// inertia `B` answer like `B0`. It comes to rest at `x_E = x_d + K^-1 F` with `tau_E = g(q_E) - J'F` where that pose is
+/// reachable, regular and stable: see `equilibrium`. The law has no inverse of `J`; `terms()` gives the target's mass and
+/// Coriolis matrices `M_x`, `S_x` for diagnosis, NaN where `J` loses rank.
+///
+/// Args:
+///     arm: the model of the links: its kinematics and its gravity.
+///     target: `x_d`, one number per row, m or rad.
+///     stiffness, damping: `K` and `D`, positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
+///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
+///     motor_inertia, reduced_inertia: `B` and `B0`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
+///     frame: name of the controlled frame (keyword only).
+///     axes: the rows, such as "xyz", "xy" or "xyz rx ry rz" (keyword only).
+///     motor_damping: `D0`, N m s/rad, positive definite; by `damping_ratio` if None (keyword only).
+///     damping_ratio: `zeta` > 0 of `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2` (keyword only).
+///     relative_damping: `D0` acts on `theta_dot - v`: the error to the rigid target is 10 to 20 times smaller (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
+///
+/// Source: Ott, Albu-Schaeffer, Kugi and Hirzinger, On the passivity-based impedance control of flexible joint robots,
+/// IEEE Trans. Robotics 24(2), 2008.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> plant = al.ElasticArm(arm, [800.0, 500.0], [0.4, 0.25])
+/// >>> law = al.ElasticImpedance(arm, [0.4, 0.5], [300.0, 200.0], [40.0, 30.0], [800.0, 500.0], [0.4, 0.25], [0.02, 0.0125],
+/// ...                           frame="link2", axes="xy")
+/// >>> law.terms(0.0, [0.3, 1.0], [0.0, 0.0], theta=[0.3, 1.0], theta_dot=[0.0, 0.0])["D0"]
+/// array([[8., 0.],
+///        [0., 5.]])
+/// >>> run = al.simulate(plant, law, [0.3, 1.0], t_end=5.0, method="dop853", t_eval=[0.0, 5.0], force=[10.0, -15.0])
+/// >>> arm.position(run.q[-1], "link2").round(3)
+/// array([0.433, 0.425, 0.   ])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct ElasticImpedance;
+
+#[pymethods]
+impl ElasticImpedance {
+    #[new]
+    #[pyo3(signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
+                        motor_damping=None, damping_ratio=None, relative_damping=false))]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        target: &Bound<'py, PyAny>,
+        stiffness: &Bound<'py, PyAny>,
+        damping: &Bound<'py, PyAny>,
+        joint_stiffness: &Bound<'py, PyAny>,
+        motor_inertia: &Bound<'py, PyAny>,
+        reduced_inertia: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        axes: Option<&Bound<'py, PyAny>>,
+        motor_damping: Option<&Bound<'py, PyAny>>,
+        damping_ratio: Option<&Bound<'py, PyAny>>,
+        relative_damping: bool,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "ElasticImpedance";
+        entry(arm.py(), NAME, || {
+            let mut given = Given::new(NAME, arm)?;
+            let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
+            let target = Motion::Hold(given.vector("target", target, m)?);
+            let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
+            let outer = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
+            let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
+            let inner = inner.read(&mut given)?;
+            let spec = ElasticImpedanceSpec { outer, inner };
+            Ok(given.law(LawSpec::ElasticImpedance(spec)).add_subclass(ElasticImpedance))
+        })
+    }
+}
+
+/// Cartesian impedance through elastic joints about a moving target: an extension of `ElasticImpedance`.
+///
+/// `u = J'(K (x_d(t) - x) + D (x_d'(t) - J v)) + g(q)`; the inner loop is that of `ElasticImpedance`. The inertia of the arm is
+/// not fed forward, so an accelerating target is followed with an error.
+///
+/// Args:
+///     motion: the target's motion, one coordinate per row, m or rad.
+///     (the rest): as for `ElasticImpedance`.
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> line = al.Quintic([0.6, 0.3], [0.4, 0.5], 2.0)
+/// >>> law = al.ElasticTracking(arm, line, 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy", relative_damping=True)
+/// >>> law.motion is line
+/// True
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct ElasticTracking;
+
+#[pymethods]
+impl ElasticTracking {
+    #[new]
+    #[pyo3(signature = (arm, motion, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
+                        motor_damping=None, damping_ratio=None, relative_damping=false))]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        motion: &Bound<'py, PyAny>,
+        stiffness: &Bound<'py, PyAny>,
+        damping: &Bound<'py, PyAny>,
+        joint_stiffness: &Bound<'py, PyAny>,
+        motor_inertia: &Bound<'py, PyAny>,
+        reduced_inertia: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        axes: Option<&Bound<'py, PyAny>>,
+        motor_damping: Option<&Bound<'py, PyAny>>,
+        damping_ratio: Option<&Bound<'py, PyAny>>,
+        relative_damping: bool,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "ElasticTracking";
+        entry(arm.py(), NAME, || {
+            let mut given = Given::new(NAME, arm)?;
+            let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
+            let motion = given.motion("motion", motion)?;
+            let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
+            let outer = CartesianImpedanceSpec::new(given.model(), motion, stiffness, damping, &frame, &axes)?;
+            let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
+            let inner = inner.read(&mut given)?;
+            let spec = ElasticImpedanceSpec { outer, inner };
+            Ok(given.law(LawSpec::ElasticImpedance(spec)).add_subclass(ElasticTracking))
+        })
+    }
+}
+
+/// Joint impedance through elastic joints: `u = K (q_d - q) - D v + g(q)`, motor-inertia reduction inside.
+///
+/// Args:
+///     arm: the model whose gravity is compensated.
+///     target: `q_d`, `(n,)`, rad or m.
+///     stiffness, damping: `K` and `D`, N m/rad and N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`.
+///     (the rest): as for `ElasticImpedance`.
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite.
+///
+/// Source: Albu-Schaeffer, Ott and Hirzinger, A unified passivity-based control framework for flexible joint robots,
+/// IJRR 26(1), 2007.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> law = al.JointImpedance(arm, [0.3, 1.0], 100.0, 15.0, [800.0, 500.0], [0.4, 0.25], [0.02, 0.0125])
+/// >>> run = al.simulate(al.ElasticArm(arm, [800.0, 500.0], [0.4, 0.25]), law, [0.0, 0.5], t_end=3.0, method="dop853")
+/// >>> run.q[-1].round(3)
+/// array([0.3, 1. ])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct JointImpedance;
+
+#[pymethods]
+impl JointImpedance {
+    #[new]
+    #[pyo3(signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, motor_damping=None,
+                        damping_ratio=None, relative_damping=false))]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        target: &Bound<'py, PyAny>,
+        stiffness: &Bound<'py, PyAny>,
+        damping: &Bound<'py, PyAny>,
+        joint_stiffness: &Bound<'py, PyAny>,
+        motor_inertia: &Bound<'py, PyAny>,
+        reduced_inertia: &Bound<'py, PyAny>,
+        motor_damping: Option<&Bound<'py, PyAny>>,
+        damping_ratio: Option<&Bound<'py, PyAny>>,
+        relative_damping: bool,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "JointImpedance";
+        entry(arm.py(), NAME, || {
+            let mut given = Given::new(NAME, arm)?;
+            let n = given.model().n();
+            let target = given.vector("target", target, n)?;
+            let (stiffness, damping) = (given.gain("stiffness", stiffness, n)?, given.gain("damping", damping, n)?);
+            let outer = PdGravitySpec::new(given.model(), target, stiffness, damping)?;
+            let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
+            let inner = inner.read(&mut given)?;
+            Ok(given.law(LawSpec::JointImpedance(JointImpedanceSpec { outer, inner })).add_subclass(JointImpedance))
+        })
+    }
+}
+
+/// PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) - Kd theta_dot + g`.
+///
+/// `theta_d = q_d + K_J^-1 g(q_d)`; `g = g(q_d)`, or online `g(theta - K_J^-1 g(q_d))`. Both rest at `q_d`; the first needs
+/// stiffer gains than gravity's slope, the second is good on large moves too.
+///
+/// Args:
+///     arm: the model whose gravity is compensated.
+///     target: `q_d` of the links, `(n,)`, rad or m.
+///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
+///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
+///     online: gravity follows the motors (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///
+/// Source: Tomei, A simple PD controller for robots with elastic joints, IEEE Trans. Automatic Control 36(10), 1991; De Luca,
+/// Siciliano and Zollo, PD control with on-line gravity compensation for robots with elastic joints, Automatica 41, 2005.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> law = al.MotorPD(arm, [0.3, 1.0], 100.0, 20.0, [800.0, 500.0], online=True)
+/// >>> run = al.simulate(al.ElasticArm(arm, [800.0, 500.0], [0.4, 0.25]), law, [0.0, 0.5], t_end=10.0, method="dop853")
+/// >>> run.q[-1].round(3)
+/// array([0.3, 1. ])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct MotorPD;
+
+#[pymethods]
+impl MotorPD {
+    #[new]
+    #[pyo3(signature = (arm, target, kp, kd, joint_stiffness, *, online=false))]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        target: &Bound<'py, PyAny>,
+        kp: &Bound<'py, PyAny>,
+        kd: &Bound<'py, PyAny>,
+        joint_stiffness: &Bound<'py, PyAny>,
+        online: bool,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "MotorPD";
+        entry(arm.py(), NAME, || {
+            let mut given = Given::new(NAME, arm)?;
+            let n = given.model().n();
+            let target = given.vector("target", target, n)?;
+            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+            let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
+            if online {
+                given.flag("online", true)?;
+            }
+            let spec = MotorPdSpec::new(given.model(), &target, kp, kd, joint_stiffness, online)?;
+            Ok(given.law(LawSpec::MotorPd(spec)).add_subclass(MotorPD))
+        })
+    }
+}
+
+/// State feedback regulation of elastic joints: motor position and velocity, joint torque and its rate.
+///
+/// `tau = g(q_d) + Kp (theta_d - theta) - Kd theta_dot + Kt (g(q_d) - tau_J) - Ks tau_J_dot`, `theta_d = q_d + K_J^-1 g(q_d)`.
+///
+/// Args:
+///     arm: the model whose gravity is compensated.
+///     target: `q_d` of the links, `(n,)`, rad or m.
+///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
+///     kt, ks: positive definite gains of the joint torque and its rate, 1 and s: scalar, `(n,)` or `(n, n)`.
+///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///
+/// Source: Albu-Schaeffer and Hirzinger, A globally stable state feedback controller for flexible joint robots,
+/// Advanced Robotics 15(8), 2001.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> law = al.StateFeedback(arm, [0.3, 1.0], 200.0, 20.0, 1.0, 0.02, [800.0, 500.0])
+/// >>> run = al.simulate(al.ElasticArm(arm, [800.0, 500.0], [0.4, 0.25]), law, [0.0, 0.5], t_end=10.0, method="dop853")
+/// >>> run.q[-1].round(3)
+/// array([0.3, 1. ])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct StateFeedback;
+
+#[pymethods]
+impl StateFeedback {
+    #[new]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        target: &Bound<'py, PyAny>,
+        kp: &Bound<'py, PyAny>,
+        kd: &Bound<'py, PyAny>,
+        kt: &Bound<'py, PyAny>,
+        ks: &Bound<'py, PyAny>,
+        joint_stiffness: &Bound<'py, PyAny>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "StateFeedback";
+        entry(arm.py(), NAME, || {
+            let mut given = Given::new(NAME, arm)?;
+            let n = given.model().n();
+            let target = given.vector("target", target, n)?;
+            let gains = [given.gain("kp", kp, n)?, given.gain("kd", kd, n)?, given.gain("kt", kt, n)?, given.gain("ks", ks, n)?];
+            let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
+            let spec = StateFeedbackSpec::new(given.model(), &target, gains, joint_stiffness)?;
+            Ok(given.law(LawSpec::StateFeedback(spec)).add_subclass(StateFeedback))
+        })
+    }
+}
