@@ -3,13 +3,12 @@
 //! Every segment is sampled at ten equal steps. With `f` a row along the segment and `chord` the line between its ends,
 //!
 //! ```text
-//! overshoot = max (f - chord) + max |second difference| / 8,   value = max f + max |second difference| / 8
+//! value = max f + max |second difference| / 8
 //! ```
 //!
-//! where the second difference stands for what happens between samples. A limit narrowed by the overshoot at both ends of the
-//! segment is kept inside it; the overshoot hardly changes when the profile does, so one or two corrections suffice.
+//! where the second difference stands for what happens between samples. What a row is past its limit by, its limit is narrowed
+//! by on that segment; the rows hold at three points of a segment, so that is little and one or two corrections suffice.
 
-use super::reach::Rows;
 use super::rows::{Ask, Friction, Mover, Points};
 use crate::motion::Path;
 
@@ -41,8 +40,6 @@ pub(super) struct Found {
     pub excess: f64,
     /// Where: segment, row.
     pub at: (usize, usize),
-    /// Largest relative overshoot among rows that are within it of their limit.
-    pub coarse: f64,
 }
 
 /// The samples of all segments.
@@ -53,7 +50,7 @@ pub(super) struct Samples {
 
 impl Samples {
     /// `[tau, a, v]` at the samples of every segment, friction included.
-    pub fn take(&mut self, mover: Mover, path: &Path, pieces: &[usize], s: &[f64], x: &[f64], friction: Option<&Friction>) {
+    pub fn take(&mut self, mover: Mover, path: &Path, pieces: &[usize], s: &[f64], x: &[f64], bend: &[f64], friction: Option<&Friction>) {
         let (n, per) = (path.dof(), FINE + 1);
         let count = (s.len() - 1) * per;
         self.values.resize(count * 3 * n, 0.0);
@@ -65,8 +62,9 @@ impl Samples {
         let rate = |k: usize| {
             let (i, sub) = (k / per, k % per);
             let z = sub as f64 / FINE as f64;
-            let here = if sub == FINE { x[i + 1] } else { x[i] + z * (x[i + 1] - x[i]) };
-            (here.sqrt(), 0.5 * (x[i + 1] - x[i]) / (s[i + 1] - s[i]))
+            let h = s[i + 1] - s[i];
+            let here = if sub == FINE { x[i + 1] } else { x[i] + z * (x[i + 1] - x[i]) - z * (1.0 - z) * h * h * bend[i] };
+            (here.max(0.0).sqrt(), 0.5 * (x[i + 1] - x[i]) / h + (z - 0.5) * h * bend[i])
         };
         let ask = Ask::Motion { rate: &rate };
         Points { mover, path, at: &at, count, stride: 3 * n, out: &mut self.values, ask }.run();
@@ -80,10 +78,10 @@ impl Samples {
         }
     }
 
-    /// Margins, excesses, and the overshoot by which `narrow(segment, row, below, above)` may narrow each limit.
-    pub fn examine(&self, limits: &Limits, segments: usize, mut narrow: impl FnMut(usize, usize, [f64; 2], [f64; 2])) -> Found {
+    /// Margins and excesses; `narrow(segment, row, below, above)` is told what each row is past its limits by, where it is.
+    pub fn examine(&self, limits: &Limits, segments: usize, mut narrow: impl FnMut(usize, usize, f64, f64)) -> Found {
         let width = 3 * limits.n;
-        let mut found = Found { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0), coarse: 0.0 };
+        let mut found = Found { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
         for i in 0..segments {
             let values = &self.values[i * (FINE + 1) * width..(i + 1) * (FINE + 1) * width];
             for row in 0..width {
@@ -92,13 +90,10 @@ impl Samples {
                     continue;
                 }
                 let at = |k: usize| values[k * width + row];
-                let (first, last) = (at(0), at(FINE));
-                let (mut top, mut bottom, mut above, mut below, mut bend) = (first, first, 0.0_f64, 0.0_f64, 0.0_f64);
+                let (mut top, mut bottom, mut bend) = (at(0), at(0), 0.0_f64);
                 for k in 1..=FINE {
                     let f = at(k);
-                    let chord = first + (last - first) * (k as f64 / FINE as f64);
                     (top, bottom) = (top.max(f), bottom.min(f));
-                    (above, below) = (above.max(f - chord), below.min(f - chord));
                     if k < FINE {
                         bend = bend.max((at(k - 1) - 2.0 * f + at(k + 1)).abs());
                     }
@@ -111,14 +106,9 @@ impl Samples {
                 if !(excess <= found.excess) {
                     (found.excess, found.at) = (excess, (i, row));
                 }
-                let shoot = [between - below, above + between];
-                if over + shoot[1] > 0.0 {
-                    found.coarse = found.coarse.max(shoot[1] / scale_hi);
+                if excess > TOLERANCE {
+                    narrow(i, row, under.max(0.0), over.max(0.0));
                 }
-                if under + shoot[0] > 0.0 {
-                    found.coarse = found.coarse.max(shoot[0] / scale_lo);
-                }
-                narrow(i, row, shoot, [under.max(0.0), over.max(0.0)]);
             }
         }
         found
@@ -133,15 +123,4 @@ pub(super) fn sign(x: f64) -> f64 {
     } else {
         0.0
     }
-}
-
-/// Widths of the rows in [`Rows`]: torques, then accelerations where they are limited.
-pub(super) fn narrow(rows: &mut Rows, i: usize, row: usize, shoot: [f64; 2], past: [f64; 2], keep: bool) {
-    let at = i * rows.width + row;
-    let put = |old: &mut f64, shoot: f64, past: f64| {
-        let new = shoot * (1.0 + 1e-3);
-        *old = if keep { old.max(new) + 2.0 * past } else { new };
-    };
-    put(&mut rows.tight_lo[at], shoot[0], past[0]);
-    put(&mut rows.tight_hi[at], shoot[1], past[1]);
 }

@@ -3,6 +3,7 @@
 use super::check::{Limits, TOLERANCE, scales, sign};
 use super::reach::{BLOCK, FASTEST, Rows};
 use super::rows::{Ask, Friction, Mover, Points};
+use super::stencil::Stencil;
 use super::{PathReason, TimePath};
 use crate::error::{Error, Result, finite};
 use crate::motion::{Path, TimedPath};
@@ -180,6 +181,7 @@ impl<'a> Problem<'a> {
         (rows.scale_lo, rows.scale_hi) = rows.lo.iter().zip(&rows.hi).map(|(lo, hi)| scales(*lo, *hi)).unzip();
         rows.tight_lo = vec![0.0; (points - 1) * width];
         rows.tight_hi = vec![0.0; (points - 1) * width];
+        rows.bend = vec![0.0; points - 1];
         rows.coefficients.clear();
         rows.coefficients.resize(points * 3 * width, 0.0);
         self.cap_tight = vec![0.0; points];
@@ -199,7 +201,39 @@ impl<'a> Problem<'a> {
                 }
             }
         }
+        self.set_middles();
         self.set_caps();
+    }
+
+    /// The rows half way between grid points, interpolated; linearly where a piece has too few points.
+    fn set_middles(&mut self) {
+        let w = 3 * self.rows.width;
+        let segments = self.pieces.len();
+        let stencil = Stencil::<4>::new(&[0.5]);
+        let Rows { coefficients, middles, .. } = &mut self.rows;
+        middles.resize(segments * w, 0.0);
+        let mut first = 0;
+        while first < segments {
+            let last = self.pieces[first..].iter().position(|p| *p != self.pieces[first]).map_or(segments, |k| first + k);
+            for i in first..last {
+                let to = &mut middles[i * w..(i + 1) * w];
+                match stencil.of(i, first, last) {
+                    Some((start, [[a, b, c, d]])) => {
+                        let from = &coefficients[start * w..(start + 4) * w];
+                        for k in 0..w {
+                            to[k] = (a * from[k] + d * from[3 * w + k]) + (b * from[w + k] + c * from[2 * w + k]);
+                        }
+                    }
+                    _ => {
+                        let from = &coefficients[i * w..(i + 2) * w];
+                        for k in 0..w {
+                            to[k] = 0.5 * (from[k] + from[w + k]);
+                        }
+                    }
+                }
+            }
+            first = last;
+        }
     }
 
     /// The bounds of `x` at the grid points, from the speed limits and the stops; those of the ends give way to the end speeds up
@@ -246,6 +280,7 @@ impl<'a> Problem<'a> {
                 (c[w + j], c[2 * w + j]) = (self.bare[2 * i * n + j], self.bare[(2 * i + 1) * n + j]);
             }
         }
+        self.set_middles();
     }
 
     /// Viscous friction `d q' sqrt(x)` by its tangent at the profile: `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
@@ -265,6 +300,7 @@ impl<'a> Problem<'a> {
                 c[2 * w + j] = self.bare[(2 * i + 1) * n + j] + if x[i] == 0.0 { 0.0 } else { 0.5 * push * root };
             }
         }
+        self.set_middles();
     }
 
     /// Halve every segment.
@@ -299,7 +335,7 @@ impl<'a> Problem<'a> {
     pub fn refuse(&self, reason: PathReason) -> Result<TimePath> {
         let knots = self.path.knots();
         let ends = vec![knots[0], knots[knots.len() - 1]];
-        let motion = TimedPath::new(self.path.clone(), ends, vec![f64::NAN; 2])?;
+        let motion = TimedPath::new(self.path.clone(), ends, vec![f64::NAN; 2], vec![0.0])?;
         Ok(TimePath { motion, margin: f64::NAN, reason: Some(reason) })
     }
 }
