@@ -58,13 +58,13 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
     problem.rows.tight_lo.fill(0.0);
     problem.rows.tight_hi.fill(0.0);
     problem.cap_tight.fill(0.0);
+    samples.exact = false;
     problem.rows.bend.fill(0.0);
     problem.set_caps();
     problem.forget_friction();
     if let Err(stuck) = solve(&problem.rows, profile) {
         return Outcome::Stuck(stuck);
     }
-    let segments = problem.rows.s.len() - 1;
     for _ in 0..BENDS {
         bend(&mut problem.rows, profile);
         if solve(&problem.rows, profile).is_err() {
@@ -84,46 +84,31 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
                 problem.linearise_friction(&profile.x);
             }
         }
-        samples.take(
-            problem.mover,
-            &problem.path,
-            &problem.pieces,
-            &problem.rows.s,
-            &profile.x,
-            &problem.rows.bend,
-            problem.friction.as_ref(),
-        );
-        let Problem { rows, limits, cap_tight, torque_rows, n, .. } = problem;
-        let (torques, n) = (*torque_rows, *n);
         let beyond = BEYOND * (1 << k) as f64;
-        let now = samples.examine(limits, segments, |i, row, under, over| {
-            if row < 2 * n {
-                let at = i * rows.width + if torques { row } else { row - n };
-                rows.tight_lo[at] += beyond * under;
-                rows.tight_hi[at] += beyond * over;
+        let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
+        let width = problem.rows.width;
+        let mut caps = std::mem::take(&mut problem.cap_tight);
+        let now = samples.examine(&problem.course(), &problem.rows, profile, |i, row, under, over| {
+            if row < width {
+                tight_lo[i * width + row] += beyond * under;
+                tight_hi[i * width + row] += beyond * over;
             } else {
                 // The cap is on the square: twice the relative excess of the speed.
-                let past = 2.0 * beyond * under.max(over) / limits.hi[row];
+                let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
                 for at in [i, i + 1] {
-                    cap_tight[at] = cap_tight[at].max(cap_old[at] + past);
+                    caps[at] = caps[at].max(cap_old[at] + past);
                 }
             }
         });
-        cap_old.copy_from_slice(cap_tight);
-        if std::env::var("TPD").is_ok() {
-            let m = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone(), problem.rows.bend.clone()).unwrap();
-            eprintln!("it {k} N {segments} T {} excess {:e} at {:?} margin {:e}", m.duration(), now.excess, now.at, now.margin);
-            let i = now.at.0;
-            eprintln!(
-                "  x {:?} K {:?} {:?}",
-                &profile.x[i.saturating_sub(2)..(i + 4).min(segments + 1)],
-                &profile.low[i..i + 2],
-                &profile.high[i..i + 2]
-            );
-        }
+        (problem.rows.tight_lo, problem.rows.tight_hi) = (tight_lo, tight_hi);
+        cap_old.copy_from_slice(&caps);
+        problem.cap_tight = caps;
         found = Some(now);
         if !(now.excess > TOLERANCE) && !now.excess.is_nan() {
-            return Outcome::Done(now);
+            if samples.stands(&problem.course(), &problem.rows, profile) {
+                return Outcome::Done(now);
+            }
+            continue;
         }
         if !last && k == 0 && now.excess > COARSE {
             return Outcome::Coarse(now);

@@ -103,21 +103,33 @@ impl Gap {
 }
 
 #[inline(always)]
-fn load<S: Real>(from: &[f64], at: usize) -> S {
+pub(super) fn load<S: Real>(from: &[f64], at: usize) -> S {
     let from = &from[at..at + S::LANES];
     S::from_lanes(|lane| from[lane])
 }
 
 #[inline(always)]
-fn store<S: Real>(x: S, to: &mut [f64], at: usize) {
+pub(super) fn store<S: Real>(x: S, to: &mut [f64], at: usize) {
     for lane in 0..S::LANES {
         to[at + lane] = x.lane(lane);
     }
 }
 
+/// The middle row, raised by a share of its rise above the chord.
 #[inline(always)]
-fn largest<S: Real>(x: S) -> f64 {
-    (1..S::LANES).fold(x.lane(0), |best, lane| if x.lane(lane) > best { x.lane(lane) } else { best })
+fn raise<S: Real>(m: S, x: S, y: S) -> S {
+    S::splat(SHARE).mul_add(S::splat(0.5).neg_mul_add(x + y, m), m)
+}
+
+#[inline(always)]
+pub(super) fn largest<S: Real>(x: S) -> f64 {
+    let mut best = x.lane(0);
+    for lane in 1..S::LANES {
+        if x.lane(lane) > best {
+            best = x.lane(lane);
+        }
+    }
+    best
 }
 
 impl Lines {
@@ -153,10 +165,9 @@ impl Lines {
             let g0 = turn.neg_mul_add(a0, g0);
             let g2 = turn.mul_add(load::<S>(last, k), g2);
             let gm = dip.neg_mul_add(bm, gm);
-            let (half, share) = (S::splat(0.5), S::splat(SHARE));
-            let raise = |m: S, x: S, y: S| share.mul_add(half.neg_mul_add(x + y, m), m);
             let points = [(a0, b0, g0), (a2, b2, g2), (raise(am, a0, a2), raise(bm, b0, b2), raise(gm, g0, g2))];
-            for (which, (alpha, beta, gamma)) in points.into_iter().enumerate() {
+            for which in 0..3 {
+                let (alpha, beta, gamma) = points[which];
                 // A torque that stands on its limit, up to rounding, may stay there.
                 let room_hi = (limit_hi - tight_hi - gamma).max((limit_hi - gamma).min(zero) + standing * scale_hi);
                 let room_lo = (limit_lo + tight_lo - gamma).min((limit_lo - gamma).max(zero) - standing * scale_lo);
@@ -314,6 +325,26 @@ pub(super) fn solve(rows: &Rows, profile: &mut Profile) -> Result<(), Stuck> {
     run_lanes(Solve(rows, profile))
 }
 
+/// The limits of `u` at point `i` alone.
+#[inline(always)]
+fn alone<S: Real>(rows: &Rows, i: usize, x: f64) -> [f64; 2] {
+    let w = rows.width;
+    let c = &rows.coefficients[i * 3 * w..(i + 1) * 3 * w];
+    let x = S::splat(x);
+    let (mut upper, mut lower) = (S::splat(FAR), S::splat(-FAR));
+    let mut k = 0;
+    while k < w {
+        let (alpha, rest) = (load::<S>(c, k), x.mul_add(load::<S>(c, w + k), load::<S>(c, 2 * w + k)));
+        let idle = alpha.abs().lt(S::splat(NONE));
+        let inverse = S::select(idle, S::splat(1.0), alpha).recip();
+        let (a, b) = ((load::<S>(&rows.hi, k) - rest) * inverse, (load::<S>(&rows.lo, k) - rest) * inverse);
+        upper = upper.min(S::select(idle, S::splat(FAR), a.max(b)));
+        lower = lower.max(S::select(idle, S::splat(-FAR), a.min(b)));
+        k += S::LANES;
+    }
+    [-largest(-upper), largest(lower)]
+}
+
 struct Bends<'a>(&'a mut Rows, &'a Profile);
 
 impl Task for Bends<'_> {
@@ -321,27 +352,9 @@ impl Task for Bends<'_> {
     #[inline(always)]
     fn run<S: Real>(self) {
         let Bends(rows, profile) = self;
-        let w = rows.width;
-        // The limits of u at each point alone.
-        let at = |i: usize| -> [f64; 2] {
-            let c = &rows.coefficients[i * 3 * w..(i + 1) * 3 * w];
-            let x = S::splat(profile.x[i]);
-            let (mut upper, mut lower) = (S::splat(FAR), S::splat(-FAR));
-            let mut k = 0;
-            while k < w {
-                let (alpha, rest) = (load::<S>(c, k), x.mul_add(load::<S>(c, w + k), load::<S>(c, 2 * w + k)));
-                let idle = alpha.abs().lt(S::splat(NONE));
-                let inverse = S::select(idle, S::splat(1.0), alpha).recip();
-                let (a, b) = ((load::<S>(&rows.hi, k) - rest) * inverse, (load::<S>(&rows.lo, k) - rest) * inverse);
-                upper = upper.min(S::select(idle, S::splat(FAR), a.max(b)));
-                lower = lower.max(S::select(idle, S::splat(-FAR), a.min(b)));
-                k += S::LANES;
-            }
-            [-largest(-upper), largest(lower)]
-        };
-        let mut before = at(0);
+        let mut before = alone::<S>(rows, 0, profile.x[0]);
         for i in 0..rows.bend.len() {
-            let after = at(i + 1);
+            let after = alone::<S>(rows, i + 1, profile.x[i + 1]);
             let h = rows.s[i + 1] - rows.s[i];
             let (x0, x1) = (profile.x[i], profile.x[i + 1]);
             let u = 0.5 * (x1 - x0) / h;
