@@ -262,7 +262,7 @@ struct Why {
 
 /// The timing of a path: a motion, `p(t)` gives `q, v, a`. Made by `time_path`.
 ///
-/// The path acceleration is constant between the points of a grid. The start is held before time 0, the end after `duration`.
+/// The path acceleration is linear in `s` between the points of a grid. The start is held before time 0, the end after `duration`.
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct TimedPath {
     core: CorePath,
@@ -399,7 +399,7 @@ impl TimedPath {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let restore = py.import("armlet._core")?.getattr("_restore_time_path")?;
         let path = self.core.path();
-        let numbers = [path.knots(), path.coefficients(), path.ends().1, self.core.grid(), self.core.squared_speeds()];
+        let numbers = [path.knots(), path.coefficients(), path.ends().1, self.core.grid(), self.core.squared_speeds(), self.core.bends()];
         let arrays = numbers.iter().map(|values| array(py, values)).collect::<PyResult<Vec<_>>>()?;
         let why = self.why.as_ref().map(|w| (&w.text, w.joint, &w.joint_name, w.s, &w.limit, w.missing, w.missing_units));
         Ok((
@@ -428,10 +428,10 @@ pub fn _restore_time_path<'py>(
         for part in &parts {
             arrays.push(numbers(NAME, "parts", part)?.1.into_owned());
         }
-        let [knots, coefficients, end, s, x] =
-            <[Vec<f64>; 5]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected five arrays"))?;
+        let [knots, coefficients, end, s, x, bend] =
+            <[Vec<f64>; 6]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected six arrays"))?;
         let path = Arc::new(Path::from_parts(knots, coefficients, end)?);
-        let core = if x.iter().all(|x| x.is_infinite()) { CorePath::still(path) } else { CorePath::new(path, s, x)? };
+        let core = if x.iter().all(|x| x.is_infinite()) { CorePath::still(path) } else { CorePath::new(path, s, x, bend)? };
         let why = why.map(|(text, joint, joint_name, s, limit, missing, missing_units)| Why {
             text,
             joint,

@@ -2,8 +2,8 @@
 //!
 //! 1. The dynamics along the path on a grid: `tau = A u + B x + g` (`rows`).
 //! 2. Reachability analysis on that grid (`reach`).
-//! 3. A check ten times finer. Limits are narrowed, segment by segment, by what rows rise above the chord between grid points,
-//!    and 2 is done again, until nothing exceeds a limit anywhere (`check`). Where the grid is too coarse for that it is halved.
+//! 3. A check ten times finer. Limits are narrowed, segment by segment, by what they are exceeded by between grid points, and 2
+//!    is done again, until nothing exceeds a limit anywhere (`check`). Where the grid is too coarse for that it is halved.
 //! 4. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
 mod check;
@@ -11,6 +11,7 @@ mod reach;
 mod reason;
 mod rows;
 mod setup;
+mod stencil;
 
 pub use check::FINE;
 pub use reason::{Bound, PathReason, Shortfall};
@@ -19,8 +20,8 @@ pub use setup::{PathLimits, TimePathOptions};
 
 use crate::error::Result;
 use crate::motion::{Path, TimedPath};
-use check::{Found, Samples, TOLERANCE, narrow};
-use reach::{Profile, Stuck, solve};
+use check::{Found, Samples, TOLERANCE};
+use reach::{Profile, Stuck, bend, solve};
 use setup::Problem;
 use std::sync::Arc;
 
@@ -28,8 +29,12 @@ use std::sync::Arc;
 const CORRECTIONS: usize = 8;
 /// Grids tried.
 const GRIDS: usize = 4;
-/// Overshoot, relative to the limit, above which a grid is halved for the sake of the duration.
-const COARSE: f64 = 3e-4;
+/// Excess between grid points, relative to the limit, above which a grid is halved for the sake of the duration.
+const COARSE: f64 = 1e-3;
+/// How far a limit is narrowed at first, in parts of what it was exceeded by; twice that every time after.
+const BEYOND: f64 = 1.2;
+/// Passes that give the path acceleration the slope of its limits.
+const BENDS: usize = 1;
 
 /// A timing, or why there is none.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,13 +58,25 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
     problem.rows.tight_lo.fill(0.0);
     problem.rows.tight_hi.fill(0.0);
     problem.cap_tight.fill(0.0);
+    samples.exact = false;
+    problem.rows.bend.fill(0.0);
     problem.set_caps();
     problem.forget_friction();
     if let Err(stuck) = solve(&problem.rows, profile) {
         return Outcome::Stuck(stuck);
     }
-    let segments = problem.rows.s.len() - 1;
+    for _ in 0..BENDS {
+        bend(&mut problem.rows, profile);
+        if solve(&problem.rows, profile).is_err() {
+            problem.rows.bend.fill(0.0);
+            if let Err(stuck) = solve(&problem.rows, profile) {
+                return Outcome::Stuck(stuck);
+            }
+            break;
+        }
+    }
     let mut found = None;
+    let mut cap_old = problem.cap_tight.clone();
     for k in 0..CORRECTIONS {
         if problem.friction.is_some() {
             problem.linearise_friction(&profile.x);
@@ -67,28 +84,33 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
                 problem.linearise_friction(&profile.x);
             }
         }
-        samples.take(problem.mover, &problem.path, &problem.pieces, &problem.rows.s, &profile.x, problem.friction.as_ref());
-        let Problem { rows, limits, cap_tight, torque_rows, n, .. } = problem;
-        let (torques, n) = (*torque_rows, *n);
-        let now = samples.examine(limits, segments, |i, row, shoot, past| {
-            if row < n {
-                narrow(rows, i, row, shoot, past, k > 1);
-            } else if row < 2 * n {
-                narrow(rows, i, if torques { row } else { row - n }, shoot, past, k > 1);
+        let beyond = BEYOND * (1 << k) as f64;
+        let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
+        let width = problem.rows.width;
+        let mut caps = std::mem::take(&mut problem.cap_tight);
+        let now = samples.examine(&problem.course(), &problem.rows, profile, |i, row, under, over| {
+            if row < width {
+                tight_lo[i * width + row] += beyond * under;
+                tight_hi[i * width + row] += beyond * over;
             } else {
-                let limit = limits.hi[row];
-                // The cap is on the square: twice the relative overshoot of the speed.
-                let new = 2.0 * (shoot[0].max(shoot[1]) * (1.0 + 1e-3) + if k > 1 { 2.0 * past[0].max(past[1]) } else { 0.0 }) / limit;
+                // The cap is on the square: twice the relative excess of the speed.
+                let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
                 for at in [i, i + 1] {
-                    cap_tight[at] = cap_tight[at].max(new);
+                    caps[at] = caps[at].max(cap_old[at] + past);
                 }
             }
         });
+        (problem.rows.tight_lo, problem.rows.tight_hi) = (tight_lo, tight_hi);
+        cap_old.copy_from_slice(&caps);
+        problem.cap_tight = caps;
         found = Some(now);
         if !(now.excess > TOLERANCE) && !now.excess.is_nan() {
-            return Outcome::Done(now);
+            if samples.stands(&problem.course(), &problem.rows, profile) {
+                return Outcome::Done(now);
+            }
+            continue;
         }
-        if !last && k == 0 && now.coarse > COARSE {
+        if !last && k == 0 && now.excess > COARSE {
             return Outcome::Coarse(now);
         }
         problem.set_caps();
@@ -117,7 +139,7 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
         let last = grid + 1 == grids;
         match plan(&mut problem, &mut samples, &mut profile, last) {
             Outcome::Done(found) => {
-                let motion = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone())?;
+                let motion = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone(), problem.rows.bend.clone())?;
                 if motion.duration().is_finite() {
                     return Ok(TimePath { motion, margin: found.margin, reason: None });
                 }

@@ -57,38 +57,42 @@ pub struct PathReason {
 }
 
 impl Problem<'_> {
-    /// The limit of a row as the check counts them.
-    fn bound(&self, row: usize, upper: bool) -> (usize, Bound, f64) {
-        let (n, at) = (self.n, if upper { self.limits.hi[row] } else { self.limits.lo[row] });
-        let bound = match row / n {
+    /// Kind and joint of a row: 0 torque, 1 acceleration, 2 speed.
+    fn kind(&self, row: usize) -> (usize, usize) {
+        let n = self.n;
+        if row >= self.rows.width {
+            return (2, (row - self.rows.width).min(n - 1));
+        }
+        let first = if self.kinds[0] { 0 } else { 1 };
+        (first + row.min(2 * n - 1) / n, row % n)
+    }
+
+    fn reason(&self, what: Shortfall, row: usize, upper: bool, s: f64, missing: f64) -> PathReason {
+        let (kind, joint) = self.kind(row);
+        let limit = match kind {
             0 if upper => Bound::TorqueMax,
             0 => Bound::TorqueMin,
             1 => Bound::Acceleration,
             _ => Bound::Velocity,
         };
-        (row % n, bound, at.abs())
-    }
-
-    fn reason(&self, what: Shortfall, row: usize, upper: bool, s: f64, missing: f64) -> PathReason {
-        let (joint, limit, size) = self.bound(row, upper);
-        let other = self.limits.hi[row].abs().max(self.limits.lo[row].abs());
-        let size = if size > 0.0 { size } else { other };
+        let (lo, hi) = (self.lo[kind * self.n + joint].abs(), self.hi[kind * self.n + joint].abs());
+        let (near, far) = if upper { (hi, lo) } else { (lo, hi) };
+        let size = if near > 0.0 { near } else { far };
         let joint_name = self.mover.joint_names().get(joint).cloned().unwrap_or_default();
         PathReason { what, joint, joint_name, s, limit, missing, missing_units: missing * size, speed: f64::NAN }
     }
 
-    /// The row that is nearest to (or furthest beyond) a limit at `(u, x)` of point `i`, counted as the check does.
+    /// The row that is nearest to (or furthest beyond) a limit at `(u, x)` of point `i`, and its relative excess.
     pub(super) fn tightest(&self, i: usize, u: f64, x: f64) -> (usize, bool, f64) {
-        let (w, n) = (self.rows.width, self.n);
+        let w = self.rows.width;
         let c = &self.rows.coefficients[i * 3 * w..];
-        let skip = if self.torque_rows { 0 } else { n };
-        let mut worst = (skip, true, f64::NEG_INFINITY);
-        for k in 0..w {
+        let mut worst = (0, true, f64::NEG_INFINITY);
+        for k in 0..self.n * (usize::from(self.kinds[0]) + usize::from(self.kinds[1])) {
             let value = c[k] * u + c[w + k] * x + c[2 * w + k];
             let over = (value - self.rows.hi[k]) / self.rows.scale_hi[k];
             let under = (self.rows.lo[k] - value) / self.rows.scale_lo[k];
-            if k + skip < 2 * n && over.max(under) > worst.2 {
-                worst = (k + skip, over >= under, over.max(under));
+            if over.max(under) > worst.2 {
+                worst = (k, over >= under, over.max(under));
             }
         }
         worst
@@ -108,8 +112,8 @@ impl PathReason {
                 PathReason { speed: nearest.sqrt(), ..reason }
             }
             Stuck::End(cap) => {
-                let n = problem.n;
-                let row = (2 * n..3 * n).find(|&row| problem.limits.hi[row] < f64::INFINITY).unwrap_or(2 * n);
+                let (joint, _) = problem.fastest(problem.rows.s.len() - 1);
+                let row = problem.rows.width + joint;
                 let missing = (problem.rows.x_end / cap.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
                 let reason = problem.reason(Shortfall::EndSpeed, row, true, s[s.len() - 1], missing);
                 PathReason { speed: cap.sqrt(), ..reason }

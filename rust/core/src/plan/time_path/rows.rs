@@ -56,10 +56,34 @@ pub(super) struct Points<'a> {
 }
 
 pub(super) enum Ask<'a> {
-    /// `[A, B, g]`, each `width` long, torques first, then accelerations if `accelerations`; and `q'` into `slopes` `(count, n)`.
-    Coefficients { width: usize, torques: bool, accelerations: bool, slopes: &'a mut [f64] },
+    /// `[A, B, g]`, each `width` long, torques first, then accelerations if `accelerations`; and `q'` into `slopes` `(count, slope_stride)`.
+    Coefficients { width: usize, torques: bool, accelerations: bool, slopes: &'a mut [f64], slope_stride: usize },
     /// `[tau, a, v]`, `(3 n,)`, at the path speed and acceleration given.
     Motion { rate: &'a (dyn Fn(usize) -> (f64, f64) + 'a) },
+}
+
+/// The block of number `j`, one entry per lane.
+#[inline(always)]
+fn lanes_at<S: Real>(staged: &[f64], j: usize) -> S {
+    let from = &staged[j * S::LANES..(j + 1) * S::LANES];
+    S::from_lanes(|lane| from[lane])
+}
+
+/// Numbers `from` of the first `lanes` lanes into rows `stride` apart.
+#[inline(always)]
+fn put<S: Real>(rows: &mut [f64], stride: usize, lanes: usize, at: usize, from: &[S]) {
+    for j in 0..from.len() {
+        let x = from[j];
+        if lanes == S::LANES {
+            for lane in 0..S::LANES {
+                rows[lane * stride + at + j] = x.lane(lane);
+            }
+        } else {
+            for lane in 0..lanes {
+                rows[lane * stride + at + j] = x.lane(lane);
+            }
+        }
+    }
 }
 
 impl Points<'_> {
@@ -95,57 +119,38 @@ impl Points<'_> {
                     staged[(2 * n + j) * S::LANES + lane] = second;
                 });
             }
-            let load = |to: &mut [S], k: usize| {
-                for j in 0..n {
-                    let from = &staged[(k * n + j) * S::LANES..(k * n + j + 1) * S::LANES];
-                    to[j] = S::from_lanes(|lane| from[lane]);
-                }
-            };
-            load(&mut q, 0);
-            load(&mut v, 1);
-            load(&mut a, 2);
+            for j in 0..n {
+                q[j] = lanes_at(&staged, j);
+                v[j] = lanes_at(&staged, n + j);
+                a[j] = lanes_at(&staged, 2 * n + j);
+            }
             for j in 0..n {
                 trig[j] = if arm.is_angle(j) { q[j].sin_cos() } else { (S::zero(), S::zero()) };
             }
             let rows = &mut out[first * self.stride..(first + lanes) * self.stride];
             let stride = self.stride;
-            let mut put = |at: usize, from: &[S]| {
-                for (j, x) in from.iter().enumerate() {
-                    for lane in 0..S::LANES {
-                        if lane < lanes {
-                            rows[lane * stride + at + j] = x.lane(lane);
-                        }
-                    }
-                }
-            };
             match &mut ask {
                 Ask::Motion { .. } => {
                     arm.inverse_dynamics(&mut workspace, &trig, &q, &v, &a, &mut tau);
-                    put(0, &tau);
-                    put(n, &a);
-                    put(2 * n, &v);
+                    put(rows, stride, lanes, 0, &tau);
+                    put(rows, stride, lanes, n, &a);
+                    put(rows, stride, lanes, 2 * n, &v);
                 }
-                Ask::Coefficients { width, torques, accelerations, slopes } => {
+                Ask::Coefficients { width, torques, accelerations, slopes, slope_stride } => {
                     if *torques {
                         weightless.inverse_dynamics(&mut workspace, &trig, &q, &rest, &v, &mut tau);
-                        put(0, &tau);
+                        put(rows, stride, lanes, 0, &tau);
                         weightless.inverse_dynamics(&mut workspace, &trig, &q, &v, &a, &mut tau);
-                        put(*width, &tau);
+                        put(rows, stride, lanes, *width, &tau);
                         arm.inverse_dynamics(&mut workspace, &trig, &q, &rest, &rest, &mut tau);
-                        put(2 * *width, &tau);
+                        put(rows, stride, lanes, 2 * *width, &tau);
                     }
                     if *accelerations {
                         let at = if *torques { n } else { 0 };
-                        put(at, &v);
-                        put(*width + at, &a);
+                        put(rows, stride, lanes, at, &v);
+                        put(rows, stride, lanes, *width + at, &a);
                     }
-                    for j in 0..n {
-                        for lane in 0..S::LANES {
-                            if lane < lanes {
-                                slopes[(first + lane) * n + j] = v[j].lane(lane);
-                            }
-                        }
-                    }
+                    put(&mut slopes[first * *slope_stride..], *slope_stride, lanes, 0, &v);
                 }
             }
             first += S::LANES;

@@ -1,8 +1,9 @@
 //! What the planner is given, checked, and the rows of the problem on a grid.
 
-use super::check::{Limits, TOLERANCE, scales, sign};
+use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places, sign};
 use super::reach::{BLOCK, FASTEST, Rows};
 use super::rows::{Ask, Friction, Mover, Points};
+use super::stencil::Stencil;
 use super::{PathReason, TimePath};
 use crate::error::{Error, Result, finite};
 use crate::motion::{Path, TimedPath};
@@ -48,9 +49,17 @@ pub(super) struct Problem<'a> {
     pub path: Arc<Path>,
     pub n: usize,
     pub rows: Rows,
+    /// `(3 n,)`: torques, accelerations, speeds; infinite where there is no limit.
+    pub lo: Vec<f64>,
+    pub hi: Vec<f64>,
     pub limits: Limits,
-    pub torque_rows: bool,
-    acceleration_rows: bool,
+    /// Whether there are rows of torque, and of acceleration.
+    pub kinds: [bool; 2],
+    stencils: (Stencil<4>, Stencil<WINDOW>),
+    /// The segments of each piece.
+    spans: Vec<(usize, usize)>,
+    /// `n` in whole blocks.
+    stride: usize,
     pub friction: Option<Friction>,
     pub pieces: Vec<usize>,
     /// `(N + 1, n)`: `q'`.
@@ -96,7 +105,7 @@ impl<'a> Problem<'a> {
         if !(2..=MOST).contains(&options.grid) {
             return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST} points, got {}", options.grid)));
         }
-        let mut limits = Limits { n, lo: vec![f64::NEG_INFINITY; 3 * n], hi: vec![f64::INFINITY; 3 * n] };
+        let (mut all_lo, mut all_hi) = (vec![f64::NEG_INFINITY; 3 * n], vec![f64::INFINITY; 3 * n]);
         if let Some((lo, hi)) = &given.torque {
             sized("tau_max", hi, n)?;
             sized("tau_max", lo, n)?;
@@ -104,14 +113,14 @@ impl<'a> Problem<'a> {
                 let problem = format!("is empty: expected a lower below an upper limit, got {} and {} (first bad index {i})", lo[i], hi[i]);
                 return Err(Error::input("tau_max", problem));
             }
-            limits.lo[..n].copy_from_slice(lo);
-            limits.hi[..n].copy_from_slice(hi);
+            all_lo[..n].copy_from_slice(lo);
+            all_hi[..n].copy_from_slice(hi);
         }
         for (k, name, values) in [(1, "a_max", &given.acceleration), (2, "v_max", &given.velocity)] {
             if let Some(values) = values {
                 all_positive(name, values, n)?;
                 for i in 0..n {
-                    (limits.lo[k * n + i], limits.hi[k * n + i]) = (-values[i], values[i]);
+                    (all_lo[k * n + i], all_hi[k * n + i]) = (-values[i], values[i]);
                 }
             }
         }
@@ -144,9 +153,13 @@ impl<'a> Problem<'a> {
             path,
             n,
             rows,
-            limits,
-            torque_rows: given.torque.is_some(),
-            acceleration_rows: given.acceleration.is_some(),
+            lo: all_lo,
+            hi: all_hi,
+            limits: Limits::default(),
+            kinds: [given.torque.is_some(), given.acceleration.is_some()],
+            stencils: (Stencil::new(&[0.5]), Stencil::new(&inner_places())),
+            spans: Vec::new(),
+            stride: n.next_multiple_of(BLOCK),
             friction,
             pieces,
             slopes: Vec::new(),
@@ -167,57 +180,131 @@ impl<'a> Problem<'a> {
     /// The rows on the present grid.
     fn fill(&mut self) {
         let n = self.n;
-        let real = n * (usize::from(self.torque_rows) + usize::from(self.acceleration_rows));
-        let width = real.next_multiple_of(BLOCK);
+        let mut limits = Limits::default();
+        for kind in (0..2).filter(|&kind| self.kinds[kind]) {
+            (kind * n..(kind + 1) * n).for_each(|k| limits.push(self.lo[k], self.hi[k]));
+        }
+        // Rows that only fill a block: 0 u + 0 x + 0 between -1 and 1.
+        let fill = |limits: &mut Limits| (limits.lo.len()..limits.lo.len().next_multiple_of(BLOCK)).for_each(|_| limits.push(-1.0, 1.0));
+        fill(&mut limits);
+        let width = limits.lo.len();
         let points = self.rows.s.len();
-        let skip = if self.torque_rows { 0 } else { n };
         let rows = &mut self.rows;
         rows.width = width;
-        // Rows that only fill a block: 0 u + 0 x + 0 between -1 and 1.
-        (rows.lo, rows.hi) = (vec![-1.0; width], vec![1.0; width]);
-        rows.lo[..real].copy_from_slice(&self.limits.lo[skip..skip + real]);
-        rows.hi[..real].copy_from_slice(&self.limits.hi[skip..skip + real]);
-        (rows.scale_lo, rows.scale_hi) = rows.lo.iter().zip(&rows.hi).map(|(lo, hi)| scales(*lo, *hi)).unzip();
+        (rows.lo, rows.hi) = (limits.lo.clone(), limits.hi.clone());
+        (rows.scale_lo, rows.scale_hi) = (limits.scale_lo.clone(), limits.scale_hi.clone());
+        if self.hi[2 * n] < f64::INFINITY {
+            (2 * n..3 * n).for_each(|k| limits.push(self.lo[k], self.hi[k]));
+            fill(&mut limits);
+        }
+        self.limits = limits;
+        self.spans.clear();
+        let mut first = 0;
+        while first < self.pieces.len() {
+            let last = self.pieces[first..].iter().position(|p| *p != self.pieces[first]).map_or(self.pieces.len(), |k| first + k);
+            self.spans.push((first, last));
+            first = last;
+        }
         rows.tight_lo = vec![0.0; (points - 1) * width];
         rows.tight_hi = vec![0.0; (points - 1) * width];
+        rows.bend = vec![0.0; points - 1];
         rows.coefficients.clear();
         rows.coefficients.resize(points * 3 * width, 0.0);
         self.cap_tight = vec![0.0; points];
-        self.slopes.resize(points * n, 0.0);
+        self.slopes.clear();
+        self.slopes.resize(points * self.stride, 0.0);
         let pieces = &self.pieces;
         let s = &rows.s;
         let at = |k: usize| (pieces[k.min(pieces.len() - 1)], s[k]);
-        let ask = Ask::Coefficients { width, torques: self.torque_rows, accelerations: self.acceleration_rows, slopes: &mut self.slopes };
+        let ask = Ask::Coefficients {
+            width,
+            torques: self.kinds[0],
+            accelerations: self.kinds[1],
+            slopes: &mut self.slopes,
+            slope_stride: self.stride,
+        };
         Points { mover: self.mover, path: &self.path, at: &at, count: points, stride: 3 * width, out: &mut rows.coefficients, ask }.run();
-        if let (Some(friction), true) = (&self.friction, self.torque_rows) {
+        if let (Some(friction), true) = (&self.friction, self.kinds[0]) {
             self.bare.resize(points * 2 * n, 0.0);
             for i in 0..points {
                 for j in 0..n {
                     let c = &mut self.rows.coefficients[i * 3 * width..];
-                    c[2 * width + j] += friction.coulomb[j] * sign(self.slopes[i * n + j]);
+                    c[2 * width + j] += friction.coulomb[j] * sign(self.slopes[i * self.stride + j]);
                     (self.bare[2 * i * n + j], self.bare[(2 * i + 1) * n + j]) = (c[width + j], c[2 * width + j]);
                 }
             }
         }
+        self.set_middles();
         self.set_caps();
+    }
+
+    /// The rows half way between grid points, interpolated; linearly where a piece has too few points.
+    fn set_middles(&mut self) {
+        let w = 3 * self.rows.width;
+        let segments = self.pieces.len();
+        let Problem { rows: Rows { coefficients, middles, .. }, stencils: (stencil, _), spans, .. } = self;
+        middles.resize(segments * w, 0.0);
+        for &(first, last) in spans.iter() {
+            for i in first..last {
+                let to = &mut middles[i * w..(i + 1) * w];
+                match stencil.of(i, first, last) {
+                    Some((start, [[a, b, c, d]])) => {
+                        let from = &coefficients[start * w..(start + 4) * w];
+                        let (p, from) = from.split_at(w);
+                        let (q, from) = from.split_at(w);
+                        let (r, t) = from.split_at(w);
+                        for k in 0..w {
+                            to[k] = (a * p[k] + d * t[k]) + (b * q[k] + c * r[k]);
+                        }
+                    }
+                    _ => {
+                        let (p, q) = coefficients[i * w..(i + 2) * w].split_at(w);
+                        for k in 0..w {
+                            to[k] = 0.5 * (p[k] + q[k]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// What the check sees.
+    pub fn course(&self) -> Course<'_> {
+        Course {
+            mover: self.mover,
+            path: &self.path,
+            n: self.n,
+            pieces: &self.pieces,
+            spans: &self.spans,
+            kinds: self.kinds,
+            slopes: &self.slopes,
+            stride: self.stride,
+            friction: self.friction.as_ref(),
+            limits: &self.limits,
+            stencil: &self.stencils.1,
+        }
+    }
+
+    /// The joint that limits the path speed at point `i` by its own speed, and the path speed then.
+    pub fn fastest(&self, i: usize) -> (usize, f64) {
+        let mut most = (0, f64::INFINITY);
+        for j in 0..self.n {
+            let slope = self.slopes[i * self.stride + j].abs();
+            if slope > 0.0 && self.hi[2 * self.n + j] / slope < most.1 {
+                most = (j, self.hi[2 * self.n + j] / slope);
+            }
+        }
+        most
     }
 
     /// The bounds of `x` at the grid points, from the speed limits and the stops; those of the ends give way to the end speeds up
     /// to rounding.
     pub fn set_caps(&mut self) {
-        let n = self.n;
         let points = self.rows.s.len();
         self.rows.cap.resize(points, FASTEST);
         for i in 0..points {
-            let mut cap = FASTEST;
-            for j in 0..n {
-                let limit = self.limits.hi[2 * n + j];
-                let slope = self.slopes[i * n + j].abs();
-                if limit < f64::INFINITY && slope > 0.0 {
-                    let most = limit / slope;
-                    cap = cap.min(most * most);
-                }
-            }
+            let most = self.fastest(i).1;
+            let cap = (most * most).min(FASTEST);
             let mut narrow = cap * (1.0 - self.cap_tight[i]).max(0.0);
             for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
                 // 4e-10 of the speed is 8e-10 of its square.
@@ -246,6 +333,7 @@ impl<'a> Problem<'a> {
                 (c[w + j], c[2 * w + j]) = (self.bare[2 * i * n + j], self.bare[(2 * i + 1) * n + j]);
             }
         }
+        self.set_middles();
     }
 
     /// Viscous friction `d q' sqrt(x)` by its tangent at the profile: `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
@@ -259,12 +347,13 @@ impl<'a> Problem<'a> {
                 continue;
             }
             for j in 0..n {
-                let push = friction.viscous[j] * self.slopes[i * n + j];
+                let push = friction.viscous[j] * self.slopes[i * self.stride + j];
                 let c = &mut self.rows.coefficients[i * 3 * w..];
                 c[w + j] = self.bare[2 * i * n + j] + 0.5 * push / root;
                 c[2 * w + j] = self.bare[(2 * i + 1) * n + j] + if x[i] == 0.0 { 0.0 } else { 0.5 * push * root };
             }
         }
+        self.set_middles();
     }
 
     /// Halve every segment.
@@ -299,7 +388,7 @@ impl<'a> Problem<'a> {
     pub fn refuse(&self, reason: PathReason) -> Result<TimePath> {
         let knots = self.path.knots();
         let ends = vec![knots[0], knots[knots.len() - 1]];
-        let motion = TimedPath::new(self.path.clone(), ends, vec![f64::NAN; 2])?;
+        let motion = TimedPath::new(self.path.clone(), ends, vec![f64::NAN; 2], vec![0.0])?;
         Ok(TimePath { motion, margin: f64::NAN, reason: Some(reason) })
     }
 }
