@@ -1,4 +1,4 @@
-//! The base parameters of an arm: the fewest combinations of the inertial parameters that its motion shows (Gautier 1991).
+//! The base parameters of an arm: the fewest combinations of the inertial parameters that its motion shows (`gautier1991numerical`).
 //!
 //! `Y` is linear in `pi`, and over all states its columns span a space of dimension `b <= p`. With independent columns
 //! `Y_b` and every other column a combination of them, `Y = Y_b P`, so that `Y pi = Y_b (P pi)` for every state.

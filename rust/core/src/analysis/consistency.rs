@@ -1,8 +1,7 @@
-//! Physical consistency of inertial parameters: the pseudo-inertia of every body positive definite (Wensing, Kim and
-//! Slotine 2018), and the nearest parameters that are.
+//! Physical consistency of inertial parameters: the pseudo-inertia of every body positive definite (`wensing2018linear`), and the nearest parameters that are.
 //!
 //! Nearest in the Frobenius norm of `D P D`, `D = diag(1/l, 1/l, 1/l, 1)`: the length `l` makes second moment, first moment and mass
-//! comparable, in kg. The nearest matrix above a floor keeps the eigenvectors and raises the eigenvalues (Higham 1988).
+//! comparable, in kg. The nearest matrix above a floor keeps the eigenvectors and raises the eigenvalues (`higham1988nearest`).
 
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::symmetric_eigen;

@@ -1,4 +1,4 @@
-//! Least squares on recorded motion (Gautier and Khalil 1992): `W_b beta = tau`, rows divided by the noise of their joint.
+//! Least squares on recorded motion (`gautier1992exciting`): `W_b beta = tau`, rows divided by the noise of their joint.
 //!
 //! ```text
 //! [W_b tau] = Q [R z; 0 rho],  R = U S V',  beta = V S^-1 U' z,  sigma^2 = rho^2 / (rows - rank),  cov = sigma^2 V S^-2 V'

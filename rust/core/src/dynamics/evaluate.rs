@@ -4,6 +4,7 @@
 
 use super::Workspace;
 use super::quantities::{self, Compute};
+use super::rows::{TILE, read_rows, write_rows};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
@@ -132,20 +133,22 @@ pub(super) struct Engine<S> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
+    tile: Vec<f64>,
 }
 
 impl<S: Real> Engine<S> {
-    fn new(arm: &Arm) -> Self {
+    /// For answers of up to `largest` numbers.
+    fn new(arm: &Arm, largest: usize) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
         let zeros = |k: usize| vec![S::zero(); k];
-        let largest = (n * n * (PARAMETERS + 3)).max(6 * n).max(16);
         Engine {
             ws,
             trig: vec![(S::zero(), S::zero()); n],
             inputs: std::array::from_fn(|_| zeros(n.max(6))),
             out: zeros(largest),
             square: zeros(n * n),
+            tile: vec![0.0; if S::LANES > 1 { TILE * S::LANES } else { 0 }],
             tree,
         }
     }
@@ -157,32 +160,17 @@ impl<S: Real> Engine<S> {
         let n = self.tree.n();
         let length = query.length(n);
         let (mut at, mut sound) = (0, true);
+        self.out[..length].fill(S::zero());
         while at < count {
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
-                for i in 0..width {
-                    self.inputs[k][i] = S::from_lanes(|lane| given[(at + lane).min(count - 1) * width + i]);
-                }
+                read_rows(given, at, count, width, &mut self.inputs[k][..width]);
             }
             for i in 0..n {
                 self.trig[i] = self.inputs[0][i].sin_cos();
             }
             Q::compute(self, query);
-            sound &= all_sound(&self.out[..length]);
-            let rows = &mut out[at * length..];
-            if count - at >= S::LANES {
-                // Value by value, all lanes of one: a lane chosen at run time would go through memory each time.
-                let rows = &mut rows[..S::LANES * length];
-                for (k, from) in self.out[..length].iter().enumerate() {
-                    for lane in 0..S::LANES {
-                        rows[lane * length + k] = from.lane(lane);
-                    }
-                }
-            } else {
-                for (k, to) in rows.iter_mut().enumerate() {
-                    *to = self.out[k % length].lane(k / length);
-                }
-            }
+            sound &= write_rows(&self.out[..length], &mut self.tile, &mut out[at * length..]);
             at += S::LANES;
         }
         sound
@@ -234,19 +222,63 @@ impl<S: Real, Q: Compute> Kernel for Rows<'_, S, Q> {
     }
 }
 
-/// Rows in lanes, buffers included.
-struct Lanes<'a> {
-    arm: &'a Arm,
-    query: &'a Query,
-    inputs: &'a [&'a [f64]],
-    count: usize,
-    out: &'a mut [f64],
+/// The buffers of the lanes that this machine has.
+struct MakeLanes<'a>(&'a Arm);
+
+impl Task for MakeLanes<'_> {
+    type Output = Box<dyn LaneRows>;
+    fn run<S: Real>(self) -> Box<dyn LaneRows> {
+        Box::new(Engine::<S>::new(self.0, 0))
+    }
 }
 
-impl Task for Lanes<'_> {
-    type Output = bool;
-    fn run<S: Real>(self) -> bool {
-        Engine::<S>::new(self.arm).dispatch(self.query, self.inputs, self.count, self.out)
+/// An engine whose number is known at run time only.
+trait LaneRows: Send {
+    fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool;
+}
+
+impl<S: Real> LaneRows for Engine<S> {
+    fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
+        let length = query.length(self.tree.n());
+        if self.out.len() < length {
+            self.out.resize(length, S::zero());
+        }
+        self.dispatch(query, inputs, count, out)
+    }
+}
+
+/// Many configurations in lanes, with buffers that last: they grow with the largest answer asked for.
+pub struct LaneEvaluator {
+    engine: Box<dyn LaneRows>,
+    single: Evaluator,
+}
+
+impl LaneEvaluator {
+    pub fn new(arm: &Arm) -> Self {
+        LaneEvaluator { engine: run_lanes(MakeLanes(arm)), single: Evaluator::sized(arm, 3 * arm.n() * arm.n()) }
+    }
+
+    /// As [`Arm::evaluate`], of the arm that this was made for.
+    pub fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<bool> {
+        if first > last || last > count {
+            return Err(Error::input("rows", format!("is out of range: expected 0 <= first <= last <= {count}, got {first}..{last}")));
+        }
+        let n = self.single.n;
+        check_lengths(query, inputs, count, n)?;
+        let mut rows: [&[f64]; 4] = [&[]; 4];
+        for (k, given) in inputs.iter().enumerate() {
+            let width = query.input_length(k, n);
+            rows[k] = &given[first * width..last * width];
+        }
+        let rows = &rows[..inputs.len()];
+        check(query, rows, last - first, n, self.single.frames, out.len())?;
+        if first == last {
+            return Ok(true);
+        }
+        if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
+            return Ok(self.single.dispatch(query, rows, last - first, out));
+        }
+        Ok(self.engine.rows(query, rows, last - first, out))
     }
 }
 
@@ -266,9 +298,14 @@ pub struct Evaluator {
 
 impl Evaluator {
     pub fn new(arm: &Arm) -> Self {
+        let n = arm.n();
+        Evaluator::sized(arm, (n * n * (PARAMETERS + 3)).max(6 * n).max(16))
+    }
+
+    fn sized(arm: &Arm, largest: usize) -> Self {
         let route = match isa() {
-            Isa::Baseline => Route::Baseline(Box::new(Engine::new(arm))),
-            Isa::Avx2 | Isa::Avx512 => Route::Fused(Box::new(Engine::new(arm))),
+            Isa::Baseline => Route::Baseline(Box::new(Engine::new(arm, largest))),
+            Isa::Avx2 | Isa::Avx512 => Route::Fused(Box::new(Engine::new(arm, largest))),
         };
         Evaluator { route, n: arm.n(), frames: arm.frames.len() }
     }
@@ -277,10 +314,14 @@ impl Evaluator {
     /// number of the answer is finite: a singular mass matrix and an overflow are told so.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         check(query, inputs, 1, self.n, self.frames, out.len())?;
-        Ok(match &mut self.route {
-            Route::Baseline(engine) => engine.dispatch_single(query, inputs, 1, out),
-            Route::Fused(engine) => engine.dispatch_single(query, inputs, 1, out),
-        })
+        Ok(self.dispatch(query, inputs, 1, out))
+    }
+
+    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
+        match &mut self.route {
+            Route::Baseline(engine) => engine.dispatch_single(query, inputs, count, out),
+            Route::Fused(engine) => engine.dispatch_single(query, inputs, count, out),
+        }
     }
 }
 
@@ -288,53 +329,8 @@ impl Arm {
     /// Configurations `first..last` of `count`, in lanes on the calling thread: inputs `(count, n)` in full, `out` of
     /// the rows asked for. Which rows share a call does not change their bits. Whether all of the answer is finite.
     pub fn evaluate(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<bool> {
-        if first > last || last > count {
-            return Err(Error::input("rows", format!("is out of range: expected 0 <= first <= last <= {count}, got {first}..{last}")));
-        }
-        check_lengths(query, inputs, count, self.n())?;
-        let n = self.n();
-        let mut rows: [&[f64]; 4] = [&[]; 4];
-        for (k, given) in inputs.iter().enumerate() {
-            let width = query.input_length(k, n);
-            rows[k] = &given[first * width..last * width];
-        }
-        let rows = &rows[..inputs.len()];
-        check(query, rows, last - first, n, self.frames.len(), out.len())?;
-        if first == last {
-            return Ok(true);
-        }
-        if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
-            let mut evaluator = Evaluator::new(self);
-            return Ok(match &mut evaluator.route {
-                Route::Baseline(engine) => engine.dispatch_single(query, rows, last - first, out),
-                Route::Fused(engine) => engine.dispatch_single(query, rows, last - first, out),
-            });
-        }
-        Ok(run_lanes(Lanes { arm: self, query, inputs: rows, count: last - first, out }))
+        LaneEvaluator::new(self).rows(query, inputs, count, first, last, out)
     }
-}
-
-/// Whether every number of every lane is finite, without a branch per number.
-#[inline(always)]
-fn all_sound<S: Real>(values: &[S]) -> bool {
-    if S::LANES == 1 {
-        const INFINITE: u64 = 0x7ff << 52;
-        return values.iter().fold(0, |bad, x| bad | u64::from(x.lane(0).to_bits() & INFINITE == INFINITE)) == 0;
-    }
-    // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
-    let mut zeros = [S::zero(); 4];
-    let (blocks, rest) = values.as_chunks::<4>();
-    for block in blocks {
-        for k in 0..4 {
-            zeros[k] = block[k].mul_add(S::zero(), zeros[k]);
-        }
-    }
-    for &x in rest {
-        zeros[0] = x.mul_add(S::zero(), zeros[0]);
-    }
-    let zero = (zeros[0] + zeros[1]) + (zeros[2] + zeros[3]);
-    // A comparison with NaN fails.
-    S::all(zero.lt(S::splat(1.0)))
 }
 
 fn check_lengths(query: &Query, inputs: &[&[f64]], count: usize, n: usize) -> Result<()> {

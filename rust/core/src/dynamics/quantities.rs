@@ -32,7 +32,7 @@ macro_rules! quantity {
             #[inline(always)]
             #[allow(unused_variables)]
             fn compute<S: Real>(engine: &mut Engine<S>, $query: &Query) {
-                let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square } = engine;
+                let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square, .. } = engine;
                 let $n = $tree.n();
                 let [q, v, x, $y] = inputs;
                 let ($trig, $q, $v, $x) = (&trig[..$n], &q[..$n], &v[..$n], &mut x[..$n]);
@@ -84,7 +84,8 @@ quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), 
 
 quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (_, width) = query.shape(n);
-    regressor::regressor(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out);
+    // Zeroed before the first of many.
+    regressor::regressor_on_zeros(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out);
     for i in 0..n {
         let mut at = i * width + PARAMETERS * n + i;
         if query.armature {

@@ -76,6 +76,19 @@ pub trait Real:
     fn any(mask: Self::Mask) -> bool;
     fn all(mask: Self::Mask) -> bool;
 
+    /// `write(i, row)` for every lane `i` in order: what eight values hold in that lane.
+    #[inline(always)]
+    fn each_row(block: &[Self; 8], mut write: impl FnMut(usize, [f64; 8])) {
+        for lane in 0..Self::LANES {
+            write(lane, std::array::from_fn(|k| block[k].lane(lane)));
+        }
+    }
+    /// Eight values from `row(i)` of every lane `i`: the inverse of [`Real::each_row`].
+    #[inline(always)]
+    fn from_rows(row: impl Fn(usize) -> [f64; 8]) -> [Self; 8] {
+        std::array::from_fn(|k| Self::from_lanes(|lane| row(lane)[k]))
+    }
+
     /// Run `kernel` compiled for the instruction set of this number.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
 

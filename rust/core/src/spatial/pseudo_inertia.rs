@@ -1,4 +1,4 @@
-//! The pseudo-inertia of a body (Wensing, Kim and Slotine 2018) and its natural metric (Lee, Kwon and Park 2018):
+//! The pseudo-inertia of a body (`wensing2018linear`) and its natural metric (`lee2018natural`):
 //!
 //! ```text
 //! P = [[S, h], [h', m]],  S = integral of r r' dm = tr(I)/2 1 - I,  h = m c       (4 x 4, linear in the ten parameters)

@@ -1,15 +1,17 @@
 //! The model behind `armlet.Arm`: a closed-form arm or a tree, with one way to ask either.
 
 use armlet_core::arm::{Arm as Tree, JointKind};
-use armlet_core::dynamics::{Dynamics, Evaluator, PlanarPr, Quantity, Query};
+use armlet_core::dynamics::{Dynamics, Evaluator, LaneEvaluator, PlanarPr, Quantity, Query};
 use armlet_core::error::{Error, Result, all_finite, finite};
 use armlet_core::scalar::Real;
 use std::sync::{Arc, Mutex};
 
-/// A tree with the evaluator of single calls, which keeps its buffers between them.
+/// A tree with the evaluators of single and of batched calls, which keep their buffers between them.
 pub struct TreeModel {
     pub arm: Arc<Tree>,
     evaluator: Mutex<Evaluator>,
+    /// Made with the first batch.
+    lanes: Mutex<Option<LaneEvaluator>>,
 }
 
 pub enum Model {
@@ -31,7 +33,7 @@ impl From<Tree> for super::Arm {
     fn from(arm: Tree) -> Self {
         let evaluator = Mutex::new(Evaluator::new(&arm));
         let arm = Arc::new(arm);
-        super::Arm { model: Model::Tree(Box::new(TreeModel { arm, evaluator })) }
+        super::Arm { model: Model::Tree(Box::new(TreeModel { arm, evaluator, lanes: Mutex::new(None) })) }
     }
 }
 
@@ -173,7 +175,10 @@ impl Model {
                 }
                 Ok(sound)
             }
-            Model::Tree(tree) => tree.arm.evaluate(query, inputs, count, first, last, out),
+            Model::Tree(tree) => match tree.lanes.try_lock() {
+                Ok(mut lanes) => lanes.get_or_insert_with(|| LaneEvaluator::new(&tree.arm)).rows(query, inputs, count, first, last, out),
+                Err(_) => tree.arm.evaluate(query, inputs, count, first, last, out),
+            },
         }
     }
 

@@ -1,0 +1,103 @@
+//! Between rows of numbers, one configuration each, and values with a configuration per lane: transposes, eight by eight.
+
+use crate::scalar::Real;
+
+/// Numbers of a row that are moved at once.
+const BLOCK: usize = 8;
+/// Numbers of a row that long rows are gathered in, before they leave for memory: a burst to each row, not a line to each in turn.
+pub const TILE: usize = 64;
+
+/// Rows `at..at + LANES` of `given`, `width` numbers each, into the lanes of `to`; lanes beyond row `count` repeat the last one.
+#[inline(always)]
+pub fn read_rows<S: Real>(given: &[f64], at: usize, count: usize, width: usize, to: &mut [S]) {
+    let from = &given[at * width..];
+    let mut k = 0;
+    if S::LANES > 1 {
+        // A block may reach into the next row, whose numbers are then not used: it must be there.
+        while k < width && from.len() >= (S::LANES - 1) * width + k + BLOCK {
+            let values = S::from_rows(|lane| {
+                let mut row = [0.0; BLOCK];
+                row.copy_from_slice(&from[lane * width + k..][..BLOCK]);
+                row
+            });
+            let used = BLOCK.min(width - k);
+            to[k..k + used].copy_from_slice(&values[..used]);
+            k += BLOCK;
+        }
+    }
+    let last = count - 1 - at;
+    for i in k..width {
+        to[i] = S::from_lanes(|lane| from[lane.min(last) * width + i]);
+    }
+}
+
+/// The lanes of `values` as rows of `out`, as many as there is room for; whether every number is finite.
+#[inline(always)]
+pub fn write_rows<S: Real>(values: &[S], tile: &mut [f64], out: &mut [f64]) -> bool {
+    let length = values.len();
+    if S::LANES == 1 {
+        const INFINITE: u64 = 0x7ff << 52;
+        let mut bad = 0;
+        for (to, from) in out[..length].iter_mut().zip(values) {
+            *to = from.lane(0);
+            bad |= u64::from(to.to_bits() & INFINITE == INFINITE);
+        }
+        return bad == 0;
+    }
+    // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
+    let mut zeros = [S::zero(); BLOCK];
+    let (mut k, full) = (0, out.len() >= S::LANES * length);
+    if full && length >= 2 * TILE {
+        for part in values.chunks_exact(TILE) {
+            let (blocks, _) = part.as_chunks::<BLOCK>();
+            for (j, block) in blocks.iter().enumerate() {
+                for i in 0..BLOCK {
+                    zeros[i] = block[i].mul_add(S::zero(), zeros[i]);
+                }
+                S::each_row(block, |lane, row| tile[lane * TILE + j * BLOCK..][..BLOCK].copy_from_slice(&row));
+            }
+            for lane in 0..S::LANES {
+                out[lane * length + k..][..TILE].copy_from_slice(&tile[lane * TILE..][..TILE]);
+            }
+            k += TILE;
+        }
+    }
+    let (blocks, _) = values[k..].as_chunks::<BLOCK>();
+    for block in blocks {
+        for i in 0..BLOCK {
+            zeros[i] = block[i].mul_add(S::zero(), zeros[i]);
+        }
+        if full {
+            S::each_row(block, |lane, row| out[lane * length + k..][..BLOCK].copy_from_slice(&row));
+        }
+        k += BLOCK;
+    }
+    for x in &values[k..] {
+        zeros[0] = x.mul_add(S::zero(), zeros[0]);
+    }
+    if !full {
+        for (i, to) in out.iter_mut().enumerate() {
+            *to = values[i % length].lane(i / length);
+        }
+    } else if length >= BLOCK && k < length {
+        // The last block again from where it ends: some numbers are written twice.
+        let first = length - BLOCK;
+        let mut block = [S::zero(); BLOCK];
+        block.copy_from_slice(&values[first..]);
+        S::each_row(&block, |lane, row| out[lane * length + first..][..BLOCK].copy_from_slice(&row));
+    } else if length < BLOCK && out.len() >= S::LANES * length + BLOCK {
+        // Rows from the first to the last: what a block writes beyond its row is written over by the next.
+        let mut block = [S::zero(); BLOCK];
+        block[..length].copy_from_slice(values);
+        S::each_row(&block, |lane, row| out[lane * length..][..BLOCK].copy_from_slice(&row));
+    } else {
+        for (i, from) in values.iter().enumerate().skip(k) {
+            for lane in 0..S::LANES {
+                out[lane * length + i] = from.lane(lane);
+            }
+        }
+    }
+    let zero = ((zeros[0] + zeros[1]) + (zeros[2] + zeros[3])) + ((zeros[4] + zeros[5]) + (zeros[6] + zeros[7]));
+    // A comparison with NaN fails.
+    S::all(zero.lt(S::splat(1.0)))
+}
