@@ -30,7 +30,7 @@ pub struct Field {
     lists: bool,
     jacobian: Jacobian,
     /// -1 where the span decreases.
-    direction: f64,
+    pub direction: f64,
     /// The first so many components are positions and the next so many their velocities.
     positions: usize,
     pub error: Option<PyErr>,
