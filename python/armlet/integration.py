@@ -16,6 +16,7 @@ __all__ = ["DenseOutput", "Integration", "integrate"]
 
 Array: TypeAlias = NDArray[np.float64]
 
+
 class DenseOutput:
     """The solution between the steps: `dense(t)` is `(n,)` for a number `t` and `(K, n)` for times of shape `(K,)`.
 
@@ -91,8 +92,8 @@ def _events(events: object) -> list[tuple[Callable[..., Any], float, int]]:
     """Each function with its direction and the number of crossings that ends the run, as scipy writes them."""
     if events is None:
         return []
-    given = list(events) if isinstance(events, Sequence) else [events]
-    found = []
+    given: list[Any] = list(events) if isinstance(events, Sequence) else [events]
+    found: list[tuple[Callable[..., Any], float, int]] = []
     for k, event in enumerate(given):
         if not callable(event):
             raise InputError(f"integrate: events is not callable: expected g(t, y), got {type(event).__name__} (first bad index {k})")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ def test_errors_fall_with_the_tolerance(name: str, method: str) -> None:
     runs = [solve(problem, method, tol) for tol in tolerances]
     errors = [problem.error(run.y[-1]) for run in runs]
     # Error per step is held at the tolerance, so that two digits of it are two digits of the end; the orbits spread tenfold.
-    assert all(after < before / 8 for before, after in zip(errors, errors[1:], strict=False)), errors
+    assert all(after < before / 8 for before, after in pairwise(errors)), errors
     # Arenstorf's orbit and the Pleiades magnify errors by up to 1e5; the others by less than 10.
     limit = 1e5 if name in ("arenstorf", "pleiades") else 10.0
     assert errors[-1] < limit * tolerances[-1], errors
@@ -55,7 +56,9 @@ def test_no_worse_than_scipy(name: str, method: str, tol: float) -> None:
     assert run.stats["steps"] <= 1.02 * (theirs.t.size - 1) + 1
 
 
-@pytest.mark.parametrize(("method", "order", "tols"), [("dopri5", 5, (1e-6, 1e-9)), ("dop853", 8, (1e-7, 1e-11)), ("rodas4", 4, (1e-6, 1e-9))])
+@pytest.mark.parametrize(
+    ("method", "order", "tols"), [("dopri5", 5, (1e-6, 1e-9)), ("dop853", 8, (1e-7, 1e-11)), ("rodas4", 4, (1e-6, 1e-9))]
+)
 def test_work_and_error_follow_the_order(method: str, order: int, tols: tuple[float, float]) -> None:
     """Steps grow as error^(-1/order), on a smooth problem."""
     problem = PROBLEMS["rigid body"]
