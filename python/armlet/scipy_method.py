@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ __all__ = ["scipy_method"]
 ADAPTIVE = ("dopri5", "dop853", "radau5", "rodas4")
 
 
-@lru_cache(maxsize=None)
+@cache
 def scipy_method(name: str) -> Any:
     """A class for `solve_ivp(method=...)`: the steps, the polynomials and the Jacobians are armlet's, the loop is scipy's.
 
