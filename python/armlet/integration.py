@@ -92,23 +92,22 @@ def _events(events: object) -> list[tuple[Callable[..., Any], float, int]]:
     """Each function with its direction and the number of crossings that ends the run, as scipy writes them."""
     if events is None:
         return []
-    given = list(events) if isinstance(events, Sequence) else [events]
-    found = []
+    given: list[Any] = list(events) if isinstance(events, Sequence) else [events]
+    found: list[tuple[Callable[..., Any], float, int]] = []
     for k, event in enumerate(given):
         if not callable(event):
             raise InputError(f"integrate: events is not callable: expected g(t, y), got {type(event).__name__} (first bad index {k})")
         direction, terminal = getattr(event, "direction", 0), getattr(event, "terminal", False)
+        bad = (
+            "integrate: events has a bad direction or terminal: expected a finite number and a count >= 0, "
+            f"got {direction!r}, {terminal!r} (first bad index {k})"
+        )
         try:
             found.append((event, float(direction), int(terminal)))
         except (TypeError, ValueError):
-            raise InputError(
-                f"integrate: events has a bad direction or terminal: expected numbers, got {direction!r}, {terminal!r} (first bad index {k})"
-            ) from None
+            raise InputError(bad) from None
         if not np.isfinite(found[-1][1]) or found[-1][2] < 0:
-            raise InputError(
-                f"integrate: events has a bad direction or terminal: expected a finite number and a count >= 0, "
-                f"got {direction!r}, {terminal!r} (first bad index {k})"
-            )
+            raise InputError(bad)
     return found
 
 
@@ -138,7 +137,8 @@ def integrate(
         f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats (the quickest for a few states).
         t_span: start and end.
         y0: initial state, (n,).
-        method: fixed step: "euler", "semi_implicit", "rk4", "ros2" (stiff); adaptive: "dopri5", "dop853", "radau5" (stiff), "rodas4" (stiff).
+        method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5"
+            and "rodas4" for stiff problems.
         rtol, atol: relative and absolute error allowed per step; atol a number or (n,).
         dt: the step of a fixed-step method; a last shorter step ends a span that is not a multiple of it.
         t_eval: record exactly these times, in the order of the span; None records every step.

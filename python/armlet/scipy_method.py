@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _core
 from .errors import InputError
@@ -14,7 +16,6 @@ from .status import Status
 
 __all__ = ["scipy_method"]
 
-# The degree of the polynomial of one step, which scipy calls the order of the method's interpolant.
 ADAPTIVE = ("dopri5", "dop853", "radau5", "rodas4")
 
 
@@ -40,12 +41,12 @@ def scipy_method(name: str) -> Any:
     """
     if name not in ADAPTIVE:
         raise InputError(f"scipy_method: name is unknown: expected one of {', '.join(ADAPTIVE)}, got {name!r}")
-    from scipy.integrate import DenseOutput, OdeSolver
+    scipy: Any = importlib.import_module("scipy.integrate")
 
-    class Polynomial(DenseOutput):  # type: ignore[misc]
+    class Polynomial(scipy.DenseOutput):  # type: ignore[misc]
         """The polynomial of one step, by its values at the Chebyshev points."""
 
-        def __init__(self, t_old: float, t: float, nodes: np.ndarray) -> None:
+        def __init__(self, t_old: float, t: float, nodes: NDArray[np.float64]) -> None:
             super().__init__(t_old, t)
             degree = len(nodes) - 1
             self._at = t_old + 0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree)) * (t - t_old)
@@ -54,7 +55,7 @@ def scipy_method(name: str) -> Any:
             self._weights = (-1.0) ** np.arange(degree + 1)
             self._weights[[0, -1]] *= 0.5
 
-        def _call_impl(self, t: np.ndarray) -> np.ndarray:
+        def _call_impl(self, t: NDArray[np.float64]) -> Any:
             away = np.atleast_1d(t)[:, None] - self._at
             hit = away == 0.0
             terms = self._weights / np.where(hit, 1.0, away)
@@ -62,7 +63,9 @@ def scipy_method(name: str) -> Any:
             y = (terms @ self._nodes) / terms.sum(axis=1, keepdims=True)
             return y[0] if t.ndim == 0 else y.T
 
-    class Method(OdeSolver):  # type: ignore[misc]
+    class Method(scipy.OdeSolver):  # type: ignore[misc]
+        y: NDArray[np.float64]
+
         def __init__(
             self,
             fun: Callable[..., Any],

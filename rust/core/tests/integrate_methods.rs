@@ -206,3 +206,49 @@ fn what_is_not_finite_ends_with_a_status() {
         assert_eq!((method.work().steps, method.x()[0]), (0, 1.0));
     }
 }
+
+/// Free fall onto a floor that gives back a velocity: events stop the run, the state jumps, the run goes on.
+struct Fall;
+impl Problem for Fall {
+    const N: usize = 2;
+    fn f<S: armlet_core::scalar::Real>(_: S, x: &[S], dx: &mut [S]) {
+        dx[0] = x[1];
+        dx[1] = S::splat(-9.81);
+    }
+    fn start() -> Vec<f64> {
+        vec![1.0, 0.0]
+    }
+}
+
+#[test]
+fn events_stop_and_runs_go_on_after_jumps() {
+    use armlet_core::integrate::events::{Event, Watch};
+    for (name, _) in ADAPTIVE {
+        let mut system = twin::<Fall>();
+        let mut method = adaptive::<Fall>(name, 1e-10, 1e-12);
+        let mut height = |_: usize, _: f64, x: &[f64]| x[0];
+        let (mut t, mut at, g) = (0.0, Fall::start(), 9.81f64);
+        // It bounces with the speed it arrives with, so that the period is constant: first after a fall, then after 2 falls.
+        let fall = (2.0 / g).sqrt();
+        for k in 0..5 {
+            let mut watch = Watch::new(vec![Event { direction: -1.0, stop_after: 1 }], Fall::start());
+            method.begin(&mut system, t, 10.0, 10.0).unwrap();
+            watch.begin(&mut height, t, method.x()).unwrap();
+            let hit = loop {
+                let done = method.step(&mut system).unwrap();
+                if let Some(hit) = watch.scan(&mut system, &mut *method, &mut height).unwrap() {
+                    break hit;
+                }
+                assert!(!done, "{name} misses the floor");
+            };
+            let expected = fall * (2 * k + 1) as f64;
+            // The parabola is exact for every method, so that rounding is left, magnified by the few steps of each flight.
+            assert!((hit - expected).abs() < 1e-12 * (k + 1) as f64, "{name} {k}: {:e}", hit - expected);
+            method.interpolate(&mut system, hit, &mut at);
+            assert!(at[0] <= 0.0 && at[0] > -1e-13, "{name}: {:e}", at[0]);
+            // On the far side by rounding: the watch that begins here has no sign, or the old one, until the height is positive.
+            method.x_mut().copy_from_slice(&[0.0, -at[1]]);
+            t = hit;
+        }
+    }
+}

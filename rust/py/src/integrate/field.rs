@@ -30,7 +30,7 @@ pub struct Field {
     lists: bool,
     jacobian: Jacobian,
     /// -1 where the span decreases.
-    direction: f64,
+    pub direction: f64,
     /// The first so many components are positions and the next so many their velocities.
     positions: usize,
     pub error: Option<PyErr>,
@@ -213,9 +213,10 @@ impl Differentiable<f64> for Field {
         let [mut up, mut down, mut at] = [&mut self.up, &mut self.down, &mut self.at].map(std::mem::take);
         at.copy_from_slice(x);
         for k in 0..n {
-            // The step that balances rounding and curvature, for numbers down to 1e-5 (Hairer and Wanner's radau5.f).
+            // Rounding and curvature balance; numbers below 1e-5 count as that, and the forward step is longer for numbers
+            // below one, where the curvature is rarely on their scale (Hairer and Wanner's radau5.f).
             let size = x[k].abs().max(1e-5);
-            let step = if central { f64::EPSILON.cbrt() * size } else { (f64::EPSILON * size.max(1e-5)).sqrt().max(f64::EPSILON * size) };
+            let step = if central { f64::EPSILON.cbrt() * size } else { f64::EPSILON.sqrt() * size.max(size.sqrt()) };
             at[k] = x[k] + step;
             let above = at[k];
             self.slope(t, &at, &mut up);
@@ -233,7 +234,7 @@ impl Differentiable<f64> for Field {
         (self.up, self.down, self.at) = (up, down, at);
     }
 
-    /// Central, one sided where the callable may not be defined outside of the span is left to its author.
+    /// Central: it looks beyond the ends of the span by the root of a rounding.
     fn time_derivative(&mut self, t: f64, _: &f64, x: &[f64], dft: &mut [f64]) {
         let step = (f64::EPSILON * t.abs().max(1e-5)).sqrt();
         let mut down = std::mem::take(&mut self.down);

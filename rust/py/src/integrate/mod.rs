@@ -107,7 +107,8 @@ impl Settings {
                     );
                     return Err(input_error(py, function, "positions", problem).into());
                 }
-                fixed(SemiImplicit::new::<f64, Field>(field, y.clone(), 0.0)?, h, y)
+                let method = SemiImplicit::new::<f64, Field>(field, y.clone(), 0.0)?;
+                fixed(if field.direction < 0.0 { method.backwards() } else { method }, h, y)
             }
         };
         if let Some(h) = self.max_step {
