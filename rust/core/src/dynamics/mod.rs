@@ -13,6 +13,7 @@ pub mod energy;
 mod evaluate;
 mod model;
 pub mod newton_euler;
+mod planar_2r;
 mod planar_pr;
 #[cfg(not(test))]
 mod quantities;
@@ -24,6 +25,7 @@ pub mod workspace;
 #[cfg(not(test))]
 pub use evaluate::{Evaluator, LaneEvaluator, Quantity, Query};
 pub use model::{AnyArm, Model};
+pub use planar_2r::Planar2R;
 pub use planar_pr::PlanarPr;
 pub use workspace::Workspace;
 

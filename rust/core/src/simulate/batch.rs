@@ -4,10 +4,12 @@
 //! A group that is not full repeats its last run in the spare lanes.
 
 use super::columns::Columns;
+use super::elastic_2r::Elastic2R;
 use super::general::General;
 use super::monitors::{self, Monitor};
 use super::planar_pr::{Group, Sink};
 use super::problem::{Division, Ended, Fixed, Problem};
+use crate::dynamics::Planar2R;
 use crate::error::{Error, Result};
 use crate::motion::{Motion, Table};
 use crate::parallel;
@@ -105,15 +107,19 @@ pub fn lanes() -> usize {
 }
 
 /// The loop a batch runs in, and how many runs that takes side by side.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq)]
 enum Loop {
     PlanarPr,
+    Elastic2R(Planar2R),
     Lanes,
     Single,
 }
 
 impl Loop {
     fn of(problem: &Problem) -> Self {
+        if let Some(arm) = problem.elastic_2r() {
+            return Loop::Elastic2R(arm);
+        }
         match (problem.is_planar_pr(), problem.fits_lanes()) {
             (true, _) => Loop::PlanarPr,
             (false, true) => Loop::Lanes,
@@ -125,7 +131,7 @@ impl Loop {
         match self {
             _ if adaptive => 1,
             Loop::PlanarPr => lanes(),
-            Loop::Lanes => run_lanes(CountLanes),
+            Loop::Lanes | Loop::Elastic2R(_) => run_lanes(CountLanes),
             Loop::Single => 1,
         }
     }
@@ -169,6 +175,11 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
                     let outcome = run_scalar(Group { problem, division: segments, tabulated: None, first, stop, sink: &mut *rows });
                     rows.finish(&Ended::Adaptive(outcome), problem.options.t_end)
                 }
+                (division, Loop::Elastic2R(arm)) => {
+                    let group = Elastic2R { problem, arm, division, first, stop, sink: &mut *rows };
+                    let ended = if matches!(division, Division::Fixed(_)) { run_lanes(group) } else { group.run_single() };
+                    rows.finish(&ended, problem.options.t_end)
+                }
                 (division, route) => {
                     let group = General { problem, division, first, stop, sink: &mut *rows };
                     let ended = if route == Loop::Lanes { run_lanes(group) } else { Division::run_single(group) };
@@ -195,7 +206,7 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
         out.resize(len, f64::NAN);
         Ok(out)
     };
-    let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0)) } else { &[] };
+    let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0), problem.watches_storage()) } else { &[] };
     let monitors = names.iter().map(|&name| room(1).map(|series| (name, series))).collect::<Result<_>>()?;
     Ok(BatchRuns {
         q: room(n)?,
@@ -216,6 +227,7 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
 fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<Rows<'a>> {
     let (records, columns) = (out.t.len(), Columns::of(problem));
     let (n, motors) = (columns.n, columns.motors());
+    let storage = problem.watches_storage();
     let per_group = |w: usize| (lanes * records * w).max(1);
     let (mut q, mut v, mut tau) = (out.q.chunks_mut(per_group(n)), out.v.chunks_mut(per_group(n)), out.tau.chunks_mut(per_group(n)));
     let (mut theta, mut theta_dot) = (out.theta.chunks_mut(per_group(motors)), out.theta_dot.chunks_mut(per_group(motors)));
@@ -240,7 +252,7 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
                 z: z.next().unwrap_or_default(),
                 values: vec![0.0; monitors.len()],
                 monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
-                checks: checks.map(|i| Monitor::new(problem.plant(i), problem.law(i), problem.watches_storage(i))).collect(),
+                checks: checks.map(|i| Monitor::new(problem.plant(i), problem.law(i), storage)).collect(),
                 status,
                 ended,
             }

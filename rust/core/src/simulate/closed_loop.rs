@@ -1,7 +1,7 @@
 //! Any plant under any law: `x = [plant, law, quadratures]`, two calls per evaluation.
 //!
 //! The quadratures are the two integrals that the identities need: what the law dissipates, and the power put into the
-//! stored energy (the law's own storage function where it has one).
+//! stored energy. Where the law has a storage function of its own: what it takes of the power from outside, and its rate.
 
 use super::force::Force;
 use super::sampler::Sampler;
@@ -339,9 +339,12 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         let p = self.dz.len();
         dx[states..states + p].copy_from_slice(&self.dz);
         if self.closing.monitored {
-            dx[states + p] = self.law.dissipation();
-            dx[states + p + 1] =
-                if self.closing.storage { self.law.storage_rate(&x[..states], power.outside) } else { power.input + power.outside };
+            (dx[states + p], dx[states + p + 1]) = if self.closing.storage {
+                let stored = self.law.storage_rate(&x[..states], power.outside);
+                (power.outside - stored, stored)
+            } else {
+                (self.law.dissipation(), power.input + power.outside)
+            };
         }
     }
 }

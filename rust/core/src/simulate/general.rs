@@ -225,7 +225,7 @@ pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a,
         tau_max: o.tau_max.as_deref().map(Cow::Borrowed),
         held: o.sampling.is_some(),
         monitored: o.monitors,
-        storage: problem.watches_storage(run(0)),
+        storage: problem.watches_storage(),
     };
     let spec = problem.plant(run(0));
     let (states, p) = (spec.states(), problem.law(run(0)).initial_state().len());

@@ -4,9 +4,13 @@
 //! `V1(0) - V1(t) - int s' Kd s = 0`; `dM/dt - 2 C` is skew; `E(t) - E(0) - int P dt = 0` for the energy `E` stored in the
 //! plant, or in the law's own storage function, and the power `P` put into it.
 //!
+//! A law of elastic joints adds `max |tau_J - u|`, and with its own storage function the passivity at the port: what flowed
+//! in there less what is stored, `int F.x_dot - (E(t) - E(0))`, never negative in a passive loop.
+//!
 //! `M`, `a` and `E` are those of the true plant; `dM/dt` comes from dual numbers, so that it does not share
 //! its formula with `C`.
 
+use super::elastic_monitor::TorqueError;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::law::{AdaptiveSpec, LawSpec};
 use crate::linalg::cholesky;
@@ -14,8 +18,10 @@ use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::{Dual, Real};
 
 /// The names of a loop's monitors, in the order of [`Monitor::evaluate`].
-pub fn names(law: &LawSpec) -> &'static [&'static str] {
+pub fn names(law: &LawSpec, storage: bool) -> &'static [&'static str] {
     match law {
+        _ if storage => &["skewness", "energy", "energy_balance", "torque_error", "passivity"],
+        _ if law.reduction().is_some() => &["skewness", "energy", "energy_balance", "torque_error"],
         LawSpec::Adaptive(_) => &["skewness", "energy", "energy_balance", "lyapunov", "lyapunov_balance"],
         _ if law.plant() == PlantKind::Velocity => &[],
         _ => &["skewness", "energy", "energy_balance"],
@@ -27,6 +33,7 @@ pub struct Monitor<'a> {
     plant: &'a PlantSpec,
     law: &'a LawSpec,
     storage: bool,
+    torque: Option<TorqueError>,
     arm: AnyArm<f64>,
     workspace: Workspace<f64>,
     moving: AnyArm<Dual>,
@@ -58,6 +65,7 @@ impl<'a> Monitor<'a> {
             plant,
             law,
             storage,
+            torque: TorqueError::new(plant, law),
             workspace: arm.workspace(),
             moving_workspace: moving.workspace(),
             arm,
@@ -95,7 +103,12 @@ impl<'a> Monitor<'a> {
         out[0] = self.skewness(q, v);
         out[1] = energy;
         out[2] = energy - quadratures[1] - start[0];
-        if out.len() > 3 {
+        if let Some(torque) = &mut self.torque {
+            out[3] = torque.evaluate(t, &self.trig, plant);
+            if self.storage {
+                out[4] = quadratures[0] + quadratures[1] + start[0] - energy;
+            }
+        } else if out.len() > 3 {
             out[3] = lyapunov;
             out[4] = start[1] - lyapunov - quadratures[0];
         }

@@ -8,7 +8,7 @@ use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
-use crate::law::{LawSpec, LockedMotors};
+use crate::law::LawSpec;
 use crate::plant::{PlantKind, PlantSpec, RigidSpec};
 use crate::scalar::{run_lanes, run_scalar};
 
@@ -165,9 +165,10 @@ impl<'a> Problem<'a> {
     }
 
     /// Whether the energy watched in a run is the law's own storage function.
-    pub fn watches_storage(&self, run: usize) -> bool {
+    pub fn watches_storage(&self) -> bool {
         let o = &self.options;
-        o.monitors && o.sampling.is_none() && o.tau_max.is_none() && self.law(run).has_storage(self.plant(run))
+        let runs = self.plants.len().max(self.laws.len());
+        o.monitors && o.sampling.is_none() && o.tau_max.is_none() && (0..runs).all(|run| self.law(run).has_storage(self.plant(run)))
     }
 
     /// Whether all runs can go side by side in lanes.
@@ -264,30 +265,6 @@ impl<'a> Problem<'a> {
                     return Err(Error::input("force_frame", format!("is out of range: expected below {}, got {frame}", arm.frames.len())));
                 }
                 Some(_) => {}
-            }
-        }
-        Ok(())
-    }
-
-    /// The sample time at which the motor loop of the first run becomes unstable with locked links; `None` without one.
-    pub fn sample_time_limit(&self) -> Option<f64> {
-        match (self.plants.first()?, self.laws.first()?.reduction()?) {
-            (PlantSpec::Elastic(plant), law) => Some(LockedMotors::new(plant, law, f64::INFINITY).largest_sample_time()),
-            _ => None,
-        }
-    }
-
-    /// Refuse a sample time that no motor loop stands.
-    fn validate_motor_loops(&self, period: f64) -> Result<()> {
-        for run in 0..self.plants.len().max(self.laws.len()) {
-            let (PlantSpec::Elastic(plant), Some(law)) = (self.plant(run), self.law(run).reduction()) else { continue };
-            let motors = LockedMotors::new(plant, law, f64::INFINITY);
-            // Islands of stability beyond the first limit are no place to be.
-            let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.largest_sample_time() } else { f64::INFINITY };
-            if period >= limit {
-                let problem =
-                    format!("is too large for the motor loop: expected below {limit:.6e} s, where it becomes unstable, got {period:e}");
-                return Err(Error::input("sample_time", if run == 0 { problem } else { format!("{problem} (first bad index {run})") }));
             }
         }
         Ok(())

@@ -1,6 +1,7 @@
 //! One run, on one number.
 
 use super::columns::Columns;
+use super::elastic_2r::Elastic2R;
 use super::general::General;
 use super::monitors::{self, Monitor};
 use super::planar_pr::{Group, Sink};
@@ -85,9 +86,9 @@ pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
     let division = problem.validate()?;
     let mut run = Run::default();
     let columns = Columns::of(problem);
-    let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0)) } else { &[] };
+    let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0), problem.watches_storage()) } else { &[] };
     run.monitors = names.iter().map(|&name| (name, Vec::new())).collect();
-    let monitor = problem.options.monitors.then(|| Monitor::new(problem.plant(0), problem.law(0), problem.watches_storage(0)));
+    let monitor = problem.options.monitors.then(|| Monitor::new(problem.plant(0), problem.law(0), problem.watches_storage()));
     let values = vec![0.0; names.len()];
     let mut sink = Rows { run: &mut run, columns, monitor, values };
     if let Division::Fixed(fixed) = &division {
@@ -100,7 +101,10 @@ pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
         Division::Adaptive(segments) if problem.is_planar_pr() => {
             Ended::Adaptive(run_scalar(Group { problem, division: segments, tabulated: None, first: 0, stop, sink: &mut sink }))
         }
-        division => Division::run_single(General { problem, division, first: 0, stop, sink: &mut sink }),
+        division => match problem.elastic_2r() {
+            Some(arm) => Elastic2R { problem, arm, division, first: 0, stop, sink: &mut sink }.run_single(),
+            None => Division::run_single(General { problem, division, first: 0, stop, sink: &mut sink }),
+        },
     };
     match ended {
         Ended::Fixed(faults) => {

@@ -1,0 +1,32 @@
+//! Whether a controller's sample time is one that the motor loops of elastic joints stand, links locked.
+
+use super::problem::Problem;
+use crate::error::{Error, Result};
+use crate::law::LockedMotors;
+use crate::plant::PlantSpec;
+
+impl Problem<'_> {
+    /// The sample time at which the motor loop of the first run becomes unstable with locked links; `None` without one.
+    pub fn sample_time_limit(&self) -> Option<f64> {
+        match (self.plants.first()?, self.laws.first()?.reduction()?) {
+            (PlantSpec::Elastic(plant), law) => Some(LockedMotors::new(plant, law, f64::INFINITY).largest_sample_time()),
+            _ => None,
+        }
+    }
+
+    /// Refuse a sample time that no motor loop stands.
+    pub(super) fn validate_motor_loops(&self, period: f64) -> Result<()> {
+        for run in 0..self.plants.len().max(self.laws.len()) {
+            let (PlantSpec::Elastic(plant), Some(law)) = (self.plant(run), self.law(run).reduction()) else { continue };
+            let motors = LockedMotors::new(plant, law, f64::INFINITY);
+            // Islands of stability beyond the first limit are no place to be.
+            let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.largest_sample_time() } else { f64::INFINITY };
+            if period >= limit {
+                let problem =
+                    format!("is too large for the motor loop: expected below {limit:.6e} s, where it becomes unstable, got {period:e}");
+                return Err(Error::input("sample_time", if run == 0 { problem } else { format!("{problem} (first bad index {run})") }));
+            }
+        }
+        Ok(())
+    }
+}
