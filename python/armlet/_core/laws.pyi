@@ -5,6 +5,7 @@ from typing import Any, Self, final
 from numpy.typing import ArrayLike
 from typing_extensions import disjoint_base
 
+from ..identification import BaseParameters
 from ._types import _Array
 from .arms import Arm
 from .motions import Motion
@@ -43,7 +44,16 @@ class Adaptive(Law):
     @property
     def motion(self) -> Motion: ...
     def __new__(
-        cls, arm: Arm, motion: Motion, kp: ArrayLike, kd: ArrayLike, gamma: ArrayLike, *, estimate: ArrayLike | None = None
+        cls,
+        arm: Arm,
+        motion: Motion,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        gamma: ArrayLike,
+        *,
+        estimate: ArrayLike | None = None,
+        base: BaseParameters | None = None,
+        natural: bool = False,
     ) -> Self: ...
 
 @final

@@ -2,6 +2,7 @@
 //!
 //! A law is stated once ([`Definition`], gathered in [`LawSpec`]) and made for the number it runs on ([`Law`]).
 
+mod adaptation;
 mod adaptive;
 mod cartesian_impedance;
 mod computed_torque;
@@ -15,6 +16,7 @@ mod pd_gravity;
 mod sampled_reduction;
 
 pub use crate::linalg::gain::Gain;
+pub use adaptation::{Adaptation, AnyAdaptive, Base};
 pub use adaptive::{Adaptive, AdaptiveSpec};
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
@@ -227,6 +229,10 @@ impl LawSpec {
             && self.model().same_geometry(other.model())
             && self.coordinates() == other.coordinates()
             && self.initial_state().len() == other.initial_state().len()
+            && match (self, other) {
+                (LawSpec::Adaptive(law), LawSpec::Adaptive(other)) => law.same_shape(other),
+                _ => true,
+            }
     }
 
     /// The laws of the lanes as one, all of the same shape.

@@ -13,7 +13,6 @@
 use super::elastic_monitor::TorqueError;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::law::{AdaptiveSpec, LawSpec};
-use crate::linalg::cholesky;
 use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::{Dual, Real};
 
@@ -39,7 +38,7 @@ pub struct Monitor<'a> {
     moving: AnyArm<Dual>,
     moving_workspace: Workspace<Dual>,
     gamma_factor: Vec<f64>,
-    /// The plant's parameters.
+    /// The plant's parameters, as far as they are estimated.
     truth: Vec<f64>,
     trig: Vec<(f64, f64)>,
     moving_q: Vec<Dual>,
@@ -56,8 +55,13 @@ impl<'a> Monitor<'a> {
     /// `storage`: the energy watched is the law's own.
     pub fn new(plant: &'a PlantSpec, law: &'a LawSpec, storage: bool) -> Self {
         let n = plant.n();
+        let truth = plant.model().parameters();
+        let truth = match law {
+            LawSpec::Adaptive(AdaptiveSpec { base: Some(base), .. }) => base.project(&truth),
+            _ => truth,
+        };
         let gamma_factor = match law {
-            LawSpec::Adaptive(law) => cholesky::factor(law.gamma.n(), &law.gamma.matrix()).unwrap_or_default(),
+            LawSpec::Adaptive(law) => law.adaptation.factor(),
             _ => Vec::new(),
         };
         let (arm, moving) = (AnyArm::from_lanes(|_| plant.model()), AnyArm::from_lanes(|_| plant.model()));
@@ -70,8 +74,8 @@ impl<'a> Monitor<'a> {
             moving_workspace: moving.workspace(),
             arm,
             moving,
+            truth,
             gamma_factor,
-            truth: plant.model().parameters(),
             trig: vec![(0.0, 1.0); n],
             moving_q: vec![Dual::default(); n],
             moving_trig: vec![Default::default(); n],
@@ -143,9 +147,6 @@ impl<'a> Monitor<'a> {
         let s: Vec<f64> = (0..n).map(|i| self.desired[n + i] - v[i] + lambda_e[i]).collect();
         self.arm.mass_matrix(&mut self.workspace, &self.trig, q, &mut self.square);
         let kinetic: f64 = (0..n).map(|i| s[i] * (0..n).map(|j| self.square[n * i + j] * s[j]).sum::<f64>()).sum();
-        let error: Vec<f64> = self.truth.iter().zip(estimate).map(|(a, a_hat)| a - a_hat).collect();
-        let mut weighted = error.clone();
-        cholesky::solve(error.len(), &self.gamma_factor, &mut weighted);
-        0.5 * (kinetic + error.iter().zip(&weighted).map(|(a, b)| a * b).sum::<f64>())
+        0.5 * kinetic + law.adaptation.lyapunov(&self.gamma_factor, &self.truth, estimate)
     }
 }

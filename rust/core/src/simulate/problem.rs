@@ -8,7 +8,7 @@ use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
-use crate::law::LawSpec;
+use crate::law::{Adaptation, LawSpec};
 use crate::plant::{PlantKind, PlantSpec, RigidSpec};
 use crate::scalar::{run_lanes, run_scalar};
 
