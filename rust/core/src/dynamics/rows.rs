@@ -4,8 +4,8 @@ use crate::scalar::Real;
 
 /// Numbers of a row that are moved at once.
 const BLOCK: usize = 8;
-/// Numbers of a row that long rows are gathered in, before they leave for memory: a burst to each row, not a line to each in turn.
-pub const TILE: usize = 64;
+/// Rows of this length are staged on their way to memory.
+const LONG: usize = 128;
 
 /// Rows `at..at + LANES` of `given`, `width` numbers each, into the lanes of `to`; lanes beyond row `count` repeat the last one.
 #[inline(always)]
@@ -33,7 +33,7 @@ pub fn read_rows<S: Real>(given: &[f64], at: usize, count: usize, width: usize, 
 
 /// The lanes of `values` as rows of `out`, as many as there is room for; whether every number is finite.
 #[inline(always)]
-pub fn write_rows<S: Real>(values: &[S], tile: &mut [f64], out: &mut [f64]) -> bool {
+pub fn write_rows<S: Real>(values: &[S], stage: &mut Vec<f64>, out: &mut [f64]) -> bool {
     let length = values.len();
     if S::LANES == 1 {
         const INFINITE: u64 = 0x7ff << 52;
@@ -47,28 +47,19 @@ pub fn write_rows<S: Real>(values: &[S], tile: &mut [f64], out: &mut [f64]) -> b
     // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
     let mut zeros = [S::zero(); BLOCK];
     let (mut k, full) = (0, out.len() >= S::LANES * length);
-    if full && length >= 2 * TILE {
-        for part in values.chunks_exact(TILE) {
-            let (blocks, _) = part.as_chunks::<BLOCK>();
-            for (j, block) in blocks.iter().enumerate() {
-                for i in 0..BLOCK {
-                    zeros[i] = block[i].mul_add(S::zero(), zeros[i]);
-                }
-                S::each_row(block, |lane, row| tile[lane * TILE + j * BLOCK..][..BLOCK].copy_from_slice(&row));
-            }
-            for lane in 0..S::LANES {
-                out[lane * length + k..][..TILE].copy_from_slice(&tile[lane * TILE..][..TILE]);
-            }
-            k += TILE;
-        }
+    // Long rows are put together in the cache and leave for memory in one stream: a line to each row in turn takes longer.
+    let staged = full && length >= LONG;
+    if staged && stage.len() < S::LANES * length {
+        stage.resize(S::LANES * length, 0.0);
     }
-    let (blocks, _) = values[k..].as_chunks::<BLOCK>();
+    let to: &mut [f64] = if staged { &mut stage[..S::LANES * length] } else { &mut *out };
+    let (blocks, _) = values.as_chunks::<BLOCK>();
     for block in blocks {
         for i in 0..BLOCK {
             zeros[i] = block[i].mul_add(S::zero(), zeros[i]);
         }
         if full {
-            S::each_row(block, |lane, row| out[lane * length + k..][..BLOCK].copy_from_slice(&row));
+            S::each_row(block, |lane, row| to[lane * length + k..][..BLOCK].copy_from_slice(&row));
         }
         k += BLOCK;
     }
@@ -76,26 +67,29 @@ pub fn write_rows<S: Real>(values: &[S], tile: &mut [f64], out: &mut [f64]) -> b
         zeros[0] = x.mul_add(S::zero(), zeros[0]);
     }
     if !full {
-        for (i, to) in out.iter_mut().enumerate() {
-            *to = values[i % length].lane(i / length);
+        for (i, x) in to.iter_mut().enumerate() {
+            *x = values[i % length].lane(i / length);
         }
     } else if length >= BLOCK && k < length {
         // The last block again from where it ends: some numbers are written twice.
         let first = length - BLOCK;
         let mut block = [S::zero(); BLOCK];
         block.copy_from_slice(&values[first..]);
-        S::each_row(&block, |lane, row| out[lane * length + first..][..BLOCK].copy_from_slice(&row));
-    } else if length < BLOCK && out.len() >= S::LANES * length + BLOCK {
+        S::each_row(&block, |lane, row| to[lane * length + first..][..BLOCK].copy_from_slice(&row));
+    } else if length < BLOCK && to.len() >= S::LANES * length + BLOCK {
         // Rows from the first to the last: what a block writes beyond its row is written over by the next.
         let mut block = [S::zero(); BLOCK];
         block[..length].copy_from_slice(values);
-        S::each_row(&block, |lane, row| out[lane * length..][..BLOCK].copy_from_slice(&row));
+        S::each_row(&block, |lane, row| to[lane * length..][..BLOCK].copy_from_slice(&row));
     } else {
         for (i, from) in values.iter().enumerate().skip(k) {
             for lane in 0..S::LANES {
-                out[lane * length + i] = from.lane(lane);
+                to[lane * length + i] = from.lane(lane);
             }
         }
+    }
+    if staged {
+        out[..S::LANES * length].copy_from_slice(&stage[..S::LANES * length]);
     }
     let zero = ((zeros[0] + zeros[1]) + (zeros[2] + zeros[3])) + ((zeros[4] + zeros[5]) + (zeros[6] + zeros[7]));
     // A comparison with NaN fails.
