@@ -95,3 +95,66 @@ pub fn write_rows<S: Real>(values: &[S], stage: &mut Vec<f64>, out: &mut [f64]) 
     // A comparison with NaN fails.
     S::all(zero.lt(S::splat(1.0)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scalar::{Array8, Kernel, run_lanes};
+
+    /// `width` numbers a row: all of them through the lanes and back, in groups, the last one not full.
+    struct Through {
+        width: usize,
+        count: usize,
+        bad: Option<usize>,
+    }
+
+    impl Through {
+        fn run_on<S: Real>(&self) {
+            let Through { width, count, bad } = *self;
+            let mut given: Vec<f64> = (0..count * width).map(|k| k as f64 + 0.5).collect();
+            if let Some(k) = bad {
+                given[k] = f64::INFINITY;
+            }
+            let mut out = vec![f64::NAN; count * width];
+            let (mut values, mut stage, mut sound) = (vec![S::zero(); width], Vec::new(), true);
+            for at in (0..count).step_by(S::LANES) {
+                read_rows(&given, at, count, width, &mut values);
+                sound &= write_rows(&values, &mut stage, &mut out[at * width..]);
+            }
+            assert_eq!(out, given, "{width} {count} {}", S::LANES);
+            assert_eq!(sound, bad.is_none(), "{width} {count} {bad:?} {}", S::LANES);
+        }
+    }
+
+    impl crate::scalar::Task for &Through {
+        type Output = ();
+        #[inline(always)]
+        fn run<S: Real>(self) {
+            self.run_on::<S>();
+        }
+    }
+
+    struct Plain<'a>(&'a Through);
+    impl Kernel for Plain<'_> {
+        type Output = ();
+        fn run(self) {
+            self.0.run_on::<f64>();
+            self.0.run_on::<Array8<false>>();
+        }
+    }
+
+    #[test]
+    fn rows_pass_through_lanes() {
+        // Rows shorter than a block, whole blocks, blocks and a rest, and rows that are staged.
+        for width in (1..=19).chain([LONG - 1, LONG, LONG + 3, 490]) {
+            for count in [1, 2, 7, 8, 9, 16, 37] {
+                let last = count * width - 1;
+                for bad in [None, Some(0), Some(last / 2), Some(last)] {
+                    let through = Through { width, count, bad };
+                    run_lanes(&through);
+                    Plain(&through).run();
+                }
+            }
+        }
+    }
+}
