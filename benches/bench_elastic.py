@@ -60,14 +60,14 @@ def state(run: Any) -> Any:
 
 def single(level: str = "mild", steps: int = peers.STEPS, **options: Any) -> Callable[[], Any]:
     plant, law = loop(level)
-    given = {"dt": peers.H, "t_eval": [steps * peers.H], "monitors": False} | options
+    given: dict[str, Any] = {"dt": peers.H, "t_eval": [steps * peers.H], "monitors": False} | options
     return lambda: state(al.simulate(plant, law, peers.Q0, theta0=peers.Q0, t_end=steps * peers.H, force=peers.FORCE, **given))
 
 
 def batch(threads: int = 1, **options: Any) -> Callable[[], Any]:
     plant, law = loop("mild")
     q0, t_end = peers.batch_start(), peers.BATCH_STEPS * peers.H
-    given = {"dt": peers.H, "monitors": False, "keep": "final", "threads": threads} | options
+    given: dict[str, Any] = {"dt": peers.H, "monitors": False, "keep": "final", "threads": threads} | options
     return lambda: state(al.simulate_batch(plant, law, q0, theta0=q0, t_end=t_end, force=peers.FORCE, **given))
 
 
@@ -75,6 +75,14 @@ def stiff(level: str, method: str, t: float = peers.T, rtol: float = 1e-6, atol:
     plant, law = loop(level)
     given: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "t_eval": [t], "monitors": False}
     return lambda: state(al.simulate(plant, law, peers.Q0, theta0=peers.Q0, t_end=t, force=peers.FORCE, **given))
+
+
+def stiff_run(level: str, method: str, t: float) -> Any:
+    return stiff(level, method, t)()
+
+
+def rosenbrock(c: peers.LimitKernels, level: str, wide: bool, t: float) -> Any:
+    return c.rosenbrock(level, wide, t)
 
 
 def seven_axes() -> Callable[[], Any]:
@@ -144,16 +152,15 @@ class Suite:
             if c:
                 check = c.rosenbrock(level, True, MIDDLE, 1e-9, 1e-12)
                 compare(f"C at rtol 1e-9, {level}", check[[0, 1, 4, 5]], self.exact[level][[0, 1, 4, 5]], 1e-8)
-                self.solver(level, "C Rosenbrock, by hand", lambda t, level=level: c.rosenbrock(level, True, t))
-                self.solver(level, "C Rosenbrock, plain", lambda t, level=level: c.rosenbrock(level, False, t), against=yard)
+                self.solver(level, "C Rosenbrock, by hand", functools.partial(rosenbrock, c, level, True))
+                self.solver(level, "C Rosenbrock, plain", functools.partial(rosenbrock, c, level, False), against=yard)
             for method in ("rodas4", "radau5"):
-                self.solver(level, f"armlet, {method}", lambda t, level=level, method=method: stiff(level, method, t)(), against=yard)
+                self.solver(level, f"armlet, {method}", functools.partial(stiff_run, level, method), against=yard)
             if importlib.util.find_spec("numbalsoda") is not None:
                 self.solver(level, "numbalsoda", peers_numbalsoda(level), against=yard)
             if importlib.util.find_spec("scipy") is not None:
                 for method in ("Radau", "LSODA"):
-                    run = lambda t, level=level, method=method: peers.scipy_run(level, method, t)  # noqa: E731
-                    self.solver(level, f"scipy, {method}", run, against=yard, rounds=3)
+                    self.solver(level, f"scipy, {method}", functools.partial(peers.scipy_run, level, method), against=yard, rounds=3)
 
     def targets(self) -> list[tuple[str, str, str, bool]]:
         by_name, lines = {case.name: case for case in self.cases}, []

@@ -20,10 +20,10 @@ motor_inertia = np.array([2.0, 2.0, 1.5, 1.2, 0.8, 0.5, 0.4])  # kg m^2, after t
 reduced_inertia = motor_inertia / 5
 
 # The wall stands 5 cm in front of the tip; the target moves 8 cm into it in 2 s, and rests there.
-wall = al.Wall(frame, tip + [0.05, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=20e3, damping=50.0)
+wall = al.Wall(frame, tip + np.array([0.05, 0.0, 0.0]), [-1.0, 0.0, 0.0], stiffness=20e3, damping=50.0)
 plant = al.ElasticArm(arm, joint_stiffness, motor_inertia, wall=wall)
 stiffness, damping = np.array([800.0, 1500.0, 1500.0]), np.array([90.0, 120.0, 120.0])  # N/m, N s/m
-target = al.Quintic(tip, tip + [0.13, 0.0, 0.0], 2.0)
+target = al.Quintic(tip, tip + np.array([0.13, 0.0, 0.0]), 2.0)
 law = al.ElasticTracking(
     arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, frame=frame, relative_damping=True
 )
@@ -64,5 +64,5 @@ if len(sys.argv) > 1:
     for ax in (way, push, torque, error):
         ax.set_xlabel("t (s)")
         ax.grid(alpha=0.3)
-        ax.legend(fontsize=8)
+        ax.legend(fontsize=8, **({"loc": "center right", "ncols": 4} if ax is torque else {}))
     figure.savefig(sys.argv[1], dpi=150)
