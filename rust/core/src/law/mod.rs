@@ -195,15 +195,17 @@ impl LawSpec {
         }
     }
 
-    /// The same law with its Cartesian stiffness times `kappa`; `None` for a law without one.
+    /// The same law with the stiffness of its outer spring times `kappa`; `None` for a law without one.
     pub fn with_stiffness(&self, kappa: f64) -> Option<LawSpec> {
         let mut law = self.clone();
-        let outer = match &mut law {
-            LawSpec::ElasticImpedance(law) => &mut law.outer,
-            LawSpec::CartesianImpedance(law) => law,
+        let stiffness = match &mut law {
+            LawSpec::ElasticImpedance(law) => &mut law.outer.stiffness,
+            LawSpec::JointImpedance(law) => &mut law.outer.kp,
+            LawSpec::CartesianImpedance(law) => &mut law.stiffness,
+            LawSpec::PdGravity(law) => &mut law.kp,
             _ => return None,
         };
-        outer.stiffness = outer.stiffness.scaled(kappa);
+        *stiffness = stiffness.scaled(kappa);
         Some(law)
     }
 
