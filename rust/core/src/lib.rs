@@ -6,6 +6,7 @@
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone.
 
+pub mod analysis;
 pub mod arm;
 pub mod dynamics;
 pub mod error;

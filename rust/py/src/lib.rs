@@ -12,6 +12,7 @@ mod plant;
 mod priority;
 mod simulate;
 mod simulator;
+mod task;
 
 use pyo3::prelude::*;
 
@@ -22,7 +23,7 @@ mod _core {
     #[pymodule_export]
     use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
     #[pymodule_export]
-    use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity};
+    use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity, PriorityAcceleration, PriorityVelocity};
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]
@@ -36,12 +37,14 @@ mod _core {
     #[pymodule_export]
     use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
     #[pymodule_export]
-    use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
+    use super::priority::{_restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 
     #[pymodule_export]
     use super::simulator::Simulator;
+    #[pymodule_export]
+    use super::task::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -3,19 +3,27 @@
 //! A law is stated once ([`Definition`], gathered in [`LawSpec`]) and made for the number it runs on ([`Law`]).
 
 mod adaptive;
+mod arm_solver;
 mod cartesian_impedance;
 mod computed_torque;
 mod evaluator;
 mod external;
+mod level;
 mod pd_gravity;
+mod priority_acceleration;
+mod priority_velocity;
 
 pub use crate::linalg::gain::Gain;
 pub use adaptive::{Adaptive, AdaptiveSpec};
+pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
+pub use level::Level;
 pub use pd_gravity::{PdGravity, PdGravitySpec};
+pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
+pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
@@ -85,6 +93,8 @@ pub enum LawSpec {
     ComputedTorque(ComputedTorqueSpec),
     PdGravity(PdGravitySpec),
     CartesianImpedance(CartesianImpedanceSpec),
+    PriorityVelocity(PriorityVelocitySpec),
+    PriorityAcceleration(PriorityAccelerationSpec),
     /// A function from outside, asked at samples.
     External(ExternalSpec),
 }
@@ -98,6 +108,8 @@ macro_rules! each {
             LawSpec::ComputedTorque($law) => $body,
             LawSpec::PdGravity($law) => $body,
             LawSpec::CartesianImpedance($law) => $body,
+            LawSpec::PriorityVelocity($law) => $body,
+            LawSpec::PriorityAcceleration($law) => $body,
         }
     };
 }
@@ -155,6 +167,20 @@ impl LawSpec {
         }
     }
 
+    /// Whether the law decides on plain numbers, by branches that neither lanes nor dual numbers can take.
+    pub fn is_scalar(&self) -> bool {
+        matches!(self, LawSpec::External(_) | LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_))
+    }
+
+    /// Rows of each level of a law of tasks in priority; empty for any other.
+    pub fn level_rows(&self) -> Vec<usize> {
+        match self {
+            LawSpec::PriorityVelocity(law) => law.rows(),
+            LawSpec::PriorityAcceleration(law) => law.rows(),
+            _ => Vec::new(),
+        }
+    }
+
     /// Whether the law has a storage function of its own on this plant.
     pub fn has_storage(&self, _plant: &PlantSpec) -> bool {
         false
@@ -186,7 +212,7 @@ impl LawSpec {
                 }
             };
         }
-        gather!(Adaptive ComputedTorque PdGravity CartesianImpedance)
+        gather!(Adaptive ComputedTorque PdGravity CartesianImpedance PriorityVelocity PriorityAcceleration)
     }
 }
 

@@ -178,7 +178,7 @@ impl<'a> Problem<'a> {
             && !self.options.method.is_implicit()
             && self.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0)
             && !self.forces.iter().any(|force| matches!(force, Force::Signal(_)))
-            && !matches!(law, LawSpec::External(_))
+            && !law.is_scalar()
             && self.plants.iter().all(|p| std::ptr::eq(*p, plant) || p.same_shape(plant))
             && self.laws.iter().all(|l| std::ptr::eq(*l, law) || l.same_shape(law))
     }
@@ -228,6 +228,11 @@ impl<'a> Problem<'a> {
                 "method",
                 "needs velocities among the states: expected such as rk4 for VelocityArm, got semi_implicit",
             ));
+        }
+        if law.is_scalar() && self.options.sampling.is_none() && self.options.method.is_implicit() {
+            let (name, method) = (law.name(), self.options.method.name());
+            let problem = format!("needs derivatives, which {name} has not: expected such as rk4 or dop853, or a sample_time, got {method}");
+            return Err(Error::input("method", problem));
         }
         if matches!(law, LawSpec::External(_)) && self.options.sampling.is_none() {
             return Err(Error::input("sample_time", "is missing: expected the period at which a law from outside is asked, got None"));

@@ -1,0 +1,3 @@
+//! What can be said of an arm and its loops without running them.
+
+pub mod inverse_kinematics;
