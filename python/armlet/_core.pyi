@@ -8,29 +8,41 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
+from .priority import PriorityDiagnosis
 from .status import Status
 
 __all__ = [
     "Adaptive",
     "Arm",
+    "ArmPrioritySolver",
+    "AxisTask",
     "BangBang",
     "BangBangBatch",
     "BangBangReport",
     "Best",
     "Bind",
+    "CentreOfMassTask",
     "ComputedTorque",
     "Hold",
+    "InverseKinematics",
+    "JointLimitTask",
     "Law",
     "Motion",
+    "PostureTask",
+    "PriorityAcceleration",
     "PrioritySolution",
     "PrioritySolver",
+    "PriorityVelocity",
     "ProfileReport",
     "Quintic",
+    "RelativeTask",
     "RigidArm",
     "Sinusoid",
     "Table",
+    "Task",
     "TorqueOptimum",
     "__version__",
+    "_restore_arm_solver",
     "_restore_plan",
     "_restore_planar_pr",
     "_restore_tree",
@@ -38,6 +50,7 @@ __all__ = [
     "build_info",
     "diagnose_priority",
     "example_urdf",
+    "inverse_kinematics",
     "load_urdf",
     "minimum_jerk_time",
     "pendulum",
@@ -123,6 +136,17 @@ class PrioritySolver:
         v_min: ArrayLike | None = None,
         v_max: ArrayLike | None = None,
     ) -> Self: ...
+    @staticmethod
+    def for_arm(
+        arm: Arm,
+        tasks: Iterable[Task],
+        *,
+        method: str = "clamp",
+        eps: ArrayLike | None = None,
+        weight: ArrayLike | None = None,
+        v_min: ArrayLike | None = None,
+        v_max: ArrayLike | None = None,
+    ) -> ArmPrioritySolver: ...
     def solve(self, jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], *, out: _Array | None = None) -> _Array: ...
     def set_rounding(self, rounding: float) -> None: ...
     def set_bounds(self, v_min: ArrayLike, v_max: ArrayLike) -> None: ...
@@ -301,7 +325,7 @@ class Law:
         theta: ArrayLike | None = None,
         theta_dot: ArrayLike | None = None,
         state: ArrayLike | None = None,
-    ) -> dict[str, _Array]: ...
+    ) -> dict[str, Any]: ...  # arrays; lists with one entry per level for laws of tasks in priority
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final
@@ -502,3 +526,164 @@ class Best:
     @property
     def t_turn(self) -> float: ...
     def __eq__(self, other: object, /) -> bool: ...
+
+# tasks in priority on arms
+@disjoint_base
+class Task:
+    def __new__(
+        cls,
+        frame: str,
+        axes: str,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
+
+@final
+class PostureTask(Task):
+    def __new__(
+        cls,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        joints: Iterable[str] | None = None,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class CentreOfMassTask(Task):
+    def __new__(
+        cls,
+        axes: str,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class AxisTask(Task):
+    def __new__(
+        cls,
+        frame: str,
+        axis: ArrayLike,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class RelativeTask(Task):
+    def __new__(
+        cls,
+        frame: str,
+        reference: str,
+        axes: str,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class JointLimitTask(Task):
+    def __new__(
+        cls,
+        gain: ArrayLike | None = None,
+        margin: float | None = None,
+        *,
+        joints: Iterable[str] | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class PriorityVelocity(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        tasks: Iterable[Task],
+        method: str = "clamp",
+        eps: ArrayLike | None = None,
+        *,
+        v_min: ArrayLike | None = None,
+        v_max: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class PriorityAcceleration(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        tasks: Iterable[Task],
+        method: str = "clamp",
+        eps: ArrayLike | None = None,
+        *,
+        joint_damping: float | None = None,
+    ) -> Self: ...
+
+@final
+class ArmPrioritySolver:
+    @property
+    def arm(self) -> Arm: ...
+    @property
+    def tasks(self) -> tuple[Task, ...]: ...
+    def solve(self, q: ArrayLike, velocities: Sequence[ArrayLike], *, out: _Array | None = None) -> _Array: ...
+    def diagnose(self, q: ArrayLike, velocities: Sequence[ArrayLike] | None = None) -> PriorityDiagnosis: ...
+    def _diagnose(self, q: ArrayLike, velocities: Sequence[ArrayLike] | None = None) -> dict[str, Any]: ...
+    def jacobians(self, q: ArrayLike) -> list[_Array]: ...
+    def set_bounds(self, v_min: ArrayLike, v_max: ArrayLike) -> None: ...
+    @property
+    def n(self) -> int: ...
+    @property
+    def rows(self) -> tuple[int, ...]: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def residuals(self) -> list[_Array]: ...
+    @property
+    def ranks(self) -> list[int]: ...
+    @property
+    def status(self) -> Status: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class InverseKinematics:
+    def __new__(cls, q: _Array, errors: list[_Array], reached: list[bool], iterations: int, restarts: int, status: Status) -> Self: ...
+    @property
+    def q(self) -> _Array: ...
+    @property
+    def errors(self) -> list[_Array]: ...
+    @property
+    def reached(self) -> list[bool]: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def restarts(self) -> int: ...
+    @property
+    def status(self) -> Status: ...
+    def __bool__(self) -> bool: ...
+    def __getnewargs__(self) -> tuple[Any, ...]: ...
+
+def _restore_arm_solver(arm: Arm, tasks: Iterable[Task], keywords: dict[str, Any]) -> ArmPrioritySolver: ...
+def inverse_kinematics(
+    arm: Arm,
+    tasks: Iterable[Task],
+    q0: ArrayLike,
+    *,
+    method: str = "clamp",
+    eps: ArrayLike | None = None,
+    tolerance: float | None = None,
+    max_iterations: int | None = None,
+    restarts: int | None = None,
+    seed: int | None = None,
+    step_max: float | None = None,
+    limits: bool = True,
+) -> InverseKinematics: ...

@@ -5,6 +5,7 @@ mod arrays;
 mod errors;
 mod force;
 mod given;
+mod inverse_kinematics;
 mod law;
 mod motion;
 mod plan;
@@ -22,6 +23,8 @@ mod _core {
 
     #[pymodule_export]
     use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
+    #[pymodule_export]
+    use super::inverse_kinematics::{InverseKinematics, inverse_kinematics};
     #[pymodule_export]
     use super::law::{Adaptive, CartesianImpedance, ComputedTorque, Law, PDGravity, PriorityAcceleration, PriorityVelocity};
     #[pymodule_export]

@@ -161,6 +161,15 @@ impl Task {
         }
     }
 
+    /// The task function on an arm with its constant target.
+    pub fn goal(&self, arm: &Arm) -> Result<(TaskFunction, Vec<f64>), Error> {
+        let Level { function, target, .. } = self.level(arm)?;
+        match target {
+            CoreMotion::Hold(target) => Ok((function, target)),
+            _ => Err(Error::input("target", "moves: expected a constant, got a motion")),
+        }
+    }
+
     /// The level of priority it makes on an arm; it needs a target.
     pub fn level(&self, arm: &Arm) -> Result<Level, Error> {
         let function = self.function(arm)?;

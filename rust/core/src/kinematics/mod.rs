@@ -7,6 +7,8 @@ pub mod coordinates;
 mod jacobian;
 mod task;
 mod task_stack;
+#[cfg(test)]
+mod task_tests;
 
 pub use coordinates::Coordinates;
 pub use jacobian::{com, com_jacobian, frame_pose, jacobian, jacobian_dot};

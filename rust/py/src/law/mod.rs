@@ -143,6 +143,10 @@ impl Law {
             let parts = PyDict::new(py);
             let rows = self.spec.level_rows();
             for (name, shape, values) in self.spec.terms(t, &x, &z) {
+                if !rows.is_empty() && matches!(name, "rows" | "ranks") {
+                    parts.set_item(name, values.iter().map(|&count| count as usize).collect::<Vec<_>>())?;
+                    continue;
+                }
                 if !rows.is_empty() && PER_LEVEL.contains(&name) {
                     parts.set_item(name, by_level(py, &rows, &shape, &values)?)?;
                     continue;

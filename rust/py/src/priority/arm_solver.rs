@@ -156,7 +156,7 @@ impl ArmPrioritySolver {
             at += m;
         }
         let shape: Vec<usize> = lead.iter().copied().chain([self.n]).collect();
-        let mut solve = |v: &mut [f64]| -> Result<(), Failure> {
+        let solve = |v: &mut [f64]| -> Result<(), Failure> {
             if lead.is_empty() {
                 let core = &mut *self.state();
                 core.solve(&angles, &stacked)?;
