@@ -61,30 +61,53 @@ from .simulation import build_info as build_info
 from .simulation import simulate as simulate
 from .simulation import simulate_batch as simulate_batch
 from .simulation import statuses as statuses
+from .tasks import ArmPrioritySolver as ArmPrioritySolver
+from .tasks import AxisTask as AxisTask
+from .tasks import CentreOfMassTask as CentreOfMassTask
+from .tasks import InverseKinematics as InverseKinematics
+from .tasks import JointLimitTask as JointLimitTask
+from .tasks import PostureTask as PostureTask
+from .tasks import PriorityAcceleration as PriorityAcceleration
+from .tasks import PriorityVelocity as PriorityVelocity
+from .tasks import RelativeTask as RelativeTask
+from .tasks import Task as Task
+from .tasks import _restore_arm_solver as _restore_arm_solver
+from .tasks import inverse_kinematics as inverse_kinematics
 
 __all__ = [
     "Adaptive",
     "Arm",
+    "ArmPrioritySolver",
+    "AxisTask",
     "BangBang",
     "BangBangBatch",
     "BangBangReport",
     "Best",
     "Bind",
+    "CentreOfMassTask",
     "ComputedTorque",
     "Hold",
+    "InverseKinematics",
+    "JointLimitTask",
     "Law",
     "Motion",
+    "PostureTask",
+    "PriorityAcceleration",
     "PrioritySolution",
     "PrioritySolver",
+    "PriorityVelocity",
     "ProfileReport",
     "Quintic",
+    "RelativeTask",
     "RigidArm",
     "Sinusoid",
     "Stepper",
     "Table",
+    "Task",
     "TimedPath",
     "TorqueOptimum",
     "__version__",
+    "_restore_arm_solver",
     "_restore_plan",
     "_restore_planar_pr",
     "_restore_time_path",
@@ -94,6 +117,7 @@ __all__ = [
     "diagnose_priority",
     "example_urdf",
     "integrate",
+    "inverse_kinematics",
     "load_urdf",
     "minimum_jerk_time",
     "pendulum",

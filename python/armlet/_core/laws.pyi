@@ -36,7 +36,7 @@ class Law:
         theta: ArrayLike | None = None,
         theta_dot: ArrayLike | None = None,
         state: ArrayLike | None = None,
-    ) -> dict[str, _Array]: ...
+    ) -> dict[str, Any]: ...  # arrays; lists with one entry per level for laws of tasks in priority
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final

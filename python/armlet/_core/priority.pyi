@@ -1,12 +1,14 @@
 """Task priority."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Self, final
 
 from numpy.typing import ArrayLike
 
 from ..status import Status
 from ._types import _Array
+from .arms import Arm
+from .tasks import ArmPrioritySolver, Task
 
 def solve_priority(
     jacobians: Sequence[ArrayLike],
@@ -53,6 +55,17 @@ class PrioritySolver:
         v_min: ArrayLike | None = None,
         v_max: ArrayLike | None = None,
     ) -> Self: ...
+    @staticmethod
+    def for_arm(
+        arm: Arm,
+        tasks: Iterable[Task],
+        *,
+        method: str = "clamp",
+        eps: ArrayLike | None = None,
+        weight: ArrayLike | None = None,
+        v_min: ArrayLike | None = None,
+        v_max: ArrayLike | None = None,
+    ) -> ArmPrioritySolver: ...
     def solve(self, jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], *, out: _Array | None = None) -> _Array: ...
     def set_rounding(self, rounding: float) -> None: ...
     def set_bounds(self, v_min: ArrayLike, v_max: ArrayLike) -> None: ...

@@ -12,9 +12,30 @@
 
 use super::elastic_monitor::TorqueError;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
-use crate::law::{AdaptiveSpec, LawSpec};
+use crate::law::{AdaptiveSpec, Law, LawSpec, PriorityVelocity};
+use crate::motion::Motion;
 use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::{Dual, Real};
+
+/// Norms of the error and of the residual of each level of priority.
+const LEVELS: [&str; 16] = [
+    "error_1",
+    "residual_1",
+    "error_2",
+    "residual_2",
+    "error_3",
+    "residual_3",
+    "error_4",
+    "residual_4",
+    "error_5",
+    "residual_5",
+    "error_6",
+    "residual_6",
+    "error_7",
+    "residual_7",
+    "error_8",
+    "residual_8",
+];
 
 /// The names of a loop's monitors, in the order of [`Monitor::evaluate`].
 pub fn names(law: &LawSpec, storage: bool) -> &'static [&'static str] {
@@ -22,6 +43,7 @@ pub fn names(law: &LawSpec, storage: bool) -> &'static [&'static str] {
         _ if storage => &["skewness", "energy", "energy_balance", "torque_error", "passivity"],
         _ if law.reduction().is_some() => &["skewness", "energy", "energy_balance", "torque_error"],
         LawSpec::Adaptive(_) => &["skewness", "energy", "energy_balance", "lyapunov", "lyapunov_balance"],
+        LawSpec::PriorityVelocity(law) => &LEVELS[..(2 * law.levels.len()).min(LEVELS.len())],
         _ if law.plant() == PlantKind::Velocity => &[],
         _ => &["skewness", "energy", "energy_balance"],
     }
@@ -47,6 +69,7 @@ pub struct Monitor<'a> {
     /// `M`, then `C`.
     square: Vec<f64>,
     desired: Vec<f64>,
+    levels: Option<Levels>,
     /// `E` and `V1` at the first record, each with its integral there.
     start: Option<[f64; 2]>,
 }
@@ -82,6 +105,7 @@ impl<'a> Monitor<'a> {
             moving_m: vec![Dual::default(); n * n],
             square: vec![0.0; n * n],
             desired: vec![0.0; 3 * n],
+            levels: Levels::of(law),
             start: None,
         }
     }
@@ -92,6 +116,9 @@ impl<'a> Monitor<'a> {
             return;
         }
         let n = self.trig.len();
+        if let Some(levels) = &mut self.levels {
+            return levels.evaluate(t, &x[..n], out);
+        }
         let (q, v) = (&x[..n], &x[n..2 * n]);
         for i in 0..n {
             self.trig[i] = Real::sin_cos(q[i]);
@@ -148,5 +175,37 @@ impl<'a> Monitor<'a> {
         self.arm.mass_matrix(&mut self.workspace, &self.trig, q, &mut self.square);
         let kinetic: f64 = (0..n).map(|i| s[i] * (0..n).map(|j| self.square[n * i + j] * s[j]).sum::<f64>()).sum();
         0.5 * kinetic + law.adaptation.lyapunov(&self.gamma_factor, &self.truth, estimate)
+    }
+}
+
+/// A law of tasks in priority, asked again at the records.
+struct Levels {
+    law: PriorityVelocity,
+    motions: Vec<Motion>,
+    desired: Vec<f64>,
+    trig: Vec<(f64, f64)>,
+    u: Vec<f64>,
+}
+
+impl Levels {
+    fn of(law: &LawSpec) -> Option<Self> {
+        let LawSpec::PriorityVelocity(spec) = law else { return None };
+        let motions: Vec<Motion> = spec.levels.iter().map(|level| level.target.clone()).collect();
+        let (n, width) = (law.model().n(), motions.iter().map(|motion| 3 * motion.dof()).sum());
+        Some(Levels { law: spec.engine(), motions, desired: vec![0.0; width], trig: vec![(0.0, 1.0); n], u: vec![0.0; n] })
+    }
+
+    fn evaluate(&mut self, t: f64, q: &[f64], out: &mut [f64]) {
+        let mut at = 0;
+        for motion in &self.motions {
+            let width = 3 * motion.dof();
+            motion.sample(t, &mut self.desired[at..at + width]);
+            at += width;
+        }
+        for (trig, q) in self.trig.iter_mut().zip(q) {
+            *trig = Real::sin_cos(*q);
+        }
+        self.law.evaluate(&self.desired, &self.trig, q, &[], &mut self.u, &mut []);
+        self.law.norms(out);
     }
 }
