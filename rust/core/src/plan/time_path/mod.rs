@@ -99,8 +99,12 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
             } else {
                 // The cap is on the square: twice the relative excess of the speed.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
-                for at in [i, i + 1] {
-                    caps[at] = caps[at].max(cap_old[at] + past);
+                // Of two bounds far apart the larger one is to blame: where the path turns back it has no bound of its own.
+                let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
+                for (at, here, other) in [(i, x0, x1), (i + 1, x1, x0)] {
+                    if here * 1.2 >= other {
+                        caps[at] = caps[at].max(cap_old[at] + past);
+                    }
                 }
             }
         });

@@ -306,7 +306,7 @@ impl<'a> Problem<'a> {
         for i in 0..points {
             let most = self.fastest(i).1;
             let cap = (most * most).min(FASTEST);
-            let mut narrow = cap * (1.0 - self.cap_tight[i]).max(0.0);
+            let mut narrow = cap / (1.0 + self.cap_tight[i]);
             for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
                 // 4e-10 of the speed is 8e-10 of its square.
                 if i == at && x <= cap * (1.0 + 8e-10) {
