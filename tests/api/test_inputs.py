@@ -393,7 +393,7 @@ def test_objects_of_the_wrong_type() -> None:
 
 def test_names_are_listed() -> None:
     refused(lambda: run(method="rk5"), "simulate: method is unknown", "rk4", "dop853", "got rk5")
-    refused(lambda: batch(method=""), "simulate_batch: method is unknown", "rk4, dop853")
+    refused(lambda: batch(method=""), "simulate_batch: method is unknown", "rk4, ros2, dopri5, dop853")
     refused(lambda: batch(keep="some"), "simulate_batch: keep is unknown", "all, final", "some")
     refused(lambda: ARM.pose([0.0, 0.0], "tip"), "pose: frame is unknown", "tip")
     for value in (4, None, b"rk4", ["rk4"]):

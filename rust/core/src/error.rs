@@ -32,8 +32,24 @@ impl Error {
     }
 }
 
+/// Whether all are finite, without a branch per number.
+pub fn all_finite(values: &[f64]) -> bool {
+    // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
+    let mut zeros = [0.0; 8];
+    let (blocks, rest) = values.as_chunks::<8>();
+    for block in blocks {
+        for k in 0..8 {
+            zeros[k] += block[k] * 0.0;
+        }
+    }
+    zeros.iter().chain(rest).all(|x| x.is_finite())
+}
+
 /// Refuse a value that is not finite, naming the first bad index.
 pub fn finite(argument: &str, values: &[f64]) -> Result<()> {
+    if all_finite(values) {
+        return Ok(());
+    }
     match values.iter().position(|x| !x.is_finite()) {
         None => Ok(()),
         Some(i) if values.len() == 1 => Err(Error::input(argument, format!("is not finite: expected a finite number, got {}", values[i]))),

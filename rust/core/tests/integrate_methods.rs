@@ -206,3 +206,86 @@ fn what_is_not_finite_ends_with_a_status() {
         assert_eq!((method.work().steps, method.x()[0]), (0, 1.0));
     }
 }
+
+/// Free fall onto a floor that gives back a velocity: events stop the run, the state jumps, the run goes on.
+struct Fall;
+impl Problem for Fall {
+    const N: usize = 2;
+    fn f<S: armlet_core::scalar::Real>(_: S, x: &[S], dx: &mut [S]) {
+        dx[0] = x[1];
+        dx[1] = S::splat(-9.81);
+    }
+    fn start() -> Vec<f64> {
+        vec![1.0, 0.0]
+    }
+}
+
+#[test]
+fn events_stop_and_runs_go_on_after_jumps() {
+    use armlet_core::integrate::events::{Event, Watch};
+    for (name, _) in ADAPTIVE {
+        let mut system = twin::<Fall>();
+        let mut method = adaptive::<Fall>(name, 1e-10, 1e-12);
+        let mut height = |_: usize, _: f64, x: &[f64]| x[0];
+        let (mut t, mut at, g) = (0.0, Fall::start(), 9.81f64);
+        // It bounces with the speed it arrives with, so that the period is constant: first after a fall, then after 2 falls.
+        let fall = (2.0 / g).sqrt();
+        for k in 0..5 {
+            let mut watch = Watch::new(vec![Event { direction: -1.0, stop_after: 1 }], Fall::start());
+            method.begin(&mut system, t, 10.0, 10.0).unwrap();
+            watch.begin(&mut height, t, method.x()).unwrap();
+            let hit = loop {
+                let done = method.step(&mut system).unwrap();
+                if let Some(hit) = watch.scan(&mut system, &mut *method, &mut height).unwrap() {
+                    break hit;
+                }
+                assert!(!done, "{name} misses the floor");
+            };
+            let expected = fall * (2 * k + 1) as f64;
+            // The parabola is exact for every method, so that rounding is left, magnified by the few steps of each flight.
+            assert!((hit - expected).abs() < 1e-12 * (k + 1) as f64, "{name} {k}: {:e}", hit - expected);
+            method.interpolate(&mut system, hit, &mut at);
+            assert!(at[0] <= 0.0 && at[0] > -1e-13, "{name}: {:e}", at[0]);
+            // On the far side by rounding: the watch that begins here has no sign, or the old one, until the height is positive.
+            method.x_mut().copy_from_slice(&[0.0, -at[1]]);
+            t = hit;
+        }
+    }
+}
+
+/// A link on an elastic joint under motor-inertia reduction, K = 1e6 N m/rad, B0 = 1e-5: poles at 3e5 rad/s beside an outer loop at 10.
+struct Elastic;
+impl Problem for Elastic {
+    const N: usize = 4;
+    fn f<S: armlet_core::scalar::Real>(_: S, x: &[S], dx: &mut [S]) {
+        let k = S::splat;
+        let torque = k(1e6) * (x[2] - x[0]);
+        let u = k(100.0) * (k(0.5) - x[0]) - k(14.0) * x[1];
+        let (push, gravity) = (k(3.0), k(9.81) * x[0].sin_cos().0);
+        (dx[0], dx[1]) = (x[1], torque + push - gravity);
+        (dx[2], dx[3]) = (x[3], k(1e5) * (u + gravity - torque - k(1.4 * 10f64.sqrt()) * x[3]));
+    }
+    fn start() -> Vec<f64> {
+        vec![-0.5, 0.0, -0.5, 0.0]
+    }
+    fn autonomous() -> bool {
+        true
+    }
+}
+
+#[test]
+fn ros2_takes_elastic_joints_at_a_millisecond() {
+    let mut exact = adaptive::<Elastic>("radau5", 1e-10, 1e-12);
+    run(&mut exact, 0.0, 0.4).unwrap();
+    let error = |h: f64| {
+        let (mut system, mut method, mut x) = (twin::<Elastic>(), fixed::<Elastic>("ros2"), Elastic::start());
+        for k in 0..(0.4 / h).round() as usize {
+            method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
+        }
+        distance(&x[..2], &exact.x()[..2])
+    };
+    let errors = [1e-3, 5e-4, 2.5e-4].map(error);
+    // The swing has 1 rad and 5 rad/s; (10 h)^2 of that at 1 ms, falling at order 2 or nearly so past the fast poles.
+    assert!(errors[0] < 5e-4, "{errors:?}");
+    assert!((errors[0] / errors[2]).log2() > 3.0, "{errors:?}");
+}

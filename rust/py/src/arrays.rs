@@ -5,8 +5,8 @@
 //! read-only) goes through `numpy.asarray`; complex, object, boolean and string arrays are refused.
 
 use crate::errors::{Failure, input_error};
-use armlet_core::error::Error;
-use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use armlet_core::error::{Error, all_finite};
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyFloat, PyInt, PyString, PyTuple};
@@ -23,7 +23,7 @@ fn in_place<'a>(array: &'a Bound<'_, PyArrayDyn<f64>>) -> Option<&'a [f64]> {
     // can write to or free the array meanwhile; contiguity and alignment are checked, and `Bound` keeps it alive.
     unsafe {
         let flags = (*array.as_array_ptr()).fields.flags;
-        let wanted = numpy::npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | numpy::npyffi::flags::NPY_ARRAY_ALIGNED;
+        let wanted = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;
         if flags & wanted != wanted {
             return None;
         }
@@ -150,6 +150,9 @@ pub fn index_of(shape: &[usize], mut k: usize) -> String {
 
 /// Refuse numbers that are not finite.
 pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize], values: &[f64]) -> Result<(), Failure> {
+    if all_finite(values) {
+        return Ok(());
+    }
     match values.iter().position(|x| !x.is_finite()) {
         None => Ok(()),
         Some(k) if shape.is_empty() => {
@@ -306,8 +309,27 @@ pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Resu
 /// For hot reads: `numbers` takes what this leaves.
 #[inline]
 pub fn of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a [f64]> {
-    let array = value.cast::<PyArrayDyn<f64>>().ok()?;
-    if array.shape() != shape { None } else { in_place(array) }
+    let flags = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;
+    // SAFETY: an object of exactly numpy's array type has these fields, its descriptor too; otherwise as for `in_place`.
+    unsafe {
+        if npyffi::array::PyArray_CheckExact(value.py(), value.as_ptr()) == 0 {
+            return None;
+        }
+        let array = &(*value.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
+        let kind = &(*array.descr).fields;
+        let native = kind.type_num == npyffi::NPY_TYPES::NPY_DOUBLE as i32 && kind.byteorder as u8 == b'=';
+        if !native || array.flags & flags != flags || array.nd as usize != shape.len() {
+            return None;
+        }
+        let mut length = 1;
+        for (k, &n) in shape.iter().enumerate() {
+            if *array.dimensions.add(k) != n as isize {
+                return None;
+            }
+            length *= n;
+        }
+        Some(if length == 0 { &[] } else { std::slice::from_raw_parts(array.data.cast::<f64>(), length) })
+    }
 }
 
 /// A new array of integers of this shape.
@@ -322,18 +344,25 @@ pub fn new_array<'py>(
     fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
 ) -> Result<Bound<'py, PyAny>, Failure> {
     // numpy says what does not fit as a MemoryError; the quick way below may only panic.
-    let large = if elements(shape)? > LARGE {
-        let array = numpy_function(py, "empty")?.call1((PyTuple::new(py, shape)?,))?;
+    let count = elements(shape)?;
+    let large = if count > LARGE {
+        let array = numpy_function(py, "zeros")?.call1((PyTuple::new(py, shape)?,))?;
         Some(array.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?)
     } else {
         None
     };
-    // SAFETY: every element is written before anyone can see the array: it is zeroed, because `fill` may fail.
-    let (array, out) = unsafe {
-        let array = large.unwrap_or_else(|| PyArrayDyn::<f64>::new(py, shape, false));
-        let data = std::slice::from_raw_parts_mut(array.data(), array.len());
-        data.fill(0.0);
-        (array, data)
+    let array = match large {
+        Some(array) => array,
+        // What fits in a cache is zeroed by hand, quicker than by the system.
+        None if count <= 1024 => unsafe { PyArrayDyn::<f64>::new(py, shape, false) },
+        None => PyArrayDyn::<f64>::zeros(py, shape, false),
+    };
+    // SAFETY: contiguous and aligned, zeroed here or by numpy, and nobody else has seen the array yet.
+    let out = unsafe {
+        if count <= 1024 {
+            std::ptr::write_bytes(array.data(), 0, count);
+        }
+        std::slice::from_raw_parts_mut(array.data(), count)
     };
     fill(out)?;
     Ok(array.into_any())
@@ -354,15 +383,7 @@ pub fn new_vector<'py>(
     n: usize,
     fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
 ) -> Result<Bound<'py, PyAny>, Failure> {
-    // SAFETY: as in `new_array`.
-    let (array, out) = unsafe {
-        let array = PyArray1::<f64>::new(py, n, false);
-        let data = std::slice::from_raw_parts_mut(array.data(), n);
-        data.fill(0.0);
-        (array, data)
-    };
-    fill(out)?;
-    Ok(array.into_any())
+    new_array(py, &[n], fill)
 }
 
 /// The elements of a caller's `out=` array of the wanted shape, refused where writing it would be wrong.
@@ -386,7 +407,7 @@ pub fn out_slice<'a>(
         return Err(refuse("is not C-contiguous: expected a C-contiguous array".into()));
     }
     // SAFETY: the flags are read under the GIL.
-    if unsafe { (*array.as_array_ptr()).fields.flags } & numpy::npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
+    if unsafe { (*array.as_array_ptr()).fields.flags } & npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
         return Err(refuse("is read-only: expected a writeable array".into()));
     }
     for input in inputs {

@@ -6,6 +6,8 @@ mod elastic;
 mod errors;
 mod force;
 mod given;
+mod integrate;
+mod inverse_kinematics;
 mod law;
 mod motion;
 mod plan;
@@ -13,6 +15,7 @@ mod plant;
 mod priority;
 mod simulate;
 mod simulator;
+mod task;
 
 use pyo3::prelude::*;
 
@@ -21,13 +24,19 @@ mod _core {
     use super::*;
 
     #[pymodule_export]
-    use super::arm::{_restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr};
+    use super::arm::{
+        _restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr, project_parameters,
+    };
     #[pymodule_export]
     use super::elastic::{damping_from_ratio, elastic_limits, equilibrium, smallest_reduced_inertia, stiffness_limit};
     #[pymodule_export]
+    use super::integrate::{Stepper, integrate};
+    #[pymodule_export]
+    use super::inverse_kinematics::{InverseKinematics, inverse_kinematics};
+    #[pymodule_export]
     use super::law::{
         Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, JointImpedance, Law, MotorPD, PDGravity,
-        StateFeedback,
+        PriorityAcceleration, PriorityVelocity, StateFeedback,
     };
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
@@ -38,16 +47,22 @@ mod _core {
     #[pymodule_export]
     use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
     #[pymodule_export]
+    use super::plan::time_path::{_restore_time_path, TimedPath, time_path};
+    #[pymodule_export]
     use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
     #[pymodule_export]
     use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
     #[pymodule_export]
-    use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
+    use super::priority::{
+        _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
+    };
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 
     #[pymodule_export]
     use super::simulator::Simulator;
+    #[pymodule_export]
+    use super::task::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

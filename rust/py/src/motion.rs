@@ -15,7 +15,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    fn new(core: Core, arguments: Vec<(&'static str, Bound<'_, PyAny>)>) -> Self {
+    pub fn new(core: Core, arguments: Vec<(&'static str, Bound<'_, PyAny>)>) -> Self {
         Motion { core, arguments: arguments.into_iter().map(|(name, value)| (name, value.unbind())).collect() }
     }
 }

@@ -5,13 +5,14 @@ use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;
+use crate::motion::Motion;
 use crate::plant::Plant;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Sampling, Times};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::{PyDict, PyList, PyTuple, PyType};
 use std::sync::Arc;
 
 const A_PLANT: &str = "a plant such as RigidArm";
@@ -216,7 +217,8 @@ pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec,
     if let Ok(law) = law.cast::<Law>() {
         return Ok(law.get().spec.clone());
     }
-    if !law.is_callable() {
+    // A motion can be called too, and so can a class: neither is a law.
+    if !law.is_callable() || law.is_instance_of::<Motion>() || law.is_instance_of::<PyType>() {
         object::<Law>(function, "law", A_LAW, law)?;
     }
     let (call, raised, n) = (law.clone().unbind(), raised.clone(), plant.n());
@@ -295,7 +297,7 @@ pub fn simulate<'py>(
 }
 
 /// Look for Ctrl-C: what it raised is kept, and the work is told to stop.
-fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
+pub fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
     move || {
         if signal.is_none() {
             *signal = Python::attach(|py| py.check_signals()).err();

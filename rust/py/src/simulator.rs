@@ -186,7 +186,7 @@ impl Simulator {
         })
     }
 
-    /// Time, s.
+    /// Time in s: the steps taken times `dt`.
     #[getter]
     fn t(&self) -> f64 {
         self.stepping.lock().unwrap_or_else(PoisonError::into_inner).steps() as f64 * self.dt

@@ -1,5 +1,11 @@
-//! What can be said of an arm and of a closed loop without running it.
+//! What can be said of an arm and of a closed loop without running it: linearisation, base parameters, physical
+//! consistency, identification, equilibria and limits.
 
+pub mod base_parameters;
+pub mod consistency;
 pub mod elastic_limits;
 pub mod equilibrium;
+pub mod identification;
+pub mod inverse_kinematics;
+pub mod linearisation;
 pub mod loop_slope;

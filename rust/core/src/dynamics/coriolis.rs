@@ -99,8 +99,14 @@ pub fn coriolis_matrix<S: Real>(
         let p = origin - poses[body.parent].origin;
         let d = me.velocity - columns[body.parent].velocity;
         let moved = whole.inertia.shifted(p);
-        let column = |i: usize| d.scale_add(moved.moment[i], momentum.scale_add(p[i], k.0[i]));
-        let moved = Composite { momentum: d.scale_add(mass, momentum), k: M3([column(0), column(1), column(2)]), inertia: moved };
+        // Written out: a closure would fall out of the region of the instruction set.
+        let V3([hx, hy, hz]) = moved.moment;
+        let k = M3([
+            d.scale_add(hx, momentum.scale_add(p[0], k.0[0])),
+            d.scale_add(hy, momentum.scale_add(p[1], k.0[1])),
+            d.scale_add(hz, momentum.scale_add(p[2], k.0[2])),
+        ]);
+        let moved = Composite { momentum: d.scale_add(mass, momentum), k, inertia: moved };
         if S::LANES == 1 && body.parent + 1 == j {
             (carried, carried_to) = (moved, body.parent);
         } else {

@@ -4,6 +4,7 @@
 
 use super::Workspace;
 use super::quantities::{self, Compute};
+use super::rows::{read_rows, write_rows};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
@@ -41,7 +42,7 @@ pub enum Quantity {
     Com,
     /// `q -> (3, n)`.
     ComJacobian,
-    /// `q, v, a -> (2 n, n)`: `d tau / d q` over `d tau / d v`; `d tau / d a` is the mass matrix.
+    /// `q, v, a -> (3 n, n)`: `d tau / d q` over `d tau / d v` over `d tau / d a = M`.
     InverseDynamicsDerivatives,
     /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
     ForwardDynamicsDerivatives,
@@ -100,14 +101,26 @@ impl Query {
             Quantity::Position | Quantity::Com => (1, 3),
             Quantity::Jacobian | Quantity::JacobianDot => (6, n),
             Quantity::ComJacobian => (3, n),
-            Quantity::InverseDynamicsDerivatives => (2 * n, n),
-            Quantity::ForwardDynamicsDerivatives => (3 * n, n),
+            Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives => (3 * n, n),
         }
     }
 
     pub(super) fn length(&self, n: usize) -> usize {
         let (rows, columns) = self.shape(n);
         rows * columns
+    }
+
+    /// About how long one of many configurations takes on this machine, ns: good enough to choose how to run them.
+    pub fn nanoseconds(&self, n: usize) -> f64 {
+        let (joints, numbers) = (n as f64, self.length(n) as f64);
+        let singly = matches!(self.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives);
+        let in_lanes = if singly { 100.0 * joints + 10.0 * numbers } else { 8.0 * joints + 0.3 * numbers };
+        let slower = match isa() {
+            Isa::Baseline => 4.0,
+            Isa::Avx2 => 2.0,
+            Isa::Avx512 => 1.0,
+        };
+        10.0 + slower * in_lanes
     }
 }
 
@@ -120,65 +133,56 @@ pub(super) struct Engine<S> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
+    /// Long rows on their way to memory.
+    stage: Vec<f64>,
 }
 
 impl<S: Real> Engine<S> {
-    fn new(arm: &Arm) -> Self {
+    /// For answers of up to `largest` numbers.
+    fn new(arm: &Arm, largest: usize) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
         let zeros = |k: usize| vec![S::zero(); k];
-        let largest = (n * n * (PARAMETERS + 3)).max(6 * n).max(16);
         Engine {
             ws,
             trig: vec![(S::zero(), S::zero()); n],
             inputs: std::array::from_fn(|_| zeros(n.max(6))),
             out: zeros(largest),
             square: zeros(n * n),
+            stage: Vec::new(),
             tree,
         }
     }
 
-    /// Configurations `first..last` of the arrays, `S::LANES` at a time; the last lanes repeat the last one.
+    /// All configurations of the arrays, `S::LANES` at a time; the last lanes repeat the last one. Whether every
+    /// number of the answer is finite.
     #[inline(always)]
-    fn rows<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+    fn rows<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         let n = self.tree.n();
         let length = query.length(n);
-        let mut at = first;
-        while at < last {
+        let (mut at, mut sound) = (0, true);
+        self.out[..length].fill(S::zero());
+        while at < count {
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
-                for i in 0..width {
-                    self.inputs[k][i] = S::from_lanes(|lane| given[(at + lane).min(last - 1) * width + i]);
-                }
+                read_rows(given, at, count, width, &mut self.inputs[k][..width]);
             }
             for i in 0..n {
                 self.trig[i] = self.inputs[0][i].sin_cos();
             }
             Q::compute(self, query);
-            let rows = &mut out[(at - first) * length..];
-            if last - at >= S::LANES {
-                // Value by value, all lanes of one: a lane chosen at run time would go through memory each time.
-                let rows = &mut rows[..S::LANES * length];
-                for (k, from) in self.out[..length].iter().enumerate() {
-                    for lane in 0..S::LANES {
-                        rows[lane * length + k] = from.lane(lane);
-                    }
-                }
-            } else {
-                for (k, to) in rows.iter_mut().enumerate() {
-                    *to = self.out[k % length].lane(k / length);
-                }
-            }
+            sound &= write_rows(&self.out[..length], &mut self.stage, &mut out[at * length..]);
             at += S::LANES;
         }
+        sound
     }
 
     /// Each quantity in its own region. Derivatives are for single numbers: in lanes they are slower than one by one.
-    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         macro_rules! each {
             ($($name:ident)*) => {
                 match query.quantity {
-                    $(Quantity::$name => S::enter(Rows::<S, quantities::$name> { engine: self, query, inputs, first, last, out, quantity: PhantomData }),)*
+                    $(Quantity::$name => S::enter(Rows::<S, quantities::$name> { engine: self, query, inputs, count, out, quantity: PhantomData }),)*
                     Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives => unreachable!("derivatives go one by one"),
                 }
             };
@@ -187,17 +191,17 @@ impl<S: Real> Engine<S> {
     }
 
     /// As [`Engine::dispatch`], derivatives included.
-    fn dispatch_single(&mut self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) {
+    fn dispatch_single(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         let quantity = PhantomData;
         match query.quantity {
             Quantity::InverseDynamicsDerivatives => {
-                S::enter(Rows::<S, quantities::InverseDynamicsDerivatives> { engine: self, query, inputs, first, last, out, quantity });
+                S::enter(Rows::<S, quantities::InverseDynamicsDerivatives> { engine: self, query, inputs, count, out, quantity })
             }
             Quantity::ForwardDynamicsDerivatives => {
                 let quantity = PhantomData;
-                S::enter(Rows::<S, quantities::ForwardDynamicsDerivatives> { engine: self, query, inputs, first, last, out, quantity });
+                S::enter(Rows::<S, quantities::ForwardDynamicsDerivatives> { engine: self, query, inputs, count, out, quantity })
             }
-            _ => self.dispatch(query, inputs, first, last, out),
+            _ => self.dispatch(query, inputs, count, out),
         }
     }
 }
@@ -206,34 +210,76 @@ struct Rows<'a, S, Q> {
     engine: &'a mut Engine<S>,
     query: &'a Query,
     inputs: &'a [&'a [f64]],
-    first: usize,
-    last: usize,
+    count: usize,
     out: &'a mut [f64],
     quantity: PhantomData<Q>,
 }
 
 impl<S: Real, Q: Compute> Kernel for Rows<'_, S, Q> {
-    type Output = ();
+    type Output = bool;
     #[inline(always)]
-    fn run(self) {
-        self.engine.rows::<Q>(self.query, self.inputs, self.first, self.last, self.out);
+    fn run(self) -> bool {
+        self.engine.rows::<Q>(self.query, self.inputs, self.count, self.out)
     }
 }
 
-/// Rows in lanes, buffers included.
-struct Lanes<'a> {
-    arm: &'a Arm,
-    query: &'a Query,
-    inputs: &'a [&'a [f64]],
-    first: usize,
-    last: usize,
-    out: &'a mut [f64],
+/// The buffers of the lanes that this machine has.
+struct MakeLanes<'a>(&'a Arm);
+
+impl Task for MakeLanes<'_> {
+    type Output = Box<dyn LaneRows>;
+    fn run<S: Real>(self) -> Box<dyn LaneRows> {
+        Box::new(Engine::<S>::new(self.0, 0))
+    }
 }
 
-impl Task for Lanes<'_> {
-    type Output = ();
-    fn run<S: Real>(self) {
-        Engine::<S>::new(self.arm).dispatch(self.query, self.inputs, self.first, self.last, self.out);
+/// An engine whose number is known at run time only.
+trait LaneRows: Send {
+    fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool;
+}
+
+impl<S: Real> LaneRows for Engine<S> {
+    fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
+        let length = query.length(self.tree.n());
+        if self.out.len() < length {
+            self.out.resize(length, S::zero());
+        }
+        self.dispatch(query, inputs, count, out)
+    }
+}
+
+/// Many configurations in lanes, with buffers that last: they grow with the largest answer asked for.
+pub struct LaneEvaluator {
+    engine: Box<dyn LaneRows>,
+    single: Evaluator,
+}
+
+impl LaneEvaluator {
+    pub fn new(arm: &Arm) -> Self {
+        LaneEvaluator { engine: run_lanes(MakeLanes(arm)), single: Evaluator::sized(arm, 3 * arm.n() * arm.n()) }
+    }
+
+    /// As [`Arm::evaluate`], of the arm that this was made for.
+    pub fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<bool> {
+        if first > last || last > count {
+            return Err(Error::input("rows", format!("is out of range: expected 0 <= first <= last <= {count}, got {first}..{last}")));
+        }
+        let n = self.single.n;
+        check_lengths(query, inputs, count, n)?;
+        let mut rows: [&[f64]; 4] = [&[]; 4];
+        for (k, given) in inputs.iter().enumerate() {
+            let width = query.input_length(k, n);
+            rows[k] = &given[first * width..last * width];
+        }
+        let rows = &rows[..inputs.len()];
+        check(query, rows, last - first, n, self.single.frames, out.len())?;
+        if first == last {
+            return Ok(true);
+        }
+        if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
+            return Ok(self.single.dispatch(query, rows, last - first, out));
+        }
+        Ok(self.engine.rows(query, rows, last - first, out))
     }
 }
 
@@ -253,57 +299,42 @@ pub struct Evaluator {
 
 impl Evaluator {
     pub fn new(arm: &Arm) -> Self {
+        let n = arm.n();
+        Evaluator::sized(arm, (n * n * (PARAMETERS + 3)).max(6 * n).max(16))
+    }
+
+    fn sized(arm: &Arm, largest: usize) -> Self {
         let route = match isa() {
-            Isa::Baseline => Route::Baseline(Box::new(Engine::new(arm))),
-            Isa::Avx2 | Isa::Avx512 => Route::Fused(Box::new(Engine::new(arm))),
+            Isa::Baseline => Route::Baseline(Box::new(Engine::new(arm, largest))),
+            Isa::Avx2 | Isa::Avx512 => Route::Fused(Box::new(Engine::new(arm, largest))),
         };
         Evaluator { route, n: arm.n(), frames: arm.frames.len() }
     }
 
-    /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major.
-    pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<()> {
+    /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. Whether every
+    /// number of the answer is finite: a singular mass matrix and an overflow are told so.
+    pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         check(query, inputs, 1, self.n, self.frames, out.len())?;
+        Ok(self.dispatch(query, inputs, 1, out))
+    }
+
+    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         match &mut self.route {
-            Route::Baseline(engine) => engine.dispatch_single(query, inputs, 0, 1, out),
-            Route::Fused(engine) => engine.dispatch_single(query, inputs, 0, 1, out),
+            Route::Baseline(engine) => engine.dispatch_single(query, inputs, count, out),
+            Route::Fused(engine) => engine.dispatch_single(query, inputs, count, out),
         }
-        Ok(())
     }
 }
 
 impl Arm {
     /// Configurations `first..last` of `count`, in lanes on the calling thread: inputs `(count, n)` in full, `out` of
-    /// the rows asked for. Which rows share a call does not change their bits.
-    pub fn evaluate(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<()> {
-        if first > last || last > count {
-            return Err(Error::input("rows", format!("is out of range: expected 0 <= first <= last <= {count}, got {first}..{last}")));
-        }
-        let frames = self.frames.len();
-        check(query, inputs, count, self.n(), frames, out.len() + (count - (last - first)) * query.length(self.n()))?;
-        if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
-            return self.one_by_one(query, inputs, first, last, out);
-        }
-        if first < last {
-            run_lanes(Lanes { arm: self, query, inputs, first, last, out });
-        }
-        Ok(())
-    }
-
-    fn one_by_one(&self, query: &Query, inputs: &[&[f64]], first: usize, last: usize, out: &mut [f64]) -> Result<()> {
-        let mut evaluator = Evaluator::new(self);
-        for (i, row) in (first..last).zip(out.chunks_exact_mut(query.length(self.n()).max(1))) {
-            let part = |k: usize| {
-                let width = query.input_length(k, self.n());
-                &inputs[k][i * width..(i + 1) * width]
-            };
-            let rows: Vec<&[f64]> = (0..inputs.len()).map(part).collect();
-            evaluator.one(query, &rows, row)?;
-        }
-        Ok(())
+    /// the rows asked for. Which rows share a call does not change their bits. Whether all of the answer is finite.
+    pub fn evaluate(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<bool> {
+        LaneEvaluator::new(self).rows(query, inputs, count, first, last, out)
     }
 }
 
-fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> Result<()> {
+fn check_lengths(query: &Query, inputs: &[&[f64]], count: usize, n: usize) -> Result<()> {
     let names = query.inputs();
     if inputs.len() != names.len() {
         return Err(Error::input(
@@ -316,6 +347,13 @@ fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize
         if given.len() != want {
             return Err(Error::input(*name, format!("has the wrong length: expected {want}, got {}", given.len())));
         }
+    }
+    Ok(())
+}
+
+fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> Result<()> {
+    check_lengths(query, inputs, count, n)?;
+    for (name, given) in query.inputs().iter().zip(inputs) {
         finite(name, given)?;
     }
     let needs_frame = matches!(query.quantity, Quantity::Pose | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot);

@@ -18,11 +18,12 @@ mod planar_pr;
 #[cfg(not(test))]
 mod quantities;
 pub mod regressor;
+mod rows;
 mod tree;
 pub mod workspace;
 
 #[cfg(not(test))]
-pub use evaluate::{Evaluator, Quantity, Query};
+pub use evaluate::{Evaluator, LaneEvaluator, Quantity, Query};
 pub use model::{AnyArm, Model};
 pub use planar_2r::Planar2R;
 pub use planar_pr::PlanarPr;

@@ -32,7 +32,7 @@ macro_rules! quantity {
             #[inline(always)]
             #[allow(unused_variables)]
             fn compute<S: Real>(engine: &mut Engine<S>, $query: &Query) {
-                let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square } = engine;
+                let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square, .. } = engine;
                 let $n = $tree.n();
                 let [q, v, x, $y] = inputs;
                 let ($trig, $q, $v, $x) = (&trig[..$n], &q[..$n], &v[..$n], &mut x[..$n]);
@@ -84,7 +84,8 @@ quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), 
 
 quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (_, width) = query.shape(n);
-    regressor::regressor(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out);
+    // Zeroed before the first of many.
+    regressor::regressor_on_zeros(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out);
     for i in 0..n {
         let mut at = i * width + PARAMETERS * n + i;
         if query.armature {
@@ -127,9 +128,11 @@ quantity!(Com, (tree, ws, trig, n, q, v, x, y, out, query, square), {
 });
 
 quantity!(InverseDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    let (by_q, by_v) = out.split_at_mut(n * n);
+    let (by_q, rest) = out.split_at_mut(n * n);
+    let (by_v, by_a) = rest.split_at_mut(n * n);
     derivatives::inverse_dynamics_by_q(tree, ws, trig, q, v, x, by_q);
     derivatives::inverse_dynamics_by_v(tree, ws, trig, q, v, query.friction, by_v);
+    tree.mass_matrix(ws, trig, q, by_a);
 });
 
 quantity!(ForwardDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {

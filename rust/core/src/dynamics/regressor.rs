@@ -82,8 +82,25 @@ pub fn regressor<S: Real>(
     ar: &[S],
     y: &mut [S],
 ) {
-    fields(tree, poses, links, trig, q, v, vr, ar);
     y.fill(S::zero());
+    regressor_on_zeros(tree, width, poses, links, trig, q, v, vr, ar, y);
+}
+
+/// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state.
+#[inline(always)]
+pub fn regressor_on_zeros<S: Real>(
+    tree: &Tree<S>,
+    width: usize,
+    poses: &mut [Pose<S>],
+    links: &mut [Link<S>],
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    vr: &[S],
+    ar: &[S],
+    y: &mut [S],
+) {
+    fields(tree, poses, links, trig, q, v, vr, ar);
     for i in 0..tree.n() {
         let r = body_axes(&tree.bodies[i], &poses[i]);
         let (u, a) = (r.congruence_transposed(links[i].motion.u), r.apply_transposed(links[i].motion.a));

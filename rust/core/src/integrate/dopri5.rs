@@ -29,8 +29,7 @@ const D: [f64; 7] = [
     -1453857185.0 / 822651844.0,
     69997945.0 / 29380423.0,
 ];
-const BETA: f64 = 0.04;
-const CONTROL: Control = Control { safety: 0.9, alpha: 0.2 - 0.75 * BETA, beta: BETA, shrink: 0.2, grow: 10.0 };
+const CONTROL: Control = Control { safety: 0.9, alpha: 0.2, beta: 0.0, shrink: 0.2, grow: 10.0 };
 
 pub struct Dopri5<B, U, T = Tolerance> {
     pace: Pace<T>,
@@ -90,7 +89,7 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
     #[inline(always)]
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.pace.begin(t, t_end, input_end);
-        self.x_old = self.x.clone();
+        self.x_old.clone_from(&self.x);
         system.anchor(self.x.as_ref());
         system.input(t, &mut self.u);
         system.rhs(&self.u, self.x.as_ref(), self.k[0].as_mut());

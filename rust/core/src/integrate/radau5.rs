@@ -70,7 +70,7 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     current: bool,
     /// Whether there is a last step to extrapolate.
     warm: bool,
-    /// Step and error of the last accepted step.
+    /// Step first proposed and error of the last accepted step.
     last: Option<(f64, f64)>,
 }
 
@@ -293,6 +293,7 @@ where
         }
         system.anchor(self.x.as_ref());
         self.pace.open();
+        let h_begun = self.pace.h;
         let mut rejected = false;
         loop {
             let (h, t_new) = self.pace.propose()?;
@@ -339,7 +340,8 @@ where
             if !renew && factor < WORTHWHILE {
                 factor = 1.0;
             }
-            self.last = Some((h, error));
+            // The step as first proposed: after rejections the next one is held back for one more step.
+            self.last = Some((h_begun, error));
             self.pace.accept(t_new, h * factor);
             std::mem::swap(&mut self.x_old, &mut self.x);
             std::mem::swap(&mut self.x, &mut self.y);

@@ -182,7 +182,7 @@ where
     #[inline(always)]
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.pace.begin(t, t_end, input_end);
-        self.x_old = self.x.clone();
+        self.x_old.clone_from(&self.x);
         self.linearise::<S, F>(system);
         if !finite(self.x.as_ref()) || !finite(self.slope.as_ref()) {
             return Err(Status::Diverged);

@@ -13,6 +13,8 @@ pub struct SemiImplicit<B, U> {
     u: U,
     /// `(position, its rate)`
     pairs: Vec<(usize, usize)>,
+    /// -1 where the system's time runs backwards, and positions change by minus their velocity.
+    sign: f64,
 }
 
 impl<B: Clone, U: Clone> SemiImplicit<B, U> {
@@ -29,7 +31,12 @@ impl<B: Clone, U: Clone> SemiImplicit<B, U> {
             let problem = "is semi_implicit: expected a system with positions and velocities, got one that names none";
             return Err(Error::input("method", problem));
         }
-        Ok(SemiImplicit { k: state, u: input, pairs })
+        Ok(SemiImplicit { k: state, u: input, pairs, sign: 1.0 })
+    }
+
+    /// For a system with its time reversed.
+    pub fn backwards(self) -> Self {
+        SemiImplicit { sign: -1.0, ..self }
     }
 }
 
@@ -48,7 +55,7 @@ impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for SemiImplicit<B,
             x[i] = S::splat(h).mul_add(k[i], x[i]);
         }
         for &(position, rate) in &self.pairs {
-            x[position] = S::splat(h).mul_add(x[rate], x[position]);
+            x[position] = S::splat(self.sign * h).mul_add(x[rate], x[position]);
         }
     }
 

@@ -1,14 +1,18 @@
 //! Desired motions `t -> (q_d, v_d, a_d)`. Each holds its end, and its start before time zero.
 
 mod bang_bang;
+mod path;
 mod quintic;
 mod sinusoid;
 mod table;
+mod timed_path;
 
 pub use bang_bang::BangBang;
+pub use path::{Ends, Path, TERMS};
 pub use quintic::Quintic;
 pub use sinusoid::Sinusoid;
 pub use table::Table;
+pub use timed_path::TimedPath;
 
 use crate::error::{Error, Result, finite};
 use crate::scalar::{Kernel, Real};
@@ -23,6 +27,7 @@ pub enum Motion {
     Quintic(Quintic),
     BangBang(BangBang),
     Table(Table),
+    TimedPath(TimedPath),
 }
 
 impl Motion {
@@ -42,6 +47,7 @@ impl Motion {
             Motion::Quintic(m) => m.dof(),
             Motion::BangBang(m) => m.dof(),
             Motion::Table(m) => m.dof(),
+            Motion::TimedPath(m) => m.dof(),
         }
     }
 
@@ -61,6 +67,7 @@ impl Motion {
             Motion::Quintic(m) => m.sample(t, out),
             Motion::BangBang(m) => m.sample(t, out),
             Motion::Table(m) => m.sample(t, out),
+            Motion::TimedPath(m) => m.sample(t, out),
         }
     }
 
@@ -70,6 +77,7 @@ impl Motion {
             Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Table(_) => Vec::new(),
             Motion::Quintic(m) => vec![0.0, m.duration()],
             Motion::BangBang(m) => vec![0.0, 0.5 * m.duration(), m.duration()],
+            Motion::TimedPath(m) => m.breaks(),
         }
     }
 }

@@ -5,6 +5,8 @@
 //! - [`torque_optimal_time`]: the optimum under full torque: monotone, back-swing, overshoot.
 //! - [`torque_optimal_time_with_friction`]: the monotone optimum with viscous and Coulomb friction, by integration.
 //! - [`TorqueProfile`]: the motion of that optimum, to follow.
+//!
+//! And of any arm along a given path: [`time_path`].
 
 mod bang_bang;
 mod friction;
@@ -14,6 +16,7 @@ mod profiles;
 mod report;
 pub mod sine;
 mod swing;
+mod time_path;
 mod torque_optimal;
 mod trajectory;
 
@@ -22,5 +25,6 @@ pub use friction::{FrictionOptimum, torque_optimal_time_with_friction};
 pub use link::Link;
 pub use profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
 pub use report::{Bind, Limit, MonotoneReason, Place, Reason};
+pub use time_path::{Bound, FINE, Friction, Mover, PathLimits, PathReason, Shortfall, TimePath, TimePathOptions, time_path};
 pub use torque_optimal::{Best, Family, TorqueOptimum, torque_optimal_time};
 pub use trajectory::{Sample, TorqueProfile};

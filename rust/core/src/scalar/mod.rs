@@ -76,6 +76,19 @@ pub trait Real:
     fn any(mask: Self::Mask) -> bool;
     fn all(mask: Self::Mask) -> bool;
 
+    /// `write(i, row)` for every lane `i` in order: what eight values hold in that lane.
+    #[inline(always)]
+    fn each_row(block: &[Self; 8], mut write: impl FnMut(usize, [f64; 8])) {
+        for lane in 0..Self::LANES {
+            write(lane, std::array::from_fn(|k| block[k].lane(lane)));
+        }
+    }
+    /// Eight values from `row(i)` of every lane `i`: the inverse of [`Real::each_row`].
+    #[inline(always)]
+    fn from_rows(row: impl Fn(usize) -> [f64; 8]) -> [Self; 8] {
+        std::array::from_fn(|k| Self::from_lanes(|lane| row(lane)[k]))
+    }
+
     /// Run `kernel` compiled for the instruction set of this number.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
 
@@ -157,6 +170,44 @@ pub fn run_lanes<T: Task>(task: T) -> T::Output {
 #[cfg(not(target_arch = "x86_64"))]
 pub fn run_wide_lanes<T: Task>(task: T) -> T::Output {
     run_lanes(task)
+}
+
+/// Work on one number and on duals over it: a stiff method and its Jacobians. `run` must be `#[inline(always)]`; its numbers are
+/// `V::One` and [`Duals<V>`].
+pub trait DualTask {
+    type Output;
+    fn run<V: Real>(self) -> Self::Output;
+}
+
+struct OnDuals<V, T>(T, std::marker::PhantomData<V>);
+
+impl<V: Real, T: DualTask> Kernel for OnDuals<V, T> {
+    type Output = T::Output;
+    #[inline(always)]
+    fn run(self) -> T::Output {
+        self.0.run::<V>()
+    }
+}
+
+#[inline(always)]
+fn on_duals<V: Real, T: DualTask>(task: T) -> T::Output {
+    V::enter(OnDuals::<V, T>(task, std::marker::PhantomData))
+}
+
+/// Run `task` with eight rates per dual, by the best route of this machine. That is two AVX2 registers even where AVX-512 is there:
+/// one value and eight rates in a register of their own are half as quick (the step of RODAS on 8 states: 0.73 against 1.08 us).
+#[cfg(target_arch = "x86_64")]
+pub fn run_duals<T: DualTask>(task: T) -> T::Output {
+    match isa() {
+        Isa::Baseline => on_duals::<Array8<false>, T>(task),
+        Isa::Avx2 | Isa::Avx512 => on_duals::<lanes::Pair<lanes::Avx2>, T>(task),
+    }
+}
+
+/// Run `task` with eight rates per dual.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn run_duals<T: DualTask>(task: T) -> T::Output {
+    on_duals::<Array8<false>, T>(task)
 }
 
 #[cfg(test)]

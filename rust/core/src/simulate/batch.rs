@@ -8,11 +8,11 @@ use super::elastic_2r::Elastic2R;
 use super::general::General;
 use super::monitors::{self, Monitor};
 use super::planar_pr::{Group, Sink};
-use super::pool;
 use super::problem::{Division, Ended, Fixed, Problem};
 use crate::dynamics::Planar2R;
 use crate::error::{Error, Result};
 use crate::motion::{Motion, Table};
+use crate::parallel;
 use crate::scalar::{Real, Task, run_lanes, run_scalar, run_wide_lanes};
 use crate::status::Status;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
@@ -162,7 +162,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     let lanes = route.width(problem.options.method.is_adaptive());
     let tabulated = if route == Loop::PlanarPr { tabulate(&problem, &division) } else { None };
     let mut groups = split(&problem, &mut out, lanes);
-    let interrupted = pool::run(threads, poll, |stop: &AtomicBool| {
+    let interrupted = parallel::run(threads, poll, |stop: &AtomicBool| {
         let go = |(g, rows): (usize, &mut Rows)| {
             let (problem, first) = (&problem, g * lanes);
             match (&division, route) {

@@ -6,6 +6,7 @@
 
 mod inertia;
 mod matrix;
+pub mod pseudo_inertia;
 mod rotation_log;
 mod vector;
 

@@ -1,13 +1,17 @@
 //! `armlet.Arm`: the closed-form arms and the trees behind one class.
 
 mod construct;
+mod derivatives;
+mod evaluate;
+mod identify;
 mod model;
 
 pub use construct::*;
+pub use identify::*;
 pub use model::Model;
 
-use crate::arrays::{Broadcast, broadcast, index_of, new_array, out_slice, vector};
-use crate::errors::{Failure, entry, input_error};
+use crate::arrays::{new_array, vector};
+use crate::errors::entry;
 use armlet_core::dynamics::{Quantity, Query};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -24,74 +28,7 @@ pub struct Arm {
     pub model: Model,
 }
 
-/// Configurations above which a batch is worth giving up the GIL for.
-const LARGE: usize = 256;
-
 impl Arm {
-    fn evaluate<'py, const K: usize>(
-        &self,
-        function: &str,
-        names: [&str; K],
-        values: [&Bound<'py, PyAny>; K],
-        query: Query,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let py = values[0].py();
-        entry(py, function, || {
-            let n = self.n();
-            let widths = std::array::from_fn(|k| if names[k] == "wrench" { 6 } else { n });
-            let inputs: Broadcast<K> = broadcast(function, names, values, widths)?;
-            let shape = self.model.shape(&query);
-            let full: Vec<usize> = inputs.shape.iter().chain(shape.as_slice()).copied().collect();
-            let fill = |data: &mut [f64]| {
-                if inputs.count == 1 {
-                    let rows: [&[f64]; K] = std::array::from_fn(|k| inputs.row(k, 0));
-                    return Ok(self.model.one(&query, &rows, data)?);
-                }
-                let all: [_; K] = std::array::from_fn(|k| inputs.all(k));
-                let rows: [&[f64]; K] = std::array::from_fn(|k| &*all[k]);
-                if inputs.count < LARGE {
-                    return Ok(self.model.many(&query, &rows, inputs.count, data)?);
-                }
-                // Copied: other threads may write to the caller's arrays once the GIL is given up.
-                let own: [Vec<f64>; K] = std::array::from_fn(|k| rows[k].to_vec());
-                let rows: [&[f64]; K] = std::array::from_fn(|k| own[k].as_slice());
-                let mut fresh = vec![0.0; data.len()];
-                py.detach(|| self.model.many(&query, &rows, inputs.count, &mut fresh))?;
-                data.copy_from_slice(&fresh);
-                Ok::<(), Failure>(())
-            };
-            // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
-            let checked = |data: &mut [f64]| -> Result<(), Failure> {
-                fill(data)?;
-                let Some(k) = data.iter().position(|x| !x.is_finite()) else { return Ok(()) };
-                let at = if full.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&full, k)) };
-                let problem = format!("give a result that is not finite: expected finite numbers, got {}{at}", data[k]);
-                Err(input_error(py, function, &names.join(", "), problem).into())
-            };
-            match out {
-                None => new_array(py, &full, checked),
-                Some(out) => {
-                    checked(out_slice(function, out, &full, &values)?)?;
-                    Ok(out.clone())
-                }
-            }
-        })
-    }
-
-    fn framed<'py, const K: usize>(
-        &self,
-        function: &str,
-        names: [&str; K],
-        values: [&Bound<'py, PyAny>; K],
-        quantity: Quantity,
-        frame: &str,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let frame = entry(values[0].py(), function, || Ok(self.model.frame(frame)?))?;
-        self.evaluate(function, names, values, Query { frame, ..quantity.into() }, out)
-    }
-
     fn named<'py>(py: Python<'py>, names: &[String]) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, names)
     }
@@ -350,39 +287,5 @@ impl Arm {
 
     fn __hash__(&self) -> u64 {
         self.model.parameters().iter().fold(17, |h, x| (h ^ x.to_bits()).wrapping_mul(0x100_0000_01b3))
-    }
-}
-
-impl Arm {
-    /// Inverse or forward dynamics, with a wrench or without.
-    fn loaded<'py>(
-        &self,
-        function: &str,
-        third: &str,
-        [q, v, a]: [&Bound<'py, PyAny>; 3],
-        wrench: (Option<&Bound<'py, PyAny>>, Option<&str>),
-        query: Query,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        match wrench {
-            (None, None) => self.evaluate(function, ["q", "v", third], [q, v, a], query, out),
-            (Some(wrench), Some(frame)) => {
-                let frame = entry(q.py(), function, || Ok(self.model.frame(frame)?))?;
-                let query = Query { wrench: Some(frame), ..query };
-                self.evaluate(function, ["q", "v", third, "wrench"], [q, v, a, wrench], query, out)
-            }
-            _ => Err(input_error(q.py(), function, "wrench", "is not complete: expected both wrench and wrench_frame")),
-        }
-    }
-
-    fn kinematic<'py>(
-        &self,
-        function: &str,
-        q: &Bound<'py, PyAny>,
-        quantity: Quantity,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        entry(q.py(), function, || Ok(self.model.tree(function).map(|_| ())?))?;
-        self.evaluate(function, ["q"], [q], quantity.into(), out)
     }
 }

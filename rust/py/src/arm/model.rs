@@ -1,15 +1,17 @@
 //! The model behind `armlet.Arm`: a closed-form arm or a tree, with one way to ask either.
 
 use armlet_core::arm::{Arm as Tree, JointKind};
-use armlet_core::dynamics::{Dynamics, Evaluator, PlanarPr, Quantity, Query};
-use armlet_core::error::{Error, Result};
+use armlet_core::dynamics::{Dynamics, Evaluator, LaneEvaluator, PlanarPr, Quantity, Query};
+use armlet_core::error::{Error, Result, all_finite, finite};
 use armlet_core::scalar::Real;
 use std::sync::{Arc, Mutex};
 
-/// A tree with the evaluator of single calls, which keeps its buffers between them.
+/// A tree with the evaluators of single and of batched calls, which keep their buffers between them.
 pub struct TreeModel {
     pub arm: Arc<Tree>,
     evaluator: Mutex<Evaluator>,
+    /// Made with the first batch.
+    lanes: Mutex<Option<LaneEvaluator>>,
 }
 
 pub enum Model {
@@ -31,7 +33,7 @@ impl From<Tree> for super::Arm {
     fn from(arm: Tree) -> Self {
         let evaluator = Mutex::new(Evaluator::new(&arm));
         let arm = Arc::new(arm);
-        super::Arm { model: Model::Tree(Box::new(TreeModel { arm, evaluator })) }
+        super::Arm { model: Model::Tree(Box::new(TreeModel { arm, evaluator, lanes: Mutex::new(None) })) }
     }
 }
 
@@ -130,23 +132,23 @@ impl Model {
         ]
     }
 
-    /// The trailing axes of a quantity.
-    pub fn shape(&self, query: &Query) -> Vec<usize> {
+    /// The trailing axes of a quantity, and how many there are.
+    pub fn shape(&self, query: &Query) -> ([usize; 2], usize) {
         let n = self.n();
         match query.quantity {
-            Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => vec![n],
-            Quantity::Energy => vec![2],
-            Quantity::Position | Quantity::Com => vec![3],
-            Quantity::Regressor if matches!(self, Model::PlanarPr(_)) => vec![2, 3],
+            Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => ([n, 0], 1),
+            Quantity::Energy => ([2, 0], 1),
+            Quantity::Position | Quantity::Com => ([3, 0], 1),
+            Quantity::Regressor if matches!(self, Model::PlanarPr(_)) => ([2, 3], 2),
             _ => {
                 let (rows, columns) = query.shape(n);
-                vec![rows, columns]
+                ([rows, columns], 2)
             }
         }
     }
 
-    /// One configuration.
-    pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<()> {
+    /// One configuration. Whether every number of the answer is finite.
+    pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match self {
             Model::PlanarPr(arm) => planar_pr_row(arm, query, inputs, out),
             Model::Tree(tree) => match tree.evaluator.try_lock() {
@@ -157,18 +159,26 @@ impl Model {
         }
     }
 
-    /// Many configurations, written out in full.
-    pub fn many(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<()> {
+    /// Configurations `first..last` of `count`, all of the arguments and the rows of the answer written out in full.
+    /// Whether every number of the answer is finite.
+    pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<bool> {
         match self {
             Model::PlanarPr(arm) => {
-                let width = out.len() / count.max(1);
-                for i in 0..count {
-                    let rows: Vec<&[f64]> = inputs.iter().map(|x| &x[2 * i..2 * i + 2]).collect();
-                    planar_pr_row(arm, query, &rows, &mut out[i * width..(i + 1) * width])?;
+                let width = out.len() / (last - first).max(1);
+                let mut sound = true;
+                for (i, row) in (first..last).zip(out.chunks_exact_mut(width.max(1))) {
+                    let mut one: [&[f64]; 4] = [&[]; 4];
+                    for (row, all) in one.iter_mut().zip(inputs) {
+                        *row = &all[2 * i..2 * i + 2];
+                    }
+                    sound &= planar_pr_row(arm, query, &one[..inputs.len()], row)?;
                 }
-                Ok(())
+                Ok(sound)
             }
-            Model::Tree(tree) => tree.arm.evaluate(query, inputs, count, 0, count, out),
+            Model::Tree(tree) => match tree.lanes.try_lock() {
+                Ok(mut lanes) => lanes.get_or_insert_with(|| LaneEvaluator::new(&tree.arm)).rows(query, inputs, count, first, last, out),
+                Err(_) => tree.arm.evaluate(query, inputs, count, first, last, out),
+            },
         }
     }
 
@@ -206,7 +216,8 @@ impl Model {
     }
 }
 
-fn planar_pr_row(arm: &PlanarPr<f64>, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<()> {
+fn planar_pr_row(arm: &PlanarPr<f64>, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<bool> {
+    x.iter().zip(query.inputs()).try_for_each(|(x, name)| finite(name, x))?;
     let q = x[0];
     let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
     if query.friction || query.armature {
@@ -223,5 +234,5 @@ fn planar_pr_row(arm: &PlanarPr<f64>, query: &Query, x: &[&[f64]], out: &mut [f6
         Quantity::Energy => (out[0], out[1]) = arm.energy(&mut (), &trig, q, x[1]),
         _ => return Err(Error::input("arm", "has no links: expected an arm with a kinematic model, got planar_pr")),
     }
-    Ok(())
+    Ok(all_finite(out))
 }

@@ -2,6 +2,7 @@
 
 pub mod bang_bang;
 pub mod profiles;
+pub mod time_path;
 pub mod torque;
 
 use crate::arrays::number_or_array;

@@ -85,6 +85,42 @@ fn next(quadrant: __m512d) -> __m512d {
     unsafe { _mm512_castsi512_pd(_mm512_add_epi64(_mm512_castpd_si512(quadrant), _mm512_set1_epi64(1))) }
 }
 
+/// An 8 x 8 transpose in three rounds: neighbours within 128 bits, then 128-bit pieces at distance one and two.
+#[inline(always)]
+fn transpose(x: [__m512d; 8]) -> [__m512d; 8] {
+    unsafe {
+        let pair = |k: usize| (_mm512_unpacklo_pd(x[k], x[k + 1]), _mm512_unpackhi_pd(x[k], x[k + 1]));
+        let ((a0, a1), (b0, b1), (c0, c1), (d0, d1)) = (pair(0), pair(2), pair(4), pair(6));
+        // Of a and b the pieces 0 1 | 0 1 and 2 3 | 2 3; of their halves in turn the even and the odd ones.
+        let (ab0, ab1) = (_mm512_shuffle_f64x2::<0x88>(a0, b0), _mm512_shuffle_f64x2::<0xdd>(a0, b0));
+        let (cd0, cd1) = (_mm512_shuffle_f64x2::<0x88>(c0, d0), _mm512_shuffle_f64x2::<0xdd>(c0, d0));
+        let (ab2, ab3) = (_mm512_shuffle_f64x2::<0x88>(a1, b1), _mm512_shuffle_f64x2::<0xdd>(a1, b1));
+        let (cd2, cd3) = (_mm512_shuffle_f64x2::<0x88>(c1, d1), _mm512_shuffle_f64x2::<0xdd>(c1, d1));
+        [
+            _mm512_shuffle_f64x2::<0x88>(ab0, cd0),
+            _mm512_shuffle_f64x2::<0x88>(ab2, cd2),
+            _mm512_shuffle_f64x2::<0x88>(ab1, cd1),
+            _mm512_shuffle_f64x2::<0x88>(ab3, cd3),
+            _mm512_shuffle_f64x2::<0xdd>(ab0, cd0),
+            _mm512_shuffle_f64x2::<0xdd>(ab2, cd2),
+            _mm512_shuffle_f64x2::<0xdd>(ab1, cd1),
+            _mm512_shuffle_f64x2::<0xdd>(ab3, cd3),
+        ]
+    }
+}
+
+#[inline(always)]
+fn transpose_out(x: [__m512d; 8]) -> [[f64; 8]; 8] {
+    let [a, b, c, d, e, f, g, h] = transpose(x);
+    [to_array(a), to_array(b), to_array(c), to_array(d), to_array(e), to_array(f), to_array(g), to_array(h)]
+}
+
+#[inline(always)]
+fn transpose_in(rows: [[f64; 8]; 8]) -> [__m512d; 8] {
+    let [a, b, c, d, e, f, g, h] = rows;
+    transpose([from_array(a), from_array(b), from_array(c), from_array(d), from_array(e), from_array(f), from_array(g), from_array(h)])
+}
+
 #[inline(always)]
 fn enter<K: Kernel>(kernel: K) -> K::Output {
     assert!(isa() >= Isa::Avx512, "these lanes need AVX-512");

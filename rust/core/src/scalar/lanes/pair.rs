@@ -114,6 +114,21 @@ impl<V: Real> Real for Pair<V> {
         V::all(mask.0) & V::all(mask.1)
     }
     #[inline(always)]
+    fn each_row(block: &[Self; 8], mut write: impl FnMut(usize, [f64; 8])) {
+        let [a, b, c, d, e, f, g, h] = *block;
+        V::each_row(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0], &mut write);
+        V::each_row(&[a.1, b.1, c.1, d.1, e.1, f.1, g.1, h.1], |lane, row| write(V::LANES + lane, row));
+    }
+    #[inline(always)]
+    fn from_rows(row: impl Fn(usize) -> [f64; 8]) -> [Self; 8] {
+        let (first, second) = (V::from_rows(&row), V::from_rows(|lane| row(V::LANES + lane)));
+        let mut both = [Pair(first[0], second[0]); 8];
+        for k in 1..8 {
+            both[k] = Pair(first[k], second[k]);
+        }
+        both
+    }
+    #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
         V::enter(kernel)
     }

@@ -74,6 +74,17 @@ fn next(quadrant: __m128d) -> __m128d {
 }
 
 #[inline(always)]
+fn transpose_out(x: [__m128d; 8]) -> [[f64; 8]; 2] {
+    let x = x.map(to_array);
+    std::array::from_fn(|lane| std::array::from_fn(|k| x[k][lane]))
+}
+
+#[inline(always)]
+fn transpose_in(rows: [[f64; 8]; 2]) -> [__m128d; 8] {
+    std::array::from_fn(|k| from_array([rows[0][k], rows[1][k]]))
+}
+
+#[inline(always)]
 fn enter<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }

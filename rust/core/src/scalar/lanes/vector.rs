@@ -2,7 +2,8 @@
 //! intrinsics, so that each instruction set's file holds only what is its own.
 
 /// A vector of `$lanes` doubles in `$register`. `$own` names what the file writes by hand: `fma` and `fnma`
-/// (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`, `select`, `bits` (a mask, one bit per lane) and `enter`.
+/// (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`, `select`, `bits` (a mask, one bit per lane), `transpose_out` and
+/// `transpose_in` (eight registers to a row of eight numbers per lane, and back) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $sqrt:ident, $xor:ident, $andnot:ident) => {
@@ -128,6 +129,23 @@ macro_rules! vector {
             #[inline(always)]
             fn all(mask: $mask) -> bool {
                 bits(mask) == (1 << $lanes) - 1
+            }
+            #[inline(always)]
+            fn each_row(block: &[Self; 8], mut write: impl FnMut(usize, [f64; 8])) {
+                let [a, b, c, d, e, f, g, h] = *block;
+                let rows = transpose_out([a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0]);
+                for lane in 0..$lanes {
+                    write(lane, rows[lane]);
+                }
+            }
+            #[inline(always)]
+            fn from_rows(row: impl Fn(usize) -> [f64; 8]) -> [Self; 8] {
+                let mut rows = [[0.0; 8]; $lanes];
+                for lane in 0..$lanes {
+                    rows[lane] = row(lane);
+                }
+                let [a, b, c, d, e, f, g, h] = transpose_in(rows);
+                [$name(a), $name(b), $name(c), $name(d), $name(e), $name(f), $name(g), $name(h)]
             }
             #[inline(always)]
             fn enter<K: Kernel>(kernel: K) -> K::Output {

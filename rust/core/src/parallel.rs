@@ -1,6 +1,8 @@
 //! Worker threads: a pool made on first use, made anew in a forked child, and a caller that keeps listening
-//! while they work.
+//! while they work. Work on rows is cut at places that do not depend on the number of threads.
 
+use rayon::iter::{IndexedParallelIterator, ParallelIterator};
+use rayon::slice::ParallelSliceMut;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -50,7 +52,7 @@ pub fn run<R: Send>(threads: usize, poll: &mut dyn FnMut() -> bool, work: impl F
 }
 
 /// Run `work(stop)` on a thread of its own, so that the caller can go on listening: `poll` is asked every 20 ms.
-fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
+pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
     let stop = AtomicBool::new(false);
     let mut result = None;
     std::thread::scope(|scope| {
@@ -69,4 +71,48 @@ fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicB
         }
     });
     result.expect("a scope returns after its threads, or panics with them")
+}
+
+/// Fill the rows of `out`, `length` numbers each, by `work(first, last, rows)` on `chunk` rows at a time; what each chunk
+/// said, in order, or `None` where `poll` asked to stop.
+pub fn rows<R: Send>(
+    threads: usize,
+    poll: &mut dyn FnMut() -> bool,
+    (length, chunk): (usize, usize),
+    out: &mut [f64],
+    work: impl Fn(usize, usize, &mut [f64]) -> R + Sync,
+) -> Option<Vec<R>> {
+    let chunk = chunk.max(1);
+    let part = |stop: &AtomicBool, i: usize, rows: &mut [f64]| {
+        let (first, count) = (i * chunk, rows.len() / length.max(1));
+        (!stop.load(Ordering::Relaxed)).then(|| work(first, first + count, rows))
+    };
+    let width = (length * chunk).max(1);
+    if threads == 1 {
+        return on_worker(poll, |stop| out.chunks_mut(width).enumerate().map(|(i, rows)| part(stop, i, rows)).collect());
+    }
+    run(threads, poll, |stop| out.par_chunks_mut(width).enumerate().with_max_len(1).map(|(i, rows)| part(stop, i, rows)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_filled_in_order_by_any_number_of_threads_and_stop_when_asked() {
+        for (threads, chunk) in [(1, 3), (2, 1), (3, 4), (2, 100)] {
+            let mut out = vec![0.0; 2 * 11];
+            let fill = |first: usize, last: usize, rows: &mut [f64]| {
+                for (i, row) in (first..last).zip(rows.chunks_exact_mut(2)) {
+                    row.fill(i as f64);
+                }
+                (first, last)
+            };
+            let said = rows(threads, &mut || false, (2, chunk), &mut out, fill).expect("nobody asked to stop");
+            assert!(out.chunks(2).enumerate().all(|(i, row)| row == [i as f64; 2]), "{out:?}");
+            assert_eq!((said[0].0, said[said.len() - 1].1, said.len()), (0, 11, 11usize.div_ceil(chunk)));
+        }
+        let slow = |_: usize, _: usize, _: &mut [f64]| std::thread::sleep(Duration::from_millis(2));
+        assert!(rows(2, &mut || true, (1, 1), &mut [0.0; 1000], slow).is_none());
+    }
 }

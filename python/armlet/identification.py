@@ -1,0 +1,167 @@
+"""What `Arm.base_parameters`, `Arm.check_parameters` and `Arm.identify` return."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from ._core import Arm
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """The fewest combinations of inertial parameters that the motion of an arm shows: `Y pi = Y_b (P pi)`.
+
+    >>> import armlet as al
+    >>> base = al.planar_arm([1.0, 1.0]).base_parameters()
+    >>> base.count
+    6
+    >>> print(base)
+    6 base parameters of 20
+      mcx[joint1] + m[joint2]
+      mcy[joint1]
+      Izz[joint1] + m[joint2]
+      mcx[joint2]
+      mcy[joint2]
+      Izz[joint2]
+    """
+
+    arm: Arm
+    #: Columns of the regressor that stay, (b,).
+    columns: NDArray[np.intp]
+    #: `P`, (b, p): base parameters from all parameters.
+    projection: _Array
+    #: Names of all parameters, p of them.
+    names: tuple[str, ...]
+    #: Each base parameter as a sum of parameters, b of them.
+    grouping: tuple[str, ...]
+    #: Parameters that no motion shows.
+    unseen: tuple[str, ...]
+    #: Columns for rotor inertia, and for damping and Coulomb friction, are among them.
+    armature: bool
+    friction: bool
+    #: The smallest relative distance of a column that stays from the span of those before it, and the largest of one that goes.
+    smallest_kept: float
+    largest_dropped: float
+
+    @property
+    def count(self) -> int:
+        """How many base parameters there are."""
+        return len(self.columns)
+
+    @property
+    def values(self) -> _Array:
+        """The base parameters of the arm as it is, (b,)."""
+        limits = self.arm.limits
+        extra = [limits["armature"]] if self.armature else []
+        extra += [limits["damping"], limits["friction"]] if self.friction else []
+        values: _Array = self.projection @ np.concatenate([self.arm.parameters, *extra])
+        return values
+
+    def regressor(self, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> _Array:
+        """The columns of the Slotine-Li regressor that stay, `(..., n, b)`; arguments `(..., n)` as for `Arm.regressor`."""
+        full = self.arm.regressor(q, v, v_r, a_r, armature=self.armature, friction=self.friction)
+        return np.ascontiguousarray(full[..., self.columns])
+
+    def __str__(self) -> str:
+        lines = [f"{self.count} base parameters of {len(self.names)}", *(f"  {line}" for line in self.grouping)]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<BaseParameters: {self.count} of {len(self.names)}>"
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterReport:
+    """Whether every body of a parameter vector is physically possible: its 4 x 4 pseudo-inertia positive definite.
+
+    >>> import armlet as al
+    >>> arm = al.planar_arm([1.0])
+    >>> pi = arm.parameters
+    >>> pi[0] = -1.0
+    >>> print(arm.check_parameters(pi))
+    joint1: mass -1 is not positive (smallest eigenvalue of the pseudo-inertia -1.17)
+    """
+
+    #: Names of the joints that move the bodies.
+    joints: tuple[str, ...]
+    #: Of the pseudo-inertia of each body, (n, 4), ascending.
+    eigenvalues: _Array
+    #: What is wrong with each body, empty where nothing is.
+    problems: tuple[str, ...]
+
+    @property
+    def consistent(self) -> bool:
+        """Whether every body is possible."""
+        return not any(self.problems)
+
+    @property
+    def inconsistent(self) -> tuple[str, ...]:
+        """The joints whose bodies are not possible."""
+        return tuple(joint for joint, problem in zip(self.joints, self.problems, strict=True) if problem)
+
+    def __bool__(self) -> bool:
+        return self.consistent
+
+    def __str__(self) -> str:
+        lines = [
+            f"{joint}: {problem} (smallest eigenvalue of the pseudo-inertia {eigenvalues[0]:.3g})"
+            for joint, problem, eigenvalues in zip(self.joints, self.problems, self.eigenvalues, strict=True)
+            if problem
+        ]
+        return "\n".join(lines) or f"all {len(self.joints)} bodies are physically possible"
+
+    def __repr__(self) -> str:
+        return f"<ParameterReport: {len(self.inconsistent)} of {len(self.joints)} bodies impossible>"
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """The base parameters that a record of motion and torque shows, with their standard deviations."""
+
+    base: BaseParameters
+    #: Estimates of the base parameters, (b,).
+    values: _Array
+    #: Their standard deviations, (b,); infinite for what the record does not show.
+    deviations: _Array
+    #: (b, b).
+    covariance: _Array
+    #: How many combinations of the base parameters the record shows.
+    rank: int
+    #: Of the regressor with columns scaled to one: largest over smallest singular value; infinite where the rank is short.
+    condition: float
+    #: (b,), descending, of the scaled regressor.
+    singular_values: _Array
+    #: Root mean square of what the model leaves of the torque, by joint, (n,).
+    residuals: _Array
+    #: All parameters: of those with these base parameters the nearest to the arm's own, (p,) in the order of `base.names`.
+    parameters: _Array
+
+    @property
+    def arm(self) -> Arm:
+        """The arm with the identified inertial parameters; rotors and friction stay as they were."""
+        return self.base.arm.with_parameters(self.parameters[: 10 * self.base.arm.n])
+
+    @property
+    def unidentified(self) -> tuple[str, ...]:
+        """The base parameters that the record does not show."""
+        return tuple(name for name, deviation in zip(self.base.grouping, self.deviations, strict=True) if not np.isfinite(deviation))
+
+    def __str__(self) -> str:
+        head = f"rank {self.rank} of {self.base.count}, condition {self.condition:.3g}, residuals " + ", ".join(
+            f"{residual:.3g}" for residual in self.residuals
+        )
+        lines = [
+            f"  {value: .6g} +- {deviation:.2g}  {name}"
+            for value, deviation, name in zip(self.values, self.deviations, self.base.grouping, strict=True)
+        ]
+        return "\n".join([head, *lines])
+
+    def __repr__(self) -> str:
+        return f"<Identification: rank {self.rank} of {self.base.count}, condition {self.condition:.3g}>"

@@ -1,0 +1,198 @@
+"""Integrate any initial-value problem `y' = f(t, y)` with armlet's own methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from .errors import InputError, SolveError
+from .status import Status
+
+__all__ = ["DenseOutput", "Integration", "integrate"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class DenseOutput:
+    """The solution between the steps: `dense(t)` is `(n,)` for a number `t` and `(K, n)` for times of shape `(K,)`.
+
+    Each step holds the values of its polynomial at the Chebyshev points; between them barycentric interpolation (Berrut and Trefethen
+    2004) recovers it to rounding. Times outside of the span are refused.
+    """
+
+    def __init__(self, start: float, ends: Array, positions: Array, nodes: Array) -> None:
+        #: The times of the steps, (S + 1,), in the order of the run.
+        self.t = np.concatenate([[start], ends])
+        self._positions, self._nodes = positions, nodes
+        weights = (-1.0) ** np.arange(positions.size)
+        weights[[0, -1]] *= 0.5
+        self._weights = weights
+
+    def __call__(self, t: ArrayLike) -> Array:
+        times = np.asarray(t, dtype=np.float64)
+        flat = np.atleast_1d(times)
+        low, high = min(self.t[0], self.t[-1]), max(self.t[0], self.t[-1])
+        if flat.ndim != 1 or not np.all((flat >= low) & (flat <= high)):
+            raise InputError(f"DenseOutput: t is not in the run: expected times from {low} to {high}, got {times!r}")
+        if self.t.size == 1:
+            raise InputError("DenseOutput: t is not in the run: expected a run of at least one step, got none")
+        sign = 1.0 if self.t[-1] >= self.t[0] else -1.0
+        step = np.clip(np.searchsorted(sign * self.t, sign * flat, side="left") - 1, 0, self.t.size - 2)
+        where = (flat - self.t[step]) / (self.t[step + 1] - self.t[step])
+        away = where[:, None] - self._positions
+        hit = away == 0.0
+        terms = self._weights / np.where(hit, 1.0, away)
+        terms = np.where(hit.any(axis=1, keepdims=True), hit.astype(np.float64), terms)
+        out: Array = np.einsum("kd,kdn->kn", terms, self._nodes[step]) / terms.sum(axis=1, keepdims=True)
+        return out[0] if times.ndim == 0 else out
+
+
+class Integration:
+    """What `integrate` returns.
+
+    Attributes:
+        t: the times, (K,).
+        y: the states, (K, n); time is the first axis.
+        status: how it ended (`armlet.Status`): SUCCESS, or EVENT where an event ended it.
+        ended: the time reached.
+        stats: evaluations of f (those for differences included), steps, rejections, jacobians, factorisations.
+        t_events, y_events: per event the times (m,) and states (m, n) of its crossings.
+        dense: the solution between the steps, where `dense_output=True` asked for it.
+    """
+
+    t: Array
+    y: Array
+
+    def __init__(self, fields: Mapping[str, Any], start: float) -> None:
+        self.t, self.y = fields["t"], fields["y"]
+        self.status = Status(fields["status"])
+        self.ended: float = fields["ended"]
+        self.stats: dict[str, int] = dict(fields["stats"])
+        self.t_events: list[Array] = list(fields["t_events"])
+        self.y_events: list[Array] = list(fields["y_events"])
+        self.dense: DenseOutput | None = None
+        if "nodes" in fields:
+            self.dense = DenseOutput(start, fields["ends"], fields["node_positions"], fields["nodes"])
+
+    @property
+    def success(self) -> bool:
+        """Whether the run reached the end of its span, or the event that ends it."""
+        return self.status in (Status.SUCCESS, Status.EVENT)
+
+    def __repr__(self) -> str:
+        k, n = self.y.shape
+        return f"Integration({self.status.name.lower()} at t={self.ended:.6g}, y ({k}, {n}), {self.stats['steps']} steps)"
+
+
+def _events(events: object) -> list[tuple[Callable[..., Any], float, int]]:
+    """Each function with its direction and the number of crossings that ends the run, as scipy writes them."""
+    if events is None:
+        return []
+    given: list[Any] = list(events) if isinstance(events, Sequence) else [events]
+    found: list[tuple[Callable[..., Any], float, int]] = []
+    for k, event in enumerate(given):
+        if not callable(event):
+            raise InputError(f"integrate: events is not callable: expected g(t, y), got {type(event).__name__} (first bad index {k})")
+        direction, terminal = getattr(event, "direction", 0), getattr(event, "terminal", False)
+        bad = (
+            "integrate: events has a bad direction or terminal: expected a finite number and a count >= 0, "
+            f"got {direction!r}, {terminal!r} (first bad index {k})"
+        )
+        try:
+            found.append((event, float(direction), int(terminal)))
+        except (TypeError, ValueError):
+            raise InputError(bad) from None
+        if not np.isfinite(found[-1][1]) or found[-1][2] < 0:
+            raise InputError(bad)
+    return found
+
+
+def integrate(
+    f: Callable[..., ArrayLike],
+    t_span: tuple[float, float],
+    y0: ArrayLike,
+    *,
+    method: str = "dopri5",
+    rtol: float = 1e-8,
+    atol: ArrayLike = 1e-10,
+    dt: float | None = None,
+    t_eval: ArrayLike | None = None,
+    dense_output: bool = False,
+    events: Callable[..., float] | Sequence[Callable[..., float]] | None = None,
+    jac: Callable[..., ArrayLike] | ArrayLike | None = None,
+    args: tuple[Any, ...] = (),
+    max_step: float | None = None,
+    first_step: float | None = None,
+    positions: int = 0,
+    lists: bool = False,
+    throw: bool = True,
+) -> Integration:
+    """Solve `y' = f(t, y)`, `y(t0) = y0`, from `t0` to `t1`, in either direction of time.
+
+    Args:
+        f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats (the quickest for a few states).
+        t_span: start and end.
+        y0: initial state, (n,).
+        method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5"
+            and "rodas4" for stiff problems.
+        rtol, atol: relative and absolute error allowed per step; atol a number or (n,).
+        dt: the step of a fixed-step method; a last shorter step ends a span that is not a multiple of it.
+        t_eval: record exactly these times, in the order of the span; None records every step.
+        dense_output: keep the polynomials of the steps: `result.dense(t)`.
+        events: functions g(t, y, *args) -> float whose zero crossings are located to rounding. The attribute `direction` of a function
+            chooses rising (> 0) or falling (< 0) crossings, along the run; `terminal` ends the run at that many crossings (True: one).
+        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n). None differences f: forward for "radau5" and
+            "ros2", which correct themselves, central for "rodas4", whose order rests on it. "rodas4" and "ros2" also difference f in time.
+        args: further arguments of f, jac and events.
+        max_step, first_step: limit of the steps and the first of them, for adaptive methods.
+        positions: for "semi_implicit", how many: y = [q, v, rest] with q and v of that length and q' = v.
+        lists: hand y to f, jac and events as a list of floats: two to four times as quick as an array for a few states.
+        throw: raise where the run does not reach its end; False returns what there is, with its status.
+
+    Returns:
+        Times, states, status, work and events.
+
+    Raises:
+        InputError: an argument is not what it should be.
+        SolveError: the run did not reach its end; `.status`, `.t` and `.partial` say how, when and what there is.
+        (any): what f, jac or an event raised, with its traceback.
+
+    >>> import armlet as al
+    >>> run = al.integrate(lambda t, y: [y[1], -y[0]], (0.0, 3.141592653589793), [1.0, 0.0], method="dop853")
+    >>> float(run.y[-1, 0].round(7))
+    -1.0
+    """
+    try:
+        t0, t1 = t_span
+    except (TypeError, ValueError):
+        raise InputError(f"integrate: t_span is not a pair: expected (start, end), got {t_span!r}") from None
+    if isinstance(positions, bool) or not isinstance(positions, int) or positions < 0:
+        raise InputError(f"integrate: positions is not a count: expected an integer >= 0, got {positions!r}")
+    fields = _core.integrate(
+        f,
+        t0,
+        t1,
+        y0,
+        method,
+        rtol,
+        atol,
+        dt,
+        t_eval,
+        bool(dense_output),
+        _events(events),
+        jac,
+        tuple(args),
+        max_step,
+        first_step,
+        positions,
+        bool(lists),
+    )
+    result = Integration(fields, float(t0))
+    if throw and not result.success:
+        message = f"integrate: the run ended at t = {result.ended:.9g}: {result.status.name.lower()}: {result.status.advice}"
+        raise SolveError(message, result.status, result.ended, result)
+    return result

@@ -1,0 +1,228 @@
+//! The base parameters of an arm: the fewest combinations of the inertial parameters that its motion shows (`gautier1991numerical`).
+//!
+//! `Y` is linear in `pi`, and over all states its columns span a space of dimension `b <= p`. With independent columns
+//! `Y_b` and every other column a combination of them, `Y = Y_b P`, so that `Y pi = Y_b (P pi)` for every state.
+//!
+//! The columns of `Y(q, v, v_r, a_r)` are stacked over seeded random states, scaled to length one, and taken in the order of the
+//! parameters, base to tip: one whose distance from the span of those before it is rounding is dependent. So a dependent
+//! parameter is always grouped with parameters of its own body and of bodies that carry it.
+
+use crate::arm::Arm;
+use crate::dynamics::{Evaluator, Quantity, Query};
+use crate::error::{Error, Result};
+use crate::linalg::{axpy, dot};
+use crate::spatial::{PARAMETERS, parameter};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Distance from the span, relative to the column, below which a column is dependent: rounding leaves 1e-13 on well
+/// spread states, and the least independent parameter of real arms keeps over 1e-4.
+const DEPENDENT: f64 = 1e-8;
+/// A column that is this small against the largest is not seen at all.
+const UNSEEN: f64 = 1e-12;
+/// Rows for every column: random states are then far from singular.
+const ROWS: usize = 3;
+
+/// A column space found by rank decisions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Independent {
+    /// The independent columns, ascending.
+    pub columns: Vec<usize>,
+    /// `(b, p)` row-major: `W = W_b P`.
+    pub projection: Vec<f64>,
+    /// The smallest relative distance of an independent column from the span of those before it.
+    pub smallest_kept: f64,
+    /// The largest one of a dependent column.
+    pub largest_dropped: f64,
+}
+
+/// Which columns of a matrix are independent of those before them. `columns[j]` is column `j`; overwritten. `stop` ends the
+/// work early, with what was found so far.
+pub fn independent_columns(columns: &mut [Vec<f64>], stop: &AtomicBool) -> Independent {
+    let p = columns.len();
+    let norms: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt()).collect();
+    let largest = norms.iter().fold(0.0f64, |a, &b| a.max(b));
+    let mut out = Independent { columns: Vec::new(), projection: Vec::new(), smallest_kept: 1.0, largest_dropped: 0.0 };
+    // Column j of R: coefficients on the orthonormal basis made from the independent columns so far.
+    let mut r: Vec<Vec<f64>> = Vec::with_capacity(p);
+    for j in 0..p {
+        let (basis, rest) = columns.split_at_mut(j);
+        let column = &mut rest[0];
+        let mut coefficients = Vec::new();
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+        if norms[j] > UNSEEN * largest {
+            coefficients = vec![0.0; out.columns.len()];
+            // Twice is enough (Parlett 1980): the second pass takes off what rounding left of the first.
+            for _ in 0..2 {
+                for (k, &i) in out.columns.iter().enumerate() {
+                    let along = dot(&basis[i], column);
+                    axpy(-along, &basis[i], column);
+                    coefficients[k] += along;
+                }
+            }
+            let left = dot(column, column).sqrt();
+            if left > DEPENDENT * norms[j] {
+                out.smallest_kept = out.smallest_kept.min(left / norms[j]);
+                column.iter_mut().for_each(|x| *x /= left);
+                coefficients.push(left);
+                out.columns.push(j);
+            } else {
+                out.largest_dropped = out.largest_dropped.max(left / norms[j]);
+            }
+        }
+        r.push(coefficients);
+    }
+    let b = out.columns.len();
+    out.projection = vec![0.0; b * p];
+    for (j, coefficients) in r.iter().enumerate() {
+        // R_b x = column j of R, R_b the triangle of the independent columns.
+        let mut x = coefficients.clone();
+        x.resize(b, 0.0);
+        for k in (0..b).rev() {
+            x[k] /= r[out.columns[k]][k];
+            for i in 0..k {
+                x[i] -= r[out.columns[k]][i] * x[k];
+            }
+        }
+        // In units of the largest part, what is left below the threshold is rounding.
+        let part = |k: usize| x[k].abs() * norms[out.columns[k]];
+        let scale = (0..b).fold(0.0f64, |a, k| a.max(part(k)));
+        for k in 0..b {
+            out.projection[k * p + j] = if part(k) <= 1e-10 * scale { 0.0 } else { snapped(x[k]) };
+        }
+    }
+    out
+}
+
+/// Ones and minus ones are what most groupings are made of.
+fn snapped(x: f64) -> f64 {
+    if (x.abs() - 1.0).abs() < 1e-11 { x.signum() } else { x }
+}
+
+/// The base parameters of an arm, and how they were decided.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseParameters {
+    pub independent: Independent,
+    /// Names of all columns, `Izz[joint]`.
+    pub names: Vec<String>,
+}
+
+/// Names of the columns of the regressor: inertial, then armature, then friction where asked for.
+pub fn column_names(arm: &Arm, armature: bool, friction: bool) -> Vec<String> {
+    let of_joints = |what: &'static str| arm.joints.iter().map(move |joint| format!("{what}[{}]", joint.name));
+    let mut names: Vec<String> =
+        arm.joints.iter().flat_map(|joint| parameter::NAMES.iter().map(move |name| format!("{name}[{}]", joint.name))).collect();
+    if armature {
+        names.extend(of_joints("armature"));
+    }
+    if friction {
+        names.extend(of_joints("damping"));
+        names.extend(of_joints("friction"));
+    }
+    names
+}
+
+/// splitmix64: the same states on every machine.
+struct Seeded(u64);
+
+impl Seeded {
+    /// Uniform in (-scale, scale).
+    fn fill(&mut self, scale: f64, x: &mut [f64]) {
+        for x in x {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            *x = scale * (((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0);
+        }
+    }
+}
+
+/// The base parameters of `arm` under its own gravity, with columns for armature and friction on request. `stop` ends the
+/// work early, with a result of no meaning.
+pub fn base_parameters(arm: &Arm, armature: bool, friction: bool, stop: &AtomicBool) -> Result<BaseParameters> {
+    let n = arm.n();
+    let query = Query { armature, friction, ..Quantity::Regressor.into() };
+    let (_, p) = query.shape(n);
+    let names = column_names(arm, armature, friction);
+    let states = if n == 0 { 0 } else { (ROWS * p).div_ceil(n) };
+    let bytes = states as u128 * n as u128 * p as u128 * 8;
+    let mut columns: Vec<Vec<f64>> = Vec::new();
+    for _ in 0..p {
+        let mut column = Vec::new();
+        column.try_reserve_exact(states * n).map_err(|_| Error::Memory { bytes })?;
+        columns.push(column);
+    }
+    let mut evaluator = Evaluator::new(arm);
+    let mut seeded = Seeded(2022);
+    let [mut q, mut v, mut v_r, mut a_r] = [const { Vec::new() }; 4].map(|mut x: Vec<f64>| {
+        x.resize(n, 0.0);
+        x
+    });
+    let mut y = vec![0.0; n * p];
+    for _ in 0..states {
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+        for (scale, x) in [(3.0, &mut q), (3.0, &mut v), (3.0, &mut v_r), (9.0, &mut a_r)] {
+            seeded.fill(scale, x);
+        }
+        evaluator.one(&query, &[&q, &v, &v_r, &a_r], &mut y)?;
+        for row in y.chunks_exact(p.max(1)) {
+            for (column, x) in columns.iter_mut().zip(row) {
+                column.push(*x);
+            }
+        }
+    }
+    Ok(BaseParameters { independent: independent_columns(&mut columns, stop), names })
+}
+
+impl BaseParameters {
+    pub fn count(&self) -> usize {
+        self.independent.columns.len()
+    }
+
+    /// Each base parameter as a sum of parameters, `Izz[a] + Izz[b] + 0.25 m[b]`.
+    pub fn grouping(&self) -> Vec<String> {
+        let p = self.names.len();
+        self.independent
+            .columns
+            .iter()
+            .enumerate()
+            .map(|(k, &own)| {
+                let mut text = self.names[own].clone();
+                for j in (0..p).filter(|&j| j != own) {
+                    let c = self.independent.projection[k * p + j];
+                    if c != 0.0 {
+                        let sign = if c < 0.0 { "-" } else { "+" };
+                        let size = if c.abs() == 1.0 { String::new() } else { format!("{} ", short(c.abs())) };
+                        text += &format!(" {sign} {size}{}", self.names[j]);
+                    }
+                }
+                text
+            })
+            .collect()
+    }
+
+    /// Parameters that no motion shows.
+    pub fn unseen(&self) -> Vec<&str> {
+        let p = self.names.len();
+        let seen = |j: usize| (0..self.count()).any(|k| self.independent.projection[k * p + j] != 0.0);
+        (0..p).filter(|&j| !seen(j)).map(|j| self.names[j].as_str()).collect()
+    }
+}
+
+/// Four digits.
+fn short(x: f64) -> String {
+    if (1e-3..1e4).contains(&x) {
+        let digits = (3 - x.log10().floor() as i32).max(0) as usize;
+        let text = format!("{x:.digits$}");
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+    } else {
+        format!("{x:.3e}")
+    }
+}
+
+/// `parameters[0]` of an arm is a mass: the names stand in the order of the parameters.
+const _: () = assert!(parameter::NAMES.len() == PARAMETERS && parameter::MASS == 0);

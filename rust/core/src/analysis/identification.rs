@@ -1,0 +1,233 @@
+//! Least squares on recorded motion (`gautier1992exciting`): `W_b beta = tau`, rows divided by the noise of their joint.
+//!
+//! ```text
+//! [W_b tau] = Q [R z; 0 rho],  R = U S V',  beta = V S^-1 U' z,  sigma^2 = rho^2 / (rows - rank),  cov = sigma^2 V S^-2 V'
+//! ```
+//!
+//! The triangle is updated block by block, so that a long record takes no more memory than a short one. Columns are scaled
+//! to length one before the singular values are judged, so that units do not count.
+
+use super::base_parameters::{BaseParameters, base_parameters};
+use crate::arm::Arm;
+use crate::dynamics::{Quantity, Query};
+use crate::error::{Error, Result, finite, positive};
+use crate::linalg::householder::{reflect, reflector};
+use crate::linalg::{Svd, dot};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Samples of one block.
+const BLOCK: usize = 256;
+
+/// What a record says about the base parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identification {
+    pub base: BaseParameters,
+    /// `(b,)`.
+    pub values: Vec<f64>,
+    /// Standard deviations, `(b,)`; infinite for what the record does not show.
+    pub deviations: Vec<f64>,
+    /// `(b, b)` row-major, of what the record shows.
+    pub covariance: Vec<f64>,
+    pub rank: usize,
+    /// Of the scaled columns, largest over smallest singular value; infinite where the rank is short.
+    pub condition: f64,
+    /// Singular values of the scaled columns, descending.
+    pub singular_values: Vec<f64>,
+    /// Root mean square of `tau - W_b beta` by joint, `(n,)`.
+    pub residuals: Vec<f64>,
+    /// All parameters: those nearest to the arm's own that have these base parameters, `(p,)`.
+    pub parameters: Vec<f64>,
+}
+
+/// What to identify, and how the record is weighed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options<'a> {
+    pub armature: bool,
+    pub friction: bool,
+    /// Standard deviation of the torque of each joint, `(n,)`: weights; equal where absent.
+    pub noise: Option<&'a [f64]>,
+    /// Singular values below this, relative to the largest, are not shown by the record.
+    pub cutoff: f64,
+}
+
+/// `[R z]`, upper triangular `(b + 1, b + 1)`, and the rows of the next block.
+struct Triangle {
+    width: usize,
+    /// By columns, `width + BLOCK n` rows.
+    columns: Vec<Vec<f64>>,
+}
+
+impl Triangle {
+    fn new(width: usize, rows: usize) -> Self {
+        Triangle { width, columns: vec![vec![0.0; width + rows]; width] }
+    }
+
+    /// Fold the block below the triangle into it.
+    fn fold(&mut self) {
+        for j in 0..self.width {
+            let (head, tail) = self.columns.split_at_mut(j + 1);
+            let column = &mut head[j];
+            let (alpha, beta) = reflector(&mut column[j..]);
+            if beta != 0.0 {
+                for other in tail {
+                    reflect(&column[j..], beta, &mut other[j..]);
+                }
+            }
+            column[j] = alpha;
+            column[j + 1..].fill(0.0);
+        }
+    }
+}
+
+/// Identify `arm` from `samples` of motion and torque, each `(samples, n)`.
+pub fn identify(arm: &Arm, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop: &AtomicBool) -> Result<Identification> {
+    let n = arm.n();
+    if n == 0 {
+        return Err(Error::input("arm", "has no joints: expected at least one"));
+    }
+    let samples = q.len() / n;
+    for (name, x) in [("q", q), ("v", v), ("a", a), ("tau", tau)] {
+        if x.len() != samples * n {
+            return Err(Error::input(name, format!("has the wrong length: expected {}, got {}", samples * n, x.len())));
+        }
+        finite(name, x)?;
+    }
+    let ones = vec![1.0; n];
+    let noise = options.noise.unwrap_or(&ones);
+    noise.iter().try_for_each(|&x| positive("noise", x))?;
+    let base = base_parameters(arm, options.armature, options.friction, stop)?;
+    let (b, p) = (base.count(), base.names.len());
+    if samples * n <= b {
+        return Err(Error::input("q", format!("has too few samples: expected more than {} for {b} base parameters, got {samples}", b / n)));
+    }
+    let query = Query { armature: options.armature, friction: options.friction, ..Quantity::Regressor.into() };
+    let mut triangle = Triangle::new(b + 1, BLOCK * n);
+    let mut y = vec![0.0; BLOCK * n * p];
+    for first in (0..samples).step_by(BLOCK) {
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+        let last = (first + BLOCK).min(samples);
+        let rows = (last - first) * n;
+        arm.evaluate(&query, &[q, v, v, a], samples, first, last, &mut y[..rows * p])?;
+        for (k, column) in triangle.columns.iter_mut().enumerate() {
+            column[b + 1..].fill(0.0);
+            for row in 0..rows {
+                let value = if k < b { y[row * p + base.independent.columns[k]] } else { tau[first * n + row] };
+                column[b + 1 + row] = value / noise[row % n];
+            }
+        }
+        triangle.fold();
+    }
+    let mut out = solve(&triangle, samples * n, options.cutoff)?;
+    out.residuals = residuals(arm, [q, v, a, tau], &query, &base, &out.values, &mut y)?;
+    out.parameters = nearest(arm, &base, &out.values)?;
+    Ok(Identification { base, ..out })
+}
+
+/// Everything but what needs the record again.
+fn solve(triangle: &Triangle, rows: usize, cutoff: f64) -> Result<Identification> {
+    let b = triangle.width - 1;
+    let columns = &triangle.columns;
+    let scales: Vec<f64> = (0..b).map(|j| dot(&columns[j][..b], &columns[j][..b]).sqrt()).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
+    let mut r = vec![0.0; b * b];
+    for j in 0..b {
+        for i in 0..=j {
+            r[i * b + j] = columns[j][i] / scales[j];
+        }
+    }
+    let mut svd = Svd::new(b, b);
+    svd.decompose(&r, b, b)?;
+    let s = svd.s().to_vec();
+    let rank = s.iter().filter(|&&x| x > cutoff * s[0]).count();
+    let z = &columns[b][..b];
+    let rho = columns[b][b];
+    let mut lost: f64 = rho * rho;
+    let mut values = vec![0.0; b];
+    for k in 0..b {
+        let along = dot(svd.u(k), z);
+        if k < rank {
+            for j in 0..b {
+                values[j] += along / s[k] * svd.v(k)[j] / scales[j];
+            }
+        } else {
+            lost += along * along;
+        }
+    }
+    let variance = lost / (rows - rank) as f64;
+    let mut covariance = vec![0.0; b * b];
+    let mut hidden = vec![false; b];
+    for i in 0..b {
+        for j in 0..b {
+            let sum: f64 = (0..rank).map(|k| svd.v(k)[i] * svd.v(k)[j] / (s[k] * s[k])).sum();
+            covariance[i * b + j] = variance * sum / (scales[i] * scales[j]);
+        }
+        // A thousandth of a direction that the record does not show is already too much.
+        hidden[i] = (rank..b).any(|k| svd.v(k)[i].abs() > 1e-3);
+    }
+    let deviations = (0..b).map(|i| if hidden[i] { f64::INFINITY } else { covariance[i * b + i].sqrt() }).collect();
+    let condition = if rank == b && b > 0 { s[0] / s[b - 1] } else { f64::INFINITY };
+    let base = BaseParameters { independent: super::base_parameters::Independent::default(), names: Vec::new() };
+    let (residuals, parameters) = (Vec::new(), Vec::new());
+    Ok(Identification { base, values, deviations, covariance, rank, condition, singular_values: s, residuals, parameters })
+}
+
+/// Root mean square of what the model leaves of the torque, by joint.
+fn residuals(
+    arm: &Arm,
+    [q, v, a, tau]: [&[f64]; 4],
+    query: &Query,
+    base: &BaseParameters,
+    values: &[f64],
+    y: &mut [f64],
+) -> Result<Vec<f64>> {
+    let (n, p) = (arm.n(), base.names.len());
+    let samples = q.len() / n;
+    let mut sums = vec![0.0; n];
+    for first in (0..samples).step_by(BLOCK) {
+        let last = (first + BLOCK).min(samples);
+        let rows = (last - first) * n;
+        arm.evaluate(query, &[q, v, v, a], samples, first, last, &mut y[..rows * p])?;
+        for (row, y) in y[..rows * p].chunks_exact(p).enumerate() {
+            let model: f64 = base.independent.columns.iter().zip(values).map(|(&j, x)| y[j] * x).sum();
+            sums[row % n] += (tau[first * n + row] - model).powi(2);
+        }
+    }
+    Ok(sums.iter().map(|sum| (sum / samples as f64).sqrt()).collect())
+}
+
+/// `pi + P' (P P')^-1 (beta - P pi)`: the parameters nearest to those of the arm.
+fn nearest(arm: &Arm, base: &BaseParameters, values: &[f64]) -> Result<Vec<f64>> {
+    let (b, p) = (base.count(), base.names.len());
+    let projection = &base.independent.projection;
+    let mut pi = arm.parameters();
+    for which in ["armature", "damping", "friction"] {
+        if base.names.iter().any(|name| name.starts_with(which)) {
+            pi.extend(arm.joints.iter().map(|joint| match which {
+                "armature" => joint.armature,
+                "damping" => joint.damping,
+                _ => joint.friction,
+            }));
+        }
+    }
+    let row = |k: usize| &projection[k * p..(k + 1) * p];
+    let mut gram = vec![0.0; b * b];
+    for i in 0..b {
+        for j in 0..b {
+            gram[i * b + j] = dot(row(i), row(j));
+        }
+    }
+    let mut missing: Vec<f64> = (0..b).map(|k| values[k] - dot(row(k), &pi)).collect();
+    let factor = crate::linalg::cholesky::factor(b, &gram).ok_or_else(|| Error::Solve {
+        status: crate::status::Status::Diverged,
+        t: 0.0,
+        problem: "the base parameters are dependent".into(),
+    })?;
+    crate::linalg::cholesky::solve(b, &factor, &mut missing);
+    for k in 0..b {
+        for (x, c) in pi.iter_mut().zip(row(k)) {
+            *x += c * missing[k];
+        }
+    }
+    Ok(pi)
+}

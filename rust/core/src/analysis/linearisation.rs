@@ -1,0 +1,16 @@
+//! `d/dt [dq; dv] = A [dq; dv] + B dtau` about a state of `a = M^-1 (tau - C v - g)`:
+//!
+//! `A = [[0, 1], [da/dq, da/dv]]`, `B = [[0], [M^-1]]`, away from equilibria too.
+
+/// `A` `(2 n, 2 n)` and `B` `(2 n, n)`, row-major, from the rows of `Quantity::ForwardDynamicsDerivatives` `(3 n, n)`.
+pub fn state_matrices(n: usize, slopes: &[f64], a: &mut [f64], b: &mut [f64]) {
+    a.fill(0.0);
+    b.fill(0.0);
+    for i in 0..n {
+        a[2 * n * i + n + i] = 1.0;
+        let row = 2 * n * (n + i);
+        a[row..row + n].copy_from_slice(&slopes[n * i..n * (i + 1)]);
+        a[row + n..row + 2 * n].copy_from_slice(&slopes[n * (n + i)..n * (n + i + 1)]);
+        b[n * (n + i)..n * (n + i + 1)].copy_from_slice(&slopes[n * (2 * n + i)..n * (2 * n + i + 1)]);
+    }
+}

@@ -1,0 +1,198 @@
+//! Zero crossings of functions `g_i(t, x)` along a run, located on the dense output of each step.
+//!
+//! An event is a change of sign from one accepted step to the next: `g` was last seen negative and is now zero or positive
+//! (rising), or the reverse (falling). A `g` that starts at zero has no sign until it leaves it. Two changes within one step
+//! cancel and are missed: limit the step where that matters. The root is bracketed until no time lies between its ends
+//! (Chandrupatla 1997: inverse quadratic interpolation where it is safe, bisection elsewhere); the later end is the event,
+//! so that a run that starts there begins on the new side.
+
+use super::{Adaptive, Buffer, System};
+use crate::status::Status;
+
+/// What is watched.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Event {
+    /// Rising crossings only where positive, falling only where negative, both where zero.
+    pub direction: f64,
+    /// End the run at this many crossings; zero to record them alone.
+    pub stop_after: usize,
+}
+
+/// The functions watched, evaluated by index.
+pub trait Watched {
+    fn value(&mut self, i: usize, t: f64, x: &[f64]) -> f64;
+}
+
+impl<G: FnMut(usize, f64, &[f64]) -> f64> Watched for G {
+    fn value(&mut self, i: usize, t: f64, x: &[f64]) -> f64 {
+        self(i, t, x)
+    }
+}
+
+/// A crossing: which function, when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    pub index: usize,
+    pub t: f64,
+    /// The run ends here.
+    pub stops: bool,
+}
+
+/// The watch over one run.
+pub struct Watch<B> {
+    events: Vec<Event>,
+    counts: Vec<usize>,
+    /// Sign last seen, zero for none yet.
+    signs: Vec<f64>,
+    values: Vec<f64>,
+    /// The crossings of the last step, in order of time.
+    pub crossings: Vec<Crossing>,
+    at: B,
+}
+
+impl<B: Buffer<f64>> Watch<B> {
+    pub fn new(events: Vec<Event>, state: B) -> Self {
+        let n = events.len();
+        Watch { events, counts: vec![0; n], signs: vec![0.0; n], values: vec![0.0; n], crossings: Vec::with_capacity(n), at: state }
+    }
+
+    /// Begin, or begin again after a jump, at `(t, x)`.
+    pub fn begin<G: Watched>(&mut self, watched: &mut G, t: f64, x: &[f64]) -> Result<(), Status> {
+        for i in 0..self.events.len() {
+            self.values[i] = watched.value(i, t, x);
+            if self.values[i].is_nan() {
+                return Err(Status::Diverged);
+            }
+            self.signs[i] = sign(self.values[i]);
+        }
+        Ok(())
+    }
+
+    /// Look at the step that `method` has just accepted: `self.crossings`, none after the first that ends the run.
+    pub fn scan<F, G, M>(&mut self, system: &mut F, method: &mut M, watched: &mut G) -> Result<Option<f64>, Status>
+    where
+        F: System<f64>,
+        G: Watched,
+        M: Adaptive<f64, F, B> + ?Sized,
+    {
+        self.crossings.clear();
+        let (t0, t1) = (method.t_old(), method.t());
+        for i in 0..self.events.len() {
+            let (before, value) = (self.values[i], watched.value(i, t1, method.x().as_ref()));
+            if value.is_nan() {
+                return Err(Status::Diverged);
+            }
+            let (old, new) = (self.signs[i], sign(value));
+            self.values[i] = value;
+            self.signs[i] = new;
+            let wanted = old != 0.0 && new != old && (self.events[i].direction == 0.0 || self.events[i].direction * old < 0.0);
+            if wanted {
+                let at = &mut self.at;
+                let g = |t: f64| {
+                    method.interpolate(system, t, at);
+                    watched.value(i, t, at.as_ref())
+                };
+                let t = if value == 0.0 { t1 } else { crossing(g, (t0, before), (t1, value)) };
+                self.crossings.push(Crossing { index: i, t, stops: false });
+            }
+        }
+        self.crossings.sort_by(|a, b| a.t.total_cmp(&b.t));
+        for k in 0..self.crossings.len() {
+            let crossing = &mut self.crossings[k];
+            let i = crossing.index;
+            self.counts[i] += 1;
+            crossing.stops = self.events[i].stop_after > 0 && self.counts[i] >= self.events[i].stop_after;
+            if crossing.stops {
+                let t = crossing.t;
+                self.crossings.truncate(k + 1);
+                return Ok(Some(t));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// -1, 0 or 1.
+fn sign(x: f64) -> f64 {
+    if x > 0.0 {
+        1.0
+    } else if x < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+/// The later end of a bracket of a root of `g` between `a` and `b` that no number divides.
+pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> f64 {
+    // `b` is the newest point, `a` the one on the other side of the root, `c` the one before.
+    let (mut a, mut b) = (b, a);
+    let mut c;
+    let mut part = 0.5;
+    // Bisection alone needs no more than the 2^64 numbers there are; NaN ends it too.
+    for _ in 0..200 {
+        let middle = a.0 + part * (b.0 - a.0);
+        let inside = |t: f64| (t > a.0 && t < b.0) || (t > b.0 && t < a.0);
+        let mut t = middle;
+        if !inside(t) {
+            t = 0.5 * a.0 + 0.5 * b.0;
+            if !inside(t) {
+                break;
+            }
+        }
+        let value = g(t);
+        if (value > 0.0) == (a.1 > 0.0) && value != 0.0 {
+            c = a;
+        } else {
+            c = b;
+            b = a;
+        }
+        a = (t, value);
+        if value == 0.0 {
+            return t;
+        }
+        let width = (b.0 - a.0).abs();
+        let least = (2.0 * f64::EPSILON * a.0.abs() / width).min(0.5);
+        let (xi, phi) = ((a.0 - b.0) / (c.0 - b.0), (a.1 - b.1) / (c.1 - b.1));
+        part = if phi * phi < xi && (1.0 - phi) * (1.0 - phi) < 1.0 - xi {
+            a.1 / (b.1 - a.1) * c.1 / (b.1 - c.1) + (c.0 - a.0) / (b.0 - a.0) * a.1 / (c.1 - a.1) * b.1 / (c.1 - b.1)
+        } else {
+            0.5
+        };
+        // One step short of each end at least; NaN becomes the middle.
+        part = if part.is_nan() { 0.5 } else { part.clamp(least, 1.0 - least) };
+    }
+    a.0.max(b.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roots_are_found_to_the_last_bit() {
+        let mut calls = 0;
+        for (g, root) in [
+            (&(|t: f64| t * t - 2.0) as &dyn Fn(f64) -> f64, 2f64.sqrt()),
+            (&|t: f64| (t - 1.3).powi(3), 1.3),
+            (&|t: f64| if t < 1.7 { -1.0 } else { 1e-300 }, 1.7),
+            (&|t: f64| (20.0 * (t - 1.1)).tanh() * 1e20, 1.1),
+        ] {
+            let counted = |t: f64| {
+                calls += 1;
+                g(t)
+            };
+            let t = crossing(counted, (1.0, g(1.0)), (2.0, g(2.0)));
+            // The bracket's later end, one number wide.
+            assert!((t - root).abs() <= 2.0 * f64::EPSILON * root || g(t) == 0.0, "{t} {root}");
+            assert!(g(t) >= 0.0);
+        }
+        // Bisection would take 52 each.
+        assert!(calls < 160, "{calls}");
+    }
+
+    #[test]
+    fn a_function_that_is_nan_ends() {
+        assert!(crossing(|_| f64::NAN, (0.0, -1.0), (1.0, 1.0)).is_finite());
+    }
+}

@@ -1,0 +1,139 @@
+//! One run of a method from `t0` to `t_end`: states at the times asked for, events, and the polynomials of the steps.
+//!
+//! A polynomial of degree `d` is handed out as its values at the `d + 1` Chebyshev points of its step,
+//! `t_k = t_old + (1 - cos(pi k / d))/2 (t - t_old)`, from which barycentric interpolation recovers it (Berrut and Trefethen 2004).
+
+use super::events::{Event, Watch, Watched};
+use super::{Adaptive, Buffer, System, Work};
+use crate::status::Status;
+
+/// What a run hands out as it goes.
+pub trait Recorder {
+    fn state(&mut self, t: f64, x: &[f64]);
+    fn event(&mut self, _index: usize, _t: f64, _x: &[f64]) {}
+    /// A value of the polynomial of the step that ends at `t`; called for every node in turn.
+    fn node(&mut self, _t: f64, _x: &[f64]) {}
+    /// After every step; `true` ends the run.
+    fn interrupted(&mut self) -> bool {
+        false
+    }
+}
+
+/// What is asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Request<'a> {
+    /// Increasing, within the span; `None` for every step.
+    pub times: Option<&'a [f64]>,
+    /// Hand out the polynomials.
+    pub dense: bool,
+    pub events: &'a [Event],
+}
+
+/// How a run ended, when, and the work it took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ended {
+    pub status: Status,
+    pub t: f64,
+    pub work: Work,
+}
+
+/// The position of node `k` of a polynomial of degree `d`, in [0, 1].
+pub fn node(k: usize, d: usize) -> f64 {
+    0.5 * (1.0 - (std::f64::consts::PI * k as f64 / d as f64).cos())
+}
+
+/// Run `system` from the state in `method`.
+pub fn solve<F, B, M, G, R>(
+    system: &mut F,
+    method: &mut M,
+    (t0, t_end): (f64, f64),
+    request: &Request<'_>,
+    watched: &mut G,
+    recorder: &mut R,
+) -> Ended
+where
+    F: System<f64>,
+    B: Buffer<f64>,
+    M: Adaptive<f64, F, B> + ?Sized,
+    G: Watched,
+    R: Recorder,
+{
+    let mut watch = Watch::new(request.events.to_vec(), method.x().clone());
+    let mut at = method.x().clone();
+    let mut t = t0;
+    let status = run(system, method, (t0, t_end), request, watched, recorder, &mut watch, &mut at, &mut t).err().unwrap_or(Status::Success);
+    Ended { status, t, work: method.work() }
+}
+
+fn run<F, B, M, G, R>(
+    system: &mut F,
+    method: &mut M,
+    (t0, t_end): (f64, f64),
+    request: &Request<'_>,
+    watched: &mut G,
+    recorder: &mut R,
+    watch: &mut Watch<B>,
+    at: &mut B,
+    reached: &mut f64,
+) -> Result<(), Status>
+where
+    F: System<f64>,
+    B: Buffer<f64>,
+    M: Adaptive<f64, F, B> + ?Sized,
+    G: Watched,
+    R: Recorder,
+{
+    method.begin(system, t0, t_end, t_end)?;
+    watch.begin(watched, t0, method.x().as_ref())?;
+    let degree = method.dense_degree();
+    let mut wanted = 0;
+    match request.times {
+        None => recorder.state(t0, method.x().as_ref()),
+        Some(times) => {
+            while wanted < times.len() && times[wanted] <= t0 {
+                recorder.state(t0, method.x().as_ref());
+                wanted += 1;
+            }
+        }
+    }
+    while *reached < t_end {
+        if recorder.interrupted() {
+            return Err(Status::Interrupted);
+        }
+        let done = method.step(system)?;
+        let stop = if request.events.is_empty() { None } else { watch.scan(system, method, watched)? };
+        for crossing in &watch.crossings {
+            method.interpolate(system, crossing.t, at);
+            recorder.event(crossing.index, crossing.t, at.as_ref());
+        }
+        let (t_old, t) = (method.t_old(), stop.unwrap_or(method.t()));
+        *reached = t;
+        if request.dense {
+            for k in 0..=degree {
+                let s = if k == degree { t } else { t_old + node(k, degree) * (t - t_old) };
+                method.interpolate(system, s, at);
+                recorder.node(t, at.as_ref());
+            }
+        }
+        match request.times {
+            None => {
+                method.interpolate(system, t, at);
+                recorder.state(t, at.as_ref());
+            }
+            Some(times) => {
+                while wanted < times.len() && times[wanted] <= t {
+                    method.interpolate(system, times[wanted], at);
+                    recorder.state(times[wanted], at.as_ref());
+                    wanted += 1;
+                }
+            }
+        }
+        if stop.is_some() {
+            return Err(Status::Event);
+        }
+        if done {
+            break;
+        }
+    }
+    Ok(())
+}

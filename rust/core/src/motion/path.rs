@@ -1,0 +1,270 @@
+//! A path `s -> q(s)` of `n` joints, without time: a polynomial of degree five per piece, joined twice differentiably.
+//!
+//! ```text
+//! q(s) = sum_k c_k x^k,   x = (s - s_p) / h_p in piece p,   s_p <= s <= s_p + h_p
+//! spline of waypoints, slopes d (de Boor 2001):
+//!   h_k d_(k-1) + 2 (h_(k-1) + h_k) d_k + h_(k-1) d_(k+1) = 3 (h_k D_(k-1)/h_(k-1) + h_(k-1) D_k/h_k),   D_k = q_(k+1) - q_k
+//! ```
+//!
+//! with natural ends (`q'' = 0`), clamped ends (`q' = 0`) or the not-a-knot condition (`q'''` continuous at the second and the
+//! last but one waypoint). A table of `q, q', q''` is joined by the quintic that takes all three at both ends of a piece.
+
+use crate::error::{Error, Result, finite};
+
+/// Coefficients per piece and joint.
+pub const TERMS: usize = 6;
+
+/// Waypoints nearer to the one before than this part of the path's length are the same point.
+const SAME: f64 = 1e-12;
+
+/// What a spline does at its ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ends {
+    Natural,
+    Clamped,
+    NotAKnot,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Path {
+    n: usize,
+    /// `(P + 1,)`, increasing.
+    knots: Vec<f64>,
+    /// `(P, TERMS, n)`.
+    coefficients: Vec<f64>,
+    /// `(n,)` each: the ends, to the last bit.
+    ends: [Vec<f64>; 2],
+}
+
+fn increasing(s: &[f64]) -> Result<()> {
+    finite("knots", s)?;
+    match s.windows(2).position(|w| !(w[0] < w[1])) {
+        None => Ok(()),
+        Some(k) => Err(Error::input(
+            "knots",
+            format!("is not increasing: expected rising numbers, got {} after {} (first bad index {})", s[k + 1], s[k], k + 1),
+        )),
+    }
+}
+
+/// Slopes `(K, n)` of the spline through `q` `(K, n)` at `s`.
+fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
+    let k = s.len();
+    let h = |i: usize| s[i + 1] - s[i];
+    let secant = |i: usize, j: usize| (q[(i + 1) * n + j] - q[i * n + j]) / h(i);
+    let mut d = vec![0.0; k * n];
+    if k == 3 && ends == Ends::NotAKnot {
+        for j in 0..n {
+            let (a, b) = (secant(0, j), secant(1, j));
+            let c = (b - a) / (h(0) + h(1));
+            (d[j], d[n + j], d[2 * n + j]) = (a - c * h(0), a + c * h(0), b + c * h(1));
+        }
+        return d;
+    }
+    if k == 2 && ends != Ends::Clamped {
+        for j in 0..n {
+            (d[j], d[n + j]) = (secant(0, j), secant(0, j));
+        }
+        return d;
+    }
+    // Tridiagonal elimination: lower, diagonal, upper of each row; every pivot is positive.
+    let last = k - 1;
+    let mut upper = vec![0.0; k];
+    for i in 0..k {
+        let (low, diagonal, up) = match (i, ends) {
+            (0, Ends::Clamped) => (0.0, 1.0, 0.0),
+            (0, Ends::Natural) => (0.0, 2.0, 1.0),
+            (0, Ends::NotAKnot) => (0.0, h(1), h(0) + h(1)),
+            (i, Ends::Clamped) if i == last => (0.0, 1.0, 0.0),
+            (i, Ends::Natural) if i == last => (1.0, 2.0, 0.0),
+            (i, Ends::NotAKnot) if i == last => (h(i - 1) + h(i - 2), h(i - 2), 0.0),
+            (i, _) => (h(i), 2.0 * (h(i - 1) + h(i)), h(i - 1)),
+        };
+        let pivot = if i == 0 { diagonal } else { diagonal - low * upper[i - 1] };
+        upper[i] = up / pivot;
+        for j in 0..n {
+            let right = match (i, ends) {
+                (0, Ends::Clamped) => 0.0,
+                (0, Ends::Natural) => 3.0 * secant(0, j),
+                (0, Ends::NotAKnot) => {
+                    let (a, b) = (h(0), h(1));
+                    ((a + 2.0 * (a + b)) * b * secant(0, j) + a * a * secant(1, j)) / (a + b)
+                }
+                (i, Ends::Clamped) if i == last => 0.0,
+                (i, Ends::Natural) if i == last => 3.0 * secant(i - 1, j),
+                (i, Ends::NotAKnot) if i == last => {
+                    let (a, b) = (h(i - 1), h(i - 2));
+                    ((a + 2.0 * (a + b)) * b * secant(i - 1, j) + a * a * secant(i - 2, j)) / (a + b)
+                }
+                (i, _) => 3.0 * (h(i) * secant(i - 1, j) + h(i - 1) * secant(i, j)),
+            };
+            let before = if i == 0 { 0.0 } else { d[(i - 1) * n + j] };
+            d[i * n + j] = (right - low * before) / pivot;
+        }
+    }
+    for i in (0..last).rev() {
+        for j in 0..n {
+            d[i * n + j] -= upper[i] * d[(i + 1) * n + j];
+        }
+    }
+    d
+}
+
+impl Path {
+    /// The C2 cubic spline through `q` `(K, n)` at the path positions `s` `(K,)`.
+    pub fn spline(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Path> {
+        increasing(s)?;
+        finite("path", q)?;
+        let d = slopes(s, q, n, ends);
+        finite("path", &d)?;
+        let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
+        for p in 0..s.len() - 1 {
+            let h = s[p + 1] - s[p];
+            for j in 0..n {
+                let (q0, step) = (q[p * n + j], q[(p + 1) * n + j] - q[p * n + j]);
+                let (d0, d1) = (h * d[p * n + j], h * d[(p + 1) * n + j]);
+                let at = |k: usize| (p * TERMS + k) * n + j;
+                (c[at(0)], c[at(1)]) = (q0, d0);
+                (c[at(2)], c[at(3)]) = (3.0 * step - 2.0 * d0 - d1, d0 + d1 - 2.0 * step);
+            }
+        }
+        Ok(Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] })
+    }
+
+    /// The C2 cubic spline through waypoints `q` `(K, n)`, and for each waypoint the index of its knot.
+    ///
+    /// A waypoint that repeats the one before is left out. Positions `s` `(K,)` where none are given: the sums of distances
+    /// between waypoints, from 0 to 1. Waypoints that are all the same give a point, knots 0 and 1.
+    pub fn waypoints(q: &[f64], n: usize, s: Option<&[f64]>, ends: Ends) -> Result<(Path, Vec<usize>)> {
+        finite("path", q)?;
+        let count = q.len() / n.max(1);
+        if n == 0 || count < 2 || count * n != q.len() {
+            return Err(Error::input("path", format!("has too few waypoints: expected at least two rows, got {count}")));
+        }
+        if let Some(s) = s {
+            increasing(s)?;
+            if s.len() != count {
+                return Err(Error::input("knots", format!("has the wrong shape: expected ({count},), got ({},)", s.len())));
+            }
+            return Ok((Path::spline(s, q, n, ends)?, (0..count).collect()));
+        }
+        let row = |k: usize| &q[k * n..(k + 1) * n];
+        let largest = q.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        let distance = |a: usize, b: usize| {
+            // Scaled, so that no square under- or overflows.
+            let size = (0..n).map(|j| (row(a)[j] - row(b)[j]).abs()).fold(0.0, f64::max);
+            if size == 0.0 { 0.0 } else { size * (0..n).map(|j| ((row(a)[j] - row(b)[j]) / size).powi(2)).sum::<f64>().sqrt() }
+        };
+        let total: f64 = (1..count).map(|k| distance(k - 1, k)).sum();
+        if !total.is_finite() {
+            return Err(Error::input("path", format!("is too large: expected waypoints whose distances add up, got up to {largest:e}")));
+        }
+        let (mut kept, mut knot): (Vec<usize>, Vec<usize>) = (vec![0], vec![0]);
+        for k in 1..count {
+            if distance(kept[kept.len() - 1], k) > SAME * total {
+                kept.push(k);
+            } else if k == count - 1 && kept.len() > 1 {
+                // The end is kept to the last bit.
+                let last = kept.len() - 1;
+                kept[last] = k;
+            }
+            knot.push(kept.len() - 1);
+        }
+        if kept.len() == 1 {
+            let still: Vec<f64> = row(0).iter().chain(row(0)).copied().collect();
+            return Ok((Path::spline(&[0.0, 1.0], &still, n, Ends::Natural)?, knot));
+        }
+        let mut at = vec![0.0; kept.len()];
+        for k in 1..kept.len() {
+            at[k] = at[k - 1] + distance(kept[k - 1], kept[k]);
+        }
+        let length = at[at.len() - 1];
+        at.iter_mut().for_each(|s| *s /= length);
+        let chosen: Vec<f64> = kept.iter().flat_map(|&k| row(k)).copied().collect();
+        Ok((Path::spline(&at, &chosen, n, ends)?, knot))
+    }
+
+    /// The quintic Hermite path that takes `q, q', q''`, `(K, n)` each, at `s` `(K,)`.
+    pub fn table(s: &[f64], q: &[f64], dq: &[f64], ddq: &[f64], n: usize) -> Result<Path> {
+        increasing(s)?;
+        for values in [q, dq, ddq] {
+            finite("path", values)?;
+        }
+        let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
+        for p in 0..s.len() - 1 {
+            let h = s[p + 1] - s[p];
+            for j in 0..n {
+                let (i, k) = (p * n + j, (p + 1) * n + j);
+                let (c0, c1, c2) = (q[i], h * dq[i], 0.5 * h * h * ddq[i]);
+                // What is left of the end's values after the quadratic fixed at the start.
+                let (r0, r1, r2) = ((q[k] - c0) - c1 - c2, h * dq[k] - c1 - 2.0 * c2, h * h * ddq[k] - 2.0 * c2);
+                let terms = [c0, c1, c2, 10.0 * r0 - 4.0 * r1 + 0.5 * r2, -15.0 * r0 + 7.0 * r1 - r2, 6.0 * r0 - 3.0 * r1 + 0.5 * r2];
+                for (k, term) in terms.into_iter().enumerate() {
+                    c[(p * TERMS + k) * n + j] = term;
+                }
+            }
+        }
+        finite("path", &c)?;
+        Ok(Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] })
+    }
+
+    /// The path again from its parts: `knots` `(P + 1,)`, `coefficients` `(P, TERMS, n)`, its `end` `(n,)`.
+    pub fn from_parts(knots: Vec<f64>, coefficients: Vec<f64>, end: Vec<f64>) -> Result<Path> {
+        let n = end.len();
+        increasing(&knots)?;
+        finite("coefficients", &coefficients)?;
+        if n == 0 || knots.len() < 2 || coefficients.len() != (knots.len() - 1) * TERMS * n {
+            return Err(Error::input("coefficients", "has the wrong length: expected six per piece and joint"));
+        }
+        Ok(Path { n, ends: [coefficients[..n].to_vec(), end], knots, coefficients })
+    }
+
+    pub fn dof(&self) -> usize {
+        self.n
+    }
+
+    /// Path positions where pieces meet, ends included.
+    pub fn knots(&self) -> &[f64] {
+        &self.knots
+    }
+
+    pub fn coefficients(&self) -> &[f64] {
+        &self.coefficients
+    }
+
+    /// Start and end of the path, `(n,)`.
+    pub fn ends(&self) -> (&[f64], &[f64]) {
+        (&self.ends[0], &self.ends[1])
+    }
+
+    /// Whether the path is one point.
+    pub fn is_point(&self) -> bool {
+        let n = self.n;
+        self.coefficients
+            .chunks_exact(n)
+            .enumerate()
+            .all(|(k, c)| if k % TERMS == 0 { c == &self.ends[0][..] } else { c.iter().all(|x| *x == 0.0) })
+    }
+
+    /// The piece that holds `s`; the later one at a knot.
+    pub fn piece(&self, s: f64) -> usize {
+        self.knots.partition_point(|&knot| knot <= s).clamp(1, self.knots.len() - 1) - 1
+    }
+
+    /// `q`, `q' = dq/ds` and `q''` at `s` of piece `p`: `put(joint, q, q', q'')`.
+    #[inline(always)]
+    pub fn evaluate(&self, p: usize, s: f64, mut put: impl FnMut(usize, f64, f64, f64)) {
+        let n = self.n;
+        let rate = 1.0 / (self.knots[p + 1] - self.knots[p]);
+        let x = (s - self.knots[p]) * rate;
+        let c = &self.coefficients[p * TERMS * n..(p + 1) * TERMS * n];
+        let (c0, c1, c2) = (&c[..n], &c[n..2 * n], &c[2 * n..3 * n]);
+        let (c3, c4, c5) = (&c[3 * n..4 * n], &c[4 * n..5 * n], &c[5 * n..6 * n]);
+        for j in 0..n {
+            let q = c0[j] + x * (c1[j] + x * (c2[j] + x * (c3[j] + x * (c4[j] + x * c5[j]))));
+            let d = c1[j] + x * (2.0 * c2[j] + x * (3.0 * c3[j] + x * (4.0 * c4[j] + x * (5.0 * c5[j]))));
+            let e = 2.0 * c2[j] + x * (6.0 * c3[j] + x * (12.0 * c4[j] + x * (20.0 * c5[j])));
+            put(j, q, d * rate, e * rate * rate);
+        }
+    }
+}

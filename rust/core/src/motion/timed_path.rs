@@ -1,0 +1,181 @@
+//! A path with a timing: `q(s(t))`, where the path acceleration `u` is linear in `s` between the points of a grid.
+//!
+//! ```text
+//! r = ds/dt,   u = d^2 s/dt^2 = u_0 + b (s - s_i),   r^2 = x_i + 2 u_0 (s - s_i) + b (s - s_i)^2
+//! r(d) = r_i cosh(w d) + u_0/w sinh(w d),   s(d) = s_i + (r_i + r(d)) tanh(w d/2) / w,   d = t - t_i,  w^2 = b
+//! t_(i+1) - t_i = 2/w atanh(w h / (r_i + r_(i+1)))                            (b < 0: cos, sin, tan, atan with w^2 = -b)
+//! v = q' r,   a = q' u + q'' r^2
+//! ```
+//!
+//! Right-continuous in the acceleration. The start is held before time zero, the end after `duration`; at `duration` itself
+//! the motion still has its end speed, if that is not zero.
+
+use super::Path;
+use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
+use std::sync::Arc;
+
+#[derive(Clone, Debug)]
+pub struct TimedPath {
+    path: Arc<Path>,
+    /// `(N + 1,)`: path position, the square of the path speed, time.
+    s: Arc<[f64]>,
+    x: Arc<[f64]>,
+    t: Arc<[f64]>,
+    /// `(N,)`: `b` of each segment.
+    bend: Arc<[f64]>,
+    /// The piece of the path that each segment lies in.
+    piece: Arc<[usize]>,
+}
+
+impl PartialEq for TimedPath {
+    fn eq(&self, other: &Self) -> bool {
+        // Without a timing x is NaN, which equals nothing; the bits do.
+        let same = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
+        self.path == other.path && same(&self.s, &other.s) && same(&self.x, &other.x) && same(&self.bend, &other.bend)
+    }
+}
+
+/// `atanh(w)/w` with `w^2 = z`, `atan(w)/w` with `w^2 = -z`.
+fn arc(z: f64) -> f64 {
+    if z.abs() < 1e-3 {
+        // To z^6/13, which is below one unit in the last place.
+        1.0 + z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * (1.0 / 9.0 + z / 11.0))))
+    } else if z > 0.0 {
+        z.sqrt().atanh() / z.sqrt()
+    } else {
+        (-z).sqrt().atan() / (-z).sqrt()
+    }
+}
+
+/// `cosh(w)`, `sinh(w)/w` and `tanh(w/2)/w` with `w^2 = z`; their circular counterparts for `z < 0`.
+fn waves(z: f64) -> (f64, f64, f64) {
+    if z.abs() < 1e-3 {
+        let cosh = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 24.0 + z * (1.0 / 720.0 + z * (1.0 / 40320.0 + z / 3628800.0))));
+        let sinh = 1.0 + z * (1.0 / 6.0 + z * (1.0 / 120.0 + z * (1.0 / 5040.0 + z / 362880.0)));
+        (cosh, sinh, sinh / (1.0 + cosh))
+    } else if z > 0.0 {
+        let w = z.sqrt();
+        (w.cosh(), w.sinh() / w, (0.5 * w).tanh() / w)
+    } else {
+        let w = (-z).sqrt();
+        (w.cos(), w.sin() / w, (0.5 * w).tan() / w)
+    }
+}
+
+impl TimedPath {
+    /// `x = (ds/dt)^2` at the path positions `s`, both `(N + 1,)`, and the slopes `b` of `u`, `(N,)`; every knot of the path is one
+    /// of the positions.
+    pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, bend: Vec<f64>) -> Result<Self> {
+        finite("s", &s)?;
+        finite("bend", &bend)?;
+        if s.len() < 2 || s.len() != x.len() || s.len() != bend.len() + 1 || s.windows(2).any(|w| !(w[0] < w[1])) {
+            return Err(Error::input("s", "is not a grid: expected rising path positions, one per squared speed"));
+        }
+        let mut t = vec![0.0; s.len()];
+        for i in 0..s.len() - 1 {
+            let (h, rates) = (s[i + 1] - s[i], x[i].sqrt() + x[i + 1].sqrt());
+            t[i + 1] = t[i] + 2.0 * (h / rates) * arc(bend[i] * (h / rates) * (h / rates));
+        }
+        let piece = s.windows(2).map(|w| path.piece(0.5 * (w[0] + w[1]))).collect();
+        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend: bend.into(), piece })
+    }
+
+    pub fn dof(&self) -> usize {
+        self.path.dof()
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// A motion that takes no time: it stays where the path is.
+    pub fn still(path: Arc<Path>) -> Self {
+        let ends = vec![path.knots()[0], path.knots()[path.knots().len() - 1]];
+        let piece = vec![0].into();
+        TimedPath { path, s: ends.into(), x: vec![f64::INFINITY; 2].into(), t: vec![0.0; 2].into(), bend: vec![0.0].into(), piece }
+    }
+
+    /// Duration, s.
+    pub fn duration(&self) -> f64 {
+        self.t[self.t.len() - 1]
+    }
+
+    pub fn grid(&self) -> &[f64] {
+        &self.s
+    }
+
+    /// `(ds/dt)^2` on the grid.
+    pub fn squared_speeds(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// The times of the grid points, s.
+    pub fn times(&self) -> &[f64] {
+        &self.t
+    }
+
+    /// Path acceleration at the start and at the end of segment `i`.
+    #[inline(always)]
+    fn accelerations(&self, i: usize) -> (f64, f64) {
+        let h = self.s[i + 1] - self.s[i];
+        let (mean, turn) = (0.5 * (self.x[i + 1] - self.x[i]) / h, 0.5 * h * self.bend[i]);
+        (mean - turn, mean + turn)
+    }
+
+    /// Where the motion is at `t`: segment, path position, path speed, path acceleration; None where it holds an end.
+    pub fn phase(&self, t: f64) -> Option<(usize, f64, f64, f64)> {
+        let last = self.s.len() - 1;
+        if !(t >= 0.0 && t <= self.t[last]) || self.t[last] == 0.0 {
+            return None;
+        }
+        if t == self.t[last] {
+            let u = if self.x[last] == 0.0 { 0.0 } else { self.accelerations(last - 1).1 };
+            return Some((last - 1, self.s[last], self.x[last].sqrt(), u));
+        }
+        let i = self.t.partition_point(|&at| at <= t).clamp(1, last) - 1;
+        let ((u, _), rate, b) = (self.accelerations(i), self.x[i].sqrt(), self.bend[i]);
+        let d = t - self.t[i];
+        let (cosh, sinh, tanh) = waves(b * d * d);
+        let speed = (rate * cosh + u * d * sinh).max(0.0);
+        let on = (rate + speed) * d * tanh;
+        Some((i, (self.s[i] + on).clamp(self.s[i], self.s[i + 1]), speed, u + b * on))
+    }
+
+    /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
+    #[inline(always)]
+    pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
+        let n = self.dof();
+        let (start, end) = self.path.ends();
+        let hold = if t > 0.0 { end } else { start };
+        let here = if t.is_nan() || self.duration().is_nan() { Some((0, f64::NAN, f64::NAN, f64::NAN)) } else { self.phase(t) };
+        let Some((i, s, rate, u)) = here else {
+            for j in 0..n {
+                (out[j], out[n + j], out[2 * n + j]) = (S::splat(hold[j]), S::zero(), S::zero());
+            }
+            return;
+        };
+        self.path.evaluate(self.piece[i], s, |j, q, d, e| {
+            (out[j], out[n + j], out[2 * n + j]) = (S::splat(q), S::splat(d * rate), S::splat(d * u + e * rate * rate));
+        });
+        if s == self.s[self.s.len() - 1] {
+            for j in 0..n {
+                out[j] = S::splat(end[j]);
+            }
+        }
+    }
+
+    /// Times where the acceleration jumps by more than a hundredth of its largest value, ends included.
+    pub fn breaks(&self) -> Vec<f64> {
+        let last = self.s.len() - 1;
+        let largest = (0..last).map(|i| self.accelerations(i)).fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
+        let jump = |i: &usize| (self.accelerations(*i).0 - self.accelerations(*i - 1).1).abs() > 0.01 * largest;
+        let inner = (1..last).filter(jump).map(|i| self.t[i]);
+        std::iter::once(0.0).chain(inner).chain([self.t[last]]).filter(|t| t.is_finite()).collect()
+    }
+
+    /// `b` of each segment, `(N,)`.
+    pub fn bends(&self) -> &[f64] {
+        &self.bend
+    }
+}

@@ -1,0 +1,177 @@
+//! Why a path has no timing: the joint, the place, the limit, and what is missing.
+//!
+//! The smallest `w` for which the segment has a speed again when every limit is wider by `w` times its size, by bisection.
+
+use super::check::Found;
+use super::reach::{Profile, Stuck, widened};
+use super::setup::Problem;
+use std::fmt;
+
+/// What a joint is limited in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bound {
+    TorqueMax,
+    TorqueMin,
+    Acceleration,
+    Velocity,
+}
+
+impl Bound {
+    pub fn name(self) -> &'static str {
+        match self {
+            Bound::TorqueMax => "tau_max",
+            Bound::TorqueMin => "tau_min",
+            Bound::Acceleration => "a_max",
+            Bound::Velocity => "v_max",
+        }
+    }
+}
+
+/// What failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shortfall {
+    /// The limits leave no path speed here, or none that leads on.
+    NoSpeed,
+    StartSpeed,
+    EndSpeed,
+    /// The path speed is zero on a whole segment.
+    Standstill,
+    /// A limit is exceeded between grid points, however fine the grid.
+    Unresolved,
+}
+
+/// Why there is no timing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathReason {
+    pub what: Shortfall,
+    pub joint: usize,
+    pub joint_name: String,
+    /// Path position.
+    pub s: f64,
+    pub limit: Bound,
+    /// What the limit falls short by: relative to it, and in its unit.
+    pub missing: f64,
+    pub missing_units: f64,
+    /// The largest (start, end) path speed that would do, where one was asked for.
+    pub speed: f64,
+}
+
+impl Problem<'_> {
+    /// Kind and joint of a row: 0 torque, 1 acceleration, 2 speed.
+    fn kind(&self, row: usize) -> (usize, usize) {
+        let n = self.n;
+        if row >= self.rows.width {
+            return (2, (row - self.rows.width).min(n - 1));
+        }
+        let first = if self.kinds[0] { 0 } else { 1 };
+        (first + row.min(2 * n - 1) / n, row % n)
+    }
+
+    fn reason(&self, what: Shortfall, row: usize, upper: bool, s: f64, missing: f64) -> PathReason {
+        let (kind, joint) = self.kind(row);
+        let limit = match kind {
+            0 if upper => Bound::TorqueMax,
+            0 => Bound::TorqueMin,
+            1 => Bound::Acceleration,
+            _ => Bound::Velocity,
+        };
+        let (lo, hi) = (self.lo[kind * self.n + joint].abs(), self.hi[kind * self.n + joint].abs());
+        let (near, far) = if upper { (hi, lo) } else { (lo, hi) };
+        let size = if near > 0.0 { near } else { far };
+        let joint_name = self.mover.joint_names().get(joint).cloned().unwrap_or_default();
+        PathReason { what, joint, joint_name, s, limit, missing, missing_units: missing * size, speed: f64::NAN }
+    }
+
+    /// The row that is nearest to (or furthest beyond) a limit at `(u, x)` of point `i`, and its relative excess.
+    pub(super) fn tightest(&self, i: usize, u: f64, x: f64) -> (usize, bool, f64) {
+        let w = self.rows.width;
+        let c = &self.rows.coefficients[i * 3 * w..];
+        let mut worst = (0, true, f64::NEG_INFINITY);
+        for k in 0..self.n * (usize::from(self.kinds[0]) + usize::from(self.kinds[1])) {
+            let value = c[k] * u + c[w + k] * x + c[2 * w + k];
+            let over = (value - self.rows.hi[k]) / self.rows.scale_hi[k];
+            let under = (self.rows.lo[k] - value) / self.rows.scale_lo[k];
+            if over.max(under) > worst.2 {
+                worst = (k, over >= under, over.max(under));
+            }
+        }
+        worst
+    }
+}
+
+impl PathReason {
+    pub(super) fn find(problem: &Problem, profile: &Profile, stuck: Stuck) -> PathReason {
+        let s = &problem.rows.s;
+        match stuck {
+            Stuck::Start(low, high) => {
+                let asked = problem.rows.x_start;
+                let nearest = if asked > high { high } else { low };
+                let (row, upper, _) = problem.tightest(0, 0.0, asked);
+                let missing = (asked / nearest.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
+                let reason = problem.reason(Shortfall::StartSpeed, row, upper, s[0], missing);
+                PathReason { speed: nearest.sqrt(), ..reason }
+            }
+            Stuck::End(cap) => {
+                let (joint, _) = problem.fastest(problem.rows.s.len() - 1);
+                let row = problem.rows.width + joint;
+                let missing = (problem.rows.x_end / cap.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
+                let reason = problem.reason(Shortfall::EndSpeed, row, true, s[s.len() - 1], missing);
+                PathReason { speed: cap.sqrt(), ..reason }
+            }
+            Stuck::Empty(i) => {
+                let next = [profile.low[i + 1], profile.high[i + 1]];
+                // Static torques first: a limit that can't hold the arm's weight is the plainest reason.
+                for at in [i, i + 1] {
+                    let (row, upper, beyond) = problem.tightest(at, 0.0, 0.0);
+                    if beyond > 0.0 {
+                        return problem.reason(Shortfall::NoSpeed, row, upper, s[at], beyond);
+                    }
+                }
+                let (mut few, mut many) = (0.0, 1.0);
+                while widened(&problem.rows, i, many, next).is_none() && many < 1e12 {
+                    (few, many) = (many, many * 4.0);
+                }
+                for _ in 0..60 {
+                    let middle = 0.5 * (few + many);
+                    if widened(&problem.rows, i, middle, next).is_some() { many = middle } else { few = middle }
+                }
+                let x = widened(&problem.rows, i, many, next).map_or(0.0, |(_, high)| high);
+                let u = (next[1].min(next[0].max(x)) - x) / (2.0 * (s[i + 1] - s[i]));
+                let (row, upper, _) = problem.tightest(i, u, x);
+                problem.reason(Shortfall::NoSpeed, row, upper, s[i], many)
+            }
+        }
+    }
+
+    pub(super) fn holding(problem: &Problem, row: usize, upper: bool, beyond: f64) -> PathReason {
+        problem.reason(Shortfall::NoSpeed, row, upper, problem.rows.s[0], beyond)
+    }
+
+    pub(super) fn standstill(problem: &Problem, profile: &Profile) -> PathReason {
+        let i = (0..problem.rows.s.len() - 1).find(|&i| profile.x[i] == 0.0 && profile.x[i + 1] == 0.0).unwrap_or(0);
+        let (row, upper, _) = problem.tightest(i, 0.0, 0.0);
+        problem.reason(Shortfall::Standstill, row, upper, problem.rows.s[i], 0.0)
+    }
+
+    pub(super) fn unresolved(problem: &Problem, found: &Found) -> PathReason {
+        let (i, row) = found.at;
+        problem.reason(Shortfall::Unresolved, row, true, problem.rows.s[i], found.excess)
+    }
+}
+
+impl fmt::Display for PathReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let PathReason { joint, joint_name, s, limit, missing, missing_units, speed, .. } = self;
+        let name = limit.name();
+        let short = format!("{name} of joint {joint} ({joint_name}) is {missing_units:.6e} short ({:.3e} of it) at s = {s:.9}", missing);
+        match self.what {
+            Shortfall::NoSpeed => write!(f, "the limits leave no path speed: {short}"),
+            Shortfall::StartSpeed => write!(f, "start_speed is not possible: expected at most {speed:.9e} (the nearest that is): {short}"),
+            Shortfall::EndSpeed => write!(f, "end_speed is not possible: expected at most {speed:.9e}: {short}"),
+            Shortfall::Standstill => {
+                write!(f, "the limits allow no motion from s = {s:.9}: {name} of joint {joint} ({joint_name}) holds the arm there")
+            }
+            Shortfall::Unresolved => write!(f, "no grid resolves the limits: {short}"),
+        }
+    }
+}

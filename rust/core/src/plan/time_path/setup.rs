@@ -1,0 +1,415 @@
+//! What the planner is given, checked, and the rows of the problem on a grid.
+
+use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places, sign};
+use super::reach::{BLOCK, FASTEST, Rows};
+use super::rows::{Ask, Friction, Mover, Points};
+use super::stencil::Stencil;
+use super::{PathReason, TimePath};
+use crate::error::{Error, Result, finite};
+use crate::motion::{Path, TimedPath};
+use std::sync::Arc;
+
+/// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque and
+/// acceleration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PathLimits {
+    pub torque: Option<(Vec<f64>, Vec<f64>)>,
+    pub velocity: Option<Vec<f64>>,
+    pub acceleration: Option<Vec<f64>>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct TimePathOptions {
+    /// Grid points to begin with; every piece of the path gets some.
+    pub grid: usize,
+    /// Halve the grid where it is too coarse for the limits or for the duration.
+    pub refine: bool,
+    /// Path speeds `ds/dt` at the ends.
+    pub start_speed: f64,
+    pub end_speed: f64,
+    /// Knots of the path where the motion stops.
+    pub stops: Vec<usize>,
+    pub friction: Option<Friction>,
+}
+
+impl Default for TimePathOptions {
+    fn default() -> Self {
+        TimePathOptions { grid: 201, refine: true, start_speed: 0.0, end_speed: 0.0, stops: Vec::new(), friction: None }
+    }
+}
+
+/// Fewest segments of a piece, unless the pieces are many.
+pub(super) const PIECE: usize = 5;
+/// Most grid points asked for.
+const MOST: usize = 1_000_000;
+
+/// The problem on a grid.
+pub(super) struct Problem<'a> {
+    pub mover: Mover<'a>,
+    pub path: Arc<Path>,
+    pub n: usize,
+    pub rows: Rows,
+    /// `(3 n,)`: torques, accelerations, speeds; infinite where there is no limit.
+    pub lo: Vec<f64>,
+    pub hi: Vec<f64>,
+    pub limits: Limits,
+    /// Whether there are rows of torque, and of acceleration.
+    pub kinds: [bool; 2],
+    stencils: (Stencil<4>, Stencil<WINDOW>),
+    /// The segments of each piece.
+    spans: Vec<(usize, usize)>,
+    /// `n` in whole blocks.
+    stride: usize,
+    pub friction: Option<Friction>,
+    pub pieces: Vec<usize>,
+    /// `(N + 1, n)`: `q'`.
+    slopes: Vec<f64>,
+    /// `(N + 1, 2 n)`: `B` and `g` of the torques without friction.
+    bare: Vec<f64>,
+    /// `(N + 1,)`: relative narrowing of the caps.
+    pub cap_tight: Vec<f64>,
+    stops: Vec<f64>,
+}
+
+fn speed(name: &str, x: f64) -> Result<f64> {
+    if x >= 0.0 && x.is_finite() && x * x < FASTEST {
+        return Ok(x * x);
+    }
+    Err(Error::input(name, format!("is out of range: expected a finite path speed >= 0, got {x}")))
+}
+
+fn sized(name: &str, values: &[f64], n: usize) -> Result<()> {
+    if values.len() != n {
+        return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
+    }
+    finite(name, values)
+}
+
+fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
+    sized(name, values, n)?;
+    match values.iter().position(|x| !(*x > 0.0)) {
+        None => Ok(()),
+        Some(i) => Err(Error::input(name, format!("is not positive: expected numbers > 0, got {} (first bad index {i})", values[i]))),
+    }
+}
+
+impl<'a> Problem<'a> {
+    pub fn new(mover: Mover<'a>, path: Arc<Path>, given: &PathLimits, options: &TimePathOptions) -> Result<Self> {
+        let n = mover.dof();
+        if path.dof() != n {
+            return Err(Error::input("path", format!("has the wrong number of joints: expected {n}, got {}", path.dof())));
+        }
+        if given.torque.is_none() && given.acceleration.is_none() {
+            return Err(Error::input("tau_max, a_max", "are both missing: expected a limit of torque or of acceleration, got None"));
+        }
+        if !(2..=MOST).contains(&options.grid) {
+            return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST} points, got {}", options.grid)));
+        }
+        let (mut all_lo, mut all_hi) = (vec![f64::NEG_INFINITY; 3 * n], vec![f64::INFINITY; 3 * n]);
+        if let Some((lo, hi)) = &given.torque {
+            sized("tau_max", hi, n)?;
+            sized("tau_max", lo, n)?;
+            if let Some(i) = (0..n).find(|&i| !(lo[i] < hi[i])) {
+                let problem = format!("is empty: expected a lower below an upper limit, got {} and {} (first bad index {i})", lo[i], hi[i]);
+                return Err(Error::input("tau_max", problem));
+            }
+            all_lo[..n].copy_from_slice(lo);
+            all_hi[..n].copy_from_slice(hi);
+        }
+        for (k, name, values) in [(1, "a_max", &given.acceleration), (2, "v_max", &given.velocity)] {
+            if let Some(values) = values {
+                all_positive(name, values, n)?;
+                for i in 0..n {
+                    (all_lo[k * n + i], all_hi[k * n + i]) = (-values[i], values[i]);
+                }
+            }
+        }
+        if let Some(friction) = &options.friction {
+            for values in [&friction.viscous, &friction.coulomb] {
+                sized("friction", values, n)?;
+                if let Some(i) = values.iter().position(|x| *x < 0.0) {
+                    return Err(Error::input(
+                        "friction",
+                        format!("is negative: expected numbers >= 0, got {} (first bad index {i})", values[i]),
+                    ));
+                }
+            }
+        }
+        let knots = path.knots();
+        if let Some(k) = options.stops.iter().find(|&&k| k >= knots.len()) {
+            return Err(Error::input("stops", format!("is out of range: expected indices below {}, got {k}", knots.len())));
+        }
+        let stops = options.stops.iter().map(|&k| knots[k]).collect();
+        let (s, pieces) = grid(&path, options.grid);
+        let rows = Rows {
+            s,
+            x_start: speed("start_speed", options.start_speed)?,
+            x_end: speed("end_speed", options.end_speed)?,
+            ..Rows::default()
+        };
+        let friction = options.friction.clone().filter(|_| given.torque.is_some());
+        let mut problem = Problem {
+            mover,
+            path,
+            n,
+            rows,
+            lo: all_lo,
+            hi: all_hi,
+            limits: Limits::default(),
+            kinds: [given.torque.is_some(), given.acceleration.is_some()],
+            stencils: (Stencil::new(&[0.5]), Stencil::new(&inner_places())),
+            spans: Vec::new(),
+            stride: n.next_multiple_of(BLOCK),
+            friction,
+            pieces,
+            slopes: Vec::new(),
+            bare: Vec::new(),
+            cap_tight: Vec::new(),
+            stops,
+        };
+        problem.fill();
+        finite("path", &problem.rows.coefficients).map_err(|_| {
+            Error::input(
+                "path, arm",
+                "give torques that are not finite: expected finite inertia, Coriolis and gravity torques along the path",
+            )
+        })?;
+        Ok(problem)
+    }
+
+    /// The rows on the present grid.
+    fn fill(&mut self) {
+        let n = self.n;
+        let mut limits = Limits::default();
+        for kind in (0..2).filter(|&kind| self.kinds[kind]) {
+            (kind * n..(kind + 1) * n).for_each(|k| limits.push(self.lo[k], self.hi[k]));
+        }
+        // Rows that only fill a block: 0 u + 0 x + 0 between -1 and 1.
+        let fill = |limits: &mut Limits| (limits.lo.len()..limits.lo.len().next_multiple_of(BLOCK)).for_each(|_| limits.push(-1.0, 1.0));
+        fill(&mut limits);
+        let width = limits.lo.len();
+        let points = self.rows.s.len();
+        let rows = &mut self.rows;
+        rows.width = width;
+        (rows.lo, rows.hi) = (limits.lo.clone(), limits.hi.clone());
+        (rows.scale_lo, rows.scale_hi) = (limits.scale_lo.clone(), limits.scale_hi.clone());
+        if self.hi[2 * n] < f64::INFINITY {
+            (2 * n..3 * n).for_each(|k| limits.push(self.lo[k], self.hi[k]));
+            fill(&mut limits);
+        }
+        self.limits = limits;
+        self.spans.clear();
+        let mut first = 0;
+        while first < self.pieces.len() {
+            let last = self.pieces[first..].iter().position(|p| *p != self.pieces[first]).map_or(self.pieces.len(), |k| first + k);
+            self.spans.push((first, last));
+            first = last;
+        }
+        rows.tight_lo = vec![0.0; (points - 1) * width];
+        rows.tight_hi = vec![0.0; (points - 1) * width];
+        rows.bend = vec![0.0; points - 1];
+        rows.coefficients.clear();
+        rows.coefficients.resize(points * 3 * width, 0.0);
+        self.cap_tight = vec![0.0; points];
+        self.slopes.clear();
+        self.slopes.resize(points * self.stride, 0.0);
+        let pieces = &self.pieces;
+        let s = &rows.s;
+        let at = |k: usize| (pieces[k.min(pieces.len() - 1)], s[k]);
+        let ask = Ask::Coefficients {
+            width,
+            torques: self.kinds[0],
+            accelerations: self.kinds[1],
+            slopes: &mut self.slopes,
+            slope_stride: self.stride,
+        };
+        Points { mover: self.mover, path: &self.path, at: &at, count: points, stride: 3 * width, out: &mut rows.coefficients, ask }.run();
+        if let (Some(friction), true) = (&self.friction, self.kinds[0]) {
+            self.bare.resize(points * 2 * n, 0.0);
+            for i in 0..points {
+                for j in 0..n {
+                    let c = &mut self.rows.coefficients[i * 3 * width..];
+                    c[2 * width + j] += friction.coulomb[j] * sign(self.slopes[i * self.stride + j]);
+                    (self.bare[2 * i * n + j], self.bare[(2 * i + 1) * n + j]) = (c[width + j], c[2 * width + j]);
+                }
+            }
+        }
+        self.set_middles();
+        self.set_caps();
+    }
+
+    /// The rows half way between grid points, interpolated; linearly where a piece has too few points.
+    fn set_middles(&mut self) {
+        let w = 3 * self.rows.width;
+        let segments = self.pieces.len();
+        let Problem { rows: Rows { coefficients, middles, .. }, stencils: (stencil, _), spans, .. } = self;
+        middles.resize(segments * w, 0.0);
+        for &(first, last) in spans.iter() {
+            for i in first..last {
+                let to = &mut middles[i * w..(i + 1) * w];
+                match stencil.of(i, first, last) {
+                    Some((start, [[a, b, c, d]])) => {
+                        let from = &coefficients[start * w..(start + 4) * w];
+                        let (p, from) = from.split_at(w);
+                        let (q, from) = from.split_at(w);
+                        let (r, t) = from.split_at(w);
+                        for k in 0..w {
+                            to[k] = (a * p[k] + d * t[k]) + (b * q[k] + c * r[k]);
+                        }
+                    }
+                    _ => {
+                        let (p, q) = coefficients[i * w..(i + 2) * w].split_at(w);
+                        for k in 0..w {
+                            to[k] = 0.5 * (p[k] + q[k]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// What the check sees.
+    pub fn course(&self) -> Course<'_> {
+        Course {
+            mover: self.mover,
+            path: &self.path,
+            n: self.n,
+            pieces: &self.pieces,
+            spans: &self.spans,
+            kinds: self.kinds,
+            slopes: &self.slopes,
+            stride: self.stride,
+            friction: self.friction.as_ref(),
+            limits: &self.limits,
+            stencil: &self.stencils.1,
+        }
+    }
+
+    /// The joint that limits the path speed at point `i` by its own speed, and the path speed then.
+    pub fn fastest(&self, i: usize) -> (usize, f64) {
+        let mut most = (0, f64::INFINITY);
+        for j in 0..self.n {
+            let slope = self.slopes[i * self.stride + j].abs();
+            if slope > 0.0 && self.hi[2 * self.n + j] / slope < most.1 {
+                most = (j, self.hi[2 * self.n + j] / slope);
+            }
+        }
+        most
+    }
+
+    /// The bounds of `x` at the grid points, from the speed limits and the stops; those of the ends give way to the end speeds up
+    /// to rounding.
+    pub fn set_caps(&mut self) {
+        let points = self.rows.s.len();
+        self.rows.cap.resize(points, FASTEST);
+        for i in 0..points {
+            let most = self.fastest(i).1;
+            let cap = (most * most).min(FASTEST);
+            let mut narrow = cap * (1.0 - self.cap_tight[i]).max(0.0);
+            for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
+                // 4e-10 of the speed is 8e-10 of its square.
+                if i == at && x <= cap * (1.0 + 8e-10) {
+                    narrow = narrow.max(x);
+                }
+            }
+            self.rows.cap[i] = narrow;
+        }
+        for stop in &self.stops {
+            if let Ok(i) = self.rows.s.binary_search_by(|s| s.total_cmp(stop)) {
+                self.rows.cap[i] = 0.0;
+            }
+        }
+    }
+
+    /// Rows without viscous friction.
+    pub fn forget_friction(&mut self) {
+        if self.friction.is_none() {
+            return;
+        }
+        let (n, w) = (self.n, self.rows.width);
+        for i in 0..self.rows.s.len() {
+            for j in 0..n {
+                let c = &mut self.rows.coefficients[i * 3 * w..];
+                (c[w + j], c[2 * w + j]) = (self.bare[2 * i * n + j], self.bare[(2 * i + 1) * n + j]);
+            }
+        }
+        self.set_middles();
+    }
+
+    /// Viscous friction `d q' sqrt(x)` by its tangent at the profile: `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
+    pub fn linearise_friction(&mut self, x: &[f64]) {
+        let Some(friction) = &self.friction else { return };
+        let (n, w) = (self.n, self.rows.width);
+        let largest = x.iter().fold(0.0_f64, |a, b| a.max(*b));
+        for i in 0..x.len() {
+            let root = x[i].max(1e-8 * largest).sqrt();
+            if !(root > 0.0) {
+                continue;
+            }
+            for j in 0..n {
+                let push = friction.viscous[j] * self.slopes[i * self.stride + j];
+                let c = &mut self.rows.coefficients[i * 3 * w..];
+                c[w + j] = self.bare[2 * i * n + j] + 0.5 * push / root;
+                c[2 * w + j] = self.bare[(2 * i + 1) * n + j] + if x[i] == 0.0 { 0.0 } else { 0.5 * push * root };
+            }
+        }
+        self.set_middles();
+    }
+
+    /// Halve every segment.
+    pub fn halve(&mut self) {
+        let s = &self.rows.s;
+        let mut fine = Vec::with_capacity(2 * s.len() - 1);
+        let mut pieces = Vec::with_capacity(2 * self.pieces.len());
+        for i in 0..s.len() - 1 {
+            fine.push(s[i]);
+            pieces.push(self.pieces[i]);
+            let middle = 0.5 * (s[i] + s[i + 1]);
+            if s[i] < middle && middle < s[i + 1] {
+                fine.push(middle);
+                pieces.push(self.pieces[i]);
+            }
+        }
+        fine.push(s[s.len() - 1]);
+        (self.rows.s, self.pieces) = (fine, pieces);
+        self.fill();
+    }
+
+    /// The answer for a path that is one point: no time, if the arm can hold itself there.
+    pub fn hold(&self) -> Result<TimePath> {
+        let (row, upper, beyond) = self.tightest(0, 0.0, 0.0);
+        if beyond > TOLERANCE {
+            return self.refuse(PathReason::holding(self, row, upper, beyond));
+        }
+        Ok(TimePath { motion: TimedPath::still(self.path.clone()), margin: -beyond, reason: None })
+    }
+
+    /// The answer that there is none.
+    pub fn refuse(&self, reason: PathReason) -> Result<TimePath> {
+        let knots = self.path.knots();
+        let ends = vec![knots[0], knots[knots.len() - 1]];
+        let motion = TimedPath::new(self.path.clone(), ends, vec![f64::NAN; 2], vec![0.0])?;
+        Ok(TimePath { motion, margin: f64::NAN, reason: Some(reason) })
+    }
+}
+
+/// About `points` points, evenly within each piece, and the piece of each segment.
+fn grid(path: &Path, points: usize) -> (Vec<f64>, Vec<usize>) {
+    let knots = path.knots();
+    let total = knots[knots.len() - 1] - knots[0];
+    let (mut s, mut pieces) = (Vec::new(), Vec::new());
+    let fewest = if PIECE * (knots.len() - 1) < points { PIECE } else { 1 };
+    for p in 0..knots.len() - 1 {
+        let (a, b) = (knots[p], knots[p + 1]);
+        let segments = (((b - a) / total * (points - 1) as f64).round() as usize).max(fewest);
+        for k in 0..segments {
+            let at = a + (b - a) * (k as f64 / segments as f64);
+            if s.last().is_none_or(|last| at > *last) {
+                s.push(at);
+                pieces.push(p);
+            }
+        }
+    }
+    s.push(knots[knots.len() - 1]);
+    (s, pieces)
+}

@@ -1,0 +1,194 @@
+//! The pseudo-inertia of a body (`wensing2018linear`) and its natural metric (`lee2018natural`):
+//!
+//! ```text
+//! P = [[S, h], [h', m]],  S = integral of r r' dm = tr(I)/2 1 - I,  h = m c       (4 x 4, linear in the ten parameters)
+//! <A, B>_P = tr(P^-1 A P^-1 B)                                                   (invariant under change of frame and unit)
+//! d(P || Q) = log(|Q| / |P|) + tr(Q^-1 P) - 4 >= 0
+//! ```
+//!
+//! A body is physically possible, with mass everywhere of one sign and not all on a plane, iff `P > 0`. With `L` the dual of
+//! `y = Y' s`, `tr(P(pi) L) = pi . y` for every `pi`, the law `P_hat' = gamma P_hat L P_hat` gives
+//! `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`: what Slotine and Li's proof needs of an adaptation law, with `P_hat > 0` for ever.
+
+use super::{PARAMETERS, parameter::INERTIA};
+use crate::scalar::Real;
+
+/// Symmetric, rows by columns; the last row and column belong to mass and first moment.
+pub type Pseudo<S> = [[S; 4]; 4];
+
+/// Row and column of the six inertia entries, in the order of the parameters.
+const ENTRIES: [(usize, usize); 6] = [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)];
+
+/// `P` of ten parameters in SPEC order.
+#[inline(always)]
+pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
+    let [m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = *pi;
+    let half = S::splat(0.5) * (xx + yy + zz);
+    [[half - xx, -xy, -xz, hx], [-xy, half - yy, -yz, hy], [-xz, -yz, half - zz, hz], [hx, hy, hz, m]]
+}
+
+/// The ten parameters of `P`, of which the upper triangle is read.
+#[inline(always)]
+pub fn parameters_of<S: Real>(p: &Pseudo<S>) -> [S; PARAMETERS] {
+    let (x, y, z) = (p[0][0], p[1][1], p[2][2]);
+    [p[3][3], p[0][3], p[1][3], p[2][3], y + z, -p[0][1], x + z, -p[0][2], -p[1][2], x + y]
+}
+
+/// `L` with `tr(P(pi) L) = pi . y` for every `pi`.
+#[inline(always)]
+pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
+    let half = S::splat(0.5);
+    let mut l = [[S::zero(); 4]; 4];
+    for (k, (i, j)) in ENTRIES.into_iter().enumerate() {
+        if i != j {
+            let entry = -(half * y[INERTIA + k]);
+            (l[i][j], l[j][i]) = (entry, entry);
+        }
+    }
+    let (xx, yy, zz) = (y[INERTIA], y[INERTIA + 2], y[INERTIA + 5]);
+    (l[0][0], l[1][1], l[2][2]) = (yy + zz, xx + zz, xx + yy);
+    for i in 0..3 {
+        let entry = half * y[1 + i];
+        (l[i][3], l[3][i]) = (entry, entry);
+    }
+    l[3][3] = y[0];
+    l
+}
+
+/// `d pi_hat / dt` of `P_hat' = gamma P_hat L P_hat`, `L` the dual of `y = Y' s`: gradient descent in the natural metric.
+#[inline(always)]
+pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], gamma: S) -> [S; PARAMETERS] {
+    let (p, l) = (pseudo_inertia(pi_hat), dual(y_t_s));
+    let row = |a: &[S; 4], b: &Pseudo<S>, j: usize| a[0].mul_add(b[0][j], a[1].mul_add(b[1][j], a[2].mul_add(b[2][j], a[3] * b[3][j])));
+    let mut lp = [[S::zero(); 4]; 4];
+    for i in 0..4 {
+        for j in 0..4 {
+            lp[i][j] = row(&l[i], &p, j);
+        }
+    }
+    let mut rate = [[S::zero(); 4]; 4];
+    for i in 0..4 {
+        for j in i..4 {
+            rate[i][j] = gamma * row(&p[i], &lp, j);
+        }
+    }
+    parameters_of(&rate)
+}
+
+/// `L` of `P = L L'`, its diagonal in place; `None` where `P` is not positive definite.
+fn factor(p: &Pseudo<f64>) -> Option<Pseudo<f64>> {
+    let mut l = [[0.0; 4]; 4];
+    for i in 0..4 {
+        for j in 0..=i {
+            let sum = (0..j).fold(p[i][j], |sum, k| sum - l[i][k] * l[j][k]);
+            if i > j {
+                l[i][j] = sum / l[j][j];
+            } else if sum > 0.0 && sum.is_finite() {
+                l[i][i] = sum.sqrt();
+            } else {
+                return None;
+            }
+        }
+    }
+    Some(l)
+}
+
+/// Whether the body is physically possible: `P > 0`.
+pub fn is_positive_definite(pi: &[f64; PARAMETERS]) -> bool {
+    factor(&pseudo_inertia(pi)).is_some()
+}
+
+/// The Bregman divergence `d(P || P_hat)` of `-log det`; infinite where either is not positive definite.
+pub fn divergence(pi: &[f64; PARAMETERS], pi_hat: &[f64; PARAMETERS]) -> f64 {
+    let (Some(l), Some(hat)) = (factor(&pseudo_inertia(pi)), factor(&pseudo_inertia(pi_hat))) else { return f64::INFINITY };
+    // X = hat^-1 l, tr(P_hat^-1 P) = |X|^2; the logarithms of the diagonal of X, near one for near bodies, do not cancel.
+    let mut x = [[0.0; 4]; 4];
+    let mut sum = 0.0;
+    for i in 0..4 {
+        for j in 0..=i {
+            x[i][j] = ((j..i).fold(l[i][j], |sum, k| sum - hat[i][k] * x[k][j])) / hat[i][i];
+            sum += if i == j { excess(x[i][i]) } else { x[i][j] * x[i][j] };
+        }
+    }
+    sum
+}
+
+/// `x^2 - 1 - 2 log x`, without cancellation near one.
+fn excess(x: f64) -> f64 {
+    let d = x - 1.0;
+    // 2 (d - log(1 + d)) + d^2
+    let difference = if d.abs() < 1e-2 {
+        // d^2/2 - d^3/3 + ..: eight terms leave 1e-2^10.
+        (2..10).rev().fold(0.0, |sum, k| d * sum + if k % 2 == 0 { 1.0 } else { -1.0 } / f64::from(k)) * d * d
+    } else {
+        d - d.ln_1p()
+    };
+    2.0 * difference + d * d
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A heavy core and four corners: positive definite.
+    const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
+    const OTHER: [f64; 10] = [2.5, 0.1, 0.3, 0.2, 0.7, -0.03, 0.9, 0.04, -0.02, 0.8];
+
+    fn dot(a: &[f64; 10], b: &[f64; 10]) -> f64 {
+        a.iter().zip(b).map(|(x, y)| x * y).sum()
+    }
+
+    #[test]
+    fn maps_are_inverse_and_dual() {
+        for k in 0..10 {
+            let mut unit = [0.0; 10];
+            unit[k] = 1.0;
+            assert_eq!(parameters_of(&pseudo_inertia(&unit)), unit, "sums of halves are exact");
+            let (p, l) = (pseudo_inertia(&unit), dual(&OTHER));
+            let trace: f64 = (0..4).map(|i| (0..4).map(|j| p[i][j] * l[j][i]).sum::<f64>()).sum();
+            assert!((trace - OTHER[k]).abs() < 1e-15, "{k}: a sum of a few numbers below 3");
+        }
+        let two_sided = pseudo_inertia(&BODY);
+        assert!((0..4).all(|i| (0..4).all(|j| two_sided[i][j] == two_sided[j][i])));
+    }
+
+    #[test]
+    fn the_natural_rate_is_what_the_proof_needs() {
+        let y = [0.3, -1.0, 0.4, 0.9, -0.2, 0.6, 0.1, -0.7, 0.5, 0.8];
+        let rate = natural_rate(&OTHER, &y, 2.0);
+        let at = |h: f64| {
+            let moved = std::array::from_fn(|k| OTHER[k] + h * rate[k]);
+            divergence(&BODY, &moved)
+        };
+        // Central differences extrapolated once: the error of h^4 and the rounding of one over a step.
+        let (coarse, fine) = ((at(4e-4) - at(-4e-4)) / 8e-4, (at(2e-4) - at(-2e-4)) / 4e-4);
+        let slope = (4.0 * fine - coarse) / 3.0;
+        let want = 2.0 * (dot(&OTHER, &y) - dot(&BODY, &y));
+        assert!((slope - want).abs() < 1e-8 * want.abs(), "{slope} {want}");
+        // The rate is P L P, also for one lane of eight.
+        use crate::scalar::Array8;
+        let lift = |x: &[f64; 10]| x.map(Array8::<false>::splat);
+        let lanes = natural_rate(&lift(&OTHER), &lift(&y), Array8::splat(2.0));
+        assert!((0..10).all(|k| (lanes[k].lane(3) - rate[k]).abs() < 1e-14), "another order of four products");
+    }
+
+    #[test]
+    fn the_divergence_is_one() {
+        assert_eq!(divergence(&BODY, &BODY), 0.0);
+        assert!(divergence(&BODY, &OTHER) > 0.1 && divergence(&OTHER, &BODY) > 0.1);
+        // Near a body it is half the natural metric, on both sides of the switch of `excess`.
+        for h in [1e-6, 4e-3, 5e-3, 6e-3] {
+            let scaled = BODY.map(|x| x * (1.0 + h));
+            let x: f64 = 1.0 / (1.0 + h);
+            let want = 4.0 * (x - 1.0 - x.ln());
+            assert!((divergence(&BODY, &scaled) - want).abs() < 1e-15 + 1e-13 * want, "{h}");
+        }
+        // Invariant under scaling of both.
+        let (a, b) = (BODY.map(|x| 7.0 * x), OTHER.map(|x| 7.0 * x));
+        assert!((divergence(&a, &b) - divergence(&BODY, &OTHER)).abs() < 1e-13);
+        let mut flat = BODY;
+        flat[0] = -1.0;
+        assert!(!is_positive_definite(&flat) && divergence(&BODY, &flat) == f64::INFINITY);
+        assert!(is_positive_definite(&BODY) && !is_positive_definite(&[0.0; 10]) && !is_positive_definite(&[f64::NAN; 10]));
+    }
+}

@@ -1,0 +1,286 @@
+//! Base parameters, physical consistency and identification: arrays in, the classes of `armlet.identification` out.
+
+use super::Arm;
+use crate::arrays::{any_vector, index_of, integers, new_array, number, numbers, require_finite, shown, vector};
+use crate::errors::{Failure, entry, input_error};
+use crate::simulate::listen;
+use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
+use armlet_core::analysis::{consistency, identification};
+use armlet_core::error::{Error, Result as CoreResult};
+use armlet_core::parallel;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// An object of `armlet.identification`, made from its fields.
+fn made<'py>(py: Python<'py>, class: &str, fields: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+    py.import("armlet.identification")?.getattr(class)?.call((), Some(fields))
+}
+
+fn array<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
+    new_array(py, shape, |out| {
+        out.copy_from_slice(values);
+        Ok(())
+    })
+}
+
+/// Work without the GIL, on a thread of its own while this one listens for Ctrl-C.
+fn listening<T: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> CoreResult<T> + Send) -> Result<T, Failure> {
+    let mut signal = None;
+    let mut poll = listen(&mut signal);
+    let result = py.detach(|| parallel::on_worker(&mut poll, |stop| work(stop).map(|result| (result, stop.load(Ordering::Relaxed)))));
+    drop(poll);
+    match signal {
+        Some(signal) => Err(Failure::Python(signal)),
+        None => Ok(result?.0),
+    }
+}
+
+fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: bool, friction: bool) -> Result<Bound<'py, PyAny>, Failure> {
+    let py = arm.py();
+    let (b, p) = (found.count(), found.names.len());
+    let fields = PyDict::new(py);
+    fields.set_item("arm", arm)?;
+    let columns: Vec<i64> = found.independent.columns.iter().map(|&j| j as i64).collect();
+    fields.set_item("columns", integers(py, &[b], columns)?)?;
+    fields.set_item("projection", array(py, &[b, p], &found.independent.projection)?)?;
+    fields.set_item("names", PyTuple::new(py, &found.names)?)?;
+    fields.set_item("grouping", PyTuple::new(py, found.grouping())?)?;
+    fields.set_item("unseen", PyTuple::new(py, found.unseen())?)?;
+    fields.set_item("armature", armature)?;
+    fields.set_item("friction", friction)?;
+    fields.set_item("smallest_kept", found.independent.smallest_kept)?;
+    fields.set_item("largest_dropped", found.independent.largest_dropped)?;
+    Ok(made(py, "BaseParameters", &fields)?)
+}
+
+#[pymethods]
+impl Arm {
+    /// The base parameters: the fewest combinations of inertial parameters that the arm's motion shows.
+    ///
+    /// `Y pi = Y_b (P pi)` for every state, with the columns `Y_b` of `Y` independent. Decided by rank on regressors stacked over
+    /// seeded random states, column by column from base to tip, under the arm's own gravity.
+    ///
+    /// Args:
+    ///     armature: columns for the rotors' inertia too (keyword only).
+    ///     friction: columns for damping and Coulomb friction too (keyword only).
+    ///
+    /// Returns:
+    ///     An `al.BaseParameters`: `.count`, `.projection` `(b, p)`, `.columns`, `.grouping`, `.values`, `.regressor(q, v, v_r, a_r)`.
+    ///
+    /// Raises:
+    ///     InputError: the arm has no links.
+    ///
+    /// Source: Gautier 1991.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.pendulum(2.0, 3.0).base_parameters().grouping
+    /// ('mcx[joint1]', 'mcy[joint1]', 'Izz[joint1]')
+    #[pyo3(signature = (*, armature=false, friction=false))]
+    fn base_parameters<'py>(slf: &Bound<'py, Self>, armature: bool, friction: bool) -> PyResult<Bound<'py, PyAny>> {
+        const NAME: &str = "base_parameters";
+        entry(slf.py(), NAME, || {
+            let tree = slf.get().model.tree(NAME)?;
+            let found = listening(slf.py(), |stop| base::base_parameters(tree, armature, friction, stop))?;
+            base_object(slf, &found, armature, friction)
+        })
+    }
+
+    /// Whether inertial parameters are physically possible: every body's 4 x 4 pseudo-inertia positive definite.
+    ///
+    /// `P = [[S, h], [h', m]]`, `S = tr(I)/2 1 - I`: positive mass, and principal moments about the centre of mass that are positive and
+    /// below the sum of the other two.
+    ///
+    /// Args:
+    ///     pi: `(10 n,)`, in the order of `parameters`; those of the arm if None.
+    ///
+    /// Returns:
+    ///     An `al.ParameterReport`: true where all is possible, `.eigenvalues` `(n, 4)`, `.inconsistent`, and a line per bad body as text.
+    ///
+    /// Raises:
+    ///     InputError: `pi` is not finite or has the wrong shape, or the arm has no links.
+    ///
+    /// Source: Wensing, Kim and Slotine 2018.
+    ///
+    /// >>> import armlet as al
+    /// >>> arm = al.load_urdf(al.example_urdf("six_axis"))
+    /// >>> arm.check_parameters().consistent
+    /// True
+    #[pyo3(signature = (pi=None))]
+    fn check_parameters<'py>(&self, py: Python<'py>, pi: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        const NAME: &str = "check_parameters";
+        entry(py, NAME, || {
+            let tree = self.model.tree(NAME)?;
+            let pi = match pi {
+                Some(pi) => vector(NAME, "pi", pi, 10 * tree.n())?,
+                None => tree.parameters(),
+            };
+            let bodies = consistency::check_parameters(&pi)?;
+            let fields = PyDict::new(py);
+            fields.set_item("joints", PyTuple::new(py, self.model.joint_names())?)?;
+            let values: Vec<f64> = bodies.iter().flat_map(|body| body.eigenvalues).collect();
+            fields.set_item("eigenvalues", array(py, &[bodies.len(), 4], &values)?)?;
+            fields.set_item("problems", PyTuple::new(py, bodies.iter().map(|body| body.problem.as_str()))?)?;
+            Ok(made(py, "ParameterReport", &fields)?)
+        })
+    }
+
+    /// The nearest physically possible parameters, as `al.project_parameters`, of a vector that must fit this arm, `(10 n,)`.
+    ///
+    /// >>> import armlet as al
+    /// >>> arm = al.load_urdf(al.example_urdf("six_axis"))
+    /// >>> bool((arm.project_parameters(arm.parameters) == arm.parameters).all())
+    /// True
+    #[pyo3(signature = (pi, *, length=None, floor=None))]
+    fn project_parameters<'py>(
+        &self,
+        py: Python<'py>,
+        pi: &Bound<'py, PyAny>,
+        length: Option<&Bound<'py, PyAny>>,
+        floor: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        const NAME: &str = "project_parameters";
+        entry(py, NAME, || {
+            let pi = vector(NAME, "pi", pi, 10 * self.model.tree(NAME)?.n())?;
+            projected(py, &pi, length, floor)
+        })
+    }
+
+    /// Identify base parameters from recorded motion and torque by least squares.
+    ///
+    /// `W_b beta = tau`, the regressors of the samples stacked, with standard deviations from the residual.
+    ///
+    /// Args:
+    ///     q, v, a, tau: positions, velocities, accelerations and torques, `(samples, n)`; more axes before the last are samples too.
+    ///     armature, friction: identify the rotors' inertia, and damping and Coulomb friction, too (keyword only).
+    ///     noise: standard deviation of the torque of each joint, `(n,)`, which weighs them; equal if None (keyword only).
+    ///     cutoff: singular values of the scaled regressor below this, relative to the largest, are not shown by the record
+    ///         (keyword only).
+    ///
+    /// Returns:
+    ///     An `al.Identification`: `.values`, `.deviations`, `.rank`, `.condition`, `.residuals`, `.unidentified`, `.arm`.
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite, shapes differ, there are too few samples, or the arm has no links.
+    ///
+    /// Source: Gautier and Khalil 1992.
+    ///
+    /// >>> import numpy as np
+    /// >>> import armlet as al
+    /// >>> arm = al.planar_arm([1.0, 0.5])
+    /// >>> q, v, a = np.random.default_rng(0).normal(size=(3, 100, 2))
+    /// >>> found = arm.identify(q, v, a, arm.inverse_dynamics(q, v, a))
+    /// >>> np.allclose(found.values, found.base.values)
+    /// True
+    #[pyo3(signature = (q, v, a, tau, *, armature=false, friction=false, noise=None, cutoff=None))]
+    fn identify<'py>(
+        slf: &Bound<'py, Self>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        a: &Bound<'py, PyAny>,
+        tau: &Bound<'py, PyAny>,
+        armature: bool,
+        friction: bool,
+        noise: Option<&Bound<'py, PyAny>>,
+        cutoff: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        const NAME: &str = "identify";
+        let py = slf.py();
+        entry(py, NAME, || {
+            let tree = slf.get().model.tree(NAME)?;
+            let n = tree.n();
+            let mut shape: Option<Vec<usize>> = None;
+            let mut record = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {
+                let (given, values) = numbers(NAME, name, value)?;
+                if given.len() < 2 || given.last() != Some(&n) || shape.as_ref().is_some_and(|first| *first != given) {
+                    let wanted = shape.as_ref().map_or(format!("(samples, {n})"), |first| shown(first));
+                    let problem = format!("has the wrong shape: expected {wanted}, got {}", shown(&given));
+                    return Err(input_error(py, NAME, name, problem).into());
+                }
+                require_finite(py, NAME, name, &given, &values)?;
+                shape = Some(given);
+                Ok(values.into_owned())
+            };
+            let [q, v, a, tau] = [record("q", q)?, record("v", v)?, record("a", a)?, record("tau", tau)?];
+            let noise = noise.map(|noise| vector(NAME, "noise", noise, n)).transpose()?;
+            let cutoff = positive(NAME, "cutoff", cutoff, CUTOFF)?;
+            let options = identification::Options { armature, friction, noise: noise.as_deref(), cutoff };
+            let found = listening(py, |stop| identification::identify(tree, [&q, &v, &a, &tau], &options, stop))?;
+            let (b, p) = (found.base.count(), found.base.names.len());
+            let fields = PyDict::new(py);
+            fields.set_item("base", base_object(slf, &found.base, armature, friction)?)?;
+            fields.set_item("values", array(py, &[b], &found.values)?)?;
+            fields.set_item("deviations", array(py, &[b], &found.deviations)?)?;
+            fields.set_item("covariance", array(py, &[b, b], &found.covariance)?)?;
+            fields.set_item("rank", found.rank)?;
+            fields.set_item("condition", found.condition)?;
+            fields.set_item("singular_values", array(py, &[b], &found.singular_values)?)?;
+            fields.set_item("residuals", array(py, &[n], &found.residuals)?)?;
+            fields.set_item("parameters", array(py, &[p], &found.parameters)?)?;
+            Ok(made(py, "Identification", &fields)?)
+        })
+    }
+}
+
+/// Singular values below this, relative to the largest, are noise of the record rather than motion.
+const CUTOFF: f64 = 1e-6;
+/// Of the metric of `project_parameters`, m: about the size of a link.
+const LENGTH: f64 = 0.1;
+/// Of the eigenvalues of a projected body, relative to the largest of all.
+const FLOOR: f64 = 1e-6;
+
+fn positive(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, default: f64) -> Result<f64, Failure> {
+    let Some(value) = value else { return Ok(default) };
+    let x = number(function, name, value)?;
+    Ok(armlet_core::error::positive(name, x).map(|()| x)?)
+}
+
+fn projected<'py>(
+    py: Python<'py>,
+    pi: &[f64],
+    length: Option<&Bound<'py, PyAny>>,
+    floor: Option<&Bound<'py, PyAny>>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    const NAME: &str = "project_parameters";
+    let (length, floor) = (positive(NAME, "length", length, LENGTH)?, positive(NAME, "floor", floor, FLOOR)?);
+    let projected = consistency::project_parameters(pi, length, floor)?;
+    match projected.iter().position(|x| !x.is_finite()) {
+        None => array(py, &[pi.len()], &projected),
+        Some(k) => {
+            Err(Error::input("pi", format!("overflows: expected moderate numbers (first bad index {})", index_of(&[pi.len()], k))).into())
+        }
+    }
+}
+
+/// The nearest physically possible inertial parameters.
+///
+/// Nearest in the Frobenius norm of `D P D`, `P` each body's pseudo-inertia and `D = diag(1/l, 1/l, 1/l, 1)`, in kg: the eigenvectors stay,
+/// eigenvalues below the floor are raised to it. Bodies that are possible already are not touched.
+///
+/// Args:
+///     pi: `(10 n,)`, in the order of `Arm.parameters`.
+///     length: `l`, m, which makes mass and moments comparable; 0.1 if None (keyword only).
+///     floor: of the eigenvalues of a projected body, relative to the largest of all bodies; 1e-6 if None (keyword only).
+///
+/// Raises:
+///     InputError: an argument is not finite or has the wrong shape, or no body has a positive eigenvalue.
+///
+/// Source: Higham 1988; Wensing, Kim and Slotine 2018.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([1.0])
+/// >>> pi = arm.parameters
+/// >>> pi[9] = -1.0
+/// >>> arm.check_parameters(pi).consistent, arm.check_parameters(al.project_parameters(pi)).consistent
+/// (False, True)
+#[pyfunction]
+#[pyo3(signature = (pi, *, length=None, floor=None))]
+pub fn project_parameters<'py>(
+    py: Python<'py>,
+    pi: &Bound<'py, PyAny>,
+    length: Option<&Bound<'py, PyAny>>,
+    floor: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    const NAME: &str = "project_parameters";
+    entry(py, NAME, || projected(py, &any_vector(NAME, "pi", pi)?, length, floor))
+}

@@ -1,0 +1,446 @@
+//! `armlet.time_path` and the motion it gives.
+
+use crate::arm::{Arm, Model};
+use crate::arrays::{count, index_of, new_array, number, numbers, object, require_finite, shown, text, vector};
+use crate::errors::{Failure, entry, input_error};
+use crate::motion::Motion;
+use armlet_core::error::Error;
+use armlet_core::motion::{Ends, Motion as Core, Path, TimedPath as CorePath};
+use armlet_core::plan::{self, Friction, Mover, PathLimits, TimePathOptions};
+use armlet_core::status::Status;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::sync::Arc;
+
+const NAME: &str = "time_path";
+/// Points at which a callable path is asked, unless told otherwise.
+const SAMPLES: usize = 201;
+
+/// `(n,)` from a scalar or `(n,)`.
+fn limit(name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
+    let (shape, values) = numbers(NAME, name, value)?;
+    require_finite(value.py(), NAME, name, &shape, &values)?;
+    match shape.as_slice() {
+        [] => Ok(vec![values[0]; n]),
+        [rows] if *rows == n => Ok(values.into_owned()),
+        _ => {
+            Err(input_error(value.py(), NAME, name, format!("has the wrong shape: expected a number or ({n},), got {}", shown(&shape)))
+                .into())
+        }
+    }
+}
+
+/// Lower and upper limits from a scalar or `(n,)`, symmetric, or from `(n, 2)`.
+fn torque(value: &Bound<'_, PyAny>, n: usize) -> Result<(Vec<f64>, Vec<f64>), Failure> {
+    let py = value.py();
+    let (shape, values) = numbers(NAME, "tau_max", value)?;
+    require_finite(py, NAME, "tau_max", &shape, &values)?;
+    let upper = match shape.as_slice() {
+        [] => vec![values[0]; n],
+        [rows] if *rows == n => values.into_owned(),
+        [rows, 2] if *rows == n => {
+            return Ok((values.chunks_exact(2).map(|row| row[0]).collect(), values.chunks_exact(2).map(|row| row[1]).collect()));
+        }
+        _ => {
+            let problem = format!("has the wrong shape: expected a number, ({n},) or ({n}, 2), got {}", shown(&shape));
+            return Err(input_error(py, NAME, "tau_max", problem).into());
+        }
+    };
+    if let Some(k) = upper.iter().position(|x| !(*x > 0.0)) {
+        let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {k})") };
+        return Err(input_error(py, NAME, "tau_max", format!("is not positive: expected numbers > 0, got {}{at}", upper[k])).into());
+    }
+    Ok((upper.iter().map(|x| -x).collect(), upper))
+}
+
+fn ends(value: Option<&Bound<'_, PyAny>>, default: Ends) -> Result<Ends, Failure> {
+    let Some(value) = value else { return Ok(default) };
+    match text(NAME, "spline", value)?.as_str() {
+        "natural" => Ok(Ends::Natural),
+        "clamped" => Ok(Ends::Clamped),
+        "not-a-knot" => Ok(Ends::NotAKnot),
+        other => {
+            let problem = format!("is unknown: expected one of \"natural\", \"clamped\", \"not-a-knot\", got {other:?}");
+            Err(input_error(value.py(), NAME, "spline", problem).into())
+        }
+    }
+}
+
+/// The path of a callable, from samples; with derivatives where it gives them.
+fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Result<Path, Failure> {
+    let py = path.py();
+    let s: Vec<f64> = (0..samples).map(|k| k as f64 / (samples - 1) as f64).collect();
+    let mut columns: [Vec<f64>; 3] = Default::default();
+    let mut parts = 0;
+    for (k, &at) in s.iter().enumerate() {
+        let got = path.call1((at,))?;
+        let given: Vec<Bound<'_, PyAny>> = match got.cast::<PyTuple>() {
+            Ok(tuple) if tuple.len() == 3 && !tuple.get_item(0)?.is_instance_of::<pyo3::types::PyFloat>() => tuple.iter().collect(),
+            _ => vec![got],
+        };
+        if k > 0 && given.len() != parts {
+            return Err(input_error(
+                py,
+                NAME,
+                "path",
+                format!("changes what it returns: expected {parts} arrays at s = {at}, got {}", given.len()),
+            )
+            .into());
+        }
+        parts = given.len();
+        for (column, value) in columns.iter_mut().zip(&given) {
+            let (shape, values) = numbers(NAME, "path", value)?;
+            if shape != [n] {
+                let problem = format!("returns the wrong shape: expected ({n},) or three of ({n},), got {} at s = {at}", shown(&shape));
+                return Err(input_error(py, NAME, "path", problem).into());
+            }
+            if let Some(j) = values.iter().position(|x| !x.is_finite()) {
+                let problem = format!("is not finite: expected finite numbers, got {} at s = {at} (first bad index {j})", values[j]);
+                return Err(input_error(py, NAME, "path", problem).into());
+            }
+            column.extend_from_slice(&values);
+        }
+    }
+    let [q, dq, ddq] = &columns;
+    Ok(if parts == 3 { Path::table(&s, q, dq, ddq, n)? } else { Path::spline(&s, q, n, ends)? })
+}
+
+/// The fastest timing of a path of an arm under limits of torque, speed and acceleration.
+///
+/// `q(s)`, `v = q' ds/dt`, `a = q' u + q'' (ds/dt)^2`, `tau = M a + C v + g`: reachability analysis on a grid of `s`, checked ten
+/// times finer and corrected until no limit is exceeded by more than 1e-9 of itself.
+///
+/// Args:
+///     arm: an arm of links, or `planar_pr`.
+///     path: waypoints `(K, n)`, rad or m, joined by a C2 cubic spline; repeated waypoints count once. Or a callable on [0, 1]:
+///         `q(s)` `(n,)`, which is replaced by the spline through `samples` of its points, or `q, q', q''`, three of `(n,)`,
+///         replaced by the quintic Hermite path through them. The motion follows that spline.
+///     tau_max: torque limit, N m or N: number or `(n,)` for both signs, or `(n, 2)` lower and upper (keyword only, as all below).
+///     v_max, a_max: limits of joint speed and acceleration: number or `(n,)`. One of `tau_max` and `a_max` is needed.
+///     knots: path positions of the waypoints, `(K,)`, rising; distances between them, from 0 to 1, if None.
+///     spline: ends of the spline: "natural" (default for waypoints), "clamped", "not-a-knot" (default for a callable).
+///     stops: indices of waypoints where the arm stops on its way.
+///     start_speed, end_speed: path speeds ds/dt at the ends.
+///     friction: True for the arm's own damping and Coulomb friction, or viscous coefficients, number or `(n,)`, N m s/rad.
+///     grid: points to begin with, 201; the path's knots are always among them.
+///     refine: halve the grid where it is too coarse (default True).
+///     samples: how many points of a callable are asked for, 201.
+///
+/// Returns:
+///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False and `p.reason` says why.
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite or out of range, limits are missing.
+///
+/// Source: Pham and Pham, A new approach to time-optimal path parameterization based on reachability analysis, T-RO 34(3),
+/// 2018; docs/time_path.md.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+/// >>> p = al.time_path(arm, [[0.0, 0.0], [1.0, 0.0]], tau_max=[8.0, 8.0])
+/// >>> p.feasible, round(p.duration, 6)
+/// (True, 1.0)
+/// >>> q, v, a = p(0.25)
+/// >>> [round(float(x), 6) for x in (q[0], v[0], a[0])]
+/// [0.125, 1.0, 4.0]
+#[pyfunction]
+#[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None))]
+pub fn time_path<'py>(
+    py: Python<'py>,
+    arm: &Bound<'py, PyAny>,
+    path: &Bound<'py, PyAny>,
+    tau_max: Option<&Bound<'py, PyAny>>,
+    v_max: Option<&Bound<'py, PyAny>>,
+    a_max: Option<&Bound<'py, PyAny>>,
+    knots: Option<&Bound<'py, PyAny>>,
+    spline: Option<&Bound<'py, PyAny>>,
+    stops: Option<&Bound<'py, PyAny>>,
+    start_speed: Option<&Bound<'py, PyAny>>,
+    end_speed: Option<&Bound<'py, PyAny>>,
+    friction: Option<&Bound<'py, PyAny>>,
+    grid: Option<&Bound<'py, PyAny>>,
+    refine: bool,
+    samples: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, TimedPath>> {
+    entry(py, NAME, || {
+        let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
+        let model = &arm.get().model;
+        let n = model.n();
+        let of = |name: &str, value: Option<&Bound<'py, PyAny>>| value.map(|value| limit(name, value, n)).transpose();
+        let limits = PathLimits {
+            torque: tau_max.map(|value| torque(value, n)).transpose()?,
+            velocity: of("v_max", v_max)?,
+            acceleration: of("a_max", a_max)?,
+        };
+        let mut options = TimePathOptions { refine, ..TimePathOptions::default() };
+        for (name, value, to) in [("start_speed", start_speed, &mut options.start_speed), ("end_speed", end_speed, &mut options.end_speed)]
+        {
+            if let Some(value) = value {
+                *to = number(NAME, name, value)?;
+            }
+        }
+        if let Some(value) = grid {
+            options.grid = count(NAME, "grid", value)?;
+        }
+        options.friction = match friction {
+            None => None,
+            Some(value) if value.is_instance_of::<pyo3::types::PyBool>() => value.extract::<bool>()?.then(|| own_friction(model, n)),
+            Some(value) => Some(Friction { viscous: limit("friction", value, n)?, coulomb: vec![0.0; n] }),
+        };
+        let (core, knot) = if path.is_callable() {
+            for (name, value) in [("knots", knots), ("stops", stops)] {
+                if value.is_some() {
+                    return Err(input_error(py, NAME, name, "is not used: expected None for a callable path").into());
+                }
+            }
+            let samples = samples.map_or(Ok(SAMPLES), |value| count(NAME, "samples", value))?;
+            if samples < 4 {
+                return Err(input_error(py, NAME, "samples", format!("is too small: expected at least 4, got {samples}")).into());
+            }
+            (sampled(path, n, samples, ends(spline, Ends::NotAKnot)?)?, Vec::new())
+        } else {
+            if samples.is_some() {
+                return Err(input_error(py, NAME, "samples", "is not used: expected None for waypoints").into());
+            }
+            let (shape, q) = numbers(NAME, "path", path)?;
+            if shape.len() != 2 || shape[1] != n {
+                return Err(input_error(py, NAME, "path", format!("has the wrong shape: expected (K, {n}), got {}", shown(&shape))).into());
+            }
+            require_finite(py, NAME, "path", &shape, &q)?;
+            let knots = knots.map(|value| vector(NAME, "knots", value, shape[0])).transpose()?;
+            Path::waypoints(&q, n, knots.as_deref(), ends(spline, Ends::Natural)?)?
+        };
+        if let Some(value) = stops {
+            for stop in value.try_iter()? {
+                let stop = stop?;
+                let k = stop.extract::<usize>().ok().and_then(|k| knot.get(k).copied());
+                let wrong = || {
+                    input_error(
+                        py,
+                        NAME,
+                        "stops",
+                        format!("is out of range: expected indices of waypoints below {}, got {stop}", knot.len()),
+                    )
+                };
+                options.stops.push(k.ok_or_else(wrong)?);
+            }
+        }
+        let core = Arc::new(core);
+        let answer = match model {
+            Model::Tree(tree) => py.detach(|| plan::time_path(Mover::Tree(&tree.arm), core, &limits, &options))?,
+            Model::PlanarPr(arm) => plan::time_path(Mover::PlanarPr(*arm), core, &limits, &options)?,
+        };
+        let shortfall = answer.reason.map(|reason| Why {
+            text: reason.to_string(),
+            joint: reason.joint,
+            joint_name: reason.joint_name.clone(),
+            s: reason.s,
+            limit: reason.limit.name().to_string(),
+            missing: reason.missing,
+            missing_units: reason.missing_units,
+        });
+        Ok(Bound::new(py, TimedPath::of(answer.motion, answer.margin, shortfall))?)
+    })
+}
+
+fn own_friction(model: &Model, n: usize) -> Friction {
+    let limits = model.limits();
+    let of = |name: &str| limits.iter().find(|(known, _)| *known == name).map_or(vec![0.0; n], |(_, values)| values.clone());
+    Friction { viscous: of("damping"), coulomb: of("friction") }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Why {
+    text: String,
+    joint: usize,
+    joint_name: String,
+    s: f64,
+    limit: String,
+    missing: f64,
+    missing_units: f64,
+}
+
+/// The timing of a path: a motion, `p(t)` gives `q, v, a`. Made by `time_path`.
+///
+/// The path acceleration is linear in `s` between the points of a grid. The start is held before time 0, the end after `duration`.
+#[pyclass(frozen, extends = Motion, module = "armlet")]
+pub struct TimedPath {
+    core: CorePath,
+    margin: f64,
+    why: Option<Why>,
+}
+
+impl TimedPath {
+    fn of(core: CorePath, margin: f64, why: Option<Why>) -> PyClassInitializer<Self> {
+        let motion = Motion::new(Core::TimedPath(core.clone()), Vec::new());
+        PyClassInitializer::from(motion).add_subclass(TimedPath { core, margin, why })
+    }
+
+    fn require(&self, function: &str) -> Result<(), Failure> {
+        let _ = function;
+        match &self.why {
+            None => Ok(()),
+            Some(why) => {
+                Err(Error::Solve { status: Status::Infeasible, t: 0.0, problem: format!("the path has no timing: {}", why.text) }.into())
+            }
+        }
+    }
+}
+
+fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+    entry(py, "TimedPath", || {
+        new_array(py, &[values.len()], |out| {
+            out.copy_from_slice(values);
+            Ok(())
+        })
+    })
+}
+
+#[pymethods]
+impl TimedPath {
+    /// `q, v, a` at time `t` in s: each `(n,)` for a number, `(..., n)` for an array of times.
+    ///
+    /// Raises:
+    ///     InputError: a time is not finite.
+    ///     SolveError: the path has no timing.
+    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let py = t.py();
+        entry(py, "TimedPath", || {
+            self.require("TimedPath")?;
+            let (mut shape, times) = numbers("TimedPath", "t", t)?;
+            if let Some(k) = times.iter().position(|t| !t.is_finite()) {
+                let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&shape, k)) };
+                return Err(input_error(py, "TimedPath", "t", format!("is not finite: expected finite times, got {}{at}", times[k])).into());
+            }
+            let n = self.core.dof();
+            let mut all = vec![0.0; 3 * n * times.len()];
+            for (t, row) in times.iter().zip(all.chunks_exact_mut(3 * n)) {
+                self.core.sample(*t, row);
+            }
+            shape.push(n);
+            let part = |k: usize| {
+                new_array(py, &shape, |out| {
+                    for (out, row) in out.chunks_exact_mut(n).zip(all.chunks_exact(3 * n)) {
+                        out.copy_from_slice(&row[k * n..(k + 1) * n]);
+                    }
+                    Ok(())
+                })
+            };
+            Ok((part(0)?, part(1)?, part(2)?))
+        })
+    }
+
+    /// Duration, s; NaN where there is no timing.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.core.duration()
+    }
+
+    /// Whether the limits allow a timing.
+    #[getter]
+    fn feasible(&self) -> bool {
+        self.why.is_none()
+    }
+
+    /// Smallest relative distance to a limit, on ten points per grid segment; at least -1e-9. NaN without a timing.
+    #[getter]
+    fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    /// Why there is no timing: the joint, the path position, the limit, what it is short by. None if there is one.
+    #[getter]
+    fn reason(&self) -> Option<&str> {
+        self.why.as_ref().map(|why| why.text.as_str())
+    }
+
+    /// The reason as a dict: `joint`, `joint_name`, `s`, `limit`, `missing` (relative), `missing_units` (N m, rad/s^2, ..).
+    #[getter]
+    fn shortfall<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(why) = &self.why else { return Ok(None) };
+        let all = PyDict::new(py);
+        all.set_item("joint", why.joint)?;
+        all.set_item("joint_name", &why.joint_name)?;
+        all.set_item("s", why.s)?;
+        all.set_item("limit", &why.limit)?;
+        all.set_item("missing", why.missing)?;
+        all.set_item("missing_units", why.missing_units)?;
+        Ok(Some(all))
+    }
+
+    /// Path positions of the grid, `(N + 1,)`.
+    #[getter]
+    fn s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.core.grid())
+    }
+
+    /// Path speed ds/dt at the grid points, 1/s, `(N + 1,)`.
+    #[getter]
+    fn s_dot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, &self.core.squared_speeds().iter().map(|x| x.sqrt()).collect::<Vec<f64>>())
+    }
+
+    /// Times of the grid points, s, `(N + 1,)`.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.core.times())
+    }
+
+    fn __repr__(&self) -> String {
+        let points = self.core.grid().len();
+        match &self.why {
+            None => {
+                format!("TimedPath(n={}, duration={:?}, margin={:.3e}, grid={points})", self.core.dof(), self.core.duration(), self.margin)
+            }
+            Some(why) => format!("TimedPath(n={}, reason={:?})", self.core.dof(), why.text),
+        }
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let restore = py.import("armlet._core")?.getattr("_restore_time_path")?;
+        let path = self.core.path();
+        let numbers = [path.knots(), path.coefficients(), path.ends().1, self.core.grid(), self.core.squared_speeds(), self.core.bends()];
+        let arrays = numbers.iter().map(|values| array(py, values)).collect::<PyResult<Vec<_>>>()?;
+        let why = self.why.as_ref().map(|w| (&w.text, w.joint, &w.joint_name, w.s, &w.limit, w.missing, w.missing_units));
+        Ok((
+            restore,
+            PyTuple::new(
+                py,
+                [PyTuple::new(py, arrays)?.into_any(), self.margin.into_pyobject(py)?.into_any(), why.into_pyobject(py)?.into_any()],
+            )?,
+        ))
+    }
+}
+
+type Told = (String, usize, String, f64, String, f64, f64);
+
+/// A `TimedPath` from what its pickle holds.
+#[pyfunction]
+pub fn _restore_time_path<'py>(
+    py: Python<'py>,
+    parts: Vec<Bound<'py, PyAny>>,
+    margin: f64,
+    why: Option<Told>,
+) -> PyResult<Bound<'py, TimedPath>> {
+    const NAME: &str = "_restore_time_path";
+    entry(py, NAME, || {
+        let mut arrays = Vec::new();
+        for part in &parts {
+            arrays.push(numbers(NAME, "parts", part)?.1.into_owned());
+        }
+        let [knots, coefficients, end, s, x, bend] =
+            <[Vec<f64>; 6]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected six arrays"))?;
+        let path = Arc::new(Path::from_parts(knots, coefficients, end)?);
+        let core = if x.iter().all(|x| x.is_infinite()) { CorePath::still(path) } else { CorePath::new(path, s, x, bend)? };
+        let why = why.map(|(text, joint, joint_name, s, limit, missing, missing_units)| Why {
+            text,
+            joint,
+            joint_name,
+            s,
+            limit,
+            missing,
+            missing_units,
+        });
+        Ok(Bound::new(py, TimedPath::of(core, margin, why))?)
+    })
+}

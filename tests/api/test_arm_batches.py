@@ -1,0 +1,105 @@
+"""Batches of arm functions: the same bits for every number of threads, the GIL given up, Ctrl-C answered."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+ARM = al.load_urdf(al.example_urdf("seven_axis"))
+
+# Over a millisecond of work each, with a last group of lanes that is not full.
+DIGEST = """
+    import hashlib, numpy as np, armlet as al
+    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    q, v, a = np.random.default_rng(1).uniform(-2.0, 2.0, (3, 30011, arm.n))
+    frame = arm.frame_names[-1]
+    results = [arm.inverse_dynamics(q, v, a), arm.forward_dynamics(q, v, a), arm.mass_matrix(q), arm.coriolis_matrix(q, v),
+               arm.jacobian(q, frame), arm.pose(q, frame), arm.regressor(q[:5003], v[:5003], a[:5003], v[:5003]),
+               *arm.linearize(q[:3001], v[:3001], a[:3001])]
+    print(hashlib.sha256(b"".join(r.tobytes() for r in results)).hexdigest())
+"""
+
+
+def digest(threads: int) -> str:
+    environment = os.environ | {"ARMLET_NUM_THREADS": str(threads)}
+    command = [sys.executable, "-P", "-c", textwrap.dedent(DIGEST)]
+    return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
+
+
+def test_every_number_of_threads_gives_the_same_bits() -> None:
+    assert len({digest(threads) for threads in (1, 2, 5)}) == 1
+
+
+def test_a_long_call_gives_the_same_bits_as_short_ones() -> None:
+    """Short calls hold the GIL and run on the calling thread; rows in other lanes and pieces give the same bits."""
+    q, v, a = np.random.default_rng(2).uniform(-2.0, 2.0, (3, 20003, ARM.n))
+    whole = ARM.inverse_dynamics(q, v, a)
+    parts = [ARM.inverse_dynamics(q[i : i + 997], v[i : i + 997], a[i : i + 997]) for i in range(0, len(q), 997)]
+    np.testing.assert_array_equal(whole, np.concatenate(parts))
+    out = np.full_like(whole, np.nan)
+    assert ARM.inverse_dynamics(q, v, a, out=out) is out
+    np.testing.assert_array_equal(whole, out)
+
+
+def test_a_bad_row_of_a_long_call_is_named() -> None:
+    q = np.zeros((40000, ARM.n))
+    v = np.zeros_like(q)
+    v[31234, 2] = 1e200
+    with pytest.raises(al.InputError, match=r"not finite: expected finite numbers, got .* \(first bad index \(31234, "):
+        ARM.bias(q, v)
+
+
+def test_other_threads_run_meanwhile() -> None:
+    """While half a second of work is done, another Python thread counts: it could not if the GIL were kept."""
+    q = np.zeros((400_000, ARM.n))
+    busy, ticks = threading.Event(), []
+
+    def count() -> None:
+        while not busy.is_set():
+            ticks.append(time.perf_counter())
+            time.sleep(1e-3)
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    start = time.perf_counter()
+    while time.perf_counter() - start < 0.5:
+        before = time.perf_counter()
+        ARM.coriolis_matrix(q, q)
+        after = time.perf_counter()
+    busy.set()
+    counter.join()
+    # Within the last call alone, a few of its slices of a millisecond.
+    assert sum(before < tick < after for tick in ticks) >= 3
+
+
+def test_ctrl_c_is_answered() -> None:
+    script = """
+        import sys, time, numpy as np, armlet as al
+        arm = al.load_urdf(al.example_urdf("seven_axis"))
+        q = np.zeros((1_500_000, arm.n))
+        print("ready", flush=True)
+        try:
+            while True:
+                arm.inverse_dynamics_derivatives(q[:200_000], q[:200_000], q[:200_000])
+        except KeyboardInterrupt:
+            print(f"{time.time()}", flush=True)
+    """
+    command = [sys.executable, "-P", "-c", textwrap.dedent(script)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None and child.stdout.readline() == "ready\n"
+        time.sleep(0.4)
+        sent = time.time()
+        child.send_signal(signal.SIGINT)
+        answered = float(child.stdout.readline())
+    # A slice of 20 ms, a piece of half a millisecond, the slack of a busy machine.
+    assert answered - sent < 0.5

@@ -1,0 +1,125 @@
+"""Slopes of the dynamics against extrapolated differences, and what they must share with the quantities themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import armlet as al
+
+Array = NDArray[np.float64]
+
+ARMS = {name: al.load_urdf(al.example_urdf(name)) for name in ("planar_2r", "planar_pr", "six_axis", "seven_axis", "two_arms")}
+
+
+def slope(f: Callable[[Array], Array], x: Array) -> Array:
+    """df/dx by central differences extrapolated twice: error h^6 / 7! of the seventh derivative, and rounding / h."""
+    columns = []
+    for j in range(x.size):
+        step = np.zeros_like(x)
+
+        def difference(h: float, step: Array = step, j: int = j) -> Array:
+            step[j] = h
+            return (f(x + step) - f(x - step)) / (2.0 * h)
+
+        d = [difference(h) for h in (0.04, 0.02, 0.01)]
+        once = [(4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(d)]
+        columns.append((16.0 * once[1] - once[0]) / 15.0)
+    return np.stack(columns, axis=-1)
+
+
+@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS.keys())
+@pytest.mark.parametrize("friction", [False, True])
+def test_slopes(arm: al.Arm, friction: bool) -> None:
+    # Velocities away from rest, where Coulomb friction jumps.
+    rng = np.random.default_rng(3)
+    q, a = rng.uniform(-1.0, 1.0, (2, arm.n))
+    v = rng.uniform(0.3, 1.0, arm.n) * rng.choice([-1.0, 1.0], arm.n)
+    by_q, by_v, by_a = arm.inverse_dynamics_derivatives(q, v, a, friction=friction)
+    f = partial(arm.inverse_dynamics, friction=friction)
+    # Extrapolated to 1e-11 of the largest entry; forward through a matrix of condition 1e3.
+    for got, want in (
+        (by_q, slope(lambda x: f(x, v, a), q)),
+        (by_v, slope(lambda x: f(q, x, a), v)),
+        (by_a, slope(lambda x: f(q, v, x), a)),
+    ):
+        np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * max(1.0, float(np.abs(want).max())))
+    np.testing.assert_allclose(by_a, arm.mass_matrix(q), rtol=1e-13, atol=1e-13)
+    tau = f(q, v, a)
+    by_q, by_v, by_tau = arm.forward_dynamics_derivatives(q, v, tau, friction=friction)
+    g = partial(arm.forward_dynamics, friction=friction)
+    for got, want in (
+        (by_q, slope(lambda x: g(x, v, tau), q)),
+        (by_v, slope(lambda x: g(q, x, tau), v)),
+        (by_tau, slope(lambda x: g(q, v, x), tau)),
+    ):
+        np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-7 * max(1.0, float(np.abs(want).max())))
+
+
+@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS.keys())
+def test_slopes_by_velocity_are_twice_the_christoffel_matrix(arm: al.Arm) -> None:
+    q, v, a = np.random.default_rng(4).uniform(-1.0, 1.0, (3, 9, arm.n))
+    np.testing.assert_allclose(arm.inverse_dynamics_derivatives(q, v, a)[1], 2.0 * arm.coriolis_matrix(q, v), rtol=1e-12, atol=1e-12)
+
+
+def test_linearisation_predicts_a_small_step() -> None:
+    arm = ARMS["seven_axis"]
+    rng = np.random.default_rng(5)
+    q, v = rng.uniform(-0.5, 0.5, (2, 4, arm.n))
+    tau = arm.inverse_dynamics(q, v, rng.uniform(-1.0, 1.0, (4, arm.n)))
+    A, B = arm.linearize(q, v, tau)
+    assert A.shape == (4, 14, 14) and B.shape == (4, 14, 7)
+    dx, dtau = 1e-4 * rng.uniform(-1.0, 1.0, (4, 14)), 1e-4 * rng.uniform(-1.0, 1.0, (4, 7))
+    moved = arm.forward_dynamics(q + dx[:, :7], v + dx[:, 7:], tau + dtau) - arm.forward_dynamics(q, v, tau)
+    predicted = np.einsum("kij,kj->ki", A, dx) + np.einsum("kij,kj->ki", B, dtau)
+    np.testing.assert_allclose(predicted[:, :7], dx[:, 7:], rtol=1e-15)
+    # The remainder is of second order: (1e-4)^2 times curvatures of some 1e3.
+    np.testing.assert_allclose(predicted[:, 7:], moved, rtol=0.0, atol=3e-4 * float(np.abs(moved).max()))
+
+
+def test_broadcasting_and_out() -> None:
+    arm = ARMS["six_axis"]
+    q, v, tau = np.random.default_rng(6).uniform(-1.0, 1.0, (3, 4, 1, arm.n))
+    v = np.swapaxes(v, 0, 1)
+    for f, sizes in (
+        (arm.inverse_dynamics_derivatives, [(6, 6)] * 3),
+        (arm.forward_dynamics_derivatives, [(6, 6)] * 3),
+        (arm.linearize, [(12, 12), (12, 6)]),
+    ):
+        call: Any = f
+        results = call(q, v, tau)
+        out = tuple(np.full((4, 4, *size), np.nan) for size in sizes)
+        given = call(q, v, tau, out=out)
+        for one, own, back in zip(results, out, given, strict=True):
+            assert back is own and one.shape == own.shape and one.flags.c_contiguous and one.flags.owndata
+            np.testing.assert_array_equal(one, own)
+        np.testing.assert_array_equal(results[0][2, 3], call(q[2, 0], v[0, 3], tau[2, 0])[0])
+        with pytest.raises(al.InputError, match=f"out is not a tuple of {len(sizes)} arrays"):
+            call(q, v, tau, out=out[0])
+        with pytest.raises(al.InputError, match="out has the wrong shape"):
+            call(q, v, tau, out=tuple(array[0] for array in out))
+        with pytest.raises(al.InputError, match="out overlaps"):
+            call(
+                q,
+                v,
+                tau,
+                out=(out[0],) * len(sizes) if len(sizes) == 3 else (out[0], out[0].reshape(-1)[: 4 * 4 * 12 * 6].reshape(4, 4, 12, 6)),
+            )
+        with pytest.raises(al.InputError, match=r"first bad index \(3, 0, 1\)"):
+            bad = tau.copy()
+            bad[3, 0, 1] = np.inf
+            call(q, v, bad)
+    with pytest.raises(al.InputError, match="arm has no links"):
+        al.planar_pr(2.0, 0.5, 0.5).linearize([0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+
+
+def test_a_singular_mass_matrix_is_said() -> None:
+    arm = al.pendulum(1.0, 1.0).with_parameters(np.zeros(10))
+    with pytest.raises(al.InputError, match="not finite"):
+        arm.linearize([0.0], [0.0], [1.0])

@@ -1,0 +1,121 @@
+"""Trees of the core against the reference, n = 1 to 8, revolute and prismatic, branches and fixed bodies: two derivations.
+
+The core recurs over bodies; the reference multiplies homogeneous transforms and differentiates energies by complex steps.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import armlet as al
+from armlet import reference as ref
+
+Array = NDArray[np.float64]
+
+# The reference forms n^2 traces of products of 4 x 4 matrices: some hundred roundings of the largest entry.
+TOLERANCE = 1e-12
+
+
+def close(got: Array, want: Array, scale: float = 1.0, tolerance: float = TOLERANCE) -> None:
+    assert got.shape == want.shape
+    assert float(np.abs(got - want).max(initial=0.0)) <= tolerance * max(scale, float(np.abs(want).max(initial=0.0)))
+
+
+def random_joints(rng: np.random.Generator, n: int) -> list[dict[str, Any]]:
+    """A tree with `n` moving joints and now and then a fixed body; random mass points make every inertia a real one."""
+    joints: list[dict[str, Any]] = []
+    moving = 0
+    while moving < n:
+        fixed = bool(joints) and rng.random() < 0.2
+        points, masses = 0.2 * rng.normal(size=(5, 3)), rng.uniform(0.1, 0.5, 5)
+        second = np.einsum("k,ki,kj->ij", masses, points, points)
+        inertia = np.trace(second) * np.eye(3) - second
+        above = len(joints) - 1 if rng.random() < 0.6 else int(rng.integers(-1, len(joints))) if joints else -1
+        joints.append(
+            {
+                "type": "fixed" if fixed else "P" if rng.random() < 0.3 else "R",
+                "axis": rng.normal(size=3) if rng.random() < 0.6 else np.eye(3)[rng.integers(3)],
+                "rpy": rng.uniform(-3.0, 3.0, 3),
+                "xyz": 0.3 * rng.normal(size=3),
+                "phi": np.concatenate([[masses.sum()], masses @ points, inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]]),
+                "parent": above,
+                "name": f"j{len(joints)}",
+            }
+        )
+        moving += not fixed
+    return joints
+
+
+def both(n: int, seed: int) -> tuple[al.Arm, Any, Array, list[dict[str, Any]]]:
+    """The arm, the reference, and where each of the arm's joints stands in the reference's order, that of the list."""
+    rng = np.random.default_rng([n, seed])
+    joints, gravity, armature = random_joints(rng, n), 5.0 * rng.normal(size=3), rng.uniform(0.0, 0.3, n)
+    moving = [joint["name"] for joint in joints if joint["type"] != "fixed"]
+    for joint in joints:
+        if joint["type"] != "fixed":
+            joint["armature"] = armature[moving.index(joint["name"])]
+    arm = al.Arm.from_chain(joints, gravity=gravity)
+    reference = ref.Arm.from_chain(joints, gravity=gravity, armature=armature)
+    return arm, reference, np.array([moving.index(name) for name in arm.joint_names]), joints
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("n", range(1, 9))
+def test_trees(n: int, seed: int) -> None:
+    arm, reference, place, joints = both(n, seed)
+    assert arm.n == reference.n == n and sorted(place) == list(range(n))
+    rng = np.random.default_rng([n, seed, 1])
+    q, v, a, v_r, a_r = rng.uniform(-2.0, 2.0, (5, 3, n))
+    # The same states in the reference's order.
+    there = np.argsort(place)
+    Q, V, A, V_r, A_r = (x[:, there] for x in (q, v, a, v_r, a_r))
+    rows, columns = np.ix_(place, place)
+    mass = reference.mass_matrix(Q)[:, rows, columns]
+    scale = float(np.abs(mass).max())
+    close(arm.mass_matrix(q), mass)
+    close(arm.coriolis_matrix(q, v), reference.coriolis_matrix(Q, V)[:, rows, columns], scale)
+    close(arm.gravity(q), reference.gravity(Q)[:, place], scale)
+    close(arm.bias(q, v), reference.bias(Q, V)[:, place], scale)
+    tau = reference.inverse_dynamics(Q, V, A)[:, place]
+    close(arm.inverse_dynamics(q, v, a), tau, scale)
+    # The rounding of the solve, as a torque.
+    solved = reference.forward_dynamics(Q, V, tau[:, there])[:, place]
+    close(np.einsum("kij,kj->ki", mass, arm.forward_dynamics(q, v, tau) - solved), np.zeros((3, n)), max(scale, float(np.abs(tau).max())))
+    blocks = np.concatenate([np.arange(10 * j, 10 * j + 10) for j in place])
+    close(arm.parameters, reference.parameters[blocks])
+    close(arm.regressor(q, v, v_r, a_r), reference.regressor(Q, V, V_r, A_r)[:, place][:, :, blocks])
+    for mine, theirs in zip(arm.energy(q, v), reference.energy(Q, V), strict=True):
+        close(mine, theirs, scale)
+    for k in range(len(joints)):
+        frame = f"link{k + 1}"
+        close(arm.pose(q, frame), reference.pose(Q, frame))
+        close(arm.jacobian(q, frame), reference.jacobian(Q, frame)[:, :, place])
+        close(arm.jacobian_dot(q, v, frame), reference.jacobian_dot(Q, V, frame)[:, :, place], 10.0)
+
+
+def test_the_trees_are_trees() -> None:
+    """Among them are branches, slides, fixed bodies, several bodies on the base, and orders that differ."""
+    seen = {"branch": 0, "slide": 0, "fixed": 0, "forest": 0, "order": 0}
+    for n in range(1, 9):
+        for seed in range(6):
+            _, _, place, joints = both(n, seed)
+            parents = [joint["parent"] for joint in joints]
+            seen["branch"] += len(set(parents)) < len(parents)
+            seen["slide"] += any(joint["type"] == "P" for joint in joints)
+            seen["fixed"] += any(joint["type"] == "fixed" for joint in joints)
+            seen["forest"] += parents.count(-1) > 1
+            seen["order"] += list(place) != sorted(place)
+    assert min(seen.values()) >= 5, seen
+
+
+@pytest.mark.parametrize("n", [3, 5, 8])
+def test_the_christoffel_matrix_is_symmetric_in_its_vectors(n: int) -> None:
+    """C(q, x) y = C(q, y) x, which for n >= 3 singles the Christoffel factorisation out of all skew ones."""
+    arm, *_ = both(n, 0)
+    q, x, y = np.random.default_rng(n).uniform(-2.0, 2.0, (3, 20, n))
+    one, other = arm.coriolis_matrix(q, x) @ y[..., None], arm.coriolis_matrix(q, y) @ x[..., None]
+    close(one, other)

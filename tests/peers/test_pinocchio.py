@@ -1,0 +1,210 @@
+"""Arms read from public URDFs against Pinocchio at 1e-10, joints matched by name.
+
+Pinocchio's regressor ignores the armature and its rnea does not; its rnea and aba ignore the damping of the file. Its order of
+joints differs on branched robots, and a continuous joint has two coordinates there.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+import armlet as al
+
+sys.path.insert(0, str(Path(__file__).parent))
+from robots import ROBOTS, path
+
+Array = NDArray[np.float64]
+
+# The target of the comparison; what is found is some 1e-15.
+TOLERANCE = 1e-10
+
+
+def close(got: Array, want: Array, scale: float = 0.0, tolerance: float = TOLERANCE) -> None:
+    size = max(float(np.abs(want).max(initial=0.0)), scale)
+    assert got.shape == want.shape
+    assert float(np.abs(got - want).max(initial=0.0)) <= tolerance * size
+
+
+class Peer:
+    """A Pinocchio model in the order of an arm's joints."""
+
+    def __init__(self, arm: al.Arm, model: Any) -> None:
+        self.model, self.data = model, model.createData()
+        self.joints = [model.joints[model.getJointId(name)] for name in arm.joint_names]
+        self.ids = [model.getJointId(name) for name in arm.joint_names]
+        self.rows = np.array([joint.idx_v for joint in self.joints])
+        assert len(self.rows) == model.nv == arm.n
+
+    def q(self, q: Array) -> Array:
+        full = pin.neutral(self.model)
+        for joint, angle in zip(self.joints, q, strict=True):
+            full[joint.idx_q : joint.idx_q + joint.nq] = [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
+        return full
+
+    def v(self, v: Array) -> Array:
+        full = np.zeros(self.model.nv)
+        full[self.rows] = v
+        return full
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def pair(request: pytest.FixtureRequest) -> tuple[al.Arm, Peer]:
+    text = str(path(request.param))
+    arm = al.load_urdf(text)
+    return arm, Peer(arm, pin.buildModelFromUrdf(text))
+
+
+def states(arm: al.Arm, count: int, rows: int) -> Array:
+    return np.random.default_rng(arm.n).uniform(-1.0, 1.0, (rows, count, arm.n))
+
+
+def test_dynamics(pair: tuple[al.Arm, Peer]) -> None:
+    arm, peer = pair
+    model, data, rows = peer.model, peer.data, peer.rows
+    q, v, a = states(arm, 4, 3)
+    batch = {
+        "M": arm.mass_matrix(q),
+        "C": arm.coriolis_matrix(q, v),
+        "g": arm.gravity(q),
+        "tau": arm.inverse_dynamics(q, v, a),
+    }
+    for i in range(len(q)):
+        at, rate, acceleration = peer.q(q[i]), peer.v(v[i]), peer.v(a[i])
+        upper = np.triu(pin.crba(model, data, at))
+        mass = (upper + np.triu(upper, 1).T)[np.ix_(rows, rows)]
+        scale = float(np.abs(mass).max())
+        gravity = np.array(pin.computeGeneralizedGravity(model, data, at))[rows]
+        coriolis = np.array(pin.computeCoriolisMatrix(model, data, at, rate))[np.ix_(rows, rows)]
+        tau = np.array(pin.rnea(model, data, at, rate, acceleration))[rows]
+        # One configuration and the row of a batch.
+        for m, c, g, t in (
+            (arm.mass_matrix(q[i]), arm.coriolis_matrix(q[i], v[i]), arm.gravity(q[i]), arm.inverse_dynamics(q[i], v[i], a[i])),
+            (batch["M"][i], batch["C"][i], batch["g"][i], batch["tau"][i]),
+        ):
+            close(m, mass)
+            close(g, gravity, scale)
+            # Two factorisations of the same Coriolis force: C v and C + C' = dM/dt are common to both.
+            close(c @ v[i], coriolis @ v[i], scale)
+            close(c + c.T, coriolis + coriolis.T, scale)
+            close(t, tau, scale)
+        # As torques: M may be ill conditioned. Relative to what the solve is made of.
+        accelerated = np.array(pin.aba(model, data, at, rate, peer.v(tau)))[rows]
+        ours = arm.forward_dynamics(q[i], v[i], tau)
+        close(mass @ ours, mass @ accelerated, max(scale, float(np.abs(tau).max())))
+
+
+def test_kinematics(pair: tuple[al.Arm, Peer]) -> None:
+    arm, peer = pair
+    model, data, rows = peer.model, peer.data, peer.rows
+    (q,), (v,) = states(arm, 1, 2)
+    at, rate = peer.q(q), peer.v(v)
+    pin.computeJointJacobians(model, data, at)
+    pin.computeJointJacobiansTimeVariation(model, data, at, rate)
+    pin.framesForwardKinematics(model, data, at)
+    axes, checked = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, 0
+    for name in arm.frame_names:
+        if not model.existFrame(name, pin.FrameType.BODY):
+            continue
+        frame = model.getFrameId(name, pin.FrameType.BODY)
+        checked += 1
+        close(arm.pose(q, name), np.array(data.oMf[frame].homogeneous))
+        close(arm.jacobian(q, name), np.array(pin.getFrameJacobian(model, data, frame, axes))[:, rows], 1.0)
+        close(arm.jacobian_dot(q, v, name), np.array(pin.getFrameJacobianTimeVariation(model, data, frame, axes))[:, rows], 1.0)
+    assert checked > arm.n
+    close(arm.center_of_mass(q), np.array(pin.centerOfMass(model, data, at)), 1.0)
+    close(arm.center_of_mass_jacobian(q), np.array(pin.jacobianCenterOfMass(model, data, at))[:, rows], 1.0)
+
+
+def test_regressor_by_polarisation(pair: tuple[al.Arm, Peer]) -> None:
+    """Y(q, v, v_r, a_r) from the classical regressor W(q, v, a), quadratic in v: its bilinear form at (v, v_r)."""
+    arm, peer = pair
+    (q,), (v,), (v_r,), (a_r,) = states(arm, 1, 4)
+    zero = np.zeros(arm.n)
+
+    def classical(v: Array, a: Array) -> Array:
+        full = np.array(pin.computeJointTorqueRegressor(peer.model, peer.data, peer.q(q), peer.v(v), peer.v(a)))
+        columns = np.concatenate([np.arange(10 * (i - 1), 10 * i) for i in peer.ids])
+        return full[np.ix_(peer.rows, columns)]
+
+    gravity = classical(zero, zero)
+    bias = lambda x: classical(x, zero) - gravity  # noqa: E731
+    want = classical(zero, a_r) + 0.5 * (bias(v + v_r) - bias(v) - bias(v_r))
+    got = arm.regressor(q, v, v_r, a_r)
+    close(got, want)
+    close(arm.regressor(q, v, v, a_r), classical(v, a_r))
+    parameters = np.concatenate([peer.model.inertias[i].toDynamicParameters() for i in peer.ids])
+    # Inertias are moved to the joint's frame by either side: a few roundings of the largest.
+    close(arm.parameters, parameters, 1.0, 1e-13)
+    armature = np.array(peer.model.armature)[peer.rows]
+    tau = np.array(pin.rnea(peer.model, peer.data, peer.q(q), peer.v(v), peer.v(a_r)))[peer.rows]
+    close(arm.regressor(q, v, v, a_r) @ arm.parameters + armature * a_r, tau, float(np.abs(want).max()))
+
+
+def test_derivatives(pair: tuple[al.Arm, Peer]) -> None:
+    arm, peer = pair
+    (q,), (v,), (a,) = states(arm, 1, 3)
+    pick = np.ix_(peer.rows, peer.rows)
+    at, rate = peer.q(q), peer.v(v)
+    by_q, by_v, by_a = pin.computeRNEADerivatives(peer.model, peer.data, at, rate, peer.v(a))
+    upper = np.triu(np.array(by_a))
+    ours = arm.inverse_dynamics_derivatives(q, v, a)
+    scale = float(np.abs(by_q).max())
+    for got, want in zip(ours, (np.array(by_q), np.array(by_v), upper + np.triu(upper, 1).T), strict=True):
+        close(got, want[pick], scale)
+    tau = arm.inverse_dynamics(q, v, a)
+    theirs = [np.array(x)[pick] for x in pin.computeABADerivatives(peer.model, peer.data, at, rate, peer.v(tau))[:2]]
+    for got, want in zip(arm.forward_dynamics_derivatives(q, v, tau)[:2], theirs, strict=True):
+        # As torques again: these robots' M reaches a condition of 1e8.
+        close(ours[2] @ got, ours[2] @ want, scale)
+
+
+def test_from_pinocchio_and_verify(pair: tuple[al.Arm, Peer]) -> None:
+    arm, peer = pair
+    again = al.from_pinocchio(peer.model)
+    assert set(again.joint_names) == set(arm.joint_names)
+    place = [again.joint_names.index(name) for name in arm.joint_names]
+    assert [again.joint_types[i] for i in place] == list(arm.joint_types)
+    for name in ("q_min", "q_max", "v_max", "effort", "damping", "friction", "armature"):
+        np.testing.assert_allclose(again.limits[name][place], arm.limits[name], rtol=1e-15)
+    for candidate in (arm, again):
+        report = al.verify(candidate, against=peer.model, samples=2)
+        assert report, str(report)
+        compared = {row.quantity for row in report.rows}
+        assert {"pose", "jacobian", "mass_matrix", "gravity", "inverse_dynamics", "forward_dynamics"} <= compared
+    heavier = arm.parameters
+    heavier[10 * (arm.n - 1)] += 1e-3
+    report = al.verify(arm.with_parameters(heavier), against=peer.model, samples=2)
+    assert not report and "DIFFERS" in str(report)
+    assert {row.quantity for row in report.rows if not row.agrees} >= {"mass_matrix", "gravity", "inverse_dynamics"}
+    assert all(row.agrees for row in report.rows if row.quantity in ("pose", "jacobian"))
+
+
+def test_conventions_are_told() -> None:
+    text = str(path("baxter"))
+    report = al.verify(al.load_urdf(text), against=pin.buildModelFromUrdf(text), samples=1)
+    assert any("joint order" in line for line in report.conventions) and any("damping" in line for line in report.conventions)
+    text = str(path("kinova"))
+    model = pin.buildModelFromUrdf(text)
+    report = al.verify(al.load_urdf(text), against=model, samples=1)
+    assert any("two coordinates" in line for line in report.conventions)
+    report = al.verify(al.load_urdf(text, gravity=[0.0, 0.0, 0.0]), against=model, samples=1)
+    assert {row.quantity for row in report.rows if not row.agrees} == {"gravity", "inverse_dynamics", "gravity vector", "forward_dynamics"}
+
+
+def test_joints_that_are_held_and_joints_that_are_missing() -> None:
+    text = str(path("panda"))
+    arm, model = al.load_urdf(text), pin.buildModelFromUrdf(text)
+    fingers = {name: 0.0 for name in arm.joint_names if "finger" in name}
+    report = al.verify(arm.locked(fingers), against=model, samples=2)
+    assert report and any("2 further joints" in line for line in report.conventions), str(report)
+    with pytest.raises(al.InputError, match="against lacks joints of the arm: expected panda_joint1"):
+        al.verify(arm, against=pin.buildModelFromUrdf(str(path("ur5"))))
+    with pytest.raises(al.InputError, match="of another kind: expected revolute or prismatic, got JointModelFreeFlyer"):
+        al.from_pinocchio(pin.buildModelFromUrdf(str(path("anymal")), pin.JointModelFreeFlyer()))
