@@ -101,7 +101,6 @@ pub fn equilibrium<'py>(
 
 /// The fields of `armlet.ElasticLimits`.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
 pub fn elastic_limits<'py>(
     py: Python<'py>,
     plant: &Bound<'py, PyAny>,
