@@ -21,6 +21,7 @@ PATHS = [
 SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
 TWO = al.load_urdf(al.example_urdf("two_arms"))
 TOOL = SEVEN.frame_names[-1]
+LIMITS = (SEVEN.limits["lower"], SEVEN.limits["upper"])
 HOME = np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4])
 
 
@@ -179,7 +180,7 @@ def test_a_solver_of_an_arm_is_the_solver_of_its_jacobians(method: str) -> None:
 def test_positions_are_found_within_the_limits() -> None:
     """Random poses that the arm can reach, from random starts; the restarts are seeded."""
     rng = np.random.default_rng(7)
-    low, high = (np.array(side) for side in zip(*SEVEN.position_limits, strict=True)) if hasattr(SEVEN, "position_limits") else (-1.5, 1.5)
+    low, high = LIMITS
     found = []
     for _ in range(50):
         X = SEVEN.pose(rng.uniform(low, high, 7), TOOL)
