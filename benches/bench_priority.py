@@ -38,8 +38,12 @@ V7 = [np.array([0.1, -0.2, 0.3]), np.array([0.2, 0.1, -0.1]), np.linspace(-0.2, 
 # Condition of the configurations below 100: two right answers differ by rounding alone.
 ROUNDING = 1e-11
 # Goals of one benchmark run with the peers: ns per Python call, ns per row of a batch.
-TARGETS = [("4R, two tasks: one call", "armlet, for_arm", 400.0), ("seven axes, three tasks: one call", "armlet, for_arm, seven axes", 1300.0),
-           ("4R, two tasks: four small arrays", "armlet, solve_priority", 1000.0), ("4R, two tasks: row of a batch", "armlet, batch, 2 threads", 38.0)]
+TARGETS = [
+    ("4R, two tasks: one call", "armlet, for_arm", 400.0),
+    ("seven axes, three tasks: one call", "armlet, for_arm, seven axes", 1300.0),
+    ("4R, two tasks: four small arrays", "armlet, solve_priority", 1000.0),
+    ("4R, two tasks: row of a batch", "armlet, batch, 2 threads", 38.0),
+]
 
 
 def say(text: str) -> None:
@@ -190,7 +194,10 @@ def report(suite: Suite, markdown: bool, busy: float) -> str:
     about = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {busy:.0%} of them at the start."
     by_name = {case.name: case for case in suite.cases}
     goals = [(what, goal, by_name[name]) for what, name, goal in TARGETS]
-    lines = [(what, f"<= {goal:g} ns", f"{timing.digits(case.median)} ns", "met" if case.median <= goal else "**missed**") for what, goal, case in goals]
+    lines = [
+        (what, f"<= {goal:g} ns", f"{timing.digits(case.median)} ns", "met" if case.median <= goal else "**missed**")
+        for what, goal, case in goals
+    ]
     table = timing.rows(suite.cases)
     if not markdown:
         return "\n".join([about, *(": ".join(line) for line in lines), timing.plain(table)])

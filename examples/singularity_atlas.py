@@ -52,7 +52,13 @@ def tip(frame):
 follow = [al.Task(frame, "xy", tip(frame), 10.0) for frame in frames]
 runs = {}
 print("\nalong the path     largest |u|   largest step of u   largest primary residual   last |e1|    last |e2|")
-for method, options in {"exact": {}, "clamp": {"eps": EPS}, "damped": {"eps": EPS}, "chiaverini": {"eps": EPS}, "sns": {"v_max": 8.0}}.items():
+for method, options in {
+    "exact": {},
+    "clamp": {"eps": EPS},
+    "damped": {"eps": EPS},
+    "chiaverini": {"eps": EPS},
+    "sns": {"v_max": 8.0},
+}.items():
     law = al.PriorityVelocity(arm, follow, method, **options)
     run = al.simulate(al.VelocityArm(arm), law, line[0], t_end=2.0, dt=2e-3, sample_time=2e-3, throw=False)
     runs[method] = run

@@ -1,6 +1,6 @@
 """Types of the extension module; checked against it by stubtest."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Self, SupportsIndex, final, overload
 

@@ -47,7 +47,10 @@ impl InverseKinematics {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let show = |value: &Py<PyAny>| PyResult::Ok(value.bind(py).repr()?.to_string());
         let (q, reached, status) = (show(&self.q)?, show(&self.reached)?, show(&self.status)?);
-        Ok(format!("InverseKinematics(q={q}, reached={reached}, iterations={}, restarts={}, status={status})", self.iterations, self.restarts))
+        Ok(format!(
+            "InverseKinematics(q={q}, reached={reached}, iterations={}, restarts={}, status={status})",
+            self.iterations, self.restarts
+        ))
     }
 }
 

@@ -40,7 +40,9 @@ mod _core {
     #[pymodule_export]
     use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
     #[pymodule_export]
-    use super::priority::{_restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
+    use super::priority::{
+        _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
+    };
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 

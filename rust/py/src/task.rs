@@ -185,11 +185,7 @@ impl Task {
 }
 
 /// Read a list of tasks, and what `of` makes of each; problems name the task.
-pub fn each<T>(
-    function: &str,
-    tasks: &Bound<'_, PyAny>,
-    of: impl Fn(&Task) -> Result<T, Error>,
-) -> Result<(Py<PyTuple>, Vec<T>), Failure> {
+pub fn each<T>(function: &str, tasks: &Bound<'_, PyAny>, of: impl Fn(&Task) -> Result<T, Error>) -> Result<(Py<PyTuple>, Vec<T>), Failure> {
     let py = tasks.py();
     let refuse = |argument: &str, problem: String| -> Failure { input_error(py, function, argument, problem).into() };
     if tasks.is_instance_of::<Task>() {
@@ -475,7 +471,8 @@ impl JointLimitTask {
             if let Some(joints) = &joints {
                 own.push(("joints", joints.clone().into_py_any(py)?));
             }
-            let task = Common { name: NAME, target: None, motion: None, gain, damping }.task(Blueprint::JointLimits { joints, margin }, own)?;
+            let task =
+                Common { name: NAME, target: None, motion: None, gain, damping }.task(Blueprint::JointLimits { joints, margin }, own)?;
             Ok(PyClassInitializer::from(task).add_subclass(JointLimitTask))
         })
     }

@@ -213,7 +213,8 @@ impl Newton<'_> {
                 return Ok(Attempt { q, misses, resting: true });
             }
             // A start is given up when its leading unreached task makes no progress worth a step.
-            let ahead = misses.iter().zip(&mark).find(|(now, before)| now != before).is_some_and(|(now, before)| *now < (1.0 - PROGRESS) * before);
+            let ahead =
+                misses.iter().zip(&mark).find(|(now, before)| now != before).is_some_and(|(now, before)| *now < (1.0 - PROGRESS) * before);
             if ahead {
                 (mark, since) = (misses, 0);
             } else {

@@ -92,7 +92,10 @@ impl TaskFunction {
             Some(names) => chosen(arm, names)?,
         };
         if let Some(&i) = joints.iter().find(|i| !limited(i)) {
-            return Err(Error::input("joints", format!("has no limits: expected joints with two finite limits, got {}", arm.joints[i].name)));
+            return Err(Error::input(
+                "joints",
+                format!("has no limits: expected joints with two finite limits, got {}", arm.joints[i].name),
+            ));
         }
         if joints.is_empty() {
             return Err(Error::input("arm", "has no joint with limits: expected at least one, got none"));
@@ -129,7 +132,10 @@ impl TaskFunction {
     pub fn require_target(&self, target: &[f64]) -> Result<()> {
         finite("target", target)?;
         if target.len() != self.target_size() {
-            return Err(Error::input("target", format!("has the wrong shape: expected ({},), got ({},)", self.target_size(), target.len())));
+            return Err(Error::input(
+                "target",
+                format!("has the wrong shape: expected ({},), got ({},)", self.target_size(), target.len()),
+            ));
         }
         if let (TaskFunction::Axis { .. }, &[x, y, z]) = (self, target) {
             direction("target", [x, y, z])?;
@@ -185,9 +191,5 @@ pub(super) fn turn_between(a: V3<f64>, d: V3<f64>, across: V3<f64>) -> V3<f64> {
     let (axis, cosine) = (a.cross(d), a.dot(d));
     let sine = axis.norm();
     let angle = sine.atan2(cosine);
-    if sine > 0.0 {
-        axis.scale(angle / sine)
-    } else {
-        across.scale(angle)
-    }
+    if sine > 0.0 { axis.scale(angle / sine) } else { across.scale(angle) }
 }

@@ -186,11 +186,7 @@ impl TaskStack {
                     } else {
                         let (w, u) = motion[i];
                         let z_dot = w.cross(z);
-                        if body.revolute {
-                            z_dot.cross_add(moment - o.scale(m), z.cross(momentum - u.scale(m)))
-                        } else {
-                            z_dot.scale(m)
-                        }
+                        if body.revolute { z_dot.cross_add(moment - o.scale(m), z.cross(momentum - u.scale(m))) } else { z_dot.scale(m) }
                     };
                     rows.iter().enumerate().for_each(|(row, &axis)| j[row * n + i] = column[axis] * inverse);
                 }
@@ -210,11 +206,8 @@ impl TaskStack {
                 let (d, d_dot) = (f.p - r.p, f.u - r.u);
                 let mut add = |c: &Column, linear: V3<f64>, angular: V3<f64>, linear_dot: V3<f64>, angular_dot: V3<f64>| {
                     // The rate of R_r' x is R_r'(x' - w_r x x).
-                    let (linear, angular) = if rate {
-                        (linear_dot - r.w.cross(linear), angular_dot - r.w.cross(angular))
-                    } else {
-                        (linear, angular)
-                    };
+                    let (linear, angular) =
+                        if rate { (linear_dot - r.w.cross(linear), angular_dot - r.w.cross(angular)) } else { (linear, angular) };
                     let (linear, angular) = (r.r.apply_transposed(linear), r.r.apply_transposed(angular));
                     for (row, &axis) in rows.iter().enumerate() {
                         j[row * n + c.joint] += if axis < 3 { linear[axis] } else { angular[axis - 3] };

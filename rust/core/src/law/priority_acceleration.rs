@@ -31,7 +31,10 @@ impl PriorityAccelerationSpec {
             return Err(Error::input("joint_damping", format!("is not a damping: expected a finite number >= 0, got {joint_damping}")));
         }
         if options.method == Method::Sns {
-            return Err(Error::input("method", "bounds velocities: expected exact, clamp, damped or chiaverini at acceleration level, got sns"));
+            return Err(Error::input(
+                "method",
+                "bounds velocities: expected exact, clamp, damped or chiaverini at acceleration level, got sns",
+            ));
         }
         let mut options = options;
         // The level below all tasks has the identity for its Jacobian, whose singular values are one or taken.

@@ -16,8 +16,22 @@ use crate::scalar::{Dual, Real};
 
 /// Norms of the error and of the residual of each level of priority.
 const LEVELS: [&str; 16] = [
-    "error_1", "residual_1", "error_2", "residual_2", "error_3", "residual_3", "error_4", "residual_4", "error_5", "residual_5", "error_6",
-    "residual_6", "error_7", "residual_7", "error_8", "residual_8",
+    "error_1",
+    "residual_1",
+    "error_2",
+    "residual_2",
+    "error_3",
+    "residual_3",
+    "error_4",
+    "residual_4",
+    "error_5",
+    "residual_5",
+    "error_6",
+    "residual_6",
+    "error_7",
+    "residual_7",
+    "error_8",
+    "residual_8",
 ];
 
 /// The names of a loop's monitors, in the order of [`Monitor::evaluate`].

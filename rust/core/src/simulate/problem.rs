@@ -231,7 +231,8 @@ impl<'a> Problem<'a> {
         }
         if law.is_scalar() && self.options.sampling.is_none() && self.options.method.is_implicit() {
             let (name, method) = (law.name(), self.options.method.name());
-            let problem = format!("needs derivatives, which {name} has not: expected such as rk4 or dop853, or a sample_time, got {method}");
+            let problem =
+                format!("needs derivatives, which {name} has not: expected such as rk4 or dop853, or a sample_time, got {method}");
             return Err(Error::input("method", problem));
         }
         if matches!(law, LawSpec::External(_)) && self.options.sampling.is_none() {

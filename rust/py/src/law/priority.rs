@@ -5,7 +5,7 @@ use crate::arrays::optional_number;
 use crate::errors::{Failure, entry};
 use crate::priority::Keywords;
 use crate::task::each;
-use armlet_core::law::{Level, LawSpec, PriorityAccelerationSpec, PriorityVelocitySpec};
+use armlet_core::law::{LawSpec, Level, PriorityAccelerationSpec, PriorityVelocitySpec};
 use armlet_core::priority::Options;
 use pyo3::prelude::*;
 

@@ -57,7 +57,12 @@ pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywo
 
 /// Make one anew: for pickling.
 #[pyfunction]
-pub fn _restore_arm_solver(py: Python<'_>, arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: &Bound<'_, PyDict>) -> PyResult<Py<PyAny>> {
+pub fn _restore_arm_solver(
+    py: Python<'_>,
+    arm: &Bound<'_, PyAny>,
+    tasks: &Bound<'_, PyAny>,
+    keywords: &Bound<'_, PyDict>,
+) -> PyResult<Py<PyAny>> {
     let class = py.get_type::<super::PrioritySolver>();
     Ok(class.call_method("for_arm", (arm, tasks), Some(keywords))?.unbind())
 }
@@ -143,7 +148,11 @@ impl ArmPrioritySolver {
             input_error(py, SOLVE, "q, velocities", format!("do not broadcast: expected leading axes that agree, got {all}"))
         })?;
         let rows = count(&lead);
-        let angles = if given.shape == lead { given.all(0).into_owned() } else { crate::arrays::stretch(&given.shape, &lead, &given.all(0), self.n)? };
+        let angles = if given.shape == lead {
+            given.all(0).into_owned()
+        } else {
+            crate::arrays::stretch(&given.shape, &lead, &given.all(0), self.n)?
+        };
         let one = parts.iter().all(|(shape, _)| count(shape) == 1);
         let commands = if one { 1 } else { rows };
         let mut stacked = vec![0.0; commands * total];
@@ -216,7 +225,12 @@ impl ArmPrioritySolver {
 
     /// The fields of `diagnose` as a dictionary.
     #[pyo3(signature = (q, velocities=None))]
-    fn _diagnose<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>, velocities: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyDict>> {
+    fn _diagnose<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        velocities: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         const NAME: &str = "ArmPrioritySolver.diagnose";
         entry(py, NAME, || {
             let angles = vector(NAME, "q", q, self.n)?;

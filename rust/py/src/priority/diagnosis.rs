@@ -49,8 +49,7 @@ pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>,
     fields.set_item("stacked_rank", d.stacked_rank)?;
     fields.set_item("overlap", d.overlap)?;
     fields.set_item("singular_values", vectors(d.levels.iter().map(|l| l.singular_values.as_slice()).collect())?)?;
-    fields
-        .set_item("projected_singular_values", vectors(d.levels.iter().map(|l| l.projected_singular_values.as_slice()).collect())?)?;
+    fields.set_item("projected_singular_values", vectors(d.levels.iter().map(|l| l.projected_singular_values.as_slice()).collect())?)?;
     fields.set_item("kinematic", d.levels.iter().map(|l| l.kinematic).collect::<Vec<_>>())?;
     fields.set_item("algorithmic", d.levels.iter().map(|l| l.algorithmic).collect::<Vec<_>>())?;
     let lost = d.levels.iter().map(|l| copied(py, &[l.lost.len(), l.rows], &l.lost.concat())).collect::<Result<Vec<_>, _>>()?;

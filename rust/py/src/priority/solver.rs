@@ -125,9 +125,7 @@ impl PrioritySolver {
         v_min: Option<&Bound<'py, PyAny>>,
         v_max: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<ArmPrioritySolver> {
-        entry(arm.py(), "PrioritySolver.for_arm", || {
-            for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max })
-        })
+        entry(arm.py(), "PrioritySolver.for_arm", || for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max }))
     }
 
     /// Joint velocities `(n,)` for one `(rows_i, n)` Jacobian and one `(rows_i,)` task velocity per level, written to `out` if given.
