@@ -63,9 +63,11 @@ from .errors import ArmletError, FormatError, InputError, InternalError, ModelEr
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
+from .metrics import Metrics, metrics
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .sampling import Sampling
+from .scenario import Scenario
 from .scipy_method import scipy_method
 from .simulation import simulate, simulate_batch
 from .status import Status
@@ -96,6 +98,7 @@ __all__ = [
     "InternalError",
     "JointImpedance",
     "Law",
+    "Metrics",
     "ModelError",
     "Motion",
     "MotorPD",
@@ -110,6 +113,7 @@ __all__ = [
     "RigidArm",
     "Run",
     "Sampling",
+    "Scenario",
     "Simulator",
     "Sinusoid",
     "SolveError",
@@ -134,6 +138,7 @@ __all__ = [
     "integrate",
     "load",
     "load_urdf",
+    "metrics",
     "minimum_jerk_time",
     "pendulum",
     "planar_arm",

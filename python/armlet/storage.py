@@ -1,7 +1,8 @@
 """Runs on disk: an npz container with a JSON header and a SHA-256 over all of it. No pickle, whole or not at all.
 
 The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
-members are the arrays by name; monitors and array stats as `monitors/name` and `stats/name`, the desired motion as `q_d v_d a_d`.
+members are the arrays by name; monitors, limits and array stats as `monitors/name`, `limits/name`, `stats/name`, the desired motion
+as `q_d v_d a_d`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ __all__ = ["load", "save"]
 
 FORMAT = "armlet run"
 VERSION = 1
+SINGLE = ("parameters", "target")
 DESIRED = ("q_d", "v_d", "a_d")
 
 
@@ -46,9 +48,10 @@ def _digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> st
 def save(run: _Recorded, path: str | PathLike[str]) -> None:
     """Write `run` to `path`; the file is there whole or not at all, also when the disk is full."""
     items = run._items()
-    arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, "parameters") if name in items}
+    arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, *SINGLE) if name in items}
     arrays |= {f"monitors/{name}": values for name, values in run.monitors.items()}
     arrays |= {f"stats/{name}": np.asarray(value) for name, value in run.stats.items() if np.ndim(value)}
+    arrays |= {f"limits/{name}": values for name, values in items.get("limits", {}).items()}
     arrays |= dict(zip(DESIRED, items["desired"], strict=True)) if "desired" in items else {}
     status = items["status"]
     if not isinstance(status, Status):
@@ -123,8 +126,13 @@ def load(path: str | PathLike[str]) -> Run | BatchRun:
     def group(prefix: str) -> dict[str, Any]:
         return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
 
-    fields: dict[str, Any] = {key: arrays[key] for key in ("t", *SERIES, "parameters") if key in arrays}
-    fields |= {"monitors": group("monitors/"), "stats": header["stats"] | group("stats/"), "law_name": header["law"]}
+    fields: dict[str, Any] = {key: arrays[key] for key in ("t", *SERIES, *SINGLE) if key in arrays}
+    fields |= {
+        "monitors": group("monitors/"),
+        "stats": header["stats"] | group("stats/"),
+        "law_name": header["law"],
+        "limits": group("limits/"),
+    }
     fields |= {"units": tuple(header["units"]), "status": arrays.get("status", header["status"])}
     if DESIRED[0] in arrays:
         fields["desired"] = tuple(arrays[key] for key in DESIRED)
