@@ -63,7 +63,7 @@ from .errors import ArmletError, FormatError, InputError, InternalError, ModelEr
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
-from .metrics import Metrics, metrics
+from .run_metrics import Metrics, metrics
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .sampling import Sampling
@@ -72,6 +72,7 @@ from .scipy_method import scipy_method
 from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
+from .sweeping import SweepTable, sweep
 
 __all__ = [
     "Adaptive",
@@ -119,6 +120,7 @@ __all__ = [
     "SolveError",
     "StateFeedback",
     "Status",
+    "SweepTable",
     "Table",
     "TimedPath",
     "TorqueOptimum",
@@ -150,6 +152,7 @@ __all__ = [
     "smallest_reduced_inertia",
     "solve_priority",
     "stiffness_limit",
+    "sweep",
     "time_path",
     "torque_optimal_time",
     "trapezoid_time",

@@ -100,7 +100,7 @@ def _schema(args: argparse.Namespace) -> int:
 
 def _sweep(args: argparse.Namespace) -> int:
     from .scenario import Scenario
-    from .sweep import sweep
+    from .sweeping import sweep
 
     scenario = Scenario.load(args.scenario)
     if "sweep" not in scenario.data:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from .metrics import Metrics
+    from .run_metrics import Metrics
 
 __all__ = ["BatchRun", "Run"]
 
@@ -71,6 +71,8 @@ class _Recorded:
         self._desired: tuple[Array, ...] | None = given.pop("desired", None)
         motions = [None] if self.law_name in TASK_MOTIONS else [getattr(each, "motion", None) for each in laws]
         motions = motions if motion is None else _rows(motion)
+        if len(motions) > 1 and all(each == motions[0] for each in motions):
+            motions = motions[:1]  # one motion made many times: sampled once
         self._motions = motions if None not in motions else []
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
         parameters = given.pop("parameters", None)
@@ -125,7 +127,7 @@ class _Recorded:
 
     def metrics(self, **keywords: Any) -> Metrics:
         """Errors, settling time, overshoot, torques, time outside limits, violated monitors: see `armlet.metrics`."""
-        from .metrics import metrics
+        from .run_metrics import metrics
 
         return metrics(self, **keywords)  # type: ignore[arg-type]  # Run and BatchRun are all there is
 

@@ -27,7 +27,7 @@ from .status import Status
 if TYPE_CHECKING:
     from .run import _Recorded
 
-__all__ = ["load", "save"]
+__all__ = ["digest", "load", "save", "write_whole"]
 
 FORMAT = "armlet run"
 VERSION = 1
@@ -35,14 +35,14 @@ SINGLE = ("parameters", "target")
 DESIRED = ("q_d", "v_d", "a_d")
 
 
-def _digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
     """SHA-256 of the header (without its digest) and of every array with its name, type and shape."""
-    digest = hashlib.sha256(json.dumps({k: v for k, v in header.items() if k != "sha256"}, sort_keys=True).encode())
+    state = hashlib.sha256(json.dumps({k: v for k, v in header.items() if k != "sha256"}, sort_keys=True).encode())
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
-        digest.update(f"\0{name}\0{array.dtype.str}\0{array.shape}\0".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()
+        state.update(f"\0{name}\0{array.dtype.str}\0{array.shape}\0".encode())
+        state.update(array.tobytes())
+    return state.hexdigest()
 
 
 def save(run: _Recorded, path: str | PathLike[str]) -> None:
@@ -68,7 +68,7 @@ def save(run: _Recorded, path: str | PathLike[str]) -> None:
         "status": int(status) if isinstance(status, Status) else None,
         "stats": {name: value.item() if isinstance(value, np.generic) else value for name, value in scalars.items()},
     }
-    header["sha256"] = _digest(header, arrays)
+    header["sha256"] = digest(header, arrays)
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
 
     write_whole(path, lambda file: np.savez(file, allow_pickle=False, **arrays))
@@ -120,7 +120,7 @@ def load(path: str | PathLike[str]) -> Run | BatchRun:
         raise fault("is not a run of armlet: expected a header that says so")
     if header.get("version") != VERSION:
         raise fault(f"has an unknown version: expected {VERSION}, got {header.get('version')}")
-    if header.get("sha256") != _digest(header, arrays):
+    if header.get("sha256") != digest(header, arrays):
         raise fault("is damaged: its checksum does not match")
 
     def group(prefix: str) -> dict[str, Any]:

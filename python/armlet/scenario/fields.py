@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["Entries", "Field", "Flag", "Integer", "Items", "Keyed", "Kind", "Numbers", "OneOf", "Table", "Text", "shown"]
+__all__ = ["Entries", "Field", "Flag", "Integer", "Items", "Keyed", "Kind", "Numbers", "OneOf", "Table", "Text", "Values", "shown"]
 
 
 def shown(value: object) -> str:
@@ -238,6 +238,18 @@ class Keyed(Field):
 
     def schema(self) -> dict[str, Any]:
         return {"type": "object", "additionalProperties": self.item.schema(), "minProperties": 1}
+
+
+@dataclass(frozen=True)
+class Values(Field):
+    """A list of values of any kind."""
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if not isinstance(value, list | tuple) or not value:
+            yield f"{path}: expected a list of values, or a table such as {{ linspace = [0, 1, 5] }}, got {shown(value)}"
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "minItems": 1}
 
 
 @dataclass(frozen=True)

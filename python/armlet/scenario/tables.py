@@ -13,7 +13,7 @@ import numpy as np
 from .. import _core
 from ..errors import InputError
 from ..sampling import CHANNELS, Sampling
-from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text
+from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
 
 __all__ = ["ADAPTIVE_METHODS", "ARMS", "JOINT_TARGETS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
 
@@ -210,7 +210,7 @@ RUN = Table(
 _PAIR = Numbers(1, False)
 _VARY = Entries(
     {
-        "plain": Numbers(depth=3, scalar=False),
+        "plain": Values(),
         "table": Table({"linspace": _PAIR, "geomspace": _PAIR, "uniform": _PAIR, "log_uniform": _PAIR, "normal": _PAIR}),
     }
 )
