@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Built", "Scenario", "change", "pathed"]
 
-MESSAGE = re.compile(r"^\w+: (?P<key>\w+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
+MESSAGE = re.compile(r"^[\w.]+: (?P<key>\w+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
 STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
 
 
