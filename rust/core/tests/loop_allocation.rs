@@ -2,7 +2,7 @@
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
-use armlet_core::law::{AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec};
+use armlet_core::law::{Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec};
 use armlet_core::simulate::{Force, Method, Options, Problem, Sampling, Times, simulate};
@@ -73,7 +73,9 @@ fn steps_allocate_nothing() {
             (gamma[1], gamma[p]) = (0.01, 0.01);
         }
         let gamma = Gain::full("gamma", p, gamma).unwrap();
-        LawSpec::Adaptive(AdaptiveSpec::new(model.clone(), sinusoid(n), gain(n, 0.5), gain(n, 0.5), gamma, None).unwrap())
+        LawSpec::Adaptive(
+            AdaptiveSpec::new(model.clone(), sinusoid(n), gain(n, 0.5), gain(n, 0.5), Adaptation::Euclidean(gamma), None, None).unwrap(),
+        )
     };
     let rigid = |model: &Model| PlantSpec::Rigid(RigidSpec::new(model.clone()));
     let (six, two) = (tree("six_axis"), tree("planar_2r"));
