@@ -71,15 +71,21 @@ def main() -> None:
         # Equal to the error of the grids: toppra's goes with the step, and at 100 points either is a few per cent.
         assert abs(p.duration / peer() - 1.0) < (2e-2 if points < 1000 else 2e-4)
         cases.append(Case(group, f"toppra, {points}", peer, per=1, unit="ms", scale=1e3, against=mine.name))
-    default = Case("grid chosen by armlet", "armlet, settled", lambda: al.time_path(ARM, q, tau_max=TAU_MAX, v_max=2.0, knots=KNOTS), 1, "ms", 1e3)
+    default = Case(
+        "grid chosen by armlet", "armlet, settled", lambda: al.time_path(ARM, q, tau_max=TAU_MAX, v_max=2.0, knots=KNOTS), 1, "ms", 1e3
+    )
     cases.append(default)
     measure(cases, options.rounds, options.core, lambda text: None)
     facts = machine()
-    print(f"{facts['cpu']}, {facts['cores']} cores, {facts['simd']}; other programs took {share:.0%} of them at the start. armlet {al.__version__}.")
+    print(
+        f"{facts['cpu']}, {facts['cores']} cores, {facts['simd']}; other programs took {share:.0%} of them at the start. armlet {al.__version__}."
+    )
     for case in cases:
         points = next((n for n in TARGETS if case.name == f"armlet, {n}"), None)
         if points is not None:
-            print(f"{case.name}: {case.median:.3g} ms, target {TARGETS[points]} ms: {'met' if case.median <= TARGETS[points] else 'missed'}")
+            print(
+                f"{case.name}: {case.median:.3g} ms, target {TARGETS[points]} ms: {'met' if case.median <= TARGETS[points] else 'missed'}"
+            )
     print((markdown if options.markdown else plain)(rows(cases)))
 
 
