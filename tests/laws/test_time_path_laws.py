@@ -156,7 +156,7 @@ def test_friction() -> None:
             q = rng.uniform(-1.0, 1.0, (4, arm.n))
             spline = timing.natural_spline(timing.positions(q), q)
             limits = {"tau_max": static(checker, spline) * 1.1 + 5.0}
-            viscous = rng.uniform(0.2, 2.0, arm.n)
+            viscous = rng.uniform(0.02, 0.1, arm.n)
             p, free = al.time_path(arm, q, friction=viscous, **limits), al.time_path(arm, q, **limits)
             assert p.feasible and free.feasible, (p.reason, free.reason)
             judge(checker, p, spline, limits, rng, viscous)
