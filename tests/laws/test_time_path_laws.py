@@ -149,7 +149,7 @@ def test_start_on_a_limit() -> None:
 
 
 def test_friction() -> None:
-    """Viscous friction counts: inside the limits with it, and slower than without."""
+    """Mild viscous friction counts: inside the limits with it. (Strong friction may be refused: docs/time_path.md.)"""
     rng = np.random.default_rng(6)
     for arm, checker in HEAVY[1:4]:
         for _ in range(max(1, CASES // 8)):
