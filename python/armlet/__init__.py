@@ -74,9 +74,9 @@ from .errors import ArmletError, FormatError, InputError, InternalError, ModelEr
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
-from .run_metrics import Metrics, metrics
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
+from .run_metrics import Metrics, metrics
 from .sampling import Sampling
 from .scenario import Scenario
 from .scipy_method import scipy_method

@@ -31,9 +31,10 @@ def test_speeds(name: str, bad: Any) -> None:
         al.time_path(ARM, PATH, tau_max=30.0, **{name: bad})
 
 
-@pytest.mark.parametrize(
-    "bad", [[[0.0, 0.0]], [[0.0], [1.0]], [0.0, 1.0], [[0.0, math.nan], [1.0, 1.0]], [[0.0, 1.0], [math.inf, 1.0]], "path", None, 3.0]
-)
+WRONG = [[[0.0, 0.0]], [[0.0], [1.0]], [0.0, 1.0], [[0.0, math.nan], [1.0, 1.0]], [[0.0, 1.0], [math.inf, 1.0]], "path", None, 3.0]
+
+
+@pytest.mark.parametrize("bad", WRONG)
 def test_paths(bad: Any) -> None:
     with pytest.raises(al.InputError, match=r"^time_path: path "):
         al.time_path(ARM, bad, tau_max=30.0)
@@ -130,9 +131,10 @@ def test_times() -> None:
             p(bad)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    "p", [al.time_path(ARM, PATH, tau_max=30.0), al.time_path(ARM, PATH, tau_max=0.1), al.time_path(ARM, [PATH[0]] * 2, tau_max=30.0)]
-)
+TIMED = [al.time_path(ARM, path, tau_max=tau) for path, tau in ((PATH, 30.0), (PATH, 0.1), ([PATH[0]] * 2, 30.0))]
+
+
+@pytest.mark.parametrize("p", TIMED)
 def test_pickles_and_texts(p: al.TimedPath) -> None:
     assert isinstance(p, al.Motion) and p.n == 2 and repr(p).startswith("TimedPath(n=2, ")
     for other in (pickle.loads(pickle.dumps(p)), copy.copy(p), copy.deepcopy(p)):

@@ -190,7 +190,7 @@ def test_variants_of_adaptation_keep_the_lyapunov_identity(variant: str) -> None
     assert result.estimate.shape[1] == (base.count if base else 30)
     lyapunov = result.monitors["lyapunov"]
     # Non-increasing and balanced up to the integrator's error.
-    assert np.all(np.diff(lyapunov) < 1e-8) and lyapunov[-1] < 0.5 * lyapunov[0]
+    assert np.all(np.diff(lyapunov) < 1e-8) and lyapunov[-1] < lyapunov[0] - 1.0
     assert np.max(np.abs(result.monitors["lyapunov_balance"])) < 1e-7
     q_d = np.array([motion(t)[0] for t in result.t])
     assert np.max(np.abs(result.q - q_d)[-8:]) < 0.05 * np.max(np.abs(result.q - q_d)[:8])
@@ -226,15 +226,13 @@ def test_walls_push_and_never_pull() -> None:
 def test_friction_acts_where_it_is_asked_for() -> None:
     arm = al.load_urdf(al.example_urdf("six_axis"))
     assert np.any(arm.limits["damping"] > 0)
-    law = al.PDGravity(arm, np.zeros(6), 30.0, 3.0)
-    q0 = np.full(6, 0.3)
-    with_friction = al.simulate(al.RigidArm(arm, friction=True), law, q0, t_end=0.1, dt=1e-3)
-    without = al.simulate(al.RigidArm(arm), law, q0, t_end=0.1, dt=1e-3)
-    assert np.max(np.abs(with_friction.q - without.q)) > 1e-6
-    v, tau = with_friction.v[50], with_friction.tau[50]
-    a = arm.forward_dynamics(with_friction.q[50], v, tau, friction=True)
-    # Central difference over 2 ms.
-    np.testing.assert_allclose((with_friction.v[51] - with_friction.v[49]) / 2e-3, a, rtol=0.05, atol=0.05)
+    q, v, tau = np.full(6, 0.3), np.linspace(0.5, 1.0, 6), np.ones(6)
+    for friction in (True, False):
+        sim = al.Simulator(al.RigidArm(arm, friction=friction), None, q, v0=v, dt=1e-6)
+        sim.step(tau)
+        # A step of a microsecond: its curvature is below 1e-3 of the acceleration.
+        np.testing.assert_allclose((sim.v - v) / 1e-6, arm.forward_dynamics(q, v, tau, friction=friction), rtol=1e-2, atol=1e-2)
+    assert np.max(np.abs(arm.forward_dynamics(q, v, tau, friction=True) - arm.forward_dynamics(q, v, tau))) > 0.1
 
 
 def test_plants_and_laws_belong_together() -> None:

@@ -41,8 +41,8 @@ def peer(q: np.ndarray, s: np.ndarray, v_max: float | None, scheme: Any) -> floa
 
 
 def test_durations() -> None:
-    """toppra holds a constant path acceleration inside the limits at both ends of a segment: slower than the optimum by the order of the grid,
-    1e-3. We are never slower than that by more than 1e-4, and not faster by more than its grid error."""
+    """toppra holds a constant path acceleration inside the limits at both ends of a segment: slower than the optimum by the order of
+    the grid, 1e-3. We are never slower than that by more than 1e-4, and not faster by more than its grid error."""
     rng = np.random.default_rng(11)
     for k in range(20):
         q, s = rng.uniform(-1.0, 1.0, (5, 7)), np.linspace(0.0, 1.0, 5)
