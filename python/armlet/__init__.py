@@ -58,14 +58,15 @@ from ._core import (
     trapezoid_time,
     velocity_bounds,
 )
+from .comparison import compare
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
-from .run_metrics import Metrics, metrics
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
+from .run_metrics import Metrics, metrics
 from .sampling import Sampling
 from .scenario import Scenario
 from .scipy_method import scipy_method
@@ -130,6 +131,7 @@ __all__ = [
     "__version__",
     "bang_bang_time",
     "build_info",
+    "compare",
     "damping_from_ratio",
     "diagnose_priority",
     "elastic_limits",
