@@ -69,6 +69,7 @@ from ._core import (
     trapezoid_time,
     velocity_bounds,
 )
+from .comparison import compare
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .identification import BaseParameters, Identification, ParameterReport
@@ -151,6 +152,7 @@ __all__ = [
     "__version__",
     "bang_bang_time",
     "build_info",
+    "compare",
     "damping_from_ratio",
     "diagnose_priority",
     "elastic_limits",

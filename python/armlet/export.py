@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from importlib import import_module
 from os import PathLike
 from typing import IO, TYPE_CHECKING, Any
 
@@ -49,8 +50,8 @@ def to_parquet(columns: Columns, path: str | PathLike[str]) -> None:
         ImportError: pyarrow is not installed.
     """
     try:
-        import pyarrow
-        from pyarrow import parquet
+        pyarrow: Any = import_module("pyarrow")
+        parquet: Any = import_module("pyarrow.parquet")
     except ImportError:
         raise ImportError("to_parquet: pyarrow is not installed: pip install 'armlet[data]'") from None
     table = pyarrow.table({name: pyarrow.array(np.asarray(values)) for name, values in columns.items()})

@@ -57,6 +57,8 @@ class _Recorded:
     target: Array | None
     #: The arm's `q_min`, `q_max`, `v_max`, `effort`, (n,) or (B, n) each; None where unknown.
     limits: dict[str, Array] | None
+    #: The (first) plant's arm; None in a run that was read from a file.
+    arm: Any
 
     def __init__(self, fields: Mapping[str, Any], law: Any = None, motion: Any = None, plant: Any = None) -> None:
         given = dict(fields)
@@ -83,6 +85,7 @@ class _Recorded:
         if self.target is None and self.law_name in JOINT_TARGETS and law is not None:
             targets = [each.__getnewargs_ex__()[1]["target"] for each in laws]
             self.target = np.array(targets if len(laws) > 1 else targets[0], dtype=np.float64)
+        self.arm = arms[0]
         self.limits = given.pop("limits", None) or _limits(arms)
         types = getattr(arms[0], "joint_types", None) or ("revolute",) * self.q.shape[-1]
         self.units = tuple(given.pop("units", None) or ("m" if kind in ("prismatic", "P") else "rad" for kind in types))
@@ -200,7 +203,7 @@ class Run(_Recorded):
 
         return plot(self, fig)
 
-    def animate(self, path: str | PathLike[str], arm: Any, **keywords: Any) -> None:
+    def animate(self, path: str | PathLike[str], arm: Any = None, **keywords: Any) -> None:
         """Write a GIF of a planar arm in motion: see `armlet.animation.animate`. Needs matplotlib (`armlet[plot]`)."""
         from .animation import animate
 

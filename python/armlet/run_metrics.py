@@ -130,7 +130,7 @@ def metrics(
         q_d, v_d = np.asarray(reference, dtype=np.float64), None
         if q_d.shape[-1:] != (n,) or (q_d.ndim > 1 and q_d.shape[-2] != q.shape[-2]):
             raise InputError(f"metrics: reference has the wrong shape: expected ({n},) or (K, {n}), got {q_d.shape}")
-    bad = ~np.isfinite(q).all(axis=(-2, -1))
+    bad = np.asarray(~np.isfinite(q).all(axis=(-2, -1)))
     found: dict[str, Array] = {}
     per_joint, per_run = (*q.shape[:-2], n), q.shape[:-2]
     weights = _weights(t)
@@ -154,7 +154,7 @@ def metrics(
         found["monitor_violations"] = _violations(run.monitors, tolerance, per_run)
     for name, values in found.items():
         # A run that has stopped being finite has no metrics, whatever its first part was like.
-        found[name] = np.where(bad[..., None] if values.ndim > bad.ndim else bad, np.nan, values)
+        found[name] = np.where(bad[..., None] if values.ndim > np.ndim(bad) else bad, np.nan, values)
     return Metrics({name: found[name] for name in (*PER_JOINT, *PER_RUN) if name in found}, run.units)
 
 
@@ -165,7 +165,8 @@ def _weights(t: Array) -> Array:
     step = np.diff(t, axis=-1)
     zero = np.zeros_like(step[..., :1])
     weights: Array = (np.concatenate([step, zero], -1) + np.concatenate([zero, step], -1)) / 2
-    return weights / weights.sum(axis=-1, keepdims=True)
+    weights /= weights.sum(axis=-1, keepdims=True)
+    return weights
 
 
 def _rms(values: Array, weights: Array) -> Array:
@@ -178,9 +179,10 @@ def _overshoot(q: Array, q_d: Array, v_d: Array | None) -> Array:
     way = end - start
     forward = np.sign(way)[..., None, :]
     beyond = (q * forward).max(axis=-2) - (q_d * forward).max(axis=-2)
-    result = np.where(np.abs(way) > 1e-9, np.maximum(beyond, 0.0) / np.abs(way), np.nan)
-    moving = False if v_d is None else np.abs(np.broadcast_to(v_d, q.shape)[..., -1, :]) > 1e-9
-    return np.where(moving, np.nan, result)
+    result: Array = np.where(np.abs(way) > 1e-9, np.maximum(beyond, 0.0) / np.abs(way), np.nan)
+    if v_d is not None:
+        result[np.abs(np.broadcast_to(v_d, q.shape)[..., -1, :]) > 1e-9] = np.nan
+    return result
 
 
 def _band(band: ArrayLike | None, settle: float, peak: Array, units: tuple[str, ...]) -> Array:

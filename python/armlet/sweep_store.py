@@ -74,7 +74,7 @@ class Store:
         header["sha256"] = digest(header, arrays)
         packed = {f"column{i}": array for i, array in enumerate(arrays.values())}
         packed["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-        write_whole(self._file(start), lambda file: np.savez(file, allow_pickle=False, **packed))  # type: ignore[arg-type]
+        write_whole(self._file(start), lambda file: np.savez(file, allow_pickle=False, **packed))
 
     def read(self, start: int, stop: int) -> Columns | None:
         """The cells from `start` to `stop` if they are finished and undamaged, else None."""

@@ -9,6 +9,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import suppress
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from . import _core
 from .cells import Cells, columns
 from .errors import ArmletError, InputError, SolveError
 from .run import _pandas
+from .sampling import Sampling
 from .scenario import Scenario
 from .scenario.tables import ADAPTIVE_METHODS
 from .simulation import simulate_batch
@@ -188,9 +190,10 @@ def _results(jobs: Iterator[tuple[int, Job]], executor: Executor | None, out: An
     try:
         while True:
             while more and len(waiting) < AHEAD:
-                start, job = next(jobs, (-1, None))
-                more = job is not None
-                if job is not None:
+                following = next(jobs, None)
+                more = following is not None
+                if following is not None:
+                    start, job = following
                     waiting[executor.submit(run_chunk, *job[:4], job[4] or 1, job[5])] = start
             if not waiting:
                 return
@@ -240,10 +243,6 @@ def run_chunk(scenario: Scenario, cells: Cells, start: int, stop: int, threads: 
 
 
 def _batch(members: list[tuple[int, Any]], start: int, cells: Cells, threads: int | None) -> Any:
-    from dataclasses import replace
-
-    from .sampling import Sampling
-
     given = dict(members[0][1].arguments)
     for name in STATES:
         if name in given:

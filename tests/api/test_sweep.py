@@ -135,7 +135,7 @@ def test_another_sweeps_folder_is_refused(tmp_path: Path) -> None:
     for change in ({"seed": 5}, {"band": 0.1}):
         with pytest.raises(al.InputError, match=r"holds another sweep: .*different (seed|metrics)$"):
             al.sweep(SCENARIO, GRID, out=tmp_path, **change)
-    with pytest.raises(al.InputError, match="different scenario$"):
+    with pytest.raises(al.InputError, match=r"different scenario$"):
         al.sweep(SCENARIO.replace({"run.t_end": 0.5}), GRID, out=tmp_path)
     (tmp_path / "sweep.json").write_text("{")
     with pytest.raises(al.FormatError, match=r"sweep\.json is damaged"):
