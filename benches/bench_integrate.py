@@ -4,7 +4,8 @@
     python -P benches/bench_integrate.py --readme     # written into benches/README.md
     python -P benches/bench_integrate.py --plot DIR   # work-precision figures
 
-Every error is against the known end of the problem (`armlet.reference.problems`), and every time the processor's, the best of several interleaved rounds.
+Every error is against the known end of the problem (`armlet.reference.problems`); every time is the processor's, the best of several
+interleaved rounds.
 """
 
 from __future__ import annotations
@@ -152,9 +153,9 @@ def table(rows: list[tuple[str, float, str, float, float]]) -> str:
         for kind in ("", ", lists")
     }
     lines = [
-        f"`al.integrate` over `solve_ivp` at equal method, tolerance and callable, systems of 2 to 8 states: at least {least['']:.1f} times "
-        f"faster with the state as an array, {least[', lists']:.1f} as a list (target 3). The callable's own arithmetic is in both times: "
-        "Arenstorf's, on numpy's scalars, is most of armlet's. So is that of the Pleiades, which computes with arrays of 7 x 7.",
+        f"`al.integrate` over `solve_ivp` at equal method, tolerance and callable, systems of 2 to 8 states: at least {least['']:.1f} "
+        f"times faster with the state as an array, {least[', lists']:.1f} as a list (target 3). The callable's own arithmetic is in "
+        "both times: Arenstorf's, on numpy's scalars, is most of armlet's. So is that of the Pleiades, with arrays of 7 x 7.",
         "",
         "| problem | tolerance | case | ms | error | scipy's time over it |",
         "|---|---:|---|---:|---:|---:|",

@@ -74,13 +74,16 @@ from .errors import ArmletError, FormatError, InputError, InternalError, ModelEr
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
+from .run_metrics import Metrics, metrics
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .sampling import Sampling
+from .scenario import Scenario
 from .scipy_method import scipy_method
 from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
+from .sweeping import SweepTable, sweep
 
 __all__ = [
     "Adaptive",
@@ -112,6 +115,7 @@ __all__ = [
     "JointImpedance",
     "JointLimitTask",
     "Law",
+    "Metrics",
     "ModelError",
     "Motion",
     "MotorPD",
@@ -130,11 +134,13 @@ __all__ = [
     "RigidArm",
     "Run",
     "Sampling",
+    "Scenario",
     "Simulator",
     "Sinusoid",
     "SolveError",
     "StateFeedback",
     "Status",
+    "SweepTable",
     "Table",
     "Task",
     "TimedPath",
@@ -156,6 +162,7 @@ __all__ = [
     "inverse_kinematics",
     "load",
     "load_urdf",
+    "metrics",
     "minimum_jerk_time",
     "pendulum",
     "planar_arm",
@@ -167,6 +174,7 @@ __all__ = [
     "smallest_reduced_inertia",
     "solve_priority",
     "stiffness_limit",
+    "sweep",
     "time_path",
     "torque_optimal_time",
     "trapezoid_time",

@@ -1,4 +1,4 @@
-"""The command line: `armlet demo`, `armlet info`.
+"""The command line: `armlet demo`, `armlet info`, and those of scenario files (`commands.py`).
 
 A command is one function that takes the parsed arguments and returns the exit code: 0 done, 1 a check failed, 2 it could not be
 done (one line says why), 130 interrupted.
@@ -13,6 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from .commands import register
 from .errors import ArmletError
 
 __all__ = ["main"]
@@ -61,6 +62,8 @@ def _parser() -> argparse.ArgumentParser:
 
     info = commands.add_parser("info", help="print the version, the instruction set and the number of threads")
     info.set_defaults(run=_info)
+
+    register(commands)
     return parser
 
 
@@ -78,6 +81,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader (head, less) left: nothing to say, and nothing to flush into.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except (ArmletError, OSError, MemoryError) as error:
+    except (ArmletError, OSError, MemoryError, ImportError) as error:
         print(f"armlet: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
         return 2

@@ -17,6 +17,9 @@ from .status import Status
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
+
+    from .run_metrics import Metrics
 
 __all__ = ["BatchRun", "Run"]
 
@@ -24,6 +27,12 @@ Array: TypeAlias = NDArray[np.float64]
 
 # Quantities recorded over time, in the order in which tables and files hold them.
 SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
+# Laws whose target is a joint position, and laws whose motion is not one of joints.
+JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
+TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity")
+# Fields without a time axis that may be there.
+OTHERS = ("parameters", "target", "limits")
+LIMITS = ("q_min", "q_max", "v_max", "effort")
 
 
 class _Recorded:
@@ -44,6 +53,10 @@ class _Recorded:
     parameters: Array | None
     #: Unit of each joint's position, "rad" or "m".
     units: tuple[str, ...]
+    #: The joint position that a law of joints holds, (n,) or (B, n); None for other laws.
+    target: Array | None
+    #: The arm's `q_min`, `q_max`, `v_max`, `effort`, (n,) or (B, n) each; None where unknown.
+    limits: dict[str, Array] | None
 
     def __init__(self, fields: Mapping[str, Any], law: Any = None, motion: Any = None, plant: Any = None) -> None:
         given = dict(fields)
@@ -56,13 +69,21 @@ class _Recorded:
         laws, plants = _rows(law), _rows(plant)
         self.law_name = given.pop("law_name", None) or ("" if law is None else type(laws[0]).__name__)
         self._desired: tuple[Array, ...] | None = given.pop("desired", None)
-        motions = _rows(motion) if motion is not None else [getattr(each, "motion", None) for each in laws]
+        motions = [None] if self.law_name in TASK_MOTIONS else [getattr(each, "motion", None) for each in laws]
+        motions = motions if motion is None else _rows(motion)
+        if len(motions) > 1 and all(each == motions[0] for each in motions):
+            motions = motions[:1]  # one motion made many times: sampled once
         self._motions = motions if None not in motions else []
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
         parameters = given.pop("parameters", None)
         if parameters is None and None not in arms:
             parameters = [arm.parameters for arm in arms] if len(arms) > 1 else arms[0].parameters
         self.parameters = None if parameters is None else np.asarray(parameters, dtype=np.float64)
+        self.target = given.pop("target", None)
+        if self.target is None and self.law_name in JOINT_TARGETS and law is not None:
+            targets = [each.__getnewargs_ex__()[1]["target"] for each in laws]
+            self.target = np.array(targets if len(laws) > 1 else targets[0], dtype=np.float64)
+        self.limits = given.pop("limits", None) or _limits(arms)
         types = getattr(arms[0], "joint_types", None) or ("revolute",) * self.q.shape[-1]
         self.units = tuple(given.pop("units", None) or ("m" if kind in ("prismatic", "P") else "rad" for kind in types))
         self._set_status(given.pop("status", Status.SUCCESS))
@@ -74,7 +95,7 @@ class _Recorded:
 
     def _items(self) -> dict[str, Any]:
         """Every field by name, as `__init__` takes them."""
-        items = {name: getattr(self, name) for name in ("t", *SERIES, "parameters") if getattr(self, name) is not None}
+        items = {name: getattr(self, name) for name in ("t", *SERIES, *OTHERS) if getattr(self, name) is not None}
         items |= {"monitors": self.monitors, "stats": self.stats, "law_name": self.law_name, "units": self.units, "status": self._status()}
         desired = self.desired()
         return items if desired is None else items | {"desired": desired}
@@ -97,6 +118,19 @@ class _Recorded:
                 self._desired = tuple(np.stack(parts) for parts in zip(*rows, strict=True))
         return self._desired  # type: ignore[return-value]  # three by construction
 
+    def reference(self) -> tuple[Array, Array | None] | None:
+        """What the joints should do, `(q_d, v_d)`, that broadcast to `q`: the motion, or the target of a law of joints; else None."""
+        desired = self.desired()
+        if desired is not None:
+            return desired[0], desired[1]
+        return None if self.target is None else (self.target[..., None, :], None)
+
+    def metrics(self, **keywords: Any) -> Metrics:
+        """Errors, settling time, overshoot, torques, time outside limits, violated monitors: see `armlet.metrics`."""
+        from .run_metrics import metrics
+
+        return metrics(self, **keywords)  # type: ignore[arg-type]  # Run and BatchRun are all there is
+
     def save(self, path: str | PathLike[str]) -> None:
         """Write the run to one file, whole or not at all; `armlet.load` reads it back. No pickle inside."""
         from .storage import save
@@ -114,6 +148,14 @@ class _Recorded:
             if values is not None:
                 columns |= {f"{name}{i + 1}": values[(*row, slice(None), i)] for i in range(values.shape[-1])}
         return columns | {name: values[row] for name, values in self.monitors.items()}
+
+
+def _limits(arms: list[Any]) -> dict[str, Array] | None:
+    """The limits of the plants' arms; None where one of them states none."""
+    stated: list[Any] = [getattr(arm, "limits", None) for arm in (arms if any(arm is not arms[0] for arm in arms) else arms[:1])]
+    if not all(stated):
+        return None
+    return {name: np.array([each[name] for each in stated] if len(stated) > 1 else stated[0][name]) for name in LIMITS}
 
 
 def _rows(value: Any) -> list[Any]:
@@ -157,6 +199,30 @@ class Run(_Recorded):
         from .plots import plot
 
         return plot(self, fig)
+
+    def animate(self, path: str | PathLike[str], arm: Any, **keywords: Any) -> None:
+        """Write a GIF of a planar arm in motion: see `armlet.animation.animate`. Needs matplotlib (`armlet[plot]`)."""
+        from .animation import animate
+
+        animate(self, path, arm, **keywords)
+
+    def to_csv(self, path: str | PathLike[str]) -> None:
+        """Write the table of `to_pandas` with its index as CSV, every number with the digits that give it back; needs no pandas."""
+        from .export import to_csv
+
+        to_csv({"t": self.t, **self._table()}, path)
+
+    def to_parquet(self, path: str | PathLike[str]) -> None:
+        """Write the same table as Parquet. Needs pyarrow (`armlet[data]`)."""
+        from .export import to_parquet
+
+        to_parquet({"t": self.t, **self._table()}, path)
+
+    def to_xarray(self) -> xr.Dataset:
+        """A dataset over `t` and `joint` with units as attributes. Needs xarray (`armlet[data]`)."""
+        from .export import to_xarray
+
+        return to_xarray(self)
 
     def to_pandas(self) -> pd.DataFrame:
         """A table with one row per recorded time (index `t`, s) and columns q1.., v1.., tau1.., and the monitors."""
@@ -207,6 +273,8 @@ class BatchRun(_Recorded):
         items = {name: getattr(self, name)[i] for name in SERIES if getattr(self, name) is not None}
         items |= {"t": self._times(i), "monitors": {name: values[i] for name, values in self.monitors.items()}}
         items |= {"status": self.status[i], "law_name": self.law_name, "units": self.units}
+        items["target"] = self.target[i] if self.target is not None and self.target.ndim == 2 else self.target
+        items["limits"] = self.limits and {name: each[i] if each.ndim == 2 else each for name, each in self.limits.items()}
         items["parameters"] = self.parameters[i] if self.parameters is not None and self.parameters.ndim == 2 else self.parameters
         items["stats"] = {name: np.asarray(value)[i] if np.ndim(value) else value for name, value in self.stats.items()}
         if self._desired is not None:

@@ -19,7 +19,6 @@ __all__ = ["scipy_method"]
 ADAPTIVE = ("dopri5", "dop853", "radau5", "rodas4")
 
 
-@cache
 def scipy_method(name: str) -> Any:
     """A class for `solve_ivp(method=...)`: the steps, the polynomials and the Jacobians are armlet's, the loop is scipy's.
 
@@ -41,6 +40,11 @@ def scipy_method(name: str) -> Any:
     """
     if name not in ADAPTIVE:
         raise InputError(f"scipy_method: name is unknown: expected one of {', '.join(ADAPTIVE)}, got {name!r}")
+    return _method(name)
+
+
+@cache
+def _method(name: str) -> Any:
     scipy: Any = importlib.import_module("scipy.integrate")
 
     class Polynomial(scipy.DenseOutput):  # type: ignore[misc]

@@ -1,7 +1,8 @@
 """Runs on disk: an npz container with a JSON header and a SHA-256 over all of it. No pickle, whole or not at all.
 
 The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
-members are the arrays by name; monitors and array stats as `monitors/name` and `stats/name`, the desired motion as `q_d v_d a_d`.
+members are the arrays by name; monitors, limits and array stats as `monitors/name`, `limits/name`, `stats/name`, the desired motion
+as `q_d v_d a_d`.
 """
 
 from __future__ import annotations
@@ -26,29 +27,31 @@ from .status import Status
 if TYPE_CHECKING:
     from .run import _Recorded
 
-__all__ = ["load", "save"]
+__all__ = ["digest", "load", "save", "write_whole"]
 
 FORMAT = "armlet run"
 VERSION = 1
+SINGLE = ("parameters", "target")
 DESIRED = ("q_d", "v_d", "a_d")
 
 
-def _digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
     """SHA-256 of the header (without its digest) and of every array with its name, type and shape."""
-    digest = hashlib.sha256(json.dumps({k: v for k, v in header.items() if k != "sha256"}, sort_keys=True).encode())
+    state = hashlib.sha256(json.dumps({k: v for k, v in header.items() if k != "sha256"}, sort_keys=True).encode())
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
-        digest.update(f"\0{name}\0{array.dtype.str}\0{array.shape}\0".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()
+        state.update(f"\0{name}\0{array.dtype.str}\0{array.shape}\0".encode())
+        state.update(array.tobytes())
+    return state.hexdigest()
 
 
 def save(run: _Recorded, path: str | PathLike[str]) -> None:
     """Write `run` to `path`; the file is there whole or not at all, also when the disk is full."""
     items = run._items()
-    arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, "parameters") if name in items}
+    arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, *SINGLE) if name in items}
     arrays |= {f"monitors/{name}": values for name, values in run.monitors.items()}
     arrays |= {f"stats/{name}": np.asarray(value) for name, value in run.stats.items() if np.ndim(value)}
+    arrays |= {f"limits/{name}": values for name, values in items.get("limits", {}).items()}
     arrays |= dict(zip(DESIRED, items["desired"], strict=True)) if "desired" in items else {}
     status = items["status"]
     if not isinstance(status, Status):
@@ -65,7 +68,7 @@ def save(run: _Recorded, path: str | PathLike[str]) -> None:
         "status": int(status) if isinstance(status, Status) else None,
         "stats": {name: value.item() if isinstance(value, np.generic) else value for name, value in scalars.items()},
     }
-    header["sha256"] = _digest(header, arrays)
+    header["sha256"] = digest(header, arrays)
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
 
     write_whole(path, lambda file: np.savez(file, allow_pickle=False, **arrays))
@@ -117,14 +120,19 @@ def load(path: str | PathLike[str]) -> Run | BatchRun:
         raise fault("is not a run of armlet: expected a header that says so")
     if header.get("version") != VERSION:
         raise fault(f"has an unknown version: expected {VERSION}, got {header.get('version')}")
-    if header.get("sha256") != _digest(header, arrays):
+    if header.get("sha256") != digest(header, arrays):
         raise fault("is damaged: its checksum does not match")
 
     def group(prefix: str) -> dict[str, Any]:
         return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
 
-    fields: dict[str, Any] = {key: arrays[key] for key in ("t", *SERIES, "parameters") if key in arrays}
-    fields |= {"monitors": group("monitors/"), "stats": header["stats"] | group("stats/"), "law_name": header["law"]}
+    fields: dict[str, Any] = {key: arrays[key] for key in ("t", *SERIES, *SINGLE) if key in arrays}
+    fields |= {
+        "monitors": group("monitors/"),
+        "stats": header["stats"] | group("stats/"),
+        "law_name": header["law"],
+        "limits": group("limits/"),
+    }
     fields |= {"units": tuple(header["units"]), "status": arrays.get("status", header["status"])}
     if DESIRED[0] in arrays:
         fields["desired"] = tuple(arrays[key] for key in DESIRED)

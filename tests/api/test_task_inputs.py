@@ -45,7 +45,10 @@ def test_tasks_come_back(back: Callable[[Any], Any], task: al.Task) -> None:
 @way
 def test_laws_and_solvers_come_back(back: Callable[[Any], Any]) -> None:
     zero = np.zeros(4)
-    for law in (al.PriorityVelocity(ARM, [TIP, ELBOW], "damped", [0.05, 0.02]), al.PriorityAcceleration(ARM, [TIP, ELBOW], joint_damping=2.0)):
+    for law in (
+        al.PriorityVelocity(ARM, [TIP, ELBOW], "damped", [0.05, 0.02]),
+        al.PriorityAcceleration(ARM, [TIP, ELBOW], joint_damping=2.0),
+    ):
         other = back(law)
         assert type(other) is type(law) and repr(other) == repr(law)
         np.testing.assert_array_equal(other(0.3, Q, zero), law(0.3, Q, zero))
@@ -86,9 +89,15 @@ BAD: list[tuple[Callable[[], Any], str]] = [
     (lambda: al.PriorityVelocity(ARM, TIP), "tasks is a single task"),
     (lambda: al.PriorityVelocity(ARM, 3), "tasks is not a list"),
     (lambda: al.PriorityVelocity(ARM, [TIP, "xy"]), r"tasks is of the wrong type: expected tasks, got str \(first bad index 1\)"),
-    (lambda: al.PriorityVelocity(ARM, [TIP, al.Task("link9", "xy", [1.0, 1.0])]), r"tasks\[1\].frame is unknown: expected one of the frames"),
+    (
+        lambda: al.PriorityVelocity(ARM, [TIP, al.Task("link9", "xy", [1.0, 1.0])]),
+        r"tasks\[1\].frame is unknown: expected one of the frames",
+    ),
     (lambda: al.PriorityVelocity(ARM, [al.Task("link4", "xy")]), r"tasks\[0\].target is missing"),
-    (lambda: al.PriorityVelocity(ARM, [al.Task("link4", "xy", [1.0])]), r"tasks\[0\].target has the wrong shape: expected \(2,\), got \(1,\)"),
+    (
+        lambda: al.PriorityVelocity(ARM, [al.Task("link4", "xy", [1.0])]),
+        r"tasks\[0\].target has the wrong shape: expected \(2,\), got \(1,\)",
+    ),
     (lambda: al.PriorityVelocity(ARM, [al.Task("link4", "xy", al.Hold([1.0]))]), r"tasks\[0\].target has the wrong shape"),
     (lambda: al.PriorityVelocity(ARM, [al.Task("link4", "xy", [1.0, 1.0], [1.0, 1.0, 1.0])]), r"tasks\[0\].gain has the wrong shape"),
     (lambda: al.PriorityVelocity(ARM, [al.Task("link4", "xy", [1.0, 1.0], -np.eye(2))]), r"tasks\[0\].gain is not positive definite"),

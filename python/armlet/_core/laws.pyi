@@ -96,7 +96,7 @@ class ElasticTracking(Law):
     def __new__(
         cls,
         arm: Arm,
-        motion: Motion,
+        target: Motion,
         stiffness: ArrayLike,
         damping: ArrayLike,
         joint_stiffness: ArrayLike,

@@ -23,7 +23,7 @@ pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> Py
     let (Some(dt), Some(limit)) = (problem.options.sampling.as_ref().map(|s| s.period), problem.sample_time_limit()) else { return Ok(()) };
     if dt > COMFORTABLE * limit && dt < limit {
         let text = format!(
-            "{function}: sample_time {dt:.3e} s is above a third of {limit:.3e} s, where the motor loop becomes unstable: expect oscillation"
+            "{function}: sample_time {dt} s is above a third of {limit:.6} s, where the motor loop becomes unstable: expect oscillation"
         );
         let text = std::ffi::CString::new(text).unwrap_or_default();
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
@@ -101,7 +101,6 @@ pub fn equilibrium<'py>(
 
 /// The fields of `armlet.ElasticLimits`.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
 pub fn elastic_limits<'py>(
     py: Python<'py>,
     plant: &Bound<'py, PyAny>,

@@ -3,13 +3,15 @@
 //!
 //! `q <- clip(q + s dq)`, where `dq` solves `J_i dq = e_i` in priority by a map that is bounded at singularities, and `s <= 1`
 //! keeps every joint's step below a cap. A joint at a limit that the step would cross is held: its column becomes zero, and
-//! the step is solved anew. From a start that leads nowhere the search goes on from random ones, seeded.
+//! the step is solved anew. Freedom that is left over while errors are large moves joints towards the middle of their range.
+//! From a start that leads nowhere the search goes on from random ones, seeded.
 
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite, positive};
 use crate::kinematics::TaskFunction;
 use crate::law::ArmSolver;
-use crate::priority::{Method, Options};
+use crate::linalg::dot;
+use crate::priority::{DEFAULT_EPS, Method, Options};
 use crate::status::Status;
 use std::f64::consts::PI;
 
@@ -35,7 +37,7 @@ pub struct Search {
 impl Default for Search {
     fn default() -> Self {
         let (method, eps) = (Method::Clamp, None);
-        Search { tolerance: 1e-9, max_iterations: 100, restarts: 20, seed: 0, step_max: 0.5, limits: true, method, eps }
+        Search { tolerance: 1e-9, max_iterations: 100, restarts: 50, seed: 0, step_max: 0.5, limits: true, method, eps }
     }
 }
 
@@ -59,6 +61,13 @@ pub struct Found {
 /// Progress of the leading unreached task below this part in `PATIENCE` steps ends a start.
 const PROGRESS: f64 = 1e-3;
 const PATIENCE: usize = 20;
+
+/// The part of the way to the middle of its range that a joint is asked to go in a step, where errors are of order one. It fades
+/// with them, so that the last steps are Newton's.
+const CENTRING: f64 = 0.2;
+
+/// Thresholds stay above this: singular values below it are rounding.
+const SMALLEST_EPS: f64 = 1e-9;
 
 /// A task with its constant target; `None` for one that needs none.
 pub type Goal = (TaskFunction, Vec<f64>);
@@ -87,10 +96,11 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &Search
     }
     let bounds = limits(arm, search.limits)?;
     let options = Options { eps: search.eps.clone(), ..Options::new(search.method) };
-    let solver = ArmSolver::new(arm, goals.iter().map(|(function, _)| function.clone()).collect(), &options)?;
+    let solver = newton_solver(arm, goals, &bounds, options)?;
     let desired = goals.iter().map(|(_, target)| [target.as_slice(), &vec![0.0; 2 * target.len()]].concat()).collect();
-    let total = solver.rows().iter().sum();
-    let mut newton = Newton { solver, desired, bounds, search, e: vec![0.0; total], w: vec![0.0; total], held: vec![false; n] };
+    let total = goals.iter().map(|(function, _)| function.rows()).sum();
+    let eps = vec![DEFAULT_EPS; solver.rows().len()];
+    let mut newton = Newton { solver, desired, bounds, search, e: vec![0.0; total], w: vec![0.0; total], held: vec![false; n], eps };
     let mut random = search.seed;
     let (mut best, mut iterations, mut restarts) = (None::<Attempt>, 0, 0);
     loop {
@@ -115,6 +125,19 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &Search
         _ => Status::MaxSteps,
     };
     Ok(Found { q: best.q, errors, reached, iterations, restarts, status })
+}
+
+/// The tasks, and below them the joints that have a range.
+fn newton_solver(arm: &Arm, goals: &[Goal], bounds: &[(f64, f64)], mut options: Options) -> Result<ArmSolver> {
+    let mut functions: Vec<TaskFunction> = goals.iter().map(|(function, _)| function.clone()).collect();
+    let joints: Vec<usize> = (0..bounds.len()).filter(|&i| (bounds[i].1 - bounds[i].0).is_finite()).collect();
+    if !joints.is_empty() && !goals.is_empty() {
+        functions.push(TaskFunction::Posture { joints });
+        if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == goals.len() && eps.len() > 1) {
+            eps.push(crate::priority::DEFAULT_EPS);
+        }
+    }
+    ArmSolver::new(arm, functions, &options)
 }
 
 /// Whether `a` is better than `b` at the first task in which they differ.
@@ -144,6 +167,7 @@ struct Newton<'a> {
     e: Vec<f64>,
     w: Vec<f64>,
     held: Vec<bool>,
+    eps: Vec<f64>,
 }
 
 impl Newton<'_> {
@@ -170,7 +194,7 @@ impl Newton<'_> {
             at += m;
             if most <= self.search.tolerance { 0.0 } else { most }
         };
-        self.solver.rows().iter().map(miss).collect()
+        self.solver.rows()[..self.desired.len()].iter().map(miss).collect()
     }
 
     /// Newton steps from `q` until all is reached, nothing moves any more, or the steps are used up.
@@ -196,7 +220,9 @@ impl Newton<'_> {
             } else {
                 since += 1;
             }
-            let moved = self.step(&mut q)?;
+            let far = misses_most(&self.e);
+            self.set_thresholds()?;
+            let moved = self.step(&mut q, CENTRING * far.min(1.0))?;
             *iterations += 1;
             if moved <= 1e-3 * self.search.tolerance || since >= PATIENCE {
                 return Ok(Attempt { q: best.0, misses: best.1, resting: true });
@@ -211,14 +237,44 @@ impl Newton<'_> {
         Ok(Attempt { q: best.0, misses: best.1, resting: false })
     }
 
+    /// `eps = |e| / step_max`, which bounds a step by `step_max` at any singular value, and at most the threshold of control: near
+    /// the goal a step is Newton's even where singular values are small.
+    fn set_thresholds(&mut self) -> Result<()> {
+        let (n, levels) = (self.held.len(), self.solver.rows().len());
+        let mut at = 0;
+        for k in 0..levels {
+            let m = self.solver.rows()[k];
+            let most = match &self.search.eps {
+                Some(eps) if eps.len() == 1 => eps[0],
+                Some(eps) if k < eps.len() => eps[k],
+                _ => {
+                    let (jacobian, _) = self.solver.solver_mut().inputs();
+                    let rows = jacobian[at * n..(at + m) * n].chunks_exact(n);
+                    DEFAULT_EPS * rows.map(|row| dot(row, row)).fold(0.0, f64::max).sqrt()
+                }
+            };
+            if k < self.desired.len() {
+                let e = &self.e[at..at + m];
+                self.eps[k] = (dot(e, e).sqrt() / self.search.step_max).min(most).max(SMALLEST_EPS);
+            } else {
+                self.eps[k] = most.max(SMALLEST_EPS);
+            }
+            at += m;
+        }
+        self.solver.solver_mut().set_eps(&self.eps)
+    }
+
     /// One step of `q`, its Jacobians filled in; returns the largest motion of a joint.
-    fn step(&mut self, q: &mut [f64]) -> Result<f64> {
+    fn step(&mut self, q: &mut [f64], centring: f64) -> Result<f64> {
         let n = q.len();
         self.held.fill(false);
         // Every round holds one joint more, so that there are at most n + 1.
         loop {
             let (jacobian, command) = self.solver.solver_mut().inputs();
-            command.copy_from_slice(&self.e);
+            let (tasks, rest) = command.split_at_mut(self.e.len());
+            tasks.copy_from_slice(&self.e);
+            let ranges = self.bounds.iter().zip(&*q).filter(|((lower, upper), _)| (upper - lower).is_finite());
+            rest.iter_mut().zip(ranges).for_each(|(to, ((lower, upper), q))| *to = centring * (0.5 * (lower + upper) - q));
             for (i, _) in self.held.iter().enumerate().filter(|(_, held)| **held) {
                 jacobian.chunks_exact_mut(n).for_each(|row| row[i] = 0.0);
             }
@@ -257,6 +313,11 @@ impl Newton<'_> {
         };
         self.bounds.iter().enumerate().map(draw).collect()
     }
+}
+
+/// The largest error of any task.
+fn misses_most(e: &[f64]) -> f64 {
+    e.iter().fold(0.0, |most, e| most.max(e.abs()))
 }
 
 fn clip(q: &mut [f64], bounds: &[(f64, f64)]) {
@@ -324,8 +385,8 @@ mod tests {
                     reached += 1;
                 }
             }
-            // 20 random starts: a pose that one start in four reaches is missed once in 300.
-            assert!(reached >= 59, "{name}: {reached} of 60");
+            // 50 random starts: a pose that one start in eight reaches is missed once in 900.
+            assert!(reached == 60, "{name}: {reached} of 60");
         }
     }
 
@@ -333,7 +394,7 @@ mod tests {
     fn the_same_seed_finds_the_same() {
         let arm = arm("seven_axis");
         let goal = goal_at(&arm, &inside(&arm, &mut 5), "xyz rx ry rz");
-        let find = |seed| inverse_kinematics(&arm, &[goal.clone()], &[0.0; 7], &Search { seed, ..Search::default() }).unwrap();
+        let find = |seed| inverse_kinematics(&arm, std::slice::from_ref(&goal), &[0.0; 7], &Search { seed, ..Search::default() }).unwrap();
         assert_eq!(find(3), find(3));
     }
 

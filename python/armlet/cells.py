@@ -1,0 +1,123 @@
+"""The cells of a sweep: what varies, and the values of cell number i, from the sweep's seed and i alone.
+
+A grid is the product of lists, the last entry fastest. Draws are random: u = U(seed, i, entry) in (0, 1) goes through the inverse of the
+distribution, so a cell's values depend on neither the order nor the number of workers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+
+__all__ = ["Cells", "columns"]
+
+LISTS = ("linspace", "geomspace")
+DISTRIBUTIONS = ("uniform", "log_uniform", "normal")
+
+
+@dataclass(frozen=True)
+class Cells:
+    """What varies: lists of values, or in the case of draws also distributions, by the path of the key they are for.
+
+    Args:
+        vary: a list of values, `{"linspace": [a, b, n]}`, `{"geomspace": [a, b, n]}`; with draws also `{"uniform": [a, b]}`,
+            `{"log_uniform": [a, b]}` and `{"normal": [mean, deviation]}`.
+        draws: how many random cells, which pick from lists; None is the product of the lists.
+        seed: of the draws, integer >= 0.
+    """
+
+    vary: Mapping[str, Any]
+    draws: int | None
+    seed: int
+
+    @staticmethod
+    def of(vary: Mapping[str, Any], draws: int | None, seed: int) -> Cells:
+        """Check, and write lists out."""
+        for name, value, low in (("draws", draws, 1), ("seed", seed, 0)):
+            if value is not None and (not isinstance(value, int | np.integer) or isinstance(value, bool) or value < low):
+                raise InputError(f"sweep: {name} is no count: expected an integer >= {low}, got {value!r}")
+        if seed >= 2**31:
+            raise InputError(f"sweep: seed is too large: expected an integer < 2**31, got {seed}")
+        if not vary:
+            raise InputError("sweep: vary is empty: expected at least one path with its values")
+        return Cells({str(path): _listed(path, spec, draws) for path, spec in vary.items()}, draws, int(seed))
+
+    def __len__(self) -> int:
+        return self.draws if self.draws is not None else math.prod(len(values) for values in self.vary.values())
+
+    def __getitem__(self, i: int) -> dict[str, Any]:
+        """The values of cell `i` by path."""
+        if self.draws is None:
+            index = np.unravel_index(i, [len(values) for values in self.vary.values()])
+            return {path: values[int(k)] for (path, values), k in zip(self.vary.items(), index, strict=True)}
+        u = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, i]))).random(len(self.vary))
+        return {path: _drawn(spec, float(each)) for (path, spec), each in zip(self.vary.items(), u, strict=True)}
+
+    def sampling_seed(self, i: int) -> int:
+        """The seed of the random numbers inside run `i` (noise, jitter); consecutive cells have consecutive seeds."""
+        return (self.seed << 32) + i
+
+
+def _listed(path: str, spec: Any, draws: int | None) -> Any:
+    def fault(expected: str) -> InputError:
+        return InputError(f'sweep: $.sweep.vary."{path}": expected {expected}, got {spec!r}')
+
+    if not isinstance(spec, Mapping):
+        values = spec.tolist() if hasattr(spec, "tolist") else spec
+        if isinstance(values, str) or not isinstance(values, Sequence) or not values:
+            raise fault("a list of values")
+        return [value.tolist() if hasattr(value, "tolist") else value for value in values]
+    kind, numbers = next(iter(spec.items()), ("", ()))
+    numbers = list(numbers) if isinstance(numbers, Sequence | np.ndarray) and not isinstance(numbers, str) else []
+    if len(spec) != 1 or kind not in (*LISTS, *DISTRIBUTIONS):
+        raise fault(f"a table with one of {', '.join((*LISTS, *DISTRIBUTIONS))}")
+    real = [isinstance(x, int | float | np.number) and not isinstance(x, bool) and math.isfinite(x) for x in numbers]
+    if kind in LISTS:
+        if len(numbers) != 3 or not all(real) or numbers[2] < 1 or numbers[2] != int(numbers[2]):
+            raise fault(f"{kind} = [first, last, count]")
+        if kind == "geomspace" and min(numbers[:2]) <= 0:
+            raise fault("geomspace between numbers > 0")
+        make = np.linspace if kind == "linspace" else np.geomspace
+        return make(numbers[0], numbers[1], int(numbers[2])).tolist()
+    if draws is None:
+        raise InputError(f'sweep: $.sweep.vary."{path}": {kind} is random: expected draws, the number of cells, beside it')
+    if len(numbers) != 2 or not all(real):
+        raise fault(f"{kind} = [{'mean, deviation' if kind == 'normal' else 'low, high'}]")
+    if numbers[1] < 0 if kind == "normal" else numbers[1] < numbers[0] or (kind == "log_uniform" and numbers[0] <= 0):
+        raise fault({"normal": "a deviation >= 0", "uniform": "low <= high", "log_uniform": "0 < low <= high"}[kind])
+    return {kind: [float(x) for x in numbers]}
+
+
+def _drawn(spec: Any, u: float) -> Any:
+    if not isinstance(spec, Mapping):
+        return spec[min(int(u * len(spec)), len(spec) - 1)]
+    ((kind, (a, b)),) = spec.items()
+    if kind == "uniform":
+        return a + (b - a) * u
+    if kind == "log_uniform":
+        return min(max(a * math.exp(math.log(b / a) * u), a), b)
+    # random() may give exactly 0, where the inverse is infinite.
+    return a + b * NormalDist().inv_cdf(max(u, 2.0**-54))
+
+
+def columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
+    """The values of cells as columns; a list becomes one column per entry, `run.q0[0]`, .."""
+    table: dict[str, NDArray[Any]] = {}
+    for path in rows[0] if rows else ():
+        try:
+            values = np.array([row[path] for row in rows])
+        except ValueError:
+            values = np.array([], dtype=object)
+        if values.dtype == object:
+            raise InputError(f"sweep: values of {path} are of different kinds: expected numbers, texts, or lists of one length")
+        for index in np.ndindex(values.shape[1:]):
+            table[path + "".join(f"[{k}]" for k in index)] = values[(slice(None), *index)]
+    return table

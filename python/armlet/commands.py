@@ -1,0 +1,160 @@
+"""The commands about scenario files: `armlet run`, `check`, `new`, `sweep`, `schema`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from .run import Run
+    from .scenario import Scenario
+
+__all__ = ["register"]
+
+
+def _run(args: argparse.Namespace) -> int:
+    from .scenario import Scenario
+
+    scenario = Scenario.load(args.scenario)
+    _prepare(args)
+    run = scenario.run()
+    print(scenario.data.get("title", args.scenario.stem))
+    print(run)
+    print(run.metrics())
+    for path in _results(run, scenario, args):
+        print(f"wrote {path}")
+    return 0
+
+
+def _prepare(args: argparse.Namespace) -> None:
+    """What can be refused is refused before the run, not after it."""
+    if args.plot:
+        from . import plots
+
+        if not plots.available():
+            raise InputError("run: --plot needs matplotlib: pip install 'armlet[plot]'")
+    if args.out is not None:
+        args.out.mkdir(parents=True, exist_ok=True)
+    folder = args.out or Path()
+    if (args.out is not None or args.plot) and not os.access(folder, os.W_OK):
+        raise PermissionError(f"{folder}: is not writable")
+
+
+def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Path]:
+    from .storage import write_whole
+
+    stem = (args.out or Path()) / args.scenario.stem
+    written = []
+    if args.out is not None:
+        run.save(stem.with_suffix(".npz"))
+        run.to_csv(stem.with_suffix(".csv"))
+        written += [stem.with_suffix(".npz"), stem.with_suffix(".csv")]
+    if args.plot:
+        from matplotlib.figure import Figure
+
+        figure = Figure()
+        run.plot(figure)
+        figure.suptitle(scenario.data.get("title", ""))
+        write_whole(stem.with_suffix(".png"), lambda file: figure.savefig(file, dpi=150, format="png"))
+        written.append(stem.with_suffix(".png"))
+    return written
+
+
+def _check(args: argparse.Namespace) -> int:
+    from .scenario import Scenario
+    from .scenario.scenario import read
+
+    problems = list(Scenario.problems(read(args.scenario)))
+    if not problems:
+        scenario = Scenario.load(args.scenario)
+        try:
+            scenario.check()
+        except InputError as error:
+            problems = [str(error).removeprefix(f"{args.scenario}: ")]
+    for problem in problems:
+        print(f"{args.scenario}: {problem}", file=sys.stderr)
+    if not problems:
+        print(f"{args.scenario}: is a scenario: {scenario.summary()}")
+    return 2 if problems else 0
+
+
+def _new(args: argparse.Namespace) -> int:
+    from .scenario import template
+
+    sys.stdout.write(template(args.template))
+    return 0
+
+
+def _schema(args: argparse.Namespace) -> int:
+    from .scenario import schema
+
+    print(json.dumps(schema(), indent=1))
+    return 0
+
+
+def _sweep(args: argparse.Namespace) -> int:
+    from .scenario import Scenario
+    from .sweeping import sweep
+
+    scenario = Scenario.load(args.scenario)
+    if "sweep" not in scenario.data:
+        raise InputError(f"{args.scenario}: $.sweep: is missing: expected a table with the keys vary, draws, seed, chunk")
+    tty = sys.stderr.isatty()
+
+    def progress(done: int, total: int) -> None:
+        if tty:
+            print(f"\r{done} of {total} runs", end="\n" if done == total else "", file=sys.stderr, flush=True)
+
+    given: dict[str, Any] = {"out": args.out, "progress": progress}
+    if args.workers is None:
+        table = sweep(scenario, **given)
+    else:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        # Spawned, not forked: a worker starts clean on every platform.
+        with ProcessPoolExecutor(args.workers, mp_context=get_context("spawn")) as pool:
+            table = sweep(scenario, **given, executor=pool)
+    print(table)
+    print(f"wrote {table.to_csv(args.out / 'table.csv')}")
+    return 0
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected an integer >= 1, got {text!r}")
+    return int(text)
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the commands to the parser's."""
+    from .scenario import TEMPLATES
+
+    run = commands.add_parser("run", help="run a scenario file; print its metrics")
+    run.add_argument("scenario", type=Path, metavar="FILE.toml")
+    run.add_argument("--out", type=Path, metavar="DIR", help="folder for the run (npz), its table (csv) and its figure")
+    run.add_argument("--plot", action="store_true", help="write a figure, to DIR or here")
+    run.set_defaults(run=_run)
+
+    check = commands.add_parser("check", help="say what is wrong with a scenario file, without running it")
+    check.add_argument("scenario", type=Path, metavar="FILE.toml")
+    check.set_defaults(run=_check)
+
+    new = commands.add_parser("new", help="print a commented scenario to start from")
+    new.add_argument("template", choices=TEMPLATES)
+    new.set_defaults(run=_new)
+
+    sweep = commands.add_parser("sweep", help="run a scenario once per cell of its [sweep]; goes on where it was stopped")
+    sweep.add_argument("scenario", type=Path, metavar="FILE.toml")
+    sweep.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder that collects the results")
+    sweep.add_argument("--workers", type=_count, metavar="N", help="processes (default: the threads of this one)")
+    sweep.set_defaults(run=_sweep)
+
+    schema = commands.add_parser("schema", help="print the JSON schema of scenario files, for editors")
+    schema.set_defaults(run=_schema)

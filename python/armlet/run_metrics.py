@@ -1,0 +1,228 @@
+"""Numbers that sum a run up.
+
+With the error e = q_d - q, the span T, integrals by the trapezoidal rule over the recorded times, one value per joint:
+
+=====================  ==============  ====================================================================================
+name                   unit            definition
+=====================  ==============  ====================================================================================
+error_rms              rad or m        sqrt(1/T int e^2 dt)
+error_peak             rad or m        max |e|
+error_final            rad or m        |e| at the end
+overshoot              1               how far q passes beyond the farthest point of the reference, as a fraction of the way from
+                                       q(0) to its end; NaN without such a way, and where the reference still moves at the end
+settling_time          s               from when on |e| stays within the band for good, for all joints; NaN if it does not
+tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|
+time_outside_limits    s               how long any joint is beyond its position, velocity or effort limits; NaN if unknown
+monitor_violations     1               records at which an identity of theory does not hold: see `metrics`
+=====================  ==============  ====================================================================================
+
+The settling time and the last two are one number per run. A law without a reference in joint space (`Run.desired() is None`, and none
+given) has no error: its error, overshoot and settling time are NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from .run import BatchRun, Run
+
+__all__ = ["Metrics", "metrics"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "tau_peak")
+PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations")
+FORCE = {"rad": "N m", "m": "N"}
+
+
+class Metrics(dict[str, Array]):
+    """Metrics by name: (n,) or a number for a run, (B, n) or (B,) for a batch; `columns()` has one entry per number of a run."""
+
+    units: tuple[str, ...]
+
+    def __init__(self, values: Mapping[str, Array], units: tuple[str, ...]) -> None:
+        super().__init__(values)
+        self.units = units
+
+    def unit(self, name: str, joint: int = 0) -> str:
+        """The unit of a metric, that of joint number `joint` where joints differ."""
+        if name in ("settling_time", "time_outside_limits"):
+            return "s"
+        if name in ("overshoot", "monitor_violations"):
+            return "1"
+        unit = self.units[joint]
+        return FORCE.get(unit, "N m") if name.startswith("tau") else unit
+
+    def columns(self) -> dict[str, Array]:
+        """One column per number of a run: `error_rms1`, `error_rms2`, .., `settling_time`, .."""
+        table: dict[str, Array] = {}
+        for name, values in self.items():
+            if name in PER_JOINT:
+                table |= {f"{name}{i + 1}": values[..., i] for i in range(values.shape[-1])}
+            else:
+                table[name] = values
+        return table
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (dict(self), self.units)
+
+    def __str__(self) -> str:
+        lines = []
+        for name, values in self.items():
+            if name in PER_JOINT and values.ndim == 1:
+                text = "  ".join(_shown(value, self.unit(name, i)) for i, value in enumerate(values))
+            else:
+                text = _shown(float(values), self.unit(name)) if values.ndim == 0 else f"{len(values)} rows"
+            lines.append(f"{name:<20} {text}")
+        return "\n".join(lines)
+
+
+def _shown(value: float, unit: str) -> str:
+    return "-" if np.isnan(value) else f"{value:.6g}" + (f" {unit}" if unit != "1" else "")
+
+
+def metrics(
+    run: Run | BatchRun,
+    *,
+    reference: ArrayLike | None = None,
+    band: ArrayLike | None = None,
+    settle: float = 0.02,
+    tolerance: float = 1e-6,
+) -> Metrics:
+    """Sum a run up, or every run of a batch: errors, settling time, overshoot, torques, limits and monitors.
+
+    A monitor is violated at a record where `lyapunov` has risen since the last by more than `tolerance` of its largest value,
+    where `lyapunov_balance` or `energy_balance` is beyond `tolerance` of the largest Lyapunov function or energy, or `skewness` beyond
+    `tolerance` of 1.
+
+    Args:
+        run: the run, or the batch.
+        reference: the reference in place of the law's motion or target, (n,) or (K, n), rad or m.
+        band: of the settling time, a number or (n,), rad or m; None: `settle` times the largest error of the joints of the same unit.
+        settle: see `band`.
+        tolerance: of the monitors, relative.
+
+    Raises:
+        InputError: the batch kept no records, or a shape is wrong.
+
+    >>> import armlet as al
+    >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+    >>> law = al.ComputedTorque(arm, al.Hold([1.0, 0.0]), kp=100.0, kd=20.0)
+    >>> run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=2.0, dt=1e-3)
+    >>> found = al.metrics(run)
+    >>> float(found["error_peak"][0]), float(found["settling_time"].round(2)), float(found["overshoot"][0])
+    (1.0, 0.58, 0.0)
+    """
+    if run.q.ndim < 2 or (run.q.ndim == 2 and run.t.ndim == 1 and run.q.shape[0] != len(run.t)):
+        raise InputError('metrics: run has no time axis: expected a batch run with keep="all"')
+    q, t = run.q, run.t
+    n = q.shape[-1]
+    desired = run.reference()
+    q_d, v_d = (None, None) if desired is None else desired
+    if reference is not None:
+        q_d, v_d = np.asarray(reference, dtype=np.float64), None
+        if q_d.shape[-1:] != (n,) or (q_d.ndim > 1 and q_d.shape[-2] != q.shape[-2]):
+            raise InputError(f"metrics: reference has the wrong shape: expected ({n},) or (K, {n}), got {q_d.shape}")
+    bad = ~np.isfinite(q).all(axis=(-2, -1))
+    found: dict[str, Array] = {}
+    per_joint, per_run = (*q.shape[:-2], n), q.shape[:-2]
+    weights = _weights(t)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        if q_d is None or not q.shape[-2]:
+            found |= {name: np.full(per_joint, np.nan) for name in PER_JOINT[:4]}
+            found["settling_time"] = np.full(per_run, np.nan)
+        else:
+            q_d = np.broadcast_to(q_d, q.shape)
+            error = q_d - q
+            size = np.abs(error)
+            found["error_rms"] = _rms(error, weights)
+            found["error_peak"] = size.max(axis=-2)
+            found["error_final"] = size[..., -1, :]
+            found["overshoot"] = _overshoot(q, q_d, v_d)
+            found["settling_time"] = _settling(t, size, _band(band, settle, found["error_peak"], run.units))
+        if run.tau is not None and q.shape[-2]:
+            found["tau_rms"] = _rms(run.tau, weights)
+            found["tau_peak"] = np.abs(run.tau).max(axis=-2)
+        found["time_outside_limits"] = _outside(run, t)
+        found["monitor_violations"] = _violations(run.monitors, tolerance, per_run)
+    for name, values in found.items():
+        # A run that has stopped being finite has no metrics, whatever its first part was like.
+        found[name] = np.where(bad[..., None] if values.ndim > bad.ndim else bad, np.nan, values)
+    return Metrics({name: found[name] for name in (*PER_JOINT, *PER_RUN) if name in found}, run.units)
+
+
+def _weights(t: Array) -> Array:
+    """Of the trapezoidal rule, over the span: they sum to 1."""
+    if t.shape[-1] < 2:
+        return np.ones_like(t)
+    step = np.diff(t, axis=-1)
+    zero = np.zeros_like(step[..., :1])
+    weights: Array = (np.concatenate([step, zero], -1) + np.concatenate([zero, step], -1)) / 2
+    return weights / weights.sum(axis=-1, keepdims=True)
+
+
+def _rms(values: Array, weights: Array) -> Array:
+    result: Array = np.sqrt((values**2 * weights[..., None]).sum(axis=-2))
+    return result
+
+
+def _overshoot(q: Array, q_d: Array, v_d: Array | None) -> Array:
+    end, start = q_d[..., -1, :], q[..., 0, :]
+    way = end - start
+    forward = np.sign(way)[..., None, :]
+    beyond = (q * forward).max(axis=-2) - (q_d * forward).max(axis=-2)
+    result = np.where(np.abs(way) > 1e-9, np.maximum(beyond, 0.0) / np.abs(way), np.nan)
+    moving = False if v_d is None else np.abs(np.broadcast_to(v_d, q.shape)[..., -1, :]) > 1e-9
+    return np.where(moving, np.nan, result)
+
+
+def _band(band: ArrayLike | None, settle: float, peak: Array, units: tuple[str, ...]) -> Array:
+    if band is not None:
+        return np.broadcast_to(np.asarray(band, dtype=np.float64), peak.shape)
+    result = np.empty_like(peak)
+    for unit in set(units):
+        same = [i for i, each in enumerate(units) if each == unit]
+        result[..., same] = settle * peak[..., same].max(axis=-1, keepdims=True)
+    return result
+
+
+def _settling(t: Array, size: Array, band: Array) -> Array:
+    """The first recorded time after the last record outside the band; NaN if that is the last record."""
+    outside = np.asarray(~(size <= band[..., None, :]).all(axis=-1))
+    count = outside.shape[-1]
+    after = np.where(outside.any(axis=-1), count - np.argmax(outside[..., ::-1], axis=-1), 0)
+    times = np.broadcast_to(t, outside.shape)
+    inside = np.take_along_axis(times, np.minimum(after, count - 1)[..., None], axis=-1)[..., 0] - times[..., 0]
+    result: Array = np.where(after < count, inside, np.nan)
+    return result
+
+
+def _outside(run: Run | BatchRun, t: Array) -> Array:
+    if run.limits is None:
+        return np.full(run.q.shape[:-2], np.nan)
+    low, high, speed, effort = (run.limits[name][..., None, :] for name in ("q_min", "q_max", "v_max", "effort"))
+    out = ((run.q < low) | (run.q > high) | (np.abs(run.v) > speed)).any(axis=-1)
+    if run.tau is not None:
+        out = out | (np.abs(run.tau) > effort).any(axis=-1)
+    span = t[..., -1] - t[..., 0] if t.shape[-1] else np.zeros(t.shape[:-1])
+    result: Array = (out * _weights(t)).sum(axis=-1) * span
+    return result
+
+
+def _violations(monitors: Mapping[str, Array], tolerance: float, shape: tuple[int, ...]) -> Array:
+    count = np.zeros(shape)
+    for name, scale in (("lyapunov_balance", "lyapunov"), ("energy_balance", "energy"), ("skewness", None)):
+        if name in monitors and monitors[name].shape[-1]:
+            size = np.abs(monitors[scale]).max(axis=-1, keepdims=True) if scale is not None and scale in monitors else 1.0
+            count = count + (~(np.abs(monitors[name]) <= tolerance * size)).sum(axis=-1)
+    if "lyapunov" in monitors and monitors["lyapunov"].shape[-1]:
+        values = monitors["lyapunov"]
+        count = count + (np.diff(values, axis=-1) > tolerance * values.max(axis=-1, keepdims=True)).sum(axis=-1)
+    return np.asarray(count, dtype=np.float64)

@@ -1,0 +1,281 @@
+"""What a key of a scenario may hold: one object checks a value and says the same as JSON schema.
+
+`check(value, path)` yields problems as `path: expected .., got ..`; nothing is converted here, and shapes that depend on the arm are
+left to the constructors, whose messages `Kind.build` brings back to the path they came from.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+__all__ = ["Entries", "Field", "Flag", "Integer", "Items", "Keyed", "Kind", "Numbers", "OneOf", "Table", "Text", "Values", "shown"]
+
+
+def shown(value: object) -> str:
+    """A value as it is quoted in a message, short."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        return f"a table with the keys {', '.join(map(str, value))}" if value else "an empty table"
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+class Field:
+    """What a key may hold."""
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        """Problems of `value`, each starting with the path of the fault."""
+        raise NotImplementedError
+
+    def schema(self) -> dict[str, Any]:
+        """The same as JSON schema."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Numbers(Field):
+    """A number, or a list of numbers down to `depth` levels; `low` bounds each from below, strictly where `strict`."""
+
+    depth: int = 0
+    scalar: bool = True
+    low: float = -math.inf
+    strict: bool = False
+    finite: bool = True
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        yield from self._check(value, path, 0)
+
+    def _check(self, value: object, path: str, level: int) -> Iterator[str]:
+        if isinstance(value, list | tuple) and level < self.depth:
+            if not value:
+                yield f"{path}: expected {self._expected()}, got an empty list"
+            for i, item in enumerate(value):
+                # A list holds numbers or rows, and which of the two the first entry says.
+                if level + 1 < self.depth and isinstance(item, list | tuple) is not isinstance(value[0], list | tuple):
+                    yield f"{path}[{i}]: expected {'a row' if isinstance(value[0], list) else 'a number'} like [0], got {shown(item)}"
+                else:
+                    yield from self._check(item, f"{path}[{i}]", level + 1)
+        elif not _number(value) or (level == 0 and not self.scalar):
+            yield f"{path}: expected {self._expected() if level == 0 else 'a number'}, got {shown(value)}"
+        else:
+            number = float(value)  # type: ignore[arg-type]  # a number by now
+            # A matrix has entries of any sign; what must be positive is the matrix, and the constructor sees to it.
+            below = level < 2 and (number < self.low or (self.strict and number <= self.low))
+            if (self.finite and not math.isfinite(number)) or math.isnan(number):
+                yield f"{path}: expected a finite number, got {number}"
+            elif below:
+                yield f"{path}: expected {'>' if self.strict else '>='} {self.low:g}, got {shown(value)}"
+
+    def _expected(self) -> str:
+        lists = {0: "", 1: "a list of numbers", 2: "a list of numbers or of rows"}[min(self.depth, 2)]
+        return " or ".join(filter(None, ("a number" if self.scalar else "", lists)))
+
+    def schema(self) -> dict[str, Any]:
+        number: dict[str, Any] = {"type": "number"}
+        if self.low > -math.inf:
+            number["exclusiveMinimum" if self.strict else "minimum"] = self.low
+        forms = [number] if self.scalar else []
+        below = number
+        for level in range(self.depth):
+            below = {"type": "array", "items": {"type": "number"} if level else below, "minItems": 1}
+            if level:
+                below = {"type": "array", "items": {"type": "array", "items": {"type": "number"}}, "minItems": 1}
+            forms.append(below)
+        return forms[0] if len(forms) == 1 else {"anyOf": forms}
+
+
+@dataclass(frozen=True)
+class Integer(Field):
+    """An integer not below `low`."""
+
+    low: int = 0
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if not isinstance(value, int) or isinstance(value, bool) or value < self.low:
+            yield f"{path}: expected an integer >= {self.low}, got {shown(value)}"
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "integer", "minimum": self.low}
+
+
+@dataclass(frozen=True)
+class Text(Field):
+    """A string, one of `choices` where there are any."""
+
+    choices: tuple[str, ...] = ()
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if self.choices and value not in self.choices:
+            yield f"{path}: expected one of {', '.join(self.choices)}, got {shown(value)}"
+        elif not isinstance(value, str) or not value:
+            yield f"{path}: expected a string, got {shown(value)}"
+
+    def schema(self) -> dict[str, Any]:
+        return {"enum": list(self.choices)} if self.choices else {"type": "string", "minLength": 1}
+
+
+@dataclass(frozen=True)
+class Flag(Field):
+    """True or false."""
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if not isinstance(value, bool):
+            yield f"{path}: expected true or false, got {shown(value)}"
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "boolean"}
+
+
+@dataclass(frozen=True)
+class Table(Field):
+    """A table with named keys, those of `required` among them."""
+
+    keys: Mapping[str, Field]
+    required: tuple[str, ...] = ()
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if not isinstance(value, Mapping):
+            yield f"{path}: expected a table with the keys {', '.join(self.keys)}, got {shown(value)}"
+            return
+        yield from self.check_keys(value, path, self.keys)
+
+    def check_keys(self, value: Mapping[Any, object], path: str, allowed: Mapping[str, Field]) -> Iterator[str]:
+        for key, item in value.items():
+            if key not in allowed:
+                near = difflib.get_close_matches(str(key), allowed, 1)
+                hint = f" (did you mean {near[0]}?)" if near else ""
+                yield f"{path}: unknown key {key!r}{hint}: expected some of {', '.join(allowed) or 'none'}"
+            else:
+                yield from allowed[key].check(item, f"{path}.{key}")
+        for key in self.required:
+            if key not in value:
+                yield f"{path}.{key}: is missing: expected {_wanted(self.keys[key])}"
+
+    def schema(self) -> dict[str, Any]:
+        properties = {key: what.schema() for key, what in self.keys.items()}
+        return {"type": "object", "properties": properties, "required": list(self.required), "additionalProperties": False}
+
+
+@dataclass(frozen=True)
+class Kind(Table):
+    """A table that makes one object: `make(**values)`, which a table of kinds picks by its key `kind`.
+
+    `needs` are the other tables of the scenario that go into it, as arguments of the same name.
+    """
+
+    make: Callable[..., Any] = dict
+    needs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class OneOf(Field):
+    """A table whose `kind` says which keys it has."""
+
+    kinds: Mapping[str, Kind]
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        names = ", ".join(self.kinds)
+        if not isinstance(value, Mapping):
+            yield f"{path}: expected a table with kind = one of {names}, got {shown(value)}"
+        elif "kind" not in value:
+            yield f"{path}.kind: is missing: expected one of {names}"
+        elif value["kind"] not in self.kinds:
+            near = difflib.get_close_matches(str(value["kind"]), self.kinds, 1)
+            yield f"{path}.kind: expected one of {names}, got {shown(value['kind'])}" + (f" (did you mean {near[0]}?)" if near else "")
+        else:
+            kind = self.kinds[value["kind"]]
+            yield from kind.check_keys({key: item for key, item in value.items() if key != "kind"}, path, kind.keys)
+
+    def schema(self) -> dict[str, Any]:
+        forms = []
+        for name, kind in self.kinds.items():
+            form = kind.schema()
+            form["properties"] = {"kind": {"const": name}} | form["properties"]
+            form["required"] = ["kind", *form["required"]]
+            forms.append(form)
+        return {"type": "object", "properties": {"kind": {"enum": list(self.kinds)}}, "required": ["kind"], "oneOf": forms}
+
+
+@dataclass(frozen=True)
+class Items(Field):
+    """A list of tables of one form."""
+
+    item: Field
+    low: int = 1
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if not isinstance(value, list | tuple) or len(value) < self.low:
+            yield f"{path}: expected a list of at least {self.low} tables, got {shown(value)}"
+            return
+        for i, each in enumerate(value):
+            yield from self.item.check(each, f"{path}[{i}]")
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": self.item.schema(), "minItems": self.low}
+
+
+@dataclass(frozen=True)
+class Keyed(Field):
+    """A table with keys of the user's choice, all of one form."""
+
+    item: Field
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if not isinstance(value, Mapping) or not value:
+            yield f"{path}: expected a table with at least one entry, got {shown(value)}"
+            return
+        for key, each in value.items():
+            yield from self.item.check(each, f'{path}."{key}"')
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "object", "additionalProperties": self.item.schema(), "minProperties": 1}
+
+
+@dataclass(frozen=True)
+class Values(Field):
+    """A list of values of any kind."""
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if not isinstance(value, list | tuple) or not value:
+            yield f"{path}: expected a list of values, or a table such as {{ linspace = [0, 1, 5] }}, got {shown(value)}"
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "minItems": 1}
+
+
+@dataclass(frozen=True)
+class Entries(Field):
+    """One of several forms, told apart by the type of the value: `forms` maps "table", "tables" or "plain" to each."""
+
+    forms: Mapping[str, Field] = field(default_factory=dict)
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        name = "table" if isinstance(value, Mapping) else "plain"
+        if isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
+            name = "tables"
+        yield from self.forms.get(name, self.forms["plain"]).check(value, path)
+
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [form.schema() for form in self.forms.values()]}
+
+
+def _wanted(what: Field) -> str:
+    """What a missing key should have held."""
+    if isinstance(what, Numbers):
+        return what._expected()
+    if isinstance(what, Text):
+        return f"one of {', '.join(what.choices)}" if what.choices else "a string"
+    if isinstance(what, OneOf):
+        return f"a table with kind = one of {', '.join(what.kinds)}"
+    if isinstance(what, Table):
+        return f"a table with the keys {', '.join(what.keys)}"
+    return {"Integer": "an integer", "Flag": "true or false", "Items": "a list of tables"}.get(type(what).__name__, "a value")

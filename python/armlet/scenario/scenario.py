@@ -1,0 +1,298 @@
+"""A scenario: the tables of one closed loop, checked, and what they build.
+
+Constructors check what depends on the arm (shapes, positive definiteness, names of frames); their messages come back with the path
+of the key they are about: `$.law.kd[1]: is not positive definite: expected > 0, got -2`.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from .. import _core
+from ..errors import InputError, ModelError, SolveError
+from .fields import Kind, OneOf
+from .tables import KNOWN, LAWS, SCENARIO, arguments
+
+if TYPE_CHECKING:
+    from ..run import Run
+
+__all__ = ["Built", "Scenario", "change", "pathed"]
+
+MESSAGE = re.compile(r"^[\w.]+: (?P<key>\w+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
+STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
+
+
+class Built(NamedTuple):
+    """What a scenario stands for: `al.simulate(built.plant, built.law, **built.arguments)`.
+
+    Attributes:
+        plant: the plant.
+        law: the law.
+        arguments: keyword arguments of `simulate`, `q0` among them.
+    """
+
+    plant: _core.Plant
+    law: _core.Law
+    arguments: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=True)
+class Scenario:
+    """Arm, plant, motion, law and run as plain tables, as a scenario file holds them.
+
+    Args:
+        data: the tables; checked here.
+        folder: where relative paths in them start.
+        name: how messages call it, a file's path.
+
+    Raises:
+        InputError: a key is unknown, missing, or does not hold what it should; the message names its path and what is allowed.
+
+    >>> import armlet as al
+    >>> law = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}
+    >>> arm, motion = {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5}, {"kind": "Hold", "q": [1.0, 0.0]}
+    >>> scenario = al.Scenario({"arm": arm, "motion": motion, "law": law, "run": {"q0": [0.0, 0.0], "t_end": 1.0, "dt": 1e-3}})
+    >>> scenario.run().status
+    <Status.SUCCESS: 0>
+    >>> scenario.replace({"law.kd": -1.0})
+    Traceback (most recent call last):
+    ...
+    armlet.errors.InputError: scenario: $.law.kd: expected > 0, got -1.0
+    """
+
+    data: Mapping[str, Any]
+    folder: str = "."
+    name: str = "scenario"
+
+    def __post_init__(self) -> None:
+        problems = list(self.problems(self.data))
+        if problems:
+            more = f" (and {len(problems) - 1} more: `armlet check` lists them)" if len(problems) > 1 else ""
+            raise InputError(f"{self.name}: {problems[0]}{more}")
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Scenario:
+        """Read a scenario file (TOML); paths in it are relative to its folder.
+
+        Raises:
+            InputError: it is not TOML, or not a scenario.
+            OSError: the file cannot be read.
+        """
+        file = Path(path)
+        return cls(read(file), str(file.parent), fspath(path))
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], folder: str | PathLike[str] = ".") -> Scenario:
+        """A scenario from its tables, copied, arrays turned into lists."""
+        return cls(_plain(data), fspath(folder))
+
+    @staticmethod
+    def problems(data: Mapping[str, Any]) -> Iterator[str]:
+        """What is wrong with the tables `data`, each as `path: expected .., got ..`; nothing where all is well."""
+        found = list(SCENARIO.check(data, "$"))
+        yield from found
+        if not found:
+            yield from _across(data)
+
+    def build(self) -> Built:
+        """Make the plant and the law, and the keyword arguments of `simulate`.
+
+        Raises:
+            InputError: a value does not fit the others, such as a gain of the wrong shape.
+            ModelError: the robot's file is not well formed.
+        """
+        return self._build({})
+
+    def _build(self, made: dict[str, Any]) -> Built:
+        """As `build`; `made` keeps arms, which take longest, for the next scenario that has the same."""
+        parts: dict[str, Any] = {}
+        tables = {"plant": {"kind": "RigidArm"}} | dict(self.data)
+        for table in ("arm", "model", "plant", "motion", "law"):
+            if table not in tables:
+                continue
+            if table == "motion" and "motion" not in LAWS.kinds[tables["law"]["kind"]].needs:
+                continue
+            values = {key: value for key, value in tables[table].items() if key != "kind"}
+            key = f"{table}: {tables[table]}"
+            kinds = SCENARIO.keys[table]
+            assert isinstance(kinds, OneOf)
+            kind = kinds.kinds[tables[table]["kind"]]
+            if table == "law":
+                values |= {ours: tables["plant"][theirs] for ours, theirs in KNOWN.items() if ours in kind.keys and ours not in values}
+            if tables[table]["kind"] == "urdf" and "path" in values:
+                values["path"] = str(Path(self.folder) / values["path"])
+            if key in made:
+                parts[table] = made[key]
+                continue
+            parts[table] = pathed(self.name, table, partial(_make, kind, table, values, parts), values)
+            if table in ("arm", "model"):
+                made[key] = parts[table]
+        return Built(parts["plant"], parts["law"], pathed(self.name, "run", lambda: arguments(self.data["run"]), self.data["run"]))
+
+    def run(self, *, throw: bool = True) -> Run:
+        """Build the loop and run it once, as `simulate` does.
+
+        Args:
+            throw: raise where the run does not reach its end; False returns what there is, with its status.
+
+        Raises:
+            InputError: a value does not fit the others.
+            SolveError: the run did not reach its end.
+        """
+        from ..simulation import simulate
+
+        built = self.build()
+        start = partial(simulate, built.plant, built.law, **built.arguments, throw=throw)
+        run: Run = pathed(self.name, "run", start, self.data["run"])
+        return run
+
+    def check(self) -> None:
+        """Build the loop, and take it to its first instant: everything that `run` would refuse is refused.
+
+        Raises:
+            InputError: a value does not fit the others.
+        """
+        from ..simulation import simulate
+
+        built = self.build()
+        short = built.arguments | {"t_end": 0.0, "t_eval": None}
+        if (built.arguments.get("t_eval") is not None) and max(built.arguments["t_eval"]) > built.arguments["t_end"]:
+            raise InputError(f"{self.name}: $.run.t_eval: expected times up to t_end = {built.arguments['t_end']:g}")
+        pathed(self.name, "run", lambda: simulate(built.plant, built.law, **short, throw=False), self.data["run"])
+
+    def summary(self) -> str:
+        """One line: which law moves which plant, for how long."""
+        built, run = self.build(), self.data["run"]
+        text = f"{type(built.law).__name__} on {type(built.plant).__name__}, {built.plant.arm.n} joints, {run['t_end']:g} s"
+        return text + f" by {run.get('method', 'rk4')}"
+
+    def replace(self, changes: Mapping[str, Any]) -> Scenario:
+        """The same with other values, by dotted path: `replace({"law.kp": 30.0, "run.q0[1]": 0.2})`.
+
+        Raises:
+            InputError: a path leads nowhere, or the new value is not allowed there.
+        """
+        data = copy.deepcopy(dict(self.data))
+        for path, value in changes.items():
+            change(data, path, value)
+        return Scenario(data, self.folder, self.name)
+
+    def standalone(self) -> Scenario:
+        """The same with the text of its robot file inside, so that it needs no file."""
+        data = copy.deepcopy(dict(self.data))
+        for table in ("arm", "model"):
+            path = data.get(table, {}).pop("path", None)
+            if path is not None:
+                data[table]["xml"] = (Path(self.folder) / path).read_text(encoding="utf-8")
+        return Scenario(data, self.folder, self.name)
+
+
+def read(file: Path) -> dict[str, Any]:
+    """The tables of a TOML file; InputError names the line of a fault."""
+    import tomllib
+
+    try:
+        return tomllib.loads(file.read_bytes().decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: is not TOML: {error}") from None
+
+
+def _make(kind: Kind, table: str, values: Mapping[str, Any], parts: Mapping[str, Any]) -> Any:
+    arm = parts["model"] if table == "law" and "model" in parts else parts.get("arm")
+    others = {name: arm if name == "arm" else parts[name] for name in kind.needs}
+    return kind.make(**others, **values)
+
+
+def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, Any]) -> Any:
+    """`make()`, with the path of the key at fault in the message of what it raises."""
+    try:
+        return make()
+    except ModelError as error:
+        raise ModelError(f"{name}: $.{table}: {error}", error.file, error.line) from None
+    except SolveError:
+        raise
+    except InputError as error:
+        found = MESSAGE.match(str(error))
+        if not found:
+            raise InputError(f"{name}: $.{table}: {error}") from None
+        key, index = found["key"], found["index"]
+        path = f"$.{table}"
+        owner = next((k for k, v in values.items() if isinstance(v, Mapping) and key in v), None)
+        if key in ("law", "plant") and table == "run":
+            path = f"$.{key}"
+        elif key in values or key in _missing(table, values):
+            path += f".{key}"
+        elif owner:
+            path += f".{owner}.{key}"
+        else:
+            raise InputError(f"{name}: {path}: {str(error).partition(': ')[2]}") from None
+        if index:
+            path += "".join(f"[{part}]" for part in re.findall(r"\d+", index)) if isinstance(values.get(key), list) else ""
+        raise InputError(f"{name}: {path}: {found['problem']}") from None
+
+
+def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Keys that a table may have and has not, which a message may be about."""
+    what = SCENARIO.keys[table]
+    keys: set[str] = set()
+    for kind in what.kinds.values() if isinstance(what, OneOf) else [what]:
+        keys |= set(getattr(kind, "keys", ()))
+    return tuple(keys - set(values))
+
+
+def _across(data: Mapping[str, Any]) -> Iterator[str]:
+    """What no single table can see."""
+    law, plant = data["law"], data.get("plant", {"kind": "RigidArm"})
+    kind = LAWS.kinds[law["kind"]]
+    if "motion" in kind.needs and "motion" not in data:
+        yield f"$.motion: is missing: the law {law['kind']} follows one: expected a table with kind = one of {_kinds('motion')}"
+    for ours, theirs in KNOWN.items():
+        if ours in kind.keys and ours not in law and theirs not in plant:
+            yield f"$.law.{ours}: is missing: expected a number or a list of numbers, or a plant ElasticArm to take it from"
+    for table in ("arm", "model"):
+        if data.get(table, {}).get("kind") == "urdf" and ("path" in data[table]) == ("xml" in data[table]):
+            yield f"$.{table}.path: expected either path or xml, got {'both' if 'path' in data[table] else 'neither'}"
+    if "motion" in data and "motion" not in kind.needs:
+        followers = ", ".join(name for name, each in LAWS.kinds.items() if "motion" in each.needs)
+        yield f"$.motion: is not used by the law {law['kind']}: expected a law that follows a motion ({followers}), or no motion"
+
+
+def _kinds(table: str) -> str:
+    what = SCENARIO.keys[table]
+    assert isinstance(what, OneOf)
+    return ", ".join(what.kinds)
+
+
+def change(data: dict[str, Any], path: str, value: Any) -> None:
+    """Set one entry of the tables `data` by its path, such as `law.kd[1]`."""
+    steps: list[Any] = [name or int(index) for name, index in STEP.findall(path)]
+    rebuilt = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
+    place: Any = data
+    if not steps or rebuilt != path:
+        raise InputError(f"scenario: {path!r} is not a path: expected one like law.kp or run.q0[1], got {path!r}")
+    for i, step in enumerate(steps):
+        last, here = i == len(steps) - 1, ".".join(map(str, steps[:i])) or "the scenario"
+        inside = step in range(len(place)) if isinstance(place, list) and isinstance(step, int) else isinstance(place, dict)
+        if not inside or (isinstance(place, dict) and (isinstance(step, int) or (step not in place and not last))):
+            held = ", ".join(place) if isinstance(place, dict) else f"{len(place)} entries" if isinstance(place, list) else repr(place)
+            raise InputError(f"scenario: {path!r} leads nowhere: expected a part of {here}, which holds {held}, got {step!r}")
+        if last:
+            place[step] = _plain(value)
+        else:
+            place = place[step]
+
+
+def _plain(value: Any) -> Any:
+    """Tables and lists of Python's own numbers, copied."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value

@@ -1,0 +1,235 @@
+"""The tables of a scenario: which kinds of arm, plant, motion and law there are, and what each takes.
+
+A new class of the library becomes available in scenario files by one entry here: its keys, and its constructor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..errors import InputError
+from ..sampling import CHANNELS, Sampling
+from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
+
+__all__ = ["ADAPTIVE_METHODS", "ARMS", "JOINT_TARGETS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
+
+NUMBER = Numbers()
+POSITIVE = Numbers(low=0.0, strict=True)
+NOT_NEGATIVE = Numbers(low=0.0)
+VECTOR = Numbers(depth=1, scalar=False)
+POSITIVES = Numbers(depth=1, scalar=False, low=0.0, strict=True)
+ROWS = Numbers(depth=2, scalar=False)
+GAIN = Numbers(depth=2, low=0.0, strict=True)
+DAMPING = Numbers(depth=2, low=0.0)
+TEXT = Text()
+
+
+def _urdf(path: str | None = None, xml: str | None = None, **keywords: Any) -> _core.Arm:
+    if (path is None) == (xml is None):
+        raise InputError("urdf: path is missing: expected a path, or xml with the text itself, and not both")
+    return _core.load_urdf(path or xml or "", **keywords)
+
+
+def _example(name: str, **keywords: Any) -> _core.Arm:
+    return _core.load_urdf(_core.example_urdf(name), **keywords)
+
+
+_PAYLOAD = Table({"frame": TEXT, "mass": NOT_NEGATIVE, "com": VECTOR, "inertia": ROWS}, ("frame", "mass"))
+
+
+def _arm(keys: Mapping[str, Field], required: tuple[str, ...], make: Any) -> Kind:
+    """A kind of arm that has frames, hence may carry a payload."""
+
+    def arm(payload: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Arm:
+        made: _core.Arm = make(**keywords)
+        return made if payload is None else made.with_payload(**payload)
+
+    return Kind(dict(keys) | {"payload": _PAYLOAD}, required, arm)
+
+
+_TREE: dict[str, Field] = {"gravity": VECTOR, "root": TEXT, "tip": TEXT}
+_JOINT = Table(
+    {
+        "type": Text(("R", "P", "F", "revolute", "continuous", "prismatic", "fixed")),
+        "axis": VECTOR,
+        "rpy": VECTOR,
+        "xyz": VECTOR,
+        "phi": VECTOR,
+        "parent": Integer(-1),
+        "name": TEXT,
+        "lower": Numbers(finite=False),
+        "upper": Numbers(finite=False),
+        "velocity": Numbers(low=0.0, finite=False),
+        "effort": Numbers(low=0.0, finite=False),
+        "armature": NOT_NEGATIVE,
+        "damping": NOT_NEGATIVE,
+        "friction": NOT_NEGATIVE,
+    },
+    ("type",),
+)
+
+ARMS = OneOf(
+    {
+        "planar_pr": Kind({"A": POSITIVE, "B": NUMBER, "C": POSITIVE}, ("A", "B", "C"), _core.planar_pr),
+        "planar_arm": _arm(
+            {"lengths": POSITIVES, "masses": POSITIVES, "coms": VECTOR, "inertias": VECTOR, "gravity": VECTOR},
+            ("lengths",),
+            _core.planar_arm,
+        ),
+        "pendulum": Kind({"inertia": POSITIVE, "gravity_moment": NUMBER}, ("inertia", "gravity_moment"), _core.pendulum),
+        "urdf": _arm({"path": TEXT, "xml": TEXT, **_TREE}, (), _urdf),
+        "example": _arm({"name": TEXT, **_TREE}, ("name",), _example),
+        "chain": _arm({"joints": Items(_JOINT), "gravity": VECTOR}, ("joints",), _core.Arm.from_chain),
+    }
+)
+
+_WALL = Table(
+    {"frame": TEXT, "point": VECTOR, "normal": VECTOR, "stiffness": POSITIVE, "damping": NOT_NEGATIVE},
+    ("frame", "point", "normal", "stiffness"),
+)
+
+
+def _with_wall(make: Any) -> Any:
+    def plant(arm: _core.Arm, wall: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Plant:
+        made: _core.Plant = make(arm, **keywords, **({} if wall is None else {"wall": _core.Wall(**wall)}))
+        return made
+
+    return plant
+
+
+PLANTS = OneOf(
+    {
+        "RigidArm": Kind({"friction": Flag(), "wall": _WALL}, (), _with_wall(_core.RigidArm), ("arm",)),
+        "ElasticArm": Kind(
+            {"stiffness": GAIN, "motor_inertia": GAIN, "joint_damping": DAMPING, "motor_friction": DAMPING, "wall": _WALL},
+            ("stiffness", "motor_inertia"),
+            _with_wall(_core.ElasticArm),
+            ("arm",),
+        ),
+        "VelocityArm": Kind({}, (), _core.VelocityArm, ("arm",)),
+    }
+)
+
+MOTIONS = OneOf(
+    {
+        "Hold": Kind({"q": VECTOR}, ("q",), _core.Hold),
+        "Quintic": Kind({"q0": VECTOR, "q1": VECTOR, "duration": POSITIVE}, ("q0", "q1", "duration"), _core.Quintic),
+        "BangBang": Kind({"q0": VECTOR, "q1": VECTOR, "duration": POSITIVE}, ("q0", "q1", "duration"), _core.BangBang),
+        "Sinusoid": Kind(
+            {"offset": VECTOR, "amplitude": ROWS, "frequency": ROWS, "phase": ROWS},
+            ("offset", "amplitude", "frequency", "phase"),
+            _core.Sinusoid,
+        ),
+        "Table": Kind({"dt": POSITIVE, "q": ROWS, "v": ROWS, "a": ROWS, "start": NUMBER}, ("dt", "q", "v", "a"), _core.Table),
+        "TimedPath": Kind(
+            {"path": ROWS, "tau_max": POSITIVES, "v_max": POSITIVES, "a_max": POSITIVES, "stops": Numbers(1, False, 0.0)},
+            ("path",),
+            _core.time_path,
+            ("arm",),
+        ),
+    }
+)
+
+_TARGET: dict[str, Field] = {"target": VECTOR}
+_PD: dict[str, Field] = {"kp": GAIN, "kd": GAIN}
+_IMPEDANCE: dict[str, Field] = {"stiffness": GAIN, "damping": DAMPING}
+_FRAME: dict[str, Field] = {"frame": TEXT, "axes": TEXT}
+_SPRING: dict[str, Field] = {"joint_stiffness": GAIN}
+_REDUCED: dict[str, Field] = {"reduced_inertia": GAIN}
+_INNER: dict[str, Field] = _SPRING | {"motor_inertia": GAIN}
+_INNER_OPTIONS: dict[str, Field] = {"motor_damping": DAMPING, "damping_ratio": POSITIVE, "relative_damping": Flag()}
+_ARM, _FOLLOWS = ("arm",), ("arm", "motion")
+
+
+def _law(make: Any, required: Mapping[str, Field], optional: Mapping[str, Field] | None = None, needs: tuple[str, ...] = _ARM) -> Kind:
+    return Kind(dict(required) | dict(optional or {}), tuple(required), make, needs)
+
+
+_TIP: dict[str, Field] = {"frame": TEXT}
+LAWS = OneOf(
+    {
+        "Adaptive": _law(_core.Adaptive, _PD | {"gamma": GAIN}, {"estimate": VECTOR}, _FOLLOWS),
+        "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
+        "PDGravity": _law(_core.PDGravity, _TARGET | _PD),
+        "CartesianImpedance": _law(_core.CartesianImpedance, _TARGET | _IMPEDANCE | _TIP, _FRAME),
+        "ElasticImpedance": _law(_core.ElasticImpedance, _TARGET | _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS),
+        "ElasticTracking": _law(_core.ElasticTracking, _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS, _FOLLOWS),
+        "JointImpedance": _law(_core.JointImpedance, _TARGET | _IMPEDANCE | _REDUCED, _INNER | _INNER_OPTIONS),
+        "MotorPD": _law(_core.MotorPD, _TARGET | _PD, _SPRING | {"online": Flag()}),
+        "StateFeedback": _law(_core.StateFeedback, _TARGET | _PD | {"kt": DAMPING, "ks": DAMPING}, _SPRING),
+    }
+)
+
+#: What an elastic law knows of the plant, by the name it has there; not given, it knows the plant as it is.
+KNOWN = {"joint_stiffness": "stiffness", "motor_inertia": "motor_inertia"}
+#: Laws whose `target` is a joint position.
+JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
+
+_CHANNEL = Table({name: NOT_NEGATIVE for name in CHANNELS})
+_SAMPLING = Table(
+    {
+        "period": POSITIVE,
+        "delay": NOT_NEGATIVE,
+        "jitter": NOT_NEGATIVE,
+        "sensor_delay": Integer(),
+        "noise": _CHANNEL,
+        "resolution": _CHANNEL,
+        "rate_limit": Numbers(low=0.0, strict=True, finite=False),
+        "seed": Integer(),
+    },
+    ("period",),
+)
+METHODS = ("euler", "semi_implicit", "rk4", "ros2", "dopri5", "dop853", "radau5", "rodas4")
+ADAPTIVE_METHODS = METHODS[4:]
+RUN = Table(
+    {
+        "q0": VECTOR,
+        "v0": VECTOR,
+        "theta0": VECTOR,
+        "theta_dot0": VECTOR,
+        "t_end": NOT_NEGATIVE,
+        "method": Text(METHODS),
+        "dt": POSITIVE,
+        "rtol": NOT_NEGATIVE,
+        "atol": NOT_NEGATIVE,
+        "sample_time": Entries({"plain": POSITIVE, "table": _SAMPLING}),
+        "record_every": Integer(1),
+        "t_eval": Entries({"plain": Numbers(1, False, 0.0), "table": Table({"step": POSITIVE}, ("step",))}),
+        "force": Entries({"plain": VECTOR, "tables": Items(Table({"t": NOT_NEGATIVE, "force": VECTOR}, ("t", "force")))}),
+        "force_frame": TEXT,
+        "tau_max": Numbers(depth=1, low=0.0, strict=True),
+        "monitors": Flag(),
+    },
+    ("q0", "t_end"),
+)
+
+_PAIR = Numbers(1, False)
+_VARY = Entries(
+    {
+        "plain": Values(),
+        "table": Table({"linspace": _PAIR, "geomspace": _PAIR, "uniform": _PAIR, "log_uniform": _PAIR, "normal": _PAIR}),
+    }
+)
+SWEEP = Table({"vary": Keyed(_VARY), "draws": Integer(1), "seed": Integer(), "chunk": Integer(1)}, ("vary",))
+
+SCENARIO = Table(
+    {"title": TEXT, "arm": ARMS, "model": ARMS, "plant": PLANTS, "motion": MOTIONS, "law": LAWS, "run": RUN, "sweep": SWEEP},
+    ("arm", "law", "run"),
+)
+
+
+def arguments(run: Mapping[str, Any]) -> dict[str, Any]:
+    """The keyword arguments of `simulate` that the table `run` stands for."""
+    given = dict(run)
+    sampling, times, force = given.get("sample_time"), given.get("t_eval"), given.get("force")
+    if isinstance(sampling, Mapping):
+        given["sample_time"] = Sampling(**sampling)
+    if isinstance(times, Mapping):
+        given["t_eval"] = np.linspace(0.0, run["t_end"], max(2, round(run["t_end"] / times["step"]) + 1))
+    if force and isinstance(force[0], Mapping):
+        given["force"] = [(step["t"], step["force"]) for step in force]
+    return given

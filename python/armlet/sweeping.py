@@ -1,0 +1,256 @@
+"""Many runs of one scenario: every cell of a grid, or random draws; on threads, processes or a cluster; to be gone on with after a stop.
+
+Cells go to the executor in chunks, a chunk runs as one batch, and the client writes it down. A row's bits depend on its cell alone.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import suppress
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .cells import Cells, columns
+from .errors import ArmletError, InputError, SolveError
+from .run import _pandas
+from .scenario import Scenario
+from .scenario.tables import ADAPTIVE_METHODS
+from .simulation import simulate_batch
+from .status import Status
+from .sweep_store import Store
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["SweepTable", "sweep"]
+
+# Chunks in the executor's hands at a time, so that a million cells do not wait in memory.
+AHEAD = 64
+# Records of one chunk, all rows together: some 100 MB.
+RECORDS = 1_000_000
+STATES = ("q0", "v0", "theta0", "theta_dot0")
+Columns = dict[str, NDArray[Any]]
+
+
+class SweepTable(dict[str, NDArray[Any]]):
+    """One row per cell: columns by name, first `cell`, then what varied, `status` (numbers of `armlet.Status`) and the metrics."""
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The same as a pandas table, indexed by `cell`."""
+        frame: pd.DataFrame = _pandas("SweepTable.to_pandas").DataFrame(dict(self)).set_index("cell")
+        return frame
+
+    def to_csv(self, path: str | PathLike[str]) -> Path:
+        """Write the table as CSV, whole or not at all."""
+        from .export import to_csv
+
+        to_csv(self, path)
+        return Path(path)
+
+    @property
+    def rows(self) -> int:
+        """How many cells there are."""
+        return len(self["cell"])
+
+    def __str__(self) -> str:
+        status = self["status"]
+        ended = ", ".join(f"{np.sum(status == each)} {each.name.lower()}" for each in Status if np.any(status == each))
+        lines = [f"{self.rows} runs: {ended}", f"{'column':<28} {'least':>12} {'median':>12} {'largest':>12}"]
+        for name, values in self.items():
+            if name not in ("cell", "status") and values.dtype.kind == "f":
+                known = values[np.isfinite(values)]
+                parts = (known.min(), np.median(known), known.max()) if len(known) else ()
+                lines.append(f"{name:<28} " + (" ".join(f"{part:12.5g}" for part in parts) or f"{'-':>12}"))
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+def sweep(
+    scenario: Scenario | str | PathLike[str],
+    vary: Mapping[str, Any] | None = None,
+    *,
+    draws: int | None = None,
+    seed: int | None = None,
+    out: str | PathLike[str] | None = None,
+    executor: Executor | None = None,
+    chunk: int | None = None,
+    threads: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    **metrics: Any,
+) -> SweepTable:
+    """Run a scenario once for every cell of a grid, or for random draws, and sum every run up by its metrics.
+
+    The table has the same bits for every executor and every number of workers (on one instruction set). With `out`, finished chunks are
+    kept there; the same call goes on where an earlier one was stopped, however it was.
+
+    Args:
+        scenario: what to run, or the path of its file.
+        vary: by path (`"law.kd[0]"`): a list of values, `{"linspace": [a, b, n]}`, `{"geomspace": [a, b, n]}`; with `draws` also
+            `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None: the scenario's `[sweep]`.
+        draws: how many random cells; None: the product of the lists.
+        seed: of the draws, and of noise and jitter inside the runs; 0 if None and the scenario has none.
+        out: folder for finished chunks and the head of the sweep; None keeps nothing.
+        executor: any `concurrent.futures.Executor`, such as `ProcessPoolExecutor(8)` or dask's `client.get_executor()`; None uses the
+            threads of this process.
+        chunk: cells per chunk; None: up to 256, fewer where runs are long.
+        threads: per chunk; None: 1 with an executor, else as `simulate_batch`.
+        progress: called with the numbers of finished and of all cells.
+        **metrics: for `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`.
+
+    Returns:
+        The table; a run that failed has its status and NaN.
+
+    Raises:
+        InputError: the scenario, a cell or `vary` is not what it should be, or `out` holds another sweep.
+        SolveError: a worker died; finished chunks are in `out`.
+
+    >>> import armlet as al
+    >>> law = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}
+    >>> arm, motion = {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5}, {"kind": "Hold", "q": [1.0, 0.0]}
+    >>> scenario = al.Scenario({"arm": arm, "motion": motion, "law": law, "run": {"q0": [0.0, 0.0], "t_end": 2.0, "dt": 1e-3}})
+    >>> table = al.sweep(scenario, {"law.kp": [50.0, 100.0], "law.kd": {"linspace": [10.0, 20.0, 3]}})
+    >>> table["law.kd"], table["settling_time"].round(2)
+    (array([10., 15., 20., 10., 15., 20.]), array([0.75, 0.94, 1.42, 0.81, 0.51, 0.58]))
+    """
+    whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
+    stated = whole.data.get("sweep", {})
+    if vary is None and "vary" not in stated:
+        raise InputError("sweep: vary is missing: expected what varies by path, here or in the scenario's [sweep]")
+    if draws is None and vary is None:
+        draws = stated.get("draws")
+    cells = Cells.of(stated["vary"] if vary is None else vary, draws, stated.get("seed", 0) if seed is None else seed)
+    chunk = chunk or stated.get("chunk") or _chunk_size(whole.data["run"])
+    if not isinstance(chunk, int) or chunk < 1:
+        raise InputError(f"sweep: chunk is no count: expected an integer >= 1, got {chunk!r}")
+    bare = Scenario({name: table for name, table in whole.standalone().data.items() if name != "sweep"}, whole.folder, whole.name)
+    store = None
+    if out is not None:
+        what = {"scenario": bare.data, "vary": cells.vary, "draws": cells.draws, "seed": cells.seed, "metrics": _plain(metrics)}
+        store = Store(Path(out), what | {"armlet": _core.__version__}, chunk)
+        chunk = store.chunk
+    done: dict[int, Columns] = {}
+    missing = []
+    for start in range(0, len(cells), chunk):
+        kept = store.read(start, min(start + chunk, len(cells))) if store else None
+        if kept is None:
+            missing.append(start)
+        else:
+            done[start] = kept
+    finished = sum(len(kept["cell"]) for kept in done.values())
+    jobs = ((start, (bare, cells, start, min(start + chunk, len(cells)), threads, metrics)) for start in missing)
+    for start, result in _results(jobs, executor, out):
+        if store:
+            store.write(start, result)
+        done[start] = result
+        finished += len(result["cell"])
+        if progress:
+            progress(finished, len(cells))
+    if store:
+        store.tidy()
+    parts = [done[start] for start in sorted(done)]
+    return SweepTable({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+
+
+def _chunk_size(run: Mapping[str, Any]) -> int:
+    given = run.get("t_eval")
+    if given is not None:
+        records = run["t_end"] / given["step"] if isinstance(given, Mapping) else len(given)
+    elif "dt" in run:
+        records = run["t_end"] / run["dt"] / run.get("record_every", 1)
+    else:
+        records = 1000
+    return int(min(256, max(8, RECORDS // (records + 1) // 8 * 8)))
+
+
+def _plain(values: Mapping[str, Any]) -> Any:
+    return json.loads(json.dumps({key: np.asarray(value).tolist() for key, value in values.items()}))
+
+
+Job = tuple[Scenario, Cells, int, int, int | None, Mapping[str, Any]]
+
+
+def _results(jobs: Iterator[tuple[int, Job]], executor: Executor | None, out: Any) -> Iterator[tuple[int, Columns]]:
+    """Results as they come; at most AHEAD chunks wait at the executor."""
+    if executor is None:
+        for start, job in jobs:
+            yield start, run_chunk(*job)
+        return
+    waiting: dict[Future[Columns], int] = {}
+    more = True
+    try:
+        while True:
+            while more and len(waiting) < AHEAD:
+                start, job = next(jobs, (-1, None))
+                more = job is not None
+                if job is not None:
+                    waiting[executor.submit(run_chunk, *job[:4], job[4] or 1, job[5])] = start
+            if not waiting:
+                return
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                yield waiting.pop(future), future.result()
+    except BrokenExecutor as error:
+        again = f"the same call goes on from what is in {out}" if out is not None else "with out= it could have gone on"
+        raise SolveError(f"sweep: a worker died: {again} ({error})", Status.INTERRUPTED) from error
+    finally:
+        for future in waiting:
+            with suppress(Exception):
+                future.cancel()
+
+
+def run_chunk(scenario: Scenario, cells: Cells, start: int, stop: int, threads: int | None, metrics: Mapping[str, Any]) -> Columns:
+    """The rows of the cells from `start` to `stop`: what a worker does."""
+    made: dict[str, Any] = {}
+    values = [cells[i] for i in range(start, stop)]
+    groups: dict[tuple[Any, ...], list[tuple[int, Any]]] = {}
+    for row, changes in enumerate(values):
+        try:
+            one = scenario.replace(changes)
+            built = one._build(made)
+        except ArmletError as error:
+            shown = ", ".join(f"{path} = {value}" for path, value in changes.items())
+            raise InputError(f"sweep: cell {start + row} ({shown}): {error}") from None
+        options = {key: value for key, value in one.data["run"].items() if key not in STATES}
+        sampled = isinstance(options.get("sample_time"), Mapping)
+        kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, repr(options))
+        # Row j of a batch has the seed s + j: only neighbours share a batch where that seed is used.
+        place = row - len(groups.get((*kind, 0), ())) if sampled else 0
+        key = next((k for k in groups if k[:-1] == kind and groups[k][-1][0] == row - 1), (*kind, row)) if sampled else (*kind, place)
+        groups.setdefault(key, []).append((row, built))
+    found: dict[str, NDArray[Any]] = {}
+    status = np.zeros(stop - start, dtype=np.int32)
+    for members in groups.values():
+        index = [row for row, _ in members]
+        batch = _batch(members, start, cells, threads)
+        part = batch.metrics(**metrics).columns()
+        if found and set(part) != set(found):
+            raise InputError("sweep: cells have different metrics: expected one number of joints and one kind of plant in all cells")
+        for name, column in part.items():
+            found.setdefault(name, np.full(stop - start, np.nan))[index] = column
+        status[index] = batch.status
+    table: Columns = {"cell": np.arange(start, stop)}
+    return table | columns(values) | {"status": status} | found
+
+
+def _batch(members: list[tuple[int, Any]], start: int, cells: Cells, threads: int | None) -> Any:
+    from dataclasses import replace
+
+    from .sampling import Sampling
+
+    given = dict(members[0][1].arguments)
+    for name in STATES:
+        if name in given:
+            given[name] = np.array([built.arguments[name] for _, built in members], dtype=np.float64)
+    if given.get("method", "rk4") in ADAPTIVE_METHODS and given.get("t_eval") is None:
+        given["t_eval"] = np.linspace(0.0, given["t_end"], 1001)
+    if isinstance(given.get("sample_time"), Sampling):
+        given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
+    plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
+    return simulate_batch(plants, laws, **given, threads=threads)

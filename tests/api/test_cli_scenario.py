@@ -1,0 +1,184 @@
+"""`armlet run`, `check`, `new`, `sweep`, `schema`: exit codes, one line per refusal, nothing half-written."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import armlet as al
+from armlet import cli, storage
+from armlet.scenario import TEMPLATES, template
+
+TEXT = """
+title = "A step"
+[arm]
+kind = "planar_arm"
+lengths = [0.5, 0.4]
+[law]
+kind = "PDGravity"
+target = [0.5, 0.2]
+kp = 100.0
+kd = 5.0
+[run]
+q0 = [0.0, 0.0]
+t_end = 2.0
+dt = 1e-3
+record_every = 10
+[sweep.vary]
+"law.kp" = [50.0, 100.0]
+"law.kd" = { linspace = [2.0, 10.0, 3] }
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "step.toml"
+    path.write_text(TEXT)
+    return path
+
+
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line on stderr, and nothing of a result on stdout."""
+    out, err = capsys.readouterr()
+    (line,) = err.splitlines()
+    assert line.startswith("armlet: ") and "wrote" not in out
+    return line
+
+
+def test_run_prints_metrics_and_writes_nothing(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["run", str(file)]) == 0
+    out = capsys.readouterr().out
+    for word in ("A step", "success", "error_rms", "settling_time", "tau_peak", "N m"):
+        assert word in out
+    assert [path.name for path in file.parent.iterdir()] == ["step.toml"]
+
+
+def test_run_writes_results(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "folder"
+    assert cli.main(["run", str(file), "--out", str(out), "--plot"]) == 0
+    assert capsys.readouterr().out.count("wrote ") == 3
+    assert sorted(path.name for path in out.iterdir()) == ["step.csv", "step.npz", "step.png"]
+    run = al.load(out / "step.npz")
+    assert isinstance(run, al.Run) and run.metrics()["error_final"].shape == (2,)
+    head, *lines = (out / "step.csv").read_text().splitlines()
+    assert head.startswith("t,q1,q2,v1,v2,tau1,tau2") and len(lines) == len(run.t)
+    assert float(lines[7].split(",")[1]) == run.q[7, 0]
+    assert (out / "step.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("command", ["run", "check", "sweep"])
+def test_bad_scenarios(command: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    rest = [] if command == "check" else ["--out", str(out)]
+    for text, part in (
+        (TEXT.replace("kd = 5.0", "kd = [20.0, -1.0]"), "$.law.kd[1]: expected > 0, got -1.0"),
+        (TEXT.replace('"PDGravity"', '"PDgravity"'), "did you mean PDGravity?"),
+        ("[arm", "is not TOML"),
+        (None, "No such file or directory"),
+    ):
+        if text is None:
+            file.unlink()
+        else:
+            file.write_text(text)
+        assert cli.main([command, str(file), *rest]) == 2
+        err = capsys.readouterr().err
+        assert part in err and len(err.splitlines()) == 1, err
+        assert not out.exists()
+
+
+def test_check_lists_all_problems(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check", str(file)]) == 0
+    assert "is a scenario: PDGravity on RigidArm, 2 joints, 2 s by rk4" in capsys.readouterr().out
+    file.write_text(TEXT.replace("kd = 5.0", "kd = -1.0").replace("dt = 1e-3", "dt = 0"))
+    assert cli.main(["check", str(file)]) == 2
+    err = capsys.readouterr().err.splitlines()
+    assert [line.partition(": $.")[2] for line in err] == ["law.kd: expected > 0, got -1.0", "run.dt: expected > 0, got 0"]
+    file.write_text(TEXT.replace("[0.5, 0.2]", "[0.5]"))  # only the constructor can see this
+    assert cli.main(["check", str(file)]) == 2
+    assert "$.law.target: has the wrong shape" in capsys.readouterr().err
+
+
+def test_a_run_that_fails(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its reason in one line, an exit code, and no files."""
+    file.write_text(TEXT.replace("kd = 5.0", "kd = 1e9"))
+    assert cli.main(["run", str(file), "--out", str(tmp_path / "out")]) == 2
+    assert "diverged" in one_line(capsys)
+    assert not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize("command", ["run", "sweep"])
+def test_where_nothing_can_be_written(command: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert cli.main([command, str(file), "--out", str(tmp_path / "file" / "out")]) == 2
+    assert "file" in one_line(capsys)
+
+
+def test_no_permission(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # the tests may run as root, who may write anywhere
+    assert cli.main(["run", str(file), "--out", str(tmp_path / "out")]) == 2
+    assert "is not writable" in one_line(capsys)
+
+
+@pytest.mark.parametrize("command", ["run", "sweep"])
+def test_a_full_disk(command: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second sync to disk fails: what was written before is whole, and there is nothing else."""
+    calls = []
+
+    def fsync(handle: int) -> None:
+        calls.append(handle)
+        if len(calls) == 2:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(storage.os, "fsync", fsync)
+    out = tmp_path / "out"
+    assert cli.main([command, str(file), "--out", str(out)]) == 2
+    assert "No space left on device" in capsys.readouterr().err.splitlines()[-1]
+    assert [path.name for path in out.iterdir()] == (["step.npz"] if command == "run" else ["sweep.json"])
+    if command == "sweep":
+        assert cli.main([command, str(file), "--out", str(out)]) == 0
+
+
+def test_without_matplotlib(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert cli.main(["run", str(file), "--out", str(tmp_path / "out"), "--plot"]) == 2
+    assert "armlet[plot]" in one_line(capsys) and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_new(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["new", name]) == 0
+    text = capsys.readouterr().out
+    assert text == template(name)
+    (tmp_path / "x.toml").write_text(text)
+    assert cli.main(["check", str(tmp_path / "x.toml")]) == 0
+    with pytest.raises(SystemExit):
+        cli.main(["new", "nothing"])
+
+
+def test_sweep(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["sweep", str(file), "--out", str(tmp_path / "a")]) == 0
+    out = capsys.readouterr().out
+    assert "6 runs: 6 success" in out and "table.csv" in out
+    first = (tmp_path / "a" / "table.csv").read_text()
+    assert first.splitlines()[0].startswith("cell,law.kp,law.kd,status,error_rms1") and len(first.splitlines()) == 7
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-P", "-m", "armlet", "sweep", str(file), "--out", str(tmp_path / "b"), "--workers", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "b" / "table.csv").read_text() == first
+    file.write_text(TEXT.partition("[sweep")[0])
+    assert cli.main(["sweep", str(file), "--out", str(tmp_path / "c")]) == 2
+    assert "$.sweep: is missing" in one_line(capsys)
+    with pytest.raises(SystemExit):
+        cli.main(["sweep", str(file), "--out", "x", "--workers", "0"])
+
+
+def test_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out)["properties"]["law"]["properties"]["kind"]["enum"][0] == "Adaptive"
