@@ -1,6 +1,7 @@
 //! `armlet.equilibrium`, `armlet.elastic_limits` and the limits by numbers; the warning of a coarse sample time.
 
-use crate::arrays::{common_shape, new_array, number, numbers, object, optional_number, shown, stretch, text, vector};
+use crate::arrays::{new_array, number, numbers, object, optional_number, shown, text, vector};
+use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;

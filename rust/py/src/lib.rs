@@ -2,6 +2,7 @@
 
 mod arm;
 mod arrays;
+mod broadcast;
 mod elastic;
 mod errors;
 mod force;

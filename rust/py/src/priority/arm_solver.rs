@@ -4,7 +4,8 @@ use super::diagnosis::fields;
 use super::solution::{copied, residual_list, status_member};
 use super::stack::{Keywords, items, per_joint};
 use crate::arm::Arm;
-use crate::arrays::{broadcast, integers, new_array, new_vector, numbers, object, of_shape, out_slice, require_finite, shown, vector};
+use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, out_slice, require_finite, shown, vector};
+use crate::broadcast::broadcast;
 use crate::errors::{Failure, entry, input_error};
 use crate::task::each;
 use armlet_core::law::{ArmSolver as Core, with_limits};
@@ -143,7 +144,7 @@ impl ArmPrioritySolver {
         let given = broadcast(SOLVE, ["q"], [q], [self.n])?;
         let mut shapes: Vec<Vec<usize>> = parts.iter().map(|(shape, _)| shape.clone()).collect();
         shapes.push(given.shape.clone());
-        let lead = crate::arrays::common_shape(&shapes).ok_or_else(|| {
+        let lead = crate::broadcast::common_shape(&shapes).ok_or_else(|| {
             let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
             input_error(py, SOLVE, "q, velocities", format!("do not broadcast: expected leading axes that agree, got {all}"))
         })?;
@@ -151,14 +152,14 @@ impl ArmPrioritySolver {
         let angles = if given.shape == lead {
             given.all(0).into_owned()
         } else {
-            crate::arrays::stretch(&given.shape, &lead, &given.all(0), self.n)?
+            crate::broadcast::stretch(&given.shape, &lead, &given.all(0), self.n)?
         };
         let one = parts.iter().all(|(shape, _)| count(shape) == 1);
         let commands = if one { 1 } else { rows };
         let mut stacked = vec![0.0; commands * total];
         let mut at = 0;
         for ((shape, values), &m) in parts.iter().zip(&self.rows) {
-            let values = if one || *shape == lead { values.clone() } else { crate::arrays::stretch(shape, &lead, values, m)?.into() };
+            let values = if one || *shape == lead { values.clone() } else { crate::broadcast::stretch(shape, &lead, values, m)?.into() };
             for row in 0..commands {
                 stacked[row * total + at..row * total + at + m].copy_from_slice(&values[row * m..(row + 1) * m]);
             }
