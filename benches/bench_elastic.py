@@ -58,10 +58,10 @@ def state(run: Any) -> Any:
     return np.concatenate([run.q, run.v, run.theta, run.theta_dot], axis=-1)[..., -1, :]
 
 
-def single(level: str = "mild", steps: int = peers.STEPS, **options: Any) -> Callable[[], Any]:
+def single(level: str = "mild", steps: int = peers.STEPS, q0: Any = peers.Q0, **options: Any) -> Callable[[], Any]:
     plant, law = loop(level)
     given: dict[str, Any] = {"dt": peers.H, "t_eval": [steps * peers.H], "monitors": False} | options
-    return lambda: state(al.simulate(plant, law, peers.Q0, theta0=peers.Q0, t_end=steps * peers.H, force=peers.FORCE, **given))
+    return lambda: state(al.simulate(plant, law, q0, theta0=q0, t_end=steps * peers.H, force=peers.FORCE, **given))
 
 
 def batch(threads: int = 1, **options: Any) -> Callable[[], Any]:
@@ -102,7 +102,7 @@ class Suite:
         self.cases: list[Case] = []
         self.busy = timing.busy()
         self.errors: dict[str, float] = {}
-        self.exact = {level: stiff(level, "radau5", MIDDLE, 1e-12, 1e-14)() for level in peers.LEVELS}
+        self.exact = {level: stiff(level, "radau5", MIDDLE, 1e-9, 1e-12)() for level in peers.LEVELS}
 
     def add(self, group: str, name: str, run: Callable[[], Any], per: float, check: tuple[Any, float] | None = None, **more: Any) -> None:
         if check is not None:
@@ -125,9 +125,8 @@ class Suite:
 
     def many(self, c: peers.LimitKernels | None, numba: dict[str, Callable[..., Any]] | None) -> None:
         per, inputs = peers.RUNS * peers.BATCH_STEPS, peers.start(peers.batch_start())
-        same = np.array([single(steps=peers.BATCH_STEPS)()])
-        compare("one row of a batch is a run", batch()()[:1] * 0 + same, same, 0.0)
         answer = batch()()
+        compare("row 7 of a batch is a run", answer[7], single(steps=peers.BATCH_STEPS, q0=peers.batch_start()[7])(), 1e-12)
         if c:
             self.add(MANY, C_BATCH, c.batch, per, (answer, 1e-11))
         self.add(MANY, BATCH, batch(), per, against=C_BATCH if c else None)

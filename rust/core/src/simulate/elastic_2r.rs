@@ -99,24 +99,31 @@ pub struct Loop<'a, S> {
     k_m: [S; 2],
     d_m: [S; 2],
     target: [S; 2],
-    /// One for all lanes, or one per lane; none.
-    forces: Vec<&'a Force>,
+    /// One for all lanes, or one per lane; none. Borrowed, so that nothing of the loop's own needs dropping and all of it can
+    /// live in registers.
+    forces: &'a [&'a Force],
     anchors: [Angle<S>; 2],
     /// The motors' torque as of the last evaluation.
     tau: [S; 2],
 }
 
+/// The forces of the lanes from run `first` on: one where they are the same.
+fn forces<'a>(problem: &'a Problem, first: usize, lanes: usize) -> Vec<&'a Force> {
+    let last = problem.runs() - 1;
+    let mut forces: Vec<&Force> = (0..lanes).filter_map(|lane| problem.force((first + lane).min(last))).collect();
+    if forces.iter().all(|&f| std::ptr::eq(f, forces[0])) {
+        forces.truncate(1);
+    }
+    forces
+}
+
 impl<'a, S: Real> Loop<'a, S> {
-    fn new(problem: &'a Problem, arm: &Planar2R, first: usize) -> (Self, [S; STATES]) {
+    fn new(problem: &'a Problem, arm: &Planar2R, first: usize, forces: &'a [&'a Force]) -> (Self, [S; STATES]) {
         let last = problem.runs() - 1;
         let run = |lane: usize| (first + lane).min(last);
         let law = |lane: usize| problem.elastic(run(lane));
         let two = |of: &dyn Fn(usize) -> [f64; 2]| -> [S; 2] { std::array::from_fn(|k| S::from_lanes(|lane| of(lane)[k])) };
         let diagonal = |gain: &Gain| [gain.at(0, 0), gain.at(1, 1)];
-        let mut forces: Vec<&Force> = (0..S::LANES).filter_map(|lane| problem.force(run(lane))).collect();
-        if forces.iter().all(|&f| std::ptr::eq(f, forces[0])) {
-            forces.truncate(1);
-        }
         let closed = Loop {
             a: arm.a.map(S::splat),
             l: arm.l.map(S::splat),
@@ -149,7 +156,7 @@ impl<S: Real> System<S> for Loop<'_, S> {
 
     #[inline(always)]
     fn input(&mut self, t: f64, u: &mut Push<S>) {
-        match self.forces.as_slice() {
+        match self.forces {
             [] => {}
             [force] => {
                 let w = force.at(t);
@@ -264,7 +271,8 @@ impl Task for Elastic2R<'_> {
 
     #[inline(always)]
     fn run<S: Real>(self) -> Ended {
-        let (mut closed, x) = Loop::<S>::new(self.problem, &self.arm, self.first);
+        let forces = forces(self.problem, self.first, S::LANES);
+        let (mut closed, x) = Loop::<S>::new(self.problem, &self.arm, self.first, &forces);
         let u = Push([S::zero(); 2]);
         match self.division {
             Division::Fixed(fixed) => {
@@ -299,8 +307,9 @@ impl Task for ImplicitElastic2R<'_> {
     fn run<V: Real>(self) -> Ended {
         let Elastic2R { problem, arm, division, first, stop, sink } = self.0;
         let Division::Adaptive(segments) = division else { unreachable!("an adaptive method divides time itself") };
-        let (closed, x) = Loop::<V::One>::new(problem, &arm, first);
-        let (twin, moving) = Loop::<Duals<V>>::new(problem, &arm, first);
+        let forces = forces(problem, first, 1);
+        let (closed, x) = Loop::<V::One>::new(problem, &arm, first, &forces);
+        let (twin, moving) = Loop::<Duals<V>>::new(problem, &arm, first, &forces);
         let mut twins: Twins<V> = Linearised::new(closed, twin, moving, Push([Duals::default(); 2]));
         let zero = V::One::zero();
         let tolerance = Tolerance { rtol: problem.options.rtol, atol: problem.options.atol, controlled: STATES };
