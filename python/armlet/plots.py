@@ -74,8 +74,10 @@ def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
             panel(ax, run)
         for ax in axes.flat[len(panels) :]:
             ax.set_visible(False)
-        for ax in axes[-1]:
-            ax.set_xlabel("time (s)")
+        for last in range(max(0, len(panels) - columns), len(panels)):
+            # The lowest panel of every column, also where the last row is not full.
+            axes.flat[last].set_xlabel("time (s)")
+            axes.flat[last].tick_params(labelbottom=True)
     result: NDArray[Any] = axes
     return result
 

@@ -120,8 +120,8 @@ def metrics(
     >>> float(found["error_peak"][0]), float(found["settling_time"].round(2)), float(found["overshoot"][0])
     (1.0, 0.58, 0.0)
     """
-    if run.q.ndim < 2 or (run.q.ndim == 2 and run.t.ndim == 1 and run.q.shape[0] != len(run.t)):
-        raise InputError('metrics: run has no time axis: expected a batch run with keep="all"')
+    if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
+        raise InputError('metrics: run has its last record alone: expected a batch run with keep="all"')
     q, t = run.q, run.t
     n = q.shape[-1]
     desired = run.reference()
