@@ -23,7 +23,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub struct ArmPrioritySolver {
     n: usize,
     rows: Vec<usize>,
-    /// The arm.
+    /// The arm whose tasks these are.
     #[pyo3(get)]
     arm: Py<Arm>,
     /// The tasks, the highest first.
