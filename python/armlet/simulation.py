@@ -111,7 +111,8 @@ def simulate_batch(
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
     threads: int | None = None,
-    keep: Literal["all", "final"] = "all",
+    keep: Literal["all", "final", "metrics"] = "all",
+    progress: Callable[[int, int], object] | None = None,
 ) -> BatchRun:
     """Run B closed loops side by side, in lanes and threads; the fields are those of a run with a leading axis B.
 
@@ -123,7 +124,9 @@ def simulate_batch(
         q0, v0, theta0, theta_dot0: initial states, (B, n).
         threads: worker threads; None follows ARMLET_NUM_THREADS, then the cores.
         t_eval: needed by an adaptive method that keeps "all": its runs step at different times.
-        keep: "all" records, or the "final" state alone.
+        keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record: then the records of some runs at
+            a time are all the memory it takes, and `batch.metrics()` has the numbers of `armlet.metrics`.
+        progress: called as `progress(done, runs)` after every piece of the batch.
         (the rest): as for `simulate`.
 
     Raises:
@@ -138,9 +141,13 @@ def simulate_batch(
     >>> batch.q.shape
     (64, 11, 2)
     """
-    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0")}
+    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "progress")}
     plants = list(plant) if isinstance(plant, Sequence) else plant
     laws = list(law) if isinstance(law, Sequence) else law
+    if keep == "metrics" or progress is not None:
+        from .batches import in_pieces
+
+        return in_pieces(plants, laws, q0, keywords, progress)
     fields = _core.simulate_batch(plants, laws, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended")}
     return BatchRun(fields, law=laws, plant=plants)

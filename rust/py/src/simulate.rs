@@ -324,7 +324,7 @@ pub fn simulate_batch<'py>(
             "all" => Keep::All,
             "final" => Keep::Final,
             other => {
-                let problem = format!("is unknown: expected one of all, final, got {other}");
+                let problem = format!("is unknown: expected one of all, final, metrics, got {other}");
                 return Err(input_error(py, NAME, "keep", problem).into());
             }
         };

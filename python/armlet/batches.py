@@ -1,0 +1,96 @@
+"""Batches in pieces: what they come to without keeping their records, and how far they have come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _core
+from .errors import InputError
+from .run import SERIES, BatchRun
+from .run_metrics import metrics
+from .sampling import Sampling
+
+__all__ = ["in_pieces"]
+
+#: Records of one piece, in bytes; a piece has at least LEAST runs.
+PIECE = 1 << 26
+LEAST = 64
+
+
+def in_pieces(
+    plant: _core.Plant | list[_core.Plant],
+    law: _core.Law | list[_core.Law],
+    q0: ArrayLike,
+    keywords: dict[str, Any],
+    progress: Callable[[int, int], object] | None,
+) -> BatchRun:
+    """The batch of `simulate_batch`, some runs at a time; with keep="metrics" each piece is summed up before the next one starts."""
+    start = np.asarray(q0)
+    rows = len(start) if start.ndim == 2 else 0
+    summed = keywords["keep"] == "metrics"
+    if summed:
+        keywords = keywords | {"keep": "all"}
+    for name, value in (("plant", plant), ("law", law)):
+        if isinstance(value, list) and len(value) not in (1, rows):
+            raise InputError(f"simulate_batch: {name} has the wrong number of entries: expected 1 or {rows}, got {len(value)}")
+    size = _runs_per_piece(plant, keywords)
+    pieces: list[BatchRun] = []
+    for first in range(0, max(rows, 1), size):
+        last = min(first + size, rows)
+        own = keywords | {name: _part(keywords.get(name), first, last) for name in ("v0", "theta0", "theta_dot0")}
+        if isinstance(own["sample_time"], Sampling):
+            # Row i of the whole batch has seed + i.
+            own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
+        plants = plant[first:last] if isinstance(plant, list) and len(plant) > 1 else plant
+        laws = law[first:last] if isinstance(law, list) and len(law) > 1 else law
+        fields = _core.simulate_batch(plants, laws, start[first:last] if rows else q0, own)
+        fields["stats"] = {"ended": fields.pop("ended")}
+        piece = BatchRun(fields, law=laws, plant=plants)
+        pieces.append(_summed(piece) if summed else piece)
+        if progress is not None:
+            progress(last, rows)
+    return pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
+
+
+def _runs_per_piece(plant: Any, keywords: dict[str, Any]) -> int:
+    n = (plant[0] if isinstance(plant, list) else plant).arm.n
+    records = 1.0
+    if keywords["keep"] == "all":
+        if keywords["t_eval"] is not None:
+            records = float(np.size(keywords["t_eval"]))
+        else:
+            step = keywords["dt"] or getattr(keywords["sample_time"], "period", keywords["sample_time"]) or np.inf
+            records = keywords["t_end"] / step / keywords["record_every"] + 2.0
+    bytes_per_run = 8.0 * records * (5 * n + 10 * n + 5)
+    return max(LEAST, int(PIECE / max(bytes_per_run, 1.0)) // LEAST * LEAST)
+
+
+def _part(value: ArrayLike | None, first: int, last: int) -> Any:
+    return None if value is None else np.asarray(value)[first:last]
+
+
+def _summed(piece: BatchRun) -> BatchRun:
+    """The last record of each run, its metrics among the `stats`."""
+    found = metrics(piece)
+    fields: dict[str, Any] = {name: getattr(piece, name)[:, -1:] for name in SERIES if getattr(piece, name) is not None}
+    fields |= {"t": piece.t[-1:], "status": piece.status, "monitors": {name: values[:, -1:] for name, values in piece.monitors.items()}}
+    fields |= {"stats": piece.stats | dict(found), "law_name": piece.law_name, "units": piece.units, "parameters": piece.parameters}
+    return BatchRun(fields)
+
+
+def _joined(pieces: Sequence[BatchRun], law: Any, plant: Any) -> BatchRun:
+    first = pieces[0]
+
+    def together(values: list[Any]) -> Any:
+        return np.concatenate([np.asarray(value) for value in values])
+
+    fields: dict[str, Any] = {name: together([getattr(p, name) for p in pieces]) for name in SERIES if getattr(first, name) is not None}
+    fields |= {"t": first.t, "status": together([p.status for p in pieces])}
+    fields["monitors"] = {name: together([p.monitors[name] for p in pieces]) for name in first.monitors}
+    fields["stats"] = {name: together([p.stats[name] for p in pieces]) for name in first.stats}
+    return BatchRun(fields, law=law, plant=plant)

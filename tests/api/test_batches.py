@@ -1,0 +1,57 @@
+"""Batches in pieces: the metrics alone, progress, and the same bits however they are cut."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import batches
+
+ARM = al.planar_pr(2.0, 0.5, 0.5)
+LAW = al.ComputedTorque(ARM, al.Quintic([0.0, 0.0], [1.0, 0.5], 0.5), kp=100.0, kd=20.0)
+PLANT = al.RigidArm(ARM)
+Q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (150, 2))
+OPTIONS: dict[str, Any] = {"t_end": 1.0, "dt": 1e-3, "record_every": 10}
+
+
+def test_metrics_alone_are_those_of_the_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = al.simulate_batch(PLANT, LAW, Q0, **OPTIONS)
+    # Pieces of 64 runs: three of them.
+    monkeypatch.setattr(batches, "PIECE", 1)
+    seen: list[tuple[int, int]] = []
+    summed = al.simulate_batch(PLANT, LAW, Q0, keep="metrics", progress=lambda done, runs: seen.append((done, runs)), **OPTIONS)
+    assert seen == [(64, 150), (128, 150), (150, 150)]
+    assert summed.q.shape == (150, 1, 2)
+    np.testing.assert_array_equal(summed.q[:, 0], whole.q[:, -1])
+    for name, values in whole.metrics().items():
+        np.testing.assert_array_equal(summed.metrics()[name], values, err_msg=name)
+    again = pickle.loads(pickle.dumps(summed))
+    np.testing.assert_array_equal(again.metrics()["error_rms"], summed.metrics()["error_rms"])
+
+
+def test_pieces_are_the_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    sampling = al.Sampling(2e-3, noise={"v": 0.01}, seed=3)
+    laws = [al.ComputedTorque(ARM, al.Hold([0.1, 0.2]), kp=50.0 + i, kd=20.0) for i in range(150)]
+    options = OPTIONS | {"sample_time": sampling, "v0": Q0[::-1]}
+    whole = al.simulate_batch(PLANT, laws, Q0, **options)
+    monkeypatch.setattr(batches, "PIECE", 1)
+    pieces = al.simulate_batch(PLANT, laws, Q0, progress=lambda done, runs: None, **options)
+    np.testing.assert_array_equal(pieces.q, whole.q)
+    np.testing.assert_array_equal(pieces.monitors["energy"], whole.monitors["energy"])
+    np.testing.assert_array_equal(pieces.stats["ended"], whole.stats["ended"])
+
+
+def test_a_batch_of_nothing_has_no_metrics() -> None:
+    empty = al.simulate_batch(PLANT, LAW, np.zeros((0, 2)), keep="metrics", **OPTIONS)
+    assert len(empty) == 0 and empty.metrics()["error_rms"].shape == (0, 2)
+
+
+def test_what_is_wrong_is_said() -> None:
+    with pytest.raises(al.InputError, match="law has the wrong number of entries: expected 1 or 150, got 2"):
+        al.simulate_batch(PLANT, [LAW, LAW], Q0, keep="metrics", **OPTIONS)
+    with pytest.raises(al.InputError, match="keep is unknown"):
+        al.simulate_batch(PLANT, LAW, Q0, keep="some", **OPTIONS)  # type: ignore[arg-type]
