@@ -177,7 +177,7 @@ impl ElasticTracking {
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([0.5, 0.4])
-/// >>> law = al.JointImpedance(arm, [0.3, 1.0], 100.0, 15.0, [800.0, 500.0], [0.4, 0.25], [0.02, 0.0125])
+/// >>> law = al.JointImpedance(arm, [0.3, 1.0], 50.0, [4.0, 2.0], [800.0, 500.0], [0.4, 0.25], [0.02, 0.0125])
 /// >>> run = al.simulate(al.ElasticArm(arm, [800.0, 500.0], [0.4, 0.25]), law, [0.0, 0.5], t_end=3.0, method="dop853")
 /// >>> run.q[-1].round(3)
 /// array([0.3, 1. ])
