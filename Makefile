@@ -46,7 +46,8 @@ check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types a
 	@$(MAKE) --no-print-directory lint LINT=required
 
 bench: $(BUILD)/installed $(BUILD)/requirements ## benchmarks against the peers (installs them)
-	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/bench.txt -c requirements/test.txt
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/bench.txt -r requirements/peers.txt -c requirements/test.txt
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" dynibo==0.5.2 || echo "make bench: goes on without dynibo, which has no wheel for this Python"
 	@set -- benches/bench_*.py; test -e "$$1" || { echo "make bench: no benches/bench_*.py yet"; exit 1; }; \
 	for file in "$$@"; do echo "== $$file"; $(PY) "$$file"; done
 

@@ -20,10 +20,10 @@ motor_inertia = np.array([2.0, 2.0, 1.5, 1.2, 0.8, 0.5, 0.4])  # kg m^2, after t
 reduced_inertia = motor_inertia / 5
 
 # The wall stands 5 cm in front of the tip; the target moves 8 cm into it in 2 s, and rests there.
-wall = al.Wall(frame, tip + [0.05, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=20e3, damping=50.0)
+wall = al.Wall(frame, tip + np.array([0.05, 0.0, 0.0]), [-1.0, 0.0, 0.0], stiffness=20e3, damping=50.0)
 plant = al.ElasticArm(arm, joint_stiffness, motor_inertia, wall=wall)
 stiffness, damping = np.array([800.0, 1500.0, 1500.0]), np.array([90.0, 120.0, 120.0])  # N/m, N s/m
-target = al.Quintic(tip, tip + [0.13, 0.0, 0.0], 2.0)
+target = al.Quintic(tip, tip + np.array([0.13, 0.0, 0.0]), 2.0)
 law = al.ElasticTracking(
     arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, frame=frame, relative_damping=True
 )
@@ -49,22 +49,20 @@ if len(sys.argv) > 1:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 7.0), layout="constrained")
-    (way, push), (torque, energy) = figure.subplots(2, 2)
+    (way, push), (torque, error) = figure.subplots(2, 2)
     way.plot(run.t, [target(t)[0][0] - tip[0] for t in run.t], "--", label="target")
     way.plot(run.t, x[:, 0] - tip[0], label="tip")
     way.axhline(0.05, color="0.5", linewidth=1.0, label="wall")
     way.set_ylabel("x from the start (m)")
-    push.plot(run.t, force)
-    push.axhline(expected, color="0.5", linestyle=":", linewidth=1.0)
+    push.plot(run.t, force, label="at the wall")
+    push.axhline(expected, color="0.5", linestyle=":", linewidth=1.0, label="two springs in series")
     push.set_ylabel("contact force (N)")
-    torque.plot(run.t, joint_stiffness * (run.theta - run.q))
+    torque.plot(run.t, joint_stiffness * (run.theta - run.q), label=[f"joint {i + 1}" for i in range(7)])
     torque.set_ylabel("joint torques (N m)")
-    energy.plot(run.t, run.monitors["energy"], label="stored")
-    energy.plot(run.t, run.monitors["passivity"], label="passivity at the contact")
-    energy.set_ylabel("energy (J)")
-    for ax in (way, push, torque, energy):
+    error.plot(run.t, run.monitors["torque_error"], label=r"largest $|\tau_J - u|$")
+    error.set_ylabel("torque error (N m)")
+    for ax in (way, push, torque, error):
         ax.set_xlabel("t (s)")
         ax.grid(alpha=0.3)
-    way.legend()
-    energy.legend()
+        ax.legend(fontsize=8, **({"loc": "center right", "ncols": 4} if ax is torque else {}))
     figure.savefig(sys.argv[1], dpi=150)

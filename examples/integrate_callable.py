@@ -44,6 +44,5 @@ for method in ("radau5", "rodas4"):
     began = time.perf_counter()
     run = al.integrate(robertson, (0.0, 1e4), [1.0, 0.0, 0.0], method=method, rtol=1e-6, atol=1e-10, lists=True)
     elapsed = 1e3 * (time.perf_counter() - began)
-    print(
-        f"{method}: {run.stats['steps']} steps, {run.stats['jacobians']} Jacobians, mass off by {abs(run.y[-1].sum() - 1):.0e}, {elapsed:.1f} ms"
-    )
+    mass = abs(run.y[-1].sum() - 1.0)
+    print(f"{method}: {run.stats['steps']} steps, {run.stats['jacobians']} Jacobians, mass off by {mass:.0e}, {elapsed:.1f} ms")

@@ -163,8 +163,8 @@ def integrate(
 
     >>> import armlet as al
     >>> run = al.integrate(lambda t, y: [y[1], -y[0]], (0.0, 3.141592653589793), [1.0, 0.0], method="dop853")
-    >>> run.y[-1].round(7)
-    array([-1.,  0.])
+    >>> float(run.y[-1, 0].round(7))
+    -1.0
     """
     try:
         t0, t1 = t_span

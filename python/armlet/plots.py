@@ -84,6 +84,8 @@ def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
 
 def _panels(run: Run) -> list[Any]:
     """The panels that this run has data for, in reading order."""
+    if "residual_1" in run.monitors:
+        return [_position, _velocity, _level_errors, _level_residuals]
     panels: list[Any] = [_position]
     if run.desired() is not None:
         panels.append(_error)
@@ -216,3 +218,26 @@ def _energy_balance(ax: Axes, run: Run) -> None:
     _magnitude(ax, run, "energy_balance")
     ax.set_ylabel("balance (J)")
     ax.set_title(r"$|E(t) - E(0) - \int P\,dt|$")
+
+
+def _levels(ax: Axes, run: Run, name: str) -> None:
+    """One line per level of priority, on a logarithmic axis that spans sixteen decades at most."""
+    shown = np.concatenate([values[values > 0] for key, values in run.monitors.items() if key.startswith(name)])
+    for level in range(sum(key.startswith(name) for key in run.monitors)):
+        values = run.monitors[f"{name}_{level + 1}"]
+        ax.semilogy(run.t, np.where(values > 0, values, np.nan), color=COLOURS[level % len(COLOURS)], label=f"level {level + 1}")
+    if len(shown):
+        ax.set_ylim(max(shown.min() / 10, 1e-16 * shown.max()), 30 * shown.max())
+    _legend(ax)
+
+
+def _level_errors(ax: Axes, run: Run) -> None:
+    _levels(ax, run, "error")
+    ax.set_ylabel("error (m, rad)")
+    ax.set_title(r"$|e_i|$ per level of priority")
+
+
+def _level_residuals(ax: Axes, run: Run) -> None:
+    _levels(ax, run, "residual")
+    ax.set_ylabel("residual (m/s, rad/s)")
+    ax.set_title(r"$|v_i - J_i u|$ per level of priority")

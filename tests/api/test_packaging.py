@@ -20,7 +20,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FROM_MAKE = os.environ.get("ARMLET_MAKE_TEST") == "1"
-PACKAGE = ["__init__.py", "py.typed", "_core.pyi", "errors.py", "status.py", "run.py", "plots.py", "cli.py", "demo/__init__.py"]
+PACKAGE = ["__init__.py", "py.typed", "_core/__init__.pyi", "errors.py", "status.py", "run.py", "plots.py", "cli.py", "demo/__init__.py"]
 
 
 def artefact(variable: str) -> Path | None:

@@ -244,8 +244,10 @@ def test_the_sampled_loop_grows_beyond_its_limit(share: float) -> None:
     assert growth(same, 0.99 * limit) < 0.8
     with pytest.warns(UserWarning, match="above a third"):
         assert growth(law, 0.99 * limit) < 0.8
-    with pytest.raises(al.InputError, match=f"sample_time is too large .* below {limit:.6e} s"):
+    with pytest.raises(al.InputError, match="sample_time is too large") as caught:
         growth(law, 1.01 * limit)
+    said = float(str(caught.value).split("below ")[1].split(" s,")[0])
+    assert 0.99999 * limit < said <= limit
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         growth(law, 0.3 * limit)
@@ -258,5 +260,9 @@ def test_maps_broadcast() -> None:
     # For B0 << B: B0 = K_J (dt / min(4 zeta, 1/zeta))^2, up to B0/B.
     rule = 800.0 * (dt / np.minimum(4 * zeta, 1 / zeta)) ** 2
     np.testing.assert_allclose(fastest, rule, rtol=0.05)
-    slower = al.smallest_reduced_inertia(0.4, 800.0, dt, damping_ratio=zeta, sensor_bandwidth=2000.0)
-    assert np.all((slower > fastest) | np.isnan(slower))
+    # A sensor that lags takes damping away from a loop that has little, and a quick one takes nothing.
+    bandwidth = np.array([2000.0, 1e6])
+    lag = al.smallest_reduced_inertia(0.4, 800.0, dt, damping_ratio=0.3, sensor_bandwidth=bandwidth)
+    none = al.smallest_reduced_inertia(0.4, 800.0, dt, damping_ratio=0.3)
+    assert lag.shape == (3, 2) and np.all(lag[:, 0] > 1.1 * none[:, 0])
+    np.testing.assert_allclose(lag[:, 1], none[:, 0], rtol=0.02)

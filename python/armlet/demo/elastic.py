@@ -173,7 +173,8 @@ def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: f
         x = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(x + dt * k3))
         if not np.abs(x).max() < 1e3:
             break
-    return times, states[:, :2]
+    positions: Array = states[:, :2]
+    return times.astype(np.float64), positions
 
 
 def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Array, Array]]:
@@ -184,11 +185,13 @@ def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Ar
         return J.T @ (K_M * (X_D - tip(arm, q)) - D_M * (J @ v)) + np.asarray(arm.gravity(q))
 
     def without_transpose(q: Array, v: Array, J: Array) -> Array:
-        return K_M * (X_D - tip(arm, q)) - D_M * (J @ v) + np.asarray(arm.gravity(q))
+        u: Array = K_M * (X_D - tip(arm, q)) - D_M * (J @ v) + np.asarray(arm.gravity(q))
+        return u
 
     def without_velocity(q: Array, v: Array, J: Array) -> Array:
         # A matrix does not add to a vector: its rows are summed, as if v were (1, 1) rad/s.
-        return J.T @ (K_M * (X_D - tip(arm, q)) - D_M * J.sum(axis=1)) + np.asarray(arm.gravity(q))
+        u: Array = J.T @ (K_M * (X_D - tip(arm, q)) - D_M * J.sum(axis=1)) + np.asarray(arm.gravity(q))
+        return u
 
     t_end = 2.0
     runs = {

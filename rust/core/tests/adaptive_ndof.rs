@@ -4,7 +4,7 @@ mod arm_common;
 
 use arm_common::{chain, numbers, vectors};
 use armlet_core::dynamics::Model;
-use armlet_core::law::{AdaptiveSpec, Gain, LawSpec};
+use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{PlantSpec, RigidSpec};
 use armlet_core::simulate::{Keep, Method, Options, Problem, Times, simulate, simulate_batch};
@@ -25,7 +25,9 @@ fn law(input: &Value, model: &Model) -> LawSpec {
     let diagonal = |name: &str, values: Vec<f64>| Gain::diagonal(name, values).unwrap();
     let estimate = Some(numbers(&input["ahat0"])).filter(|a| !a.is_empty());
     let (kp, kd, gamma) = (diagonal("kp", kp), diagonal("kd", kd), diagonal("gamma", gamma));
-    LawSpec::Adaptive(AdaptiveSpec::new(model.clone(), Motion::Sinusoid(motion), kp, kd, gamma, estimate).unwrap())
+    LawSpec::Adaptive(
+        AdaptiveSpec::new(model.clone(), Motion::Sinusoid(motion), kp, kd, Adaptation::Euclidean(gamma), None, estimate).unwrap(),
+    )
 }
 
 #[test]

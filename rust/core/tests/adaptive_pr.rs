@@ -1,7 +1,7 @@
 //! System 1 against the 25-digit vectors, and its loops against each other.
 
 use armlet_core::dynamics::{Dynamics, Model, PlanarPr};
-use armlet_core::law::{AdaptiveSpec, Gain, LawSpec};
+use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Quintic, Sinusoid};
 use armlet_core::plant::{PlantSpec, RigidSpec};
 use armlet_core::simulate::{Keep, Method, Options, Problem, Sampling, Times, simulate, simulate_batch};
@@ -68,7 +68,8 @@ impl Case {
             motion(&input["reference"]),
             gain("kp", "K_P", 2),
             gain("kd", "K_D", 2),
-            gain("gamma", "Gamma", 3),
+            Adaptation::Euclidean(gain("gamma", "Gamma", 3)),
+            None,
             Some(numbers(&input["ahat0"])),
         );
         let law = LawSpec::Adaptive(law.unwrap());

@@ -252,3 +252,40 @@ fn events_stop_and_runs_go_on_after_jumps() {
         }
     }
 }
+
+/// A link on an elastic joint under motor-inertia reduction, K = 1e6 N m/rad, B0 = 1e-5: poles at 3e5 rad/s beside an outer loop at 10.
+struct Elastic;
+impl Problem for Elastic {
+    const N: usize = 4;
+    fn f<S: armlet_core::scalar::Real>(_: S, x: &[S], dx: &mut [S]) {
+        let k = S::splat;
+        let torque = k(1e6) * (x[2] - x[0]);
+        let u = k(100.0) * (k(0.5) - x[0]) - k(14.0) * x[1];
+        let (push, gravity) = (k(3.0), k(9.81) * x[0].sin_cos().0);
+        (dx[0], dx[1]) = (x[1], torque + push - gravity);
+        (dx[2], dx[3]) = (x[3], k(1e5) * (u + gravity - torque - k(1.4 * 10f64.sqrt()) * x[3]));
+    }
+    fn start() -> Vec<f64> {
+        vec![-0.5, 0.0, -0.5, 0.0]
+    }
+    fn autonomous() -> bool {
+        true
+    }
+}
+
+#[test]
+fn ros2_takes_elastic_joints_at_a_millisecond() {
+    let mut exact = adaptive::<Elastic>("radau5", 1e-10, 1e-12);
+    run(&mut exact, 0.0, 0.4).unwrap();
+    let error = |h: f64| {
+        let (mut system, mut method, mut x) = (twin::<Elastic>(), fixed::<Elastic>("ros2"), Elastic::start());
+        for k in 0..(0.4 / h).round() as usize {
+            method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
+        }
+        distance(&x[..2], &exact.x()[..2])
+    };
+    let errors = [1e-3, 5e-4, 2.5e-4].map(error);
+    // The swing has 1 rad and 5 rad/s; (10 h)^2 of that at 1 ms, falling at order 2 or nearly so past the fast poles.
+    assert!(errors[0] < 5e-4, "{errors:?}");
+    assert!((errors[0] / errors[2]).log2() > 3.0, "{errors:?}");
+}

@@ -2,9 +2,12 @@
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
-use armlet_core::law::{AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec};
+use armlet_core::kinematics::TaskFunction;
+use armlet_core::law::{Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec, Level};
+use armlet_core::law::{PriorityAccelerationSpec, PriorityVelocitySpec};
 use armlet_core::motion::{Motion, Sinusoid};
-use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec};
+use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, VelocitySpec};
+use armlet_core::priority::Options as Maps;
 use armlet_core::simulate::{Force, Method, Options, Problem, Sampling, Times, simulate};
 use armlet_core::status::Status;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -73,7 +76,9 @@ fn steps_allocate_nothing() {
             (gamma[1], gamma[p]) = (0.01, 0.01);
         }
         let gamma = Gain::full("gamma", p, gamma).unwrap();
-        LawSpec::Adaptive(AdaptiveSpec::new(model.clone(), sinusoid(n), gain(n, 0.5), gain(n, 0.5), gamma, None).unwrap())
+        LawSpec::Adaptive(
+            AdaptiveSpec::new(model.clone(), sinusoid(n), gain(n, 0.5), gain(n, 0.5), Adaptation::Euclidean(gamma), None, None).unwrap(),
+        )
     };
     let rigid = |model: &Model| PlantSpec::Rigid(RigidSpec::new(model.clone()));
     let (six, two) = (tree("six_axis"), tree("planar_2r"));
@@ -83,7 +88,28 @@ fn steps_allocate_nothing() {
     let impedance = CartesianImpedanceSpec::new(two.clone(), target, gain(2, 200.0), gain(2, 30.0), &frame, "xy").unwrap();
     let impedance = LawSpec::CartesianImpedance(impedance);
     let push = Force::steps(vec![0.01], vec![[5.0, 0.0, 0.0, 0.0, 0.0, 0.0]]).unwrap();
+    // Both routes of the solver: the target of the second level is at a singularity of the arm.
+    let arm = six.tree("arm").unwrap();
+    let names: Vec<&str> = arm.frame_names().collect();
+    let level = |function: TaskFunction, target: Vec<f64>| {
+        let rows = function.rows();
+        Level::new(function, Motion::Hold(target), gain(rows, 5.0), None).unwrap()
+    };
+    let levels = || {
+        vec![
+            level(TaskFunction::frame(arm, names[names.len() - 1], "xyz rx").unwrap(), vec![0.3, 0.1, 0.4, 0.2]),
+            level(TaskFunction::centre_of_mass(arm, "z").unwrap(), vec![2.0]),
+            level(TaskFunction::axis(arm, names[names.len() - 1], [0.0, 0.0, 1.0]).unwrap(), vec![0.0, 0.6, 0.8]),
+            level(TaskFunction::posture(arm, None).unwrap(), vec![0.0; 6]),
+        ]
+    };
+    let velocity = LawSpec::PriorityVelocity(PriorityVelocitySpec::new(six.clone(), levels(), Maps::default()).unwrap());
+    let acceleration = PriorityAccelerationSpec::new(six.clone(), levels(), Maps::default(), 5.0).unwrap();
+    let acceleration = LawSpec::PriorityAcceleration(acceleration);
+    let commanded = PlantSpec::Velocity(VelocitySpec { model: six.clone() });
     let cases = [
+        ("velocities in priority", commanded, velocity, None),
+        ("accelerations in priority", rigid(&six), acceleration, None),
         ("PR, diagonal gains", rigid(&pr), adaptive(&pr, true), None),
         ("PR, full gains", rigid(&pr), adaptive(&pr, false), None),
         ("adaptive six axes", rigid(&six), adaptive(&six, false), None),

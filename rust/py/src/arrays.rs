@@ -9,13 +9,13 @@ use armlet_core::error::{Error, all_finite};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyFloat, PyInt, PyString, PyTuple};
+use pyo3::types::{PyFloat, PyString, PyTuple};
 use std::borrow::Cow;
 
 /// Arrays of more elements than this are asked of numpy itself.
 const LARGE: usize = 1 << 22;
 
-type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
+pub type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
 
 /// The elements of a C-contiguous, aligned float64 array, in place.
 fn in_place<'a>(array: &'a Bound<'_, PyArrayDyn<f64>>) -> Option<&'a [f64]> {
@@ -130,7 +130,7 @@ pub fn object<'py, T: pyo3::PyClass>(
 }
 
 /// The number of elements of an array of this shape; more than memory can address is a `MemoryError`.
-fn elements(shape: &[usize]) -> Result<usize, Failure> {
+pub fn elements(shape: &[usize]) -> Result<usize, Failure> {
     let bytes = shape.iter().fold(8_u128, |bytes, &n| bytes.saturating_mul(n as u128));
     if bytes > isize::MAX as u128 { Err(Error::Memory { bytes }.into()) } else { Ok(bytes as usize / 8) }
 }
@@ -197,111 +197,6 @@ pub fn any_vector(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Resul
     }
     require_finite(value.py(), function, name, &shape, &values)?;
     Ok(values.into_owned())
-}
-
-/// Arguments of a pure function, broadcast over their leading axes.
-pub struct Broadcast<'a, const K: usize> {
-    /// The leading axes.
-    pub shape: Vec<usize>,
-    /// How many rows they hold.
-    pub count: usize,
-    rows: [(Cow<'a, [f64]>, usize); K],
-}
-
-impl<const K: usize> Broadcast<'_, K> {
-    /// Argument `k` of row `i`.
-    #[inline]
-    pub fn row(&self, k: usize, i: usize) -> &[f64] {
-        let (values, width) = &self.rows[k];
-        let i = if values.len() == *width { 0 } else { i };
-        &values[i * width..(i + 1) * width]
-    }
-}
-
-impl<const K: usize> Broadcast<'_, K> {
-    /// All rows of argument `k`, each written out.
-    pub fn all(&self, k: usize) -> Cow<'_, [f64]> {
-        let (values, width) = &self.rows[k];
-        if values.len() == *width && self.count != 1 {
-            return Cow::Owned(values.repeat(self.count));
-        }
-        Cow::Borrowed(values)
-    }
-}
-
-/// Arguments `(..., n)` of a pure function: finite, of the right width, broadcast like numpy does.
-pub fn broadcast<'a, const K: usize>(
-    function: &str,
-    names: [&str; K],
-    values: [&'a Bound<'_, PyAny>; K],
-    widths: [usize; K],
-) -> Result<Broadcast<'a, K>, Failure> {
-    let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
-    let mut rows: [(Cow<'a, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), 0));
-    for k in 0..K {
-        let width = widths[k];
-        let (mut shape, data) = numbers(function, names[k], values[k])?;
-        if shape.last() != Some(&width) {
-            let problem = format!("has the wrong shape: expected (..., {width}), got {}", shown(&shape));
-            return Err(input_error(values[k].py(), function, names[k], problem).into());
-        }
-        require_finite(values[k].py(), function, names[k], &shape, &data)?;
-        shape.pop();
-        shapes[k] = shape;
-        rows[k] = (data, width);
-    }
-    let shape = common_shape(&shapes).ok_or_else(|| {
-        let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
-        input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected leading axes that agree, got {all}"))
-    })?;
-    let count = elements(&shape)?;
-    for k in 0..K {
-        let single = shapes[k].iter().product::<usize>() == 1;
-        if shapes[k] != shape && !single {
-            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, widths[k])?);
-        }
-    }
-    Ok(Broadcast { shape, count, rows })
-}
-
-/// The leading axes that arguments with these leading axes broadcast to; None where they do not.
-pub fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
-    let axes = shapes.iter().map(Vec::len).max().unwrap_or(0);
-    let mut common = vec![1; axes];
-    for shape in shapes {
-        let skip = axes - shape.len();
-        for (i, &n) in shape.iter().enumerate() {
-            let c = &mut common[skip + i];
-            if *c == 1 {
-                *c = n;
-            } else if n != 1 && n != *c {
-                return None;
-            }
-        }
-    }
-    Some(common)
-}
-
-/// Repeat the rows of an array of leading axes `from` into leading axes `to`.
-pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Result<Vec<f64>, Failure> {
-    let count = elements(to)?;
-    let skip = to.len() - from.len();
-    let mut out = Vec::new();
-    let bytes = count as u128 * width as u128 * 8;
-    out.try_reserve_exact(count.saturating_mul(width)).map_err(|_| Error::Memory { bytes })?;
-    let mut index = vec![0; to.len()];
-    for _ in 0..count {
-        let row = from.iter().zip(&index[skip..]).fold(0, |row, (&n, &i)| row * n + if n == 1 { 0 } else { i });
-        out.extend_from_slice(&data[row * width..(row + 1) * width]);
-        for axis in (0..to.len()).rev() {
-            index[axis] += 1;
-            if index[axis] < to[axis] {
-                break;
-            }
-            index[axis] = 0;
-        }
-    }
-    Ok(out)
 }
 
 /// The elements of a C-contiguous, aligned float64 array of exactly this shape, in place; None for anything else.
@@ -419,66 +314,6 @@ pub fn out_slice<'a>(
     }
     // SAFETY: contiguous, aligned, writeable, apart from the inputs, and the GIL is held while it is written.
     Ok(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })
-}
-
-/// A real number: a Python float or int, a numpy scalar, or an array without axes. Arrays with axes give None.
-pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Option<f64>, Failure> {
-    if let Ok(x) = value.cast::<PyFloat>() {
-        return Ok(Some(x.value()));
-    }
-    if let Ok(x) = value.cast_exact::<PyInt>() {
-        // An integer beyond every float is as good as infinite, and refused as such.
-        return Ok(Some(x.extract::<f64>().unwrap_or(f64::INFINITY)));
-    }
-    let (shape, values) = numbers(function, name, value)?;
-    Ok(if shape.is_empty() { Some(values[0]) } else { None })
-}
-
-/// Numbers broadcast against each other, copied: every column holds one number for all or one for each.
-pub struct Columns<const K: usize> {
-    pub shape: Vec<usize>,
-    pub count: usize,
-    pub columns: [Vec<f64>; K],
-}
-
-impl<const K: usize> Columns<K> {
-    /// Problem `i` of the batch.
-    #[inline]
-    pub fn row(&self, i: usize) -> [f64; K] {
-        std::array::from_fn(|k| if let [x] = self.columns[k][..] { x } else { self.columns[k][i] })
-    }
-}
-
-/// Finite arguments of any shape, broadcast like numpy does.
-pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Result<Columns<K>, Failure> {
-    let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
-    let mut columns: [Vec<f64>; K] = std::array::from_fn(|_| Vec::new());
-    for k in 0..K {
-        let (shape, data) = match value_or_array(function, names[k], values[k])? {
-            (shape, Cow::Borrowed(data)) => (shape, data.to_vec()),
-            (shape, Cow::Owned(data)) => (shape, data),
-        };
-        require_finite(values[k].py(), function, names[k], &shape, &data)?;
-        (shapes[k], columns[k]) = (shape, data);
-    }
-    let shape = common_shape(&shapes).ok_or_else(|| {
-        let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
-        input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected shapes that agree, got {all}"))
-    })?;
-    for k in 0..K {
-        if shapes[k] != shape && columns[k].len() != 1 {
-            columns[k] = stretch(&shapes[k], &shape, &columns[k], 1)?;
-        }
-    }
-    Ok(Columns { count: shape.iter().product(), shape, columns })
-}
-
-/// A number, written as an array without axes, or an array.
-fn value_or_array<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Converted<'a> {
-    match number_or_array(function, name, value)? {
-        Some(x) => Ok((vec![], Cow::Owned(vec![x]))),
-        None => numbers(function, name, value),
-    }
 }
 
 /// A new array of truth values.

@@ -1,6 +1,7 @@
 //! `armlet.equilibrium`, `armlet.elastic_limits` and the limits by numbers; the warning of a coarse sample time.
 
-use crate::arrays::{common_shape, new_array, number, numbers, object, optional_number, shown, stretch, text, vector};
+use crate::arrays::{new_array, number, numbers, object, optional_number, shown, text, vector};
+use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;
@@ -23,7 +24,7 @@ pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> Py
     let (Some(dt), Some(limit)) = (problem.options.sampling.as_ref().map(|s| s.period), problem.sample_time_limit()) else { return Ok(()) };
     if dt > COMFORTABLE * limit && dt < limit {
         let text = format!(
-            "{function}: sample_time {dt:.3e} s is above a third of {limit:.3e} s, where the motor loop becomes unstable: expect oscillation"
+            "{function}: sample_time {dt} s is above a third of {limit:.6} s, where the motor loop becomes unstable: expect oscillation"
         );
         let text = std::ffi::CString::new(text).unwrap_or_default();
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
@@ -101,7 +102,6 @@ pub fn equilibrium<'py>(
 
 /// The fields of `armlet.ElasticLimits`.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
 pub fn elastic_limits<'py>(
     py: Python<'py>,
     plant: &Bound<'py, PyAny>,

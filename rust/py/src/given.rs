@@ -88,7 +88,7 @@ impl<'py> Given<'py> {
     }
 
     /// A copy of what the caller gave, so that changing it later changes nothing here.
-    fn keep(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
+    pub fn keep(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
         let (shape, values) = numbers(self.function, name, value)?;
         let copy = new_array(value.py(), &shape, |out| {
             out.copy_from_slice(&values);

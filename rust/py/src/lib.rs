@@ -2,11 +2,13 @@
 
 mod arm;
 mod arrays;
+mod broadcast;
 mod elastic;
 mod errors;
 mod force;
 mod given;
 mod integrate;
+mod inverse_kinematics;
 mod law;
 mod motion;
 mod plan;
@@ -14,6 +16,7 @@ mod plant;
 mod priority;
 mod simulate;
 mod simulator;
+mod task;
 
 use pyo3::prelude::*;
 
@@ -30,9 +33,11 @@ mod _core {
     #[pymodule_export]
     use super::integrate::{Stepper, integrate};
     #[pymodule_export]
+    use super::inverse_kinematics::{InverseKinematics, inverse_kinematics};
+    #[pymodule_export]
     use super::law::{
         Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, JointImpedance, Law, MotorPD, PDGravity,
-        StateFeedback,
+        PriorityAcceleration, PriorityVelocity, StateFeedback,
     };
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
@@ -49,12 +54,16 @@ mod _core {
     #[pymodule_export]
     use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
     #[pymodule_export]
-    use super::priority::{PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds};
+    use super::priority::{
+        _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
+    };
     #[pymodule_export]
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 
     #[pymodule_export]
     use super::simulator::Simulator;
+    #[pymodule_export]
+    use super::task::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -30,8 +30,12 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
     }
     let stable = |b0: f64| {
         let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
-        LockedMotors::single(inertia, stiffness, b0, damping, bandwidth).radius(sample_time) < 1.0
+        let motor = LockedMotors::single(inertia, stiffness, b0, damping, bandwidth);
+        // Beyond the first limit there are islands of stability, where the motor happens to swing back in time: shorter
+        // samples tell them from the mainland.
+        (1..=SHORTER).rev().all(|k| motor.radius(sample_time * f64::from(k) / f64::from(SHORTER)) < 1.0)
     };
+    const SHORTER: u32 = 8;
     if !stable(inertia) {
         return Ok(f64::NAN);
     }
@@ -62,7 +66,7 @@ pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], forc
     let mut q = q0.to_vec();
     let mut stable = |kappa: f64| -> Result<bool> {
         let Some(scaled) = law.with_stiffness(kappa) else {
-            return Err(Error::input("law", format!("has no Cartesian stiffness: expected an impedance law, got {}", law.name())));
+            return Err(Error::input("law", format!("has no spring: expected an impedance or PD law, got {}", law.name())));
         };
         let rest = equilibrium(plant, &scaled, wrench, force_frame, &q)?;
         q.copy_from_slice(&rest.q);

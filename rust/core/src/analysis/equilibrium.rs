@@ -87,7 +87,7 @@ impl<S: Real> Residual<S> {
             self.arm.jacobian(&mut self.ws, &trig, q, frame, &mut self.jacobian);
         }
         for i in 0..n {
-            r[i] = r[i] - self.g[i];
+            r[i] -= self.g[i];
             for (k, &w) in self.wrench.iter().enumerate() {
                 r[i] = self.jacobian[k * n + i].mul_add(S::splat(w), r[i]);
             }

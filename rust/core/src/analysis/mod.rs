@@ -6,5 +6,6 @@ pub mod consistency;
 pub mod elastic_limits;
 pub mod equilibrium;
 pub mod identification;
+pub mod inverse_kinematics;
 pub mod linearisation;
 pub mod loop_slope;

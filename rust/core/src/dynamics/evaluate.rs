@@ -4,7 +4,7 @@
 
 use super::Workspace;
 use super::quantities::{self, Compute};
-use super::rows::{TILE, read_rows, write_rows};
+use super::rows::{read_rows, write_rows};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
@@ -133,7 +133,8 @@ pub(super) struct Engine<S> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
-    tile: Vec<f64>,
+    /// Long rows on their way to memory.
+    stage: Vec<f64>,
 }
 
 impl<S: Real> Engine<S> {
@@ -148,7 +149,7 @@ impl<S: Real> Engine<S> {
             inputs: std::array::from_fn(|_| zeros(n.max(6))),
             out: zeros(largest),
             square: zeros(n * n),
-            tile: vec![0.0; if S::LANES > 1 { TILE * S::LANES } else { 0 }],
+            stage: Vec::new(),
             tree,
         }
     }
@@ -170,7 +171,7 @@ impl<S: Real> Engine<S> {
                 self.trig[i] = self.inputs[0][i].sin_cos();
             }
             Q::compute(self, query);
-            sound &= write_rows(&self.out[..length], &mut self.tile, &mut out[at * length..]);
+            sound &= write_rows(&self.out[..length], &mut self.stage, &mut out[at * length..]);
             at += S::LANES;
         }
         sound

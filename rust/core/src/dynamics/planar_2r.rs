@@ -32,7 +32,7 @@ impl Planar2R {
         let arm = AnyArm::<f64>::from_lanes(|_| model);
         let mut ws = arm.workspace();
         let mut ask = |q: [f64; 2], v: [f64; 2]| -> Facts {
-            let trig = q.map(|q| Real::sin_cos(q));
+            let trig = q.map(Real::sin_cos);
             let (mut m, mut bias, mut g, mut j) = ([0.0; 4], [0.0; 2], [0.0; 2], [0.0; 12]);
             arm.mass_matrix(&mut ws, &trig, &q, &mut m);
             arm.bias(&mut ws, &trig, &q, &v, &mut bias);

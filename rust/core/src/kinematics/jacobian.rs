@@ -16,7 +16,7 @@ fn needed<S: Real>(tree: &Tree<S>, frame: usize) -> usize {
 }
 
 #[inline(always)]
-fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize) -> (M3<S>, V3<S>) {
+pub(super) fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize) -> (M3<S>, V3<S>) {
     let at = &tree.frames[frame];
     let body = if at.body == BASE { Pose::identity() } else { poses[at.body] };
     let (r, p) = (at.placement.rotation, at.placement.translation);

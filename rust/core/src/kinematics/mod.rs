@@ -5,9 +5,15 @@
 
 pub mod coordinates;
 mod jacobian;
+mod task;
+mod task_stack;
+#[cfg(test)]
+mod task_tests;
 
 pub use coordinates::Coordinates;
 pub use jacobian::{com, com_jacobian, frame_pose, jacobian, jacobian_dot};
+pub use task::TaskFunction;
+pub use task_stack::TaskStack;
 
 use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;

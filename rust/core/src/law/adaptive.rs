@@ -5,48 +5,74 @@
 //!
 //! Rotor inertias (armature) are not among the parameters `a`: they are known, and `armature a_r` is added.
 
+use super::adaptation::{Adaptation, AnyAdaptive, Base};
 use super::{Definition, Instant, Law, Term, require_same_dof, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model};
 use crate::error::{Error, Result, finite};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{Gain, Multiply};
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdaptiveSpec {
-    model: Model,
+    pub(super) model: Model,
     pub motion: Motion,
     pub kp: Gain,
     pub kd: Gain,
     /// `Kd^-1 Kp`.
     pub lambda: Gain,
-    pub gamma: Gain,
+    pub adaptation: Adaptation,
+    /// The parameters that are estimated; `None` for all.
+    pub base: Option<Base>,
     estimate: Vec<f64>,
 }
 
 impl AdaptiveSpec {
     /// `estimate = None` starts from zero: the law needs no prior knowledge of the parameters.
-    pub fn new(model: Model, motion: Motion, kp: Gain, kd: Gain, gamma: Gain, estimate: Option<Vec<f64>>) -> Result<Self> {
-        let (n, p) = (model.n(), model.parameter_count());
+    pub fn new(
+        model: Model,
+        motion: Motion,
+        kp: Gain,
+        kd: Gain,
+        adaptation: Adaptation,
+        base: Option<Base>,
+        estimate: Option<Vec<f64>>,
+    ) -> Result<Self> {
+        let (n, all) = (model.n(), model.parameter_count());
+        if let Some(base) = &base {
+            base.validate(all)?;
+        }
+        let p = base.as_ref().map_or(all, |base| base.columns.len());
         require_same_dof(n, &motion)?;
         require_size("kp", &kp, n)?;
         require_size("kd", &kd, n)?;
-        require_size("gamma", &gamma, p)?;
         let estimate = estimate.unwrap_or_else(|| vec![0.0; p]);
         if estimate.len() != p {
             return Err(Error::input("estimate", format!("has the wrong shape: expected ({p},), got ({},)", estimate.len())));
         }
         finite("estimate", &estimate)?;
+        if base.is_some() && matches!(adaptation, Adaptation::Natural(_)) {
+            return Err(Error::input("base", "has no natural metric: expected all parameters for natural adaptation"));
+        }
+        adaptation.validate(&estimate)?;
         let lambda = kd.solve(&kp);
-        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, gamma, estimate })
+        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, adaptation, base, estimate })
+    }
+}
+
+impl AdaptiveSpec {
+    /// Whether both estimate the same parameters in the same metric, so that they can share lanes.
+    pub(super) fn same_shape(&self, other: &AdaptiveSpec) -> bool {
+        let columns = |law: &AdaptiveSpec| law.base.as_ref().map(|base| base.columns.clone());
+        std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation) && columns(self) == columns(other)
     }
 }
 
 impl Definition for AdaptiveSpec {
     const NAME: &'static str = "Adaptive";
     const PLANT: PlantKind = PlantKind::Rigid;
-    type Lanes<S: Real> = Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>;
+    type Lanes<S: Real> = AnyAdaptive<S>;
 
     fn model(&self) -> &Model {
         &self.model
@@ -58,21 +84,8 @@ impl Definition for AdaptiveSpec {
         &self.estimate
     }
 
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
-        let (n, p) = (of(0).model.n(), of(0).estimate.len());
-        let armature = of(0).model.armature();
-        let mut law = Adaptive::new(
-            AnyArm::from_lanes(|i| &of(i).model),
-            AnyGain::from_lanes(|i| &of(i).lambda),
-            AnyGain::from_lanes(|i| &of(i).kd),
-            AnyGain::from_lanes(|i| &of(i).gamma),
-            vec![S::zero(); n],
-            vec![S::zero(); p],
-        );
-        if armature.iter().any(|&a| a != 0.0) {
-            law.armature = armature;
-        }
-        law
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> AnyAdaptive<S> {
+        AnyAdaptive::build(of)
     }
 
     /// `Y`, `s`, `v_r`, `a_r`, `e`, `e_dot`, the torque and the rate of the estimate.
@@ -88,12 +101,18 @@ impl Definition for AdaptiveSpec {
         let a_r: Vec<f64> = (0..n).map(|i| desired[2 * n + i] + le_dot[i]).collect();
         let s: Vec<f64> = (0..n).map(|i| v_r[i] - v[i]).collect();
         let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
-        let mut y = vec![0.0; n * p];
-        arm.regressor(&mut arm.workspace(), &trig, q, v, &v_r, &a_r, &mut y);
+        let all = self.model.parameter_count();
+        let mut full = vec![0.0; n * all];
+        arm.regressor(&mut arm.workspace(), &trig, q, v, &v_r, &a_r, &mut full);
+        let y: Vec<f64> = match &self.base {
+            None => full,
+            Some(base) => full.chunks_exact(all).flat_map(|row| base.columns.iter().map(|&column| row[column])).collect(),
+        };
         let (kd_s, armature) = (self.kd.times(&s), self.model.armature());
         let tau: Vec<f64> = (0..n).map(|i| (0..p).map(|j| y[i * p + j] * z[j]).sum::<f64>() + kd_s[i] + armature[i] * a_r[i]).collect();
-        let yt_s: Vec<f64> = (0..p).map(|j| (0..n).map(|i| y[i * p + j] * s[i]).sum()).collect();
-        let rate = self.gamma.times(&yt_s);
+        let mut law = Self::build::<f64>(|_| self);
+        let mut rate = vec![0.0; p];
+        law.evaluate(desired, &trig, at.x, z, &mut vec![0.0; n], &mut rate);
         vec![
             ("q_d", vec![n], desired[..n].to_vec()),
             ("v_d", vec![n], desired[n..2 * n].to_vec()),
@@ -119,15 +138,13 @@ where
     workspace: D::Workspace,
     lambda: J,
     kd: J,
-    gamma: G,
+    pub(super) gamma: G,
     s: B,
     e: B,
     e_dot: B,
     v_r: B,
-    a_r: B,
-    yt_s: P,
-    /// Known rotor inertias; empty where there are none.
-    armature: Vec<f64>,
+    pub(super) a_r: B,
+    pub(super) yt_s: P,
 }
 
 impl<S: Real, D: Dynamics<S>, J, G, B: Clone, P> Adaptive<S, D, J, G, B, P> {
@@ -135,20 +152,36 @@ impl<S: Real, D: Dynamics<S>, J, G, B: Clone, P> Adaptive<S, D, J, G, B, P> {
     pub fn new(arm: D, lambda: J, kd: J, gamma: G, joints: B, parameters: P) -> Self {
         let workspace = arm.workspace();
         let zero = || joints.clone();
-        Adaptive {
-            arm,
-            workspace,
-            lambda,
-            kd,
-            gamma,
-            s: zero(),
-            e: zero(),
-            e_dot: zero(),
-            v_r: zero(),
-            a_r: zero(),
-            yt_s: parameters,
-            armature: Vec::new(),
+        Adaptive { arm, workspace, lambda, kd, gamma, s: zero(), e: zero(), e_dot: zero(), v_r: zero(), a_r: zero(), yt_s: parameters }
+    }
+}
+
+impl<S, D, J, G, B, P> Adaptive<S, D, J, G, B, P>
+where
+    S: Real,
+    D: Dynamics<S>,
+    J: Multiply<S>,
+    B: Clone + AsRef<[S]> + AsMut<[S]>,
+    P: AsRef<[S]> + AsMut<[S]>,
+{
+    /// `tau` for the parameters `pi`; `s`, `a_r` and `Y' s` stay in the law.
+    #[inline(always)]
+    pub(super) fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], pi: &[S], tau: &mut [S]) {
+        let n = tau.len();
+        let (q, v) = (&x[..n], &x[n..2 * n]);
+        let (e, e_dot) = (self.e.as_mut(), self.e_dot.as_mut());
+        let (s, v_r, a_r) = (self.s.as_mut(), self.v_r.as_mut(), self.a_r.as_mut());
+        for i in 0..n {
+            e[i] = desired[i] - q[i];
+            e_dot[i] = desired[n + i] - v[i];
+            (s[i], v_r[i], a_r[i]) = (e_dot[i], desired[n + i], desired[2 * n + i]);
         }
+        // Lambda e twice, fused with its two sums: no more work than once and two additions.
+        self.lambda.add_to(e, s);
+        self.lambda.add_to(e, v_r);
+        self.lambda.add_to(e_dot, a_r);
+        self.arm.regressor_products(&mut self.workspace, trig, q, v, v_r, a_r, pi, s, tau, self.yt_s.as_mut());
+        self.kd.add_to(s, tau);
     }
 }
 
@@ -163,24 +196,7 @@ where
 {
     #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
-        let n = tau.len();
-        let (q, v) = (&x[..n], &x[n..2 * n]);
-        let (e, e_dot) = (self.e.as_mut(), self.e_dot.as_mut());
-        let (s, v_r, a_r) = (self.s.as_mut(), self.v_r.as_mut(), self.a_r.as_mut());
-        for i in 0..n {
-            e[i] = desired[i] - q[i];
-            e_dot[i] = desired[n + i] - v[i];
-            (s[i], v_r[i], a_r[i]) = (e_dot[i], desired[n + i], desired[2 * n + i]);
-        }
-        // Lambda e twice, fused with its two sums: no more work than once and two additions.
-        self.lambda.add_to(e, s);
-        self.lambda.add_to(e, v_r);
-        self.lambda.add_to(e_dot, a_r);
-        self.arm.regressor_products(&mut self.workspace, trig, q, v, v_r, a_r, z, s, tau, self.yt_s.as_mut());
-        self.kd.add_to(s, tau);
-        for (i, &armature) in self.armature.iter().enumerate() {
-            tau[i] = S::splat(armature).mul_add(a_r[i], tau[i]);
-        }
+        self.torque(desired, trig, x, z, tau);
         self.gamma.multiply(self.yt_s.as_ref(), dz);
     }
 

@@ -17,6 +17,7 @@ struct Engine<S> {
     trig: Vec<(S, S)>,
     x: Vec<S>,
     z: Vec<S>,
+    initial: Vec<f64>,
     tau: Vec<S>,
     dz: Vec<S>,
 }
@@ -32,11 +33,12 @@ impl LawEvaluator {
         })
     }
 
-    /// The plant's input `(n,)` at time `t`, plant state `x` and law state `z`.
-    pub fn input(&mut self, t: f64, x: &[f64], z: &[f64], tau: &mut [f64]) {
+    /// The plant's input `(n,)` at time `t`, the parts of the plant's state one after another, and the law's state `z`; `None`: as
+    /// at the start of a run.
+    pub fn input(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>, tau: &mut [f64]) {
         match &mut self.0 {
-            Route::Baseline(engine) => engine.input(t, x, z, tau),
-            Route::Fused(engine) => engine.input(t, x, z, tau),
+            Route::Baseline(engine) => engine.input(t, parts, z, tau),
+            Route::Fused(engine) => engine.input(t, parts, z, tau),
         }
     }
 }
@@ -54,16 +56,17 @@ impl<S: Real> Engine<S> {
             trig: vec![(S::zero(), S::zero()); n],
             x: zeros(spec.plant().states(n)),
             z: zeros(p),
+            initial: spec.initial_state().to_vec(),
             tau: zeros(n),
             dz: zeros(p),
         }
     }
 
-    fn input(&mut self, t: f64, x: &[f64], z: &[f64], tau: &mut [f64]) {
-        for (to, &from) in self.x.iter_mut().zip(x) {
+    fn input(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>, tau: &mut [f64]) {
+        for (to, &from) in self.x.iter_mut().zip(parts.iter().copied().flatten()) {
             *to = S::splat(from);
         }
-        for (to, &from) in self.z.iter_mut().zip(z) {
+        for (to, &from) in self.z.iter_mut().zip(z.unwrap_or(&self.initial)) {
             *to = S::splat(from);
         }
         for (trig, &q) in self.trig.iter_mut().zip(&self.x) {

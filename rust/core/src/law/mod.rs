@@ -2,7 +2,9 @@
 //!
 //! A law is stated once ([`Definition`], gathered in [`LawSpec`]) and made for the number it runs on ([`Law`]).
 
+mod adaptation;
 mod adaptive;
+mod arm_solver;
 mod cartesian_impedance;
 mod computed_torque;
 mod elastic_impedance;
@@ -10,12 +12,17 @@ mod evaluator;
 mod external;
 mod inertia_reduction;
 mod joint_impedance;
+mod level;
 mod motor_regulation;
 mod pd_gravity;
+mod priority_acceleration;
+mod priority_velocity;
 mod sampled_reduction;
 
 pub use crate::linalg::gain::Gain;
+pub use adaptation::{Adaptation, AnyAdaptive, Base};
 pub use adaptive::{Adaptive, AdaptiveSpec};
+pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
 pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
@@ -23,8 +30,11 @@ pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
 pub use inertia_reduction::{Reduction, ReductionSpec};
 pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
+pub use level::Level;
 pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
+pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
+pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
 pub use sampled_reduction::LockedMotors;
 
 use crate::dynamics::Model;
@@ -99,6 +109,8 @@ pub enum LawSpec {
     JointImpedance(JointImpedanceSpec),
     MotorPd(MotorPdSpec),
     StateFeedback(StateFeedbackSpec),
+    PriorityVelocity(PriorityVelocitySpec),
+    PriorityAcceleration(PriorityAccelerationSpec),
     /// A function from outside, asked at samples.
     External(ExternalSpec),
 }
@@ -116,6 +128,8 @@ macro_rules! each {
             LawSpec::JointImpedance($law) => $body,
             LawSpec::MotorPd($law) => $body,
             LawSpec::StateFeedback($law) => $body,
+            LawSpec::PriorityVelocity($law) => $body,
+            LawSpec::PriorityAcceleration($law) => $body,
         }
     };
 }
@@ -193,16 +207,32 @@ impl LawSpec {
         }
     }
 
-    /// The same law with its Cartesian stiffness times `kappa`; `None` for a law without one.
+    /// The same law with the stiffness of its outer spring times `kappa`; `None` for a law without one.
     pub fn with_stiffness(&self, kappa: f64) -> Option<LawSpec> {
         let mut law = self.clone();
-        let outer = match &mut law {
-            LawSpec::ElasticImpedance(law) => &mut law.outer,
-            LawSpec::CartesianImpedance(law) => law,
+        let stiffness = match &mut law {
+            LawSpec::ElasticImpedance(law) => &mut law.outer.stiffness,
+            LawSpec::JointImpedance(law) => &mut law.outer.kp,
+            LawSpec::CartesianImpedance(law) => &mut law.stiffness,
+            LawSpec::PdGravity(law) => &mut law.kp,
             _ => return None,
         };
-        outer.stiffness = outer.stiffness.scaled(kappa);
+        *stiffness = stiffness.scaled(kappa);
         Some(law)
+    }
+
+    /// Whether the law decides on plain numbers, by branches that neither lanes nor dual numbers can take.
+    pub fn is_scalar(&self) -> bool {
+        matches!(self, LawSpec::External(_) | LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_))
+    }
+
+    /// Rows of each level of a law of tasks in priority; empty for any other.
+    pub fn level_rows(&self) -> Vec<usize> {
+        match self {
+            LawSpec::PriorityVelocity(law) => law.rows(),
+            LawSpec::PriorityAcceleration(law) => law.rows(),
+            _ => Vec::new(),
+        }
     }
 
     /// Whether the law has a storage function of its own on this plant.
@@ -227,6 +257,10 @@ impl LawSpec {
             && self.model().same_geometry(other.model())
             && self.coordinates() == other.coordinates()
             && self.initial_state().len() == other.initial_state().len()
+            && match (self, other) {
+                (LawSpec::Adaptive(law), LawSpec::Adaptive(other)) => law.same_shape(other),
+                _ => true,
+            }
     }
 
     /// The laws of the lanes as one, all of the same shape.
@@ -242,7 +276,10 @@ impl LawSpec {
                 }
             };
         }
-        gather!(Adaptive ComputedTorque PdGravity CartesianImpedance ElasticImpedance JointImpedance MotorPd StateFeedback)
+        gather!(
+            Adaptive ComputedTorque PdGravity CartesianImpedance ElasticImpedance JointImpedance MotorPd StateFeedback PriorityVelocity
+            PriorityAcceleration
+        )
     }
 }
 

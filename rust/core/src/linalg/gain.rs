@@ -37,6 +37,28 @@ impl Gain {
         Ok(Gain { n, values })
     }
 
+    /// A diagonal that may hold zeros: the gain of a task that is only fed forward.
+    pub fn not_negative(argument: &str, values: Vec<f64>) -> Result<Self> {
+        finite(argument, &values)?;
+        if let Some(i) = values.iter().position(|&k| k < 0.0) {
+            return Err(Error::input(argument, format!("is negative: expected >= 0, got {} (first bad index {i})", values[i])));
+        }
+        Ok(Gain { n: values.len(), values })
+    }
+
+    /// `self^1/2`, of a symmetric gain.
+    pub fn square_root(&self) -> Gain {
+        if self.is_diagonal() {
+            return Gain::unchecked(self.n, self.values.iter().map(|k| k.sqrt()).collect());
+        }
+        let n = self.n;
+        let Ok((values, vectors)) = crate::linalg::symmetric_eigen(&self.values, n) else {
+            return Gain::unchecked(n, vec![f64::NAN; n * n]);
+        };
+        let entry = |i: usize, j: usize| (0..n).map(|k| vectors[k * n + i] * values[k].max(0.0).sqrt() * vectors[k * n + j]).sum();
+        Gain::unchecked(n, (0..n * n).map(|k| entry(k / n, k % n)).collect())
+    }
+
     /// Any matrix, such as `Kd^-1 Kp`, which need not be symmetric.
     pub(crate) fn unchecked(n: usize, values: Vec<f64>) -> Self {
         Gain { n, values }

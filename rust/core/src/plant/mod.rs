@@ -6,6 +6,7 @@
 mod contact;
 mod elastic;
 mod rigid;
+pub mod sensors;
 mod velocity;
 
 pub use contact::Wall;

@@ -51,7 +51,7 @@ impl Method {
 }
 
 /// What a solver is built with besides its sizes.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
     pub method: Method,
     /// Threshold on the singular values of each level, in the unit of the level's Jacobian; one per level or one for all.

@@ -100,6 +100,19 @@ impl PrioritySolver {
         Ok(())
     }
 
+    /// Thresholds on the singular values of each level for the next solves, in the unit of its Jacobian.
+    pub fn set_eps(&mut self, eps: &[f64]) -> Result<()> {
+        if eps.len() != self.work.rows.len() {
+            return Err(Error::input("eps", format!("has the wrong length: expected {}, got {}", self.work.rows.len(), eps.len())));
+        }
+        eps.iter().try_for_each(|e| positive("eps", *e))?;
+        match &mut self.work.eps {
+            Some(own) => own.copy_from_slice(eps),
+            None => self.work.eps = Some(eps.to_vec()),
+        }
+        Ok(())
+    }
+
     /// Joint velocity bounds for the next solves, shape `(n,)`, rad/s or m/s; infinities allowed. Errors: wrong length, NaN, `v_min > v_max`.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) -> Result<()> {
         let n = self.work.n;

@@ -50,6 +50,19 @@ pub trait Real:
     /// The number in lane `i`.
     fn lane(self, i: usize) -> f64;
 
+    /// `from[i]` in lane `i`, from the first numbers of a slice.
+    #[inline(always)]
+    fn load(from: &[f64]) -> Self {
+        Self::from_lanes(|lane| from[lane])
+    }
+    /// The lanes to the first numbers of a slice.
+    #[inline(always)]
+    fn store(self, to: &mut [f64]) {
+        for lane in 0..Self::LANES {
+            to[lane] = self.lane(lane);
+        }
+    }
+
     /// `self * b + c`, fused where the instruction set has it.
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// `c - self * b`, fused where the instruction set has it.

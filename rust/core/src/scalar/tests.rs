@@ -100,6 +100,24 @@ impl Task for Arithmetic {
     }
 }
 
+#[derive(Clone, Copy)]
+struct Transposes;
+impl Task for Transposes {
+    type Output = ();
+    fn run<S: Real>(self) {
+        let number = |lane: usize, k: usize| (100 * lane + k) as f64;
+        let values = S::from_rows(|lane| std::array::from_fn(|k| number(lane, k)));
+        let mut seen = 0;
+        S::each_row(&values, |lane, row| {
+            assert_eq!(lane, seen, "rows come in the order of the lanes");
+            assert_eq!(row, std::array::from_fn(|k| number(lane, k)));
+            seen += 1;
+        });
+        assert_eq!(seen, S::LANES);
+        assert!((0..8).all(|k| (0..S::LANES).all(|lane| values[k].lane(lane) == number(lane, k))));
+    }
+}
+
 fn on_every_number<T: Task + Copy>(task: T) {
     on::<f64, T>(task);
     on::<Array8<false>, T>(task);
@@ -135,6 +153,11 @@ fn small_rotation() {
 #[test]
 fn arithmetic() {
     on_every_number(Arithmetic);
+}
+
+#[test]
+fn transposes() {
+    on_every_number(Transposes);
 }
 
 #[test]

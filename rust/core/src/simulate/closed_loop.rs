@@ -240,6 +240,13 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
+    /// Start anew at `t = 0`.
+    pub fn rewind(&mut self) {
+        if let Some(sampler) = &mut self.sampler {
+            sampler.forget();
+        }
+    }
+
     /// Evaluate the law at state `x` and time `t`, into `self.tau`: the held input of a sampled loop, or the input to record.
     #[inline(always)]
     pub fn observe(&mut self, t: f64, x: &[S]) {

@@ -33,6 +33,8 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
     /// Take `tau` for the plant's input instead of the law's; `None` gives it back to the law, held or not.
     fn drive(&mut self, tau: Option<&[S]>, held: bool);
+    /// Start anew at `t = 0`.
+    fn rewind(&mut self);
 }
 
 impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
@@ -45,6 +47,9 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     fn drive(&mut self, tau: Option<&[S]>, held: bool) {
         self.take_over(tau, held);
     }
+    fn rewind(&mut self) {
+        ClosedLoop::rewind(self);
+    }
 }
 
 /// A loop with its twin on dual numbers.
@@ -54,6 +59,9 @@ impl<V: Real> Watched<V::One> for Twins<'_, V> {
     #[inline(always)]
     fn input_at(&mut self, t: f64, x: &[V::One]) -> &[V::One] {
         self.system.input_at(t, x)
+    }
+    fn rewind(&mut self) {
+        self.system.rewind();
     }
     #[inline(always)]
     fn drive(&mut self, tau: Option<&[V::One]>, held: bool) {
@@ -229,7 +237,9 @@ pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a,
     };
     let spec = problem.plant(run(0));
     let (states, p) = (spec.states(), problem.law(run(0)).initial_state().len());
-    let sampler = o.sampling.as_ref().filter(|sampling| !sampling.is_plain()).map(|sampling| {
+    // A law from outside may remember: it is asked once per sample, however often that is looked at.
+    let asked_once = matches!(problem.law(run(0)), LawSpec::External(_));
+    let sampler = o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || asked_once).map(|sampling| {
         let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
         Sampler::new(sampling.clone(), seeds, o.grid(), (states, spec.n(), p))
     });

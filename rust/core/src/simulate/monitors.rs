@@ -12,10 +12,30 @@
 
 use super::elastic_monitor::TorqueError;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
-use crate::law::{AdaptiveSpec, LawSpec};
-use crate::linalg::cholesky;
+use crate::law::{AdaptiveSpec, Law, LawSpec, PriorityVelocity};
+use crate::motion::Motion;
 use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::{Dual, Real};
+
+/// Norms of the error and of the residual of each level of priority.
+const LEVELS: [&str; 16] = [
+    "error_1",
+    "residual_1",
+    "error_2",
+    "residual_2",
+    "error_3",
+    "residual_3",
+    "error_4",
+    "residual_4",
+    "error_5",
+    "residual_5",
+    "error_6",
+    "residual_6",
+    "error_7",
+    "residual_7",
+    "error_8",
+    "residual_8",
+];
 
 /// The names of a loop's monitors, in the order of [`Monitor::evaluate`].
 pub fn names(law: &LawSpec, storage: bool) -> &'static [&'static str] {
@@ -23,6 +43,7 @@ pub fn names(law: &LawSpec, storage: bool) -> &'static [&'static str] {
         _ if storage => &["skewness", "energy", "energy_balance", "torque_error", "passivity"],
         _ if law.reduction().is_some() => &["skewness", "energy", "energy_balance", "torque_error"],
         LawSpec::Adaptive(_) => &["skewness", "energy", "energy_balance", "lyapunov", "lyapunov_balance"],
+        LawSpec::PriorityVelocity(law) => &LEVELS[..(2 * law.levels.len()).min(LEVELS.len())],
         _ if law.plant() == PlantKind::Velocity => &[],
         _ => &["skewness", "energy", "energy_balance"],
     }
@@ -39,7 +60,7 @@ pub struct Monitor<'a> {
     moving: AnyArm<Dual>,
     moving_workspace: Workspace<Dual>,
     gamma_factor: Vec<f64>,
-    /// The plant's parameters.
+    /// The plant's parameters, as far as they are estimated.
     truth: Vec<f64>,
     trig: Vec<(f64, f64)>,
     moving_q: Vec<Dual>,
@@ -48,6 +69,7 @@ pub struct Monitor<'a> {
     /// `M`, then `C`.
     square: Vec<f64>,
     desired: Vec<f64>,
+    levels: Option<Levels>,
     /// `E` and `V1` at the first record, each with its integral there.
     start: Option<[f64; 2]>,
 }
@@ -56,8 +78,13 @@ impl<'a> Monitor<'a> {
     /// `storage`: the energy watched is the law's own.
     pub fn new(plant: &'a PlantSpec, law: &'a LawSpec, storage: bool) -> Self {
         let n = plant.n();
+        let truth = plant.model().parameters();
+        let truth = match law {
+            LawSpec::Adaptive(AdaptiveSpec { base: Some(base), .. }) => base.project(&truth),
+            _ => truth,
+        };
         let gamma_factor = match law {
-            LawSpec::Adaptive(law) => cholesky::factor(law.gamma.n(), &law.gamma.matrix()).unwrap_or_default(),
+            LawSpec::Adaptive(law) => law.adaptation.factor(),
             _ => Vec::new(),
         };
         let (arm, moving) = (AnyArm::from_lanes(|_| plant.model()), AnyArm::from_lanes(|_| plant.model()));
@@ -70,14 +97,15 @@ impl<'a> Monitor<'a> {
             moving_workspace: moving.workspace(),
             arm,
             moving,
+            truth,
             gamma_factor,
-            truth: plant.model().parameters(),
             trig: vec![(0.0, 1.0); n],
             moving_q: vec![Dual::default(); n],
             moving_trig: vec![Default::default(); n],
             moving_m: vec![Dual::default(); n * n],
             square: vec![0.0; n * n],
             desired: vec![0.0; 3 * n],
+            levels: Levels::of(law),
             start: None,
         }
     }
@@ -88,6 +116,9 @@ impl<'a> Monitor<'a> {
             return;
         }
         let n = self.trig.len();
+        if let Some(levels) = &mut self.levels {
+            return levels.evaluate(t, &x[..n], out);
+        }
         let (q, v) = (&x[..n], &x[n..2 * n]);
         for i in 0..n {
             self.trig[i] = Real::sin_cos(q[i]);
@@ -143,9 +174,38 @@ impl<'a> Monitor<'a> {
         let s: Vec<f64> = (0..n).map(|i| self.desired[n + i] - v[i] + lambda_e[i]).collect();
         self.arm.mass_matrix(&mut self.workspace, &self.trig, q, &mut self.square);
         let kinetic: f64 = (0..n).map(|i| s[i] * (0..n).map(|j| self.square[n * i + j] * s[j]).sum::<f64>()).sum();
-        let error: Vec<f64> = self.truth.iter().zip(estimate).map(|(a, a_hat)| a - a_hat).collect();
-        let mut weighted = error.clone();
-        cholesky::solve(error.len(), &self.gamma_factor, &mut weighted);
-        0.5 * (kinetic + error.iter().zip(&weighted).map(|(a, b)| a * b).sum::<f64>())
+        0.5 * kinetic + law.adaptation.lyapunov(&self.gamma_factor, &self.truth, estimate)
+    }
+}
+
+/// A law of tasks in priority, asked again at the records.
+struct Levels {
+    law: PriorityVelocity,
+    motions: Vec<Motion>,
+    desired: Vec<f64>,
+    trig: Vec<(f64, f64)>,
+    u: Vec<f64>,
+}
+
+impl Levels {
+    fn of(law: &LawSpec) -> Option<Self> {
+        let LawSpec::PriorityVelocity(spec) = law else { return None };
+        let motions: Vec<Motion> = spec.levels.iter().map(|level| level.target.clone()).collect();
+        let (n, width) = (law.model().n(), motions.iter().map(|motion| 3 * motion.dof()).sum());
+        Some(Levels { law: spec.engine(), motions, desired: vec![0.0; width], trig: vec![(0.0, 1.0); n], u: vec![0.0; n] })
+    }
+
+    fn evaluate(&mut self, t: f64, q: &[f64], out: &mut [f64]) {
+        let mut at = 0;
+        for motion in &self.motions {
+            let width = 3 * motion.dof();
+            motion.sample(t, &mut self.desired[at..at + width]);
+            at += width;
+        }
+        for (trig, q) in self.trig.iter_mut().zip(q) {
+            *trig = Real::sin_cos(*q);
+        }
+        self.law.evaluate(&self.desired, &self.trig, q, &[], &mut self.u, &mut []);
+        self.law.norms(out);
     }
 }

@@ -22,11 +22,19 @@ impl Problem<'_> {
             // Islands of stability beyond the first limit are no place to be.
             let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.largest_sample_time() } else { f64::INFINITY };
             if period >= limit {
-                let problem =
-                    format!("is too large for the motor loop: expected below {limit:.6e} s, where it becomes unstable, got {period:e}");
+                let problem = format!(
+                    "is too large for the motor loop: expected below {} s, where it becomes unstable, got {period}",
+                    six_digits(limit)
+                );
                 return Err(Error::input("sample_time", if run == 0 { problem } else { format!("{problem} (first bad index {run})") }));
             }
         }
         Ok(())
     }
+}
+
+/// A positive number rounded down to six digits, so that what is said to be stable is.
+fn six_digits(x: f64) -> f64 {
+    let scale = 10f64.powi(6 - x.log10().ceil() as i32);
+    (x * scale).floor() / scale
 }

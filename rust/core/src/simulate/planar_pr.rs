@@ -11,7 +11,7 @@ use crate::dynamics::{Model, PlanarPr};
 use crate::integrate::Rk4;
 use crate::integrate::Tolerance;
 use crate::integrate::dop853::Dop853;
-use crate::law::{Adaptive, AdaptiveSpec, ComputedTorque, ComputedTorqueSpec, Law, LawSpec};
+use crate::law::{Adaptation, Adaptive, AdaptiveSpec, ComputedTorque, ComputedTorqueSpec, Law, LawSpec};
 use crate::linalg::gain::{Diagonal, Full, Gain};
 use crate::motion::Motion;
 use crate::scalar::trig::Angle;
@@ -86,7 +86,7 @@ impl<T: Drive> Task for Group<'_, T> {
                 };
                 let diagonal = (0..S::LANES).all(|i| {
                     let law = spec(i);
-                    law.lambda.is_diagonal() && law.kd.is_diagonal() && law.gamma.is_diagonal()
+                    law.lambda.is_diagonal() && law.kd.is_diagonal() && euclidean(law).is_diagonal()
                 });
                 let reference = self.reference::<S>();
                 let plain = problem.options.sampling.is_none() && problem.options.tau_max.is_none() && !problem.options.monitors;
@@ -95,7 +95,7 @@ impl<T: Drive> Task for Group<'_, T> {
                         arm(|i| closed_form(problem.plant(run(i)).model())),
                         Diagonal(diagonal_of::<S, 2>(|i| &spec(i).lambda)),
                         Diagonal(diagonal_of::<S, 2>(|i| &spec(i).kd)),
-                        Diagonal(diagonal_of::<S, 3>(|i| &spec(i).gamma)),
+                        Diagonal(diagonal_of::<S, 3>(|i| euclidean(spec(i)))),
                         [S::zero(); 2],
                         [S::zero(); 3],
                     );
@@ -105,7 +105,7 @@ impl<T: Drive> Task for Group<'_, T> {
                         arm(|i| closed_form(problem.plant(run(i)).model())),
                         Full(full_of::<S, 4>(2, |i| &spec(i).lambda)),
                         Full(full_of::<S, 4>(2, |i| &spec(i).kd)),
-                        Full(full_of::<S, 9>(3, |i| &spec(i).gamma)),
+                        Full(full_of::<S, 9>(3, |i| euclidean(spec(i)))),
                         [S::zero(); 2],
                         [S::zero(); 3],
                     );
@@ -274,6 +274,15 @@ impl Drive for Segments {
             record_apart(sink, i, t, *x, closed.tau);
             i += 1;
         })
+    }
+}
+
+/// The gain of a law that [`Problem::is_planar_pr`].
+#[inline(always)]
+fn euclidean(law: &AdaptiveSpec) -> &Gain {
+    match &law.adaptation {
+        Adaptation::Euclidean(gamma) => gamma,
+        Adaptation::Natural(_) => unreachable!("this loop is for the Euclidean law"),
     }
 }
 

@@ -8,7 +8,7 @@ use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
-use crate::law::LawSpec;
+use crate::law::{Adaptation, LawSpec};
 use crate::plant::{PlantKind, PlantSpec, RigidSpec};
 use crate::scalar::{run_lanes, run_scalar};
 
@@ -179,7 +179,7 @@ impl<'a> Problem<'a> {
             && !self.options.method.is_implicit()
             && self.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0)
             && !self.forces.iter().any(|force| matches!(force, Force::Signal(_)))
-            && !matches!(law, LawSpec::External(_))
+            && !law.is_scalar()
             && self.plants.iter().all(|p| std::ptr::eq(*p, plant) || p.same_shape(plant))
             && self.laws.iter().all(|l| std::ptr::eq(*l, law) || l.same_shape(law))
     }
@@ -187,8 +187,14 @@ impl<'a> Problem<'a> {
     /// The closed-form arm under the laws that have loops of their own, monomorphised through.
     pub fn is_planar_pr(&self) -> bool {
         let plant = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(RigidSpec { model: Model::PlanarPr(_), .. }));
-        let law =
-            |law: &LawSpec| matches!(law.model(), Model::PlanarPr(_)) && matches!(law, LawSpec::Adaptive(_) | LawSpec::ComputedTorque(_));
+        let law = |law: &LawSpec| {
+            let own = match law {
+                LawSpec::Adaptive(law) => law.base.is_none() && matches!(law.adaptation, Adaptation::Euclidean(_)),
+                LawSpec::ComputedTorque(_) => true,
+                _ => false,
+            };
+            own && matches!(law.model(), Model::PlanarPr(_))
+        };
         self.forces.is_empty()
             && self.options.sampling.as_ref().is_none_or(Sampling::is_plain)
             && matches!(self.options.method, Method::Rk4 | Method::Dop853)
@@ -229,6 +235,12 @@ impl<'a> Problem<'a> {
                 "method",
                 "needs velocities among the states: expected such as rk4 for VelocityArm, got semi_implicit",
             ));
+        }
+        if law.is_scalar() && self.options.sampling.is_none() && self.options.method.is_implicit() {
+            let (name, method) = (law.name(), self.options.method.name());
+            let problem =
+                format!("needs derivatives, which {name} has not: expected such as rk4 or dop853, or a sample_time, got {method}");
+            return Err(Error::input("method", problem));
         }
         if matches!(law, LawSpec::External(_)) && self.options.sampling.is_none() {
             return Err(Error::input("sample_time", "is missing: expected the period at which a law from outside is asked, got None"));

@@ -66,7 +66,8 @@ impl<S: Real> Sampler<S> {
     /// At time `t` and plant state `x`: take the sample that is due, let the answer act that is due.
     /// `law(measured, tau, dz)` is asked where a sample is taken; `tau` and `dz` are what acts from now on.
     pub fn run(&mut self, t: f64, x: &[S], n: usize, mut law: impl FnMut(&[S], &mut [S], &mut [S]), tau: &mut [S], dz: &mut [S]) {
-        if let Some(k) = self.due(t) {
+        // Shown the same instant twice, at a record and at a step, it samples once.
+        if let Some(k) = self.due(t).filter(|&k| self.ring[self.slot(k)].index != k) {
             let slot = self.slot(k);
             let mut entry =
                 std::mem::replace(&mut self.ring[slot], Entry { index: k, measured: Vec::new(), tau: Vec::new(), dz: Vec::new() });
@@ -118,6 +119,11 @@ impl<S: Real> Sampler<S> {
             // A NaN passes, as it must.
             *tau = S::select(high.lt(*tau), high, S::select(tau.lt(low), low, *tau));
         }
+    }
+
+    /// Forget every sample: the run starts anew.
+    pub fn forget(&mut self) {
+        self.ring.iter_mut().for_each(|entry| entry.index = u64::MAX);
     }
 
     /// All instants inside a run: samples and the moments at which their answers act, increasing.

@@ -94,6 +94,7 @@ where
         self.tau.fill(S::zero());
         self.steps = 0;
         self.method.restart();
+        self.closed.rewind();
     }
 
     fn steps(&self) -> u64 {

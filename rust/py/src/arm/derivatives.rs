@@ -1,7 +1,8 @@
 //! The analytic derivatives of inverse and forward dynamics, and the linearisation that they make.
 
 use super::Arm;
-use crate::arrays::{Broadcast, new_array, out_slice};
+use crate::arrays::{new_array, out_slice};
+use crate::broadcast::Broadcast;
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::analysis::linearisation::state_matrices;
 use armlet_core::dynamics::{Quantity, Query};

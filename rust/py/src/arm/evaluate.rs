@@ -1,7 +1,8 @@
 //! From Python arrays to Python arrays: one configuration without a detour, many in lanes, many more in threads.
 
 use super::Arm;
-use crate::arrays::{Broadcast, broadcast, index_of, new_array, of_shape, out_slice};
+use crate::arrays::{index_of, new_array, of_shape, out_slice};
+use crate::broadcast::{Broadcast, broadcast};
 use crate::errors::{Failure, entry, input_error};
 use crate::simulate::listen;
 use armlet_core::dynamics::{Quantity, Query};

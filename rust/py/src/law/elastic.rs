@@ -112,7 +112,7 @@ impl ElasticImpedance {
 /// not fed forward, so an accelerating target is followed with an error.
 ///
 /// Args:
-///     motion: the target's motion, one coordinate per row, m or rad.
+///     target: the motion of the target, one coordinate per row, m or rad.
 ///     (the rest): as for `ElasticImpedance`.
 ///
 /// Raises:
@@ -122,19 +122,19 @@ impl ElasticImpedance {
 /// >>> arm = al.planar_arm([0.5, 0.4])
 /// >>> line = al.Quintic([0.6, 0.3], [0.4, 0.5], 2.0)
 /// >>> law = al.ElasticTracking(arm, line, 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy", relative_damping=True)
-/// >>> law.motion is line
-/// True
+/// >>> law.terms(2.0, [0.3, 1.0], [0.0, 0.0], theta=[0.3, 1.0], theta_dot=[0.0, 0.0])["x_d"]
+/// array([0.4, 0.5])
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct ElasticTracking;
 
 #[pymethods]
 impl ElasticTracking {
     #[new]
-    #[pyo3(signature = (arm, motion, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
+    #[pyo3(signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
                         motor_damping=None, damping_ratio=None, relative_damping=false))]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
-        motion: &Bound<'py, PyAny>,
+        target: &Bound<'py, PyAny>,
         stiffness: &Bound<'py, PyAny>,
         damping: &Bound<'py, PyAny>,
         joint_stiffness: &Bound<'py, PyAny>,
@@ -150,9 +150,9 @@ impl ElasticTracking {
         entry(arm.py(), NAME, || {
             let mut given = Given::new(NAME, arm)?;
             let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
-            let motion = given.motion("motion", motion)?;
+            let target = given.motion("target", target)?;
             let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
-            let outer = CartesianImpedanceSpec::new(given.model(), motion, stiffness, damping, &frame, &axes)?;
+            let outer = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
             let inner = inner.read(&mut given)?;
             let spec = ElasticImpedanceSpec { outer, inner };

@@ -1,19 +1,22 @@
 //! `armlet.Law`, the base of all laws, and what their constructors share.
 
 mod elastic;
+mod priority;
 mod rigid;
 
 pub use elastic::{ElasticImpedance, ElasticTracking, JointImpedance, MotorPD, StateFeedback};
+pub use priority::{PriorityAcceleration, PriorityVelocity};
 pub use rigid::{Adaptive, CartesianImpedance, ComputedTorque, PDGravity};
 
 use crate::arm::Arm;
-use crate::arrays::{new_array, new_vector, number, require_finite, vector};
+use crate::arrays::{new_array, new_vector, number, of_shape, require_finite, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::given::{Given, call, shown_as};
+use armlet_core::error::all_finite;
 use armlet_core::law::{LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyFloat, PyList, PyTuple};
 use std::sync::Mutex;
 
 /// A control law: `law(t, q, v)` gives the plant's input `(n,)`. The base of all laws.
@@ -77,6 +80,24 @@ fn asked(
     Ok((t, x, z))
 }
 
+/// Terms that are lists with one entry per level of priority.
+const PER_LEVEL: [&str; 6] = ["e", "e_dot", "J", "J_dot", "command", "residuals"];
+
+/// Stacked rows as a list of arrays, one per level.
+fn by_level<'py>(py: Python<'py>, rows: &[usize], shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyList>, Failure> {
+    let width: usize = shape[1..].iter().product();
+    let (mut at, mut parts) = (0, Vec::with_capacity(rows.len()));
+    for &m in rows {
+        let shape: Vec<usize> = std::iter::once(m).chain(shape[1..].iter().copied()).collect();
+        parts.push(new_array(py, &shape, |out| {
+            out.copy_from_slice(&values[at * width..(at + m) * width]);
+            Ok(())
+        })?);
+        at += m;
+    }
+    Ok(PyList::new(py, parts)?)
+}
+
 #[pymethods]
 impl Law {
     /// The plant's input `(n,)` at time `t` in s, position `q` and velocity `v`, `(n,)`.
@@ -96,15 +117,28 @@ impl Law {
     ) -> PyResult<Bound<'py, PyAny>> {
         let name = self.spec.name();
         entry(py, name, || {
+            let n = self.spec.model().n();
+            let answer = |t: f64, parts: &[&[f64]], z: Option<&[f64]>| {
+                new_vector(py, n, |tau| {
+                    match self.evaluator.try_lock() {
+                        Ok(mut evaluator) => evaluator.input(t, parts, z, tau),
+                        // Another thread is in the buffers: a set of one's own is the price.
+                        Err(_) => LawEvaluator::new(&self.spec).input(t, parts, z, tau),
+                    }
+                    Ok(())
+                })
+            };
+            // The call of a control loop: arrays as they should be are read where they are.
+            if let (PlantKind::Rigid, None, None, None) = (self.spec.plant(), theta, theta_dot, state)
+                && let (Ok(time), Some(q), Some(v)) = (t.cast::<PyFloat>(), of_shape(q, &[n]), of_shape(v, &[n]))
+                && time.value().is_finite()
+                && all_finite(q)
+                && all_finite(v)
+            {
+                return answer(time.value(), &[q, v], None);
+            }
             let (t, x, z) = asked(name, &self.spec, t, (q, v), [theta, theta_dot], state)?;
-            new_vector(py, self.spec.model().n(), |tau| {
-                match self.evaluator.try_lock() {
-                    Ok(mut evaluator) => evaluator.input(t, &x, &z, tau),
-                    // Another thread is in the buffers: a set of one's own is the price.
-                    Err(_) => LawEvaluator::new(&self.spec).input(t, &x, &z, tau),
-                }
-                Ok(())
-            })
+            answer(t, &[&x], Some(&z))
         })
     }
 
@@ -123,7 +157,16 @@ impl Law {
         entry(py, "terms", || {
             let (t, x, z) = asked("terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
             let parts = PyDict::new(py);
+            let rows = self.spec.level_rows();
             for (name, shape, values) in self.spec.terms(t, &x, &z) {
+                if !rows.is_empty() && matches!(name, "rows" | "ranks") {
+                    parts.set_item(name, values.iter().map(|&count| count as usize).collect::<Vec<_>>())?;
+                    continue;
+                }
+                if !rows.is_empty() && PER_LEVEL.contains(&name) {
+                    parts.set_item(name, by_level(py, &rows, &shape, &values)?)?;
+                    continue;
+                }
                 let array = new_array(py, &shape, |out| {
                     out.copy_from_slice(&values);
                     Ok(())

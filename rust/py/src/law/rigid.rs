@@ -1,8 +1,9 @@
 //! Laws of rigid arms.
 
 use super::{Given, Law};
-use crate::errors::entry;
-use armlet_core::law::{AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec};
+use crate::arrays::{numbers, shown};
+use crate::errors::{Failure, entry, input_error};
+use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec};
 use armlet_core::motion::Motion;
 use pyo3::prelude::*;
 
@@ -17,11 +18,15 @@ use pyo3::prelude::*;
 ///     kp, kd: positive definite gains: scalar, `(n,)` or `(n, n)`; `kp = kd Lambda`.
 ///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`.
 ///     estimate: initial estimate `(p,)`; zero if None (keyword only).
+///     base: what `arm.base_parameters()` returns: only this base set of parameters is estimated, and p is its size (keyword only).
+///     natural: adapt in the metric of the bodies' pseudo-inertias: the estimate stays physically possible for ever; it has
+///         to start so, and gamma is a scalar or one number per body (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
 ///
-/// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987.
+/// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987; natural: Lee, Kwon and Park, A natural
+/// adaptive control law for robot manipulators, IROS 2018.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
@@ -31,10 +36,25 @@ use pyo3::prelude::*;
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct Adaptive;
 
+/// The columns and the projection of a `BaseParameters`.
+fn base_of<'py>(given: &mut Given<'py>, base: &Bound<'py, PyAny>, p: usize) -> Result<Base, Failure> {
+    let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected what arm.base_parameters() returns, or None");
+    let field = |name: &str| base.getattr(name).map_err(|_| refused());
+    let columns: Vec<usize> = field("columns")?.call_method0("tolist")?.extract().map_err(|_| refused())?;
+    let (shape, projection) = numbers("Adaptive", "base", &field("projection")?).map(|(shape, values)| (shape, values.into_owned()))?;
+    if shape != [columns.len(), p] {
+        let problem =
+            format!("is of another arm or has columns of friction: expected a projection ({}, {p}), got {}", columns.len(), shown(&shape));
+        return Err(input_error(base.py(), "Adaptive", "base", problem).into());
+    }
+    given.plain("base", base);
+    Ok(Base { columns, projection })
+}
+
 #[pymethods]
 impl Adaptive {
     #[new]
-    #[pyo3(signature = (arm, motion, kp, kd, gamma, *, estimate=None))]
+    #[pyo3(signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=false))]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         motion: &Bound<'py, PyAny>,
@@ -42,6 +62,8 @@ impl Adaptive {
         kd: &Bound<'py, PyAny>,
         gamma: &Bound<'py, PyAny>,
         estimate: Option<&Bound<'py, PyAny>>,
+        base: Option<&Bound<'py, PyAny>>,
+        natural: bool,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "Adaptive", || {
             let mut given = Given::new("Adaptive", arm)?;
@@ -49,9 +71,22 @@ impl Adaptive {
             let (n, p) = (model.n(), model.parameter_count());
             let motion = given.motion("motion", motion)?;
             let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
-            let gamma = given.gain("gamma", gamma, p)?;
-            let start = estimate.map(|estimate| given.vector("estimate", estimate, p)).transpose()?;
-            let spec = AdaptiveSpec::new(model, motion, kp, kd, gamma, start)?;
+            let base = base.filter(|base| !base.is_none()).map(|base| base_of(&mut given, base, p)).transpose()?;
+            let estimated = base.as_ref().map_or(p, |base| base.columns.len());
+            let adaptation = if natural {
+                let bodies = p / 10;
+                given.plain("natural", &true.into_pyobject(arm.py()).map_err(PyErr::from)?.to_owned().into_any());
+                let gamma = given.gain("gamma", gamma, bodies)?;
+                if !gamma.is_diagonal() {
+                    let problem = format!("is a matrix: expected a scalar or ({bodies},), one number per body, for natural adaptation");
+                    return Err(input_error(arm.py(), "Adaptive", "gamma", problem).into());
+                }
+                Adaptation::Natural((0..bodies).map(|i| gamma.at(i, i)).collect())
+            } else {
+                Adaptation::Euclidean(given.gain("gamma", gamma, estimated)?)
+            };
+            let start = estimate.map(|estimate| given.vector("estimate", estimate, estimated)).transpose()?;
+            let spec = AdaptiveSpec::new(model, motion, kp, kd, adaptation, base, start)?;
             Ok(given.law(LawSpec::Adaptive(spec)).add_subclass(Adaptive))
         })
     }

@@ -1,7 +1,8 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
 use super::{Again, Field, NAMES, Problem, again, float, problem, scalar, symmetric, truth};
-use crate::arrays::{Columns, columns, index_of, new_array, new_flags, shown};
+use crate::arrays::{index_of, new_array, new_flags, shown};
+use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
 use armlet_core::plan::{self, Bind as Core};

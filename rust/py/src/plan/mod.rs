@@ -5,7 +5,7 @@ pub mod profiles;
 pub mod time_path;
 pub mod torque;
 
-use crate::arrays::number_or_array;
+use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
 use bang_bang::bang_bang_time;
 use profiles::ProfileReport;

@@ -122,8 +122,8 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
 ///     stops: indices of waypoints where the arm stops on its way.
 ///     start_speed, end_speed: path speeds ds/dt at the ends.
 ///     friction: True for the arm's own damping and Coulomb friction, or viscous coefficients, number or `(n,)`, N m s/rad.
-///     grid: points to begin with, 201; the path's knots are always among them.
-///     refine: halve the grid where it is too coarse (default True).
+///     grid: number of grid points, the path's knots among them; if None, 201 and twice as many until the duration settles to 1e-4.
+///     refine: halve a given grid where it is too coarse for the limits (default True).
 ///     samples: how many points of a callable are asked for, 201.
 ///
 /// Returns:
@@ -180,7 +180,7 @@ pub fn time_path<'py>(
             }
         }
         if let Some(value) = grid {
-            options.grid = count(NAME, "grid", value)?;
+            options.grid = Some(count(NAME, "grid", value)?);
         }
         options.friction = match friction {
             None => None,

@@ -1,7 +1,8 @@
 //! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
 
 use super::{Again, Field, Problem, again, float, scalar, single, truth};
-use crate::arrays::{new_array, number_or_array, numbers, require_finite};
+use crate::arrays::{new_array, numbers, require_finite};
+use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
 use armlet_core::plan::{self, FrictionOptimum, TorqueProfile};

@@ -4,7 +4,7 @@ use super::solution::copied;
 use super::stack::{Stack, items, per_joint};
 use crate::arrays::{any_vector, new_vector, shown};
 use crate::errors::{Failure, entry, input_error};
-use armlet_core::priority::{diagnose, velocity_bounds as core_bounds};
+use armlet_core::priority::{Diagnosis, diagnose, velocity_bounds as core_bounds};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -31,31 +31,35 @@ pub fn diagnose_priority<'py>(
         let blocks: Vec<&[f64]> = levels.clone().map(|i| stack.jacobian(i, 0)).collect();
         let commands: Option<Vec<&[f64]>> = rhs.as_ref().map(|_| levels.map(|i| stack.velocity(i, 0)).collect());
         let d = diagnose(stack.n, &stack.rows, &blocks, commands.as_deref(), rounding)?;
-        let vectors = |parts: Vec<&[f64]>| -> Result<Bound<'py, PyList>, Failure> {
-            let arrays = parts.iter().map(|x| copied(py, &[x.len()], x)).collect::<Result<Vec<_>, _>>()?;
-            Ok(PyList::new(py, arrays)?)
-        };
-        let fields = PyDict::new(py);
-        fields.set_item("n", d.n)?;
-        fields.set_item("kind", d.kind.name())?;
-        fields.set_item("ranks", d.ranks())?;
-        fields.set_item("projected_ranks", d.projected_ranks())?;
-        fields.set_item("stacked_rank", d.stacked_rank)?;
-        fields.set_item("overlap", d.overlap)?;
-        fields.set_item("singular_values", vectors(d.levels.iter().map(|l| l.singular_values.as_slice()).collect())?)?;
-        fields
-            .set_item("projected_singular_values", vectors(d.levels.iter().map(|l| l.projected_singular_values.as_slice()).collect())?)?;
-        fields.set_item("kinematic", d.levels.iter().map(|l| l.kinematic).collect::<Vec<_>>())?;
-        fields.set_item("algorithmic", d.levels.iter().map(|l| l.algorithmic).collect::<Vec<_>>())?;
-        let lost = d.levels.iter().map(|l| copied(py, &[l.lost.len(), l.rows], &l.lost.concat())).collect::<Result<Vec<_>, _>>()?;
-        fields.set_item("lost", PyList::new(py, lost)?)?;
-        if let Some(parts) = &d.compatibility {
-            fields.set_item("losses", vectors(parts.iter().map(|c| c.loss.as_slice()).collect())?)?;
-            fields.set_item("compatible", parts.iter().all(|c| c.compatible))?;
-        }
-        fields.set_item("text", d.to_string())?;
-        Ok(fields)
+        fields(py, &d)
     })
+}
+
+/// The fields of `armlet.PriorityDiagnosis`.
+pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>, Failure> {
+    let vectors = |parts: Vec<&[f64]>| -> Result<Bound<'py, PyList>, Failure> {
+        let arrays = parts.iter().map(|x| copied(py, &[x.len()], x)).collect::<Result<Vec<_>, _>>()?;
+        Ok(PyList::new(py, arrays)?)
+    };
+    let fields = PyDict::new(py);
+    fields.set_item("n", d.n)?;
+    fields.set_item("kind", d.kind.name())?;
+    fields.set_item("ranks", d.ranks())?;
+    fields.set_item("projected_ranks", d.projected_ranks())?;
+    fields.set_item("stacked_rank", d.stacked_rank)?;
+    fields.set_item("overlap", d.overlap)?;
+    fields.set_item("singular_values", vectors(d.levels.iter().map(|l| l.singular_values.as_slice()).collect())?)?;
+    fields.set_item("projected_singular_values", vectors(d.levels.iter().map(|l| l.projected_singular_values.as_slice()).collect())?)?;
+    fields.set_item("kinematic", d.levels.iter().map(|l| l.kinematic).collect::<Vec<_>>())?;
+    fields.set_item("algorithmic", d.levels.iter().map(|l| l.algorithmic).collect::<Vec<_>>())?;
+    let lost = d.levels.iter().map(|l| copied(py, &[l.lost.len(), l.rows], &l.lost.concat())).collect::<Result<Vec<_>, _>>()?;
+    fields.set_item("lost", PyList::new(py, lost)?)?;
+    if let Some(parts) = &d.compatibility {
+        fields.set_item("losses", vectors(parts.iter().map(|c| c.loss.as_slice()).collect())?)?;
+        fields.set_item("compatible", parts.iter().all(|c| c.compatible))?;
+    }
+    fields.set_item("text", d.to_string())?;
+    Ok(fields)
 }
 
 /// Joint limits as velocity bounds for one sample: `v_max' = min((q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)))`, `v_min'` likewise.

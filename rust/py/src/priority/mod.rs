@@ -2,11 +2,14 @@
 //!
 //! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1` (`siciliano1991priority`); the maps are the core's.
 
+mod arm_solver;
 mod diagnosis;
 mod solution;
 mod solver;
 mod stack;
 
+pub use arm_solver::{_restore_arm_solver, ArmPrioritySolver};
 pub use diagnosis::{diagnose_priority, velocity_bounds};
-pub use solution::{PrioritySolution, solve_priority};
+pub use solution::{PrioritySolution, copied, residual_list, solve_priority, status_member};
 pub use solver::PrioritySolver;
+pub use stack::Keywords;

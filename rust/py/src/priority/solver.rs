@@ -1,5 +1,6 @@
 //! `armlet.PrioritySolver`: buffers built once, then solves without allocation in the core.
 
+use super::arm_solver::{ArmPrioritySolver, for_arm};
 use super::solution::{copied, residual_list, status_member};
 use super::stack::{Keywords, Stack, items, per_joint, require_size};
 use crate::arrays::{new_vector, of_shape, out_slice, shown};
@@ -99,6 +100,32 @@ impl PrioritySolver {
             let core = Core::new(n, &rows, &options)?;
             Ok(PrioritySolver { n, counts: rows, state: Mutex::new(State { core, options }) })
         })
+    }
+
+    /// A solver for tasks of an arm: `solve(q, velocities)` takes joint angles in place of Jacobians.
+    ///
+    /// Args:
+    ///     arm: the arm, of links.
+    ///     tasks: `Task` and its kin, the highest first; their targets and gains play no part.
+    ///     method, eps, weight, v_min, v_max: as for `solve_priority`; keyword only. Bounds of "sns" default to the arm's own.
+    ///
+    /// >>> import armlet as al
+    /// >>> arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
+    /// >>> solver = al.PrioritySolver.for_arm(arm, [al.Task("link4", "xy"), al.Task("link2", "xy")], method="exact")
+    /// >>> solver.solve([0.0, 1.5707963267948966, 1.5707963267948966, 0.0], [[1.0, 1.0], [1.0, 1.0]]).round(12)
+    /// array([ 1. , -2. ,  0.8,  0.4])
+    #[staticmethod]
+    #[pyo3(signature = (arm, tasks, *, method="clamp", eps=None, weight=None, v_min=None, v_max=None))]
+    fn for_arm<'py>(
+        arm: &Bound<'py, PyAny>,
+        tasks: &Bound<'py, PyAny>,
+        method: &str,
+        eps: Option<&Bound<'py, PyAny>>,
+        weight: Option<&Bound<'py, PyAny>>,
+        v_min: Option<&Bound<'py, PyAny>>,
+        v_max: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<ArmPrioritySolver> {
+        entry(arm.py(), "PrioritySolver.for_arm", || for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max }))
     }
 
     /// Joint velocities `(n,)` for one `(rows_i, n)` Jacobian and one `(rows_i,)` task velocity per level, written to `out` if given.

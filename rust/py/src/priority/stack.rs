@@ -1,6 +1,7 @@
 //! Levels in: lists of Jacobians `(..., rows_i, n)` and task velocities `(..., rows_i)`, checked and broadcast over their leading axes.
 
-use crate::arrays::{common_shape, numbers, require_finite, shown, stretch};
+use crate::arrays::{numbers, require_finite, shown};
+use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
 use armlet_core::priority::{Method, Options};
 use pyo3::prelude::*;

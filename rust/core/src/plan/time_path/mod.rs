@@ -28,7 +28,11 @@ use std::sync::Arc;
 /// Corrections of one grid before it is halved.
 const CORRECTIONS: usize = 8;
 /// Grids tried.
-const GRIDS: usize = 4;
+const GRIDS: usize = 5;
+/// Change of the duration, relative, at which a grid that was not asked for is fine enough.
+const SETTLED: f64 = 1e-4;
+/// Points of the first such grid.
+pub(crate) const FIRST_GRID: usize = 201;
 /// Excess between grid points, relative to the limit, above which a grid is halved for the sake of the duration.
 const COARSE: f64 = 1e-3;
 /// How far a limit is narrowed at first, in parts of what it was exceeded by; twice that every time after.
@@ -95,8 +99,12 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
             } else {
                 // The cap is on the square: twice the relative excess of the speed.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
-                for at in [i, i + 1] {
-                    caps[at] = caps[at].max(cap_old[at] + past);
+                // Of two bounds far apart the larger one is to blame: where the path turns back it has no bound of its own.
+                let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
+                for (at, here, other) in [(i, x0, x1), (i + 1, x1, x0)] {
+                    if here * 1.2 >= other {
+                        caps[at] = caps[at].max(cap_old[at] + past);
+                    }
                 }
             }
         });
@@ -134,24 +142,42 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
         return problem.hold();
     }
     let (mut samples, mut profile) = (Samples::default(), Profile::default());
-    let grids = if options.refine { GRIDS } else { 1 };
+    let grids = if options.refine || options.grid.is_none() { GRIDS } else { 1 };
+    let mut best: Option<TimePath> = None;
     for grid in 0..grids {
         let last = grid + 1 == grids;
-        match plan(&mut problem, &mut samples, &mut profile, last) {
+        let outcome = plan(&mut problem, &mut samples, &mut profile, last && best.is_none());
+        let reason = match outcome {
             Outcome::Done(found) => {
-                let motion = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone(), problem.rows.bend.clone())?;
+                let rows = &problem.rows;
+                let motion = TimedPath::new(problem.path.clone(), rows.s.clone(), profile.x.clone(), rows.bend.clone())?;
                 if motion.duration().is_finite() {
-                    return Ok(TimePath { motion, margin: found.margin, reason: None });
+                    let settled = match &best {
+                        None => options.grid.is_some(),
+                        Some(before) => (before.motion.duration() - motion.duration()).abs() <= SETTLED * motion.duration(),
+                    };
+                    let better = best.as_ref().is_none_or(|before| motion.duration() < before.motion.duration());
+                    if better {
+                        best = Some(TimePath { motion, margin: found.margin, reason: None });
+                    }
+                    if settled {
+                        break;
+                    }
                 }
-                if last {
-                    return problem.refuse(PathReason::standstill(&problem, &profile));
-                }
+                PathReason::standstill(&problem, &profile)
             }
-            Outcome::Coarse(found) if last => return problem.refuse(PathReason::unresolved(&problem, &found)),
-            Outcome::Stuck(stuck) if last => return problem.refuse(PathReason::find(&problem, &profile, stuck)),
-            Outcome::Coarse(_) | Outcome::Stuck(_) => {}
+            Outcome::Coarse(found) => PathReason::unresolved(&problem, &found),
+            Outcome::Stuck(stuck) => PathReason::find(&problem, &profile, stuck),
+        };
+        if last && best.is_none() {
+            return problem.refuse(reason);
         }
-        problem.halve();
+        if !last {
+            problem.halve();
+        }
     }
-    unreachable!("the last grid decides")
+    match best {
+        Some(best) => Ok(best),
+        None => problem.refuse(PathReason::standstill(&problem, &profile)),
+    }
 }

@@ -104,15 +104,12 @@ impl Gap {
 
 #[inline(always)]
 pub(super) fn load<S: Real>(from: &[f64], at: usize) -> S {
-    let from = &from[at..at + S::LANES];
-    S::from_lanes(|lane| from[lane])
+    S::load(&from[at..])
 }
 
 #[inline(always)]
 pub(super) fn store<S: Real>(x: S, to: &mut [f64], at: usize) {
-    for lane in 0..S::LANES {
-        to[at + lane] = x.lane(lane);
-    }
+    x.store(&mut to[at..]);
 }
 
 /// The middle row, raised by a share of its rise above the chord.

@@ -65,8 +65,7 @@ pub(super) enum Ask<'a> {
 /// The block of number `j`, one entry per lane.
 #[inline(always)]
 fn lanes_at<S: Real>(staged: &[f64], j: usize) -> S {
-    let from = &staged[j * S::LANES..(j + 1) * S::LANES];
-    S::from_lanes(|lane| from[lane])
+    S::load(&staged[j * S::LANES..])
 }
 
 /// Numbers `from` of the first `lanes` lanes into rows `stride` apart.

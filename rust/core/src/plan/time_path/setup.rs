@@ -4,7 +4,7 @@ use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places, sign};
 use super::reach::{BLOCK, FASTEST, Rows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
-use super::{PathReason, TimePath};
+use super::{FIRST_GRID, PathReason, TimePath};
 use crate::error::{Error, Result, finite};
 use crate::motion::{Path, TimedPath};
 use std::sync::Arc;
@@ -20,9 +20,9 @@ pub struct PathLimits {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimePathOptions {
-    /// Grid points to begin with; every piece of the path gets some.
-    pub grid: usize,
-    /// Halve the grid where it is too coarse for the limits or for the duration.
+    /// Grid points, some for every piece of the path; None for as many as the duration needs to settle.
+    pub grid: Option<usize>,
+    /// Halve a given grid where it is too coarse for the limits.
     pub refine: bool,
     /// Path speeds `ds/dt` at the ends.
     pub start_speed: f64,
@@ -34,7 +34,7 @@ pub struct TimePathOptions {
 
 impl Default for TimePathOptions {
     fn default() -> Self {
-        TimePathOptions { grid: 201, refine: true, start_speed: 0.0, end_speed: 0.0, stops: Vec::new(), friction: None }
+        TimePathOptions { grid: None, refine: true, start_speed: 0.0, end_speed: 0.0, stops: Vec::new(), friction: None }
     }
 }
 
@@ -102,8 +102,9 @@ impl<'a> Problem<'a> {
         if given.torque.is_none() && given.acceleration.is_none() {
             return Err(Error::input("tau_max, a_max", "are both missing: expected a limit of torque or of acceleration, got None"));
         }
-        if !(2..=MOST).contains(&options.grid) {
-            return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST} points, got {}", options.grid)));
+        let points = options.grid.unwrap_or(FIRST_GRID);
+        if !(2..=MOST).contains(&points) {
+            return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST} points, got {points}")));
         }
         let (mut all_lo, mut all_hi) = (vec![f64::NEG_INFINITY; 3 * n], vec![f64::INFINITY; 3 * n]);
         if let Some((lo, hi)) = &given.torque {
@@ -140,7 +141,7 @@ impl<'a> Problem<'a> {
             return Err(Error::input("stops", format!("is out of range: expected indices below {}, got {k}", knots.len())));
         }
         let stops = options.stops.iter().map(|&k| knots[k]).collect();
-        let (s, pieces) = grid(&path, options.grid);
+        let (s, pieces) = grid(&path, points);
         let rows = Rows {
             s,
             x_start: speed("start_speed", options.start_speed)?,
@@ -305,7 +306,7 @@ impl<'a> Problem<'a> {
         for i in 0..points {
             let most = self.fastest(i).1;
             let cap = (most * most).min(FASTEST);
-            let mut narrow = cap * (1.0 - self.cap_tight[i]).max(0.0);
+            let mut narrow = cap / (1.0 + self.cap_tight[i]);
             for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
                 // 4e-10 of the speed is 8e-10 of its square.
                 if i == at && x <= cap * (1.0 + 8e-10) {
@@ -338,22 +339,29 @@ impl<'a> Problem<'a> {
 
     /// Viscous friction `d q' sqrt(x)` by its tangent at the profile: `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
     pub fn linearise_friction(&mut self, x: &[f64]) {
+        if self.friction.is_none() {
+            return;
+        }
+        self.forget_friction();
         let Some(friction) = &self.friction else { return };
-        let (n, w) = (self.n, self.rows.width);
-        let largest = x.iter().fold(0.0_f64, |a, b| a.max(*b));
-        for i in 0..x.len() {
-            let root = x[i].max(1e-8 * largest).sqrt();
-            if !(root > 0.0) {
+        let (n, w, last) = (self.n, self.rows.width, x.len() - 1);
+        let Rows { coefficients, middles, s, bend, .. } = &mut self.rows;
+        for k in 0..=2 * last {
+            // Grid points, and half way between them. At rest there is no friction.
+            let (i, between) = (k / 2, k % 2 == 1);
+            let here = if between { 0.5 * (x[i] + x[i + 1]) - 0.25 * (s[i + 1] - s[i]).powi(2) * bend[i] } else { x[i] };
+            if !(here > 0.0) {
                 continue;
             }
+            let root = here.sqrt();
+            let c = if between { &mut middles[i * 3 * w..] } else { &mut coefficients[i * 3 * w..] };
             for j in 0..n {
-                let push = friction.viscous[j] * self.slopes[i * self.stride + j];
-                let c = &mut self.rows.coefficients[i * 3 * w..];
-                c[w + j] = self.bare[2 * i * n + j] + 0.5 * push / root;
-                c[2 * w + j] = self.bare[(2 * i + 1) * n + j] + if x[i] == 0.0 { 0.0 } else { 0.5 * push * root };
+                let slope = |i: usize| self.slopes[i * self.stride + j];
+                let push = 0.5 * friction.viscous[j] * if between { 0.5 * (slope(i) + slope(i + 1)) } else { slope(i) };
+                c[w + j] += push / root;
+                c[2 * w + j] += push * root;
             }
         }
-        self.set_middles();
     }
 
     /// Halve every segment.

@@ -65,6 +65,15 @@ impl<V: Real> Real for Pair<V> {
         if i < V::LANES { self.0.lane(i) } else { self.1.lane(i - V::LANES) }
     }
     #[inline(always)]
+    fn load(from: &[f64]) -> Self {
+        Pair(V::load(from), V::load(&from[V::LANES..]))
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f64]) {
+        self.0.store(to);
+        self.1.store(&mut to[V::LANES..]);
+    }
+    #[inline(always)]
     fn mul_add(self, b: Self, c: Self) -> Self {
         Pair(self.0.mul_add(b.0, c.0), self.1.mul_add(b.1, c.1))
     }

@@ -81,6 +81,22 @@ macro_rules! vector {
                 to_array(self.0)[i]
             }
             #[inline(always)]
+            fn load(from: &[f64]) -> Self {
+                let from = &from[..$lanes];
+                let mut all = [0.0; $lanes];
+                for lane in 0..$lanes {
+                    all[lane] = from[lane];
+                }
+                $name(from_array(all))
+            }
+            #[inline(always)]
+            fn store(self, to: &mut [f64]) {
+                let (to, all) = (&mut to[..$lanes], to_array(self.0));
+                for lane in 0..$lanes {
+                    to[lane] = all[lane];
+                }
+            }
+            #[inline(always)]
             fn mul_add(self, b: Self, c: Self) -> Self {
                 $name(fma(self.0, b.0, c.0))
             }

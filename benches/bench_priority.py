@@ -1,0 +1,232 @@
+"""v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + .. from joint angles, kinematics included: armlet beside numpy, numba and Pinocchio.
+
+First every answer is compared with the numpy one; only then anything is timed. See README.md beside this file.
+
+    python benches/bench_priority.py                  the table, and benches/results/priority.json
+    python benches/bench_priority.py --markdown       the same as Markdown
+    python benches/bench_priority.py --readme         the same, written into benches/README.md
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import importlib.util
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+import timing
+from timing import Case
+
+import armlet as al
+
+HERE = Path(__file__).parent
+CALLS, ROWS = 2_000, 100_000
+LINKS = np.array([1.0, 1.0, 0.25, 0.25])
+ARM = al.planar_arm(LINKS)
+SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+TOOL = SEVEN.frame_names[-1]
+Q4, Q7 = np.array([0.1, 1.2, 0.9, 1.4]), np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4])
+V4 = [np.array([0.3, -0.2]), np.array([0.1, 0.4])]
+V7 = [np.array([0.1, -0.2, 0.3]), np.array([0.2, 0.1, -0.1]), np.linspace(-0.2, 0.2, 7)]
+# Condition of the configurations below 100: two right answers differ by rounding alone.
+ROUNDING = 1e-11
+# Goals of one benchmark run with the peers: ns per Python call, ns per row of a batch.
+TARGETS = [
+    ("4R, two tasks: one call", "armlet, for_arm", 400.0),
+    ("seven axes, three tasks: one call", "armlet, for_arm, seven axes", 1300.0),
+    ("4R, two tasks: four small arrays", "armlet, solve_priority", 1000.0),
+    ("4R, two tasks: row of a batch", "armlet, batch, 2 threads", 38.0),
+]
+
+
+def say(text: str) -> None:
+    print(f"bench_priority: {text}", file=sys.stderr, flush=True)
+
+
+def levels(blocks: list[Any], velocities: list[Any]) -> Any:
+    """The recursion with pseudo-inverses, their cut-off on the scale of the unprojected task."""
+    n = blocks[0].shape[1]
+    v, P = np.zeros(n), np.eye(n)
+    for J, wanted in zip(blocks, velocities, strict=True):
+        A = J @ P
+        U, s, Vt = np.linalg.svd(A, full_matrices=False)
+        keep = s > 1e-10 * np.linalg.norm(J)
+        inverse = (Vt[keep].T / s[keep]) @ U[:, keep].T
+        v = v + inverse @ (wanted - J @ v)
+        P = P - inverse @ A
+    return v
+
+
+def planar(q: Any) -> list[Any]:
+    angles = np.cumsum(q)
+    x, y = LINKS * np.cos(angles), LINKS * np.sin(angles)
+    J = np.zeros((2, 2, 4))
+    for k, tip in enumerate((4, 2)):
+        J[k, 0, :tip] = -np.cumsum(y[:tip][::-1])[::-1]
+        J[k, 1, :tip] = np.cumsum(x[:tip][::-1])[::-1]
+    return list(J)
+
+
+def numba_kernels() -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """The same for two levels of two rows, compiled: angles in, velocities out; one row, and many."""
+    import numba
+
+    @numba.njit(cache=False)
+    def one(q: Any, v1: Any, v2: Any, v: Any) -> None:
+        J = np.zeros((2, 2, 4))
+        for k in range(2):
+            tip = 4 if k == 0 else 2
+            for j in range(tip):
+                a = 0.0
+                for i in range(tip):
+                    a += q[i]
+                    if i >= j:
+                        length = 1.0 if i < 2 else 0.25
+                        J[k, 0, j] -= length * np.sin(a)
+                        J[k, 1, j] += length * np.cos(a)
+        A = np.dot(J[0], J[0].T)
+        d = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+        X = np.dot(J[0].T, np.array([[A[1, 1], -A[0, 1]], [-A[1, 0], A[0, 0]]]) / d)
+        P = np.eye(4) - np.dot(X, J[0])
+        first = np.dot(X, v1)
+        B = np.dot(J[1], P)
+        C = np.dot(B, B.T)
+        d = C[0, 0] * C[1, 1] - C[0, 1] * C[1, 0]
+        Y = np.dot(B.T, np.array([[C[1, 1], -C[0, 1]], [-C[1, 0], C[0, 0]]]) / d)
+        v[:] = first + np.dot(Y, v2 - np.dot(J[1], first))
+
+    @numba.njit(cache=False)
+    def many(q: Any, v1: Any, v2: Any, v: Any) -> None:
+        for i in range(q.shape[0]):
+            one(q[i], v1, v2, v[i])
+
+    return one, many
+
+
+def repeated(call: Callable[[], Any], times: int) -> Callable[[], Any]:
+    def run() -> Any:
+        for _ in range(times):
+            answer = call()
+        return answer
+
+    return run
+
+
+class Suite:
+    """Adds a case only once its answer is right."""
+
+    def __init__(self) -> None:
+        self.cases: list[Case] = []
+
+    def add(self, group: str, name: str, call: Callable[[], Any], expected: Any, times: int, **more: Any) -> None:
+        worst = float(np.max(np.abs(call() - expected)))
+        if not worst <= ROUNDING * (1 + np.abs(expected).max()):
+            raise SystemExit(f"bench_priority: {name} differs from numpy by {worst:.1e}")
+        say(f"equal (worst {worst:.1e}): {name}")
+        per = more.pop("per", times)
+        self.cases.append(Case(group, name, repeated(call, times), per, **more))
+
+    def planar(self) -> None:
+        expected = levels(planar(Q4), V4)
+        add = functools.partial(self.add, "4R, two tasks (2 + 2), one Python call: ns", expected=expected, times=CALLS)
+        tasks = [al.Task("link4", "xy"), al.Task("link2", "xy")]
+        clamp, exact = (al.PrioritySolver.for_arm(ARM, tasks, method=method) for method in ("clamp", "exact"))
+        out, blocks = np.empty(4), planar(Q4)
+        add("armlet, for_arm", lambda: clamp.solve(Q4, V4, out=out))
+        add("armlet, for_arm, exact", lambda: exact.solve(Q4, V4, out=out), against="armlet, for_arm")
+        add("armlet, for_arm, a new array", lambda: clamp.solve(Q4, V4), against="armlet, for_arm")
+        add("armlet, solve_priority", lambda: al.solve_priority(blocks, V4).v, against="armlet, for_arm")
+        law = al.PriorityVelocity(ARM, [al.Task("link4", "xy", [1.0, 1.0], 1.0), al.Task("link2", "xy", [1.0, 1.0], 1.0)])
+        zero = np.zeros(4)
+        e = [np.ones(2) - ARM.position(Q4, frame)[:2] for frame in ("link4", "link2")]
+        add("armlet, law(t, q, v)", lambda: law(0.0, Q4, zero), expected=levels(planar(Q4), e), against="armlet, for_arm")
+        self.add(add.args[0], "numpy", lambda: levels(planar(Q4), V4), expected, 100, against="armlet, for_arm")
+        rng = np.random.default_rng(0)
+        q = Q4 + rng.uniform(-0.3, 0.3, (ROWS, 4))
+        group, wanted = "4R, two tasks, 100,000 rows: ns per row", np.array([levels(planar(row), V4) for row in q[:2000]])
+        answer = np.empty_like(q)
+
+        def rows(solve: Callable[[], Any]) -> Callable[[], Any]:
+            return lambda: (solve(), answer[:2000])[1]
+
+        more = {"times": 1, "per": ROWS, "expected": wanted}
+        self.add(group, "armlet, batch, 2 threads", rows(lambda: clamp.solve(q, V4, out=answer)), threads=2, **more)
+        if importlib.util.find_spec("numba") is None:
+            return say("skipped: numba: not installed")
+        one, many = numba_kernels()
+        add("numba", lambda: (one(Q4, *V4, out), out)[1], against="armlet, for_arm")
+        self.add(group, "numba, one thread", rows(lambda: many(q, *V4, answer)), against="armlet, batch, 2 threads", **more)
+
+    def seven(self) -> None:
+        J = SEVEN.jacobian(Q7, TOOL)
+        expected = levels([J[:3], J[3:], np.eye(7)], V7)
+        group = "seven axes, three tasks (3 + 3 + 7), one Python call: ns"
+        tasks = [al.Task(TOOL, "xyz"), al.Task(TOOL, "rx ry rz"), al.PostureTask()]
+        solver, out, eye = al.PrioritySolver.for_arm(SEVEN, tasks), np.empty(7), np.eye(7)
+        self.add(group, "armlet, for_arm, seven axes", lambda: solver.solve(Q7, V7, out=out), expected, CALLS)
+        yard = {"against": "armlet, for_arm, seven axes"}
+        if importlib.util.find_spec("pinocchio") is None:
+            return say("skipped: Pinocchio: not installed")
+        import pinocchio as pin
+
+        model = pin.buildModelFromXML(al.example_urdf("seven_axis"))
+        data, frame = model.createData(), model.getFrameId(TOOL)
+
+        def jacobian() -> Any:
+            return pin.computeFrameJacobian(model, data, Q7, frame, pin.LOCAL_WORLD_ALIGNED)
+
+        def call() -> Any:
+            J = jacobian()
+            return levels([J[:3], J[3:], eye], V7)
+
+        self.add(group, "Pinocchio + numpy", call, expected, 100, **yard)
+
+
+def report(suite: Suite, markdown: bool, busy: float) -> str:
+    machine = timing.machine()
+    about = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {busy:.0%} of them at the start."
+    by_name = {case.name: case for case in suite.cases}
+    goals = [(what, goal, by_name[name]) for what, name, goal in TARGETS]
+    lines = [
+        (what, f"<= {goal:g} ns", f"{timing.digits(case.median)} ns", "met" if case.median <= goal else "**missed**")
+        for what, goal, case in goals
+    ]
+    table = timing.rows(suite.cases)
+    if not markdown:
+        return "\n".join([about, *(": ".join(line) for line in lines), timing.plain(table)])
+    head = ["| target | goal | measured | |", "|---|---:|---:|---|", *(f"| {' | '.join(line)} |" for line in lines)]
+    return "\n\n".join([about, "\n".join(head), timing.markdown(table)])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="armlet beside its peers on tasks in priority")
+    parser.add_argument("--markdown", action="store_true", help="print Markdown")
+    parser.add_argument("--readme", action="store_true", help="put the figures into benches/README.md")
+    parser.add_argument("--rounds", type=int, default=21)
+    parser.add_argument("--core", type=int, default=timing.cores()[-1], help="core of the single-thread cases (default: the last allowed)")
+    options = parser.parse_args()
+    if al.build_info()["profile"] != "release":
+        raise SystemExit("bench_priority: armlet is a debug build: install the release wheel (make bench)")
+    suite, busy = Suite(), timing.busy()
+    suite.planar()
+    suite.seven()
+    timing.measure(suite.cases, options.rounds, options.core, say)
+    timing.save(HERE / "results" / "priority.json", suite.cases, {"machine": timing.machine(), "busy": busy, "build": al.build_info()})
+    text = report(suite, options.markdown or options.readme, busy)
+    if options.readme:
+        readme = HERE / "README.md"
+        begin, end = "<!-- priority figures: begin -->", "<!-- priority figures: end -->"
+        body = re.sub(f"{begin}.*{end}", lambda _: f"{begin}\n{text}\n{end}", readme.read_text(), flags=re.DOTALL)
+        readme.write_text(body)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""A singularity atlas of the planar 4R arm: where its two tasks can be commanded, and what five maps do on one path through it.
+
+Level sets over joints 2 and 4 of det J_E = L^4/16 sin q2 sin q4 and of the smallest singular values of J1 and of J2 P1; on them
+the path of a closed loop that is asked to cross the algorithmic singularity q4 = 0.
+
+Run: `python examples/singularity_atlas.py [figure.png]`
+"""
+
+import sys
+
+import numpy as np
+
+import armlet as al
+
+L, EPS = 1.0, [0.05, 0.02]
+arm = al.planar_arm([L, L, L / 4, L / 4])
+frames = ["link4", "link2"]
+tasks = [al.Task(frame, "xy") for frame in frames]
+solver = al.PrioritySolver.for_arm(arm, tasks, method="exact")
+
+
+def smallest(q):
+    """det J_E and the smallest singular values of J1 and of J2 P1 at `q` (..., 4)."""
+    J1, J2 = (arm.jacobian(q, frame)[..., :2, :] for frame in frames)
+    determinant = np.linalg.det(np.concatenate([J1, J2], axis=-2))
+    null = np.linalg.svd(J1)[2][..., 2:, :]  # rows: an orthonormal basis of what the primary leaves
+    projected = np.linalg.svd(J2 @ null.swapaxes(-1, -2), compute_uv=False)
+    return determinant, np.linalg.svd(J1, compute_uv=False)[..., -1], projected[..., -1]
+
+
+angles = np.linspace(-np.pi, np.pi, 121)
+q2, q4 = np.meshgrid(angles, angles, indexing="ij")
+grid = np.stack([0 * q2, q2, 0 * q2 + np.pi / 2, q4], axis=-1)
+determinant, sigma1, sigma2 = smallest(grid)
+print("det J_E against L^4/16 sin q2 sin q4, largest difference:", f"{np.abs(determinant - L**4 / 16 * np.sin(q2) * np.sin(q4)).max():.1e}")
+for q in ([0, np.pi / 2, np.pi / 2, 0.3], [0, np.pi / 2, np.pi / 2, 0], [0, 0, np.pi / 2, 0.3], [0, 0, np.pi / 2, 0]):
+    print(f"q = {np.round(q, 3)}: {solver.diagnose(q)}")
+
+# What the joints would do on a straight line through q4 = 0, as the motion of both tips.
+middle, half = np.array([0.2, 1.2, 1.4, 0.0]), np.array([0.3, 0.4, 0.2, 0.7])
+rate, shares = 2 * half / 2.0, np.linspace(-1, 1, 401)
+line = middle + shares[:, None] * half
+
+
+def tip(frame):
+    J, J_dot = arm.jacobian(line, frame)[:, :2], arm.jacobian_dot(line, np.broadcast_to(rate, line.shape), frame)[:, :2]
+    # The elbow's task is shifted, so that the two conflict at the singularity.
+    shift = 0.05 if frame == "link2" else 0.0
+    return al.Table(2.0 / 400, arm.position(line, frame)[:, :2] + shift, J @ rate, J_dot @ rate)
+
+
+follow = [al.Task(frame, "xy", tip(frame), 10.0) for frame in frames]
+runs = {}
+print("\nalong the path     largest |u|   largest step of u   largest primary residual   last |e1|    last |e2|")
+for method, options in {
+    "exact": {},
+    "clamp": {"eps": EPS},
+    "damped": {"eps": EPS},
+    "chiaverini": {"eps": EPS},
+    "sns": {"v_max": 8.0},
+}.items():
+    law = al.PriorityVelocity(arm, follow, method, **options)
+    run = al.simulate(al.VelocityArm(arm), law, line[0], t_end=2.0, dt=2e-3, sample_time=2e-3, throw=False)
+    runs[method] = run
+    speed, step = np.linalg.norm(run.v, axis=1), np.linalg.norm(np.diff(run.v, axis=0), axis=1)
+    residual = np.abs(run.monitors["residual_1"]).max()
+    print(f"{method:>14}  {speed.max():14.3g}  {step.max():18.3g}  {residual:25.1e}", end="")
+    print(f"  {run.monitors['error_1'][-1]:10.1e}  {run.monitors['error_2'][-1]:11.1e}")
+
+if len(sys.argv) > 1:
+    import matplotlib.pyplot as plt
+
+    fig, axes = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
+    maps = [(r"$\det J_E$", determinant), (r"smallest $\sigma$ of $J_1$", sigma1), (r"smallest $\sigma$ of $J_2 P_1$", sigma2)]
+    for ax, (title, values) in zip(axes.flat, maps, strict=False):
+        drawn = ax.contourf(q2, q4, values, 14, cmap="RdBu" if values.min() < 0 else "viridis")
+        fig.colorbar(drawn, ax=ax)
+        ax.plot(runs["clamp"].q[:, 1], runs["clamp"].q[:, 3], "w-", linewidth=2.5)
+        ax.plot(runs["clamp"].q[:, 1], runs["clamp"].q[:, 3], "k--", linewidth=1.2)
+        ax.set(title=title, xlabel="q2 (rad)", ylabel="q4 (rad)")
+    for method, run in runs.items():
+        axes[1, 1].semilogy(run.t, np.linalg.norm(run.v, axis=1), label=method)
+    axes[1, 1].set(title="the five maps on one path", xlabel="time (s)", ylabel="|u| (rad/s)")
+    axes[1, 1].legend()
+    fig.savefig(sys.argv[1], dpi=120)

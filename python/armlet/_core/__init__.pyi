@@ -1,0 +1,137 @@
+"""Types of the extension module, a file per concept; checked against it by stubtest."""
+
+from .arms import Arm as Arm
+from .arms import _restore_planar_pr as _restore_planar_pr
+from .arms import _restore_tree as _restore_tree
+from .arms import example_urdf as example_urdf
+from .arms import load_urdf as load_urdf
+from .arms import pendulum as pendulum
+from .arms import planar_arm as planar_arm
+from .arms import planar_pr as planar_pr
+from .arms import project_parameters as project_parameters
+from .elastic import damping_from_ratio as damping_from_ratio
+from .elastic import elastic_limits as elastic_limits
+from .elastic import equilibrium as equilibrium
+from .elastic import smallest_reduced_inertia as smallest_reduced_inertia
+from .elastic import stiffness_limit as stiffness_limit
+from .integration import Stepper as Stepper
+from .integration import integrate as integrate
+from .laws import Adaptive as Adaptive
+from .laws import CartesianImpedance as CartesianImpedance
+from .laws import ComputedTorque as ComputedTorque
+from .laws import ElasticImpedance as ElasticImpedance
+from .laws import ElasticTracking as ElasticTracking
+from .laws import JointImpedance as JointImpedance
+from .laws import Law as Law
+from .laws import MotorPD as MotorPD
+from .laws import PDGravity as PDGravity
+from .laws import StateFeedback as StateFeedback
+from .motions import BangBang as BangBang
+from .motions import Hold as Hold
+from .motions import Motion as Motion
+from .motions import Quintic as Quintic
+from .motions import Sinusoid as Sinusoid
+from .motions import Table as Table
+from .motions import TimedPath as TimedPath
+from .motions import _restore_time_path as _restore_time_path
+from .motions import time_path as time_path
+from .plans import BangBangBatch as BangBangBatch
+from .plans import BangBangReport as BangBangReport
+from .plans import Best as Best
+from .plans import Bind as Bind
+from .plans import ProfileReport as ProfileReport
+from .plans import TorqueOptimum as TorqueOptimum
+from .plans import _restore_plan as _restore_plan
+from .plans import bang_bang_time as bang_bang_time
+from .plans import minimum_jerk_time as minimum_jerk_time
+from .plans import torque_optimal_time as torque_optimal_time
+from .plans import trapezoid_time as trapezoid_time
+from .plants import ElasticArm as ElasticArm
+from .plants import Plant as Plant
+from .plants import RigidArm as RigidArm
+from .plants import VelocityArm as VelocityArm
+from .plants import Wall as Wall
+from .priority import PrioritySolution as PrioritySolution
+from .priority import PrioritySolver as PrioritySolver
+from .priority import diagnose_priority as diagnose_priority
+from .priority import solve_priority as solve_priority
+from .priority import velocity_bounds as velocity_bounds
+from .simulation import Simulator as Simulator
+from .simulation import build_info as build_info
+from .simulation import simulate as simulate
+from .simulation import simulate_batch as simulate_batch
+from .simulation import statuses as statuses
+from .tasks import ArmPrioritySolver as ArmPrioritySolver
+from .tasks import AxisTask as AxisTask
+from .tasks import CentreOfMassTask as CentreOfMassTask
+from .tasks import InverseKinematics as InverseKinematics
+from .tasks import JointLimitTask as JointLimitTask
+from .tasks import PostureTask as PostureTask
+from .tasks import PriorityAcceleration as PriorityAcceleration
+from .tasks import PriorityVelocity as PriorityVelocity
+from .tasks import RelativeTask as RelativeTask
+from .tasks import Task as Task
+from .tasks import _restore_arm_solver as _restore_arm_solver
+from .tasks import inverse_kinematics as inverse_kinematics
+
+__all__ = [
+    "Adaptive",
+    "Arm",
+    "ArmPrioritySolver",
+    "AxisTask",
+    "BangBang",
+    "BangBangBatch",
+    "BangBangReport",
+    "Best",
+    "Bind",
+    "CentreOfMassTask",
+    "ComputedTorque",
+    "Hold",
+    "InverseKinematics",
+    "JointLimitTask",
+    "Law",
+    "Motion",
+    "PostureTask",
+    "PriorityAcceleration",
+    "PrioritySolution",
+    "PrioritySolver",
+    "PriorityVelocity",
+    "ProfileReport",
+    "Quintic",
+    "RelativeTask",
+    "RigidArm",
+    "Sinusoid",
+    "Stepper",
+    "Table",
+    "Task",
+    "TimedPath",
+    "TorqueOptimum",
+    "__version__",
+    "_restore_arm_solver",
+    "_restore_plan",
+    "_restore_planar_pr",
+    "_restore_time_path",
+    "_restore_tree",
+    "bang_bang_time",
+    "build_info",
+    "diagnose_priority",
+    "example_urdf",
+    "integrate",
+    "inverse_kinematics",
+    "load_urdf",
+    "minimum_jerk_time",
+    "pendulum",
+    "planar_arm",
+    "planar_pr",
+    "project_parameters",
+    "simulate",
+    "simulate_batch",
+    "solve_priority",
+    "statuses",
+    "time_path",
+    "torque_optimal_time",
+    "trapezoid_time",
+    "velocity_bounds",
+]
+
+__version__: str

@@ -1,0 +1,56 @@
+"""Integration of any callable."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Self, final
+
+from numpy.typing import ArrayLike
+
+from ._types import _Array
+
+@final
+class Stepper:
+    def __new__(
+        cls,
+        f: Callable[..., ArrayLike],
+        t0: float,
+        y0: ArrayLike,
+        t_bound: float,
+        method: str,
+        rtol: float,
+        atol: ArrayLike,
+        max_step: float | None,
+        first_step: float | None,
+        jac: Callable[..., ArrayLike] | ArrayLike | None,
+    ) -> Self: ...
+    def step(self) -> int: ...
+    def nodes(self) -> _Array: ...
+    @property
+    def t(self) -> float: ...
+    @property
+    def y(self) -> _Array: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def jacobians(self) -> int: ...
+    @property
+    def factorisations(self) -> int: ...
+
+def integrate(
+    f: Callable[..., ArrayLike],
+    t0: float,
+    t1: float,
+    y0: ArrayLike,
+    method: str,
+    rtol: float,
+    atol: ArrayLike,
+    dt: float | None,
+    t_eval: ArrayLike | None,
+    dense: bool,
+    events: Sequence[tuple[Callable[..., Any], float, int]],
+    jac: Callable[..., ArrayLike] | ArrayLike | None,
+    args: tuple[Any, ...],
+    max_step: float | None,
+    first_step: float | None,
+    positions: int,
+    lists: bool,
+) -> dict[str, Any]: ...

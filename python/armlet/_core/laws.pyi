@@ -1,0 +1,140 @@
+"""Control laws."""
+
+from typing import Any, Self, final
+
+from numpy.typing import ArrayLike
+from typing_extensions import disjoint_base
+
+from ..identification import BaseParameters
+from ._types import _Array
+from .arms import Arm
+from .motions import Motion
+
+@disjoint_base
+class Law:
+    @property
+    def arm(self) -> Arm: ...
+    @property
+    def motion(self) -> Motion | None: ...
+    def __call__(
+        self,
+        /,
+        t: float,
+        q: ArrayLike,
+        v: ArrayLike,
+        *,
+        theta: ArrayLike | None = None,
+        theta_dot: ArrayLike | None = None,
+        state: ArrayLike | None = None,
+    ) -> _Array: ...
+    def terms(
+        self,
+        t: float,
+        q: ArrayLike,
+        v: ArrayLike,
+        *,
+        theta: ArrayLike | None = None,
+        theta_dot: ArrayLike | None = None,
+        state: ArrayLike | None = None,
+    ) -> dict[str, Any]: ...  # arrays; lists with one entry per level for laws of tasks in priority
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
+
+@final
+class Adaptive(Law):
+    @property
+    def motion(self) -> Motion: ...
+    def __new__(
+        cls,
+        arm: Arm,
+        motion: Motion,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        gamma: ArrayLike,
+        *,
+        estimate: ArrayLike | None = None,
+        base: BaseParameters | None = None,
+        natural: bool = False,
+    ) -> Self: ...
+
+@final
+class ComputedTorque(Law):
+    @property
+    def motion(self) -> Motion: ...
+    def __new__(cls, arm: Arm, motion: Motion, kp: ArrayLike, kd: ArrayLike) -> Self: ...
+
+@final
+class PDGravity(Law):
+    def __new__(cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike) -> Self: ...
+
+@final
+class CartesianImpedance(Law):
+    def __new__(
+        cls, arm: Arm, target: ArrayLike, stiffness: ArrayLike, damping: ArrayLike, *, frame: str, axes: str | None = None
+    ) -> Self: ...
+
+@final
+class ElasticImpedance(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        target: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        *,
+        frame: str,
+        axes: str | None = None,
+        motor_damping: ArrayLike | None = None,
+        damping_ratio: float | None = None,
+        relative_damping: bool = False,
+    ) -> Self: ...
+
+@final
+class ElasticTracking(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        target: Motion,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        *,
+        frame: str,
+        axes: str | None = None,
+        motor_damping: ArrayLike | None = None,
+        damping_ratio: float | None = None,
+        relative_damping: bool = False,
+    ) -> Self: ...
+
+@final
+class JointImpedance(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        target: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        *,
+        motor_damping: ArrayLike | None = None,
+        damping_ratio: float | None = None,
+        relative_damping: bool = False,
+    ) -> Self: ...
+
+@final
+class MotorPD(Law):
+    def __new__(
+        cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike, joint_stiffness: ArrayLike, *, online: bool = False
+    ) -> Self: ...
+
+@final
+class StateFeedback(Law):
+    def __new__(
+        cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike, kt: ArrayLike, ks: ArrayLike, joint_stiffness: ArrayLike
+    ) -> Self: ...

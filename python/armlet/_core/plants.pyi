@@ -1,0 +1,40 @@
+"""Plants."""
+
+from typing import Any, Self, final
+
+from numpy.typing import ArrayLike
+from typing_extensions import disjoint_base
+
+from .arms import Arm
+
+@disjoint_base
+class Plant:
+    @property
+    def arm(self) -> Arm: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
+
+@final
+class Wall:
+    def __new__(cls, frame: str, point: ArrayLike, normal: ArrayLike, *, stiffness: float, damping: float | None = None) -> Self: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[str, list[float], list[float]], dict[str, Any]]: ...
+
+@final
+class RigidArm(Plant):
+    def __new__(cls, arm: Arm, *, friction: bool = False, wall: Wall | None = None) -> Self: ...
+
+@final
+class VelocityArm(Plant):
+    def __new__(cls, arm: Arm) -> Self: ...
+
+@final
+class ElasticArm(Plant):
+    def __new__(
+        cls,
+        arm: Arm,
+        stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        *,
+        joint_damping: ArrayLike | None = None,
+        motor_friction: ArrayLike | None = None,
+        wall: Wall | None = None,
+    ) -> Self: ...

@@ -1,0 +1,86 @@
+"""Task priority."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Self, final
+
+from numpy.typing import ArrayLike
+
+from ..status import Status
+from ._types import _Array
+from .arms import Arm
+from .tasks import ArmPrioritySolver, Task
+
+def solve_priority(
+    jacobians: Sequence[ArrayLike],
+    velocities: Sequence[ArrayLike],
+    *,
+    method: str = "clamp",
+    eps: ArrayLike | None = None,
+    rounding: float | None = None,
+    weight: ArrayLike | None = None,
+    v_min: ArrayLike | None = None,
+    v_max: ArrayLike | None = None,
+) -> PrioritySolution: ...
+def diagnose_priority(jacobians: Sequence[ArrayLike], rhs: Sequence[ArrayLike] | None, rounding: float | None) -> dict[str, Any]: ...
+def velocity_bounds(
+    q: ArrayLike, q_min: ArrayLike, q_max: ArrayLike, v_max: ArrayLike, *, dt: float, a_max: ArrayLike | None = None
+) -> tuple[_Array, _Array]: ...
+
+@final
+class PrioritySolution:
+    def __new__(cls, v: _Array, residuals: list[_Array], ranks: Any, scales: _Array, status: Any) -> Self: ...
+    @property
+    def v(self) -> _Array: ...
+    @property
+    def residuals(self) -> list[_Array]: ...
+    @property
+    def ranks(self) -> Any: ...  # list[int]; integers (..., levels) in a batch
+    @property
+    def scales(self) -> _Array: ...
+    @property
+    def status(self) -> Any: ...  # Status; integers (...) in a batch
+    def __getnewargs__(self) -> tuple[Any, ...]: ...
+
+@final
+class PrioritySolver:
+    def __new__(
+        cls,
+        n: int,
+        rows: Sequence[int],
+        *,
+        method: str = "clamp",
+        eps: ArrayLike | None = None,
+        rounding: float | None = None,
+        weight: ArrayLike | None = None,
+        v_min: ArrayLike | None = None,
+        v_max: ArrayLike | None = None,
+    ) -> Self: ...
+    @staticmethod
+    def for_arm(
+        arm: Arm,
+        tasks: Iterable[Task],
+        *,
+        method: str = "clamp",
+        eps: ArrayLike | None = None,
+        weight: ArrayLike | None = None,
+        v_min: ArrayLike | None = None,
+        v_max: ArrayLike | None = None,
+    ) -> ArmPrioritySolver: ...
+    def solve(self, jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], *, out: _Array | None = None) -> _Array: ...
+    def set_rounding(self, rounding: float) -> None: ...
+    def set_bounds(self, v_min: ArrayLike, v_max: ArrayLike) -> None: ...
+    @property
+    def n(self) -> int: ...
+    @property
+    def rows(self) -> tuple[int, ...]: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def residuals(self) -> list[_Array]: ...
+    @property
+    def ranks(self) -> list[int]: ...
+    @property
+    def scales(self) -> _Array: ...
+    @property
+    def status(self) -> Status: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[int, list[int]], dict[str, Any]]: ...

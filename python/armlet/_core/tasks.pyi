@@ -1,0 +1,174 @@
+"""Tasks in priority on arms."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Self, final
+
+from numpy.typing import ArrayLike
+from typing_extensions import disjoint_base
+
+from ..priority import PriorityDiagnosis
+from ..status import Status
+from ._types import _Array
+from .arms import Arm
+from .laws import Law
+from .motions import Motion
+
+@disjoint_base
+class Task:
+    def __new__(
+        cls,
+        frame: str,
+        axes: str,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
+
+@final
+class PostureTask(Task):
+    def __new__(
+        cls,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        joints: Iterable[str] | None = None,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class CentreOfMassTask(Task):
+    def __new__(
+        cls,
+        axes: str,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class AxisTask(Task):
+    def __new__(
+        cls,
+        frame: str,
+        axis: ArrayLike,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class RelativeTask(Task):
+    def __new__(
+        cls,
+        frame: str,
+        reference: str,
+        axes: str,
+        target: Motion | ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class JointLimitTask(Task):
+    def __new__(
+        cls,
+        gain: ArrayLike | None = None,
+        margin: float | None = None,
+        *,
+        joints: Iterable[str] | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class PriorityVelocity(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        tasks: Iterable[Task],
+        method: str = "clamp",
+        eps: ArrayLike | None = None,
+        *,
+        v_min: ArrayLike | None = None,
+        v_max: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class PriorityAcceleration(Law):
+    def __new__(
+        cls,
+        arm: Arm,
+        tasks: Iterable[Task],
+        method: str = "clamp",
+        eps: ArrayLike | None = None,
+        *,
+        joint_damping: float | None = None,
+    ) -> Self: ...
+
+@final
+class ArmPrioritySolver:
+    @property
+    def arm(self) -> Arm: ...
+    @property
+    def tasks(self) -> tuple[Task, ...]: ...
+    def solve(self, q: ArrayLike, velocities: Sequence[ArrayLike], *, out: _Array | None = None) -> _Array: ...
+    def diagnose(self, q: ArrayLike, velocities: Sequence[ArrayLike] | None = None) -> PriorityDiagnosis: ...
+    def _diagnose(self, q: ArrayLike, velocities: Sequence[ArrayLike] | None = None) -> dict[str, Any]: ...
+    def jacobians(self, q: ArrayLike) -> list[_Array]: ...
+    def set_bounds(self, v_min: ArrayLike, v_max: ArrayLike) -> None: ...
+    @property
+    def n(self) -> int: ...
+    @property
+    def rows(self) -> tuple[int, ...]: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def residuals(self) -> list[_Array]: ...
+    @property
+    def ranks(self) -> list[int]: ...
+    @property
+    def status(self) -> Status: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+def _restore_arm_solver(arm: Arm, tasks: Iterable[Task], keywords: dict[str, Any]) -> ArmPrioritySolver: ...
+def inverse_kinematics(
+    arm: Arm,
+    tasks: Iterable[Task],
+    q0: ArrayLike,
+    *,
+    method: str = "clamp",
+    eps: ArrayLike | None = None,
+    tolerance: float | None = None,
+    max_iterations: int | None = None,
+    restarts: int | None = None,
+    seed: int | None = None,
+    step_max: float | None = None,
+    limits: bool = True,
+) -> InverseKinematics: ...
+
+@final
+class InverseKinematics:
+    def __new__(cls, q: _Array, errors: list[_Array], reached: list[bool], iterations: int, restarts: int, status: Status) -> Self: ...
+    @property
+    def q(self) -> _Array: ...
+    @property
+    def errors(self) -> list[_Array]: ...
+    @property
+    def reached(self) -> list[bool]: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def restarts(self) -> int: ...
+    @property
+    def status(self) -> Status: ...
+    def __bool__(self) -> bool: ...
+    def __getnewargs__(self) -> tuple[Any, ...]: ...

@@ -1,0 +1,203 @@
+//! Adaptive tracking of any arm: which parameters are estimated, and by which metric they move.
+//!
+//! - all of them, or a base set `b = P pi`: then `Y pi = Y_b b` with `Y_b` some columns of `Y`;
+//! - Euclidean, `a_hat' = Gamma Y' s`, or natural (Lee, Kwon and Park 2018), body by body `P_hat' = gamma P_hat L P_hat` in
+//!   the pseudo-inertia, which stays physically possible for ever. Lyapunov function: `s' M s / 2 + sum d(P || P_hat) / gamma`.
+
+use super::adaptive::{Adaptive, AdaptiveSpec};
+use super::{Law, require_size};
+use crate::dynamics::AnyArm;
+use crate::error::{Error, Result, finite};
+use crate::linalg::gain::{AnyGain, Gain};
+use crate::linalg::{cholesky, gain::Multiply};
+use crate::scalar::Real;
+use crate::spatial::PARAMETERS;
+use crate::spatial::pseudo_inertia::{divergence, is_positive_definite, natural_rate};
+
+/// How the estimate moves.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Adaptation {
+    /// `Gamma`, of the size of the estimate.
+    Euclidean(Gain),
+    /// `gamma` of each body, > 0.
+    Natural(Vec<f64>),
+}
+
+impl Adaptation {
+    /// Refuse a gain of the wrong size, and an estimate that the natural metric does not know.
+    pub(super) fn validate(&self, estimate: &[f64]) -> Result<()> {
+        match self {
+            Adaptation::Euclidean(gamma) => require_size("gamma", gamma, estimate.len()),
+            Adaptation::Natural(gamma) => {
+                finite("gamma", gamma)?;
+                if gamma.len() * PARAMETERS != estimate.len() {
+                    let bodies = estimate.len() / PARAMETERS;
+                    return Err(Error::input("gamma", format!("has the wrong size: expected {bodies}, one per body, got {}", gamma.len())));
+                }
+                if let Some(i) = gamma.iter().position(|&g| g <= 0.0) {
+                    return Err(Error::input("gamma", format!("is not positive: expected > 0, got {} (first bad index {i})", gamma[i])));
+                }
+                let (bodies, _) = estimate.as_chunks::<PARAMETERS>();
+                match bodies.iter().position(|pi| !is_positive_definite(pi)) {
+                    None => Ok(()),
+                    Some(i) => Err(Error::input(
+                        "estimate",
+                        format!(
+                            "is not physically possible: expected a positive definite pseudo-inertia for natural adaptation (first bad body {i})"
+                        ),
+                    )),
+                }
+            }
+        }
+    }
+
+    /// What [`Adaptation::lyapunov`] needs of a full gain, made once: its Cholesky factor.
+    pub fn factor(&self) -> Vec<f64> {
+        match self {
+            Adaptation::Euclidean(gamma) if !gamma.is_diagonal() => cholesky::factor(gamma.n(), &gamma.matrix()).unwrap_or_default(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The estimate's part of the Lyapunov function; `factor` of this adaptation.
+    pub fn lyapunov(&self, factor: &[f64], truth: &[f64], estimate: &[f64]) -> f64 {
+        match self {
+            Adaptation::Euclidean(gamma) => {
+                let error: Vec<f64> = truth.iter().zip(estimate).map(|(a, a_hat)| a - a_hat).collect();
+                let mut weighted = error.clone();
+                if gamma.is_diagonal() {
+                    weighted.iter_mut().enumerate().for_each(|(i, x)| *x /= gamma.at(i, i));
+                } else {
+                    cholesky::solve(error.len(), factor, &mut weighted);
+                }
+                0.5 * error.iter().zip(&weighted).map(|(a, b)| a * b).sum::<f64>()
+            }
+            Adaptation::Natural(gamma) => {
+                let ((truth, _), (estimate, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());
+                truth.iter().zip(estimate).zip(gamma).map(|((pi, pi_hat), gamma)| divergence(pi, pi_hat) / gamma).sum()
+            }
+        }
+    }
+}
+
+/// A base set of parameters: which columns of the regressor stay, and `P` `(b, p)`, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Base {
+    pub columns: Vec<usize>,
+    pub projection: Vec<f64>,
+}
+
+impl Base {
+    pub(super) fn validate(&self, p: usize) -> Result<()> {
+        let b = self.columns.len();
+        if let Some(i) = self.columns.iter().position(|&column| column >= p) {
+            return Err(Error::input(
+                "base",
+                format!("has an unknown column: expected below {p}, got {} (first bad index {i})", self.columns[i]),
+            ));
+        }
+        if b == 0 || self.projection.len() != b * p {
+            return Err(Error::input(
+                "base",
+                format!("has the wrong shape: expected projection ({b}, {p}), got {} entries", self.projection.len()),
+            ));
+        }
+        finite("base", &self.projection)
+    }
+
+    /// `P pi`.
+    pub fn project(&self, pi: &[f64]) -> Vec<f64> {
+        self.projection.chunks_exact(pi.len()).map(|row| row.iter().zip(pi).map(|(p, x)| p * x).sum()).collect()
+    }
+}
+
+/// The law in a loop of any arm.
+pub struct AnyAdaptive<S: Real> {
+    law: Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>,
+    /// Known rotor inertias; empty where there are none.
+    armature: Vec<f64>,
+    columns: Vec<usize>,
+    /// `gamma` of each body; empty in the Euclidean metric.
+    natural: Vec<S>,
+    /// All parameters, where a base set of them is estimated; then the columns of `Y' s` that stay.
+    full: Vec<S>,
+    kept: Vec<S>,
+}
+
+impl<S: Real> AnyAdaptive<S> {
+    pub(super) fn build<'a>(of: impl Fn(usize) -> &'a AdaptiveSpec) -> Self {
+        let first = of(0);
+        let (n, p) = (first.model.n(), first.model.parameter_count());
+        let zeros = |k: usize| vec![S::zero(); k];
+        let unit = Gain::unchecked(1, vec![1.0]);
+        let euclidean = |i: usize| match &of(i).adaptation {
+            Adaptation::Euclidean(gamma) => gamma,
+            Adaptation::Natural(_) => &unit,
+        };
+        let natural = match &first.adaptation {
+            Adaptation::Euclidean(_) => Vec::new(),
+            Adaptation::Natural(gammas) => (0..gammas.len())
+                .map(|k| {
+                    S::from_lanes(|i| match &of(i).adaptation {
+                        Adaptation::Natural(gamma) => gamma[k],
+                        Adaptation::Euclidean(_) => f64::NAN,
+                    })
+                })
+                .collect(),
+        };
+        let armature = first.model.armature();
+        let columns = first.base.as_ref().map_or(Vec::new(), |base| base.columns.clone());
+        AnyAdaptive {
+            law: Adaptive::new(
+                AnyArm::from_lanes(|i| &of(i).model),
+                AnyGain::from_lanes(|i| &of(i).lambda),
+                AnyGain::from_lanes(|i| &of(i).kd),
+                AnyGain::from_lanes(euclidean),
+                zeros(n),
+                zeros(p),
+            ),
+            armature: if armature.iter().any(|&a| a != 0.0) { armature } else { Vec::new() },
+            full: zeros(if columns.is_empty() { 0 } else { p }),
+            kept: zeros(columns.len()),
+            columns,
+            natural,
+        }
+    }
+}
+
+impl<S: Real> Law<S> for AnyAdaptive<S> {
+    #[inline(always)]
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        if self.columns.is_empty() {
+            self.law.torque(desired, trig, x, z, tau);
+        } else {
+            for (&column, &estimate) in self.columns.iter().zip(z) {
+                self.full[column] = estimate;
+            }
+            self.law.torque(desired, trig, x, &self.full, tau);
+        }
+        for (i, &armature) in self.armature.iter().enumerate() {
+            tau[i] = S::splat(armature).mul_add(self.law.a_r[i], tau[i]);
+        }
+        let yt_s = &self.law.yt_s;
+        if !self.natural.is_empty() {
+            let ((estimates, _), (pushes, _), (rates, _)) =
+                (z.as_chunks::<PARAMETERS>(), yt_s.as_chunks::<PARAMETERS>(), dz.as_chunks_mut::<PARAMETERS>());
+            for (k, rate) in rates.iter_mut().enumerate() {
+                *rate = natural_rate(&estimates[k], &pushes[k], self.natural[k]);
+            }
+        } else if self.columns.is_empty() {
+            self.law.gamma.multiply(yt_s, dz);
+        } else {
+            for (to, &column) in self.kept.iter_mut().zip(&self.columns) {
+                *to = yt_s[column];
+            }
+            self.law.gamma.multiply(&self.kept, dz);
+        }
+    }
+
+    #[inline(always)]
+    fn dissipation(&self) -> S {
+        self.law.dissipation()
+    }
+}

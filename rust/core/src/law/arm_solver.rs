@@ -1,0 +1,87 @@
+//! The maps of `priority` on an arm: `v` solves `J_i(q) v = v_i` for the tasks of an arm, kinematics included.
+
+use crate::arm::Arm;
+use crate::error::{Error, Result, finite};
+use crate::kinematics::{TaskFunction, TaskStack};
+use crate::priority::{Diagnosis, Options, PrioritySolver, diagnose};
+use crate::status::Status;
+
+/// Tasks of one arm with a solver; `solve` does not allocate.
+#[derive(Clone, Debug)]
+pub struct ArmSolver {
+    stack: TaskStack,
+    solver: PrioritySolver,
+}
+
+impl ArmSolver {
+    pub fn new(arm: &Arm, functions: Vec<TaskFunction>, options: &Options) -> Result<Self> {
+        if functions.is_empty() {
+            return Err(Error::input("tasks", "is empty: expected at least one task, got 0"));
+        }
+        let stack = TaskStack::new(arm, functions);
+        let solver = PrioritySolver::new(arm.n(), stack.rows(), options)?;
+        Ok(ArmSolver { stack, solver })
+    }
+
+    pub fn n(&self) -> usize {
+        self.stack.n()
+    }
+
+    /// Rows of each task.
+    pub fn rows(&self) -> &[usize] {
+        self.stack.rows()
+    }
+
+    pub fn tasks(&mut self) -> &mut TaskStack {
+        &mut self.stack
+    }
+
+    pub fn solver(&self) -> &PrioritySolver {
+        &self.solver
+    }
+
+    pub fn solver_mut(&mut self) -> &mut PrioritySolver {
+        &mut self.solver
+    }
+
+    /// Place the arm at `q` `(n,)` and fill in the Jacobians; the task velocities go into what is returned, `(sum rows,)`.
+    #[inline]
+    pub fn prepare(&mut self, q: &[f64]) -> Result<&mut [f64]> {
+        self.stack.place(q);
+        self.solver.set_rounding(self.stack.rounding())?;
+        let (jacobian, command) = self.solver.inputs();
+        self.stack.jacobians(jacobian);
+        Ok(command)
+    }
+
+    /// Joint velocities for `q` `(n,)` and the stacked task velocities `(sum rows,)`; the answer is `solver().v()`.
+    pub fn solve(&mut self, q: &[f64], velocities: &[f64]) -> Result<Status> {
+        self.prepare(q)?.copy_from_slice(velocities);
+        self.solver.run().or_else(|error| {
+            // What the Jacobians lack is what q lacks.
+            finite("q", q)?;
+            Err(error)
+        })
+    }
+
+    /// Which directions of which task can be commanded at `q`, and what is lost of `velocities` where they are given.
+    pub fn diagnose(&mut self, q: &[f64], velocities: Option<&[f64]>) -> Result<Diagnosis> {
+        finite("q", q)?;
+        self.stack.place(q);
+        let n = self.n();
+        let (rounding, rows) = (self.stack.rounding(), self.rows().to_vec());
+        let mut jacobian = vec![0.0; rows.iter().sum::<usize>() * n];
+        self.stack.jacobians(&mut jacobian);
+        let mut blocks = Vec::with_capacity(rows.len());
+        let mut commands = Vec::with_capacity(rows.len());
+        let mut at = 0;
+        for m in &rows {
+            blocks.push(&jacobian[at * n..(at + m) * n]);
+            if let Some(velocities) = velocities {
+                commands.push(&velocities[at..at + m]);
+            }
+            at += m;
+        }
+        diagnose(n, &rows, &blocks, velocities.map(|_| commands.as_slice()), Some(rounding))
+    }
+}

@@ -1,0 +1,65 @@
+//! A task with what it is to do: its target or motion, and the gain of its error.
+
+use crate::arm::Arm;
+use crate::error::{Error, Result};
+use crate::kinematics::{TaskFunction, TaskStack};
+use crate::linalg::gain::{Gain, Multiply};
+use crate::motion::Motion;
+use crate::scalar::Real;
+
+/// One level of priority: `v = x_d' + K e`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level {
+    pub function: TaskFunction,
+    /// A constant target is a motion that holds; of a task that needs none, one of no numbers.
+    pub target: Motion,
+    /// `K`, 1/s (1/s^2 at acceleration level), `(rows, rows)`.
+    pub gain: Gain,
+    /// Of the error's rate, 1/s, at acceleration level; `None`: critical damping, `2 K^1/2`.
+    pub damping: Option<Gain>,
+}
+
+impl Level {
+    pub fn new(function: TaskFunction, target: Motion, gain: Gain, damping: Option<Gain>) -> Result<Self> {
+        match &target {
+            Motion::Hold(target) => function.require_target(target)?,
+            moving if moving.dof() != function.target_size() => {
+                let (expected, got) = (function.target_size(), moving.dof());
+                return Err(Error::input("target", format!("has the wrong shape: expected ({expected},), got ({got},)")));
+            }
+            _ => {}
+        }
+        super::require_size("gain", &gain, function.rows())?;
+        damping.iter().try_for_each(|damping| super::require_size("damping", damping, function.rows()))?;
+        Ok(Level { function, target, gain, damping })
+    }
+
+    /// The gain of the error's rate.
+    pub fn rate_gain(&self) -> Gain {
+        self.damping.clone().unwrap_or_else(|| self.gain.square_root().scaled(2.0))
+    }
+}
+
+/// The tasks of these levels, placed on an arm.
+pub(crate) fn stack(arm: &Arm, levels: &[Level]) -> TaskStack {
+    TaskStack::new(arm, levels.iter().map(|level| level.function.clone()).collect())
+}
+
+/// Refuse a law without tasks.
+pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
+    if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
+}
+
+/// The numbers of a loop as plain ones.
+#[inline(always)]
+pub(crate) fn plain<S: Real>(to: &mut [f64], from: &[S]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = from.lane(0);
+    }
+}
+
+/// `y += K x` on plain numbers.
+#[inline(always)]
+pub(crate) fn add_product(gain: &crate::linalg::AnyGain<f64>, x: &[f64], y: &mut [f64]) {
+    gain.add_to(x, y);
+}

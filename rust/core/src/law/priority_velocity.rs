@@ -1,0 +1,161 @@
+//! Prioritised velocities closed over the joint angles (CLIK, `siciliano1990kinematic`):
+//!
+//! `u` solves `J_i u = x_d,i' + K_i e_i` in priority, by one of the maps of `priority`; the plant is `q' = u`.
+//!
+//! Ranks are decided on entries that carry a relative error of `8 eps (1 + sum|q|)`. The maps branch on singular values, so
+//! this law runs on one number at a time.
+
+use super::level::{Level, add_product, plain, require_levels, stack};
+use super::{Definition, Instant, Law, Term};
+use crate::dynamics::Model;
+use crate::error::Result;
+use crate::kinematics::TaskStack;
+use crate::linalg::AnyGain;
+use crate::motion::Motion;
+use crate::plant::PlantKind;
+use crate::priority::{Method, Options, PrioritySolver};
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct PriorityVelocitySpec {
+    model: Model,
+    pub levels: Vec<Level>,
+    pub options: Options,
+}
+
+impl PriorityVelocitySpec {
+    /// `options` without bounds take those of the arm's joint velocities for the map `sns`.
+    pub fn new(model: Model, levels: Vec<Level>, options: Options) -> Result<Self> {
+        require_levels(&levels)?;
+        let options = with_limits(&model, options)?;
+        let spec = PriorityVelocitySpec { model, levels, options };
+        spec.solver()?;
+        Ok(spec)
+    }
+
+    /// Rows of each level.
+    pub fn rows(&self) -> Vec<usize> {
+        self.levels.iter().map(|level| level.function.rows()).collect()
+    }
+
+    fn solver(&self) -> Result<PrioritySolver> {
+        PrioritySolver::new(self.model.n(), &self.rows(), &self.options)
+    }
+
+    /// The law on plain numbers.
+    pub fn engine(&self) -> PriorityVelocity {
+        let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
+        let (n, total) = (self.model.n(), self.rows().iter().sum());
+        PriorityVelocity {
+            stack: stack(arm, &self.levels),
+            solver,
+            gains: self.levels.iter().map(|level| AnyGain::from_lanes(|_| &level.gain)).collect(),
+            q: vec![0.0; n],
+            desired: vec![0.0; self.levels.iter().map(|level| 3 * level.function.target_size()).sum()],
+            e: vec![0.0; total],
+        }
+    }
+}
+
+/// The arm's own velocity limits where the map needs bounds and has none.
+pub fn with_limits(model: &Model, mut options: Options) -> Result<Options> {
+    let arm = model.tree("arm")?;
+    if options.method == Method::Sns && options.v_min.is_none() && options.v_max.is_none() {
+        let limits: Vec<f64> = arm.joints.iter().map(|joint| joint.limits.velocity).collect();
+        if limits.iter().any(|limit| limit.is_finite()) {
+            options.v_max = Some(limits);
+        }
+    }
+    Ok(options)
+}
+
+impl Definition for PriorityVelocitySpec {
+    const NAME: &'static str = "PriorityVelocity";
+    const PLANT: PlantKind = PlantKind::Velocity;
+    type Lanes<S: Real> = PriorityVelocity;
+
+    fn model(&self) -> &Model {
+        &self.model
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        self.levels.iter().map(|level| &level.target).collect()
+    }
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> PriorityVelocity {
+        of(0).engine()
+    }
+
+    /// `e`, `J` and the residuals of all levels, one after another, `rows` of each; ranks, the velocity.
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let n = self.model.n();
+        let mut law = self.engine();
+        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut v = vec![0.0; n];
+        law.evaluate(at.desired, &trig, at.x, &[], &mut v, &mut []);
+        let (jacobian, command) = law.solver.inputs();
+        let (total, jacobian, command) = (command.len(), jacobian.to_vec(), command.to_vec());
+        let numbers = |counts: &[usize]| counts.iter().map(|&k| k as f64).collect::<Vec<f64>>();
+        vec![
+            ("rows", vec![self.levels.len()], numbers(&self.rows())),
+            ("e", vec![total], law.e.clone()),
+            ("J", vec![total, n], jacobian),
+            ("command", vec![total], command),
+            ("residuals", vec![total], law.solver.residuals().to_vec()),
+            ("ranks", vec![self.levels.len()], numbers(law.solver.ranks())),
+            ("v", vec![n], v.clone()),
+            ("tau", vec![n], v),
+        ]
+    }
+}
+
+/// The law in a loop; its buffers stay warm between calls.
+pub struct PriorityVelocity {
+    stack: TaskStack,
+    solver: PrioritySolver,
+    gains: Vec<AnyGain<f64>>,
+    q: Vec<f64>,
+    desired: Vec<f64>,
+    e: Vec<f64>,
+}
+
+impl PriorityVelocity {
+    /// Norms `|e_i|` and `|v_i - J_i u|` of each level as of the last evaluation, in turns, as many as `out` holds.
+    pub fn norms(&self, out: &mut [f64]) {
+        let mut at = 0;
+        for (pair, m) in out.chunks_exact_mut(2).zip(self.stack.rows()) {
+            let norm = |x: &[f64]| x[at..at + m].iter().map(|x| x * x).sum::<f64>().sqrt();
+            (pair[0], pair[1]) = (norm(&self.e), norm(self.solver.residuals()));
+            at += m;
+        }
+    }
+
+    fn command(&mut self) -> Result<()> {
+        let PriorityVelocity { stack, solver, gains, desired, e, .. } = self;
+        let (jacobian, command) = solver.inputs();
+        stack.jacobians(jacobian);
+        let (mut at, mut from) = (0, 0);
+        for (k, gain) in gains.iter().enumerate() {
+            let (m, width) = (stack.rows()[k], 3 * stack.functions()[k].target_size());
+            let (e, w) = (&mut e[at..at + m], &mut command[at..at + m]);
+            stack.error(k, &desired[from..from + width], e, w, None);
+            add_product(gain, e, w);
+            at += m;
+            from += width;
+        }
+        solver.set_rounding(stack.rounding())?;
+        solver.run().map(|_| ())
+    }
+}
+
+impl<S: Real> Law<S> for PriorityVelocity {
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+        plain(&mut self.q, x);
+        plain(&mut self.desired, desired);
+        self.stack.place_at(&self.q, trig);
+        match self.command() {
+            Ok(()) => tau.iter_mut().zip(self.solver.v()).for_each(|(tau, &v)| *tau = S::splat(v)),
+            // The run ends here, with its status.
+            Err(_) => tau.fill(S::splat(f64::NAN)),
+        }
+    }
+}

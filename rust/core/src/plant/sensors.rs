@@ -1,0 +1,100 @@
+//! A joint-torque sensor: what a controller reads of `tau_J = K (theta - q)`,
+//!
+//! `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise) / step) step`.
+//!
+//! A controller that has torque sensors and motor encoders, as light-weight arms do, knows its links through them:
+//! `q = theta - K^-1 reading`. Where a loop is sampled, at sample `k`: `filtered` from the sample before, `reading` of each
+//! joint, `links_seen` in place of the measured `q`, and the law is asked.
+
+use crate::error::{Error, Result, finite};
+use crate::linalg::Gain;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct TorqueSensor {
+    /// Standard deviation, N m.
+    pub noise: f64,
+    /// Per joint, `(n,)`, N m; empty for none.
+    pub bias: Vec<f64>,
+    /// Step of the reading, N m; 0 for none.
+    pub resolution: f64,
+    /// `w_c`, rad/s; infinite without a filter.
+    pub bandwidth: f64,
+}
+
+impl TorqueSensor {
+    pub fn new(noise: f64, bias: Vec<f64>, resolution: f64, bandwidth: f64) -> Result<Self> {
+        for (name, x) in [("noise", noise), ("resolution", resolution)] {
+            if !(x >= 0.0 && x.is_finite()) {
+                return Err(Error::input(name, format!("is negative or not finite: expected a number >= 0, got {x}")));
+            }
+        }
+        finite("bias", &bias)?;
+        if !(bandwidth > 0.0) {
+            return Err(Error::input("bandwidth", format!("is not positive: expected rad/s > 0, got {bandwidth}")));
+        }
+        Ok(TorqueSensor { noise, bias, resolution, bandwidth })
+    }
+
+    /// The filter's state `dt` later, the torque having moved in a straight line from `before` to `now`: exact for that.
+    pub fn filtered(&self, state: f64, before: f64, now: f64, dt: f64) -> f64 {
+        let turn = self.bandwidth * dt;
+        if !turn.is_finite() {
+            return now;
+        }
+        if turn == 0.0 {
+            return state;
+        }
+        // y(dt) = e y(0) + now - e before - (now - before) (1 - e)/turn
+        let decay = (-turn).exp();
+        let share = -(-turn).exp_m1() / turn;
+        decay * (state - before) + now - (now - before) * share
+    }
+
+    /// The reading of joint `i` from the filter's state; `normal` is a standard normal number.
+    pub fn reading(&self, i: usize, filtered: f64, normal: f64) -> f64 {
+        let x = filtered + self.bias.get(i).copied().unwrap_or(0.0) + self.noise * normal;
+        if self.resolution > 0.0 { (x / self.resolution).round() * self.resolution } else { x }
+    }
+}
+
+/// `q = theta - K^-1 reading`: the links as torque sensors and motor encoders know them.
+pub fn links_seen(inverse_stiffness: &Gain, theta: &[f64], readings: &[f64], q: &mut [f64]) {
+    for (i, q) in q.iter_mut().enumerate() {
+        *q = theta[i] - readings.iter().enumerate().map(|(j, r)| inverse_stiffness.at(i, j) * r).sum::<f64>();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_filter_is_exact_on_ramps_and_at_its_ends() {
+        let sensor = |bandwidth| TorqueSensor::new(0.0, vec![], 0.0, bandwidth).expect("valid");
+        // In many small steps and in one.
+        let (slope, dt, steps) = (30.0, 2e-3, 1000);
+        let at = |k: usize| 5.0 + slope * dt * k as f64 / steps as f64;
+        let fine = (0..steps).fold(1.0, |y, k| sensor(900.0).filtered(y, at(k), at(k + 1), dt / steps as f64));
+        let coarse = sensor(900.0).filtered(1.0, at(0), at(steps), dt);
+        assert!((fine - coarse).abs() < 1e-12, "{fine} {coarse}: a thousand roundings of 1e-15");
+        assert_eq!(sensor(f64::INFINITY).filtered(1.0, 2.0, 3.0, dt), 3.0);
+        assert_eq!(sensor(900.0).filtered(1.0, 2.0, 3.0, 0.0), 1.0);
+        // A filter too slow to move: 1e-9 of the way.
+        assert!((sensor(1e-6).filtered(1.0, 2.0, 2.0, 1e-3) - 1.0 - 1e-9).abs() < 1e-15);
+    }
+
+    #[test]
+    fn readings_have_bias_noise_and_steps() {
+        let sensor = TorqueSensor::new(0.5, vec![0.0, 1.0], 0.25, f64::INFINITY).expect("valid");
+        assert_eq!(sensor.reading(0, 3.1, 0.0), 3.0);
+        assert_eq!(sensor.reading(1, 3.1, 0.2), 4.25);
+        let inverse = Gain::diagonal("k", vec![0.01, 0.02]).expect("positive");
+        let mut q = [0.0; 2];
+        links_seen(&inverse, &[1.0, 2.0], &[10.0, -5.0], &mut q);
+        assert_eq!(q, [0.9, 2.1]);
+        assert!(TorqueSensor::new(-1.0, vec![], 0.0, 1.0).is_err());
+        assert!(TorqueSensor::new(0.0, vec![f64::NAN], 0.0, 1.0).is_err());
+        assert!(TorqueSensor::new(0.0, vec![], f64::INFINITY, 1.0).is_err());
+        assert!(TorqueSensor::new(0.0, vec![], 0.0, f64::NAN).is_err());
+    }
+}

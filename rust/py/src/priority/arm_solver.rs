@@ -1,0 +1,348 @@
+//! `armlet.PrioritySolver.for_arm`: joint angles and task velocities in, joint velocities out.
+
+use super::diagnosis::fields;
+use super::solution::{copied, residual_list, status_member};
+use super::stack::{Keywords, items, per_joint};
+use crate::arm::Arm;
+use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, out_slice, require_finite, shown, vector};
+use crate::broadcast::broadcast;
+use crate::errors::{Failure, entry, input_error};
+use crate::task::each;
+use armlet_core::law::{ArmSolver as Core, with_limits};
+use armlet_core::simulate::{default_threads, solve_rows};
+use armlet_core::status::Status;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Prioritised velocities for tasks of one arm, kinematics included: made by `PrioritySolver.for_arm`.
+///
+/// `v` solves `J_i(q) v = v_i`, the highest first, with ranks decided on entries that carry a relative error of
+/// `8 eps (1 + sum|q|)`.
+#[pyclass(frozen, module = "armlet")]
+pub struct ArmPrioritySolver {
+    n: usize,
+    rows: Vec<usize>,
+    /// The arm.
+    #[pyo3(get)]
+    arm: Py<Arm>,
+    /// The tasks, the highest first.
+    #[pyo3(get)]
+    tasks: Py<PyTuple>,
+    keywords: Vec<(&'static str, Py<PyAny>)>,
+    // Python code never runs under this lock.
+    state: Mutex<Core>,
+}
+
+const SOLVE: &str = "ArmPrioritySolver.solve";
+
+/// Build one: what `PrioritySolver.for_arm` does.
+pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywords<'_, '_>) -> Result<ArmPrioritySolver, Failure> {
+    const NAME: &str = "PrioritySolver.for_arm";
+    let py = arm.py();
+    let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
+    let model = arm.get().model.core();
+    let tree = model.tree("arm")?;
+    let (tasks, functions) = each(NAME, tasks, |task| task.function(tree))?;
+    let options = with_limits(&model, keywords.options(NAME, model.n(), functions.len())?)?;
+    let core = Core::new(tree, functions, &options)?;
+    let mut kept = vec![("method", keywords.method.into_pyobject(py).map_err(PyErr::from)?.into_any().unbind())];
+    for (name, value) in [("eps", keywords.eps), ("weight", keywords.weight), ("v_min", keywords.v_min), ("v_max", keywords.v_max)] {
+        if let Some(value) = value {
+            kept.push((name, value.clone().unbind()));
+        }
+    }
+    let (n, rows) = (core.n(), core.rows().to_vec());
+    Ok(ArmPrioritySolver { n, rows, arm: arm.unbind(), tasks, keywords: kept, state: Mutex::new(core) })
+}
+
+/// Make one anew: for pickling.
+#[pyfunction]
+pub fn _restore_arm_solver(
+    py: Python<'_>,
+    arm: &Bound<'_, PyAny>,
+    tasks: &Bound<'_, PyAny>,
+    keywords: &Bound<'_, PyDict>,
+) -> PyResult<Py<PyAny>> {
+    let class = py.get_type::<super::PrioritySolver>();
+    Ok(class.call_method("for_arm", (arm, tasks), Some(keywords))?.unbind())
+}
+
+impl ArmPrioritySolver {
+    fn state(&self) -> MutexGuard<'_, Core> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// One row, where all is float64, contiguous and of the right shape; `None` where it is not.
+    #[inline]
+    fn quick<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        velocities: &[Bound<'py, PyAny>],
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> Option<Result<Bound<'py, PyAny>, Failure>> {
+        let angles = of_shape(q, &[self.n])?;
+        if velocities.len() != self.rows.len() {
+            return None;
+        }
+        for (velocity, &m) in velocities.iter().zip(&self.rows) {
+            of_shape(velocity, &[m])?;
+        }
+        let solve = |v: &mut [f64]| -> Result<(), Failure> {
+            let core = &mut *self.state();
+            let command = core.prepare(angles)?;
+            let mut at = 0;
+            for (velocity, &m) in velocities.iter().zip(&self.rows) {
+                command[at..at + m].copy_from_slice(of_shape(velocity, &[m]).unwrap_or_default());
+                at += m;
+            }
+            core.solver_mut().run()?;
+            v.copy_from_slice(core.solver().v());
+            Ok(())
+        };
+        let answer = match out {
+            None => new_vector(py, self.n, solve),
+            Some(out) => {
+                let inputs: Vec<&Bound<'_, PyAny>> = std::iter::once(q).chain(velocities).collect();
+                match out_slice(SOLVE, out, &[self.n], &inputs) {
+                    Ok(v) => solve(v).map(|()| out.clone()),
+                    Err(failure) => return Some(Err(failure)),
+                }
+            }
+        };
+        // What went wrong is said by the way that looks at everything.
+        answer.ok().map(Ok)
+    }
+
+    /// Anything else: lists, other types, leading axes, what is to be refused.
+    fn full<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        velocities: &[Bound<'py, PyAny>],
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyAny>, Failure> {
+        if velocities.len() != self.rows.len() {
+            let problem = format!("has the wrong number of levels: expected {}, got {}", self.rows.len(), velocities.len());
+            return Err(input_error(py, SOLVE, "velocities", problem).into());
+        }
+        let (total, count) = (self.rows.iter().sum::<usize>(), |shape: &[usize]| shape.iter().product::<usize>());
+        // The velocities of all levels side by side, broadcast over their leading axes.
+        let mut parts = Vec::with_capacity(velocities.len());
+        for (i, (velocity, &m)) in velocities.iter().zip(&self.rows).enumerate() {
+            let name = format!("velocities[{i}]");
+            let (mut shape, values) = numbers(SOLVE, &name, velocity)?;
+            if shape.last() != Some(&m) {
+                let problem = format!("has the wrong shape: expected (..., {m}), got {}", shown(&shape));
+                return Err(input_error(py, SOLVE, &name, problem).into());
+            }
+            require_finite(py, SOLVE, &name, &shape, &values)?;
+            shape.pop();
+            parts.push((shape, values));
+        }
+        let given = broadcast(SOLVE, ["q"], [q], [self.n])?;
+        let mut shapes: Vec<Vec<usize>> = parts.iter().map(|(shape, _)| shape.clone()).collect();
+        shapes.push(given.shape.clone());
+        let lead = crate::broadcast::common_shape(&shapes).ok_or_else(|| {
+            let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
+            input_error(py, SOLVE, "q, velocities", format!("do not broadcast: expected leading axes that agree, got {all}"))
+        })?;
+        let rows = count(&lead);
+        let angles = if given.shape == lead {
+            given.all(0).into_owned()
+        } else {
+            crate::broadcast::stretch(&given.shape, &lead, &given.all(0), self.n)?
+        };
+        let one = parts.iter().all(|(shape, _)| count(shape) == 1);
+        let commands = if one { 1 } else { rows };
+        let mut stacked = vec![0.0; commands * total];
+        let mut at = 0;
+        for ((shape, values), &m) in parts.iter().zip(&self.rows) {
+            let values = if one || *shape == lead { values.clone() } else { crate::broadcast::stretch(shape, &lead, values, m)?.into() };
+            for row in 0..commands {
+                stacked[row * total + at..row * total + at + m].copy_from_slice(&values[row * m..(row + 1) * m]);
+            }
+            at += m;
+        }
+        let shape: Vec<usize> = lead.iter().copied().chain([self.n]).collect();
+        let solve = |v: &mut [f64]| -> Result<(), Failure> {
+            if lead.is_empty() {
+                let core = &mut *self.state();
+                core.solve(&angles, &stacked)?;
+                v.copy_from_slice(core.solver().v());
+                return Ok(());
+            }
+            let solver = self.state().clone();
+            let mut status = vec![Status::Success; rows];
+            let mut answer = vec![0.0; v.len()];
+            let mut signal = None;
+            let stopped = {
+                let mut poll = || {
+                    signal = signal.take().or(Python::attach(|py| py.check_signals()).err());
+                    signal.is_some()
+                };
+                py.detach(|| solve_rows(&solver, &angles, &stacked, &mut answer, &mut status, default_threads(), &mut poll))
+            };
+            if let (true, Some(error)) = (stopped, signal) {
+                return Err(error.into());
+            }
+            v.copy_from_slice(&answer);
+            Ok(())
+        };
+        match out {
+            None => new_array(py, &shape, solve),
+            Some(out) => {
+                let inputs: Vec<&Bound<'_, PyAny>> = std::iter::once(q).chain(velocities).collect();
+                solve(out_slice(SOLVE, out, &shape, &inputs)?)?;
+                Ok(out.clone())
+            }
+        }
+    }
+}
+
+#[pymethods]
+impl ArmPrioritySolver {
+    /// Joint velocities `(..., n)` at `q` `(..., n)` for one `(..., rows_i)` task velocity per level, written to `out` if given.
+    ///
+    /// Leading axes make a batch, solved in threads; a row whose answer overflows is NaN. Residuals, ranks and status are those of
+    /// the last single solve.
+    #[pyo3(signature = (q, velocities, *, out=None))]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        velocities: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        entry(py, SOLVE, || {
+            let velocities = items(SOLVE, "velocities", velocities)?;
+            match self.quick(py, q, &velocities, out) {
+                Some(answer) => answer,
+                None => self.full(py, q, &velocities, out),
+            }
+        })
+    }
+
+    /// The fields of `diagnose` as a dictionary.
+    #[pyo3(signature = (q, velocities=None))]
+    fn _diagnose<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        velocities: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        const NAME: &str = "ArmPrioritySolver.diagnose";
+        entry(py, NAME, || {
+            let angles = vector(NAME, "q", q, self.n)?;
+            let command = match velocities {
+                None => None,
+                Some(velocities) => {
+                    let parts = items(NAME, "velocities", velocities)?;
+                    if parts.len() != self.rows.len() {
+                        let problem = format!("has the wrong number of levels: expected {}, got {}", self.rows.len(), parts.len());
+                        return Err(input_error(py, NAME, "velocities", problem).into());
+                    }
+                    let read = |(i, (part, &m)): (usize, (&Bound<'_, PyAny>, &usize))| vector(NAME, &format!("velocities[{i}]"), part, m);
+                    Some(parts.iter().zip(&self.rows).enumerate().map(read).collect::<Result<Vec<_>, _>>()?.concat())
+                }
+            };
+            let d = self.state().diagnose(&angles, command.as_deref())?;
+            fields(py, &d)
+        })
+    }
+
+    /// Which directions of which task can be commanded at `q` `(n,)`, and what of `velocities` is lost: a `PriorityDiagnosis`.
+    #[pyo3(signature = (q, velocities=None))]
+    fn diagnose<'py>(slf: &Bound<'py, Self>, q: &Bound<'py, PyAny>, velocities: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        let fields = slf.get()._diagnose(slf.py(), q, velocities)?;
+        slf.py().import("armlet.priority")?.getattr("PriorityDiagnosis")?.call((), Some(&fields))
+    }
+
+    /// The Jacobians at `q` `(n,)`, `(rows_i, n)` each, as the solver sees them.
+    fn jacobians<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
+        const NAME: &str = "ArmPrioritySolver.jacobians";
+        entry(py, NAME, || {
+            let angles = vector(NAME, "q", q, self.n)?;
+            let mut stacked = vec![0.0; self.rows.iter().sum::<usize>() * self.n];
+            {
+                let core = &mut *self.state();
+                core.tasks().place(&angles);
+                core.tasks().jacobians(&mut stacked);
+            }
+            let (mut at, mut parts) = (0, Vec::with_capacity(self.rows.len()));
+            for &m in &self.rows {
+                parts.push(copied(py, &[m, self.n], &stacked[at * self.n..(at + m) * self.n])?);
+                at += m;
+            }
+            Ok(PyList::new(py, parts)?)
+        })
+    }
+
+    /// The bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s.
+    fn set_bounds(&self, py: Python<'_>, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> PyResult<()> {
+        const NAME: &str = "ArmPrioritySolver.set_bounds";
+        entry(py, NAME, || {
+            let (low, high) = (per_joint(NAME, "v_min", v_min, self.n)?, per_joint(NAME, "v_max", v_max, self.n)?);
+            Ok(self.state().solver_mut().set_bounds(&low, &high)?)
+        })
+    }
+
+    /// Number of joints.
+    #[getter]
+    fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Rows of each task.
+    #[getter]
+    fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.rows)
+    }
+
+    /// The name of the map.
+    #[getter]
+    fn method(&self) -> &'static str {
+        self.state().solver().method().name()
+    }
+
+    /// `v_i - J_i v` of the last solve, `(rows_i,)` per level.
+    #[getter]
+    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        entry(py, "ArmPrioritySolver.residuals", || {
+            let stacked = self.state().solver().residuals().to_vec();
+            residual_list(py, &self.rows, &stacked)
+        })
+    }
+
+    /// Directions of each level that the last solve realised.
+    #[getter]
+    fn ranks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let ranks: Vec<i64> = self.state().solver().ranks().iter().map(|&r| r as i64).collect();
+        let array = integers(py, &[ranks.len()], ranks)?;
+        array.call_method0("tolist")
+    }
+
+    /// How the last solve ended.
+    #[getter]
+    fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let status = self.state().solver().status();
+        status_member(py, status)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let arm = self.arm.bind(py).repr()?.to_string();
+        let arm = arm.lines().next().unwrap_or_default().to_string();
+        Ok(format!("PrioritySolver.for_arm({arm}, {}, method='{}')", PyList::new(py, self.tasks.bind(py).iter())?.repr()?, self.method()))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let keywords = PyDict::new(py);
+        for (name, value) in &self.keywords {
+            keywords.set_item(name, value)?;
+        }
+        let restore = py.import("armlet._core")?.getattr("_restore_arm_solver")?;
+        let arguments = PyTuple::new(py, [self.arm.bind(py).as_any(), self.tasks.bind(py).as_any(), keywords.as_any()])?;
+        PyTuple::new(py, [restore.as_any(), arguments.as_any()])
+    }
+}

@@ -1,0 +1,479 @@
+//! `armlet.Task` and its kin: what of an arm is to be controlled, before the arm is known.
+
+use crate::arrays::{number, numbers, require_finite, shown, text, vector};
+use crate::errors::{Failure, entry, input_error};
+use crate::motion::Motion;
+use armlet_core::arm::Arm;
+use armlet_core::error::Error;
+use armlet_core::kinematics::TaskFunction;
+use armlet_core::kinematics::coordinates::parse_axes;
+use armlet_core::law::{Gain, Level};
+use armlet_core::motion::Motion as CoreMotion;
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString, PyTuple};
+
+/// What a task controls, by the names in an arm.
+#[derive(Clone, PartialEq)]
+enum Blueprint {
+    Frame { frame: String, axes: String },
+    Posture { joints: Option<Vec<String>> },
+    CentreOfMass { axes: String },
+    Axis { frame: String, axis: [f64; 3] },
+    Relative { frame: String, reference: String, axes: String },
+    JointLimits { joints: Option<Vec<String>>, margin: f64 },
+}
+
+/// A gain as it was given.
+#[derive(Clone)]
+struct Raw {
+    shape: Vec<usize>,
+    values: Vec<f64>,
+}
+
+/// What of an arm is to be controlled. The base of all tasks; as a class of its own: rows of a frame.
+///
+/// `Task(frame, axes, target, gain)`: the error is `x_d - p` for x, y, z and `log(R_d R')` for rx, ry, rz, in world axes.
+///
+/// Args:
+///     frame: name of the frame.
+///     axes: its controlled rows, such as "xyz", "xy", "rx ry rz" or "x y rz".
+///     target: a `Motion` of as many numbers as rows, or a constant, m and rad (rotation vector); None where velocities are given
+///         in each call. `motion=` is the same argument by another name.
+///     gain: `K` in `v = x_d' + K e`, 1/s (1/s^2 in `PriorityAcceleration`): scalar, `(rows,)` or `(rows, rows)`, not negative.
+///     damping: of the error's rate, 1/s, for `PriorityAcceleration`; None: `2 K^1/2`, critical (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a gain is negative.
+///
+/// >>> import armlet as al
+/// >>> al.Task("link4", "xy", [1.0, 0.5], 10.0)
+/// Task('link4', 'xy', [1.0, 0.5], 10.0)
+#[pyclass(frozen, subclass, module = "armlet", name = "Task")]
+pub struct Task {
+    blueprint: Blueprint,
+    target: Option<CoreMotion>,
+    gain: Raw,
+    damping: Option<Raw>,
+    /// As given, for `repr` and pickling.
+    arguments: Vec<(&'static str, Py<PyAny>)>,
+}
+
+/// The arguments that most tasks share.
+struct Common<'a, 'py> {
+    name: &'static str,
+    target: Option<&'a Bound<'py, PyAny>>,
+    motion: Option<&'a Bound<'py, PyAny>>,
+    gain: Option<&'a Bound<'py, PyAny>>,
+    damping: Option<&'a Bound<'py, PyAny>>,
+}
+
+fn raw(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Raw, Failure> {
+    let (shape, values) = numbers(function, name, value)?;
+    require_finite(value.py(), function, name, &shape, &values)?;
+    if shape.len() > 2 || (shape.len() == 2 && shape[0] != shape[1]) {
+        let problem = format!("has the wrong shape: expected a scalar, (rows,) or (rows, rows), got {}", shown(&shape));
+        return Err(input_error(value.py(), function, name, problem).into());
+    }
+    if let Some(&k) = values.iter().find(|&&k| k < 0.0).filter(|_| shape.len() < 2) {
+        return Err(input_error(value.py(), function, name, format!("is negative: expected >= 0, got {k}")).into());
+    }
+    Ok(Raw { shape, values: values.into_owned() })
+}
+
+impl Raw {
+    fn gain(&self, name: &str, rows: usize) -> Result<Gain, Error> {
+        match self.shape.as_slice() {
+            [] => Gain::not_negative(name, vec![self.values[0]; rows]),
+            [m] if *m == rows => Gain::not_negative(name, self.values.clone()),
+            [m, _] if *m == rows => Gain::full(name, rows, self.values.clone()),
+            _ => Err(Error::input(
+                name,
+                format!("has the wrong shape: expected a scalar, ({rows},) or ({rows}, {rows}), got {}", shown(&self.shape)),
+            )),
+        }
+    }
+}
+
+/// A frozen copy of numbers, and anything else as it is.
+fn kept(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
+    match value.call_method0("tolist") {
+        Ok(list) => Ok(list.unbind()),
+        Err(_) => Ok(value.call_method0("copy").unwrap_or_else(|_| value.clone()).unbind()),
+    }
+}
+
+impl Common<'_, '_> {
+    /// The task of this blueprint, whose own arguments are `arguments`.
+    fn task(self, blueprint: Blueprint, mut arguments: Vec<(&'static str, Py<PyAny>)>) -> Result<Task, Failure> {
+        let given = match (self.target, self.motion) {
+            (Some(target), Some(_)) => {
+                return Err(input_error(target.py(), self.name, "motion", "is given twice: expected either target or motion").into());
+            }
+            (target, motion) => target.or(motion),
+        };
+        let target = match given {
+            None => None,
+            Some(given) => {
+                arguments.push(("target", kept(given)?));
+                Some(match given.cast::<Motion>() {
+                    Ok(motion) => motion.get().core.clone(),
+                    Err(_) => {
+                        let (shape, values) = numbers(self.name, "target", given)?;
+                        require_finite(given.py(), self.name, "target", &shape, &values)?;
+                        if shape.len() != 1 {
+                            let problem = format!("has the wrong shape: expected a Motion or (rows,), got {}", shown(&shape));
+                            return Err(input_error(given.py(), self.name, "target", problem).into());
+                        }
+                        CoreMotion::Hold(values.into_owned())
+                    }
+                })
+            }
+        };
+        let gain = match self.gain {
+            Some(gain) => {
+                arguments.push(("gain", kept(gain)?));
+                raw(self.name, "gain", gain)?
+            }
+            None => Raw { shape: Vec::new(), values: vec![1.0] },
+        };
+        let damping = match self.damping {
+            Some(damping) => {
+                arguments.push(("damping", kept(damping)?));
+                Some(raw(self.name, "damping", damping)?)
+            }
+            None => None,
+        };
+        Ok(Task { blueprint, target, gain, damping, arguments })
+    }
+}
+
+impl Task {
+    /// The task function on an arm.
+    pub fn function(&self, arm: &Arm) -> Result<TaskFunction, Error> {
+        match &self.blueprint {
+            Blueprint::Frame { frame, axes } => TaskFunction::frame(arm, frame, axes),
+            Blueprint::Posture { joints } => TaskFunction::posture(arm, joints.as_deref()),
+            Blueprint::CentreOfMass { axes } => TaskFunction::centre_of_mass(arm, axes),
+            Blueprint::Axis { frame, axis } => TaskFunction::axis(arm, frame, *axis),
+            Blueprint::Relative { frame, reference, axes } => TaskFunction::relative(arm, frame, reference, axes),
+            Blueprint::JointLimits { joints, margin } => TaskFunction::joint_limits(arm, joints.as_deref(), *margin),
+        }
+    }
+
+    /// The task function on an arm with its constant target.
+    pub fn goal(&self, arm: &Arm) -> Result<(TaskFunction, Vec<f64>), Error> {
+        let Level { function, target, .. } = self.level(arm)?;
+        match target {
+            CoreMotion::Hold(target) => Ok((function, target)),
+            _ => Err(Error::input("target", "moves: expected a constant, got a motion")),
+        }
+    }
+
+    /// The level of priority it makes on an arm; it needs a target.
+    pub fn level(&self, arm: &Arm) -> Result<Level, Error> {
+        let function = self.function(arm)?;
+        let rows = function.rows();
+        let target = match &self.target {
+            Some(target) => target.clone(),
+            None if function.target_size() == 0 => CoreMotion::Hold(Vec::new()),
+            None => return Err(Error::input("target", "is missing: expected a Motion or a constant, got None")),
+        };
+        let damping = self.damping.as_ref().map(|damping| damping.gain("damping", rows)).transpose()?;
+        Level::new(function, target, self.gain.gain("gain", rows)?, damping)
+    }
+}
+
+/// Read a list of tasks, and what `of` makes of each; problems name the task.
+pub fn each<T>(function: &str, tasks: &Bound<'_, PyAny>, of: impl Fn(&Task) -> Result<T, Error>) -> Result<(Py<PyTuple>, Vec<T>), Failure> {
+    let py = tasks.py();
+    let refuse = |argument: &str, problem: String| -> Failure { input_error(py, function, argument, problem).into() };
+    if tasks.is_instance_of::<Task>() {
+        return Err(refuse("tasks", "is a single task: expected a list of tasks, the highest first".into()));
+    }
+    let Ok(items) = tasks.try_iter() else {
+        return Err(refuse("tasks", format!("is not a list: expected tasks, the highest first, got {}", tasks.get_type())));
+    };
+    let items = items.collect::<PyResult<Vec<_>>>()?;
+    if items.is_empty() {
+        return Err(refuse("tasks", "is empty: expected at least one task, got 0".into()));
+    }
+    let mut out = Vec::with_capacity(items.len());
+    for (i, item) in items.iter().enumerate() {
+        let Ok(task) = item.cast::<Task>() else {
+            let kind = item.get_type().name().map(|name| name.to_string()).unwrap_or_default();
+            return Err(refuse("tasks", format!("is of the wrong type: expected tasks, got {kind} (first bad index {i})")));
+        };
+        out.push(of(task.get()).map_err(|error| match error {
+            Error::Input { argument, problem } => refuse(&format!("tasks[{i}].{argument}"), problem),
+            other => other.into(),
+        })?);
+    }
+    Ok((PyTuple::new(py, items)?.unbind(), out))
+}
+
+/// Names of joints, or None.
+fn names(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Vec<String>>, Failure> {
+    let Some(value) = value else { return Ok(None) };
+    if value.is_instance_of::<PyString>() {
+        return Err(input_error(value.py(), function, "joints", "is a single name: expected a list of names").into());
+    }
+    let Ok(items) = value.try_iter() else {
+        let problem = format!("is not a list of names: expected strings, got {}", value.get_type());
+        return Err(input_error(value.py(), function, "joints", problem).into());
+    };
+    Ok(Some(items.map(|item| text(function, "joints", &item?)).collect::<Result<_, _>>()?))
+}
+
+fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<String, Failure> {
+    let axes = text(function, "axes", axes)?;
+    parse_axes(&axes)?;
+    Ok(axes)
+}
+
+#[pymethods]
+impl Task {
+    #[new]
+    #[pyo3(signature = (frame, axes, target=None, gain=None, *, motion=None, damping=None))]
+    fn new<'py>(
+        frame: &Bound<'py, PyAny>,
+        axes: &Bound<'py, PyAny>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        const NAME: &str = "Task";
+        entry(frame.py(), NAME, || {
+            let blueprint = Blueprint::Frame { frame: text(NAME, "frame", frame)?, axes: axes_of(NAME, axes)? };
+            let own = vec![("frame", frame.clone().unbind()), ("axes", axes.clone().unbind())];
+            Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)
+        })
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let py = slf.py();
+        let mut parts = Vec::new();
+        for (i, (name, value)) in slf.get().arguments.iter().enumerate() {
+            let shown = value.bind(py).repr()?.to_string();
+            // Positional as long as nothing was left out.
+            let plain = i < 2 || (i == 2 && *name == "target") || (i == 3 && *name == "gain" && slf.get().arguments[2].0 == "target");
+            let keyword = !plain || *name == "damping" || !matches!(slf.get().blueprint, Blueprint::Frame { .. });
+            parts.push(if keyword { format!("{name}={shown}") } else { shown });
+        }
+        Ok(format!("{}({})", slf.get_type().name()?, parts.join(", ")))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        for (name, value) in &self.arguments {
+            keywords.set_item(name, value)?;
+        }
+        Ok((PyTuple::empty(py), keywords))
+    }
+}
+
+/// Joints at a posture: `e = q_d - q`. Without `joints` all of them, in the order of `q`.
+///
+/// Args:
+///     target: a `Motion` or a constant of one number per joint, rad or m; None where velocities are given in each call.
+///     gain: as for `Task`.
+///     joints: names of the joints; None: all (keyword only).
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.PostureTask([0.0, 0.5], 1.0, joints=["joint1", "joint3"])
+/// PostureTask(joints=['joint1', 'joint3'], target=[0.0, 0.5], gain=1.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct PostureTask;
+
+#[pymethods]
+impl PostureTask {
+    #[new]
+    #[pyo3(signature = (target=None, gain=None, *, joints=None, motion=None, damping=None))]
+    fn new<'py>(
+        py: Python<'py>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        joints: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "PostureTask";
+        entry(py, NAME, || {
+            let joints = names(NAME, joints)?;
+            let own = match &joints {
+                Some(joints) => vec![("joints", joints.clone().into_py_any(py)?)],
+                None => Vec::new(),
+            };
+            let task = Common { name: NAME, target, motion, gain, damping }.task(Blueprint::Posture { joints }, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(PostureTask))
+        })
+    }
+}
+
+/// The centre of mass at a point: `e = c_d - c`, rows of world axes.
+///
+/// Args:
+///     axes: letters of "xyz".
+///     target: a `Motion` or a constant, m; None where velocities are given in each call.
+///     gain: as for `Task`.
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.CentreOfMassTask("xy", [0.5, 0.0], 2.0)
+/// CentreOfMassTask(axes='xy', target=[0.5, 0.0], gain=2.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct CentreOfMassTask;
+
+#[pymethods]
+impl CentreOfMassTask {
+    #[new]
+    #[pyo3(signature = (axes, target=None, gain=None, *, motion=None, damping=None))]
+    fn new<'py>(
+        axes: &Bound<'py, PyAny>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "CentreOfMassTask";
+        entry(axes.py(), NAME, || {
+            let blueprint = Blueprint::CentreOfMass { axes: axes_of(NAME, axes)? };
+            let own = vec![("axes", axes.clone().unbind())];
+            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(CentreOfMassTask))
+        })
+    }
+}
+
+/// A direction of a frame points along a direction of the world; turning about it is free. Two rows.
+///
+/// The error is the turn vector from the one to the other, in the frame's two directions across its axis; the velocity of the
+/// task is the frame's angular velocity about these two, rad/s.
+///
+/// Args:
+///     frame: name of the frame.
+///     axis: the direction in the frame's axes, (3,), any length > 0.
+///     target: a `Motion` of 3 numbers or a constant `(3,)`, any length > 0; None where velocities are given in each call.
+///     gain: as for `Task`; rows = 2.
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.AxisTask("tool", [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], 5.0)
+/// AxisTask(frame='tool', axis=[0.0, 0.0, 1.0], target=[0.0, 0.0, -1.0], gain=5.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct AxisTask;
+
+#[pymethods]
+impl AxisTask {
+    #[new]
+    #[pyo3(signature = (frame, axis, target=None, gain=None, *, motion=None, damping=None))]
+    fn new<'py>(
+        frame: &Bound<'py, PyAny>,
+        axis: &Bound<'py, PyAny>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "AxisTask";
+        entry(frame.py(), NAME, || {
+            let v = vector(NAME, "axis", axis, 3)?;
+            if v.iter().all(|x| *x == 0.0) {
+                return Err(Error::input("axis", "has no direction: expected a vector of length > 0, got zeros").into());
+            }
+            let blueprint = Blueprint::Axis { frame: text(NAME, "frame", frame)?, axis: [v[0], v[1], v[2]] };
+            let own = vec![("frame", frame.clone().unbind()), ("axis", v.into_py_any(axis.py())?)];
+            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(AxisTask))
+        })
+    }
+}
+
+/// Rows of the pose of a frame as seen from another frame of the arm: `x = R_r'(p - p_r)`, `R = R_r' R_F`.
+///
+/// Args:
+///     frame: name of the frame.
+///     reference: name of the frame in whose axes it is seen.
+///     axes: as for `Task`.
+///     target: a `Motion` or a constant, m and rad; None where velocities are given in each call.
+///     gain: as for `Task`.
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.RelativeTask("left", "right", "xyz", [0.3, 0.0, 0.0], 5.0)
+/// RelativeTask(frame='left', reference='right', axes='xyz', target=[0.3, 0.0, 0.0], gain=5.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct RelativeTask;
+
+#[pymethods]
+impl RelativeTask {
+    #[new]
+    #[pyo3(signature = (frame, reference, axes, target=None, gain=None, *, motion=None, damping=None))]
+    fn new<'py>(
+        frame: &Bound<'py, PyAny>,
+        reference: &Bound<'py, PyAny>,
+        axes: &Bound<'py, PyAny>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "RelativeTask";
+        entry(frame.py(), NAME, || {
+            let (name, other) = (text(NAME, "frame", frame)?, text(NAME, "reference", reference)?);
+            let blueprint = Blueprint::Relative { frame: name, reference: other, axes: axes_of(NAME, axes)? };
+            let own = [("frame", frame), ("reference", reference), ("axes", axes)];
+            let own = own.into_iter().map(|(name, value)| (name, value.clone().unbind())).collect();
+            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(RelativeTask))
+        })
+    }
+}
+
+/// Joints kept away from their limits: the error is the way back out of the margin, zero inside.
+///
+/// As the last level it moves joints that are too near a limit, and asks the others for rest, with the freedom left over.
+///
+/// Args:
+///     gain: as for `Task`.
+///     margin: the part of the range at either end to be left, 0 to 0.5; 0.5 centres the joints.
+///     joints: names of the joints; None: all that have two finite limits (keyword only).
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.JointLimitTask(2.0, 0.2)
+/// JointLimitTask(margin=0.2, gain=2.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct JointLimitTask;
+
+#[pymethods]
+impl JointLimitTask {
+    #[new]
+    #[pyo3(signature = (gain=None, margin=None, *, joints=None, damping=None))]
+    fn new<'py>(
+        py: Python<'py>,
+        gain: Option<&Bound<'py, PyAny>>,
+        margin: Option<&Bound<'py, PyAny>>,
+        joints: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "JointLimitTask";
+        entry(py, NAME, || {
+            let joints = names(NAME, joints)?;
+            let margin = margin.map_or(Ok(0.1), |margin| number(NAME, "margin", margin))?;
+            if !(0.0..=0.5).contains(&margin) {
+                let problem = format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}");
+                return Err(Error::input("margin", problem).into());
+            }
+            let mut own = vec![("margin", margin.into_py_any(py)?)];
+            if let Some(joints) = &joints {
+                own.push(("joints", joints.clone().into_py_any(py)?));
+            }
+            let task =
+                Common { name: NAME, target: None, motion: None, gain, damping }.task(Blueprint::JointLimits { joints, margin }, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(JointLimitTask))
+        })
+    }
+}

@@ -1,0 +1,139 @@
+"""Misuse of the laws and limits of elastic joints is an `InputError` that names function, argument and what was expected."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+ARM = al.planar_arm([0.5, 0.4])
+PLANT = al.ElasticArm(ARM, [800.0, 500.0], [0.4, 0.25])
+INDEFINITE = np.array([[1.0, 2.0], [2.0, 1.0]])
+NAN, INF = float("nan"), float("inf")
+GIVEN: dict[str, Any] = {
+    "arm": ARM,
+    "target": [0.5, 0.3],
+    "stiffness": [300.0, 200.0],
+    "damping": [40.0, 30.0],
+    "joint_stiffness": [800.0, 500.0],
+    "motor_inertia": [0.4, 0.25],
+    "reduced_inertia": [0.02, 0.0125],
+    "frame": "link2",
+    "axes": "xy",
+}
+
+
+def impedance(**changes: Any) -> al.ElasticImpedance:
+    return al.ElasticImpedance(**(GIVEN | changes))
+
+
+LAWS: dict[str, al.Law] = {
+    "impedance": impedance(),
+    "full": impedance(motor_inertia=[[0.4, 0.05], [0.05, 0.25]], motor_damping=[[8.0, 1.0], [1.0, 5.0]], relative_damping=True),
+    "ratio": impedance(damping_ratio=0.7),
+    "tracking": al.ElasticTracking(ARM, al.Quintic([0.5, 0.3], [0.4, 0.4], 1.0), 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"),
+    "joint": al.JointImpedance(ARM, [0.3, 1.0], 100.0, 10.0, 800.0, 0.4, 0.02),
+    "motor": al.MotorPD(ARM, [0.3, 1.0], 100.0, 10.0, 800.0, online=True),
+    "state": al.StateFeedback(ARM, [0.3, 1.0], 100.0, 10.0, 1.0, 0.02, 800.0),
+}
+
+
+def refused(call: Callable[[], Any], *words: str) -> None:
+    with pytest.raises(al.InputError) as caught:
+        call()
+    message = str(caught.value)
+    for word in ("expected", *words):
+        assert word in message, (word, message)
+
+
+@pytest.mark.parametrize("name", ["stiffness", "damping", "joint_stiffness", "motor_inertia", "reduced_inertia", "motor_damping"])
+def test_matrices(name: str) -> None:
+    for bad, words in (
+        (INDEFINITE, "is not positive definite"),
+        ([1.0, -1.0], "is not positive definite"),
+        (0.0, "is not positive"),
+        ([[1.0, 0.5], [0.0, 1.0]], "is not symmetric"),
+        ([1.0, NAN], "is not finite"),
+        ([1.0, INF], "is not finite"),
+        ([1.0, 1.0, 1.0], "has the wrong shape"),
+    ):
+        refused(functools.partial(impedance, **{name: bad}), f"ElasticImpedance: {name} {words}")
+
+
+def test_other_arguments() -> None:
+    refused(lambda: impedance(target=[0.5]), "target", "(2,)")
+    refused(lambda: impedance(frame="hand"), "frame", "link1")
+    refused(lambda: impedance(axes="xw"), "axes")
+    refused(lambda: impedance(arm=al.planar_pr(2.0, 0.5, 0.5)), "planar_pr")
+    for ratio in (0.0, -1.0, INF, NAN):
+        refused(functools.partial(impedance, damping_ratio=ratio), "damping_ratio")
+    refused(lambda: al.MotorPD(ARM, [0.3], 100.0, 10.0, 800.0), "MotorPD: target")
+    refused(lambda: al.StateFeedback(ARM, [0.3, 1.0], 100.0, 10.0, -1.0, 0.02, 800.0), "StateFeedback: kt")
+    refused(lambda: al.ElasticTracking(ARM, al.Hold([0.5]), 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"), "shape")
+
+
+def test_plants_and_calls() -> None:
+    refused(lambda: al.simulate(al.RigidArm(ARM), impedance(), [0.3, 1.2], t_end=0.1, dt=1e-3), "law", "ElasticArm")
+    refused(lambda: impedance()(0.0, [0.3, 1.2], [0.0, 0.0]), "theta", "missing")
+    three = al.ElasticArm(al.planar_arm([0.5, 0.4, 0.3]), 800.0, 0.4)
+    refused(lambda: al.simulate(three, impedance(), [0.3, 1.2, 0.0], t_end=0.1, dt=1e-3), "number of joints")
+
+
+def test_equilibrium() -> None:
+    law = impedance()
+    refused(lambda: al.equilibrium(al.RigidArm(ARM), law, q0=[0.3, 1.2]), "equilibrium: law", "RigidArm")
+    refused(lambda: al.equilibrium(PLANT, LAWS["tracking"], q0=[0.3, 1.2]), "law", "moves")
+    refused(lambda: al.equilibrium(PLANT, LAWS["motor"], q0=[0.3, 1.2]), "law", "MotorPD")
+    refused(lambda: al.equilibrium(PLANT, LAWS["joint"], [1.0, 0.0], q0=[0.3, 1.2]), "force_frame")
+    refused(lambda: al.equilibrium(PLANT, law, [1.0], q0=[0.3, 1.2]), "force")
+    refused(lambda: al.equilibrium(PLANT, law, [1.0, NAN], q0=[0.3, 1.2]), "force")
+    refused(lambda: al.equilibrium(PLANT, law, [(0.0, [1.0, 2.0]), (1.0, [0.0, 0.0])], q0=[0.3, 1.2]), "force", "constant")
+    refused(lambda: al.equilibrium(PLANT, law, q0=[0.3, INF]), "q0")
+    refused(lambda: al.equilibrium(PLANT, law, q0=[0.3]), "q0")
+    wall = al.Wall("link2", [0.6, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=1e3)
+    refused(lambda: al.equilibrium(al.ElasticArm(ARM, 800.0, 0.4, wall=wall), law, q0=[0.3, 1.2]), "plant", "wall")
+
+
+def test_limits() -> None:
+    refused(lambda: al.elastic_limits(PLANT, LAWS["motor"], q0=[0.3, 1.2]), "law", "MotorPD")
+    refused(lambda: al.elastic_limits(PLANT, impedance(), q0=[0.3, 1.2], sample_time=-1.0), "sample_time")
+    refused(lambda: al.elastic_limits(PLANT, impedance(), q0=[0.3, 1.2], sample_time=1e-3, sensor_bandwidth=0.0), "sensor_bandwidth")
+    for k in range(3):
+        numbers: list[Any] = [0.4, 800.0, 1e-3]
+        numbers[k] = 0.0
+        refused(functools.partial(al.smallest_reduced_inertia, *numbers), "smallest_reduced_inertia")
+    refused(lambda: al.smallest_reduced_inertia([0.4, 0.3], 800.0, [1e-3, 1e-3, 1e-3]), "broadcast")
+    refused(lambda: al.smallest_reduced_inertia(0.4, NAN, 1e-3), "joint_stiffness")
+    refused(lambda: al.stiffness_limit(1.0, 800.0, 0.02, -1.0), "damping")
+    refused(lambda: al.stiffness_limit(0.0, 800.0, 0.02, 1.0), "mass")
+    refused(lambda: al.damping_from_ratio(INDEFINITE, np.eye(2), 1.0), "inertia")
+    refused(lambda: al.damping_from_ratio(np.eye(2), np.eye(3), 1.0), "stiffness")
+    assert np.isnan(al.smallest_reduced_inertia(0.4, 800.0, 1.0))
+
+
+def test_a_divergence_ends_with_status_and_time() -> None:
+    # A hundredth of a millisecond is needed; a millisecond is taken.
+    law = impedance(reduced_inertia=[4e-8, 2.5e-8])
+    with pytest.raises(al.SolveError) as caught:
+        al.simulate(PLANT, law, [0.3, 1.2], t_end=1.0, dt=1e-3, force=[10.0, -15.0])
+    assert caught.value.status is al.Status.DIVERGED and caught.value.t is not None and 0.0 < caught.value.t < 1.0
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_laws_come_back(name: str) -> None:
+    law, state = LAWS[name], {"theta": [0.35, 1.2], "theta_dot": [0.1, -0.2]}
+    for other in (pickle.loads(pickle.dumps(law)), copy.copy(law), copy.deepcopy(law)):
+        assert type(other) is type(law) and repr(other) == repr(law)
+        for part, value in law.terms(0.1, [0.3, 1.1], [0.2, 0.4], **state).items():
+            np.testing.assert_array_equal(other.terms(0.1, [0.3, 1.1], [0.2, 0.4], **state)[part], value)
+        np.testing.assert_array_equal(other(0.1, [0.3, 1.1], [0.2, 0.4], **state), law(0.1, [0.3, 1.1], [0.2, 0.4], **state))
+    rest = al.equilibrium(PLANT, impedance(), q0=[0.3, 1.2])
+    again = pickle.loads(pickle.dumps(rest))
+    np.testing.assert_array_equal(again.eigenvalues, rest.eigenvalues)

@@ -1,0 +1,199 @@
+"""What theory promises of tasks in priority on arms: rates, closed loops through singularities, positions found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import armlet as al
+
+Array = NDArray[np.float64]
+PATHS = [
+    case
+    for case in json.loads((Path(__file__).parents[1] / "vectors" / "oracle_ex2_taskpriority_public.json").read_text())["cases"]
+    if case.get("kind") == "path"
+]
+SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+TWO = al.load_urdf(al.example_urdf("two_arms"))
+TOOL = SEVEN.frame_names[-1]
+LIMITS = (SEVEN.limits["q_min"], SEVEN.limits["q_max"])
+HOME = np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4])
+
+
+def table(arm: al.Arm, frame: str, middle: Array, half: Array, duration: float, count: int) -> al.Table:
+    """The path of a frame while the joints go straight from middle - half to middle + half."""
+    rate = 2.0 * half / duration
+    rows: list[tuple[Array, Array, Array]] = []
+    for share in np.linspace(-1.0, 1.0, count):
+        q = middle + share * half
+        turn = arm.jacobian_dot(q, rate, frame)[:2] @ rate
+        rows.append((arm.position(q, frame)[:2], arm.jacobian(q, frame)[:2] @ rate, turn))
+    x, v, a = (np.array(part) for part in zip(*rows, strict=True))
+    return al.Table(duration / (count - 1), x, v, a)
+
+
+@pytest.mark.parametrize("case", PATHS, ids=lambda case: case["id"])
+def test_closed_loops_pass_through_singularities(case: dict[str, Any]) -> None:
+    """Both tips follow what a straight joint path through the singularity would do."""
+    given = case["input"]
+    L, middle, half = given["L"], np.array(given["q_mid"], dtype=float), np.array(given["q_half"], dtype=float)
+    eps = [given["eps1_over_L"] * L, given["eps2_over_L"] * L]
+    arm = al.planar_arm([L, L, L / 4, L / 4])
+    tasks = [al.Task(frame, "xy", table(arm, frame, middle, half, 2.0, 401), 20.0) for frame in ("link4", "link2")]
+    law = al.PriorityVelocity(arm, tasks, eps=eps)
+    steps = []
+    for dt in (4e-3, 2e-3):
+        run = al.simulate(al.VelocityArm(arm), law, middle - half, t_end=2.0, dt=dt)
+        sigma = np.array([np.linalg.svd(arm.jacobian(q, "link4")[:2], compute_uv=False)[-1] for q in run.q])
+        regular = sigma >= eps[0]
+        assert regular.all()
+        # Exact in the command, and in the closed loop up to the integrator (kinks of the map, order 1 to 2 in dt).
+        assert run.monitors["residual_1"].max() <= 1e-12 * (1 + np.abs(run.v).max())
+        assert run.monitors["error_1"].max() <= 1e-5 * L
+        speed = np.linalg.norm(run.v, axis=1)
+        # 1/eps1 of what the primary asks, then 1/eps2 of what is left of the secondary.
+        assert np.isfinite(speed).all() and speed.max() <= 10.0 / eps[1]
+        steps.append(np.linalg.norm(np.diff(run.v, axis=0), axis=1).max())
+    # A jump would stay as it is when the step is halved.
+    assert steps[1] <= 0.75 * steps[0]
+
+
+def test_errors_decay_with_their_gains() -> None:
+    """e' = -K e exactly where nothing is lost: after t all that is left of each row is exp(-k t)."""
+    arm = al.planar_arm([0.6, 0.5, 0.4, 0.3, 0.2])
+    gain = np.array([3.0, 1.0])
+    tasks = [al.Task("link5", "xy", [1.2, 0.5], gain), al.Task("link3", "x", [0.9], 2.0)]
+    law = al.PriorityVelocity(arm, tasks, "exact")
+    q0 = [0.3, 0.4, -0.6, 0.5, 0.4]
+    run = al.simulate(al.VelocityArm(arm), law, q0, t_end=1.0, method="dop853", t_eval=[0.0, 1.0])
+    start, end = [np.concatenate(law.terms(0.0, q, np.zeros(5))["e"]) for q in (run.q[0], run.q[-1])]
+    # rtol 1e-8, atol 1e-10 of the integrator, and one order of growth.
+    np.testing.assert_allclose(end, start * np.exp(-np.array([*gain, 2.0])), rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["exact", "clamp", "damped", "chiaverini"])
+def test_every_kind_of_task_is_reached(method: str) -> None:
+    goal = np.array([0.5, -0.2, 0.4, -1.2, 0.3, 1.0, 0.2])
+    rotation = SEVEN.pose(goal, TOOL)[:3, :3]
+    kinds: list[list[al.Task]] = [
+        [al.Task(TOOL, "xyz", SEVEN.position(goal, TOOL), 4.0), al.AxisTask(TOOL, [0.0, 0.0, 1.0], rotation[:, 2], 4.0)],
+        [al.CentreOfMassTask("xz", [0.05, 0.45], 4.0), al.PostureTask([0.4], 4.0, joints=[SEVEN.joint_names[6]])],
+        [al.RelativeTask(TOOL, SEVEN.frame_names[3], "xz", [0.3, 0.2], 4.0)],
+    ]
+    for tasks in kinds:
+        law = al.PriorityVelocity(SEVEN, tasks, method)
+        run = al.simulate(al.VelocityArm(SEVEN), law, HOME, t_end=6.0, dt=0.02)
+        for level in range(len(tasks)):
+            errors = run.monitors[f"error_{level + 1}"]
+            # exp(-24) of at most a few; chiaverini only promises the first level, and no growth below.
+            bound = max(errors[0], 1e-6) if method == "chiaverini" and level else 1e-8 + 1e-6 * level
+            assert errors[-1] <= bound, (method, level)
+
+
+def test_joint_limits_are_left_alone_and_left() -> None:
+    limits = al.JointLimitTask(5.0, 0.2)
+    q0 = HOME.copy()
+    q0[3] = -3.0
+    law = al.PriorityVelocity(SEVEN, [al.Task(TOOL, "xyz", SEVEN.position(q0, TOOL), 5.0), limits])
+    before = law.terms(0.0, q0, np.zeros(7))["e"][1]
+    run = al.simulate(al.VelocityArm(SEVEN), law, q0, t_end=5.0, dt=0.01)
+    after = law.terms(0.0, run.q[-1], np.zeros(7))["e"][1]
+    assert np.count_nonzero(before) >= 1
+    assert np.abs(after).max() < 0.9 * np.abs(before).max()
+    # The point stays where it is while the arm moves around it: rk4 of a map with kinks.
+    assert run.monitors["error_1"].max() <= 1e-6
+
+
+def test_two_arms_hold_a_distance_while_one_moves() -> None:
+    left, right = (next(name for name in reversed(TWO.frame_names) if name.startswith(side)) for side in ("left", "right"))
+    q0 = 0.3 * np.cos(np.arange(TWO.n))
+    between = (TWO.pose(q0, right)[:3, :3].T @ (TWO.position(q0, left) - TWO.position(q0, right))).copy()
+    start = TWO.position(q0, right)[[0, 2]]
+    goal = start + np.array([0.03, -0.02])
+    tasks = [al.RelativeTask(left, right, "xz", between[[0, 2]], 10.0), al.Task(right, "xz", al.Quintic(start, goal, 1.0), 10.0)]
+    law = al.PriorityVelocity(TWO, tasks)
+    run = al.simulate(al.VelocityArm(TWO), law, q0, t_end=2.0, dt=0.01)
+    # The integrator's error of a smooth motion, kept down by the gain.
+    assert run.monitors["error_1"].max() <= 1e-6
+    assert run.monitors["error_2"][-1] <= 1e-6
+
+
+def test_sns_stays_within_the_bounds() -> None:
+    arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
+    tasks = [al.Task("link4", "xy", [-1.2, 1.0], 5.0), al.Task("link2", "xy", [-0.9, 0.8], 5.0)]
+    law = al.PriorityVelocity(arm, tasks, "sns", v_max=[0.5, 0.6, 2.0, 2.0])
+    run = al.simulate(al.VelocityArm(arm), law, [0.1, 0.4, 0.4, 0.4], t_end=8.0, dt=0.01, sample_time=0.01)
+    assert (np.abs(run.v) <= [0.5, 0.6, 2.0, 2.0]).all()
+    assert np.abs(run.v).max(axis=0)[0] == 0.5
+    assert run.monitors["error_1"][-1] <= 1e-3
+
+
+def test_accelerations_in_priority_move_rigid_arms() -> None:
+    """Both levels converge, the primary as e'' + D e' + K e = 0 says, whatever the arm's dynamics."""
+    arm = al.planar_arm([0.5, 0.4, 0.3, 0.2])
+    q0, k = np.array([0.3, 0.8, -0.4, 0.6]), 25.0
+    law = al.PriorityAcceleration(arm, [al.Task("link4", "xy", [0.5, 0.7], k), al.Task("link2", "y", [0.4], k)], "exact")
+    run = al.simulate(al.RigidArm(arm), law, q0, t_end=3.0, method="dop853", t_eval=np.linspace(0.0, 3.0, 31))
+    start = law.terms(0.0, q0, np.zeros(4))
+    decay = (1 + 5.0 * run.t) * np.exp(-5.0 * run.t)  # critical damping from rest, D = 2 K^1/2
+    for i, t in enumerate(run.t):
+        e = law.terms(t, run.q[i], run.v[i])["e"]
+        # rtol 1e-8 of the integrator over 3 s.
+        np.testing.assert_allclose(e[0], start["e"][0] * decay[i], rtol=0, atol=1e-6)
+    assert abs(law.terms(3.0, run.q[-1], run.v[-1])["e"][1]).max() <= 1e-4
+    terms = law.terms(0.4, q0, [0.2, -0.4, 0.3, 0.1])
+    np.testing.assert_allclose(terms["tau"], arm.inverse_dynamics(q0, [0.2, -0.4, 0.3, 0.1], terms["a"]), rtol=1e-13)
+    for J_dot, frame, rows in zip(terms["J_dot"], ("link4", "link2"), ([0, 1], [1]), strict=True):
+        np.testing.assert_allclose(J_dot, arm.jacobian_dot(q0, [0.2, -0.4, 0.3, 0.1], frame)[rows], atol=1e-15)
+
+
+def test_self_motions_come_to_rest() -> None:
+    arm = al.planar_arm([0.5, 0.4, 0.3])
+    law = al.PriorityAcceleration(arm, [al.Task("link3", "x", [0.6], 50.0)], joint_damping=4.0)
+    run = al.simulate(al.RigidArm(arm), law, [0.3, 0.8, 0.4], v0=[0.5, -1.0, 0.7], t_end=6.0, dt=5e-3)
+    # exp(-4 * 6) = 4e-11 of what no task sees.
+    assert np.abs(run.v[-1]).max() <= 1e-6
+
+
+@pytest.mark.parametrize("method", ["exact", "clamp", "damped", "chiaverini", "sns"])
+def test_a_solver_of_an_arm_is_the_solver_of_its_jacobians(method: str) -> None:
+    rng = np.random.default_rng(1)
+    tasks = [al.Task(TOOL, "xyz"), al.Task(TOOL, "rx ry rz"), al.PostureTask(), al.CentreOfMassTask("x")]
+    bounds = {"v_max": 1.5} if method == "sns" else {}
+    solver = al.PrioritySolver.for_arm(SEVEN, tasks, method=method, **bounds)
+    plain = al.PrioritySolver(7, [3, 3, 7, 1], method=method, **bounds)
+    qs, velocities = rng.uniform(-1.5, 1.5, (700, 7)), [rng.uniform(-1, 1, m) for m in (3, 3, 7, 1)]
+    batch = solver.solve(qs, velocities)
+    for q, row in zip(qs[:40], batch, strict=False):
+        J = SEVEN.jacobian(q, TOOL)
+        blocks = solver.jacobians(q)
+        np.testing.assert_allclose(blocks[0], J[:3], atol=1e-15)
+        np.testing.assert_allclose(blocks[1], J[3:], atol=1e-15)
+        plain.set_rounding(8 * np.finfo(float).eps * (1 + np.abs(q).sum()))
+        np.testing.assert_array_equal(solver.solve(q, velocities), plain.solve(blocks, velocities))
+        np.testing.assert_array_equal(solver.solve(q, velocities), row)
+        assert solver.ranks == plain.ranks and solver.status == plain.status
+
+
+def test_positions_are_found_within_the_limits() -> None:
+    """Random poses that the arm can reach, from random starts; the restarts are seeded."""
+    rng = np.random.default_rng(7)
+    low, high = LIMITS
+    found = []
+    for _ in range(50):
+        X = SEVEN.pose(rng.uniform(low, high, 7), TOOL)
+        angle = np.arccos(np.clip((np.trace(X[:3, :3]) - 1) / 2, -1, 1))
+        skew = X[:3, :3] - X[:3, :3].T
+        vector = np.array([skew[2, 1], skew[0, 2], skew[1, 0]]) * angle / (2 * np.sin(angle))
+        tasks = [al.Task(TOOL, "xyz", X[:3, 3]), al.Task(TOOL, "rx ry rz", vector)]
+        answer = al.inverse_kinematics(SEVEN, tasks, rng.uniform(low, high, 7))
+        if answer:
+            # The tolerance is 1e-9 on both errors; the rotation was rebuilt here with eps/sin(angle).
+            np.testing.assert_allclose(SEVEN.pose(answer.q, TOOL), X, atol=1e-7)
+        found.append(bool(answer))
+    assert np.mean(found) >= 0.98

@@ -1,0 +1,207 @@
+"""Random paths under limits, judged by `reference.timing`, which shares nothing with the planner: no limit is broken at any time, the
+motion is the path, no motion that can be had is refused, every number is finite. `ARMLET_CASES=n` runs n problems per stratum."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import reference as ref
+from armlet.reference import timing
+
+CASES = int(os.environ.get("ARMLET_CASES", "40"))
+# The promise; what rounding adds is counted by the checker.
+PROMISE = 1e-9
+
+
+def sliding(gravity: float) -> tuple[al.Arm, Any]:
+    """A slide, a hinge and a slide again, with cross inertias."""
+    joints = []
+    for kind, axis, xyz in (("P", (0, 1, 1), (0, 0, 0)), ("R", (0, 0, 1), (0.3, 0, 0.1)), ("P", (1, 0, 0), (0.2, 0.1, 0))):
+        phi = np.array([2.0, 0.1, 0.2, -0.1, 0.4, 0.02, 0.5, 0.01, -0.03, 0.6])
+        joints.append({"type": kind, "axis": np.array(axis) / np.linalg.norm(axis), "xyz": xyz, "rpy": (0.1, 0.2, 0.3), "phi": phi})
+    g = (0.0, 0.0, -gravity)
+    return al.Arm.from_chain(joints, gravity=g), ref.Arm.from_chain(joints, gravity=g)
+
+
+def arms(gravity: float) -> list[tuple[al.Arm, Any]]:
+    g = (0.0, -gravity)
+    planar = [(al.planar_arm(links, gravity=g), ref.planar_arm(links, gravity=g)) for links in ([0.5], [0.5, 0.4], [0.5, 0.4, 0.2])]
+    return [*planar, sliding(gravity), (al.planar_pr(2.0, 0.5, 0.5), ref.planar_pr(2.0, 0.5, 0.5))]
+
+
+LIGHT, HEAVY = arms(0.0), arms(9.81)
+
+
+def static(arm: Any, path: Any) -> np.ndarray:
+    """Largest static torque along the path, (n,)."""
+    return np.abs(arm.gravity(path(np.linspace(0.0, 1.0, 400))[0])).max(axis=0)
+
+
+def judge(arm: Any, p: al.TimedPath, spline: Any, limits: dict[str, Any], rng: Any, viscous: Any = 0.0) -> None:
+    """At random times, and at the grid's own: the motion lies on the path, and inside the limits."""
+    assert np.isfinite(p.duration) and p.duration > 0.0 and p.reason is None and p.shortfall is None
+    assert p.margin >= -PROMISE
+    t = np.concatenate([rng.uniform(0.0, p.duration, 300), rng.choice(p.t, 60), [0.0, p.duration]])
+    q, v, a = p(t)
+    for values in (q, v, a, p.s_dot, p.t):
+        assert np.isfinite(values).all()
+    inside = t < p.duration  # at the end of a motion that stops the acceleration is zero
+    t, q, v, a = t[inside], q[inside], v[inside], a[inside]
+    if limits.get("tau_max") is not None:
+        tau, rounding = timing.torques(arm, q, v, a, viscous)
+        assert timing.excess(tau, limits["tau_max"], rounding) <= PROMISE
+    # Of numbers of order one: rounding of the motion itself.
+    for name, values in (("v_max", v), ("a_max", a)):
+        if limits.get(name) is not None:
+            assert timing.excess(values, limits[name]) <= PROMISE, name
+    # v and a are those of q: s(t) is found again from q, in the middle of grid segments.
+    middle = 0.5 * (p.t[1:] + p.t[:-1])
+    q, v, a = p(middle)
+    size = np.abs(q - q[0]).max() + np.abs(q[0]).max() * 1e-15
+    low, high = p.s[:-1].copy(), p.s[1:].copy()
+    h = 1e-3 * np.diff(p.t)
+    later, sooner = p(middle + h), p(middle - h)
+    # Central differences: h^2 of the third derivative, which the grid resolves; 1e-16/1e-3 of rounding.
+    speed = np.abs(v).max()
+    least = 1e-5 * speed + 1e-15 * np.abs(q).max() / h.min()
+    np.testing.assert_allclose((later[0] - sooner[0]) / (2 * h[:, None]), v, rtol=0.0, atol=least)
+    # On the path: the spline passes the motion's points at the s of the motion, which lies in the segment.
+    for _ in range(60):
+        s = 0.5 * (low + high)
+        ahead = ((q - spline(s)[0]) * spline(s)[1]).sum(axis=1) > 0.0
+        low, high = np.where(ahead, s, low), np.where(ahead, high, s)
+    np.testing.assert_allclose(spline(0.5 * (low + high))[0], q, rtol=0.0, atol=1e-9 * size + 1e-15 * np.abs(q).max())
+
+
+def problem(stratum: str, rng: np.random.Generator) -> tuple[Any, Any, np.ndarray, dict[str, Any]]:
+    """Arm, its reference, waypoints, keywords; all can be had."""
+    light = stratum in ("tiny", "limits", "end speed", "idle") or rng.random() < 0.5
+    arm, checker = (LIGHT if light else HEAVY)[rng.integers(5)]
+    n = arm.n
+    q = rng.uniform(-1.5, 1.5, (rng.integers(2, 6), n))
+    if stratum == "tiny":
+        q = (q - q[0]) * 10.0 ** rng.uniform(-16.0, -6.0) + (rng.uniform(-1.0, 1.0, n) if rng.random() < 0.3 else 0.0)
+        if np.unique(q, axis=0).shape[0] < q.shape[0]:  # rounded away beside the offset
+            q = q - q[0] + rng.uniform(-1e-9, 1e-9, q.shape)
+    if stratum == "idle":
+        q[:, rng.random(n) < 0.5] = 0.3
+        q[:, rng.integers(n)] = np.cumsum(rng.uniform(0.1, 1.0, q.shape[0]))
+    if stratum == "repeated":
+        q = np.repeat(q, rng.integers(1, 4, q.shape[0]), axis=0)
+    if stratum == "reversed":
+        q = np.concatenate([q, q[-2::-1]])
+    keep = np.concatenate([[True], np.any(np.diff(q, axis=0) != 0.0, axis=1)])
+    spline = timing.natural_spline(timing.positions(q[keep]), q[keep])
+    span = 10.0 ** rng.uniform(-3.0, 8.0, n) if stratum == "limits" else rng.uniform(1.0, 30.0, n)
+    limits: dict[str, Any] = {"tau_max": static(checker, spline) * 1.05 + span}
+    if rng.random() < 0.5 and stratum != "start on a limit":
+        limits["tau_max"] = np.stack([-limits["tau_max"], limits["tau_max"] * rng.uniform(1.0, 3.0, n)], axis=1)
+    if rng.random() < 0.5 or stratum == "end speed":
+        limits["v_max"] = rng.uniform(0.5, 5.0, n)
+    if rng.random() < 0.3:
+        limits["a_max"] = rng.uniform(1.0, 20.0, n)
+    if stratum == "end speed":
+        # On the limit of speed at the end; no limit of force or acceleration in the way.
+        limits["tau_max"] = 1e6
+        limits.pop("a_max", None)
+        slope = np.abs(spline(np.array([1.0]))[1][0])
+        limits["end_speed"] = float(np.min(limits["v_max"][slope > 0] / slope[slope > 0]))
+    return arm, checker, q, limits
+
+
+@pytest.mark.parametrize("stratum", ["nominal", "tiny", "limits", "repeated", "reversed", "end speed", "idle"])
+def test_random_paths(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(sum(map(ord, stratum)))
+    worst = np.inf
+    for case in range(CASES):
+        arm, checker, q, limits = problem(stratum, rng)
+        p = al.time_path(arm, q, **limits)
+        assert p.feasible, (stratum, case, p.reason)
+        keep = np.concatenate([[True], np.any(np.diff(q, axis=0) != 0.0, axis=1)])
+        spline = timing.natural_spline(timing.positions(q[keep]), q[keep])
+        judge(checker, p, spline, limits, rng)
+        worst = min(worst, p.margin)
+    with capsys.disabled():
+        print(f"  time_path, {stratum}: {CASES} problems, smallest margin {worst:.1e}")
+
+
+def test_start_on_a_limit() -> None:
+    """A horizontal arm whose first joint just holds it, and goes down; and one whose idle joint stands on its limit all along."""
+    arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    rng = np.random.default_rng(5)
+    held = float(checker.gravity(np.array([0.0, 0.0]))[0])
+    for _ in range(CASES):
+        q = np.array([[0.0, 0.0], [-rng.uniform(0.1, 1.5), 0.0]])
+        limits = {"tau_max": np.array([[-200.0, held], [-50.0, 50.0]])}
+        p = al.time_path(arm, q, **limits)
+        assert p.feasible, p.reason
+        judge(checker, p, timing.natural_spline([0.0, 1.0], q), limits, rng)
+    slide = [{"type": "P", "axis": (0, 0, 1), "phi": [2.0] + [0.0] * 9}, {"type": "P", "axis": (1, 0, 0), "phi": [1.0] + [0.0] * 9}]
+    arm, checker = al.Arm.from_chain(slide), ref.Arm.from_chain(slide)
+    p = al.time_path(arm, [[0.0, 0.0], [0.0, 1.0]], tau_max=[3.0 * 9.81, 4.0])
+    # 1 kg over 1 m at 4 m/s^2: 2 sqrt(d/a).
+    assert p.feasible and p.duration == pytest.approx(1.0, rel=1e-9)
+
+
+def test_friction() -> None:
+    """Mild viscous friction counts: inside the limits with it. (Strong friction may be refused: docs/time_path.md.)"""
+    rng = np.random.default_rng(6)
+    for arm, checker in HEAVY[1:4]:
+        for _ in range(max(1, CASES // 8)):
+            q = rng.uniform(-1.0, 1.0, (4, arm.n))
+            spline = timing.natural_spline(timing.positions(q), q)
+            limits = {"tau_max": static(checker, spline) * 1.1 + 5.0}
+            viscous = rng.uniform(0.02, 0.1, arm.n)
+            p, free = al.time_path(arm, q, friction=viscous, **limits), al.time_path(arm, q, **limits)
+            assert p.feasible and free.feasible, (p.reason, free.reason)
+            judge(checker, p, spline, limits, rng, viscous)
+            assert p.duration != free.duration
+
+
+def test_stops_and_speeds_at_the_ends() -> None:
+    """A stop splits a path into two rest-to-rest timings; a start speed is kept."""
+    arm = al.planar_arm([0.5, 0.4])
+    q = [[0.0, 0.0], [0.5, 0.2], [0.7, -0.3]]
+    free, stopped = al.time_path(arm, q, tau_max=30.0), al.time_path(arm, q, tau_max=30.0, stops=[1])
+    assert stopped.duration > free.duration
+    k = int(np.argmin(stopped.s_dot[1:-1])) + 1
+    np.testing.assert_allclose(stopped(stopped.t[k])[0], q[1], atol=1e-12)
+    assert stopped.s_dot[k] == 0.0
+    moving = al.time_path(arm, q, tau_max=30.0, start_speed=0.5, end_speed=0.25)
+    # Times of a second or so: the ends are those asked for, to rounding.
+    assert (moving.s_dot[0], moving.s_dot[-1]) == (pytest.approx(0.5, rel=1e-12), pytest.approx(0.25, rel=1e-12))
+    assert moving.duration < free.duration
+    assert np.abs(moving(moving.duration)[1]).max() > 0.0 and np.abs(moving(moving.duration + 1e-9)[1]).max() == 0.0
+
+
+def test_symmetries() -> None:
+    """Backwards without gravity and friction a path takes as long; limits four times as large halve the time."""
+    rng = np.random.default_rng(7)
+    for arm, _ in LIGHT:
+        q = rng.uniform(-1.0, 1.0, (4, arm.n))
+        there, back = (al.time_path(arm, path, tau_max=5.0, grid=801) for path in (q, q[::-1]))
+        # The same optimum from grids that differ by which end of a segment comes first.
+        assert back.duration == pytest.approx(there.duration, rel=1e-4)
+        assert al.time_path(arm, q, tau_max=20.0, grid=801).duration == pytest.approx(0.5 * there.duration, rel=1e-6)
+
+
+def test_infeasible_paths_say_why() -> None:
+    """The arm cannot hold itself half way: joint, place, limit and what is missing are those of the statics."""
+    arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    q = np.array([[-np.pi / 2, 0.0], [np.pi / 4, 0.0]])
+    most = float(checker.gravity(np.array([0.0, 0.0]))[0])
+    p = al.time_path(arm, q, tau_max=[0.5 * most, 50.0])
+    assert not p.feasible and np.isnan(p.duration) and np.isnan(p.margin)
+    why = p.shortfall
+    assert why is not None and (why["joint"], why["limit"]) == (0, "tau_max")
+    assert "joint 0" in (p.reason or "") and "short" in (p.reason or "")
+    held = float(checker.gravity(q[0] + why["s"] * (q[1] - q[0]))[0])
+    assert why["missing_units"] == pytest.approx(held - 0.5 * most, rel=1e-6)
+    assert why["missing"] == pytest.approx(held / (0.5 * most) - 1.0, rel=1e-6)
+    with pytest.raises(al.SolveError, match="the path has no timing"):
+        p(0.0)

@@ -1,0 +1,142 @@
+"""Elastic joints against `armlet.reference`: random trees, full matrices, tasks not square, rest poses and limits.
+
+The reference differentiates Lagrange's equations, takes the inner loop from the reduced motor's acceleration, and looks for rest and
+stability by differences and bisection: none of it shares a formula with the core.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import armlet as al
+from armlet import reference
+from armlet.reference import elastic
+
+Array = NDArray[np.float64]
+
+
+def body(rng: np.random.Generator) -> Array:
+    """Parameters of five random point masses and a core with inertia of its own."""
+    phi = np.zeros(10)
+    for k in range(6):
+        m = rng.uniform(0.2, 0.4)
+        x, y, z = rng.uniform(-0.3, 0.3, 3) if k else (0.0, 0.0, 0.0)
+        phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
+    return phi + np.array([0, 0, 0, 0, 0.05, 0, 0.05, 0, 0, 0.05])
+
+
+def pair(rng: np.random.Generator, n: int) -> tuple[al.Arm, Any]:
+    def joint() -> dict[str, Any]:
+        axis, rpy, xyz = rng.standard_normal(3), rng.uniform(-1.0, 1.0, 3), rng.uniform(-0.4, 0.4, 3)
+        return {"type": "R", "axis": list(axis), "rpy": list(rpy), "xyz": list(xyz), "phi": list(body(rng))}
+
+    chain, gravity = [joint() for _ in range(n)], rng.uniform(-6.0, 6.0, 3)
+    return al.Arm.from_chain(chain, gravity=gravity), reference.Arm.from_chain(chain, gravity=gravity)
+
+
+def positive(rng: np.random.Generator, n: int, scale: float) -> Array:
+    half = rng.normal(size=(n, n))
+    return np.asarray(scale * (half @ half.T / n + np.eye(n)))
+
+
+def close(got: Any, expected: Any, tolerance: float) -> None:
+    scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
+    np.testing.assert_allclose(got, expected, rtol=0.0, atol=tolerance * scale)
+
+
+def laws(rng: np.random.Generator, arms: tuple[al.Arm, Any], axes: str, relative: bool) -> tuple[Any, Any, Any, Any]:
+    ours, theirs = arms
+    n, m = ours.n, len(axes.replace("r", "").replace(" ", ""))
+    K, B, B0 = positive(rng, n, 2000.0), positive(rng, n, 0.5), positive(rng, n, 0.2)
+    frame = ours.frame_names[-1]
+    here = np.asarray(ours.position(np.full(n, 0.2), frame))
+    target = np.concatenate([here, [0.1, 0.2, -0.1]])[[{"x": 0, "y": 1, "z": 2}[c] + (3 if r else 0) for r, c in letters(axes)]]
+    given = (target, positive(rng, m, 80.0), positive(rng, m, 10.0), K, B, B0)
+    options = {"frame": frame, "axes": axes, "damping_ratio": 0.8, "relative_damping": relative}
+    return (
+        al.ElasticArm(ours, K, B),
+        al.ElasticImpedance(ours, *given, **options),
+        reference.ElasticArm(theirs, K, B),
+        reference.ElasticImpedance(theirs, *given, **options),
+    )
+
+
+def letters(axes: str) -> list[tuple[bool, str]]:
+    found, turn = [], False
+    for c in axes.replace(" ", ""):
+        if c == "r":
+            turn = True
+        else:
+            found.append((turn, c))
+            turn = False
+    return found
+
+
+CASES = [(1, "x"), (2, "zx"), (3, "xyz"), (4, "xyz"), (6, "xyz rx ry rz"), (7, "yz rx"), (8, "xyz")]
+
+
+@pytest.mark.parametrize("relative", [False, True])
+@pytest.mark.parametrize(("n", "axes"), CASES)
+def test_law(n: int, axes: str, relative: bool) -> None:
+    rng = np.random.default_rng(100 * n + relative)
+    _, ours, _, theirs = laws(rng, pair(rng, n), axes, relative)
+    for _ in range(3):
+        q, v, theta, theta_dot = rng.uniform(-1.0, 1.0, (4, n))
+        parts = ours.terms(0.0, q, v, theta=theta, theta_dot=theta_dot)
+        expected = theirs.terms(0.0, q, v, theta, theta_dot)
+        # Products of matrices of size 1e4 and condition below 1e2.
+        for name in ("u", "tau", "tau_J", "e", "J", "x_dot"):
+            close(parts[name], expected[name], 1e-12)
+        close(ours(0.0, q, v, theta=theta, theta_dot=theta_dot), expected["tau"], 1e-12)
+
+
+@pytest.mark.parametrize(("n", "axes"), [(1, "x"), (2, "zx"), (3, "xyz"), (4, "xyz rx")])
+def test_run(n: int, axes: str) -> None:
+    rng = np.random.default_rng(7 + n)
+    plant, ours, their_plant, theirs = laws(rng, pair(rng, n), axes, False)
+    q0, v0 = rng.uniform(-0.3, 0.3, (2, n))
+    m = ours.terms(0.0, q0, v0, theta=q0, theta_dot=v0)["e"].size
+    force = [(0.0, rng.uniform(-5.0, 5.0, m)), (0.03, rng.uniform(-5.0, 5.0, m))]
+    options: dict[str, Any] = {"v0": v0, "t_end": 0.05, "dt": 1e-3, "force": force}
+    run = al.simulate(plant, ours, q0, **options)
+    expected = reference.simulate(their_plant, theirs, q0, **options)
+    # The same fixed steps: two codes differ by rounding, which grows at the loop's rate.
+    for name in ("q", "v", "theta", "theta_dot", "tau"):
+        close(getattr(run, name), expected[name], 1e-9)
+
+
+def test_rest_and_eigenvalues() -> None:
+    rng = np.random.default_rng(11)
+    arms = al.planar_arm([0.5, 0.4, 0.3]), reference.planar_arm([0.5, 0.4, 0.3])
+    K, B = [900.0, 700.0, 500.0], [0.4, 0.3, 0.2]
+    for _ in range(3):
+        q_d = rng.uniform([-1.0, 0.5, 0.3], [1.0, 1.2, 1.0])
+        target = np.asarray(arms[0].pose(q_d, "link3"))
+        given = (np.array([*target[:2, 3], q_d.sum()]), [300.0, 300.0, 60.0], [30.0, 30.0, 6.0], K, B, [0.05, 0.04, 0.03])
+        ours = al.ElasticImpedance(arms[0], *given, frame="link3", axes="xy rz")
+        theirs = reference.ElasticImpedance(arms[1], *given, frame="link3", axes="xy rz")
+        F = rng.uniform(-5.0, 5.0, 3) * [1.0, 1.0, 0.2]
+        rest = al.equilibrium(al.ElasticArm(arms[0], K, B), ours, F, q0=q_d)
+        expected = elastic.equilibrium(reference.ElasticArm(arms[1], K, B), theirs, F, q_d)
+        close(rest.q, expected.q, 1e-10)
+        close(rest.tau, expected.tau, 1e-9)
+        assert (rest.reachable, rest.spurious, rest.stable) == (expected.reachable, expected.spurious, expected.stable)
+        # The reference's slopes are differences, extrapolated to about 1e-9 of the largest.
+        ours_sorted, theirs_sorted = (np.sort_complex(np.round(values, 6)) for values in (rest.eigenvalues, expected.eigenvalues))
+        close(np.abs(ours_sorted), np.abs(theirs_sorted), 1e-6)
+
+
+def test_limits() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        B, K, zeta, dt = rng.uniform(0.1, 1.0), rng.uniform(200.0, 2000.0), rng.uniform(0.5, 1.5), rng.uniform(2e-4, 2e-3)
+        ours = float(al.smallest_reduced_inertia(B, K, dt, damping_ratio=zeta))
+        # Both bisect a radius that is flat near its limit.
+        assert abs(ours / elastic.smallest_reduced_inertia(B, K, zeta, dt) - 1.0) < 1e-6
+        M, b0, d = rng.uniform(0.3, 2.0), rng.uniform(0.01, 0.1), rng.uniform(0.0, 10.0)
+        D0 = 2.0 * np.sqrt(b0 * K)
+        assert abs(float(al.stiffness_limit(M, K, b0, d)) / elastic.stiffness_limit(M, K, b0, d, float(D0)) - 1.0) < 1e-8
