@@ -111,9 +111,12 @@ impl Base {
     }
 }
 
+/// The law on vectors of any size.
+type OnHeap<S> = Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>;
+
 /// The law in a loop of any arm.
 pub struct AnyAdaptive<S: Real> {
-    law: Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>,
+    law: OnHeap<S>,
     /// Known rotor inertias; empty where there are none.
     armature: Vec<f64>,
     columns: Vec<usize>,
