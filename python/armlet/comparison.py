@@ -44,7 +44,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
         import matplotlib
     except ImportError:
         raise ImportError("compare: matplotlib is not installed: pip install 'armlet[plot]'") from None
-    from .plots import COLOURS, FORCE, STYLE
+    from .plots import COLOURS, STYLE
 
     errors = [_error(run) for run in given]
     by_error = all(error is not None for error in errors)
@@ -72,7 +72,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
             axes[0, j].set_title(f"Joint {j + 1}")
             axes[0, j].set_ylabel(f"{'error' if by_error else 'position'} ({unit})")
             if with_tau:
-                axes[1, j].set_ylabel(f"input ({FORCE.get(unit, 'N m')})")
+                axes[1, j].set_ylabel(f"input ({given[0].input_units[j]})")
             axes[-1, j].set_xlabel("time (s)")
         # Outside the axes, where it covers no data.
         fig.legend(lines, names, loc="outside upper center", ncols=min(4, len(names)))

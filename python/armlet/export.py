@@ -71,7 +71,7 @@ def to_xarray(run: Run) -> xr.Dataset:
     from .run import SERIES
 
     unit = ", ".join(dict.fromkeys(run.units))
-    force = ", ".join(dict.fromkeys("N" if each == "m" else "N m" for each in run.units))
+    force = ", ".join(dict.fromkeys(run.input_units))
     units = {"q": unit, "theta": unit, "tau": force, "estimate": "SI"}
     variables: dict[str, Any] = {}
     for name in SERIES:

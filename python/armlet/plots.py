@@ -159,10 +159,11 @@ def _velocity(ax: Axes, run: Run) -> None:
 
 def _torque(ax: Axes, run: Run) -> None:
     assert run.tau is not None
-    units = tuple(FORCE.get(unit, "N m") for unit in run.units)
-    _lines(ax, run.t, run.tau, _joints(r"\tau", units))
+    units = run.input_units
+    commanded = units[:1] not in (("N",), ("N m",))
+    _lines(ax, run.t, run.tau, _joints("u" if commanded else r"\tau", units))
     ax.set_ylabel(_axis("input", units))
-    ax.set_title("Joint forces and torques" if len(set(units)) > 1 else "Joint torques")
+    ax.set_title("Commanded velocities" if commanded else "Joint forces and torques" if len(set(units)) > 1 else "Joint torques")
     _legend(ax)
 
 

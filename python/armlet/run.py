@@ -29,7 +29,7 @@ Array: TypeAlias = NDArray[np.float64]
 SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
 # Laws whose target is a joint position, and laws whose motion is not one of joints.
 JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
-TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity")
+TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Fields without a time axis that may be there.
 OTHERS = ("parameters", "target", "limits")
 LIMITS = ("q_min", "q_max", "v_max", "effort")
@@ -133,6 +133,13 @@ class _Recorded:
         from .run_metrics import metrics
 
         return metrics(self, **keywords)  # type: ignore[arg-type]  # Run and BatchRun are all there is
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each joint's input: a force, or a velocity where that is what the law commands."""
+        if self.law_name == "PriorityVelocity":
+            return tuple(f"{unit}/s" for unit in self.units)
+        return tuple("N" if unit == "m" else "N m" for unit in self.units)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the run to one file, whole or not at all; `armlet.load` reads it back. No pickle inside."""

@@ -11,7 +11,7 @@ error_final            rad or m        |e| at the end
 overshoot              1               how far q passes beyond the farthest point of the reference, as a fraction of the way from
                                        q(0) to its end; NaN without such a way, and where the reference still moves at the end
 settling_time          s               from when on |e| stays within the band for good, for all joints; NaN if it does not
-tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|
+tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|; of an arm under velocity control rad/s or m/s
 time_outside_limits    s               how long any joint is beyond its position, velocity or effort limits; NaN if unknown
 monitor_violations     1               records at which an identity of theory does not hold: see `metrics`
 =====================  ==============  ====================================================================================
@@ -39,17 +39,17 @@ Array: TypeAlias = NDArray[np.float64]
 
 PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "tau_peak")
 PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations")
-FORCE = {"rad": "N m", "m": "N"}
 
 
 class Metrics(dict[str, Array]):
     """Metrics by name: (n,) or a number for a run, (B, n) or (B,) for a batch; `columns()` has one entry per number of a run."""
 
     units: tuple[str, ...]
+    input_units: tuple[str, ...]
 
-    def __init__(self, values: Mapping[str, Array], units: tuple[str, ...]) -> None:
+    def __init__(self, values: Mapping[str, Array], units: tuple[str, ...], input_units: tuple[str, ...]) -> None:
         super().__init__(values)
-        self.units = units
+        self.units, self.input_units = units, input_units
 
     def unit(self, name: str, joint: int = 0) -> str:
         """The unit of a metric, that of joint number `joint` where joints differ."""
@@ -57,8 +57,7 @@ class Metrics(dict[str, Array]):
             return "s"
         if name in ("overshoot", "monitor_violations"):
             return "1"
-        unit = self.units[joint]
-        return FORCE.get(unit, "N m") if name.startswith("tau") else unit
+        return (self.input_units if name.startswith("tau") else self.units)[joint]
 
     def columns(self) -> dict[str, Array]:
         """One column per number of a run: `error_rms1`, `error_rms2`, .., `settling_time`, .."""
@@ -71,7 +70,7 @@ class Metrics(dict[str, Array]):
         return table
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (dict(self), self.units)
+        return type(self), (dict(self), self.units, self.input_units)
 
     def __str__(self) -> str:
         lines = []
@@ -158,7 +157,7 @@ def metrics(
     for name, values in found.items():
         # A run that has stopped being finite has no metrics, whatever its first part was like.
         found[name] = np.where(bad[..., None] if values.ndim > np.ndim(bad) else bad, np.nan, values)
-    return Metrics({name: found[name] for name in (*PER_JOINT, *PER_RUN) if name in found}, run.units)
+    return Metrics({name: found[name] for name in (*PER_JOINT, *PER_RUN) if name in found}, run.units, run.input_units)
 
 
 def _weights(t: Array) -> Array:
@@ -215,6 +214,7 @@ def _outside(run: Run | BatchRun, t: Array) -> Array:
     low, high, speed, effort = (run.limits[name][..., None, :] for name in ("q_min", "q_max", "v_max", "effort"))
     out = ((run.q < low) | (run.q > high) | (np.abs(run.v) > speed)).any(axis=-1)
     if run.tau is not None:
+        effort = speed if run.input_units == tuple(f"{unit}/s" for unit in run.units) else effort
         out = out | (np.abs(run.tau) > effort).any(axis=-1)
     span = t[..., -1] - t[..., 0] if t.shape[-1] else np.zeros(t.shape[:-1])
     result: Array = (out * _weights(t)).sum(axis=-1) * span

@@ -37,6 +37,9 @@ def changed(changes: dict[str, Any]) -> dict[str, Any]:
     return data
 
 
+TASK: dict[str, Any] = {"kind": "Task", "frame": "link2", "axes": "xy", "target": [0.5, 0.4], "gain": 5.0}
+TASKS: dict[str, Any] = {"kind": "PriorityVelocity"}
+
 # What is changed, and the message without the scenario's name.
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"law": None}, "$.law: is missing: expected a table with kind = one of Adaptive, "),
@@ -81,6 +84,14 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"arm.payload": {"frame": "tip", "mass": 1.0}}, "$.arm.payload.frame: "),
     ({"plant": {"kind": "ElasticArm", "stiffness": [1.0, 2.0], "motor_inertia": [1.0, 2.0]}}, "$.law: is made for another plant: "),
     ({"plant": {"kind": "RigidArm", "friction": 1}}, "$.plant.friction: expected true or false, got 1"),
+    ({"motion": None, "law": TASKS | {"tasks": []}}, "$.law.tasks: expected a list of at least 1 tables, got []"),
+    ({"motion": None, "law": TASKS | {"tasks": [TASK | {"frame": "hand"}]}}, "$.law.tasks[0].frame"),
+    (
+        {"motion": None, "law": TASKS | {"tasks": [TASK, TASK | {"target": [1.0]}]}},
+        "$.law.tasks[1].target: has the wrong shape: expected (2,), got (1,)",
+    ),
+    ({"motion": None, "law": TASKS | {"tasks": [TASK, TASK | {"axes": "xq"}]}}, "$.law.tasks[1].axes"),
+    ({"motion": None, "law": TASKS | {"tasks": [TASK | {"kind": "task"}]}}, "$.law.tasks[0].kind: expected one of Task, PostureTask, "),
     ({"sweep": {"vary": {}}}, "$.sweep.vary: expected a table with at least one entry, got an empty table"),
     ({"sweep": {"vary": {"law.kd": 1.0}}}, '$.sweep.vary."law.kd": expected a list of values, or a table '),
 ]
@@ -187,7 +198,7 @@ def test_templates_run(name: str, tmp_path: Path) -> None:
 
 
 def test_unknown_template() -> None:
-    with pytest.raises(al.InputError, match="adaptive, elastic, mintime"):
+    with pytest.raises(al.InputError, match="adaptive, elastic, mintime, priority"):
         template("nothing")
 
 

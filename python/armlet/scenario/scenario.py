@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Built", "Scenario", "change", "pathed"]
 
-MESSAGE = re.compile(r"^[\w.]+: (?P<key>\w+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
+MESSAGE = re.compile(r"^[\w.]+: (?P<key>[\w.\[\]]+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
 STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
 
 
@@ -225,7 +225,9 @@ def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, 
         key, index = found["key"], found["index"]
         path = f"$.{table}"
         owner = next((k for k, v in values.items() if isinstance(v, Mapping) and key in v), None)
-        if key in ("law", "plant") and table == "run":
+        if key.startswith("tasks["):
+            path += f".{key}"
+        elif key in ("law", "plant") and table == "run":
             path = f"$.{key}"
         elif key in values or key in _missing(table, values):
             path += f".{key}"

@@ -10,7 +10,7 @@ from .tables import SCENARIO
 
 __all__ = ["TEMPLATES", "schema", "template"]
 
-TEMPLATES = ("adaptive", "elastic", "mintime")
+TEMPLATES = ("adaptive", "elastic", "mintime", "priority")
 
 
 def schema() -> dict[str, Any]:

@@ -14,6 +14,7 @@ from .. import _core
 from ..errors import InputError
 from ..sampling import CHANNELS, Sampling
 from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
+from .tasks import prioritised, tasks_of
 
 __all__ = ["ADAPTIVE_METHODS", "ARMS", "JOINT_TARGETS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
 
@@ -150,6 +151,11 @@ def _law(make: Any, required: Mapping[str, Field], optional: Mapping[str, Field]
 
 
 _TIP: dict[str, Field] = {"frame": TEXT}
+_TASKS = tasks_of(MOTIONS)
+_LEVELS: dict[str, Field] = {"tasks": Items(_TASKS)}
+_METHOD: dict[str, Field] = {"method": Text(("clamp", "exact", "damped", "chiaverini", "sns")), "eps": Numbers(depth=1, low=0.0)}
+_BOUNDS: dict[str, Field] = {"v_min": Numbers(depth=1), "v_max": Numbers(depth=1)}
+_REST: dict[str, Field] = {"joint_damping": NOT_NEGATIVE}
 LAWS = OneOf(
     {
         "Adaptive": _law(_core.Adaptive, _PD | {"gamma": GAIN}, {"estimate": VECTOR}, _FOLLOWS),
@@ -161,6 +167,8 @@ LAWS = OneOf(
         "JointImpedance": _law(_core.JointImpedance, _TARGET | _IMPEDANCE | _REDUCED, _INNER | _INNER_OPTIONS),
         "MotorPD": _law(_core.MotorPD, _TARGET | _PD, _SPRING | {"online": Flag()}),
         "StateFeedback": _law(_core.StateFeedback, _TARGET | _PD | {"kt": DAMPING, "ks": DAMPING}, _SPRING),
+        "PriorityVelocity": _law(prioritised(_core.PriorityVelocity, _TASKS), _LEVELS, _METHOD | _BOUNDS),
+        "PriorityAcceleration": _law(prioritised(_core.PriorityAcceleration, _TASKS), _LEVELS, _METHOD | _REST),
     }
 )
 

@@ -1,0 +1,71 @@
+"""The tasks of a law in priority, as tables: `[[law.tasks]]`, the highest first, each with a `kind`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from .. import _core
+from ..errors import InputError
+from .fields import Field, Kind, Numbers, OneOf, Text
+
+__all__ = ["prioritised", "tasks_of"]
+
+VECTOR = Numbers(depth=1, scalar=False)
+TEXT = Text()
+
+
+def tasks_of(motions: OneOf) -> OneOf:
+    """The kinds of tasks; a task has a fixed `target` or a `motion` of its own, of as many numbers as it has rows."""
+    gain: dict[str, Field] = {"gain": Numbers(depth=2, low=0.0), "damping": Numbers(depth=2, low=0.0)}
+    aim: dict[str, Field] = {"target": Numbers(depth=1), "motion": motions}
+
+    def kind(make: Any, required: dict[str, Field], optional: dict[str, Field]) -> Kind:
+        return Kind(required | optional | gain, (*required, "gain"), _with_motion(make, motions))
+
+    return OneOf(
+        {
+            "Task": kind(_core.Task, {"frame": TEXT, "axes": TEXT}, aim),
+            "PostureTask": kind(_core.PostureTask, {}, {"joints": _Names()} | aim),
+            "CentreOfMassTask": kind(_core.CentreOfMassTask, {"axes": TEXT}, aim),
+            "AxisTask": kind(_core.AxisTask, {"frame": TEXT, "axis": VECTOR}, aim),
+            "RelativeTask": kind(_core.RelativeTask, {"frame": TEXT, "reference": TEXT, "axes": TEXT}, aim),
+            "JointLimitTask": kind(_core.JointLimitTask, {}, {"margin": Numbers(low=0.0, strict=True), "joints": _Names()}),
+        }
+    )
+
+
+class _Names(Field):
+    """A list of names."""
+
+    def check(self, value: object, path: str) -> Iterable[str]:  # type: ignore[override]
+        if not isinstance(value, list | tuple) or not value or not all(isinstance(item, str) for item in value):
+            yield f"{path}: expected a list of names, got {value!r}"
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": {"type": "string"}, "minItems": 1}
+
+
+def _with_motion(make: Callable[..., Any], motions: OneOf) -> Callable[..., Any]:
+    def task(motion: Mapping[str, Any] | None = None, **values: Any) -> Any:
+        if motion is not None:
+            kind = motions.kinds[motion["kind"]]
+            values["motion"] = kind.make(**{key: value for key, value in motion.items() if key != "kind"})
+        return make(**values)
+
+    return task
+
+
+def prioritised(law: Callable[..., _core.Law], kinds: OneOf) -> Callable[..., _core.Law]:
+    """The constructor of a law whose `tasks` are given as tables."""
+
+    def make(arm: _core.Arm, tasks: list[Mapping[str, Any]], **keywords: Any) -> _core.Law:
+        built = []
+        for i, table in enumerate(tasks):
+            try:
+                built.append(kinds.kinds[table["kind"]].make(**{key: value for key, value in table.items() if key != "kind"}))
+            except InputError as error:
+                raise InputError(f"Task: tasks[{i}].{str(error).partition(': ')[2]}") from None
+        return law(arm, built, **keywords)
+
+    return make
