@@ -34,6 +34,9 @@ pub struct ArmPrioritySolver {
     state: Mutex<Core>,
 }
 
+/// Levels that are read without a buffer of their own.
+const MOST: usize = 8;
+
 const SOLVE: &str = "ArmPrioritySolver.solve";
 
 /// Build one: what `PrioritySolver.for_arm` does.
@@ -83,19 +86,21 @@ impl ArmPrioritySolver {
         out: Option<&Bound<'py, PyAny>>,
     ) -> Option<Result<Bound<'py, PyAny>, Failure>> {
         let angles = of_shape(q, &[self.n])?;
-        if velocities.len() != self.rows.len() {
+        if velocities.len() != self.rows.len() || velocities.len() > MOST {
             return None;
         }
-        for (velocity, &m) in velocities.iter().zip(&self.rows) {
-            of_shape(velocity, &[m])?;
+        let mut given: [&[f64]; MOST] = [&[]; MOST];
+        for ((slot, velocity), &m) in given.iter_mut().zip(velocities).zip(&self.rows) {
+            *slot = of_shape(velocity, &[m])?;
         }
+        let given = &given[..velocities.len()];
         let solve = |v: &mut [f64]| -> Result<(), Failure> {
             let core = &mut *self.state();
             let command = core.prepare(angles)?;
             let mut at = 0;
-            for (velocity, &m) in velocities.iter().zip(&self.rows) {
-                command[at..at + m].copy_from_slice(of_shape(velocity, &[m]).unwrap_or_default());
-                at += m;
+            for velocity in given {
+                command[at..at + velocity.len()].copy_from_slice(velocity);
+                at += velocity.len();
             }
             core.solver_mut().run()?;
             v.copy_from_slice(core.solver().v());
@@ -104,8 +109,13 @@ impl ArmPrioritySolver {
         let answer = match out {
             None => new_vector(py, self.n, solve),
             Some(out) => {
-                let inputs: Vec<&Bound<'_, PyAny>> = std::iter::once(q).chain(velocities).collect();
-                match out_slice(SOLVE, out, &[self.n], &inputs) {
+                // All inputs are contiguous: their addresses say whether they overlap, and the full way then says so.
+                let place = of_shape(out, &[self.n])?.as_ptr_range();
+                let apart = |x: &[f64]| x.as_ptr_range().end <= place.start || place.end <= x.as_ptr_range().start;
+                if !(apart(angles) && given.iter().all(|x| apart(x))) {
+                    return None;
+                }
+                match out_slice(SOLVE, out, &[self.n], &[]) {
                     Ok(v) => solve(v).map(|()| out.clone()),
                     Err(failure) => return Some(Err(failure)),
                 }
