@@ -189,7 +189,7 @@ mod tests {
         let (b, k) = (0.4, 800.0);
         for zeta in [0.1, 0.25, 0.5, 1.0, 2.0] {
             let b0 = 1e-6 * b;
-            let omega = (k / b0).sqrt();
+            let omega = f64::sqrt(k / b0);
             let limit = omega * LockedMotors::single(b, k, b0, 2.0 * zeta * (b0 * k).sqrt(), f64::INFINITY).largest_sample_time();
             let rule = (4.0 * zeta).min(1.0 / zeta);
             // The error of the rule shrinks with B0/B = 1e-6.
@@ -197,8 +197,8 @@ mod tests {
         }
         // At B0 = B it is on the unsafe side by 8 to 27 % from critical damping down to half of it.
         for zeta in [0.5, 0.7, 1.0] {
-            let full = LockedMotors::single(b, k, b, 2.0 * zeta * (b * k).sqrt(), f64::INFINITY).largest_sample_time();
-            let excess = (4.0 * zeta).min(1.0 / zeta) / ((k / b).sqrt() * full);
+            let full = LockedMotors::single(b, k, b, 2.0 * zeta * f64::sqrt(b * k), f64::INFINITY).largest_sample_time();
+            let excess = (4.0 * zeta).min(1.0 / zeta) / (f64::sqrt(k / b) * full);
             assert!((1.07..1.28).contains(&excess), "zeta {zeta}: {excess}");
         }
     }
