@@ -37,7 +37,6 @@ STYLE = {
     "xtick.labelsize": 8,
     "ytick.labelsize": 8,
 }
-FORCE = {"rad": "N m", "m": "N"}
 
 
 def available() -> bool:

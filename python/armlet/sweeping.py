@@ -120,7 +120,7 @@ def sweep(
     >>> scenario = al.Scenario({"arm": arm, "motion": motion, "law": law, "run": {"q0": [0.0, 0.0], "t_end": 2.0, "dt": 1e-3}})
     >>> table = al.sweep(scenario, {"law.kp": [50.0, 100.0], "law.kd": {"linspace": [10.0, 20.0, 3]}})
     >>> table["law.kd"], table["settling_time"].round(2)
-    (array([10., 15., 20., 10., 15., 20.]), array([0.75, 0.94, 1.42, 0.81, 0.51, 0.58]))
+    (array([10., 15., 20., 10., 15., 20.]), array([0.84, 0.92, 1.4 , 0.81, 0.58, 0.58]))
     """
     whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
     stated = whole.data.get("sweep", {})
