@@ -122,7 +122,7 @@ def metrics(
     if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
         if "error_rms" in run.stats and reference is None and band is None:
             # A batch that kept its metrics has them among its stats.
-            return Metrics({name: run.stats[name] for name in (*PER_JOINT, *PER_RUN) if name in run.stats}, run.units)
+            return Metrics({name: run.stats[name] for name in (*PER_JOINT, *PER_RUN) if name in run.stats}, run.units, run.input_units)
         raise InputError('metrics: run has its last record alone: expected a batch run with keep="all"')
     q, t = run.q, run.t
     n = q.shape[-1]
