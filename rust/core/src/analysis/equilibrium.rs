@@ -57,18 +57,12 @@ impl<S: Real> Residual<S> {
     fn new(plant: &PlantSpec, outer: &LawSpec, wrench: [f64; 6], frame: Option<usize>) -> Self {
         let n = plant.n();
         let arm = AnyArm::<S>::from_lanes(|_| plant.model());
-        let mut desired = Vec::new();
-        for motion in outer.motions() {
-            let mut sample = vec![0.0; 3 * motion.dof()];
-            motion.sample(0.0, &mut sample);
-            desired.extend(sample.into_iter().map(S::splat));
-        }
         let zeros = |k: usize| vec![S::zero(); k];
         Residual {
             law: LawSpec::build::<S>(|_| outer),
             ws: arm.workspace(),
             arm,
-            desired,
+            desired: outer.desired(0.0),
             x: zeros(2 * n),
             wrench,
             frame,

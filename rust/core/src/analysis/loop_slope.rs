@@ -20,13 +20,7 @@ pub fn loop_slope(
 ) -> Vec<f64> {
     let (n, states, s) = (plant.n(), x.len(), x.len() + z.len());
     let mut plant = PlantSpec::build::<Dual>(|_| plant, force_frame);
-    let motions = law.motions();
-    let mut desired = Vec::new();
-    for motion in motions {
-        let mut sample = vec![0.0; 3 * motion.dof()];
-        motion.sample(t, &mut sample);
-        desired.extend(sample.into_iter().map(Dual::splat));
-    }
+    let desired = law.desired(t);
     let mut law = LawSpec::build::<Dual>(|_| law);
     let wrench: Vec<Dual> = wrench.iter().map(|&w| Dual::splat(w)).collect();
     let mut moving: Vec<Dual> = x.iter().chain(z).map(|&x| Dual::splat(x)).collect();

@@ -1,7 +1,7 @@
 //! A law asked instant by instant: what `law(t, q, v)` costs from Python.
 
 use super::{Law, LawSpec};
-use crate::motion::{Motion, sample_apart};
+use crate::motion::{Motion, sample_all};
 use crate::scalar::trig::sin_cos_apart;
 use crate::scalar::{Fused, Isa, Real, isa};
 
@@ -72,12 +72,7 @@ impl<S: Real> Engine<S> {
         for (trig, &q) in self.trig.iter_mut().zip(&self.x) {
             *trig = sin_cos_apart(q);
         }
-        let mut at = 0;
-        for motion in &self.motions {
-            let width = 3 * motion.dof();
-            sample_apart(motion, t, &mut self.desired[at..at + width]);
-            at += width;
-        }
+        sample_all(&self.motions, t, &mut self.desired);
         self.law.at(t);
         self.law.evaluate(&self.desired, &self.trig, &self.x, &self.z, &mut self.tau, &mut self.dz);
         for (to, from) in tau.iter_mut().zip(&self.tau) {

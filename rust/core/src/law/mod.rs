@@ -39,7 +39,7 @@ pub use sampled_reduction::LockedMotors;
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
-use crate::motion::Motion;
+use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::{Kernel, Real};
 
@@ -168,14 +168,17 @@ impl LawSpec {
         each!(self, law => law.initial_state(), _outside => &[])
     }
 
+    /// What the law's motions ask for at time `t`, as [`Law::evaluate`] reads it.
+    pub fn desired<S: Real>(&self, t: f64) -> Vec<S> {
+        let motions = self.motions();
+        let mut desired = vec![S::zero(); motions.iter().map(|motion| 3 * motion.dof()).sum()];
+        sample_all(motions, t, &mut desired);
+        desired
+    }
+
     /// The named parts of the law at time `t`.
     pub fn terms(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
-        let mut desired = Vec::new();
-        for motion in self.motions() {
-            let start = desired.len();
-            desired.resize(start + 3 * motion.dof(), 0.0);
-            motion.sample(t, &mut desired[start..]);
-        }
+        let desired = self.desired(t);
         each!(self, law => law.terms(&Instant { desired: &desired, x, z }), outside => outside.terms(t, x))
     }
 

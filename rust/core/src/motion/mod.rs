@@ -97,6 +97,16 @@ pub fn sample_apart<S: Real>(motion: &Motion, t: f64, out: &mut [S]) {
     S::enter(Sample(motion, t, out));
 }
 
+/// `[x_d, x_d', x_d'']` of each motion at time `t`, one after another, as laws read them.
+pub fn sample_all<'a, S: Real>(motions: impl IntoIterator<Item = &'a Motion>, t: f64, out: &mut [S]) {
+    let mut at = 0;
+    for motion in motions {
+        let width = 3 * motion.dof();
+        sample_apart(motion, t, &mut out[at..at + width]);
+        at += width;
+    }
+}
+
 /// Start, end and duration of a rest-to-rest motion.
 fn require_rest_to_rest(q0: &[f64], q1: &[f64], duration: f64) -> Result<()> {
     finite("q0", q0)?;

@@ -110,6 +110,12 @@ pub trait Real:
         Self::splat(0.0)
     }
 
+    /// Into `[low, high]`, lane by lane; NaN stays NaN, which `min` and `max` would hide.
+    #[inline(always)]
+    fn clamped(self, low: Self, high: Self) -> Self {
+        Self::select(high.lt(self), high, Self::select(self.lt(low), low, self))
+    }
+
     /// `f` of every lane: for set-up and rare paths, not for a control step.
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {

@@ -222,9 +222,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     fn saturate(&mut self) {
         if let Some(limit) = &self.closing.tau_max {
             for (tau, &limit) in self.tau.iter_mut().zip(limit.iter()) {
-                // A NaN passes, as it must: min and max would hide it.
-                let (high, low) = (S::splat(limit), S::splat(-limit));
-                *tau = S::select(high.lt(*tau), high, S::select(tau.lt(low), low, *tau));
+                *tau = tau.clamped(S::splat(-limit), S::splat(limit));
             }
         }
     }

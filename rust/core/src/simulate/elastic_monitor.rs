@@ -3,6 +3,7 @@
 
 use crate::law::{Law, LawSpec};
 use crate::linalg::Gain;
+use crate::motion::sample_all;
 use crate::plant::PlantSpec;
 
 pub struct TorqueError {
@@ -32,12 +33,7 @@ impl TorqueError {
     /// At time `t`, plant state `x` and its (sin, cos).
     pub fn evaluate(&mut self, t: f64, trig: &[(f64, f64)], x: &[f64]) -> f64 {
         let n = trig.len();
-        let mut at = 0;
-        for motion in self.outer.motions() {
-            let width = 3 * motion.dof();
-            motion.sample(t, &mut self.desired[at..at + width]);
-            at += width;
-        }
+        sample_all(self.outer.motions(), t, &mut self.desired);
         self.law.evaluate(&self.desired, trig, &x[..2 * n], &[], &mut self.u, &mut []);
         let mut worst = 0.0f64;
         for i in 0..n {

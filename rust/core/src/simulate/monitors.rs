@@ -13,7 +13,7 @@
 use super::elastic_monitor::TorqueError;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::law::{AdaptiveSpec, Law, LawSpec, PriorityVelocity};
-use crate::motion::Motion;
+use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::{Dual, Real};
 
@@ -196,12 +196,7 @@ impl Levels {
     }
 
     fn evaluate(&mut self, t: f64, q: &[f64], out: &mut [f64]) {
-        let mut at = 0;
-        for motion in &self.motions {
-            let width = 3 * motion.dof();
-            motion.sample(t, &mut self.desired[at..at + width]);
-            at += width;
-        }
+        sample_all(&self.motions, t, &mut self.desired);
         for (trig, q) in self.trig.iter_mut().zip(q) {
             *trig = Real::sin_cos(*q);
         }

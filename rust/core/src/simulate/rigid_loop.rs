@@ -82,9 +82,7 @@ where
         if let (true, Some(limit)) = (MONITORED, self.tau_max) {
             let tau = self.tau.as_mut();
             for i in 0..n {
-                // A NaN passes, as it must: min and max would hide it.
-                let (high, low) = (S::splat(limit[i]), S::splat(-limit[i]));
-                tau[i] = S::select(high.lt(tau[i]), high, S::select(tau[i].lt(low), low, tau[i]));
+                tau[i] = tau[i].clamped(S::splat(-limit[i]), S::splat(limit[i]));
             }
         }
     }

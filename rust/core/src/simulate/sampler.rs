@@ -115,9 +115,7 @@ impl<S: Real> Sampler<S> {
         }
         let most = S::splat(self.sampling.rate_limit * self.sampling.period);
         for (tau, &last) in tau.iter_mut().zip(&entry.tau) {
-            let (high, low) = (last + most, last - most);
-            // A NaN passes, as it must.
-            *tau = S::select(high.lt(*tau), high, S::select(tau.lt(low), low, *tau));
+            *tau = tau.clamped(last - most, last + most);
         }
     }
 
