@@ -8,7 +8,7 @@
 //! `r` is followed downhill from `q0` by Newton's method with the magnitudes of the eigenvalues of `-dr/dq`.
 
 use super::loop_slope::loop_eigenvalues;
-use crate::dynamics::{AnyArm, Dynamics};
+use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
 use crate::law::{CartesianImpedanceSpec, Law, LawSpec};
 use crate::linalg::{cholesky, symmetric_eigen};
@@ -43,47 +43,43 @@ type AtRest<S> = Box<dyn Law<S> + Send>;
 /// `r(q)` and, with it, one number's worth of buffers.
 struct Residual<S: Real> {
     law: AtRest<S>,
-    arm: AnyArm<S>,
-    ws: crate::dynamics::Workspace<S>,
+    arm: ArmAt<S>,
     desired: Vec<S>,
     x: Vec<S>,
     wrench: [f64; 6],
     frame: Option<usize>,
-    jacobian: Vec<S>,
     g: Vec<S>,
 }
 
 impl<S: Real> Residual<S> {
     fn new(plant: &PlantSpec, outer: &LawSpec, wrench: [f64; 6], frame: Option<usize>) -> Self {
         let n = plant.n();
-        let arm = AnyArm::<S>::from_lanes(|_| plant.model());
         let zeros = |k: usize| vec![S::zero(); k];
         Residual {
             law: LawSpec::build::<S>(|_| outer),
-            ws: arm.workspace(),
-            arm,
+            arm: plant.model().at(&zeros(n)),
             desired: outer.desired(0.0),
             x: zeros(2 * n),
             wrench,
             frame,
-            jacobian: zeros(6 * n),
             g: zeros(n),
         }
     }
 
     fn evaluate(&mut self, q: &[S], r: &mut [S]) {
         let n = q.len();
-        let trig: Vec<(S, S)> = q.iter().map(|q| q.sin_cos()).collect();
         self.x[..n].copy_from_slice(q);
-        self.law.evaluate(&self.desired, &trig, &self.x, &[], r, &mut []);
-        self.arm.gravity(&mut self.ws, &trig, q, &mut self.g);
-        if let Some(frame) = self.frame {
-            self.arm.jacobian(&mut self.ws, &trig, q, frame, &mut self.jacobian);
-        }
+        self.arm.move_to(q);
+        self.law.evaluate(&self.desired, self.arm.trig(), &self.x, &[], r, &mut []);
+        self.arm.gravity(&mut self.g);
         for i in 0..n {
             r[i] -= self.g[i];
+        }
+        let Some(frame) = self.frame else { return };
+        let (_, jacobian) = self.arm.jacobian(frame);
+        for i in 0..n {
             for (k, &w) in self.wrench.iter().enumerate() {
-                r[i] = self.jacobian[k * n + i].mul_add(S::splat(w), r[i]);
+                r[i] = jacobian[k * n + i].mul_add(S::splat(w), r[i]);
             }
         }
     }
@@ -157,7 +153,7 @@ fn descend(plant: &PlantSpec, outer: &LawSpec, wrench: [f64; 6], frame: Option<u
 /// `p = K_m e + F` and the size that it is judged by, and `x`.
 fn unbalanced(law: &CartesianImpedanceSpec, push: &[f64], q: &[f64]) -> (Vec<f64>, f64, Vec<f64>) {
     let m = law.coordinates.m();
-    let (e, target) = (task_error(law, q).0, target(law));
+    let (e, target) = (Task::new(law).at(q).0, target(law));
     let load = law.stiffness.inverse().times(push);
     let goal: Vec<f64> = (0..m).map(|k| (target[k] + load[k]).abs() + 1.0).collect();
     let scale = crate::linalg::largest(&law.stiffness.times(&goal));
@@ -174,27 +170,37 @@ fn target(law: &CartesianImpedanceSpec) -> Vec<f64> {
     sample
 }
 
-/// `e` `(m,)` and `J` `(m, n)`.
-fn task_error(law: &CartesianImpedanceSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let (n, m) = (q.len(), law.coordinates.m());
-    let arm = AnyArm::<f64>::from_lanes(|_| &law.model);
-    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
-    let (mut full, mut e, mut j) = (vec![0.0; 6 * n], vec![0.0; m], vec![0.0; m * n]);
-    arm.error_and_jacobian(&mut arm.workspace(), &law.coordinates, &mut full, &trig, q, &target(law), &mut e, &mut j);
-    (e, j)
+/// The task of a law, asked at one pose after another.
+struct Task<'a> {
+    law: &'a CartesianImpedanceSpec,
+    arm: ArmAt,
+    target: Vec<f64>,
+}
+
+impl<'a> Task<'a> {
+    fn new(law: &'a CartesianImpedanceSpec) -> Self {
+        Task { law, arm: law.model.at(&vec![0.0; law.model.n()]), target: target(law) }
+    }
+
+    /// `e` `(m,)` and `J` `(m, n)`.
+    fn at(&mut self, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let m = self.target.len();
+        let (mut e, mut j) = (vec![0.0; m], vec![0.0; m * q.len()]);
+        self.arm.move_to(q);
+        self.arm.error_and_jacobian(&self.law.coordinates, &self.target, &mut e, &mut j);
+        (e, j)
+    }
 }
 
 /// Per joint: the diagonal of `M`, of `J' K_m J` and of `J' D_m J` at `q`; the gains themselves for a law of joints.
 pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = q.len();
-    let arm = AnyArm::<f64>::from_lanes(|_| plant.model());
-    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
     let mut m = vec![0.0; n * n];
-    arm.mass_matrix(&mut arm.workspace(), &trig, q, &mut m);
+    plant.model().at(q).mass_matrix(&mut m);
     let mass = (0..n).map(|i| m[i * n + i]).collect();
     match law.outer() {
         Some(LawSpec::CartesianImpedance(law)) => {
-            let (_, j) = task_error(&law, q);
+            let (_, j) = Task::new(&law).at(q);
             let column = |i: usize| -> Vec<f64> { j.iter().skip(i).step_by(n).copied().collect() };
             (mass, (0..n).map(|i| law.stiffness.form(&column(i))).collect(), (0..n).map(|i| law.damping.form(&column(i))).collect())
         }
@@ -209,13 +215,14 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     const STEPS: usize = 200;
     let (n, m) = (q0.len(), law.coordinates.m());
     let load = law.stiffness.inverse().times(push);
+    let mut task = Task::new(law);
     // Additive recurrence by powers of the generalised golden ratio: spread in n dimensions, the same every time.
     let phi = (0..64).fold(2.0f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
     (0..STARTS).any(|start| {
         let spread = |i: usize| (f64::from(start) * phi.powi(-(i as i32 + 1))).fract() * std::f64::consts::TAU - std::f64::consts::PI;
         let mut q: Vec<f64> = (0..n).map(|i| q0[i] + if start == 0 { 0.0 } else { spread(i) }).collect();
         for _ in 0..STEPS {
-            let (e, j) = task_error(law, &q);
+            let (e, j) = task.at(&q);
             let miss: Vec<f64> = (0..m).map(|k| e[k] + load[k]).collect();
             let size = miss.iter().map(|x| x * x).sum::<f64>();
             if size.sqrt() < 1e-9 {
@@ -261,15 +268,13 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     }
     let mut q = q0.to_vec();
     descend(plant, &outer, *wrench, force_frame, &mut q)?;
-    let arm = AnyArm::<f64>::from_lanes(|_| plant.model());
-    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
-    let (mut ws, mut tau, mut j) = (arm.workspace(), vec![0.0; n], vec![0.0; 6 * n]);
-    arm.gravity(&mut ws, &trig, &q, &mut tau);
+    let (mut arm, mut tau) = (plant.model().at(&q), vec![0.0; n]);
+    arm.gravity(&mut tau);
     if let Some(frame) = force_frame {
-        arm.jacobian(&mut ws, &trig, &q, frame, &mut j);
-    }
-    for i in 0..n {
-        tau[i] -= (0..6).map(|k| j[k * n + i] * wrench[k]).sum::<f64>();
+        let (_, j) = arm.jacobian(frame);
+        for i in 0..n {
+            tau[i] -= (0..6).map(|k| j[k * n + i] * wrench[k]).sum::<f64>();
+        }
     }
     let mut state = q.clone();
     state.resize(2 * n, 0.0);

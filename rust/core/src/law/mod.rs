@@ -37,7 +37,7 @@ pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
 pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
 pub use sampled_reduction::LockedMotors;
 
-use crate::dynamics::Model;
+use crate::dynamics::{ArmAt, Model};
 use crate::error::{Error, Result};
 use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
@@ -88,9 +88,10 @@ pub trait Definition {
     fn terms(&self, at: &Instant) -> Vec<Term>;
 }
 
-/// What a law is asked about: its motions' samples, the plant's state and the law's own.
+/// What a law is asked about: its motions' samples, the plant's state with (sin, cos) of its coordinates, and the law's own.
 pub struct Instant<'a> {
     pub desired: &'a [f64],
+    pub trig: &'a [(f64, f64)],
     pub x: &'a [f64],
     pub z: &'a [f64],
 }
@@ -179,7 +180,8 @@ impl LawSpec {
     /// The named parts of the law at time `t`.
     pub fn terms(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
         let desired = self.desired(t);
-        each!(self, law => law.terms(&Instant { desired: &desired, x, z }), outside => outside.terms(t, x))
+        let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
+        each!(self, law => law.terms(&Instant { desired: &desired, trig: &trig, x, z }), outside => outside.terms(t, x))
     }
 
     /// The frame and axes in which the law takes an external force; `None` for a law of joints alone.
@@ -246,10 +248,10 @@ impl LawSpec {
         }
     }
 
-    /// That storage function at plant state `x`.
-    pub fn storage(&self, t: f64, x: &[f64], plant: &PlantSpec) -> Option<f64> {
+    /// That storage function at plant state `x`, whose `q` is where `links` stand.
+    pub fn storage(&self, t: f64, links: &mut ArmAt, x: &[f64], plant: &PlantSpec) -> Option<f64> {
         match self {
-            LawSpec::ElasticImpedance(law) => Some(law.storage(t, x, plant)),
+            LawSpec::ElasticImpedance(law) => Some(law.storage(t, links, x, plant)),
             _ => None,
         }
     }

@@ -45,10 +45,8 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
         for (name, gain) in [("kp", &kp), ("kd", &kd), ("kt", &kt), ("ks", &ks), ("joint_stiffness", &joint_stiffness)] {
             require_size(name, gain, n)?;
         }
-        let arm = AnyArm::<f64>::from_lanes(|_| &model);
-        let trig: Vec<(f64, f64)> = target.iter().map(|q| Real::sin_cos(*q)).collect();
         let mut load = vec![0.0; n];
-        arm.gravity(&mut arm.workspace(), &trig, target, &mut load);
+        model.at(target).gravity(&mut load);
         let sag = joint_stiffness.inverse().times(&load);
         let theta = target.iter().zip(&sag).map(|(q, s)| q + s).collect();
         Ok(MotorRegulationSpec { model, target: Motion::Hold(theta), kp, kd, kt, ks, joint_stiffness, online, load, sag })
@@ -111,9 +109,8 @@ impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = Self::build::<f64>(|_| self);
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let theta_d = at.desired[..n].to_vec();
         let e = (0..n).map(|i| theta_d[i] - at.x[2 * n + i]).collect();
         let stretch: Vec<f64> = (0..n).map(|i| at.x[2 * n + i] - at.x[i]).collect();

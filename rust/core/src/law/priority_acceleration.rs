@@ -100,9 +100,8 @@ impl Definition for PriorityAccelerationSpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.engine();
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let total = law.e.len();
         let (jacobian, command) = law.solver.inputs();
         let (jacobian, command) = (jacobian[..total * n].to_vec(), command[..total].to_vec());

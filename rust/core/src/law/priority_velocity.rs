@@ -89,9 +89,8 @@ impl Definition for PriorityVelocitySpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.engine();
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut v = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut v, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut v, &mut []);
         let (jacobian, command) = law.solver.inputs();
         let (total, jacobian, command) = (command.len(), jacobian.to_vec(), command.to_vec());
         let numbers = |counts: &[usize]| counts.iter().map(|&k| k as f64).collect::<Vec<f64>>();

@@ -5,7 +5,7 @@
 
 use super::rigid::{Links, link_energy};
 use super::{Plant, Power, Wall};
-use crate::dynamics::{AnyArm, Dynamics, Model};
+use crate::dynamics::{ArmAt, Model};
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
@@ -59,19 +59,17 @@ impl ElasticSpec {
 
     /// The motor position at which the springs carry gravity: `theta = q + K^-1 g(q)`.
     pub fn resting_motor(&self, q: &[f64]) -> Vec<f64> {
-        let arm = AnyArm::<f64>::from_lanes(|_| &self.model);
-        let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
         let mut g = vec![0.0; q.len()];
-        arm.gravity(&mut arm.workspace(), &trig, q, &mut g);
+        self.model.at(q).gravity(&mut g);
         let deflection = self.stiffness.inverse().times(&g);
         q.iter().zip(&deflection).map(|(q, d)| q + d).collect()
     }
 
-    pub(super) fn energy(&self, x: &[f64]) -> f64 {
+    pub(super) fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
         let n = self.model.n();
         let stretch: Vec<f64> = (0..n).map(|i| x[2 * n + i] - x[i]).collect();
         let half = |k: &Gain, x: &[f64]| 0.5 * x.iter().zip(k.times(x)).map(|(a, b)| a * b).sum::<f64>();
-        link_energy(&self.model, self.wall.as_ref(), x) + half(&self.stiffness, &stretch) + half(&self.motor_inertia, &x[3 * n..4 * n])
+        link_energy(links, self.wall.as_ref(), &x[n..2 * n]) + half(&self.stiffness, &stretch) + half(&self.motor_inertia, &x[3 * n..4 * n])
     }
 }
 

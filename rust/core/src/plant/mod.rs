@@ -14,7 +14,7 @@ pub use elastic::{Elastic, ElasticSpec};
 pub use rigid::{Rigid, RigidSpec};
 pub use velocity::{Velocity, VelocitySpec};
 
-use crate::dynamics::Model;
+use crate::dynamics::{ArmAt, Model};
 use crate::scalar::{Kernel, Real};
 
 /// Power into a plant: its sum is the rate of the stored energy.
@@ -173,11 +173,11 @@ impl PlantSpec {
         matches!(self, PlantSpec::Rigid(RigidSpec { friction: true, .. }))
     }
 
-    /// The energy stored at `x`, the wall's spring included; zero for a plant without dynamics.
-    pub fn energy(&self, x: &[f64]) -> f64 {
+    /// The energy stored at `x`, whose `q` is where `links` stand, the wall's spring included; zero for a plant without dynamics.
+    pub fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
         match self {
-            PlantSpec::Rigid(plant) => plant.energy(x),
-            PlantSpec::Elastic(plant) => plant.energy(x),
+            PlantSpec::Rigid(plant) => plant.energy(links, x),
+            PlantSpec::Elastic(plant) => plant.energy(links, x),
             PlantSpec::Velocity(_) => 0.0,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{Plant, Power, Wall};
 use crate::dynamics::energy::friction_torque;
-use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::dynamics::{AnyArm, ArmAt, Dynamics, Model, Workspace};
 use crate::scalar::Real;
 use crate::spatial::V3;
 
@@ -19,23 +19,15 @@ impl RigidSpec {
         RigidSpec { model, friction: false, wall: None }
     }
 
-    pub(super) fn energy(&self, x: &[f64]) -> f64 {
-        link_energy(&self.model, self.wall.as_ref(), x)
+    pub(super) fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
+        link_energy(links, self.wall.as_ref(), &x[self.model.n()..])
     }
 }
 
 /// Kinetic and potential energy of the links and of the wall's spring.
-pub(super) fn link_energy(model: &Model, wall: Option<&Wall>, x: &[f64]) -> f64 {
-    let n = model.n();
-    let arm = AnyArm::<f64>::from_lanes(|_| model);
-    let mut ws = arm.workspace();
-    let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
-    let (kinetic, potential) = arm.energy(&mut ws, &trig, &x[..n], &x[n..2 * n]);
-    let stored = wall.map_or(0.0, |wall| {
-        let mut j = vec![0.0; 6 * n];
-        wall.energy(arm.jacobian(&mut ws, &trig, &x[..n], wall.frame, &mut j).0)
-    });
-    kinetic + potential + stored
+pub(super) fn link_energy(links: &mut ArmAt, wall: Option<&Wall>, v: &[f64]) -> f64 {
+    let (kinetic, potential) = links.energy(v);
+    kinetic + potential + wall.map_or(0.0, |wall| wall.energy(links.jacobian(wall.frame).0.0))
 }
 
 /// The links of a plant, and what pushes them from outside.
