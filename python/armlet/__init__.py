@@ -78,7 +78,7 @@ from .interop import Verification, from_mujoco, from_pinocchio, verify
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .run_metrics import Metrics, metrics
-from .sampling import Sampling
+from .sampling import Sampling, TorqueSensor
 from .scenario import Scenario
 from .scipy_method import scipy_method
 from .simulation import simulate, simulate_batch
@@ -146,6 +146,7 @@ __all__ = [
     "Task",
     "TimedPath",
     "TorqueOptimum",
+    "TorqueSensor",
     "VelocityArm",
     "Verification",
     "Wall",

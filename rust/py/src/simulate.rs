@@ -8,6 +8,7 @@ use crate::law::Law;
 use crate::motion::Motion;
 use crate::plant::Plant;
 use armlet_core::law::{ExternalSpec, LawSpec};
+use armlet_core::plant::sensors::TorqueSensor;
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Sampling, Times};
 use numpy::PyArray1;
@@ -69,7 +70,7 @@ impl<'py> Given<'py> {
     }
 
     /// A period in s, or an `armlet.Sampling`.
-    fn sampling(&self) -> Result<Option<Sampling>, Failure> {
+    fn sampling(&self, n: usize) -> Result<Option<Sampling>, Failure> {
         let Some(value) = self.get("sample_time")? else { return Ok(None) };
         let function = self.function;
         let Ok(period) = value.getattr("period") else {
@@ -94,6 +95,7 @@ impl<'py> Given<'py> {
             noise: channels("noise")?,
             resolution: channels("resolution")?,
             rate_limit: field("rate_limit")?,
+            torque_sensor: torque_sensor(function, &value.getattr("torque_sensor")?, n)?,
             seed: index(function, "seed", &value.getattr("seed")?)? as u64,
         }))
     }
@@ -125,7 +127,7 @@ impl<'py> Given<'py> {
             dt: self.optional_number("dt")?,
             rtol: self.number("rtol")?,
             atol: self.number("atol")?,
-            sampling: self.sampling()?,
+            sampling: self.sampling(n)?,
             times,
             tau_max: self.per_joint("tau_max", n)?,
             monitors: self.required("monitors")?.is_truthy()?,
@@ -204,6 +206,18 @@ fn put_series(
         }
     }
     Ok(())
+}
+
+/// An `armlet.TorqueSensor` of `n` joints, or None.
+fn torque_sensor(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Option<TorqueSensor>, Failure> {
+    if value.is_none() {
+        return Ok(None);
+    }
+    let field = |name: &str| -> Result<f64, Failure> { number(function, name, &value.getattr(name)?) };
+    let given = value.getattr("bias")?;
+    let (shape, bias) = numbers(function, "bias", &given)?;
+    let bias = if shape.is_empty() { vec![bias[0]; n] } else { bias.into_owned() };
+    Ok(Some(TorqueSensor::new(field("noise")?, bias, field("resolution")?, field("bandwidth")?)?))
 }
 
 /// An integer >= 0.

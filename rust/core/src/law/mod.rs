@@ -200,6 +200,15 @@ impl LawSpec {
         }
     }
 
+    /// The stiffness of the joints that the law believes in, for a law that reads their torques.
+    pub fn joint_stiffness(&self) -> Option<&Gain> {
+        match self {
+            LawSpec::MotorPd(law) => Some(&law.joint_stiffness),
+            LawSpec::StateFeedback(law) => Some(&law.joint_stiffness),
+            _ => self.reduction().map(|reduction| &reduction.joint_stiffness),
+        }
+    }
+
     /// The law of links alone that asks for the joint torque: the outer loop, or a law of rigid arms that stands on a spring.
     pub fn outer(&self) -> Option<LawSpec> {
         match self {

@@ -24,7 +24,7 @@ pub struct MotorRegulationSpec<const TORQUE: bool> {
     /// `Kt` and `Ks`; the identity, unused, without torque feedback.
     kt: Gain,
     ks: Gain,
-    joint_stiffness: Gain,
+    pub(super) joint_stiffness: Gain,
     /// Gravity follows the motors instead of standing at the target's.
     online: bool,
     /// `g(q_d)` and `K_J^-1 g(q_d)`.
