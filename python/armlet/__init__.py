@@ -72,6 +72,7 @@ from ._core import (
 from .comparison import compare
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .events import Event, Events, JointStops, State
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
@@ -106,6 +107,8 @@ __all__ = [
     "ElasticLimits",
     "ElasticTracking",
     "Equilibrium",
+    "Event",
+    "Events",
     "FormatError",
     "Hold",
     "Identification",
@@ -115,6 +118,7 @@ __all__ = [
     "InverseKinematics",
     "JointImpedance",
     "JointLimitTask",
+    "JointStops",
     "Law",
     "Metrics",
     "ModelError",
@@ -139,6 +143,7 @@ __all__ = [
     "Simulator",
     "Sinusoid",
     "SolveError",
+    "State",
     "StateFeedback",
     "Status",
     "SweepTable",

@@ -3,6 +3,7 @@
 use crate::arrays::{any_vector, count, number, numbers, object, optional_number, require_finite, shown, text, vector};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
+use crate::event;
 use crate::force::{self, Raised};
 use crate::law::Law;
 use crate::motion::Motion;
@@ -282,10 +283,12 @@ pub fn simulate<'py>(
         let (force, force_frame) = given.force(plant, law, &raised)?;
         let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options };
         warn_of_sampling(py, NAME, &problem)?;
+        let dense = given.get("dense")?.is_some_and(|dense| dense.is_truthy().unwrap_or(false));
+        let mut asked = event::asked(plant, given.get("events")?, dense, &raised)?;
         let mut signal = None;
         let run = {
             let mut poll = listen(&mut signal);
-            py.detach(|| core::simulate(&problem, &core::Poller::new(&mut poll)))?
+            py.detach(|| core::simulate_asked(&problem, &core::Poller::new(&mut poll), asked.as_mut()))?
         };
         raise(signal, &raised)?;
         let (k, p) = (run.t.len(), law.initial_state().len());
@@ -306,6 +309,9 @@ pub fn simulate<'py>(
         stats.set_item("steps", run.steps)?;
         stats.set_item("rejections", run.rejections)?;
         fields.set_item("stats", stats)?;
+        if let Some(asked) = asked {
+            event::answer(&fields, plant, p, asked)?;
+        }
         Ok(fields)
     })
 }

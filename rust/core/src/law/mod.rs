@@ -209,6 +209,24 @@ impl LawSpec {
         }
     }
 
+    /// `(I + Kt)^-1` of a law of motors, by which its answer at rest is the slope of a potential.
+    pub fn torque_share(&self) -> Option<Gain> {
+        match self {
+            LawSpec::MotorPd(law) => Some(law.torque_share()),
+            LawSpec::StateFeedback(law) => Some(law.torque_share()),
+            _ => None,
+        }
+    }
+
+    /// Where a law of motors wants the links, `(n,)`.
+    pub fn link_target(&self) -> Option<Vec<f64>> {
+        match self {
+            LawSpec::MotorPd(law) => Some(law.link_target()),
+            LawSpec::StateFeedback(law) => Some(law.link_target()),
+            _ => None,
+        }
+    }
+
     /// The law of links alone that asks for the joint torque: the outer loop, or a law of rigid arms that stands on a spring.
     pub fn outer(&self) -> Option<LawSpec> {
         match self {

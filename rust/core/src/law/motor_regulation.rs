@@ -55,6 +55,23 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
     }
 }
 
+impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
+    /// `(I + Kt)^-1`; the identity without torque feedback.
+    pub(super) fn torque_share(&self) -> Gain {
+        let n = self.model.n();
+        let fed = |k: usize| if TORQUE { self.kt.at(k / n, k % n) } else { 0.0 };
+        let sum = (0..n * n).map(|k| fed(k) + f64::from(u8::from(k / n == k % n))).collect();
+        Gain::unchecked(n, sum).inverse()
+    }
+
+    /// `q_d`.
+    pub(super) fn link_target(&self) -> Vec<f64> {
+        let mut sample = vec![0.0; 3 * self.sag.len()];
+        self.target.sample(0.0, &mut sample);
+        sample.iter().zip(&self.sag).map(|(theta, sag)| theta - sag).collect()
+    }
+}
+
 impl MotorPdSpec {
     /// `target` is `q_d` of the links.
     pub fn new(model: Model, target: &[f64], kp: Gain, kd: Gain, joint_stiffness: Gain, online: bool) -> Result<Self> {
