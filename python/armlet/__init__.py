@@ -72,13 +72,14 @@ from ._core import (
 from .comparison import compare
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .events import Event, Events, JointStops, State
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .run_metrics import Metrics, metrics
-from .sampling import Sampling
+from .sampling import Sampling, TorqueSensor
 from .scenario import Scenario
 from .scipy_method import scipy_method
 from .simulation import simulate, simulate_batch
@@ -106,6 +107,8 @@ __all__ = [
     "ElasticLimits",
     "ElasticTracking",
     "Equilibrium",
+    "Event",
+    "Events",
     "FormatError",
     "Hold",
     "Identification",
@@ -115,6 +118,7 @@ __all__ = [
     "InverseKinematics",
     "JointImpedance",
     "JointLimitTask",
+    "JointStops",
     "Law",
     "Metrics",
     "ModelError",
@@ -139,6 +143,7 @@ __all__ = [
     "Simulator",
     "Sinusoid",
     "SolveError",
+    "State",
     "StateFeedback",
     "Status",
     "SweepTable",
@@ -146,6 +151,7 @@ __all__ = [
     "Task",
     "TimedPath",
     "TorqueOptimum",
+    "TorqueSensor",
     "VelocityArm",
     "Verification",
     "Wall",

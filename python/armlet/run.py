@@ -10,9 +10,11 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
+from .events import Events, State
+from .integration import DenseOutput
 from .status import Status
 
 if TYPE_CHECKING:
@@ -90,6 +92,8 @@ class _Recorded:
         types = getattr(arms[0], "joint_types", None) or ("revolute",) * self.q.shape[-1]
         self.units = tuple(given.pop("units", None) or ("m" if kind in ("prismatic", "P") else "rad" for kind in types))
         self._set_status(given.pop("status", Status.SUCCESS))
+        self.events: Events | None = given.pop("events", None)
+        self._dense: tuple[DenseOutput, int] | None = given.pop("dense", None)
         if given:
             raise InputError(f"{type(self).__name__}: fields are unknown: expected those of a run, got {sorted(given)}")
 
@@ -148,7 +152,7 @@ class _Recorded:
         save(self, path)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self._items(),)
+        return type(self), (self._items() | {"events": self.events, "dense": self._dense},)
 
     def _table(self, row: tuple[Any, ...] = ()) -> dict[str, Array]:
         """Columns over time: q1.., v1.., tau1.., the recorded states and the monitors."""
@@ -190,9 +194,32 @@ class Run(_Recorded):
         status: how the run ended (`armlet.Status`), with advice.
         stats: what it cost: counts of steps, evaluations, rejections.
         monitors: the identities that were watched, by name, each (K,).
+        events: the crossings of the events asked for (`armlet.Events`); None where none were.
     """
 
     status: Status
+
+    def sample(self, t: ArrayLike) -> State:
+        """The state at the time `t` or at times `(K,)` of the run, s, from the polynomials that `simulate(dense=True)` kept.
+
+        Raises:
+            InputError: the run kept none, or a time lies outside of it.
+
+        >>> import armlet as al
+        >>> law = al.PDGravity(al.pendulum(1.0, 5.0), [0.5], kp=20.0, kd=5.0)
+        >>> run = al.simulate(al.RigidArm(al.pendulum(1.0, 5.0)), law, [0.0], t_end=1.0, method="dop853", dense=True)
+        >>> run.sample([0.25, 0.5]).q.shape
+        (2, 1)
+        """
+        if self._dense is None:
+            raise InputError("Run.sample: the run kept no polynomials: expected one of simulate(dense=True) with an adaptive method")
+        dense, states = self._dense
+        values, n = dense(t), self.q.shape[-1]
+        parts: list[Array | None] = [values[..., k * n : (k + 1) * n] for k in range(states // n)]
+        parts += [None] * (4 - len(parts))
+        return State(*parts, values[..., states:] if values.shape[-1] > states else None)
+
+    __call__ = sample
 
     def _set_status(self, status: Any) -> None:
         self.status = Status(int(status))

@@ -22,7 +22,7 @@ pub struct ElasticImpedanceSpec {
 }
 
 impl ElasticImpedanceSpec {
-    /// The storage function `E` (with the wall's spring) is that of this plant: no losses but the law's, no row of
+    /// The storage function `E` (with the springs of wall and stops) is that of this plant: no losses but the law's, no row of
     /// orientation, where the rate of `e` is not `-J v`.
     pub fn has_storage(&self, plant: &PlantSpec) -> bool {
         !self.outer.coordinates.turns() && described(plant, &self.outer.model, &self.inner).is_some()
@@ -37,7 +37,8 @@ impl ElasticImpedanceSpec {
         links.error_and_jacobian(&self.outer.coordinates, &desired[..m], &mut e, &mut jacobian);
         let (kinetic, _) = links.energy(&x[n..2 * n]);
         let wall = plant.wall().map_or(0.0, |wall| wall.energy(links.jacobian(wall.frame).0.0));
-        kinetic + self.inner.energy(x) + 0.5 * self.outer.stiffness.form(&e) + wall
+        let stops = plant.stops().map_or(0.0, |stops| stops.energy(&x[..n]));
+        kinetic + self.inner.energy(x) + 0.5 * self.outer.stiffness.form(&e) + wall + stops
     }
 }
 

@@ -202,6 +202,33 @@ impl LawSpec {
         }
     }
 
+    /// The stiffness of the joints that the law believes in, for a law that reads their torques.
+    pub fn joint_stiffness(&self) -> Option<&Gain> {
+        match self {
+            LawSpec::MotorPd(law) => Some(&law.joint_stiffness),
+            LawSpec::StateFeedback(law) => Some(&law.joint_stiffness),
+            _ => self.reduction().map(|reduction| &reduction.joint_stiffness),
+        }
+    }
+
+    /// `(I + Kt)^-1` of a law of motors, by which its answer at rest is the slope of a potential.
+    pub fn torque_share(&self) -> Option<Gain> {
+        match self {
+            LawSpec::MotorPd(law) => Some(law.torque_share()),
+            LawSpec::StateFeedback(law) => Some(law.torque_share()),
+            _ => None,
+        }
+    }
+
+    /// Where a law of motors wants the links, `(n,)`.
+    pub fn link_target(&self) -> Option<Vec<f64>> {
+        match self {
+            LawSpec::MotorPd(law) => Some(law.link_target()),
+            LawSpec::StateFeedback(law) => Some(law.link_target()),
+            _ => None,
+        }
+    }
+
     /// The law of links alone that asks for the joint torque: the outer loop, or a law of rigid arms that stands on a spring.
     pub fn outer(&self) -> Option<LawSpec> {
         match self {

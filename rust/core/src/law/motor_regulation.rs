@@ -24,7 +24,7 @@ pub struct MotorRegulationSpec<const TORQUE: bool> {
     /// `Kt` and `Ks`; the identity, unused, without torque feedback.
     kt: Gain,
     ks: Gain,
-    joint_stiffness: Gain,
+    pub(super) joint_stiffness: Gain,
     /// Gravity follows the motors instead of standing at the target's.
     online: bool,
     /// `g(q_d)` and `K_J^-1 g(q_d)`.
@@ -50,6 +50,23 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
         let sag = joint_stiffness.inverse().times(&load);
         let theta = target.iter().zip(&sag).map(|(q, s)| q + s).collect();
         Ok(MotorRegulationSpec { model, target: Motion::Hold(theta), kp, kd, kt, ks, joint_stiffness, online, load, sag })
+    }
+}
+
+impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
+    /// `(I + Kt)^-1`; the identity without torque feedback.
+    pub(super) fn torque_share(&self) -> Gain {
+        let n = self.model.n();
+        let fed = |k: usize| if TORQUE { self.kt.at(k / n, k % n) } else { 0.0 };
+        let sum = (0..n * n).map(|k| fed(k) + f64::from(u8::from(k / n == k % n))).collect();
+        Gain::unchecked(n, sum).inverse()
+    }
+
+    /// `q_d`.
+    pub(super) fn link_target(&self) -> Vec<f64> {
+        let mut sample = vec![0.0; 3 * self.sag.len()];
+        self.target.sample(0.0, &mut sample);
+        sample.iter().zip(&self.sag).map(|(theta, sag)| theta - sag).collect()
     }
 }
 
