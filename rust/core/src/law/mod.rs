@@ -17,6 +17,7 @@ mod motor_regulation;
 mod pd_gravity;
 mod priority_acceleration;
 mod priority_velocity;
+mod projection;
 mod sampled_reduction;
 
 pub use crate::linalg::gain::Gain;
@@ -35,6 +36,7 @@ pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, St
 pub use pd_gravity::{PdGravity, PdGravitySpec};
 pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
 pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
+pub use projection::Projection;
 pub use sampled_reduction::LockedMotors;
 
 use crate::dynamics::{ArmAt, Model};

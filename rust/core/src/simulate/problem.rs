@@ -189,7 +189,9 @@ impl<'a> Problem<'a> {
         let plant = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(RigidSpec { model: Model::PlanarPr(_), stops: None, .. }));
         let law = |law: &LawSpec| {
             let own = match law {
-                LawSpec::Adaptive(law) => law.base.is_none() && matches!(law.adaptation, Adaptation::Euclidean(_)),
+                LawSpec::Adaptive(law) => {
+                    law.base.is_none() && law.projection.is_none() && matches!(law.adaptation, Adaptation::Euclidean(_))
+                }
                 LawSpec::ComputedTorque(_) => true,
                 _ => false,
             };
