@@ -7,6 +7,7 @@
 //! 4. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
 mod check;
+mod lines;
 mod reach;
 mod reason;
 mod rows;
@@ -62,8 +63,9 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
     problem.rows.tight_lo.fill(0.0);
     problem.rows.tight_hi.fill(0.0);
     problem.cap_tight.fill(0.0);
-    samples.exact = false;
     problem.rows.bend.fill(0.0);
+    profile.forget();
+    samples.begin(&problem.course());
     problem.set_caps();
     problem.forget_friction();
     if let Err(stuck) = solve(&problem.rows, profile) {
@@ -73,6 +75,7 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
         bend(&mut problem.rows, profile);
         if solve(&problem.rows, profile).is_err() {
             problem.rows.bend.fill(0.0);
+            profile.forget();
             if let Err(stuck) = solve(&problem.rows, profile) {
                 return Outcome::Stuck(stuck);
             }
@@ -81,9 +84,11 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
     }
     let mut found = None;
     let mut cap_old = problem.cap_tight.clone();
+    let mut narrowed = Vec::new();
     for k in 0..CORRECTIONS {
         if problem.friction.is_some() {
             problem.linearise_friction(&profile.x);
+            profile.forget();
             if k == 0 && solve(&problem.rows, profile).is_err() {
                 problem.linearise_friction(&profile.x);
             }
@@ -92,17 +97,20 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let width = problem.rows.width;
         let mut caps = std::mem::take(&mut problem.cap_tight);
+        narrowed.clear();
         let now = samples.examine(&problem.course(), &problem.rows, profile, |i, row, under, over| {
             if row < width {
                 tight_lo[i * width + row] += beyond * under;
                 tight_hi[i * width + row] += beyond * over;
+                narrowed.push(i);
             } else {
                 // The cap is on the square: twice the relative excess of the speed.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
-                // Of two bounds far apart the larger one is to blame: where the path turns back it has no bound of its own.
+                // Of two bounds far apart the larger one is to blame: where the path turns back it has no bound of its own. But
+                // a speed that peaks beside the smaller one goes down with the square of what the larger one does.
                 let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
                 for (at, here, other) in [(i, x0, x1), (i + 1, x1, x0)] {
-                    if here * 1.2 >= other {
+                    if here * 1.2 >= other || k >= 2 {
                         caps[at] = caps[at].max(cap_old[at] + past);
                     }
                 }
@@ -121,6 +129,7 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
         if !last && k == 0 && now.excess > COARSE {
             return Outcome::Coarse(now);
         }
+        narrowed.iter().for_each(|&i| profile.touch(i));
         problem.set_caps();
         if let Err(stuck) = solve(&problem.rows, profile) {
             return match found {

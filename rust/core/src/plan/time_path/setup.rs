@@ -1,7 +1,7 @@
 //! What the planner is given, checked, and the rows of the problem on a grid.
 
 use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places, sign};
-use super::reach::{BLOCK, FASTEST, Rows};
+use super::lines::{BLOCK, FASTEST, Rows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use super::{FIRST_GRID, PathReason, TimePath};
