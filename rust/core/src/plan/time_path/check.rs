@@ -275,6 +275,8 @@ struct Segment {
 #[derive(Default)]
 pub(super) struct Samples {
     segments: Vec<Segment>,
+    /// The excesses before limits were narrowed.
+    pub first: Vec<f64>,
     /// The span of each segment.
     span: Vec<usize>,
     /// Segments that are sampled by the dynamics themselves.
@@ -294,6 +296,8 @@ impl Samples {
         let count = course.pieces.len();
         let unknown = Segment { margin: f64::NAN, excess: f64::INFINITY, at: 0, torque: f64::INFINITY, proven: false };
         self.segments.clear();
+        self.first.clear();
+        self.first.resize(count, 0.0);
         self.segments.resize(count, unknown);
         self.span.clear();
         self.exact.clear();
@@ -333,6 +337,12 @@ impl Samples {
             }
         }
         found
+    }
+
+    /// Keep the excesses of this examination: those of limits that were not narrowed yet.
+    pub fn remember(&mut self) {
+        self.first.clear();
+        self.first.extend(self.segments.iter().map(|segment| segment.excess));
     }
 
     /// Whether the last examination stands: what it interpolated is what the dynamics say. Where it is not, they are asked next time.

@@ -195,6 +195,27 @@ pub(super) fn bend(rows: &mut Rows, profile: &mut Profile) {
     run_lanes(Bends(rows, profile));
 }
 
+/// What a segment may lose, as a share of the duration, for a path acceleration that jumps at one of its ends: there a limit takes
+/// over from another, and ideally does so within the segment.
+pub(super) fn losses(rows: &Rows, profile: &Profile, to: &mut Vec<f64>) {
+    let count = rows.bend.len();
+    let x = &profile.x;
+    let step = |i: usize| rows.s[i + 1] - rows.s[i];
+    let mean = |i: usize| 0.5 * (x[i + 1] - x[i]) / step(i);
+    let time = |i: usize| 2.0 * step(i) / (x[i].sqrt() + x[i + 1].sqrt());
+    to.clear();
+    to.resize(count, 0.0);
+    let mut total = time(0);
+    for i in 1..count {
+        total += time(i);
+        let jump = (mean(i - 1) + 0.5 * step(i - 1) * rows.bend[i - 1] - (mean(i) - 0.5 * step(i) * rows.bend[i])).abs();
+        for k in [i - 1, i] {
+            to[k] = (jump * step(k) / (x[k] + x[k + 1])).min(1.0).max(to[k]);
+        }
+    }
+    (0..count).for_each(|i| to[i] *= 0.25 * time(i) / total);
+}
+
 struct Widened<'a>(&'a Rows, usize, f64, [f64; 2]);
 
 impl Task for Widened<'_> {
