@@ -18,7 +18,6 @@ mod planar_pr;
 #[cfg(not(test))]
 mod quantities;
 pub mod regressor;
-mod rows;
 mod tree;
 pub mod workspace;
 
