@@ -19,7 +19,7 @@ mod sns;
 mod solver;
 mod workspace;
 
-pub use bounds::velocity_bounds;
+pub use bounds::{joint_velocity_bounds, velocity_bounds};
 pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
 pub use lanes::{Group, LaneSolver, StackAnswers, StackRows, Stacks};
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
