@@ -165,7 +165,8 @@ _TIP: dict[str, Field] = {"frame": TEXT}
 _TASKS = tasks_of(MOTIONS)
 _LEVELS: dict[str, Field] = {"tasks": Items(_TASKS)}
 _METHOD: dict[str, Field] = {"method": Text(("clamp", "exact", "damped", "chiaverini", "sns")), "eps": Numbers(depth=1, low=0.0)}
-_BOUNDS: dict[str, Field] = {"v_min": Numbers(depth=1), "v_max": Numbers(depth=1)}
+_LIMITS = ("v_min", "v_max", "q_min", "q_max")
+_BOUNDS: dict[str, Field] = {name: Numbers(depth=1) for name in _LIMITS} | {"a_max": Numbers(depth=1, low=0.0, strict=True), "horizon": POSITIVE}
 _REST: dict[str, Field] = {"joint_damping": NOT_NEGATIVE}
 LAWS = OneOf(
     {
@@ -179,7 +180,7 @@ LAWS = OneOf(
         "MotorPD": _law(_core.MotorPD, _TARGET | _PD, _SPRING | {"online": Flag()}),
         "StateFeedback": _law(_core.StateFeedback, _TARGET | _PD | {"kt": DAMPING, "ks": DAMPING}, _SPRING),
         "PriorityVelocity": _law(prioritised(_core.PriorityVelocity, _TASKS), _LEVELS, _METHOD | _BOUNDS),
-        "PriorityAcceleration": _law(prioritised(_core.PriorityAcceleration, _TASKS), _LEVELS, _METHOD | _REST),
+        "PriorityAcceleration": _law(prioritised(_core.PriorityAcceleration, _TASKS), _LEVELS, _METHOD | _BOUNDS | _REST),
     }
 )
 

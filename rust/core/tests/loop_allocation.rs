@@ -6,7 +6,7 @@ use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
 use armlet_core::kinematics::TaskFunction;
 use armlet_core::law::{Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec, Level};
-use armlet_core::law::{PriorityAccelerationSpec, PriorityVelocitySpec};
+use armlet_core::law::{GivenLimits, PriorityAccelerationSpec, PriorityVelocitySpec};
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, VelocitySpec};
 use armlet_core::priority::Options as Maps;
@@ -83,8 +83,9 @@ fn steps_allocate_nothing() {
             level(TaskFunction::posture(arm, None).unwrap(), vec![0.0; 6]),
         ]
     };
-    let velocity = LawSpec::PriorityVelocity(PriorityVelocitySpec::new(six.clone(), levels(), Maps::default()).unwrap());
-    let acceleration = PriorityAccelerationSpec::new(six.clone(), levels(), Maps::default(), 5.0).unwrap();
+    let velocity =
+        LawSpec::PriorityVelocity(PriorityVelocitySpec::new(six.clone(), levels(), Maps::default(), &GivenLimits::default()).unwrap());
+    let acceleration = PriorityAccelerationSpec::new(six.clone(), levels(), Maps::default(), 5.0, &GivenLimits::default()).unwrap();
     let acceleration = LawSpec::PriorityAcceleration(acceleration);
     let commanded = PlantSpec::Velocity(VelocitySpec { model: six.clone() });
     let cases = [

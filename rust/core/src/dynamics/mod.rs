@@ -19,7 +19,6 @@ mod planar_pr;
 #[cfg(not(test))]
 mod quantities;
 pub mod regressor;
-mod rows;
 mod tree;
 pub mod workspace;
 
