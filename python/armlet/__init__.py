@@ -70,6 +70,7 @@ from ._core import (
     velocity_bounds,
 )
 from .comparison import compare
+from .control_systems import to_control
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .identification import BaseParameters, Identification, ParameterReport
@@ -178,6 +179,7 @@ __all__ = [
     "stiffness_limit",
     "sweep",
     "time_path",
+    "to_control",
     "torque_optimal_time",
     "trapezoid_time",
     "velocity_bounds",
