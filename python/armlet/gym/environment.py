@@ -49,9 +49,9 @@ class ArmEnv(gymnasium.Env[Array, Array]):
     >>> ended = False
     >>> while not ended:
     ...     e, e_dot = observation[4:6], observation[6:8]
-    ...     observation, reward, terminated, truncated, info = env.step(10.0 * e + 2.0 * e_dot)
+    ...     observation, reward, terminated, truncated, info = env.step(4.0 * e + 0.4 * e_dot)
     ...     ended = terminated or truncated
-    >>> truncated, reward > 0.2
+    >>> truncated, reward > 0.8
     (True, True)
     """
 
