@@ -86,6 +86,7 @@ from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
 from .sweeping import SweepTable, sweep
+from .tuning import Tuning, tune
 
 __all__ = [
     "Adaptive",
@@ -147,6 +148,7 @@ __all__ = [
     "Task",
     "TimedPath",
     "TorqueOptimum",
+    "Tuning",
     "VelocityArm",
     "Verification",
     "Wall",
@@ -182,6 +184,7 @@ __all__ = [
     "to_control",
     "torque_optimal_time",
     "trapezoid_time",
+    "tune",
     "velocity_bounds",
     "verify",
 ]
