@@ -1,7 +1,7 @@
 """Gains of a joint controller by differential evolution, for payloads that the controller does not know.
 
-A two-joint arm under PD control with the gravity of its model: sampled every 2 ms with 4 ms delay and noisy speeds, and limited in torque. What
-is sought: the gains whose worst settling time over three payloads is least, with overshoot and torque charged.
+A two-joint arm in a horizontal plane under PD control: sampled every 2 ms with 4 ms delay and noisy speeds, and limited in torque. What is
+sought: the gains whose worst settling time over three payloads is least, with overshoot and torque charged.
 
 Run: `python examples/tune_gains.py [figure.png]`; needs scipy (`pip install 'armlet[tune]'`).
 """
@@ -9,15 +9,12 @@ Run: `python examples/tune_gains.py [figure.png]`; needs scipy (`pip install 'ar
 import sys
 import time
 
-import numpy as np
-
 import armlet as al
 
 arm = {"kind": "planar_arm", "lengths": [0.5, 0.4], "masses": [3.0, 2.0], "gravity": [0.0, 0.0]}
 scenario = al.Scenario.from_dict(
     {
         "arm": arm,
-        "model": arm,
         "law": {"kind": "PDGravity", "target": [0.8, 1.2], "kp": [60.0, 30.0], "kd": [5.0, 2.0]},
         "run": {
             "q0": [0.0, 0.0],
