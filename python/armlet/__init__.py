@@ -70,6 +70,7 @@ from ._core import (
     velocity_bounds,
 )
 from .comparison import compare
+from .control_systems import to_control
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .events import Event, Events, JointStops, State
@@ -86,6 +87,7 @@ from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
 from .sweeping import SweepTable, sweep
+from .tuning import Tuning, tune
 
 __all__ = [
     "Adaptive",
@@ -152,6 +154,7 @@ __all__ = [
     "TimedPath",
     "TorqueOptimum",
     "TorqueSensor",
+    "Tuning",
     "VelocityArm",
     "Verification",
     "Wall",
@@ -184,8 +187,10 @@ __all__ = [
     "stiffness_limit",
     "sweep",
     "time_path",
+    "to_control",
     "torque_optimal_time",
     "trapezoid_time",
+    "tune",
     "velocity_bounds",
     "verify",
 ]

@@ -33,7 +33,7 @@ SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
 JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Fields without a time axis that may be there.
-OTHERS = ("parameters", "target", "limits")
+OTHERS = ("parameters", "target", "limits", "position_error")
 LIMITS = ("q_min", "q_max", "v_max", "effort")
 
 
@@ -88,6 +88,8 @@ class _Recorded:
             targets = [each.__getnewargs_ex__()[1]["target"] for each in laws]
             self.target = np.array(targets if len(laws) > 1 else targets[0], dtype=np.float64)
         self.arm = arms[0]
+        self._laws, self._arms = laws, arms
+        self._position_error: Array | None = given.pop("position_error", None)
         self.limits = given.pop("limits", None) or _limits(arms)
         types = getattr(arms[0], "joint_types", None) or ("revolute",) * self.q.shape[-1]
         self.units = tuple(given.pop("units", None) or ("m" if kind in ("prismatic", "P") else "rad" for kind in types))
@@ -124,6 +126,15 @@ class _Recorded:
                 rows = [_sampled(m, t, self.q.shape[-1]) for m, t in zip(motions, np.broadcast_to(self.t, shape), strict=True)]
                 self._desired = tuple(np.stack(parts) for parts in zip(*rows, strict=True))
         return self._desired  # type: ignore[return-value]  # three by construction
+
+    @property
+    def position_error(self) -> Array | None:
+        """How far the frame of each task is from its target, (K, tasks) or (B, K, tasks), m; None for laws without such tasks."""
+        if self._position_error is None and self._laws[0] is not None and self.arm is not None:
+            from .task_errors import position_errors
+
+            self._position_error = position_errors(self._laws, self._arms, self.t, self.q)
+        return self._position_error
 
     def reference(self) -> tuple[Array, Array | None] | None:
         """What the joints should do, `(q_d, v_d)`, that broadcast to `q`: the motion, or the target of a law of joints; else None."""
@@ -314,6 +325,8 @@ class BatchRun(_Recorded):
         items["limits"] = self.limits and {name: each[i] if each.ndim == 2 else each for name, each in self.limits.items()}
         items["parameters"] = self.parameters[i] if self.parameters is not None and self.parameters.ndim == 2 else self.parameters
         items["stats"] = {name: np.asarray(value)[i] if np.ndim(value) else value for name, value in self.stats.items()}
+        error = self.position_error
+        items["position_error"] = None if error is None else error[i]
         if self._desired is not None:
             items["desired"] = tuple(part if part.ndim == 2 else part[i] for part in self._desired)
         return Run(items, motion=self._motions[i if len(self._motions) > 1 else 0] if self._motions else None)

@@ -32,7 +32,7 @@ __all__ = ["digest", "load", "save", "write_whole"]
 
 FORMAT = "armlet run"
 VERSION = 1
-SINGLE = ("parameters", "target")
+SINGLE = ("parameters", "target", "position_error")
 DESIRED = ("q_d", "v_d", "a_d")
 EVENTS = ("t", "which", "q", "v", "theta", "theta_dot")
 
