@@ -8,6 +8,7 @@ What is drawn is drawn by that thread alone, so that no handle is written to aft
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,14 @@ from ..plots import COLOURS
 from .model import FRAME, Lab
 from .scene import ArmScene
 from .server import Server, open_server, serve
+from .shapes import Array
 from .systems import AdaptivePR, Choice, Control, Elastic, MinimumTime, Plot, Priority, Robot
 
 __all__ = ["LabPage", "lab"]
 
 PLOT_EVERY = 10  # frames
 TEXT_EVERY = 12
+TIME = {"time": False}  # the axis of time counts seconds, not dates
 
 
 def lab(urdf: Path | None, frame: str | None, host: str, port: int) -> int:
@@ -48,7 +51,7 @@ class LabPage:
         self._count = 0
         self._asked: str | None = None
         gui = server.gui
-        self._text = gui.add_markdown("")
+        self.text = gui.add_markdown("")
         menu = gui.add_dropdown("system", tuple(model.systems), initial_value=model.system.title)
         pause = gui.add_button("Pause")
         reset = gui.add_button("Reset")
@@ -73,7 +76,7 @@ class LabPage:
         @defaults.on_click  # type: ignore[untyped-decorator]
         def _(_: Any) -> None:
             for control in model.system.controls:
-                self._controls[control.name].value = shown(control, control.value)
+                self.controls[control.name].value = shown(control, control.value)
                 model.set(control.name, control.value)
 
         @speed.on_update  # type: ignore[untyped-decorator]
@@ -91,7 +94,7 @@ class LabPage:
         system, gui = self.model.system, self.server.gui
         reach = max(float(np.linalg.norm(system.arm.position(system.q0, frame))) for frame in system.arm.frame_names)
         self._scene = ArmScene(self.server, system.shapes, system.rotation, max(reach, 0.05))
-        self._gizmos = {
+        self.gizmos = {
             name: self._scene.handle(name, point, system.planar, lambda p, name=name: self.model.drag(name, p))  # type: ignore[misc]
             for name, point in system.targets.items()
         }
@@ -101,7 +104,7 @@ class LabPage:
                 self._pullable(frame, body)
         self._folder = gui.add_folder("Controls")
         with self._folder:
-            self._controls = {control.name: self._control(control) for control in system.controls}
+            self.controls = {control.name: self._control(control) for control in system.controls}
         with self._curves:
             self._plots = [self._plot(plot) for plot in system.plots]
         self._scene.look()
@@ -134,8 +137,7 @@ class LabPage:
             series.append(line)
         empty = tuple(np.zeros(1) for _ in series)
         axes = ({"label": "t (s)", "size": 36, "labelSize": 18}, {"size": 56})
-        scales = {"x": {"time": False}}
-        return self.server.gui.add_uplot(empty, tuple(series), title=plot.title, axes=axes, scales=scales, height=220)
+        return self.server.gui.add_uplot(empty, tuple(series), title=plot.title, axes=axes, scales={"x": TIME}, height=220)
 
     def _pullable(self, frame: str, body: Any) -> None:
         turn, model = self._scene.rotation.T, self.model
@@ -163,7 +165,7 @@ class LabPage:
         model.advance(seconds)
         if self._resets != model.resets:
             self._resets = model.resets
-            for name, gizmo in self._gizmos.items():
+            for name, gizmo in self.gizmos.items():
                 gizmo.position = model.targets[name]
         with self.server.atomic():
             scene.place(model.poses())
@@ -172,8 +174,12 @@ class LabPage:
         if self._count % PLOT_EVERY == 0 and model.curves:
             for handle, curves in zip(self._plots, model.panels(), strict=True):
                 handle.data = curves
+                scales = {"x": TIME} | flat(curves[1:])
+                # New scales cost the browser a new chart.
+                if handle.scales != scales:
+                    handle.scales = scales
         if self._count % TEXT_EVERY == 0:
-            self._text.content = self.summary()
+            self.text.content = self.summary()
         self._count += 1
 
     def summary(self) -> str:
@@ -187,6 +193,15 @@ class LabPage:
             lines.append(f"*{model.message}*")
         takes = "Drag a link to pull it, a" if model.system.takes_force else "Drag a"
         return "\n\n".join([*lines, f"{takes} coloured handle to move a target, the ground to turn the view."])
+
+
+def flat(curves: Sequence[Array]) -> dict[str, Any]:
+    """A fixed axis for curves that do not move: left alone, the chart would magnify their rounding."""
+    low, high = min(map(np.min, curves)), max(map(np.max, curves))
+    if high - low > 1e-6 * max(1.0, abs(high)):
+        return {}
+    middle = float(f"{high:.3g}")
+    return {"y": {"range": (middle - 0.01, middle + 0.01)}}
 
 
 def shown(control: Control, value: float | str) -> Any:

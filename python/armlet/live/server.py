@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import io
 import socket
 import time
 from collections.abc import Callable
@@ -10,7 +12,7 @@ from typing import Any, TypeAlias
 
 from ..errors import InputError
 
-__all__ = ["Server", "address", "load_viser", "open_server", "serve"]
+__all__ = ["Server", "address", "close_server", "load_viser", "open_server", "serve"]
 
 Server: TypeAlias = Any  # viser.ViserServer
 
@@ -46,8 +48,11 @@ def open_server(command: str, host: str, port: int) -> Server:
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{command}: {host}:{port} cannot be listened at: {reason}") from None
-    server = viser.ViserServer(host=host, port=port, label=f"armlet {command}", verbose=False)
-    server.gui.configure_theme(control_layout="fixed", control_width="large", show_logo=False, show_share_button=False)
+    # It greets and takes leave on stdout; armlet prints the address itself.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host=host, port=port, label=f"armlet {command}", verbose=False)
+    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    server.gui.main_panel.dock_right()
     return server
 
 
@@ -70,4 +75,10 @@ def serve(server: Server, frame: Callable[[float], None], period: float) -> int:
     except KeyboardInterrupt:
         return 0
     finally:
+        close_server(server)
+
+
+def close_server(server: Server) -> None:
+    """End a server, in silence."""
+    with contextlib.redirect_stdout(io.StringIO()):
         server.stop()

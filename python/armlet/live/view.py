@@ -44,15 +44,15 @@ class ViewPage:
         gui.add_markdown(f"**{title}**: {arm.n} joints, {len(arm.frame_names)} frames")
         self._axes = gui.add_checkbox("show frames", False)
         self._frame = gui.add_dropdown("frame", arm.frame_names, initial_value=arm.frame_names[-1])
-        self._text = gui.add_markdown("")
+        self.text = gui.add_markdown("")
         reset = gui.add_button("Reset")
         with gui.add_folder("Joints (rad, m)"):
-            self._sliders = [self._slider(i) for i in range(arm.n)]
+            self.sliders = [self._slider(i) for i in range(arm.n)]
         self._drawn: Any = None
 
         @reset.on_click  # type: ignore[untyped-decorator]
         def _(_: Any) -> None:
-            for slider, value in zip(self._sliders, self.start, strict=True):
+            for slider, value in zip(self.sliders, self.start, strict=True):
                 slider.value = value
 
         self.scene.look()
@@ -70,7 +70,7 @@ class ViewPage:
     @property
     def q(self) -> Array:
         """Where the sliders are, (n,), rad or m."""
-        return np.array([slider.value for slider in self._sliders], dtype=np.float64)
+        return np.array([slider.value for slider in self.sliders], dtype=np.float64)
 
     def frame(self) -> None:
         """Draw the arm where the sliders are, if anything has moved."""
@@ -84,4 +84,4 @@ class ViewPage:
             handle.show_axes = self._axes.value
         x, y, z = self.arm.position(q, self._frame.value)
         load = ", ".join(f"{tau:.2f}" for tau in self.arm.gravity(q))
-        self._text.content = f"{self._frame.value} at ({x:.3f}, {y:.3f}, {z:.3f}) m\n\ngravity g(q) = ({load}) N m, N"
+        self.text.content = f"{self._frame.value} at ({x:.3f}, {y:.3f}, {z:.3f}) m\n\ngravity g(q) = ({load}) N m, N"
