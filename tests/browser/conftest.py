@@ -20,6 +20,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from visits import PICTURES, Visit
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+# Chromium says so when viser's own page starts a drag: its listener asks for what a passive one may not have.
+OF_VISER = "Unable to preventDefault inside passive event listener invocation."
 
 
 @pytest.fixture(scope="session")
@@ -41,7 +43,7 @@ def visit(browser: Browser) -> Iterator[Callable[[str], Visit]]:
     visits = []
 
     def go(url: str) -> Visit:
-        page = browser.new_page(viewport={"width": 1500, "height": 900})
+        page = browser.new_page(viewport={"width": 1280, "height": 760})
         seen = Visit(page)
         page.on("console", lambda message: seen.errors.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: seen.errors.append(str(error)))
@@ -54,7 +56,7 @@ def visit(browser: Browser) -> Iterator[Callable[[str], Visit]]:
     yield go
     for url, seen in visits:
         seen.page.close()
-        assert seen.errors == []
+        assert [error for error in seen.errors if error != OF_VISER] == []
         assert {host for host in seen.hosts if not host.startswith((url, "data:"))} == set()
 
 

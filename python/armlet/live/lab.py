@@ -1,6 +1,6 @@
 """`armlet lab`: the laboratory on a page. Buttons and handles write to the model, from any thread; one thread draws it.
 
-    controls -> Lab -> poses at 60 Hz, curves at 6 Hz
+    controls -> Lab -> poses at 30 Hz, curves and text at 4 Hz
 
 What is drawn is drawn by that thread alone, so that no handle is written to after it has left the page.
 """
@@ -8,7 +8,6 @@ What is drawn is drawn by that thread alone, so that no handle is written to aft
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +16,18 @@ import numpy as np
 import armlet as al
 
 from ..plots import COLOURS
-from .model import FRAME, Lab
+from .model import FRAME, WINDOW, Lab
 from .scene import ArmScene
 from .server import Server, open_server, serve
-from .shapes import Array
 from .systems import AdaptivePR, Choice, Control, Elastic, MinimumTime, Plot, Priority, Robot
 
 __all__ = ["LabPage", "lab"]
 
-PLOT_EVERY = 10  # frames
-TEXT_EVERY = 12
-TIME = {"time": False}  # the axis of time counts seconds, not dates
+DRAW_EVERY, PLOT_EVERY, TEXT_EVERY = 2, 16, 16  # frames
+# The last seconds before now, and zero always in view, so that a curve at rest is not magnified to its rounding.
+SOFT = {"pad": 0.1, "soft": 1e-2, "mode": 1}
+SCALES = {"x": {"time": False, "range": (-WINDOW, 0.0)}, "y": {"range": {"min": SOFT | {"soft": -1e-2}, "max": SOFT}}}
+AXES = ({"label": "t - now (s)", "size": 36, "labelSize": 18}, {"size": 56})
 
 
 def lab(urdf: Path | None, frame: str | None, host: str, port: int) -> int:
@@ -85,7 +85,8 @@ class LabPage:
 
         self._panel = gui.add_panel()
         with self._panel.add_tab("Curves"):
-            self._curves = gui.add_folder("over the last 8 s")
+            nothing = (np.zeros(1), np.zeros(1))
+            self._plots = [gui.add_uplot(nothing, ({}, {}), axes=AXES, scales=SCALES, height=220) for _ in range(3)]
         self._panel.dock_left()
         self._build()
 
@@ -105,8 +106,9 @@ class LabPage:
         self._folder = gui.add_folder("Controls")
         with self._folder:
             self.controls = {control.name: self._control(control) for control in system.controls}
-        with self._curves:
-            self._plots = [self._plot(plot) for plot in system.plots]
+        with self.server.atomic():
+            for handle, plot in zip(self._plots, system.plots, strict=True):
+                self._label(handle, plot)
         self._scene.look()
 
     def _control(self, control: Control) -> Any:
@@ -127,17 +129,16 @@ class LabPage:
 
         return handle
 
-    def _plot(self, plot: Plot) -> Any:
+    def _label(self, handle: Any, plot: Plot) -> None:
+        """Give a chart the title and the curves of `plot`, empty. Charts stay on the page: one that left might still be sent its data."""
         first = len(plot.curves) - plot.dashed
-        series: list[dict[str, Any]] = [{"label": "t (s)"}]
+        series: list[dict[str, Any]] = [{"label": "t - now (s)"}]
         for k, name in enumerate(plot.curves):
             line: dict[str, Any] = {"label": name, "stroke": COLOURS[(k if k < first else k - first) % len(COLOURS)], "width": 1.5}
             if k >= first:
                 line["dash"] = (6, 4)
             series.append(line)
-        empty = tuple(np.zeros(1) for _ in series)
-        axes = ({"label": "t (s)", "size": 36, "labelSize": 18}, {"size": 56})
-        return self.server.gui.add_uplot(empty, tuple(series), title=plot.title, axes=axes, scales={"x": TIME}, height=220)
+        handle.title, handle.series, handle.data = plot.title, tuple(series), tuple(np.zeros(1) for _ in series)
 
     def _pullable(self, frame: str, body: Any) -> None:
         turn, model = self._scene.rotation.T, self.model
@@ -157,8 +158,7 @@ class LabPage:
         if self._asked is not None and self._asked != self.model.system.title:
             self.model.choose(self._asked)
             self._scene.clear()
-            for handle in (self._folder, *self._plots):
-                handle.remove()
+            self._folder.remove()
             self._build()
         self._asked = None
         model, scene = self.model, self._scene
@@ -167,17 +167,14 @@ class LabPage:
             self._resets = model.resets
             for name, gizmo in self.gizmos.items():
                 gizmo.position = model.targets[name]
-        with self.server.atomic():
-            scene.place(model.poses())
-            scene.pull(model.spring())
-            scene.goal(model.system.desired(model.t, model.values, model.targets))
+        if self._count % DRAW_EVERY == 0:
+            with self.server.atomic():
+                scene.place(model.poses())
+                scene.pull(model.spring())
+                scene.goal(model.system.desired(model.t, model.values, model.targets))
         if self._count % PLOT_EVERY == 0 and model.curves:
-            for handle, curves in zip(self._plots, model.panels(), strict=True):
-                handle.data = curves
-                scales = {"x": TIME} | flat(curves[1:])
-                # New scales cost the browser a new chart.
-                if handle.scales != scales:
-                    handle.scales = scales
+            for handle, (t, *curves) in zip(self._plots, model.panels(), strict=True):
+                handle.data = (t - t[-1], *curves)
         if self._count % TEXT_EVERY == 0:
             self.text.content = self.summary()
         self._count += 1
@@ -193,15 +190,6 @@ class LabPage:
             lines.append(f"*{model.message}*")
         takes = "Drag a link to pull it, a" if model.system.takes_force else "Drag a"
         return "\n\n".join([*lines, f"{takes} coloured handle to move a target, the ground to turn the view."])
-
-
-def flat(curves: Sequence[Array]) -> dict[str, Any]:
-    """A fixed axis for curves that do not move: left alone, the chart would magnify their rounding."""
-    low, high = min(map(np.min, curves)), max(map(np.max, curves))
-    if high - low > 1e-6 * max(1.0, abs(high)):
-        return {}
-    middle = float(f"{high:.3g}")
-    return {"y": {"range": (middle - 0.01, middle + 0.01)}}
 
 
 def shown(control: Control, value: float | str) -> Any:

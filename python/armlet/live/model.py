@@ -175,6 +175,8 @@ class Lab:
             self._state = state
             points = self.system.sample(sim, state, self.values, self.targets)
             self.curves.append([state.t, *(value for panel in points for value in panel)])
+            while self.curves[0][0] < state.t - WINDOW:
+                self.curves.popleft()
             return steps
 
     def _begin(self) -> None:

@@ -60,6 +60,8 @@ class ArmScene:
         self.bodies: list[tuple[str, Any]] = []
         scene = server.scene
         scene.set_up_direction("+z")
+        # Machines without a graphics card show pages too, and shadows cost them most.
+        scene.configure_default_lights(cast_shadow=False)
         scene.add_grid("/grid", 6.0 * reach, 6.0 * reach, cell_size=0.25 * reach, section_size=reach)
         scene.add_frame("/arm", show_axes=False, wxyz=quaternion(rotation))
         for k, shape in enumerate(shapes):

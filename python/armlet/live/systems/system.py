@@ -119,7 +119,7 @@ class System(ABC):
     q0: Array
     controls: tuple[Control, ...]
     targets: dict[str, Array]  # where the handles of the targets start, m, in the axes of the arm
-    plots: tuple[Plot, ...]
+    plots: tuple[Plot, Plot, Plot]
     rotation: Array = np.eye(3)  # from the axes of the arm to those of the scene
     planar: bool = True  # targets stay in the x-y plane of the arm
     takes_force: bool = True
