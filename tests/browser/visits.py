@@ -58,11 +58,13 @@ class Visit:
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Press, move in small steps, and hold."""
         mouse = self.page.mouse
+        # Without a graphics card a page draws a few pictures per second: what is under the mouse is known after the next one.
         mouse.move(*start)
-        time.sleep(0.3)
+        time.sleep(1.0)
         mouse.down()
+        time.sleep(0.5)
         mouse.move(*end, steps=12)
-        time.sleep(0.3)
+        time.sleep(1.0)
 
 
 def until(holds: Callable[[], object], what: str, seconds: float = 20.0) -> None:

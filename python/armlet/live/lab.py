@@ -52,7 +52,7 @@ class LabPage:
         self._asked: str | None = None
         gui = server.gui
         self.text = gui.add_markdown("")
-        menu = gui.add_dropdown("system", tuple(model.systems), initial_value=model.system.title)
+        menu = self.menu = gui.add_dropdown("system", tuple(model.systems), initial_value=model.system.title)
         pause = gui.add_button("Pause")
         reset = gui.add_button("Reset")
         defaults = gui.add_button("Controls to their defaults")
@@ -86,7 +86,7 @@ class LabPage:
         self._panel = gui.add_panel()
         with self._panel.add_tab("Curves"):
             nothing = (np.zeros(1), np.zeros(1))
-            self._plots = [gui.add_uplot(nothing, ({}, {}), axes=AXES, scales=SCALES, height=220) for _ in range(3)]
+            self.charts = [gui.add_uplot(nothing, ({}, {}), axes=AXES, scales=SCALES, height=220) for _ in range(3)]
         self._panel.dock_left()
         self._build()
 
@@ -94,22 +94,22 @@ class LabPage:
         """The parts that belong to the chosen system."""
         system, gui = self.model.system, self.server.gui
         reach = max(float(np.linalg.norm(system.arm.position(system.q0, frame))) for frame in system.arm.frame_names)
-        self._scene = ArmScene(self.server, system.shapes, system.rotation, max(reach, 0.05))
+        self.scene = ArmScene(self.server, system.shapes, system.rotation, max(reach, 0.05))
         self.gizmos = {
-            name: self._scene.handle(name, point, system.planar, lambda p, name=name: self.model.drag(name, p))  # type: ignore[misc]
+            name: self.scene.handle(name, point, system.planar, lambda p, name=name: self.model.drag(name, p))  # type: ignore[misc]
             for name, point in system.targets.items()
         }
         self._resets = self.model.resets
         if system.takes_force:
-            for frame, body in self._scene.bodies:
+            for frame, body in self.scene.bodies:
                 self._pullable(frame, body)
         self._folder = gui.add_folder("Controls")
         with self._folder:
             self.controls = {control.name: self._control(control) for control in system.controls}
         with self.server.atomic():
-            for handle, plot in zip(self._plots, system.plots, strict=True):
+            for handle, plot in zip(self.charts, system.plots, strict=True):
                 self._label(handle, plot)
-        self._scene.look()
+        self.scene.look()
 
     def _control(self, control: Control) -> Any:
         gui = self.server.gui
@@ -141,7 +141,7 @@ class LabPage:
         handle.title, handle.series, handle.data = plot.title, tuple(series), tuple(np.zeros(1) for _ in series)
 
     def _pullable(self, frame: str, body: Any) -> None:
-        turn, model = self._scene.rotation.T, self.model
+        turn, model = self.scene.rotation.T, self.model
 
         # A coroutine, so that start, updates and end come in order.
         @body.on_drag  # type: ignore[untyped-decorator]
@@ -157,11 +157,11 @@ class LabPage:
         """Run the loop for `seconds` of the clock and draw where it stands."""
         if self._asked is not None and self._asked != self.model.system.title:
             self.model.choose(self._asked)
-            self._scene.clear()
+            self.scene.clear()
             self._folder.remove()
             self._build()
         self._asked = None
-        model, scene = self.model, self._scene
+        model, scene = self.model, self.scene
         model.advance(seconds)
         if self._resets != model.resets:
             self._resets = model.resets
@@ -173,7 +173,7 @@ class LabPage:
                 scene.pull(model.spring())
                 scene.goal(model.system.desired(model.t, model.values, model.targets))
         if self._count % PLOT_EVERY == 0 and model.curves:
-            for handle, (t, *curves) in zip(self._plots, model.panels(), strict=True):
+            for handle, (t, *curves) in zip(self.charts, model.panels(), strict=True):
                 handle.data = (t - t[-1], *curves)
         if self._count % TEXT_EVERY == 0:
             self.text.content = self.summary()

@@ -36,9 +36,11 @@ def mesh_of(shape: Shape) -> tuple[Any, Any]:
     if shape.kind == "mesh":
         try:
             body = trimesh.load(shape.path, force="mesh")
-            return body.vertices * np.array(shape.size), body.faces
-        except Exception:  # whatever a broken file makes its reader raise: a ball stands for the link
-            return mesh_of(Shape(shape.frame, "sphere", (0.02,)))
+            vertices, faces = body.vertices * np.array(shape.size), body.faces
+        except Exception:  # whatever a broken file makes its reader raise
+            faces = ()
+        # A ball stands for a link that cannot be drawn.
+        return (vertices, faces) if len(faces) else mesh_of(Shape(shape.frame, "sphere", (0.02,)))
     if shape.kind == "box":
         body = made.box(extents=shape.size)
     elif shape.kind == "sphere":
