@@ -51,9 +51,9 @@ bench: $(BUILD)/installed $(BUILD)/requirements ## benchmarks against the peers 
 	@set -- benches/bench_*.py; test -e "$$1" || { echo "make bench: no benches/bench_*.py yet"; exit 1; }; \
 	for file in "$$@"; do echo "== $$file"; $(PY) "$$file"; done
 
-docs: $(BUILD)/installed $(BUILD)/requirements ## run every code block of README and docs/, and every example
-	@mkdir -p $(BUILD)/elsewhere
-	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/api/test_docs.py
+docs: $(BUILD)/installed $(BUILD)/requirements ## the pages, the executed examples and the reference as HTML, in build/docs/html
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/docs.txt -c requirements/test.txt
+	@sh tools/docs.sh "$(VENV)/bin/python" "$(BUILD)"
 
 lock: tools ## rewrite requirements/test.txt from what resolves today
 	@sh tools/lock.sh

@@ -1,4 +1,8 @@
-"""What a noisy record says about a six-axis arm: base parameters, their deviations, and a possible robot that has them."""
+"""Identification
+==============
+
+What a noisy record says about a six-axis arm: base parameters, their deviations, and a possible robot that has them.
+"""
 
 import numpy as np
 
