@@ -108,3 +108,23 @@ def test_citations_have_a_source() -> None:
 def test_examples_have_a_title() -> None:
     """The gallery of the built pages takes it from the docstring: a title, underlined, and what the script shows."""
     assert [name_of(path) for path in EXAMPLES if not re.match(r'"""(\S.*)\n=+\n\n\S', path.read_text())] == []
+
+
+CONCEPTS = "adaptive arms batches elastic identification integration minimum_time plants_and_laws priority time_path".split()
+
+
+@pytest.mark.parametrize("concept", CONCEPTS)
+def test_concept_pages_are_complete(concept: str) -> None:
+    """Equation, code that runs, figure of an example, limits, and where the code and its example stand."""
+    text = (ROOT / f"docs/{concept}.md").read_text()
+    wanted = {
+        "equation": r"^    .*[=<]",
+        "code that runs": r"^```python$",
+        "figure": r"^```\{figure\} auto_examples/images/sphx_glr_\w+_001\.png$",
+        "limits": r"^## Limits$",
+        "code": r"`rust/core/src/[\w/.]+`",
+        "example": r"`examples/\w+\.py`",
+    }
+    assert [what for what, pattern in wanted.items() if not re.search(pattern, text, re.MULTILINE)] == []
+    for example in re.findall(r"sphx_glr_(\w+)_001\.png", text):
+        assert "savefig(sys.argv[1]" in (ROOT / f"examples/{example}.py").read_text()
