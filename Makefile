@@ -22,7 +22,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-peers check bench docs lock clean tools
+.PHONY: help demo test test-peers check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' Makefile
@@ -54,6 +54,13 @@ bench: $(BUILD)/installed $(BUILD)/requirements ## benchmarks against the peers 
 docs: $(BUILD)/installed $(BUILD)/requirements ## the pages, the executed examples and the reference as HTML, in build/docs/html
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/docs.txt -c requirements/test.txt
 	@sh tools/docs.sh "$(VENV)/bin/python" "$(BUILD)"
+
+audit: $(VENV)/built ## licences, sources, duplicates and pins of what is shipped; advisories where the tools for it are installed
+	@$(PY) tools/audit.py
+
+wheels: $(VENV)/built ## sdist and wheels of a release for this system, in dist/ (see RELEASING.md)
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" ziglang
+	@PYTHON="$(VENV)/bin/python" sh tools/release/wheels.sh dist
 
 lock: tools ## rewrite requirements/test.txt from what resolves today
 	@sh tools/lock.sh
