@@ -23,7 +23,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-peers test-sweep-kill check bench docs lock clean tools
+.PHONY: help demo test test-peers test-sweep-kill check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
@@ -58,9 +58,16 @@ bench: $(BUILD)/installed $(BUILD)/requirements ## benchmarks against the peers 
 	@set -- benches/bench_*.py; test -e "$$1" || { echo "make bench: no benches/bench_*.py yet"; exit 1; }; \
 	for file in "$$@"; do echo "== $$file"; $(PY) "$$file"; done
 
-docs: $(BUILD)/installed $(BUILD)/requirements ## run every code block of README and docs/, and every example
-	@mkdir -p $(BUILD)/elsewhere
-	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/api/test_docs.py
+docs: $(BUILD)/installed $(BUILD)/requirements ## the pages, the executed examples and the reference as HTML, in build/docs/html
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/docs.txt -c requirements/test.txt
+	@sh tools/docs.sh "$(VENV)/bin/python" "$(BUILD)"
+
+audit: $(VENV)/built ## licences, sources, duplicates and pins of what is shipped; advisories where the tools for it are installed
+	@$(PY) tools/audit.py
+
+wheels: $(VENV)/built ## sdist and wheels of a release for this system, in dist/ (see RELEASING.md)
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" ziglang
+	@PYTHON="$(VENV)/bin/python" sh tools/release/wheels.sh dist
 
 lock: tools ## rewrite requirements/test.txt from what resolves today
 	@sh tools/lock.sh

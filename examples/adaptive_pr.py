@@ -1,6 +1,9 @@
-"""Adaptive tracking of the planar PR robot: nothing is known of the arm, and the error goes to zero.
+"""Adaptive tracking
+=================
 
-Run: `python examples/adaptive_pr.py [figure.png]`
+Nothing is known of a planar PR robot, and its tracking error goes to zero.
+
+Run: ``python examples/adaptive_pr.py [figure.png]``
 """
 
 import sys

@@ -1,7 +1,10 @@
-"""A 7-axis arm with elastic joints under Cartesian impedance, moved against a wall: contact force, joint torques, and the limits
+"""Elastic joints against a wall
+=============================
+
+A 7-axis arm with elastic joints under Cartesian impedance, moved against a wall: contact force, joint torques, and the limits
 of the control.
 
-Run: `python examples/elastic_wall.py [figure.png]`
+Run: ``python examples/elastic_wall.py [figure.png]``
 """
 
 import sys
@@ -46,9 +49,9 @@ print(f"a sampled controller must be faster than {1e3 * limits.sample_time_max:.
 print("  ", np.round(limits.reduced_inertia_min, 4), "kg m^2, of", motor_inertia)
 
 if len(sys.argv) > 1:
-    from matplotlib.figure import Figure
+    import matplotlib.pyplot as plt
 
-    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
+    figure = plt.figure(figsize=(9.0, 7.0), layout="constrained")
     (way, push), (torque, error) = figure.subplots(2, 2)
     way.plot(run.t, [target(t)[0][0] - tip[0] for t in run.t], "--", label="target")
     way.plot(run.t, x[:, 0] - tip[0], label="tip")

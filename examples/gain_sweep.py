@@ -1,6 +1,9 @@
-"""10,000 runs of an adaptive controller with random gains, and the map of its error over them.
+"""A sweep of gains
+================
 
-Run: `python examples/gain_sweep.py [figure.png]`; with more time, `armlet sweep` does the same from a file and keeps its results.
+10,000 runs of an adaptive controller with random gains, and the map of its error over them.
+
+Run: ``python examples/gain_sweep.py [figure.png]``; with more time, ``armlet sweep`` does the same from a file and keeps its results.
 """
 
 import sys
@@ -29,14 +32,14 @@ best = np.nanargmin(error)
 print(f"least at gamma = {table['law.gamma'][best]:.1f}, kd = {table['law.kd'][best]:.1f} N m s/rad")
 
 if len(sys.argv) > 1:
-    from matplotlib.figure import Figure
+    import matplotlib.pyplot as plt
 
     def label(axis, ticks):
         """A few ticks of a logarithmic axis as plain numbers."""
         axis.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
         axis.set_ticks([], minor=True)
 
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    figure = plt.figure(figsize=(9.0, 3.8), layout="constrained")
     field, trade = figure.subplots(1, 2)
     points = field.scatter(table["law.gamma"], table["law.kd"], c=error, s=3, cmap="viridis", norm="log", rasterized=True)
     label(figure.colorbar(points, ax=field, label="rms error of joint 2 (deg)").ax.yaxis, [0.8, 1.0, 1.5, 2.0, 2.5])

@@ -1,4 +1,12 @@
-"""What a noisy record says about a six-axis arm: base parameters, their deviations, and a possible robot that has them."""
+"""Identification
+==============
+
+What a noisy record says about a six-axis arm: base parameters, their deviations, and a possible robot that has them.
+
+Run: ``python examples/identification.py [figure.png]``
+"""
+
+import sys
 
 import numpy as np
 
@@ -29,6 +37,30 @@ assert np.all(np.abs(found.values - true) < 4.5 * found.deviations)
 # A robot that can exist, and tracks the record better than the drawing does.
 possible = drawn.with_parameters(drawn.project_parameters(found.arm.parameters))
 assert possible.check_parameters()
+residual = {}
 for name, arm in (("drawn", drawn), ("identified", found.arm), ("identified, possible", possible)):
-    off = np.sqrt(np.mean((arm.inverse_dynamics(q, v, a) - tau) ** 2, axis=0))
+    residual[name] = off = np.sqrt(np.mean((arm.inverse_dynamics(q, v, a) - tau) ** 2, axis=0))
     print(f"{name:>20}: torque off by " + ", ".join(f"{x:.2f}" for x in off) + " N m")
+
+if len(sys.argv) > 1:
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure(figsize=(9.0, 4.2), layout="constrained")
+    values, torques = figure.subplots(1, 2)
+    order = np.argsort(-np.abs(true))
+    guess = found.base.projection @ drawn.parameters
+    k = np.arange(order.size)
+    values.plot(k, np.abs(guess - true)[order], "s", color="#D55E00", markersize=4, label="as drawn")
+    values.plot(k, np.abs(found.values - true)[order], "o", color="#0072B2", markersize=4, label="identified")
+    values.plot(k, found.deviations[order], color="0.4", drawstyle="steps-mid", linewidth=1.0, label="standard deviation")
+    values.set(yscale="log", xlabel="base parameter, the largest first", ylabel="distance from the true value (SI)")
+    for i, (name, off) in enumerate(residual.items()):
+        style = {"color": ("#D55E00", "#0072B2", "#009E73")[i], "marker": "so^"[i], "markersize": 5, "linestyle": "none"}
+        torques.plot(np.arange(1, 7) + 0.2 * (i - 1), off, label=name, **style)
+    for joint, level in enumerate(noise, 1):
+        torques.plot([joint - 0.45, joint + 0.45], [level, level], color="0.2", linewidth=1.2, label="noise" if joint == 1 else None)
+    torques.set(yscale="log", xlabel="joint", ylabel="rms torque error (N m)")
+    for ax in (values, torques):
+        ax.grid(alpha=0.3)
+        ax.legend(fontsize=8)
+    figure.savefig(sys.argv[1], dpi=150)

@@ -1,6 +1,9 @@
-"""Integrate a right-hand side of your own: a ball that bounces, and a stiff reaction beside scipy.
+"""Integration
+===========
 
-Run: `python examples/integrate_callable.py`
+Integrate a right-hand side of your own: a ball that bounces, and a stiff reaction beside scipy.
+
+Run: ``python examples/integrate_callable.py``
 """
 
 import math

@@ -1,6 +1,9 @@
-"""Minimum time of one link under gravity: which durations a torque limit allows, and how fast it can be done at all.
+"""Minimum time
+============
 
-Run: `python examples/minimum_time.py [figure.png]`
+Minimum time of one link under gravity: which durations a torque limit allows, and how fast it can be done at all.
+
+Run: ``python examples/minimum_time.py [figure.png]``
 """
 
 import math

@@ -1,9 +1,12 @@
-"""A singularity atlas of the planar 4R arm: where its two tasks can be commanded, and what five maps do on one path through it.
+"""A singularity atlas
+===================
+
+A singularity atlas of the planar 4R arm: where its two tasks can be commanded, and what five maps do on one path through it.
 
 Level sets over joints 2 and 4 of det J_E = L^4/16 sin q2 sin q4 and of the smallest singular values of J1 and of J2 P1; on them
 the path of a closed loop that is asked to cross the algorithmic singularity q4 = 0.
 
-Run: `python examples/singularity_atlas.py [figure.png]`
+Run: ``python examples/singularity_atlas.py [figure.png]``
 """
 
 import sys

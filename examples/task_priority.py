@@ -1,6 +1,9 @@
-"""Two tasks in priority on a planar 4R arm: what a singularity takes away, and how five maps pass through it.
+"""Task priority
+=============
 
-Run: `python examples/task_priority.py [figure.png]`
+Two tasks in priority on a planar 4R arm: what a singularity takes away, and how five maps pass through it.
+
+Run: ``python examples/task_priority.py [figure.png]``
 """
 
 import sys

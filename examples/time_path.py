@@ -1,6 +1,9 @@
-"""How fast can an arm follow a path: torque limits decide where, and the motion stays inside them.
+"""Timing of a path
+================
 
-Run: `python examples/time_path.py [figure.png]`
+How fast can an arm follow a path: torque limits decide where, and the motion stays inside them.
+
+Run: ``python examples/time_path.py [figure.png]``
 """
 
 import sys

@@ -12,6 +12,6 @@ component() { # command, component: run it, or say that it is not there
 run() { echo "+ $*"; "$@"; }
 if component fmt rustfmt; then run cargo fmt --check; fi
 if component clippy clippy; then run cargo clippy --locked --workspace --all-targets --quiet -- -D warnings; fi
-run "$@" -m ruff check python tests tools examples benches
+run "$@" -m ruff check python tests tools examples benches docs
 run "$@" -m mypy
 run "$@" -m mypy.stubtest armlet._core --allowlist tools/stubtest_allowlist.txt

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+import armlet as al
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -87,3 +89,51 @@ def test_code_paths_exist() -> None:
             if not (ROOT / target).exists():
                 missing.append(f"{name_of(page)}: {target}")
     assert missing == []
+
+
+def test_index_links_to_every_page() -> None:
+    """The built pages are in the order of these links."""
+    index = (ROOT / "docs/index.md").read_text()
+    assert [p.name for p in (ROOT / "docs").glob("*.md") if p.name not in ("index.md", "sources.md") and f"]({p.name})" not in index] == []
+
+
+def test_reference_lists_every_name() -> None:
+    listed = re.findall(r"^   (\w+)$", (ROOT / "docs/reference.md").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(set(al.__all__) - {"__version__"})
+
+
+def test_citations_have_a_source() -> None:
+    """`[Key]` and `[Key1, Key2]` of a page are keys of references.bib, which builds them into links."""
+    keys = set(re.findall(r"^@\w+\{([^,]+),", (ROOT / "docs/references.bib").read_text(), re.MULTILINE))
+    cited = {}
+    for page in PAGES:
+        text = re.sub(r"^```.*?^```$|^    .*?$|`[^`\n]*`", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+        for group in re.findall(r"\[([A-Za-z]\w*\d{4}\w*(?:, [A-Za-z]\w*\d{4}\w*)*)\](?!\()", text):
+            cited |= dict.fromkeys(group.split(", "), name_of(page))
+    assert "SlotineLi1987" in cited
+    assert {key: page for key, page in cited.items() if key not in keys} == {}
+
+
+def test_examples_have_a_title() -> None:
+    """The gallery of the built pages takes it from the docstring: a title, underlined, and what the script shows."""
+    assert [name_of(path) for path in EXAMPLES if not re.match(r'"""(\S.*)\n=+\n\n\S', path.read_text())] == []
+
+
+CONCEPTS = "adaptive arms batches elastic identification integration minimum_time plants_and_laws priority time_path".split()
+
+
+@pytest.mark.parametrize("concept", CONCEPTS)
+def test_concept_pages_are_complete(concept: str) -> None:
+    """Equation, code that runs, figure of an example, limits, and where the code and its example stand."""
+    text = (ROOT / f"docs/{concept}.md").read_text()
+    wanted = {
+        "equation": r"^    .*[=<]",
+        "code that runs": r"^```python$",
+        "figure": r"^```\{figure\} auto_examples/images/sphx_glr_\w+_001\.png$",
+        "limits": r"^## Limits$",
+        "code": r"`rust/core/src/[\w/.]+`",
+        "example": r"`examples/\w+\.py`",
+    }
+    assert [what for what, pattern in wanted.items() if not re.search(pattern, text, re.MULTILINE)] == []
+    for example in re.findall(r"sphx_glr_(\w+)_001\.png", text):
+        assert "savefig(sys.argv[1]" in (ROOT / f"examples/{example}.py").read_text()

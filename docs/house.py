@@ -1,0 +1,51 @@
+"""What these pages ask of Sphinx beyond its extensions: the tree of pages, citations, code in docstrings, figures of examples."""
+
+import re
+import tempfile
+from pathlib import Path
+
+KEYS = re.findall(r"^@\w+\{([^,]+),", (Path(__file__).parent / "references.bib").read_text(), re.MULTILINE)
+CITATION = re.compile(r"\[((?:" + "|".join(KEYS) + r")(?:, (?:" + "|".join(KEYS) + r"))*)\](?!\()")
+FENCE = re.compile(r"(^```.*?^```$|^    .*?$)", re.MULTILINE | re.DOTALL)
+
+
+def links(app: object, name: str, source: list[str]) -> None:
+    """`[Key1, Key2]` of a page, readable as it stands, becomes a link to the sources. Code is left alone."""
+    if name.startswith(("auto_examples", "api/")):
+        return
+    pieces = FENCE.split(source[0])
+    pieces[::2] = [piece.replace("(../benches/README.md)", "(benchmarks.md)") for piece in pieces[::2]]  # copied in by tools/docs.sh
+    pieces[::2] = [CITATION.sub(lambda m: "{cite}`" + m[1].replace(", ", ",") + "`", piece) for piece in pieces[::2]]
+    source[0] = "".join(pieces)
+    if name == "index":
+        source[0] += tree(source[0])
+
+
+def tree(index: str) -> str:
+    """The pages in the order in which the first page links to them, then what is made: a page that it forgets is a warning."""
+    pages = dict.fromkeys(re.findall(r"\]\(([\w/]+)\.md\)", index))
+    captions = {"Pages": [*pages], "Examples": ["auto_examples/index"], "Background": ["benchmarks", "sources", "adr/*"]}
+    return "".join(
+        f"\n\n```{{toctree}}\n:hidden:\n:glob:\n:caption: {caption}\n\n" + "\n".join(names) + "\n```\n"
+        for caption, names in captions.items()
+    )
+
+
+def code_in_docstrings(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """Backticks of a docstring hold code; bars and stars are arithmetic, never markup."""
+    for i, line in enumerate(lines):
+        if not line.lstrip().startswith((">>>", "...")):
+            pieces = re.split(r"(:[\w ]*:`[^`]+`|``[^`]+``|`[^`]+`)", line)
+            pieces[::2] = [re.sub(r"(?<!\\)([*|])", r"\\\1", piece) for piece in pieces[::2]]
+            pieces[1::2] = [f"`{piece}`" if re.match("`[^`]", piece) else piece for piece in pieces[1::2]]
+            lines[i] = "".join(pieces)
+
+
+def with_figure(conf: object, variables: dict[str, object]) -> list[str]:
+    """An example draws its figure when it is given a file: the gallery keeps the figure, the file is thrown away."""
+    return [str(Path(tempfile.gettempdir()) / "armlet_gallery.png")]
+
+
+def setup(app: object) -> None:
+    app.connect("source-read", links)
+    app.connect("autodoc-process-docstring", code_in_docstrings, priority=600)  # after napoleon

@@ -1,0 +1,82 @@
+"""What checks a release sees what is wrong: licences that are not permitted, wheels that are not what their tags say."""
+
+from __future__ import annotations
+
+import importlib.util
+import struct
+import sys
+import zipfile
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+TOOLS = Path(__file__).resolve().parents[2] / "tools"
+
+
+def load(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+audit, check_wheel = load(TOOLS / "audit.py"), load(TOOLS / "release" / "check_wheel.py")
+LICENCES = {"MIT", "Unicode-3.0", "Apache-2.0 WITH LLVM-exception"}
+
+
+@pytest.mark.parametrize(
+    ("licence", "permitted"),
+    [
+        ("MIT", True),
+        ("MIT/Apache-2.0", True),
+        ("Apache-2.0 OR GPL-3.0", False),
+        ("(MIT OR Apache-2.0) AND Unicode-3.0", True),
+        ("MIT AND GPL-3.0", False),
+        ("Apache-2.0 WITH LLVM-exception", True),
+        (None, False),
+    ],
+)
+def test_licences(licence: str | None, permitted: bool) -> None:
+    assert audit.permitted(licence, LICENCES) is permitted
+
+
+def test_crates_are_permitted() -> None:
+    packages = audit.crates()
+    assert {"armlet-core", "armlet-py", "nalgebra", "pyo3"} <= {package["name"] for package in packages}
+    assert {name: faults for name, check in audit.CHECKS.items() if (faults := check(packages))} == {}
+
+
+def elf(processor: int, glibc: str) -> bytes:
+    return b"\x7fELF" + bytes(14) + struct.pack("<H", processor) + f"GLIBC_{glibc}".encode()
+
+
+def wheel(folder: Path, platform: str, binary: bytes, *, without: str = "") -> Path:
+    path = folder / f"armlet-0.1.0-cp311-abi3-{platform}.whl"
+    info = "armlet-0.1.0.dist-info/"
+    names = ["armlet/__init__.py", "armlet/py.typed", f"{info}METADATA", f"{info}licenses/LICENSE", f"{info}sboms/armlet.cyclonedx.json"]
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("armlet/_core.abi3.so", binary)
+        for name in names:
+            if not without or without not in name:
+                archive.writestr(name, "")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("platform", "binary", "without", "wrong"),
+    [
+        ("manylinux_2_17_x86_64", elf(62, "2.17"), "", ""),
+        ("manylinux_2_17_x86_64", elf(62, "2.34"), "", "glibc 2.17"),
+        ("manylinux_2_17_aarch64", elf(62, "2.17"), "", "of linux x86_64"),
+        ("macosx_11_0_arm64", b"\xcf\xfa\xed\xfe" + struct.pack("<I", 0x0100000C), "", ""),
+        ("win_amd64", elf(62, "2.17"), "", "of linux"),
+        ("manylinux_2_17_x86_64", elf(62, "2.17"), "sboms", "bill of materials"),
+        ("manylinux_2_17_x86_64", elf(62, "2.17"), "LICENSE", "LICENSE is missing"),
+    ],
+)
+def test_wheels(tmp_path: Path, platform: str, binary: bytes, without: str, wrong: str) -> None:
+    faults = check_wheel.faults(wheel(tmp_path, platform, binary, without=without))
+    assert (not faults) if not wrong else any(wrong in fault for fault in faults)
