@@ -72,7 +72,7 @@ impl<'a, S: Real> Watching<'a, S> {
         let contacts = switching.as_ref().map_or(0, |s| s.touches.len());
         Watching {
             events: vec![Seen::default(); asked.as_ref().map_or(0, |asked| asked.events.len())],
-            crossed: Vec::new(),
+            crossed: Vec::with_capacity(asked.as_ref().map_or(0, |asked| LOOKS * asked.events.len())),
             switching,
             probe: Probe::new(plant),
             asked,
