@@ -161,7 +161,7 @@ class Events:
     def of(self, event: int | str) -> Events:
         """The crossings of one event, by index or name."""
         if event in self.names:
-            event = self.names.index(event)  # type: ignore[arg-type]  # a name by now
+            event = self.names.index(event)
         if not isinstance(event, int) or not 0 <= event < len(self.names):
             raise InputError(f"Events.of: event is unknown: expected an index or one of {', '.join(self.names)}, got {event!r}")
         rows = self.which == event

@@ -226,9 +226,9 @@ class Run(_Recorded):
             raise InputError("Run.sample: the run kept no polynomials: expected one of simulate(dense=True) with an adaptive method")
         dense, states = self._dense
         values, n = dense(t), self.q.shape[-1]
-        parts: list[Array | None] = [values[..., k * n : (k + 1) * n] for k in range(states // n)]
-        parts += [None] * (4 - len(parts))
-        return State(*parts, values[..., states:] if values.shape[-1] > states else None)
+        parts = [values[..., k : k + n] if k < states else None for k in range(n, 4 * n, n)]
+        estimate = values[..., states:] if values.shape[-1] > states else None
+        return State(values[..., :n], parts[0], parts[1], parts[2], estimate)
 
     __call__ = sample
 

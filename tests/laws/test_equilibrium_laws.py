@@ -27,7 +27,16 @@ LAWS: dict[str, al.Law] = {
 
 def settled(plant: al.Plant, law: al.Law, force: Any = None, frame: str | None = "link2") -> al.Run:
     return al.simulate(
-        plant, law, START, t_end=60.0, method="radau5", rtol=1e-8, atol=1e-10, t_eval=[60.0], force=force, force_frame=frame if force is not None else None
+        plant,
+        law,
+        START,
+        t_end=60.0,
+        method="radau5",
+        rtol=1e-8,
+        atol=1e-10,
+        t_eval=[60.0],
+        force=force,
+        force_frame=frame if force is not None else None,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ def test_a_perfect_sensor_changes_nothing(name: str) -> None:
 
 def test_the_law_sees_bias_steps_and_noise() -> None:
     q, theta, torque, _ = watched(al.TorqueSensor(bias=[2.0, -1.0]))
-    np.testing.assert_allclose(K * (theta - q), torque + [2.0, -1.0], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(K * (theta - q), torque + np.array([2.0, -1.0]), rtol=0.0, atol=1e-9)
     q, theta, torque, true = watched(al.TorqueSensor(resolution=0.25), resolution={"theta": 1e-4})
     np.testing.assert_allclose(K * (theta - q), np.round(torque / 0.25) * 0.25, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(theta, np.round(true / 1e-4) * 1e-4, rtol=0.0, atol=1e-12)
@@ -69,7 +70,7 @@ def test_the_filter_is_of_first_order(lag: int) -> None:
     q, theta, torque, true = watched(al.TorqueSensor(bandwidth=w), sensor_delay=lag)
     # The exact answer to straight lines between the samples, from rest; by another route: the ramp response.
     decay, filtered = np.exp(-w * 1e-3), [torque[0]]
-    for before, now in zip(torque[:-1], torque[1:], strict=True):
+    for before, now in pairwise(torque):
         slope = (now - before) / 1e-3
         filtered.append(now - slope / w + (filtered[-1] - before + slope / w) * decay)
     np.testing.assert_allclose((K * (theta - q))[lag:], np.array(filtered)[: 1000 - lag], rtol=0.0, atol=1e-8)
@@ -79,7 +80,9 @@ def test_the_filter_is_of_first_order(lag: int) -> None:
 def test_the_law_reads_through_its_own_stiffness() -> None:
     # A law that believes in springs half as stiff takes the reading for what it is: the joint torque.
     soft = al.StateFeedback(ARM, [0.3, 1.0], 200.0, 20.0, 1.0, 0.02, K / 2)
-    assert np.max(np.abs(sampled(al.TorqueSensor(), soft).q - al.simulate(PLANT, soft, START, t_end=0.3, dt=1e-4, sample_time=1e-3).q)) > 1e-4
+    assert (
+        np.max(np.abs(sampled(al.TorqueSensor(), soft).q - al.simulate(PLANT, soft, START, t_end=0.3, dt=1e-4, sample_time=1e-3).q)) > 1e-4
+    )
     rest = sampled(al.TorqueSensor(), soft, t_end=20.0, dt=1e-3)
     # At rest tau = tau_J = g(q), and the law's tau_J is the plant's.
     theta_d = np.array([0.3, 1.0]) + ARM.gravity([0.3, 1.0]) / (K / 2)

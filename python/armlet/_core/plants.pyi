@@ -21,9 +21,7 @@ class Wall:
 
 @final
 class RigidArm(Plant):
-    def __new__(
-        cls, arm: Arm, *, friction: bool = False, wall: Wall | None = None, stops: JointStops | None = None
-    ) -> Self: ...
+    def __new__(cls, arm: Arm, *, friction: bool = False, wall: Wall | None = None, stops: JointStops | None = None) -> Self: ...
 
 @final
 class VelocityArm(Plant):

@@ -257,7 +257,7 @@ def arguments(run: Mapping[str, Any]) -> dict[str, Any]:
     sampling, times, force = given.get("sample_time"), given.get("t_eval"), given.get("force")
     if isinstance(sampling, Mapping):
         sensor = sampling.get("torque_sensor")
-        given["sample_time"] = Sampling(**(sampling | ({} if sensor is None else {"torque_sensor": TorqueSensor(**sensor)})))
+        given["sample_time"] = Sampling(**{**sampling, "torque_sensor": sensor and TorqueSensor(**sensor)})
     if isinstance(times, Mapping):
         given["t_eval"] = np.linspace(0.0, run["t_end"], max(2, round(run["t_end"] / times["step"]) + 1))
     if force and isinstance(force[0], Mapping):

@@ -119,6 +119,8 @@ where
 {
     let (mut t, mut sample, mut wanted, mut accepted) = (0.0, 0u64, 0usize, 0usize);
     let mut at = method.x().clone();
+    // Where a watched step starts.
+    let mut start = at.clone();
     let mut started = false;
     let outcome = |status, t, method: &M| Outcome { status, t, work: method.work() };
     // The end of a piece that is taken again up to a switch.
@@ -167,14 +169,13 @@ where
                 return outcome(Status::Success, 0.0, method);
             }
         }
-        let mut start = None;
         loop {
             if stop.requested() {
                 return outcome(Status::Interrupted, method.t(), method);
             }
             let looks = watch.active() && switch_at.is_none();
             if looks {
-                start.get_or_insert_with(|| at.clone()).clone_from(method.x());
+                start.clone_from(method.x());
             }
             let done = match method.step(system) {
                 Ok(done) => done,
@@ -188,9 +189,7 @@ where
                     Ok(Some(Cut::Switch(cut))) => {
                         // Back to the start of the step, and on to the switch.
                         (t, inside) = (method.t_old(), true);
-                        if let Some(start) = &start {
-                            method.x_mut().clone_from(start);
-                        }
+                        method.x_mut().clone_from(&start);
                         if cut > t {
                             switch_at = Some(cut);
                         } else {

@@ -63,9 +63,9 @@ pub struct Found {
 }
 
 impl Found {
-    pub fn add(&mut self, index: usize, t: f64, x: impl Iterator<Item = f64>) {
+    pub fn add(&mut self, index: usize, t: f64, x: &[f64]) {
         self.index.push(index);
         self.t.push(t);
-        self.x.extend(x);
+        self.x.extend_from_slice(x);
     }
 }

@@ -7,7 +7,7 @@ use super::event::{Event, Found};
 use super::general::Watched;
 use super::switching::{Probe, Switching};
 use super::watcher::{Cut, Watcher};
-use crate::integrate::events::crossing;
+use crate::integrate::events::{crossing, sign};
 use crate::integrate::solve::node;
 use crate::integrate::{Adaptive, System};
 use crate::plant::PlantSpec;
@@ -72,7 +72,7 @@ impl<'a, S: Real> Watching<'a, S> {
         let contacts = switching.as_ref().map_or(0, |s| s.touches.len());
         Watching {
             events: vec![Seen::default(); asked.as_ref().map_or(0, |asked| asked.events.len())],
-            crossed: Vec::new(),
+            crossed: Vec::with_capacity(asked.as_ref().map_or(0, |asked| LOOKS * asked.events.len())),
             switching,
             probe: Probe::new(plant),
             asked,
@@ -87,103 +87,116 @@ impl<'a, S: Real> Watching<'a, S> {
     }
 
     /// The first switch in the last step of `method`, if there is one.
-    fn switch_in<F, M: Adaptive<S, F, Vec<S>>>(&mut self, system: &mut F, method: &mut M) -> Result<Option<f64>, Status>
+    fn switch_in<F, M>(&mut self, system: &mut F, method: &mut M) -> Result<Option<f64>, Status>
     where
         F: System<S>,
+        M: Adaptive<S, F, Vec<S>>,
     {
-        let Some(mut switching) = self.switching.take() else { return Ok(None) };
+        let Some(switching) = &mut self.switching else { return Ok(None) };
         let (t0, t1) = (method.t_old(), method.t());
-        let (at, x, guards) = (&mut self.at, &mut self.x, &mut self.guards);
-        let mut guard = |switching: &mut Switching, method: &mut M, i: usize, t: f64| {
-            method.interpolate(system, t, at);
-            lanes_of(x, at);
-            switching.guard(i, x)
-        };
+        let (at, x) = (&mut self.at, &mut self.x);
         let mut first: Option<(f64, usize)> = None;
         let mut before = t0;
-        for (i, value) in guards.iter_mut().enumerate() {
-            *value = guard(&mut switching, method, i, t0);
+        interpolate(system, method, t0, at, x);
+        for (i, guard) in self.guards.iter_mut().enumerate() {
+            *guard = switching.guard(i, x);
         }
         for look in 1..=LOOKS {
-            let t = if look == LOOKS { t1 } else { t0 + look as f64 / LOOKS as f64 * (t1 - t0) };
-            for i in 0..guards.len() {
-                let value = guard(&mut switching, method, i, t);
-                if value.is_nan() {
-                    self.switching = Some(switching);
+            let t = place(look, t0, t1);
+            interpolate(system, method, t, at, x);
+            for i in 0..self.guards.len() {
+                let (was, guard) = (self.guards[i], switching.guard(i, x));
+                if guard.is_nan() {
                     return Err(Status::Diverged);
                 }
-                if value < 0.0 {
-                    let was = guards[i];
-                    let root =
-                        if was > 0.0 { crossing(|t| guard(&mut switching, method, i, t), (before, was), (t, value)) } else { before };
+                if guard < 0.0 {
+                    let g = |t: f64| {
+                        interpolate(system, method, t, at, x);
+                        switching.guard(i, x)
+                    };
+                    let root = if was > 0.0 { crossing(g, (before, was), (t, guard)) } else { before };
+                    interpolate(system, method, t, at, x);
                     if first.is_none_or(|(earliest, _)| root < earliest) {
                         first = Some((root, i));
                     }
                 }
-                guards[i] = value;
+                self.guards[i] = guard;
             }
             if first.is_some() {
                 break;
             }
             before = t;
         }
-        self.switching = Some(switching);
         let Some((t, i)) = first else {
             self.stuck = 0;
             return Ok(None);
         };
         self.stuck = if t > t0 { 0 } else { self.stuck + 1 };
-        if self.stuck > STUCK {
-            return Ok(None);
-        }
         self.switches = i;
-        Ok(Some(t))
+        Ok((self.stuck <= STUCK).then_some(t))
     }
 
     /// The events up to `t1` in the last step; the time of the one that ends the run.
-    fn events_in<F, M: Adaptive<S, F, Vec<S>>>(&mut self, system: &mut F, method: &mut M, t1: f64) -> Result<Option<f64>, Status>
+    fn events_in<F, M>(&mut self, system: &mut F, method: &mut M, t1: f64) -> Result<Option<f64>, Status>
     where
         F: System<S>,
+        M: Adaptive<S, F, Vec<S>>,
     {
         let Some(Asked { events, found, .. }) = self.asked.as_deref_mut() else { return Ok(None) };
+        if events.is_empty() {
+            return Ok(None);
+        }
         let t0 = method.t_old();
         let (at, x, probe) = (&mut self.at, &mut self.x, &mut self.probe);
         let mut value = |i: usize, t: f64| {
-            method.interpolate(system, t, at);
-            lanes_of(x, at);
+            interpolate(system, method, t, at, x);
             events[i].what.value(probe, t, x)
         };
         let mut before = t0;
         self.crossed.clear();
         for look in 1..=LOOKS {
-            let t = if look == LOOKS { t1 } else { t0 + look as f64 / LOOKS as f64 * (t1 - t0) };
-            for i in 0..self.events.len() {
+            let t = place(look, t0, t1);
+            for (i, seen) in self.events.iter_mut().enumerate() {
                 let g = value(i, t);
                 if g.is_nan() {
                     return Err(Status::Diverged);
                 }
-                let Seen { sign: old, value: was, .. } = self.events[i];
-                let sign = if g == 0.0 { 0.0 } else { g.signum() };
-                let direction = events[i].direction;
-                if old != 0.0 && sign != old && (direction == 0.0 || direction * old < 0.0) {
-                    self.crossed.push((if g == 0.0 { t } else { crossing(|t| value(i, t), (before, was), (t, g)) }, i));
+                let (sign, direction) = (sign(g), events[i].direction);
+                if seen.sign != 0.0 && sign != seen.sign && direction * seen.sign <= 0.0 {
+                    let root = if g == 0.0 { t } else { crossing(|t| value(i, t), (before, seen.value), (t, g)) };
+                    self.crossed.push((root, i));
                 }
-                // A touch from one side leaves the sign as it was.
-                (self.events[i].value, self.events[i].sign) = (g, sign);
+                (seen.value, seen.sign) = (g, sign);
             }
             before = t;
         }
         self.crossed.sort_by(|a, b| a.0.total_cmp(&b.0));
         for &(t, i) in &self.crossed {
             self.events[i].count += 1;
-            method.interpolate(system, t, &mut self.at);
-            found.add(i, t, self.at.iter().take(self.states).map(|x| x.lane(0)));
+            interpolate(system, method, t, &mut self.at, &mut self.x);
+            found.add(i, t, &self.x[..self.states]);
             if events[i].stop_after > 0 && self.events[i].count >= events[i].stop_after {
                 return Ok(Some(t));
             }
         }
         Ok(None)
     }
+}
+
+/// Where look `k` of a step from `t0` to `t1` is.
+fn place(k: usize, t0: f64, t1: f64) -> f64 {
+    if k == LOOKS { t1 } else { t0 + k as f64 / LOOKS as f64 * (t1 - t0) }
+}
+
+/// The state at `t` in the last step of `method`, into `at` and `x`.
+fn interpolate<S, F, M>(system: &mut F, method: &mut M, t: f64, at: &mut Vec<S>, x: &mut [f64])
+where
+    S: Real,
+    F: System<S>,
+    M: Adaptive<S, F, Vec<S>>,
+{
+    method.interpolate(system, t, at);
+    lanes_of(x, at);
 }
 
 impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> for Watching<'_, S> {
@@ -203,7 +216,7 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
                 if seen.value.is_nan() {
                     return Err(Status::Diverged);
                 }
-                seen.sign = if seen.value == 0.0 { 0.0 } else { seen.value.signum() };
+                seen.sign = sign(seen.value);
             }
         }
         Ok(())
