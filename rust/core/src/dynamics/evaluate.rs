@@ -4,7 +4,7 @@
 
 use super::Workspace;
 use super::quantities::{self, Compute};
-use super::rows::{read_rows, write_rows};
+use super::rows::{Stage, read_rows, write_rows};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
@@ -133,8 +133,7 @@ pub(super) struct Engine<S> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
-    /// Long rows on their way to memory.
-    stage: Vec<f64>,
+    stage: Stage,
 }
 
 impl<S: Real> Engine<S> {
@@ -149,7 +148,7 @@ impl<S: Real> Engine<S> {
             inputs: std::array::from_fn(|_| zeros(n.max(6))),
             out: zeros(largest),
             square: zeros(n * n),
-            stage: Vec::new(),
+            stage: Stage::default(),
             tree,
         }
     }
@@ -162,14 +161,23 @@ impl<S: Real> Engine<S> {
         let length = query.length(n);
         let (mut at, mut sound) = (0, true);
         self.out[..length].fill(S::zero());
+        if S::LANES > 1 {
+            // What vanishes for every state is never written.
+            let below = if query.quantity == Quantity::Regressor { self.tree.below() } else { Vec::new() };
+            let width = PARAMETERS * n;
+            let columns = query.shape(n).1;
+            let vanishes = |k: usize| {
+                let (row, column) = (k / columns, k % columns);
+                !below.is_empty() && column < width && !below[row * n + column / PARAMETERS]
+            };
+            self.stage.prepare(S::LANES, length, out.len(), vanishes);
+        }
         while at < count {
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
                 read_rows(given, at, count, width, &mut self.inputs[k][..width]);
             }
-            for i in 0..n {
-                self.trig[i] = self.inputs[0][i].sin_cos();
-            }
+            S::sin_cos_each(&self.inputs[0][..n], &mut self.trig);
             Q::compute(self, query);
             sound &= write_rows(&self.out[..length], &mut self.stage, &mut out[at * length..]);
             at += S::LANES;
