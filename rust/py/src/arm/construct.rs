@@ -85,7 +85,7 @@ pub fn load_urdf(
                 input_error(py, NAME, "path_or_xml", problem)
             })?,
         };
-        let arm = if text.trim_start().starts_with('<') {
+        let arm = if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
             core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
         } else {
             core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?

@@ -37,7 +37,7 @@ impl Arm {
         let n = self.n();
         let full: Vec<usize> = inputs.shape.iter().copied().chain([3 * n, n]).collect();
         let mut flat = room(inputs.count, 3 * n * n)?;
-        self.fill(function, names, query, &inputs, &full, &mut flat, true)?;
+        self.fill(function, names, values, query, &inputs, &full, &mut flat, true)?;
         Ok((inputs.shape, flat))
     }
 
