@@ -4,8 +4,8 @@ use crate::scalar::Real;
 
 /// Numbers of a row that are moved at once.
 const BLOCK: usize = 8;
-/// Rows of this length are staged on their way to memory.
-const LONG: usize = 128;
+/// Rows of these lengths are staged on their way to memory: longer than a few lines, and eight of them in the second-level cache.
+const LONG: std::ops::Range<usize> = 128..1 << 14;
 /// Answers of more numbers than a second-level cache holds leave past the caches.
 const LARGE: usize = 1 << 18;
 
@@ -19,11 +19,16 @@ pub struct Stage {
 }
 
 impl Stage {
+    /// Whether rows of this length are staged.
+    pub fn takes(length: usize) -> bool {
+        LONG.contains(&length)
+    }
+
     /// For rows of `length` numbers, `total` in all, of which `vanishes(k)` is zero in every row.
     pub fn prepare(&mut self, lanes: usize, length: usize, total: usize, vanishes: impl Fn(usize) -> bool) {
         self.blank.clear();
         self.rows.clear();
-        if length >= LONG {
+        if Stage::takes(length) {
             self.blank.extend((0..length / BLOCK).map(|block| (BLOCK * block..BLOCK * (block + 1)).all(&vanishes)));
             self.rows.resize(lanes * length, 0.0);
             self.large = total >= LARGE;
@@ -186,7 +191,7 @@ mod tests {
     #[test]
     fn rows_pass_through_lanes() {
         // Rows shorter than a block, whole blocks, blocks and a rest, and rows that are staged.
-        for width in (1..=19).chain([LONG - 1, LONG, LONG + 3, 490]) {
+        for width in (1..=19).chain([LONG.start - 1, LONG.start, LONG.start + 3, 490]) {
             for count in [1, 2, 7, 8, 9, 16, 37] {
                 let last = count * width - 1;
                 for bad in [None, Some(0), Some(last / 2), Some(last)] {
