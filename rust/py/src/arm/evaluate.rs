@@ -94,7 +94,8 @@ impl Arm {
             Ok(true) => return Ok(()),
             Ok(false) => {}
             // The core looks at every number once; which argument's it was is worth a second look only now.
-            Err(failure) => return require_all_finite(function, names, values).and(Err(failure)),
+            Err(Failure::Core(error)) => return require_all_finite(function, names, values).and(Err(error.into())),
+            Err(interrupt) => return Err(interrupt),
         }
         // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
         let Some(k) = data.iter().position(|x| !x.is_finite()) else { return Ok(()) };
