@@ -16,8 +16,8 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-MASS, LENGTH = 0.02, 0.1
-"""The least body, kg, and its radius of gyration, m, of `projection=MASS`."""
+SHARE = 0.2
+"""Of the true bodies, what the least bodies are in most tests: the share of a data sheet that a user trusts."""
 
 
 def body(rng: np.random.Generator) -> list[float]:
@@ -41,10 +41,10 @@ def pseudo(pi: Array) -> Array:
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
-def shares(estimate: Array, mass: float = MASS) -> Array:
-    """The least eigenvalue of every body relative to the least body: at least 1/2 where the promise holds."""
-    scale = np.array([1 / LENGTH, 1 / LENGTH, 1 / LENGTH, 1.0])
-    bodies = pseudo(estimate.reshape(*estimate.shape[:-1], -1, 10)) * np.outer(scale, scale) / mass
+def shares(estimate: Array, least: Array) -> Array:
+    """The largest k with P(estimate) >= k P(least), of every body: at least 1/2 where the promise holds."""
+    inverse = np.linalg.inv(np.linalg.cholesky(pseudo(least.reshape(-1, 10))))
+    bodies = inverse @ pseudo(estimate.reshape(*estimate.shape[:-1], -1, 10)) @ np.swapaxes(inverse, -1, -2)
     return np.linalg.eigvalsh(bodies)[..., 0]
 
 
@@ -55,14 +55,14 @@ def sinusoid(n: int) -> al.Sinusoid:
 def gamma_of(form: str, rng: np.random.Generator, p: int) -> Any:
     """A scalar, or a full matrix that couples all bodies: condition number about 30."""
     if form == "scalar":
-        return 0.5
+        return 0.05
     root = rng.standard_normal((p, p))
-    return 0.5 * (root @ root.T / p + 0.1 * np.eye(p))
+    return 0.1 * (root @ root.T / p + 0.1 * np.eye(p))
 
 
 STARTS = {
     "nothing": lambda arm: None,
-    "on the border": lambda arm: 0.01 * arm.parameters,
+    "near the border": lambda arm: 1.1 * SHARE * arm.parameters,
     "negative": lambda arm: -arm.parameters,
     "flat": lambda arm: np.tile([1.0, 0.3, 0, 0, 0, 0, 0.1, 0, 0, 0.1], arm.n),
 }
@@ -73,25 +73,25 @@ STARTS = {
 def test_bodies_stay_possible_and_the_proof_holds(form: str, start: str) -> None:
     rng = np.random.default_rng(31)
     arm = chain(rng, 3)
-    assert np.min(shares(arm.parameters)) > 1.0  # the truth is inside: the proof needs it
+    least = SHARE * arm.parameters  # the truth is inside: the proof needs it
     gamma, estimate = gamma_of(form, rng, 30), STARTS[start](arm)
-    options: dict[str, Any] = {"t_end": 20.0, "method": "dop853", "rtol": 1e-10, "atol": 1e-11, "t_eval": np.linspace(0, 20, 401)}
+    options: dict[str, Any] = {"t_end": 10.0, "method": "dop853", "rtol": 1e-9, "atol": 1e-10, "t_eval": np.linspace(0, 10, 201)}
     motion, q0 = sinusoid(3), [0.5, -0.4, 0.3]
-    law = al.Adaptive(arm, motion, 30.0, 10.0, gamma, estimate=estimate, projection=MASS)
+    law = al.Adaptive(arm, motion, 30.0, 10.0, gamma, estimate=estimate, projection=least)
     run = al.simulate(al.RigidArm(arm), law, q0, **options)
     assert run.estimate is not None
     # The start is inside to rounding, and the layer is never left: its inner edge attracts.
-    assert np.min(shares(run.estimate[0])) > 1.0 - 1e-12
-    assert np.min(shares(run.estimate)) > 0.5
+    assert np.min(shares(run.estimate[0], least)) > 1.0 - 1e-12
+    assert np.min(shares(run.estimate, least)) > 0.5
     assert all(arm.check_parameters(row) for row in run.estimate)
     value, balance = run.monitors["lyapunov"], run.monitors["lyapunov_balance"]
     # The balance is what the projection has taken; both are monotone up to the integrator's error.
     assert np.all(np.diff(value) < 1e-8) and np.all(np.diff(balance) > -1e-7) and value[-1] < value[0] - 0.1
     error = np.abs(run.q - np.array([motion(t)[0] for t in run.t]))
-    assert np.max(error[-40:]) < 0.05 * np.max(error[:40])
+    assert np.max(error[-20:]) < 0.3 * np.max(error[:20])
     # It is the projection that does it: without one, the same start is lost.
     free = al.simulate(al.RigidArm(arm), al.Adaptive(arm, motion, 30.0, 10.0, gamma, estimate=run.estimate[0]), q0, **options)
-    assert free.estimate is not None and np.min(shares(free.estimate)) < 0.0
+    assert free.estimate is not None and np.min(shares(free.estimate, least)) < 0.0
     assert balance[-1] > 1e-6
 
 
@@ -109,32 +109,34 @@ def test_inside_the_projection_changes_nothing() -> None:
 def test_rows_of_a_batch_are_the_single_runs() -> None:
     """Lanes inside and outside side by side, least bodies that differ from law to law."""
     rng = np.random.default_rng(33)
-    arm, masses = chain(rng, 2), rng.uniform(0.005, 0.02, 11)
+    arm, trust = chain(rng, 2), rng.uniform(0.2, 0.4, 11)
     starts = rng.uniform(-1.0, 1.0, (11, 1)) * arm.parameters
-    laws = [al.Adaptive(arm, sinusoid(2), 30.0, 10.0, 0.5, estimate=e, projection=m) for e, m in zip(starts, masses, strict=True)]
-    batch = al.simulate_batch(al.RigidArm(arm), laws, np.zeros((11, 2)), t_end=2.0, dt=1e-3, record_every=50)
+    least = [k * arm.parameters for k in trust]
+    laws = [al.Adaptive(arm, sinusoid(2), 30.0, 10.0, 0.005, estimate=e, projection=b) for e, b in zip(starts, least, strict=True)]
+    batch = al.simulate_batch(al.RigidArm(arm), laws, np.zeros((11, 2)), t_end=1.0, dt=1e-4, record_every=500)
     assert batch.estimate is not None
     for i, law in enumerate(laws):
-        run = al.simulate(al.RigidArm(arm), law, np.zeros(2), t_end=2.0, dt=1e-3, record_every=50)
-        # Two instruction sets, 1e-12 each on a contracting run; eigenvectors amplify it by the inverse of the layer, 1/MASS.
-        np.testing.assert_allclose(batch.estimate[i], np.asarray(run.estimate), rtol=0.0, atol=1e-9)
-        assert np.min(shares(batch.estimate[i], masses[i])) > 0.5
+        run = al.simulate(al.RigidArm(arm), law, np.zeros(2), t_end=1.0, dt=1e-4, record_every=500)
+        # Two instruction sets, 1e-12 each on a contracting run. At 1 ms the layer is too stiff for that: it amplifies rounding.
+        np.testing.assert_allclose(batch.estimate[i], np.asarray(run.estimate), rtol=0.0, atol=1e-12)
+        assert np.min(shares(batch.estimate[i], least[i])) > 0.5
 
 
 def test_every_kind_of_method_takes_it() -> None:
     """The rate is Lipschitz: adaptive, implicit (exact Jacobians by duals) and sampled loops run through it."""
     arm = chain(np.random.default_rng(34), 2)
-    law = al.Adaptive(arm, sinusoid(2), 30.0, 10.0, 0.5, projection=MASS)
+    least = SHARE * arm.parameters
+    law = al.Adaptive(arm, sinusoid(2), 30.0, 10.0, 0.05, projection=least)
     ends = {}
     for method in ("dop853", "radau5", "rodas4"):
         run = al.simulate(al.RigidArm(arm), law, [0.5, -0.4], t_end=3.0, method=method, rtol=1e-8, atol=1e-9)
-        assert run.estimate is not None and np.min(shares(run.estimate)) > 0.5
+        assert run.estimate is not None and np.min(shares(run.estimate, least)) > 0.5
         ends[method] = np.concatenate([run.q[-1], run.v[-1], run.estimate[-1]])
     # Kinks where bodies enter the layer cost the methods some of their order: a hundred tolerances.
     np.testing.assert_allclose(ends["radau5"], ends["dop853"], atol=1e-6)
     np.testing.assert_allclose(ends["rodas4"], ends["dop853"], atol=1e-6)
     run = al.simulate(al.RigidArm(arm), law, [0.5, -0.4], t_end=3.0, dt=1e-3, sample_time=1e-3)
-    assert run.estimate is not None and np.min(shares(run.estimate)) > 0.5
+    assert run.estimate is not None and np.min(shares(run.estimate, least)) > 0.5
 
 
 def test_the_planar_pr_stays_positive_definite() -> None:

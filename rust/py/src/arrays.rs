@@ -232,33 +232,48 @@ pub fn integers<'py, T: Element>(py: Python<'py>, shape: &[usize], values: Vec<T
     Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
 }
 
-/// A new array of this shape, filled by `fill`.
+/// A new array of this shape, zero but for what `fill` writes.
 pub fn new_array<'py>(
     py: Python<'py>,
     shape: &[usize],
     fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
 ) -> Result<Bound<'py, PyAny>, Failure> {
+    made(py, shape, true, fill)
+}
+
+/// A new array of this shape, every number of it written by `fill`: what was in the memory before would show. Zeroing an array
+/// that is written once anyway costs a pass over memory.
+pub fn written_array<'py>(
+    py: Python<'py>,
+    shape: &[usize],
+    fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    made(py, shape, false, fill)
+}
+
+fn made<'py>(
+    py: Python<'py>,
+    shape: &[usize],
+    zeroed: bool,
+    fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
     // numpy says what does not fit as a MemoryError; the quick way below may only panic.
     let count = elements(shape)?;
-    let large = if count > LARGE {
-        let array = numpy_function(py, "zeros")?.call1((PyTuple::new(py, shape)?,))?;
-        Some(array.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?)
+    let array = if count > LARGE {
+        let array = numpy_function(py, if zeroed { "zeros" } else { "empty" })?.call1((PyTuple::new(py, shape)?,))?;
+        array.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?
+    } else if zeroed && count > 1024 {
+        PyArrayDyn::<f64>::zeros(py, shape, false)
     } else {
-        None
+        // SAFETY: numpy's memory is real memory, whose bits are some float64 whatever they are; nobody else has seen the array yet.
+        unsafe { PyArrayDyn::<f64>::new(py, shape, false) }
     };
-    let array = match large {
-        Some(array) => array,
+    // SAFETY: contiguous and aligned, and nobody else has seen the array yet.
+    let out = unsafe { std::slice::from_raw_parts_mut(array.data(), count) };
+    if zeroed && count <= 1024 {
         // What fits in a cache is zeroed by hand, quicker than by the system.
-        None if count <= 1024 => unsafe { PyArrayDyn::<f64>::new(py, shape, false) },
-        None => PyArrayDyn::<f64>::zeros(py, shape, false),
-    };
-    // SAFETY: contiguous and aligned, zeroed here or by numpy, and nobody else has seen the array yet.
-    let out = unsafe {
-        if count <= 1024 {
-            std::ptr::write_bytes(array.data(), 0, count);
-        }
-        std::slice::from_raw_parts_mut(array.data(), count)
-    };
+        out.fill(0.0);
+    }
     fill(out)?;
     Ok(array.into_any())
 }

@@ -37,7 +37,17 @@ impl<const K: usize> Broadcast<'_, K> {
     }
 }
 
-/// Arguments `(..., n)` of a pure function: finite, of the right width, broadcast like numpy does.
+/// Refuse arguments that are not finite. Arrays of the wrong kind were refused by whoever read them first.
+pub fn require_all_finite<const K: usize>(function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Result<(), Failure> {
+    for k in 0..K {
+        let (shape, data) = numbers(function, names[k], values[k])?;
+        require_finite(values[k].py(), function, names[k], &shape, &data)?;
+    }
+    Ok(())
+}
+
+/// Arguments `(..., n)` of a pure function: of the right width, broadcast like numpy does. Not checked for being finite:
+/// [`require_all_finite`] says which are not.
 pub fn broadcast<'a, const K: usize>(
     function: &str,
     names: [&str; K],
@@ -53,7 +63,6 @@ pub fn broadcast<'a, const K: usize>(
             let problem = format!("has the wrong shape: expected (..., {width}), got {}", shown(&shape));
             return Err(input_error(values[k].py(), function, names[k], problem).into());
         }
-        require_finite(values[k].py(), function, names[k], &shape, &data)?;
         shape.pop();
         shapes[k] = shape;
         rows[k] = (data, width);

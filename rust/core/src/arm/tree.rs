@@ -137,6 +137,20 @@ impl<S: Real> Tree<S> {
         }
     }
 
+    /// Whether joint `j` carries body `i`, at `(j, i)`.
+    pub fn below(&self) -> Vec<bool> {
+        let n = self.n();
+        let mut below = vec![false; n * n];
+        for i in 0..n {
+            let mut j = i;
+            while j != BASE {
+                below[j * n + i] = true;
+                j = self.bodies[j].parent;
+            }
+        }
+        below
+    }
+
     #[inline(always)]
     pub fn n(&self) -> usize {
         self.bodies.len()

@@ -6,7 +6,7 @@ use super::Workspace;
 use super::quantities::{self, Compute};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
-use crate::scalar::rows::{read_rows, write_rows};
+use crate::scalar::rows::{Stage, read_rows, write_rows};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
 use crate::spatial::PARAMETERS;
 use std::marker::PhantomData;
@@ -124,6 +124,9 @@ impl Query {
     }
 }
 
+/// Numbers that an arm's answers may take before room is made for them only when they are asked for: 8 MB.
+const EAGER: usize = 1 << 20;
+
 /// Buffers of one number type.
 #[derive(Clone, Debug)]
 pub(super) struct Engine<S> {
@@ -133,25 +136,40 @@ pub(super) struct Engine<S> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
-    /// Long rows on their way to memory.
-    stage: Vec<f64>,
+    stage: Stage,
 }
 
 impl<S: Real> Engine<S> {
-    /// For answers of up to `largest` numbers.
-    fn new(arm: &Arm, largest: usize) -> Self {
+    /// With room for every answer, or, of a lane engine and of an arm of very many joints, for none yet.
+    fn new(arm: &Arm, eager: bool) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
         let zeros = |k: usize| vec![S::zero(); k];
+        let largest = (n * n * (PARAMETERS + 3)).max(6 * n).max(16);
+        let eager = eager && largest <= EAGER;
         Engine {
             ws,
             trig: vec![(S::zero(), S::zero()); n],
             inputs: std::array::from_fn(|_| zeros(n.max(6))),
-            out: zeros(largest),
-            square: zeros(n * n),
-            stage: Vec::new(),
+            out: zeros(if eager { largest } else { 0 }),
+            square: zeros(if eager { n * n } else { 0 }),
+            stage: Stage::default(),
             tree,
         }
+    }
+
+    /// Room for what is asked, or an error that says how much it would be.
+    fn grow(&mut self, query: &Query) -> Result<()> {
+        let n = self.tree.n();
+        let square = if query.quantity == Quantity::ForwardDynamicsDerivatives { n * n } else { 0 };
+        for (buffer, length) in [(&mut self.out, query.length(n)), (&mut self.square, square)] {
+            if buffer.len() < length {
+                let bytes = length as u128 * size_of::<S>() as u128;
+                buffer.try_reserve_exact(length - buffer.len()).map_err(|_| Error::Memory { bytes })?;
+                buffer.resize(length, S::zero());
+            }
+        }
+        Ok(())
     }
 
     /// All configurations of the arrays, `S::LANES` at a time; the last lanes repeat the last one. Whether every
@@ -162,14 +180,23 @@ impl<S: Real> Engine<S> {
         let length = query.length(n);
         let (mut at, mut sound) = (0, true);
         self.out[..length].fill(S::zero());
+        if S::LANES > 1 {
+            // What vanishes for every state is never written.
+            let below = if query.quantity == Quantity::Regressor && Stage::takes(length) { self.tree.below() } else { Vec::new() };
+            let width = PARAMETERS * n;
+            let columns = query.shape(n).1;
+            let vanishes = |k: usize| {
+                let (row, column) = (k / columns, k % columns);
+                !below.is_empty() && column < width && !below[row * n + column / PARAMETERS]
+            };
+            self.stage.prepare(S::LANES, length, out.len(), vanishes);
+        }
         while at < count {
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
                 read_rows(given, at, count, width, &mut self.inputs[k][..width]);
             }
-            for i in 0..n {
-                self.trig[i] = self.inputs[0][i].sin_cos();
-            }
+            S::sin_cos_each(&self.inputs[0][..n], &mut self.trig);
             Q::compute(self, query);
             sound &= write_rows(&self.out[..length], &mut self.stage, &mut out[at * length..]);
             at += S::LANES;
@@ -229,22 +256,19 @@ struct MakeLanes<'a>(&'a Arm);
 impl Task for MakeLanes<'_> {
     type Output = Box<dyn LaneRows>;
     fn run<S: Real>(self) -> Box<dyn LaneRows> {
-        Box::new(Engine::<S>::new(self.0, 0))
+        Box::new(Engine::<S>::new(self.0, false))
     }
 }
 
 /// An engine whose number is known at run time only.
 trait LaneRows: Send {
-    fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool;
+    fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool>;
 }
 
 impl<S: Real> LaneRows for Engine<S> {
-    fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
-        let length = query.length(self.tree.n());
-        if self.out.len() < length {
-            self.out.resize(length, S::zero());
-        }
-        self.dispatch(query, inputs, count, out)
+    fn rows(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
+        self.grow(query)?;
+        Ok(self.dispatch(query, inputs, count, out))
     }
 }
 
@@ -256,7 +280,7 @@ pub struct LaneEvaluator {
 
 impl LaneEvaluator {
     pub fn new(arm: &Arm) -> Self {
-        LaneEvaluator { engine: run_lanes(MakeLanes(arm)), single: Evaluator::sized(arm, 3 * arm.n() * arm.n()) }
+        LaneEvaluator { engine: run_lanes(MakeLanes(arm)), single: Evaluator::sized(arm, false) }
     }
 
     /// As [`Arm::evaluate`], of the arm that this was made for.
@@ -277,9 +301,9 @@ impl LaneEvaluator {
             return Ok(true);
         }
         if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
-            return Ok(self.single.dispatch(query, rows, last - first, out));
+            return self.single.dispatch(query, rows, last - first, out);
         }
-        Ok(self.engine.rows(query, rows, last - first, out))
+        self.engine.rows(query, rows, last - first, out)
     }
 }
 
@@ -289,7 +313,7 @@ enum Route {
     Fused(Box<Engine<Fused>>),
 }
 
-/// One configuration after another, without allocating.
+/// One configuration after another, without allocating for arms of up to two hundred joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     route: Route,
@@ -299,14 +323,13 @@ pub struct Evaluator {
 
 impl Evaluator {
     pub fn new(arm: &Arm) -> Self {
-        let n = arm.n();
-        Evaluator::sized(arm, (n * n * (PARAMETERS + 3)).max(6 * n).max(16))
+        Evaluator::sized(arm, true)
     }
 
-    fn sized(arm: &Arm, largest: usize) -> Self {
+    fn sized(arm: &Arm, eager: bool) -> Self {
         let route = match isa() {
-            Isa::Baseline => Route::Baseline(Box::new(Engine::new(arm, largest))),
-            Isa::Avx2 | Isa::Avx512 => Route::Fused(Box::new(Engine::new(arm, largest))),
+            Isa::Baseline => Route::Baseline(Box::new(Engine::new(arm, eager))),
+            Isa::Avx2 | Isa::Avx512 => Route::Fused(Box::new(Engine::new(arm, eager))),
         };
         Evaluator { route, n: arm.n(), frames: arm.frames.len() }
     }
@@ -315,13 +338,13 @@ impl Evaluator {
     /// number of the answer is finite: a singular mass matrix and an overflow are told so.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         check(query, inputs, 1, self.n, self.frames, out.len())?;
-        Ok(self.dispatch(query, inputs, 1, out))
+        self.dispatch(query, inputs, 1, out)
     }
 
-    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
+    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         match &mut self.route {
-            Route::Baseline(engine) => engine.dispatch_single(query, inputs, count, out),
-            Route::Fused(engine) => engine.dispatch_single(query, inputs, count, out),
+            Route::Baseline(engine) => engine.grow(query).map(|()| engine.dispatch_single(query, inputs, count, out)),
+            Route::Fused(engine) => engine.grow(query).map(|()| engine.dispatch_single(query, inputs, count, out)),
         }
     }
 }

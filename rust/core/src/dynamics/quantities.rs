@@ -3,7 +3,7 @@
 
 use super::energy::{add_friction, add_wrench, sign};
 use super::evaluate::{Engine, Query};
-use super::{Dynamics, derivatives, regressor};
+use super::{Dynamics, crba, derivatives, regressor};
 use crate::arm::Tree;
 use crate::kinematics as kin;
 use crate::scalar::Real;
@@ -44,7 +44,8 @@ macro_rules! quantity {
 }
 
 quantity!(MassMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    tree.mass_matrix(ws, trig, q, out);
+    // Zeroed before the first of many, as for the Jacobian and the regressor.
+    crba::mass_matrix_on_zeros(tree, &mut ws.poses, &mut ws.moments, &mut ws.columns, trig, q, out);
 });
 
 quantity!(CoriolisMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
@@ -84,7 +85,6 @@ quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), 
 
 quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (_, width) = query.shape(n);
-    // Zeroed before the first of many.
     regressor::regressor_on_zeros(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out);
     for i in 0..n {
         let mut at = i * width + PARAMETERS * n + i;
@@ -116,7 +116,7 @@ quantity!(Position, (tree, ws, trig, n, q, v, x, y, out, query, square), {
 });
 
 quantity!(Jacobian, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    kin::jacobian(tree, &mut ws.poses, trig, q, query.frame, out);
+    kin::jacobian_on_zeros(tree, &mut ws.poses, trig, q, query.frame, out);
 });
 
 quantity!(JacobianDot, (tree, ws, trig, n, q, v, x, y, out, query, square), {

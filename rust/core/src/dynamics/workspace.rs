@@ -1,5 +1,6 @@
 //! Buffers of the tree algorithms, made once per tree.
 
+use super::crba::Moments;
 use super::derivatives::Slope;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
@@ -97,6 +98,7 @@ pub struct Workspace<S> {
     pub links: Vec<Link<S>>,
     pub composites: Vec<Composite<S>>,
     pub articulated: Vec<Articulated<S>>,
+    pub moments: Vec<Moments<S>>,
     pub columns: Vec<Column<S>>,
     pub slopes: Vec<Slope<S>>,
     /// Angular velocity of each body and velocity of its origin.
@@ -113,6 +115,7 @@ impl<S: Real> Workspace<S> {
             links: vec![Link::default(); n],
             composites: vec![Composite::default(); n],
             articulated: vec![Articulated::default(); n],
+            moments: vec![Moments::default(); n],
             columns: vec![Column::default(); n],
             slopes: vec![Slope::default(); n],
             motion: vec![(V3::zero(), V3::zero()); n],

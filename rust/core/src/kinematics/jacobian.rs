@@ -33,9 +33,15 @@ pub fn frame_pose<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)
 /// The geometric Jacobian `(6, n)`; returns `p_WF`.
 #[inline(always)]
 pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> V3<S> {
+    j.fill(S::zero());
+    jacobian_on_zeros(tree, poses, trig, q, frame, j)
+}
+
+/// As [`jacobian`], where `j` holds zeros or an earlier Jacobian of this frame: what vanishes is the same in every state.
+#[inline(always)]
+pub fn jacobian_on_zeros<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> V3<S> {
     let n = tree.n();
     let (_, p) = frame_pose(tree, poses, trig, q, frame);
-    j.fill(S::zero());
     let mut i = tree.frames[frame].body;
     while i != BASE {
         let z = poses[i].z();

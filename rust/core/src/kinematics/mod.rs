@@ -12,7 +12,7 @@ mod task_stack;
 mod task_tests;
 
 pub use coordinates::Coordinates;
-pub use jacobian::{com, com_jacobian, frame_pose, jacobian, jacobian_dot};
+pub use jacobian::{com, com_jacobian, frame_pose, jacobian, jacobian_dot, jacobian_on_zeros};
 pub use task::TaskFunction;
 pub use task_stack::TaskStack;
 
@@ -42,6 +42,15 @@ impl<S: Real> Pose<S> {
 /// One step of the recursion. The joint's own rotation comes first: only one product then waits for the parent.
 #[inline(always)]
 pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
+    if body.parent == BASE {
+        // Nothing to multiply by.
+        let (rotation, origin) = (body.rotation.lift::<S>(), body.translation.lift::<S>());
+        return if body.revolute {
+            Pose { rotation: rotation.rotate_z(trig), origin }
+        } else {
+            Pose { rotation, origin: rotation.0[2].scale_add(q, origin) }
+        };
+    }
     let origin = parent.rotation.apply_add(body.translation.lift(), parent.origin);
     if body.revolute {
         let rotation =

@@ -3,7 +3,7 @@
 use super::ArmSolver;
 use crate::kinematics::TaskStack;
 use crate::priority::{Group, Stacks};
-use crate::scalar::rows::{read_rows, write_rows};
+use crate::scalar::rows::{Stage, read_rows, write_rows};
 use crate::scalar::{Real, Task, run_lanes};
 use crate::status::Status;
 
@@ -63,7 +63,7 @@ impl Task for MakeLanes<'_> {
     fn run<S: Real>(self) -> Option<Box<dyn Engine>> {
         let (tasks, solver) = (self.0.stack().lift::<S>(), self.0.solver());
         let q = vec![S::zero(); tasks.n()];
-        Group::<S>::new(solver).map(|group| Box::new(Lanes { group, tasks, q, stage: Vec::new() }) as Box<dyn Engine>)
+        Group::<S>::new(solver).map(|group| Box::new(Lanes { group, tasks, q, stage: Stage::default() }) as Box<dyn Engine>)
     }
 }
 
@@ -71,7 +71,7 @@ struct Lanes<S> {
     group: Group<S>,
     tasks: TaskStack<S>,
     q: Vec<S>,
-    stage: Vec<f64>,
+    stage: Stage,
 }
 
 impl<S: Real> Engine for Lanes<S> {
@@ -89,7 +89,7 @@ struct Rows<'a, S> {
     count: usize,
     tasks: &'a mut TaskStack<S>,
     angles: &'a mut [S],
-    stage: &'a mut Vec<f64>,
+    stage: &'a mut Stage,
 }
 
 impl<S: Real> Stacks<S> for Rows<'_, S> {

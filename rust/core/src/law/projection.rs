@@ -249,3 +249,7 @@ impl<S: Real> Projector<S> {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "projection_tests.rs"]
+mod tests;

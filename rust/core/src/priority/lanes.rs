@@ -6,7 +6,7 @@ use super::metric::Metric;
 use super::regular::{Asked, Lanewise, MOST_JOINTS_IN_LANES, Room, regular, regular_ranks};
 use super::solver::PrioritySolver;
 use crate::error::Result;
-use crate::scalar::rows::{read_rows, write_rows};
+use crate::scalar::rows::{Stage, read_rows, write_rows};
 use crate::scalar::{Kernel, Real, Task, run_lanes};
 use crate::status::Status;
 
@@ -188,14 +188,14 @@ impl Task for MakeLanes<'_> {
     type Output = Option<Box<dyn Engine>>;
     fn run<S: Real>(self) -> Option<Box<dyn Engine>> {
         let rounding = S::splat(self.0.rounding());
-        Group::<S>::new(self.0).map(|group| Box::new(Matrices { group, rounding, stage: Vec::new() }) as Box<dyn Engine>)
+        Group::<S>::new(self.0).map(|group| Box::new(Matrices { group, rounding, stage: Stage::default() }) as Box<dyn Engine>)
     }
 }
 
 struct Matrices<S> {
     group: Group<S>,
     rounding: S,
-    stage: Vec<f64>,
+    stage: Stage,
 }
 
 impl<S: Real> Engine for Matrices<S> {
@@ -215,7 +215,7 @@ struct Batch<'a, 'b, S> {
     n: usize,
     rows: &'a [usize],
     rounding: S,
-    stage: &'a mut Vec<f64>,
+    stage: &'a mut Stage,
 }
 
 impl<S: Real> Batch<'_, '_, S> {

@@ -90,17 +90,30 @@ pub trait Real:
     fn any(mask: Self::Mask) -> bool;
     fn all(mask: Self::Mask) -> bool;
 
-    /// `write(i, row)` for every lane `i` in order: what eight values hold in that lane.
+    /// Sine and cosine of several numbers, of the same bits as one by one.
     #[inline(always)]
-    fn each_row(block: &[Self; 8], mut write: impl FnMut(usize, [f64; 8])) {
-        for lane in 0..Self::LANES {
-            write(lane, std::array::from_fn(|k| block[k].lane(lane)));
+    fn sin_cos_each(x: &[Self], out: &mut [(Self, Self)]) {
+        for (x, out) in x.iter().zip(out) {
+            *out = x.sin_cos();
         }
     }
-    /// Eight values from `row(i)` of every lane `i`: the inverse of [`Real::each_row`].
+
+    /// What eight values hold in lane `i` to `to[i stride..]`, lane after lane.
     #[inline(always)]
-    fn from_rows(row: impl Fn(usize) -> [f64; 8]) -> [Self; 8] {
-        std::array::from_fn(|k| Self::from_lanes(|lane| row(lane)[k]))
+    fn to_rows(block: &[Self; 8], to: &mut [f64], stride: usize) {
+        for lane in 0..Self::LANES {
+            to[lane * stride..][..8].copy_from_slice(&std::array::from_fn::<f64, 8, _>(|k| block[k].lane(lane)));
+        }
+    }
+    /// Eight values from `from[i stride..]` for every lane `i`: the inverse of [`Real::to_rows`].
+    #[inline(always)]
+    fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {
+        std::array::from_fn(|k| Self::from_lanes(|lane| from[lane * stride + k]))
+    }
+    /// Copy past the caches, where there are instructions for it: for what is larger than they are and not read soon.
+    #[inline(always)]
+    fn stream(from: &[f64], to: &mut [f64]) {
+        to.copy_from_slice(from);
     }
 
     /// Run `kernel` compiled for the instruction set of this number.

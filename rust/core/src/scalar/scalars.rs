@@ -1,5 +1,7 @@
 //! The two single numbers: `f64` for the baseline, [`Fused`] where the machine has fused multiply-add.
 
+#[cfg(target_arch = "x86_64")]
+use super::lanes::Avx2;
 use super::lanes::{Isa, enter_avx2, isa};
 use super::{Kernel, Real, trig};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -130,6 +132,17 @@ impl Real for f64 {
 
 impl Real for Fused {
     single_number!(Fused, Fused, |x: Fused| x.0, true);
+    /// Four to a register: the joints of one arm are as good as four runs of one joint.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn sin_cos_each(x: &[Self], out: &mut [(Self, Self)]) {
+        for (x, out) in x.chunks(4).zip(out.chunks_mut(4)) {
+            let (s, c) = Avx2::from_lanes(|i| x[i.min(x.len() - 1)].0).sin_cos();
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = (Fused(s.lane(i)), Fused(c.lane(i)));
+            }
+        }
+    }
     #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
         assert!(isa() >= Isa::Avx2, "the fused route needs AVX2 and FMA");

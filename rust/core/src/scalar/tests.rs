@@ -106,15 +106,45 @@ impl Task for Transposes {
     type Output = ();
     fn run<S: Real>(self) {
         let number = |lane: usize, k: usize| (100 * lane + k) as f64;
-        let values = S::from_rows(|lane| std::array::from_fn(|k| number(lane, k)));
-        let mut seen = 0;
-        S::each_row(&values, |lane, row| {
-            assert_eq!(lane, seen, "rows come in the order of the lanes");
-            assert_eq!(row, std::array::from_fn(|k| number(lane, k)));
-            seen += 1;
-        });
-        assert_eq!(seen, S::LANES);
-        assert!((0..8).all(|k| (0..S::LANES).all(|lane| values[k].lane(lane) == number(lane, k))));
+        for stride in [8, 9, 13] {
+            let length = (S::LANES - 1) * stride + 8;
+            let given: Vec<f64> = (0..length).map(|at| number(at / stride, at % stride)).collect();
+            let values = S::of_rows(&given, stride);
+            assert!((0..8).all(|k| (0..S::LANES).all(|lane| values[k].lane(lane) == number(lane, k))));
+            let mut back = vec![f64::NAN; length];
+            S::to_rows(&values, &mut back, stride);
+            assert!((0..length).all(|at| if at % stride < 8 { back[at] == given[at] } else { back[at].is_nan() }));
+            // Rows closer than eight numbers are overwritten in the order of the lanes.
+            let mut dense = vec![f64::NAN; (S::LANES - 1) * 3 + 8];
+            S::to_rows(&values, &mut dense, 3);
+            assert!((0..3 * S::LANES).all(|at| dense[at] == number(at / 3, at % 3)));
+            for short in [0, 7, length - 1] {
+                let outside = |f: &mut dyn FnMut()| std::panic::catch_unwind(std::panic::AssertUnwindSafe(f)).is_err();
+                assert!(outside(&mut || _ = S::of_rows(&given[..short], stride)), "{short}");
+                let mut back = vec![0.0; short];
+                assert!(outside(&mut || S::to_rows(&values, &mut back, stride)), "{short}");
+            }
+            assert!(S::LANES == 1 || std::panic::catch_unwind(|| S::of_rows(&[0.0; 8], usize::MAX / 2)).is_err());
+        }
+        // Copies of every length to every place in a line.
+        let given: Vec<f64> = (0..100).map(f64::from).collect();
+        for (first, last) in (0..16).flat_map(|first| (first..60).step_by(7).map(move |last| (first, last))) {
+            let mut copy = vec![-1.0; 100];
+            S::stream(&given[first..last], &mut copy[first..last]);
+            assert!((0..100).all(|k| copy[k] == if (first..last).contains(&k) { given[k] } else { -1.0 }), "{first} {last}");
+        }
+        // Several sines at once are the sines one by one, wherever the numbers lie.
+        let wild = [0.3, -2.0, 1e3, 7e5, 3e7, f64::INFINITY, -0.0, 1e-310, 123.456, f64::NAN, -0.785];
+        for count in 0..=wild.len() {
+            let x: Vec<S> = wild[..count].iter().map(|&x| S::splat(x)).collect();
+            let mut out = vec![(S::zero(), S::zero()); count];
+            S::sin_cos_each(&x, &mut out);
+            for (x, (s, c)) in x.iter().zip(&out) {
+                let (sin, cos) = x.sin_cos();
+                let bits = |x: S| x.lane(0).to_bits();
+                assert!((bits(*s), bits(*c)) == (bits(sin), bits(cos)) || x.lane(0).sin().is_nan() && s.lane(0).is_nan());
+            }
+        }
     }
 }
 

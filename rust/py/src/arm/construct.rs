@@ -85,7 +85,7 @@ pub fn load_urdf(
                 input_error(py, NAME, "path_or_xml", problem)
             })?,
         };
-        let arm = if text.trim_start().starts_with('<') {
+        let arm = if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
             core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
         } else {
             core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?
@@ -103,10 +103,10 @@ pub fn example_urdf(py: Python<'_>, name: &str) -> PyResult<&'static str> {
 /// A planar nR arm in the x-y plane, `q1` from the x axis; frames "link1" .. are at the link tips.
 ///
 /// Args:
-///     lengths: `(n,)`, m.
-///     masses: `(n,)`, kg; 1 kg/m if None.
+///     lengths: `(n,)`, m; not negative.
+///     masses: `(n,)`, kg, not negative; 1 kg/m if None.
 ///     coms: centre of mass of each link from its joint, `(n,)`, m; half the length if None.
-///     inertias: about the centre of mass, `(n,)`, kg m^2; that of a uniform rod if None.
+///     inertias: about the centre of mass, `(n,)`, kg m^2, not negative; that of a uniform rod if None.
 ///     gravity: in the plane, `(2,)`, m/s^2.
 ///
 /// >>> import armlet as al

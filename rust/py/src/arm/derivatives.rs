@@ -24,6 +24,22 @@ fn room(count: usize, width: usize) -> Result<Vec<f64>, Failure> {
 }
 
 impl Arm {
+    /// The answers of each configuration, `trailing` numbers, one after the other, and the leading axes.
+    pub(super) fn flat<const K: usize>(
+        &self,
+        function: &str,
+        names: [&str; K],
+        values: [&Bound<'_, PyAny>; K],
+        query: &Query,
+        trailing: &[usize],
+    ) -> Result<(Vec<usize>, Vec<f64>), Failure> {
+        let inputs: Broadcast<K> = self.arguments(function, names, values)?;
+        let full: Vec<usize> = inputs.shape.iter().chain(trailing).copied().collect();
+        let mut flat = room(inputs.count, trailing.iter().product())?;
+        self.fill(function, names, values, query, &inputs, &full, &mut flat, true)?;
+        Ok((inputs.shape, flat))
+    }
+
     /// The rows `(3 n, n)` of each configuration, one after the other, and the leading axes.
     fn slopes<const K: usize>(
         &self,
@@ -33,25 +49,20 @@ impl Arm {
         query: &Query,
     ) -> Result<(Vec<usize>, Vec<f64>), Failure> {
         self.model.tree(function)?;
-        let inputs: Broadcast<K> = self.arguments(function, names, values)?;
-        let n = self.n();
-        let full: Vec<usize> = inputs.shape.iter().copied().chain([3 * n, n]).collect();
-        let mut flat = room(inputs.count, 3 * n * n)?;
-        self.fill(function, names, query, &inputs, &full, &mut flat, true)?;
-        Ok((inputs.shape, flat))
+        self.flat(function, names, values, query, &[3 * self.n(), self.n()])
     }
 
     /// `K` arrays of the shapes `leading + trailing[k]`, filled by `fill`; the caller's own where `outs` gives them.
-    fn several<'py, const K: usize>(
+    pub(super) fn several<'py, const K: usize>(
         py: Python<'py>,
         function: &str,
         values: &[&Bound<'py, PyAny>],
         leading: &[usize],
-        trailing: [[usize; 2]; K],
+        trailing: [&[usize]; K],
         outs: Outs<'_, 'py>,
         fill: impl Fn(usize, &mut [f64]),
     ) -> Result<Bound<'py, PyTuple>, Failure> {
-        let shapes = trailing.map(|last| leading.iter().copied().chain(last).collect::<Vec<usize>>());
+        let shapes = trailing.map(|last| leading.iter().chain(last).copied().collect::<Vec<usize>>());
         let given: Option<Vec<Bound<'py, PyAny>>> = match outs {
             None => None,
             Some(outs) => match outs.cast::<PyTuple>() {
@@ -96,7 +107,7 @@ impl Arm {
         entry(py, function, || {
             let (leading, flat) = self.slopes(function, ["q", "v", third], values, &query)?;
             let square = self.n() * self.n();
-            Self::several(py, function, &values, &leading, [[self.n(); 2]; 3], out, |k, data| {
+            Self::several(py, function, &values, &leading, [&[self.n(); 2]; 3], out, |k, data| {
                 for (rows, to) in flat.chunks_exact((3 * square).max(1)).zip(data.chunks_exact_mut(square.max(1))) {
                     to.copy_from_slice(&rows[k * square..(k + 1) * square]);
                 }
@@ -213,7 +224,7 @@ impl Arm {
             for ((rows, a), b) in flat.chunks_exact(3 * square).zip(a.chunks_exact_mut(4 * square)).zip(b.chunks_exact_mut(2 * square)) {
                 state_matrices(n, rows, a, b);
             }
-            Self::several(py, NAME, &values, &leading, [[2 * n, 2 * n], [2 * n, n]], out, |k, data| {
+            Self::several(py, NAME, &values, &leading, [&[2 * n, 2 * n], &[2 * n, n]], out, |k, data| {
                 data.copy_from_slice(if k == 0 { &a } else { &b });
             })
         })

@@ -1,8 +1,8 @@
 //! From Python arrays to Python arrays: one configuration without a detour, many in lanes, many more in threads.
 
 use super::Arm;
-use crate::arrays::{index_of, new_array, of_shape, out_slice};
-use crate::broadcast::{Broadcast, broadcast};
+use crate::arrays::{index_of, of_shape, out_slice, written_array};
+use crate::broadcast::{Broadcast, broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
 use crate::simulate::listen;
 use armlet_core::dynamics::{Quantity, Query};
@@ -34,16 +34,16 @@ impl Arm {
             let (dims, axes) = self.model.shape(&query);
             let full: Vec<usize> = inputs.shape.iter().chain(&dims[..axes]).copied().collect();
             match out {
-                None => new_array(py, &full, |data| self.fill(function, names, &query, &inputs, &full, data, true)),
+                None => written_array(py, &full, |data| self.fill(function, names, values, &query, &inputs, &full, data, true)),
                 Some(out) => {
-                    self.fill(function, names, &query, &inputs, &full, out_slice(function, out, &full, &values)?, false)?;
+                    self.fill(function, names, values, &query, &inputs, &full, out_slice(function, out, &full, &values)?, false)?;
                     Ok(out.clone())
                 }
             }
         })
     }
 
-    /// Finite arguments, broadcast over their leading axes.
+    /// Arguments, broadcast over their leading axes; whether they are finite is for `fill` to see.
     pub(super) fn arguments<'a, const K: usize>(
         &self,
         function: &str,
@@ -70,7 +70,7 @@ impl Arm {
         let shape = &dims[..axes];
         let fill = |data: &mut [f64]| if self.model.one(query, &rows, data)? { Ok(()) } else { Err(Error::Format(String::new()).into()) };
         match out {
-            None => new_array(values[0].py(), shape, fill).ok(),
+            None => written_array(values[0].py(), shape, fill).ok(),
             Some(out) => {
                 fill(out_slice(function, out, shape, &values).ok()?).ok()?;
                 Some(out.clone())
@@ -83,14 +83,19 @@ impl Arm {
         &self,
         function: &str,
         names: [&str; K],
+        values: [&Bound<'_, PyAny>; K],
         query: &Query,
         inputs: &Broadcast<K>,
         full: &[usize],
         data: &mut [f64],
         private: bool,
     ) -> Result<(), Failure> {
-        if self.compute(query, inputs, data, private)? {
-            return Ok(());
+        match self.compute(query, inputs, data, private) {
+            Ok(true) => return Ok(()),
+            Ok(false) => {}
+            // The core looks at every number once; which argument's it was is worth a second look only now.
+            Err(Failure::Core(error)) => return require_all_finite(function, names, values).and(Err(error.into())),
+            Err(interrupt) => return Err(interrupt),
         }
         // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
         let Some(k) = data.iter().position(|x| !x.is_finite()) else { return Ok(()) };

@@ -228,11 +228,19 @@ impl Arm {
         self.evaluate("regressor", ["q", "v", "v_r", "a_r"], [q, v, v_r, a_r], query, out)
     }
 
-    /// Kinetic and potential energy, `(...)` each, in J.
-    fn energy<'py>(&self, q: &Bound<'py, PyAny>, v: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let both = self.evaluate("energy", ["q", "v"], [q, v], Quantity::Energy.into(), None)?;
-        let part = |k: usize| both.get_item((pyo3::types::PyEllipsis::get(q.py()), k))?.call_method0("copy");
-        Ok((part(0)?, part(1)?))
+    /// Kinetic and potential energy, `(...)` each, in J; `out` is a tuple of two arrays.
+    #[pyo3(signature = (q, v, *, out=None))]
+    fn energy<'py>(&self, q: &Bound<'py, PyAny>, v: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, values) = (q.py(), [q, v]);
+        entry(py, "energy", || {
+            let query = Quantity::Energy.into();
+            let (leading, both) = self.flat("energy", ["q", "v"], values, &query, &[2])?;
+            Self::several(py, "energy", &values, &leading, [&[], &[]], out, |k, data| {
+                for (pair, to) in both.chunks_exact(2).zip(data) {
+                    *to = pair[k];
+                }
+            })
+        })
     }
 
     /// The pose `X_WF` of a frame, `(..., 4, 4)`: a homogeneous transform.

@@ -150,7 +150,10 @@ impl Model {
     /// One configuration. Whether every number of the answer is finite.
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match self {
-            Model::PlanarPr(arm) => planar_pr_row(arm, query, inputs, out),
+            Model::PlanarPr(arm) => {
+                inputs.iter().zip(query.inputs()).try_for_each(|(x, name)| finite(name, x))?;
+                planar_pr_row(arm, query, inputs, out)
+            }
             Model::Tree(tree) => match tree.evaluator.try_lock() {
                 Ok(mut evaluator) => evaluator.one(query, inputs, out),
                 // Another thread is in the buffers: a set of one's own is the price.
@@ -164,6 +167,7 @@ impl Model {
     pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<bool> {
         match self {
             Model::PlanarPr(arm) => {
+                inputs.iter().zip(query.inputs()).try_for_each(|(x, name)| finite(name, x))?;
                 let width = out.len() / (last - first).max(1);
                 let mut sound = true;
                 for (i, row) in (first..last).zip(out.chunks_exact_mut(width.max(1))) {
@@ -217,7 +221,6 @@ impl Model {
 }
 
 fn planar_pr_row(arm: &PlanarPr<f64>, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-    x.iter().zip(query.inputs()).try_for_each(|(x, name)| finite(name, x))?;
     let q = x[0];
     let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
     if query.friction || query.armature {

@@ -5,7 +5,7 @@ use super::solution::{copied, residual_list, status_member};
 use super::stack::{Keywords, items, per_joint};
 use crate::arm::Arm;
 use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, out_slice, require_finite, shown, vector};
-use crate::broadcast::broadcast;
+use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
 use crate::simulate::listen;
 use crate::task::each;
@@ -155,6 +155,7 @@ impl ArmPrioritySolver {
             shape.pop();
             parts.push((shape, values));
         }
+        require_all_finite(SOLVE, ["q"], [q])?;
         let given = broadcast(SOLVE, ["q"], [q], [self.n])?;
         let mut shapes: Vec<Vec<usize>> = parts.iter().map(|(shape, _)| shape.clone()).collect();
         shapes.push(given.shape.clone());

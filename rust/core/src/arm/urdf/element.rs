@@ -285,6 +285,11 @@ impl Reader<'_> {
                 *value = x;
             }
         }
+        for (what, value) in [("velocity", limits.velocity), ("effort", limits.effort)] {
+            if value < 0.0 {
+                self.warn(node, format!("joint {joint} has a negative {what} limit: {value}"));
+            }
+        }
         if limits.lower > limits.upper {
             self.warn(node, format!("joint {joint} has its lower limit {} above its upper limit {}", limits.lower, limits.upper));
         }

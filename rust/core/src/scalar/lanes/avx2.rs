@@ -4,7 +4,7 @@
 //! them because `enter` refused to run otherwise.
 
 use super::super::{Fused, Kernel, Real, trig};
-use super::vector::{sin_cos_near, vector};
+use super::vector::{rows_fit, sin_cos_near, vector};
 use super::{Isa, enter_avx2, isa};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -22,7 +22,8 @@ vector!(
     _mm256_div_pd,
     _mm256_sqrt_pd,
     _mm256_xor_pd,
-    _mm256_andnot_pd
+    _mm256_andnot_pd,
+    _mm256_stream_pd
 );
 sin_cos_near!(__m256d, _mm256_set1_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_xor_pd, swap, sign_of_bit_1, next);
 

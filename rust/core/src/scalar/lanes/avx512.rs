@@ -7,7 +7,7 @@
 //! them because `enter` refused to run otherwise.
 
 use super::super::{Fused, Kernel, Real, trig};
-use super::vector::{sin_cos_near, vector};
+use super::vector::{rows_fit, sin_cos_near, vector};
 use super::{Isa, enter_avx512, isa};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -25,7 +25,8 @@ vector!(
     _mm512_div_pd,
     _mm512_sqrt_pd,
     _mm512_xor_pd,
-    _mm512_andnot_pd
+    _mm512_andnot_pd,
+    _mm512_stream_pd
 );
 sin_cos_near!(__m512d, _mm512_set1_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_xor_pd, swap, sign_of_bit_1, next);
 

@@ -123,14 +123,18 @@ impl<V: Real> Real for Pair<V> {
         V::all(mask.0) & V::all(mask.1)
     }
     #[inline(always)]
-    fn each_row(block: &[Self; 8], mut write: impl FnMut(usize, [f64; 8])) {
+    fn to_rows(block: &[Self; 8], to: &mut [f64], stride: usize) {
         let [a, b, c, d, e, f, g, h] = *block;
-        V::each_row(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0], &mut write);
-        V::each_row(&[a.1, b.1, c.1, d.1, e.1, f.1, g.1, h.1], |lane, row| write(V::LANES + lane, row));
+        V::to_rows(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0], to, stride);
+        V::to_rows(&[a.1, b.1, c.1, d.1, e.1, f.1, g.1, h.1], &mut to[V::LANES * stride..], stride);
     }
     #[inline(always)]
-    fn from_rows(row: impl Fn(usize) -> [f64; 8]) -> [Self; 8] {
-        let (first, second) = (V::from_rows(&row), V::from_rows(|lane| row(V::LANES + lane)));
+    fn stream(from: &[f64], to: &mut [f64]) {
+        V::stream(from, to);
+    }
+    #[inline(always)]
+    fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {
+        let (first, second) = (V::of_rows(from, stride), V::of_rows(&from[V::LANES * stride..], stride));
         let mut both = [Pair(first[0], second[0]); 8];
         for k in 1..8 {
             both[k] = Pair(first[k], second[k]);

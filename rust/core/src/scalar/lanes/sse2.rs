@@ -3,7 +3,7 @@
 //! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the target has them.
 
 use super::super::{Kernel, Real, trig};
-use super::vector::{sin_cos_near, vector};
+use super::vector::{rows_fit, sin_cos_near, vector};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -20,7 +20,8 @@ vector!(
     _mm_div_pd,
     _mm_sqrt_pd,
     _mm_xor_pd,
-    _mm_andnot_pd
+    _mm_andnot_pd,
+    _mm_stream_pd
 );
 sin_cos_near!(__m128d, _mm_set1_pd, _mm_sub_pd, _mm_mul_pd, _mm_xor_pd, swap, sign_of_bit_1, next);
 

@@ -6,7 +6,7 @@
 /// `transpose_in` (eight registers to a row of eight numbers per lane, and back) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $sqrt:ident, $xor:ident, $andnot:ident) => {
+     $sqrt:ident, $xor:ident, $andnot:ident, $stream:ident) => {
         #[derive(Clone, Copy, Debug)]
         #[repr(transparent)]
         pub struct $name($register);
@@ -147,18 +147,38 @@ macro_rules! vector {
                 bits(mask) == (1 << $lanes) - 1
             }
             #[inline(always)]
-            fn each_row(block: &[Self; 8], mut write: impl FnMut(usize, [f64; 8])) {
+            fn to_rows(block: &[Self; 8], to: &mut [f64], stride: usize) {
                 let [a, b, c, d, e, f, g, h] = *block;
                 let rows = transpose_out([a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0]);
+                rows_fit(to.len(), stride, $lanes);
                 for lane in 0..$lanes {
-                    write(lane, rows[lane]);
+                    // SAFETY: eight numbers at the last of these places lie within the slice.
+                    unsafe { to.as_mut_ptr().add(lane * stride).cast::<[f64; 8]>().write_unaligned(rows[lane]) }
                 }
             }
             #[inline(always)]
-            fn from_rows(row: impl Fn(usize) -> [f64; 8]) -> [Self; 8] {
+            fn stream(from: &[f64], to: &mut [f64]) {
+                assert!(from.len() == to.len(), "a copy of another length");
+                // SAFETY: a register is that many doubles, whatever their bits.
+                let (head, body, tail) = unsafe { to.align_to_mut::<$register>() };
+                let (first, rest) = from.split_at(head.len());
+                let (blocks, last) = rest.as_chunks::<$lanes>();
+                head.copy_from_slice(first);
+                for (line, block) in body.iter_mut().zip(blocks) {
+                    // SAFETY: `line` is a register's memory, aligned as one.
+                    unsafe { $stream(std::ptr::from_mut(line).cast(), from_array(*block)) }
+                }
+                tail.copy_from_slice(last);
+                // SAFETY: part of every x86-64; what was streamed is seen by others from here on.
+                unsafe { _mm_sfence() }
+            }
+            #[inline(always)]
+            fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {
+                rows_fit(from.len(), stride, $lanes);
                 let mut rows = [[0.0; 8]; $lanes];
                 for lane in 0..$lanes {
-                    rows[lane] = row(lane);
+                    // SAFETY: eight numbers at the last of these places lie within the slice.
+                    rows[lane] = unsafe { from.as_ptr().add(lane * stride).cast::<[f64; 8]>().read_unaligned() };
                 }
                 let [a, b, c, d, e, f, g, h] = transpose_in(rows);
                 [$name(a), $name(b), $name(c), $name(d), $name(e), $name(f), $name(g), $name(h)]
@@ -186,6 +206,12 @@ macro_rules! vector {
     };
 }
 pub(super) use vector;
+
+/// Whether a slice has room for eight numbers at `stride` times every lane.
+#[inline(always)]
+pub(super) fn rows_fit(length: usize, stride: usize, lanes: usize) {
+    assert!(length >= 8 && stride <= (length - 8) / (lanes - 1), "rows beyond the slice");
+}
 
 /// Sine and cosine within the range of the reduction, without a branch, from the register operations of the
 /// file it is used in; see [`super::super::trig`] for the method.

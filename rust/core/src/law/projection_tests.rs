@@ -1,0 +1,125 @@
+use super::*;
+use crate::linalg::gain::{AnyGain, Gain};
+use crate::scalar::{run_lanes, run_scalar};
+
+/// A heavy core and four corners, and a body that is none.
+const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
+const WRONG: [f64; 10] = [-0.5, 0.1, 0.3, 0.2, 0.1, -0.03, 0.9, 0.04, -0.02, 0.3];
+
+fn projection() -> Projection {
+    let least: Vec<f64> = BODY.iter().map(|x| 0.1 * x).chain(BODY.map(|x| 0.05 * x)).collect();
+    Projection::new(20, &least).unwrap()
+}
+
+fn square(pi: &[f64]) -> f64 {
+    let p = projection();
+    let part = |(k, pi): (usize, &[f64])| {
+        let n = negative_part(&relative(&inverse(&p.factors[k]), &matrix_of(pi, 2.0)));
+        n.as_flattened().iter().map(|x| x * x).sum::<f64>()
+    };
+    pi.chunks_exact(10).enumerate().map(part).sum()
+}
+
+#[test]
+fn negative_parts_of_matrices() {
+    // Diagonal, repeated and indefinite; what is left is positive, and orthogonal to what was taken.
+    let full = [[1.0, 2.0, 0.5, -1.0], [2.0, -1.0, 0.3, 0.2], [0.5, 0.3, 0.1, 4.0], [-1.0, 0.2, 4.0, 1e-3]];
+    let zero = [[0.0; 4]; 4];
+    let minus = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { -2.0 } else { 0.0 }));
+    assert_eq!(negative_part(&zero), zero);
+    assert_eq!(negative_part(&minus), minus);
+    let n = negative_part(&full);
+    let rest: Pseudo<f64> = std::array::from_fn(|i| std::array::from_fn(|j| full[i][j] - n[i][j]));
+    let cross = product(&n, &rest);
+    // Eigenvalues up to five: rounding of a few products.
+    assert!(cross.as_flattened().iter().all(|x| x.abs() < 1e-13), "{cross:?}");
+    assert!(negative_part(&rest).as_flattened().iter().all(|x| x.abs() < 1e-14));
+    assert!((least_pivot(&full) > 0.0) == (n == zero) && least_pivot(&product(&full, &transposed(&full))) > 0.0);
+}
+
+#[test]
+fn the_gradient_is_that_of_half_the_square() {
+    let pi: Vec<f64> = WRONG.iter().chain(&BODY.map(|x| -x)).copied().collect();
+    let p = projection();
+    for k in 0..20 {
+        let at = |h: f64| {
+            let mut moved = pi.clone();
+            moved[k] += h;
+            square(&moved)
+        };
+        let slope = (at(1e-5) - at(-1e-5)) / 4e-5;
+        let body = k / 10;
+        let i = inverse(&p.factors[body]);
+        let n = negative_part(&relative(&i, &matrix_of(&pi[10 * body..][..10], 2.0)));
+        let mut g = [0.0; 10];
+        gradient_of(&product(&product(&transposed(&i), &n), &i), &mut g);
+        // Central differences of a function of size 1e5: 1e-10 of steps, 1e-11 / 1e-5 of rounding.
+        assert!((slope - g[k % 10]).abs() < 1e-5 * (1.0 + slope.abs()), "{k} {slope} {}", g[k % 10]);
+    }
+}
+
+/// The rate of a push from an estimate, lane by lane.
+struct Rate<'a>(&'a [f64], &'a [f64]);
+
+impl crate::scalar::Task for &Rate<'_> {
+    type Output = Vec<f64>;
+    #[inline(always)]
+    fn run<S: Real>(self) -> Vec<f64> {
+        let gamma = Gain::diagonal("gamma", (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect()).unwrap();
+        let (p, gain) = (projection(), AnyGain::<S>::from_lanes(|_| &gamma));
+        let mut projector = Projector::<S>::from_lanes(|_| &p);
+        // The other lanes are inside.
+        let z: Vec<S> = (0..20).map(|k| S::from_lanes(|lane| if lane == 0 { self.0[k] } else { BODY[k % 10] })).collect();
+        let y: Vec<S> = self.1.iter().map(|&y| S::splat(y)).collect();
+        let mut dz = vec![S::zero(); 20];
+        gain.multiply(&y, &mut dz);
+        let free = dz.clone();
+        projector.bend(&gain, &z, &y, &mut dz);
+        assert!((1..S::LANES).all(|lane| (0..20).all(|k| dz[k].lane(lane) == free[k].lane(lane))), "inside nothing is bent");
+        dz.iter().map(|x| x.lane(0)).collect()
+    }
+}
+
+#[test]
+fn the_bend_is_what_the_proof_needs() {
+    let truth: Vec<f64> = BODY.iter().chain(&BODY).copied().collect();
+    let gamma: Vec<f64> = (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect();
+    for (share, sign) in [(0.9, 1.0), (0.3, 1.0), (0.02, 1.0), (0.02, -1.0), (-1.0, 1.0)] {
+        let pi: Vec<f64> = truth.iter().map(|x| share * x).collect();
+        // Towards the border, or away from it.
+        let y: Vec<f64> = (0..20).map(|k| -sign * truth[k] * (1.0 + 0.1 * f64::from(k as i32 % 3))).collect();
+        let rate = run_scalar(&Rate(&pi, &y));
+        let taken: f64 = (0..20).map(|k| (pi[k] - truth[k]) / gamma[k] * (gamma[k] * y[k] - rate[k])).sum();
+        let f2 = square(&pi);
+        let bent = (0..20).any(|k| rate[k] != gamma[k] * y[k]);
+        assert!(taken >= 0.0 && bent == (f2 > 0.0), "{share} {sign}: {taken}");
+        // Beyond the layer the rate leads back, at PULL or faster.
+        let h = 1e-6;
+        let moved: Vec<f64> = (0..20).map(|k| pi[k] + h * rate[k]).collect();
+        let slope = (square(&moved) - f2) / h;
+        assert!(f2 < LAYER * LAYER || slope <= -1.99 * PULL * f2, "{share} {sign}: {slope} {f2}");
+        let lanes = run_lanes(&Rate(&pi, &y));
+        // Another order of products.
+        assert!((0..20).all(|k| (lanes[k] - rate[k]).abs() <= 1e-11 * (1.0 + rate[k].abs())), "{share} {sign}");
+    }
+}
+
+#[test]
+fn starts_are_moved_inside_and_no_further() {
+    let p = projection();
+    let mut pi: Vec<f64> = WRONG.iter().chain(&BODY).copied().collect();
+    p.start(&mut pi);
+    assert_eq!(pi[10..], BODY, "what is inside keeps its bits");
+    let z = relative(&inverse(&p.factors[0]), &matrix_of(&pi[..10], 2.0));
+    // On the border to rounding: entries of Z are up to a hundred.
+    assert!(negative_part(&z).as_flattened().iter().all(|x| x.abs() < 1e-11));
+    assert!(least_pivot(&z).abs() < 1e-9, "{}", least_pivot(&z));
+    let mut nothing = vec![0.0; 20];
+    p.start(&mut nothing);
+    assert!((0..20).all(|k| (nothing[k] - BODY[k % 10] * if k < 10 { 0.1 } else { 0.05 }).abs() < 1e-15), "no estimate: the least bodies");
+    let pr = Projection::new(3, &[0.2, 0.0, 0.05]).unwrap();
+    let mut three = [0.0, 5.0, 0.0];
+    pr.start(&mut three);
+    let z = relative(&inverse(&pr.factors[0]), &matrix_of(&three, 2.0));
+    assert!(negative_part(&z).as_flattened().iter().all(|x| x.abs() < 1e-12) && (three[1] - 2.5).abs() < 0.1, "{three:?}");
+}
