@@ -22,7 +22,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-peers check bench docs lock clean tools
+.PHONY: help demo test test-peers test-stacks check bench docs lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' Makefile
@@ -41,6 +41,12 @@ test-peers: $(BUILD)/installed $(BUILD)/requirements ## arms against Pinocchio a
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/peers.txt -c requirements/test.txt
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/peers $(PYTEST)
+
+STACKS ?= 1000000
+test-stacks: $(BUILD)/installed $(BUILD)/requirements ## the disturbance laws of task priority on 1,000,000 random stacks (STACKS=): minutes
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && ARMLET_RANDOM_STACKS=$(STACKS) $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
+		$(ROOT)/tests/laws/test_priority_stacks.py $(PYTEST)
 
 check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types alone
 	@$(MAKE) --no-print-directory lint LINT=required
