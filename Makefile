@@ -23,7 +23,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-peers test-sweep-kill check bench docs audit wheels lock clean tools
+.PHONY: help demo test test-peers test-sweep-kill test-stacks check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
@@ -48,6 +48,12 @@ test-sweep-kill: $(BUILD)/installed $(BUILD)/requirements ## sweeps whose worker
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_KILL_TRIALS=$(TRIALS) $(PY) -m pytest -rP -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
 		$(ROOT)/tests/api/test_sweep.py $(ROOT)/tests/api/test_sweep_disk.py $(ROOT)/tests/endurance $(PYTEST)
+
+STACKS ?= 1000000
+test-stacks: $(BUILD)/installed $(BUILD)/requirements ## the disturbance laws of task priority on 1,000,000 random stacks (STACKS=): minutes
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && ARMLET_RANDOM_STACKS=$(STACKS) $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
+		$(ROOT)/tests/laws/test_priority_stacks.py $(PYTEST)
 
 check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types alone
 	@$(MAKE) --no-print-directory lint LINT=required

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+import priority_peers
 import timing
 from timing import Case
 
@@ -37,6 +38,8 @@ V4 = [np.array([0.3, -0.2]), np.array([0.1, 0.4])]
 V7 = [np.array([0.1, -0.2, 0.3]), np.array([0.2, 0.1, -0.1]), np.linspace(-0.2, 0.2, 7)]
 # Condition of the configurations below 100: two right answers differ by rounding alone.
 ROUNDING = 1e-11
+# Peers with targets instead of velocities: steps of finite length; a weighted QP in place of the last priority.
+STEP, WEIGHTED = 1e-5, 1e-3
 # Goals of one benchmark run with the peers: ns per Python call, ns per row of a batch.
 TARGETS = [
     ("4R, two tasks: one call", "armlet, for_arm", 400.0),
@@ -125,13 +128,20 @@ class Suite:
     def __init__(self) -> None:
         self.cases: list[Case] = []
 
-    def add(self, group: str, name: str, call: Callable[[], Any], expected: Any, times: int, **more: Any) -> None:
+    def add(self, group: str, name: str, call: Callable[[], Any], expected: Any, times: int, within: float = ROUNDING, **more: Any) -> None:
         worst = float(np.max(np.abs(call() - expected)))
-        if not worst <= ROUNDING * (1 + np.abs(expected).max()):
+        if not worst <= within * (1 + np.abs(expected).max()):
             raise SystemExit(f"bench_priority: {name} differs from numpy by {worst:.1e}")
         say(f"equal (worst {worst:.1e}): {name}")
         per = more.pop("per", times)
         self.cases.append(Case(group, name, repeated(call, times), per, **more))
+
+    def peers(self, problem: priority_peers.Problem) -> list[tuple[str, Callable[[], Any]]]:
+        """The other libraries that are installed, made ready for this problem."""
+        made = priority_peers.installed()
+        for name in priority_peers.PEERS.keys() - made.keys():
+            say(f"skipped: {name}: not installed")
+        return [(name, make(problem)) for name, make in made.items()]
 
     def planar(self) -> None:
         expected = levels(planar(Q4), V4)
@@ -148,6 +158,9 @@ class Suite:
         e = [np.ones(2) - ARM.position(Q4, frame)[:2] for frame in ("link4", "link2")]
         add("armlet, law(t, q, v)", lambda: law(0.0, Q4, zero), expected=levels(planar(Q4), e), against="armlet, for_arm")
         self.add(add.args[0], "numpy", lambda: levels(planar(Q4), V4), expected, 100, against="armlet, for_arm")
+        problem = priority_peers.Problem(priority_peers.planar_urdf(LINKS), Q4, [("link4", "xy", V4[0]), ("link2", "xy", V4[1])])
+        for name, call in self.peers(problem):
+            self.add(add.args[0], name, call, expected, 100, STEP, against="armlet, for_arm")
         rng = np.random.default_rng(0)
         q = Q4 + rng.uniform(-0.3, 0.3, (ROWS, 4))
         group, wanted = "4R, two tasks, 100,000 rows: ns per row", np.array([levels(planar(row), V4) for row in q[:2000]])
@@ -158,6 +171,10 @@ class Suite:
 
         more = {"times": 1, "per": ROWS, "expected": wanted}
         self.add(group, "armlet, batch, 2 threads", rows(lambda: clamp.solve(q, V4, out=answer)), threads=2, **more)
+        stack = [np.array(blocks) for blocks in zip(*(planar(row) for row in q), strict=True)]
+        command = [np.tile(v, (ROWS, 1)) for v in V4]
+        solved = lambda: al.solve_priority(stack, command).v[:2000]  # noqa: E731
+        self.add(group, "armlet, solve_priority, 2 threads", solved, threads=2, against="armlet, batch, 2 threads", **more)
         if importlib.util.find_spec("numba") is None:
             return say("skipped: numba: not installed")
         one, many = numba_kernels()
@@ -172,6 +189,9 @@ class Suite:
         solver, out, eye = al.PrioritySolver.for_arm(SEVEN, tasks), np.empty(7), np.eye(7)
         self.add(group, "armlet, for_arm, seven axes", lambda: solver.solve(Q7, V7, out=out), expected, CALLS)
         yard = {"against": "armlet, for_arm, seven axes"}
+        tasks_of_tool = [(TOOL, "xyz", V7[0]), (TOOL, "rx ry rz", V7[1])]
+        for name, call in self.peers(priority_peers.Problem(al.example_urdf("seven_axis"), Q7, tasks_of_tool, V7[2])):
+            self.add(group, f"{name}, seven axes", call, expected, 100, WEIGHTED, **yard)
         if importlib.util.find_spec("pinocchio") is None:
             return say("skipped: Pinocchio: not installed")
         import pinocchio as pin

@@ -34,7 +34,8 @@ _ADVICE = {
     Status.SUCCESS: "the run reached its end",
     Status.DIVERGED: "the state stopped being finite: reduce dt or the gains, or use an adaptive method",
     Status.STEP_UNDERFLOW: (
-        "the step fell below the resolution of time: the problem is singular or stiff here; try a stiff method or looser tolerances"
+        "the step fell below the resolution of time: the problem is singular or stiff here, or its input switches; try a stiff method, "
+        "looser tolerances, or where the input switches a fixed step or a sample time"
     ),
     Status.MAX_STEPS: "the cap on steps was reached: the problem may be stiff; try a stiff method, looser tolerances or a shorter span",
     Status.INTERRUPTED: "the run was interrupted by the caller",

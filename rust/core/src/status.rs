@@ -58,7 +58,8 @@ impl Status {
             Status::Success => "the run reached its end",
             Status::Diverged => "the state stopped being finite: reduce dt or the gains, or use an adaptive method",
             Status::StepUnderflow => {
-                "the step fell below the resolution of time: the problem is singular or stiff here; try a stiff method or looser tolerances"
+                "the step fell below the resolution of time: the problem is singular or stiff here, or its input switches; try a stiff method, looser \
+                 tolerances, or where the input switches a fixed step or a sample time"
             }
             Status::MaxSteps => {
                 "the cap on steps was reached: the problem may be stiff; try a stiff method, looser tolerances or a shorter span"

@@ -116,6 +116,7 @@ impl<S: Real> TaskStack<S> {
     }
 
     /// As [`TaskStack::place`] with the (sin, cos) of the joints known, of the first lane.
+    #[inline(always)]
     pub fn place_at<T: Real>(&mut self, q: &[S], trig: &[(T, T)]) {
         for (to, from) in self.trig.iter_mut().zip(trig) {
             *to = (S::splat(from.0.lane(0)), S::splat(from.1.lane(0)));

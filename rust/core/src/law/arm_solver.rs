@@ -4,7 +4,7 @@ use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::priority::{Diagnosis, Options, PrioritySolver, diagnose};
-use crate::scalar::{Fused, Isa, Kernel, Real, isa};
+use crate::scalar::{Fused, FusedLanes, Isa, Kernel, Real, isa};
 use crate::status::Status;
 
 /// Tasks of one arm with a solver; `solve` does not allocate.
@@ -20,6 +20,7 @@ pub struct ArmSolver {
 struct FusedTasks {
     stack: TaskStack<Fused>,
     q: Vec<Fused>,
+    trig: Vec<(Fused, Fused)>,
     jacobian: Vec<Fused>,
 }
 
@@ -30,9 +31,16 @@ impl Kernel for Jacobians<'_> {
     type Output = f64;
     #[inline(always)]
     fn run(self) -> f64 {
-        let Jacobians(FusedTasks { stack, q, jacobian }, angles, out) = self;
+        let Jacobians(FusedTasks { stack, q, trig, jacobian }, angles, out) = self;
         q.iter_mut().zip(angles).for_each(|(q, &angle)| *q = Fused(angle));
-        stack.place(q);
+        // Sines of several joints at once: the same bits, a quarter of the time.
+        for (trig, angles) in trig.chunks_mut(FusedLanes::LANES).zip(angles.chunks(FusedLanes::LANES)) {
+            let (sin, cos) = FusedLanes::from_lanes(|i| if i < angles.len() { angles[i] } else { 0.0 }).sin_cos();
+            for (i, trig) in trig.iter_mut().enumerate() {
+                *trig = (Fused(sin.lane(i)), Fused(cos.lane(i)));
+            }
+        }
+        stack.place_at(q, trig);
         stack.jacobians(jacobian);
         out.iter_mut().zip(jacobian).for_each(|(to, from)| *to = from.0);
         stack.rounding().0
@@ -49,7 +57,8 @@ impl ArmSolver {
         let fused = (isa() != Isa::Baseline).then(|| {
             let zeros = |k: usize| vec![Fused(0.0); k];
             let total: usize = stack.rows().iter().sum();
-            Box::new(FusedTasks { stack: stack.lift(), q: zeros(arm.n()), jacobian: zeros(total * arm.n()) })
+            let (n, none) = (arm.n(), Fused(0.0));
+            Box::new(FusedTasks { stack: stack.lift(), q: zeros(n), trig: vec![(none, none); n], jacobian: zeros(total * n) })
         });
         Ok(ArmSolver { stack, fused, solver })
     }

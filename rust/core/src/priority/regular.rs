@@ -287,19 +287,26 @@ impl<S: Real, const N: usize> Factor<S, N> {
             // A reflector of full length with leading zeros: `w = x - alpha e1`, `alpha = -sign(x0) |x|`.
             let mut w = self.l[at];
             w[..at].fill(S::zero());
+            let last = if N == 4 { N } else { fit };
+            // w'y = x'y - alpha y1: the products do not wait for the norm.
+            let mut products = [S::zero(); N];
+            for r in at + 1..last {
+                products[r] = product(at, N, &w, &self.l[r]);
+            }
             let norm2 = product(at, N, &w, &w);
             let norm = norm2.sqrt();
             let reach = norm + x0.abs();
             let negative = x0.lt(S::zero());
             w[at] = S::select(negative, -reach, reach);
+            let minus_alpha = S::select(negative, -norm, norm);
             // A row of zeros gives NaN, which declines in the end.
             let beta = S::splat(1.0) / (norm * reach);
-            // -1/alpha without a second division.
+            // 1/alpha without a second division.
             let inverse = beta * reach;
             self.inverse[at] = S::select(negative, inverse, -inverse);
-            let last = if N == 4 { N } else { fit };
             for r in at + 1..last {
-                reflect(at, &w, beta, &mut self.l[r]);
+                let s = -beta * minus_alpha.mul_add(self.l[r][at], products[r]);
+                add(at, s, &w, &mut self.l[r]);
             }
             self.beta[at] = beta;
             self.h[at] = w;
@@ -342,7 +349,12 @@ impl<S: Real, const N: usize> Factor<S, N> {
 /// `y <- (I - beta w w') y`, where `w` is zero before `at`.
 #[inline(always)]
 fn reflect<S: Real, const N: usize>(at: usize, w: &[S; N], beta: S, y: &mut [S; N]) {
-    let s = -beta * product(at, N, w, y);
+    add(at, -beta * product(at, N, w, y), w, y);
+}
+
+/// `y += s w`, where `w` is zero before `at`.
+#[inline(always)]
+fn add<S: Real, const N: usize>(at: usize, s: S, w: &[S; N], y: &mut [S; N]) {
     for c in if S::LANES > 1 { at } else { 0 }..N {
         y[c] = s.mul_add(w[c], y[c]);
     }

@@ -20,6 +20,13 @@ pub use scalars::Fused;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
+/// As many numbers as one register of the instruction set of [`Fused`] holds.
+#[cfg(target_arch = "x86_64")]
+pub type FusedLanes = lanes::Avx2;
+/// Several numbers for the instruction set of [`Fused`].
+#[cfg(not(target_arch = "x86_64"))]
+pub type FusedLanes = Array8<true>;
+
 /// A real number, or one real number per lane.
 pub trait Real:
     Copy

@@ -1,0 +1,98 @@
+"""Loops of "sns" stay within the limits of the joints; runs whose input switches for ever end soon and say what to do."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+ARM = al.planar_arm([0.5, 0.4, 0.3])
+START = np.array([0.3, 0.8, 0.4])
+LOW, HIGH = np.array([-0.2, 0.2, -0.1]), np.array([0.9, 1.1, 0.6])
+SPEED, BRAKE = np.array([1.0, 1.5, 2.0]), np.array([6.0, 8.0, 10.0])
+#: A tip position whose joints lie beyond the limits.
+FAR = [-0.6, 0.7]
+SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+
+
+@pytest.mark.parametrize("sample_time", [None, 0.05])
+@pytest.mark.parametrize("brake", [None, BRAKE])
+def test_velocities_keep_positions_within_limits(sample_time: float | None, brake: Any) -> None:
+    limits = {"q_min": LOW, "q_max": HIGH, "v_max": SPEED, "a_max": brake, "horizon": 0.05}
+    law = al.PriorityVelocity(ARM, [al.Task("link3", "xy", FAR, 4.0)], "sns", **limits)
+    run = al.simulate(al.VelocityArm(ARM), law, START, t_end=3.0, dt=5e-3, sample_time=sample_time)
+    # Distances shrink by a factor >= 0 each step, which rounds.
+    assert (run.q >= LOW - 1e-12).all() and (run.q <= HIGH + 1e-12).all()
+    assert (np.abs(run.v) <= SPEED * (1 + 1e-12)).all()
+    # The limits bind: without them the joints go further.
+    free = al.simulate(al.VelocityArm(ARM), al.PriorityVelocity(ARM, [al.Task("link3", "xy", FAR, 4.0)]), START, t_end=3.0, dt=5e-3)
+    assert (free.q > HIGH + 0.1).any() and np.isclose(run.q[-1], HIGH, atol=1e-3).any()
+    if brake is not None:
+        room = np.maximum(HIGH - run.q, 0.0)
+        assert (run.v <= np.sqrt(2 * BRAKE * room) + 1e-9).all()
+
+
+@pytest.mark.parametrize("sample_time", [None, 0.02])
+def test_accelerations_keep_velocities_and_positions_within_limits(sample_time: float | None) -> None:
+    limits = {"q_min": LOW, "q_max": HIGH, "v_max": SPEED, "a_max": BRAKE, "horizon": 0.02}
+    law = al.PriorityAcceleration(ARM, [al.Task("link3", "xy", FAR, 100.0)], "sns", **limits)
+    run = al.simulate(al.RigidArm(ARM), law, START, t_end=3.0, dt=1e-3, sample_time=sample_time)
+    assert (run.q >= LOW - 1e-9).all() and (run.q <= HIGH + 1e-9).all()
+    assert (np.abs(run.v) <= SPEED * (1 + 1e-9)).all()
+    step = round((sample_time or 1e-3) / 1e-3)
+    a = np.diff(run.v[::step], axis=0) / (1e-3 * step)
+    # Mean accelerations between samples; computed torque of a held sample drifts off a little.
+    assert (np.abs(a) <= BRAKE * (1.0 + (1e-3 if sample_time is None else 0.1))).all()
+    assert np.isclose(run.q[-1], HIGH, atol=1e-2).any()
+
+
+def test_limits_default_to_the_arm_s_own() -> None:
+    q0 = np.clip(np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4]), SEVEN.limits["q_min"], SEVEN.limits["q_max"])
+    tool = SEVEN.frame_names[-1]
+    for target in ([0.9, 0.9, 0.9], [-0.3, -0.3, 0.0]):
+        law = al.PriorityVelocity(SEVEN, [al.Task(tool, "xyz", target, 3.0), al.PostureTask(np.full(7, 9.0), 1.0)], "sns")
+        run = al.simulate(al.VelocityArm(SEVEN), law, q0, t_end=6.0, dt=0.02)
+        assert (run.q >= SEVEN.limits["q_min"] - 1e-9).all() and (run.q <= SEVEN.limits["q_max"] + 1e-9).all()
+        assert (np.abs(run.v) <= SEVEN.limits["v_max"] * (1 + 1e-12)).all()
+
+
+def test_limits_are_refused_where_they_mean_nothing() -> None:
+    task = al.Task("link3", "xy", FAR, 4.0)
+    with pytest.raises(al.InputError, match='q_max bounds nothing: expected method "sns"'):
+        al.PriorityVelocity(ARM, [task], q_max=1.0)
+    with pytest.raises(al.InputError, match="v_max is missing"):
+        al.PriorityVelocity(ARM, [task], "sns")
+    with pytest.raises(al.InputError, match=r"q_min is out of order: .* \(first bad index 0\)"):
+        al.PriorityVelocity(ARM, [task], "sns", q_min=1.0, q_max=0.0)
+    with pytest.raises(al.InputError, match="horizon is not positive"):
+        al.PriorityAcceleration(ARM, [task], "sns", a_max=1.0, horizon=0.0)
+    with pytest.raises(al.InputError, match="a_max is not positive"):
+        al.PriorityAcceleration(ARM, [task], "sns", a_max=[1.0, 0.0, 1.0])
+    with pytest.raises(al.InputError, match="q_min is out of order"):
+        al.PriorityVelocity(ARM, [task], "sns", q_min=float("nan"))
+
+
+FOUR = al.planar_arm([1.0, 1.0, 0.25, 0.25])
+CHATTER = {
+    "targets out of reach": (FOUR, [("link4", "xy", [3.0, 0.5]), ("link2", "xy", [0.5, 2.5])], "clamp", {}, [0.0, 1.2, 0.4, 0.4]),
+    "saturated": (ARM, [("link3", "xy", [2.0, 0.7]), ("link1", "y", [-0.4])], "sns", {"v_max": 1.0}, START),
+}
+
+
+@pytest.mark.parametrize("case", CHATTER)
+def test_a_run_that_chatters_ends_soon_and_says_what_to_do(case: str) -> None:
+    arm, tasks, method, limits, q0 = CHATTER[case]
+    law = al.PriorityVelocity(arm, [al.Task(frame, axes, target, 5.0) for frame, axes, target in tasks], method, **limits)
+    start = time.perf_counter()
+    with pytest.raises(al.SolveError, match="take a fixed step or a sample time") as caught:
+        al.simulate(al.VelocityArm(arm), law, q0, t_end=10.0, method="dopri5", monitors=False)
+    assert caught.value.status is al.Status.STALLED and 0.0 < caught.value.t < 10.0
+    # 100,000 attempts of half a dozen evaluations of some microseconds, on a machine that may be busy; the cap is a hundred times as far.
+    assert time.perf_counter() - start < 60.0
+    sampled = al.simulate(al.VelocityArm(arm), law, q0, t_end=10.0, method="dopri5", sample_time=0.01, monitors=False)
+    fixed = al.simulate(al.VelocityArm(arm), law, q0, t_end=10.0, dt=0.01, monitors=False)
+    assert sampled.status is al.Status.SUCCESS and fixed.status is al.Status.SUCCESS
