@@ -53,6 +53,7 @@ def time_path(
     grid: int | None = None,
     refine: bool = True,
     samples: int | None = None,
+    torque_rate: ArrayLike | None = None,
 ) -> TimedPath: ...
 def _restore_time_path(parts: Sequence[_Array], margin: float, why: tuple[Any, ...] | None) -> TimedPath: ...
 

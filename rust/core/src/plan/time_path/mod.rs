@@ -4,10 +4,12 @@
 //! 2. Reachability analysis on that grid (`reach`).
 //! 3. A check ten times finer. Limits are narrowed, segment by segment, by what they are exceeded by between grid points, and 2
 //!    is done again, until nothing exceeds a limit anywhere (`check`). Where the grid is too coarse for that it is halved.
-//! 4. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
+//! 4. Where torques may change only so fast, the timing is averaged over time and slowed (`rate`).
+//! 5. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
 mod check;
 mod lines;
+mod rate;
 mod reach;
 mod reason;
 mod rows;
@@ -264,8 +266,9 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
             }
         }
     }
-    match best {
-        Some(best) => Ok(best),
-        None => problem.refuse(PathReason::standstill(&problem, &profile)),
+    match (best, &options.torque_rate) {
+        (Some(best), None) => Ok(best),
+        (Some(best), Some(rates)) => rate::limit_rate(&problem, best, rates, options),
+        (None, _) => problem.refuse(PathReason::standstill(&problem, &profile)),
     }
 }
