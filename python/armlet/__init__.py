@@ -75,6 +75,7 @@ from .errors import ArmletError, FormatError, InputError, InternalError, ModelEr
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
+from .point_to_point import point_to_point
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .run_metrics import Metrics, metrics
@@ -169,6 +170,7 @@ __all__ = [
     "pendulum",
     "planar_arm",
     "planar_pr",
+    "point_to_point",
     "project_parameters",
     "scipy_method",
     "simulate",

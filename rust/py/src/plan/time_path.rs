@@ -273,14 +273,47 @@ pub struct TimedPath {
     why: Option<Why>,
 }
 
+/// Three arrays.
+type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
 impl TimedPath {
+    /// What `write(x, row)` puts into rows of `3 n` for every number of `x`, as three arrays `(..., n)`.
+    fn rows<'py>(
+        &self,
+        function: &str,
+        name: &str,
+        x: &Bound<'py, PyAny>,
+        write: impl Fn(f64, &mut [f64]),
+    ) -> Result<Triple<'py>, Failure> {
+        let py = x.py();
+        let (mut shape, values) = numbers(function, name, x)?;
+        if let Some(k) = values.iter().position(|x| !x.is_finite()) {
+            let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&shape, k)) };
+            return Err(input_error(py, function, name, format!("is not finite: expected finite numbers, got {}{at}", values[k])).into());
+        }
+        let n = self.core.dof();
+        let mut all = vec![0.0; 3 * n * values.len()];
+        for (x, row) in values.iter().zip(all.chunks_exact_mut(3 * n)) {
+            write(*x, row);
+        }
+        shape.push(n);
+        let part = |k: usize| {
+            new_array(py, &shape, |out| {
+                for (out, row) in out.chunks_exact_mut(n).zip(all.chunks_exact(3 * n)) {
+                    out.copy_from_slice(&row[k * n..(k + 1) * n]);
+                }
+                Ok(())
+            })
+        };
+        Ok((part(0)?, part(1)?, part(2)?))
+    }
+
     fn of(core: CorePath, margin: f64, why: Option<Why>) -> PyClassInitializer<Self> {
         let motion = Motion::new(Core::TimedPath(core.clone()), Vec::new());
         PyClassInitializer::from(motion).add_subclass(TimedPath { core, margin, why })
     }
 
-    fn require(&self, function: &str) -> Result<(), Failure> {
-        let _ = function;
+    fn require(&self) -> Result<(), Failure> {
         match &self.why {
             None => Ok(()),
             Some(why) => {
@@ -306,30 +339,30 @@ impl TimedPath {
     /// Raises:
     ///     InputError: a time is not finite.
     ///     SolveError: the path has no timing.
-    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let py = t.py();
-        entry(py, "TimedPath", || {
-            self.require("TimedPath")?;
-            let (mut shape, times) = numbers("TimedPath", "t", t)?;
-            if let Some(k) = times.iter().position(|t| !t.is_finite()) {
-                let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&shape, k)) };
-                return Err(input_error(py, "TimedPath", "t", format!("is not finite: expected finite times, got {}{at}", times[k])).into());
+    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
+        entry(t.py(), "TimedPath", || {
+            self.require()?;
+            self.rows("TimedPath", "t", t, |t, row| self.core.sample(t, row))
+        })
+    }
+
+    /// `q, q', q''` of the path at positions `s`, without the timing: each `(n,)` for a number, `(..., n)` for an array.
+    ///
+    /// Raises:
+    ///     InputError: a position is not finite, or not on the path.
+    fn path<'py>(&self, s: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
+        const NAME: &str = "TimedPath.path";
+        entry(s.py(), NAME, || {
+            let path = self.core.path();
+            let (n, knots) = (path.dof(), path.knots());
+            let (first, last) = (knots[0], knots[knots.len() - 1]);
+            if let Some(k) = numbers(NAME, "s", s)?.1.iter().position(|s| s.is_finite() && !(first..=last).contains(s)) {
+                let problem = format!("is not on the path: expected {first} to {last} (first bad index {k})");
+                return Err(input_error(s.py(), NAME, "s", problem).into());
             }
-            let n = self.core.dof();
-            let mut all = vec![0.0; 3 * n * times.len()];
-            for (t, row) in times.iter().zip(all.chunks_exact_mut(3 * n)) {
-                self.core.sample(*t, row);
-            }
-            shape.push(n);
-            let part = |k: usize| {
-                new_array(py, &shape, |out| {
-                    for (out, row) in out.chunks_exact_mut(n).zip(all.chunks_exact(3 * n)) {
-                        out.copy_from_slice(&row[k * n..(k + 1) * n]);
-                    }
-                    Ok(())
-                })
-            };
-            Ok((part(0)?, part(1)?, part(2)?))
+            self.rows(NAME, "s", s, |s, row| {
+                path.evaluate(path.piece(s), s, |j, q, d, e| (row[j], row[n + j], row[2 * n + j]) = (q, d, e));
+            })
         })
     }
 
