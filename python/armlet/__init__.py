@@ -75,8 +75,8 @@ from .errors import ArmletError, FormatError, InputError, InternalError, ModelEr
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
-from .point_to_point import point_to_point
 from .priority import PriorityDiagnosis, diagnose_priority
+from .rest_to_rest import point_to_point
 from .run import BatchRun, Run
 from .run_metrics import Metrics, metrics
 from .sampling import Sampling

@@ -109,8 +109,8 @@ def _phases(ruckig: Any, way: _Array, limits: _Array) -> tuple[_Array, _Array]:
     n = way.size
     given = ruckig.InputParameter(n)
     given.current_position, given.target_position = [0.0] * n, way.tolist()
-    # Ruckig takes limits above 1e8 or so for errors of units; none of a joint that moves is near them in these units.
-    given.max_velocity, given.max_acceleration, given.max_jerk = np.minimum(limits, 1e6).tolist()
+    # Beyond these a limit costs less than a millionth of the duration, and the phases it leads to drown in rounding.
+    given.max_velocity, given.max_acceleration, given.max_jerk = np.minimum(limits, [[1e6], [1e9], [1e12]]).tolist()
     answer = ruckig.Trajectory(n)
     try:
         result = ruckig.Ruckig(n).calculate(given, answer)
