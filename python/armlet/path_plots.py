@@ -175,7 +175,9 @@ class PathTiming:
             slope = np.abs(p.path(s)[1])
             with np.errstate(divide="ignore"):
                 bound = (_bounds(self.v_max, self.arm.n)[1] / slope).min(axis=1)
-            ax.plot(s, np.where(bound < 2.0 * top, bound, np.nan), color=COLOURS[1], linestyle="--", linewidth=1.0, label="joint speed limits")
+            ax.plot(
+                s, np.where(bound < 2.0 * top, bound, np.nan), color=COLOURS[1], linestyle="--", linewidth=1.0, label="joint speed limits"
+            )
         ax.plot(p.s, p.s_dot, color=COLOURS[0], label="timing")
         k = self.switches()
         ax.plot(p.s[k], p.s_dot[k], "o", color="black", markersize=3.5, linestyle="none", label="switches")

@@ -25,6 +25,9 @@ _NAME = "point_to_point"
 _Array = NDArray[np.float64]
 # Coefficients per piece and joint of a path, lowest power first.
 _TERMS = 6
+# Limits of speed, acceleration and jerk beyond which they shorten the motion by less than 1e-6, 1e-4 and 1e-2; phases far shorter than
+# the motion drown in rounding, and Ruckig then finds none.
+_CAPS = (1e6, 1e9, 1e12), (1e4, 1e6, 1e8), (1e3, 1e4, 1e5)
 
 
 def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Array:
@@ -67,9 +70,13 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
 
     Source: Berscheid and Kroger, Jerk-limited real-time trajectory generation with arbitrary target states, RSS 2021.
 
-    Example:
-        p = al.point_to_point([0.0, 0.0], [1.0, 0.5], v_max=1.0, a_max=4.0, j_max=40.0)
-        q, v, a = p(0.5 * p.duration)
+    >>> import armlet as al
+    >>> p = al.point_to_point([0.0, 0.0], [1.0, 0.5], v_max=1.0, a_max=4.0, j_max=40.0)
+    >>> round(p.duration, 6)
+    1.35
+    >>> q, v, a = p(0.5 * p.duration)
+    >>> [round(float(x), 6) for x in (*q, *v)]
+    [0.5, 0.25, 1.0, 0.5]
     """
     start = _vector("q0", q0, None, False)
     n = start.size
@@ -109,14 +116,17 @@ def _phases(ruckig: Any, way: _Array, limits: _Array) -> tuple[_Array, _Array]:
     n = way.size
     given = ruckig.InputParameter(n)
     given.current_position, given.target_position = [0.0] * n, way.tolist()
-    # Beyond these a limit costs less than a millionth of the duration, and the phases it leads to drown in rounding.
-    given.max_velocity, given.max_acceleration, given.max_jerk = np.minimum(limits, [[1e6], [1e9], [1e12]]).tolist()
     answer = ruckig.Trajectory(n)
-    try:
-        result = ruckig.Ruckig(n).calculate(given, answer)
-    except RuntimeError as error:
-        raise SolveError(f"{_NAME}: ruckig refuses: {error}", Status.INFEASIBLE, 0.0) from None
-    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+    for cap in _CAPS:
+        given.max_velocity, given.max_acceleration, given.max_jerk = np.minimum(limits, np.array(cap)[:, None]).tolist()
+        try:
+            result = ruckig.Ruckig(n).calculate(given, answer)
+        except ruckig.RuckigError as error:
+            result = str(error).strip().splitlines()[0]
+            continue
+        if result in (ruckig.Result.Working, ruckig.Result.Finished):
+            break
+    else:
         raise SolveError(f"{_NAME}: ruckig finds no motion: {result}", Status.INFEASIBLE, 0.0)
     (profiles,) = answer.profiles
     ends = [np.minimum(np.cumsum(profile.t), answer.duration) for profile in profiles]
