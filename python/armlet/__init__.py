@@ -78,6 +78,7 @@ from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
 from .priority import PriorityDiagnosis, diagnose_priority
+from .rest_to_rest import point_to_point
 from .run import BatchRun, Run
 from .run_metrics import Metrics, metrics
 from .sampling import Sampling, TorqueSensor
@@ -178,6 +179,7 @@ __all__ = [
     "pendulum",
     "planar_arm",
     "planar_pr",
+    "point_to_point",
     "project_parameters",
     "scipy_method",
     "simulate",

@@ -7,7 +7,7 @@
 //! v = q' r,   a = q' u + q'' r^2
 //! ```
 //!
-//! Right-continuous in the acceleration. The start is held before time zero, the end after `duration`; at `duration` itself
+//! Or `u` is linear in time between the points, and `s(t)` a C2 cubic (`TimedPath::cubic`). Right-continuous in the acceleration. The start is held before time zero, the end after `duration`; at `duration` itself
 //! the motion still has its end speed, if that is not zero.
 
 use super::Path;
@@ -26,13 +26,20 @@ pub struct TimedPath {
     bend: Arc<[f64]>,
     /// The piece of the path that each segment lies in.
     piece: Arc<[usize]>,
+    /// `(N + 1,)`: `u` at the points where it is linear in time; else empty.
+    u: Arc<[f64]>,
 }
 
 impl PartialEq for TimedPath {
     fn eq(&self, other: &Self) -> bool {
         // Without a timing x is NaN, which equals nothing; the bits do.
         let same = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
-        self.path == other.path && same(&self.s, &other.s) && same(&self.x, &other.x) && same(&self.bend, &other.bend)
+        self.path == other.path
+            && same(&self.s, &other.s)
+            && same(&self.x, &other.x)
+            && same(&self.bend, &other.bend)
+            && same(&self.u, &other.u)
+            && same(&self.t, &other.t)
     }
 }
 
@@ -78,7 +85,22 @@ impl TimedPath {
             t[i + 1] = t[i] + 2.0 * (h / rates) * arc(bend[i] * (h / rates) * (h / rates));
         }
         let piece = s.windows(2).map(|w| path.piece(0.5 * (w[0] + w[1]))).collect();
-        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend: bend.into(), piece })
+        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend: bend.into(), piece, u: Arc::from([]) })
+    }
+
+    /// The same where `u` is linear in time between the times `t`: `s`, the squared speeds and `u` there, `(N + 1,)` each.
+    pub fn cubic(path: Arc<Path>, t: Vec<f64>, s: Vec<f64>, x: Vec<f64>, u: Vec<f64>) -> Result<Self> {
+        for (name, values) in [("t", &t), ("s", &s), ("x", &x), ("u", &u)] {
+            finite(name, values)?;
+            if values.len() != t.len() || t.len() < 2 {
+                return Err(Error::input(name, format!("has the wrong shape: expected ({},), got ({},)", t.len().max(2), values.len())));
+            }
+        }
+        if t[0] != 0.0 || t.windows(2).any(|w| !(w[0] < w[1])) || x.iter().any(|x| *x < 0.0) {
+            return Err(Error::input("t", "is not a grid: expected times that rise from zero"));
+        }
+        let bend = vec![0.0; t.len() - 1].into();
+        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend, piece: Arc::from([]), u: u.into() })
     }
 
     pub fn dof(&self) -> usize {
@@ -93,7 +115,15 @@ impl TimedPath {
     pub fn still(path: Arc<Path>) -> Self {
         let ends = vec![path.knots()[0], path.knots()[path.knots().len() - 1]];
         let piece = vec![0].into();
-        TimedPath { path, s: ends.into(), x: vec![f64::INFINITY; 2].into(), t: vec![0.0; 2].into(), bend: vec![0.0].into(), piece }
+        TimedPath {
+            path,
+            s: ends.into(),
+            x: vec![f64::INFINITY; 2].into(),
+            t: vec![0.0; 2].into(),
+            bend: vec![0.0].into(),
+            piece,
+            u: Arc::from([]),
+        }
     }
 
     /// Duration, s.
@@ -130,12 +160,18 @@ impl TimedPath {
             return None;
         }
         if t == self.t[last] {
-            let u = if self.x[last] == 0.0 { 0.0 } else { self.accelerations(last - 1).1 };
+            let u = if self.x[last] == 0.0 || !self.u.is_empty() { 0.0 } else { self.accelerations(last - 1).1 };
             return Some((last - 1, self.s[last], self.x[last].sqrt(), u));
         }
         let i = self.t.partition_point(|&at| at <= t).clamp(1, last) - 1;
-        let ((u, _), rate, b) = (self.accelerations(i), self.x[i].sqrt(), self.bend[i]);
         let d = t - self.t[i];
+        if !self.u.is_empty() {
+            let (rate, u, jolt) = (self.x[i].sqrt(), self.u[i], (self.u[i + 1] - self.u[i]) / (self.t[i + 1] - self.t[i]));
+            let on = d * (rate + d * (u / 2.0 + d * jolt / 6.0));
+            let s = (self.s[i] + on).clamp(self.s[0], self.s[last]);
+            return Some((i, s, (rate + d * (u + d * jolt / 2.0)).max(0.0), u + d * jolt));
+        }
+        let ((u, _), rate, b) = (self.accelerations(i), self.x[i].sqrt(), self.bend[i]);
         let (cosh, sinh, tanh) = waves(b * d * d);
         let speed = (rate * cosh + u * d * sinh).max(0.0);
         let on = (rate + speed) * d * tanh;
@@ -155,7 +191,8 @@ impl TimedPath {
             }
             return;
         };
-        self.path.evaluate(self.piece[i], s, |j, q, d, e| {
+        let piece = if self.piece.is_empty() { self.path.piece(s) } else { self.piece[i] };
+        self.path.evaluate(piece, s, |j, q, d, e| {
             (out[j], out[n + j], out[2 * n + j]) = (S::splat(q), S::splat(d * rate), S::splat(d * u + e * rate * rate));
         });
         if s == self.s[self.s.len() - 1] {
@@ -168,6 +205,9 @@ impl TimedPath {
     /// Times where the acceleration jumps by more than a hundredth of its largest value, ends included.
     pub fn breaks(&self) -> Vec<f64> {
         let last = self.s.len() - 1;
+        if !self.u.is_empty() {
+            return vec![0.0, self.t[last]];
+        }
         let largest = (0..last).map(|i| self.accelerations(i)).fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
         let jump = |i: &usize| (self.accelerations(*i).0 - self.accelerations(*i - 1).1).abs() > 0.01 * largest;
         let inner = (1..last).filter(jump).map(|i| self.t[i]);
@@ -177,5 +217,10 @@ impl TimedPath {
     /// `b` of each segment, `(N,)`.
     pub fn bends(&self) -> &[f64] {
         &self.bend
+    }
+
+    /// `u` at the points where it is linear in time, `(N + 1,)`; else empty.
+    pub fn node_accelerations(&self) -> &[f64] {
+        &self.u
     }
 }

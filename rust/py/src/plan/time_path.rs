@@ -122,9 +122,11 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
 ///     stops: indices of waypoints where the arm stops on its way.
 ///     start_speed, end_speed: path speeds ds/dt at the ends.
 ///     friction: True for the arm's own damping and Coulomb friction, or viscous coefficients, number or `(n,)`, N m s/rad.
-///     grid: number of grid points, the path's knots among them; if None, 201 and twice as many until the duration settles to 1e-4.
-///     refine: halve a given grid where it is too coarse for the limits (default True).
+///     grid: number of grid points, the path's knots among them; if None, 201 and more where time is lost until the duration settles to 1e-4.
+///     refine: halve a given grid where it is too coarse for the limits, or loses time (default True).
 ///     samples: how many points of a callable are asked for, 201.
+///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`; from rest to rest, without stops and Coulomb friction. The
+///         fastest timing is averaged over a window of time and slowed until it holds; not the fastest that does.
 ///
 /// Returns:
 ///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False and `p.reason` says why.
@@ -144,7 +146,7 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
 /// >>> [round(float(x), 6) for x in (q[0], v[0], a[0])]
 /// [0.125, 1.0, 4.0]
 #[pyfunction]
-#[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None))]
+#[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None, torque_rate=None))]
 pub fn time_path<'py>(
     py: Python<'py>,
     arm: &Bound<'py, PyAny>,
@@ -161,6 +163,7 @@ pub fn time_path<'py>(
     grid: Option<&Bound<'py, PyAny>>,
     refine: bool,
     samples: Option<&Bound<'py, PyAny>>,
+    torque_rate: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, TimedPath>> {
     entry(py, NAME, || {
         let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
@@ -172,7 +175,7 @@ pub fn time_path<'py>(
             velocity: of("v_max", v_max)?,
             acceleration: of("a_max", a_max)?,
         };
-        let mut options = TimePathOptions { refine, ..TimePathOptions::default() };
+        let mut options = TimePathOptions { refine, torque_rate: of("torque_rate", torque_rate)?, ..TimePathOptions::default() };
         for (name, value, to) in [("start_speed", start_speed, &mut options.start_speed), ("end_speed", end_speed, &mut options.end_speed)]
         {
             if let Some(value) = value {
@@ -270,14 +273,47 @@ pub struct TimedPath {
     why: Option<Why>,
 }
 
+/// Three arrays.
+type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
 impl TimedPath {
+    /// What `write(x, row)` puts into rows of `3 n` for every number of `x`, as three arrays `(..., n)`.
+    fn rows<'py>(
+        &self,
+        function: &str,
+        name: &str,
+        x: &Bound<'py, PyAny>,
+        write: impl Fn(f64, &mut [f64]),
+    ) -> Result<Triple<'py>, Failure> {
+        let py = x.py();
+        let (mut shape, values) = numbers(function, name, x)?;
+        if let Some(k) = values.iter().position(|x| !x.is_finite()) {
+            let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&shape, k)) };
+            return Err(input_error(py, function, name, format!("is not finite: expected finite numbers, got {}{at}", values[k])).into());
+        }
+        let n = self.core.dof();
+        let mut all = vec![0.0; 3 * n * values.len()];
+        for (x, row) in values.iter().zip(all.chunks_exact_mut(3 * n)) {
+            write(*x, row);
+        }
+        shape.push(n);
+        let part = |k: usize| {
+            new_array(py, &shape, |out| {
+                for (out, row) in out.chunks_exact_mut(n).zip(all.chunks_exact(3 * n)) {
+                    out.copy_from_slice(&row[k * n..(k + 1) * n]);
+                }
+                Ok(())
+            })
+        };
+        Ok((part(0)?, part(1)?, part(2)?))
+    }
+
     fn of(core: CorePath, margin: f64, why: Option<Why>) -> PyClassInitializer<Self> {
         let motion = Motion::new(Core::TimedPath(core.clone()), Vec::new());
         PyClassInitializer::from(motion).add_subclass(TimedPath { core, margin, why })
     }
 
-    fn require(&self, function: &str) -> Result<(), Failure> {
-        let _ = function;
+    fn require(&self) -> Result<(), Failure> {
         match &self.why {
             None => Ok(()),
             Some(why) => {
@@ -303,30 +339,30 @@ impl TimedPath {
     /// Raises:
     ///     InputError: a time is not finite.
     ///     SolveError: the path has no timing.
-    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let py = t.py();
-        entry(py, "TimedPath", || {
-            self.require("TimedPath")?;
-            let (mut shape, times) = numbers("TimedPath", "t", t)?;
-            if let Some(k) = times.iter().position(|t| !t.is_finite()) {
-                let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&shape, k)) };
-                return Err(input_error(py, "TimedPath", "t", format!("is not finite: expected finite times, got {}{at}", times[k])).into());
+    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
+        entry(t.py(), "TimedPath", || {
+            self.require()?;
+            self.rows("TimedPath", "t", t, |t, row| self.core.sample(t, row))
+        })
+    }
+
+    /// `q, q', q''` of the path at positions `s`, without the timing: each `(n,)` for a number, `(..., n)` for an array.
+    ///
+    /// Raises:
+    ///     InputError: a position is not finite, or not on the path.
+    fn path<'py>(&self, s: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
+        const NAME: &str = "TimedPath.path";
+        entry(s.py(), NAME, || {
+            let path = self.core.path();
+            let (n, knots) = (path.dof(), path.knots());
+            let (first, last) = (knots[0], knots[knots.len() - 1]);
+            if let Some(k) = numbers(NAME, "s", s)?.1.iter().position(|s| s.is_finite() && !(first..=last).contains(s)) {
+                let problem = format!("is not on the path: expected {first} to {last} (first bad index {k})");
+                return Err(input_error(s.py(), NAME, "s", problem).into());
             }
-            let n = self.core.dof();
-            let mut all = vec![0.0; 3 * n * times.len()];
-            for (t, row) in times.iter().zip(all.chunks_exact_mut(3 * n)) {
-                self.core.sample(*t, row);
-            }
-            shape.push(n);
-            let part = |k: usize| {
-                new_array(py, &shape, |out| {
-                    for (out, row) in out.chunks_exact_mut(n).zip(all.chunks_exact(3 * n)) {
-                        out.copy_from_slice(&row[k * n..(k + 1) * n]);
-                    }
-                    Ok(())
-                })
-            };
-            Ok((part(0)?, part(1)?, part(2)?))
+            self.rows(NAME, "s", s, |s, row| {
+                path.evaluate(path.piece(s), s, |j, q, d, e| (row[j], row[n + j], row[2 * n + j]) = (q, d, e));
+            })
         })
     }
 
@@ -399,8 +435,10 @@ impl TimedPath {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let restore = py.import("armlet._core")?.getattr("_restore_time_path")?;
         let path = self.core.path();
-        let numbers = [path.knots(), path.coefficients(), path.ends().1, self.core.grid(), self.core.squared_speeds(), self.core.bends()];
-        let arrays = numbers.iter().map(|values| array(py, values)).collect::<PyResult<Vec<_>>>()?;
+        let core = &self.core;
+        let timing = [core.grid(), core.squared_speeds(), core.bends(), core.times(), core.node_accelerations()];
+        let numbers = [path.knots(), path.coefficients(), path.ends().1].into_iter().chain(timing);
+        let arrays = numbers.map(|values| array(py, values)).collect::<PyResult<Vec<_>>>()?;
         let why = self.why.as_ref().map(|w| (&w.text, w.joint, &w.joint_name, w.s, &w.limit, w.missing, w.missing_units));
         Ok((
             restore,
@@ -428,10 +466,16 @@ pub fn _restore_time_path<'py>(
         for part in &parts {
             arrays.push(numbers(NAME, "parts", part)?.1.into_owned());
         }
-        let [knots, coefficients, end, s, x, bend] =
-            <[Vec<f64>; 6]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected six arrays"))?;
+        let [knots, coefficients, end, s, x, bend, t, u] =
+            <[Vec<f64>; 8]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected eight arrays"))?;
         let path = Arc::new(Path::from_parts(knots, coefficients, end)?);
-        let core = if x.iter().all(|x| x.is_infinite()) { CorePath::still(path) } else { CorePath::new(path, s, x, bend)? };
+        let core = if x.iter().all(|x| x.is_infinite()) {
+            CorePath::still(path)
+        } else if u.is_empty() {
+            CorePath::new(path, s, x, bend)?
+        } else {
+            CorePath::cubic(path, t, s, x, u)?
+        };
         let why = why.map(|(text, joint, joint_name, s, limit, missing, missing_units)| Why {
             text,
             joint,

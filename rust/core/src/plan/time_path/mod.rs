@@ -4,10 +4,12 @@
 //! 2. Reachability analysis on that grid (`reach`).
 //! 3. A check ten times finer. Limits are narrowed, segment by segment, by what they are exceeded by between grid points, and 2
 //!    is done again, until nothing exceeds a limit anywhere (`check`). Where the grid is too coarse for that it is halved.
-//! 4. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
+//! 4. Where torques may change only so fast, the timing is averaged over time and slowed (`rate`).
+//! 5. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
 mod check;
 mod lines;
+mod rate;
 mod reach;
 mod reason;
 mod rows;
@@ -63,8 +65,8 @@ pub struct TimePath {
 /// What one grid gave.
 enum Outcome {
     Done(Found),
-    /// The grid is too coarse.
-    Coarse(Found),
+    /// The grid is too coarse: in places, or, where corrections failed, altogether.
+    Coarse(Found, bool),
     Stuck(Stuck),
 }
 
@@ -173,30 +175,30 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, los
         cap_old.copy_from_slice(&caps);
         problem.cap_tight = caps;
         found = Some(now);
+        if k == 0 {
+            samples.remember();
+            losses(&problem.rows, profile, lost);
+        }
+        if !last && k == 0 && (now.excess > COARSE || lost.iter().any(|lost| *lost > LOST * fine)) {
+            return Outcome::Coarse(now, false);
+        }
         if !(now.excess > TOLERANCE) && !now.excess.is_nan() {
             if samples.stands(&problem.course(), &problem.rows, profile) {
                 return Outcome::Done(now);
             }
             continue;
         }
-        if k == 0 {
-            samples.remember();
-            losses(&problem.rows, profile, lost);
-        }
-        if !last && k == 0 && (now.excess > COARSE || lost.iter().any(|lost| *lost > LOST * fine)) {
-            return Outcome::Coarse(now);
-        }
         narrowed.iter().for_each(|&i| profile.touch(i));
         problem.set_caps();
         if let Err(stuck) = again(problem, profile) {
             return match found {
-                Some(found) if !last => Outcome::Coarse(found),
+                Some(found) if !last => Outcome::Coarse(found, true),
                 _ => Outcome::Stuck(stuck),
             };
         }
     }
     match found {
-        Some(found) => Outcome::Coarse(found),
+        Some(found) => Outcome::Coarse(found, true),
         None => Outcome::Stuck(Stuck::Empty(0)),
     }
 }
@@ -241,7 +243,7 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
                 }
                 (PathReason::standstill(&problem, &profile), !moving)
             }
-            Outcome::Coarse(found) => (PathReason::unresolved(&problem, &found), found.excess <= COARSE),
+            Outcome::Coarse(found, whole) => (PathReason::unresolved(&problem, &found), whole),
             Outcome::Stuck(stuck) => (PathReason::find(&problem, &profile, stuck), true),
         };
         if last {
@@ -264,8 +266,9 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
             }
         }
     }
-    match best {
-        Some(best) => Ok(best),
-        None => problem.refuse(PathReason::standstill(&problem, &profile)),
+    match (best, &options.torque_rate) {
+        (Some(best), None) => Ok(best),
+        (Some(best), Some(rates)) => rate::limit_rate(&problem, best, rates, options),
+        (None, _) => problem.refuse(PathReason::standstill(&problem, &profile)),
     }
 }

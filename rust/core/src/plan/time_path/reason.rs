@@ -14,6 +14,7 @@ pub enum Bound {
     TorqueMin,
     Acceleration,
     Velocity,
+    TorqueRate,
 }
 
 impl Bound {
@@ -23,6 +24,7 @@ impl Bound {
             Bound::TorqueMin => "tau_min",
             Bound::Acceleration => "a_max",
             Bound::Velocity => "v_max",
+            Bound::TorqueRate => "torque_rate",
         }
     }
 }
@@ -38,6 +40,8 @@ pub enum Shortfall {
     Standstill,
     /// A limit is exceeded between grid points, however fine the grid.
     Unresolved,
+    /// No timing keeps the rates of torque, however slow.
+    Slow,
 }
 
 /// Why there is no timing.
@@ -171,6 +175,7 @@ impl fmt::Display for PathReason {
             Shortfall::Standstill => {
                 write!(f, "the limits allow no motion from s = {s:.9}: {name} of joint {joint} ({joint_name}) holds the arm there")
             }
+            Shortfall::Slow => write!(f, "no timing keeps the torque rate, however slow: {short}"),
             Shortfall::Unresolved => write!(f, "no grid resolves the limits: {short}"),
         }
     }

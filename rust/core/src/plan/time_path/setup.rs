@@ -30,11 +30,13 @@ pub struct TimePathOptions {
     /// Knots of the path where the motion stops.
     pub stops: Vec<usize>,
     pub friction: Option<Friction>,
+    /// Limits of `|d tau/dt|`, `(n,)`; for motions from rest to rest without stops and without Coulomb friction.
+    pub torque_rate: Option<Vec<f64>>,
 }
 
 impl Default for TimePathOptions {
     fn default() -> Self {
-        TimePathOptions { grid: None, refine: true, start_speed: 0.0, end_speed: 0.0, stops: Vec::new(), friction: None }
+        TimePathOptions { grid: None, refine: true, start_speed: 0.0, end_speed: 0.0, stops: Vec::new(), friction: None, torque_rate: None }
     }
 }
 
@@ -133,6 +135,19 @@ impl<'a> Problem<'a> {
                 all_positive(name, values, n)?;
                 for i in 0..n {
                     (all_lo[k * n + i], all_hi[k * n + i]) = (-values[i], values[i]);
+                }
+            }
+        }
+        if let Some(rates) = &options.torque_rate {
+            all_positive("torque_rate", rates, n)?;
+            let jumps = options.friction.as_ref().is_some_and(|friction| friction.coulomb.iter().any(|c| *c != 0.0));
+            for (given, what) in [
+                (options.start_speed != 0.0 || options.end_speed != 0.0, "start_speed and end_speed 0"),
+                (!options.stops.is_empty(), "no stops"),
+                (jumps, "no Coulomb friction, whose torque jumps"),
+            ] {
+                if given {
+                    return Err(Error::input("torque_rate", format!("is not offered here: expected {what}")));
                 }
             }
         }

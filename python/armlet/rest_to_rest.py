@@ -1,0 +1,171 @@
+"""From rest to rest, all joints arriving together, under limits of joint speed, acceleration and jerk.
+
+    |v_j| <= v_max_j,   |a_j| <= a_max_j,   |da_j/dt| <= j_max_j,   q_j(t) a cubic in each of at most seven phases
+
+The time-optimal phases are those of Ruckig (Berscheid and Kroger 2021, MIT licence), an optional extra that is imported when the
+function is called. It is given the problem in units in which distances and durations are of the order of one, and what it answers
+is checked against the limits and slowed by what rounding left beyond them.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._core import TimedPath, _restore_time_path
+from .errors import InputError, SolveError
+from .status import Status
+
+__all__ = ["point_to_point"]
+
+_NAME = "point_to_point"
+_Array = NDArray[np.float64]
+# Coefficients per piece and joint of a path, lowest power first.
+_TERMS = 6
+# Limits of speed, acceleration and jerk beyond which they shorten the motion by less than 1e-6, 1e-4 and 1e-2; phases far shorter than
+# the motion drown in rounding, and Ruckig then finds none.
+_CAPS = (1e6, 1e9, 1e12), (1e4, 1e6, 1e8), (1e3, 1e4, 1e5)
+
+
+def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Array:
+    """`(n,)` from numbers, or from one number where `n` is known."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.asarray(None)
+    wanted = "(n,)" if n is None else f"({n},)" if not positive else f"a number or ({n},)"
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{_NAME}: {name} is of the wrong type: expected {wanted} numbers, got {type(value).__name__}")
+    if n is not None and positive and array.ndim == 0:
+        array = np.full(n, float(array))
+    if array.ndim != 1 or array.size == 0 or (n is not None and array.size != n):
+        raise InputError(f"{_NAME}: {name} has the wrong shape: expected {wanted}, got {array.shape}")
+    array = array.astype(np.float64)
+    for k, x in enumerate(array):
+        if not np.isfinite(x) or (positive and x <= 0.0):
+            what = "is not finite: expected finite numbers" if not np.isfinite(x) else "is not positive: expected numbers > 0"
+            raise InputError(f"{_NAME}: {name} {what}, got {x} (first bad index {k})")
+    return array
+
+
+def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, j_max: ArrayLike) -> TimedPath:
+    """The fastest motion from rest at `q0` to rest at `q1` in which all joints arrive together, each inside its limits.
+
+    Needs Ruckig: `pip install 'armlet[ruckig]'`. Dynamics play no part: for limits of torque see `time_path`.
+
+    Args:
+        q0, q1: start and end, `(n,)`, rad or m.
+        v_max, a_max, j_max: limits of speed, acceleration and jerk: number or `(n,)`.
+
+    Returns:
+        A `TimedPath` over time itself: its `s` is the time, its `margin` the smallest relative distance to a limit.
+
+    Raises:
+        ImportError: Ruckig is not installed.
+        InputError: a shape is wrong, a number is not finite, a limit is not positive.
+        SolveError: Ruckig finds no motion, or not one inside the limits.
+
+    Source: Berscheid and Kroger, Jerk-limited real-time trajectory generation with arbitrary target states, RSS 2021.
+
+    >>> import armlet as al
+    >>> p = al.point_to_point([0.0, 0.0], [1.0, 0.5], v_max=1.0, a_max=4.0, j_max=40.0)
+    >>> round(p.duration, 6)
+    1.35
+    >>> q, v, a = p(0.5 * p.duration)
+    >>> [round(float(x), 6) for x in (*q, *v)]
+    [0.5, 0.25, 1.0, 0.5]
+    """
+    start = _vector("q0", q0, None, False)
+    n = start.size
+    end = _vector("q1", q1, n, False)
+    limits = np.stack([_vector(name, value, n, True) for name, value in (("v_max", v_max), ("a_max", a_max), ("j_max", j_max))])
+    try:
+        ruckig = importlib.import_module("ruckig")
+    except ImportError:
+        raise ImportError(f"{_NAME}: ruckig is not installed: pip install 'armlet[ruckig]'") from None
+    way = end - start
+    length = float(np.abs(way).max())
+    if not np.isfinite(length):
+        raise InputError(f"{_NAME}: q1 is too far from q0: expected a finite distance, got {length}")
+    if length == 0.0:
+        coefficients = np.zeros((1, _TERMS, n))
+        coefficients[0, 0] = start
+        return _motion(np.array([0.0, 1.0]), coefficients, end, np.inf, 1.0)
+    # Every joint that moves goes a distance of one, in units of the largest time that one limit alone would ask for.
+    powers = np.array([[1.0], [2.0], [3.0]])
+    lengths = np.where(way == 0.0, 1.0, np.abs(way))
+    unit = float(((np.abs(way) / limits) ** (1.0 / powers)).max())
+    limits = limits / lengths * unit**powers
+    t, coefficients = _phases(ruckig, np.sign(way), limits)
+    # A motion slower by k has its derivatives divided by k, k^2, k^3.
+    used = _largest(t, coefficients) / limits
+    k = max(1.0, float((used ** (1.0 / powers)).max()))
+    # Ruckig promises about 1e-8.
+    if not k < 1.0 + 1e-6:
+        raise SolveError(f"{_NAME}: the motion found is beyond its limits by {k - 1.0:.1e} of them", Status.INFEASIBLE, 0.0)
+    coefficients *= lengths
+    coefficients[:, 0] += start
+    return _motion(t * unit * k, coefficients, end, 1.0, 1.0 - float((used / k**powers).max()))
+
+
+def _phases(ruckig: Any, way: _Array, limits: _Array) -> tuple[_Array, _Array]:
+    """Times `(P + 1,)` and coefficients `(P, 6, n)` in `(t - t_p) / (t_(p+1) - t_p)`."""
+    n = way.size
+    given = ruckig.InputParameter(n)
+    given.current_position, given.target_position = [0.0] * n, way.tolist()
+    answer = ruckig.Trajectory(n)
+    for cap in _CAPS:
+        given.max_velocity, given.max_acceleration, given.max_jerk = np.minimum(limits, np.array(cap)[:, None]).tolist()
+        try:
+            result = ruckig.Ruckig(n).calculate(given, answer)
+        except ruckig.RuckigError as error:
+            result = str(error).strip().splitlines()[0]
+            continue
+        if result in (ruckig.Result.Working, ruckig.Result.Finished):
+            break
+    else:
+        raise SolveError(f"{_NAME}: ruckig finds no motion: {result}", Status.INFEASIBLE, 0.0)
+    (profiles,) = answer.profiles
+    ends = [np.minimum(np.cumsum(profile.t), answer.duration) for profile in profiles]
+    t = np.unique(np.concatenate([[0.0, answer.duration], *ends]))
+    # Phases that only rounding tells apart are one.
+    t = t[np.concatenate([[True], np.diff(t) > 1e-12 * answer.duration])]
+    t[-1] = answer.duration
+    h = np.diff(t)
+    coefficients = np.zeros((h.size, _TERMS, n))
+    for j, (profile, until) in enumerate(zip(profiles, ends, strict=True)):
+        # From the start, phase by phase, so that q, v and a are continuous to rounding.
+        jerk = np.append(np.array(profile.j), 0.0)[np.searchsorted(until, t[:-1] + 0.5 * h, side="right")]
+        q = v = a = 0.0
+        for p in range(h.size):
+            coefficients[p, :4, j] = q, h[p] * v, h[p] ** 2 * a / 2, h[p] ** 3 * jerk[p] / 6
+            q += h[p] * (v + h[p] * (a / 2 + h[p] * jerk[p] / 6))
+            v += h[p] * (a + h[p] * jerk[p] / 2)
+            a += h[p] * jerk[p]
+        # At the goal to rounding, where Ruckig promises about 1e-8.
+        if way[j] != 0.0:
+            coefficients[:, :, j] *= way[j] / q
+    return t, coefficients
+
+
+def _largest(t: _Array, coefficients: _Array) -> _Array:
+    """Largest speed, acceleration and jerk of every joint, `(3, n)`."""
+    h = np.diff(t)[:, None]
+    _, v, a, j = (coefficients[:, k] * scale / h**k for k, scale in ((0, 1), (1, 1), (2, 2), (3, 6)))
+    # A speed peaks where its phase begins or ends, or where the acceleration is zero between.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = np.where(j == 0.0, 0.0, np.clip(-a / np.where(j == 0.0, 1.0, j), 0.0, h))
+    speeds = [v + x * (a + x * j / 2) for x in (np.zeros_like(at), at, np.broadcast_to(h, at.shape))]
+    largest = [np.abs(values).max(axis=(0, 1)) for values in (np.stack(speeds), np.stack([a, a + h * j]), j[None])]
+    return np.stack(largest)
+
+
+def _motion(t: _Array, coefficients: _Array, end: _Array, speed: float, margin: float) -> TimedPath:
+    """The motion whose path position is the time."""
+    n = end.size
+    parts = [t, coefficients.reshape(-1), end, t, np.full(t.size, speed), np.zeros(t.size - 1), np.zeros(0), np.zeros(0)]
+    assert coefficients.shape == (t.size - 1, _TERMS, n)
+    return _restore_time_path(parts, margin, None)

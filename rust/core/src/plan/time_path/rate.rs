@@ -1,0 +1,249 @@
+//! A timing whose torques change no faster than a limit: `|d tau_j/dt| <= R_j`.
+//!
+//! The fastest timing jumps in `u`, and so in torque. Its average over a window of time does not, and moving slower by a factor
+//! `k` brings whatever is still exceeded inside, since gravity alone is left in the end:
+//!
+//! ```text
+//! r_W(t) = (s(t) - s(t - W)) / W,   u_W(t) = (r(t) - r(t - W)) / W,   duration k (T + W)
+//! tau(t/k) = g + d q' r_W / k + I / k^2,   I = M a + C v at k = 1
+//! ```
+//!
+//! The window and then the least `k` are searched for: a timing inside the limits, not the fastest one. `u` is made linear in time
+//! between nodes, so `s(t)` is a C2 cubic. Rates are differences between samples plus the largest change from one to the next.
+
+use super::check::TOLERANCE;
+use super::reason::{Bound, PathReason, Shortfall};
+use super::rows::{Ask, Points};
+use super::setup::Problem;
+use super::{TimePath, TimePathOptions};
+use crate::error::Result;
+use crate::motion::TimedPath;
+
+/// Windows tried: the duration of the fastest timing times `2^1 .. 2^-8`, then finer steps about the best one.
+const WINDOWS: std::ops::RangeInclusive<i32> = -8..=1;
+const STEPS: [f64; 4] = [1.5, 1.2, 1.1, 1.05];
+/// Nodes in a window, in a piece of the path, and bounds of all.
+const PER_WINDOW: f64 = 8.0;
+const PER_PIECE: usize = 40;
+const NODES: (usize, usize) = (200, 4000);
+/// Samples of a segment while searching, and at last.
+const ROUGH: usize = 4;
+const FINEST: usize = 20;
+/// Slowest timing tried.
+const SLOWEST: f64 = 1e6;
+
+/// Nodes of a timing: times, and `s, r, u` there.
+struct Nodes {
+    t: Vec<f64>,
+    s: Vec<f64>,
+    r: Vec<f64>,
+    u: Vec<f64>,
+}
+
+/// A sample beyond a limit.
+#[derive(Clone, Copy, Debug)]
+struct Beyond {
+    excess: f64,
+    joint: usize,
+    limit: Bound,
+    s: f64,
+}
+
+/// What samples of a timing say, `(K, n)` each: static torques, friction and inertia torques, accelerations and speeds.
+struct Samples<'a> {
+    problem: &'a Problem<'a>,
+    rates: &'a [f64],
+    per: usize,
+    step: f64,
+    s: Vec<f64>,
+    held: Vec<f64>,
+    rubbed: Vec<f64>,
+    /// `(K, 3 n)`: torques, accelerations, speeds.
+    all: Vec<f64>,
+}
+
+/// The average of `fast` over a window before each time.
+fn averaged(fast: &TimedPath, window: f64, pieces: usize) -> Nodes {
+    let total = fast.duration() + window;
+    let count = ((PER_WINDOW * total / window) as usize).max(PER_PIECE * pieces).clamp(NODES.0, NODES.1);
+    let step = total / count as f64;
+    let speed = |t: f64| fast.phase(t).map_or(0.0, |(_, _, r, _)| r);
+    let t: Vec<f64> = (0..=count).map(|k| step * k as f64).collect();
+    let mut u: Vec<f64> = t.iter().map(|&t| (speed(t) - speed(t - window)) / window).collect();
+    (u[0], u[count]) = (0.0, 0.0);
+    // Rest at the end to the last bit: what the trapezoidal rule leaves is spread over the way.
+    let left: f64 = step * u.iter().sum::<f64>();
+    for k in 0..=count {
+        let z = k as f64 / count as f64;
+        u[k] -= 6.0 * z * (1.0 - z) * left / total * (count * count) as f64 / ((count * count) as f64 - 1.0);
+    }
+    let (mut s, mut r) = (vec![0.0; count + 1], vec![0.0; count + 1]);
+    for k in 0..count {
+        r[k + 1] = (r[k] + 0.5 * step * (u[k] + u[k + 1])).max(0.0);
+        s[k + 1] = s[k] + step * (r[k] + step * (u[k] / 3.0 + u[k + 1] / 6.0));
+    }
+    r[count] = 0.0;
+    let (first, last) = (fast.grid()[0], fast.grid()[fast.grid().len() - 1]);
+    let scale = (last - first) / s[count];
+    for k in 0..=count {
+        (s[k], r[k], u[k]) = (first + s[k] * scale, r[k] * scale, u[k] * scale);
+    }
+    s[count] = last;
+    Nodes { t, s, r, u }
+}
+
+impl<'a> Samples<'a> {
+    fn new(problem: &'a Problem<'a>, rates: &'a [f64], viscous: &[f64], nodes: &Nodes, per: usize) -> Self {
+        let (n, segments) = (problem.n, nodes.s.len() - 1);
+        let count = segments * per + 1;
+        let step = nodes.t[1] / per as f64;
+        let end = nodes.s[segments];
+        let state = |k: usize| {
+            let (i, d) = ((k / per).min(segments - 1), k - (k / per).min(segments - 1) * per);
+            let (d, jolt) = (d as f64 * step, (nodes.u[i + 1] - nodes.u[i]) / nodes.t[1]);
+            let s = nodes.s[i] + d * (nodes.r[i] + d * (nodes.u[i] / 2.0 + d * jolt / 6.0));
+            ([s.clamp(nodes.s[0], end), (nodes.r[i] + d * (nodes.u[i] + d * jolt / 2.0)).max(0.0), nodes.u[i] + d * jolt], i)
+        };
+        let states: Vec<[f64; 3]> = (0..count).map(|k| state(k).0).collect();
+        let at = |k: usize| (problem.path.piece(states[k][0]), states[k][0]);
+        let ask = |rate: &dyn Fn(usize) -> (f64, f64)| {
+            let mut out = vec![0.0; count * 3 * n];
+            let (mover, path, stride) = (problem.mover, &*problem.path, 3 * n);
+            Points { mover, path, at: &at, count, stride, out: &mut out, ask: Ask::Motion { rate } }.run();
+            out
+        };
+        let held = ask(&|_| (0.0, 0.0));
+        let mut all = ask(&|k| (states[k][1], states[k][2]));
+        let held: Vec<f64> = held.chunks_exact(3 * n).flat_map(|row| row[..n].to_vec()).collect();
+        let mut rubbed = vec![0.0; count * n];
+        for k in 0..count {
+            for j in 0..n {
+                all[3 * n * k + j] -= held[n * k + j];
+                rubbed[n * k + j] = viscous[j] * all[3 * n * k + 2 * n + j];
+            }
+        }
+        Samples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all }
+    }
+
+    /// The furthest beyond a limit (or nearest to one) when all is slower by `k`; ends at the first sample beyond if `any`.
+    fn worst(&self, k: f64, any: bool) -> Beyond {
+        let Samples { problem, rates, per, step, s, held, rubbed, all } = self;
+        let (n, per) = (problem.n, *per);
+        let (lo, hi) = (&problem.lo, &problem.hi);
+        let (by, by2, by_step) = (1.0 / k, 1.0 / (k * k), 1.0 / (k * step));
+        let mut worst = Beyond { excess: f64::NEG_INFINITY, joint: 0, limit: Bound::TorqueRate, s: s[0] };
+        for i in 0..(s.len() - 1) / per {
+            for j in 0..n {
+                let torque = |m: usize| held[n * m + j] + rubbed[n * m + j] * by + all[3 * n * m + j] * by2;
+                let (mut top, mut bottom, mut rate, mut turn, mut fast, mut steep) =
+                    (f64::NEG_INFINITY, f64::INFINITY, 0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
+                let (mut before, mut slope) = (torque(i * per), f64::NAN);
+                for m in i * per..=(i + 1) * per {
+                    let here = torque(m);
+                    (top, bottom) = (top.max(here), bottom.min(here));
+                    steep = steep.max((all[3 * n * m + n + j] * by2).abs());
+                    fast = fast.max((all[3 * n * m + 2 * n + j] * by).abs());
+                    if m > i * per {
+                        let next = (here - before) * by_step;
+                        rate = rate.max(next.abs());
+                        // NaN before the second one, which max passes over.
+                        turn = turn.max((next - slope).abs());
+                        (before, slope) = (here, next);
+                    }
+                }
+                // Between samples a value is past them by at most an eighth of its second difference.
+                let between = 0.125 * turn * k * step;
+                let sides = [
+                    ((top + between - hi[j]) / size(hi[j], lo[j]), Bound::TorqueMax),
+                    ((lo[j] - bottom + between) / size(lo[j], hi[j]), Bound::TorqueMin),
+                    (((rate + turn) / rates[j]) - 1.0, Bound::TorqueRate),
+                    (steep / hi[n + j] - 1.0, Bound::Acceleration),
+                    (fast / hi[2 * n + j] - 1.0, Bound::Velocity),
+                ];
+                for (excess, limit) in sides {
+                    if excess > worst.excess || excess.is_nan() && hi[j].is_finite() {
+                        worst = Beyond { excess, joint: j, limit, s: s[i * per] };
+                    }
+                }
+                if any && !(worst.excess <= TOLERANCE) {
+                    return worst;
+                }
+            }
+        }
+        worst
+    }
+
+    /// The least factor found between one that holds all limits and one that doesn't, to `share` of it.
+    fn slowing(&self, share: f64) -> Option<f64> {
+        let fits = |k: f64| self.worst(k, true).excess <= TOLERANCE;
+        let mut high = 1.0;
+        while !fits(high) {
+            high *= 2.0;
+            if high > SLOWEST {
+                return None;
+            }
+        }
+        let mut low = 0.5 * high;
+        while low > 1.0 / SLOWEST && fits(low) {
+            (high, low) = (low, 0.5 * low);
+        }
+        while high > low * (1.0 + share) {
+            let middle = (low * high).sqrt();
+            if fits(middle) { high = middle } else { low = middle }
+        }
+        Some(high)
+    }
+}
+
+/// What an excess is relative to: the limit, or the other one where it is zero.
+fn size(near: f64, far: f64) -> f64 {
+    if near != 0.0 { near.abs() } else { far.abs() }
+}
+
+/// `fast` averaged and slowed until no torque changes faster than `rates`, `(n,)`.
+pub(super) fn limit_rate(problem: &Problem, fast: TimePath, rates: &[f64], options: &TimePathOptions) -> Result<TimePath> {
+    let total = fast.motion.duration();
+    if !(total > 0.0) {
+        return Ok(fast);
+    }
+    let viscous = options.friction.as_ref().map_or(vec![0.0; problem.n], |friction| friction.viscous.clone());
+    let pieces = problem.path.knots().len() - 1;
+    let sampled = |window: f64, per: usize| {
+        let nodes = averaged(&fast.motion, window, pieces);
+        (Samples::new(problem, rates, &viscous, &nodes, per), nodes)
+    };
+    let mut best: Option<(f64, f64, f64)> = None;
+    let attempt = |window: f64, best: &mut Option<(f64, f64, f64)>| {
+        if let Some(k) = sampled(window, ROUGH).0.slowing(1e-3) {
+            let duration = k * (total + window);
+            if best.is_none_or(|(least, ..)| duration < least) {
+                *best = Some((duration, window, k));
+            }
+        }
+    };
+    for power in WINDOWS.rev() {
+        attempt(total * f64::powi(2.0, power), &mut best);
+    }
+    for step in STEPS {
+        let Some((_, window, _)) = best else { break };
+        attempt(window * step, &mut best);
+        attempt(window / step, &mut best);
+    }
+    let (samples, nodes) = sampled(best.map_or(total, |(_, window, _)| window), FINEST);
+    let Some(k) = best.and_then(|_| samples.slowing(1e-7)) else {
+        let Beyond { excess, joint, limit, s } = samples.worst(SLOWEST, true);
+        let size = match limit {
+            Bound::TorqueRate => rates[joint],
+            Bound::TorqueMin => problem.lo[joint].abs(),
+            _ => problem.hi[joint].abs(),
+        };
+        let joint_name = problem.mover.joint_names().get(joint).cloned().unwrap_or_default();
+        let (what, speed) = (Shortfall::Slow, f64::NAN);
+        return problem.refuse(PathReason { what, joint, joint_name, s, limit, missing: excess, missing_units: excess * size, speed });
+    };
+    let margin = -samples.worst(k, false).excess;
+    let scaled = |values: &[f64], by: f64| values.iter().map(|x| x * by).collect::<Vec<f64>>();
+    let x = nodes.r.iter().map(|r| (r / k) * (r / k)).collect();
+    let motion = TimedPath::cubic(problem.path.clone(), scaled(&nodes.t, k), nodes.s.clone(), x, scaled(&nodes.u, 1.0 / (k * k)))?;
+    Ok(TimePath { motion, margin, reason: None })
+}

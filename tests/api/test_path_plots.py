@@ -1,0 +1,45 @@
+"""The figure of a timing: its four panels, the region that no motion passes, and what it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import armlet as al
+from armlet.path_plots import PathTiming
+
+ARM = al.planar_arm([0.5, 0.4])
+LIMITS = {"tau_max": [20.0, 8.0], "v_max": 4.0}
+TIMED = al.time_path(ARM, [[0.0, 0.0], [0.5, 0.8], [1.2, 0.3]], **LIMITS)  # type: ignore[arg-type]
+
+
+def test_panels() -> None:
+    axes = PathTiming(ARM, TIMED, **LIMITS).plot(Figure())  # type: ignore[arg-type]
+    assert axes.shape == (2, 2)
+    for ax in axes.ravel():
+        assert ax.get_xlabel() and ax.get_ylabel() and ax.get_title()
+    for ax in axes[0]:
+        drawn = np.concatenate([line.get_ydata() for line in ax.get_lines()])
+        # In parts of the limits; drawn to a digit more than can be seen.
+        assert np.isfinite(drawn).all() and np.abs(drawn).max() <= 1.0 + 1e-6 and np.abs(drawn).max() >= 0.999
+
+
+def test_the_timing_lies_in_its_region() -> None:
+    """At every grid point the limits leave some path acceleration; well above the profile, where torque binds, none."""
+    figure = PathTiming(ARM, TIMED, tau_max=LIMITS["tau_max"])
+    room = np.array([figure.room(s, r)[0, 0] for s, r in zip(TIMED.s[:, None], TIMED.s_dot[:, None], strict=True)])
+    # On the edge of the region the room is zero, to the tolerance of the limits and their rounding.
+    assert np.all(room >= -1e-6 * np.abs(room).max())
+    assert np.all(figure.room(TIMED.s, [1e3]) < 0.0)
+    free = figure.room(TIMED.s, [0.0])
+    assert np.all(free > 0.0)
+
+
+def test_refusals() -> None:
+    weak = al.time_path(ARM, [[0.0, 0.0], [1.0, 0.5]], tau_max=0.1)
+    for motion in (weak, al.time_path(ARM, [[0.1, 0.2]] * 2, tau_max=30.0)):
+        with pytest.raises(al.InputError, match="plot: motion has no timing to draw"):
+            PathTiming(ARM, motion, tau_max=0.1).plot(Figure())
+    with pytest.raises(al.InputError, match="plot: tau_max is missing"):
+        PathTiming(ARM, TIMED).plot(Figure())
