@@ -21,7 +21,7 @@ LAWS: dict[str, al.Law] = {
     "online": al.MotorPD(ARM, [0.3, 1.0], 150.0, 30.0, K, online=True),
     "state": al.StateFeedback(ARM, [0.3, 1.0], 150.0, 30.0, 1.0, 0.02, K),
     "full": al.StateFeedback(ARM, [0.3, 1.0], [[150.0, 20.0], [20.0, 120.0]], 30.0, [[1.0, 0.2], [0.2, 0.5]], 0.02, FULL_K),
-    "joint": al.JointImpedance(ARM, [0.3, 1.0], 100.0, 20.0, K, B, B / 5),
+    "joint": al.JointImpedance(ARM, [0.3, 1.0], 100.0, 8.0, K, B, B / 10),
 }
 
 

@@ -30,21 +30,21 @@ impl Touch {
         }
     }
 
-    /// Negative where this is over.
-    pub fn guard(self, depth: f64, push: f64) -> f64 {
+    /// Two functions, one of them negative where this is over.
+    pub fn guards(self, depth: f64, push: f64) -> [f64; 2] {
         match self {
-            Touch::Apart => -depth,
-            Touch::Pressed => push,
-            Touch::Slack => depth.min(-push),
+            Touch::Apart => [-depth, f64::INFINITY],
+            Touch::Pressed => [push, f64::INFINITY],
+            Touch::Slack => [depth, -push],
         }
     }
 
-    /// What follows where the guard has changed its sign.
-    pub fn next(self, depth: f64, push: f64) -> Self {
+    /// What follows where guard `which` has changed its sign, at depth `depth`.
+    pub fn next(self, which: usize, depth: f64) -> Self {
         match self {
             Touch::Apart => Touch::Pressed,
             Touch::Pressed if depth > 0.0 => Touch::Slack,
-            Touch::Slack if depth > -push => Touch::Pressed,
+            Touch::Slack if which == 1 => Touch::Pressed,
             _ => Touch::Apart,
         }
     }

@@ -70,6 +70,14 @@ impl Switching {
         (depth, stops.stiffness[stop.joint] * depth + stops.damping[stop.joint] * rate)
     }
 
+    fn damped(&self, i: usize) -> bool {
+        let damping = match &self.wall {
+            Some(wall) if i == 0 => wall.damping,
+            wall => self.stops.as_ref().map_or(0.0, |stops| stops.damping[self.which[i - usize::from(wall.is_some())].joint]),
+        };
+        damping > 0.0
+    }
+
     /// See the contacts as they are at `x`.
     pub fn begin(&mut self, x: &[f64]) {
         for i in 0..self.touches.len() {
@@ -78,15 +86,23 @@ impl Switching {
         }
     }
 
-    /// Negative where contact `i` no longer is what it is taken for.
-    pub fn guard(&mut self, i: usize, x: &[f64]) -> f64 {
-        let (depth, push) = self.contact(i, x);
-        self.touches[i].guard(depth, push)
+    /// How many guards there are: two of each contact.
+    pub fn guards(&self) -> usize {
+        2 * self.touches.len()
     }
 
-    /// Contact `i` changes at `x`.
-    pub fn switch(&mut self, i: usize, x: &[f64]) {
-        let (depth, push) = self.contact(i, x);
-        self.touches[i] = self.touches[i].next(depth, push);
+    /// Guard `k` at `x`: negative where its contact no longer is what it is taken for.
+    pub fn guard(&mut self, k: usize, x: &[f64]) -> f64 {
+        let (depth, push) = self.contact(k / 2, x);
+        self.touches[k / 2].guards(depth, push)[k % 2]
+    }
+
+    /// The contact of guard `k` changes at `x`.
+    pub fn switch(&mut self, k: usize, x: &[f64]) {
+        let i = k / 2;
+        let (depth, _) = self.contact(i, x);
+        // A spring alone lets go at the surface, on whichever side of it the error of a step has put the state.
+        let depth = if self.damped(i) { depth } else { 0.0 };
+        self.touches[i] = self.touches[i].next(k % 2, depth);
     }
 }

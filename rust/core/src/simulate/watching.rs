@@ -16,8 +16,9 @@ use crate::status::Status;
 
 /// Looks per step.
 const LOOKS: usize = 4;
-/// Switches without progress after which a step is taken as it is: two contacts that undo each other within rounding.
+/// Switches in a row that bring the run no further, by more than rounding, after which a step is taken as it is.
 const STUCK: usize = 8;
+const PROGRESS: f64 = 1e-14;
 
 /// The polynomials of the steps of a run, each as its values at the Chebyshev points of its step.
 #[derive(Clone, Debug, Default)]
@@ -55,7 +56,7 @@ pub struct Watching<'a, S> {
     crossed: Vec<(f64, usize)>,
     /// Guards of the contacts at the last look.
     guards: Vec<f64>,
-    /// The contact that switches next.
+    /// The guard whose contact switches next.
     switches: usize,
     stuck: usize,
     /// States of the plant, and of plant and law.
@@ -69,14 +70,14 @@ impl<'a, S: Real> Watching<'a, S> {
     /// `width` states of plant and law are kept of a state like `x`.
     pub fn new(plant: &PlantSpec, asked: Option<&'a mut Asked>, width: usize, x: &[S]) -> Self {
         let switching = Switching::of(plant);
-        let contacts = switching.as_ref().map_or(0, |s| s.touches.len());
+        let guards = switching.as_ref().map_or(0, Switching::guards);
         Watching {
             events: vec![Seen::default(); asked.as_ref().map_or(0, |asked| asked.events.len())],
             crossed: Vec::with_capacity(asked.as_ref().map_or(0, |asked| LOOKS * asked.events.len())),
             switching,
             probe: Probe::new(plant),
             asked,
-            guards: vec![0.0; contacts],
+            guards: vec![0.0; guards],
             switches: 0,
             stuck: 0,
             states: plant.states(),
@@ -89,7 +90,7 @@ impl<'a, S: Real> Watching<'a, S> {
     /// The first switch in the last step of `method`, if there is one.
     fn switch_in<F, M>(&mut self, system: &mut F, method: &mut M) -> Result<Option<f64>, Status>
     where
-        F: System<S>,
+        F: Watched<S>,
         M: Adaptive<S, F, Vec<S>>,
     {
         let Some(switching) = &mut self.switching else { return Ok(None) };
@@ -131,9 +132,17 @@ impl<'a, S: Real> Watching<'a, S> {
             self.stuck = 0;
             return Ok(None);
         };
-        self.stuck = if t > t0 { 0 } else { self.stuck + 1 };
+        self.stuck = if t - t0 > PROGRESS * t1 { 0 } else { self.stuck + 1 };
         self.switches = i;
-        Ok((self.stuck <= STUCK).then_some(t))
+        if self.stuck <= STUCK {
+            return Ok(Some(t));
+        }
+        // Contacts that undo each other within rounding: on with them as they are found at the end of the step.
+        interpolate(system, method, t1, at, x);
+        switching.begin(x);
+        system.hold_contacts(&switching.touches);
+        self.stuck = 0;
+        Ok(None)
     }
 
     /// The events up to `t1` in the last step; the time of the one that ends the run.
