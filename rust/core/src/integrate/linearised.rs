@@ -2,6 +2,7 @@
 //! `x_j`, `RATES` columns per evaluation.
 
 use super::{Differentiable, System};
+use crate::linalg::Pairs;
 use crate::scalar::{Duals, Real};
 
 /// A right-hand side on dual numbers.
@@ -70,6 +71,10 @@ where
     #[inline(always)]
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.system.rate_of(i)
+    }
+    #[inline(always)]
+    fn pairs(&self) -> Pairs {
+        self.system.pairs()
     }
 }
 

@@ -7,6 +7,7 @@ use super::force::Force;
 use super::sampler::Sampler;
 use crate::integrate::{DualSystem, System};
 use crate::law::Law;
+use crate::linalg::Pairs;
 use crate::motion::{Motion, sample_apart};
 use crate::plant::Plant;
 use crate::scalar::trig::{Angle, rotate};
@@ -322,10 +323,11 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         self.closing.held.then_some((&self.tau, &self.dz))
     }
 
-    fn rate_of(&self, i: usize) -> Option<usize> {
-        // [q, v] or [q, v, theta, theta_dot]: a position stands n places before its rate.
+    #[inline(always)]
+    fn pairs(&self) -> Pairs {
+        // [q, v] or [q, v, theta, theta_dot]; [q] alone has no rates.
         let n = self.tau.len();
-        (i < self.states && self.states > n && (i / n).is_multiple_of(2)).then_some(i + n)
+        Pairs { joints: n, count: self.states / (2 * n) }
     }
 
     #[inline(always)]

@@ -1,0 +1,122 @@
+//! `(s I - J) u = b` where `J` is the derivative of a mechanical system: `x = [x_1, x_1', x_2, x_2', ..., rest]` in blocks of `n`
+//! components, so that the row of a position is `s u_p - u_r = b_p`. Positions are eliminated, which leaves half as many
+//! equations, `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`, to be decomposed.
+
+use super::lu;
+use crate::scalar::Real;
+
+/// `count` blocks of `joints` positions, each followed by the block of its rates, at the start of a state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pairs {
+    pub joints: usize,
+    pub count: usize,
+}
+
+impl Pairs {
+    /// How many positions there are.
+    #[inline(always)]
+    fn positions(self) -> usize {
+        self.joints * self.count
+    }
+
+    /// The component that is the rate of component `i`, if `i` is a position.
+    pub fn rate_of(self, i: usize) -> Option<usize> {
+        (i < 2 * self.positions() && (i / self.joints).is_multiple_of(2)).then_some(i + self.joints)
+    }
+
+    /// `each(k, i)` for every component `i` of `n` that is no position, `k` counting them.
+    #[inline(always)]
+    fn kept(self, n: usize, mut each: impl FnMut(usize, usize)) {
+        for block in 0..self.count {
+            for i in 0..self.joints {
+                each(block * self.joints + i, (2 * block + 1) * self.joints + i);
+            }
+        }
+        for i in 2 * self.positions()..n {
+            each(i - self.positions(), i);
+        }
+    }
+
+    /// `each(k, i)` for every position `i`, `k` counting them: the rate of the `k`-th is the `k`-th that is kept.
+    #[inline(always)]
+    fn positions_each(self, mut each: impl FnMut(usize, usize)) {
+        for block in 0..self.count {
+            for i in 0..self.joints {
+                each(block * self.joints + i, 2 * block * self.joints + i);
+            }
+        }
+    }
+
+    /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`. `false` where it is singular or not finite.
+    #[inline(always)]
+    pub fn decompose<S: Real>(self, n: usize, s: f64, j: &[S], lu: &mut [S], pivots: &mut [usize]) -> bool {
+        let m = n - self.positions();
+        let (j, lu, inverse) = (&j[..n * n], &mut lu[..m * m], S::splat(-1.0 / s));
+        self.kept(n, |r, row| {
+            let (from, to) = (&j[row * n..(row + 1) * n], &mut lu[r * m..(r + 1) * m]);
+            self.kept(n, |c, column| to[c] = -from[column]);
+            self.positions_each(|c, column| to[c] = inverse.mul_add(from[column], to[c]));
+            to[r] += S::splat(s);
+        });
+        lu::decompose(m, lu, &mut pivots[..m])
+    }
+
+    /// Solve in place from that decomposition; `work` has room for `n`.
+    #[inline(always)]
+    pub fn solve<S: Real>(self, n: usize, s: f64, j: &[S], lu: &[S], pivots: &[usize], b: &mut [S], work: &mut [S]) {
+        let m = n - self.positions();
+        let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], S::splat(1.0 / s));
+        self.positions_each(|_, column| b[column] = b[column] * inverse);
+        self.kept(n, |r, row| {
+            let mut sum = b[row];
+            self.positions_each(|_, column| sum = j[row * n + column].mul_add(b[column], sum));
+            work[r] = sum;
+        });
+        lu::solve(m, lu, pivots, work);
+        self.kept(n, |r, row| b[row] = work[r]);
+        self.positions_each(|k, column| b[column] = inverse.mul_add(work[k], b[column]));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With positions eliminated the solution is that of the whole system, to rounding of entries up to 1e6 / s.
+    #[test]
+    fn elimination_leaves_the_solution_as_it_is() {
+        for (joints, count, rest) in [(2, 2, 0), (2, 2, 2), (3, 1, 4), (1, 1, 0), (0, 0, 5)] {
+            let pairs = Pairs { joints, count };
+            let n = 2 * joints * count + rest;
+            let mut j: Vec<f64> = (0..n * n).map(|k| (12.9898 * k as f64).sin() * if k % 3 == 0 { 1e6 } else { 1.0 }).collect();
+            for i in 0..n {
+                if let Some(k) = pairs.rate_of(i) {
+                    (0..n).for_each(|c| j[i * n + c] = if c == k { 1.0 } else { 0.0 });
+                }
+            }
+            for s in [4e-3, 1.0, 4e5] {
+                let (mut lu, mut pivots, mut work) = (vec![0.0; n * n], vec![0; n], vec![0.0; n]);
+                let b: Vec<f64> = (0..n).map(|i| (78.233 * i as f64).cos()).collect();
+                let solve = |pairs: Pairs, lu: &mut [f64], pivots: &mut [usize], work: &mut [f64]| {
+                    let mut u = b.clone();
+                    assert!(pairs.decompose(n, s, &j, lu, pivots));
+                    pairs.solve(n, s, &j, lu, pivots, &mut u, work);
+                    u
+                };
+                let (got, want) = (solve(pairs, &mut lu, &mut pivots, &mut work), solve(Pairs::default(), &mut lu, &mut pivots, &mut work));
+                let largest = want.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+                for (g, w) in got.iter().zip(&want) {
+                    assert!((g - w).abs() <= 1e-9 * largest, "{joints} {count} {rest} {s}: {got:?} {want:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_singular_matrix_is_refused() {
+        let pairs = Pairs { joints: 1, count: 1 };
+        // s = 2 is an eigenvalue of [[0, 1], [4, 0]].
+        assert!(!pairs.decompose(2, 2.0, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2]));
+        assert!(pairs.decompose(2, 2.5, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2]));
+    }
+}
