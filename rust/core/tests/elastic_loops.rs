@@ -54,8 +54,13 @@ fn differ(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0f64, |most, (x, y)| most.max((x - y).abs() / size))
 }
 
+/// Rounding of a monitor: positions to 1e-10 times 1e5 N m/rad for torques, energies of 20 J to 1e-8 J.
+fn rounding(monitor: &str) -> f64 {
+    if monitor == "torque_error" { 1e-5 } else { 1e-8 }
+}
+
 /// A wrong derivative moves a run of a Rosenbrock method by its tolerance of 1e-6; right ones leave rounding, which 500 steps at
-/// 1e5 N m/rad raise to 1e-10, of rates and torques to 1e-8.
+/// 1e5 N m/rad raise to 1e-10, of rates to 1e-8. The law multiplies that of springs by B/B0 = 5000: 1e-5 of the torque.
 #[test]
 fn derivatives_by_hand_take_the_steps_of_duals() {
     for relative in [false, true] {
@@ -68,7 +73,7 @@ fn derivatives_by_hand_take_the_steps_of_duals() {
                 ("theta", &got.theta, &reference.theta, 1e-10),
                 ("v", &got.v, &reference.v, 1e-8),
                 ("theta_dot", &got.theta_dot, &reference.theta_dot, 1e-8),
-                ("tau", &got.tau, &reference.tau, 1e-8),
+                ("tau", &got.tau, &reference.tau, 1e-5),
             ] {
                 assert!(differ(a, b) < tolerance, "{name} {relative} {monitors}: {:e} {a:?} {b:?}", differ(a, b));
             }
@@ -76,9 +81,8 @@ fn derivatives_by_hand_take_the_steps_of_duals() {
         }
         let watched = run(relative, Method::Rodas4, true, true);
         for ((name, a), (_, b)) in watched.monitors.iter().zip(&reference.monitors) {
-            // The skewness and the passivity at rest are rounding of the energies, 20 J, and of springs of 1e5 N m/rad.
             let worst = a.iter().zip(b).fold(0.0f64, |most, (x, y)| most.max((x - y).abs()));
-            assert!(worst < 1e-6, "{name} {relative}: {a:?} {b:?}");
+            assert!(worst < rounding(name), "{name} {relative}: {a:?} {b:?}");
         }
     }
 }
@@ -92,7 +96,7 @@ fn monitors_do_not_disturb_a_run() {
     assert!(differ(&plain.q, &watched.q) < 1e-13);
     let general = run(false, Method::Dop853, true, false);
     for ((name, a), (_, b)) in watched.monitors.iter().zip(&general.monitors) {
-        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-6), "{name}: {a:?} {b:?}");
+        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < rounding(name)), "{name}: {a:?} {b:?}");
     }
     let (_, balance) = watched.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
     // At rtol 1e-6 the balance of 20 J holds to 1e-5 J.
@@ -106,12 +110,12 @@ fn batches_are_monitored_in_lanes() {
     let force = Force::steps(vec![0.0, 0.01], vec![WRENCH, [0.0; 6]]).unwrap();
     let options = Options {
         t_end: 0.02,
-        dt: Some(2e-5),
+        dt: Some(2e-6),
         method: Method::Rk4,
         rtol: 1e-6,
         atol: 1e-9,
         sampling: None,
-        times: Times::Every(100),
+        times: Times::Every(1000),
         tau_max: None,
         monitors: true,
     };
@@ -125,9 +129,9 @@ fn batches_are_monitored_in_lanes() {
     assert_eq!(one.monitors.len(), 5);
     for ((name, series), (_, rows)) in one.monitors.iter().zip(&many.monitors) {
         for row in rows.chunks_exact(series.len()) {
-            // Rounding of energies of 20 J in another order, and of a torque error of 1e5 N m/rad times that of positions.
-            assert!(series.iter().zip(row).all(|(a, b)| (a - b).abs() < 1e-8), "{name}: {series:?} {row:?}");
+            assert!(series.iter().zip(row).all(|(a, b)| (a - b).abs() < rounding(name)), "{name}: {series:?} {row:?}");
         }
     }
+    // Motors at 3e4 rad/s in steps of 2 us: what order 4 leaves of 20 J.
     assert!(one.monitors[2].1.iter().all(|b| b.abs() < 1e-6), "{:?}", one.monitors[2]);
 }

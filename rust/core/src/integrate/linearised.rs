@@ -15,6 +15,10 @@ pub trait DualSystem<V: Real>: System<Duals<V>> {
     fn autonomous(&self) -> bool {
         false
     }
+    /// How many components at the start of `n` the slope depends on: the rates along others, such as quadratures, are zero.
+    fn leading(&self, n: usize) -> usize {
+        n
+    }
 }
 
 /// A system and its twin on dual numbers: together they are [`Differentiable`].
@@ -91,8 +95,12 @@ where
         let n = x.len();
         let (state, slope) = (&mut self.x.as_mut()[..n], &mut self.dx.as_mut()[..n]);
         self.twin.input(t, &mut self.u);
-        for first in (0..n).step_by(V::LANES) {
-            let columns = V::LANES.min(n - first);
+        let leading = self.twin.leading(n);
+        for row in j.chunks_exact_mut(n) {
+            row[leading..].fill(S::zero());
+        }
+        for first in (0..leading).step_by(V::LANES) {
+            let columns = V::LANES.min(leading - first);
             for i in 0..n {
                 state[i] = if i >= first && i < first + columns { Duals::seed(x[i], i - first) } else { Duals::new(x[i], V::zero()) };
             }

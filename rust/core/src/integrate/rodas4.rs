@@ -111,7 +111,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         M: Buffer<S>,
         P: AsMut<[usize]>,
     {
-        let (n, pairs, s) = (self.x.as_ref().len(), system.pairs(), 1.0 / (GAMMA * h));
+        let (n, pairs, s) = (self.x.as_ref().len(), system.pairs(), S::splat(1.0 / (GAMMA * h)));
         let moves = !system.autonomous();
         let (jacobian, lu, pivots) = (self.jacobian.as_ref(), self.lu.as_mut(), self.pivots.as_mut());
         self.pace.work.factorisations += 1;

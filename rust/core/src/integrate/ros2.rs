@@ -58,7 +58,7 @@ where
         let n = x.len();
         let (k1, k2, y, dft) = (self.k1.as_mut(), self.k2.as_mut(), self.y.as_mut(), self.dft.as_mut());
         let (lu, pivots, work) = (self.lu.as_mut(), self.pivots.as_mut(), self.work.as_mut());
-        let (gh, s, pairs) = (S::splat(GAMMA * h), 1.0 / (GAMMA * h), system.pairs());
+        let (gh, s, pairs) = (S::splat(GAMMA * h), S::splat(1.0 / (GAMMA * h)), system.pairs());
         let moves = !system.autonomous();
 
         system.anchor(x);
@@ -78,7 +78,7 @@ where
         // I - gamma h J is 1 / s of the matrix decomposed.
         let mut solve = |k: &mut [S]| {
             for i in 0..n {
-                k[i] = S::splat(s) * k[i];
+                k[i] = s * k[i];
             }
             pairs.solve(n, s, jacobian, lu, pivots, k, work);
         };

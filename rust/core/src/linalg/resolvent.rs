@@ -2,7 +2,7 @@
 //! components, so that the row of a position is `s u_p - u_r = b_p`. Positions are eliminated, which leaves half as many
 //! equations, `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`, to be decomposed.
 
-use super::lu;
+use super::lu::{self, Entry};
 use crate::scalar::Real;
 
 /// `count` blocks of `joints` positions, each followed by the block of its rates, at the start of a state.
@@ -47,39 +47,43 @@ impl Pairs {
         }
     }
 
-    /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`. `false` where it is singular or not finite.
+    /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`; real or complex as `s` is. `false` where it is singular or not
+    /// finite.
     #[inline(always)]
-    pub fn decompose<S: Real>(self, n: usize, s: f64, j: &[S], lu: &mut [S], pivots: &mut [usize]) -> bool {
+    pub fn decompose<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &mut [E], pivots: &mut [usize]) -> bool {
         let m = n - self.positions();
-        let (j, lu, inverse) = (&j[..n * n], &mut lu[..m * m], S::splat(-1.0 / s));
+        let (j, lu, inverse) = (&j[..n * n], &mut lu[..m * m], s.inverse());
         self.kept(n, |r, row| {
             let (from, to) = (&j[row * n..(row + 1) * n], &mut lu[r * m..(r + 1) * m]);
-            self.kept(n, |c, column| to[c] = -from[column]);
-            self.positions_each(|c, column| to[c] = inverse.mul_add(from[column], to[c]));
-            to[r] += S::splat(s);
+            self.kept(n, |c, column| to[c] = E::real(-from[column]));
+            self.positions_each(|c, column| to[c] = to[c].less(inverse, E::real(from[column])));
+            to[r] = to[r].less(E::real(E::Real::splat(-1.0)), s);
         });
         lu::decompose(m, lu, &mut pivots[..m])
     }
 
     /// Solve in place from that decomposition; `work` has room for `n`.
     #[inline(always)]
-    pub fn solve<S: Real>(self, n: usize, s: f64, j: &[S], lu: &[S], pivots: &[usize], b: &mut [S], work: &mut [S]) {
+    pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();
-        let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], S::splat(1.0 / s));
-        self.positions_each(|_, column| b[column] = b[column] * inverse);
+        // With the minus sign, so that every sum is a difference.
+        let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
+        self.positions_each(|_, column| b[column] = b[column].times(inverse));
         self.kept(n, |r, row| {
             let mut sum = b[row];
-            self.positions_each(|_, column| sum = j[row * n + column].mul_add(b[column], sum));
+            self.positions_each(|_, column| sum = sum.less(E::real(j[row * n + column]), b[column]));
             work[r] = sum;
         });
         lu::solve(m, lu, pivots, work);
         self.kept(n, |r, row| b[row] = work[r]);
-        self.positions_each(|k, column| b[column] = inverse.mul_add(work[k], b[column]));
+        let zero = E::real(E::Real::zero());
+        self.positions_each(|k, column| b[column] = zero.less(E::real(E::Real::splat(1.0)), b[column]).less(inverse, work[k]));
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::lu::Complex;
     use super::*;
 
     /// With positions eliminated the solution is that of the whole system, to rounding of entries up to 1e6 / s.
@@ -107,6 +111,17 @@ mod tests {
                 let largest = want.iter().fold(0.0f64, |most, x| most.max(x.abs()));
                 for (g, w) in got.iter().zip(&want) {
                     assert!((g - w).abs() <= 1e-9 * largest, "{joints} {count} {rest} {s}: {got:?} {want:?}");
+                }
+                // (s I - J) u = b with a complex s: the residual.
+                let (s, zero) = (Complex(s, 0.7 * s), Complex(0.0, 0.0));
+                let (mut lu, mut work, b) = (vec![zero; n * n], vec![zero; n], b.iter().map(|&b| Complex(b, 1.0 - b)).collect::<Vec<_>>());
+                let mut u = b.clone();
+                assert!(pairs.decompose(n, s, &j, &mut lu, &mut pivots));
+                pairs.solve(n, s, &j, &lu, &pivots, &mut u, &mut work);
+                let size = u.iter().map(|u| u.magnitude()).fold(0.0, f64::max) * (1e6 + s.magnitude());
+                for i in 0..n {
+                    let left = (0..n).fold(b[i].less(s, u[i]), |sum, c| sum.less(Complex::real(-j[i * n + c]), u[c]));
+                    assert!(left.magnitude() <= 1e-9 * size, "{joints} {count} {rest} {s:?}: {left:?}");
                 }
             }
         }

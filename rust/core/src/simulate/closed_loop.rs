@@ -397,4 +397,8 @@ impl<V: Real> DualSystem<V> for ClosedLoop<'_, Duals<V>> {
         let still = |motions: &Vec<Cow<Motion>>| matches!(*motions[0], Motion::Hold(_));
         (self.closing.held || self.world.motions.iter().all(still)) && !self.world.smooth_force()
     }
+
+    fn leading(&self, _: usize) -> usize {
+        self.controlled()
+    }
 }
