@@ -7,7 +7,6 @@
 //! A `W` that cannot be inverted leaves NaN, which the run's own check takes for what it is.
 
 use super::{Buffer, Differentiable, FixedStep};
-
 use crate::scalar::Real;
 
 const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;

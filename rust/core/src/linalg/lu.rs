@@ -9,6 +9,7 @@ use crate::scalar::Real;
 /// What a decomposition is over: real or complex numbers.
 pub trait Entry: Copy {
     type Real: Real;
+    /// A real number as an entry.
     fn real(x: Self::Real) -> Self;
     fn magnitude(self) -> f64;
     fn inverse(self) -> Self;
