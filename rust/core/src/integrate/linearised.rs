@@ -2,6 +2,7 @@
 //! `x_j`, `RATES` columns per evaluation.
 
 use super::{Differentiable, System};
+use crate::linalg::Pairs;
 use crate::scalar::{Duals, Real};
 
 /// A right-hand side on dual numbers.
@@ -13,6 +14,10 @@ pub trait DualSystem<V: Real>: System<Duals<V>> {
     /// Whether the input never moves.
     fn autonomous(&self) -> bool {
         false
+    }
+    /// How many components at the start of `n` the slope depends on: the rates along others, such as quadratures, are zero.
+    fn leading(&self, n: usize) -> usize {
+        n
     }
 }
 
@@ -71,6 +76,10 @@ where
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.system.rate_of(i)
     }
+    #[inline(always)]
+    fn pairs(&self) -> Pairs {
+        self.system.pairs()
+    }
 }
 
 impl<S, F, G, V, X, U> Differentiable<S> for Linearised<F, G, V, X, U>
@@ -86,8 +95,12 @@ where
         let n = x.len();
         let (state, slope) = (&mut self.x.as_mut()[..n], &mut self.dx.as_mut()[..n]);
         self.twin.input(t, &mut self.u);
-        for first in (0..n).step_by(V::LANES) {
-            let columns = V::LANES.min(n - first);
+        let leading = self.twin.leading(n);
+        for row in j.chunks_exact_mut(n) {
+            row[leading..].fill(S::zero());
+        }
+        for first in (0..leading).step_by(V::LANES) {
+            let columns = V::LANES.min(leading - first);
             for i in 0..n {
                 state[i] = if i >= first && i < first + columns { Duals::seed(x[i], i - first) } else { Duals::new(x[i], V::zero()) };
             }

@@ -32,6 +32,7 @@ pub use rodas4::Rodas4;
 pub use ros2::Ros2;
 pub use semi_implicit::SemiImplicit;
 
+use crate::linalg::Pairs;
 use crate::scalar::Real;
 
 /// What is integrated.
@@ -51,8 +52,13 @@ pub trait System<S: Real> {
     }
     /// The component that is the rate of component `i`, where there is one: `x_i' = x_k` gives `Some(k)`.
     /// Positions have their velocities; a method that treats the two apart needs to know.
-    fn rate_of(&self, _i: usize) -> Option<usize> {
-        None
+    fn rate_of(&self, i: usize) -> Option<usize> {
+        self.pairs().rate_of(i)
+    }
+    /// The positions and rates that the state begins with; none where they stand otherwise.
+    #[inline(always)]
+    fn pairs(&self) -> Pairs {
+        Pairs::default()
     }
 }
 

@@ -10,7 +10,8 @@
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::pace::{Pace, finite, paced};
 use super::{Buffer, Differentiable};
-use crate::linalg::lu::{self, Complex};
+use crate::linalg::Pairs;
+use crate::linalg::lu::Complex;
 use crate::scalar::Real;
 use crate::status::Status;
 
@@ -62,6 +63,8 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     real: Vec<S>,
     complex: Vec<Complex<S>>,
     pair: Vec<Complex<S>>,
+    real_work: B,
+    complex_work: Vec<Complex<S>>,
     real_pivots: Vec<usize>,
     complex_pivots: Vec<usize>,
     /// The step that the decompositions are for; NaN for none.
@@ -81,6 +84,11 @@ struct Newton {
     rate: f64,
 }
 
+/// The shifts of the two systems for a step `h`.
+fn poles<S: Real>(h: f64) -> (S, Complex<S>) {
+    (S::splat(REAL_POLE / h), Complex(S::splat(COMPLEX_POLE.0 / h), S::splat(COMPLEX_POLE.1 / h)))
+}
+
 impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     pub fn new(tolerance: A, state: B, input: U) -> Self {
         let n = state.as_ref().len();
@@ -97,12 +105,14 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
             y: state.clone(),
             error: state.clone(),
             x_old: state.clone(),
+            real_work: state.clone(),
             x: state,
             u: input,
             jacobian: vec![S::zero(); n * n],
             real: vec![S::zero(); n * n],
             complex: vec![Complex::default(); n * n],
             pair: vec![Complex::default(); n],
+            complex_work: vec![Complex::default(); n],
             real_pivots: vec![0; n],
             complex_pivots: vec![0; n],
             h_factored: f64::NAN,
@@ -124,21 +134,12 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     }
 
     /// Decompose both matrices for a step `h`.
-    fn factor(&mut self, h: f64) -> bool {
-        let n = self.x.as_ref().len();
-        let zero = S::zero();
-        for k in 0..n * n {
-            self.real[k] = -self.jacobian[k];
-            self.complex[k] = Complex(-self.jacobian[k], zero);
-        }
-        for i in 0..n {
-            let k = i * n + i;
-            self.real[k] += S::splat(REAL_POLE / h);
-            self.complex[k] = Complex(self.complex[k].0 + S::splat(COMPLEX_POLE.0 / h), S::splat(COMPLEX_POLE.1 / h));
-        }
+    fn factor(&mut self, pairs: Pairs, h: f64) -> bool {
+        let (n, j) = (self.x.as_ref().len(), &self.jacobian);
+        let (real, complex) = poles::<S>(h);
         self.pace.work.factorisations += 2;
-        let sound =
-            lu::decompose(n, &mut self.real, &mut self.real_pivots) && lu::decompose(n, &mut self.complex, &mut self.complex_pivots);
+        let sound = pairs.decompose(n, real, j, &mut self.real, &mut self.real_pivots)
+            && pairs.decompose(n, complex, j, &mut self.complex, &mut self.complex_pivots);
         self.h_factored = if sound { h } else { f64::NAN };
         sound
     }
@@ -209,8 +210,9 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
                 error[c] = real.neg_mul_add(w[0], row(0));
                 self.pair[c] = Complex(row(1) - (re * w[1] - im * w[2]), row(2) - (re * w[2] + im * w[1]));
             }
-            lu::solve(n, &self.real, &self.real_pivots, error);
-            lu::solve(n, &self.complex, &self.complex_pivots, &mut self.pair);
+            let (pairs, j, (real, complex)) = (system.pairs(), &self.jacobian, poles::<S>(h));
+            pairs.solve(n, real, j, &self.real, &self.real_pivots, error, self.real_work.as_mut());
+            pairs.solve(n, complex, j, &self.complex, &self.complex_pivots, &mut self.pair, &mut self.complex_work);
             let (x, pair) = (self.x.as_ref(), &self.pair);
             let parts = [self.pace.norm(x, x, |c| error[c]), self.pace.norm(x, x, |c| pair[c].0), self.pace.norm(x, x, |c| pair[c].1)];
             let norm = (parts.iter().map(|p| p * p).sum::<f64>() / 3.0).sqrt();
@@ -235,7 +237,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     }
 
     /// The error of the step in `y`, from the slope in `f[0]`.
-    fn estimate(&mut self, h: f64) -> f64 {
+    fn estimate(&mut self, pairs: Pairs, h: f64) -> f64 {
         let n = self.x.as_ref().len();
         let error = self.error.as_mut();
         for c in 0..n {
@@ -245,7 +247,8 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
             }
             error[c] = self.f[0].as_ref()[c] + sum;
         }
-        lu::solve(n, &self.real, &self.real_pivots, error);
+        let (real, _) = poles::<S>(h);
+        pairs.solve(n, real, &self.jacobian, &self.real, &self.real_pivots, error, self.real_work.as_mut());
         self.pace.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
@@ -297,7 +300,7 @@ where
         let mut rejected = false;
         loop {
             let (h, t_new) = self.pace.propose()?;
-            if self.h_factored != h && !self.factor(h) {
+            if self.h_factored != h && !self.factor(system.pairs(), h) {
                 self.pace.reject(0.5 * h, true);
                 continue;
             }
@@ -315,7 +318,7 @@ where
                 self.y.as_mut()[c] = self.x.as_ref()[c] + self.z[2].as_ref()[c];
             }
             self.f[0].clone_from(&self.slope);
-            let mut error = self.estimate(h);
+            let mut error = self.estimate(system.pairs(), h);
             if rejected && error > 1.0 {
                 // The stiff components of the first estimate do not tell: filter it once more.
                 let (x, y) = (self.x.as_ref(), self.f[1].as_mut());
@@ -326,7 +329,7 @@ where
                 let [slope, at, _] = &mut self.f;
                 system.rhs(&self.u, at.as_ref(), slope.as_mut());
                 self.pace.work.evaluations += 1;
-                error = self.estimate(h);
+                error = self.estimate(system.pairs(), h);
             }
             let safety = 0.9 * (2 * ITERATIONS + 1) as f64 / (2 * ITERATIONS + newton.iterations) as f64;
             if !(error <= 1.0) {

@@ -7,7 +7,6 @@
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::pace::{Control, Pace, finite, paced};
 use super::{Buffer, Differentiable};
-use crate::linalg::lu;
 use crate::scalar::Real;
 use crate::status::Status;
 
@@ -53,6 +52,7 @@ pub struct Rodas4<B, M, P, U, T = Tolerance> {
     jacobian: M,
     lu: M,
     pivots: P,
+    work: B,
     u: U,
     start: U,
     /// Whether slope and Jacobian belong to `x`.
@@ -69,7 +69,8 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
             dft: state.clone(),
             y: state.clone(),
             x: state.clone(),
-            x_old: state,
+            x_old: state.clone(),
+            work: state,
             jacobian: matrix.clone(),
             lu: matrix,
             pivots,
@@ -110,18 +111,11 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         M: Buffer<S>,
         P: AsMut<[usize]>,
     {
-        let n = self.x.as_ref().len();
+        let (n, pairs, s) = (self.x.as_ref().len(), system.pairs(), S::splat(1.0 / (GAMMA * h)));
         let moves = !system.autonomous();
-        let (lu, pivots) = (&mut self.lu.as_mut()[..n * n], &mut self.pivots.as_mut()[..n]);
-        let jacobian = &self.jacobian.as_ref()[..n * n];
-        for k in 0..n * n {
-            lu[k] = -jacobian[k];
-        }
-        for i in 0..n {
-            lu[i * n + i] += S::splat(1.0 / (GAMMA * h));
-        }
+        let (jacobian, lu, pivots) = (self.jacobian.as_ref(), self.lu.as_mut(), self.pivots.as_mut());
         self.pace.work.factorisations += 1;
-        if !lu::decompose(n, lu, pivots) {
+        if !pairs.decompose(n, s, jacobian, lu, pivots) {
             return f64::NAN;
         }
         for i in 0..6 {
@@ -154,7 +148,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
                     stage[c] = S::splat(D[i] * h).mul_add(dft[c], stage[c]);
                 }
             }
-            lu::solve(n, lu, pivots, stage);
+            pairs.solve(n, s, jacobian, lu, pivots, stage, self.work.as_mut());
         }
         let (y, error) = (self.y.as_mut(), self.stages[5].as_ref());
         for c in 0..n {

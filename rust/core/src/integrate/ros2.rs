@@ -7,7 +7,6 @@
 //! A `W` that cannot be inverted leaves NaN, which the run's own check takes for what it is.
 
 use super::{Buffer, Differentiable, FixedStep};
-use crate::linalg::lu;
 use crate::scalar::Real;
 
 const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
@@ -18,16 +17,29 @@ pub struct Ros2<B, M, P, U> {
     k2: B,
     y: B,
     dft: B,
-    w: M,
+    jacobian: M,
+    lu: M,
     pivots: P,
+    work: B,
     u: U,
     end: U,
 }
 
-impl<B: Clone, M, P, U: Clone> Ros2<B, M, P, U> {
+impl<B: Clone, M: Clone, P, U: Clone> Ros2<B, M, P, U> {
     #[inline(always)]
     pub fn new(state: B, matrix: M, pivots: P, input: U) -> Self {
-        Ros2 { k1: state.clone(), k2: state.clone(), y: state.clone(), dft: state, w: matrix, pivots, u: input.clone(), end: input }
+        Ros2 {
+            k1: state.clone(),
+            k2: state.clone(),
+            y: state.clone(),
+            dft: state.clone(),
+            work: state,
+            jacobian: matrix.clone(),
+            lu: matrix,
+            pivots,
+            u: input.clone(),
+            end: input,
+        }
     }
 }
 
@@ -36,7 +48,7 @@ where
     S: Real,
     F: Differentiable<S>,
     B: Buffer<S>,
-    M: AsMut<[S]>,
+    M: Buffer<S>,
     P: AsMut<[usize]>,
 {
     #[inline(always)]
@@ -44,30 +56,32 @@ where
         let x = x.as_mut();
         let n = x.len();
         let (k1, k2, y, dft) = (self.k1.as_mut(), self.k2.as_mut(), self.y.as_mut(), self.dft.as_mut());
-        let (w, pivots) = (&mut self.w.as_mut()[..n * n], &mut self.pivots.as_mut()[..n]);
-        let gh = S::splat(GAMMA * h);
+        let (lu, pivots, work) = (self.lu.as_mut(), self.pivots.as_mut(), self.work.as_mut());
+        let (gh, s, pairs) = (S::splat(GAMMA * h), S::splat(1.0 / (GAMMA * h)), system.pairs());
         let moves = !system.autonomous();
 
         system.anchor(x);
         system.input(t, &mut self.u);
-        system.linearise(t, &self.u, x, k1, w);
+        system.linearise(t, &self.u, x, k1, self.jacobian.as_mut());
         if moves {
             system.time_derivative(t, &self.u, x, dft);
             for i in 0..n {
                 k1[i] = gh.mul_add(dft[i], k1[i]);
             }
         }
-        for i in 0..n {
-            for j in 0..n {
-                w[i * n + j] = -(gh * w[i * n + j]);
-            }
-            w[i * n + i] += S::splat(1.0);
-        }
-        if !lu::decompose(n, w, pivots) {
+        let jacobian = self.jacobian.as_ref();
+        if !pairs.decompose(n, s, jacobian, lu, pivots) {
             x.fill(S::splat(f64::NAN));
             return;
         }
-        lu::solve(n, w, pivots, k1);
+        // I - gamma h J is 1 / s of the matrix decomposed.
+        let mut solve = |k: &mut [S]| {
+            for i in 0..n {
+                k[i] = s * k[i];
+            }
+            pairs.solve(n, s, jacobian, lu, pivots, k, work);
+        };
+        solve(k1);
         for i in 0..n {
             y[i] = S::splat(h).mul_add(k1[i], x[i]);
         }
@@ -79,7 +93,7 @@ where
                 k2[i] = gh.neg_mul_add(dft[i], k2[i]);
             }
         }
-        lu::solve(n, w, pivots, k2);
+        solve(k2);
         for i in 0..n {
             x[i] = S::splat(0.5 * h).mul_add(S::splat(3.0).mul_add(k1[i], k2[i]), x[i]);
         }

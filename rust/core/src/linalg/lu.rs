@@ -8,6 +8,9 @@ use crate::scalar::Real;
 
 /// What a decomposition is over: real or complex numbers.
 pub trait Entry: Copy {
+    type Real: Real;
+    /// A real number as an entry.
+    fn real(x: Self::Real) -> Self;
     fn magnitude(self) -> f64;
     fn inverse(self) -> Self;
     fn times(self, b: Self) -> Self;
@@ -17,6 +20,11 @@ pub trait Entry: Copy {
 
 /// One real number per entry.
 impl<S: Real> Entry for S {
+    type Real = S;
+    #[inline(always)]
+    fn real(x: S) -> S {
+        x
+    }
     #[inline(always)]
     fn magnitude(self) -> f64 {
         self.lane(0).abs()
@@ -40,6 +48,11 @@ impl<S: Real> Entry for S {
 pub struct Complex<S>(pub S, pub S);
 
 impl<S: Real> Entry for Complex<S> {
+    type Real = S;
+    #[inline(always)]
+    fn real(x: S) -> Self {
+        Complex(x, S::zero())
+    }
     #[inline(always)]
     fn magnitude(self) -> f64 {
         self.0.lane(0).abs() + self.1.lane(0).abs()

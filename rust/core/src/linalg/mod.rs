@@ -13,6 +13,7 @@ pub mod lu;
 pub mod null_basis;
 pub mod pinv;
 pub mod ratio_damping;
+pub mod resolvent;
 pub mod svd;
 pub mod symmetric_eigen;
 
@@ -21,6 +22,7 @@ pub use gain::{AnyGain, Gain};
 pub use null_basis::null_basis;
 pub use pinv::pinv;
 pub use ratio_damping::ratio_damping;
+pub use resolvent::Pairs;
 pub use svd::Svd;
 pub use symmetric_eigen::symmetric_eigen;
 

@@ -7,6 +7,7 @@ use super::force::Force;
 use super::sampler::Sampler;
 use crate::integrate::{DualSystem, System};
 use crate::law::Law;
+use crate::linalg::Pairs;
 use crate::motion::{Motion, sample_apart};
 use crate::plant::{Plant, Touch};
 use crate::scalar::trig::{Angle, rotate};
@@ -327,10 +328,11 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         self.closing.held.then_some((&self.tau, &self.dz))
     }
 
-    fn rate_of(&self, i: usize) -> Option<usize> {
-        // [q, v] or [q, v, theta, theta_dot]: a position stands n places before its rate.
+    #[inline(always)]
+    fn pairs(&self) -> Pairs {
+        // [q, v] or [q, v, theta, theta_dot]; [q] alone has no rates.
         let n = self.tau.len();
-        (i < self.states && self.states > n && (i / n).is_multiple_of(2)).then_some(i + n)
+        Pairs { joints: n, count: self.states / (2 * n) }
     }
 
     #[inline(always)]
@@ -399,5 +401,9 @@ impl<V: Real> DualSystem<V> for ClosedLoop<'_, Duals<V>> {
     fn autonomous(&self) -> bool {
         let still = |motions: &Vec<Cow<Motion>>| matches!(*motions[0], Motion::Hold(_));
         (self.closing.held || self.world.motions.iter().all(still)) && !self.world.smooth_force()
+    }
+
+    fn leading(&self, _: usize) -> usize {
+        self.controlled()
     }
 }

@@ -6,6 +6,7 @@ mod batch;
 mod closed_loop;
 mod columns;
 mod elastic_2r;
+mod elastic_2r_loop;
 mod elastic_monitor;
 mod event;
 mod fixed_steps;

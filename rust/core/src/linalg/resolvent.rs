@@ -1,0 +1,127 @@
+//! `(s I - J) u = b` where `J` is the derivative of a mechanical system: `x = [x_1, x_1', x_2, x_2', ..., rest]` in blocks of `n`
+//! components, so that the row of a position is `s u_p - u_r = b_p`. Positions are eliminated, which leaves half as many
+//! equations, `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`, to be decomposed.
+
+use super::lu::{self, Entry};
+use crate::scalar::Real;
+
+/// `count` blocks of `joints` positions, each followed by the block of its rates, at the start of a state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pairs {
+    pub joints: usize,
+    pub count: usize,
+}
+
+impl Pairs {
+    /// How many positions there are.
+    #[inline(always)]
+    fn positions(self) -> usize {
+        self.joints * self.count
+    }
+
+    /// The component that is the rate of component `i`, if `i` is a position.
+    pub fn rate_of(self, i: usize) -> Option<usize> {
+        (i < 2 * self.positions() && (i / self.joints).is_multiple_of(2)).then_some(i + self.joints)
+    }
+
+    /// `each(k, i)` for every component `i` of `n` that is no position, `k` counting them.
+    #[inline(always)]
+    fn kept(self, n: usize, mut each: impl FnMut(usize, usize)) {
+        for block in 0..self.count {
+            for i in 0..self.joints {
+                each(block * self.joints + i, (2 * block + 1) * self.joints + i);
+            }
+        }
+        for i in 2 * self.positions()..n {
+            each(i - self.positions(), i);
+        }
+    }
+
+    /// `each(k, i)` for every position `i`, `k` counting them: the rate of the `k`-th is the `k`-th that is kept.
+    #[inline(always)]
+    fn positions_each(self, mut each: impl FnMut(usize, usize)) {
+        for block in 0..self.count {
+            for i in 0..self.joints {
+                each(block * self.joints + i, 2 * block * self.joints + i);
+            }
+        }
+    }
+
+    /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`; real or complex as `s` is. `false` where it is singular or not
+    /// finite.
+    #[inline(always)]
+    pub fn decompose<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &mut [E], pivots: &mut [usize]) -> bool {
+        let m = n - self.positions();
+        let (j, lu, inverse) = (&j[..n * n], &mut lu[..m * m], s.inverse());
+        self.kept(n, |r, row| {
+            let (from, to) = (&j[row * n..(row + 1) * n], &mut lu[r * m..(r + 1) * m]);
+            self.kept(n, |c, column| to[c] = E::real(-from[column]));
+            self.positions_each(|c, column| to[c] = to[c].less(inverse, E::real(from[column])));
+            to[r] = to[r].less(E::real(E::Real::splat(-1.0)), s);
+        });
+        lu::decompose(m, lu, &mut pivots[..m])
+    }
+
+    /// Solve in place from that decomposition; `work` has room for `n`.
+    #[inline(always)]
+    pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
+        let m = n - self.positions();
+        // With the minus sign, so that every sum is a difference.
+        let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
+        self.positions_each(|_, column| b[column] = b[column].times(inverse));
+        self.kept(n, |r, row| {
+            let mut sum = b[row];
+            self.positions_each(|_, column| sum = sum.less(E::real(j[row * n + column]), b[column]));
+            work[r] = sum;
+        });
+        lu::solve(m, lu, pivots, work);
+        self.kept(n, |r, row| b[row] = work[r]);
+        let zero = E::real(E::Real::zero());
+        self.positions_each(|k, column| b[column] = zero.less(E::real(E::Real::splat(1.0)), b[column]).less(inverse, work[k]));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lu::Complex;
+    use super::*;
+
+    /// `|(s I - J) u - b|` in units of `(|J| + |s|) (|u| + |b / s|)`, which is what an LU decomposition leaves of either form.
+    fn residual<E: Entry<Real = f64>>(pairs: Pairs, n: usize, s: E, j: &[f64], b: Vec<E>) -> f64 {
+        let (mut lu, mut pivots, mut work, mut u) = (b.repeat(n), vec![0; n], b.clone(), b.clone());
+        assert!(pairs.decompose(n, s, j, &mut lu, &mut pivots));
+        pairs.solve(n, s, j, &lu, &pivots, &mut u, &mut work);
+        let largest = |x: &[E]| x.iter().map(|x| x.magnitude()).fold(0.0, f64::max);
+        let left: Vec<E> = (0..n).map(|i| (0..n).fold(b[i].less(s, u[i]), |sum, c| sum.less(E::real(-j[i * n + c]), u[c]))).collect();
+        largest(&left) / ((1e6 + s.magnitude()) * (largest(&u) + largest(&b) / s.magnitude()))
+    }
+
+    /// A dozen roundings of entries up to 1e6 and of `s` on either side of them.
+    #[test]
+    fn with_positions_eliminated_the_solution_solves_the_whole_system() {
+        for (joints, count, rest) in [(2, 2, 0), (2, 2, 2), (3, 1, 4), (1, 1, 0), (0, 0, 5)] {
+            let pairs = Pairs { joints, count };
+            let n = 2 * joints * count + rest;
+            let mut j: Vec<f64> = (0..n * n).map(|k| (12.9898 * k as f64).sin() * if k % 3 == 0 { 1e6 } else { 1.0 }).collect();
+            for i in 0..n {
+                if let Some(k) = pairs.rate_of(i) {
+                    (0..n).for_each(|c| j[i * n + c] = if c == k { 1.0 } else { 0.0 });
+                }
+            }
+            let b: Vec<f64> = (0..n).map(|i| (78.233 * i as f64).cos()).collect();
+            for s in [4e-3, 1.0, 4e5, 4e7] {
+                let complex = b.iter().map(|&b| Complex(b, 1.0 - b)).collect();
+                let worst = residual(pairs, n, s, &j, b.clone()).max(residual(pairs, n, Complex(s, 0.7 * s), &j, complex));
+                assert!(worst < 1e-14, "{joints} {count} {rest} {s}: {worst:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_singular_matrix_is_refused() {
+        let pairs = Pairs { joints: 1, count: 1 };
+        // s = 2 is an eigenvalue of [[0, 1], [4, 0]].
+        assert!(!pairs.decompose(2, 2.0, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2]));
+        assert!(pairs.decompose(2, 2.5, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2]));
+    }
+}

@@ -1,0 +1,137 @@
+//! The planar 2R arm with elastic joints in a loop of its own, against the loop of any arm: the same steps, states and monitors.
+
+use armlet_core::arm::Arm;
+use armlet_core::dynamics::Model;
+use armlet_core::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, Gain, LawSpec, ReductionSpec};
+use armlet_core::motion::Motion;
+use armlet_core::plant::{ElasticSpec, PlantSpec};
+use armlet_core::simulate::{Force, Keep, Method, Options, Problem, Run, Times, simulate, simulate_batch};
+use armlet_core::status::Status;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+const WRENCH: [f64; 6] = [5.0, -3.0, 0.0, 0.0, 0.0, 0.0];
+
+fn stiff(relative: bool) -> (PlantSpec, LawSpec) {
+    let arm = Arm::planar(&[0.5, 0.4], Some(&[2.0, 1.5]), Some(&[0.25, 0.2]), Some(&[0.05, 0.03]), [0.0, -9.81]).unwrap();
+    let model = Model::Tree(Arc::new(arm));
+    let pair = |name: &str, x: [f64; 2]| Gain::diagonal(name, x.to_vec()).unwrap();
+    let (k, b, b0) = (pair("K", [1e5, 4e4]), pair("B", [0.5, 0.3]), pair("B0", [1e-4, 2e-4]));
+    let plant = ElasticSpec::new(model.clone(), k.clone(), b.clone(), None, None, None).unwrap();
+    let target = Motion::Hold(vec![0.6, 0.3]);
+    let outer = CartesianImpedanceSpec::new(model, target, pair("K_m", [400.0, 300.0]), pair("D_m", [4.0, 7.0]), "link2", "xy").unwrap();
+    let inner = ReductionSpec::new(2, k, b, b0, None, 0.7, relative).unwrap();
+    (PlantSpec::Elastic(plant), LawSpec::ElasticImpedance(ElasticImpedanceSpec { outer, inner }))
+}
+
+/// 0.3 s from a moving start; `own`: a force that the loop of its own takes, else the same as a function of time.
+fn run(relative: bool, method: Method, monitors: bool, own: bool) -> Run {
+    let (plant, law) = stiff(relative);
+    let force = if own { Force::steps(vec![0.0], vec![WRENCH]).unwrap() } else { Force::Signal(Arc::new(|_| Some(WRENCH))) };
+    let options = Options {
+        t_end: 0.3,
+        dt: Some(1e-6),
+        method,
+        rtol: 1e-6,
+        atol: 1e-9,
+        sampling: None,
+        times: Times::At(vec![0.1, 0.3]),
+        tau_max: None,
+        monitors,
+    };
+    let x0 = vec![-0.5, 1.6, 0.8, -1.1, -0.499, 1.601, 0.9, -1.0];
+    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![&force], force_frame: None, options };
+    assert_eq!(problem.elastic_2r().is_some(), own);
+    let run = simulate(&problem, &AtomicBool::new(false)).unwrap();
+    assert_eq!(run.status, Status::Success);
+    run
+}
+
+/// Largest difference of two series, relative to the largest entry.
+fn differ(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let size = a.iter().fold(1e-300f64, |most, x| most.max(x.abs()));
+    a.iter().zip(b).fold(0.0f64, |most, (x, y)| most.max((x - y).abs() / size))
+}
+
+/// Rounding of a monitor: positions to 1e-10 times 1e5 N m/rad for torques, energies of 20 J to 1e-8 J.
+fn rounding(monitor: &str) -> f64 {
+    if monitor == "torque_error" { 1e-5 } else { 1e-8 }
+}
+
+/// A wrong derivative moves a run of a Rosenbrock method by its tolerance of 1e-6; right ones leave rounding, which 500 steps at
+/// 1e5 N m/rad raise to 1e-10, of rates to 1e-8. The law multiplies that of springs by B/B0 = 5000: 1e-5 of the torque.
+#[test]
+fn derivatives_by_hand_take_the_steps_of_duals() {
+    for relative in [false, true] {
+        let reference = run(relative, Method::Rodas4, true, false);
+        for monitors in [false, true] {
+            let got = run(relative, Method::Rodas4, monitors, true);
+            assert_eq!((got.steps, got.rejections), (reference.steps, reference.rejections), "{relative} {monitors}");
+            for (name, a, b, tolerance) in [
+                ("q", &got.q, &reference.q, 1e-10),
+                ("theta", &got.theta, &reference.theta, 1e-10),
+                ("v", &got.v, &reference.v, 1e-8),
+                ("theta_dot", &got.theta_dot, &reference.theta_dot, 1e-8),
+                ("tau", &got.tau, &reference.tau, 1e-5),
+            ] {
+                assert!(differ(a, b) < tolerance, "{name} {relative} {monitors}: {:e} {a:?} {b:?}", differ(a, b));
+            }
+            assert_eq!(got.monitors.len(), if monitors { reference.monitors.len() } else { 0 });
+        }
+        let watched = run(relative, Method::Rodas4, true, true);
+        for ((name, a), (_, b)) in watched.monitors.iter().zip(&reference.monitors) {
+            let worst = a.iter().zip(b).fold(0.0f64, |most, (x, y)| most.max((x - y).abs()));
+            assert!(worst < rounding(name), "{name} {relative}: {a:?} {b:?}");
+        }
+    }
+}
+
+/// Monitored or not, by fixed steps or by error: the same motion, and the energy balance to what the method leaves.
+#[test]
+fn monitors_do_not_disturb_a_run() {
+    let plain = run(false, Method::Dop853, false, true);
+    let watched = run(false, Method::Dop853, true, true);
+    assert_eq!((plain.steps, plain.rejections), (watched.steps, watched.rejections));
+    assert!(differ(&plain.q, &watched.q) < 1e-13);
+    let general = run(false, Method::Dop853, true, false);
+    for ((name, a), (_, b)) in watched.monitors.iter().zip(&general.monitors) {
+        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < rounding(name)), "{name}: {a:?} {b:?}");
+    }
+    let (_, balance) = watched.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
+    // At rtol 1e-6 the balance of 20 J holds to 1e-5 J.
+    assert!(balance.iter().all(|b| b.abs() < 1e-5), "{balance:?}");
+}
+
+/// A row of a monitored batch is the monitored run.
+#[test]
+fn batches_are_monitored_in_lanes() {
+    let (plant, law) = stiff(true);
+    let force = Force::steps(vec![0.0, 0.01], vec![WRENCH, [0.0; 6]]).unwrap();
+    let options = Options {
+        t_end: 0.02,
+        dt: Some(2e-6),
+        method: Method::Rk4,
+        rtol: 1e-6,
+        atol: 1e-9,
+        sampling: None,
+        times: Times::Every(1000),
+        tau_max: None,
+        monitors: true,
+    };
+    let x0 = vec![-0.5, 1.6, 0.8, -1.1, -0.499, 1.601, 0.9, -1.0];
+    let mut problem = Problem { plants: vec![&plant], laws: vec![&law], x0: x0.clone(), forces: vec![&force], force_frame: None, options };
+    assert!(problem.elastic_2r().is_some());
+    let one = simulate(&problem, &AtomicBool::new(false)).unwrap();
+    problem.x0 = x0.repeat(11);
+    let many = simulate_batch(&problem, Keep::All, 2, &mut || false).unwrap();
+    assert_eq!(many.status, vec![Status::Success; 11]);
+    assert_eq!(one.monitors.len(), 5);
+    for ((name, series), (_, rows)) in one.monitors.iter().zip(&many.monitors) {
+        for row in rows.chunks_exact(series.len()) {
+            assert!(series.iter().zip(row).all(|(a, b)| (a - b).abs() < rounding(name)), "{name}: {series:?} {row:?}");
+        }
+    }
+    // Motors at 3e4 rad/s in steps of 2 us: what order 4 leaves of 20 J.
+    assert!(one.monitors[2].1.iter().all(|b| b.abs() < 1e-6), "{:?}", one.monitors[2]);
+}
