@@ -60,7 +60,8 @@ def position_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Array
 def frame_errors(arms: Sequence[Any], frame: str, q: Array, q_d: Array) -> Array:
     """The distance of a frame from where it should be by the joints' reference, (K, 1) or (B, K, 1), m."""
     if len(arms) == 1:
-        return np.linalg.norm(_position(arms[0], q_d, frame) - _position(arms[0], q, frame), axis=-1, keepdims=True)
+        apart = _position(arms[0], q_d, frame) - _position(arms[0], q, frame)
+        return np.asarray(np.linalg.norm(apart, axis=-1, keepdims=True), dtype=np.float64)
     return np.array([frame_errors([arm], frame, rows, wanted) for arm, rows, wanted in zip(arms, q, q_d, strict=True)])
 
 
