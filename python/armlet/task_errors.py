@@ -45,8 +45,10 @@ def position_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Array
         t: (K,) or (B, K).
         q: (K, n) or (B, K, n).
     """
+    if not _aims(laws[0]):
+        return None
     aims = [_aims(law) for law in laws]
-    if not aims[0] or any(len(each) != len(aims[0]) for each in aims) or not all(getattr(arm, "frame_names", ()) for arm in arms):
+    if any(len(each) != len(aims[0]) for each in aims) or not all(getattr(arm, "frame_names", ()) for arm in arms):
         return None
     if len(aims) == len(arms) == 1 and t.ndim == 1:
         return _errors(aims[0], arms[0], t, q)
