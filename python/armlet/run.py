@@ -134,6 +134,7 @@ class _Recorded:
             from .task_errors import position_errors
 
             self._position_error = position_errors(self._laws, self._arms, self.t, self.q)
+            self._laws = [None]  # asked once
         return self._position_error
 
     def reference(self) -> tuple[Array, Array | None] | None:

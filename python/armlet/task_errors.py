@@ -45,8 +45,10 @@ def position_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Array
         t: (K,) or (B, K).
         q: (K, n) or (B, K, n).
     """
+    if not _aims(laws[0]):
+        return None
     aims = [_aims(law) for law in laws]
-    if not aims[0] or any(len(each) != len(aims[0]) for each in aims) or not all(getattr(arm, "frame_names", ()) for arm in arms):
+    if any(len(each) != len(aims[0]) for each in aims) or not all(getattr(arm, "frame_names", ()) for arm in arms):
         return None
     if len(aims) == len(arms) == 1 and t.ndim == 1:
         return _errors(aims[0], arms[0], t, q)
@@ -60,7 +62,8 @@ def position_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Array
 def frame_errors(arms: Sequence[Any], frame: str, q: Array, q_d: Array) -> Array:
     """The distance of a frame from where it should be by the joints' reference, (K, 1) or (B, K, 1), m."""
     if len(arms) == 1:
-        return np.linalg.norm(_position(arms[0], q_d, frame) - _position(arms[0], q, frame), axis=-1, keepdims=True)
+        apart = _position(arms[0], q_d, frame) - _position(arms[0], q, frame)
+        return np.asarray(np.linalg.norm(apart, axis=-1, keepdims=True), dtype=np.float64)
     return np.array([frame_errors([arm], frame, rows, wanted) for arm, rows, wanted in zip(arms, q, q_d, strict=True)])
 
 

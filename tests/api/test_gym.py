@@ -176,6 +176,16 @@ def test_reset_by_mask() -> None:
     envs.step(np.zeros((4, 2)))
 
 
+def test_actions_beyond_the_limit_are_the_limit() -> None:
+    ends = []
+    for action in ([1.0, -1.0], [7.0, -1.5]):
+        env = ArmEnv(task=Reach(axes="xy", effort=0.1), tau_max=1.0)
+        env.reset(seed=0)
+        ends.append(env.step(action)[:2])
+    np.testing.assert_array_equal(ends[0][0], ends[1][0])
+    assert ends[0][1] == ends[1][1]
+
+
 @pytest.mark.parametrize(
     ("action", "message"),
     [

@@ -99,10 +99,10 @@ class Rows:
 
     def step(self, action: ArrayLike) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, NDArray[np.bool_]]]:
         """Reward, terminated, truncated and info of all rows, (B,) each."""
-        given = self._checked(action)
+        given = np.clip(self._checked(action), -1.0, 1.0)
         states = self.states
         before_q, before_v = states.q.copy(), states.v.copy()
-        states.step(np.clip(given, -1.0, 1.0) * self.tau_max)
+        states.step(given * self.tau_max)
         diverged = np.asarray(~(np.isfinite(states.q).all(axis=-1) & np.isfinite(states.v).all(axis=-1)))
         if diverged.any():
             rows = np.flatnonzero(diverged)

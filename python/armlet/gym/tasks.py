@@ -102,7 +102,7 @@ class Reach(Task):
     def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
         super().prepare(arm, q_limit, v_limit, period, steps)
         self.tip = arm.frame_names[-1] if self.frame is None and arm.frame_names else str(self.frame)
-        # No frame is farther from the base than it is at this many random places by more than half.
+        # Two places of the frame are at most the diameter of its workspace apart; random places show it to within half.
         places = arm.position(np.random.default_rng(0).uniform(*q_limit, (200, arm.n)), self.tip)
         self.farthest = 1.5 * 2.0 * float(np.linalg.norm(places - places.mean(axis=0), axis=-1).max())
 
