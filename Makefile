@@ -22,10 +22,10 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-peers check bench docs lock clean tools
+.PHONY: help demo test test-peers test-browser check bench docs lock clean tools
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
 
 demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of checks, figures in out/
 	@$(PY) -m armlet demo --out "$(OUT)"
@@ -41,6 +41,12 @@ test-peers: $(BUILD)/installed $(BUILD)/requirements ## arms against Pinocchio a
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/peers.txt -c requirements/test.txt
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/peers $(PYTEST)
+
+test-browser: $(BUILD)/installed $(BUILD)/requirements ## armlet lab and view in a browser without a window; pictures in build/browser
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/browser.txt -c requirements/test.txt
+	@sh tools/browser.sh $(PY)
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/browser $(PYTEST)
 
 check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types alone
 	@$(MAKE) --no-print-directory lint LINT=required

@@ -12,7 +12,7 @@ import pytest
 
 import armlet as al
 
-OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba", "armlet.reference", "armlet.plots", "armlet.cli")
+OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba", "armlet.reference", "armlet.plots", "armlet.cli", "armlet.live")
 
 
 def python(code: str) -> str:
