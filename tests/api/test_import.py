@@ -12,7 +12,8 @@ import pytest
 
 import armlet as al
 
-OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba", "armlet.reference", "armlet.plots", "armlet.cli", "armlet.live")
+OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba")
+OPTIONAL += ("armlet.reference", "armlet.plots", "armlet.cli", "armlet.live")
 
 
 def python(code: str) -> str:
