@@ -68,7 +68,7 @@ def test_controls_reach_the_model(server: Any) -> None:
     for control in page.model.system.controls:
         if not isinstance(control, Choice):
             shown = 10 ** page.controls[control.name].value if control.powers else page.controls[control.name].value
-            assert control.read(shown) == pytest.approx(page.model.values[control.name])
+            assert control.read(shown) == pytest.approx(page.model.values[control.name], rel=2e-3)
     page.model.drag("x_d", [0.4, 0.4, 0.0])
     page.model.reset()
     page.frame(0.016)
@@ -81,7 +81,7 @@ def test_controls_reach_the_model(server: Any) -> None:
     page.model.paused = False
     for _ in range(60):
         page.frame(0.016)
-    assert page.summary().startswith("**DIVERGED**") and "reset to go on" in page.summary()
+    assert page.summary().startswith("**DIVERGED**") and "turn them back and reset" in page.summary()
 
 
 def test_view_shows_where_its_sliders_are(server: Any) -> None:

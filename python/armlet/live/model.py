@@ -170,7 +170,8 @@ class Lab:
             state = State.of(sim, self._since)
             if not state.finite():
                 self.status = al.Status.DIVERGED
-                self.message = f"diverged after t = {self._state.t:.2f} s: {self.status.advice}; reset to go on"
+                why = "the loop is unstable, or these constants are too fast for a step of 1 ms"
+                self.message = f"diverged after t = {self._state.t:.2f} s: {why}; turn them back and reset"
                 return steps
             self._state = state
             points = self.system.sample(sim, state, self.values, self.targets)
