@@ -212,6 +212,25 @@ def test_a_pull_beside_the_frame_has_a_moment() -> None:
     assert np.abs(error).max() > 5e-3
 
 
+def test_a_hand_does_not_shake() -> None:
+    """The hardest pull on a softly held arm comes to rest, although its force is constant for 16 ms at a time."""
+    lab = Lab([Robot(al.example_urdf("planar_2r"), "planar_2r")])
+    lab.set("omega", 0.5)
+    lab.set("zeta", 0.05)
+    run(lab, 0.5)
+    point = tip(lab)
+    lab.grip("tool", point)
+    lab.pull(point - np.array([0.1, 0.0, 0.05]), 500.0)
+    run(lab, 30.0)
+    ends = lab.spring()
+    assert ends is not None and np.linalg.norm(ends[1] - ends[0]) < 0.01
+    here = lab.q
+    run(lab, 1.0)
+    assert np.abs(lab.q - here).max() < 1e-3
+    lab.grip("nose", point)  # of another system: nothing is held anew
+    assert lab.spring() is not None
+
+
 def test_a_velocity_arm_is_not_pulled() -> None:
     lab = Lab([Priority()])
     lab.grip("link4", tip(lab))
