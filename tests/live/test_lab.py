@@ -300,6 +300,7 @@ def test_minimum_time_arrives_when_it_says() -> None:
     here = tip(lab)
     lab.grip("link1", here)
     lab.pull(here + MOVED, 50.0)
+    run(lab, 0.1)
     lab.drag("goal", [0.0, -0.6, 0.0])
     told = lab.message
     run(lab, 0.1)
