@@ -299,7 +299,7 @@ def test_minimum_time_arrives_when_it_says() -> None:
     # Nor is one planned for a link that a hand moves.
     here = tip(lab)
     lab.grip("link1", here)
-    lab.pull(here + MOVED, 50.0)
+    lab.pull(here + np.array([0.1, 0.17, 0.0]), 50.0)
     run(lab, 0.1)
     lab.drag("goal", [0.0, -0.6, 0.0])
     told = lab.message
