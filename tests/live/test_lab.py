@@ -239,8 +239,10 @@ def test_a_velocity_arm_is_not_pulled() -> None:
 
 
 def test_priority_gives_up_the_second() -> None:
-    """A tip far from the elbow's target: the first task is met, the second is not."""
+    """Both tasks are met where they agree; with the tip far from the elbow's target the first is, the second is not."""
     lab = Lab([Priority()])
+    run(lab, 5.0)
+    assert max(float(curve[-1]) for curve in lab.panels()[0][1:]) < 1e-6
     lab.drag("tip", [0.5, 1.6, 0.0])
     lab.drag("elbow", [1.5, -1.0, 0.0])
     run(lab, 10.0)
@@ -335,6 +337,17 @@ def test_robots_follow_their_target(name: str, law: str) -> None:
     lab.drag("tip", [30.0, 0.0, 0.0])
     run(lab, 0.2)
     assert lab.message.startswith("out of reach by") and lab.status is al.Status.SUCCESS
+
+
+def test_where_a_robot_starts() -> None:
+    """Zero, the middle of limits beyond it, or the one limit there is."""
+    text = al.example_urdf("planar_2r")
+    arm = al.load_urdf(text)
+    assert middle(arm).tolist() == [0.0, 0.0]
+    low, high = arm.limits["q_min"][1], arm.limits["q_max"][1]
+    assert np.isfinite([low, high]).all() and not np.isfinite(arm.limits["q_min"][0])
+    beyond = al.load_urdf(text.replace(f'lower="{low:g}"', 'lower="0.5"').replace(f'upper="{high:g}"', 'upper="1.5"'))
+    assert middle(beyond).tolist() == [0.0, 1.0]
 
 
 def test_robots_that_cannot_be_shown() -> None:

@@ -98,6 +98,14 @@ def test_view_shows_where_its_sliders_are(server: Any) -> None:
     assert page.text.content.startswith(f"right_hand at ({x:.3f}, {y:.3f}, {z:.3f}) m")
 
 
+def test_names_are_names(server: Any) -> None:
+    """Links with slashes in their names stand beside each other, not inside."""
+    source = al.example_urdf("planar_2r").replace('"link', '"base/link')
+    page = ViewPage(server, al.load_urdf(source), source, "slashes")
+    nodes = [handle.name for handle in page.scene.frames.values()]
+    assert "base/link1" in page.scene.frames and len(set(nodes)) == len(nodes) and all(name.count("/") == 2 for name in nodes)
+
+
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, 3.0, np.pi, -np.pi / 2])
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.48, -0.6, 0.64)])
 def test_quaternions(axis: tuple[float, float, float], angle: float) -> None:

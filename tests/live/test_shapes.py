@@ -81,6 +81,11 @@ def test_what_it_collides_with_comes_second() -> None:
     assert shape.kind == "sphere"
 
 
+def test_text_that_only_one_parser_reads() -> None:
+    arm = al.load_urdf(robot(""))
+    assert read_shapes("<robot><link></robot>", arm) == []
+
+
 def test_meshes_are_found(tmp_path: Path) -> None:
     """Beside the file, below it, or in the package that a folder above it is."""
     package = tmp_path / "my_robot"

@@ -171,9 +171,11 @@ class LabPage:
             with self.server.atomic():
                 scene.place(model.poses())
                 scene.goal(model.system.desired(model.t, model.values, model.targets))
-        if self._count % PLOT_EVERY == 0 and model.curves:
+        if self._count % PLOT_EVERY == 0:
             for handle, (t, *curves) in zip(self.charts, model.panels(), strict=True):
-                handle.data = (t - t[-1], *curves)
+                # A reset may just have emptied them.
+                if len(t):
+                    handle.data = (t - t[-1], *curves)
         if self._count % TEXT_EVERY == 0:
             self.text.content = self.summary()
         self._count += 1

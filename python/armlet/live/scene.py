@@ -75,10 +75,11 @@ class ArmScene:
     def _body(self, k: int, shape: Shape) -> Any:
         scene, parent = self.server.scene, "/arm"
         if shape.frame is not None:
-            parent = f"/arm/{shape.frame}"
             if shape.frame not in self.frames:
                 sizes = {"axes_length": 0.12 * self.reach, "axes_radius": 0.004 * self.reach}
-                self.frames[shape.frame] = scene.add_frame(parent, show_axes=False, **sizes)
+                # Numbered: a link may be called a/b, which would be a child of a.
+                self.frames[shape.frame] = scene.add_frame(f"/arm/frame{len(self.frames)}", show_axes=False, **sizes)
+            parent = self.frames[shape.frame].name
         vertices, faces = mesh_of(shape)
         placed = {"position": shape.pose[:3, 3], "wxyz": quaternion(shape.pose[:3, :3])}
         return scene.add_mesh_simple(f"{parent}/shape{k}", vertices, faces, color=shape.colour, **placed)

@@ -27,7 +27,10 @@ ENDINGS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", *([".dae"] if find_s
 def read_shapes(source: str | Path, arm: al.Arm) -> list[Shape]:
     """What to draw at each frame of an arm that `al.load_urdf(source)` gave."""
     text, folder = _text(source)
-    robot = ElementTree.fromstring(text)
+    try:
+        robot = ElementTree.fromstring(text)
+    except ElementTree.ParseError:  # the arm was read by another parser
+        return []
     colours = {name: rgb for material in robot.findall("material") if (name := material.get("name")) and (rgb := _rgb(material))}
     frames = set(arm.frame_names)
     skeleton = _skeleton(robot, arm)
@@ -48,11 +51,11 @@ def read_shapes(source: str | Path, arm: al.Arm) -> list[Shape]:
     return shapes + [shape for shape in plain if not shapes or shape.kind == "capsule"]
 
 
-def _text(source: str | Path) -> tuple[str, Path]:
+def _text(source: str | Path) -> tuple[str | bytes, Path]:
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return source, Path()
     path = Path(source)
-    return path.read_text(encoding="utf-8"), path.resolve().parent
+    return path.read_bytes(), path.resolve().parent
 
 
 def _skeleton(robot: ElementTree.Element, arm: al.Arm) -> dict[str, list[Shape]]:
