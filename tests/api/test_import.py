@@ -13,7 +13,8 @@ import pytest
 import armlet as al
 import armlet.gym
 
-OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba", "armlet.reference", "armlet.plots", "armlet.cli")
+OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba")
+OPTIONAL += ("armlet.reference", "armlet.plots", "armlet.cli", "armlet.live")
 
 
 def python(code: str) -> str:

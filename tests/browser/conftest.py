@@ -44,6 +44,8 @@ def visit(browser: Browser) -> Iterator[Callable[[str], Visit]]:
 
     def go(url: str) -> Visit:
         page = browser.new_page(viewport={"width": 1280, "height": 760})
+        # A page without a graphics card, on a busy machine, may take its time.
+        page.set_default_timeout(120_000)
         seen = Visit(page)
         page.on("console", lambda message: seen.errors.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: seen.errors.append(str(error)))

@@ -25,7 +25,7 @@ class Visit:
     hosts: set[str] = field(default_factory=set)
 
     def picture(self, name: str) -> None:
-        self.page.screenshot(path=PICTURES / f"{name}.png")
+        self.page.screenshot(path=PICTURES / f"{name}.png", timeout=120_000)
 
     def entry(self, label: str) -> Locator:
         """The number beside the slider with this label."""
@@ -67,7 +67,7 @@ class Visit:
         time.sleep(1.0)
 
 
-def until(holds: Callable[[], object], what: str, seconds: float = 20.0) -> None:
+def until(holds: Callable[[], object], what: str, seconds: float = 60.0) -> None:
     """Wait until something holds."""
     end = time.monotonic() + seconds
     while not holds():

@@ -212,6 +212,25 @@ def test_a_pull_beside_the_frame_has_a_moment() -> None:
     assert np.abs(error).max() > 5e-3
 
 
+def test_a_hand_does_not_shake() -> None:
+    """The hardest pull on a softly held arm comes to rest, although its force is constant for 16 ms at a time."""
+    lab = Lab([Robot(al.example_urdf("planar_2r"), "planar_2r")])
+    lab.set("omega", 0.5)
+    lab.set("zeta", 0.05)
+    run(lab, 0.5)
+    point = tip(lab)
+    lab.grip("tool", point)
+    lab.pull(point - np.array([0.1, 0.0, 0.05]), 500.0)
+    run(lab, 30.0)
+    ends = lab.spring()
+    assert ends is not None and np.linalg.norm(ends[1] - ends[0]) < 0.01
+    here = lab.q
+    run(lab, 1.0)
+    assert np.abs(lab.q - here).max() < 1e-3
+    lab.grip("nose", point)  # of another system: nothing is held anew
+    assert lab.spring() is not None
+
+
 def test_a_velocity_arm_is_not_pulled() -> None:
     lab = Lab([Priority()])
     lab.grip("link4", tip(lab))
@@ -220,16 +239,23 @@ def test_a_velocity_arm_is_not_pulled() -> None:
 
 
 def test_priority_gives_up_the_second() -> None:
-    """A tip far from the elbow's target: the first task is met, the second is not."""
+    """Both tasks are met where they agree; with the tip far from the elbow's target the first is, the second is not."""
     lab = Lab([Priority()])
+    run(lab, 5.0)
+    assert max(float(curve[-1]) for curve in lab.panels()[0][1:]) < 1e-6
     lab.drag("tip", [0.5, 1.6, 0.0])
     lab.drag("elbow", [1.5, -1.0, 0.0])
     run(lab, 10.0)
     first, second = (float(curve[-1]) for curve in lab.panels()[0][1:])
     assert first < 1e-6 and second > 0.5
+    # Without a gain the second is no task, not one that holds the elbow still.
     lab.set("gain2", 0.0)
+    lab.drag("tip", [1.5, 0.5, 0.0])
+    q0, arm = lab.q, lab.system.arm
     run(lab, 0.5)
-    assert lab.status is al.Status.SUCCESS
+    alone = al.PriorityVelocity(arm, [al.Task("link4", "xy", [1.5, 0.5], 4.0)], "clamp", eps=0.02)
+    same = al.simulate(al.VelocityArm(arm), alone, q0, t_end=31 * FRAME, dt=1e-3)
+    assert np.abs(lab.q - same.q[-1]).max() < 1e-12
 
 
 def test_adaptive_learns_its_payload() -> None:
@@ -272,6 +298,18 @@ def test_minimum_time_arrives_when_it_says() -> None:
     run(lab, 5.0)
     assert abs(lab.q[0] - np.arctan2(-0.3, 0.5)) < 1e-6
     assert np.abs(lab.panels()[1][1]).max() <= 4.0
+    # Nor is one planned for a link that a hand moves.
+    here = tip(lab)
+    lab.grip("link1", here)
+    lab.pull(here + np.array([0.1, 0.17, 0.0]), 50.0)
+    run(lab, 0.1)
+    lab.drag("goal", [0.0, -0.6, 0.0])
+    told = lab.message
+    run(lab, 0.1)
+    assert lab.message == told
+    lab.release()
+    run(lab, 5.0)
+    assert lab.message != told and abs(lab.q[0] + np.pi / 2) < 1e-6
     # A torque of 0.5 N m lifts it to the side in no single swing: that is said, and it stays.
     lab.drag("goal", [0.6, 0.0, 0.0])
     run(lab, 3.0)
@@ -299,6 +337,17 @@ def test_robots_follow_their_target(name: str, law: str) -> None:
     lab.drag("tip", [30.0, 0.0, 0.0])
     run(lab, 0.2)
     assert lab.message.startswith("out of reach by") and lab.status is al.Status.SUCCESS
+
+
+def test_where_a_robot_starts() -> None:
+    """Zero, the middle of limits beyond it, or the one limit there is."""
+    text = al.example_urdf("planar_2r")
+    arm = al.load_urdf(text)
+    assert middle(arm).tolist() == [0.0, 0.0]
+    low, high = arm.limits["q_min"][1], arm.limits["q_max"][1]
+    assert np.isfinite([low, high]).all() and not np.isfinite(arm.limits["q_min"][0])
+    beyond = al.load_urdf(text.replace(f'lower="{low:g}"', 'lower="0.5"').replace(f'upper="{high:g}"', 'upper="1.5"'))
+    assert middle(beyond).tolist() == [0.0, 1.0]
 
 
 def test_robots_that_cannot_be_shown() -> None:

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import armlet as al
-from armlet import cli
 from armlet.live.lab import LabPage
 from armlet.live.model import Lab
 from armlet.live.scene import mesh_of, quaternion
@@ -68,7 +67,7 @@ def test_controls_reach_the_model(server: Any) -> None:
     for control in page.model.system.controls:
         if not isinstance(control, Choice):
             shown = 10 ** page.controls[control.name].value if control.powers else page.controls[control.name].value
-            assert control.read(shown) == pytest.approx(page.model.values[control.name])
+            assert control.read(shown) == pytest.approx(page.model.values[control.name], rel=2e-3)
     page.model.drag("x_d", [0.4, 0.4, 0.0])
     page.model.reset()
     page.frame(0.016)
@@ -81,7 +80,7 @@ def test_controls_reach_the_model(server: Any) -> None:
     page.model.paused = False
     for _ in range(60):
         page.frame(0.016)
-    assert page.summary().startswith("**DIVERGED**") and "reset to go on" in page.summary()
+    assert page.summary().startswith("**DIVERGED**") and "turn them back and reset" in page.summary()
 
 
 def test_view_shows_where_its_sliders_are(server: Any) -> None:
@@ -97,6 +96,14 @@ def test_view_shows_where_its_sliders_are(server: Any) -> None:
         assert np.allclose(handle.position, pose[:3, 3]) and np.allclose(handle.wxyz, quaternion(pose[:3, :3]))
     x, y, z = arm.position(page.q, "right_hand")
     assert page.text.content.startswith(f"right_hand at ({x:.3f}, {y:.3f}, {z:.3f}) m")
+
+
+def test_names_are_names(server: Any) -> None:
+    """Links with slashes in their names stand beside each other, not inside."""
+    source = al.example_urdf("planar_2r").replace('"link', '"base/link')
+    page = ViewPage(server, al.load_urdf(source), source, "slashes")
+    nodes = [handle.name for handle in page.scene.frames.values()]
+    assert "base/link1" in page.scene.frames and len(set(nodes)) == len(nodes) and all(name.count("/") == 2 for name in nodes)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, 3.0, np.pi, -np.pi / 2])
@@ -135,15 +142,14 @@ def test_meshes(tmp_path: Path) -> None:
     assert np.ptp(vertices) < 0.05
 
 
-def test_addresses(capsys: pytest.CaptureFixture[str]) -> None:
+def test_addresses() -> None:
     """Local unless asked otherwise; an address that is taken, or no address, is refused in one line."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        assert cli.main(["lab", "--port", str(port)]) == 2
-        out, err = capsys.readouterr()
-        assert out == "" and err.startswith(f"armlet: lab: 127.0.0.1:{port} cannot be listened at: ") and err.count("\n") == 1
+        with pytest.raises(al.InputError, match=rf"^lab: 127\.0\.0\.1:{port} cannot be listened at: [^\n]+$"):
+            open_server("lab", "127.0.0.1", port)
     for host, port in (("no.such.host.invalid", 0), ("127.0.0.1", 70000), ("127.0.0.1", -1)):
         with pytest.raises(al.InputError, match="cannot be listened at"):
             open_server("lab", host, port)

@@ -21,7 +21,7 @@ def robot(visual: str) -> str:
     return f'<robot name="r">{blue}<link name="base"/><link name="arm">{inertial}{visual}</link>{JOINT}</robot>'
 
 
-def of_arm(text: str) -> list:  # type: ignore[type-arg]
+def of_arm(text: str | Path) -> list:  # type: ignore[type-arg]
     return [shape for shape in read_shapes(text, al.load_urdf(text)) if shape.frame == "arm"]
 
 
@@ -44,6 +44,9 @@ def test_geometry_of_the_file(geometry: str, kind: str, size: tuple[float, ...])
     arm = al.load_urdf(fixed)
     expected = np.linalg.inv(arm.pose([0.0], "arm")) @ arm.pose([0.0], "tip")
     assert np.abs(shape.pose - expected).max() < 1e-15
+    # Beside real geometry the end of a chain has no ball.
+    whole = fixed.replace("</inertial>", f"</inertial><visual><geometry>{geometry}</geometry></visual>", 1)
+    assert [made.frame for made in read_shapes(whole, al.load_urdf(whole)) if made.kind != "capsule"] == ["arm"]
 
 
 @pytest.mark.parametrize(
@@ -69,6 +72,20 @@ def test_plain_links_stand_for_the_rest(visual: str) -> None:
     assert shapes[0].size[1] == pytest.approx(0.4) and shapes[0].pose[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
 
 
+def test_what_it_collides_with_comes_second() -> None:
+    ball, mesh = '<sphere radius="0.07"/>', '<mesh filename="none.stl"/>'
+    both = "<visual><geometry>{}</geometry></visual><collision><geometry>{}</geometry></collision>"
+    (shape,) = of_arm(robot(both.format(mesh, ball)))
+    assert (shape.kind, shape.size) == ("sphere", (0.07,))
+    (shape,) = of_arm(robot(both.format(ball, '<box size="1 1 1"/>')))
+    assert shape.kind == "sphere"
+
+
+def test_text_that_only_one_parser_reads() -> None:
+    arm = al.load_urdf(robot(""))
+    assert read_shapes("<robot><link></robot>", arm) == []
+
+
 def test_meshes_are_found(tmp_path: Path) -> None:
     """Beside the file, below it, or in the package that a folder above it is."""
     package = tmp_path / "my_robot"
@@ -86,7 +103,7 @@ def test_meshes_are_found(tmp_path: Path) -> None:
     file.write_text(
         robot('<visual><geometry><mesh filename="package://my_robot/meshes/arm.STL" scale="0.001 0.001 0.001"/></geometry></visual>')
     )
-    shape = read_shapes(file, al.load_urdf(file))[-1]
+    (shape,) = of_arm(file)
     assert (shape.kind, shape.size) == ("mesh", (0.001, 0.001, 0.001)) and Path(shape.path).samefile(mesh)
 
 

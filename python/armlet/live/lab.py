@@ -117,7 +117,7 @@ class LabPage:
             handle = gui.add_dropdown(control.label, control.options, initial_value=control.value)
         else:
             low, high, value = (shown(control, x) for x in (control.low, control.high, control.value))
-            handle = gui.add_slider(control.label, low, high, (high - low) / 400, value)
+            handle = gui.add_slider(control.label, low, high, 0.001 if control.powers else (high - low) / 400, value)
 
         @handle.on_update  # type: ignore[untyped-decorator]
         def _(_: Any) -> None:
@@ -170,11 +170,12 @@ class LabPage:
         if self._count % DRAW_EVERY == 0:
             with self.server.atomic():
                 scene.place(model.poses())
-                scene.pull(model.spring())
                 scene.goal(model.system.desired(model.t, model.values, model.targets))
-        if self._count % PLOT_EVERY == 0 and model.curves:
+        if self._count % PLOT_EVERY == 0:
             for handle, (t, *curves) in zip(self.charts, model.panels(), strict=True):
-                handle.data = (t - t[-1], *curves)
+                # A reset may just have emptied them.
+                if len(t):
+                    handle.data = (t - t[-1], *curves)
         if self._count % TEXT_EVERY == 0:
             self.text.content = self.summary()
         self._count += 1
@@ -194,4 +195,4 @@ class LabPage:
 
 def shown(control: Control, value: float | str) -> Any:
     """A value of a control as its slider shows it."""
-    return math.log10(float(value)) if not isinstance(control, Choice) and control.powers else value
+    return round(math.log10(float(value)), 3) if not isinstance(control, Choice) and control.powers else value

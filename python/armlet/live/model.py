@@ -98,6 +98,9 @@ class Lab:
     def grip(self, frame: str, point: ArrayLike) -> None:
         """Take hold of the body at `frame` at `point`, (3,), m, in the axes of the arm's base."""
         with self._lock:
+            # A hand may still hold what has just left the page.
+            if frame not in self.system.arm.frame_names:
+                return
             pose = np.asarray(self.system.arm.pose(self._state.q, frame))
             held = pose[:3, :3].T @ (np.asarray(point, dtype=np.float64) - pose[:3, 3])
             if self.system.takes_force and np.all(np.isfinite(held)):
@@ -138,17 +141,24 @@ class Lab:
 
     @property
     def force(self) -> Array:
-        """The pull, (3,), N."""
-        ends = self.spring()
-        return np.zeros(3) if ends is None or self._grip is None else self._grip[3] * (ends[1] - ends[0])
+        """The pull, (3,), N: its spring, and as much damping as holding it for a frame takes away, k times the frame."""
+        with self._lock:
+            ends = self.spring()
+            if ends is None or self._grip is None:
+                return np.zeros(3)
+            frame, _, _, stiffness = self._grip
+            arm, q = self.system.arm, self._state.q
+            v, w = np.split(np.asarray(arm.jacobian(q, frame)) @ self._state.v, 2)
+            slip = v + np.cross(w, ends[0] - np.asarray(arm.position(q, frame)))
+            return stiffness * (ends[1] - ends[0] - FRAME * slip)
 
     def _wrench(self) -> Force | None:
         ends = self.spring()
         if ends is None or self._grip is None or self._grip[3] == 0.0:
             return None
         f = self.force
-        arm = ends[0] - np.asarray(self.system.arm.position(self._state.q, self._grip[0]))
-        return Force(self._grip[0], np.concatenate([f, np.cross(arm, f)]))
+        lever = ends[0] - np.asarray(self.system.arm.position(self._state.q, self._grip[0]))
+        return Force(self._grip[0], np.concatenate([f, np.cross(lever, f)]))
 
     def advance(self, seconds: float = FRAME) -> int:
         """Run the loop for `seconds` of the clock, at `speed`; returns the number of steps taken."""
@@ -170,7 +180,8 @@ class Lab:
             state = State.of(sim, self._since)
             if not state.finite():
                 self.status = al.Status.DIVERGED
-                self.message = f"diverged after t = {self._state.t:.2f} s: {self.status.advice}; reset to go on"
+                why = "the loop is unstable, or these constants are too fast for a step of 1 ms"
+                self.message = f"diverged after t = {self._state.t:.2f} s: {why}; turn them back and reset"
                 return steps
             self._state = state
             points = self.system.sample(sim, state, self.values, self.targets)

@@ -1,4 +1,4 @@
-"""An arm on the page: its shapes under one node per frame, handles to drag, arrows for forces.
+"""An arm on the page: its shapes under one node per frame, handles to drag.
 
 Everything stands under `/arm`, turned from the axes of the arm to those of the scene, so that positions are written in the arm's own.
 """
@@ -70,22 +70,19 @@ class ArmScene:
             handle = self._body(k, shape)
             if shape.frame is not None:
                 self.bodies.append((shape.frame, handle))
-        self._arrow = scene.add_arrows("/arm/pull", np.zeros((1, 2, 3)), RED, visible=False, **self._thickness())
         self._goal = scene.add_icosphere("/arm/desired", radius=0.03 * reach, color=GREEN, opacity=0.6, visible=False)
 
     def _body(self, k: int, shape: Shape) -> Any:
         scene, parent = self.server.scene, "/arm"
         if shape.frame is not None:
-            parent = f"/arm/{shape.frame}"
             if shape.frame not in self.frames:
                 sizes = {"axes_length": 0.12 * self.reach, "axes_radius": 0.004 * self.reach}
-                self.frames[shape.frame] = scene.add_frame(parent, show_axes=False, **sizes)
+                # Numbered: a link may be called a/b, which would be a child of a.
+                self.frames[shape.frame] = scene.add_frame(f"/arm/frame{len(self.frames)}", show_axes=False, **sizes)
+            parent = self.frames[shape.frame].name
         vertices, faces = mesh_of(shape)
         placed = {"position": shape.pose[:3, 3], "wxyz": quaternion(shape.pose[:3, :3])}
         return scene.add_mesh_simple(f"{parent}/shape{k}", vertices, faces, color=shape.colour, **placed)
-
-    def _thickness(self) -> dict[str, float]:
-        return {"shaft_radius": 0.008 * self.reach, "head_radius": 0.02 * self.reach, "head_length": 0.05 * self.reach}
 
     def look(self) -> None:
         """Put the eye of every browser where the whole arm is seen."""
@@ -100,12 +97,6 @@ class ArmScene:
         for frame, pose in poses.items():
             self.frames[frame].position = pose[:3, 3]
             self.frames[frame].wxyz = quaternion(pose[:3, :3])
-
-    def pull(self, ends: tuple[Array, Array] | None) -> None:
-        """Show the pull of the hand from one point to the other, m; None hides it."""
-        self._arrow.visible = ends is not None
-        if ends is not None:
-            self._arrow.points = np.array([ends])
 
     def goal(self, point: Array | None) -> None:
         """Show where the tip should be, (3,), m; None hides it."""

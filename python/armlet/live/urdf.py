@@ -1,4 +1,4 @@
-"""The looks of a robot from its URDF: visual geometry where the file has it, capsules between joints where not [URDF].
+"""The looks of a robot from its URDF: its geometry where the file has it, capsules between joints where not [URDF].
 
     X_LS = (R(rpy), xyz) of <origin>, R = Rz(yaw) Ry(pitch) Rx(roll), in the frame of the link
 
@@ -8,6 +8,7 @@ Looks never stop a robot from being shown: what cannot be read is drawn as if it
 from __future__ import annotations
 
 import math
+from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,31 +20,42 @@ from .shapes import BLUE, ORANGE, Array, Colour, Shape, between
 
 __all__ = ["find_mesh", "read_shapes"]
 
-ENDINGS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", ".dae")
+# What trimesh reads; Collada with a reader of its own.
+ENDINGS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", *([".dae"] if find_spec("collada") else []))
 
 
 def read_shapes(source: str | Path, arm: al.Arm) -> list[Shape]:
     """What to draw at each frame of an arm that `al.load_urdf(source)` gave."""
     text, folder = _text(source)
-    robot = ElementTree.fromstring(text)
+    try:
+        robot = ElementTree.fromstring(text)
+    except ElementTree.ParseError:  # the arm was read by another parser
+        return []
     colours = {name: rgb for material in robot.findall("material") if (name := material.get("name")) and (rgb := _rgb(material))}
     frames = set(arm.frame_names)
     skeleton = _skeleton(robot, arm)
-    shapes = []
+    shapes: list[Shape] = []
+    plain: list[Shape] = []
     for link in robot.findall("link"):
         name = link.get("name", "")
         if name not in frames:
             continue
-        seen = [shape for visual in link.findall("visual") if (shape := _visual(visual, name, folder, colours))]
-        shapes += seen or skeleton.get(name, [])
-    return shapes
+        # Where no visual can be drawn, what it collides with often can: meshes of a simpler kind.
+        for tag in ("visual", "collision"):
+            seen = [shape for looks in link.findall(tag) if (shape := _visual(looks, name, folder, colours))]
+            if seen:
+                break
+        shapes += seen
+        plain += [] if seen else skeleton[name]
+    # A ball marks the end of a plain chain; beside real geometry it would be a thing that is not there.
+    return shapes + [shape for shape in plain if not shapes or shape.kind == "capsule"]
 
 
-def _text(source: str | Path) -> tuple[str, Path]:
+def _text(source: str | Path) -> tuple[str | bytes, Path]:
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return source, Path()
     path = Path(source)
-    return path.read_text(encoding="utf-8"), path.resolve().parent
+    return path.read_bytes(), path.resolve().parent
 
 
 def _skeleton(robot: ElementTree.Element, arm: al.Arm) -> dict[str, list[Shape]]:
@@ -68,7 +80,7 @@ def _name(joint: ElementTree.Element, tag: str) -> str:
 
 
 def _visual(visual: ElementTree.Element, frame: str, folder: Path, colours: dict[str, Colour]) -> Shape | None:
-    """The shape of a <visual>; None where it is not known or its mesh is not found."""
+    """The shape of a <visual> or <collision>; None where it is not known or its mesh is not found."""
     geometry = visual.find("geometry/*")
     if geometry is None:
         return None

@@ -52,7 +52,7 @@ class AdaptivePR(System):
     controls = (
         Slider("kp", "stiffness Kp", 1.0, 400.0, 40.0),
         Slider("kd", "damping Kd", 1.0, 100.0, 15.0),
-        Slider("gamma", "adaptation Gamma, 10^", 0.01, 100.0, 5.0, powers=True),
+        Slider("gamma", "adaptation Gamma, 10^", 0.01, 100.0, 20.0, powers=True),
         Slider("amplitude", "amplitude of the motion (m, rad)", 0.0, 1.0, 0.5),
         Slider("payload", "payload (kg), unknown to the law", 0.0, 2.0, 0.0),
     )

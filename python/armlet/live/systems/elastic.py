@@ -27,7 +27,7 @@ class Elastic(System):
     frame = "link2"
     q0 = np.array([0.3, 1.2])
     controls = (
-        Slider("joint_stiffness", "joint stiffness K_J (N m/rad), 10^", 50.0, 20_000.0, 800.0, powers=True),
+        Slider("joint_stiffness", "joint stiffness K_J (N m/rad), 10^", 10.0, 1e5, 800.0, powers=True),
         Slider("share", "reduced inertia B0/B, 10^", 1e-5, 1.0, 0.05, powers=True),
         Slider("damping_ratio", "damping ratio of the motors", 0.05, 2.0, 1.0),
         Slider("stiffness", "stiffness at the tip K_m (N/m)", 10.0, 1000.0, 300.0),

@@ -39,7 +39,7 @@ class MinimumTime(System):
     )
     plots = (
         Plot("angle from the downward vertical (rad)", ("theta", "goal", "planned"), 1),
-        Plot("torque and its limits (N m)", ("tau", "tau_max", "-tau_max")),
+        Plot("torque and its limits (N m)", ("tau", "tau_max", "-tau_max"), 2),
         Plot("speed (rad/s)", ("theta'", "planned"), 1),
     )
     # x of the arm, along gravity, is the scene's downwards.

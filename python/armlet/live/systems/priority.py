@@ -31,7 +31,7 @@ class Priority(System):
         Choice("method", "map", ("clamp", "exact", "damped", "chiaverini"), "clamp"),
         Slider("gain1", "gain of the tip, first (1/s)", 0.2, 20.0, 4.0),
         Slider("gain2", "gain of the elbow, second (1/s)", 0.0, 20.0, 4.0),
-        Slider("eps", "clamp below (m), 10^", 1e-4, 0.3, 0.02, powers=True),
+        Slider("eps", "clamp below (m), 10^", 1e-4, 1.0, 0.02, powers=True),
     )
     plots = (
         Plot("distance from the targets (m)", ("tip, first", "elbow, second")),

@@ -20,10 +20,12 @@ __all__ = ["Robot", "middle"]
 
 
 def middle(arm: al.Arm) -> Array:
-    """Zero where the limits allow it, else the middle of the range of the joint."""
+    """Zero where the limits allow it, else the middle of the range of the joint, or its one limit."""
     low, high = arm.limits["q_min"], arm.limits["q_max"]
-    inside = (low <= 0.0) & (high >= 0.0)
-    return np.where(inside, 0.0, 0.5 * (np.where(inside, 0.0, low) + np.where(inside, 0.0, high)))
+    nearest: Array = np.clip(0.0, low, high)
+    between = (nearest != 0.0) & np.isfinite(low) & np.isfinite(high)
+    nearest[between] = 0.5 * (low[between] + high[between])
+    return nearest
 
 
 class Robot(System):
