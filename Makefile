@@ -11,6 +11,7 @@ BUILD := $(ROOT)/build
 # -P: the directory a command runs in never shadows the installed package.
 PY := $(VENV)/bin/python -P
 OUT ?= out
+TRIALS ?= 20
 # if-installed: go on with a note when rustfmt or clippy is not installed. required: stop.
 LINT ?= if-installed
 
@@ -22,10 +23,10 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-peers check bench docs audit wheels lock clean tools
+.PHONY: help demo test test-peers test-sweep-kill check bench docs audit wheels lock clean tools
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
 
 demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of checks, figures in out/
 	@$(PY) -m armlet demo --out "$(OUT)"
@@ -41,6 +42,12 @@ test-peers: $(BUILD)/installed $(BUILD)/requirements ## arms against Pinocchio a
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/peers.txt -c requirements/test.txt
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/peers $(PYTEST)
+
+test-sweep-kill: $(BUILD)/installed $(BUILD)/requirements ## sweeps whose workers, clients and disks fail, 20 trials each; on Dask too (minutes)
+	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/sweep.txt -c requirements/test.txt
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && ARMLET_KILL_TRIALS=$(TRIALS) $(PY) -m pytest -rP -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
+		$(ROOT)/tests/api/test_sweep.py $(ROOT)/tests/api/test_sweep_disk.py $(ROOT)/tests/endurance $(PYTEST)
 
 check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types alone
 	@$(MAKE) --no-print-directory lint LINT=required

@@ -70,21 +70,24 @@ from ._core import (
     velocity_bounds,
 )
 from .comparison import compare
+from .control_systems import to_control
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .events import Event, Events, JointStops, State
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
 from .priority import PriorityDiagnosis, diagnose_priority
 from .run import BatchRun, Run
 from .run_metrics import Metrics, metrics
-from .sampling import Sampling
+from .sampling import Sampling, TorqueSensor
 from .scenario import Scenario
 from .scipy_method import scipy_method
 from .simulation import simulate, simulate_batch
 from .status import Status
 from .storage import load
 from .sweeping import SweepTable, sweep
+from .tuning import Tuning, tune
 
 __all__ = [
     "Adaptive",
@@ -106,6 +109,8 @@ __all__ = [
     "ElasticLimits",
     "ElasticTracking",
     "Equilibrium",
+    "Event",
+    "Events",
     "FormatError",
     "Hold",
     "Identification",
@@ -115,6 +120,7 @@ __all__ = [
     "InverseKinematics",
     "JointImpedance",
     "JointLimitTask",
+    "JointStops",
     "Law",
     "Metrics",
     "ModelError",
@@ -139,6 +145,7 @@ __all__ = [
     "Simulator",
     "Sinusoid",
     "SolveError",
+    "State",
     "StateFeedback",
     "Status",
     "SweepTable",
@@ -146,6 +153,8 @@ __all__ = [
     "Task",
     "TimedPath",
     "TorqueOptimum",
+    "TorqueSensor",
+    "Tuning",
     "VelocityArm",
     "Verification",
     "Wall",
@@ -178,8 +187,10 @@ __all__ = [
     "stiffness_limit",
     "sweep",
     "time_path",
+    "to_control",
     "torque_optimal_time",
     "trapezoid_time",
+    "tune",
     "velocity_bounds",
     "verify",
 ]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 
-__all__ = ["Cells", "columns"]
+__all__ = ["Cells", "columns", "drawn"]
 
 LISTS = ("linspace", "geomspace")
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal")
@@ -59,7 +59,7 @@ class Cells:
             index = np.unravel_index(i, [len(values) for values in self.vary.values()])
             return {path: values[int(k)] for (path, values), k in zip(self.vary.items(), index, strict=True)}
         u = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, i]))).random(len(self.vary))
-        return {path: _drawn(spec, float(each)) for (path, spec), each in zip(self.vary.items(), u, strict=True)}
+        return {path: drawn(spec, float(each)) for (path, spec), each in zip(self.vary.items(), u, strict=True)}
 
     def sampling_seed(self, i: int) -> int:
         """The seed of the random numbers inside run `i` (noise, jitter); consecutive cells have consecutive seeds."""
@@ -96,7 +96,8 @@ def _listed(path: str, spec: Any, draws: int | None) -> Any:
     return {kind: [float(x) for x in numbers]}
 
 
-def _drawn(spec: Any, u: float) -> Any:
+def drawn(spec: Any, u: float) -> Any:
+    """The value of an entry at `u` in [0, 1]: of a list, or of the inverse of a distribution."""
     if not isinstance(spec, Mapping):
         return spec[min(int(u * len(spec)), len(spec) - 1)]
     ((kind, (a, b)),) = spec.items()

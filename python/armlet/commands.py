@@ -1,4 +1,4 @@
-"""The commands about scenario files: `armlet run`, `check`, `new`, `sweep`, `schema`."""
+"""The commands about scenario files, `armlet run`, `check`, `new`, `sweep`, `schema`, and those of the browser, `view` and `lab`."""
 
 from __future__ import annotations
 
@@ -144,6 +144,18 @@ def _sweep(args: argparse.Namespace) -> int:
     return 0
 
 
+def _view(args: argparse.Namespace) -> int:
+    from .live.view import view
+
+    return view(args.urdf, args.host, args.port)
+
+
+def _lab(args: argparse.Namespace) -> int:
+    from .live.lab import lab
+
+    return lab(args.urdf, args.frame, args.host, args.port)
+
+
 def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected an integer >= 1, got {text!r}")
@@ -177,3 +189,16 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
     schema = commands.add_parser("schema", help="print the JSON schema of scenario files, for editors")
     schema.set_defaults(run=_schema)
+
+    view = commands.add_parser("view", help="show a robot in the browser, with a slider per joint")
+    view.add_argument("urdf", type=Path, metavar="ROBOT.urdf")
+    view.set_defaults(run=_view)
+
+    lab = commands.add_parser("lab", help="touch closed loops in the browser: gains, targets, forces")
+    lab.add_argument("--urdf", type=Path, metavar="ROBOT.urdf", help="a robot of yours among the systems")
+    lab.add_argument("--frame", metavar="NAME", help="the frame of its tip (default: the last one of the file)")
+    lab.set_defaults(run=_lab)
+
+    for page in (view, lab):
+        page.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1, this machine alone)")
+        page.add_argument("--port", type=int, default=8080, help="port to listen at, 0 for any free one (default: 8080)")

@@ -24,8 +24,10 @@ class Equilibrium:
         tau: the plant's input there, (n,), N m or N: g(q) - J'F.
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
-        reachable: whether x_d + K^-1 F can be reached at all.
-        spurious: at rest with the spring unbalanced: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0.
+        reachable: whether x_d + K^-1 F can be reached at all; False where a wall or a joint stop holds the arm back.
+        spurious: at rest with the spring unbalanced: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0; of `MotorPD` and
+            `StateFeedback` that know the plant, away from the target with nothing that pushes.
+        wall_force: of the plant's wall on its frame, (3,), world axes, N; None without a wall.
         stable: whether no eigenvalue lies to the right; free motions of a redundant arm have eigenvalues at zero.
         eigenvalues: of the closed loop linearised at rest, complex, 1/s, by real part.
     """
@@ -38,6 +40,7 @@ class Equilibrium:
     stable: bool
     eigenvalues: NDArray[np.complex128]
     theta: Array | None = None
+    wall_force: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +73,8 @@ def equilibrium(
     unbalanced is flagged as spurious, a rest that the loop leaves as not stable.
 
     Args:
-        plant: `RigidArm` or `ElasticArm`, without a wall.
-        law: an impedance law or a PD law of links, with a fixed target.
+        plant: `RigidArm` or `ElasticArm`; its wall and its joint stops push back.
+        law: an impedance law, a PD law of links or of motors, or state feedback, with a fixed target.
         force: constant force in the law's axes at its frame, N or N m; none if None.
         q0: where the search starts, (n,), rad or m.
         force_frame: the frame at which the force acts instead; then it is (3,), or (6,) as [f; m], in world axes.

@@ -10,9 +10,11 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
+from .events import Events, State
+from .integration import DenseOutput
 from .status import Status
 
 if TYPE_CHECKING:
@@ -31,7 +33,7 @@ SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
 JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Fields without a time axis that may be there.
-OTHERS = ("parameters", "target", "limits")
+OTHERS = ("parameters", "target", "limits", "position_error")
 LIMITS = ("q_min", "q_max", "v_max", "effort")
 
 
@@ -86,10 +88,14 @@ class _Recorded:
             targets = [each.__getnewargs_ex__()[1]["target"] for each in laws]
             self.target = np.array(targets if len(laws) > 1 else targets[0], dtype=np.float64)
         self.arm = arms[0]
+        self._laws, self._arms = laws, arms
+        self._position_error: Array | None = given.pop("position_error", None)
         self.limits = given.pop("limits", None) or _limits(arms)
         types = getattr(arms[0], "joint_types", None) or ("revolute",) * self.q.shape[-1]
         self.units = tuple(given.pop("units", None) or ("m" if kind in ("prismatic", "P") else "rad" for kind in types))
         self._set_status(given.pop("status", Status.SUCCESS))
+        self.events: Events | None = given.pop("events", None)
+        self._dense: tuple[DenseOutput, int] | None = given.pop("dense", None)
         if given:
             raise InputError(f"{type(self).__name__}: fields are unknown: expected those of a run, got {sorted(given)}")
 
@@ -121,6 +127,15 @@ class _Recorded:
                 self._desired = tuple(np.stack(parts) for parts in zip(*rows, strict=True))
         return self._desired  # type: ignore[return-value]  # three by construction
 
+    @property
+    def position_error(self) -> Array | None:
+        """How far the frame of each task is from its target, (K, tasks) or (B, K, tasks), m; None for laws without such tasks."""
+        if self._position_error is None and self._laws[0] is not None and self.arm is not None:
+            from .task_errors import position_errors
+
+            self._position_error = position_errors(self._laws, self._arms, self.t, self.q)
+        return self._position_error
+
     def reference(self) -> tuple[Array, Array | None] | None:
         """What the joints should do, `(q_d, v_d)`, that broadcast to `q`: the motion, or the target of a law of joints; else None."""
         desired = self.desired()
@@ -148,7 +163,7 @@ class _Recorded:
         save(self, path)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self._items(),)
+        return type(self), (self._items() | {"events": self.events, "dense": self._dense},)
 
     def _table(self, row: tuple[Any, ...] = ()) -> dict[str, Array]:
         """Columns over time: q1.., v1.., tau1.., the recorded states and the monitors."""
@@ -190,9 +205,32 @@ class Run(_Recorded):
         status: how the run ended (`armlet.Status`), with advice.
         stats: what it cost: counts of steps, evaluations, rejections.
         monitors: the identities that were watched, by name, each (K,).
+        events: the crossings of the events asked for (`armlet.Events`); None where none were.
     """
 
     status: Status
+
+    def sample(self, t: ArrayLike) -> State:
+        """The state at the time `t` or at times `(K,)` of the run, s, from the polynomials that `simulate(dense=True)` kept.
+
+        Raises:
+            InputError: the run kept none, or a time lies outside of it.
+
+        >>> import armlet as al
+        >>> law = al.PDGravity(al.pendulum(1.0, 5.0), [0.5], kp=20.0, kd=5.0)
+        >>> run = al.simulate(al.RigidArm(al.pendulum(1.0, 5.0)), law, [0.0], t_end=1.0, method="dop853", dense=True)
+        >>> run.sample([0.25, 0.5]).q.shape
+        (2, 1)
+        """
+        if self._dense is None:
+            raise InputError("Run.sample: the run kept no polynomials: expected one of simulate(dense=True) with an adaptive method")
+        dense, states = self._dense
+        values, n = dense(t), self.q.shape[-1]
+        parts = [values[..., k : k + n] if k < states else None for k in range(n, 4 * n, n)]
+        estimate = values[..., states:] if values.shape[-1] > states else None
+        return State(values[..., :n], parts[0], parts[1], parts[2], estimate)
+
+    __call__ = sample
 
     def _set_status(self, status: Any) -> None:
         self.status = Status(int(status))
@@ -287,6 +325,8 @@ class BatchRun(_Recorded):
         items["limits"] = self.limits and {name: each[i] if each.ndim == 2 else each for name, each in self.limits.items()}
         items["parameters"] = self.parameters[i] if self.parameters is not None and self.parameters.ndim == 2 else self.parameters
         items["stats"] = {name: np.asarray(value)[i] if np.ndim(value) else value for name, value in self.stats.items()}
+        error = self.position_error
+        items["position_error"] = None if error is None else error[i]
         if self._desired is not None:
             items["desired"] = tuple(part if part.ndim == 2 else part[i] for part in self._desired)
         return Run(items, motion=self._motions[i if len(self._motions) > 1 else 0] if self._motions else None)

@@ -11,6 +11,9 @@ error_final            rad or m        |e| at the end
 overshoot              1               how far q passes beyond the farthest point of the reference, as a fraction of the way from
                                        q(0) to its end; NaN without such a way, and where the reference still moves at the end
 settling_time          s               from when on |e| stays within the band for good, for all joints; NaN if it does not
+position_error_rms,    m               of each task of a frame (`Run.position_error`), one value per task: the same of the distance of
+position_error_peak,                   the frame from its target; not there for laws without such tasks
+position_error_final
 tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|; of an arm under velocity control rad/s or m/s
 time_outside_limits    s               how long any joint is beyond its position, velocity or effort limits; NaN if unknown
 monitor_violations     1               records at which an identity of theory does not hold: see `metrics`
@@ -38,11 +41,16 @@ __all__ = ["Metrics", "metrics"]
 Array: TypeAlias = NDArray[np.float64]
 
 PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "tau_peak")
+PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
 PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations")
+ALL = (*PER_JOINT, *PER_TASK, *PER_RUN)
 
 
 class Metrics(dict[str, Array]):
-    """Metrics by name: (n,) or a number for a run, (B, n) or (B,) for a batch; `columns()` has one entry per number of a run."""
+    """Metrics by name: (n,), (tasks,) or a number for a run, (B, n), (B, tasks) or (B,) for a batch.
+
+    `columns()` has one entry per number of a run.
+    """
 
     units: tuple[str, ...]
     input_units: tuple[str, ...]
@@ -57,13 +65,15 @@ class Metrics(dict[str, Array]):
             return "s"
         if name in ("overshoot", "monitor_violations"):
             return "1"
+        if name in PER_TASK:
+            return "m"
         return (self.input_units if name.startswith("tau") else self.units)[joint]
 
     def columns(self) -> dict[str, Array]:
         """One column per number of a run: `error_rms1`, `error_rms2`, .., `settling_time`, .."""
         table: dict[str, Array] = {}
         for name, values in self.items():
-            if name in PER_JOINT:
+            if name in PER_JOINT or name in PER_TASK:
                 table |= {f"{name}{i + 1}": values[..., i] for i in range(values.shape[-1])}
             else:
                 table[name] = values
@@ -75,7 +85,7 @@ class Metrics(dict[str, Array]):
     def __str__(self) -> str:
         lines = []
         for name, values in self.items():
-            if name in PER_JOINT and values.ndim == 1:
+            if name in (*PER_JOINT, *PER_TASK) and values.ndim == 1:
                 text = "  ".join(_shown(value, self.unit(name, i)) for i, value in enumerate(values))
             else:
                 text = _shown(float(values), self.unit(name)) if values.ndim == 0 else f"{len(values)} rows"
@@ -94,6 +104,7 @@ def metrics(
     band: ArrayLike | None = None,
     settle: float = 0.02,
     tolerance: float = 1e-6,
+    frame: str | None = None,
 ) -> Metrics:
     """Sum a run up, or every run of a batch: errors, settling time, overshoot, torques, limits and monitors.
 
@@ -107,6 +118,7 @@ def metrics(
         band: of the settling time, a number or (n,), rad or m; None: `settle` times the largest error of the joints of the same unit.
         settle: see `band`.
         tolerance: of the monitors, relative.
+        frame: measure the position of this frame against where the joints' reference has it, in place of the law's tasks.
 
     Raises:
         InputError: the batch kept no records, or a shape is wrong.
@@ -120,9 +132,9 @@ def metrics(
     (1.0, 0.58, 0.0)
     """
     if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
-        if "error_rms" in run.stats and reference is None and band is None:
+        if "error_rms" in run.stats and reference is None and band is None and frame is None:
             # A batch that kept its metrics has them among its stats.
-            return Metrics({name: run.stats[name] for name in (*PER_JOINT, *PER_RUN) if name in run.stats}, run.units, run.input_units)
+            return Metrics({name: run.stats[name] for name in ALL if name in run.stats}, run.units, run.input_units)
         raise InputError('metrics: run has its last record alone: expected a batch run with keep="all"')
     q, t = run.q, run.t
     n = q.shape[-1]
@@ -149,6 +161,9 @@ def metrics(
             found["error_final"] = size[..., -1, :]
             found["overshoot"] = _overshoot(q, q_d, v_d)
             found["settling_time"] = _settling(t, size, _band(band, settle, found["error_peak"], run.units))
+        distance = run.position_error if frame is None else _of_frame(run, frame, q_d)
+        if distance is not None and q.shape[-2]:
+            found |= {PER_TASK[0]: _rms(distance, weights), PER_TASK[1]: distance.max(axis=-2), PER_TASK[2]: distance[..., -1, :]}
         if run.tau is not None and q.shape[-2]:
             found["tau_rms"] = _rms(run.tau, weights)
             found["tau_peak"] = np.abs(run.tau).max(axis=-2)
@@ -157,7 +172,16 @@ def metrics(
     for name, values in found.items():
         # A run that has stopped being finite has no metrics, whatever its first part was like.
         found[name] = np.where(bad[..., None] if values.ndim > np.ndim(bad) else bad, np.nan, values)
-    return Metrics({name: found[name] for name in (*PER_JOINT, *PER_RUN) if name in found}, run.units, run.input_units)
+    return Metrics({name: found[name] for name in ALL if name in found}, run.units, run.input_units)
+
+
+def _of_frame(run: Run | BatchRun, frame: str, q_d: Array | None) -> Array:
+    if q_d is None or run.arm is None:
+        lacks = "no reference of joints" if q_d is None else "no arm, as a run that was read from a file"
+        raise InputError(f"metrics: frame is given for a run with {lacks}: expected None")
+    from .task_errors import frame_errors
+
+    return frame_errors(run._arms, frame, run.q, np.broadcast_to(q_d, run.q.shape))
 
 
 def _weights(t: Array) -> Array:

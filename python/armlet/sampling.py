@@ -2,15 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 
 from .errors import InputError
 
-__all__ = ["Sampling"]
+__all__ = ["Sampling", "TorqueSensor"]
 
 CHANNELS = ("q", "v", "theta", "theta_dot")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueSensor:
+    """The joint-torque sensors of an elastic arm in a sampled loop, `Sampling(torque_sensor=...)`.
+
+    `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise)/resolution) resolution`, with `tau_J = K (theta - q)`. The law
+    knows the links through it and the motors' encoders, as on light-weight arms: it sees `q = theta - K^-1 reading`, `K` its own joint
+    stiffness, so that its `tau_J` is the reading. The filters begin at rest; between samples the torque is taken to move in a straight
+    line, for which they are exact.
+
+    Args:
+        noise: standard deviation, N m.
+        bias: constant error, N m, scalar or (n,).
+        resolution: step of the reading, N m; none if 0.
+        bandwidth: `w_c` of the first-order filter, rad/s; none if infinite.
+
+    Raises:
+        InputError: where it is used: a number is of the wrong sign or not finite, the plant has no elastic joints.
+
+    >>> import armlet as al
+    >>> al.Sampling(1e-3, torque_sensor=al.TorqueSensor(noise=0.1, bandwidth=2000.0)).torque_sensor.noise
+    0.1
+    """
+
+    noise: float = 0.0
+    bias: float | Sequence[float] = 0.0
+    resolution: float = 0.0
+    bandwidth: float = inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +50,7 @@ class _Effects:
     noise: Mapping[str, float] = field(default_factory=dict)
     resolution: Mapping[str, float] = field(default_factory=dict)
     rate_limit: float = inf
+    torque_sensor: TorqueSensor | None = None
     seed: int = 0
 
 
@@ -40,6 +70,7 @@ class Sampling(_Effects):
         noise: standard deviation of a measured quantity, by name: "q", "v", "theta", "theta_dot".
         resolution: step of a measured quantity, by name, such as 2 pi / 2**14 of an encoder.
         rate_limit: largest change of the input per second, N m/s.
+        torque_sensor: `TorqueSensor` of an elastic arm, in place of encoders of the links.
         seed: integer >= 0.
 
     Raises:
@@ -53,6 +84,9 @@ class Sampling(_Effects):
     period: float
 
     def __post_init__(self) -> None:
+        if self.torque_sensor is not None and not isinstance(self.torque_sensor, TorqueSensor):
+            got = type(self.torque_sensor).__name__
+            raise InputError(f"Sampling: torque_sensor is of the wrong type: expected a TorqueSensor or None, got {got}")
         for name in ("noise", "resolution"):
             unknown = [key for key in getattr(self, name) if key not in CHANNELS]
             if unknown:

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from . import _core
 from .errors import SolveError
+from .events import Event, Events, watched
+from .integration import DenseOutput
 from .run import BatchRun, Run
 from .sampling import Sampling
 from .status import Status
@@ -38,6 +40,8 @@ def simulate(
     force_frame: str | None = None,
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
+    events: Event | Callable[..., float] | Sequence[Event | Callable[..., float]] | None = None,
+    dense: bool = False,
     throw: bool = True,
 ) -> Run:
     """Close the loop of `plant` and `law` and run it from rest, or from `v0`, with no Python inside.
@@ -56,7 +60,7 @@ def simulate(
             "radau5", "rodas4" (adaptive, `rtol` and `atol`; the last two are implicit, for stiff plants).
         rtol, atol: relative and absolute error allowed per step of an adaptive method.
         sample_time: None evaluates the law inside every stage; a period in s holds its output that long, as a real controller does; a
-            `Sampling` adds delay, jitter, noise, quantisation and a rate limit.
+            `Sampling` adds delay, jitter, noise, quantisation, joint-torque sensors and a rate limit.
         record_every: record the start and every so many steps, and the end.
         t_eval: record exactly these times instead, increasing, in [0, t_end].
         force: external force: None, constant, `[(t_start, F), ...]` piecewise constant, or a callable `F(t)`; in the law's axes at its
@@ -64,6 +68,9 @@ def simulate(
         force_frame: the frame at which the force acts instead; then it is (3,), or (6,) as [f; m], in world axes.
         tau_max: the input saturates at this magnitude, scalar or (n,), N m or N.
         monitors: integrate and record the identities that theory promises: see `Run.monitors`.
+        events: zero crossings to be located in a run of an adaptive method: `Event`s, or functions `g(t, q, v)`, which are Python inside
+            the loop; `Run.events` has them. One that stops the run ends it with `Status.EVENT`.
+        dense: keep the polynomial of every step of an adaptive method: `run.sample(t)` is the state at any time.
         throw: raise where the run does not reach its end; False returns what there is, with its status.
 
     Returns:
@@ -81,10 +88,16 @@ def simulate(
     (2001, 2)
     """
     keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "throw")}
+    keywords["events"] = asked = watched(events)
     fields = _core.simulate(plant, law, q0, keywords)
     ended = fields.pop("ended")
+    if asked:
+        fields["events"] = Events(names=tuple(event.name for event in asked), **fields["events"])
+    if dense:
+        states, *polynomials = fields["dense"]
+        fields["dense"] = DenseOutput(0.0, *polynomials), states
     run = Run(fields, law=law, plant=plant)
-    if throw and run.status is not Status.SUCCESS:
+    if throw and run.status not in (Status.SUCCESS, Status.EVENT):
         message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {run.status.advice}"
         raise SolveError(message, run.status, ended, run)
     return run

@@ -21,6 +21,7 @@ class Status(IntEnum):
     EVENT = 5
     DEGRADED = 6
     INFEASIBLE = 7
+    STALLED = 8
 
     @property
     def advice(self) -> str:
@@ -40,4 +41,8 @@ _ADVICE = {
     Status.EVENT: "an event ended the run",
     Status.DEGRADED: "part of the command was given up: see the residuals",
     Status.INFEASIBLE: "no answer exists: see the reason",
+    Status.STALLED: (
+        "the steps collapsed and would never reach the end: where the input switches (a target out of reach, a bound) take a fixed step "
+        "or a sample time; where the problem is stiff a stiff method"
+    ),
 }

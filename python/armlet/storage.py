@@ -1,8 +1,8 @@
 """Runs on disk: an npz container with a JSON header and a SHA-256 over all of it. No pickle, whole or not at all.
 
 The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
-members are the arrays by name; monitors, limits and array stats as `monitors/name`, `limits/name`, `stats/name`, the desired motion
-as `q_d v_d a_d`.
+members are the arrays by name; monitors, limits, array stats and events as `monitors/name`, `limits/name`, `stats/name`,
+`events/name`, the desired motion as `q_d v_d a_d`. Polynomials of a dense run are not kept.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import FormatError
+from .events import Events
 from .run import SERIES, BatchRun, Run
 from .status import Status
 
@@ -31,8 +32,9 @@ __all__ = ["digest", "load", "save", "write_whole"]
 
 FORMAT = "armlet run"
 VERSION = 1
-SINGLE = ("parameters", "target")
+SINGLE = ("parameters", "target", "position_error")
 DESIRED = ("q_d", "v_d", "a_d")
+EVENTS = ("t", "which", "q", "v", "theta", "theta_dot")
 
 
 def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
@@ -52,6 +54,8 @@ def save(run: _Recorded, path: str | PathLike[str]) -> None:
     arrays |= {f"monitors/{name}": values for name, values in run.monitors.items()}
     arrays |= {f"stats/{name}": np.asarray(value) for name, value in run.stats.items() if np.ndim(value)}
     arrays |= {f"limits/{name}": values for name, values in items.get("limits", {}).items()}
+    if run.events is not None:
+        arrays |= {f"events/{name}": getattr(run.events, name) for name in EVENTS if getattr(run.events, name) is not None}
     arrays |= dict(zip(DESIRED, items["desired"], strict=True)) if "desired" in items else {}
     status = items["status"]
     if not isinstance(status, Status):
@@ -68,6 +72,8 @@ def save(run: _Recorded, path: str | PathLike[str]) -> None:
         "status": int(status) if isinstance(status, Status) else None,
         "stats": {name: value.item() if isinstance(value, np.generic) else value for name, value in scalars.items()},
     }
+    if run.events is not None:
+        header["events"] = list(run.events.names)
     header["sha256"] = digest(header, arrays)
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
 
@@ -140,6 +146,8 @@ def load(path: str | PathLike[str]) -> Run | BatchRun:
         "limits": group("limits/"),
     }
     fields |= {"units": tuple(header["units"]), "status": arrays.get("status", header["status"])}
+    if "events" in header:
+        fields["events"] = Events(names=tuple(header["events"]), **group("events/"))
     if DESIRED[0] in arrays:
         fields["desired"] = tuple(arrays[key] for key in DESIRED)
     return (Run if header["kind"] == "Run" else BatchRun)(fields)

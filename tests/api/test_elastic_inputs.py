@@ -90,15 +90,14 @@ def test_equilibrium() -> None:
     law = impedance()
     refused(lambda: al.equilibrium(al.RigidArm(ARM), law, q0=[0.3, 1.2]), "equilibrium: law", "RigidArm")
     refused(lambda: al.equilibrium(PLANT, LAWS["tracking"], q0=[0.3, 1.2]), "law", "moves")
-    refused(lambda: al.equilibrium(PLANT, LAWS["motor"], q0=[0.3, 1.2]), "law", "MotorPD")
+    tracked = al.ComputedTorque(ARM, al.Hold([0.3, 1.0]), 100.0, 20.0)
+    refused(lambda: al.equilibrium(al.RigidArm(ARM), tracked, q0=[0.3, 1.2]), "law", "ComputedTorque")
     refused(lambda: al.equilibrium(PLANT, LAWS["joint"], [1.0, 0.0], q0=[0.3, 1.2]), "force_frame")
     refused(lambda: al.equilibrium(PLANT, law, [1.0], q0=[0.3, 1.2]), "force")
     refused(lambda: al.equilibrium(PLANT, law, [1.0, NAN], q0=[0.3, 1.2]), "force")
     refused(lambda: al.equilibrium(PLANT, law, [(0.0, [1.0, 2.0]), (1.0, [0.0, 0.0])], q0=[0.3, 1.2]), "force", "constant")
     refused(lambda: al.equilibrium(PLANT, law, q0=[0.3, INF]), "q0")
     refused(lambda: al.equilibrium(PLANT, law, q0=[0.3]), "q0")
-    wall = al.Wall("link2", [0.6, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=1e3)
-    refused(lambda: al.equilibrium(al.ElasticArm(ARM, 800.0, 0.4, wall=wall), law, q0=[0.3, 1.2]), "plant", "wall")
 
 
 def test_limits() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import armlet as al
+import armlet.gym
 
 OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba", "armlet.reference", "armlet.plots", "armlet.cli")
 
@@ -53,9 +54,9 @@ def test_star_import_gives_the_public_names() -> None:
 
 def documented() -> dict[str, Any]:
     """Every public object and every public method, by name."""
-    found: dict[str, Any] = {"armlet": al}
-    for name in al.__all__:
-        thing = getattr(al, name)
+    found: dict[str, Any] = {"armlet": al, "gym": armlet.gym}
+    public = {name: getattr(al, name) for name in al.__all__} | {f"gym.{name}": getattr(armlet.gym, name) for name in armlet.gym.__all__}
+    for name, thing in public.items():
         if isinstance(thing, str):
             continue
         found[name] = thing

@@ -187,6 +187,15 @@ def test_replace_leaves_the_first_as_it_was() -> None:
     assert first.data["law"]["kp"] == [100.0, 80.0] and "tau_max" not in first.data["run"]
 
 
+def test_replace_changes_one_table() -> None:
+    """Where one dict is given for two tables, each is its own."""
+    arm = {"kind": "planar_arm", "lengths": [0.5, 0.4]}
+    scenario = Scenario(GOOD | {"arm": arm, "model": arm}).replace({"arm.masses": [1.0, 2.0]})
+    assert (
+        "masses" not in scenario.data["model"] and scenario.standalone().replace({"model.lengths[0]": 0.6}).data["arm"]["lengths"][0] == 0.5
+    )
+
+
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_templates_run(name: str, tmp_path: Path) -> None:
     file = tmp_path / "t.toml"

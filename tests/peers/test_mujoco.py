@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -95,3 +96,17 @@ def test_what_is_not_an_arm() -> None:
         al.from_mujoco(mujoco.MjModel.from_xml_string(free))
     with pytest.raises(al.InputError, match="against is of the wrong type"):
         al.verify(al.pendulum(1.0, 1.0), against=3)
+
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mujoco_loop.py"
+
+
+def test_a_law_drives_a_model(tmp_path: Path) -> None:
+    """The example, whose two loops agree to 1e-10; with a gram more on one side they do not."""
+    code = EXAMPLE.read_text()
+    assert subprocess.run([sys.executable, "-P", "-c", code, str(tmp_path / "figure.png")], check=False).returncode == 0
+    assert (tmp_path / "figure.png").stat().st_size > 0
+    planted = code.replace("arm = al.from_mujoco(model)", "arm = al.from_mujoco(model).with_payload('fore', 1e-3)")
+    assert planted != code
+    done = subprocess.run([sys.executable, "-P", "-c", planted], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "AssertionError" in done.stderr

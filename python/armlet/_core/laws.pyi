@@ -54,6 +54,7 @@ class Adaptive(Law):
         estimate: ArrayLike | None = None,
         base: BaseParameters | None = None,
         natural: bool = False,
+        projection: ArrayLike | None = None,
     ) -> Self: ...
 
 @final

@@ -5,6 +5,7 @@ from typing import Any, Self, final
 from numpy.typing import ArrayLike
 from typing_extensions import disjoint_base
 
+from ..events import JointStops
 from .arms import Arm
 
 @disjoint_base
@@ -20,7 +21,7 @@ class Wall:
 
 @final
 class RigidArm(Plant):
-    def __new__(cls, arm: Arm, *, friction: bool = False, wall: Wall | None = None) -> Self: ...
+    def __new__(cls, arm: Arm, *, friction: bool = False, wall: Wall | None = None, stops: JointStops | None = None) -> Self: ...
 
 @final
 class VelocityArm(Plant):
@@ -37,4 +38,5 @@ class ElasticArm(Plant):
         joint_damping: ArrayLike | None = None,
         motor_friction: ArrayLike | None = None,
         wall: Wall | None = None,
+        stops: JointStops | None = None,
     ) -> Self: ...

@@ -100,6 +100,10 @@ class PriorityVelocity(Law):
         *,
         v_min: ArrayLike | None = None,
         v_max: ArrayLike | None = None,
+        q_min: ArrayLike | None = None,
+        q_max: ArrayLike | None = None,
+        a_max: ArrayLike | None = None,
+        horizon: float | None = None,
     ) -> Self: ...
 
 @final
@@ -112,6 +116,12 @@ class PriorityAcceleration(Law):
         eps: ArrayLike | None = None,
         *,
         joint_damping: float | None = None,
+        a_max: ArrayLike | None = None,
+        v_min: ArrayLike | None = None,
+        v_max: ArrayLike | None = None,
+        q_min: ArrayLike | None = None,
+        q_max: ArrayLike | None = None,
+        horizon: float | None = None,
     ) -> Self: ...
 
 @final

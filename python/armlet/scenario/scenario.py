@@ -6,7 +6,6 @@ of the key they are about: `$.law.kd[1]: is not positive definite: expected > 0,
 
 from __future__ import annotations
 
-import copy
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -179,14 +178,14 @@ class Scenario:
         Raises:
             InputError: a path leads nowhere, or the new value is not allowed there.
         """
-        data = copy.deepcopy(dict(self.data))
+        data = _plain(self.data)
         for path, value in changes.items():
             change(data, path, value)
         return Scenario(data, self.folder, self.name)
 
     def standalone(self) -> Scenario:
         """The same with the text of its robot file inside, so that it needs no file."""
-        data = copy.deepcopy(dict(self.data))
+        data = _plain(self.data)
         for table in ("arm", "model"):
             path = data.get(table, {}).pop("path", None)
             if path is not None:

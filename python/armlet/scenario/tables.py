@@ -12,7 +12,8 @@ import numpy as np
 
 from .. import _core
 from ..errors import InputError
-from ..sampling import CHANNELS, Sampling
+from ..events import JointStops
+from ..sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
 from .tasks import prioritised, tasks_of
 
@@ -94,9 +95,19 @@ _WALL = Table(
 )
 
 
-def _with_wall(make: Any) -> Any:
-    def plant(arm: _core.Arm, wall: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Plant:
-        made: _core.Plant = make(arm, **keywords, **({} if wall is None else {"wall": _core.Wall(**wall)}))
+_LIMIT = Numbers(depth=1, finite=False)
+_STOPS = Table(
+    {"stiffness": Numbers(depth=1, low=0.0, strict=True), "damping": Numbers(depth=1, low=0.0), "lower": _LIMIT, "upper": _LIMIT},
+    ("stiffness",),
+)
+
+
+def _with_contacts(make: Any) -> Any:
+    def plant(
+        arm: _core.Arm, wall: Mapping[str, Any] | None = None, stops: Mapping[str, Any] | None = None, **keywords: Any
+    ) -> _core.Plant:
+        contacts = {"wall": wall and _core.Wall(**wall), "stops": stops and JointStops(**stops)}
+        made: _core.Plant = make(arm, **keywords, **{name: contact for name, contact in contacts.items() if contact})
         return made
 
     return plant
@@ -104,11 +115,11 @@ def _with_wall(make: Any) -> Any:
 
 PLANTS = OneOf(
     {
-        "RigidArm": Kind({"friction": Flag(), "wall": _WALL}, (), _with_wall(_core.RigidArm), ("arm",)),
+        "RigidArm": Kind({"friction": Flag(), "wall": _WALL, "stops": _STOPS}, (), _with_contacts(_core.RigidArm), ("arm",)),
         "ElasticArm": Kind(
-            {"stiffness": GAIN, "motor_inertia": GAIN, "joint_damping": DAMPING, "motor_friction": DAMPING, "wall": _WALL},
+            {"stiffness": GAIN, "motor_inertia": GAIN, "joint_damping": DAMPING, "motor_friction": DAMPING, "wall": _WALL, "stops": _STOPS},
             ("stiffness", "motor_inertia"),
-            _with_wall(_core.ElasticArm),
+            _with_contacts(_core.ElasticArm),
             ("arm",),
         ),
         "VelocityArm": Kind({}, (), _core.VelocityArm, ("arm",)),
@@ -154,7 +165,8 @@ _TIP: dict[str, Field] = {"frame": TEXT}
 _TASKS = tasks_of(MOTIONS)
 _LEVELS: dict[str, Field] = {"tasks": Items(_TASKS)}
 _METHOD: dict[str, Field] = {"method": Text(("clamp", "exact", "damped", "chiaverini", "sns")), "eps": Numbers(depth=1, low=0.0)}
-_BOUNDS: dict[str, Field] = {"v_min": Numbers(depth=1), "v_max": Numbers(depth=1)}
+_LIMITS = ("v_min", "v_max", "q_min", "q_max")
+_BOUNDS: dict[str, Field] = {name: Numbers(depth=1) for name in _LIMITS} | {"a_max": Numbers(depth=1, low=0.0, strict=True), "horizon": POSITIVE}
 _REST: dict[str, Field] = {"joint_damping": NOT_NEGATIVE}
 LAWS = OneOf(
     {
@@ -168,7 +180,7 @@ LAWS = OneOf(
         "MotorPD": _law(_core.MotorPD, _TARGET | _PD, _SPRING | {"online": Flag()}),
         "StateFeedback": _law(_core.StateFeedback, _TARGET | _PD | {"kt": DAMPING, "ks": DAMPING}, _SPRING),
         "PriorityVelocity": _law(prioritised(_core.PriorityVelocity, _TASKS), _LEVELS, _METHOD | _BOUNDS),
-        "PriorityAcceleration": _law(prioritised(_core.PriorityAcceleration, _TASKS), _LEVELS, _METHOD | _REST),
+        "PriorityAcceleration": _law(prioritised(_core.PriorityAcceleration, _TASKS), _LEVELS, _METHOD | _BOUNDS | _REST),
     }
 )
 
@@ -178,6 +190,14 @@ KNOWN = {"joint_stiffness": "stiffness", "motor_inertia": "motor_inertia"}
 JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
 
 _CHANNEL = Table({name: NOT_NEGATIVE for name in CHANNELS})
+_TORQUE_SENSOR = Table(
+    {
+        "noise": NOT_NEGATIVE,
+        "bias": Numbers(depth=1),
+        "resolution": NOT_NEGATIVE,
+        "bandwidth": Numbers(low=0.0, strict=True, finite=False),
+    }
+)
 _SAMPLING = Table(
     {
         "period": POSITIVE,
@@ -187,6 +207,7 @@ _SAMPLING = Table(
         "noise": _CHANNEL,
         "resolution": _CHANNEL,
         "rate_limit": Numbers(low=0.0, strict=True, finite=False),
+        "torque_sensor": _TORQUE_SENSOR,
         "seed": Integer(),
     },
     ("period",),
@@ -235,7 +256,8 @@ def arguments(run: Mapping[str, Any]) -> dict[str, Any]:
     given = dict(run)
     sampling, times, force = given.get("sample_time"), given.get("t_eval"), given.get("force")
     if isinstance(sampling, Mapping):
-        given["sample_time"] = Sampling(**sampling)
+        sensor = sampling.get("torque_sensor")
+        given["sample_time"] = Sampling(**{**sampling, "torque_sensor": sensor and TorqueSensor(**sensor)})
     if isinstance(times, Mapping):
         given["t_eval"] = np.linspace(0.0, run["t_end"], max(2, round(run["t_end"] / times["step"]) + 1))
     if force and isinstance(force[0], Mapping):

@@ -20,10 +20,12 @@ pub enum Status {
     Degraded = 6,
     /// No answer exists: the constraints exclude each other.
     Infeasible = 7,
+    /// The adaptive step collapsed: at its pace the rest would take more than the cap on steps.
+    Stalled = 8,
 }
 
 impl Status {
-    pub const ALL: [Status; 8] = [
+    pub const ALL: [Status; 9] = [
         Status::Success,
         Status::Diverged,
         Status::StepUnderflow,
@@ -32,6 +34,7 @@ impl Status {
         Status::Event,
         Status::Degraded,
         Status::Infeasible,
+        Status::Stalled,
     ];
 
     /// The name used in Python (`al.Status.DIVERGED` is "diverged").
@@ -45,6 +48,7 @@ impl Status {
             Status::Event => "event",
             Status::Degraded => "degraded",
             Status::Infeasible => "infeasible",
+            Status::Stalled => "stalled",
         }
     }
 
@@ -63,6 +67,10 @@ impl Status {
             Status::Event => "an event ended the run",
             Status::Degraded => "part of the command was given up: see the residuals",
             Status::Infeasible => "no answer exists: see the reason",
+            Status::Stalled => {
+                "the steps collapsed and would never reach the end: where the input switches (a target out of reach, a bound) take a fixed step \
+                 or a sample time; where the problem is stiff a stiff method"
+            }
         }
     }
 

@@ -6,9 +6,10 @@ use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
 use armlet_core::kinematics::TaskFunction;
 use armlet_core::law::{Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec, Level};
-use armlet_core::law::{PriorityAccelerationSpec, PriorityVelocitySpec};
+use armlet_core::law::{GivenLimits, PriorityAccelerationSpec, PriorityVelocitySpec, StateFeedbackSpec};
 use armlet_core::motion::{Motion, Sinusoid};
-use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, VelocitySpec};
+use armlet_core::plant::sensors::TorqueSensor;
+use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec};
 use armlet_core::priority::Options as Maps;
 use armlet_core::simulate::{Force, Method, Options, Problem, Sampling, Times, simulate};
 use armlet_core::status::Status;
@@ -24,13 +25,15 @@ fn sinusoid(n: usize) -> Motion {
 fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: Method, sample: Option<f64>, steps: usize) -> usize {
     let n = plant.n();
     let t_end = steps as f64 * 1e-3;
+    let sensed = matches!(plant, PlantSpec::Elastic(_));
+    let sensor = sensed.then(|| TorqueSensor::new(0.1, vec![0.5; n], 0.01, 500.0).unwrap());
     let options = Options {
         t_end,
         dt: Some(1e-3),
         method,
         rtol: 1e-8,
         atol: 1e-10,
-        sampling: sample.map(Sampling::every),
+        sampling: sample.map(|period| Sampling { torque_sensor: sensor.clone(), ..Sampling::every(period) }),
         times: Times::At(vec![t_end]),
         tau_max: Some(vec![1e4; n]),
         monitors: true,
@@ -83,8 +86,9 @@ fn steps_allocate_nothing() {
             level(TaskFunction::posture(arm, None).unwrap(), vec![0.0; 6]),
         ]
     };
-    let velocity = LawSpec::PriorityVelocity(PriorityVelocitySpec::new(six.clone(), levels(), Maps::default()).unwrap());
-    let acceleration = PriorityAccelerationSpec::new(six.clone(), levels(), Maps::default(), 5.0).unwrap();
+    let velocity =
+        LawSpec::PriorityVelocity(PriorityVelocitySpec::new(six.clone(), levels(), Maps::default(), &GivenLimits::default()).unwrap());
+    let acceleration = PriorityAccelerationSpec::new(six.clone(), levels(), Maps::default(), 5.0, &GivenLimits::default()).unwrap();
     let acceleration = LawSpec::PriorityAcceleration(acceleration);
     let commanded = PlantSpec::Velocity(VelocitySpec { model: six.clone() });
     let cases = [
@@ -108,7 +112,14 @@ fn steps_allocate_nothing() {
             }
         }
     }
-    // The motors of elastic joints are part of the same loop.
-    let spec = ElasticSpec::new(two.clone(), gain(2, 800.0), gain(2, 0.2), None, None, None).unwrap();
-    assert_eq!(PlantSpec::Elastic(spec).states(), 8);
+    // Elastic joints, their torques sensed where the loop is sampled, run into a stop.
+    let stops = Stops::new(vec![-3.0; 2], vec![0.21, 3.0], vec![1e3; 2], vec![10.0; 2]).unwrap();
+    let spec = ElasticSpec::new(two.clone(), gain(2, 800.0), gain(2, 0.2), None, None, None).unwrap().with_stops(Some(stops));
+    let gains = [gain(2, 200.0), gain(2, 20.0), gain(2, 1.0), gain(2, 0.02)];
+    let law = LawSpec::StateFeedback(StateFeedbackSpec::new(two, &[0.4, 0.3], gains, gain(2, 800.0)).unwrap());
+    let plant = PlantSpec::Elastic(spec);
+    for (method, sample) in [(Method::Rk4, None), (Method::Rk4, Some(0.002)), (Method::Dop853, None)] {
+        let count = |steps: usize| allocations(&plant, &law, None, method, sample, steps);
+        assert_eq!(count(100), count(1000), "{method:?}, sampled at {sample:?}");
+    }
 }

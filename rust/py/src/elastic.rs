@@ -94,6 +94,9 @@ pub fn equilibrium<'py>(
         }
         fields.set_item("reachable", found.reachable)?;
         fields.set_item("spurious", found.spurious)?;
+        if plant.wall().is_some() {
+            put(&fields, "wall_force", &found.wall_force)?;
+        }
         fields.set_item("stable", found.stable)?;
         put_eigenvalues(&fields, &found.eigenvalues)?;
         Ok(fields)

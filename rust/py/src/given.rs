@@ -25,6 +25,11 @@ impl<'py> Given<'py> {
         Ok(Given { function, arm: object::<Arm>(function, "arm", AN_ARM, arm)?, arguments: Vec::new() })
     }
 
+    /// The class whose arguments they are.
+    pub fn function(&self) -> &'static str {
+        self.function
+    }
+
     pub fn model(&self) -> armlet_core::dynamics::Model {
         self.arm.get().model.core()
     }

@@ -5,6 +5,7 @@ mod arrays;
 mod broadcast;
 mod elastic;
 mod errors;
+mod event;
 mod force;
 mod given;
 mod integrate;
@@ -16,6 +17,7 @@ mod plant;
 mod priority;
 mod simulate;
 mod simulator;
+mod stops;
 mod task;
 
 use pyo3::prelude::*;

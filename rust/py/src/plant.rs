@@ -4,7 +4,7 @@ use crate::arm::Arm;
 use crate::arrays::{number, object, text, vector};
 use crate::errors::{Failure, entry};
 use crate::given::{Given, call, shown_as};
-use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, VelocitySpec, Wall as CoreWall};
+use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -108,12 +108,22 @@ fn wall<'py>(given: &mut Given<'py>, function: &str, wall: Option<&Bound<'py, Py
     Ok(Some(CoreWall { frame, ..object.get().core.clone() }))
 }
 
+/// The stops of a plant, kept for `repr` and pickling.
+fn stops<'py>(given: &mut Given<'py>, function: &'static str, stops: Option<&Bound<'py, PyAny>>) -> Result<Option<Stops>, Failure> {
+    let found = crate::stops::stops(function, &given.model(), stops)?;
+    if let (Some(_), Some(stops)) = (&found, stops) {
+        given.plain("stops", stops);
+    }
+    Ok(found)
+}
+
 /// A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) = tau + J'F`, `x = [q, v]`.
 ///
 /// Args:
 ///     arm: the true arm; a law may be made for another one.
 ///     friction: the model's viscous and Coulomb friction act too (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
+///     stops: `JointStops` at the limits of the joints (keyword only).
 ///
 /// >>> import armlet as al
 /// >>> al.RigidArm(al.planar_pr(2.0, 0.5, 0.5))
@@ -124,8 +134,13 @@ pub struct RigidArm;
 #[pymethods]
 impl RigidArm {
     #[new]
-    #[pyo3(signature = (arm, *, friction=false, wall=None))]
-    fn new<'py>(arm: &Bound<'py, PyAny>, friction: bool, wall: Option<&Bound<'py, PyAny>>) -> PyResult<PyClassInitializer<Self>> {
+    #[pyo3(signature = (arm, *, friction=false, wall=None, stops=None))]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        friction: bool,
+        wall: Option<&Bound<'py, PyAny>>,
+        stops: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "RigidArm";
         entry(arm.py(), NAME, || {
             let mut given = Given::new(NAME, arm)?;
@@ -134,7 +149,8 @@ impl RigidArm {
                 given.plain("friction", &friction.into_pyobject(arm.py()).map(|flag| flag.to_owned().into_any()).map_err(PyErr::from)?);
             }
             let wall = self::wall(&mut given, NAME, wall)?;
-            let spec = RigidSpec { friction, wall, ..RigidSpec::new(given.model()) };
+            let stops = self::stops(&mut given, NAME, stops)?;
+            let spec = RigidSpec { friction, wall, stops, ..RigidSpec::new(given.model()) };
             Ok(given.plant(PlantSpec::Rigid(spec)).add_subclass(RigidArm))
         })
     }
@@ -172,6 +188,7 @@ impl VelocityArm {
 ///     joint_damping: in parallel with the springs, N m s/rad, `(n,)`, >= 0 (keyword only).
 ///     motor_friction: viscous, N m s/rad, `(n,)`, >= 0 (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
+///     stops: `JointStops` at the limits of the links (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite.
@@ -186,7 +203,7 @@ pub struct ElasticArm;
 #[pymethods]
 impl ElasticArm {
     #[new]
-    #[pyo3(signature = (arm, stiffness, motor_inertia, *, joint_damping=None, motor_friction=None, wall=None))]
+    #[pyo3(signature = (arm, stiffness, motor_inertia, *, joint_damping=None, motor_friction=None, wall=None, stops=None))]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         stiffness: &Bound<'py, PyAny>,
@@ -194,6 +211,7 @@ impl ElasticArm {
         joint_damping: Option<&Bound<'py, PyAny>>,
         motor_friction: Option<&Bound<'py, PyAny>>,
         wall: Option<&Bound<'py, PyAny>>,
+        stops: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ElasticArm";
         entry(arm.py(), NAME, || {
@@ -204,7 +222,8 @@ impl ElasticArm {
             let mut optional = |name, value: Option<&Bound<'py, PyAny>>| value.map(|value| given.vector(name, value, n)).transpose();
             let (damping, friction) = (optional("joint_damping", joint_damping)?, optional("motor_friction", motor_friction)?);
             let wall = self::wall(&mut given, NAME, wall)?;
-            let spec = ElasticSpec::new(model, stiffness, inertia, damping, friction, wall)?;
+            let stops = self::stops(&mut given, NAME, stops)?;
+            let spec = ElasticSpec::new(model, stiffness, inertia, damping, friction, wall)?.with_stops(stops);
             Ok(given.plant(PlantSpec::Elastic(spec)).add_subclass(ElasticArm))
         })
     }

@@ -3,11 +3,13 @@
 use crate::arrays::{any_vector, count, number, numbers, object, optional_number, require_finite, shown, text, vector};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
+use crate::event;
 use crate::force::{self, Raised};
 use crate::law::Law;
 use crate::motion::Motion;
 use crate::plant::Plant;
 use armlet_core::law::{ExternalSpec, LawSpec};
+use armlet_core::plant::sensors::TorqueSensor;
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Sampling, Times};
 use numpy::PyArray1;
@@ -69,7 +71,7 @@ impl<'py> Given<'py> {
     }
 
     /// A period in s, or an `armlet.Sampling`.
-    fn sampling(&self) -> Result<Option<Sampling>, Failure> {
+    fn sampling(&self, n: usize) -> Result<Option<Sampling>, Failure> {
         let Some(value) = self.get("sample_time")? else { return Ok(None) };
         let function = self.function;
         let Ok(period) = value.getattr("period") else {
@@ -94,6 +96,7 @@ impl<'py> Given<'py> {
             noise: channels("noise")?,
             resolution: channels("resolution")?,
             rate_limit: field("rate_limit")?,
+            torque_sensor: torque_sensor(function, &value.getattr("torque_sensor")?, n)?,
             seed: index(function, "seed", &value.getattr("seed")?)? as u64,
         }))
     }
@@ -125,7 +128,7 @@ impl<'py> Given<'py> {
             dt: self.optional_number("dt")?,
             rtol: self.number("rtol")?,
             atol: self.number("atol")?,
-            sampling: self.sampling()?,
+            sampling: self.sampling(n)?,
             times,
             tau_max: self.per_joint("tau_max", n)?,
             monitors: self.required("monitors")?.is_truthy()?,
@@ -206,6 +209,18 @@ fn put_series(
     Ok(())
 }
 
+/// An `armlet.TorqueSensor` of `n` joints, or None.
+fn torque_sensor(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Option<TorqueSensor>, Failure> {
+    if value.is_none() {
+        return Ok(None);
+    }
+    let field = |name: &str| -> Result<f64, Failure> { number(function, name, &value.getattr(name)?) };
+    let given = value.getattr("bias")?;
+    let (shape, bias) = numbers(function, "bias", &given)?;
+    let bias = if shape.is_empty() { vec![bias[0]; n] } else { bias.into_owned() };
+    Ok(Some(TorqueSensor::new(field("noise")?, bias, field("resolution")?, field("bandwidth")?)?))
+}
+
 /// An integer >= 0.
 fn index(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
     let refused = || input_error(value.py(), function, name, "is not an integer >= 0: expected such as 0");
@@ -268,10 +283,12 @@ pub fn simulate<'py>(
         let (force, force_frame) = given.force(plant, law, &raised)?;
         let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options };
         warn_of_sampling(py, NAME, &problem)?;
+        let dense = given.get("dense")?.is_some_and(|dense| dense.is_truthy().unwrap_or(false));
+        let mut asked = event::asked(plant, given.get("events")?, dense, &raised)?;
         let mut signal = None;
         let run = {
             let mut poll = listen(&mut signal);
-            py.detach(|| core::simulate(&problem, &core::Poller::new(&mut poll)))?
+            py.detach(|| core::simulate_asked(&problem, &core::Poller::new(&mut poll), asked.as_mut()))?
         };
         raise(signal, &raised)?;
         let (k, p) = (run.t.len(), law.initial_state().len());
@@ -292,6 +309,9 @@ pub fn simulate<'py>(
         stats.set_item("steps", run.steps)?;
         stats.set_item("rejections", run.rejections)?;
         fields.set_item("stats", stats)?;
+        if let Some(asked) = asked {
+            event::answer(&fields, plant, p, asked)?;
+        }
         Ok(fields)
     })
 }

@@ -4,18 +4,16 @@
 //!
 //! which for a law that knows the plant's gravity is `J'(K_m (x_d - x) + F) = 0`: `x_E = x_d + K_m^-1 F` if that pose is
 //! reachable and `det J != 0`. Spurious rest (`J' p = 0` with `p = K_m (x_d - x) + F != 0`) is flagged.
-//!
-//! `r` is followed downhill from `q0` by Newton's method with the magnitudes of the eigenvalues of `-dr/dq`.
+//! A wall and joint stops push back; a law of motors is at rest where `tau(q, theta) = K (theta - q) = tau_E`.
 
 use super::loop_slope::loop_eigenvalues;
-use crate::dynamics::{AnyArm, Dynamics};
+use super::rest::Rest;
+use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
-use crate::law::{CartesianImpedanceSpec, Law, LawSpec};
+use crate::law::{CartesianImpedanceSpec, LawSpec};
 use crate::linalg::{cholesky, symmetric_eigen};
 use crate::motion::Motion;
 use crate::plant::PlantSpec;
-use crate::scalar::{Dual, Real};
-use crate::status::Status;
 
 /// A pose of rest and what can be said of it.
 #[derive(Clone, Debug)]
@@ -27,137 +25,22 @@ pub struct Equilibrium {
     pub tau: Vec<f64>,
     /// The controlled coordinates, `(m,)`: joint positions for a law of joints.
     pub x: Vec<f64>,
-    /// Whether `x_d + K_m^-1 F` can be reached at all.
+    /// Whether `x_d + K_m^-1 F` can be reached at all; `false` where a wall or a stop holds the arm back.
     pub reachable: bool,
-    /// At rest with the spring unbalanced.
+    /// At rest with the spring unbalanced; of a law of motors, away from its target with nothing that pushes.
     pub spurious: bool,
+    /// The wall's force on its frame, `(3,)`, world axes.
+    pub wall_force: [f64; 3],
     /// No eigenvalue lies to the right; free motions of a redundant arm have eigenvalues at zero.
     pub stable: bool,
     /// Of the linearised closed loop, by real part.
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
-/// The law's torque at rest, on one number.
-type AtRest<S> = Box<dyn Law<S> + Send>;
-
-/// `r(q)` and, with it, one number's worth of buffers.
-struct Residual<S: Real> {
-    law: AtRest<S>,
-    arm: AnyArm<S>,
-    ws: crate::dynamics::Workspace<S>,
-    desired: Vec<S>,
-    x: Vec<S>,
-    wrench: [f64; 6],
-    frame: Option<usize>,
-    jacobian: Vec<S>,
-    g: Vec<S>,
-}
-
-impl<S: Real> Residual<S> {
-    fn new(plant: &PlantSpec, outer: &LawSpec, wrench: [f64; 6], frame: Option<usize>) -> Self {
-        let n = plant.n();
-        let arm = AnyArm::<S>::from_lanes(|_| plant.model());
-        let zeros = |k: usize| vec![S::zero(); k];
-        Residual {
-            law: LawSpec::build::<S>(|_| outer),
-            ws: arm.workspace(),
-            arm,
-            desired: outer.desired(0.0),
-            x: zeros(2 * n),
-            wrench,
-            frame,
-            jacobian: zeros(6 * n),
-            g: zeros(n),
-        }
-    }
-
-    fn evaluate(&mut self, q: &[S], r: &mut [S]) {
-        let n = q.len();
-        let trig: Vec<(S, S)> = q.iter().map(|q| q.sin_cos()).collect();
-        self.x[..n].copy_from_slice(q);
-        self.law.evaluate(&self.desired, &trig, &self.x, &[], r, &mut []);
-        self.arm.gravity(&mut self.ws, &trig, q, &mut self.g);
-        if let Some(frame) = self.frame {
-            self.arm.jacobian(&mut self.ws, &trig, q, frame, &mut self.jacobian);
-        }
-        for i in 0..n {
-            r[i] -= self.g[i];
-            for (k, &w) in self.wrench.iter().enumerate() {
-                r[i] = self.jacobian[k * n + i].mul_add(S::splat(w), r[i]);
-            }
-        }
-    }
-}
-
-/// `-dr/dq`, its symmetric part.
-fn hessian(residual: &mut Residual<Dual>, q: &[f64]) -> Vec<f64> {
-    let n = q.len();
-    let mut moving: Vec<Dual> = q.iter().map(|&q| Dual::splat(q)).collect();
-    let mut r = vec![Dual::default(); n];
-    let mut h = vec![0.0; n * n];
-    for j in 0..n {
-        moving[j].rate = 1.0;
-        residual.evaluate(&moving, &mut r);
-        moving[j].rate = 0.0;
-        for i in 0..n {
-            h[i * n + j] -= 0.5 * r[i].rate;
-            h[j * n + i] -= 0.5 * r[i].rate;
-        }
-    }
-    h
-}
-
-/// From `q` downhill to rest.
-fn descend(plant: &PlantSpec, outer: &LawSpec, wrench: [f64; 6], frame: Option<usize>, q: &mut [f64]) -> Result<()> {
-    const STEPS: usize = 500;
-    /// Larger steps leave the basin, rad or m.
-    const REACH: f64 = 0.3;
-    /// Below this a direction is flat: rounding of `dr/dq` is 1e-15, a free motion of a redundant arm.
-    const FLAT: f64 = 1e-9;
-    let n = q.len();
-    let (mut here, mut slope) = (Residual::<f64>::new(plant, outer, wrench, frame), Residual::<Dual>::new(plant, outer, wrench, frame));
-    let (mut r, mut ahead, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    let mut best = f64::INFINITY;
-    for _ in 0..STEPS {
-        here.evaluate(q, &mut r);
-        finite("equilibrium", &r)?;
-        let (values, vectors) = symmetric_eigen(&hessian(&mut slope, q), n)?;
-        let stiffest = values.iter().fold(0.0f64, |most, l| most.max(l.abs()));
-        let mut step = vec![0.0; n];
-        for (l, u) in values.iter().zip(vectors.chunks_exact(n)) {
-            if l.abs() > FLAT * stiffest {
-                crate::linalg::axpy(crate::linalg::dot(u, &r) / l.abs(), u, &mut step);
-            }
-        }
-        let longest = crate::linalg::largest(&step);
-        let close = 1.0 + crate::linalg::largest(q);
-        // At rest as well as rounding allows, or no longer coming closer.
-        if longest <= 1e-15 * close || (longest <= 1e-9 * close && longest >= best) {
-            return Ok(());
-        }
-        best = longest;
-        let mut size = (REACH / longest).min(1.0);
-        loop {
-            for i in 0..n {
-                trial[i] = q[i] + size * step[i];
-            }
-            here.evaluate(&trial, &mut ahead);
-            // The work of r along the step, by the trapezoid: r falls off towards rest and turns round beyond it.
-            let work: f64 = (0..n).map(|i| step[i] * (r[i] + ahead[i])).sum();
-            if work >= 0.0 || size < 1e-12 || longest < 1e-7 * close {
-                break;
-            }
-            size *= 0.5;
-        }
-        q.copy_from_slice(&trial);
-    }
-    Err(Error::Solve { status: Status::MaxSteps, t: STEPS as f64, problem: "no rest was found: the descent did not end".into() })
-}
-
 /// `p = K_m e + F` and the size that it is judged by, and `x`.
 fn unbalanced(law: &CartesianImpedanceSpec, push: &[f64], q: &[f64]) -> (Vec<f64>, f64, Vec<f64>) {
     let m = law.coordinates.m();
-    let (e, target) = (task_error(law, q).0, target(law));
+    let (e, target) = (Task::new(law).at(q).0, target(law));
     let load = law.stiffness.inverse().times(push);
     let goal: Vec<f64> = (0..m).map(|k| (target[k] + load[k]).abs() + 1.0).collect();
     let scale = crate::linalg::largest(&law.stiffness.times(&goal));
@@ -174,27 +57,37 @@ fn target(law: &CartesianImpedanceSpec) -> Vec<f64> {
     sample
 }
 
-/// `e` `(m,)` and `J` `(m, n)`.
-fn task_error(law: &CartesianImpedanceSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let (n, m) = (q.len(), law.coordinates.m());
-    let arm = AnyArm::<f64>::from_lanes(|_| &law.model);
-    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
-    let (mut full, mut e, mut j) = (vec![0.0; 6 * n], vec![0.0; m], vec![0.0; m * n]);
-    arm.error_and_jacobian(&mut arm.workspace(), &law.coordinates, &mut full, &trig, q, &target(law), &mut e, &mut j);
-    (e, j)
+/// The task of a law, asked at one pose after another.
+struct Task<'a> {
+    law: &'a CartesianImpedanceSpec,
+    arm: ArmAt,
+    target: Vec<f64>,
+}
+
+impl<'a> Task<'a> {
+    fn new(law: &'a CartesianImpedanceSpec) -> Self {
+        Task { law, arm: law.model.at(&vec![0.0; law.model.n()]), target: target(law) }
+    }
+
+    /// `e` `(m,)` and `J` `(m, n)`.
+    fn at(&mut self, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let m = self.target.len();
+        let (mut e, mut j) = (vec![0.0; m], vec![0.0; m * q.len()]);
+        self.arm.move_to(q);
+        self.arm.error_and_jacobian(&self.law.coordinates, &self.target, &mut e, &mut j);
+        (e, j)
+    }
 }
 
 /// Per joint: the diagonal of `M`, of `J' K_m J` and of `J' D_m J` at `q`; the gains themselves for a law of joints.
 pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = q.len();
-    let arm = AnyArm::<f64>::from_lanes(|_| plant.model());
-    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
     let mut m = vec![0.0; n * n];
-    arm.mass_matrix(&mut arm.workspace(), &trig, q, &mut m);
+    plant.model().at(q).mass_matrix(&mut m);
     let mass = (0..n).map(|i| m[i * n + i]).collect();
     match law.outer() {
         Some(LawSpec::CartesianImpedance(law)) => {
-            let (_, j) = task_error(&law, q);
+            let (_, j) = Task::new(&law).at(q);
             let column = |i: usize| -> Vec<f64> { j.iter().skip(i).step_by(n).copied().collect() };
             (mass, (0..n).map(|i| law.stiffness.form(&column(i))).collect(), (0..n).map(|i| law.damping.form(&column(i))).collect())
         }
@@ -203,19 +96,38 @@ pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f6
     }
 }
 
+/// The part of `p` that no joint feels, in the null space of `J'`.
+fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>> {
+    /// Squares of singular values below this share of the largest are zero: those of a rest are known to 1e-9.
+    const SINGULAR: f64 = 1e-12;
+    let (n, m) = (q.len(), p.len());
+    let (_, j) = Task::new(law).at(q);
+    let gram: Vec<f64> = (0..m * m).map(|at| (0..n).map(|i| j[at / m * n + i] * j[at % m * n + i]).sum()).collect();
+    let (values, vectors) = symmetric_eigen(&gram, m)?;
+    let largest = values.iter().fold(0.0f64, |most, &l| most.max(l));
+    let mut part = vec![0.0; m];
+    for (l, u) in values.iter().zip(vectors.chunks_exact(m)) {
+        if *l <= SINGULAR * largest {
+            crate::linalg::axpy(crate::linalg::dot(u, p), u, &mut part);
+        }
+    }
+    Ok(part)
+}
+
 /// Whether some pose has `e + K_m^-1 F = 0`: damped Gauss-Newton from `q0` and from spread starts; it errs towards no.
 fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     const STARTS: u32 = 24;
     const STEPS: usize = 200;
     let (n, m) = (q0.len(), law.coordinates.m());
     let load = law.stiffness.inverse().times(push);
+    let mut task = Task::new(law);
     // Additive recurrence by powers of the generalised golden ratio: spread in n dimensions, the same every time.
     let phi = (0..64).fold(2.0f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
     (0..STARTS).any(|start| {
         let spread = |i: usize| (f64::from(start) * phi.powi(-(i as i32 + 1))).fract() * std::f64::consts::TAU - std::f64::consts::PI;
         let mut q: Vec<f64> = (0..n).map(|i| q0[i] + if start == 0 { 0.0 } else { spread(i) }).collect();
         for _ in 0..STEPS {
-            let (e, j) = task_error(law, &q);
+            let (e, j) = task.at(&q);
             let miss: Vec<f64> = (0..m).map(|k| e[k] + load[k]).collect();
             let size = miss.iter().map(|x| x * x).sum::<f64>();
             if size.sqrt() < 1e-9 {
@@ -250,27 +162,20 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
             format!("is made for another plant: expected a law for {} of {n} joints, got {}", plant.kind().name(), law.name()),
         );
     }
-    let Some(outer) = law.outer() else {
-        return fault("law", format!("is not at rest by a spring: expected an impedance or PD law, got {}", law.name()));
+    let held = match (law.outer(), law.torque_share()) {
+        (Some(outer), _) => outer,
+        (None, Some(_)) => law.clone(),
+        _ => return fault("law", format!("is not at rest by a spring: expected an impedance or PD law, got {}", law.name())),
     };
-    if !outer.motions().iter().all(|motion| matches!(motion, Motion::Hold(_))) {
+    if !held.motions().iter().all(|motion| matches!(motion, Motion::Hold(_))) {
         return fault("law", "has a target that moves: expected a law with a fixed target".into());
     }
-    if plant.wall().is_some() {
-        return fault("plant", "has a wall: expected a plant without one, whose forces are those given".into());
-    }
+    let rest = Rest { plant, law: &held, wrench: *wrench, frame: force_frame };
     let mut q = q0.to_vec();
-    descend(plant, &outer, *wrench, force_frame, &mut q)?;
-    let arm = AnyArm::<f64>::from_lanes(|_| plant.model());
-    let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
-    let (mut ws, mut tau, mut j) = (arm.workspace(), vec![0.0; n], vec![0.0; 6 * n]);
-    arm.gravity(&mut ws, &trig, &q, &mut tau);
-    if let Some(frame) = force_frame {
-        arm.jacobian(&mut ws, &trig, &q, frame, &mut j);
-    }
-    for i in 0..n {
-        tau[i] -= (0..6).map(|k| j[k * n + i] * wrench[k]).sum::<f64>();
-    }
+    rest.descend(&mut q)?;
+    q.truncate(n);
+    let (tau, wall_force) = rest.load(&q);
+    let pressed = wall_force.iter().any(|&f| f != 0.0) || plant.stops().is_some_and(|stops| stops.energy(&q) > 0.0);
     let mut state = q.clone();
     state.resize(2 * n, 0.0);
     let mut theta = Vec::new();
@@ -280,20 +185,36 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         state.extend(&theta);
         state.resize(4 * n, 0.0);
     }
-    let (mut reachable, mut spurious, mut x) = (true, false, q.clone());
-    if let LawSpec::CartesianImpedance(task) = &outer {
+    let (mut reachable, mut spurious, mut x) = (!pressed, false, q.clone());
+    if let LawSpec::CartesianImpedance(task) = &held {
         // The force as the law's spring sees it, where it acts at the law's own frame.
         let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
         let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
-        let (p, scale, position) = unbalanced(task, &push, &q);
+        let (mut p, scale, position) = unbalanced(task, &push, &q);
         x = position;
         if same {
-            spurious = crate::linalg::largest(&p) > 1e-7 * scale;
-            reachable = !spurious || reaches(task, &push, q0);
+            let off = |p: &[f64]| crate::linalg::largest(p) > 1e-7 * scale;
+            let short = off(&p);
+            if pressed {
+                // What the contact carries is balanced; what no joint feels is not.
+                if plant.wall().is_some_and(|wall| wall.frame == task.coordinates.frame) {
+                    for (p, &row) in p.iter_mut().zip(&task.coordinates.rows) {
+                        *p += wall_force.get(row).copied().unwrap_or(0.0);
+                    }
+                }
+                p = unfelt(task, &q, &p)?;
+            }
+            spurious = off(&p);
+            reachable = !short || (!pressed && reaches(task, &push, q0));
         }
+    } else if let Some(target) = held.link_target() {
+        let knows =
+            plant.model() == law.model() && matches!(plant, PlantSpec::Elastic(plant) if law.joint_stiffness() == Some(&plant.stiffness));
+        let away = q.iter().zip(&target).any(|(q, target)| (q - target).abs() > 1e-6 * (1.0 + target.abs()));
+        spurious = knows && !pressed && wrench.iter().all(|&w| w == 0.0) && away;
     }
     let eigenvalues = loop_eigenvalues(plant, law, &state, &[], wrench, force_frame)?;
     let fastest = eigenvalues.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
     let stable = eigenvalues.iter().all(|(re, _)| *re < 1e-9 * fastest);
-    Ok(Equilibrium { q, theta, tau, x, reachable, spurious, stable, eigenvalues })
+    Ok(Equilibrium { q, theta, tau, x, reachable, spurious, wall_force, stable, eigenvalues })
 }

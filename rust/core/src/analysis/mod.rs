@@ -9,3 +9,4 @@ pub mod identification;
 pub mod inverse_kinematics;
 pub mod linearisation;
 pub mod loop_slope;
+pub mod rest;

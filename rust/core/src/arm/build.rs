@@ -55,6 +55,9 @@ impl Arm {
     /// included). `q` is in list order made depth first.
     pub fn from_chain(list: &[ChainJoint], gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
+        if list.is_empty() {
+            return Err(Error::input("joints", "is empty: expected at least one joint, got none"));
+        }
         let parents = parents_of(list)?;
         let mut arm = Arm { name: "chain".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         // Of each list entry: the joint that carries it and its placement in that joint's body frame.

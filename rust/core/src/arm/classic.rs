@@ -41,6 +41,9 @@ impl Arm {
     /// whose z is the joint axis.
     pub fn from_dh(rows: &[DhRow], convention: Convention, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
+        if rows.is_empty() {
+            return Err(Error::input("rows", "is empty: expected at least one row, got none"));
+        }
         let mut arm = Arm { name: "dh".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         let mut before = Placement::IDENTITY;
         for (i, row) in rows.iter().enumerate() {
@@ -69,7 +72,7 @@ impl Arm {
 
     /// A planar arm in the x-y plane, `q1` from the x axis, axes along z, frames `"link1"`.. at the link tips.
     /// `coms` from each joint along the link (m), `inertias` about the com (kg m^2); what is omitted is that of a
-    /// uniform rod of 1 kg/m, its mass given or not.
+    /// uniform rod of 1 kg/m, its mass given or not. Lengths, masses and inertias are not negative.
     pub fn planar(
         lengths: &[f64],
         masses: Option<&[f64]>,
@@ -84,6 +87,10 @@ impl Arm {
                 return Err(Error::input(what, problem));
             }
             finite(what, values)?;
+            // A link of length zero puts two axes on one another, and is welcome.
+            if let (Some(k), true) = (values.iter().position(|&x| x < 0.0), what != "coms") {
+                return Err(Error::input(what, format!("is negative: expected >= 0, got {} (first bad index {k})", values[k])));
+            }
         }
         if lengths.is_empty() {
             return Err(Error::input("lengths", "is empty: expected at least one link, got none"));
@@ -92,7 +99,7 @@ impl Arm {
         let given = |list: Option<&[f64]>, i: usize, otherwise: f64| list.map_or(otherwise, |list| list[i]);
         let mut list = Vec::with_capacity(lengths.len());
         for (i, &length) in lengths.iter().enumerate() {
-            let mass = given(masses, i, length.abs());
+            let mass = given(masses, i, length);
             let com = given(coms, i, 0.5 * length);
             let inertia = given(inertias, i, mass * length * length / 12.0);
             let at_joint = inertia + mass * com * com;

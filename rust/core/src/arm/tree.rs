@@ -85,13 +85,10 @@ impl Tree<f64> {
         tree.set_parameters(&arm.parameters());
         tree
     }
-}
 
-impl<S: Real> Tree<S> {
-    /// The arm with the same parameters in every lane. Compiled in `f64`, so that every number starts from the same bits.
-    pub fn new(arm: &Arm) -> Self {
-        let Tree { bodies, frames, gravity } = Tree::compile(arm);
-        let lift = |body: Body<f64>| {
+    /// The same in every lane.
+    pub fn lift<S: Real>(&self) -> Tree<S> {
+        let lift = |body: &Body<f64>| {
             let Inertia { mass, moment, inertia } = body.inertia;
             Body {
                 inertia: Inertia { mass: S::splat(mass), moment: moment.lift(), inertia: Sym3(inertia.0.map(S::splat)) },
@@ -107,7 +104,14 @@ impl<S: Real> Tree<S> {
                 friction: body.friction,
             }
         };
-        Tree { bodies: bodies.into_iter().map(lift).collect(), frames, gravity }
+        Tree { bodies: self.bodies.iter().map(lift).collect(), frames: self.frames.clone(), gravity: self.gravity }
+    }
+}
+
+impl<S: Real> Tree<S> {
+    /// The arm with the same parameters in every lane. Compiled in `f64`, so that every number starts from the same bits.
+    pub fn new(arm: &Arm) -> Self {
+        Tree::compile(arm).lift()
     }
 
     /// Inertial parameters, `(10 n,)` in SPEC order in the body frames of the model, lane by lane.

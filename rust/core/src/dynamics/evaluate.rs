@@ -4,9 +4,9 @@
 
 use super::Workspace;
 use super::quantities::{self, Compute};
-use super::rows::{read_rows, write_rows};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
+use crate::scalar::rows::{read_rows, write_rows};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
 use crate::spatial::PARAMETERS;
 use std::marker::PhantomData;

@@ -5,6 +5,7 @@
 //! and shared by plant and law; entries of joints that are not angular are never read.
 
 pub mod aba;
+mod arm_at;
 pub mod coriolis;
 pub mod crba;
 pub mod derivatives;
@@ -18,10 +19,10 @@ mod planar_pr;
 #[cfg(not(test))]
 mod quantities;
 pub mod regressor;
-mod rows;
 mod tree;
 pub mod workspace;
 
+pub use arm_at::ArmAt;
 #[cfg(not(test))]
 pub use evaluate::{Evaluator, LaneEvaluator, Quantity, Query};
 pub use model::{AnyArm, Model};

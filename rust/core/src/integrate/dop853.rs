@@ -4,9 +4,10 @@
 //! Error of a step: `|h| e5^2 / sqrt(n (e5^2 + 0.01 e3^2))` with the weighted norms of the two estimators;
 //! accepted below 1, the next step grows by `0.9 error^(-1/8)` within [0.2, 10].
 
-use super::adaptive::{Accuracy, Adaptive, MAX_STEPS};
+use super::adaptive::{Accuracy, Adaptive};
 pub use super::adaptive::{Tolerance, Work};
 use super::dop853_tableau::{A, C, D, E3, E5};
+use super::patience::Patience;
 use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -36,6 +37,7 @@ pub struct Dop853<B, U, T = Tolerance> {
     /// Whether `dense` belongs to the last step.
     dense_ready: bool,
     pub work: Work,
+    patience: Patience,
 }
 
 impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
@@ -60,6 +62,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
             h_first: 0.0,
             dense_ready: false,
             work: Work::default(),
+            patience: Patience::new(),
         }
     }
 
@@ -74,6 +77,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
     {
         (self.t, self.t_old, self.t_end, self.input_end) = (t, t, t_end, input_end);
         self.x_old.clone_from(&self.x);
+        self.patience.begin(&self.work, t);
         self.dense_ready = false;
         system.anchor(self.x.as_ref());
         system.input(t, &mut self.u);
@@ -133,9 +137,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         let mut blown = false;
         loop {
             let smallest = 10.0 * (self.t.next_up() - self.t);
-            if self.work.steps + self.work.rejections >= MAX_STEPS {
-                return Err(Status::MaxSteps);
-            }
+            self.patience.check(&self.work, self.t, self.t_end)?;
             if self.h < smallest {
                 return Err(if blown { Status::Diverged } else { Status::StepUnderflow });
             }

@@ -113,7 +113,7 @@ impl<B: Buffer<f64>> Watch<B> {
 }
 
 /// -1, 0 or 1.
-fn sign(x: f64) -> f64 {
+pub fn sign(x: f64) -> f64 {
     if x > 0.0 {
         1.0
     } else if x < 0.0 {

@@ -12,6 +12,7 @@ pub mod events;
 mod fixed;
 mod linearised;
 mod pace;
+mod patience;
 mod radau5;
 mod rk4;
 mod rodas4;

@@ -3,7 +3,8 @@
 //! PI control (Gustafsson; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.2):
 //! `h_new = h safety error^-alpha error_old^beta`, within `[shrink, grow]`, never longer right after a rejection.
 
-use super::adaptive::{Accuracy, MAX_STEPS, Work};
+use super::adaptive::{Accuracy, Work};
+use super::patience::Patience;
 use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -37,6 +38,7 @@ pub(super) struct Pace<T> {
     /// The first step asked for; zero for a guess.
     pub h_first: f64,
     pub work: Work,
+    patience: Patience,
     error_old: f64,
     rejected: bool,
     blown: bool,
@@ -55,6 +57,7 @@ impl<T: Accuracy> Pace<T> {
             h_max: f64::INFINITY,
             h_first: 0.0,
             work: Work::default(),
+            patience: Patience::new(),
             error_old: LEAST_ERROR,
             rejected: false,
             blown: false,
@@ -65,6 +68,7 @@ impl<T: Accuracy> Pace<T> {
     pub fn begin(&mut self, t: f64, t_end: f64, input_end: f64) {
         (self.t, self.t_old, self.t_end, self.input_end) = (t, t, t_end, input_end);
         self.error_old = LEAST_ERROR;
+        self.patience.begin(&self.work, t);
     }
 
     /// The latest of `t` and the end of the input.
@@ -130,11 +134,9 @@ impl<T: Accuracy> Pace<T> {
 
     /// The step to attempt and where it ends, or why there is none.
     #[inline(always)]
-    pub fn propose(&self) -> Result<(f64, f64), Status> {
+    pub fn propose(&mut self) -> Result<(f64, f64), Status> {
         let smallest = 10.0 * (self.t.next_up() - self.t);
-        if self.work.steps + self.work.rejections >= MAX_STEPS {
-            return Err(Status::MaxSteps);
-        }
+        self.patience.check(&self.work, self.t, self.t_end)?;
         let left = self.t_end - self.t;
         if !(self.h >= smallest) && self.h < left {
             return Err(if self.blown { Status::Diverged } else { Status::StepUnderflow });

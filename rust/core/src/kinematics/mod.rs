@@ -6,6 +6,7 @@
 pub mod coordinates;
 mod jacobian;
 mod task;
+mod task_error;
 mod task_stack;
 #[cfg(test)]
 mod task_tests;

@@ -5,6 +5,7 @@
 //!   the pseudo-inertia, which stays physically possible for ever. Lyapunov function: `s' M s / 2 + sum d(P || P_hat) / gamma`.
 
 use super::adaptive::{Adaptive, AdaptiveSpec};
+use super::projection::{Projection, Projector};
 use super::{Law, require_size};
 use crate::dynamics::AnyArm;
 use crate::error::{Error, Result, finite};
@@ -80,6 +81,21 @@ impl Adaptation {
     }
 }
 
+impl AdaptiveSpec {
+    /// The same law, its estimates kept physically possible; a start outside is moved to the nearest inside.
+    pub fn projected(mut self, projection: Projection) -> Result<Self> {
+        if matches!(self.adaptation, Adaptation::Natural(_)) {
+            return Err(Error::input("projection", "has nothing to do: expected None for natural adaptation, which stays consistent"));
+        }
+        if self.base.is_some() {
+            return Err(Error::input("projection", "needs whole bodies: expected all parameters, got a base set"));
+        }
+        projection.start(&mut self.estimate);
+        self.projection = Some(projection);
+        Ok(self)
+    }
+}
+
 /// A base set of parameters: which columns of the regressor stay, and `P` `(b, p)`, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
@@ -125,6 +141,7 @@ pub struct AnyAdaptive<S: Real> {
     /// All parameters, where a base set of them is estimated; then the columns of `Y' s` that stay.
     full: Vec<S>,
     kept: Vec<S>,
+    projector: Option<Projector<S>>,
 }
 
 impl<S: Real> AnyAdaptive<S> {
@@ -162,6 +179,7 @@ impl<S: Real> AnyAdaptive<S> {
             armature: if armature.iter().any(|&a| a != 0.0) { armature } else { Vec::new() },
             full: zeros(if columns.is_empty() { 0 } else { p }),
             kept: zeros(columns.len()),
+            projector: first.projection.as_ref().map(|own| Projector::from_lanes(|i| of(i).projection.as_ref().unwrap_or(own))),
             columns,
             natural,
         }
@@ -191,6 +209,9 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
             }
         } else if self.columns.is_empty() {
             self.law.gamma.multiply(yt_s, dz);
+            if let Some(projector) = &mut self.projector {
+                projector.bend(&self.law.gamma, z, yt_s, dz);
+            }
         } else {
             for (to, &column) in self.kept.iter_mut().zip(&self.columns) {
                 *to = yt_s[column];

@@ -6,6 +6,7 @@
 //! Rotor inertias (armature) are not among the parameters `a`: they are known, and `armature a_r` is added.
 
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
+use super::projection::Projection;
 use super::{Definition, Instant, Law, Term, require_same_dof, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model};
 use crate::error::{Error, Result, finite};
@@ -25,7 +26,9 @@ pub struct AdaptiveSpec {
     pub adaptation: Adaptation,
     /// The parameters that are estimated; `None` for all.
     pub base: Option<Base>,
-    estimate: Vec<f64>,
+    pub(super) estimate: Vec<f64>,
+    /// What keeps the estimate physically possible.
+    pub projection: Option<Projection>,
 }
 
 impl AdaptiveSpec {
@@ -57,7 +60,7 @@ impl AdaptiveSpec {
         }
         adaptation.validate(&estimate)?;
         let lambda = kd.solve(&kp);
-        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, adaptation, base, estimate })
+        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, adaptation, base, estimate, projection: None })
     }
 }
 
@@ -65,7 +68,9 @@ impl AdaptiveSpec {
     /// Whether both estimate the same parameters in the same metric, so that they can share lanes.
     pub(super) fn same_shape(&self, other: &AdaptiveSpec) -> bool {
         let columns = |law: &AdaptiveSpec| law.base.as_ref().map(|base| base.columns.clone());
-        std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation) && columns(self) == columns(other)
+        std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation)
+            && columns(self) == columns(other)
+            && self.projection.is_some() == other.projection.is_some()
     }
 }
 

@@ -4,13 +4,39 @@ use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::priority::{Diagnosis, Options, PrioritySolver, diagnose};
+use crate::scalar::{Fused, Isa, Kernel, Real, isa};
 use crate::status::Status;
 
 /// Tasks of one arm with a solver; `solve` does not allocate.
 #[derive(Clone, Debug)]
 pub struct ArmSolver {
     stack: TaskStack,
+    /// The same tasks on the number that this machine is quicker with.
+    fused: Option<Box<FusedTasks>>,
     solver: PrioritySolver,
+}
+
+#[derive(Clone, Debug)]
+struct FusedTasks {
+    stack: TaskStack<Fused>,
+    q: Vec<Fused>,
+    jacobian: Vec<Fused>,
+}
+
+/// Jacobians `(sum rows, n)` at `q`, in the region of their number; the relative error of their entries.
+struct Jacobians<'a>(&'a mut FusedTasks, &'a [f64], &'a mut [f64]);
+
+impl Kernel for Jacobians<'_> {
+    type Output = f64;
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let Jacobians(FusedTasks { stack, q, jacobian }, angles, out) = self;
+        q.iter_mut().zip(angles).for_each(|(q, &angle)| *q = Fused(angle));
+        stack.place(q);
+        stack.jacobians(jacobian);
+        out.iter_mut().zip(jacobian).for_each(|(to, from)| *to = from.0);
+        stack.rounding().0
+    }
 }
 
 impl ArmSolver {
@@ -20,7 +46,12 @@ impl ArmSolver {
         }
         let stack = TaskStack::new(arm, functions);
         let solver = PrioritySolver::new(arm.n(), stack.rows(), options)?;
-        Ok(ArmSolver { stack, solver })
+        let fused = (isa() != Isa::Baseline).then(|| {
+            let zeros = |k: usize| vec![Fused(0.0); k];
+            let total: usize = stack.rows().iter().sum();
+            Box::new(FusedTasks { stack: stack.lift(), q: zeros(arm.n()), jacobian: zeros(total * arm.n()) })
+        });
+        Ok(ArmSolver { stack, fused, solver })
     }
 
     pub fn n(&self) -> usize {
@@ -36,6 +67,10 @@ impl ArmSolver {
         &mut self.stack
     }
 
+    pub(super) fn stack(&self) -> &TaskStack {
+        &self.stack
+    }
+
     pub fn solver(&self) -> &PrioritySolver {
         &self.solver
     }
@@ -47,11 +82,15 @@ impl ArmSolver {
     /// Place the arm at `q` `(n,)` and fill in the Jacobians; the task velocities go into what is returned, `(sum rows,)`.
     #[inline]
     pub fn prepare(&mut self, q: &[f64]) -> Result<&mut [f64]> {
-        self.stack.place(q);
-        self.solver.set_rounding(self.stack.rounding())?;
-        let (jacobian, command) = self.solver.inputs();
-        self.stack.jacobians(jacobian);
-        Ok(command)
+        let ArmSolver { stack, fused, solver } = self;
+        let rounding = jacobians(stack, fused, q, solver.inputs().0);
+        solver.set_rounding(rounding)?;
+        Ok(solver.inputs().1)
+    }
+
+    /// The Jacobians at `q` `(n,)` as the solver sees them, `(sum rows, n)`; the relative error of their entries.
+    pub fn jacobians(&mut self, q: &[f64], out: &mut [f64]) -> f64 {
+        jacobians(&mut self.stack, &mut self.fused, q, out)
     }
 
     /// Joint velocities for `q` `(n,)` and the stacked task velocities `(sum rows,)`; the answer is `solver().v()`.
@@ -67,11 +106,9 @@ impl ArmSolver {
     /// Which directions of which task can be commanded at `q`, and what is lost of `velocities` where they are given.
     pub fn diagnose(&mut self, q: &[f64], velocities: Option<&[f64]>) -> Result<Diagnosis> {
         finite("q", q)?;
-        self.stack.place(q);
-        let n = self.n();
-        let (rounding, rows) = (self.stack.rounding(), self.rows().to_vec());
+        let (n, rows) = (self.n(), self.rows().to_vec());
         let mut jacobian = vec![0.0; rows.iter().sum::<usize>() * n];
-        self.stack.jacobians(&mut jacobian);
+        let rounding = self.jacobians(q, &mut jacobian);
         let mut blocks = Vec::with_capacity(rows.len());
         let mut commands = Vec::with_capacity(rows.len());
         let mut at = 0;
@@ -83,5 +120,17 @@ impl ArmSolver {
             at += m;
         }
         diagnose(n, &rows, &blocks, velocities.map(|_| commands.as_slice()), Some(rounding))
+    }
+}
+
+#[inline]
+fn jacobians(stack: &mut TaskStack, fused: &mut Option<Box<FusedTasks>>, q: &[f64], out: &mut [f64]) -> f64 {
+    match fused {
+        Some(tasks) => Fused::enter(Jacobians(tasks, q, out)),
+        None => {
+            stack.place(q);
+            stack.jacobians(out);
+            stack.rounding()
+        }
     }
 }

@@ -72,13 +72,12 @@ impl Definition for CartesianImpedanceSpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let (n, m) = (self.model.n(), self.coordinates.m());
         let mut law = Self::build::<f64>(|_| self);
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut u = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut u, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut u, &mut []);
         let x_dot = law.velocity(&at.x[n..2 * n]);
         let mut position = vec![0.0; m];
         if let AnyArm::Tree(tree) = &law.arm {
-            self.coordinates.position(tree, &mut law.workspace.poses, &trig, &at.x[..n], &mut position);
+            self.coordinates.position(tree, &mut law.workspace.poses, at.trig, &at.x[..n], &mut position);
         }
         vec![
             ("x", vec![m], position),

@@ -54,14 +54,12 @@ impl Definition for ComputedTorqueSpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);
-        let arm = AnyArm::<f64>::from_lanes(|_| &self.model);
         let e: Vec<f64> = (0..n).map(|i| desired[i] - q[i]).collect();
         let e_dot: Vec<f64> = (0..n).map(|i| desired[n + i] - v[i]).collect();
         let (kp_e, kd_e_dot) = (self.kp.times(&e), self.kd.times(&e_dot));
         let command: Vec<f64> = (0..n).map(|i| desired[2 * n + i] + kd_e_dot[i] + kp_e[i]).collect();
-        let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
         let mut tau = vec![0.0; n];
-        arm.inverse_dynamics(&mut arm.workspace(), &trig, q, v, &command, &mut tau);
+        self.model.at(q).inverse_dynamics(v, &command, &mut tau);
         vec![
             ("q_d", vec![n], desired[..n].to_vec()),
             ("v_d", vec![n], desired[n..2 * n].to_vec()),

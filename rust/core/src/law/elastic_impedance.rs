@@ -9,7 +9,7 @@
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 use super::inertia_reduction::{Reduction, ReductionSpec, described};
 use super::{Definition, Instant, Law, Term};
-use crate::dynamics::{AnyArm, Dynamics, Model};
+use crate::dynamics::{AnyArm, ArmAt, Dynamics, Model};
 use crate::linalg::cholesky;
 use crate::motion::Motion;
 use crate::plant::{PlantKind, PlantSpec};
@@ -22,28 +22,23 @@ pub struct ElasticImpedanceSpec {
 }
 
 impl ElasticImpedanceSpec {
-    /// The storage function `E` (with the wall's spring) is that of this plant: no losses but the law's, no row of
+    /// The storage function `E` (with the springs of wall and stops) is that of this plant: no losses but the law's, no row of
     /// orientation, where the rate of `e` is not `-J v`.
     pub fn has_storage(&self, plant: &PlantSpec) -> bool {
         !self.outer.coordinates.turns() && described(plant, &self.outer.model, &self.inner).is_some()
     }
 
-    /// `E` at time `t` and plant state `x`.
-    pub fn storage(&self, t: f64, x: &[f64], plant: &PlantSpec) -> f64 {
+    /// `E` at time `t` and plant state `x`, whose `q` is where `links` stand.
+    pub fn storage(&self, t: f64, links: &mut ArmAt, x: &[f64], plant: &PlantSpec) -> f64 {
         let (n, m) = (self.outer.model.n(), self.outer.coordinates.m());
         let mut desired = vec![0.0; 3 * m];
         self.outer.target.sample(t, &mut desired);
-        let arm = AnyArm::<f64>::from_lanes(|_| &self.outer.model);
-        let mut ws = arm.workspace();
-        let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
-        let (mut full, mut e, mut jacobian) = (vec![0.0; 6 * n], vec![0.0; m], vec![0.0; m * n]);
-        arm.error_and_jacobian(&mut ws, &self.outer.coordinates, &mut full, &trig, &x[..n], &desired[..m], &mut e, &mut jacobian);
-        let (kinetic, _) = arm.energy(&mut ws, &trig, &x[..n], &x[n..2 * n]);
-        let wall = plant.wall().map_or(0.0, |wall| {
-            let p = arm.jacobian(&mut ws, &trig, &x[..n], wall.frame, &mut full);
-            wall.energy(p.0)
-        });
-        kinetic + self.inner.energy(x) + 0.5 * self.outer.stiffness.form(&e) + wall
+        let (mut e, mut jacobian) = (vec![0.0; m], vec![0.0; m * n]);
+        links.error_and_jacobian(&self.outer.coordinates, &desired[..m], &mut e, &mut jacobian);
+        let (kinetic, _) = links.energy(&x[n..2 * n]);
+        let wall = plant.wall().map_or(0.0, |wall| wall.energy(links.jacobian(wall.frame).0.0));
+        let stops = plant.stops().map_or(0.0, |stops| stops.energy(&x[..n]));
+        kinetic + self.inner.energy(x) + 0.5 * self.outer.stiffness.form(&e) + wall + stops
     }
 }
 
@@ -66,11 +61,10 @@ impl Definition for ElasticImpedanceSpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.outer.model.n();
         let mut law = Self::build::<f64>(|_| self);
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| !["u", "tau"].contains(name)).collect();
-        terms.extend(self.target_dynamics(&mut law.outer, &trig, &at.x[..n], &at.x[n..2 * n]));
+        terms.extend(self.target_dynamics(&mut law.outer, at.trig, &at.x[..n], &at.x[n..2 * n]));
         terms.extend(law.inner.terms(&self.inner));
         terms.push(("tau", vec![n], tau));
         terms

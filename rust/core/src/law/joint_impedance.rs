@@ -34,9 +34,8 @@ impl Definition for JointImpedanceSpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model().n();
         let mut law = Self::build::<f64>(|_| self);
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| *name != "tau").collect();
         terms.extend(law.inner.terms(&self.inner));
         terms.push(("tau", vec![n], tau));

@@ -4,6 +4,7 @@
 
 mod adaptation;
 mod adaptive;
+mod arm_lanes;
 mod arm_solver;
 mod cartesian_impedance;
 mod computed_torque;
@@ -12,16 +13,19 @@ mod evaluator;
 mod external;
 mod inertia_reduction;
 mod joint_impedance;
+mod joint_limits;
 mod level;
 mod motor_regulation;
 mod pd_gravity;
 mod priority_acceleration;
 mod priority_velocity;
+mod projection;
 mod sampled_reduction;
 
 pub use crate::linalg::gain::Gain;
 pub use adaptation::{Adaptation, AnyAdaptive, Base};
 pub use adaptive::{Adaptive, AdaptiveSpec};
+pub use arm_lanes::ArmLanes;
 pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
@@ -30,14 +34,16 @@ pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
 pub use inertia_reduction::{Reduction, ReductionSpec};
 pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
+pub use joint_limits::{GivenLimits, HORIZON, JointLimits};
 pub use level::Level;
 pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
 pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
 pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
+pub use projection::Projection;
 pub use sampled_reduction::LockedMotors;
 
-use crate::dynamics::Model;
+use crate::dynamics::{ArmAt, Model};
 use crate::error::{Error, Result};
 use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
@@ -88,9 +94,10 @@ pub trait Definition {
     fn terms(&self, at: &Instant) -> Vec<Term>;
 }
 
-/// What a law is asked about: its motions' samples, the plant's state and the law's own.
+/// What a law is asked about: its motions' samples, the plant's state with (sin, cos) of its coordinates, and the law's own.
 pub struct Instant<'a> {
     pub desired: &'a [f64],
+    pub trig: &'a [(f64, f64)],
     pub x: &'a [f64],
     pub z: &'a [f64],
 }
@@ -179,7 +186,8 @@ impl LawSpec {
     /// The named parts of the law at time `t`.
     pub fn terms(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
         let desired = self.desired(t);
-        each!(self, law => law.terms(&Instant { desired: &desired, x, z }), outside => outside.terms(t, x))
+        let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
+        each!(self, law => law.terms(&Instant { desired: &desired, trig: &trig, x, z }), outside => outside.terms(t, x))
     }
 
     /// The frame and axes in which the law takes an external force; `None` for a law of joints alone.
@@ -196,6 +204,33 @@ impl LawSpec {
         match self {
             LawSpec::ElasticImpedance(law) => Some(&law.inner),
             LawSpec::JointImpedance(law) => Some(&law.inner),
+            _ => None,
+        }
+    }
+
+    /// The stiffness of the joints that the law believes in, for a law that reads their torques.
+    pub fn joint_stiffness(&self) -> Option<&Gain> {
+        match self {
+            LawSpec::MotorPd(law) => Some(&law.joint_stiffness),
+            LawSpec::StateFeedback(law) => Some(&law.joint_stiffness),
+            _ => self.reduction().map(|reduction| &reduction.joint_stiffness),
+        }
+    }
+
+    /// `(I + Kt)^-1` of a law of motors, by which its answer at rest is the slope of a potential.
+    pub fn torque_share(&self) -> Option<Gain> {
+        match self {
+            LawSpec::MotorPd(law) => Some(law.torque_share()),
+            LawSpec::StateFeedback(law) => Some(law.torque_share()),
+            _ => None,
+        }
+    }
+
+    /// Where a law of motors wants the links, `(n,)`.
+    pub fn link_target(&self) -> Option<Vec<f64>> {
+        match self {
+            LawSpec::MotorPd(law) => Some(law.link_target()),
+            LawSpec::StateFeedback(law) => Some(law.link_target()),
             _ => None,
         }
     }
@@ -246,10 +281,10 @@ impl LawSpec {
         }
     }
 
-    /// That storage function at plant state `x`.
-    pub fn storage(&self, t: f64, x: &[f64], plant: &PlantSpec) -> Option<f64> {
+    /// That storage function at plant state `x`, whose `q` is where `links` stand.
+    pub fn storage(&self, t: f64, links: &mut ArmAt, x: &[f64], plant: &PlantSpec) -> Option<f64> {
         match self {
-            LawSpec::ElasticImpedance(law) => Some(law.storage(t, x, plant)),
+            LawSpec::ElasticImpedance(law) => Some(law.storage(t, links, x, plant)),
             _ => None,
         }
     }

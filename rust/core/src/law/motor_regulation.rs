@@ -24,7 +24,7 @@ pub struct MotorRegulationSpec<const TORQUE: bool> {
     /// `Kt` and `Ks`; the identity, unused, without torque feedback.
     kt: Gain,
     ks: Gain,
-    joint_stiffness: Gain,
+    pub(super) joint_stiffness: Gain,
     /// Gravity follows the motors instead of standing at the target's.
     online: bool,
     /// `g(q_d)` and `K_J^-1 g(q_d)`.
@@ -45,13 +45,28 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
         for (name, gain) in [("kp", &kp), ("kd", &kd), ("kt", &kt), ("ks", &ks), ("joint_stiffness", &joint_stiffness)] {
             require_size(name, gain, n)?;
         }
-        let arm = AnyArm::<f64>::from_lanes(|_| &model);
-        let trig: Vec<(f64, f64)> = target.iter().map(|q| Real::sin_cos(*q)).collect();
         let mut load = vec![0.0; n];
-        arm.gravity(&mut arm.workspace(), &trig, target, &mut load);
+        model.at(target).gravity(&mut load);
         let sag = joint_stiffness.inverse().times(&load);
         let theta = target.iter().zip(&sag).map(|(q, s)| q + s).collect();
         Ok(MotorRegulationSpec { model, target: Motion::Hold(theta), kp, kd, kt, ks, joint_stiffness, online, load, sag })
+    }
+}
+
+impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
+    /// `(I + Kt)^-1`; the identity without torque feedback.
+    pub(super) fn torque_share(&self) -> Gain {
+        let n = self.model.n();
+        let fed = |k: usize| if TORQUE { self.kt.at(k / n, k % n) } else { 0.0 };
+        let sum = (0..n * n).map(|k| fed(k) + f64::from(u8::from(k / n == k % n))).collect();
+        Gain::unchecked(n, sum).inverse()
+    }
+
+    /// `q_d`.
+    pub(super) fn link_target(&self) -> Vec<f64> {
+        let mut sample = vec![0.0; 3 * self.sag.len()];
+        self.target.sample(0.0, &mut sample);
+        sample.iter().zip(&self.sag).map(|(theta, sag)| theta - sag).collect()
     }
 }
 
@@ -111,9 +126,8 @@ impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = Self::build::<f64>(|_| self);
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let theta_d = at.desired[..n].to_vec();
         let e = (0..n).map(|i| theta_d[i] - at.x[2 * n + i]).collect();
         let stretch: Vec<f64> = (0..n).map(|i| at.x[2 * n + i] - at.x[i]).collect();

@@ -53,11 +53,9 @@ impl Definition for PdGravitySpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let (q, v) = (&at.x[..n], &at.x[n..2 * n]);
-        let arm = AnyArm::<f64>::from_lanes(|_| &self.model);
-        let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
         let e: Vec<f64> = (0..n).map(|i| at.desired[i] - q[i]).collect();
         let mut g = vec![0.0; n];
-        arm.gravity(&mut arm.workspace(), &trig, q, &mut g);
+        self.model.at(q).gravity(&mut g);
         let (kp_e, kd_v) = (self.kp.times(&e), self.kd.times(v));
         let tau = (0..n).map(|i| kp_e[i] - kd_v[i] + g[i]).collect();
         vec![("q_d", vec![n], at.desired[..n].to_vec()), ("e", vec![n], e), ("g", vec![n], g), ("tau", vec![n], tau)]

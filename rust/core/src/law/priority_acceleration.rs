@@ -1,8 +1,10 @@
 //! Prioritised accelerations under computed torque, for rigid arms (`siciliano1991priority`, `nakanishi2008operational`):
 //!
 //! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` in priority, and `a = -c v` in what freedom is
-//! left, which stops motions that no task sees; `tau = M a + C v + g`.
+//! left, which stops motions that no task sees; `tau = M a + C v + g`. The map `sns` keeps `a` within bounds that follow from the
+//! limits of the joints at every evaluation: see `joint_limits`.
 
+use super::joint_limits::{GivenLimits, JointLimits};
 use super::level::{Level, add_product, plain, require_levels, stack};
 use super::{Definition, Instant, Law, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
@@ -21,27 +23,26 @@ pub struct PriorityAccelerationSpec {
     pub options: Options,
     /// `c`, 1/s.
     pub joint_damping: f64,
+    /// Of the map `sns`.
+    limits: Option<JointLimits>,
 }
 
 impl PriorityAccelerationSpec {
-    pub fn new(model: Model, levels: Vec<Level>, options: Options, joint_damping: f64) -> Result<Self> {
+    /// For the map `sns` the limits given, the arm's own where there are none; `options` has no bounds.
+    pub fn new(model: Model, levels: Vec<Level>, options: Options, joint_damping: f64, limits: &GivenLimits) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
         if !(joint_damping >= 0.0 && joint_damping.is_finite()) {
             return Err(Error::input("joint_damping", format!("is not a damping: expected a finite number >= 0, got {joint_damping}")));
         }
-        if options.method == Method::Sns {
-            return Err(Error::input(
-                "method",
-                "bounds velocities: expected exact, clamp, damped or chiaverini at acceleration level, got sns",
-            ));
-        }
-        let mut options = options;
+        limits.require_sns(options.method)?;
+        let limits = if options.method == Method::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
+        let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         // The level below all tasks has the identity for its Jacobian, whose singular values are one or taken.
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
             eps.push(crate::priority::DEFAULT_EPS);
         }
-        let spec = PriorityAccelerationSpec { model, levels, options, joint_damping };
+        let spec = PriorityAccelerationSpec { model, levels, options, joint_damping, limits };
         spec.solver()?;
         Ok(spec)
     }
@@ -68,6 +69,8 @@ impl PriorityAccelerationSpec {
             gains: self.levels.iter().map(|level| AnyGain::from_lanes(|_| &level.gain)).collect(),
             dampings: self.levels.iter().map(Level::rate_gain).map(|gain| AnyGain::from_lanes(|_| &gain)).collect(),
             joint_damping: self.joint_damping,
+            limits: self.limits.clone(),
+            bounds: (vec![0.0; n], vec![0.0; n]),
             q: vec![0.0; n],
             v: vec![0.0; n],
             trig: vec![(0.0, 1.0); n],
@@ -100,9 +103,8 @@ impl Definition for PriorityAccelerationSpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.engine();
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut tau, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let total = law.e.len();
         let (jacobian, command) = law.solver.inputs();
         let (jacobian, command) = (jacobian[..total * n].to_vec(), command[..total].to_vec());
@@ -132,6 +134,8 @@ pub struct PriorityAcceleration {
     gains: Vec<AnyGain<f64>>,
     dampings: Vec<AnyGain<f64>>,
     joint_damping: f64,
+    limits: Option<JointLimits>,
+    bounds: (Vec<f64>, Vec<f64>),
     q: Vec<f64>,
     v: Vec<f64>,
     trig: Vec<(f64, f64)>,
@@ -145,7 +149,22 @@ pub struct PriorityAcceleration {
 
 impl PriorityAcceleration {
     fn command(&mut self) -> Result<()> {
-        let PriorityAcceleration { stack, solver, gains, dampings, v, desired, e, e_dot, rate, joint_damping, .. } = self;
+        let PriorityAcceleration {
+            stack,
+            solver,
+            gains,
+            dampings,
+            limits,
+            bounds: (lower, upper),
+            q,
+            v,
+            desired,
+            e,
+            e_dot,
+            rate,
+            joint_damping,
+            ..
+        } = self;
         let (n, total) = (v.len(), e.len());
         stack.set_moving(v);
         stack.jacobians_dot(rate);
@@ -171,6 +190,10 @@ impl PriorityAcceleration {
         for i in 0..n {
             identity[i * n + i] = 1.0;
             rest[i] = -*joint_damping * v[i];
+        }
+        if let Some(limits) = limits {
+            limits.accelerations(q, v, lower, upper);
+            solver.set_bounds(lower, upper)?;
         }
         solver.set_rounding(stack.rounding())?;
         solver.run().map(|_| ())

@@ -2,9 +2,12 @@
 //!
 //! `u` solves `J_i u = x_d,i' + K_i e_i` in priority, by one of the maps of `priority`; the plant is `q' = u`.
 //!
+//! The map `sns` keeps `u` within bounds that follow from the limits of the joints at every evaluation: see `joint_limits`.
+//!
 //! Ranks are decided on entries that carry a relative error of `8 eps (1 + sum|q|)`. The maps branch on singular values, so
 //! this law runs on one number at a time.
 
+use super::joint_limits::{GivenLimits, JointLimits};
 use super::level::{Level, add_product, plain, require_levels, stack};
 use super::{Definition, Instant, Law, Term};
 use crate::dynamics::Model;
@@ -21,14 +24,19 @@ pub struct PriorityVelocitySpec {
     model: Model,
     pub levels: Vec<Level>,
     pub options: Options,
+    /// Of the map `sns`.
+    limits: Option<JointLimits>,
 }
 
 impl PriorityVelocitySpec {
-    /// `options` without bounds take those of the arm's joint velocities for the map `sns`.
-    pub fn new(model: Model, levels: Vec<Level>, options: Options) -> Result<Self> {
+    /// For the map `sns` the limits given, the arm's own where there are none; `options` has no bounds.
+    pub fn new(model: Model, levels: Vec<Level>, options: Options, limits: &GivenLimits) -> Result<Self> {
         require_levels(&levels)?;
-        let options = with_limits(&model, options)?;
-        let spec = PriorityVelocitySpec { model, levels, options };
+        model.tree("arm")?;
+        limits.require_sns(options.method)?;
+        let limits = if options.method == Method::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
+        let options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
+        let spec = PriorityVelocitySpec { model, levels, options, limits };
         spec.solver()?;
         Ok(spec)
     }
@@ -50,6 +58,8 @@ impl PriorityVelocitySpec {
             stack: stack(arm, &self.levels),
             solver,
             gains: self.levels.iter().map(|level| AnyGain::from_lanes(|_| &level.gain)).collect(),
+            limits: self.limits.clone(),
+            bounds: (vec![0.0; n], vec![0.0; n]),
             q: vec![0.0; n],
             desired: vec![0.0; self.levels.iter().map(|level| 3 * level.function.target_size()).sum()],
             e: vec![0.0; total],
@@ -89,9 +99,8 @@ impl Definition for PriorityVelocitySpec {
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.engine();
-        let trig: Vec<(f64, f64)> = at.x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
         let mut v = vec![0.0; n];
-        law.evaluate(at.desired, &trig, at.x, &[], &mut v, &mut []);
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut v, &mut []);
         let (jacobian, command) = law.solver.inputs();
         let (total, jacobian, command) = (command.len(), jacobian.to_vec(), command.to_vec());
         let numbers = |counts: &[usize]| counts.iter().map(|&k| k as f64).collect::<Vec<f64>>();
@@ -113,6 +122,8 @@ pub struct PriorityVelocity {
     stack: TaskStack,
     solver: PrioritySolver,
     gains: Vec<AnyGain<f64>>,
+    limits: Option<JointLimits>,
+    bounds: (Vec<f64>, Vec<f64>),
     q: Vec<f64>,
     desired: Vec<f64>,
     e: Vec<f64>,
@@ -130,7 +141,7 @@ impl PriorityVelocity {
     }
 
     fn command(&mut self) -> Result<()> {
-        let PriorityVelocity { stack, solver, gains, desired, e, .. } = self;
+        let PriorityVelocity { stack, solver, gains, limits, bounds: (lower, upper), q, desired, e } = self;
         let (jacobian, command) = solver.inputs();
         stack.jacobians(jacobian);
         let (mut at, mut from) = (0, 0);
@@ -141,6 +152,10 @@ impl PriorityVelocity {
             add_product(gain, e, w);
             at += m;
             from += width;
+        }
+        if let Some(limits) = limits {
+            limits.velocities(q, lower, upper);
+            solver.set_bounds(lower, upper)?;
         }
         solver.set_rounding(stack.rounding())?;
         solver.run().map(|_| ())

@@ -4,8 +4,9 @@
 //! `tau_J = K (theta - q) + D (theta_dot - v)`, `x = [q, v, theta, theta_dot]`.
 
 use super::rigid::{Links, link_energy};
-use super::{Plant, Power, Wall};
-use crate::dynamics::{AnyArm, Dynamics, Model};
+use super::stops::Stops;
+use super::{Plant, Power, Touch, Wall};
+use crate::dynamics::{ArmAt, Model};
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
@@ -22,6 +23,8 @@ pub struct ElasticSpec {
     /// Viscous friction `F` of the motors, N m s/rad, `(n,)`, >= 0.
     pub motor_friction: Vec<f64>,
     pub wall: Option<Wall>,
+    /// Of the links.
+    pub stops: Option<Stops>,
     inverse_inertia: Gain,
 }
 
@@ -54,24 +57,28 @@ impl ElasticSpec {
         let (joint_damping, motor_friction) =
             (dissipative("joint_damping", joint_damping)?, dissipative("motor_friction", motor_friction)?);
         let inverse_inertia = motor_inertia.inverse();
-        Ok(ElasticSpec { model, stiffness, motor_inertia, joint_damping, motor_friction, wall, inverse_inertia })
+        Ok(ElasticSpec { model, stiffness, motor_inertia, joint_damping, motor_friction, wall, stops: None, inverse_inertia })
+    }
+
+    /// The same plant with joint stops.
+    pub fn with_stops(self, stops: Option<Stops>) -> Self {
+        ElasticSpec { stops, ..self }
     }
 
     /// The motor position at which the springs carry gravity: `theta = q + K^-1 g(q)`.
     pub fn resting_motor(&self, q: &[f64]) -> Vec<f64> {
-        let arm = AnyArm::<f64>::from_lanes(|_| &self.model);
-        let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
         let mut g = vec![0.0; q.len()];
-        arm.gravity(&mut arm.workspace(), &trig, q, &mut g);
+        self.model.at(q).gravity(&mut g);
         let deflection = self.stiffness.inverse().times(&g);
         q.iter().zip(&deflection).map(|(q, d)| q + d).collect()
     }
 
-    pub(super) fn energy(&self, x: &[f64]) -> f64 {
+    pub(super) fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
         let n = self.model.n();
         let stretch: Vec<f64> = (0..n).map(|i| x[2 * n + i] - x[i]).collect();
         let half = |k: &Gain, x: &[f64]| 0.5 * x.iter().zip(k.times(x)).map(|(a, b)| a * b).sum::<f64>();
-        link_energy(&self.model, self.wall.as_ref(), x) + half(&self.stiffness, &stretch) + half(&self.motor_inertia, &x[3 * n..4 * n])
+        let links = link_energy(links, self.wall.as_ref(), self.stops.as_ref(), x.split_at(n));
+        links + half(&self.stiffness, &stretch) + half(&self.motor_inertia, &x[3 * n..4 * n])
     }
 }
 
@@ -90,7 +97,7 @@ impl<S: Real> Elastic<S> {
     pub fn new<'a>(of: impl Fn(usize) -> &'a ElasticSpec, force_frame: Option<usize>) -> Self {
         let n = of(0).model.n();
         Elastic {
-            links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), force_frame),
+            links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame),
             stiffness: AnyGain::from_lanes(|i| &of(i).stiffness),
             inverse_inertia: AnyGain::from_lanes(|i| &of(i).inverse_inertia),
             joint_damping: (0..n).map(|k| S::from_lanes(|i| of(i).joint_damping[k])).collect(),
@@ -124,5 +131,9 @@ impl<S: Real> Plant<S> for Elastic<S> {
         outside += self.links.add_outside(trig, q, v, wrench);
         self.links.accelerate(trig, q, v, &mut dx[n..2 * n]);
         Power { input, outside }
+    }
+
+    fn hold(&mut self, contacts: &[Touch]) {
+        self.links.hold(contacts);
     }
 }

@@ -7,14 +7,18 @@ mod contact;
 mod elastic;
 mod rigid;
 pub mod sensors;
+mod stops;
+pub mod unilateral;
 mod velocity;
 
 pub use contact::Wall;
 pub use elastic::{Elastic, ElasticSpec};
 pub use rigid::{Rigid, RigidSpec};
+pub use stops::{Stop, Stops};
+pub use unilateral::Touch;
 pub use velocity::{Velocity, VelocitySpec};
 
-use crate::dynamics::Model;
+use crate::dynamics::{ArmAt, Model};
 use crate::scalar::{Kernel, Real};
 
 /// Power into a plant: its sum is the rate of the stored energy.
@@ -31,6 +35,9 @@ pub trait Plant<S: Real> {
     /// Rates `dx` of the plant's state `x` under the input `tau` `(n,)` and the wrench `(6,)` at the frame the plant was
     /// made with; returns the power put in.
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
+
+    /// Hold every contact, the wall first, then the stops, as it is said to be, whatever the state.
+    fn hold(&mut self, _contacts: &[Touch]) {}
 }
 
 /// A plant whose rates are a function of their own, compiled for the instruction set of `S`.
@@ -48,6 +55,10 @@ impl<S: Real, P: Plant<S>> Plant<S> for OutOfLine<P> {
             }
         }
         S::enter(Rates(&mut self.0, trig, x, tau, wrench, dx))
+    }
+
+    fn hold(&mut self, contacts: &[Touch]) {
+        self.0.hold(contacts);
     }
 }
 
@@ -158,6 +169,7 @@ impl PlantSpec {
         self.kind() == other.kind()
             && self.model().same_geometry(other.model())
             && self.wall().is_some() == other.wall().is_some()
+            && self.stops().into_iter().flat_map(Stops::all).eq(other.stops().into_iter().flat_map(Stops::all))
             && self.friction() == other.friction()
     }
 
@@ -169,15 +181,28 @@ impl PlantSpec {
         }
     }
 
+    pub fn stops(&self) -> Option<&Stops> {
+        match self {
+            PlantSpec::Rigid(plant) => plant.stops.as_ref(),
+            PlantSpec::Elastic(plant) => plant.stops.as_ref(),
+            PlantSpec::Velocity(_) => None,
+        }
+    }
+
+    /// Whether nothing can be touched.
+    pub fn is_free(&self) -> bool {
+        self.wall().is_none() && self.stops().is_none()
+    }
+
     fn friction(&self) -> bool {
         matches!(self, PlantSpec::Rigid(RigidSpec { friction: true, .. }))
     }
 
-    /// The energy stored at `x`, the wall's spring included; zero for a plant without dynamics.
-    pub fn energy(&self, x: &[f64]) -> f64 {
+    /// The energy stored at `x`, whose `q` is where `links` stand, the wall's spring included; zero for a plant without dynamics.
+    pub fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
         match self {
-            PlantSpec::Rigid(plant) => plant.energy(x),
-            PlantSpec::Elastic(plant) => plant.energy(x),
+            PlantSpec::Rigid(plant) => plant.energy(links, x),
+            PlantSpec::Elastic(plant) => plant.energy(links, x),
             PlantSpec::Velocity(_) => 0.0,
         }
     }

@@ -1,8 +1,9 @@
 //! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`, `x = [q, v]`.
 
-use super::{Plant, Power, Wall};
+use super::stops::{LaneStops, Stops};
+use super::{Plant, Power, Touch, Wall};
 use crate::dynamics::energy::friction_torque;
-use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::dynamics::{AnyArm, ArmAt, Dynamics, Model, Workspace};
 use crate::scalar::Real;
 use crate::spatial::V3;
 
@@ -12,30 +13,24 @@ pub struct RigidSpec {
     /// Viscous and Coulomb friction of the model's joints act on the plant.
     pub friction: bool,
     pub wall: Option<Wall>,
+    pub stops: Option<Stops>,
 }
 
 impl RigidSpec {
     pub fn new(model: Model) -> Self {
-        RigidSpec { model, friction: false, wall: None }
+        RigidSpec { model, friction: false, wall: None, stops: None }
     }
 
-    pub(super) fn energy(&self, x: &[f64]) -> f64 {
-        link_energy(&self.model, self.wall.as_ref(), x)
+    pub(super) fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
+        link_energy(links, self.wall.as_ref(), self.stops.as_ref(), x.split_at(self.model.n()))
     }
 }
 
-/// Kinetic and potential energy of the links and of the wall's spring.
-pub(super) fn link_energy(model: &Model, wall: Option<&Wall>, x: &[f64]) -> f64 {
-    let n = model.n();
-    let arm = AnyArm::<f64>::from_lanes(|_| model);
-    let mut ws = arm.workspace();
-    let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
-    let (kinetic, potential) = arm.energy(&mut ws, &trig, &x[..n], &x[n..2 * n]);
-    let stored = wall.map_or(0.0, |wall| {
-        let mut j = vec![0.0; 6 * n];
-        wall.energy(arm.jacobian(&mut ws, &trig, &x[..n], wall.frame, &mut j).0)
-    });
-    kinetic + potential + stored
+/// Kinetic and potential energy of the links, which are at `q`, and of the springs of wall and stops.
+pub(super) fn link_energy(links: &mut ArmAt, wall: Option<&Wall>, stops: Option<&Stops>, (q, v): (&[f64], &[f64])) -> f64 {
+    let (kinetic, potential) = links.energy(&v[..q.len()]);
+    let pressed = wall.map_or(0.0, |wall| wall.energy(links.jacobian(wall.frame).0.0));
+    kinetic + potential + pressed + stops.map_or(0.0, |stops| stops.energy(q))
 }
 
 /// The links of a plant, and what pushes them from outside.
@@ -45,16 +40,26 @@ pub(super) struct Links<S: Real> {
     pub n: usize,
     force_frame: Option<usize>,
     walls: Option<Vec<Wall>>,
+    stops: Option<LaneStops<S>>,
+    /// How the contacts are held, the wall first; empty where they follow the state.
+    held: Vec<Touch>,
     jacobian: Vec<S>,
     /// `(n,)`: all that acts on the joints.
     pub effort: Vec<S>,
 }
 
 impl<S: Real> Links<S> {
-    pub fn new<'a>(model: impl Fn(usize) -> &'a Model, wall: impl Fn(usize) -> Option<&'a Wall>, force_frame: Option<usize>) -> Self {
+    pub fn new<'a>(
+        model: impl Fn(usize) -> &'a Model,
+        wall: impl Fn(usize) -> Option<&'a Wall>,
+        stops: impl Fn(usize) -> Option<&'a Stops>,
+        force_frame: Option<usize>,
+    ) -> Self {
         let n = model(0).n();
         let arm = AnyArm::from_lanes(model);
         let walls = wall(0).map(|first| (0..S::LANES).map(|i| wall(i).unwrap_or(first).clone()).collect());
+        let stops = stops(0).map(|first| LaneStops::new(|i| stops(i).unwrap_or(first)));
+        let contacts = usize::from(walls.is_some()) + stops.as_ref().map_or(0, LaneStops::len);
         let used = force_frame.is_some() || wall(0).is_some();
         Links {
             ws: arm.workspace(),
@@ -62,12 +67,20 @@ impl<S: Real> Links<S> {
             n,
             force_frame,
             walls,
+            stops,
+            held: Vec::with_capacity(contacts),
             jacobian: vec![S::zero(); if used { 6 * n } else { 0 }],
             effort: vec![S::zero(); n],
         }
     }
 
-    /// Add the torques of wrench and wall to `self.effort`; returns the power they put in.
+    /// Hold every contact as it is said to be.
+    pub fn hold(&mut self, contacts: &[Touch]) {
+        self.held.clear();
+        self.held.extend_from_slice(contacts);
+    }
+
+    /// Add the torques of wrench, wall and stops to `self.effort`; returns the power they put in.
     #[inline(always)]
     pub fn add_outside(&mut self, trig: &[(S, S)], q: &[S], v: &[S], wrench: &[S]) -> S {
         let mut power = S::zero();
@@ -91,13 +104,18 @@ impl<S: Real> Links<S> {
                 }
                 sum
             }));
-            let (f, lost) = if S::LANES == 1 { walls[0].force(p, p_dot) } else { each_wall(walls, p, p_dot) };
+            let held = self.held.first().copied();
+            let (f, lost) = if S::LANES == 1 { walls[0].force(p, p_dot, held) } else { each_wall(walls, p, p_dot) };
             for i in 0..self.n {
                 for k in 0..3 {
                     self.effort[i] = self.jacobian[k * self.n + i].mul_add(f[k], self.effort[i]);
                 }
             }
             power -= lost;
+        }
+        if let Some(stops) = &self.stops {
+            let held = (!self.held.is_empty()).then(|| &self.held[usize::from(self.walls.is_some())..]);
+            power -= stops.add(q, v, held, &mut self.effort);
         }
         power
     }
@@ -112,7 +130,7 @@ impl<S: Real> Links<S> {
 /// The walls of the lanes, each its own.
 #[inline(never)]
 fn each_wall<S: Real>(walls: &[Wall], p: V3<S>, p_dot: V3<S>) -> (V3<S>, S) {
-    let one = |i: usize| walls[i].force(V3(p.0.map(|x| x.lane(i))), V3(p_dot.0.map(|x| x.lane(i))));
+    let one = |i: usize| walls[i].force(V3(p.0.map(|x| x.lane(i))), V3(p_dot.0.map(|x| x.lane(i))), None);
     (V3(std::array::from_fn(|k| S::from_lanes(|i| one(i).0[k]))), S::from_lanes(|i| one(i).1))
 }
 
@@ -125,7 +143,7 @@ pub struct Rigid<S: Real> {
 impl<S: Real> Rigid<S> {
     pub fn new<'a>(of: impl Fn(usize) -> &'a RigidSpec, force_frame: Option<usize>) -> Self {
         let friction = of(0).friction;
-        Rigid { links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), force_frame), friction }
+        Rigid { links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame), friction }
     }
 }
 
@@ -150,5 +168,9 @@ impl<S: Real> Plant<S> for Rigid<S> {
         outside += self.links.add_outside(trig, q, v, wrench);
         self.links.accelerate(trig, q, v, &mut dx[n..2 * n]);
         Power { input, outside }
+    }
+
+    fn hold(&mut self, contacts: &[Touch]) {
+        self.links.hold(contacts);
     }
 }

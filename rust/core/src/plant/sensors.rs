@@ -3,11 +3,9 @@
 //! `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise) / step) step`.
 //!
 //! A controller that has torque sensors and motor encoders, as light-weight arms do, knows its links through them:
-//! `q = theta - K^-1 reading`. Where a loop is sampled, at sample `k`: `filtered` from the sample before, `reading` of each
-//! joint, `links_seen` in place of the measured `q`, and the law is asked.
+//! `q = theta - K^-1 reading`, so that its own `K (theta - q)` is the reading.
 
 use crate::error::{Error, Result, finite};
-use crate::linalg::Gain;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueSensor {
@@ -57,13 +55,6 @@ impl TorqueSensor {
     }
 }
 
-/// `q = theta - K^-1 reading`: the links as torque sensors and motor encoders know them.
-pub fn links_seen(inverse_stiffness: &Gain, theta: &[f64], readings: &[f64], q: &mut [f64]) {
-    for (i, q) in q.iter_mut().enumerate() {
-        *q = theta[i] - readings.iter().enumerate().map(|(j, r)| inverse_stiffness.at(i, j) * r).sum::<f64>();
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -88,10 +79,6 @@ mod tests {
         let sensor = TorqueSensor::new(0.5, vec![0.0, 1.0], 0.25, f64::INFINITY).expect("valid");
         assert_eq!(sensor.reading(0, 3.1, 0.0), 3.0);
         assert_eq!(sensor.reading(1, 3.1, 0.2), 4.25);
-        let inverse = Gain::diagonal("k", vec![0.01, 0.02]).expect("positive");
-        let mut q = [0.0; 2];
-        links_seen(&inverse, &[1.0, 2.0], &[10.0, -5.0], &mut q);
-        assert_eq!(q, [0.9, 2.1]);
         assert!(TorqueSensor::new(-1.0, vec![], 0.0, 1.0).is_err());
         assert!(TorqueSensor::new(0.0, vec![f64::NAN], 0.0, 1.0).is_err());
         assert!(TorqueSensor::new(0.0, vec![], f64::INFINITY, 1.0).is_err());

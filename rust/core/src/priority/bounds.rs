@@ -36,12 +36,26 @@ pub fn velocity_bounds(
                 format!("is not ordered: expected q_min <= q_max, v_max >= 0, a_max >= 0, got {got} (first bad index {i})"),
             ));
         }
-        let room = |distance: f64| (distance / dt).min((2.0 * a_max[i] * distance.max(0.0)).sqrt().min(v_max[i])).max(-v_max[i]);
-        let (down, up) = (q[i] - q_min[i], q_max[i] - q[i]);
-        upper[i] = if up < 0.0 { (up / dt).max(-v_max[i]) } else { room(up) };
-        lower[i] = if down < 0.0 { -(down / dt).max(-v_max[i]) } else { -room(down) };
+        (lower[i], upper[i]) = joint_velocity_bounds(q[i], (q_min[i], q_max[i]), (-v_max[i], v_max[i]), dt, 2.0 * a_max[i]);
     }
     Ok(())
+}
+
+/// Bounds of one joint's velocity within `(v_min, v_max)`: at the distance `d` from a limit at most `min(d/dt, sqrt(k d))` towards it, `k`
+/// twice the deceleration; beyond it, back.
+pub fn joint_velocity_bounds(q: f64, (q_min, q_max): (f64, f64), (v_min, v_max): (f64, f64), dt: f64, k: f64) -> (f64, f64) {
+    let room = |distance: f64| {
+        let speed = if distance > 0.0 { (k * distance).sqrt() } else { f64::INFINITY };
+        (distance / dt).min(speed)
+    };
+    let down = q - q_min;
+    let (lower, upper) = ((-room(down)).max(v_min).min(v_max), room(q_max - q).max(v_min).min(v_max));
+    match lower <= upper {
+        true => (lower, upper),
+        // Beyond one limit, the way back is no faster than the braking before the other one allows.
+        false if down < 0.0 => (upper, upper),
+        false => (lower, lower),
+    }
 }
 
 #[cfg(test)]
@@ -57,6 +71,9 @@ mod tests {
         // sqrt(2 * 0.5 * 1) is exact.
         assert_eq!((lower[1], upper[1]), (-1.0, 1.0));
         assert_eq!((lower[2], upper[2]), (-2.0, -2.0));
+        // Far beyond the limit with weak brakes: the way back is as fast as still stops before the other limit, sqrt(2 * 0.5 * 4).
+        velocity_bounds(&[3.0], &[-1.0], &[1.0], &[9.0], &[0.5], 0.01, &mut lower[..1], &mut upper[..1]).unwrap();
+        assert_eq!((lower[0], upper[0]), (-2.0, -2.0));
         assert!(velocity_bounds(&[f64::NAN], &[0.0], &[1.0], &[1.0], &[1.0], 0.1, &mut [0.0], &mut [0.0]).is_err());
     }
 }

@@ -3,6 +3,7 @@
 //! The maps run unchanged on `J L^-T`; `v = L^-T y` at the end. Singular values then have the unit of `J` over the root of that of `W`.
 
 use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
 
 /// The Cholesky factor `L`, row-major, lower.
 #[derive(Debug, Clone)]
@@ -50,18 +51,20 @@ impl Metric {
     }
 
     /// `x <- x L^-T` for a row of a Jacobian, that is `L x' = row'`.
-    pub fn row(&self, x: &mut [f64]) {
+    #[inline(always)]
+    pub fn row<S: Real>(&self, x: &mut [S]) {
         for i in 0..self.n {
-            let s: f64 = (0..i).map(|k| self.l[i * self.n + k] * x[k]).sum();
-            x[i] = (x[i] - s) / self.l[i * self.n + i];
+            let rest = (0..i).fold(x[i], |rest, k| S::splat(self.l[i * self.n + k]).neg_mul_add(x[k], rest));
+            x[i] = rest / S::splat(self.l[i * self.n + i]);
         }
     }
 
     /// `y -> v = L^-T y`, in place.
-    pub fn velocity(&self, y: &mut [f64]) {
+    #[inline(always)]
+    pub fn velocity<S: Real>(&self, y: &mut [S]) {
         for i in (0..self.n).rev() {
-            let s: f64 = (i + 1..self.n).map(|k| self.l[k * self.n + i] * y[k]).sum();
-            y[i] = (y[i] - s) / self.l[i * self.n + i];
+            let rest = (i + 1..self.n).fold(y[i], |rest, k| S::splat(self.l[k * self.n + i]).neg_mul_add(y[k], rest));
+            y[i] = rest / S::splat(self.l[i * self.n + i]);
         }
     }
 

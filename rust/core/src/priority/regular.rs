@@ -5,10 +5,14 @@
 //! The route is taken only where it is provably the same map as the recursion over singular values: `1/|T_i^-1|_F` bounds the
 //! smallest singular value of `J_i N_{i-1}` from below, and must reach `eps_i` (`clamp`, `damped`) or pass the rank rule with
 //! six digits to spare (`exact`). Otherwise it declines, having decided nothing, and `levels` takes over.
+//!
+//! One source for a single stack and for one stack per lane: nothing here branches on the numbers, and no sum or quotient is taken in
+//! another order, so a lane and a single solve of the same instruction set agree to the bit.
 
 use super::method::DEFAULT_EPS;
-use super::workspace::{TAME, Workspace};
-use crate::linalg::householder::TAIL;
+use super::metric::Metric;
+use super::workspace::TAME;
+use crate::scalar::{Kernel, Real};
 
 /// `exact` takes this route only for relative singular values above it, where forward substitution loses no digits that count.
 const EXACT_FLOOR: f64 = 1e-6;
@@ -16,238 +20,370 @@ const EXACT_FLOOR: f64 = 1e-6;
 /// Joints beyond which the route is not compiled.
 pub(super) const MOST_JOINTS: usize = 32;
 
-impl Workspace {
-    /// Solve into `v`, `residual` and `ranks`; false if some level is not provably regular or some number is not tame.
-    pub(super) fn solve_regular(&mut self, exact: bool) -> bool {
-        // Row lengths are constants, so that the loops over joints unroll; zero columns up to the next size change nothing.
-        match self.n {
-            1 | 2 => self.regular::<2>(exact),
-            3 => self.regular::<3>(exact),
-            4 => self.regular::<4>(exact),
-            5 | 6 => self.regular::<6>(exact),
-            7 => self.regular::<7>(exact),
-            8 => self.regular::<8>(exact),
-            9..=12 => self.regular::<12>(exact),
-            13..=MOST_JOINTS => self.regular::<MOST_JOINTS>(exact),
-            _ => false,
-        }
-    }
+/// Joints beyond which it is not compiled for lanes: the factor would leave the nearest cache.
+pub(super) const MOST_JOINTS_IN_LANES: usize = 8;
 
-    #[inline(never)]
-    fn regular<const N: usize>(&mut self, exact: bool) -> bool {
-        let n = self.n;
-        let total = self.command.len();
-        // The levels that fit into the freedom left come first; their rows are rows of a square L.
-        let (mut fit, mut levels) = (0, 0);
-        while levels < self.rows.len() && fit + self.rows[levels] <= n {
-            fit += self.rows[levels];
-            levels += 1;
-        }
-        let mut f = Factor::<N> { l: [[0.0; N]; N], h: [[0.0; N]; N], beta: [0.0; N], inverse: [0.0; N], y: [0.0; N] };
-        // Rows that do not fit stand behind.
-        let (tail, _) = self.lq.as_chunks_mut::<N>();
-        let mut given = self.jacobian.chunks_exact(n).enumerate();
-        for (i, &m) in self.rows.iter().enumerate() {
-            let (mut most, mut sum) = (0.0f64, 0.0);
-            for (r, given) in given.by_ref().take(m) {
-                let row = if r < fit { &mut f.l[r] } else { &mut tail[r - fit] };
-                match <&[f64; N]>::try_from(given) {
-                    Ok(given) => *row = *given,
-                    Err(_) => {
-                        row.fill(0.0);
-                        row[..n].copy_from_slice(given);
-                    }
-                }
-                if let Some(metric) = &self.metric {
-                    metric.row(&mut row[..n]);
-                }
-                let row2 = product(row, row);
-                most = if row2 > most { row2 } else { most };
-                sum += row2;
-            }
-            (self.most2[i], self.norm2[i]) = (most, sum);
-        }
-        let command = &self.command[..fit];
-        if N == 4 {
-            // Written out, so that the indices are constants for the smallest redundant arms.
-            f.eliminate(0, command);
-            f.eliminate(1, command);
-            f.eliminate(2, command);
-            f.eliminate(3, command);
-        } else {
-            (0..fit).for_each(|at| f.eliminate(at, command));
-        }
-        for at in 0..fit {
-            tail[..total - fit].iter_mut().for_each(|row| reflect(&f.h[at], f.beta[at], row));
-        }
-        let (mut used, mut condition) = (0, 1.0);
-        for i in 0..self.rows.len() {
-            let (m, p) = (self.rows[i], self.rows[i].min(n - used));
-            self.ranks[i] = p;
-            // A level without rows or freedom decides nothing, so that it cannot change the route of the levels above it.
-            if p == 0 {
-                continue;
-            }
-            if !TAME.contains(&self.norm2[i]) {
-                return false;
-            }
-            let inverse2 = if i < levels {
-                f.inverse_norm2(used, m, &mut self.z)
-            } else {
-                tall(&mut tail[..m], &self.command[fit..fit + m], fit, p, &mut f.y, &mut self.r, &mut self.z)
-            };
-            used += p;
-            // NaN fails every comparison and declines.
-            let regular = if exact {
-                let relative2 = inverse2 * self.norm2[i];
-                let floor = EXACT_FLOOR.max(self.rounding * condition);
-                condition *= relative2.sqrt();
-                relative2 * floor * floor < 1.0
-            } else {
-                let eps2 = self.eps.as_ref().map_or(DEFAULT_EPS * DEFAULT_EPS * self.most2[i], |eps| eps[i] * eps[i]);
-                inverse2 * eps2 <= 1.0
-            };
-            if !regular {
-                return false;
-            }
-        }
-        if N == 4 {
-            f.back(3);
-            f.back(2);
-            f.back(1);
-            f.back(0);
-        } else {
-            (0..fit).rev().for_each(|at| f.back(at));
-        }
-        let mut y = f.y;
-        if let Some(metric) = &self.metric {
-            metric.velocity(&mut y[..n]);
-        }
-        match <&mut [f64; N]>::try_from(&mut self.v[..]) {
-            Ok(v) => *v = y,
-            Err(_) => self.v.copy_from_slice(&y[..n]),
-        }
-        let mut sound = 0.0;
-        for ((r, given), c) in self.residual.iter_mut().zip(self.jacobian.chunks_exact(n)).zip(&self.command) {
-            *r = c - match <&[f64; N]>::try_from(given) {
-                Ok(given) => product(given, &y),
-                Err(_) => crate::linalg::dot(given, &y[..n]),
-            };
-            sound += *r * 0.0;
-        }
-        sound == 0.0
+/// What a solve is asked besides the stack.
+pub(super) struct Asked<'a> {
+    pub n: usize,
+    pub rows: &'a [usize],
+    pub eps: Option<&'a [f64]>,
+    pub metric: Option<&'a Metric>,
+    pub exact: bool,
+}
+
+/// The stack `(sum rows, n)` and its command `(sum rows,)`.
+pub(super) trait Given<S> {
+    /// Row `r` of the Jacobians, filled up with zeros.
+    fn row<const N: usize>(&self, r: usize, n: usize) -> [S; N];
+    fn command(&self, r: usize) -> S;
+}
+
+/// Plain numbers, the same in every lane.
+pub(super) struct Plain<'a> {
+    pub jacobian: &'a [f64],
+    pub command: &'a [f64],
+}
+
+impl<S: Real> Given<S> for Plain<'_> {
+    #[inline(always)]
+    fn row<const N: usize>(&self, r: usize, n: usize) -> [S; N] {
+        padded(&self.jacobian[r * n..(r + 1) * n], S::splat)
     }
+    #[inline(always)]
+    fn command(&self, r: usize) -> S {
+        S::splat(self.command[r])
+    }
+}
+
+/// One stack per lane.
+pub(super) struct Lanewise<'a, S> {
+    pub jacobian: &'a [S],
+    pub command: &'a [S],
+}
+
+impl<S: Real> Given<S> for Lanewise<'_, S> {
+    #[inline(always)]
+    fn row<const N: usize>(&self, r: usize, n: usize) -> [S; N] {
+        padded(&self.jacobian[r * n..(r + 1) * n], |x| x)
+    }
+    #[inline(always)]
+    fn command(&self, r: usize) -> S {
+        self.command[r]
+    }
+}
+
+/// A row of a compiled length. Zero columns up to the next size change nothing.
+#[inline(always)]
+fn padded<T: Copy, S: Real, const N: usize>(given: &[T], as_real: impl Fn(T) -> S) -> [S; N] {
+    if let Ok(given) = <&[T; N]>::try_from(given) {
+        return given.map(as_real);
+    }
+    let mut row = [S::zero(); N];
+    row.iter_mut().zip(given).for_each(|(to, &from)| *to = as_real(from));
+    row
+}
+
+/// Buffers of the route.
+#[derive(Debug, Clone)]
+pub(super) struct Room<S> {
+    /// The answer: joint velocities `(n,)` and residuals `(sum rows,)`.
+    pub v: Vec<S>,
+    pub residual: Vec<S>,
+    /// Squares of the largest row norm and of the Frobenius norm of each level.
+    most2: Vec<S>,
+    norm2: Vec<S>,
+    /// Rows that do not fit into the freedom, padded to a compiled length.
+    tail: Vec<S>,
+    r: Vec<S>,
+    z: Vec<S>,
+}
+
+impl<S: Real> Room<S> {
+    pub fn new(n: usize, rows: &[usize]) -> Self {
+        let (fit, _) = fitting(n, rows);
+        let most = rows.iter().copied().max().unwrap_or(0).max(n);
+        let zeros = |k: usize| vec![S::zero(); k];
+        let behind = rows.iter().sum::<usize>() - fit;
+        Room {
+            v: zeros(n),
+            residual: zeros(rows.iter().sum()),
+            most2: zeros(rows.len()),
+            norm2: zeros(rows.len()),
+            tail: zeros(if n <= MOST_JOINTS { behind * compiled(n) } else { 0 }),
+            r: zeros(most),
+            z: zeros(most),
+        }
+    }
+}
+
+/// The row length that `n <= MOST_JOINTS` joints are solved at.
+fn compiled(n: usize) -> usize {
+    [2, 3, 4, 6, 7, 8, 12].into_iter().find(|&size| n <= size).unwrap_or(MOST_JOINTS)
+}
+
+/// Rows and number of the levels that fit into the freedom left; their rows come first and are rows of a square `L`.
+#[inline(always)]
+fn fitting(n: usize, rows: &[usize]) -> (usize, usize) {
+    let (mut fit, mut levels) = (0, 0);
+    while levels < rows.len() && fit + rows[levels] <= n {
+        fit += rows[levels];
+        levels += 1;
+    }
+    (fit, levels)
+}
+
+/// Directions that every level realises on this route.
+pub(super) fn regular_ranks<'a>(n: usize, rows: &'a [usize]) -> impl Iterator<Item = usize> + 'a {
+    rows.iter().scan(n, |free, &m| {
+        let p = m.min(*free);
+        *free -= p;
+        Some(p)
+    })
+}
+
+/// Solve into the room; false where some level is not provably regular or some number is not tame.
+#[inline(always)]
+pub(super) fn regular<S: Real, const N: usize>(asked: &Asked, rounding: S, given: &impl Given<S>, room: &mut Room<S>) -> S::Mask {
+    let (n, rows) = (asked.n, asked.rows);
+    let (fit, levels) = fitting(n, rows);
+    let zero = S::zero();
+    let mut f = Factor::<S, N> { l: [[zero; N]; N], h: [[zero; N]; N], beta: [zero; N], inverse: [zero; N], y: [zero; N] };
+    let Room { v, residual, most2, norm2, tail, r: rest, z } = room;
+    let (tail, _) = tail.as_chunks_mut::<N>();
+    let mut at = 0;
+    for (i, &m) in rows.iter().enumerate() {
+        let (mut most, mut sum) = (zero, zero);
+        for r in at..at + m {
+            let mut row = given.row::<N>(r, n);
+            if let Some(metric) = asked.metric {
+                metric.row(&mut row[..n]);
+            }
+            let row2 = product(0, N, &row, &row);
+            most = S::select(most.lt(row2), row2, most);
+            sum += row2;
+            if r < fit {
+                f.l[r] = row;
+            } else {
+                tail[r - fit] = row;
+            }
+        }
+        (most2[i], norm2[i]) = (most, sum);
+        at += m;
+    }
+    if N == 4 {
+        // Written out, so that the indices are constants for the smallest redundant arms.
+        f.eliminate(0, fit, given);
+        f.eliminate(1, fit, given);
+        f.eliminate(2, fit, given);
+        f.eliminate(3, fit, given);
+    } else {
+        (0..fit).for_each(|at| f.eliminate(at, fit, given));
+    }
+    let behind = rows.iter().sum::<usize>() - fit;
+    for at in 0..fit {
+        tail[..behind].iter_mut().for_each(|row| reflect(at, &f.h[at], f.beta[at], row));
+    }
+    // One where the route stands, zero where it does not. NaN fails every comparison and declines.
+    let one = S::splat(1.0);
+    let (mut stands, mut used, mut condition) = (one, 0, one);
+    for (i, &m) in rows.iter().enumerate() {
+        let p = m.min(n - used);
+        // A level without rows or freedom decides nothing, so that it cannot change the route of the levels above it.
+        if p == 0 {
+            continue;
+        }
+        let norm2 = norm2[i];
+        stands = S::select(S::splat(TAME.start).lt(norm2), S::select(norm2.lt(S::splat(TAME.end)), stands, zero), zero);
+        let inverse2 = if i < levels { f.inverse_norm2(used, m, z) } else { tall(&mut tail[..m], given, fit, p, &mut f.y, rest, z) };
+        used += p;
+        let excess = if asked.exact {
+            let relative2 = inverse2 * norm2;
+            let floor = S::splat(EXACT_FLOOR).max(rounding * condition);
+            condition = condition * relative2.sqrt();
+            relative2 * floor * floor
+        } else {
+            let eps2 = asked.eps.map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2[i], |eps| S::splat(eps[i] * eps[i]));
+            inverse2 * eps2
+        };
+        stands = S::select(one.lt(excess), zero, S::select(excess.lt(S::splat(2.0)), stands, zero));
+        if !S::any(zero.lt(stands)) {
+            return zero.lt(stands);
+        }
+    }
+    if N == 4 {
+        f.back(3, fit);
+        f.back(2, fit);
+        f.back(1, fit);
+        f.back(0, fit);
+    } else {
+        (0..fit).rev().for_each(|at| f.back(at, fit));
+    }
+    let mut y = f.y;
+    if let Some(metric) = asked.metric {
+        metric.velocity(&mut y[..n]);
+    }
+    match <&mut [S; N]>::try_from(&mut v[..]) {
+        Ok(v) => *v = y,
+        Err(_) => v.copy_from_slice(&y[..n]),
+    }
+    let mut sound = zero;
+    for (r, residual) in residual.iter_mut().enumerate() {
+        *residual = given.command(r) - product(0, N, &given.row::<N>(r, n), &y);
+        sound = residual.mul_add(zero, sound);
+    }
+    S::select(sound.lt(one), zero, one).lt(stands)
+}
+
+/// A solve compiled for one row length, in the region of its number.
+struct Single<'a, S, const N: usize> {
+    asked: Asked<'a>,
+    rounding: f64,
+    given: Plain<'a>,
+    room: &'a mut Room<S>,
+}
+
+impl<S: Real, const N: usize> Kernel for Single<'_, S, N> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
+        S::all(regular::<S, N>(&self.asked, S::splat(self.rounding), &self.given, self.room))
+    }
+}
+
+/// One stack; false where the route declines.
+pub(super) fn single<S: Real>(asked: Asked, rounding: f64, given: Plain, room: &mut Room<S>) -> bool {
+    macro_rules! of_length {
+        ($($n:literal)*) => {
+            match compiled(asked.n) {
+                $($n => S::enter(Single::<S, $n> { asked, rounding, given, room }),)*
+                _ => S::enter(Single::<S, MOST_JOINTS> { asked, rounding, given, room }),
+            }
+        };
+    }
+    of_length!(2 3 4 6 7 8 12)
 }
 
 /// `L`, the reflectors, the reciprocals of the diagonal and the coordinates `y`.
-struct Factor<const N: usize> {
-    l: [[f64; N]; N],
-    h: [[f64; N]; N],
-    beta: [f64; N],
-    inverse: [f64; N],
-    y: [f64; N],
+struct Factor<S, const N: usize> {
+    l: [[S; N]; N],
+    h: [[S; N]; N],
+    beta: [S; N],
+    inverse: [S; N],
+    y: [S; N],
 }
 
-impl<const N: usize> Factor<N> {
+impl<S: Real, const N: usize> Factor<S, N> {
     /// Reduce row `at` by a reflection, apply it to the rows below, and substitute forward.
     #[inline(always)]
-    fn eliminate(&mut self, at: usize, command: &[f64]) {
-        if at >= command.len() {
+    fn eliminate(&mut self, at: usize, fit: usize, given: &impl Given<S>) {
+        if at >= fit {
             return;
         }
-        // A reflector of full length with leading zeros, and a row of L with trailing zeros.
-        let mut row = self.l[at];
-        let mut w = row;
-        let x0 = row[at];
-        for c in 0..N {
-            w[c] = if c > at { w[c] } else { 0.0 };
-            row[c] = if c < at { row[c] } else { 0.0 };
-        }
-        let rest = product(&w, &w);
-        let mut alpha = x0;
-        if rest > TAIL {
-            let norm2 = x0 * x0 + rest;
+        let x0 = self.l[at][at];
+        if at + 1 == N {
+            self.inverse[at] = S::splat(1.0) / x0;
+        } else {
+            // A reflector of full length with leading zeros: `w = x - alpha e1`, `alpha = -sign(x0) |x|`.
+            let mut w = self.l[at];
+            w[..at].fill(S::zero());
+            let norm2 = product(at, N, &w, &w);
             let norm = norm2.sqrt();
-            alpha = -norm.copysign(x0);
-            w[at] = x0 - alpha;
-            let beta = 1.0 / (norm2 + norm * x0.abs());
-            for r in at + 1..N {
-                reflect(&w, beta, &mut self.l[r]);
+            let reach = norm + x0.abs();
+            let negative = x0.lt(S::zero());
+            w[at] = S::select(negative, -reach, reach);
+            // A row of zeros gives NaN, which declines in the end.
+            let beta = S::splat(1.0) / (norm * reach);
+            // -1/alpha without a second division.
+            let inverse = beta * reach;
+            self.inverse[at] = S::select(negative, inverse, -inverse);
+            let last = if N == 4 { N } else { fit };
+            for r in at + 1..last {
+                reflect(at, &w, beta, &mut self.l[r]);
             }
             self.beta[at] = beta;
             self.h[at] = w;
         }
-        self.inverse[at] = 1.0 / alpha;
-        self.y[at] = (command[at] - product(&row, &self.y)) * self.inverse[at];
+        let mut row = self.l[at];
+        row[at..].fill(S::zero());
+        self.y[at] = (given.command(at) - product(0, at, &row, &self.y)) * self.inverse[at];
     }
 
-    /// Apply reflection `at` to the coordinates.
+    /// Apply reflection `at` to the coordinates; the last row of a square `L` has none.
     #[inline(always)]
-    fn back(&mut self, at: usize) {
-        reflect(&self.h[at], self.beta[at], &mut self.y);
+    fn back(&mut self, at: usize, fit: usize) {
+        if at < fit && at + 1 < N {
+            reflect(at, &self.h[at], self.beta[at], &mut self.y);
+        }
     }
 
     /// `|T^-1|_F^2` of the diagonal block of `m` rows from `used` on.
     #[inline(always)]
-    fn inverse_norm2(&self, used: usize, m: usize, z: &mut [f64]) -> f64 {
+    fn inverse_norm2(&self, used: usize, m: usize, z: &mut [S]) -> S {
         let d = |i: usize| self.inverse[used + i];
         let t = |i: usize, j: usize| self.l[used + i][used + j];
         match m {
             1 => d(0) * d(0),
             2 => {
                 let x = t(1, 0) * d(0) * d(1);
-                d(0) * d(0) + d(1) * d(1) + x * x
+                x.mul_add(x, d(1).mul_add(d(1), d(0) * d(0)))
             }
             3 => {
                 let (x, y) = (t(1, 0) * d(0) * d(1), t(2, 1) * d(1) * d(2));
-                let z = (t(2, 0) * d(0) - t(2, 1) * x) * d(2);
-                d(0) * d(0) + d(1) * d(1) + d(2) * d(2) + x * x + y * y + z * z
+                let z = t(2, 1).neg_mul_add(x, t(2, 0) * d(0)) * d(2);
+                let diagonal = d(2).mul_add(d(2), d(1).mul_add(d(1), d(0) * d(0)));
+                z.mul_add(z, y.mul_add(y, x.mul_add(x, diagonal)))
             }
             _ => inverse_norm2(m, z, |i, j| if i == j { d(i) } else { t(i, j) }),
         }
     }
 }
 
-/// `y <- (I - beta w w') y`.
+/// `y <- (I - beta w w') y`, where `w` is zero before `at`.
 #[inline(always)]
-fn reflect<const N: usize>(w: &[f64; N], beta: f64, y: &mut [f64; N]) {
-    let s = -beta * product(w, y);
-    (0..N).for_each(|c| y[c] += s * w[c]);
+fn reflect<S: Real, const N: usize>(at: usize, w: &[S; N], beta: S, y: &mut [S; N]) {
+    let s = -beta * product(at, N, w, y);
+    for c in if S::LANES > 1 { at } else { 0 }..N {
+        y[c] = s.mul_add(w[c], y[c]);
+    }
 }
 
 /// A level with more rows than the `k` free directions: least squares by a QR factorisation of its free columns.
 #[inline(always)]
-fn tall<const N: usize>(
-    rows: &mut [[f64; N]],
-    command: &[f64],
+fn tall<S: Real, const N: usize>(
+    rows: &mut [[S; N]],
+    given: &impl Given<S>,
     used: usize,
     k: usize,
-    y: &mut [f64; N],
-    r: &mut [f64],
-    z: &mut [f64],
-) -> f64 {
-    let m = command.len();
+    y: &mut [S; N],
+    r: &mut [S],
+    z: &mut [S],
+) -> S {
+    let m = rows.len();
+    let zero = S::zero();
     for i in 0..m {
-        r[i] = command[i] - (0..used).map(|c| rows[i][c] * y[c]).sum::<f64>();
+        r[i] = (0..used).fold(given.command(used + i), |rest, c| rows[i][c].neg_mul_add(y[c], rest));
     }
     for a in 0..k {
         let col = used + a;
         let x0 = rows[a][col];
-        let norm = rows[a..].iter().map(|row| row[col] * row[col]).sum::<f64>().sqrt();
-        let alpha = -norm.copysign(x0);
-        let beta = 1.0 / (norm * (norm + x0.abs()));
-        rows[a][col] = x0 - alpha;
+        let norm = rows[a..].iter().fold(zero, |sum, row| row[col].mul_add(row[col], sum)).sqrt();
+        let reach = norm + x0.abs();
+        let negative = x0.lt(zero);
+        let beta = S::splat(1.0) / (norm * reach);
+        rows[a][col] = S::select(negative, -reach, reach);
         for c in col + 1..used + k {
-            let s = -beta * rows[a..].iter().map(|row| row[col] * row[c]).sum::<f64>();
-            rows[a..].iter_mut().for_each(|row| row[c] += s * row[col]);
+            let s = -beta * rows[a..].iter().fold(zero, |sum, row| row[col].mul_add(row[c], sum));
+            rows[a..].iter_mut().for_each(|row| row[c] = s.mul_add(row[col], row[c]));
         }
-        let s = -beta * rows[a..].iter().zip(&r[a..m]).map(|(row, r)| row[col] * r).sum::<f64>();
-        rows[a..].iter().zip(&mut r[a..m]).for_each(|(row, r)| *r += s * row[col]);
-        rows[a][col] = 1.0 / alpha;
+        let s = -beta * rows[a..].iter().zip(&r[a..m]).fold(zero, |sum, (row, r)| row[col].mul_add(*r, sum));
+        rows[a..].iter().zip(&mut r[a..m]).for_each(|(row, r)| *r = s.mul_add(row[col], *r));
+        let inverse = beta * reach;
+        rows[a][col] = S::select(negative, inverse, -inverse);
     }
     for a in (0..k).rev() {
-        let s: f64 = (a + 1..k).map(|b| rows[a][used + b] * y[used + b]).sum();
-        y[used + a] = (r[a] - s) * rows[a][used + a];
+        let rest = (a + 1..k).fold(r[a], |rest, b| rows[a][used + b].neg_mul_add(y[used + b], rest));
+        y[used + a] = rest * rows[a][used + a];
     }
     // The norm of the inverse is that of the transposed triangle.
     inverse_norm2(k, z, |i, j| rows[j][used + i])
@@ -255,29 +391,40 @@ fn tall<const N: usize>(
 
 /// `|T^-1|_F^2` of a lower triangle whose diagonal is given by its reciprocals.
 #[inline(always)]
-fn inverse_norm2(m: usize, z: &mut [f64], t: impl Fn(usize, usize) -> f64) -> f64 {
-    let mut sum = 0.0;
+fn inverse_norm2<S: Real>(m: usize, z: &mut [S], t: impl Fn(usize, usize) -> S) -> S {
+    let mut sum = S::zero();
     for b in 0..m {
         z[b] = t(b, b);
-        sum += z[b] * z[b];
+        sum = z[b].mul_add(z[b], sum);
         for i in b + 1..m {
-            z[i] = -(b..i).map(|l| t(i, l) * z[l]).sum::<f64>() * t(i, i);
-            sum += z[i] * z[i];
+            z[i] = -(b..i).fold(S::zero(), |rest, l| t(i, l).mul_add(z[l], rest)) * t(i, i);
+            sum = z[i].mul_add(z[i], sum);
         }
     }
     sum
 }
 
-/// Scalar product in two chains, which two-wide registers hold.
+/// Scalar product of what is not zero, from `from` to `to`, in two chains, which two-wide registers hold. A single number takes the zeros
+/// along, because full rows fit registers.
 #[inline(always)]
-fn product<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    let (mut even, mut odd) = (0.0, 0.0);
-    for i in 0..N / 2 {
-        even += a[2 * i] * b[2 * i];
-        odd += a[2 * i + 1] * b[2 * i + 1];
-    }
-    if N % 2 == 1 {
-        even += a[N - 1] * b[N - 1];
+fn product<S: Real, const N: usize>(from: usize, to: usize, a: &[S; N], b: &[S; N]) -> S {
+    let (mut even, mut odd) = (S::zero(), S::zero());
+    if S::LANES == 1 {
+        for i in 0..N / 2 {
+            even = a[2 * i].mul_add(b[2 * i], even);
+            odd = a[2 * i + 1].mul_add(b[2 * i + 1], odd);
+        }
+        if N % 2 == 1 {
+            even = a[N - 1].mul_add(b[N - 1], even);
+        }
+    } else {
+        for i in from..to {
+            if i % 2 == 0 {
+                even = a[i].mul_add(b[i], even);
+            } else {
+                odd = a[i].mul_add(b[i], odd);
+            }
+        }
     }
     even + odd
 }

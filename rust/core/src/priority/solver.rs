@@ -91,6 +91,14 @@ impl PrioritySolver {
         self.method
     }
 
+    pub(super) fn rounding(&self) -> f64 {
+        self.work.rounding
+    }
+
+    pub(super) fn thresholds_and_metric(&self) -> (Option<&[f64]>, Option<&Metric>) {
+        (self.work.eps.as_deref(), self.work.metric.as_ref())
+    }
+
     /// Relative error of the entries of the next Jacobians, `8 eps (1 + sum|q|)` when an arm made them.
     pub fn set_rounding(&mut self, rounding: f64) -> Result<()> {
         if !(0.0..1.0).contains(&rounding) {

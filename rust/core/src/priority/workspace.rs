@@ -1,10 +1,28 @@
 //! The buffers of a solve: allocated once, sized by the number of joints and the rows of each level.
 
 use super::metric::Metric;
+use super::regular::{Asked, MOST_JOINTS, Plain, Room, regular_ranks, single};
 use crate::linalg::svd::Svd;
+use crate::scalar::{Fused, Isa, Real, isa};
 
 /// Squares of a level's norm outside this range send it through scaling by a power of two.
 pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
+
+/// The regular route on the number of this machine.
+#[derive(Debug, Clone)]
+enum Regular {
+    Baseline(Room<f64>),
+    Fused(Room<Fused>),
+}
+
+impl Regular {
+    fn new(n: usize, rows: &[usize]) -> Self {
+        match isa() {
+            Isa::Baseline => Regular::Baseline(Room::new(n, rows)),
+            Isa::Avx2 | Isa::Avx512 => Regular::Fused(Room::new(n, rows)),
+        }
+    }
+}
 
 #[derive(Debug, Clone)]
 pub(super) struct Workspace {
@@ -18,9 +36,6 @@ pub(super) struct Workspace {
     /// The stack in the coordinates of the metric, each level scaled by a power of two where its entries are extreme.
     pub j: Vec<f64>,
     pub c: Vec<f64>,
-    /// Squares of the largest row norm and of the Frobenius norm of each level, on the regular route.
-    pub most2: Vec<f64>,
-    pub norm2: Vec<f64>,
     /// Power of two by which a level of extreme magnitude is scaled.
     pub exponent: Vec<i32>,
     /// The threshold in force, per level.
@@ -38,8 +53,8 @@ pub(super) struct Workspace {
     pub r: Vec<f64>,
     pub t: Vec<f64>,
     pub z: Vec<f64>,
-    /// LQ factor of the regular route, its rows padded to a compiled length.
-    pub lq: Vec<f64>,
+    /// Buffers of the regular route.
+    regular: Regular,
     /// The answer in metric coordinates.
     pub y: Vec<f64>,
     /// Results.
@@ -69,8 +84,6 @@ impl Workspace {
             command: vec![0.0; total],
             j: vec![0.0; total * n],
             c: vec![0.0; total],
-            most2: vec![0.0; levels],
-            norm2: vec![0.0; levels],
             exponent: vec![0; levels],
             threshold: vec![0.0; levels],
             identity: true,
@@ -83,14 +96,7 @@ impl Workspace {
             r: vec![0.0; most],
             t: vec![0.0; most * n],
             z: vec![0.0; most],
-            lq: vec![
-                0.0;
-                if n <= super::regular::MOST_JOINTS {
-                    total * n.next_multiple_of(4).max(if n > 12 { super::regular::MOST_JOINTS } else { 0 })
-                } else {
-                    0
-                }
-            ],
+            regular: Regular::new(n, rows),
             y: vec![0.0; n],
             v: vec![0.0; n],
             residual: vec![0.0; total],
@@ -102,6 +108,31 @@ impl Workspace {
             rounding: super::DEFAULT_ROUNDING,
             bounds: None,
         }
+    }
+
+    /// Solve into `v`, `residual` and `ranks`; false if some level is not provably regular or some number is not tame.
+    pub fn solve_regular(&mut self, exact: bool) -> bool {
+        if self.n > MOST_JOINTS {
+            return false;
+        }
+        let Workspace { n, rows, jacobian, command, metric, eps, rounding, v, residual, ranks, .. } = self;
+        let asked = Asked { n: *n, rows, eps: eps.as_deref(), metric: metric.as_ref(), exact };
+        let given = Plain { jacobian, command };
+        fn answer<S: Real>(stands: bool, room: &Room<S>, v: &mut [f64], residual: &mut [f64]) -> bool {
+            if stands {
+                v.iter_mut().zip(&room.v).for_each(|(to, from)| *to = from.lane(0));
+                residual.iter_mut().zip(&room.residual).for_each(|(to, from)| *to = from.lane(0));
+            }
+            stands
+        }
+        let stands = match &mut self.regular {
+            Regular::Baseline(room) => answer(single(asked, *rounding, given, room), room, v, residual),
+            Regular::Fused(room) => answer(single(asked, *rounding, given, room), room, v, residual),
+        };
+        if stands {
+            ranks.iter_mut().zip(regular_ranks(*n, rows)).for_each(|(to, rank)| *to = rank);
+        }
+        stands
     }
 
     /// Row range of level `i` in the stack.

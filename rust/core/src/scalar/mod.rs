@@ -8,6 +8,7 @@
 pub mod dual;
 pub mod duals;
 pub mod lanes;
+pub mod rows;
 mod scalars;
 pub mod trig;
 

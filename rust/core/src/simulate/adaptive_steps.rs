@@ -2,6 +2,7 @@
 
 use super::schedule::{Times, require_times};
 use super::stop::Stop;
+use super::watcher::{Cut, Unwatched, Watcher};
 use crate::error::Result;
 use crate::integrate::{Adaptive, Buffer, System, Work};
 use crate::scalar::Real;
@@ -89,11 +90,24 @@ pub struct Outcome {
 
 /// Run `system` from `method.x`; `record(t, system, x)` is called for every record.
 #[inline(always)]
-pub fn run<S, F, B, M>(
+pub fn run<S, F, B, M>(system: &mut F, method: &mut M, segments: &Segments, stop: &dyn Stop, record: impl FnMut(f64, &mut F, &B)) -> Outcome
+where
+    S: Real,
+    F: System<S>,
+    B: Buffer<S>,
+    M: Adaptive<S, F, B>,
+{
+    run_watched(system, method, segments, stop, &mut Unwatched, record)
+}
+
+/// As [`run`], with somebody who looks at every step.
+#[inline(always)]
+pub fn run_watched<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,
     segments: &Segments,
     stop: &dyn Stop,
+    watch: &mut W,
     mut record: impl FnMut(f64, &mut F, &B),
 ) -> Outcome
 where
@@ -101,11 +115,23 @@ where
     F: System<S>,
     B: Buffer<S>,
     M: Adaptive<S, F, B>,
+    W: Watcher<F, B, M>,
 {
     let (mut t, mut sample, mut wanted, mut accepted) = (0.0, 0u64, 0usize, 0usize);
     let mut at = method.x().clone();
+    // Where a watched step starts.
+    let mut start = at.clone();
     let mut started = false;
     let outcome = |status, t, method: &M| Outcome { status, t, work: method.work() };
+    // The end of a piece that is taken again up to a switch.
+    let mut switch_at: Option<f64> = None;
+    // Whether this piece begins inside a segment.
+    let mut inside = false;
+    if watch.active()
+        && let Err(status) = watch.begin(system, t, method.x())
+    {
+        return outcome(status, t, method);
+    }
     loop {
         if let Clock::Every(period) = segments.clock
             && started
@@ -113,13 +139,20 @@ where
         {
             sample += 1;
         }
-        if segments.clock != Clock::None {
+        if segments.clock != Clock::None && !inside {
             system.sample(t, method.x().as_ref());
         }
-        let (end, jumps) = segments.next(t, sample);
-        let input_end = if jumps { end.next_down() } else { end };
-        if let Err(status) = method.begin(system, t, end, input_end) {
+        let (segment_end, jumps) = segments.next(t, sample);
+        let input_end = if jumps { segment_end.next_down() } else { segment_end };
+        let end = switch_at.unwrap_or(segment_end);
+        if switch_at.is_some() {
+            method.first_step(end - t);
+        }
+        if let Err(status) = method.begin(system, t, end, input_end.min(end)) {
             return outcome(status, t, method);
+        }
+        if switch_at.is_some() {
+            method.first_step(0.0);
         }
         if !started {
             started = true;
@@ -140,26 +173,58 @@ where
             if stop.requested() {
                 return outcome(Status::Interrupted, method.t(), method);
             }
+            let looks = watch.active() && switch_at.is_none();
+            if looks {
+                start.clone_from(method.x());
+            }
             let done = match method.step(system) {
                 Ok(done) => done,
                 Err(status) => return outcome(status, method.t(), method),
             };
+            let mut reached = method.t();
+            let mut ends = false;
+            if looks {
+                match watch.look(system, method) {
+                    Err(status) => return outcome(status, method.t(), method),
+                    Ok(Some(Cut::Switch(cut))) => {
+                        // Back to the start of the step, and on to the switch.
+                        (t, inside) = (method.t_old(), true);
+                        method.x_mut().clone_from(&start);
+                        if cut > t {
+                            switch_at = Some(cut);
+                        } else {
+                            watch.switch(system, method.x());
+                        }
+                        break;
+                    }
+                    Ok(Some(Cut::End(cut))) => (reached, ends) = (cut, true),
+                    Ok(None) => {}
+                }
+            }
+            if watch.active() {
+                watch.keep(system, method, reached);
+            }
             accepted += 1;
-            let finished = done && end >= segments.t_end;
+            let finished = ends || done && end >= segments.t_end;
             match &segments.times {
                 Times::Every(every) => {
                     if accepted.is_multiple_of(*every) || finished {
-                        if done && segments.is_sample(end) {
+                        if done && end == segment_end && segments.is_sample(end) {
                             system.sample(end, method.x().as_ref());
                         }
-                        record(method.t(), system, method.x());
+                        if ends {
+                            method.interpolate(system, reached, &mut at);
+                            record(reached, system, &at);
+                        } else {
+                            record(reached, system, method.x());
+                        }
                     }
                 }
                 Times::At(t_eval) => {
-                    while wanted < t_eval.len() && t_eval[wanted] <= method.t() {
+                    while wanted < t_eval.len() && t_eval[wanted] <= reached {
                         method.interpolate(system, t_eval[wanted], &mut at);
                         // The input recorded is that from this instant on.
-                        if done && t_eval[wanted] == end && segments.is_sample(end) {
+                        if done && t_eval[wanted] == segment_end && segments.is_sample(end) {
                             system.sample(end, at.as_ref());
                         }
                         record(t_eval[wanted], system, &at);
@@ -167,11 +232,17 @@ where
                     }
                 }
             }
+            if ends {
+                return outcome(Status::Event, reached, method);
+            }
             if done {
+                (t, inside) = (end, end < segment_end);
+                if switch_at.take().is_some() {
+                    watch.switch(system, method.x());
+                }
                 break;
             }
         }
-        t = end;
         if t >= segments.t_end {
             return outcome(Status::Success, t, method);
         }

@@ -181,7 +181,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
                     rows.finish(&ended, problem.options.t_end)
                 }
                 (division, route) => {
-                    let group = General { problem, division, first, stop, sink: &mut *rows };
+                    let group = General { problem, division, first, stop, sink: &mut *rows, asked: None };
                     let ended = if route == Loop::Lanes { run_lanes(group) } else { Division::run_single(group) };
                     rows.finish(&ended, problem.options.t_end)
                 }

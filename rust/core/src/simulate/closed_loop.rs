@@ -8,7 +8,7 @@ use super::sampler::Sampler;
 use crate::integrate::{DualSystem, System};
 use crate::law::Law;
 use crate::motion::{Motion, sample_apart};
-use crate::plant::Plant;
+use crate::plant::{Plant, Touch};
 use crate::scalar::trig::{Angle, rotate};
 use crate::scalar::{Duals, Real};
 use std::borrow::Cow;
@@ -236,6 +236,11 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             self.saturate();
             self.dz.fill(S::zero());
         }
+    }
+
+    /// Hold every contact of the plant as it is said to be.
+    pub fn hold_contacts(&mut self, contacts: &[Touch]) {
+        self.plant.hold(contacts);
     }
 
     /// Start anew at `t = 0`.

@@ -77,7 +77,7 @@ impl Problem<'_> {
             && self.force_frame().is_none_or(|at| at == frame)
             && self.forces.iter().all(|force| flat(force))
             && self.laws.iter().all(|law| suits(law))
-            && self.plants.iter().all(|plant| plant.wall().is_none())
+            && self.plants.iter().all(|plant| plant.is_free())
             && (0..runs).all(|run| self.law(run).has_storage(self.plant(run)));
         if fits { Planar2R::of(&first.outer.model, frame) } else { None }
     }

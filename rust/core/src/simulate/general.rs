@@ -7,11 +7,13 @@ use super::planar_pr::Sink;
 use super::problem::{Division, Ended, Fixed, Method, Problem};
 use super::sampler::Sampler;
 use super::stop::Stop;
+use super::torque_sensing::TorqueSensing;
+use super::watching::{Asked, Watching};
 use crate::integrate::{
     Adaptive, Dop853, Dopri5, DualSystem, Euler, FixedStep, Linearised, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System, Tolerance,
 };
 use crate::law::LawSpec;
-use crate::plant::PlantSpec;
+use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Duals, Real, Task};
 use std::borrow::Cow;
 
@@ -22,6 +24,8 @@ pub struct General<'a> {
     pub first: usize,
     pub stop: &'a dyn Stop,
     pub sink: &'a mut dyn Sink,
+    /// What is wanted besides the records.
+    pub asked: Option<&'a mut Asked>,
 }
 
 /// The run `first` of a problem by an implicit method: on one number, with its derivatives in the lanes of the task's.
@@ -35,6 +39,8 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn drive(&mut self, tau: Option<&[S]>, held: bool);
     /// Start anew at `t = 0`.
     fn rewind(&mut self);
+    /// Hold every contact of the plant as it is said to be.
+    fn hold_contacts(&mut self, contacts: &[Touch]);
 }
 
 impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
@@ -50,6 +56,9 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     fn rewind(&mut self) {
         ClosedLoop::rewind(self);
     }
+    fn hold_contacts(&mut self, contacts: &[Touch]) {
+        ClosedLoop::hold_contacts(self, contacts);
+    }
 }
 
 /// A loop with its twin on dual numbers.
@@ -62,6 +71,10 @@ impl<V: Real> Watched<V::One> for Twins<'_, V> {
     }
     fn rewind(&mut self) {
         self.system.rewind();
+    }
+    fn hold_contacts(&mut self, contacts: &[Touch]) {
+        self.system.hold_contacts(contacts);
+        self.twin.hold_contacts(contacts);
     }
     #[inline(always)]
     fn drive(&mut self, tau: Option<&[V::One]>, held: bool) {
@@ -134,11 +147,14 @@ impl<'a> General<'a> {
         let segments = segments.with_breaks(instants);
         let mut recorder = Self::recorder(self.sink, &|_| 0.0, size, self.problem.plant(0).n());
         let mut i = 0;
-        Ended::Adaptive(adaptive_steps::run(&mut closed, &mut method, &segments, self.stop, |t, closed: &mut F, x: &Vec<S>| {
+        let kept = size - if self.problem.options.monitors { 2 } else { 0 };
+        let mut watch = Watching::new(self.problem.plant(self.first), self.asked, kept, method.x());
+        let record = |t: f64, closed: &mut F, x: &Vec<S>| {
             let tau = closed.input_at(t, x);
             recorder.write(i, t, x, tau);
             i += 1;
-        }))
+        };
+        Ended::Adaptive(adaptive_steps::run_watched(&mut closed, &mut method, &segments, self.stop, &mut watch, record))
     }
 }
 
@@ -241,7 +257,8 @@ pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a,
     let asked_once = matches!(problem.law(run(0)), LawSpec::External(_));
     let sampler = o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || asked_once).map(|sampling| {
         let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
-        Sampler::new(sampling.clone(), seeds, o.grid(), (states, spec.n(), p))
+        let sensing = TorqueSensing::of(problem, sampling, run);
+        Sampler::new(sampling.clone(), seeds, o.grid(), (states, spec.n(), p), sensing)
     });
     let closed = ClosedLoop::new(plant, law, world, closing, sampler, (states, p, spec.model().angles()));
     let mut x = vec![S::zero(); closed.size()];

@@ -11,11 +11,11 @@
 //! its formula with `C`.
 
 use super::elastic_monitor::TorqueError;
-use crate::dynamics::{AnyArm, Dynamics, Workspace};
+use crate::dynamics::ArmAt;
 use crate::law::{AdaptiveSpec, Law, LawSpec, PriorityVelocity};
 use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
-use crate::scalar::{Dual, Real};
+use crate::scalar::Dual;
 
 /// Norms of the error and of the residual of each level of priority.
 const LEVELS: [&str; 16] = [
@@ -55,16 +55,13 @@ pub struct Monitor<'a> {
     law: &'a LawSpec,
     storage: bool,
     torque: Option<TorqueError>,
-    arm: AnyArm<f64>,
-    workspace: Workspace<f64>,
-    moving: AnyArm<Dual>,
-    moving_workspace: Workspace<Dual>,
+    arm: ArmAt,
+    /// The same arm as it moves.
+    moving: ArmAt<Dual>,
     gamma_factor: Vec<f64>,
     /// The plant's parameters, as far as they are estimated.
     truth: Vec<f64>,
-    trig: Vec<(f64, f64)>,
     moving_q: Vec<Dual>,
-    moving_trig: Vec<(Dual, Dual)>,
     moving_m: Vec<Dual>,
     /// `M`, then `C`.
     square: Vec<f64>,
@@ -87,21 +84,17 @@ impl<'a> Monitor<'a> {
             LawSpec::Adaptive(law) => law.adaptation.factor(),
             _ => Vec::new(),
         };
-        let (arm, moving) = (AnyArm::from_lanes(|_| plant.model()), AnyArm::from_lanes(|_| plant.model()));
+        let moving_q = vec![Dual::default(); n];
         Monitor {
             plant,
             law,
             storage,
             torque: TorqueError::new(plant, law),
-            workspace: arm.workspace(),
-            moving_workspace: moving.workspace(),
-            arm,
-            moving,
+            arm: plant.model().at(&vec![0.0; n]),
+            moving: plant.model().at(&moving_q),
             truth,
             gamma_factor,
-            trig: vec![(0.0, 1.0); n],
-            moving_q: vec![Dual::default(); n],
-            moving_trig: vec![Default::default(); n],
+            moving_q,
             moving_m: vec![Dual::default(); n * n],
             square: vec![0.0; n * n],
             desired: vec![0.0; 3 * n],
@@ -115,17 +108,15 @@ impl<'a> Monitor<'a> {
         if out.is_empty() {
             return;
         }
-        let n = self.trig.len();
+        let n = self.moving_q.len();
+        self.arm.move_to(&x[..n]);
         if let Some(levels) = &mut self.levels {
-            return levels.evaluate(t, &x[..n], out);
+            return levels.evaluate(t, self.arm.trig(), &x[..n], out);
         }
         let (q, v) = (&x[..n], &x[n..2 * n]);
-        for i in 0..n {
-            self.trig[i] = Real::sin_cos(q[i]);
-        }
         let (plant, quadratures) = (&x[..self.plant.states()], &x[x.len() - 2..]);
-        let stored = if self.storage { self.law.storage(t, plant, self.plant) } else { None };
-        let energy = stored.unwrap_or_else(|| self.plant.energy(plant));
+        let stored = if self.storage { self.law.storage(t, &mut self.arm, plant, self.plant) } else { None };
+        let energy = stored.unwrap_or_else(|| self.plant.energy(&mut self.arm, plant));
         let lyapunov = match self.law {
             LawSpec::Adaptive(law) => self.lyapunov(law, t, q, v, &x[2 * n..x.len() - 2]),
             _ => 0.0,
@@ -135,7 +126,7 @@ impl<'a> Monitor<'a> {
         out[1] = energy;
         out[2] = energy - quadratures[1] - start[0];
         if let Some(torque) = &mut self.torque {
-            out[3] = torque.evaluate(t, &self.trig, plant);
+            out[3] = torque.evaluate(t, self.arm.trig(), plant);
             if self.storage {
                 out[4] = quadratures[0] + quadratures[1] + start[0] - energy;
             }
@@ -150,10 +141,10 @@ impl<'a> Monitor<'a> {
         let n = q.len();
         for i in 0..n {
             self.moving_q[i] = Dual::new(q[i], v[i]);
-            self.moving_trig[i] = self.moving_q[i].sin_cos();
         }
-        self.moving.mass_matrix(&mut self.moving_workspace, &self.moving_trig, &self.moving_q, &mut self.moving_m);
-        self.arm.coriolis_matrix(&mut self.workspace, &self.trig, q, v, &mut self.square);
+        self.moving.move_to(&self.moving_q);
+        self.moving.mass_matrix(&mut self.moving_m);
+        self.arm.coriolis_matrix(v, &mut self.square);
         let entry = |i: usize, j: usize| self.moving_m[n * i + j].rate - 2.0 * self.square[n * i + j];
         let mut worst = 0.0f64;
         for i in 0..n {
@@ -172,7 +163,7 @@ impl<'a> Monitor<'a> {
         let e: Vec<f64> = (0..n).map(|i| self.desired[i] - q[i]).collect();
         let lambda_e = law.lambda.times(&e);
         let s: Vec<f64> = (0..n).map(|i| self.desired[n + i] - v[i] + lambda_e[i]).collect();
-        self.arm.mass_matrix(&mut self.workspace, &self.trig, q, &mut self.square);
+        self.arm.mass_matrix(&mut self.square);
         let kinetic: f64 = (0..n).map(|i| s[i] * (0..n).map(|j| self.square[n * i + j] * s[j]).sum::<f64>()).sum();
         0.5 * kinetic + law.adaptation.lyapunov(&self.gamma_factor, &self.truth, estimate)
     }
@@ -183,7 +174,6 @@ struct Levels {
     law: PriorityVelocity,
     motions: Vec<Motion>,
     desired: Vec<f64>,
-    trig: Vec<(f64, f64)>,
     u: Vec<f64>,
 }
 
@@ -192,15 +182,12 @@ impl Levels {
         let LawSpec::PriorityVelocity(spec) = law else { return None };
         let motions: Vec<Motion> = spec.levels.iter().map(|level| level.target.clone()).collect();
         let (n, width) = (law.model().n(), motions.iter().map(|motion| 3 * motion.dof()).sum());
-        Some(Levels { law: spec.engine(), motions, desired: vec![0.0; width], trig: vec![(0.0, 1.0); n], u: vec![0.0; n] })
+        Some(Levels { law: spec.engine(), motions, desired: vec![0.0; width], u: vec![0.0; n] })
     }
 
-    fn evaluate(&mut self, t: f64, q: &[f64], out: &mut [f64]) {
+    fn evaluate(&mut self, t: f64, trig: &[(f64, f64)], q: &[f64], out: &mut [f64]) {
         sample_all(&self.motions, t, &mut self.desired);
-        for (trig, q) in self.trig.iter_mut().zip(q) {
-            *trig = Real::sin_cos(*q);
-        }
-        self.law.evaluate(&self.desired, &self.trig, q, &[], &mut self.u, &mut []);
+        self.law.evaluate(&self.desired, trig, q, &[], &mut self.u, &mut []);
         self.law.norms(out);
     }
 }

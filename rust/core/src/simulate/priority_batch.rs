@@ -1,20 +1,21 @@
-//! Prioritised velocities of an arm for many rows of joint angles, in threads: every row is solved by itself, so that its bits
-//! depend on nothing but its own inputs.
+//! Prioritised velocities for many rows, in lanes and threads: every row has the bits of a solve by itself, whatever rows share a lane
+//! group, a chunk or a thread with it.
 
-use crate::law::ArmSolver;
+use crate::law::{ArmLanes, ArmSolver};
 use crate::parallel;
+use crate::priority::{LaneSolver, PrioritySolver, StackAnswers, StackRows};
 use crate::status::Status;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
-/// Rows solved between two looks at whether to stop.
-const CHUNK: usize = 256;
+/// Rows solved between two looks at whether to stop: a multiple of all numbers of lanes, so that lane groups do not depend on it.
+const CHUNK: usize = 1024;
 
-/// Rows of fewer than this many are not worth a thread.
-const FEW: usize = 512;
+/// Fewer rows than this are not worth a thread.
+const FEW: usize = 2 * CHUNK;
 
-/// Solve row by row: `q` `(rows, n)`, `velocities` `(rows, m)` or one `(m,)` for all, answers into `v` `(rows, n)` and `status`
-/// `(rows,)`. A row that fails is NaN with `Status::Diverged`. Whether it was interrupted.
+/// Solve row by row for an arm: `q` `(rows, n)`, `velocities` `(rows, m)` or one `(m,)` for all, answers into `v` `(rows, n)` and
+/// `status` `(rows,)`. A row that fails is NaN with `Status::Diverged`. Whether it was interrupted.
 pub fn solve_rows(
     solver: &ArmSolver,
     q: &[f64],
@@ -25,43 +26,98 @@ pub fn solve_rows(
     poll: &mut dyn FnMut() -> bool,
 ) -> bool {
     let (n, m) = (solver.n(), solver.rows().iter().sum::<usize>());
-    let shared = velocities.len() == m && status.len() != 1;
-    let chunk = |solver: &mut ArmSolver, first: usize, v: &mut [f64], status: &mut [Status]| {
-        for (i, (v, status)) in v.chunks_exact_mut(n).zip(status).enumerate() {
-            let row = first + i;
-            let command = if shared { velocities } else { &velocities[row * m..(row + 1) * m] };
-            match solver.solve(&q[row * n..(row + 1) * n], command) {
-                Ok(ended) => {
-                    *status = ended;
-                    v.copy_from_slice(solver.solver().v());
-                }
-                Err(_) => {
-                    *status = Status::Diverged;
-                    v.fill(f64::NAN);
-                }
-            }
-        }
-    };
-    if status.len() < FEW || threads < 2 {
-        let mut own = solver.clone();
-        for (k, (v, status)) in v.chunks_mut(CHUNK * n).zip(status.chunks_mut(CHUNK)).enumerate() {
-            // A chunk is a few microseconds: the clock is not asked after each.
-            if k % 64 == 63 && poll() {
+    let shared = velocities.len() == m;
+    let parts = v.chunks_mut(CHUNK * n).zip(status.chunks_mut(CHUNK)).enumerate().collect::<Vec<_>>();
+    each(
+        parts,
+        threads,
+        poll,
+        || ArmLanes::new(solver),
+        |lanes, (k, (v, status))| {
+            let (first, last) = (k * CHUNK, k * CHUNK + status.len());
+            let command = if shared { velocities } else { &velocities[first * m..last * m] };
+            lanes.solve(&q[first * n..last * n], command, v, status);
+        },
+    )
+}
+
+/// Solve a batch of `rows` stacks from plain matrices. Whether it was interrupted.
+pub fn solve_stacks(
+    solver: &PrioritySolver,
+    given: &StackRows,
+    mut answers: StackAnswers,
+    threads: usize,
+    poll: &mut dyn FnMut() -> bool,
+) -> bool {
+    let (n, levels, count) = (solver.n(), solver.rows().len(), answers.status.len());
+    let mut parts = Vec::with_capacity(count.div_ceil(CHUNK));
+    for first in (0..count).step_by(CHUNK) {
+        let size = CHUNK.min(count - first);
+        let part = StackAnswers {
+            v: cut(&mut answers.v, size * n),
+            residuals: answers.residuals.iter_mut().zip(solver.rows()).map(|(r, m)| cut(r, size * m)).collect(),
+            ranks: cut(&mut answers.ranks, size * levels),
+            scales: cut(&mut answers.scales, size * levels),
+            status: cut(&mut answers.status, size),
+        };
+        parts.push((first, part));
+    }
+    each(
+        parts,
+        threads,
+        poll,
+        || LaneSolver::new(solver),
+        |lanes, (first, mut part)| {
+            lanes.solve(given, first, first + part.status.len(), &mut part);
+        },
+    )
+}
+
+/// Take the first `size` entries off.
+fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
+    let (head, tail) = std::mem::take(all).split_at_mut(size);
+    *all = tail;
+    head
+}
+
+/// `work` on every part with a solver of the thread's own. Whether it was interrupted.
+fn each<P: Send, L>(
+    parts: Vec<P>,
+    threads: usize,
+    poll: &mut dyn FnMut() -> bool,
+    solver: impl Fn() -> L + Sync,
+    work: impl Fn(&mut L, P) + Sync,
+) -> bool {
+    if parts.len() * CHUNK < FEW || threads < 2 {
+        let mut own = solver();
+        for (k, part) in parts.into_iter().enumerate() {
+            // A chunk is a fraction of a millisecond: the clock is not asked after each.
+            if k % 16 == 15 && poll() {
                 return true;
             }
-            chunk(&mut own, k * CHUNK, v, status);
+            work(&mut own, part);
         }
         return false;
     }
     parallel::run(threads, poll, |stop| {
-        v.par_chunks_mut(CHUNK * n).zip(status.par_chunks_mut(CHUNK)).enumerate().for_each_init(
-            || solver.clone(),
-            |own, (k, (v, status))| {
+        // Contiguous shares: a solver is made once per thread, and threads do not write to each other's pages.
+        let share = parts.len().div_ceil(4 * threads).max(1);
+        let mut shares: Vec<Vec<P>> = Vec::new();
+        for (k, part) in parts.into_iter().enumerate() {
+            if k % share == 0 {
+                shares.push(Vec::with_capacity(share));
+            }
+            if let Some(last) = shares.last_mut() {
+                last.push(part);
+            }
+        }
+        shares.into_par_iter().with_max_len(1).for_each_init(&solver, |own, share| {
+            for part in share {
                 if !stop.load(Ordering::Relaxed) {
-                    chunk(own, k * CHUNK, v, status);
+                    work(own, part);
                 }
-            },
-        );
+            }
+        });
         stop.load(Ordering::Relaxed)
     })
 }

@@ -186,10 +186,12 @@ impl<'a> Problem<'a> {
 
     /// The closed-form arm under the laws that have loops of their own, monomorphised through.
     pub fn is_planar_pr(&self) -> bool {
-        let plant = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(RigidSpec { model: Model::PlanarPr(_), .. }));
+        let plant = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(RigidSpec { model: Model::PlanarPr(_), stops: None, .. }));
         let law = |law: &LawSpec| {
             let own = match law {
-                LawSpec::Adaptive(law) => law.base.is_none() && matches!(law.adaptation, Adaptation::Euclidean(_)),
+                LawSpec::Adaptive(law) => {
+                    law.base.is_none() && law.projection.is_none() && matches!(law.adaptation, Adaptation::Euclidean(_))
+                }
                 LawSpec::ComputedTorque(_) => true,
                 _ => false,
             };
@@ -297,6 +299,7 @@ impl<'a> Problem<'a> {
         if let Some(sampling) = &o.sampling {
             sampling.validate()?;
             self.validate_motor_loops(sampling.period)?;
+            self.validate_torque_sensor(sampling)?;
         }
         let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
         breaks.extend(self.forces.iter().flat_map(|force| force.breaks()));

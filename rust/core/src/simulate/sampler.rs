@@ -1,6 +1,7 @@
 //! The clock of a sampled loop as it runs: which sample a time belongs to, what the law answered there, and which answer acts.
 
 use super::sampling::{CHANNELS, Sampling};
+use super::torque_sensing::{Sensed, TorqueSensing};
 use crate::scalar::Real;
 
 /// A time this close to an instant, in periods, is that instant.
@@ -13,6 +14,7 @@ const KEPT: usize = 64;
 struct Entry<S> {
     index: u64,
     measured: Vec<S>,
+    sensed: Sensed<S>,
     tau: Vec<S>,
     dz: Vec<S>,
 }
@@ -26,15 +28,23 @@ pub struct Sampler<S> {
     grid: f64,
     ring: Vec<Entry<S>>,
     delayed: u64,
+    sensing: Option<TorqueSensing<S>>,
 }
 
 impl<S: Real> Sampler<S> {
-    pub fn new(sampling: Sampling, seeds: Vec<u64>, grid: f64, (states, n, p): (usize, usize, usize)) -> Self {
+    pub fn new(
+        sampling: Sampling,
+        seeds: Vec<u64>,
+        grid: f64,
+        (states, n, p): (usize, usize, usize),
+        sensing: Option<TorqueSensing<S>>,
+    ) -> Self {
         let delayed = (sampling.delay / sampling.period).ceil() as u64;
         let kept = KEPT + delayed as usize + sampling.sensor_delay;
         let zeros = |k: usize| vec![S::zero(); k];
-        let entry = Entry { index: u64::MAX, measured: zeros(states), tau: zeros(n), dz: zeros(p) };
-        Sampler { ring: vec![entry; kept], sampling, seeds, grid, delayed }
+        let sensed = Sensed::room(if sensing.is_some() { n } else { 0 });
+        let entry = Entry { index: u64::MAX, measured: zeros(states), sensed, tau: zeros(n), dz: zeros(p) };
+        Sampler { ring: vec![entry; kept], sampling, seeds, grid, delayed, sensing }
     }
 
     fn instant(&self, k: u64) -> f64 {
@@ -69,10 +79,11 @@ impl<S: Real> Sampler<S> {
         // Shown the same instant twice, at a record and at a step, it samples once.
         if let Some(k) = self.due(t).filter(|&k| self.ring[self.slot(k)].index != k) {
             let slot = self.slot(k);
-            let mut entry =
-                std::mem::replace(&mut self.ring[slot], Entry { index: k, measured: Vec::new(), tau: Vec::new(), dz: Vec::new() });
+            let empty = Entry { index: k, measured: Vec::new(), sensed: Sensed::room(0), tau: Vec::new(), dz: Vec::new() };
+            let mut entry = std::mem::replace(&mut self.ring[slot], empty);
             entry.index = k;
             self.measure(k, x, n, &mut entry.measured);
+            self.sense(k, x, &mut entry);
             let seen = k.saturating_sub(self.sampling.sensor_delay as u64);
             if seen == k {
                 law(&entry.measured, &mut entry.tau, &mut entry.dz);
@@ -105,6 +116,15 @@ impl<S: Real> Sampler<S> {
                 *to = S::from_lanes(|lane| self.sampling.measure(self.seeds[lane], k, channel, at % n, from.lane(lane)));
             }
         }
+    }
+
+    /// What the torque sensors make of it, whose filters go on from the sample before.
+    fn sense(&mut self, k: u64, x: &[S], entry: &mut Entry<S>) {
+        let Some(mut sensing) = self.sensing.take() else { return };
+        let before = k.checked_sub(1).map(|k| (k, &self.ring[self.slot(k)])).filter(|(k, entry)| entry.index == *k);
+        let before = before.map(|(before, entry)| (&entry.sensed, self.instant(k) - self.instant(before)));
+        sensing.sense(&self.seeds, k, x, before, &mut entry.sensed, &mut entry.measured);
+        self.sensing = Some(sensing);
     }
 
     fn limit_rate(&self, k: u64, tau: &mut [S]) {

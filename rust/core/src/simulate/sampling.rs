@@ -6,6 +6,7 @@
 //! Flood 2014): a run repeats to the bit, and so does one that is taken up again in the middle.
 
 use crate::error::{Error, Result, positive};
+use crate::plant::sensors::TorqueSensor;
 
 /// What is measured of a plant, in the order of its state.
 pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
@@ -26,6 +27,8 @@ pub struct Sampling {
     pub resolution: [f64; 4],
     /// Largest change of the input per second; infinite for none.
     pub rate_limit: f64,
+    /// Elastic joints: the law knows the links through this sensor and the motors' encoders.
+    pub torque_sensor: Option<TorqueSensor>,
     pub seed: u64,
 }
 
@@ -40,6 +43,7 @@ impl Sampling {
             noise: [0.0; 4],
             resolution: [0.0; 4],
             rate_limit: f64::INFINITY,
+            torque_sensor: None,
             seed: 0,
         }
     }
@@ -110,7 +114,7 @@ fn uniform(seed: u64, k: u64, channel: u64) -> f64 {
 }
 
 /// Standard normal (Box and Muller 1958).
-fn gaussian(seed: u64, k: u64, channel: u64) -> f64 {
+pub(super) fn gaussian(seed: u64, k: u64, channel: u64) -> f64 {
     let (a, b) = (uniform(seed, k, 2 * channel), uniform(seed, k, 2 * channel + 1));
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
 }

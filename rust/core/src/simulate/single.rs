@@ -7,7 +7,8 @@ use super::monitors::{self, Monitor};
 use super::planar_pr::{Group, Sink};
 use super::problem::{Division, Ended, Problem};
 use super::stop::Stop;
-use crate::error::Result;
+use super::watching::Asked;
+use crate::error::{Error, Result};
 use crate::plant::PlantKind;
 use crate::scalar::run_scalar;
 use crate::status::Status;
@@ -83,7 +84,18 @@ impl Rows<'_> {
 
 /// Run the one run of `problem`. What it recorded before a fault is in the result, with the status.
 pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
+    simulate_asked(problem, stop, None)
+}
+
+/// As [`simulate`], with events and polynomials where they are asked for, of an adaptive method.
+pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Asked>) -> Result<Run> {
     let division = problem.validate()?;
+    if let (Some(asked), Division::Fixed(_)) = (&asked, &division) {
+        let what = if asked.events.is_empty() { "dense" } else { "events" };
+        let method = problem.options.method.name();
+        let problem = format!("needs a method with dense output: expected one of dopri5, dop853, radau5, rodas4, got {method}");
+        return Err(Error::input(what, problem));
+    }
     let mut run = Run::default();
     let columns = Columns::of(problem);
     let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0), problem.watches_storage()) } else { &[] };
@@ -98,12 +110,12 @@ pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
         Division::Fixed(fixed) if problem.is_planar_pr() => {
             Ended::Fixed(run_scalar(Group { problem, division: fixed, tabulated: None, first: 0, stop, sink: &mut sink }))
         }
-        Division::Adaptive(segments) if problem.is_planar_pr() => {
+        Division::Adaptive(segments) if asked.is_none() && problem.is_planar_pr() => {
             Ended::Adaptive(run_scalar(Group { problem, division: segments, tabulated: None, first: 0, stop, sink: &mut sink }))
         }
-        division => match problem.elastic_2r() {
+        division => match problem.elastic_2r().filter(|_| asked.is_none()) {
             Some(arm) => Elastic2R { problem, arm, division, first: 0, stop, sink: &mut sink }.run_single(),
-            None => Division::run_single(General { problem, division, first: 0, stop, sink: &mut sink }),
+            None => Division::run_single(General { problem, division, first: 0, stop, sink: &mut sink, asked }),
         },
     };
     match ended {

@@ -55,6 +55,16 @@ pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
     l
 }
 
+/// `g` with `g . pi = tr(W P(pi))` for every `pi`, of a symmetric `W`: the inverse of [`dual`].
+#[inline(always)]
+pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
+    let half = S::splat(0.5);
+    let (x, y, z) = (w[0][0], w[1][1], w[2][2]);
+    let twice = |i: usize, j: usize| w[i][j] + w[i][j];
+    let [xx, yy, zz] = [half * (y + z - x), half * (x + z - y), half * (x + y - z)];
+    [w[3][3], twice(0, 3), twice(1, 3), twice(2, 3), xx, -twice(0, 1), yy, -twice(0, 2), -twice(1, 2), zz]
+}
+
 /// `d pi_hat / dt` of `P_hat' = gamma P_hat L P_hat`, `L` the dual of `y = Y' s`: gradient descent in the natural metric.
 #[inline(always)]
 pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], gamma: S) -> [S; PARAMETERS] {
@@ -76,7 +86,7 @@ pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], 
 }
 
 /// `L` of `P = L L'`, its diagonal in place; `None` where `P` is not positive definite.
-fn factor(p: &Pseudo<f64>) -> Option<Pseudo<f64>> {
+pub fn factor(p: &Pseudo<f64>) -> Option<Pseudo<f64>> {
     let mut l = [[0.0; 4]; 4];
     for i in 0..4 {
         for j in 0..=i {
@@ -148,6 +158,8 @@ mod tests {
             let trace: f64 = (0..4).map(|i| (0..4).map(|j| p[i][j] * l[j][i]).sum::<f64>()).sum();
             assert!((trace - OTHER[k]).abs() < 1e-15, "{k}: a sum of a few numbers below 3");
         }
+        let back = adjoint(&dual(&OTHER));
+        assert!((0..10).all(|k| (back[k] - OTHER[k]).abs() < 1e-15), "sums and halves of a few numbers below 3");
         let two_sided = pseudo_inertia(&BODY);
         assert!((0..4).all(|i| (0..4).all(|j| two_sided[i][j] == two_sided[j][i])));
     }

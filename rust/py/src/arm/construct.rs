@@ -1,7 +1,7 @@
 //! The constructors of arms, and what pickling stores.
 
 use super::{Arm, Model};
-use crate::arrays::{any_vector, number as scalar, numbers, require_finite, shown, vector};
+use crate::arrays::{any_vector, number as scalar, numbers, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::PlanarPr;
@@ -161,17 +161,21 @@ fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, F
     Ok(x)
 }
 
-/// Entry `key` of joint `i`: a vector of `N` numbers, or `default` where it is not given.
+/// Entry `key` of dict `i` of a list: a vector of `N` numbers, or `default` where it is not given.
 fn entry_of<const N: usize>(
     function: &str,
     joint: &Bound<'_, PyDict>,
-    i: usize,
+    (list, i): (&str, usize),
     key: &str,
     default: [f64; N],
 ) -> Result<[f64; N], Failure> {
     let Some(value) = joint.get_item(key)? else { return Ok(default) };
-    let name = format!("joints[{i}][{key:?}]");
-    let items: Vec<Bound<'_, PyAny>> = value.try_iter()?.collect::<PyResult<_>>()?;
+    let name = format!("{list}[{i}][{key:?}]");
+    let Ok(items) = value.try_iter() else {
+        let problem = format!("is not a list: expected {N} numbers, got {}", value.get_type());
+        return Err(input_error(joint.py(), function, &name, problem).into());
+    };
+    let items: Vec<Bound<'_, PyAny>> = items.collect::<PyResult<_>>()?;
     if items.len() != N {
         let problem = format!("has the wrong length: expected {N}, got {}", items.len());
         return Err(input_error(joint.py(), function, &name, problem).into());
@@ -183,24 +187,31 @@ fn entry_of<const N: usize>(
     Ok(out)
 }
 
-/// Entry `key` of joint `i`: a number, or `default`.
-fn scalar_of(function: &str, joint: &Bound<'_, PyDict>, i: usize, key: &str, default: f64) -> Result<f64, Failure> {
-    joint.get_item(key)?.map_or(Ok(default), |value| number(function, &format!("joints[{i}][{key:?}]"), &value))
+/// Entry `key` of dict `i` of a list: a number, or `default`.
+fn scalar_of(function: &str, joint: &Bound<'_, PyDict>, (list, i): (&str, usize), key: &str, default: f64) -> Result<f64, Failure> {
+    joint.get_item(key)?.map_or(Ok(default), |value| number(function, &format!("{list}[{i}][{key:?}]"), &value))
+}
+
+/// Refuse a key that means nothing: a misspelt one would silently be its default.
+fn known_keys(function: &str, given: &Bound<'_, PyDict>, (list, i): (&str, usize), known: &[&str]) -> Result<(), Failure> {
+    for key in given.keys() {
+        if !key.extract::<String>().is_ok_and(|key| known.contains(&key.as_str())) {
+            let problem = format!("has an unknown key: expected one of {}, got {}", known.join(", "), key.repr()?);
+            return Err(input_error(given.py(), function, &format!("{list}[{i}]"), problem).into());
+        }
+    }
+    Ok(())
 }
 
 const CHAIN_KEYS: [&str; 14] =
     ["type", "axis", "rpy", "xyz", "phi", "parent", "name", "lower", "upper", "velocity", "effort", "armature", "damping", "friction"];
+const DH_KEYS: [&str; 6] = ["type", "a", "alpha", "d", "theta", "phi"];
 
 fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result<ChainJoint, Failure> {
-    let py = joint.py();
+    let (py, at) = (joint.py(), ("joints", i));
     let refuse = |key: &str, problem: String| -> Failure { input_error(py, function, &format!("joints[{i}]{key}"), problem).into() };
     let joint = joint.cast::<PyDict>().map_err(|_| refuse("", format!("is not a dict: got {}", joint.get_type())))?;
-    for key in joint.keys() {
-        let known = key.extract::<String>().is_ok_and(|key| CHAIN_KEYS.contains(&key.as_str()));
-        if !known {
-            return Err(refuse("", format!("has an unknown key: expected one of {}, got {}", CHAIN_KEYS.join(", "), key.repr()?)));
-        }
-    }
+    known_keys(function, joint, at, &CHAIN_KEYS)?;
     let kind = joint.get_item("type")?.and_then(|kind| kind.extract::<String>().ok());
     let Some(kind) = kind.as_deref().and_then(JointType::parse) else {
         let got = joint.get_item("type")?.map_or("nothing".to_string(), |kind| kind.to_string());
@@ -209,10 +220,12 @@ fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result<Cha
             format!("is unknown: expected one of R, P, F, revolute, continuous, prismatic, fixed, got {got}"),
         ));
     };
-    let axis = entry_of(function, joint, i, "axis", [0.0, 0.0, 1.0])?;
-    let (rpy, xyz) = (entry_of(function, joint, i, "rpy", [0.0; 3])?, entry_of(function, joint, i, "xyz", [0.0; 3])?);
-    let mut out = ChainJoint::new(kind, axis, rpy, xyz, entry_of(function, joint, i, "phi", [0.0; 10])?);
-    out.name = joint.get_item("name")?.map(|name| name.extract()).transpose()?;
+    let axis = entry_of(function, joint, at, "axis", [0.0, 0.0, 1.0])?;
+    let (rpy, xyz) = (entry_of(function, joint, at, "rpy", [0.0; 3])?, entry_of(function, joint, at, "xyz", [0.0; 3])?);
+    let mut out = ChainJoint::new(kind, axis, rpy, xyz, entry_of(function, joint, at, "phi", [0.0; 10])?);
+    if let Some(name) = joint.get_item("name")? {
+        out.name = Some(text(function, &format!("joints[{i}][\"name\"]"), &name)?);
+    }
     if let Some(parent) = joint.get_item("parent")? {
         let parent: Option<i64> =
             parent.extract().map_err(|_| refuse("[\"parent\"]", "is not an index: expected an integer or None".into()))?;
@@ -223,27 +236,34 @@ fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result<Cha
         });
     }
     out.limits = Limits {
-        lower: scalar_of(function, joint, i, "lower", f64::NEG_INFINITY)?,
-        upper: scalar_of(function, joint, i, "upper", f64::INFINITY)?,
-        velocity: scalar_of(function, joint, i, "velocity", f64::INFINITY)?,
-        effort: scalar_of(function, joint, i, "effort", f64::INFINITY)?,
+        lower: scalar_of(function, joint, at, "lower", f64::NEG_INFINITY)?,
+        upper: scalar_of(function, joint, at, "upper", f64::INFINITY)?,
+        velocity: scalar_of(function, joint, at, "velocity", f64::INFINITY)?,
+        effort: scalar_of(function, joint, at, "effort", f64::INFINITY)?,
     };
-    out.armature = scalar_of(function, joint, i, "armature", 0.0)?;
-    out.damping = scalar_of(function, joint, i, "damping", 0.0)?;
-    out.friction = scalar_of(function, joint, i, "friction", 0.0)?;
+    out.armature = scalar_of(function, joint, at, "armature", 0.0)?;
+    out.damping = scalar_of(function, joint, at, "damping", 0.0)?;
+    out.friction = scalar_of(function, joint, at, "friction", 0.0)?;
     Ok(out)
 }
 
 fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow, Failure> {
     let py = row.py();
     if let Ok(joint) = row.cast::<PyDict>() {
-        let kind = joint.get_item("type")?.map_or(Ok("R".to_string()), |kind| kind.extract::<String>())?;
-        let Some(JointType::Moving(kind)) = JointType::parse(&kind) else {
-            let problem = format!("is unknown: expected one of R, P, revolute, continuous, prismatic, got {kind}");
-            return Err(input_error(py, function, &format!("rows[{i}][\"type\"]"), problem).into());
+        let at = ("rows", i);
+        known_keys(function, joint, at, &DH_KEYS)?;
+        let kind = match joint.get_item("type")? {
+            None => JointKind::Revolute,
+            Some(given) => match given.extract::<String>().ok().as_deref().and_then(JointType::parse) {
+                Some(JointType::Moving(kind)) => kind,
+                _ => {
+                    let problem = format!("is unknown: expected one of R, P, revolute, continuous, prismatic, got {}", given.repr()?);
+                    return Err(input_error(py, function, &format!("rows[{i}][\"type\"]"), problem).into());
+                }
+            },
         };
-        let get = |key: &str| scalar_of(function, joint, i, key, 0.0);
-        let phi = entry_of(function, joint, i, "phi", [0.0; 10])?;
+        let get = |key: &str| scalar_of(function, joint, at, key, 0.0);
+        let phi = entry_of(function, joint, at, "phi", [0.0; 10])?;
         return Ok(DhRow { kind, a: get("a")?, alpha: get("alpha")?, d: get("d")?, theta: get("theta")?, phi });
     }
     let name = format!("rows[{i}]");

@@ -1,7 +1,7 @@
 //! Laws of arms with elastic joints.
 
 use super::{Given, Law};
-use crate::errors::{Failure, entry};
+use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{
     CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, LawSpec, MotorPdSpec, PdGravitySpec, ReductionSpec, StateFeedbackSpec,
 };
@@ -24,6 +24,10 @@ impl<'py> Inner<'_, 'py> {
         let joint_stiffness = given.gain("joint_stiffness", self.joint_stiffness, n)?;
         let motor_inertia = given.gain("motor_inertia", self.motor_inertia, n)?;
         let reduced_inertia = given.gain("reduced_inertia", self.reduced_inertia, n)?;
+        if let (Some(_), Some(ratio)) = (self.motor_damping, self.damping_ratio) {
+            let problem = "is a second source of damping: expected motor_damping or damping_ratio, got both";
+            return Err(input_error(ratio.py(), given.function(), "damping_ratio", problem).into());
+        }
         let damping = self.motor_damping.map(|value| given.gain("motor_damping", value, n)).transpose()?;
         let ratio = self.damping_ratio.map(|value| given.number("damping_ratio", value)).transpose()?.unwrap_or(1.0);
         if self.relative_damping {

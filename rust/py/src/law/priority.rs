@@ -3,35 +3,53 @@
 use super::{Given, Law};
 use crate::arrays::optional_number;
 use crate::errors::{Failure, entry};
-use crate::priority::Keywords;
+use crate::priority::{Keywords, per_joint};
 use crate::task::each;
-use armlet_core::law::{LawSpec, Level, PriorityAccelerationSpec, PriorityVelocitySpec};
+use armlet_core::law::{GivenLimits, LawSpec, Level, PriorityAccelerationSpec, PriorityVelocitySpec};
 use armlet_core::priority::Options;
 use pyo3::prelude::*;
 
+/// Keywords of both laws by name, those not given `None`.
+type Keyword<'a, 'py> = (&'static str, Option<&'a Bound<'py, PyAny>>);
+
 impl<'py> Given<'py> {
-    /// The levels of these tasks and how they are solved.
+    /// The levels of these tasks, how they are solved, and the limits given.
     fn levels(
         &mut self,
         function: &str,
         tasks: &Bound<'py, PyAny>,
         method: &str,
-        options: [(&'static str, Option<&Bound<'py, PyAny>>); 3],
-    ) -> Result<(Vec<Level>, Options), Failure> {
+        eps: Option<&Bound<'py, PyAny>>,
+        limits: &[Keyword<'_, 'py>],
+    ) -> Result<(Vec<Level>, Options, GivenLimits), Failure> {
         let model = self.model();
         let arm = model.tree("arm")?;
         let (kept, levels) = each(function, tasks, |task| task.level(arm))?;
         self.plain("tasks", &kept.into_bound(tasks.py()).into_any());
         self.plain("method", &pyo3::types::PyString::new(tasks.py(), method).into_any());
-        let [(_, eps), (_, v_min), (_, v_max)] = options;
-        for (name, value) in options {
-            if let Some(value) = value {
-                self.keep(name, value)?;
-            }
+        if let Some(eps) = eps {
+            self.keep("eps", eps)?;
         }
-        let keywords = Keywords { method, eps, rounding: None, weight: None, v_min, v_max };
+        let mut given = GivenLimits::default();
+        for &(name, value) in limits {
+            let Some(value) = value else { continue };
+            if name == "horizon" {
+                given.horizon = Some(self.number(name, value)?);
+                continue;
+            }
+            let limit = match name {
+                "q_min" => &mut given.q_min,
+                "q_max" => &mut given.q_max,
+                "v_min" => &mut given.v_min,
+                "v_max" => &mut given.v_max,
+                _ => &mut given.a_max,
+            };
+            *limit = Some(per_joint(function, name, value, model.n())?);
+            self.keep(name, value)?;
+        }
+        let keywords = Keywords { method, eps, rounding: None, weight: None, v_min: None, v_max: None };
         let options = keywords.options(function, model.n(), levels.len())?;
-        Ok((levels, options))
+        Ok((levels, options, given))
     }
 }
 
@@ -45,7 +63,11 @@ impl<'py> Given<'py> {
 ///     tasks: `Task` and its kin, the highest first, each with a target.
 ///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 of each level's largest row norm.
-///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s; None: the arm's own (keyword only).
+///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s; None: the arm's own (keyword only).
+///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: the arm's own (keyword only). At every evaluation
+///         they bound the velocity by `(q_max - q) / horizon`.
+///     a_max: deceleration with which "sns" brakes before a limit, `v <= sqrt(2 a_max (q_max - q))`; None: any (keyword only).
+///     horizon: time in which the way to a limit may be used up, s (0.1; keyword only): at least the step or the sample time.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a name is unknown, a task has no target, the method is unknown.
@@ -64,7 +86,7 @@ pub struct PriorityVelocity;
 #[pymethods]
 impl PriorityVelocity {
     #[new]
-    #[pyo3(signature = (arm, tasks, method="clamp", eps=None, *, v_min=None, v_max=None))]
+    #[pyo3(signature = (arm, tasks, method="clamp", eps=None, *, v_min=None, v_max=None, q_min=None, q_max=None, a_max=None, horizon=None))]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         tasks: &Bound<'py, PyAny>,
@@ -72,12 +94,17 @@ impl PriorityVelocity {
         eps: Option<&Bound<'py, PyAny>>,
         v_min: Option<&Bound<'py, PyAny>>,
         v_max: Option<&Bound<'py, PyAny>>,
+        q_min: Option<&Bound<'py, PyAny>>,
+        q_max: Option<&Bound<'py, PyAny>>,
+        a_max: Option<&Bound<'py, PyAny>>,
+        horizon: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "PriorityVelocity";
         entry(arm.py(), NAME, || {
             let mut given = Given::new(NAME, arm)?;
-            let (levels, options) = given.levels(NAME, tasks, method, [("eps", eps), ("v_min", v_min), ("v_max", v_max)])?;
-            let spec = PriorityVelocitySpec::new(given.model(), levels, options)?;
+            let limits = [("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("a_max", a_max), ("horizon", horizon)];
+            let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
+            let spec = PriorityVelocitySpec::new(given.model(), levels, options, &limits)?;
             Ok(given.law(LawSpec::PriorityVelocity(spec)).add_subclass(PriorityVelocity))
         })
     }
@@ -90,8 +117,12 @@ impl PriorityVelocity {
 ///
 /// Args:
 ///     arm, tasks, eps: as for `PriorityVelocity`.
-///     method: "clamp" (default), "exact", "damped" or "chiaverini".
+///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns".
 ///     joint_damping: `c`, 1/s, >= 0 (keyword only).
+///     a_max: bound of the joint accelerations for "sns", a number or `(n,)`, rad/s^2 or m/s^2; None: none (keyword only).
+///     v_min, v_max, q_min, q_max: limits for "sns" as for `PriorityVelocity`, kept by bounds of the acceleration at every evaluation:
+///         `a <= (v' - v) / horizon`, `v' = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))` (keyword only).
+///     horizon: s (0.1; keyword only): at least the step or the sample time.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a name is unknown, a task has no target, the method is unknown.
@@ -108,23 +139,32 @@ pub struct PriorityAcceleration;
 #[pymethods]
 impl PriorityAcceleration {
     #[new]
-    #[pyo3(signature = (arm, tasks, method="clamp", eps=None, *, joint_damping=None))]
+    #[pyo3(signature = (
+        arm, tasks, method="clamp", eps=None, *, joint_damping=None, a_max=None, v_min=None, v_max=None, q_min=None, q_max=None, horizon=None
+    ))]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         tasks: &Bound<'py, PyAny>,
         method: &str,
         eps: Option<&Bound<'py, PyAny>>,
         joint_damping: Option<&Bound<'py, PyAny>>,
+        a_max: Option<&Bound<'py, PyAny>>,
+        v_min: Option<&Bound<'py, PyAny>>,
+        v_max: Option<&Bound<'py, PyAny>>,
+        q_min: Option<&Bound<'py, PyAny>>,
+        q_max: Option<&Bound<'py, PyAny>>,
+        horizon: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "PriorityAcceleration";
         entry(arm.py(), NAME, || {
             let mut given = Given::new(NAME, arm)?;
-            let (levels, options) = given.levels(NAME, tasks, method, [("eps", eps), ("v_min", None), ("v_max", None)])?;
+            let limits = [("a_max", a_max), ("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("horizon", horizon)];
+            let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
             let damping = optional_number(NAME, "joint_damping", joint_damping)?.unwrap_or(JOINT_DAMPING);
             if let Some(value) = joint_damping {
                 given.plain("joint_damping", value);
             }
-            let spec = PriorityAccelerationSpec::new(given.model(), levels, options, damping)?;
+            let spec = PriorityAccelerationSpec::new(given.model(), levels, options, damping, &limits)?;
             Ok(given.law(LawSpec::PriorityAcceleration(spec)).add_subclass(PriorityAcceleration))
         })
     }

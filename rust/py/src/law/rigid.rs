@@ -3,7 +3,7 @@
 use super::{Given, Law};
 use crate::arrays::{numbers, shown};
 use crate::errors::{Failure, entry, input_error};
-use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec};
+use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec, Projection};
 use armlet_core::motion::Motion;
 use pyo3::prelude::*;
 
@@ -21,12 +21,15 @@ use pyo3::prelude::*;
 ///     base: what `arm.base_parameters()` returns: only this base set of parameters is estimated, and p is its size (keyword only).
 ///     natural: adapt in the metric of the bodies' pseudo-inertias: the estimate stays physically possible for ever; it has
 ///         to start so, and gamma is a scalar or one number per body (keyword only).
+///     projection: keep the estimate physically possible in the metric of gamma: the least body as a mass in kg (with a radius
+///         of gyration of 0.1 m), or the least bodies as parameters `(p,)`, which the true ones must exceed. A start outside is
+///         moved to the nearest inside (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
 ///
 /// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987; natural: Lee, Kwon and Park, A natural
-/// adaptive control law for robot manipulators, IROS 2018.
+/// adaptive control law for robot manipulators, IROS 2018; projection: Pomet and Praly, Adaptive nonlinear regulation, IEEE TAC 37(6), 1992.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
@@ -51,10 +54,22 @@ fn base_of<'py>(given: &mut Given<'py>, base: &Bound<'py, PyAny>, p: usize) -> R
     Ok(Base { columns, projection })
 }
 
+/// The radius of gyration of a least body that is given by its mass, m: that of the metric of `project_parameters`.
+const LENGTH: f64 = 0.1;
+
+/// A mass, or the parameters of the least bodies.
+fn least_bodies<'py>(given: &mut Given<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
+    if numbers("Adaptive", "projection", projection)?.0.is_empty() {
+        let mass = given.number("projection", projection)?;
+        return Ok(Projection::of_mass(p, mass, LENGTH)?);
+    }
+    Ok(Projection::new(p, &given.vector("projection", projection, p)?)?)
+}
+
 #[pymethods]
 impl Adaptive {
     #[new]
-    #[pyo3(signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=false))]
+    #[pyo3(signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=false, projection=None))]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         motion: &Bound<'py, PyAny>,
@@ -64,6 +79,7 @@ impl Adaptive {
         estimate: Option<&Bound<'py, PyAny>>,
         base: Option<&Bound<'py, PyAny>>,
         natural: bool,
+        projection: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "Adaptive", || {
             let mut given = Given::new("Adaptive", arm)?;
@@ -86,7 +102,10 @@ impl Adaptive {
                 Adaptation::Euclidean(given.gain("gamma", gamma, estimated)?)
             };
             let start = estimate.map(|estimate| given.vector("estimate", estimate, estimated)).transpose()?;
-            let spec = AdaptiveSpec::new(model, motion, kp, kd, adaptation, base, start)?;
+            let mut spec = AdaptiveSpec::new(model, motion, kp, kd, adaptation, base, start)?;
+            if let Some(projection) = projection.filter(|projection| !projection.is_none()) {
+                spec = spec.projected(least_bodies(&mut given, projection, p)?)?;
+            }
             Ok(given.law(LawSpec::Adaptive(spec)).add_subclass(Adaptive))
         })
     }

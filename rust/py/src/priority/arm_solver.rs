@@ -7,6 +7,7 @@ use crate::arm::Arm;
 use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, out_slice, require_finite, shown, vector};
 use crate::broadcast::broadcast;
 use crate::errors::{Failure, entry, input_error};
+use crate::simulate::listen;
 use crate::task::each;
 use armlet_core::law::{ArmSolver as Core, with_limits};
 use armlet_core::simulate::{default_threads, solve_rows};
@@ -36,6 +37,9 @@ pub struct ArmPrioritySolver {
 
 /// Levels that are read without a buffer of their own.
 const MOST: usize = 8;
+
+/// Batches of fewer rows than this are solved under the GIL: a fraction of a millisecond.
+const FEW: usize = 512;
 
 const SOLVE: &str = "ArmPrioritySolver.solve";
 
@@ -176,38 +180,45 @@ impl ArmPrioritySolver {
             at += m;
         }
         let shape: Vec<usize> = lead.iter().copied().chain([self.n]).collect();
-        let solve = |v: &mut [f64]| -> Result<(), Failure> {
-            if lead.is_empty() {
-                let core = &mut *self.state();
-                core.solve(&angles, &stacked)?;
-                v.copy_from_slice(core.solver().v());
-                return Ok(());
-            }
-            let solver = self.state().clone();
-            let mut status = vec![Status::Success; rows];
-            let mut answer = vec![0.0; v.len()];
-            let mut signal = None;
-            let stopped = {
-                let mut poll = || {
-                    signal = signal.take().or(Python::attach(|py| py.check_signals()).err());
-                    signal.is_some()
-                };
-                py.detach(|| solve_rows(&solver, &angles, &stacked, &mut answer, &mut status, default_threads(), &mut poll))
-            };
-            if let (true, Some(error)) = (stopped, signal) {
-                return Err(error.into());
-            }
-            v.copy_from_slice(&answer);
-            Ok(())
-        };
         match out {
-            None => new_array(py, &shape, solve),
+            None => new_array(py, &shape, |v| self.fill(py, &angles, &stacked, v, lead.is_empty(), true)),
             Some(out) => {
                 let inputs: Vec<&Bound<'_, PyAny>> = std::iter::once(q).chain(velocities).collect();
-                solve(out_slice(SOLVE, out, &shape, &inputs)?)?;
+                self.fill(py, &angles, &stacked, out_slice(SOLVE, out, &shape, &inputs)?, lead.is_empty(), false)?;
                 Ok(out.clone())
             }
         }
+    }
+
+    /// All rows into `v`, which `private` says nobody else can see.
+    fn fill(&self, py: Python<'_>, q: &[f64], velocities: &[f64], v: &mut [f64], one: bool, private: bool) -> Result<(), Failure> {
+        if one {
+            let core = &mut *self.state();
+            core.solve(q, velocities)?;
+            v.copy_from_slice(core.solver().v());
+            return Ok(());
+        }
+        let solver = self.state().clone();
+        let mut status = vec![Status::Success; v.len() / self.n];
+        if status.len() < FEW {
+            solve_rows(&solver, q, velocities, v, &mut status, 1, &mut || false);
+            return Ok(());
+        }
+        let mut fresh = if private { Vec::new() } else { vec![0.0; v.len()] };
+        let mut signal = None;
+        let mut poll = listen(&mut signal);
+        py.detach(|| {
+            let target: &mut [f64] = if private { v } else { &mut fresh };
+            solve_rows(&solver, q, velocities, target, &mut status, default_threads(), &mut poll)
+        });
+        drop(poll);
+        if let Some(error) = signal {
+            return Err(error.into());
+        }
+        if !private {
+            v.copy_from_slice(&fresh);
+        }
+        Ok(())
     }
 }
 
@@ -215,7 +226,7 @@ impl ArmPrioritySolver {
 impl ArmPrioritySolver {
     /// Joint velocities `(..., n)` at `q` `(..., n)` for one `(..., rows_i)` task velocity per level, written to `out` if given.
     ///
-    /// Leading axes make a batch, solved in threads; a row whose answer overflows is NaN. Residuals, ranks and status are those of
+    /// Leading axes make a batch, solved in lanes and threads with the bits of single solves; a row whose answer overflows is NaN. Residuals, ranks and status are those of
     /// the last single solve.
     #[pyo3(signature = (q, velocities, *, out=None))]
     fn solve<'py>(
@@ -275,11 +286,7 @@ impl ArmPrioritySolver {
         entry(py, NAME, || {
             let angles = vector(NAME, "q", q, self.n)?;
             let mut stacked = vec![0.0; self.rows.iter().sum::<usize>() * self.n];
-            {
-                let core = &mut *self.state();
-                core.tasks().place(&angles);
-                core.tasks().jacobians(&mut stacked);
-            }
+            self.state().jacobians(&angles, &mut stacked);
             let (mut at, mut parts) = (0, Vec::with_capacity(self.rows.len()));
             for &m in &self.rows {
                 parts.push(copied(py, &[m, self.n], &stacked[at * self.n..(at + m) * self.n])?);

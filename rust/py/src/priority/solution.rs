@@ -3,8 +3,10 @@
 use super::stack::{Keywords, Stack, items};
 use crate::arrays::{integers, new_array, of_shape};
 use crate::errors::{Failure, entry};
+use crate::simulate::listen;
 use armlet_core::error::Error;
-use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core};
+use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core, StackAnswers, StackRows};
+use armlet_core::simulate::{default_threads, solve_stacks};
 use armlet_core::status::Status;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -89,13 +91,13 @@ fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Resu
     Ok(Core::new(n, rows, &keywords.options(function, n, rows.len())?)?)
 }
 
-/// Fill the solver's inputs from row `i` of a batch and solve.
-fn solve_row(solver: &mut Core, stack: &Stack, i: usize) -> Result<Status, Error> {
+/// Fill the solver's inputs from one stack and solve.
+fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
     let (jacobian, command) = solver.inputs();
     let (mut at, mut to) = (0, 0);
     for (level, m) in stack.rows.iter().enumerate() {
-        jacobian[at..at + m * stack.n].copy_from_slice(stack.jacobian(level, i));
-        command[to..to + m].copy_from_slice(stack.velocity(level, i));
+        jacobian[at..at + m * stack.n].copy_from_slice(stack.jacobian(level, 0));
+        command[to..to + m].copy_from_slice(stack.velocity(level, 0));
         at += m * stack.n;
         to += m;
     }
@@ -197,7 +199,7 @@ fn answer(py: Python<'_>, solver: &Core) -> Result<PrioritySolution, Failure> {
 }
 
 fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result<PrioritySolution, Failure> {
-    if let Err(error) = solve_row(&mut solver, stack, 0) {
+    if let Err(error) = solve_row(&mut solver, stack) {
         stack.require_finite(py, "solve_priority")?;
         return Err(error.into());
     }
@@ -208,67 +210,51 @@ fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result
     Ok(solution)
 }
 
-/// What a batch answers, row after row.
-struct Rows {
-    v: Vec<f64>,
-    residuals: Vec<Vec<f64>>,
-    ranks: Vec<i64>,
-    scales: Vec<f64>,
-    status: Vec<i32>,
-}
+/// Batches of fewer rows than this are solved under the GIL: a fraction of a millisecond.
+const FEW: usize = 512;
 
-impl Rows {
-    fn push(&mut self, solver: &mut Core, stack: &Stack, i: usize) {
-        let (n, levels) = (stack.n, stack.rows.len());
-        match solve_row(solver, stack, i) {
-            Ok(status) => {
-                self.v.extend_from_slice(solver.v());
-                self.residuals.iter_mut().enumerate().for_each(|(k, r)| r.extend_from_slice(solver.residual(k)));
-                self.ranks.extend(solver.ranks().iter().map(|r| *r as i64));
-                self.scales.extend_from_slice(solver.scales());
-                self.status.push(status.code());
-            }
-            Err(_) => {
-                self.v.extend(std::iter::repeat_n(f64::NAN, n));
-                self.residuals.iter_mut().zip(&stack.rows).for_each(|(r, m)| r.extend(std::iter::repeat_n(f64::NAN, *m)));
-                self.ranks.extend(std::iter::repeat_n(0, levels));
-                self.scales.extend(std::iter::repeat_n(f64::NAN, levels));
-                self.status.push(Status::Diverged.code());
-            }
-        }
-    }
-}
-
-/// Rows solved between two looks at the signals: a few milliseconds.
-const CHUNK: usize = 2048;
-
-fn batch(py: Python<'_>, mut solver: Core, stack: Stack) -> Result<PrioritySolution, Failure> {
-    let stack = stack.owned();
+fn batch(py: Python<'_>, solver: Core, stack: Stack) -> Result<PrioritySolution, Failure> {
     let (count, levels) = (stack.count, stack.rows.len());
     let room = |width: usize| -> Result<Vec<f64>, Failure> {
         let mut values = Vec::new();
         let bytes = count as u128 * width as u128 * 8;
         values.try_reserve_exact(count.saturating_mul(width)).map_err(|_| Error::Memory { bytes })?;
+        values.resize(count * width, 0.0);
         Ok(values)
     };
-    let residuals = stack.rows.iter().map(|m| room(*m)).collect::<Result<Vec<_>, _>>()?;
-    let mut rows = Rows { v: room(stack.n)?, residuals, ranks: Vec::new(), scales: room(levels)?, status: Vec::new() };
-    for start in (0..count).step_by(CHUNK) {
-        let mut chunk = || (start..count.min(start + CHUNK)).for_each(|i| rows.push(&mut solver, &stack, i));
-        if count < CHUNK / 4 {
-            chunk();
-        } else {
-            py.detach(chunk);
-            py.check_signals()?;
+    let mut residuals = stack.rows.iter().map(|m| room(*m)).collect::<Result<Vec<_>, _>>()?;
+    let (mut v, mut scales) = (room(stack.n)?, room(levels)?);
+    let (mut ranks, mut status) = (vec![0; count * levels], vec![0; count]);
+    // Copied where other threads get to run: they may write to the caller's arrays.
+    let stack = if count < FEW { stack } else { stack.owned() };
+    let (jacobians, velocities): (Vec<&[f64]>, Vec<&[f64]>) = (0..levels).map(|i| stack.level(i)).unzip();
+    let given = StackRows { jacobians: &jacobians, velocities: &velocities };
+    let answers = StackAnswers {
+        v: &mut v,
+        residuals: residuals.iter_mut().map(Vec::as_mut_slice).collect(),
+        ranks: &mut ranks,
+        scales: &mut scales,
+        status: &mut status,
+    };
+    if count < FEW {
+        solve_stacks(&solver, &given, answers, 1, &mut || false);
+    } else {
+        let mut signal = None;
+        let mut poll = listen(&mut signal);
+        py.detach(|| solve_stacks(&solver, &given, answers, default_threads(), &mut poll));
+        drop(poll);
+        if let Some(error) = signal {
+            return Err(error.into());
         }
     }
     let shape = |last: &[usize]| -> Vec<usize> { stack.lead.iter().chain(last).copied().collect() };
-    let residuals = stack.rows.iter().zip(&rows.residuals).map(|(m, r)| copied(py, &shape(&[*m]), r)).collect::<Result<Vec<_>, _>>()?;
+    let residuals =
+        stack.rows.iter().zip(residuals).map(|(m, r)| Ok(integers(py, &shape(&[*m]), r)?)).collect::<Result<Vec<_>, Failure>>()?;
     Ok(PrioritySolution {
-        v: copied(py, &shape(&[stack.n]), &rows.v)?.unbind(),
+        v: integers(py, &shape(&[stack.n]), v)?.unbind(),
         residuals: PyList::new(py, residuals)?.into_any().unbind(),
-        ranks: integers(py, &shape(&[levels]), rows.ranks)?.unbind(),
-        scales: copied(py, &shape(&[levels]), &rows.scales)?.unbind(),
-        status: integers(py, &stack.lead, rows.status)?.unbind(),
+        ranks: integers(py, &shape(&[levels]), ranks)?.unbind(),
+        scales: integers(py, &shape(&[levels]), scales)?.unbind(),
+        status: integers(py, &stack.lead, status)?.unbind(),
     })
 }

@@ -132,6 +132,11 @@ impl<'a> Stack<'a> {
         self.velocities[level].row(i)
     }
 
+    /// All Jacobians and all velocities of a level; one of them alone where it is for all rows.
+    pub fn level(&self, level: usize) -> (&[f64], &[f64]) {
+        (&self.jacobians[level].values, &self.velocities[level].values)
+    }
+
     /// Refuse numbers that are not finite, naming the level and the index.
     pub fn require_finite(&self, py: Python<'_>, function: &str) -> Result<(), Failure> {
         for (parts, name) in [(&self.jacobians, self.names[0]), (&self.velocities, self.names[1])] {

@@ -10,7 +10,8 @@
 //! little and a few corrections suffice. Samples come from the dynamics themselves, or from polynomials through the rows of six
 //! grid points, which are then compared with the dynamics in the middle of every segment.
 
-use super::reach::{FASTEST, Profile, Rows, largest, load, store};
+use super::lines::{FASTEST, Rows, largest, load, store};
+use super::reach::Profile;
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use crate::motion::Path;
@@ -33,6 +34,9 @@ pub(super) struct Limits {
     /// What a relative excess is relative to: the limit, or the other one where it is zero.
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
+    /// One over these.
+    by_lo: Vec<f64>,
+    by_hi: Vec<f64>,
 }
 
 impl Limits {
@@ -42,6 +46,8 @@ impl Limits {
         self.hi.push(hi);
         self.scale_lo.push(if a > 0.0 { a } else { b });
         self.scale_hi.push(if b > 0.0 { b } else { a });
+        self.by_lo.push(1.0 / self.scale_lo[self.lo.len() - 1]);
+        self.by_hi.push(1.0 / self.scale_hi[self.lo.len() - 1]);
     }
 }
 
@@ -74,13 +80,6 @@ pub(super) struct Course<'a> {
     pub stencil: &'a Stencil<WINDOW>,
 }
 
-impl Course<'_> {
-    /// Whether every piece has points enough to interpolate, and friction does not bend the rows.
-    pub fn interpolates(&self) -> bool {
-        self.friction.is_none() && self.spans.iter().all(|(first, last)| last - first + 1 >= WINDOW)
-    }
-}
-
 /// Squared path speed and path acceleration at `z` in segment `i`.
 #[inline(always)]
 fn state(rows: &Rows, x: &[f64], i: usize, z: f64) -> (f64, f64) {
@@ -89,19 +88,19 @@ fn state(rows: &Rows, x: &[f64], i: usize, z: f64) -> (f64, f64) {
     (here.max(0.0), 0.5 * (x[i + 1] - x[i]) / h + (z - 0.5) * h * b)
 }
 
-/// `[tau, a, v]`, `(3 n,)`, by the dynamics at `per` places of every segment.
-fn measure(course: &Course, rows: &Rows, x: &[f64], places: &[f64], values: &mut Vec<f64>) {
+/// `[tau, a, v]`, `(3 n,)`, by the dynamics at `places` of the segments listed.
+fn measure(course: &Course, rows: &Rows, x: &[f64], list: &[usize], places: &[f64], values: &mut Vec<f64>) {
     let (n, per) = (course.n, places.len());
-    let count = (rows.s.len() - 1) * per;
+    let count = list.len() * per;
     values.clear();
     values.resize(count * 3 * n, 0.0);
     let s = &rows.s;
     let at = |k: usize| {
-        let (i, z) = (k / per, places[k % per]);
+        let (i, z) = (list[k / per], places[k % per]);
         (course.pieces[i], if z == 1.0 { s[i + 1] } else { s[i] + z * (s[i + 1] - s[i]) })
     };
     let rate = |k: usize| {
-        let (x, u) = state(rows, x, k / per, places[k % per]);
+        let (x, u) = state(rows, x, list[k / per], places[k % per]);
         (x.sqrt(), u)
     };
     let ask = Ask::Motion { rate: &rate };
@@ -129,10 +128,7 @@ struct Examine<'a, F> {
     course: &'a Course<'a>,
     rows: &'a Rows,
     x: &'a [f64],
-    /// Samples by the dynamics; empty where rows are interpolated.
-    measured: &'a [f64],
-    /// Interpolated torques in the middle of every segment, `(N, n)`, where wanted.
-    middles: &'a mut [f64],
+    samples: &'a mut Samples,
     narrow: F,
 }
 
@@ -171,13 +167,13 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
         }
     }
 
-    /// The same from measured samples.
+    /// The same from measured samples, those of the segment that is number `order` of them.
     #[inline(always)]
-    fn copy(&self, i: usize, values: &mut [f64]) {
-        let Examine { course, rows, measured, .. } = self;
+    fn copy(&self, order: usize, values: &mut [f64]) {
+        let Examine { course, rows, samples: Samples { values: measured, .. }, .. } = self;
         let (n, width) = (course.n, course.limits.lo.len());
         for sub in 0..=FINE {
-            let from = &measured[(i * (FINE + 1) + sub) * 3 * n..][..3 * n];
+            let from = &measured[(order * (FINE + 1) + sub) * 3 * n..][..3 * n];
             let to = &mut values[sub * width..(sub + 1) * width];
             let mut at = 0;
             for (kind, wanted) in course.kinds.into_iter().enumerate() {
@@ -194,115 +190,186 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
 }
 
 impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
-    type Output = Found;
+    type Output = ();
     #[inline(always)]
-    fn run<S: Real>(mut self) -> Found {
+    fn run<S: Real>(mut self) {
         let limits = self.course.limits;
         let width = limits.lo.len();
-        let mut found = Found { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
+        let torques = if self.course.kinds[0] { self.course.n } else { 0 };
         let mut values = vec![0.0; (FINE + 1) * width];
-        let mut margin = S::splat(FASTEST);
         let zero = S::zero();
         let (half, tiny) = (S::splat(0.5), S::splat(f64::MIN_POSITIVE));
-        for &(first, last) in self.course.spans {
-            for i in first..last {
-                if self.measured.is_empty() {
-                    // A piece with too few points is never asked for.
-                    let Some(window) = self.course.stencil.of(i, first, last) else { continue };
+        let list = std::mem::take(&mut self.samples.list);
+        let mut order = 0;
+        for &i in &list {
+            let (first, last) = self.course.spans[self.samples.span[i]];
+            match self.course.stencil.of(i, first, last) {
+                Some(window) if !self.samples.exact[i] => {
                     self.sample::<S>(i, window, &mut values);
-                    if !self.middles.is_empty() {
-                        let n = self.course.n;
-                        self.middles[i * n..(i + 1) * n].copy_from_slice(&values[FINE / 2 * width..][..n]);
-                    }
-                } else {
-                    self.copy(i, &mut values);
+                    self.samples.middles[i * torques..(i + 1) * torques].copy_from_slice(&values[FINE / 2 * width..][..torques]);
                 }
-                let mut k = 0;
-                while k < width {
-                    let mut f = load::<S>(&values, k);
-                    let mut g = load::<S>(&values, width + k);
-                    let (mut top, mut bottom, mut high, mut low) = (f, f, f, f);
-                    let mut before = zero;
-                    for sub in 0..FINE {
-                        // From f to g, with the bend at f and at g; the ends have their neighbour's.
-                        let next = load::<S>(&values, (sub + 2).min(FINE) * width + k);
-                        let after = if sub + 2 <= FINE { (f + next - (g + g)).abs() } else { before };
-                        let d = if sub == 0 { after } else { before.max(after) };
-                        let rest = (half * d - (g - f).abs()).max(zero);
-                        let between = half * rest * rest * d.max(tiny).recip();
-                        (top, bottom) = (top.max(g), bottom.min(g));
-                        (high, low) = (high.max(f.max(g) + between), low.min(f.min(g) - between));
-                        (before, f, g) = (after, g, next);
-                    }
-                    let (lo, hi) = (load::<S>(&limits.lo, k), load::<S>(&limits.hi, k));
-                    let (by_lo, by_hi) = (load::<S>(&limits.scale_lo, k).recip(), load::<S>(&limits.scale_hi, k).recip());
-                    margin = margin.min((hi - top) * by_hi).min((bottom - lo) * by_lo);
-                    let (over, under) = (high - hi, lo - low);
-                    let excess = (over * by_hi).max(under * by_lo);
-                    if !S::all(excess.lt(S::splat(found.excess))) {
-                        for lane in 0..S::LANES {
-                            let e = excess.lane(lane);
-                            if !(e <= found.excess) {
-                                (found.excess, found.at) = (e, (i, k + lane));
-                            }
-                        }
-                    }
-                    if S::any(S::splat(TOLERANCE).lt(excess)) {
-                        for lane in 0..S::LANES {
-                            if excess.lane(lane) > TOLERANCE {
-                                (self.narrow)(i, k + lane, under.lane(lane).max(0.0), over.lane(lane).max(0.0));
-                            }
-                        }
-                    }
-                    k += S::LANES;
+                _ => {
+                    self.copy(order, &mut values);
+                    order += 1;
                 }
             }
+            let (mut margin, mut excess, mut of_torque, mut at) = (S::splat(FASTEST), f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
+            let mut k = 0;
+            while k < width {
+                let mut f = load::<S>(&values, k);
+                let mut g = load::<S>(&values, width + k);
+                let (mut top, mut bottom, mut high, mut low) = (f.max(g), f.min(g), f, f);
+                let mut before = zero;
+                for sub in 0..FINE {
+                    // From f to g, with the bend at f and at g; the ends have their neighbour's.
+                    let next = load::<S>(&values, (sub + 2).min(FINE) * width + k);
+                    let after = if sub + 2 <= FINE { (f + next - (g + g)).abs() } else { before };
+                    let d = if sub == 0 { after } else { before.max(after) };
+                    let rest = (half * d - (g - f).abs()).max(zero);
+                    let between = half * rest * rest * d.max(tiny).recip();
+                    (top, bottom) = (top.max(g), bottom.min(g));
+                    (high, low) = (high.max(f.max(g) + between), low.min(f.min(g) - between));
+                    (before, f, g) = (after, g, next);
+                }
+                let (lo, hi) = (load::<S>(&limits.lo, k), load::<S>(&limits.hi, k));
+                let (by_lo, by_hi) = (load::<S>(&limits.by_lo, k), load::<S>(&limits.by_hi, k));
+                margin = margin.min((hi - top) * by_hi).min((bottom - lo) * by_lo);
+                let (over, under) = (high - hi, lo - low);
+                let past = (over * by_hi).max(under * by_lo);
+                let worst = largest(past);
+                // Not the other way round: NaN is an excess.
+                if !(worst <= excess) {
+                    (excess, at) = (worst, k + (0..S::LANES).find(|&lane| !(past.lane(lane) < worst)).unwrap_or(0));
+                }
+                if k < torques {
+                    of_torque = of_torque.max(worst);
+                }
+                if worst > TOLERANCE {
+                    for lane in 0..S::LANES {
+                        if past.lane(lane) > TOLERANCE {
+                            (self.narrow)(i, k + lane, under.lane(lane).max(0.0), over.lane(lane).max(0.0));
+                        }
+                    }
+                }
+                k += S::LANES;
+            }
+            self.samples.segments[i] = Segment { margin: -largest(-margin), excess, at, torque: of_torque, proven: false };
         }
-        found.margin = -largest(-margin);
-        found
+        self.samples.list = list;
     }
 }
 
-/// Buffers of the checks.
+/// What the last examination of a segment found.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    margin: f64,
+    /// The largest excess, its row, and the largest excess of a torque.
+    excess: f64,
+    at: usize,
+    torque: f64,
+    /// What was interpolated is what the dynamics say.
+    proven: bool,
+}
+
+/// The samples and what they said, segment by segment.
 #[derive(Default)]
 pub(super) struct Samples {
+    segments: Vec<Segment>,
+    /// The excesses before limits were narrowed.
+    pub first: Vec<f64>,
+    /// The span of each segment.
+    span: Vec<usize>,
+    /// Segments that are sampled by the dynamics themselves.
+    exact: Vec<bool>,
+    /// Segments to be examined.
+    list: Vec<usize>,
+    /// Segments to be measured, and what was measured.
+    asked: Vec<usize>,
     values: Vec<f64>,
+    /// Interpolated torques in the middle of every segment, `(N, n)`.
     middles: Vec<f64>,
-    /// Interpolation was found wanting on this grid.
-    pub exact: bool,
 }
 
 impl Samples {
-    /// Margins and excesses; `narrow(segment, row, below, above)` is told what each row is past its limits by, where it is.
-    pub fn examine(&mut self, course: &Course, rows: &Rows, profile: &Profile, narrow: impl FnMut(usize, usize, f64, f64)) -> Found {
-        let x = &profile.x;
-        let interpolate = !self.exact && course.interpolates();
-        if interpolate {
-            self.values.clear();
-            self.middles.resize((rows.s.len() - 1) * course.n, 0.0);
-        } else {
-            measure(course, rows, x, &places(), &mut self.values);
+    /// A new problem or a new grid: nothing is known.
+    pub fn begin(&mut self, course: &Course) {
+        let count = course.pieces.len();
+        let unknown = Segment { margin: f64::NAN, excess: f64::INFINITY, at: 0, torque: f64::INFINITY, proven: false };
+        self.segments.clear();
+        self.first.clear();
+        self.first.resize(count, 0.0);
+        self.segments.resize(count, unknown);
+        self.span.clear();
+        self.exact.clear();
+        for (k, &(first, last)) in course.spans.iter().enumerate() {
+            self.span.resize(last, k);
+            // Friction bends the rows; few points can't be interpolated.
+            self.exact.resize(last, course.friction.is_some() || last - first + 1 < WINDOW);
         }
-        run_lanes(Examine { course, rows, x, measured: &self.values, middles: &mut self.middles, narrow })
+        self.middles.clear();
+        self.middles.resize(count * course.n, 0.0);
     }
 
-    /// Whether the last examination stands: what it interpolated is what the dynamics say.
-    pub fn stands(&mut self, course: &Course, rows: &Rows, profile: &Profile) -> bool {
-        if self.exact || !course.interpolates() || !course.kinds[0] {
-            return true;
-        }
-        let n = course.n;
-        measure(course, rows, &profile.x, &[0.5], &mut self.values);
-        for (i, measured) in self.values.chunks_exact(3 * n).enumerate() {
-            for j in 0..n {
-                let scale = course.limits.scale_lo[j].min(course.limits.scale_hi[j]);
-                if !((measured[j] - self.middles[i * n + j]).abs() <= INTERPOLATION * scale) {
-                    self.exact = true;
-                    return false;
+    /// Margins and excesses; `narrow(segment, row, below, above)` is told what each row is past its limits by, where it is. Segments
+    /// that held their limits and did not move are not looked at again.
+    pub fn examine(&mut self, course: &Course, rows: &Rows, profile: &mut Profile, narrow: impl FnMut(usize, usize, f64, f64)) -> Found {
+        let Profile { x, moved, .. } = profile;
+        self.list.clear();
+        self.asked.clear();
+        for (i, segment) in self.segments.iter().enumerate() {
+            if moved[i] || moved[i + 1] || !(segment.excess <= TOLERANCE) {
+                self.list.push(i);
+                if self.exact[i] {
+                    self.asked.push(i);
                 }
             }
         }
-        true
+        moved.fill(false);
+        measure(course, rows, x, &self.asked, &places(), &mut self.values);
+        run_lanes(Examine { course, rows, x, samples: self, narrow });
+        let mut found = Found { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
+        for (i, segment) in self.segments.iter().enumerate() {
+            if segment.margin < found.margin {
+                found.margin = segment.margin;
+            }
+            if !(segment.excess <= found.excess) {
+                (found.excess, found.at) = (segment.excess, (i, segment.at));
+            }
+        }
+        found
+    }
+
+    /// Keep the excesses of this examination: those of limits that were not narrowed yet.
+    pub fn remember(&mut self) {
+        self.first.clear();
+        self.first.extend(self.segments.iter().map(|segment| segment.excess));
+    }
+
+    /// Whether the last examination stands: what it interpolated is what the dynamics say. Where it is not, they are asked next time.
+    pub fn stands(&mut self, course: &Course, rows: &Rows, profile: &Profile) -> bool {
+        if !course.kinds[0] {
+            return true;
+        }
+        let n = course.n;
+        self.asked.clear();
+        self.asked.extend((0..self.segments.len()).filter(|&i| !self.exact[i] && !self.segments[i].proven));
+        measure(course, rows, &profile.x, &self.asked, &[0.5], &mut self.values);
+        let mut stands = true;
+        for (&i, measured) in self.asked.iter().zip(self.values.chunks_exact(3 * n)) {
+            // Far from the limits an error does no harm.
+            let segment = &mut self.segments[i];
+            let least = INTERPOLATION.max(-0.1 * segment.torque);
+            segment.proven = (0..n).all(|j| {
+                let scale = course.limits.scale_lo[j].min(course.limits.scale_hi[j]);
+                (measured[j] - self.middles[i * n + j]).abs() <= least * scale
+            });
+            if !segment.proven {
+                self.exact[i] = true;
+                segment.excess = f64::INFINITY;
+                stands = false;
+            }
+        }
+        stands
     }
 }
 

@@ -7,6 +7,7 @@
 //! 4. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
 mod check;
+mod lines;
 mod reach;
 mod reason;
 mod rows;
@@ -21,20 +22,29 @@ pub use setup::{PathLimits, TimePathOptions};
 use crate::error::Result;
 use crate::motion::{Path, TimedPath};
 use check::{Found, Samples, TOLERANCE};
-use reach::{Profile, Stuck, bend, solve};
-use setup::Problem;
+use reach::{Profile, Stuck, bend, losses, solve};
+use setup::{Line, Problem};
 use std::sync::Arc;
 
 /// Corrections of one grid before it is halved.
 const CORRECTIONS: usize = 8;
-/// Grids tried.
-const GRIDS: usize = 5;
+/// How often what a limit is narrowed by is doubled.
+const MOST_DOUBLINGS: usize = 7;
+/// Passes with chords and then with tangents of viscous friction, and the relative change of `x` that is near enough for tangents.
+const CHORDS: usize = 40;
+const TANGENTS: usize = 4;
+const NEAR: f64 = 0.03;
+/// Grids tried, and how often all of a grid is halved.
+const GRIDS: usize = 9;
+const HALVINGS: usize = 4;
 /// Change of the duration, relative, at which a grid that was not asked for is fine enough.
 const SETTLED: f64 = 1e-4;
 /// Points of the first such grid.
 pub(crate) const FIRST_GRID: usize = 201;
 /// Excess between grid points, relative to the limit, above which a grid is halved for the sake of the duration.
 const COARSE: f64 = 1e-3;
+/// The share of the duration that a segment may lose, in parts of what a limit may be exceeded by.
+const LOST: f64 = 0.02;
 /// How far a limit is narrowed at first, in parts of what it was exceeded by; twice that every time after.
 const BEYOND: f64 = 1.2;
 /// Passes that give the path acceleration the slope of its limits.
@@ -58,12 +68,61 @@ enum Outcome {
     Stuck(Stuck),
 }
 
-fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, last: bool) -> Outcome {
+/// The profile with viscous friction, on the rows as they are: chords until it changes little, since they can't cut it off from
+/// rest, then tangents, whose error goes with the square of the change.
+fn with_friction(problem: &mut Problem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
+    if problem.friction.is_none() {
+        return Ok(());
+    }
+    let (mut start, mut change) = (profile.x.clone(), f64::INFINITY);
+    for k in 0..CHORDS + TANGENTS {
+        let near = k >= CHORDS || change < NEAR;
+        problem.linearise_friction(&start, if near { Line::Tangent } else { Line::Chord });
+        profile.forget();
+        match solve(&problem.rows, profile) {
+            Ok(()) => {
+                let moved = |(new, old): (&f64, &f64)| (new - old).abs() / new.max(*old).max(f64::MIN_POSITIVE);
+                let before = change;
+                change = profile.x.iter().zip(&start).map(moved).fold(0.0, f64::max);
+                start.copy_from_slice(&profile.x);
+                if near && (before < NEAR || change < TOLERANCE) {
+                    return Ok(());
+                }
+            }
+            // Of a tangent that leaves nothing the chord is kept; of a chord at too fast a profile, one at a slower one.
+            Err(_) if near => {
+                problem.linearise_friction(&start, Line::Chord);
+                profile.forget();
+                return solve(&problem.rows, profile);
+            }
+            Err(_) => start.iter_mut().for_each(|x| *x *= 0.25),
+        }
+    }
+    Ok(())
+}
+
+/// The profile on narrowed rows.
+fn again(problem: &mut Problem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
+    if problem.friction.is_none() {
+        return solve(&problem.rows, profile);
+    }
+    let x = profile.x.clone();
+    problem.linearise_friction(&x, Line::Tangent);
+    profile.forget();
+    solve(&problem.rows, profile).or_else(|_| {
+        problem.linearise_friction(&x, Line::Chord);
+        profile.forget();
+        solve(&problem.rows, profile)
+    })
+}
+
+fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, lost: &mut Vec<f64>, fine: f64, last: bool) -> Outcome {
     problem.rows.tight_lo.fill(0.0);
     problem.rows.tight_hi.fill(0.0);
     problem.cap_tight.fill(0.0);
-    samples.exact = false;
     problem.rows.bend.fill(0.0);
+    profile.forget();
+    samples.begin(&problem.course());
     problem.set_caps();
     problem.forget_friction();
     if let Err(stuck) = solve(&problem.rows, profile) {
@@ -73,36 +132,38 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
         bend(&mut problem.rows, profile);
         if solve(&problem.rows, profile).is_err() {
             problem.rows.bend.fill(0.0);
+            profile.forget();
             if let Err(stuck) = solve(&problem.rows, profile) {
                 return Outcome::Stuck(stuck);
             }
             break;
         }
     }
+    if let Err(stuck) = with_friction(problem, profile) {
+        return Outcome::Stuck(stuck);
+    }
     let mut found = None;
     let mut cap_old = problem.cap_tight.clone();
-    for k in 0..CORRECTIONS {
-        if problem.friction.is_some() {
-            problem.linearise_friction(&profile.x);
-            if k == 0 && solve(&problem.rows, profile).is_err() {
-                problem.linearise_friction(&profile.x);
-            }
-        }
-        let beyond = BEYOND * (1 << k) as f64;
+    let mut narrowed = Vec::new();
+    for k in 0..if problem.friction.is_some() { 2 * CORRECTIONS } else { CORRECTIONS } {
+        let beyond = BEYOND * (1 << k.min(MOST_DOUBLINGS)) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let width = problem.rows.width;
         let mut caps = std::mem::take(&mut problem.cap_tight);
+        narrowed.clear();
         let now = samples.examine(&problem.course(), &problem.rows, profile, |i, row, under, over| {
             if row < width {
                 tight_lo[i * width + row] += beyond * under;
                 tight_hi[i * width + row] += beyond * over;
+                narrowed.push(i);
             } else {
                 // The cap is on the square: twice the relative excess of the speed.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
-                // Of two bounds far apart the larger one is to blame: where the path turns back it has no bound of its own.
+                // Of two bounds far apart the larger one is to blame: where the path turns back it has no bound of its own. But
+                // a speed that peaks beside the smaller one goes down with the square of what the larger one does.
                 let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
                 for (at, here, other) in [(i, x0, x1), (i + 1, x1, x0)] {
-                    if here * 1.2 >= other {
+                    if here * 1.2 >= other || k >= 2 {
                         caps[at] = caps[at].max(cap_old[at] + past);
                     }
                 }
@@ -118,11 +179,16 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
             }
             continue;
         }
-        if !last && k == 0 && now.excess > COARSE {
+        if k == 0 {
+            samples.remember();
+            losses(&problem.rows, profile, lost);
+        }
+        if !last && k == 0 && (now.excess > COARSE || lost.iter().any(|lost| *lost > LOST * fine)) {
             return Outcome::Coarse(now);
         }
+        narrowed.iter().for_each(|&i| profile.touch(i));
         problem.set_caps();
-        if let Err(stuck) = solve(&problem.rows, profile) {
+        if let Err(stuck) = again(problem, profile) {
             return match found {
                 Some(found) if !last => Outcome::Coarse(found),
                 _ => Outcome::Stuck(stuck),
@@ -135,6 +201,11 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, las
     }
 }
 
+/// How often to halve a segment for what is `over` times too large and goes with the square of its length.
+fn halvings(over: f64) -> u32 {
+    if over > 1.0 { (0.5 * over.log2()).ceil().min(9.0) as u32 } else { 0 }
+}
+
 /// The fastest timing of `path` for `mover` under `limits`.
 pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &TimePathOptions) -> Result<TimePath> {
     let mut problem = Problem::new(mover, path, limits, options)?;
@@ -142,16 +213,19 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
         return problem.hold();
     }
     let (mut samples, mut profile) = (Samples::default(), Profile::default());
-    let grids = if options.refine || options.grid.is_none() { GRIDS } else { 1 };
+    let (mut grids, mut halvings_left) = if options.refine || options.grid.is_none() { (GRIDS, HALVINGS) } else { (1, 0) };
     let mut best: Option<TimePath> = None;
-    for grid in 0..grids {
-        let last = grid + 1 == grids;
-        let outcome = plan(&mut problem, &mut samples, &mut profile, last && best.is_none());
-        let reason = match outcome {
+    let (mut fine, mut lost) = (COARSE, Vec::new());
+    loop {
+        grids -= 1;
+        let last = grids == 0 || halvings_left == 0;
+        let outcome = plan(&mut problem, &mut samples, &mut profile, &mut lost, fine, last && best.is_none());
+        let (reason, whole) = match outcome {
             Outcome::Done(found) => {
                 let rows = &problem.rows;
                 let motion = TimedPath::new(problem.path.clone(), rows.s.clone(), profile.x.clone(), rows.bend.clone())?;
-                if motion.duration().is_finite() {
+                let moving = motion.duration().is_finite();
+                if moving {
                     let settled = match &best {
                         None => options.grid.is_some(),
                         Some(before) => (before.motion.duration() - motion.duration()).abs() <= SETTLED * motion.duration(),
@@ -163,17 +237,31 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
                     if settled {
                         break;
                     }
+                    fine *= 0.25;
                 }
-                PathReason::standstill(&problem, &profile)
+                (PathReason::standstill(&problem, &profile), !moving)
             }
-            Outcome::Coarse(found) => PathReason::unresolved(&problem, &found),
-            Outcome::Stuck(stuck) => PathReason::find(&problem, &profile, stuck),
+            Outcome::Coarse(found) => (PathReason::unresolved(&problem, &found), found.excess <= COARSE),
+            Outcome::Stuck(stuck) => (PathReason::find(&problem, &profile, stuck), true),
         };
-        if last && best.is_none() {
-            return problem.refuse(reason);
+        if last {
+            if best.is_none() {
+                return problem.refuse(reason);
+            }
+            break;
         }
-        if !last {
-            problem.halve();
+        if whole {
+            halvings_left -= 1;
+            problem.refine(|_| 1);
+        } else {
+            let finer = problem.refine(|i| halvings(samples.first[i] / fine).max(halvings(lost[i] / (LOST * fine))));
+            if !finer && best.is_some() {
+                break;
+            }
+            if !finer {
+                halvings_left -= 1;
+                problem.refine(|_| 1);
+            }
         }
     }
     match best {

@@ -6,55 +6,15 @@
 //! u_i = largest u that obeys them at x_i,   x_(i+1) = x_i + 2 h u_i                                    (forward)
 //! ```
 //!
-//! A row `lo <= alpha u + beta x + gamma <= hi` is imposed at both ends of the segment and half way between them. At one `x` the rows leave `u` between
-//! the largest of lines `L(x)` and the smallest of lines `U(x)`; `U - L` is concave, so Newton's method on its active pair of
-//! lines finds an end of `K_i` in a few steps, from outside. The lanes run over the rows.
+//! The rows of a segment hold at both of its ends and half way between them (`lines`). A second pass does again only what follows
+//! from rows or bounds that changed, so that a correction costs no more than what it moves.
 //!
 //! A constant `u` under a limit that changes along the segment loses time in proportion to `h`. So once the limits that a profile
 //! follows are known, `u` is given their slope, `u_i + b (s - s_i - h/2)`: that adds constants to the rows, changes nothing else
 //! above, and what is lost goes with `h^2`.
 
+use super::lines::{FAR, Lines, NONE, Rows, STANDING, largest, load};
 use crate::scalar::{Real, Task, run_lanes};
-
-/// Above every squared path speed.
-pub(super) const FASTEST: f64 = 1e60;
-/// A coefficient of `u` below this is none.
-const NONE: f64 = 1e-140;
-const FAR: f64 = 1e200;
-/// How far above its middle a row is held in a segment, as a share of its rise above the chord there: a parabola that obeys
-/// its limit at both ends and so in the middle is past it by at most 0.14 of that rise.
-const SHARE: f64 = 0.25;
-/// Slack of `L <= U` against rounding, relative.
-const ROUNDING: f64 = 1e-13;
-/// What a static torque that stands on its limit is given, relative to the limit.
-pub(super) const STANDING: f64 = 3e-10;
-/// Lane counts divide this.
-pub(super) const BLOCK: usize = 8;
-
-/// The rows of a problem on a grid; widths are padded to whole blocks, with limits that never bind.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Rows {
-    pub width: usize,
-    /// `(N + 1, 3 width)`: `A, B, g` at the grid points, and `(N, 3 width)` half way between them.
-    pub coefficients: Vec<f64>,
-    pub middles: Vec<f64>,
-    /// `(width,)`: limits, and what `STANDING` and tolerances are relative to.
-    pub lo: Vec<f64>,
-    pub hi: Vec<f64>,
-    pub scale_lo: Vec<f64>,
-    pub scale_hi: Vec<f64>,
-    /// `(N, width)`: what the limits are narrowed by, segment by segment.
-    pub tight_lo: Vec<f64>,
-    pub tight_hi: Vec<f64>,
-    /// `(N,)`: the slope `du/ds` that the path acceleration is given in each segment, about its mean.
-    pub bend: Vec<f64>,
-    /// `(N + 1,)`: bounds of `x`.
-    pub cap: Vec<f64>,
-    /// `(N + 1,)`: path positions.
-    pub s: Vec<f64>,
-    pub x_start: f64,
-    pub x_end: f64,
-}
 
 /// Where no speed is left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,204 +33,44 @@ pub(super) struct Profile {
     pub low: Vec<f64>,
     pub high: Vec<f64>,
     pub x: Vec<f64>,
+    /// Points whose `x` changed since this was last cleared.
+    pub moved: Vec<bool>,
+    lines: Lines,
+    /// Segments whose rows changed since their lines were built.
+    stale: Vec<bool>,
+    /// Points whose `K` changed in the last pass.
+    led: Vec<bool>,
+    /// The bounds of `x` that the last pass saw.
+    cap: Vec<f64>,
+    /// Nothing of the last pass holds.
+    whole: bool,
 }
 
-/// The lines of one segment, `3 width` of each: `L`, `U` at `x = 0`, and the slope of both.
-struct Lines {
-    upper: Vec<f64>,
-    lower: Vec<f64>,
-    slope: Vec<f64>,
-    /// Bounds of `x` from rows without `u`.
-    low: f64,
-    high: f64,
-}
-
-/// The active lines: `U` and `L` at `x`, their values at zero and their slopes.
-struct Gap {
-    upper: f64,
-    upper_rest: f64,
-    upper_slope: f64,
-    lower: f64,
-    lower_rest: f64,
-    lower_slope: f64,
-}
-
-impl Gap {
-    #[inline(always)]
-    fn open(&self) -> bool {
-        self.upper - self.lower >= -ROUNDING * (self.upper.abs() + self.lower.abs())
-    }
-}
-
-#[inline(always)]
-pub(super) fn load<S: Real>(from: &[f64], at: usize) -> S {
-    S::load(&from[at..])
-}
-
-#[inline(always)]
-pub(super) fn store<S: Real>(x: S, to: &mut [f64], at: usize) {
-    x.store(&mut to[at..]);
-}
-
-/// The middle row, raised by a share of its rise above the chord.
-#[inline(always)]
-fn raise<S: Real>(m: S, x: S, y: S) -> S {
-    S::splat(SHARE).mul_add(S::splat(0.5).neg_mul_add(x + y, m), m)
-}
-
-#[inline(always)]
-pub(super) fn largest<S: Real>(x: S) -> f64 {
-    let mut best = x.lane(0);
-    for lane in 1..S::LANES {
-        if x.lane(lane) > best {
-            best = x.lane(lane);
-        }
-    }
-    best
-}
-
-impl Lines {
-    fn new(width: usize) -> Self {
-        let zeros = || vec![0.0; 3 * width];
-        Lines { upper: zeros(), lower: zeros(), slope: zeros(), low: 0.0, high: FASTEST }
+impl Profile {
+    /// Everything is to be done again.
+    pub fn forget(&mut self) {
+        self.whole = true;
     }
 
-    /// The rows of segment `i`: at its start, and at its end with `x + 2 h u` for `x`; limits widened by `widen` of their scale.
-    #[inline(always)]
-    fn build<S: Real>(&mut self, rows: &Rows, i: usize, widen: f64) {
-        let w = rows.width;
-        let step = rows.s[i + 1] - rows.s[i];
-        let (h, turn, dip) = (S::splat(step), S::splat(0.5 * step * rows.bend[i]), S::splat(0.25 * step * step * rows.bend[i]));
-        let (zero, none, far) = (S::zero(), S::splat(NONE), S::splat(FAR));
-        let (standing, widen) = (S::splat(STANDING), S::splat(widen));
-        let (mut low, mut high) = (zero, S::splat(FASTEST));
-        let (first, last) = (&rows.coefficients[i * 3 * w..(i + 1) * 3 * w], &rows.coefficients[(i + 1) * 3 * w..(i + 2) * 3 * w]);
-        let middle = &rows.middles[i * 3 * w..(i + 1) * 3 * w];
-        let mut k = 0;
-        while k < w {
-            let (scale_hi, scale_lo) = (load::<S>(&rows.scale_hi, k), load::<S>(&rows.scale_lo, k));
-            let limit_hi = widen.mul_add(scale_hi, load::<S>(&rows.hi, k));
-            let limit_lo = widen.neg_mul_add(scale_lo, load::<S>(&rows.lo, k));
-            let (tight_hi, tight_lo) = (load::<S>(&rows.tight_hi, i * w + k), load::<S>(&rows.tight_lo, i * w + k));
-            let (b0, b2, bm) = (load::<S>(first, w + k), load::<S>(last, w + k), load::<S>(middle, w + k));
-            let (g0, g2, gm) = (load::<S>(first, 2 * w + k), load::<S>(last, 2 * w + k), load::<S>(middle, 2 * w + k));
-            // With x + 2 u (s - s_i) for the squared speed.
-            let a0 = load::<S>(first, k);
-            let a2 = (h + h).mul_add(b2, load::<S>(last, k));
-            let am = h.mul_add(bm, load::<S>(middle, k));
-            // What the bend of u adds: it leaves the mean of u, and so x at the end, as they are.
-            let g0 = turn.neg_mul_add(a0, g0);
-            let g2 = turn.mul_add(load::<S>(last, k), g2);
-            let gm = dip.neg_mul_add(bm, gm);
-            let points = [(a0, b0, g0), (a2, b2, g2), (raise(am, a0, a2), raise(bm, b0, b2), raise(gm, g0, g2))];
-            for which in 0..3 {
-                let (alpha, beta, gamma) = points[which];
-                // A torque that stands on its limit, up to rounding, may stay there.
-                let room_hi = (limit_hi - tight_hi - gamma).max((limit_hi - gamma).min(zero) + standing * scale_hi);
-                let room_lo = (limit_lo + tight_lo - gamma).min((limit_lo - gamma).max(zero) - standing * scale_lo);
-                let idle = alpha.abs().lt(none);
-                let inverse = S::select(idle, S::splat(1.0), alpha).recip();
-                let (a, b) = (room_hi * inverse, room_lo * inverse);
-                let slope = -(beta * inverse);
-                let at = which * w + k;
-                store(S::select(idle, far, a.max(b)), &mut self.upper, at);
-                store(S::select(idle, -far, a.min(b)), &mut self.lower, at);
-                store(S::select(idle, zero, slope), &mut self.slope, at);
-                if S::any(idle) {
-                    // beta x between the rooms; without beta they must hold zero.
-                    let still = beta.abs().lt(none);
-                    let inverse = S::select(still, S::splat(1.0), beta).recip();
-                    let (a, b) = (room_hi * inverse, room_lo * inverse);
-                    let blocked_hi = S::select(room_hi.lt(zero), -far, far);
-                    let blocked = S::select(zero.lt(room_lo), -far, blocked_hi);
-                    high = high.min(S::select(idle, S::select(still, blocked, a.max(b)), far));
-                    low = low.max(S::select(idle, S::select(still, -far, a.min(b)), -far));
-                }
-            }
-            k += S::LANES;
-        }
-        self.low = largest(low).max(0.0);
-        self.high = -largest(-high);
+    /// The rows of segment `i` changed.
+    pub fn touch(&mut self, i: usize) {
+        self.stale[i] = true;
     }
 
-    /// `U` and `L` at `x`, together with the way into `K_(i+1)`.
-    #[inline(always)]
-    fn gap<S: Real>(&self, x: f64, target: [f64; 3]) -> Gap {
-        let at = S::splat(x);
-        let zero = S::zero();
-        let (mut upper, mut upper_rest, mut upper_slope) = (S::splat(FAR), zero, zero);
-        let (mut lower, mut lower_rest, mut lower_slope) = (S::splat(-FAR), zero, zero);
-        let mut k = 0;
-        while k < self.slope.len() {
-            let slope = load::<S>(&self.slope, k);
-            let (u_rest, l_rest) = (load::<S>(&self.upper, k), load::<S>(&self.lower, k));
-            let (u, l) = (slope.mul_add(at, u_rest), slope.mul_add(at, l_rest));
-            let (less, more) = (u.lt(upper), lower.lt(l));
-            upper = S::select(less, u, upper);
-            upper_rest = S::select(less, u_rest, upper_rest);
-            upper_slope = S::select(less, slope, upper_slope);
-            lower = S::select(more, l, lower);
-            lower_rest = S::select(more, l_rest, lower_rest);
-            lower_slope = S::select(more, slope, lower_slope);
-            k += S::LANES;
+    fn begin(&mut self, rows: &Rows) {
+        let count = rows.s.len() - 1;
+        if !self.whole && self.stale.len() == count {
+            return;
         }
-        let [inverse, low, high] = target;
-        let (upper_target, lower_target) = ((high - x) * inverse, (low - x) * inverse);
-        let mut gap = Gap {
-            upper: upper_target,
-            upper_rest: high * inverse,
-            upper_slope: -inverse,
-            lower: lower_target,
-            lower_rest: low * inverse,
-            lower_slope: -inverse,
-        };
-        for lane in 0..S::LANES {
-            if upper.lane(lane) < gap.upper {
-                (gap.upper, gap.upper_rest, gap.upper_slope) = (upper.lane(lane), upper_rest.lane(lane), upper_slope.lane(lane));
-            }
-            if lower.lane(lane) > gap.lower {
-                (gap.lower, gap.lower_rest, gap.lower_slope) = (lower.lane(lane), lower_rest.lane(lane), lower_slope.lane(lane));
-            }
+        self.whole = true;
+        for values in [&mut self.low, &mut self.high, &mut self.x, &mut self.cap] {
+            values.resize(count + 1, 0.0);
         }
-        gap
-    }
-
-    /// The end of `K_i` seen from `from`, which is on the side of `away`; never beyond `limit`.
-    #[inline(always)]
-    fn end<S: Real>(&self, from: f64, limit: f64, target: [f64; 3]) -> Option<f64> {
-        let away = if from >= limit { 1.0 } else { -1.0 };
-        let mut x = from;
-        for _ in 0..100 {
-            let gap = self.gap::<S>(x, target);
-            if gap.open() {
-                return Some(x);
-            }
-            let slope = gap.upper_slope - gap.lower_slope;
-            // The gap must widen on the way in, and the way must not be over.
-            if !(slope * away < 0.0) || x == limit {
-                return None;
-            }
-            // From their values at zero: a step from a far x would drown in it.
-            let next = (gap.lower_rest - gap.upper_rest) / slope;
-            // No further in, up to the rounding of the crossing: this is the end.
-            if !((x - next) * away > ROUNDING * x.abs()) {
-                return Some(x);
-            }
-            x = if (next - limit) * away > 0.0 { next } else { limit };
+        for (flags, length) in [(&mut self.moved, count + 1), (&mut self.led, count + 1), (&mut self.stale, count)] {
+            flags.clear();
+            flags.resize(length, true);
         }
-        None
-    }
-
-    /// `K_i`.
-    #[inline(always)]
-    fn controllable<S: Real>(&self, cap: f64, target: [f64; 3]) -> Option<(f64, f64)> {
-        let (low, high) = (self.low, self.high.min(cap));
-        if !(low <= high) {
-            return None;
-        }
-        let high = self.end::<S>(high, low, target)?;
-        let low = self.end::<S>(low, high, target).unwrap_or(high);
-        Some((low, high))
+        self.lines.resize(count, rows.width);
     }
 }
 
@@ -286,33 +86,45 @@ impl Task for Solve<'_> {
     #[inline(always)]
     fn run<S: Real>(self) -> Result<(), Stuck> {
         let Solve(rows, profile) = self;
+        profile.begin(rows);
+        let whole = std::mem::replace(&mut profile.whole, true);
         let count = rows.s.len() - 1;
-        for values in [&mut profile.low, &mut profile.high, &mut profile.x] {
-            values.resize(count + 1, 0.0);
-        }
-        let mut lines = Lines::new(rows.width);
+        let Profile { low, high, x, moved, lines, stale, led, cap, .. } = profile;
         if !(rows.x_end <= rows.cap[count]) {
             return Err(Stuck::End(rows.cap[count]));
         }
-        (profile.low[count], profile.high[count]) = (rows.x_end, rows.x_end);
+        (low[count], high[count], led[count]) = (rows.x_end, rows.x_end, whole);
         for i in (0..count).rev() {
-            lines.build::<S>(rows, i, 0.0);
-            let target = target(rows, i, profile.low[i + 1], profile.high[i + 1]);
-            let Some((low, high)) = lines.controllable::<S>(rows.cap[i], target) else { return Err(Stuck::Empty(i)) };
-            (profile.low[i], profile.high[i]) = (low, high);
+            if stale[i] {
+                lines.build::<S>(rows, i, i, 0.0);
+            }
+            if !(stale[i] || led[i + 1] || rows.cap[i] != cap[i]) {
+                led[i] = false;
+                continue;
+            }
+            let target = target(rows, i, low[i + 1], high[i + 1]);
+            let Some((from, to)) = lines.controllable::<S>(i, rows.cap[i], target) else { return Err(Stuck::Empty(i)) };
+            led[i] = whole || (from, to) != (low[i], high[i]);
+            (low[i], high[i]) = (from, to);
         }
-        let (low, high) = (profile.low[0], profile.high[0]);
-        if !(rows.x_start >= low * (1.0 - STANDING) && rows.x_start <= high * (1.0 + STANDING)) {
-            return Err(Stuck::Start(low, high));
+        if !(rows.x_start >= low[0] * (1.0 - STANDING) && rows.x_start <= high[0] * (1.0 + STANDING)) {
+            return Err(Stuck::Start(low[0], high[0]));
         }
-        profile.x[0] = rows.x_start;
+        let mut new = whole;
+        x[0] = rows.x_start;
         for i in 0..count {
-            lines.build::<S>(rows, i, 0.0);
-            let (low, high) = (profile.low[i + 1], profile.high[i + 1]);
-            let gap = lines.gap::<S>(profile.x[i], target(rows, i, low, high));
-            let next = profile.x[i] + 2.0 * (rows.s[i + 1] - rows.s[i]) * gap.upper;
-            profile.x[i + 1] = next.max(low).min(high);
+            if !(stale[i] || new || led[i + 1]) {
+                continue;
+            }
+            let step = 2.0 * (rows.s[i + 1] - rows.s[i]);
+            let next = (x[i] + step * lines.upper::<S>(i, x[i])).max(low[i + 1]).min(high[i + 1]);
+            new = next != x[i + 1];
+            moved[i + 1] |= new;
+            x[i + 1] = next;
         }
+        stale.fill(false);
+        cap.copy_from_slice(&rows.cap);
+        profile.whole = false;
         Ok(())
     }
 }
@@ -342,7 +154,7 @@ fn alone<S: Real>(rows: &Rows, i: usize, x: f64) -> [f64; 2] {
     [-largest(-upper), largest(lower)]
 }
 
-struct Bends<'a>(&'a mut Rows, &'a Profile);
+struct Bends<'a>(&'a mut Rows, &'a mut Profile);
 
 impl Task for Bends<'_> {
     type Output = ();
@@ -356,7 +168,7 @@ impl Task for Bends<'_> {
             let (x0, x1) = (profile.x[i], profile.x[i + 1]);
             let u = 0.5 * (x1 - x0) / h;
             let room = (before[0] - before[1]).min(after[0] - after[1]);
-            rows.bend[i] = 0.0;
+            let mut bend = 0.0;
             for side in 0..2 {
                 let (from, to) = (before[side], after[side]);
                 let (mean, rise) = (0.5 * (from + to), to - from);
@@ -366,8 +178,12 @@ impl Task for Bends<'_> {
                 // x stays well above zero within the segment.
                 let sound = x0.min(x1) + h * u.abs() >= 2.0 * h * rise.abs();
                 if follows && sound && rise.abs() <= 0.2 * room {
-                    rows.bend[i] = rise / h;
+                    bend = rise / h;
                 }
+            }
+            if rows.bend[i] != bend {
+                rows.bend[i] = bend;
+                profile.touch(i);
             }
             before = after;
         }
@@ -375,8 +191,29 @@ impl Task for Bends<'_> {
 }
 
 /// Give `u` the slope of the limit that it follows, where it follows one.
-pub(super) fn bend(rows: &mut Rows, profile: &Profile) {
+pub(super) fn bend(rows: &mut Rows, profile: &mut Profile) {
     run_lanes(Bends(rows, profile));
+}
+
+/// What a segment may lose, as a share of the duration, for a path acceleration that jumps at one of its ends: there a limit takes
+/// over from another, and ideally does so within the segment.
+pub(super) fn losses(rows: &Rows, profile: &Profile, to: &mut Vec<f64>) {
+    let count = rows.bend.len();
+    let x = &profile.x;
+    let step = |i: usize| rows.s[i + 1] - rows.s[i];
+    let mean = |i: usize| 0.5 * (x[i + 1] - x[i]) / step(i);
+    let time = |i: usize| 2.0 * step(i) / (x[i].sqrt() + x[i + 1].sqrt());
+    to.clear();
+    to.resize(count, 0.0);
+    let mut total = time(0);
+    for i in 1..count {
+        total += time(i);
+        let jump = (mean(i - 1) + 0.5 * step(i - 1) * rows.bend[i - 1] - (mean(i) - 0.5 * step(i) * rows.bend[i])).abs();
+        for k in [i - 1, i] {
+            to[k] = (jump * step(k) / (x[k] + x[k + 1])).min(1.0).max(to[k]);
+        }
+    }
+    (0..count).for_each(|i| to[i] *= 0.25 * time(i) / total);
 }
 
 struct Widened<'a>(&'a Rows, usize, f64, [f64; 2]);
@@ -386,9 +223,10 @@ impl Task for Widened<'_> {
     #[inline(always)]
     fn run<S: Real>(self) -> Option<(f64, f64)> {
         let Widened(rows, i, widen, [low, high]) = self;
-        let mut lines = Lines::new(rows.width);
-        lines.build::<S>(rows, i, widen);
-        lines.controllable::<S>(rows.cap[i], target(rows, i, low, high))
+        let mut lines = Lines::default();
+        lines.resize(1, rows.width);
+        lines.build::<S>(rows, i, 0, widen);
+        lines.controllable::<S>(0, rows.cap[i], target(rows, i, low, high))
     }
 }
 

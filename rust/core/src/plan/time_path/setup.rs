@@ -1,7 +1,7 @@
 //! What the planner is given, checked, and the rows of the problem on a grid.
 
 use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places, sign};
-use super::reach::{BLOCK, FASTEST, Rows};
+use super::lines::{BLOCK, FASTEST, Rows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use super::{FIRST_GRID, PathReason, TimePath};
@@ -38,8 +38,19 @@ impl Default for TimePathOptions {
     }
 }
 
+/// What stands for the root of `x`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Line {
+    Chord,
+    Tangent,
+}
+
 /// Fewest segments of a piece, unless the pieces are many.
 pub(super) const PIECE: usize = 5;
+/// Segments that are halved together: enough to be interpolated.
+const RUN: usize = WINDOW - 1;
+/// Halvings of a segment from one grid to the next.
+const MOST_HALVINGS: u32 = 3;
 /// Most grid points asked for.
 const MOST: usize = 1_000_000;
 
@@ -199,13 +210,7 @@ impl<'a> Problem<'a> {
             fill(&mut limits);
         }
         self.limits = limits;
-        self.spans.clear();
-        let mut first = 0;
-        while first < self.pieces.len() {
-            let last = self.pieces[first..].iter().position(|p| *p != self.pieces[first]).map_or(self.pieces.len(), |k| first + k);
-            self.spans.push((first, last));
-            first = last;
-        }
+        spans(&rows.s, &self.pieces, &mut self.spans);
         rows.tight_lo = vec![0.0; (points - 1) * width];
         rows.tight_hi = vec![0.0; (points - 1) * width];
         rows.bend = vec![0.0; points - 1];
@@ -337,14 +342,19 @@ impl<'a> Problem<'a> {
         self.set_middles();
     }
 
-    /// Viscous friction `d q' sqrt(x)` by its tangent at the profile: `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
-    pub fn linearise_friction(&mut self, x: &[f64]) {
+    /// Viscous friction `d q' sqrt(x)` as a line through its value at the profile: the chord from rest, `d q' x / sqrt(x0)`, which
+    /// leaves what is possible at low speeds possible, or the tangent, `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
+    pub fn linearise_friction(&mut self, x: &[f64], line: Line) {
         if self.friction.is_none() {
             return;
         }
         self.forget_friction();
         let Some(friction) = &self.friction else { return };
         let (n, w, last) = (self.n, self.rows.width, x.len() - 1);
+        let (slope, rest) = match line {
+            Line::Chord => (1.0, 0.0),
+            Line::Tangent => (0.5, 0.5),
+        };
         let Rows { coefficients, middles, s, bend, .. } = &mut self.rows;
         for k in 0..=2 * last {
             // Grid points, and half way between them. At rest there is no friction.
@@ -356,31 +366,44 @@ impl<'a> Problem<'a> {
             let root = here.sqrt();
             let c = if between { &mut middles[i * 3 * w..] } else { &mut coefficients[i * 3 * w..] };
             for j in 0..n {
-                let slope = |i: usize| self.slopes[i * self.stride + j];
-                let push = 0.5 * friction.viscous[j] * if between { 0.5 * (slope(i) + slope(i + 1)) } else { slope(i) };
-                c[w + j] += push / root;
-                c[2 * w + j] += push * root;
+                let along = |i: usize| self.slopes[i * self.stride + j];
+                let push = friction.viscous[j] * if between { 0.5 * (along(i) + along(i + 1)) } else { along(i) };
+                c[w + j] += slope * push / root;
+                c[2 * w + j] += rest * push * root;
             }
         }
     }
 
-    /// Halve every segment.
-    pub fn halve(&mut self) {
+    /// Halve segment `i` `times(i)` times. What is halved is a run of some segments, so that the rows can be interpolated in it.
+    /// Whether anything was.
+    pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
+        let (mut fine, mut pieces) = (Vec::new(), Vec::new());
         let s = &self.rows.s;
-        let mut fine = Vec::with_capacity(2 * s.len() - 1);
-        let mut pieces = Vec::with_capacity(2 * self.pieces.len());
-        for i in 0..s.len() - 1 {
-            fine.push(s[i]);
-            pieces.push(self.pieces[i]);
-            let middle = 0.5 * (s[i] + s[i + 1]);
-            if s[i] < middle && middle < s[i + 1] {
-                fine.push(middle);
-                pieces.push(self.pieces[i]);
+        for &(first, last) in &self.spans {
+            let runs = ((last - first) / RUN).max(1);
+            let end = |run: usize| first + (last - first) * run / runs;
+            for run in 0..runs {
+                // The neighbours of a run may be as coarse as it is.
+                let near = end(run).saturating_sub(1).max(first)..(end(run + 1) + 1).min(last);
+                let parts = 1_usize << near.map(&times).max().unwrap_or(0).min(MOST_HALVINGS);
+                for i in end(run)..end(run + 1) {
+                    for k in 0..parts {
+                        let at = if k == 0 { s[i] } else { s[i] + (s[i + 1] - s[i]) * (k as f64 / parts as f64) };
+                        if k == 0 || (at > fine[fine.len() - 1] && at < s[i + 1]) {
+                            fine.push(at);
+                            pieces.push(self.pieces[i]);
+                        }
+                    }
+                }
             }
         }
         fine.push(s[s.len() - 1]);
+        let more = fine.len() > s.len();
         (self.rows.s, self.pieces) = (fine, pieces);
-        self.fill();
+        if more {
+            self.fill();
+        }
+        more
     }
 
     /// The answer for a path that is one point: no time, if the arm can hold itself there.
@@ -398,6 +421,20 @@ impl<'a> Problem<'a> {
         let ends = vec![knots[0], knots[knots.len() - 1]];
         let motion = TimedPath::new(self.path.clone(), ends, vec![f64::NAN; 2], vec![0.0])?;
         Ok(TimePath { motion, margin: f64::NAN, reason: Some(reason) })
+    }
+}
+
+/// The even runs of segments within the pieces.
+fn spans(s: &[f64], pieces: &[usize], spans: &mut Vec<(usize, usize)>) {
+    spans.clear();
+    let step = |i: usize| s[i + 1] - s[i];
+    let mut first = 0;
+    for i in 1..=pieces.len() {
+        // Steps differ by rounding or by a factor of two.
+        if i == pieces.len() || pieces[i] != pieces[first] || !(1.5 * step(i) > step(first) && step(i) < 1.5 * step(first)) {
+            spans.push((first, i));
+            first = i;
+        }
     }
 }
 

@@ -1,0 +1,106 @@
+"""One arm as a Gymnasium environment: the action is torque as a fraction of its limit, the observation `[q, v, error]`."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike, NDArray
+
+from .._core import Arm, Plant
+from ..scenario import Scenario
+from .rows import Rows
+from .tasks import Task
+
+__all__ = ["ArmEnv"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class ArmEnv(gymnasium.Env[Array, Array]):
+    """An arm under torques of yours, stepped natively by a `Simulator`.
+
+    `tau = tau_max * action`, held for a period. An observation is `[q, v, error]`, (2 n + m,). `terminated`: the task is done, or the arm
+    left its limits, or diverged (`info` says which); `truncated`: the horizon.
+
+    Args:
+        plant: a plant, an arm (then `RigidArm(arm)`), or a `Scenario`, whose plant, `tau_max`, `dt`, `t_end` and joint motion are taken;
+            None: a planar arm of two joints in a horizontal plane, and a target for its tip.
+        task: what to do: `Reach`, `Track`, or your own `Task`; None: `Reach()`.
+        tau_max: torque of an action of 1, a number or (n,), N m or N (the speed, of a `VelocityArm`); None: the arm's effort limits.
+        dt: step of the integration by rk4, s; 2 ms if None.
+        period: for which an action is held, s.
+        horizon: length of a run, s; 5 s if None.
+        q_limit: `(low, high)` beyond which a run ends, rad or m; None: the arm's limits, 2 pi where it has none.
+        v_limit: the same of speed, rad/s or m/s; None: the arm's limits, 20 where it has none.
+
+    Raises:
+        InputError: an argument, or an action, is not what it should be.
+        gymnasium.error.ResetNeeded: a step before `reset`, or after the end.
+
+    >>> import armlet as al
+    >>> from armlet.gym import ArmEnv, Track
+    >>> arm = al.planar_arm([0.5, 0.4], gravity=(0.0, 0.0))
+    >>> motion = al.Sinusoid([0.0, 0.5], [0.5, 0.5], [1.0, 2.0], [0.0, 0.0])
+    >>> env = ArmEnv(arm, Track(motion), tau_max=[3.0, 1.0], horizon=2.0)
+    >>> observation, _ = env.reset(seed=3)
+    >>> ended = False
+    >>> while not ended:
+    ...     e, e_dot = observation[4:6], observation[6:8]
+    ...     observation, reward, terminated, truncated, info = env.step(4.0 * e + 0.4 * e_dot)
+    ...     ended = terminated or truncated
+    >>> truncated, reward > 0.8
+    (True, True)
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # gymnasium's own
+
+    def __init__(
+        self,
+        plant: Plant | Arm | Scenario | None = None,
+        task: Task | None = None,
+        *,
+        tau_max: ArrayLike | None = None,
+        dt: float | None = None,
+        period: float = 0.02,
+        horizon: float | None = None,
+        q_limit: ArrayLike | None = None,
+        v_limit: ArrayLike | None = None,
+    ) -> None:
+        options = {"tau_max": tau_max, "dt": dt, "period": period, "horizon": horizon, "q_limit": q_limit, "v_limit": v_limit}
+        self._rows = Rows(1, plant, task, **options)  # type: ignore[arg-type]  # as declared above
+        self.observation_space, self.action_space = self._rows.observations, self._rows.actions
+        self._ready = False
+
+    @property
+    def plant(self) -> Plant:
+        """What is moved."""
+        return self._rows.plant
+
+    @property
+    def task(self) -> Task:
+        """What is asked."""
+        return self._rows.task
+
+    @property
+    def t(self) -> float:
+        """Time since the reset, s."""
+        return float(self._rows.k[0]) * self._rows.period
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Start anew; the same seed draws the same starts and targets."""
+        super().reset(seed=seed)
+        self._rows.reset(np.zeros(1, dtype=np.int64), [self.np_random])
+        self._ready = True
+        return self._rows.observe()[0], {}
+
+    def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Hold `action`, (n,), for one period; entries beyond 1 are taken as 1."""
+        if not self._ready:
+            raise ResetNeeded("ArmEnv.step: the run has not begun, or has ended: expected a call of reset before")
+        reward, terminated, truncated, info = self._rows.step(np.expand_dims(np.asarray(action), 0))
+        self._ready = not (terminated[0] or truncated[0])
+        told = {name: bool(values[0]) for name, values in info.items()}
+        return self._rows.observe()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), told

@@ -1,0 +1,168 @@
+"""What one environment and many have in common: B arms under given torques, their task, their limits, their clocks.
+
+    tau = tau_max * action,   observation = [q, v, error],   terminated: reached, or out of the limits,   truncated: at the horizon
+
+An action is held for one period, some steps of `dt`.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, TypeAlias
+
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
+
+from .._core import Arm, Plant, RigidArm, planar_arm
+from ..errors import InputError
+from ..scenario import Scenario
+from .stepping import stepper
+from .tasks import Reach, Task, Track
+
+__all__ = ["Rows"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class Rows:
+    """B runs side by side.
+
+    Args:
+        rows: how many.
+        plant, task, tau_max, dt, period, horizon, q_limit, v_limit: see `ArmEnv`.
+    """
+
+    def __init__(
+        self,
+        rows: int,
+        plant: Plant | Arm | Scenario | None = None,
+        task: Task | None = None,
+        *,
+        tau_max: ArrayLike | None = None,
+        dt: float | None = None,
+        period: float = 0.02,
+        horizon: float | None = None,
+        q_limit: ArrayLike | None = None,
+        v_limit: ArrayLike | None = None,
+    ) -> None:
+        if isinstance(plant, Scenario):
+            built = plant.build()
+            motion = getattr(built.law, "motion", None)
+            if task is None and motion is not None and len(motion(0.0)[0]) == built.plant.arm.n:
+                task = Track(motion)
+            plant, given = built.plant, built.arguments
+            tau_max = given.get("tau_max") if tau_max is None else tau_max
+            dt = given.get("dt") if dt is None else dt
+            horizon = given["t_end"] if horizon is None else horizon
+        if plant is None:
+            # In a horizontal plane; half a metre and a kilogram per metre each.
+            plant = planar_arm([0.5, 0.5], gravity=[0.0, 0.0])
+            tau_max = [2.0, 1.0] if tau_max is None else tau_max
+            task = Reach(axes="xy", q0=[0.0, 1.0], reach=1.0) if task is None else task
+        self.plant = plant if isinstance(plant, Plant) else RigidArm(plant)
+        self.arm = arm = self.plant.arm
+        # One task may be given to several environments, each of which prepares it for its arm.
+        self.task = Reach() if task is None else copy.copy(task)
+        limits = arm.limits or {}
+        self.tau_max = _positive("tau_max", _either(tau_max, limits.get("effort"), None, arm.n), arm.n)
+        self.v_limit = _positive("v_limit", _either(v_limit, limits.get("v_max"), 20.0, arm.n), arm.n)
+        low, high = (_either(None, limits.get(name), sign * 2.0 * np.pi, arm.n) for name, sign in (("q_min", -1), ("q_max", 1)))
+        if q_limit is not None:
+            low, high = (np.broadcast_to(np.asarray(side, dtype=np.float64), (arm.n,)) for side in _pair(q_limit))
+        if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
+            raise InputError(f"ArmEnv: q_limit is no range: expected finite low < high, got {low}, {high}")
+        self.q_limit = (low, high)
+        self.dt = 2e-3 if dt is None else float(dt)
+        self.period, self.horizon = float(period), 5.0 if horizon is None else float(horizon)
+        self.steps = _whole("period", self.period, "dt", self.dt)
+        self.length = _whole("horizon", self.horizon, "period", self.period)
+        self.task.prepare(arm, self.q_limit, self.v_limit, self.period, self.length)
+        bound = self.task.bound()
+        self.low = np.concatenate([low, -self.v_limit, -bound])
+        self.high = np.concatenate([high, self.v_limit, bound])
+        self.observations = Box(self.low, self.high, dtype=np.float64)
+        self.actions = Box(-1.0, 1.0, (arm.n,), dtype=np.float64)
+        self.states = stepper(self.plant, rows, self.dt, self.steps)
+        self.k = np.zeros(rows, dtype=np.int64)
+        self.goal = np.zeros((rows, 0))
+
+    def reset(self, rows: NDArray[np.int64], rngs: list[np.random.Generator]) -> None:
+        """Start these rows anew, each from its own random numbers."""
+        if not len(rows):
+            return
+        q0, v0, goal = (np.array(part) for part in zip(*(self.task.draw(rngs[row]) for row in rows), strict=True))
+        if self.goal.shape[1] != goal.shape[1]:
+            self.goal = np.zeros((len(self.k), goal.shape[1]))
+        self.states.reset(rows, q0, v0)
+        self.k[rows], self.goal[rows] = 0, goal
+
+    def step(self, action: ArrayLike) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, NDArray[np.bool_]]]:
+        """Reward, terminated, truncated and info of all rows, (B,) each."""
+        given = self._checked(action)
+        states = self.states
+        before_q, before_v = states.q.copy(), states.v.copy()
+        states.step(np.clip(given, -1.0, 1.0) * self.tau_max)
+        diverged = np.asarray(~(np.isfinite(states.q).all(axis=-1) & np.isfinite(states.v).all(axis=-1)))
+        if diverged.any():
+            rows = np.flatnonzero(diverged)
+            states.reset(rows, before_q[rows], before_v[rows])
+        self.k += 1
+        q, v = states.q, states.v
+        error = self._error()
+        out = (q < self.q_limit[0]) | (q > self.q_limit[1]) | (np.abs(v) > self.v_limit)
+        left = out.any(axis=-1) | diverged
+        reached = self.task.reached(error, self.k, q, v) & ~left
+        reward = np.asarray(self.task.reward(error, given, self.k, q, v), dtype=np.float64)
+        return reward, reached | left, self.k >= self.length, {"reached": reached, "diverged": diverged}
+
+    def observe(self) -> Array:
+        """The observations of all rows, (B, m), clipped to their space: a row out of its limits has ended."""
+        observed: Array = np.clip(np.concatenate([self.states.q, self.states.v, self._error()], axis=-1), self.low, self.high)
+        return observed
+
+    def _error(self) -> Array:
+        return self.task.error(np.minimum(self.k, self.length), self.states.q, self.states.v, self.goal)
+
+    def _checked(self, action: ArrayLike) -> Array:
+        try:
+            given = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"step: action is no array of numbers: expected numbers, got {type(action).__name__}") from None
+        wanted = self.states.q.shape
+        if given.shape != wanted:
+            raise InputError(f"step: action has the wrong shape: expected {wanted}, got {given.shape}")
+        if not np.isfinite(given).all():
+            first = tuple(int(i) for i in np.argwhere(~np.isfinite(given))[0])
+            raise InputError(f"step: action is not finite: expected finite numbers, got {given[first]} (first bad index {first})")
+        return given
+
+
+def _either(given: ArrayLike | None, stated: Any, default: float | None, n: int) -> Array:
+    """What is given, else what the model states where that is finite, else the default, as (n,)."""
+    if given is not None:
+        return np.broadcast_to(np.asarray(given, dtype=np.float64), (n,))
+    known = np.full(n, np.inf) if stated is None else np.asarray(stated, dtype=np.float64)
+    if default is None and not np.isfinite(known).all():
+        raise InputError("ArmEnv: tau_max is missing: expected a number or (n,), since the arm states no finite effort")
+    return known if default is None else np.where(np.isfinite(known), known, default)
+
+
+def _positive(name: str, values: Array, n: int) -> Array:
+    if not (np.isfinite(values).all() and (values > 0.0).all()):
+        raise InputError(f"ArmEnv: {name} is out of range: expected finite numbers > 0, got {values}")
+    return values
+
+
+def _pair(q_limit: Any) -> tuple[Any, Any]:
+    if not isinstance(q_limit, tuple | list) or len(q_limit) != 2:
+        raise InputError(f"ArmEnv: q_limit is no pair: expected (low, high), a number or (n,) each, got {q_limit!r}")
+    return q_limit[0], q_limit[1]
+
+
+def _whole(name: str, value: float, unit_name: str, unit: float) -> int:
+    """How many times `unit` goes into `value`: a whole number >= 1."""
+    count = value / unit if unit > 0.0 and np.isfinite(unit) else np.nan
+    if not (np.isfinite(count) and round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count):
+        raise InputError(f"ArmEnv: {name} is no multiple of {unit_name}: expected a whole number of {unit:g} s, got {value:g} s")
+    return round(count)

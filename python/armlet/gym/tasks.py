@@ -1,0 +1,159 @@
+"""What an environment asks of its arm: where a run starts, what the error is, what it pays, when it is done.
+
+Every method but `draw` works on all rows at once: arrays have the axis of the rows first. The error of `Reach` is the target less the
+frame's position, that of `Track` the motion less the state, `[q_d - q, v_d - v]`; both pay `1 / (1 + (|e| / scale)^2)` per step, less
+`effort` times the mean square of the action. The pay is positive where `effort` is 0, so that ending a run early never pays.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._core import Arm, Motion
+from ..errors import InputError
+
+__all__ = ["Reach", "Task", "Track"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class Task:
+    """Derive from it for a task of your own; each environment calls `prepare` once.
+
+    Args:
+        q0: configuration about which runs start and targets lie, (n,), rad or m; None: the middle of the limits, 0 where there are none.
+        spread: a run starts within `q0 +- spread`, at rest, rad or m.
+        scale: size of the error at which half is paid.
+        effort: what the mean square of an action costs.
+    """
+
+    def __init__(self, *, q0: ArrayLike | None = None, spread: float = 0.1, scale: float = 0.1, effort: float = 0.0) -> None:
+        for name, value in (("spread", spread), ("scale", scale), ("effort", effort)):
+            if not (np.isfinite(value) and value >= 0.0) or (name == "scale" and value == 0.0):
+                raise InputError(f"{type(self).__name__}: {name} is out of range: expected a finite number >= 0, got {value}")
+        self.q0, self.spread, self.scale, self.effort = q0, spread, scale, effort
+
+    def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
+        """Learn the arm, the bounds of its state, the time between actions, s, and how many a run has."""
+        self.arm, self.q_limit, self.v_limit, self.period, self.steps = arm, q_limit, v_limit, period, steps
+        middle = (q_limit[0] + q_limit[1]) / 2
+        self.centre = middle if self.q0 is None else np.asarray(self.q0, dtype=np.float64)
+        if self.centre.shape != (arm.n,) or not np.isfinite(self.centre).all():
+            raise InputError(f"{type(self).__name__}: q0 has the wrong shape or is not finite: expected ({arm.n},), got {self.centre}")
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+        """Initial position and velocity, (n,), and the goal of one run, any fixed number of numbers."""
+        return self._near(rng, self.spread), np.zeros(self.arm.n), np.zeros(0)
+
+    def bound(self) -> Array:
+        """The largest magnitude of each entry of the error."""
+        raise NotImplementedError
+
+    def error(self, k: NDArray[np.int64], q: Array, v: Array, goal: Array) -> Array:
+        """What is left to do, (B, m), after `k` steps (B,); the last part of an observation."""
+        raise NotImplementedError
+
+    def reward(self, error: Array, action: Array, k: NDArray[np.int64], q: Array, v: Array) -> Array:
+        """What a step pays, (B,), by the error it led to."""
+        size = np.linalg.norm(error, axis=-1) / self.scale
+        pay: Array = 1.0 / (1.0 + size * size) - self.effort * (action * action).mean(axis=-1)
+        return pay
+
+    def reached(self, error: Array, k: NDArray[np.int64], q: Array, v: Array) -> NDArray[np.bool_]:
+        """Whether a run is done, (B,): never, unless a task says so."""
+        return np.zeros(len(q), dtype=np.bool_)
+
+    def _near(self, rng: np.random.Generator, spread: float) -> Array:
+        low, high = np.maximum(self.centre - spread, self.q_limit[0]), np.minimum(self.centre + spread, self.q_limit[1])
+        return rng.uniform(low, np.maximum(low, high))
+
+
+class Reach(Task):
+    """Go to a target: the position that a frame has at a random configuration, so that it can be reached.
+
+    Args:
+        frame: the frame that goes there; None: the arm's last.
+        axes: which of "xyz".
+        reach: the configuration of the target is within `q0 +- reach`, rad or m.
+        within: done when the frame is this near, m, and all joints slower than `at_rest`; None: runs go on to their horizon.
+        at_rest: rad/s or m/s.
+        **common: `q0`, `spread`, `scale` (m), `effort`, of `Task`.
+    """
+
+    def __init__(
+        self,
+        frame: str | None = None,
+        axes: str = "xyz",
+        *,
+        reach: float = 1.5,
+        within: float | None = None,
+        at_rest: float = 0.1,
+        **common: Any,
+    ) -> None:
+        super().__init__(**common)
+        if not axes or set(axes) - set("xyz") or len(set(axes)) < len(axes):
+            raise InputError(f'Reach: axes are unknown: expected some of "xyz", got {axes!r}')
+        self.frame, self.axes, self.spread_of_targets, self.within, self.at_rest = frame, axes, reach, within, at_rest
+        self.rows = ["xyz".index(axis) for axis in axes]
+
+    def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
+        super().prepare(arm, q_limit, v_limit, period, steps)
+        self.tip = arm.frame_names[-1] if self.frame is None and arm.frame_names else str(self.frame)
+        # No frame is farther from the base than it is at this many random places by more than half.
+        places = arm.position(np.random.default_rng(0).uniform(*q_limit, (200, arm.n)), self.tip)
+        self.farthest = 1.5 * 2.0 * float(np.linalg.norm(places - places.mean(axis=0), axis=-1).max())
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+        q0, v0, _ = super().draw(rng)
+        return q0, v0, self.arm.position(self._near(rng, self.spread_of_targets), self.tip)[self.rows]
+
+    def bound(self) -> Array:
+        return np.full(len(self.rows), self.farthest)
+
+    def error(self, k: NDArray[np.int64], q: Array, v: Array, goal: Array) -> Array:
+        error: Array = goal - self.arm.position(q, self.tip)[..., self.rows]
+        return error
+
+    def reached(self, error: Array, k: NDArray[np.int64], q: Array, v: Array) -> NDArray[np.bool_]:
+        if self.within is None:
+            return super().reached(error, k, q, v)
+        near = np.linalg.norm(error, axis=-1) <= self.within
+        return np.asarray(near & (np.abs(v).max(axis=-1) <= self.at_rest), dtype=np.bool_)
+
+
+class Track(Task):
+    """Follow a motion of the joints, from near its start.
+
+    Args:
+        motion: what to follow, such as `Sinusoid(..)`.
+        **common: `spread`, `scale` (rad or m), `effort`, of `Task`.
+    """
+
+    def __init__(self, motion: Motion, **common: Any) -> None:
+        super().__init__(**common)
+        self.motion = motion
+
+    def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
+        samples = [self.motion(k * period) for k in range(steps + 1)]
+        # Rows are at different times: the motion is sampled once, at the times of the actions.
+        self.desired = np.array([np.concatenate([q, v]) for q, v, _ in samples])
+        if self.desired.shape[-1] != 2 * arm.n:
+            raise InputError(f"Track: motion has the wrong size: expected {arm.n} joints, got {self.desired.shape[-1] // 2}")
+        self.q0 = self.desired[0, : arm.n]
+        super().prepare(arm, q_limit, v_limit, period, steps)
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+        q0, _, goal = super().draw(rng)
+        return q0, self.desired[0, self.arm.n :].copy(), goal
+
+    def bound(self) -> Array:
+        span = np.maximum(np.abs(self.q_limit[0]), np.abs(self.q_limit[1]))
+        bound: Array = np.abs(self.desired).max(axis=0) + np.concatenate([span, self.v_limit])
+        return bound
+
+    def error(self, k: NDArray[np.int64], q: Array, v: Array, goal: Array) -> Array:
+        error: Array = self.desired[k] - np.concatenate([q, v], axis=-1)
+        return error

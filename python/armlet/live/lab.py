@@ -1,0 +1,197 @@
+"""`armlet lab`: the laboratory on a page. Buttons and handles write to the model, from any thread; one thread draws it.
+
+    controls -> Lab -> poses at 30 Hz, curves and text at 4 Hz
+
+What is drawn is drawn by that thread alone, so that no handle is written to after it has left the page.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import armlet as al
+
+from ..plots import COLOURS
+from .model import FRAME, WINDOW, Lab
+from .scene import ArmScene
+from .server import Server, open_server, serve
+from .systems import AdaptivePR, Choice, Control, Elastic, MinimumTime, Plot, Priority, Robot
+
+__all__ = ["LabPage", "lab"]
+
+DRAW_EVERY, PLOT_EVERY, TEXT_EVERY = 2, 16, 16  # frames
+# The last seconds before now, and zero always in view, so that a curve at rest is not magnified to its rounding.
+SOFT = {"pad": 0.1, "soft": 1e-2, "mode": 1}
+SCALES = {"x": {"time": False, "range": (-WINDOW, 0.0)}, "y": {"range": {"min": SOFT | {"soft": -1e-2}, "max": SOFT}}}
+AXES = ({"label": "t - now (s)", "size": 36, "labelSize": 18}, {"size": 56})
+
+
+def lab(urdf: Path | None, frame: str | None, host: str, port: int) -> int:
+    """Serve the laboratory until Ctrl-C, with the robot of a file among its systems; the exit code."""
+    if urdf is None:
+        robot = Robot(al.example_urdf("seven_axis"), "Robot of seven axes", frame)
+    else:
+        robot = Robot(urdf, urdf.stem, frame)
+    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), robot]
+    # Who brings a robot wants to see it.
+    model = Lab(systems if urdf is None else [robot, *systems[:-1]])
+    page = LabPage(open_server("lab", host, port), model)
+    return serve(page.server, page.frame, FRAME)
+
+
+class LabPage:
+    """The page of a laboratory; `frame` is called over and over and does everything that is drawn."""
+
+    def __init__(self, server: Server, model: Lab) -> None:
+        self.server, self.model = server, model
+        self._count = 0
+        self._asked: str | None = None
+        gui = server.gui
+        self.text = gui.add_markdown("")
+        menu = self.menu = gui.add_dropdown("system", tuple(model.systems), initial_value=model.system.title)
+        pause = gui.add_button("Pause")
+        reset = gui.add_button("Reset")
+        defaults = gui.add_button("Controls to their defaults")
+        speed = gui.add_slider("speed asked for (s per s)", 0.05, 2.0, 0.05, 1.0)
+        self._hand = gui.add_slider("hand: spring of the pull (N/m)", 5.0, 500.0, 5.0, 60.0)
+
+        # Only a wish: `frame` builds the page.
+        @menu.on_update  # type: ignore[untyped-decorator]
+        def _(_: Any) -> None:
+            self._asked = menu.value
+
+        @pause.on_click  # type: ignore[untyped-decorator]
+        def _(_: Any) -> None:
+            model.paused = not model.paused
+            pause.label = "Go on" if model.paused else "Pause"
+
+        @reset.on_click  # type: ignore[untyped-decorator]
+        def _(_: Any) -> None:
+            model.reset()
+
+        @defaults.on_click  # type: ignore[untyped-decorator]
+        def _(_: Any) -> None:
+            for control in model.system.controls:
+                self.controls[control.name].value = shown(control, control.value)
+                model.set(control.name, control.value)
+
+        @speed.on_update  # type: ignore[untyped-decorator]
+        def _(_: Any) -> None:
+            model.speed = float(speed.value)
+
+        self._panel = gui.add_panel()
+        with self._panel.add_tab("Curves"):
+            nothing = (np.zeros(1), np.zeros(1))
+            self.charts = [gui.add_uplot(nothing, ({}, {}), axes=AXES, scales=SCALES, height=220) for _ in range(3)]
+        self._panel.dock_left()
+        self._build()
+
+    def _build(self) -> None:
+        """The parts that belong to the chosen system."""
+        system, gui = self.model.system, self.server.gui
+        reach = max(float(np.linalg.norm(system.arm.position(system.q0, frame))) for frame in system.arm.frame_names)
+        self.scene = ArmScene(self.server, system.shapes, system.rotation, max(reach, 0.05))
+        self.gizmos = {
+            name: self.scene.handle(name, point, system.planar, lambda p, name=name: self.model.drag(name, p))  # type: ignore[misc]
+            for name, point in system.targets.items()
+        }
+        self._resets = self.model.resets
+        if system.takes_force:
+            for frame, body in self.scene.bodies:
+                self._pullable(frame, body)
+        self._folder = gui.add_folder("Controls")
+        with self._folder:
+            self.controls = {control.name: self._control(control) for control in system.controls}
+        with self.server.atomic():
+            for handle, plot in zip(self.charts, system.plots, strict=True):
+                self._label(handle, plot)
+        self.scene.look()
+
+    def _control(self, control: Control) -> Any:
+        gui = self.server.gui
+        if isinstance(control, Choice):
+            handle = gui.add_dropdown(control.label, control.options, initial_value=control.value)
+        else:
+            low, high, value = (shown(control, x) for x in (control.low, control.high, control.value))
+            handle = gui.add_slider(control.label, low, high, (high - low) / 400, value)
+
+        @handle.on_update  # type: ignore[untyped-decorator]
+        def _(_: Any) -> None:
+            value = handle.value
+            # A value that was on its way when the system changed belongs to nobody.
+            if control in self.model.system.controls:
+                powers = not isinstance(control, Choice) and control.powers
+                self.model.set(control.name, 10.0**value if powers else value)
+
+        return handle
+
+    def _label(self, handle: Any, plot: Plot) -> None:
+        """Give a chart the title and the curves of `plot`, empty. Charts stay on the page: one that left might still be sent its data."""
+        first = len(plot.curves) - plot.dashed
+        series: list[dict[str, Any]] = [{"label": "t - now (s)"}]
+        for k, name in enumerate(plot.curves):
+            line: dict[str, Any] = {"label": name, "stroke": COLOURS[(k if k < first else k - first) % len(COLOURS)], "width": 1.5}
+            if k >= first:
+                line["dash"] = (6, 4)
+            series.append(line)
+        handle.title, handle.series, handle.data = plot.title, tuple(series), tuple(np.zeros(1) for _ in series)
+
+    def _pullable(self, frame: str, body: Any) -> None:
+        turn, model = self.scene.rotation.T, self.model
+
+        # A coroutine, so that start, updates and end come in order.
+        @body.on_drag  # type: ignore[untyped-decorator]
+        async def _(event: Any) -> None:
+            if event.phase == "start":
+                model.grip(frame, turn @ np.array(event.start_position))
+            if event.phase == "end":
+                model.release()
+            else:
+                model.pull(turn @ np.array(event.end_position), float(self._hand.value))
+
+    def frame(self, seconds: float) -> None:
+        """Run the loop for `seconds` of the clock and draw where it stands."""
+        if self._asked is not None and self._asked != self.model.system.title:
+            self.model.choose(self._asked)
+            self.scene.clear()
+            self._folder.remove()
+            self._build()
+        self._asked = None
+        model, scene = self.model, self.scene
+        model.advance(seconds)
+        if self._resets != model.resets:
+            self._resets = model.resets
+            for name, gizmo in self.gizmos.items():
+                gizmo.position = model.targets[name]
+        if self._count % DRAW_EVERY == 0:
+            with self.server.atomic():
+                scene.place(model.poses())
+                scene.pull(model.spring())
+                scene.goal(model.system.desired(model.t, model.values, model.targets))
+        if self._count % PLOT_EVERY == 0 and model.curves:
+            for handle, (t, *curves) in zip(self.charts, model.panels(), strict=True):
+                handle.data = (t - t[-1], *curves)
+        if self._count % TEXT_EVERY == 0:
+            self.text.content = self.summary()
+        self._count += 1
+
+    def summary(self) -> str:
+        """How the loop fares, in markdown."""
+        model = self.model
+        state = "paused" if model.paused else "running"
+        if model.status is not al.Status.SUCCESS:
+            state = f"**{model.status.name}**"
+        lines = [f"{state}, t = {model.t:.2f} s, real-time factor {model.pace:.2f}, pull {np.linalg.norm(model.force):.1f} N"]
+        if model.message:
+            lines.append(f"*{model.message}*")
+        takes = "Drag a link to pull it, a" if model.system.takes_force else "Drag a"
+        return "\n\n".join([*lines, f"{takes} coloured handle to move a target, the ground to turn the view."])
+
+
+def shown(control: Control, value: float | str) -> Any:
+    """A value of a control as its slider shows it."""
+    return math.log10(float(value)) if not isinstance(control, Choice) and control.powers else value

@@ -1,0 +1,138 @@
+"""An arm on the page: its shapes under one node per frame, handles to drag, arrows for forces.
+
+Everything stands under `/arm`, turned from the axes of the arm to those of the scene, so that positions are written in the arm's own.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from .server import Server
+from .shapes import Array, Shape
+
+__all__ = ["ArmScene", "quaternion"]
+
+GREEN, RED = (0, 158, 115), (213, 94, 0)
+
+
+def quaternion(R: Array) -> Array:
+    """The unit quaternion (w, x, y, z) of a rotation: the eigenvector of the largest eigenvalue of Bar-Itzhack's symmetric matrix."""
+    K = np.zeros((4, 4))
+    K[0, 0] = np.trace(R)
+    K[0, 1:] = K[1:, 0] = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+    K[1:, 1:] = R + R.T - np.trace(R) * np.eye(3)
+    w: Array = np.linalg.eigh(K)[1][:, -1]
+    return w
+
+
+def mesh_of(shape: Shape) -> tuple[Any, Any]:
+    """Vertices (k, 3), m, and faces (f, 3) of a shape, in its own axes."""
+    trimesh = importlib.import_module("trimesh")
+    made = trimesh.creation
+    if shape.kind == "mesh":
+        try:
+            body = trimesh.load(shape.path, force="mesh")
+            vertices, faces = body.vertices * np.array(shape.size), body.faces
+        except Exception:  # whatever a broken file makes its reader raise
+            faces = ()
+        # A ball stands for a link that cannot be drawn.
+        return (vertices, faces) if len(faces) else mesh_of(Shape(shape.frame, "sphere", (0.02,)))
+    if shape.kind == "box":
+        body = made.box(extents=shape.size)
+    elif shape.kind == "sphere":
+        body = made.icosphere(radius=shape.size[0], subdivisions=3)
+    else:
+        maker = made.cylinder if shape.kind == "cylinder" else made.capsule
+        body = maker(radius=shape.size[0], height=shape.size[1])
+    # A capsule is made from its lower centre; here it is centred.
+    middle = 0.5 * (body.vertices.max(axis=0) + body.vertices.min(axis=0))
+    return body.vertices - middle, body.faces
+
+
+class ArmScene:
+    """The drawing of one arm; `bodies` are its moving shapes, with the frames they are fixed to."""
+
+    def __init__(self, server: Server, shapes: list[Shape], rotation: Array, reach: float) -> None:
+        self.server, self.rotation, self.reach = server, rotation, reach
+        self.frames: dict[str, Any] = {}
+        self.bodies: list[tuple[str, Any]] = []
+        scene = server.scene
+        scene.set_up_direction("+z")
+        # Machines without a graphics card show pages too, and shadows cost them most.
+        scene.configure_default_lights(cast_shadow=False)
+        scene.add_grid("/grid", 6.0 * reach, 6.0 * reach, cell_size=0.25 * reach, section_size=reach)
+        scene.add_frame("/arm", show_axes=False, wxyz=quaternion(rotation))
+        for k, shape in enumerate(shapes):
+            handle = self._body(k, shape)
+            if shape.frame is not None:
+                self.bodies.append((shape.frame, handle))
+        self._arrow = scene.add_arrows("/arm/pull", np.zeros((1, 2, 3)), RED, visible=False, **self._thickness())
+        self._goal = scene.add_icosphere("/arm/desired", radius=0.03 * reach, color=GREEN, opacity=0.6, visible=False)
+
+    def _body(self, k: int, shape: Shape) -> Any:
+        scene, parent = self.server.scene, "/arm"
+        if shape.frame is not None:
+            parent = f"/arm/{shape.frame}"
+            if shape.frame not in self.frames:
+                sizes = {"axes_length": 0.12 * self.reach, "axes_radius": 0.004 * self.reach}
+                self.frames[shape.frame] = scene.add_frame(parent, show_axes=False, **sizes)
+        vertices, faces = mesh_of(shape)
+        placed = {"position": shape.pose[:3, 3], "wxyz": quaternion(shape.pose[:3, :3])}
+        return scene.add_mesh_simple(f"{parent}/shape{k}", vertices, faces, color=shape.colour, **placed)
+
+    def _thickness(self) -> dict[str, float]:
+        return {"shaft_radius": 0.008 * self.reach, "head_radius": 0.02 * self.reach, "head_length": 0.05 * self.reach}
+
+    def look(self) -> None:
+        """Put the eye of every browser where the whole arm is seen."""
+        camera = self.server.initial_camera
+        eye, at = self.reach * np.array([0.3, -2.0, 0.9]), self.reach * np.array([0.0, 0.0, 0.15])
+        camera.position, camera.look_at = eye, at
+        for client in self.server.get_clients().values():
+            client.camera.position, client.camera.look_at = eye, at
+
+    def place(self, poses: Mapping[str, Array]) -> None:
+        """Move the arm: the pose of each of its frames, (4, 4), in the axes of its base."""
+        for frame, pose in poses.items():
+            self.frames[frame].position = pose[:3, 3]
+            self.frames[frame].wxyz = quaternion(pose[:3, :3])
+
+    def pull(self, ends: tuple[Array, Array] | None) -> None:
+        """Show the pull of the hand from one point to the other, m; None hides it."""
+        self._arrow.visible = ends is not None
+        if ends is not None:
+            self._arrow.points = np.array([ends])
+
+    def goal(self, point: Array | None) -> None:
+        """Show where the tip should be, (3,), m; None hides it."""
+        self._goal.visible = point is not None
+        if point is not None:
+            self._goal.position = point
+
+    def handle(self, name: str, point: Array, planar: bool, moved: Callable[[Array], None]) -> Any:
+        """A handle that the mouse drags; `moved` gets its new position, (3,), m, in the axes of the arm."""
+        gizmo = self.server.scene.add_transform_controls(
+            f"/arm/target {name}",
+            scale=0.3 * self.reach,
+            active_axes=(True, True, not planar),
+            disable_rotations=True,
+            depth_test=False,
+            position=point,
+        )
+        self.server.scene.add_icosphere(f"/arm/target {name}/ball", radius=0.02 * self.reach, color=RED)
+        self.server.scene.add_label(f"/arm/target {name}/label", name, position=(0.0, 0.05 * self.reach, 0.0))
+
+        # A coroutine, so that the positions of one drag come in order.
+        @gizmo.on_update  # type: ignore[untyped-decorator]
+        async def _(event: Any) -> None:
+            moved(np.array(event.target.position))
+
+        return gizmo
+
+    def clear(self) -> None:
+        """Take everything off the page."""
+        self.server.scene.reset()

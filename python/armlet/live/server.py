@@ -1,0 +1,84 @@
+"""The server behind a page: viser, imported here and on use alone, on this machine's own address unless another is asked for."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import socket
+import time
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from ..errors import InputError
+
+__all__ = ["Server", "address", "close_server", "load_viser", "open_server", "serve"]
+
+Server: TypeAlias = Any  # viser.ViserServer
+
+LATE = 0.1  # s, the most that one frame may be asked to make up for
+
+
+def load_viser(command: str) -> Any:
+    """The module viser.
+
+    Raises:
+        ImportError: it is not installed; the message says how to get it.
+    """
+    try:
+        return importlib.import_module("viser")
+    except ImportError:
+        raise ImportError(f"{command}: viser is not installed: pip install 'armlet[live]'") from None
+
+
+def open_server(command: str, host: str, port: int) -> Server:
+    """A server that listens at `host` and `port`; port 0 takes any free one.
+
+    Raises:
+        ImportError: viser is not installed.
+        InputError: nothing can listen there.
+    """
+    viser = load_viser(command)
+    # viser would take the next free port: a page that is asked for at one address is not served at another.
+    try:
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+            port = probe.getsockname()[1]
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{command}: {host}:{port} cannot be listened at: {reason}") from None
+    # It greets and takes leave on stdout; armlet prints the address itself.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host=host, port=port, label=f"armlet {command}", verbose=False)
+    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    server.gui.main_panel.dock_right()
+    return server
+
+
+def address(server: Server) -> str:
+    """Where a browser finds the page."""
+    host = server.get_host()
+    return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}"
+
+
+def serve(server: Server, frame: Callable[[float], None], period: float) -> int:
+    """Print the address and call `frame` with the seconds since its last call, every `period` s, until Ctrl-C; the exit code."""
+    print(f"armlet: {address(server)} (Ctrl-C ends it)", flush=True)
+    try:
+        last = time.perf_counter()
+        while True:
+            now = time.perf_counter()
+            frame(min(now - last, LATE))
+            last = now
+            time.sleep(max(0.0, period - (time.perf_counter() - now)))
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        close_server(server)
+
+
+def close_server(server: Server) -> None:
+    """End a server, in silence."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()

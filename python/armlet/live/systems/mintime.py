@@ -1,0 +1,125 @@
+"""System 4: one link under gravity from rest to rest in minimum time, under a torque limit; drag the target, watch it swing.
+
+    I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from the downward vertical
+
+A new target is planned from where the link rests; one that is given on the way waits for the rest. What no torque within the limit can
+do is said, and the link stays. The plan is tracked by computed torque, within the same limit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+import armlet as al
+
+from ..shapes import planar_links
+from .system import DT, Array, Force, Plot, Slider, State, System, Targets, Values, number, pushed
+
+__all__ = ["MinimumTime"]
+
+LENGTH, MASS, INERTIA = 0.6, 1.0, 0.03  # m, kg, kg m^2 about the centre of mass
+GRAVITY = 9.81  # m/s^2
+TOTAL = INERTIA + MASS * (LENGTH / 2) ** 2
+MOMENT = MASS * GRAVITY * LENGTH / 2
+SLOW = 2e-2  # rad/s and rad: closer than this is at rest
+
+
+class MinimumTime(System):
+    """The link."""
+
+    title = "Minimum time, one link"
+    frame = "link1"
+    q0 = np.array([-math.pi / 2])
+    controls = (
+        Slider("tau_max", "torque limit (N m)", 0.5, 12.0, 4.0),
+        Slider("omega", "bandwidth of the tracking (rad/s)", 1.0, 60.0, 20.0),
+    )
+    plots = (
+        Plot("angle from the downward vertical (rad)", ("theta", "goal", "planned"), 1),
+        Plot("torque and its limits (N m)", ("tau", "tau_max", "-tau_max")),
+        Plot("speed (rad/s)", ("theta'", "planned"), 1),
+    )
+    # x of the arm, along gravity, is the scene's downwards.
+    rotation = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+
+    def __init__(self) -> None:
+        self.targets = {"goal": np.array([0.0, LENGTH, 0.0])}
+        # An angle from x is then the angle from the downward vertical.
+        self.arm = al.planar_arm([LENGTH], masses=[MASS], coms=[LENGTH / 2], inertias=[INERTIA], gravity=(GRAVITY, 0.0))
+        self.shapes = planar_links(self.arm, [LENGTH], 0.025)
+        self.forget()
+
+    def forget(self) -> None:
+        self.begin, self.duration = 0.0, 0.0
+        self.plan: al.TorqueOptimum | None = None
+        self.rest = float(self.q0[0])  # where the plan ends
+        self.wanted: tuple[float, float] | None = None  # goal and limit of the last answer
+        self.note = ""
+
+    def start(self) -> State:
+        self.forget()
+        return super().start()
+
+    @staticmethod
+    def goal(targets: Targets, near: float) -> float:
+        """The angle of the target: of all turns the one nearest to `near`, so that half a turn at most is asked for."""
+        x, y, _ = targets["goal"]
+        angle = math.atan2(y, x)
+        return angle + 2 * math.pi * round((near - angle) / (2 * math.pi))
+
+    def due(self, state: State, values: Values, targets: Targets) -> bool:
+        """A goal or a limit is not yet answered, and the link rests where the last plan has ended."""
+        if self.wanted == (self.goal(targets, self.rest), number(values, "tau_max")):
+            return False
+        return state.t >= self.begin + self.duration and abs(state.v[0]) < SLOW and abs(state.q[0] - self.rest) < SLOW
+
+    def replan(self, values: Values, targets: Targets, state: State) -> None:
+        """Answer the goal and the limit from where the link rests."""
+        goal, limit = self.goal(targets, self.rest), number(values, "tau_max")
+        self.wanted = (goal, limit)
+        if goal == self.rest:
+            return
+        plan = al.torque_optimal_time(self.rest, goal, TOTAL, MOMENT, limit)
+        if plan.best.kind == "none found":
+            self.note = f"no way to {goal:.2f} rad: {plan.reason}"
+            return
+        kind = "certified optimal" if plan.certified_global else "best of its families"
+        self.note = f"{plan.best.kind}, {plan.best.t:.3f} s, {kind}"
+        if max(abs(math.sin(self.rest)), abs(math.sin(goal))) * MOMENT > limit:
+            self.note += "; the limit cannot hold an end"
+        self.plan, self.begin, self.duration, self.rest = plan, state.t, plan.best.t, goal
+
+    def motion(self, t: float) -> al.Motion:
+        """The plan for a loop whose own time starts at `t`; held at its end."""
+        left = self.begin + self.duration - t
+        if self.plan is None or left <= 0.0:
+            return al.Hold([self.rest])
+        # The profile holds its end, and so does the table.
+        q, v, a, _ = self.plan.profile(np.arange(t - self.begin, self.duration + 2 * DT, DT))
+        return al.Table(DT, q[:, None], v[:, None], a[:, None])
+
+    def planned(self, t: float) -> tuple[float, float]:
+        """Angle and speed of the plan at `t`."""
+        if self.plan is None or t >= self.begin + self.duration:
+            return self.rest, 0.0
+        q, v, _, _ = self.plan.profile(t - self.begin)
+        return q, v
+
+    def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
+        if self.due(state, values, targets):
+            self.replan(values, targets, state)
+        omega = number(values, "omega")
+        law = al.ComputedTorque(self.arm, self.motion(state.t), omega**2, 2 * omega)
+        given: dict[str, Any] = {"v0": state.v, "dt": DT, "tau_max": number(values, "tau_max")}
+        return al.Simulator(al.RigidArm(self.arm), law, state.q, **given, **pushed(force))
+
+    def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
+        q, v = self.planned(state.t)
+        limit = number(values, "tau_max")
+        return [[sim.q[0], self.goal(targets, self.rest), q], [sim.tau[0], limit, -limit], [sim.v[0], v]]
+
+    def desired(self, t: float, values: Values, targets: Targets) -> Array | None:
+        return np.asarray(self.arm.position([self.planned(t)[0]], "link1"))

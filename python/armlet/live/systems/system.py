@@ -1,0 +1,159 @@
+"""What the laboratory asks of a system: its controls, its arm, and a loop that goes on from any state.
+
+    constants + state at t  ->  al.Simulator
+
+A loop has constants for gains, targets and forces. When a hand changes one of them, another loop starts where the last one stands:
+`loop` builds it, in tens of microseconds, so that a slider or the mouse may ask for one in every frame.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+import armlet as al
+
+from ..shapes import Shape
+
+__all__ = ["DT", "UPRIGHT", "Choice", "Control", "Force", "Plot", "Slider", "State", "System", "Targets", "Values"]
+
+Array: TypeAlias = NDArray[np.float64]
+Values: TypeAlias = Mapping[str, float | str]
+Targets: TypeAlias = Mapping[str, Array]
+
+DT = 1e-3  # s, the step of every loop
+# From the axes of a planar arm to those of the scene, which has z upwards: y of the arm becomes the vertical.
+UPRIGHT: Array = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A number between `low` and `high`; `powers` slides over its logarithm of base 10."""
+
+    name: str
+    label: str
+    low: float
+    high: float
+    value: float
+    powers: bool = False
+
+    def read(self, value: float | str) -> float:
+        """`value` as a number inside the range."""
+        number = float(value)
+        if not np.isfinite(number):
+            raise al.InputError(f"lab: {self.name} is not finite: expected a number in [{self.low:g}, {self.high:g}], got {number}")
+        return min(max(number, self.low), self.high)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of several words."""
+
+    name: str
+    label: str
+    options: tuple[str, ...]
+    value: str
+
+    def read(self, value: float | str) -> str:
+        """`value`, which must be one of the options."""
+        if value not in self.options:
+            raise al.InputError(f"lab: {self.name} is unknown: expected one of {', '.join(self.options)}, got {value}")
+        return str(value)
+
+
+Control: TypeAlias = Slider | Choice
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Curves over time in one panel; the title ends with their unit. The `dashed` last ones are true or desired values of the first."""
+
+    title: str
+    curves: tuple[str, ...]
+    dashed: int = 0
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a loop stands at time `t`, in s; None where a system has no such part, or it starts by itself."""
+
+    t: float
+    q: Array
+    v: Array
+    theta: Array | None = None
+    theta_dot: Array | None = None
+    estimate: Array | None = None
+
+    @staticmethod
+    def of(sim: al.Simulator, since: float) -> State:
+        """The state of a loop that was started at time `since`."""
+        parts = sim.state
+        return State(since + parts.pop("t"), **{name: value for name, value in parts.items() if name != "tau"})
+
+    def finite(self, bound: float = 1e6) -> bool:
+        """Whether every part is a number below `bound`: past it nothing can be drawn, and NaN is a few steps away."""
+        parts = (self.q, self.v, self.theta, self.theta_dot, self.estimate)
+        return all(part is None or bool(np.all(np.abs(part) < bound)) for part in parts)
+
+
+@dataclass(frozen=True)
+class Force:
+    """A wrench [f; m] in N and N m at the origin of `frame`, in world axes."""
+
+    frame: str
+    wrench: Array
+
+
+class System(ABC):
+    """One system of the laboratory."""
+
+    title: str
+    arm: al.Arm  # what is drawn: it has frames
+    frame: str  # its tip
+    shapes: list[Shape]  # what is drawn at its frames
+    q0: Array
+    controls: tuple[Control, ...]
+    targets: dict[str, Array]  # where the handles of the targets start, m, in the axes of the arm
+    plots: tuple[Plot, Plot, Plot]
+    rotation: Array = np.eye(3)  # from the axes of the arm to those of the scene
+    planar: bool = True  # targets stay in the x-y plane of the arm
+    takes_force: bool = True
+    note: str = ""  # what the system has to say about its present plan
+
+    @abstractmethod
+    def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
+        """The closed loop with these constants, from `state` on; InputError where they are refused."""
+
+    @abstractmethod
+    def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
+        """The present points of the curves, one list per plot."""
+
+    def due(self, state: State, values: Values, targets: Targets) -> bool:
+        """Whether another loop should start although no hand has moved."""
+        return False
+
+    def desired(self, t: float, values: Values, targets: Targets) -> Array | None:
+        """Where the tip should be at `t`, in m, where that is not a target itself."""
+        return None
+
+    def start(self) -> State:
+        """The state at reset; what was planned is forgotten."""
+        return State(0.0, self.q0, np.zeros(self.arm.n))
+
+    def defaults(self) -> dict[str, float | str]:
+        """The values of the controls at the start."""
+        return {control.name: control.value for control in self.controls}
+
+
+def number(values: Values, name: str) -> float:
+    return float(values[name])
+
+
+def pushed(force: Force | None) -> dict[str, Any]:
+    """The keywords of a loop for this force."""
+    return {} if force is None else {"force": force.wrench, "force_frame": force.frame}

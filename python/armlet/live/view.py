@@ -1,0 +1,87 @@
+"""`armlet view`: a robot on a page, with a slider per joint.
+
+    X_WF = arm.pose(q, frame) for every frame, q from the sliders
+
+A page is drawn when something has moved, and only then.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import armlet as al
+
+from .scene import ArmScene
+from .server import Server, open_server, serve
+from .shapes import Array
+from .systems.robot import middle
+from .urdf import read_shapes
+
+__all__ = ["ViewPage", "view"]
+
+PERIOD = 0.033  # s
+
+
+def view(urdf: Path, host: str, port: int) -> int:
+    """Serve a robot until Ctrl-C; the exit code."""
+    arm = al.load_urdf(urdf)
+    page = ViewPage(open_server("view", host, port), arm, urdf, urdf.name)
+    return serve(page.server, lambda _: page.frame(), PERIOD)
+
+
+class ViewPage:
+    """The page of a robot."""
+
+    def __init__(self, server: Server, arm: al.Arm, source: str | Path, title: str) -> None:
+        self.server, self.arm = server, arm
+        self.start = middle(arm)
+        reach = max(float(np.linalg.norm(arm.position(self.start, frame))) for frame in arm.frame_names)
+        self.scene = ArmScene(server, read_shapes(source, arm), np.eye(3), max(reach, 0.05))
+        gui = server.gui
+        gui.add_markdown(f"**{title}**: {arm.n} joints, {len(arm.frame_names)} frames")
+        self._axes = gui.add_checkbox("show frames", False)
+        self._frame = gui.add_dropdown("frame", arm.frame_names, initial_value=arm.frame_names[-1])
+        self.text = gui.add_markdown("")
+        reset = gui.add_button("Reset")
+        with gui.add_folder("Joints (rad, m)"):
+            self.sliders = [self._slider(i) for i in range(arm.n)]
+        self._drawn: Any = None
+
+        @reset.on_click  # type: ignore[untyped-decorator]
+        def _(_: Any) -> None:
+            for slider, value in zip(self.sliders, self.start, strict=True):
+                slider.value = value
+
+        self.scene.look()
+        self.frame()
+
+    def _slider(self, i: int) -> Any:
+        low, high = float(self.arm.limits["q_min"][i]), float(self.arm.limits["q_max"][i])
+        # A joint without limits turns once around, or slides a metre.
+        far = 1.0 if self.arm.joint_types[i] == "prismatic" else np.pi
+        low, high = low if np.isfinite(low) else -far, high if np.isfinite(high) else far
+        # Limits may be one point.
+        high = max(high, low + 1e-6)
+        return self.server.gui.add_slider(self.arm.joint_names[i], low, high, (high - low) / 1000, float(self.start[i]))
+
+    @property
+    def q(self) -> Array:
+        """Where the sliders are, (n,), rad or m."""
+        return np.array([slider.value for slider in self.sliders], dtype=np.float64)
+
+    def frame(self) -> None:
+        """Draw the arm where the sliders are, if anything has moved."""
+        now = (*self.q, self._axes.value, self._frame.value)
+        if now == self._drawn:
+            return
+        self._drawn, q = now, self.q
+        with self.server.atomic():
+            self.scene.place({frame: np.asarray(self.arm.pose(q, frame)) for frame in self.scene.frames})
+        for handle in self.scene.frames.values():
+            handle.show_axes = self._axes.value
+        x, y, z = self.arm.position(q, self._frame.value)
+        load = ", ".join(f"{tau:.2f}" for tau in self.arm.gravity(q))
+        self.text.content = f"{self._frame.value} at ({x:.3f}, {y:.3f}, {z:.3f}) m\n\ngravity g(q) = ({load}) N m, N"

@@ -1,0 +1,209 @@
+//! The forces on an arm at rest, and the way down to where they balance. With `L(q) = g(q) - J'F - contacts` and the law's
+//! answer at rest `u(q)`, of links alone, or `tau(q, theta)`:
+//!
+//! `r(q) = u(q) - L(q)`, or `r(q, theta) = [K (theta - q) - L(q), (I + Kt)^-1 (tau(q, theta) - K (theta - q))]`,
+//!
+//! both of them the downward slope of a potential. `r` is followed downhill from a start by Newton's method with the
+//! magnitudes of the eigenvalues of `-dr/dy`.
+
+use crate::dynamics::ArmAt;
+use crate::error::{Error, Result, finite};
+use crate::law::{Law, LawSpec};
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::symmetric_eigen;
+use crate::plant::{PlantSpec, Stop, unilateral};
+use crate::scalar::{Dual, Real};
+use crate::spatial::V3;
+use crate::status::Status;
+
+/// What acts on a plant at rest.
+pub struct Rest<'a> {
+    pub plant: &'a PlantSpec,
+    /// A law of links alone, or one of motors.
+    pub law: &'a LawSpec,
+    /// `[f; m]`, world axes, at a frame.
+    pub wrench: [f64; 6],
+    pub frame: Option<usize>,
+}
+
+impl Rest<'_> {
+    /// The stiffness of the plant's joints and `(I + Kt)^-1`, where the motors are unknowns beside the links.
+    fn motors(&self) -> Option<(&Gain, Gain)> {
+        match (self.plant, self.law.torque_share()) {
+            (PlantSpec::Elastic(plant), Some(share)) => Some((&plant.stiffness, share)),
+            _ => None,
+        }
+    }
+
+    /// What the joints carry at `q`, `L(q)` `(n,)`, and the wall's force.
+    pub fn load(&self, q: &[f64]) -> (Vec<f64>, [f64; 3]) {
+        let mut forces = Forces::<f64>::new(self);
+        let wall = forces.load(q);
+        (forces.load, wall.0)
+    }
+
+    /// From `q` downhill to rest; the motors' positions too where the law is one of motors.
+    pub fn descend(&self, q: &mut Vec<f64>) -> Result<()> {
+        const STEPS: usize = 500;
+        /// Larger steps leave the basin, rad or m.
+        const REACH: f64 = 0.3;
+        /// Below this a direction is flat: rounding of `dr/dq` is 1e-15, a free motion of a redundant arm.
+        const FLAT: f64 = 1e-9;
+        if let Some((stiffness, _)) = self.motors() {
+            let stretch = stiffness.inverse().times(&self.load(q).0);
+            let theta: Vec<f64> = q.iter().zip(stretch).map(|(q, s)| q + s).collect();
+            q.extend(theta);
+        }
+        let y = q;
+        let n = y.len();
+        let (mut here, mut slope) = (Forces::<f64>::new(self), Forces::<Dual>::new(self));
+        let (mut r, mut ahead, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let mut best = f64::INFINITY;
+        for _ in 0..STEPS {
+            here.residual(y, &mut r);
+            finite("equilibrium", &r)?;
+            let (values, vectors) = symmetric_eigen(&hessian(&mut slope, y), n)?;
+            let stiffest = values.iter().fold(0.0f64, |most, l| most.max(l.abs()));
+            let mut step = vec![0.0; n];
+            for (l, u) in values.iter().zip(vectors.chunks_exact(n)) {
+                if l.abs() > FLAT * stiffest {
+                    crate::linalg::axpy(crate::linalg::dot(u, &r) / l.abs(), u, &mut step);
+                }
+            }
+            let longest = crate::linalg::largest(&step);
+            let close = 1.0 + crate::linalg::largest(y);
+            // At rest as well as rounding allows, or no longer coming closer.
+            if longest <= 1e-15 * close || (longest <= 1e-9 * close && longest >= best) {
+                return Ok(());
+            }
+            best = longest;
+            let mut size = (REACH / longest).min(1.0);
+            loop {
+                for i in 0..n {
+                    trial[i] = y[i] + size * step[i];
+                }
+                here.residual(&trial, &mut ahead);
+                // The work of r along the step, by the trapezoid: r falls off towards rest and turns round beyond it.
+                let work: f64 = (0..n).map(|i| step[i] * (r[i] + ahead[i])).sum();
+                if work >= 0.0 || size < 1e-12 || longest < 1e-7 * close {
+                    break;
+                }
+                size *= 0.5;
+            }
+            y.copy_from_slice(&trial);
+        }
+        Err(Error::Solve { status: Status::MaxSteps, t: STEPS as f64, problem: "no rest was found: the descent did not end".into() })
+    }
+}
+
+/// `r` on one number, with its buffers.
+struct Forces<'a, S: Real> {
+    rest: &'a Rest<'a>,
+    law: Box<dyn Law<S> + Send>,
+    arm: ArmAt<S>,
+    desired: Vec<S>,
+    x: Vec<S>,
+    load: Vec<S>,
+    tau: Vec<S>,
+    stops: Vec<Stop>,
+    motors: Option<(AnyGain<S>, AnyGain<S>)>,
+    stretch: Vec<S>,
+    spring: Vec<S>,
+}
+
+impl<'a, S: Real> Forces<'a, S> {
+    fn new(rest: &'a Rest<'a>) -> Self {
+        let n = rest.plant.n();
+        let zeros = |k: usize| vec![S::zero(); k];
+        Forces {
+            rest,
+            law: LawSpec::build::<S>(|_| rest.law),
+            arm: rest.plant.model().at(&zeros(n)),
+            desired: rest.law.desired(0.0),
+            x: zeros(4 * n),
+            load: zeros(n),
+            tau: zeros(n),
+            stops: rest.plant.stops().into_iter().flat_map(|stops| stops.all()).collect(),
+            motors: rest.motors().map(|(k, share)| (AnyGain::from_lanes(|_| k), AnyGain::from_lanes(|_| &share))),
+            stretch: zeros(n),
+            spring: zeros(n),
+        }
+    }
+
+    /// `L(q)` into `self.load`; the wall's force.
+    fn load(&mut self, q: &[S]) -> V3<S> {
+        let n = q.len();
+        self.arm.move_to(q);
+        self.arm.gravity(&mut self.load);
+        if let Some(frame) = self.rest.frame {
+            let (_, jacobian) = self.arm.jacobian(frame);
+            for i in 0..n {
+                for (k, &w) in self.rest.wrench.iter().enumerate() {
+                    self.load[i] = jacobian[k * n + i].neg_mul_add(S::splat(w), self.load[i]);
+                }
+            }
+        }
+        let mut push = V3::zero();
+        if let Some(wall) = self.rest.plant.wall() {
+            let (p, jacobian) = self.arm.jacobian(wall.frame);
+            push = wall.force(p, V3::zero(), None).0;
+            for i in 0..n {
+                for k in 0..3 {
+                    self.load[i] = jacobian[k * n + i].neg_mul_add(push[k], self.load[i]);
+                }
+            }
+        }
+        if let Some(stops) = self.rest.plant.stops() {
+            for &stop in &self.stops {
+                let i = stop.joint;
+                let (depth, _) = stop.depth(S::splat(stops.limit(stop)), q[i], S::zero());
+                let force = unilateral::push(S::splat(stops.stiffness[i]), S::zero(), depth, S::zero(), None).0;
+                self.load[i] += if stop.upper { force } else { -force };
+            }
+        }
+        push
+    }
+
+    fn residual(&mut self, y: &[S], r: &mut [S]) {
+        let n = self.load.len();
+        let (q, theta) = y.split_at(n);
+        self.x[..n].copy_from_slice(q);
+        self.load(q);
+        let Some((stiffness, share)) = &self.motors else {
+            self.law.evaluate(&self.desired, self.arm.trig(), &self.x[..2 * n], &[], r, &mut []);
+            for i in 0..n {
+                r[i] -= self.load[i];
+            }
+            return;
+        };
+        self.x[2 * n..3 * n].copy_from_slice(theta);
+        self.law.evaluate(&self.desired, self.arm.trig(), &self.x, &[], &mut self.tau, &mut []);
+        for i in 0..n {
+            self.stretch[i] = theta[i] - q[i];
+        }
+        stiffness.multiply(&self.stretch, &mut self.spring);
+        for i in 0..n {
+            r[i] = self.spring[i] - self.load[i];
+            self.tau[i] -= self.spring[i];
+        }
+        share.multiply(&self.tau, &mut r[n..]);
+    }
+}
+
+/// `-dr/dy`, its symmetric part.
+fn hessian(forces: &mut Forces<Dual>, y: &[f64]) -> Vec<f64> {
+    let n = y.len();
+    let mut moving: Vec<Dual> = y.iter().map(|&y| Dual::splat(y)).collect();
+    let mut r = vec![Dual::default(); n];
+    let mut h = vec![0.0; n * n];
+    for j in 0..n {
+        moving[j].rate = 1.0;
+        forces.residual(&moving, &mut r);
+        moving[j].rate = 0.0;
+        for i in 0..n {
+            h[i * n + j] -= 0.5 * r[i].rate;
+            h[j * n + i] -= 0.5 * r[i].rate;
+        }
+    }
+    h
+}

@@ -1,0 +1,88 @@
+//! An arm at one configuration `q`, with what its algorithms need there made once: for what is asked now and then (terms of
+//! a law, monitors, equilibria). Loops share the sines of a stage between plant and law instead.
+
+use super::{AnyArm, Dynamics, Model, Workspace};
+use crate::kinematics::Coordinates;
+use crate::scalar::Real;
+use crate::spatial::V3;
+
+pub struct ArmAt<S: Real = f64> {
+    arm: AnyArm<S>,
+    workspace: Workspace<S>,
+    q: Vec<S>,
+    trig: Vec<(S, S)>,
+    /// Room for a geometric Jacobian, `(6, n)`.
+    full: Vec<S>,
+}
+
+impl Model {
+    /// The arm at `q`.
+    pub fn at<S: Real>(&self, q: &[S]) -> ArmAt<S> {
+        let arm = AnyArm::from_lanes(|_| self);
+        let n = self.n();
+        let mut at = ArmAt {
+            workspace: arm.workspace(),
+            arm,
+            q: vec![S::zero(); n],
+            trig: vec![(S::zero(), S::splat(1.0)); n],
+            full: vec![S::zero(); 6 * n],
+        };
+        at.move_to(q);
+        at
+    }
+}
+
+impl<S: Real> ArmAt<S> {
+    pub fn move_to(&mut self, q: &[S]) {
+        self.q.copy_from_slice(q);
+        for (trig, q) in self.trig.iter_mut().zip(q) {
+            *trig = q.sin_cos();
+        }
+    }
+
+    /// (sin, cos) of each coordinate.
+    pub fn trig(&self) -> &[(S, S)] {
+        &self.trig
+    }
+
+    /// `M(q)`, `(n, n)`.
+    pub fn mass_matrix(&mut self, m: &mut [S]) {
+        self.arm.mass_matrix(&mut self.workspace, &self.trig, &self.q, m);
+    }
+
+    /// `C(q, v)`, `(n, n)`, Christoffel.
+    pub fn coriolis_matrix(&mut self, v: &[S], c: &mut [S]) {
+        self.arm.coriolis_matrix(&mut self.workspace, &self.trig, &self.q, v, c);
+    }
+
+    /// `g(q)`, `(n,)`.
+    pub fn gravity(&mut self, g: &mut [S]) {
+        self.arm.gravity(&mut self.workspace, &self.trig, &self.q, g);
+    }
+
+    /// `tau = M a + C v + g`, `(n,)`.
+    pub fn inverse_dynamics(&mut self, v: &[S], a: &[S], tau: &mut [S]) {
+        self.arm.inverse_dynamics(&mut self.workspace, &self.trig, &self.q, v, a, tau);
+    }
+
+    /// The Slotine-Li regressor, `(n, p)`.
+    pub fn regressor(&mut self, v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
+        self.arm.regressor(&mut self.workspace, &self.trig, &self.q, v, v_r, a_r, y);
+    }
+
+    /// Kinetic and potential energy.
+    pub fn energy(&mut self, v: &[S]) -> (S, S) {
+        self.arm.energy(&mut self.workspace, &self.trig, &self.q, v)
+    }
+
+    /// Position of a frame, world axes, and its geometric Jacobian, `(6, n)`.
+    pub fn jacobian(&mut self, frame: usize) -> (V3<S>, &[S]) {
+        let position = self.arm.jacobian(&mut self.workspace, &self.trig, &self.q, frame, &mut self.full);
+        (position, &self.full)
+    }
+
+    /// Error `(m,)` to `target` and Jacobian `(m, n)` of Cartesian coordinates.
+    pub fn error_and_jacobian(&mut self, coordinates: &Coordinates, target: &[S], e: &mut [S], j: &mut [S]) {
+        self.arm.error_and_jacobian(&mut self.workspace, coordinates, &mut self.full, &self.trig, &self.q, target, e, j);
+    }
+}

@@ -1,0 +1,131 @@
+//! Limits of an arm as bounds of what a law commands, anew at every evaluation (Flacco, De Luca, Khatib 2015, `flacco2015saturation`).
+//!
+//! Velocities, with the distance `d = q_max - q` and the horizon `h`: `u <= min(v_max, d/h, sqrt(2 a_max d))`, beyond the limit `u <= d/h`.
+//! Accelerations: `a <= (v' - v)/h` within `+-a_max`, with `v' = min(v_max, d/(4 h), sqrt(a_max d))`: the loop on the velocity is four times
+//! as fast as that on the position, so that it does not overshoot, and it brakes at half of `a_max`, so that there is some left to catch up.
+//! From below likewise. A loop sampled at `h` or faster, or with steps of at most `h`, stays within.
+
+use crate::dynamics::Model;
+use crate::error::{Error, Result, positive};
+use crate::priority::{Method, Options, joint_velocity_bounds};
+
+/// Time in which the way to a limit may be used up, s, where none is given.
+pub const HORIZON: f64 = 0.1;
+
+/// Limits as they are given, `(n,)` each, in rad or m, per second and per second squared; `None`: the arm's own, of `a_max` none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GivenLimits {
+    pub q_min: Option<Vec<f64>>,
+    pub q_max: Option<Vec<f64>>,
+    pub v_min: Option<Vec<f64>>,
+    pub v_max: Option<Vec<f64>>,
+    pub a_max: Option<Vec<f64>>,
+    pub horizon: Option<f64>,
+}
+
+impl GivenLimits {
+    /// Refuse limits where the map has no bounds.
+    pub fn require_sns(&self, method: Method) -> Result<()> {
+        let given = [
+            ("q_min", self.q_min.is_some()),
+            ("q_max", self.q_max.is_some()),
+            ("v_min", self.v_min.is_some()),
+            ("v_max", self.v_max.is_some()),
+            ("a_max", self.a_max.is_some()),
+            ("horizon", self.horizon.is_some()),
+        ];
+        match given.iter().find(|(_, given)| *given && method != Method::Sns) {
+            Some((name, _)) => {
+                Err(Error::input(*name, format!("bounds nothing: expected method \"sns\", which keeps bounds, got {:?}", method.name())))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Limits of every joint, infinite where there is none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointLimits {
+    q_min: Vec<f64>,
+    q_max: Vec<f64>,
+    v_min: Vec<f64>,
+    v_max: Vec<f64>,
+    a_max: Vec<f64>,
+    horizon: f64,
+}
+
+impl JointLimits {
+    /// The limits given, the arm's own where they are not. Errors: wrong lengths, NaN, limits out of order or on the wrong side of
+    /// zero, no finite limit at all.
+    pub fn new(model: &Model, given: &GivenLimits) -> Result<Self> {
+        let joints = &model.tree("arm")?.joints;
+        let n = joints.len();
+        let own = |of: fn(&crate::arm::Limits) -> f64| joints.iter().map(|joint| of(&joint.limits)).collect::<Vec<f64>>();
+        let mirrored = |x: &Vec<f64>| x.iter().map(|x| -x).collect::<Vec<f64>>();
+        let limits = JointLimits {
+            q_min: given.q_min.clone().unwrap_or_else(|| own(|limits| limits.lower)),
+            q_max: given.q_max.clone().unwrap_or_else(|| own(|limits| limits.upper)),
+            // One bound alone is symmetric.
+            v_min: given.v_min.clone().or(given.v_max.as_ref().map(mirrored)).unwrap_or_else(|| own(|limits| -limits.velocity)),
+            v_max: given.v_max.clone().or(given.v_min.as_ref().map(mirrored)).unwrap_or_else(|| own(|limits| limits.velocity)),
+            a_max: given.a_max.clone().unwrap_or_else(|| vec![f64::INFINITY; n]),
+            horizon: given.horizon.unwrap_or(HORIZON),
+        };
+        positive("horizon", limits.horizon)?;
+        let JointLimits { q_min, q_max, v_min, v_max, a_max, .. } = &limits;
+        for (name, x) in [("q_min", q_min), ("q_max", q_max), ("v_min", v_min), ("v_max", v_max), ("a_max", a_max)] {
+            if x.len() != n {
+                return Err(Error::input(name, format!("has the wrong length: expected {n}, got {}", x.len())));
+            }
+        }
+        for i in 0..n {
+            let refuse = |name: &str, expected: &str, low: f64, high: f64| {
+                Err(Error::input(name, format!("is out of order: expected {expected}, got {low} and {high} (first bad index {i})")))
+            };
+            // Not `>`: NaN must be refused too.
+            if !(q_min[i] <= q_max[i]) {
+                return refuse("q_min", "q_min <= q_max", q_min[i], q_max[i]);
+            }
+            if !(v_min[i] <= v_max[i] && v_min[i] < f64::INFINITY && v_max[i] > f64::NEG_INFINITY) {
+                return refuse("v_min", "v_min <= v_max", v_min[i], v_max[i]);
+            }
+            if !(a_max[i] > 0.0) {
+                return Err(Error::input("a_max", format!("is not positive: expected a_max > 0, got {} (first bad index {i})", a_max[i])));
+            }
+        }
+        let bounded = [q_min, q_max, v_min, v_max, a_max].iter().any(|x| x.iter().any(|x| x.is_finite()));
+        if !bounded {
+            let problem =
+                format!("is missing: expected velocity bounds of shape ({n},) for method \"sns\", or an arm with limits, got none");
+            return Err(Error::input("v_max", problem));
+        }
+        Ok(limits)
+    }
+
+    /// What a solver with bounds of its own starts from.
+    pub fn open(&self, mut options: Options) -> Options {
+        let n = self.q_min.len();
+        (options.v_min, options.v_max) = (Some(vec![f64::NEG_INFINITY; n]), Some(vec![f64::INFINITY; n]));
+        options
+    }
+
+    /// Bounds of the joint velocities at `q`; all `(n,)`.
+    pub fn velocities(&self, q: &[f64], lower: &mut [f64], upper: &mut [f64]) {
+        for i in 0..q.len() {
+            (lower[i], upper[i]) = self.velocity(i, q[i], self.horizon, 2.0 * self.a_max[i]);
+        }
+    }
+
+    /// Bounds of the joint accelerations at `q` and `v`; all `(n,)`.
+    pub fn accelerations(&self, q: &[f64], v: &[f64], lower: &mut [f64], upper: &mut [f64]) {
+        for i in 0..q.len() {
+            let (slow, fast) = self.velocity(i, q[i], 4.0 * self.horizon, self.a_max[i]);
+            let bound = |to: f64| ((to - v[i]) / self.horizon).clamp(-self.a_max[i], self.a_max[i]);
+            (lower[i], upper[i]) = (bound(slow), bound(fast));
+        }
+    }
+
+    fn velocity(&self, i: usize, q: f64, time: f64, braking: f64) -> (f64, f64) {
+        joint_velocity_bounds(q, (self.q_min[i], self.q_max[i]), (self.v_min[i], self.v_max[i]), time, braking)
+    }
+}

@@ -1,0 +1,251 @@
+//! Adaptation that keeps bodies physically possible: the rate is bent off the boundary (`pomet1992adaptive`, with a convex function
+//! of the pseudo-inertias in place of a ball).
+//!
+//! ```text
+//! P_k(pi_hat) the pseudo-inertia of body k, P_k^min = L L' the least it may be,  Z_k = L^-1 P_k L^-T - 1,  N_k its negative part
+//! f^2 = sum |N_k|^2 (Frobenius),   g = grad f^2 / 2,   g . d pi = sum tr(L^-T N_k L^-1 P_k(d pi))
+//! pi_hat' = Gamma (y - c g),   y = Y' s,   c = [min(1, f / LAYER) max(0, g' Gamma y) + PULL f^2] / g' Gamma g
+//! ```
+//!
+//! `f^2` is convex and zero wherever every `P_k >= P_k^min`, at the true `pi` too, so that `(pi_hat - pi) . g >= f^2 / 2`: the bend
+//! takes `c (pi_hat - pi) . g >= 0` from the derivative of Slotine and Li's Lyapunov function and adds nothing. Where `f = LAYER`,
+//! `f f' <= -PULL f^2`: what starts with `P_k >= P_k^min` keeps `P_k >= (1 - LAYER) P_k^min`. The rate is Lipschitz; nothing depends
+//! on frames or units. Parameters `(A, B, C)` of the planar PR are one body with `P = [[A, B], [B, C]]`.
+
+use crate::error::{Error, Result, finite};
+use crate::linalg::gain::Multiply;
+use crate::scalar::{Kernel, Real};
+use crate::spatial::PARAMETERS;
+use crate::spatial::pseudo_inertia::{Pseudo, adjoint, factor, parameters_of, pseudo_inertia};
+
+/// Thickness of the layer in which the rate is bent, relative to the least bodies.
+const LAYER: f64 = 0.5;
+/// How fast what is outside returns, 1/s: what a step of a method carried across; slow for every method.
+const PULL: f64 = 10.0;
+/// Sweeps of Jacobi's method: the fourth leaves rounding of a 4 x 4 matrix, as convergence is quadratic.
+const SWEEPS: usize = 6;
+/// Parameters of the planar PR.
+const PR: usize = 3;
+
+/// The least bodies there may be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Projection {
+    width: usize,
+    /// `L` of each body, lower triangular.
+    factors: Vec<Pseudo<f64>>,
+}
+
+/// `P` of one body's parameters; the planar PR's is filled up with `rest` on the diagonal.
+#[inline(always)]
+fn matrix_of<S: Real>(pi: &[S], rest: f64) -> Pseudo<S> {
+    if let Ok(pi) = <&[S; PARAMETERS]>::try_from(pi) {
+        return pseudo_inertia(pi);
+    }
+    let (o, r) = (S::zero(), S::splat(rest));
+    [[pi[0], pi[1], o, o], [pi[1], pi[2], o, o], [o, o, r, o], [o, o, o, r]]
+}
+
+/// `g` with `g . pi = tr(W P(pi))`.
+#[inline(always)]
+fn gradient_of<S: Real>(w: &Pseudo<S>, g: &mut [S]) {
+    match <&mut [S; PARAMETERS]>::try_from(&mut *g) {
+        Ok(g) => *g = adjoint(w),
+        Err(_) => (g[0], g[1], g[2]) = (w[0][0], w[0][1] + w[0][1], w[1][1]),
+    }
+}
+
+/// `A B`.
+#[inline(always)]
+fn product<S: Real>(a: &Pseudo<S>, b: &Pseudo<S>) -> Pseudo<S> {
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| a[i][0].mul_add(b[0][j], a[i][1].mul_add(b[1][j], a[i][2].mul_add(b[2][j], a[i][3] * b[3][j]))))
+    })
+}
+
+#[inline(always)]
+fn transposed<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
+}
+
+/// `L^-1` of a lower triangular `L`.
+fn inverse(l: &Pseudo<f64>) -> Pseudo<f64> {
+    let mut x = [[0.0; 4]; 4];
+    for j in 0..4 {
+        x[j][j] = 1.0 / l[j][j];
+        for i in j + 1..4 {
+            x[i][j] = -(j..i).map(|k| l[i][k] * x[k][j]).sum::<f64>() / l[i][i];
+        }
+    }
+    x
+}
+
+/// `L^-1 P L^-T - 1`.
+#[inline(always)]
+fn relative<S: Real>(inverse: &Pseudo<S>, p: &Pseudo<S>) -> Pseudo<S> {
+    let mut z = product(&product(inverse, p), &transposed(inverse));
+    for (i, row) in z.iter_mut().enumerate() {
+        row[i] = row[i] - S::splat(1.0);
+    }
+    z
+}
+
+/// The smallest pivot of elimination: positive iff the matrix is positive definite.
+#[inline(always)]
+fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
+    let mut a = *a;
+    let mut least = a[0][0];
+    for k in 0..3 {
+        let inverse = S::splat(1.0) / a[k][k];
+        for i in k + 1..4 {
+            let factor = a[i][k] * inverse;
+            for j in k + 1..=i {
+                a[i][j] = factor.neg_mul_add(a[j][k], a[i][j]);
+            }
+        }
+        least = least.min(a[k + 1][k + 1]);
+    }
+    least
+}
+
+/// `sum of min(lambda, 0) v v'` over the eigenvalues and vectors of a symmetric matrix, by Jacobi's method.
+#[inline(always)]
+fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
+    let (zero, one) = (S::zero(), S::splat(1.0));
+    let mut a = *a;
+    let mut v: Pseudo<S> = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { one } else { zero }));
+    for _ in 0..SWEEPS {
+        for p in 0..3 {
+            for q in p + 1..4 {
+                let (twice, d) = (a[p][q] + a[p][q], a[q][q] - a[p][p]);
+                // tan of the smaller angle: 2 a_pq / (d + sign(d) sqrt(d^2 + 4 a_pq^2)), zero where there is nothing to turn.
+                let square = d.mul_add(d, twice * twice);
+                let there = S::splat(f64::MIN_POSITIVE).lt(square);
+                let root = S::select(there, square, one).sqrt();
+                let t = S::select(there, twice / S::select(d.lt(zero), d - root, d + root), zero);
+                let c = one / t.mul_add(t, one).sqrt();
+                let s = t * c;
+                for row in a.iter_mut().chain(v.iter_mut()) {
+                    (row[p], row[q]) = (s.neg_mul_add(row[q], c * row[p]), s.mul_add(row[p], c * row[q]));
+                }
+                for j in 0..4 {
+                    (a[p][j], a[q][j]) = (s.neg_mul_add(a[q][j], c * a[p][j]), s.mul_add(a[p][j], c * a[q][j]));
+                }
+            }
+        }
+    }
+    let below: [S; 4] = std::array::from_fn(|k| a[k][k].min(zero));
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..4).fold(zero, |sum, k| (below[k] * v[i.min(j)][k]).mul_add(v[i.max(j)][k], sum))))
+}
+
+impl Projection {
+    /// The least bodies by their parameters `(p,)`, each physically possible itself.
+    pub fn new(p: usize, least: &[f64]) -> Result<Self> {
+        if least.len() != p {
+            return Err(Error::input("projection", format!("has the wrong shape: expected ({p},), got ({},)", least.len())));
+        }
+        finite("projection", least)?;
+        let width = if p == PR { PR } else { PARAMETERS };
+        let possible = |(k, pi): (usize, &[f64])| {
+            factor(&matrix_of(pi, 1.0)).ok_or_else(|| {
+                let problem = format!("is not physically possible: expected positive definite pseudo-inertias (first bad body {k})");
+                Error::input("projection", problem)
+            })
+        };
+        Ok(Projection { width, factors: least.chunks_exact(width).enumerate().map(possible).collect::<Result<_>>()? })
+    }
+
+    /// Least bodies of one mass, kg, whose second moments are those of a radius of gyration `length`, m, in every direction.
+    pub fn of_mass(p: usize, mass: f64, length: f64) -> Result<Self> {
+        crate::error::positive("projection", mass)?;
+        let second = mass * length * length;
+        let body = [mass, 0.0, 0.0, 0.0, 2.0 * second, 0.0, 2.0 * second, 0.0, 0.0, 2.0 * second];
+        let least: Vec<f64> = if p == PR { vec![mass, 0.0, second] } else { body.into_iter().cycle().take(p).collect() };
+        Self::new(p, &least)
+    }
+
+    /// The nearest start with `P >= P_min`, in the metric of `P_min`; bodies inside already are not touched.
+    pub(super) fn start(&self, estimate: &mut [f64]) {
+        for (l, pi) in self.factors.iter().zip(estimate.chunks_exact_mut(self.width)) {
+            let p = matrix_of(pi, 2.0);
+            let z = relative(&inverse(l), &p);
+            if least_pivot(&z) > 0.0 {
+                continue;
+            }
+            let missing = product(&product(l, &negative_part(&z)), &transposed(l));
+            let raised: Pseudo<f64> = std::array::from_fn(|i| std::array::from_fn(|j| p[i][j] - missing[i][j]));
+            match <&mut [f64; PARAMETERS]>::try_from(&mut *pi) {
+                Ok(pi) => *pi = parameters_of(&raised),
+                Err(_) => pi.copy_from_slice(&[raised[0][0], raised[0][1], raised[1][1]]),
+            }
+        }
+    }
+}
+
+/// The bend in a loop, with its buffers.
+pub struct Projector<S> {
+    width: usize,
+    /// `L^-1` of each body.
+    inverses: Vec<Pseudo<S>>,
+    gradient: Vec<S>,
+    weighted: Vec<S>,
+}
+
+impl<S: Real> Projector<S> {
+    /// Projection `of(i)` in lane `i`; all of the same number of bodies.
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Projection) -> Self {
+        let Projection { width, factors } = of(0);
+        let entry = |k: usize, i: usize, j: usize| S::from_lanes(|lane| inverse(&of(lane).factors[k])[i][j]);
+        let inverses = (0..factors.len()).map(|k| std::array::from_fn(|i| std::array::from_fn(|j| entry(k, i, j)))).collect();
+        let zeros = vec![S::zero(); width * factors.len()];
+        Projector { width: *width, inverses, gradient: zeros.clone(), weighted: zeros }
+    }
+
+    /// Bend the rate `dz = Gamma y` of the estimate `z`. A call of its own: the law without a projection does not carry the code.
+    #[inline(never)]
+    pub fn bend<G: Multiply<S>>(&mut self, gamma: &G, z: &[S], y: &[S], dz: &mut [S]) {
+        struct Bend<'a, S: Real, G>(&'a mut Projector<S>, &'a G, &'a [S], &'a [S], &'a mut [S]);
+        impl<S: Real, G: Multiply<S>> Kernel for Bend<'_, S, G> {
+            type Output = ();
+            #[inline(always)]
+            fn run(self) {
+                self.0.run(self.1, self.2, self.3, self.4);
+            }
+        }
+        S::enter(Bend(self, gamma, z, y, dz));
+    }
+
+    #[inline(always)]
+    fn run<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
+        let zero = S::zero();
+        let (mut square, mut touched) = (zero, false);
+        let bodies = estimate.chunks_exact(self.width).zip(self.gradient.chunks_exact_mut(self.width));
+        for ((pi, g), inverse) in bodies.zip(&self.inverses) {
+            let z = relative(inverse, &matrix_of(pi, 2.0));
+            let inside = zero.lt(least_pivot(&z));
+            if S::all(inside) {
+                g.fill(zero);
+                continue;
+            }
+            touched = true;
+            // Lane by lane: what is inside is exactly so, whatever its neighbours are.
+            let n = negative_part(&z).map(|row| row.map(|x| S::select(inside, zero, x)));
+            square = n.as_flattened().iter().fold(square, |sum, &x| x.mul_add(x, sum));
+            gradient_of(&product(&product(&transposed(inverse), &n), inverse), g);
+        }
+        if !touched {
+            return;
+        }
+        gamma.multiply(&self.gradient, &mut self.weighted);
+        let dot = |b: &[S]| self.weighted.iter().zip(b).fold(zero, |sum, (&a, &b)| a.mul_add(b, sum));
+        let (push, size) = (dot(y), dot(&self.gradient));
+        // Below this the products underflow, and there is nothing to bend.
+        let there = S::splat(1e-200).lt(square);
+        let f = S::select(there, square, S::splat(1.0)).sqrt();
+        let share = (f * S::splat(1.0 / LAYER)).min(S::splat(1.0));
+        let c = share.mul_add(push.max(zero), S::splat(PULL) * square) / S::select(there, size, S::splat(1.0));
+        let c = S::select(there, c, zero);
+        for (rate, &g) in dz.iter_mut().zip(&self.weighted) {
+            *rate = c.neg_mul_add(g, *rate);
+        }
+    }
+}

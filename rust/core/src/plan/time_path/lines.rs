@@ -1,0 +1,266 @@
+//! The lines of a segment: at one `x = (ds/dt)^2` the rows `lo <= alpha u + beta x + gamma <= hi` at both ends of the segment and half
+//! way between them leave `u` between the largest of lines `L(x)` and the smallest of lines `U(x)`.
+//!
+//! ```text
+//! U_k(x) = max(room_hi, room_lo)/alpha - (beta/alpha) x,   L_k(x) = min(..)/alpha - (beta/alpha) x,   room = limit - gamma
+//! ```
+//!
+//! `U - L` is concave, so Newton's method on its active pair of lines finds an end of `{x : L(x) <= U(x)}` in a few steps, from
+//! outside. The lanes run over the rows. Lines are kept: a pass forwards and later passes build only those of rows that changed.
+
+use crate::scalar::Real;
+
+/// Above every squared path speed.
+pub(super) const FASTEST: f64 = 1e60;
+/// A coefficient of `u` below this is none.
+pub(super) const NONE: f64 = 1e-140;
+pub(super) const FAR: f64 = 1e200;
+/// How far above its middle a row is held in a segment, as a share of its rise above the chord there: a parabola that obeys
+/// its limit at both ends and so in the middle is past it by at most 0.14 of that rise.
+const SHARE: f64 = 0.25;
+/// Slack of `L <= U` against rounding, relative.
+const ROUNDING: f64 = 1e-13;
+/// What a static torque that stands on its limit is given, relative to the limit.
+pub(super) const STANDING: f64 = 3e-10;
+/// Lane counts divide this.
+pub(super) const BLOCK: usize = 8;
+
+/// The rows of a problem on a grid; widths are padded to whole blocks, with limits that never bind.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rows {
+    pub width: usize,
+    /// `(N + 1, 3 width)`: `A, B, g` at the grid points, and `(N, 3 width)` half way between them.
+    pub coefficients: Vec<f64>,
+    pub middles: Vec<f64>,
+    /// `(width,)`: limits, and what `STANDING` and tolerances are relative to.
+    pub lo: Vec<f64>,
+    pub hi: Vec<f64>,
+    pub scale_lo: Vec<f64>,
+    pub scale_hi: Vec<f64>,
+    /// `(N, width)`: what the limits are narrowed by, segment by segment.
+    pub tight_lo: Vec<f64>,
+    pub tight_hi: Vec<f64>,
+    /// `(N,)`: the slope `du/ds` that the path acceleration is given in each segment, about its mean.
+    pub bend: Vec<f64>,
+    /// `(N + 1,)`: bounds of `x`.
+    pub cap: Vec<f64>,
+    /// `(N + 1,)`: path positions.
+    pub s: Vec<f64>,
+    pub x_start: f64,
+    pub x_end: f64,
+}
+
+/// The lines of all segments.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lines {
+    /// `(N, 3 width)`: `U` and `L` at `x = 0`, and the slope of both.
+    upper: Vec<f64>,
+    lower: Vec<f64>,
+    slope: Vec<f64>,
+    /// `(N,)`: bounds of `x` from rows without `u`.
+    low: Vec<f64>,
+    high: Vec<f64>,
+    /// `3 width`.
+    width: usize,
+}
+
+/// `U`, `L` at `x`, and where their lines stand in the lists; `WAY` is the way into `K_(i+1)`.
+struct Gap {
+    upper: f64,
+    upper_at: usize,
+    lower: f64,
+    lower_at: usize,
+}
+
+const WAY: usize = usize::MAX;
+
+impl Gap {
+    #[inline(always)]
+    fn open(&self) -> bool {
+        self.upper - self.lower >= -ROUNDING * (self.upper.abs() + self.lower.abs())
+    }
+}
+
+#[inline(always)]
+pub(super) fn load<S: Real>(from: &[f64], at: usize) -> S {
+    S::load(&from[at..])
+}
+
+#[inline(always)]
+pub(super) fn store<S: Real>(x: S, to: &mut [f64], at: usize) {
+    x.store(&mut to[at..]);
+}
+
+/// The middle row, raised by a share of its rise above the chord.
+#[inline(always)]
+fn raise<S: Real>(m: S, x: S, y: S) -> S {
+    S::splat(SHARE).mul_add(S::splat(0.5).neg_mul_add(x + y, m), m)
+}
+
+#[inline(always)]
+pub(super) fn largest<S: Real>(x: S) -> f64 {
+    let mut best = x.lane(0);
+    for lane in 1..S::LANES {
+        if x.lane(lane) > best {
+            best = x.lane(lane);
+        }
+    }
+    best
+}
+
+impl Lines {
+    /// Room for `segments` segments of `width` rows.
+    pub fn resize(&mut self, segments: usize, width: usize) {
+        self.width = 3 * width;
+        for values in [&mut self.upper, &mut self.lower, &mut self.slope] {
+            values.resize(segments * self.width, 0.0);
+        }
+        for values in [&mut self.low, &mut self.high] {
+            values.resize(segments, 0.0);
+        }
+    }
+
+    /// The rows of segment `i`: at its start, and at its end with `x + 2 h u` for `x`; limits widened by `widen` of their scale;
+    /// into the lists at `place`.
+    #[inline(always)]
+    pub fn build<S: Real>(&mut self, rows: &Rows, i: usize, place: usize, widen: f64) {
+        let w = rows.width;
+        let step = rows.s[i + 1] - rows.s[i];
+        let (h, turn, dip) = (S::splat(step), S::splat(0.5 * step * rows.bend[i]), S::splat(0.25 * step * step * rows.bend[i]));
+        let (zero, none, far) = (S::zero(), S::splat(NONE), S::splat(FAR));
+        let (standing, widen) = (S::splat(STANDING), S::splat(widen));
+        let (mut low, mut high) = (zero, S::splat(FASTEST));
+        let (first, last) = (&rows.coefficients[i * 3 * w..(i + 1) * 3 * w], &rows.coefficients[(i + 1) * 3 * w..(i + 2) * 3 * w]);
+        let middle = &rows.middles[i * 3 * w..(i + 1) * 3 * w];
+        let mut k = 0;
+        while k < w {
+            let (scale_hi, scale_lo) = (load::<S>(&rows.scale_hi, k), load::<S>(&rows.scale_lo, k));
+            let limit_hi = widen.mul_add(scale_hi, load::<S>(&rows.hi, k));
+            let limit_lo = widen.neg_mul_add(scale_lo, load::<S>(&rows.lo, k));
+            let (tight_hi, tight_lo) = (load::<S>(&rows.tight_hi, i * w + k), load::<S>(&rows.tight_lo, i * w + k));
+            let (b0, b2, bm) = (load::<S>(first, w + k), load::<S>(last, w + k), load::<S>(middle, w + k));
+            let (g0, g2, gm) = (load::<S>(first, 2 * w + k), load::<S>(last, 2 * w + k), load::<S>(middle, 2 * w + k));
+            // With x + 2 u (s - s_i) for the squared speed.
+            let a0 = load::<S>(first, k);
+            let a2 = (h + h).mul_add(b2, load::<S>(last, k));
+            let am = h.mul_add(bm, load::<S>(middle, k));
+            // What the bend of u adds: it leaves the mean of u, and so x at the end, as they are.
+            let g0 = turn.neg_mul_add(a0, g0);
+            let g2 = turn.mul_add(load::<S>(last, k), g2);
+            let gm = dip.neg_mul_add(bm, gm);
+            let points = [(a0, b0, g0), (a2, b2, g2), (raise(am, a0, a2), raise(bm, b0, b2), raise(gm, g0, g2))];
+            for which in 0..3 {
+                let (alpha, beta, gamma) = points[which];
+                // A torque that stands on its limit, up to rounding, may stay there.
+                let room_hi = (limit_hi - tight_hi - gamma).max((limit_hi - gamma).min(zero) + standing * scale_hi);
+                let room_lo = (limit_lo + tight_lo - gamma).min((limit_lo - gamma).max(zero) - standing * scale_lo);
+                let idle = alpha.abs().lt(none);
+                let inverse = S::select(idle, S::splat(1.0), alpha).recip();
+                let (a, b) = (room_hi * inverse, room_lo * inverse);
+                let slope = -(beta * inverse);
+                let at = (3 * place + which) * w + k;
+                store(S::select(idle, far, a.max(b)), &mut self.upper, at);
+                store(S::select(idle, -far, a.min(b)), &mut self.lower, at);
+                store(S::select(idle, zero, slope), &mut self.slope, at);
+                if S::any(idle) {
+                    // beta x between the rooms; without beta they must hold zero.
+                    let still = beta.abs().lt(none);
+                    let inverse = S::select(still, S::splat(1.0), beta).recip();
+                    let (a, b) = (room_hi * inverse, room_lo * inverse);
+                    let blocked_hi = S::select(room_hi.lt(zero), -far, far);
+                    let blocked = S::select(zero.lt(room_lo), -far, blocked_hi);
+                    high = high.min(S::select(idle, S::select(still, blocked, a.max(b)), far));
+                    low = low.max(S::select(idle, S::select(still, -far, a.min(b)), -far));
+                }
+            }
+            k += S::LANES;
+        }
+        self.low[place] = largest(low).max(0.0);
+        self.high[place] = -largest(-high);
+    }
+
+    /// `U` at `x` in segment `i`.
+    #[inline(always)]
+    pub fn upper<S: Real>(&self, i: usize, x: f64) -> f64 {
+        let all = i * self.width..(i + 1) * self.width;
+        let (upper, slope) = (&self.upper[all.clone()], &self.slope[all]);
+        let mut least = S::splat(FAR);
+        let mut k = 0;
+        while k < slope.len() {
+            least = least.min(load::<S>(slope, k).mul_add(S::splat(x), load::<S>(upper, k)));
+            k += S::LANES;
+        }
+        -largest(-least)
+    }
+
+    /// `U` and `L` at `x`, together with the way into `K_(i+1)`.
+    #[inline(always)]
+    fn gap<S: Real>(&self, i: usize, x: f64, [inverse, low, high]: [f64; 3]) -> Gap {
+        let first = i * self.width;
+        let all = first..first + self.width;
+        let (upper, lower, slope) = (&self.upper[all.clone()], &self.lower[all.clone()], &self.slope[all]);
+        let at = S::splat(x);
+        let (mut least, mut least_at) = (S::splat(FAR), S::zero());
+        let (mut most, mut most_at) = (S::splat(-FAR), S::zero());
+        let mut k = 0;
+        while k < slope.len() {
+            let m = load::<S>(slope, k);
+            let (u, l) = (m.mul_add(at, load::<S>(upper, k)), m.mul_add(at, load::<S>(lower, k)));
+            let (less, more) = (u.lt(least), most.lt(l));
+            let here = S::splat(k as f64);
+            (least, least_at) = (S::select(less, u, least), S::select(less, here, least_at));
+            (most, most_at) = (S::select(more, l, most), S::select(more, here, most_at));
+            k += S::LANES;
+        }
+        let (mut up, mut down) = ((high - x) * inverse, (low - x) * inverse);
+        let (mut up_lane, mut down_lane) = (WAY, WAY);
+        for lane in 0..S::LANES {
+            let (u, l) = (least.lane(lane), most.lane(lane));
+            (up, up_lane) = if u < up { (u, lane) } else { (up, up_lane) };
+            (down, down_lane) = if l > down { (l, lane) } else { (down, down_lane) };
+        }
+        let place = |lane: usize, block: S| if lane == WAY { WAY } else { first + block.lane(lane) as usize + lane };
+        Gap { upper: up, upper_at: place(up_lane, least_at), lower: down, lower_at: place(down_lane, most_at) }
+    }
+
+    /// The end of `K_i` seen from `from`, which is on the side of `away`; never beyond `limit`.
+    #[inline(always)]
+    fn end<S: Real>(&self, i: usize, from: f64, limit: f64, away: f64, target: [f64; 3]) -> Option<f64> {
+        let [inverse, low, high] = target;
+        let mut x = from;
+        for _ in 0..100 {
+            let gap = self.gap::<S>(i, x, target);
+            if gap.open() {
+                return Some(x);
+            }
+            let line = |list: &[f64], at: usize, way: f64| if at == WAY { (way * inverse, -inverse) } else { (list[at], self.slope[at]) };
+            let (upper_rest, upper_slope) = line(&self.upper, gap.upper_at, high);
+            let (lower_rest, lower_slope) = line(&self.lower, gap.lower_at, low);
+            let slope = upper_slope - lower_slope;
+            // The gap must widen on the way in, and the way must not be over.
+            if !(slope * away < 0.0) || x == limit {
+                return None;
+            }
+            // From their values at zero: a step from a far x would drown in it.
+            let next = (lower_rest - upper_rest) / slope;
+            // No further in, up to the rounding of the crossing: this is the end.
+            if !((x - next) * away > ROUNDING * x.abs()) {
+                return Some(x);
+            }
+            x = if (next - limit) * away > 0.0 { next } else { limit };
+        }
+        None
+    }
+
+    /// `K_i`.
+    #[inline(always)]
+    pub fn controllable<S: Real>(&self, i: usize, cap: f64, target: [f64; 3]) -> Option<(f64, f64)> {
+        let (low, high) = (self.low[i], self.high[i].min(cap));
+        if !(low <= high) {
+            return None;
+        }
+        let high = self.end::<S>(i, high, low, 1.0, target)?;
+        let low = if low == high { low } else { self.end::<S>(i, low, high, -1.0, target).unwrap_or(high) };
+        Some((low, high))
+    }
+}

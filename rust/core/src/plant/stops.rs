@@ -1,0 +1,99 @@
+//! Joint stops: beyond a limit a joint meets a spring and a damper, `tau_i = max(0, k d + c d_dot)` away from the limit,
+//! `d` the depth beyond it.
+
+use super::unilateral::{Touch, push, require_spring, stored};
+use crate::error::{Error, Result};
+use crate::scalar::Real;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stops {
+    /// Limits, `(n,)`; infinite for none, rad or m.
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+    /// `(n,)`, N m/rad or N/m.
+    pub stiffness: Vec<f64>,
+    /// `(n,)`, N m s/rad or N s/m.
+    pub damping: Vec<f64>,
+}
+
+/// One stop: of which joint, and at which end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stop {
+    pub joint: usize,
+    pub upper: bool,
+}
+
+impl Stop {
+    /// Depth beyond the limit, and its rate.
+    #[inline(always)]
+    pub fn depth<S: Real>(self, limit: S, q: S, v: S) -> (S, S) {
+        if self.upper { (q - limit, v) } else { (limit - q, -v) }
+    }
+}
+
+impl Stops {
+    /// All `(n,)`.
+    pub fn new(lower: Vec<f64>, upper: Vec<f64>, stiffness: Vec<f64>, damping: Vec<f64>) -> Result<Self> {
+        for i in 0..lower.len() {
+            require_spring(stiffness[i], damping[i])?;
+            if !(lower[i] < upper[i]) {
+                let problem = format!("is not below upper: expected < {}, got {} (first bad index {i})", upper[i], lower[i]);
+                return Err(Error::input("lower", problem));
+            }
+        }
+        let stops = Stops { lower, upper, stiffness, damping };
+        if stops.all().next().is_none() {
+            return Err(Error::input("stops", "has no limit to stop at: expected an arm with limits, or lower and upper, got none"));
+        }
+        Ok(stops)
+    }
+
+    /// The stops there are: at the limits that are finite.
+    pub fn all(&self) -> impl Iterator<Item = Stop> {
+        let both = |joint| [false, true].map(|upper| Stop { joint, upper });
+        (0..self.lower.len()).flat_map(both).filter(|&stop| self.limit(stop).is_finite())
+    }
+
+    pub fn limit(&self, stop: Stop) -> f64 {
+        if stop.upper { self.upper[stop.joint] } else { self.lower[stop.joint] }
+    }
+
+    /// Energy in the springs.
+    pub fn energy(&self, q: &[f64]) -> f64 {
+        self.all().map(|stop| stored(self.stiffness[stop.joint], stop.depth(self.limit(stop), q[stop.joint], 0.0).0)).sum()
+    }
+}
+
+/// The stops of the lanes.
+pub(super) struct LaneStops<S> {
+    /// Which, with the limit, `k` and `c` of each lane.
+    stops: Vec<(Stop, S, S, S)>,
+}
+
+impl<S: Real> LaneStops<S> {
+    pub fn new<'a>(of: impl Fn(usize) -> &'a Stops) -> Self {
+        let lanes = |stop: Stop| {
+            let (i, number) = (stop.joint, |f: &dyn Fn(&Stops) -> f64| S::from_lanes(|lane| f(of(lane))));
+            (stop, number(&|s| s.limit(stop)), number(&|s| s.stiffness[i]), number(&|s| s.damping[i]))
+        };
+        LaneStops { stops: of(0).all().map(lanes).collect() }
+    }
+
+    pub fn len(&self) -> usize {
+        self.stops.len()
+    }
+
+    /// Add the torques to `effort`; returns the power lost. `held` says of each stop how it is held, where it is.
+    #[inline(always)]
+    pub fn add(&self, q: &[S], v: &[S], held: Option<&[Touch]>, effort: &mut [S]) -> S {
+        let mut lost = S::zero();
+        for (k, &(stop, limit, stiffness, damping)) in self.stops.iter().enumerate() {
+            let i = stop.joint;
+            let (depth, rate) = stop.depth(limit, q[i], v[i]);
+            let (force, loss) = push(stiffness, damping, depth, rate, held.map(|held| held[k]));
+            effort[i] = if stop.upper { effort[i] - force } else { effort[i] + force };
+            lost += loss;
+        }
+        lost
+    }
+}

@@ -1,0 +1,86 @@
+//! A spring and a damper that push one way: `f = max(0, k d + c d_dot)` at depth `d > 0`, nothing outside.
+//!
+//! What acts changes where `d` or `k d + c d_dot` changes sign. A run that locates these instants holds the contact as it
+//! is between them, so that no step sees the corner.
+
+use crate::error::{Error, Result, positive};
+use crate::scalar::Real;
+
+/// What a contact does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Touch {
+    /// Outside.
+    #[default]
+    Apart,
+    /// Inside, and pushing.
+    Pressed,
+    /// Inside, but left faster than the damper lets the spring follow: no force.
+    Slack,
+}
+
+impl Touch {
+    /// At depth `depth` under the push `k d + c d_dot`.
+    pub fn at(depth: f64, push: f64) -> Self {
+        match (depth > 0.0, push >= 0.0) {
+            (true, true) => Touch::Pressed,
+            (true, false) => Touch::Slack,
+            // On the surface, on its way in.
+            _ if depth == 0.0 && push > 0.0 => Touch::Pressed,
+            _ => Touch::Apart,
+        }
+    }
+
+    /// Negative where this is over.
+    pub fn guard(self, depth: f64, push: f64) -> f64 {
+        match self {
+            Touch::Apart => -depth,
+            Touch::Pressed => push,
+            Touch::Slack => depth.min(-push),
+        }
+    }
+
+    /// What follows where the guard has changed its sign.
+    pub fn next(self, depth: f64, push: f64) -> Self {
+        match self {
+            Touch::Apart => Touch::Pressed,
+            Touch::Pressed if depth > 0.0 => Touch::Slack,
+            Touch::Slack if depth > -push => Touch::Pressed,
+            _ => Touch::Apart,
+        }
+    }
+}
+
+/// The force at depth `depth` that grows at `rate`, and the power lost; `held`: as what, `None` to follow the state.
+#[inline(always)]
+pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<Touch>) -> (S, S) {
+    let spring = stiffness * depth;
+    let force = damping.mul_add(rate, spring);
+    // What enters the spring is stored; the rest is lost: (f - k d) d_dot.
+    match held {
+        None => {
+            let touching = S::zero().lt(depth);
+            let pushing = S::zero().lt(force);
+            let force = S::select(touching, S::select(pushing, force, S::zero()), S::zero());
+            let stored = S::select(touching, spring, S::zero());
+            (force, (force - stored) * rate)
+        }
+        Some(Touch::Apart) => (S::zero(), S::zero()),
+        Some(Touch::Pressed) => (force, (force - spring) * rate),
+        Some(Touch::Slack) => (S::zero(), -(spring * rate)),
+    }
+}
+
+/// Refuse a spring that is not stiff or a damper that drives.
+pub fn require_spring(stiffness: f64, damping: f64) -> Result<()> {
+    positive("stiffness", stiffness)?;
+    if !(damping >= 0.0 && damping.is_finite()) {
+        return Err(Error::input("damping", format!("is negative or not finite: expected a number >= 0, got {damping}")));
+    }
+    Ok(())
+}
+
+/// Energy in the spring.
+pub fn stored(stiffness: f64, depth: f64) -> f64 {
+    let depth = depth.max(0.0);
+    0.5 * stiffness * depth * depth
+}

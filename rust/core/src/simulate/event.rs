@@ -1,0 +1,71 @@
+//! Events of a run: zero crossings of functions of time and the plant's state, evaluated natively unless the user's own.
+
+use super::switching::Probe;
+use crate::spatial::V3;
+use std::sync::Arc;
+
+/// A function `g(t, x)` from outside; `None` stops the run.
+pub type Signal = Arc<dyn Fn(f64, &[f64]) -> Option<f64> + Send + Sync>;
+
+/// The function whose zero is the event.
+#[derive(Clone)]
+pub enum What {
+    /// `q_i - value`, or `value - q_i`.
+    Joint {
+        joint: usize,
+        value: f64,
+        below: bool,
+    },
+    /// `v_i - value`; `at` is where `v_i` stands in the plant's state.
+    Speed {
+        at: usize,
+        value: f64,
+    },
+    /// `normal . (p - point)` of the origin of a frame, world axes.
+    Plane {
+        frame: usize,
+        point: [f64; 3],
+        normal: [f64; 3],
+    },
+    Function(Signal),
+}
+
+impl What {
+    pub fn value(&self, probe: &mut Probe, t: f64, x: &[f64]) -> f64 {
+        match self {
+            What::Joint { joint, value, below: false } => x[*joint] - value,
+            What::Joint { joint, value, below: true } => value - x[*joint],
+            What::Speed { at, value } => x[*at] - value,
+            What::Plane { frame, point, normal } => V3(*normal).dot(probe.frame(*frame, x).0 - V3(*point)),
+            What::Function(call) => call(t, x).unwrap_or(f64::NAN),
+        }
+    }
+}
+
+/// What is watched.
+#[derive(Clone)]
+pub struct Event {
+    pub what: What,
+    /// Rising crossings only where positive, falling only where negative, both where zero.
+    pub direction: f64,
+    /// End the run at this many crossings; zero to record them alone.
+    pub stop_after: usize,
+}
+
+/// The crossings found, in order of time.
+#[derive(Clone, Debug, Default)]
+pub struct Found {
+    /// Which event.
+    pub index: Vec<usize>,
+    pub t: Vec<f64>,
+    /// States of the plant, `(m, states)`.
+    pub x: Vec<f64>,
+}
+
+impl Found {
+    pub fn add(&mut self, index: usize, t: f64, x: &[f64]) {
+        self.index.push(index);
+        self.t.push(t);
+        self.x.extend_from_slice(x);
+    }
+}

@@ -1,0 +1,115 @@
+//! Joint-torque sensors in a sampled loop: at sample `k`, with `tau_J = K (theta - q)` of the plant,
+//!
+//! `tau_f' = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`,
+//! `q = theta - K_law^-1 reading`
+//!
+//! in place of the measured `q`: what the law takes for `K_law (theta - q)` is the reading. The filters begin at rest.
+
+use super::problem::Problem;
+use super::sampling::{Sampling, gaussian};
+use crate::error::{Error, Result};
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::plant::PlantSpec;
+use crate::plant::sensors::TorqueSensor;
+use crate::scalar::Real;
+
+/// The random numbers of joint `i` are those of channel `TORQUE + i`, apart from every measured one.
+const TORQUE: u64 = 1 << 32;
+
+/// The torques of one sample, `(n,)` each.
+#[derive(Clone, Debug)]
+pub struct Sensed<S> {
+    torque: Vec<S>,
+    filtered: Vec<S>,
+}
+
+impl<S: Real> Sensed<S> {
+    pub fn room(n: usize) -> Self {
+        Sensed { torque: vec![S::zero(); n], filtered: vec![S::zero(); n] }
+    }
+}
+
+/// The sensors of the joints of all lanes.
+#[derive(Clone, Debug)]
+pub struct TorqueSensing<S> {
+    sensor: TorqueSensor,
+    /// `K` of the plant.
+    stiffness: AnyGain<S>,
+    /// `K_law^-1`.
+    compliance: AnyGain<S>,
+    stretch: Vec<S>,
+    readings: Vec<S>,
+}
+
+impl<S: Real> TorqueSensing<S> {
+    /// The sensors of a problem that has them; `run` is that of a lane.
+    pub fn of(problem: &Problem, sampling: &Sampling, run: impl Fn(usize) -> usize) -> Option<Self> {
+        let sensor = sampling.torque_sensor.clone()?;
+        let springs: Vec<(&Gain, Gain)> = (0..S::LANES)
+            .map(|lane| match problem.plant(run(lane)) {
+                PlantSpec::Elastic(plant) => {
+                    let believed = problem.law(run(lane)).joint_stiffness().unwrap_or(&plant.stiffness);
+                    Some((&plant.stiffness, believed.inverse()))
+                }
+                _ => None,
+            })
+            .collect::<Option<_>>()?;
+        let zeros = vec![S::zero(); problem.plant(0).n()];
+        Some(TorqueSensing {
+            sensor,
+            stiffness: AnyGain::from_lanes(|i| springs[i].0),
+            compliance: AnyGain::from_lanes(|i| &springs[i].1),
+            stretch: zeros.clone(),
+            readings: zeros,
+        })
+    }
+
+    /// At sample `k` and plant state `x`: `now` from what was sensed some time `before`, and the links in `measured`.
+    pub fn sense(&mut self, seeds: &[u64], k: u64, x: &[S], before: Option<(&Sensed<S>, f64)>, now: &mut Sensed<S>, measured: &mut [S]) {
+        let n = self.stretch.len();
+        for i in 0..n {
+            self.stretch[i] = x[2 * n + i] - x[i];
+        }
+        self.stiffness.multiply(&self.stretch, &mut now.torque);
+        for i in 0..n {
+            let torque = now.torque[i];
+            now.filtered[i] = match before {
+                None => torque,
+                Some((before, dt)) => S::from_lanes(|lane| {
+                    self.sensor.filtered(before.filtered[i].lane(lane), before.torque[i].lane(lane), torque.lane(lane), dt)
+                }),
+            };
+            self.readings[i] = S::from_lanes(|lane| {
+                let normal = if self.sensor.noise > 0.0 { gaussian(seeds[lane], k, TORQUE + i as u64) } else { 0.0 };
+                self.sensor.reading(i, now.filtered[i].lane(lane), normal)
+            });
+        }
+        self.compliance.multiply(&self.readings, &mut self.stretch);
+        for i in 0..n {
+            measured[i] = measured[2 * n + i] - self.stretch[i];
+        }
+    }
+}
+
+impl Problem<'_> {
+    /// Refuse torque sensors where there is nothing for them to sense.
+    pub(super) fn validate_torque_sensor(&self, sampling: &Sampling) -> Result<()> {
+        let Some(sensor) = &sampling.torque_sensor else { return Ok(()) };
+        let plant = self.plant(0);
+        if !matches!(plant, PlantSpec::Elastic(_)) {
+            let problem = format!("has nothing to sense: expected a plant with elastic joints, got {}", plant.kind().name());
+            return Err(Error::input("torque_sensor", problem));
+        }
+        if !sensor.bias.is_empty() && sensor.bias.len() != plant.n() {
+            let problem = format!("has the wrong shape: expected ({},), got ({},)", plant.n(), sensor.bias.len());
+            return Err(Error::input("bias", problem));
+        }
+        for (name, values) in [("noise", sampling.noise), ("resolution", sampling.resolution)] {
+            if values[0] != 0.0 {
+                let problem = format!("is not used: expected none for q, which is known through torque_sensor, got {}", values[0]);
+                return Err(Error::input(name, problem));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,259 @@
+//! What is looked for in a run of an adaptive method: changes of contact, where the step is taken again up to the change
+//! and the contact held as it is in between, so that no step sees a corner; events of the user's; the polynomials of the steps.
+//!
+//! Functions are looked at in four places of every step. Two changes of sign between two of these cancel and are missed.
+
+use super::event::{Event, Found};
+use super::general::Watched;
+use super::switching::{Probe, Switching};
+use super::watcher::{Cut, Watcher};
+use crate::integrate::events::{crossing, sign};
+use crate::integrate::solve::node;
+use crate::integrate::{Adaptive, System};
+use crate::plant::PlantSpec;
+use crate::scalar::Real;
+use crate::status::Status;
+
+/// Looks per step.
+const LOOKS: usize = 4;
+/// Switches without progress after which a step is taken as it is: two contacts that undo each other within rounding.
+const STUCK: usize = 8;
+
+/// The polynomials of the steps of a run, each as its values at the Chebyshev points of its step.
+#[derive(Clone, Debug, Default)]
+pub struct Polynomials {
+    pub degree: usize,
+    /// End of each step.
+    pub ends: Vec<f64>,
+    /// `(steps, degree + 1, states)`, the states of plant and law.
+    pub nodes: Vec<f64>,
+}
+
+/// What a run is asked for besides its records, and where the answers go.
+#[derive(Default)]
+pub struct Asked {
+    pub events: Vec<Event>,
+    pub found: Found,
+    pub polynomials: Option<Polynomials>,
+}
+
+/// What was last seen of an event.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    /// Zero for none yet.
+    sign: f64,
+    value: f64,
+    count: usize,
+}
+
+pub struct Watching<'a, S> {
+    switching: Option<Switching>,
+    probe: Probe,
+    asked: Option<&'a mut Asked>,
+    events: Vec<Seen>,
+    /// The crossings of the last step: time and event.
+    crossed: Vec<(f64, usize)>,
+    /// Guards of the contacts at the last look.
+    guards: Vec<f64>,
+    /// The contact that switches next.
+    switches: usize,
+    stuck: usize,
+    /// States of the plant, and of plant and law.
+    states: usize,
+    width: usize,
+    at: Vec<S>,
+    x: Vec<f64>,
+}
+
+impl<'a, S: Real> Watching<'a, S> {
+    /// `width` states of plant and law are kept of a state like `x`.
+    pub fn new(plant: &PlantSpec, asked: Option<&'a mut Asked>, width: usize, x: &[S]) -> Self {
+        let switching = Switching::of(plant);
+        let contacts = switching.as_ref().map_or(0, |s| s.touches.len());
+        Watching {
+            events: vec![Seen::default(); asked.as_ref().map_or(0, |asked| asked.events.len())],
+            crossed: Vec::with_capacity(asked.as_ref().map_or(0, |asked| LOOKS * asked.events.len())),
+            switching,
+            probe: Probe::new(plant),
+            asked,
+            guards: vec![0.0; contacts],
+            switches: 0,
+            stuck: 0,
+            states: plant.states(),
+            width,
+            at: x.to_vec(),
+            x: vec![0.0; x.len()],
+        }
+    }
+
+    /// The first switch in the last step of `method`, if there is one.
+    fn switch_in<F, M>(&mut self, system: &mut F, method: &mut M) -> Result<Option<f64>, Status>
+    where
+        F: System<S>,
+        M: Adaptive<S, F, Vec<S>>,
+    {
+        let Some(switching) = &mut self.switching else { return Ok(None) };
+        let (t0, t1) = (method.t_old(), method.t());
+        let (at, x) = (&mut self.at, &mut self.x);
+        let mut first: Option<(f64, usize)> = None;
+        let mut before = t0;
+        interpolate(system, method, t0, at, x);
+        for (i, guard) in self.guards.iter_mut().enumerate() {
+            *guard = switching.guard(i, x);
+        }
+        for look in 1..=LOOKS {
+            let t = place(look, t0, t1);
+            interpolate(system, method, t, at, x);
+            for i in 0..self.guards.len() {
+                let (was, guard) = (self.guards[i], switching.guard(i, x));
+                if guard.is_nan() {
+                    return Err(Status::Diverged);
+                }
+                if guard < 0.0 {
+                    let g = |t: f64| {
+                        interpolate(system, method, t, at, x);
+                        switching.guard(i, x)
+                    };
+                    let root = if was > 0.0 { crossing(g, (before, was), (t, guard)) } else { before };
+                    interpolate(system, method, t, at, x);
+                    if first.is_none_or(|(earliest, _)| root < earliest) {
+                        first = Some((root, i));
+                    }
+                }
+                self.guards[i] = guard;
+            }
+            if first.is_some() {
+                break;
+            }
+            before = t;
+        }
+        let Some((t, i)) = first else {
+            self.stuck = 0;
+            return Ok(None);
+        };
+        self.stuck = if t > t0 { 0 } else { self.stuck + 1 };
+        self.switches = i;
+        Ok((self.stuck <= STUCK).then_some(t))
+    }
+
+    /// The events up to `t1` in the last step; the time of the one that ends the run.
+    fn events_in<F, M>(&mut self, system: &mut F, method: &mut M, t1: f64) -> Result<Option<f64>, Status>
+    where
+        F: System<S>,
+        M: Adaptive<S, F, Vec<S>>,
+    {
+        let Some(Asked { events, found, .. }) = self.asked.as_deref_mut() else { return Ok(None) };
+        if events.is_empty() {
+            return Ok(None);
+        }
+        let t0 = method.t_old();
+        let (at, x, probe) = (&mut self.at, &mut self.x, &mut self.probe);
+        let mut value = |i: usize, t: f64| {
+            interpolate(system, method, t, at, x);
+            events[i].what.value(probe, t, x)
+        };
+        let mut before = t0;
+        self.crossed.clear();
+        for look in 1..=LOOKS {
+            let t = place(look, t0, t1);
+            for (i, seen) in self.events.iter_mut().enumerate() {
+                let g = value(i, t);
+                if g.is_nan() {
+                    return Err(Status::Diverged);
+                }
+                let (sign, direction) = (sign(g), events[i].direction);
+                if seen.sign != 0.0 && sign != seen.sign && direction * seen.sign <= 0.0 {
+                    let root = if g == 0.0 { t } else { crossing(|t| value(i, t), (before, seen.value), (t, g)) };
+                    self.crossed.push((root, i));
+                }
+                (seen.value, seen.sign) = (g, sign);
+            }
+            before = t;
+        }
+        self.crossed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for &(t, i) in &self.crossed {
+            self.events[i].count += 1;
+            interpolate(system, method, t, &mut self.at, &mut self.x);
+            found.add(i, t, &self.x[..self.states]);
+            if events[i].stop_after > 0 && self.events[i].count >= events[i].stop_after {
+                return Ok(Some(t));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Where look `k` of a step from `t0` to `t1` is.
+fn place(k: usize, t0: f64, t1: f64) -> f64 {
+    if k == LOOKS { t1 } else { t0 + k as f64 / LOOKS as f64 * (t1 - t0) }
+}
+
+/// The state at `t` in the last step of `method`, into `at` and `x`.
+fn interpolate<S, F, M>(system: &mut F, method: &mut M, t: f64, at: &mut Vec<S>, x: &mut [f64])
+where
+    S: Real,
+    F: System<S>,
+    M: Adaptive<S, F, Vec<S>>,
+{
+    method.interpolate(system, t, at);
+    lanes_of(x, at);
+}
+
+impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> for Watching<'_, S> {
+    fn active(&self) -> bool {
+        self.switching.is_some() || self.asked.is_some()
+    }
+
+    fn begin(&mut self, system: &mut F, t: f64, x: &Vec<S>) -> Result<(), Status> {
+        lanes_of(&mut self.x, x);
+        if let Some(switching) = &mut self.switching {
+            switching.begin(&self.x);
+            system.hold_contacts(&switching.touches);
+        }
+        if let Some(asked) = &self.asked {
+            for (event, seen) in asked.events.iter().zip(&mut self.events) {
+                seen.value = event.what.value(&mut self.probe, t, &self.x);
+                if seen.value.is_nan() {
+                    return Err(Status::Diverged);
+                }
+                seen.sign = sign(seen.value);
+            }
+        }
+        Ok(())
+    }
+
+    fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status> {
+        let switch = self.switch_in(system, method)?;
+        let end = self.events_in(system, method, switch.unwrap_or(method.t()))?;
+        Ok(end.map(Cut::End).or(switch.map(Cut::Switch)))
+    }
+
+    fn keep(&mut self, system: &mut F, method: &mut M, t: f64) {
+        let Some(polynomials) = self.asked.as_deref_mut().and_then(|asked| asked.polynomials.as_mut()) else { return };
+        let t0 = method.t_old();
+        if t <= t0 {
+            return;
+        }
+        let degree = method.dense_degree();
+        polynomials.degree = degree;
+        polynomials.ends.push(t);
+        for k in 0..=degree {
+            method.interpolate(system, if k == degree { t } else { t0 + node(k, degree) * (t - t0) }, &mut self.at);
+            polynomials.nodes.extend(self.at.iter().take(self.width).map(|x| x.lane(0)));
+        }
+    }
+
+    fn switch(&mut self, system: &mut F, x: &Vec<S>) {
+        lanes_of(&mut self.x, x);
+        if let Some(switching) = &mut self.switching {
+            switching.switch(self.switches, &self.x);
+            system.hold_contacts(&switching.touches);
+        }
+    }
+}
+
+fn lanes_of<S: Real>(to: &mut [f64], from: &[S]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = from.lane(0);
+    }
+}

@@ -1,0 +1,120 @@
+//! Contacts and events in runs: held contacts are the free ones between their changes, a stop is met when it should be, and the
+//! balance holds through a damped one.
+
+use armlet_core::arm::Arm;
+use armlet_core::dynamics::Model;
+use armlet_core::law::{ComputedTorqueSpec, Gain, LawSpec};
+use armlet_core::motion::Motion;
+use armlet_core::plant::unilateral::push;
+use armlet_core::plant::{PlantSpec, RigidSpec, Stop, Stops, Touch};
+use armlet_core::simulate::{Asked, Event, Method, Options, Polynomials, Problem, Run, Times, What, simulate_asked};
+use armlet_core::status::Status;
+use std::f64::consts::PI;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+#[test]
+fn held_contacts_agree_with_free_ones_where_they_hold() {
+    for (depth, rate) in [(-0.1, 3.0), (0.0, 0.0), (0.1, 2.0), (0.1, -2.0), (0.1, -0.5), (1e-300, 1.0)] {
+        let force = 100.0 * depth + 20.0 * rate;
+        let touch = Touch::at(depth, force);
+        assert_eq!(push(100.0, 20.0, depth, rate, Some(touch)), push(100.0, 20.0, depth, rate, None), "{depth} {rate} {touch:?}");
+        assert!(touch.guard(depth, force) >= 0.0);
+    }
+}
+
+#[test]
+fn a_contact_is_entered_pressed_and_left_slack() {
+    assert_eq!(Touch::Apart.next(0.0, 5.0), Touch::Pressed);
+    // A damper lets go before the surface is reached, a spring alone at the surface.
+    assert_eq!(Touch::Pressed.next(0.01, 0.0), Touch::Slack);
+    assert_eq!(Touch::Pressed.next(-1e-17, -1e-14), Touch::Apart);
+    assert_eq!(Touch::Slack.next(0.0, -5.0), Touch::Apart);
+    assert_eq!(Touch::Slack.next(0.01, 0.0), Touch::Pressed);
+}
+
+#[test]
+fn stops_say_what_they_lack() {
+    let stops = |lower: f64, upper: f64, k: f64, c: f64| Stops::new(vec![lower], vec![upper], vec![k], vec![c]);
+    let free = f64::INFINITY;
+    assert!(stops(-1.0, 1.0, 1e3, 0.0).is_ok() && stops(-free, 1.0, 1e3, 0.0).is_ok());
+    for bad in [stops(-free, free, 1e3, 0.0), stops(1.0, 1.0, 1e3, 0.0), stops(-1.0, f64::NAN, 1e3, 0.0)] {
+        assert!(bad.is_err());
+    }
+    assert!(stops(-1.0, 1.0, 0.0, 0.0).is_err() && stops(-1.0, 1.0, 1e3, -1.0).is_err());
+    let one = stops(-free, 1.0, 1e3, 0.0).unwrap();
+    assert_eq!(one.all().collect::<Vec<_>>(), [Stop { joint: 0, upper: true }]);
+    assert_eq!((one.energy(&[1.1]), one.energy(&[0.9])), (0.5 * 1e3 * (1.1f64 - 1.0) * (1.1 - 1.0), 0.0));
+}
+
+/// A link of 1 kg m^2 that nothing drives, at 2 rad/s towards a stop at 1 rad.
+fn thrown(damping: f64, method: Method, asked: Option<&mut Asked>) -> Run {
+    let model = Model::Tree(Arc::new(Arm::pendulum(1.0, 0.0).unwrap()));
+    let stops = Stops::new(vec![f64::NEG_INFINITY], vec![1.0], vec![400.0], vec![damping]).unwrap();
+    let plant = PlantSpec::Rigid(RigidSpec { stops: Some(stops), ..RigidSpec::new(model.clone()) });
+    let still = Gain::scalar("gain", 1, 1e-12).unwrap();
+    let law = LawSpec::ComputedTorque(ComputedTorqueSpec::new(model, Motion::Hold(vec![0.0]), still.clone(), still).unwrap());
+    let options = Options {
+        t_end: 1.0,
+        dt: None,
+        method,
+        rtol: 1e-10,
+        atol: 1e-12,
+        sampling: None,
+        times: Times::Every(1),
+        tau_max: None,
+        monitors: true,
+    };
+    let x0 = plant.initial_state(&[0.0], &[2.0], None, None);
+    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options };
+    simulate_asked(&problem, &AtomicBool::new(false), asked).unwrap()
+}
+
+const ADAPTIVE: [Method; 4] = [Method::Dopri5, Method::Dop853, Method::Radau5, Method::Rodas4];
+
+#[test]
+fn a_stop_is_met_and_left_when_it_should_be() {
+    for method in ADAPTIVE {
+        let event = |what| Event { what, direction: 0.0, stop_after: 0 };
+        let events = vec![event(What::Joint { joint: 0, value: 1.0, below: false }), event(What::Speed { at: 1, value: 0.0 })];
+        let mut asked = Asked { events, polynomials: Some(Polynomials::default()), ..Asked::default() };
+        let run = thrown(0.0, method, Some(&mut asked));
+        assert_eq!(run.status, Status::Success, "{method:?}");
+        // v0 = 2, sqrt(k/I) = 20: met at 1/2, turned a quarter period later, left after half of one.
+        let expected = [0.5, 0.5 + PI / 40.0, 0.5 + PI / 20.0];
+        assert_eq!(asked.found.index, [0, 1, 0], "{method:?}");
+        for (t, want) in asked.found.t.iter().zip(expected) {
+            // The error of the run at this tolerance; that of the search is an ulp.
+            assert!((t - want).abs() < 1e-8, "{method:?}: {t} {want}");
+        }
+        // Steps are whole: each begins where the last one ended, and one of them ends at the stop.
+        let ends = asked.polynomials.unwrap().ends;
+        assert!(ends.windows(2).all(|pair| pair[0] < pair[1]) && ends.last() == Some(&1.0));
+        assert!(ends.iter().any(|&t| t == asked.found.t[0]), "{method:?}");
+    }
+}
+
+#[test]
+fn the_balance_holds_through_a_damped_stop() {
+    for method in ADAPTIVE {
+        let run = thrown(8.0, method, None);
+        let (_, balance) = run.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
+        let worst = balance.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        // 2 J turned over; the quadratures follow the steps without control of their own.
+        assert!(worst < 2e-8, "{method:?}: {worst}");
+        assert!(run.v.last().unwrap() < &-1.0 && run.v.last().unwrap() > &-1.9, "the damper took its part: {:?}", run.v.last());
+    }
+}
+
+#[test]
+fn an_event_ends_the_run() {
+    let what = What::Function(Arc::new(|t, x| Some(x[0] - t)));
+    let mut asked = Asked { events: vec![Event { what, direction: -1.0, stop_after: 1 }], ..Asked::default() };
+    let run = thrown(0.0, Method::Dop853, Some(&mut asked));
+    assert_eq!((run.status, run.ended), (Status::Event, asked.found.t[0]));
+    assert_eq!(run.t.last(), Some(&run.ended));
+    // Back at x = t = 2 (1/2 + pi/20 + 1/2 - t) + ..: after the rebound x = 1 - 2 (t - 1/2 - pi/20).
+    assert!((run.ended - (2.0 + PI / 10.0) / 3.0).abs() < 1e-8, "{}", run.ended);
+    let mut unknown = Asked { events: vec![Event { what: What::Function(Arc::new(|_, _| None)), direction: 0.0, stop_after: 0 }], ..Asked::default() };
+    assert_eq!(thrown(0.0, Method::Dop853, Some(&mut unknown)).status, Status::Diverged);
+}

@@ -1,0 +1,130 @@
+//! `simulate(events=..., dense=...)`: what a run is asked for besides its records, and what came of it.
+
+use crate::arrays::{integers, number, text, vector};
+use crate::errors::{Failure, input_error};
+use crate::force::{self, Raised};
+use armlet_core::dynamics::Model;
+use armlet_core::integrate::solve::node;
+use armlet_core::plant::{PlantKind, PlantSpec, Stop};
+use armlet_core::simulate::{Asked, Event, Found, Polynomials, What};
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::sync::Arc;
+
+const NAME: &str = "simulate";
+
+fn refuse(value: &Bound<'_, PyAny>, problem: String) -> Failure {
+    input_error(value.py(), NAME, "events", problem).into()
+}
+
+/// The index of a joint given by index or by name.
+fn joint(plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    let n = plant.n();
+    if let Ok(name) = value.extract::<String>() {
+        let names: Vec<&str> = match plant.model() {
+            Model::Tree(arm) => arm.joints.iter().map(|joint| joint.name.as_str()).collect(),
+            Model::PlanarPr(_) => Vec::new(),
+        };
+        let unknown = || refuse(value, format!("name an unknown joint: expected one of ({}), got {name:?}", names.join(", ")));
+        return names.iter().position(|known| *known == name).ok_or_else(unknown);
+    }
+    match value.extract::<usize>() {
+        Ok(i) if i < n => Ok(i),
+        _ => Err(refuse(value, format!("name an unknown joint: expected an index from 0 to {} or a name, got {value}", n - 1))),
+    }
+}
+
+/// A function of time and state, `g(t, q, v, ..)` as a law is called.
+fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> What {
+    let (call, raised, n, states) = (call.clone().unbind(), raised.clone(), plant.n(), plant.states());
+    What::Function(Arc::new(move |t: f64, x: &[f64]| {
+        Python::attach(|py| {
+            let ask = || -> Result<f64, Failure> {
+                let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
+                for part in x[..states].chunks_exact(n) {
+                    arguments.push(PyArray1::from_slice(py, part).into_any());
+                }
+                number(NAME, "events", &call.bind(py).call1(PyTuple::new(py, arguments)?)?)
+            };
+            ask().map_err(|failure| force::keep(&raised, py, NAME, failure)).ok()
+        })
+    }))
+}
+
+/// What an `armlet.Event` of this kind watches.
+fn what(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Raised) -> Result<What, Failure> {
+    let n = plant.n();
+    let argument = |i: usize| arguments.get_item(i);
+    let three = |i: usize| -> Result<[f64; 3], Failure> {
+        let v = vector(NAME, "events", &argument(i)?, 3)?;
+        Ok([v[0], v[1], v[2]])
+    };
+    Ok(match kind {
+        "joint" => What::Joint { joint: joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)?, below: false },
+        "speed" => {
+            if plant.kind() == PlantKind::Velocity {
+                return Err(refuse(arguments, "watch a speed: expected a plant with speeds among its states, got VelocityArm".into()));
+            }
+            What::Speed { at: n + joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)? }
+        }
+        "plane" => {
+            let frame = plant.model().tree("events")?.frame_index(&text(NAME, "events", &argument(0)?)?)?;
+            What::Plane { frame, point: three(1)?, normal: three(2)? }
+        }
+        "contact" => match plant.wall() {
+            Some(wall) => What::Plane { frame: wall.frame, point: wall.point, normal: wall.normal.map(|x| -x) },
+            None => return Err(refuse(arguments, "watch a contact: expected a plant with a wall, got one without".into())),
+        },
+        "joint_stop" => {
+            let stop = Stop { joint: joint(plant, &argument(0)?)?, upper: text(NAME, "events", &argument(1)?)? == "upper" };
+            match plant.stops().filter(|stops| stops.all().any(|known| known == stop)) {
+                Some(stops) => What::Joint { joint: stop.joint, value: stops.limit(stop), below: !stop.upper },
+                None => return Err(refuse(arguments, "watch a stop: expected one that the plant has, got none there".into())),
+            }
+        }
+        _ => function(plant, &argument(0)?, raised),
+    })
+}
+
+/// The keywords `events` and `dense`; `None` where nothing is asked for.
+pub fn asked(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, raised: &Raised) -> Result<Option<Asked>, Failure> {
+    let mut asked = Asked { polynomials: dense.then(Polynomials::default), ..Asked::default() };
+    for (i, event) in events.iter().flat_map(|events| events.try_iter()).flatten().enumerate() {
+        let event = event?;
+        let (direction, stop) = (number(NAME, "direction", &event.getattr("direction")?)?, event.getattr("stop")?.extract::<usize>());
+        let stop_after = stop.map_err(|_| refuse(&event, format!("have a bad stop: expected a count >= 0 (first bad index {i})")))?;
+        let what = what(plant, &text(NAME, "events", &event.getattr("kind")?)?, &event.getattr("arguments")?, raised)?;
+        asked.events.push(Event { what, direction, stop_after });
+    }
+    Ok((dense || !asked.events.is_empty()).then_some(asked))
+}
+
+/// `values`, `(rows, width)`, cut into the parts `names` of `n` columns each.
+fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, states: usize, values: &[f64]) -> Result<(), Failure> {
+    for (k, name) in ["q", "v", "theta", "theta_dot"].iter().enumerate().take(states / n) {
+        let part: Vec<f64> = values.chunks_exact(states).flat_map(|row| row[k * n..(k + 1) * n].to_vec()).collect();
+        fields.set_item(name, PyArray1::from_vec(fields.py(), part).reshape([rows, n])?)?;
+    }
+    Ok(())
+}
+
+/// The fields `events` and `dense` of a run.
+pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, asked: Asked) -> Result<(), Failure> {
+    let (py, n, states) = (fields.py(), plant.n(), plant.states());
+    if !asked.events.is_empty() {
+        let Found { index, t, x } = asked.found;
+        let events = PyDict::new(py);
+        put_parts(&events, t.len(), n, states, &x)?;
+        events.set_item("which", integers(py, &[t.len()], index.iter().map(|&i| i as i64).collect())?)?;
+        events.set_item("t", PyArray1::from_vec(py, t))?;
+        fields.set_item("events", events)?;
+    }
+    if let Some(Polynomials { degree, ends, nodes }) = asked.polynomials {
+        let shape = [ends.len(), degree + 1, states + p];
+        let positions = PyArray1::from_vec(py, (0..=degree).map(|k| node(k, degree)).collect());
+        let dense = (states, PyArray1::from_vec(py, ends), positions, PyArray1::from_vec(py, nodes).reshape(shape)?);
+        fields.set_item("dense", dense)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,42 @@
+//! `stops=` of a plant: an `armlet.JointStops` with the limits of the arm where it states none.
+
+use crate::arrays::any_vector;
+use crate::errors::{Failure, input_error};
+use armlet_core::dynamics::Model;
+use armlet_core::plant::Stops;
+use pyo3::prelude::*;
+
+/// The stops of a plant as an `armlet.JointStops` states them.
+pub fn stops(function: &'static str, model: &Model, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Stops>, Failure> {
+    let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
+    let n = model.n();
+    let limits = |upper: bool| -> Vec<f64> {
+        match model {
+            Model::Tree(arm) => arm.joints.iter().map(|joint| if upper { joint.limits.upper } else { joint.limits.lower }).collect(),
+            Model::PlanarPr(_) => vec![if upper { f64::INFINITY } else { f64::NEG_INFINITY }; n],
+        }
+    };
+    let read = |name: &str| -> Result<Option<Vec<f64>>, Failure> {
+        let wrong = || input_error(value.py(), function, "stops", "is of the wrong type: expected a JointStops or None");
+        let given = value.getattr(name).map_err(|_| wrong())?;
+        if given.is_none() {
+            return Ok(None);
+        }
+        if let Ok(x) = given.extract::<f64>() {
+            return Ok(Some(vec![x; n]));
+        }
+        let values = any_vector(function, name, &given)?;
+        if values.len() == n {
+            return Ok(Some(values));
+        }
+        let problem = format!("has the wrong shape: expected a scalar or ({n},), got ({},)", values.len());
+        Err(input_error(value.py(), function, name, problem).into())
+    };
+    let lower = read("lower")?.unwrap_or_else(|| limits(false));
+    let upper = read("upper")?.unwrap_or_else(|| limits(true));
+    let (stiffness, damping) = (read("stiffness")?.unwrap_or_default(), read("damping")?.unwrap_or_else(|| vec![0.0; n]));
+    if stiffness.len() != n {
+        return Err(input_error(value.py(), function, "stiffness", "is missing: expected a scalar or (n,), got None").into());
+    }
+    Ok(Some(Stops::new(lower, upper, stiffness, damping)?))
+}

@@ -1,0 +1,68 @@
+"""The bits of every kind of result, against the hashes in the repository, on every instruction set that this processor has.
+
+Each in its own process, held to one set by ARMLET_ISA, where all ways to divide the work (threads 1, 2, 3, 5, 8; 1, 5, 16 rows at a time;
+other orders) have to give the same bits.
+"""
+
+from __future__ import annotations
+
+import copy
+import importlib.util
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+TOOL = Path(__file__).resolve().parents[2] / "tools" / "bit_hashes.py"
+
+
+def load() -> Any:
+    spec = importlib.util.spec_from_file_location("bit_hashes", TOOL)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["bit_hashes"] = module  # dataclasses look themselves up
+    spec.loader.exec_module(module)
+    return module
+
+
+bits = load()
+KEPT = json.loads(bits.FILE.read_text())
+
+
+@pytest.mark.parametrize("name", bits.available())
+def test_the_bits_are_those_of_the_file_however_the_work_is_divided(name: str) -> None:
+    found = bits.of(name, True)
+    batches = found["batches"]
+    assert list(batches) == list(bits.WAYS) and len(batches["as it is"]) == len(bits.BATCHES)
+    differing = {way: [case for case in hashes if hashes[case] != batches["as it is"][case]] for way, hashes in batches.items()}
+    assert {way: cases for way, cases in differing.items() if cases} == {}
+    wrong = bits.differences(KEPT, found)
+    assert not wrong, "\n".join([*wrong, bits.ADVICE])
+
+
+def test_the_file_is_for_all_instruction_sets() -> None:
+    assert list(KEPT["sets"]) == list(bits.SETS)
+    cases = [sorted(hashes) for hashes in KEPT["sets"].values()]
+    assert cases[0] == cases[1] == cases[2] and len(cases[0]) > 20
+
+
+def test_what_differs_is_named() -> None:
+    """A changed hash, a case too many, a case too few; nothing where the C library is another."""
+    hashes = {"a": "1", "b": "2", "c": "3"}
+    found = {"set": "avx2", "libm": "x", "functions": {"a": "1", "b": "9"}, "batches": {"as it is": {"d": "4"}}}
+    kept = {"libm": "x", "sets": {"avx2": hashes}}
+    wanted = ["avx2: b: the bits changed", "avx2: c: is in the file alone", "avx2: d: is not in the file"]
+    assert bits.differences(kept, found) == wanted
+    other = copy.deepcopy(kept) | {"libm": "y"}
+    assert bits.differences(other, found) == []
+
+
+def test_a_hash_sees_one_bit() -> None:
+    import numpy as np
+
+    values = np.array([[1.0, np.nan, -0.0]])
+    changed = [values + 0.0, values * (1.0 + 2.3e-16), values.T, values.ravel()]
+    assert len({bits.digest([each]) for each in [values, *changed]}) == 5
+    assert bits.digest([values]) == bits.digest([values.copy()])

@@ -1,0 +1,90 @@
+"""A real browser without a window, and pages of armlet for it to open. `make test-browser` comes here; the suite does not."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+from armlet.live.server import address, close_server
+
+sys.path.insert(0, str(Path(__file__).parent))
+from visits import PICTURES, Visit
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+# Chromium says so when viser's own page starts a drag: its listener asks for what a passive one may not have.
+OF_VISER = "Unable to preventDefault inside passive event listener invocation."
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Chromium: the one that ARMLET_BROWSER names, the machine's, or playwright's own."""
+    found = os.environ.get("ARMLET_BROWSER") or next((path for name in NAMES if (path := shutil.which(name))), None)
+    # WebGL without a graphics card.
+    software = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found, args=software)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser: Browser) -> Iterator[Callable[[str], Visit]]:
+    """Open an address; at the end nothing may have gone wrong on the page, and nothing may have come from elsewhere."""
+    visits = []
+
+    def go(url: str) -> Visit:
+        page = browser.new_page(viewport={"width": 1280, "height": 760})
+        seen = Visit(page)
+        page.on("console", lambda message: seen.errors.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: seen.errors.append(str(error)))
+        page.on("request", lambda request: seen.hosts.add(request.url.removeprefix("blob:")))
+        page.goto(url)
+        page.locator("canvas").first.wait_for()
+        visits.append((url, seen))
+        return seen
+
+    yield go
+    for url, seen in visits:
+        seen.page.close()
+        assert [error for error in seen.errors if error != OF_VISER] == []
+        assert {host for host in seen.hosts if not host.startswith((url, "data:"))} == set()
+
+
+@pytest.fixture
+def drawn() -> Iterator[Callable[[Any, Callable[[float], None]], str]]:
+    """Have a page drawn by a thread of its own, as `serve` does; gives its address."""
+    stop, threads, faults = threading.Event(), [], []
+
+    def begin(server: Any, frame: Callable[[float], None]) -> str:
+        def run() -> None:
+            last = time.perf_counter()
+            while not stop.wait(0.016):
+                now = time.perf_counter()
+                try:
+                    frame(now - last)
+                except BaseException as fault:
+                    faults.append(fault)
+                    raise
+                last = now
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        threads.append((thread, server))
+        return address(server)
+
+    yield begin
+    stop.set()
+    for thread, server in threads:
+        thread.join()
+        close_server(server)
+    assert faults == []

@@ -1,0 +1,67 @@
+"""Sweeps on a Dask cluster: the same bits on any number of workers, and with workers killed in the middle."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from distributed import Client, LocalCluster
+
+import armlet as al
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "api"))
+from test_sweep import DRAWS, SCENARIO, same
+
+TRIALS = int(os.environ.get("ARMLET_KILL_TRIALS", "20"))
+CELLS: dict[str, Any] = {"draws": 240, "seed": 7, "chunk": 8}
+
+
+@pytest.fixture(scope="module")
+def wanted() -> al.SweepTable:
+    return al.sweep(SCENARIO, DRAWS, **CELLS)
+
+
+def cluster(workers: int) -> LocalCluster:
+    return LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_same_bits_on_any_number_of_workers(workers: int, wanted: al.SweepTable) -> None:
+    with cluster(workers) as own, Client(own) as client:
+        assert len(client.scheduler_info()["workers"]) == workers
+        same(wanted, al.sweep(SCENARIO, DRAWS, **CELLS, executor=client.get_executor()))
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    with cluster(2) as own, Client(own) as client:
+        yield client
+
+
+def test_killed_workers(client: Client, wanted: al.SweepTable, tmp_path: Path) -> None:
+    """In every trial one worker, chosen at random, dies at a random moment; the sweep goes on by itself and ends with the same table."""
+    chance = random.Random(5)
+    killed = set()
+    for trial in range(TRIALS):
+        moment = chance.randrange(1, 28)
+        calls: list[int] = []
+
+        def kill(done: int, total: int, moment: int = moment, calls: list[int] = calls) -> None:
+            calls.append(done)
+            if len(calls) == moment:
+                pid = chance.choice(list(client.run(os.getpid).values()))
+                killed.add(pid)
+                os.kill(pid, signal.SIGKILL)
+
+        client.wait_for_workers(2, timeout=60)
+        table = al.sweep(SCENARIO, DRAWS, **CELLS, out=tmp_path / str(trial), executor=client.get_executor(), progress=kill)
+        same(wanted, table)
+        assert calls == [8 * (k + 1) for k in range(30)]  # no row lost, none twice
+    print(f"dask: {len(killed)} workers killed in {TRIALS} trials")
+    assert len(killed) == TRIALS

@@ -1,0 +1,112 @@
+"""Where elastic arms rest under laws of motors, against walls and at stops: the end of a long run, and the flags."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+ARM = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+K, B = np.array([800.0, 500.0]), np.array([0.4, 0.25])
+FULL_K = np.array([[800.0, 50.0], [50.0, 500.0]])
+FORCE = np.array([10.0, -15.0, 0.0])
+START = [0.2, 1.1]
+WALL = al.Wall("link2", [0.6, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=5e3, damping=50.0)
+
+LAWS: dict[str, al.Law] = {
+    "motor": al.MotorPD(ARM, [0.3, 1.0], 150.0, 30.0, K),
+    "online": al.MotorPD(ARM, [0.3, 1.0], 150.0, 30.0, K, online=True),
+    "state": al.StateFeedback(ARM, [0.3, 1.0], 150.0, 30.0, 1.0, 0.02, K),
+    "full": al.StateFeedback(ARM, [0.3, 1.0], [[150.0, 20.0], [20.0, 120.0]], 30.0, [[1.0, 0.2], [0.2, 0.5]], 0.02, FULL_K),
+    "joint": al.JointImpedance(ARM, [0.3, 1.0], 100.0, 20.0, K, B, B / 5),
+}
+
+
+def settled(plant: al.Plant, law: al.Law, force: Any = None, frame: str | None = "link2") -> al.Run:
+    return al.simulate(
+        plant,
+        law,
+        START,
+        t_end=60.0,
+        method="radau5",
+        rtol=1e-8,
+        atol=1e-10,
+        t_eval=[60.0],
+        force=force,
+        force_frame=frame if force is not None else None,
+    )
+
+
+@pytest.mark.parametrize("wall", [None, WALL])
+@pytest.mark.parametrize("name", LAWS)
+def test_the_rest_is_where_a_run_ends(name: str, wall: al.Wall | None) -> None:
+    plant = al.ElasticArm(ARM, FULL_K if name == "full" else K, B, wall=wall)
+    rest = al.equilibrium(plant, LAWS[name], FORCE, q0=START, force_frame="link2")
+    end = settled(plant, LAWS[name], FORCE)
+    # The run has settled to its tolerance.
+    np.testing.assert_allclose(rest.q, end.q[-1], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(rest.theta, end.theta[-1], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(rest.tau, end.tau[-1], rtol=0.0, atol=1e-3)
+    assert rest.stable and not rest.spurious and rest.theta is not None
+    # And it is one: the law asks for the torque that the springs carry, and they carry gravity, force and wall.
+    zero = np.zeros(2)
+    np.testing.assert_allclose(LAWS[name](0.0, rest.q, zero, theta=rest.theta, theta_dot=zero), rest.tau, rtol=0.0, atol=1e-9)
+    push = np.zeros(3) if rest.wall_force is None else rest.wall_force
+    load = ARM.gravity(rest.q) - ARM.jacobian(rest.q, "link2")[:3].T @ (FORCE + push)
+    np.testing.assert_allclose(rest.tau, load, rtol=0.0, atol=1e-9)
+    if wall is not None:
+        assert push[0] < 0.0 and not rest.reachable
+        np.testing.assert_allclose(push, [5e3 * (0.6 - ARM.position(rest.q, "link2")[0]), 0.0, 0.0], rtol=0.0, atol=1e-9)
+
+
+def test_unforced_laws_of_motors_rest_at_their_target() -> None:
+    for name in ("motor", "online", "state"):
+        rest = al.equilibrium(al.ElasticArm(ARM, K, B), LAWS[name], q0=START)
+        np.testing.assert_allclose(rest.q, [0.3, 1.0], rtol=0.0, atol=1e-12)
+        assert rest.reachable and rest.stable and not rest.spurious
+
+
+def test_a_weak_law_of_motors_rests_where_it_should_not() -> None:
+    # kp below the slope of gravity, 5 N m/rad: there are rests besides the target.
+    link = al.pendulum(1.0, 5.0)
+    plant = al.ElasticArm(link, 500.0, 0.2)
+    law = al.MotorPD(link, [0.5], 0.2, 1.0, 500.0)
+    rest = al.equilibrium(plant, law, q0=[6.5])
+    assert rest.spurious and abs(rest.q[0] - 0.5) > 1.0
+    home = al.equilibrium(plant, law, q0=[0.4])
+    assert not home.spurious and home.stable and abs(home.q[0] - 0.5) < 1e-12
+
+
+def test_an_impedance_against_a_wall_is_two_springs_in_series() -> None:
+    law = al.ElasticImpedance(ARM, [0.7, 0.3], [300.0, 200.0], [40.0, 30.0], K, B, B / 10, frame="link2", axes="xy")
+    plant = al.ElasticArm(ARM, K, B, wall=WALL)
+    rest = al.equilibrium(plant, law, q0=START)
+    assert rest.wall_force is not None and rest.stable and not rest.spurious and not rest.reachable
+    x = (300.0 * 0.7 + 5e3 * 0.6) / 5300.0
+    np.testing.assert_allclose(rest.x, [x, 0.3], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(rest.wall_force[0], -300.0 * (0.7 - x), rtol=1e-9)
+    # Away from the wall it is as if there were none.
+    away = al.ElasticImpedance(ARM, [0.5, 0.3], [300.0, 200.0], [40.0, 30.0], K, B, B / 10, frame="link2", axes="xy")
+    free = al.equilibrium(plant, away, q0=START)
+    assert free.reachable and not free.spurious and not np.any(free.wall_force)
+    np.testing.assert_array_equal(free.q, al.equilibrium(al.ElasticArm(ARM, K, B), away, q0=START).q)
+
+
+def test_a_wall_at_the_elbow_holds_the_tip_back() -> None:
+    elbow = al.Wall("link1", [0.0, 0.2, 0.0], [0.0, -1.0, 0.0], stiffness=1e4)
+    law = al.CartesianImpedance(ARM, [0.3, 0.75], 300.0, 40.0, frame="link2", axes="xy")
+    rest = al.equilibrium(al.RigidArm(ARM, wall=elbow), law, q0=[0.3, 1.2])
+    assert rest.wall_force is not None and rest.wall_force[1] < 0.0 and not rest.reachable
+    # Unbalanced at the tip, but for a reason that the joints feel: not spurious.
+    assert not rest.spurious and np.max(np.abs(rest.x - [0.3, 0.75])) > 1e-3
+
+
+def test_a_stop_holds_a_joint() -> None:
+    stops = al.JointStops(1e4, upper=[0.25, 3.0])
+    law = al.PDGravity(ARM, [0.5, 1.0], 100.0, 20.0)
+    rest = al.equilibrium(al.RigidArm(ARM, stops=stops), law, q0=[0.0, 1.0])
+    np.testing.assert_allclose(rest.q, [(100.0 * 0.5 + 1e4 * 0.25) / 10100.0, 1.0], rtol=0.0, atol=1e-12)
+    assert not rest.reachable and rest.stable and not rest.spurious

@@ -1,0 +1,178 @@
+"""What the projection of `Adaptive` promises: estimates stay physically possible and Slotine and Li's proof still holds.
+
+P(a_hat) >= P_min / 2 at all times,   V1' = -s'Kd s - c (a_hat - a) . g with c (a_hat - a) . g >= 0,   e -> 0
+"""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import armlet as al
+
+Array = NDArray[np.float64]
+
+MASS, LENGTH = 0.02, 0.1
+"""The least body, kg, and its radius of gyration, m, of `projection=MASS`."""
+
+
+def body(rng: np.random.Generator) -> list[float]:
+    """Six points about a small ball: its pseudo-inertia exceeds that of the least body."""
+    phi = np.array([0.1, 0, 0, 0, 0.02, 0, 0.02, 0, 0, 0.02])
+    for m, x, y, z in np.column_stack([rng.uniform(0.2, 0.4, 6), rng.uniform(-0.3, 0.3, (6, 3))]):
+        phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
+    return list(phi)
+
+
+def chain(rng: np.random.Generator, n: int) -> al.Arm:
+    joints = [{"type": "R", "axis": list(rng.standard_normal(3)), "xyz": [0.3, 0.0, 0.1], "phi": body(rng)} for _ in range(n)]
+    return al.Arm.from_chain(joints, gravity=(0.0, 0.0, -9.81))
+
+
+def pseudo(pi: Array) -> Array:
+    """(..., 10) -> (..., 4, 4)."""
+    m, hx, hy, hz, xx, xy, yy, xz, yz, zz = np.moveaxis(pi, -1, 0)
+    half = (xx + yy + zz) / 2
+    rows = [[half - xx, -xy, -xz, hx], [-xy, half - yy, -yz, hy], [-xz, -yz, half - zz, hz], [hx, hy, hz, m]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def shares(estimate: Array, mass: float = MASS) -> Array:
+    """The least eigenvalue of every body relative to the least body: at least 1/2 where the promise holds."""
+    scale = np.array([1 / LENGTH, 1 / LENGTH, 1 / LENGTH, 1.0])
+    bodies = pseudo(estimate.reshape(*estimate.shape[:-1], -1, 10)) * np.outer(scale, scale) / mass
+    return np.linalg.eigvalsh(bodies)[..., 0]
+
+
+def sinusoid(n: int) -> al.Sinusoid:
+    return al.Sinusoid(np.zeros(n), np.full(n, 0.5), 1.0 + 0.7 * np.arange(n), np.zeros(n))
+
+
+def gamma_of(form: str, rng: np.random.Generator, p: int) -> Any:
+    """A scalar, or a full matrix that couples all bodies: condition number about 30."""
+    if form == "scalar":
+        return 0.5
+    root = rng.standard_normal((p, p))
+    return 0.5 * (root @ root.T / p + 0.1 * np.eye(p))
+
+
+STARTS = {
+    "nothing": lambda arm: None,
+    "on the border": lambda arm: 0.01 * arm.parameters,
+    "negative": lambda arm: -arm.parameters,
+    "flat": lambda arm: np.tile([1.0, 0.3, 0, 0, 0, 0, 0.1, 0, 0, 0.1], arm.n),
+}
+
+
+@pytest.mark.parametrize("form", ["scalar", "full"])
+@pytest.mark.parametrize("start", STARTS)
+def test_bodies_stay_possible_and_the_proof_holds(form: str, start: str) -> None:
+    rng = np.random.default_rng(31)
+    arm = chain(rng, 3)
+    assert np.min(shares(arm.parameters)) > 1.0  # the truth is inside: the proof needs it
+    gamma, estimate = gamma_of(form, rng, 30), STARTS[start](arm)
+    options: dict[str, Any] = {"t_end": 20.0, "method": "dop853", "rtol": 1e-10, "atol": 1e-11, "t_eval": np.linspace(0, 20, 401)}
+    motion, q0 = sinusoid(3), [0.5, -0.4, 0.3]
+    law = al.Adaptive(arm, motion, 30.0, 10.0, gamma, estimate=estimate, projection=MASS)
+    run = al.simulate(al.RigidArm(arm), law, q0, **options)
+    assert run.estimate is not None
+    # The start is inside to rounding, and the layer is never left: its inner edge attracts.
+    assert np.min(shares(run.estimate[0])) > 1.0 - 1e-12
+    assert np.min(shares(run.estimate)) > 0.5
+    assert all(arm.check_parameters(row) for row in run.estimate)
+    value, balance = run.monitors["lyapunov"], run.monitors["lyapunov_balance"]
+    # The balance is what the projection has taken; both are monotone up to the integrator's error.
+    assert np.all(np.diff(value) < 1e-8) and np.all(np.diff(balance) > -1e-7) and value[-1] < value[0] - 0.1
+    error = np.abs(run.q - np.array([motion(t)[0] for t in run.t]))
+    assert np.max(error[-40:]) < 0.05 * np.max(error[:40])
+    # It is the projection that does it: without one, the same start is lost.
+    free = al.simulate(al.RigidArm(arm), al.Adaptive(arm, motion, 30.0, 10.0, gamma, estimate=run.estimate[0]), q0, **options)
+    assert free.estimate is not None and np.min(shares(free.estimate)) < 0.0
+    assert balance[-1] > 1e-6
+
+
+def test_inside_the_projection_changes_nothing() -> None:
+    """From the truth with a small gain no body comes near its least: the runs are equal to the bit."""
+    arm = chain(np.random.default_rng(32), 2)
+    runs = []
+    for projection in (None, 1e-4):
+        law = al.Adaptive(arm, sinusoid(2), 30.0, 10.0, 1e-3, estimate=arm.parameters, projection=projection)
+        runs.append(al.simulate(al.RigidArm(arm), law, [0.1, 0.2], t_end=1.0, dt=1e-3))
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)
+    np.testing.assert_array_equal(np.asarray(runs[0].estimate), np.asarray(runs[1].estimate))
+
+
+def test_rows_of_a_batch_are_the_single_runs() -> None:
+    """Lanes inside and outside side by side, least bodies that differ from law to law."""
+    rng = np.random.default_rng(33)
+    arm, masses = chain(rng, 2), rng.uniform(0.005, 0.02, 11)
+    starts = rng.uniform(-1.0, 1.0, (11, 1)) * arm.parameters
+    laws = [al.Adaptive(arm, sinusoid(2), 30.0, 10.0, 0.5, estimate=e, projection=m) for e, m in zip(starts, masses, strict=True)]
+    batch = al.simulate_batch(al.RigidArm(arm), laws, np.zeros((11, 2)), t_end=2.0, dt=1e-3, record_every=50)
+    assert batch.estimate is not None
+    for i, law in enumerate(laws):
+        run = al.simulate(al.RigidArm(arm), law, np.zeros(2), t_end=2.0, dt=1e-3, record_every=50)
+        # Two instruction sets, 1e-12 each on a contracting run; eigenvectors amplify it by the inverse of the layer, 1/MASS.
+        np.testing.assert_allclose(batch.estimate[i], np.asarray(run.estimate), rtol=0.0, atol=1e-9)
+        assert np.min(shares(batch.estimate[i], masses[i])) > 0.5
+
+
+def test_every_kind_of_method_takes_it() -> None:
+    """The rate is Lipschitz: adaptive, implicit (exact Jacobians by duals) and sampled loops run through it."""
+    arm = chain(np.random.default_rng(34), 2)
+    law = al.Adaptive(arm, sinusoid(2), 30.0, 10.0, 0.5, projection=MASS)
+    ends = {}
+    for method in ("dop853", "radau5", "rodas4"):
+        run = al.simulate(al.RigidArm(arm), law, [0.5, -0.4], t_end=3.0, method=method, rtol=1e-8, atol=1e-9)
+        assert run.estimate is not None and np.min(shares(run.estimate)) > 0.5
+        ends[method] = np.concatenate([run.q[-1], run.v[-1], run.estimate[-1]])
+    # Kinks where bodies enter the layer cost the methods some of their order: a hundred tolerances.
+    np.testing.assert_allclose(ends["radau5"], ends["dop853"], atol=1e-6)
+    np.testing.assert_allclose(ends["rodas4"], ends["dop853"], atol=1e-6)
+    run = al.simulate(al.RigidArm(arm), law, [0.5, -0.4], t_end=3.0, dt=1e-3, sample_time=1e-3)
+    assert run.estimate is not None and np.min(shares(run.estimate)) > 0.5
+
+
+def test_the_planar_pr_stays_positive_definite() -> None:
+    arm = al.planar_pr(2.0, 0.5, 0.5)
+    motion = al.Sinusoid([0.0, 0.3], [0.5, 0.8], [1.0, 1.7], [0.0, 0.0])
+    least = np.array([0.2, 0.0, 0.05])
+    law = al.Adaptive(arm, motion, [40.0, 20.0], [20.0, 10.0], 5.0, projection=least)
+    run = al.simulate(al.RigidArm(arm), law, [0.6, -0.9], t_end=20.0, method="dop853", rtol=1e-10, atol=1e-11)
+    assert run.estimate is not None
+    A, B, C = run.estimate.T
+    # (A, B, C) >= least / 2 as matrices.
+    assert np.min(A) > 0.1 and np.min((A - 0.1) * (C - 0.025) - B * B) > 0.0
+    value = run.monitors["lyapunov"]
+    assert np.all(np.diff(value) < 1e-8) and np.min(np.diff(run.monitors["lyapunov_balance"])) > -1e-8
+    assert run.monitors["lyapunov_balance"][-1] > 1e-6  # it was needed
+    assert np.max(np.abs(run.q[-1] - motion(20.0)[0])) < 1e-2
+
+
+def test_what_is_refused_and_what_is_kept() -> None:
+    arm = chain(np.random.default_rng(35), 2)
+
+    def law(projection: Any, **more: Any) -> al.Adaptive:
+        return al.Adaptive(arm, al.Hold([0.0, 0.0]), 10.0, 5.0, 1.0, projection=projection, **more)
+
+    with pytest.raises(al.InputError, match=r"projection has the wrong shape: expected \(20,\)"):
+        law(np.ones(10))
+    with pytest.raises(al.InputError, match=r"projection is not physically possible: .*first bad body 1"):
+        law(np.concatenate([arm.parameters[:10], np.zeros(10)]))
+    for bad in (0.0, -1.0, np.nan, np.inf, "x", [[1.0]], 1j):
+        with pytest.raises(al.InputError, match="projection"):
+            law(bad)
+    with pytest.raises(al.InputError, match="projection has nothing to do"):
+        law(0.01, natural=True, estimate=arm.parameters)
+    with pytest.raises(al.InputError, match="projection needs whole bodies"):
+        law(0.01, base=arm.base_parameters())
+    for given in (0.01, 0.1 * arm.parameters):
+        one = law(given)
+        again = pickle.loads(pickle.dumps(one))
+        assert "projection=" in repr(one)
+        state = np.asarray(one.terms(0.0, [0.1, 0.2], [0.3, 0.4], state=-arm.parameters)["estimate_rate"])
+        np.testing.assert_array_equal(again.terms(0.0, [0.1, 0.2], [0.3, 0.4], state=-arm.parameters)["estimate_rate"], state)

@@ -1,0 +1,163 @@
+"""The pages without a browser: they are built and drawn, and their controls reach the model.
+
+`make test-browser` opens them.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import cli
+from armlet.live.lab import LabPage
+from armlet.live.model import Lab
+from armlet.live.scene import mesh_of, quaternion
+from armlet.live.server import address, close_server, open_server, serve
+from armlet.live.shapes import Shape, between
+from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Priority, Robot
+from armlet.live.view import ViewPage
+
+
+@pytest.fixture
+def server() -> Iterator[Any]:
+    server = open_server("test", "127.0.0.1", 0)
+    yield server
+    close_server(server)
+
+
+def until(holds: Callable[[], object]) -> None:
+    """Callbacks of controls come from threads of their own."""
+    end = time.monotonic() + 10.0
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_every_system_has_its_page(server: Any) -> None:
+    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Robot(al.example_urdf("two_arms"), "two_arms")]
+    page = LabPage(server, Lab(systems))
+    for system in systems:
+        page.menu.value = system.title
+        until(lambda system=system: (page.frame(0.016), page.model.system is system)[1])  # type: ignore[misc]
+        for _ in range(40):
+            page.frame(0.016)
+        assert page.model.t > 0.5 and set(page.gizmos) == set(system.targets)
+        for plot, chart in zip(system.plots, page.charts, strict=True):
+            assert chart.title == plot.title and len(chart.data) == len(chart.series) == 1 + len(plot.curves)
+            assert chart.data[0][-1] == 0.0 and [line["label"] for line in chart.series[1:]] == list(plot.curves)
+        for frame, pose in page.model.poses().items():
+            drawn = page.scene.frames[frame]
+            # Drawn in every second frame: an arm at 1 m/s moves 3 cm between.
+            assert np.abs(drawn.position - pose[:3, 3]).max() < 0.05
+
+
+def test_controls_reach_the_model(server: Any) -> None:
+    page = LabPage(server, Lab([Elastic(), Priority()]))
+    page.frame(0.016)
+    page.controls["share"].value = -2.0
+    until(lambda: np.isclose(page.model.values["share"], 0.01))
+    page.controls["stiffness"].value = 500.0
+    until(lambda: page.model.values["stiffness"] == 500.0)
+    for control in page.model.system.controls:
+        if not isinstance(control, Choice):
+            shown = 10 ** page.controls[control.name].value if control.powers else page.controls[control.name].value
+            assert control.read(shown) == pytest.approx(page.model.values[control.name])
+    page.model.drag("x_d", [0.4, 0.4, 0.0])
+    page.model.reset()
+    page.frame(0.016)
+    assert np.allclose(page.gizmos["x_d"].position, page.model.system.targets["x_d"])
+    assert "running" in page.summary() and "real-time factor" in page.summary()
+    page.model.paused = True
+    assert page.summary().startswith("paused")
+    page.model.set("joint_stiffness", 2e4)
+    page.model.set("share", 1e-5)
+    page.model.paused = False
+    for _ in range(60):
+        page.frame(0.016)
+    assert page.summary().startswith("**DIVERGED**") and "reset to go on" in page.summary()
+
+
+def test_view_shows_where_its_sliders_are(server: Any) -> None:
+    source = al.example_urdf("two_arms")
+    arm = al.load_urdf(source)
+    page = ViewPage(server, arm, source, "two_arms")
+    assert np.all((page.q >= arm.limits["q_min"]) & (page.q <= arm.limits["q_max"]))
+    for slider, value in zip(page.sliders, (0.2, 0.4, -0.5, -1.0, 2.0, -0.5, -0.3, 1.0), strict=True):
+        slider.value = value
+    page.frame()
+    for frame, handle in page.scene.frames.items():
+        pose = np.asarray(arm.pose(page.q, frame))
+        assert np.allclose(handle.position, pose[:3, 3]) and np.allclose(handle.wxyz, quaternion(pose[:3, :3]))
+    x, y, z = arm.position(page.q, "right_hand")
+    assert page.text.content.startswith(f"right_hand at ({x:.3f}, {y:.3f}, {z:.3f}) m")
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, 3.0, np.pi, -np.pi / 2])
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.48, -0.6, 0.64)])
+def test_quaternions(axis: tuple[float, float, float], angle: float) -> None:
+    """Rodrigues' rotation and back, half a turn included."""
+    k = np.cross(np.eye(3), axis)
+    R = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
+    expected = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))])
+    got = quaternion(R)
+    # Of a 4 x 4 eigenvector: a few roundings, of either sign.
+    assert min(np.abs(got - expected).max(), np.abs(got + expected).max()) < 1e-14
+
+
+def test_meshes(tmp_path: Path) -> None:
+    """Sizes, centres and axes of the bodies that are drawn; a ball stands for a file that cannot be read."""
+    shape = between(None, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1)
+    for made, size in (
+        (Shape(None, "box", (1.0, 2.0, 3.0)), (1.0, 2.0, 3.0)),
+        (Shape(None, "cylinder", (0.5, 3.0)), (1.0, 1.0, 3.0)),
+        (Shape(None, "sphere", (0.5,)), (1.0, 1.0, 1.0)),
+        (shape, (0.2, 0.2, 1.2)),
+    ):
+        vertices, faces = mesh_of(made)
+        assert faces.shape[1] == 3 and faces.max() < len(vertices)
+        # A ball of triangles is a little smaller than the ball.
+        assert np.allclose(np.ptp(vertices, axis=0), size, rtol=0.01)
+        assert np.abs(vertices.max(axis=0) + vertices.min(axis=0)).max() < 1e-12
+    file = tmp_path / "one.stl"
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1000 0 0\nvertex 0 1000 0\nendloop\nendfacet\n"
+    file.write_text(f"solid one\n{facet}endsolid one\n")
+    vertices, faces = mesh_of(Shape(None, "mesh", (1e-3, 1e-3, 1e-3), path=str(file)))
+    assert len(faces) == 1 and np.allclose(vertices.max(axis=0), [1.0, 1.0, 0.0])
+    file.write_bytes(b"\0" * 30)
+    vertices, _ = mesh_of(Shape(None, "mesh", (1.0, 1.0, 1.0), path=str(file)))
+    assert np.ptp(vertices) < 0.05
+
+
+def test_addresses(capsys: pytest.CaptureFixture[str]) -> None:
+    """Local unless asked otherwise; an address that is taken, or no address, is refused in one line."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert cli.main(["lab", "--port", str(port)]) == 2
+        out, err = capsys.readouterr()
+        assert out == "" and err.startswith(f"armlet: lab: 127.0.0.1:{port} cannot be listened at: ") and err.count("\n") == 1
+    for host, port in (("no.such.host.invalid", 0), ("127.0.0.1", 70000), ("127.0.0.1", -1)):
+        with pytest.raises(al.InputError, match="cannot be listened at"):
+            open_server("lab", host, port)
+
+
+def test_serving_ends_with_ctrl_c(server: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    given: list[float] = []
+
+    def frame(seconds: float) -> None:
+        given.append(seconds)
+        if len(given) == 5:
+            raise KeyboardInterrupt
+
+    where = address(server)
+    assert serve(server, frame, 0.01) == 0
+    assert capsys.readouterr().out == f"armlet: {where} (Ctrl-C ends it)\n"
+    assert where.startswith("http://127.0.0.1:") and max(given) <= 0.1
