@@ -12,6 +12,7 @@ import armlet
 
 matplotlib.use("Agg")
 sys.path.insert(0, str(Path(__file__).parent))
+import house
 
 project = "armlet"
 copyright = "The armlet developers"  # Sphinx reads this name
@@ -48,7 +49,7 @@ napoleon_use_ivar = True  # attributes stand in the docstring of their class, on
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "auto_examples",
-    "filename_pattern": r"\.py$",
+    "filename_pattern": house.executed(Path(__file__).parents[1] / "examples"),
     "ignore_pattern": r"readme_picture\.py$",  # draws what the README shows
     "reset_argv": "house.with_figure",
     "within_subsection_order": "FileNameSortKey",

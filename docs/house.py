@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 KEYS = re.findall(r"^@\w+\{([^,]+),", (Path(__file__).parent / "references.bib").read_text(), re.MULTILINE)
@@ -39,6 +40,13 @@ def code_in_docstrings(app: object, what: str, name: str, thing: object, options
             pieces[::2] = [re.sub(r"(?<!\\)([*|])", r"\\\1", piece) for piece in pieces[::2]]
             pieces[1::2] = [f"`{piece}`" if re.match("`[^`]", piece) else piece for piece in pieces[1::2]]
             lines[i] = "".join(pieces)
+
+
+def executed(examples: Path) -> str:
+    """A pattern of the examples that can run here; one whose docstring says "needs NAME (" is only shown where NAME is not installed."""
+    needs = {path.stem: re.findall(r"\bneeds (\w+) \(", path.read_text().split('"""')[1]) for path in examples.glob("*.py")}
+    shown = [stem for stem, names in needs.items() if any(find_spec(name) is None for name in names)]
+    return r"[\\/](?!(?:" + "|".join(shown or ["-"]) + r")\.py$)\w+\.py$"
 
 
 def with_figure(conf: object, variables: dict[str, object]) -> list[str]:

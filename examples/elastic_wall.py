@@ -51,21 +51,25 @@ print("  ", np.round(limits.reduced_inertia_min, 4), "kg m^2, of", motor_inertia
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
+    from armlet.plots import COLOURS
+
     figure = plt.figure(figsize=(9.0, 7.0), layout="constrained")
     (way, push), (torque, error) = figure.subplots(2, 2)
-    way.plot(run.t, [target(t)[0][0] - tip[0] for t in run.t], "--", label="target")
-    way.plot(run.t, x[:, 0] - tip[0], label="tip")
+    way.plot(run.t, [target(t)[0][0] - tip[0] for t in run.t], "--", color=COLOURS[1], label="target")
+    way.plot(run.t, x[:, 0] - tip[0], color=COLOURS[0], label="tip")
     way.axhline(0.05, color="0.5", linewidth=1.0, label="wall")
     way.set_ylabel("x from the start (m)")
-    push.plot(run.t, force, label="at the wall")
+    push.plot(run.t, force, color=COLOURS[0], label="at the wall")
     push.axhline(expected, color="0.5", linestyle=":", linewidth=1.0, label="two springs in series")
     push.set_ylabel("contact force (N)")
     torque.plot(run.t, joint_stiffness * (run.theta - run.q), label=[f"joint {i + 1}" for i in range(7)])
     torque.set_ylabel("joint torques (N m)")
-    error.plot(run.t, run.monitors["torque_error"], label=r"largest $|\tau_J - u|$")
+    error.plot(run.t, run.monitors["torque_error"], color=COLOURS[0], label=r"largest $|\tau_J - u|$")
     error.set_ylabel("torque error (N m)")
+    for line, color in zip(torque.lines, COLOURS, strict=False):
+        line.set_color(color)
     for ax in (way, push, torque, error):
-        ax.set_xlabel("t (s)")
+        ax.set_xlabel("time (s)")
         ax.grid(alpha=0.3)
-        ax.legend(fontsize=8, **({"loc": "center right", "ncols": 4} if ax is torque else {}))
+        ax.legend(fontsize=8, **({"loc": (0.1, 0.25), "ncols": 3} if ax is torque else {}))
     figure.savefig(sys.argv[1], dpi=150)

@@ -50,7 +50,7 @@ if len(sys.argv) > 1:
     order = np.argsort(-np.abs(true))
     guess = found.base.projection @ drawn.parameters
     k = np.arange(order.size)
-    values.plot(k, np.abs(guess - true)[order], "s", color="#D55E00", markersize=4, label="as drawn")
+    values.plot(k, np.abs(guess - true)[order], "s", color="#D55E00", markersize=4, label="as drawn (zeros left out)")
     values.plot(k, np.abs(found.values - true)[order], "o", color="#0072B2", markersize=4, label="identified")
     values.plot(k, found.deviations[order], color="0.4", drawstyle="steps-mid", linewidth=1.0, label="standard deviation")
     values.set(yscale="log", xlabel="base parameter, the largest first", ylabel="distance from the true value (SI)")

@@ -1,10 +1,13 @@
-"""An armlet law drives a MuJoCo model, and the loop is the one that armlet simulates.
+"""A MuJoCo model under an armlet law
+==================================
+
+An armlet law drives a MuJoCo model, and the loop is the one that armlet simulates.
 
 The law is asked once per step of MuJoCo, and its torque is held for the step: a sampled loop. With MuJoCo's Runge-Kutta method both
 loops integrate the same equations by the same method, so they differ by rounding alone; with its own semi-implicit Euler they differ by its
 error, of the order of the step.
 
-Run: `python examples/mujoco_loop.py [figure.png]`; needs mujoco (`pip install 'armlet[mujoco]'`).
+Run: ``python examples/mujoco_loop.py [figure.png]``; needs mujoco (``pip install 'armlet[mujoco]'``).
 """
 
 import sys
@@ -70,20 +73,20 @@ print(f"distance to the goal after 3 s: {goal:.1e} rad")
 assert same < 1e-10 and 1e-6 < near < 10.0 * dt and goal < 1e-4
 
 if len(sys.argv) > 1:
-    from matplotlib.figure import Figure
+    import matplotlib.pyplot as plt
 
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    figure = plt.figure(figsize=(9.0, 3.6), layout="constrained")
     angle, apart = figure.subplots(1, 2)
     for i, colour in enumerate(("#0072B2", "#D55E00", "#009E73")):
         angle.plot(run.t, runge_kutta[:, i], color=colour, label=arm.joint_names[i])
         angle.plot(run.t, run.desired()[0][:, i], "--", color=colour, linewidth=0.9)
-    angle.set(xlabel="t (s)", ylabel="angle (rad)")
+    angle.set(xlabel="time (s)", ylabel="angle (rad)")
     angle.set_title("MuJoCo's arm under armlet's law (dashed: desired)", loc="left", fontsize=10)
     angle.legend()
     for values, colour, name in ((euler, "#E69F00", "semi-implicit Euler"), (runge_kutta, "#0072B2", "Runge-Kutta")):
         difference = np.abs(values - run.q).max(axis=1)
         apart.semilogy(run.t, np.where(difference > 0.0, difference, np.nan), color=colour, label=f"MuJoCo by {name}")
-    apart.set(xlabel="t (s)", ylabel="largest difference from armlet (rad)")
+    apart.set(xlabel="time (s)", ylabel="largest difference from armlet (rad)")
     apart.set_title("The same loop in both", loc="left", fontsize=10)
     apart.legend()
     figure.savefig(sys.argv[1], dpi=150)

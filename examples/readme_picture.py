@@ -30,7 +30,7 @@ def adaptive(ax):
     e = np.array([motion(t)[0] for t in run.t]) - run.q
     ax.plot(run.t, e[:, 0], color=COLOURS[0], label="$e_1$ (m)")
     ax.plot(run.t, e[:, 1], color=COLOURS[1], label="$e_2$ (rad)")
-    ax.set(title="Adaptive tracking: parameters unknown", xlabel="s", ylabel="tracking error")
+    ax.set(title="Adaptive tracking: parameters unknown", xlabel="time (s)", ylabel="tracking error (m, rad)")
     return f"adaptive: |e| = {np.abs(e[-1]).max():.1e} after 20 s"
 
 
@@ -61,7 +61,7 @@ def elastic(ax):
     for k, name in enumerate("xy"):
         ax.plot(run.t, x[:, k], color=COLOURS[k], label=f"${name} - {name}_d$")
         ax.plot([0.5, 4.5], [1e3 * F[k] / K[k]] * 2, color="0.3", linestyle="--", linewidth=1.0, label="$F/K$" if k else None)
-    ax.set(title="Elastic joints: an impedance at the tip", xlabel="s", ylabel="deflection (mm)")
+    ax.set(title="Elastic joints: an impedance at the tip", xlabel="time (s)", ylabel="deflection (mm)")
     return f"elastic: deflection within {np.abs(x[np.searchsorted(run.t, 4.49)] - 1e3 * F / K).max():.2f} mm of F/K"
 
 

@@ -73,16 +73,23 @@ for method, options in {
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
+    from armlet.plots import COLOURS
+
     fig, axes = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
-    maps = [(r"$\det J_E$", determinant), (r"smallest $\sigma$ of $J_1$", sigma1), (r"smallest $\sigma$ of $J_2 P_1$", sigma2)]
+    maps = [
+        (r"$\det J_E$ (m$^4$)", determinant),
+        (r"smallest $\sigma$ of $J_1$ (m)", sigma1),
+        (r"smallest $\sigma$ of $J_2 P_1$ (m)", sigma2),
+    ]
     for ax, (title, values) in zip(axes.flat, maps, strict=False):
         drawn = ax.contourf(q2, q4, values, 14, cmap="RdBu" if values.min() < 0 else "viridis")
         fig.colorbar(drawn, ax=ax)
         ax.plot(runs["clamp"].q[:, 1], runs["clamp"].q[:, 3], "w-", linewidth=2.5)
         ax.plot(runs["clamp"].q[:, 1], runs["clamp"].q[:, 3], "k--", linewidth=1.2)
         ax.set(title=title, xlabel="q2 (rad)", ylabel="q4 (rad)")
-    for method, run in runs.items():
-        axes[1, 1].semilogy(run.t, np.linalg.norm(run.v, axis=1), label=method)
-    axes[1, 1].set(title="the five maps on one path", xlabel="time (s)", ylabel="|u| (rad/s)")
-    axes[1, 1].legend()
+    for method, run, color, line in zip(runs, runs.values(), COLOURS[:5], ("-", "-", "--", "-", ":"), strict=True):
+        axes[1, 1].semilogy(run.t, np.linalg.norm(run.v, axis=1), line, color=color, label=method)
+    axes[1, 1].set(title="the five maps on one path", xlabel="time (s)", ylabel="joint speed |v| (rad/s)")
+    axes[1, 1].legend(loc="upper left", ncols=2, fontsize=8)
+    axes[1, 1].set_ylim(top=1e5)
     fig.savefig(sys.argv[1], dpi=120)

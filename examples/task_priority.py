@@ -53,9 +53,11 @@ for method, path in paths.items():
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
+    from armlet.plots import COLOURS
+
     fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
-    for method, path in paths.items():
-        ax.semilogy(q4, np.linalg.norm(path.v, axis=1), label=method)
-    ax.set(xlabel="q4 (rad)", ylabel="|v| (rad/s)", title="Five maps through an algorithmic singularity")
+    for method, path, color, line in zip(paths, paths.values(), COLOURS[:5], ("-", "-", "-", "-", "--"), strict=True):
+        ax.semilogy(q4, np.linalg.norm(path.v, axis=1), line, color=color, label=method)
+    ax.set(xlabel="q4 (rad)", ylabel="joint speed |v| (rad/s)", title="Five maps through an algorithmic singularity")
     ax.legend()
     fig.savefig(sys.argv[1], dpi=150)

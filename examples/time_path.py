@@ -40,9 +40,20 @@ print("with a weak shoulder:", weak.reason)
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
-    figure, (above, below) = plt.subplots(2, 1, sharex=True, layout="constrained")
-    above.plot(t, arm.inverse_dynamics(q, v, a) / tau_max)
+    from armlet.plots import COLOURS
+
+    figure, (above, middle, below) = plt.subplots(3, 1, figsize=(7.0, 7.0), sharex=True, layout="constrained")
+    torque = arm.inverse_dynamics(q, v, a) / tau_max
+    for joint, color in enumerate(COLOURS[: arm.n]):
+        above.plot(t, torque[:, joint], color=color, label=f"joint {joint + 1}")
+        middle.plot(t, v[:, joint] / 2.2, color=color)
     above.set(ylabel="torque over its limit")
-    below.plot(p.t, p.s_dot)
-    below.set(xlabel="t (s)", ylabel="path speed (1/s)")
+    above.legend(ncols=4, fontsize=8, loc="lower center")
+    middle.set(ylabel="speed over its limit")
+    below.plot(p.t, p.s_dot, color=COLOURS[0])
+    below.set(xlabel="time (s)", ylabel="path speed (1/s)", ylim=(0.0, None))
+    for ax in (above, middle):
+        ax.hlines([-1.0, 1.0], 0.0, p.duration, color="0.4", linestyle="--", linewidth=0.8)
+    for ax in (above, middle, below):
+        ax.grid(alpha=0.3)
     figure.savefig(sys.argv[1], dpi=150)

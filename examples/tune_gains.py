@@ -1,9 +1,12 @@
-"""Gains of a joint controller by differential evolution, for payloads that the controller does not know.
+"""Tuning of gains
+===============
+
+Gains of a joint controller by differential evolution, for payloads that the controller does not know.
 
 A two-joint arm in a horizontal plane under PD control: sampled every 2 ms with 4 ms delay and noisy speeds, and limited in torque. What is
 sought: the gains whose worst settling time over three payloads is least, with overshoot and torque charged.
 
-Run: `python examples/tune_gains.py [figure.png]`; needs scipy (`pip install 'armlet[tune]'`).
+Run: ``python examples/tune_gains.py [figure.png]``; needs scipy (``pip install 'armlet[tune]'``).
 """
 
 import sys
@@ -46,9 +49,9 @@ for mass, numbers in zip(masses, settled, strict=True):
 assert max(float(numbers["settling_time"]) for numbers in settled) < 0.8
 
 if len(sys.argv) > 1:
-    from matplotlib.figure import Figure
+    import matplotlib.pyplot as plt
 
-    figure = Figure(figsize=(11.0, 3.6), layout="constrained")
+    figure = plt.figure(figsize=(11.0, 3.6), layout="constrained")
     before, after, search = figure.subplots(1, 3)
     for axes, which, title in ((before, scenario, "Before"), (after, found.scenario, "Tuned")):
         for mass, style in zip(masses, (":", "--", "-"), strict=True):
@@ -57,7 +60,7 @@ if len(sys.argv) > 1:
                 axes.plot(run.t, run.q[:, i], style, color=colour, label=f"joint {i + 1}, {mass:.0f} kg")
         for target in (0.8, 1.2):
             axes.axhspan(target - 0.02, target + 0.02, color="0.85", zorder=0)
-        axes.set(xlabel="t (s)", ylabel="angle (rad)", ylim=(-0.4, 2.4))
+        axes.set(xlabel="time (s)", ylabel="angle (rad)", ylim=(-0.4, 2.4))
         axes.set_title(f"{title} (grey: band of 0.02 rad)", loc="left", fontsize=10)
     before.legend(fontsize=7, ncols=2)
     tried = found.tried

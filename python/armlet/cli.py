@@ -82,5 +82,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except (ArmletError, OSError, MemoryError, ImportError) as error:
-        print(f"armlet: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
+        print(f"armlet: {_line(error)}", file=sys.stderr)
         return 2
+
+
+def _line(error: BaseException) -> str:
+    """An error in one line; of the system's errors the file and what is wrong with it, without their number."""
+    if isinstance(error, OSError) and error.strerror:
+        return (f"{error.filename}: " if error.filename else "output: ") + error.strerror.lower()
+    return " ".join(str(error).split()) or type(error).__name__

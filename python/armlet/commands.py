@@ -26,19 +26,26 @@ def _run(args: argparse.Namespace) -> int:
     run = scenario.run()
     print(scenario.data.get("title", args.scenario.stem))
     print(run)
-    print(run.metrics())
+    metrics = run.metrics()
+    print(metrics)
+    if metrics["monitor_violations"]:
+        print("  (identities that do not close to 1e-6: a shorter dt, or an adaptive method, tells the integrator's error from the law's)")
     for path in _results(run, scenario, args):
         print(f"wrote {path}")
     return 0
 
 
+def _can_plot(command: str) -> None:
+    from . import plots
+
+    if not plots.available():
+        raise InputError(f"{command}: --plot needs matplotlib: pip install 'armlet[plot]'")
+
+
 def _prepare(args: argparse.Namespace) -> None:
     """What can be refused is refused before the run, not after it."""
     if args.plot:
-        from . import plots
-
-        if not plots.available():
-            raise InputError("run: --plot needs matplotlib: pip install 'armlet[plot]'")
+        _can_plot("run")
     if args.out is not None:
         args.out.mkdir(parents=True, exist_ok=True)
     folder = args.out or Path()
@@ -105,6 +112,8 @@ def _sweep(args: argparse.Namespace) -> int:
     scenario = Scenario.load(args.scenario)
     if "sweep" not in scenario.data:
         raise InputError(f"{args.scenario}: $.sweep: is missing: expected a table with the keys vary, draws, seed, chunk")
+    if args.plot:
+        _can_plot("sweep")
     tty = sys.stderr.isatty()
 
     def progress(done: int, total: int) -> None:
@@ -123,6 +132,15 @@ def _sweep(args: argparse.Namespace) -> int:
             table = sweep(scenario, **given, executor=pool)
     print(table)
     print(f"wrote {table.to_csv(args.out / 'table.csv')}")
+    if args.plot:
+        from matplotlib.figure import Figure
+
+        from .storage import write_whole
+
+        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+        table.plot(fig=figure)
+        write_whole(args.out / "table.png", lambda file: figure.savefig(file, dpi=150, format="png"))
+        print(f"wrote {args.out / 'table.png'}")
     return 0
 
 
@@ -165,6 +183,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     sweep = commands.add_parser("sweep", help="run a scenario once per cell of its [sweep]; goes on where it was stopped")
     sweep.add_argument("scenario", type=Path, metavar="FILE.toml")
     sweep.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder that collects the results")
+    sweep.add_argument("--plot", action="store_true", help="draw the first metric over what varied, into DIR")
     sweep.add_argument("--workers", type=_count, metavar="N", help="processes (default: the threads of this one)")
     sweep.set_defaults(run=_sweep)
 

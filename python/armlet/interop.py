@@ -88,6 +88,11 @@ _DRIVE = (
 )
 
 
+def _expect(model: Any, function: str, kind: str, attribute: str) -> None:
+    if not hasattr(model, attribute):
+        raise InputError(f"{function}: model is of another type: expected a {kind}, got {type(model).__name__}")
+
+
 def from_pinocchio(model: Any) -> Arm:
     """The arm of a `pinocchio.Model`: fixed base; revolute, unbounded and prismatic joints, any axes, any tree.
 
@@ -95,8 +100,9 @@ def from_pinocchio(model: Any) -> Arm:
     first, which on branched robots is not Pinocchio's; continuous joints have one coordinate here and two there.
 
     Raises:
-        InputError: a joint of another type (free flyer, spherical, mimic), named.
+        InputError: not a model, or a joint of another type (free flyer, spherical, mimic), named.
     """
+    _expect(model, "from_pinocchio", "pinocchio.Model", "jointPlacements")
     joints, frames, report = [], [], []
     for i in range(1, model.njoints):
         joint, name = model.joints[i], model.names[i]
@@ -166,8 +172,9 @@ def from_mujoco(model: Any) -> Arm:
     equality constraints, gravity compensation.
 
     Raises:
-        InputError: a free or ball joint, named.
+        InputError: not a model, or a free or ball joint, named.
     """
+    _expect(model, "from_mujoco", "mujoco.MjModel", "body_parentid")
     joints, frames, report = [], [], []
     carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body: joint, rotation and origin in its frame
     frames.append({"name": _name(model, "body", 0), "body": -1, "placement": (np.eye(3), np.zeros(3))})

@@ -60,7 +60,7 @@ def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
         raise ImportError("plot: matplotlib is not installed: pip install 'armlet[plot]'") from None
     with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
         panels = _panels(run)
-        columns = min(3, len(panels))
+        columns = 2 if len(panels) == 4 else min(3, len(panels))
         rows = -(-len(panels) // columns)
         if fig is None:
             from matplotlib import pyplot
@@ -125,6 +125,8 @@ def _legend(ax: Axes, columns: int | None = None) -> None:
         low, high = ax.get_ylim()
         if ax.get_yscale() == "linear":
             ax.set_ylim(low, high + 0.22 * (high - low))
+        else:
+            ax.set_ylim(low, high * (high / low) ** 0.22)
         ax.legend(handles, labels, loc="upper right", ncols=columns or min(4, len(handles)), handlelength=1.4, columnspacing=1.0)
 
 
@@ -227,7 +229,7 @@ def _levels(ax: Axes, run: Run, name: str) -> None:
         values = run.monitors[f"{name}_{level + 1}"]
         ax.semilogy(run.t, np.where(values > 0, values, np.nan), color=COLOURS[level % len(COLOURS)], label=f"level {level + 1}")
     if len(shown):
-        ax.set_ylim(max(shown.min() / 10, 1e-16 * shown.max()), 30 * shown.max())
+        ax.set_ylim(max(shown.min() / 10, 1e-16 * shown.max()), 3 * shown.max())
     _legend(ax)
 
 

@@ -45,7 +45,10 @@ def scipy_method(name: str) -> Any:
 
 @cache
 def _method(name: str) -> Any:
-    scipy: Any = importlib.import_module("scipy.integrate")
+    try:
+        scipy: Any = importlib.import_module("scipy.integrate")
+    except ImportError:
+        raise ImportError("scipy_method: scipy is not installed: pip install scipy") from None
 
     class Polynomial(scipy.DenseOutput):  # type: ignore[misc]
         """The polynomial of one step, by its values at the Chebyshev points."""

@@ -83,7 +83,11 @@ def save(run: _Recorded, path: str | PathLike[str]) -> None:
 def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
     """Call `write(file)` on a temporary file beside `path` and rename it to `path`: never half a file, never the old one lost."""
     target = os.path.abspath(os.fspath(path))
-    handle, scratch = tempfile.mkstemp(dir=os.path.dirname(target), prefix=".armlet-")
+    try:
+        handle, scratch = tempfile.mkstemp(dir=os.path.dirname(target), prefix=".armlet-")
+    except OSError as error:
+        error.filename = target  # not the temporary file, which nobody asked for
+        raise
     try:
         with os.fdopen(handle, "wb") as file:
             write(file)
@@ -93,9 +97,11 @@ def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object])
         os.umask(umask)
         os.chmod(scratch, 0o666 & ~umask)  # a temporary file is private: give the result the usual rights
         os.replace(scratch, target)
-    except BaseException:
+    except BaseException as error:
         with suppress(OSError):
             os.unlink(scratch)
+        if isinstance(error, OSError):
+            error.filename = target  # a full disk does not say which file it cut short
         raise
 
 

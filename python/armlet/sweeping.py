@@ -30,6 +30,8 @@ from .sweep_store import Store
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["SweepTable", "sweep"]
 
@@ -55,6 +57,17 @@ class SweepTable(dict[str, NDArray[Any]]):
 
         to_csv(self, path)
         return Path(path)
+
+    def plot(self, quantity: str | None = None, fig: Figure | None = None) -> Axes:
+        """Draw a metric (None: the first) over the first two quantities that varied; `fig` None: a new pyplot figure.
+
+        Raises:
+            InputError: no number varied, or there is no such metric.
+            ImportError: matplotlib is not installed.
+        """
+        from .sweep_plot import plot
+
+        return plot(self, quantity, fig)
 
     @property
     def rows(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
 import subprocess
@@ -80,7 +81,7 @@ def test_bad_scenarios(command: str, file: Path, tmp_path: Path, capsys: pytest.
         (TEXT.replace("kd = 5.0", "kd = [20.0, -1.0]"), "$.law.kd[1]: expected > 0, got -1.0"),
         (TEXT.replace('"PDGravity"', '"PDgravity"'), "did you mean PDGravity?"),
         ("[arm", "is not TOML"),
-        (None, "No such file or directory"),
+        (None, "step.toml: no such file or directory"),
     ):
         if text is None:
             file.unlink()
@@ -138,15 +139,30 @@ def test_a_full_disk(command: str, file: Path, tmp_path: Path, capsys: pytest.Ca
     monkeypatch.setattr(storage.os, "fsync", fsync)
     out = tmp_path / "out"
     assert cli.main([command, str(file), "--out", str(out)]) == 2
-    assert "No space left on device" in capsys.readouterr().err.splitlines()[-1]
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line == f"armlet: {out / ('step.csv' if command == 'run' else 'chunk-000000.npz')}: no space left on device"
     assert [path.name for path in out.iterdir()] == (["step.npz"] if command == "run" else ["sweep.json"])
     if command == "sweep":
         assert cli.main([command, str(file), "--out", str(out)]) == 0
 
 
-def test_without_matplotlib(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("command", [["new", "adaptive"], ["schema"], ["info"]])
+def test_output_to_a_full_disk(command: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full(io.StringIO):
+        def flush(self) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(sys, "stdout", Full())
+    assert cli.main(command) == 2
+    assert one_line(capsys) == "armlet: output: no space left on device"
+
+
+@pytest.mark.parametrize("command", ["run", "sweep"])
+def test_without_matplotlib(
+    command: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert cli.main(["run", str(file), "--out", str(tmp_path / "out"), "--plot"]) == 2
+    assert cli.main([command, str(file), "--out", str(tmp_path / "out"), "--plot"]) == 2
     assert "armlet[plot]" in one_line(capsys) and not (tmp_path / "out").exists()
 
 
@@ -162,7 +178,8 @@ def test_new(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_sweep(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["sweep", str(file), "--out", str(tmp_path / "a")]) == 0
+    assert cli.main(["sweep", str(file), "--out", str(tmp_path / "a"), "--plot"]) == 0
+    assert (tmp_path / "a" / "table.png").read_bytes()[:4] == b"\x89PNG"
     out = capsys.readouterr().out
     assert "6 runs: 6 success" in out and "table.csv" in out
     first = (tmp_path / "a" / "table.csv").read_text()

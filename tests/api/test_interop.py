@@ -19,3 +19,16 @@ def test_the_other_libraries_are_not_imported() -> None:
 def test_what_is_no_model_is_refused(model: object) -> None:
     with pytest.raises(al.InputError, match=r"verify: against is of the wrong type: expected a pinocchio.Model or a mujoco.MjModel"):
         al.verify(al.pendulum(1.0, 1.0), against=model)
+
+
+@pytest.mark.parametrize("name", ["from_mujoco", "from_pinocchio"])
+def test_no_arm_is_made_of_what_is_no_model(name: str) -> None:
+    with pytest.raises(al.InputError, match=rf"{name}: model is of another type: expected a \w+\.\w+, got NoneType"):
+        getattr(al, name)(None)
+
+
+def test_scipy_is_asked_for_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "scipy.integrate", None)
+    al.scipy_method.__globals__["_method"].cache_clear()
+    with pytest.raises(ImportError, match="scipy_method: scipy is not installed: pip install scipy"):
+        al.scipy_method("dopri5")

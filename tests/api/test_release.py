@@ -69,7 +69,7 @@ def wheel(folder: Path, platform: str, binary: bytes, *, without: str = "") -> P
     ("platform", "binary", "without", "wrong"),
     [
         ("manylinux_2_17_x86_64", elf(62, "2.17"), "", ""),
-        ("manylinux_2_17_x86_64", elf(62, "2.34"), "", "glibc 2.17"),
+        ("manylinux2014_x86_64.manylinux_2_17_x86_64", elf(62, "2.34"), "", "glibc 2.17"),
         ("manylinux_2_17_aarch64", elf(62, "2.17"), "", "of linux x86_64"),
         ("macosx_11_0_arm64", b"\xcf\xfa\xed\xfe" + struct.pack("<I", 0x0100000C), "", ""),
         ("win_amd64", elf(62, "2.17"), "", "of linux"),

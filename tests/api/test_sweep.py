@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import armlet as al
 
@@ -253,3 +254,17 @@ def toml(data: Any) -> str:
         return "[" + ", ".join(map(inline, value)) + "]" if isinstance(value, list) else json.dumps(value)
 
     return "".join(f"{key} = {inline(value)}\n" for key, value in data.items())
+
+
+def test_plot() -> None:
+    """The first metric over what varied, on scales that fit; runs without a value are shown as such; wrong names are told."""
+    table = al.sweep(SCENARIO, {"law.kd": [10.0, 20.0, 1e6], "law.gamma": {"geomspace": [0.5, 50.0, 4]}})
+    figure = Figure()
+    ax = table.plot(fig=figure)
+    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_xscale(), ax.get_yscale()) == ("law.kd (SI)", "law.gamma (SI)", "log", "log")
+    assert [len(points.get_offsets()) for points in ax.collections] == [8, 4]
+    assert ax.get_legend().get_texts()[0].get_text() == "4 without a value"
+    single = al.sweep(SCENARIO, {"law.gamma": [1.0, 2.0]}).plot("tau_peak2", fig=Figure())
+    assert (single.get_ylabel(), single.get_xscale()) == ("tau_peak2 (SI)", "linear")
+    with pytest.raises(al.InputError, match=r"quantity is unknown: expected one of error_rms1, .*, got 'error'"):
+        table.plot("error", fig=Figure())

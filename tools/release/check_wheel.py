@@ -43,7 +43,7 @@ def faults(wheel: Path) -> list[str]:
         found.append(f"the tag says {platform}, the extension is of {system} {processor}")
     if abi != "abi3":
         found.append(f"expected the stable ABI, got {abi}")
-    if allowed := re.match(r"manylinux_(\d+)_(\d+)_", platform):
+    if allowed := re.search(r"manylinux_(\d+)_(\d+)_", platform):
         used = {tuple(map(int, number)) for number in re.findall(rb"GLIBC_(\d+)\.(\d+)", binary)}
         newest = max(used, default=(0, 0))
         if newest > tuple(map(int, allowed.groups())):

@@ -317,7 +317,7 @@ def draw(
         path.axhline(x_E[k], color=COLOURS[k], linestyle="--", linewidth=1.0)
         path.axhline(X_D[k], color=COLOURS[k], linestyle=":", linewidth=1.0)
     path.set_title("Force step: the tip goes to $x_E = x_d + K_m^{-1} F$ (dashed; $x_d$ dotted)", loc="left", fontsize=10)
-    path.set_ylabel("m")
+    path.set_ylabel("tip position (m)")
     assert step.theta is not None and step.theta_dot is not None
     early = step.t <= 1.0
     rows = zip(step.t[early], step.q[early], step.v[early], step.theta[early], step.theta_dot[early], strict=True)
@@ -330,7 +330,7 @@ def draw(
         torque.axhline((gravity + load)[k], color=COLOURS[k], linestyle=":", linewidth=1.0)
     torque.plot([], [], color="0.4", linestyle=":", linewidth=1.0, label="$J'F + g$, printed")
     torque.set_title("E10: $\\tau_J$ follows $u$, to $g - J'F$ and not to the printed sum", loc="left", fontsize=10)
-    torque.set_ylabel("N m")
+    torque.set_ylabel("torque (N m)")
     for k, (name, (times, q)) in enumerate(printed.items()):
         wrong.plot(times, np.linalg.norm(tip(arm, q) - x_E, axis=1), color=COLOURS[k], label="as it must be" if name == "right" else name)
     wrong.set_yscale("log")
@@ -344,7 +344,7 @@ def draw(
     order.set_xlabel("$B_0/B$")
     order.set_ylabel("$\\sup |x - x_\\mathrm{rigid}|$ (m)")
     for ax in (path, torque, wrong):
-        ax.set_xlabel("s")
+        ax.set_xlabel("time (s)")
     for ax in (path, torque, wrong, order):
         ax.grid(alpha=0.3, linewidth=0.6)
         ax.spines[["top", "right"]].set_visible(False)

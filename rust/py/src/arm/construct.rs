@@ -100,7 +100,7 @@ pub fn example_urdf(py: Python<'_>, name: &str) -> PyResult<&'static str> {
     entry(py, "example_urdf", || Ok(core::example_urdf(name)?))
 }
 
-/// A planar nR arm in the x-y plane, `q1` from the x axis; frames "link1" .. are at the link tips.
+/// A planar nR arm in the x-y plane, `q1` from the x axis; frames "link1" to "linkn" are at the link tips.
 ///
 /// Args:
 ///     lengths: `(n,)`, m; not negative.
