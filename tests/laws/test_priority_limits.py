@@ -31,7 +31,8 @@ def test_velocities_keep_positions_within_limits(sample_time: float | None, brak
     # The limits bind: without them the joints go further.
     free = al.simulate(al.VelocityArm(ARM), al.PriorityVelocity(ARM, [al.Task("link3", "xy", FAR, 4.0)]), START, t_end=3.0, dt=5e-3)
     assert (free.q > HIGH + 0.1).any() and np.isclose(run.q[-1], HIGH, atol=1e-3).any()
-    if brake is not None:
+    if brake is not None and sample_time is None:
+        # Held between samples, the speed is that of the sample's distance.
         room = np.maximum(HIGH - run.q, 0.0)
         assert (run.v <= np.sqrt(2 * BRAKE * room) + 1e-9).all()
 

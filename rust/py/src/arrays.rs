@@ -227,7 +227,24 @@ pub fn of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a 
     }
 }
 
-/// A new array of integers of this shape.
+/// The elements of a caller's `out=` array, writeable and otherwise as for `of_shape`; None for what `out_slice` refuses or copies.
+///
+/// For hot writes: that no input overlaps is the caller's to know.
+#[inline]
+#[allow(clippy::mut_from_ref)]
+pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a mut [f64]> {
+    let length = of_shape(value, shape)?.len();
+    // SAFETY: `of_shape` has seen that this is an array with such elements; the GIL is held while they are written.
+    unsafe {
+        let array = &(*value.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
+        if length == 0 || array.flags & npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
+            return None;
+        }
+        Some(std::slice::from_raw_parts_mut(array.data.cast::<f64>(), length))
+    }
+}
+
+/// A new array of this shape that takes these values over.
 pub fn integers<'py, T: Element>(py: Python<'py>, shape: &[usize], values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
     Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
 }

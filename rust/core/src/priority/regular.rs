@@ -200,7 +200,7 @@ pub(super) fn regular<S: Real, const N: usize>(asked: &Asked, rounding: S, given
         let excess = if asked.exact {
             let relative2 = inverse2 * norm2;
             let floor = S::splat(EXACT_FLOOR).max(rounding * condition);
-            condition = condition * relative2.sqrt();
+            condition *= relative2.sqrt();
             relative2 * floor * floor
         } else {
             let eps2 = asked.eps.map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2[i], |eps| S::splat(eps[i] * eps[i]));

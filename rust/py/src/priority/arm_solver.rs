@@ -4,7 +4,7 @@ use super::diagnosis::fields;
 use super::solution::{copied, residual_list, status_member};
 use super::stack::{Keywords, items, per_joint};
 use crate::arm::Arm;
-use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, out_slice, require_finite, shown, vector};
+use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, out_of_shape, out_slice, require_finite, shown, vector};
 use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
 use crate::simulate::listen;
@@ -80,24 +80,28 @@ impl ArmPrioritySolver {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// One row, where all is float64, contiguous and of the right shape; `None` where it is not.
+    /// One row, where all is float64, contiguous and of the right shape; `None` where it is not, and where something is to be refused: what
+    /// went wrong is said by the way that looks at everything.
     #[inline]
     fn quick<'py>(
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
-        velocities: &[Bound<'py, PyAny>],
+        velocities: &Bound<'py, PyAny>,
         out: Option<&Bound<'py, PyAny>>,
-    ) -> Option<Result<Bound<'py, PyAny>, Failure>> {
+    ) -> Option<Bound<'py, PyAny>> {
         let angles = of_shape(q, &[self.n])?;
-        if velocities.len() != self.rows.len() || velocities.len() > MOST {
+        let list = velocities.cast_exact::<PyList>().ok()?;
+        if list.len() != self.rows.len() || self.rows.len() > MOST {
             return None;
         }
+        // No vector of them: that would be half of what the look at the arguments costs.
+        let held: [Option<Bound<'py, PyAny>>; MOST] = std::array::from_fn(|i| if i < list.len() { list.get_item(i).ok() } else { None });
         let mut given: [&[f64]; MOST] = [&[]; MOST];
-        for ((slot, velocity), &m) in given.iter_mut().zip(velocities).zip(&self.rows) {
-            *slot = of_shape(velocity, &[m])?;
+        for ((slot, velocity), &m) in given.iter_mut().zip(&held).zip(&self.rows) {
+            *slot = of_shape(velocity.as_ref()?, &[m])?;
         }
-        let given = &given[..velocities.len()];
+        let given = &given[..self.rows.len()];
         let solve = |v: &mut [f64]| -> Result<(), Failure> {
             let core = &mut *self.state();
             let command = core.prepare(angles)?;
@@ -110,23 +114,19 @@ impl ArmPrioritySolver {
             v.copy_from_slice(core.solver().v());
             Ok(())
         };
-        let answer = match out {
-            None => new_vector(py, self.n, solve),
+        match out {
+            None => new_vector(py, self.n, solve).ok(),
             Some(out) => {
-                // All inputs are contiguous: their addresses say whether they overlap, and the full way then says so.
+                // All inputs are contiguous: their addresses say whether they overlap.
                 let place = of_shape(out, &[self.n])?.as_ptr_range();
                 let apart = |x: &[f64]| x.as_ptr_range().end <= place.start || place.end <= x.as_ptr_range().start;
                 if !(apart(angles) && given.iter().all(|x| apart(x))) {
                     return None;
                 }
-                match out_slice(SOLVE, out, &[self.n], &[]) {
-                    Ok(v) => solve(v).map(|()| out.clone()),
-                    Err(failure) => return Some(Err(failure)),
-                }
+                solve(out_of_shape(out, &[self.n])?).ok()?;
+                Some(out.clone())
             }
-        };
-        // What went wrong is said by the way that looks at everything.
-        answer.ok().map(Ok)
+        }
     }
 
     /// Anything else: lists, other types, leading axes, what is to be refused.
@@ -237,12 +237,9 @@ impl ArmPrioritySolver {
         velocities: &Bound<'py, PyAny>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, SOLVE, || {
-            let velocities = items(SOLVE, "velocities", velocities)?;
-            match self.quick(py, q, &velocities, out) {
-                Some(answer) => answer,
-                None => self.full(py, q, &velocities, out),
-            }
+        entry(py, SOLVE, || match self.quick(py, q, velocities, out) {
+            Some(answer) => Ok(answer),
+            None => self.full(py, q, &items(SOLVE, "velocities", velocities)?, out),
         })
     }
 
