@@ -115,6 +115,7 @@ fn an_event_ends_the_run() {
     assert_eq!(run.t.last(), Some(&run.ended));
     // Back at x = t = 2 (1/2 + pi/20 + 1/2 - t) + ..: after the rebound x = 1 - 2 (t - 1/2 - pi/20).
     assert!((run.ended - (2.0 + PI / 10.0) / 3.0).abs() < 1e-8, "{}", run.ended);
-    let mut unknown = Asked { events: vec![Event { what: What::Function(Arc::new(|_, _| None)), direction: 0.0, stop_after: 0 }], ..Asked::default() };
+    let mut unknown =
+        Asked { events: vec![Event { what: What::Function(Arc::new(|_, _| None)), direction: 0.0, stop_after: 0 }], ..Asked::default() };
     assert_eq!(thrown(0.0, Method::Dop853, Some(&mut unknown)).status, Status::Diverged);
 }

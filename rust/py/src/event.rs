@@ -88,12 +88,7 @@ fn what(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Ra
 }
 
 /// The keywords `events` and `dense`; `None` where nothing is asked for.
-pub fn asked(
-    plant: &PlantSpec,
-    events: Option<Bound<'_, PyAny>>,
-    dense: bool,
-    raised: &Raised,
-) -> Result<Option<Asked>, Failure> {
+pub fn asked(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, raised: &Raised) -> Result<Option<Asked>, Failure> {
     let mut asked = Asked { polynomials: dense.then(Polynomials::default), ..Asked::default() };
     for (i, event) in events.iter().flat_map(|events| events.try_iter()).flatten().enumerate() {
         let event = event?;

@@ -7,11 +7,7 @@ use armlet_core::plant::Stops;
 use pyo3::prelude::*;
 
 /// The stops of a plant as an `armlet.JointStops` states them.
-pub fn stops(
-    function: &'static str,
-    model: &Model,
-    value: Option<&Bound<'_, PyAny>>,
-) -> Result<Option<Stops>, Failure> {
+pub fn stops(function: &'static str, model: &Model, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Stops>, Failure> {
     let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
     let n = model.n();
     let limits = |upper: bool| -> Vec<f64> {

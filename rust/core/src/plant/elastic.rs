@@ -79,7 +79,9 @@ impl ElasticSpec {
         let n = self.model.n();
         let stretch: Vec<f64> = (0..n).map(|i| x[2 * n + i] - x[i]).collect();
         let half = |k: &Gain, x: &[f64]| 0.5 * x.iter().zip(k.times(x)).map(|(a, b)| a * b).sum::<f64>();
-        link_energy(&self.model, self.wall.as_ref(), self.stops.as_ref(), x) + half(&self.stiffness, &stretch) + half(&self.motor_inertia, &x[3 * n..4 * n])
+        link_energy(&self.model, self.wall.as_ref(), self.stops.as_ref(), x)
+            + half(&self.stiffness, &stretch)
+            + half(&self.motor_inertia, &x[3 * n..4 * n])
     }
 }
 

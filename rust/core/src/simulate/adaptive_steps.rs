@@ -90,13 +90,7 @@ pub struct Outcome {
 
 /// Run `system` from `method.x`; `record(t, system, x)` is called for every record.
 #[inline(always)]
-pub fn run<S, F, B, M>(
-    system: &mut F,
-    method: &mut M,
-    segments: &Segments,
-    stop: &dyn Stop,
-    record: impl FnMut(f64, &mut F, &B),
-) -> Outcome
+pub fn run<S, F, B, M>(system: &mut F, method: &mut M, segments: &Segments, stop: &dyn Stop, record: impl FnMut(f64, &mut F, &B)) -> Outcome
 where
     S: Real,
     F: System<S>,

@@ -11,11 +11,22 @@ pub type Signal = Arc<dyn Fn(f64, &[f64]) -> Option<f64> + Send + Sync>;
 #[derive(Clone)]
 pub enum What {
     /// `q_i - value`, or `value - q_i`.
-    Joint { joint: usize, value: f64, below: bool },
+    Joint {
+        joint: usize,
+        value: f64,
+        below: bool,
+    },
     /// `v_i - value`; `at` is where `v_i` stands in the plant's state.
-    Speed { at: usize, value: f64 },
+    Speed {
+        at: usize,
+        value: f64,
+    },
     /// `normal . (p - point)` of the origin of a frame, world axes.
-    Plane { frame: usize, point: [f64; 3], normal: [f64; 3] },
+    Plane {
+        frame: usize,
+        point: [f64; 3],
+        normal: [f64; 3],
+    },
     Function(Signal),
 }
 

@@ -65,15 +65,7 @@ impl<S: Real> TorqueSensing<S> {
     }
 
     /// At sample `k` and plant state `x`: `now` from what was sensed some time `before`, and the links in `measured`.
-    pub fn sense(
-        &mut self,
-        seeds: &[u64],
-        k: u64,
-        x: &[S],
-        before: Option<(&Sensed<S>, f64)>,
-        now: &mut Sensed<S>,
-        measured: &mut [S],
-    ) {
+    pub fn sense(&mut self, seeds: &[u64], k: u64, x: &[S], before: Option<(&Sensed<S>, f64)>, now: &mut Sensed<S>, measured: &mut [S]) {
         let n = self.stretch.len();
         for i in 0..n {
             self.stretch[i] = x[2 * n + i] - x[i];
