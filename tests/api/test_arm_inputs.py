@@ -162,7 +162,8 @@ def test_the_argument_that_is_not_finite_is_named_by_its_index() -> None:
     q, v, a = np.zeros((3, 40, 6))
     v[33, 4] = np.inf
     out = np.full((40, 6), 7.0)
-    for given in ({}, {"out": out}):
+    options: list[dict[str, Any]] = [{}, {"out": out}]
+    for given in options:
         with pytest.raises(al.InputError, match=r"v is not finite: expected finite numbers, got inf \(first bad index \(33, 4\)\)"):
             arm.inverse_dynamics(q, v, a, **given)
     assert np.all(out == 7.0)
