@@ -122,8 +122,9 @@ def test_printed_digits_of_small_inertias_are_forgiven(least: float, accepted: b
 def test_twenty_thousand_joints_load_from_python(shape: str) -> None:
     """Room for answers of n^2 numbers is not made before they are asked for."""
     count = 20_000
-    parent = (lambda i: i - 1) if shape == "chain" else (lambda i: 0)
-    links = "".join(f'<link name="l{i}"/>{joint(name=f"j{i}", parent=f"l{parent(i)}", child=f"l{i}")}' for i in range(1, count + 1))
+    parents = range(count) if shape == "chain" else [0] * count
+    each = enumerate(parents, start=1)
+    links = "".join(f'<link name="l{i}"/>{joint(name=f"j{i}", parent=f"l{parent}", child=f"l{i}")}' for i, parent in each)
     start = time.perf_counter()
     arm = al.load_urdf(f'<robot><link name="l0"/>{links}</robot>')
     # A second on a quiet machine; five leave room for a busy one.
@@ -161,9 +162,10 @@ def test_the_argument_that_is_not_finite_is_named_by_its_index() -> None:
     q, v, a = np.zeros((3, 40, 6))
     v[33, 4] = np.inf
     out = np.full((40, 6), 7.0)
-    for call in (lambda: arm.inverse_dynamics(q, v, a), lambda: arm.inverse_dynamics(q, v, a, out=out)):
+    options: list[dict[str, Any]] = [{}, {"out": out}]
+    for given in options:
         with pytest.raises(al.InputError, match=r"v is not finite: expected finite numbers, got inf \(first bad index \(33, 4\)\)"):
-            call()
+            arm.inverse_dynamics(q, v, a, **given)
     assert np.all(out == 7.0)
     bad = np.zeros((4096, 6))
     bad[4000, 2] = np.nan

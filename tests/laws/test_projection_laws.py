@@ -6,6 +6,7 @@ P(a_hat) >= P_min / 2 at all times,   V1' = -s'Kd s - c (a_hat - a) . g with c (
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,7 @@ def shares(estimate: Array, least: Array) -> Array:
     """The largest k with P(estimate) >= k P(least), of every body: at least 1/2 where the promise holds."""
     inverse = np.linalg.inv(np.linalg.cholesky(pseudo(least.reshape(-1, 10))))
     bodies = inverse @ pseudo(estimate.reshape(*estimate.shape[:-1], -1, 10)) @ np.swapaxes(inverse, -1, -2)
-    return np.linalg.eigvalsh(bodies)[..., 0]
+    return np.asarray(np.linalg.eigvalsh(bodies)[..., 0], dtype=np.float64)
 
 
 def sinusoid(n: int) -> al.Sinusoid:
@@ -60,7 +61,7 @@ def gamma_of(form: str, rng: np.random.Generator, p: int) -> Any:
     return 0.1 * (root @ root.T / p + 0.1 * np.eye(p))
 
 
-STARTS = {
+STARTS: dict[str, Callable[[al.Arm], Array | None]] = {
     "nothing": lambda arm: None,
     "near the border": lambda arm: 1.1 * SHARE * arm.parameters,
     "negative": lambda arm: -arm.parameters,

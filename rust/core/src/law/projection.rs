@@ -84,7 +84,7 @@ fn inverse(l: &Pseudo<f64>) -> Pseudo<f64> {
 fn relative<S: Real>(inverse: &Pseudo<S>, p: &Pseudo<S>) -> Pseudo<S> {
     let mut z = product(&product(inverse, p), &transposed(inverse));
     for (i, row) in z.iter_mut().enumerate() {
-        row[i] = row[i] - S::splat(1.0);
+        row[i] -= S::splat(1.0);
     }
     z
 }
