@@ -68,6 +68,7 @@ def test_controls_reach_the_model(server: Any) -> None:
         if not isinstance(control, Choice):
             shown = 10 ** page.controls[control.name].value if control.powers else page.controls[control.name].value
             assert control.read(shown) == pytest.approx(page.model.values[control.name], rel=2e-3)
+    page.gizmos["x_d"].position = (0.4, 0.4, 0.0)
     page.model.drag("x_d", [0.4, 0.4, 0.0])
     page.model.reset()
     page.frame(0.016)
