@@ -76,7 +76,7 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
     1.35
     >>> q, v, a = p(0.5 * p.duration)
     >>> [round(float(x), 6) for x in (*q, *v)]
-    [0.5, 0.25, 1.0, 0.5]
+    [0.5, 0.25, 1.0, 0.438447]
     """
     start = _vector("q0", q0, None, False)
     n = start.size

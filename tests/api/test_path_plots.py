@@ -18,7 +18,7 @@ def test_panels() -> None:
     axes = PathTiming(ARM, TIMED, **LIMITS).plot(Figure())  # type: ignore[arg-type]
     assert axes.shape == (2, 2)
     for ax in axes.ravel():
-        assert ax.get_xlabel() and ax.get_ylabel() and ax.get_title()
+        assert ax.get_xlabel() and ax.get_ylabel() and ax.get_title(loc="left")
     for ax in axes[0]:
         drawn = np.concatenate([line.get_ydata() for line in ax.get_lines()])
         # In parts of the limits; drawn to a digit more than can be seen.

@@ -42,7 +42,7 @@ def test_a_disk_without_room(tmp_path: Path) -> None:
         [sys.executable, "-P", "-c", LIMITED, str(file), str(out)], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 2
-    assert done.stderr.startswith("armlet: ") and done.stderr.count("\n") == 1 and "File too large" in done.stderr
+    assert done.stderr.startswith("armlet: ") and done.stderr.count("\n") == 1 and "file too large" in done.stderr
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     same(wanted, al.sweep(al.Scenario.load(file), out=out))
 

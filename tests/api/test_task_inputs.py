@@ -109,7 +109,7 @@ BAD: list[tuple[Callable[[], Any], str]] = [
     (lambda: al.PriorityVelocity(ARM, [al.RelativeTask("link4", "link4", "x", [0.0])]), "reference is the frame itself"),
     (lambda: al.PriorityVelocity(al.planar_pr(2.0, 0.5, 0.5), [TIP]), "arm has no links"),
     (lambda: al.PriorityVelocity("arm", [TIP]), "arm is of the wrong type"),
-    (lambda: al.PriorityAcceleration(ARM, [TIP], "sns"), "method bounds velocities"),
+    (lambda: al.PriorityAcceleration(ARM, [TIP], "sns"), "v_max is missing"),
     (lambda: al.PriorityAcceleration(ARM, [TIP], joint_damping=-1.0), "joint_damping is not a damping"),
     (lambda: al.PrioritySolver.for_arm(ARM, []), "tasks is empty"),
     (lambda: al.PrioritySolver.for_arm(ARM, [TIP]).solve(Q, [[1.0]]), r"velocities\[0\] has the wrong shape: expected \(..., 2\)"),

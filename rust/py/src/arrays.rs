@@ -189,6 +189,13 @@ pub fn vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) ->
     Ok(values.into_owned())
 }
 
+/// Three finite numbers, zero where none are given.
+pub fn three(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<[f64; 3], Failure> {
+    let Some(value) = value else { return Ok([0.0; 3]) };
+    let values = vector(function, name, value, 3)?;
+    Ok([values[0], values[1], values[2]])
+}
+
 /// A finite vector of any length, copied.
 pub fn any_vector(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Failure> {
     let (shape, values) = numbers(function, name, value)?;

@@ -1,7 +1,7 @@
 //! `armlet.RigidArm`, `armlet.ElasticArm`, `armlet.VelocityArm` and the wall that plants touch.
 
 use crate::arm::Arm;
-use crate::arrays::{number, object, text, vector};
+use crate::arrays::{number, object, text, three};
 use crate::errors::{Failure, entry};
 use crate::given::{Given, call, shown_as};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
@@ -72,14 +72,10 @@ impl Wall {
     ) -> PyResult<Self> {
         const NAME: &str = "Wall";
         entry(frame.py(), NAME, || {
-            let three = |name: &str, value| -> Result<[f64; 3], Failure> {
-                let v = vector(NAME, name, value, 3)?;
-                Ok([v[0], v[1], v[2]])
-            };
             let damping = damping.map_or(Ok(0.0), |damping| number(NAME, "damping", damping))?;
             let stiffness = number(NAME, "stiffness", stiffness)?;
             // The frame's index is found where the plant is made: a wall belongs to no arm yet.
-            let core = CoreWall::new(0, three("point", point)?, three("normal", normal)?, stiffness, damping)?;
+            let core = CoreWall::new(0, three(NAME, "point", Some(point))?, three(NAME, "normal", Some(normal))?, stiffness, damping)?;
             Ok(Wall { frame: text(NAME, "frame", frame)?, core })
         })
     }

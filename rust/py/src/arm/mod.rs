@@ -10,8 +10,8 @@ pub use construct::*;
 pub use identify::*;
 pub use model::Model;
 
-use crate::arrays::{new_array, vector};
-use crate::errors::entry;
+use crate::arrays::{new_array, number, numbers, shown, text, three, vector};
+use crate::errors::{Failure, entry, input_error};
 use armlet_core::dynamics::{Quantity, Query};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -113,24 +113,63 @@ impl Arm {
     }
 
     /// The same arm with a frame of its own `name` fixed to frame `parent` at `xyz` (m), turned by `rpy` (rad).
-    #[pyo3(signature = (name, parent, *, xyz=[0.0; 3], rpy=[0.0; 3]))]
-    fn with_frame(&self, py: Python<'_>, name: &str, parent: &str, xyz: [f64; 3], rpy: [f64; 3]) -> PyResult<Arm> {
-        entry(py, "Arm.with_frame", || Ok(self.model.tree("Arm.with_frame")?.with_frame(name, parent, rpy, xyz)?.into()))
+    #[pyo3(signature = (name, parent, *, xyz=None, rpy=None))]
+    fn with_frame(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        parent: &str,
+        xyz: Option<&Bound<'_, PyAny>>,
+        rpy: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Arm> {
+        const NAME: &str = "Arm.with_frame";
+        entry(py, NAME, || {
+            let (xyz, rpy) = (three(NAME, "xyz", xyz)?, three(NAME, "rpy", rpy)?);
+            Ok(self.model.tree(NAME)?.with_frame(name, parent, rpy, xyz)?.into())
+        })
     }
 
     /// The same arm with a load in frame `frame`: `mass` in kg, its centre `com` (m) and its inertia about that
-    /// centre (kg m^2, `(3, 3)`), both in the frame.
-    #[pyo3(signature = (frame, mass, com=[0.0; 3], inertia=[[0.0; 3]; 3]))]
-    fn with_payload(&self, py: Python<'_>, frame: &str, mass: f64, com: [f64; 3], inertia: [[f64; 3]; 3]) -> PyResult<Arm> {
-        entry(py, "Arm.with_payload", || Ok(self.model.tree("Arm.with_payload")?.with_payload(frame, mass, com, inertia)?.into()))
+    /// centre (kg m^2, `(3, 3)`), both in the frame; zero where they are not given.
+    #[pyo3(signature = (frame, mass, com=None, inertia=None))]
+    fn with_payload(
+        &self,
+        py: Python<'_>,
+        frame: &str,
+        mass: &Bound<'_, PyAny>,
+        com: Option<&Bound<'_, PyAny>>,
+        inertia: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Arm> {
+        const NAME: &str = "Arm.with_payload";
+        entry(py, NAME, || {
+            let (mass, com) = (number(NAME, "mass", mass)?, three(NAME, "com", com)?);
+            let mut about = [[0.0; 3]; 3];
+            if let Some(inertia) = inertia {
+                let (shape, values) = numbers(NAME, "inertia", inertia)?;
+                if shape != [3, 3] {
+                    let problem = format!("has the wrong shape: expected (3, 3), got {}", shown(&shape));
+                    return Err(input_error(py, NAME, "inertia", problem).into());
+                }
+                about = std::array::from_fn(|i| std::array::from_fn(|j| values[3 * i + j]));
+            }
+            Ok(self.model.tree(NAME)?.with_payload(frame, mass, com, about)?.into())
+        })
     }
 
     /// The same arm with joints fixed at given positions: `{"joint": value}`.
     fn locked(&self, py: Python<'_>, joints: &Bound<'_, PyDict>) -> PyResult<Arm> {
-        entry(py, "Arm.locked", || {
-            let named: Vec<(String, f64)> = joints.iter().map(|(k, v)| Ok((k.extract()?, v.extract()?))).collect::<PyResult<_>>()?;
-            let named: Vec<(&str, f64)> = named.iter().map(|(k, v)| (k.as_str(), *v)).collect();
-            Ok(self.model.tree("Arm.locked")?.locked(&named)?.into())
+        const NAME: &str = "Arm.locked";
+        entry(py, NAME, || {
+            let named: Vec<(String, f64)> = joints
+                .iter()
+                .map(|(joint, value)| {
+                    let joint = text(NAME, "joints", &joint)?;
+                    let value = number(NAME, &format!("joints[\"{joint}\"]"), &value)?;
+                    Ok((joint, value))
+                })
+                .collect::<Result<_, Failure>>()?;
+            let named: Vec<(&str, f64)> = named.iter().map(|(joint, value)| (joint.as_str(), *value)).collect();
+            Ok(self.model.tree(NAME)?.locked(&named)?.into())
         })
     }
 

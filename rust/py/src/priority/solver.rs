@@ -3,7 +3,7 @@
 use super::arm_solver::{ArmPrioritySolver, for_arm};
 use super::solution::{copied, residual_list, status_member};
 use super::stack::{Keywords, Stack, items, per_joint, require_size};
-use crate::arrays::{new_vector, of_shape, out_slice, shown};
+use crate::arrays::{count, new_vector, of_shape, out_slice, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::priority::{DEFAULT_ROUNDING, Options, PrioritySolver as Core};
 use pyo3::prelude::*;
@@ -84,8 +84,8 @@ impl PrioritySolver {
     #[pyo3(signature = (n, rows, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None))]
     fn new(
         py: Python<'_>,
-        n: usize,
-        rows: Vec<usize>,
+        n: &Bound<'_, PyAny>,
+        rows: &Bound<'_, PyAny>,
         method: &str,
         eps: Option<&Bound<'_, PyAny>>,
         rounding: Option<f64>,
@@ -95,6 +95,7 @@ impl PrioritySolver {
     ) -> PyResult<Self> {
         const NAME: &str = "PrioritySolver";
         entry(py, NAME, || {
+            let (n, rows) = (count(NAME, "n", n)?, row_counts(NAME, rows)?);
             require_size(py, NAME, n, &rows)?;
             let options = Keywords { method, eps, rounding, weight, v_min, v_max }.options(NAME, n, rows.len())?;
             let core = Core::new(n, &rows, &options)?;
@@ -263,4 +264,12 @@ impl PrioritySolver {
         keywords.set_item("v_max", options.v_max)?;
         Ok(((n, self.counts.clone()), keywords))
     }
+}
+
+/// Rows of each level: integers of at least zero.
+fn row_counts(function: &str, rows: &Bound<'_, PyAny>) -> Result<Vec<usize>, Failure> {
+    rows.extract::<Vec<usize>>().map_err(|_| {
+        let got = rows.repr().map(|text| text.to_string()).unwrap_or_default();
+        input_error(rows.py(), function, "rows", format!("is not a list of sizes: expected integers >= 0, one per level, got {got}")).into()
+    })
 }
