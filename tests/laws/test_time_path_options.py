@@ -107,7 +107,7 @@ def test_what_torque_rate_refuses() -> None:
 
 @pytest.mark.parametrize("points", [11, 26, 51, 101, 201])
 def test_kept_grids_settle(points: int) -> None:
-    """A given grid is kept where refine is False, and the corrections settle on it: seven axes under limits of speed that bind all along."""
+    """A given grid is kept where refine is False, and the corrections settle on it: seven axes under limits of speed that bind."""
     for seed in range(5):
         q = np.random.default_rng(seed).uniform(-1.0, 1.0, (5, 7))
         tau_max = np.array([174.0, 174.0, 174.0, 174.0, 24.0, 24.0, 24.0])
