@@ -25,7 +25,8 @@ TARGETS = {101: 0.12, 1001: 0.95}
 
 
 def ours(q: np.ndarray, points: int) -> al.TimedPath:
-    return al.time_path(ARM, q, tau_max=TAU_MAX, v_max=2.0, knots=KNOTS, grid=points)
+    # The grid asked for and no other, as toppra's.
+    return al.time_path(ARM, q, tau_max=TAU_MAX, v_max=2.0, knots=KNOTS, grid=points, refine=False)
 
 
 def theirs(q: np.ndarray, points: int) -> Any:
@@ -72,8 +73,8 @@ def main() -> None:
         except ImportError:
             print("toppra is not installed: left out")
             continue
-        # Equal to the error of the grids: against toppra's finest here, at 100 points either may be a per cent off.
-        assert abs(p.duration / theirs(q, 1001)() - 1.0) < (2e-2 if points < 1000 else 2e-3)
+        # Equal to the error of the grids: against toppra's finest here, at 100 points either may be two per cent off.
+        assert abs(p.duration / theirs(q, 1001)() - 1.0) < (3e-2 if points < 1000 else 2e-3)
         cases.append(Case(group, f"toppra, {points}", peer, per=1, unit="ms", scale=1e3, against=mine.name))
     limits = {"tau_max": TAU_MAX, "v_max": 2.0, "knots": KNOTS}
     cases.append(Case("grid chosen by armlet: ms per timing", "armlet, settled", lambda: al.time_path(ARM, q, **limits), 1, "ms", 1e3))

@@ -163,10 +163,14 @@ class PathTiming:
 
     def _phase_plane(self, ax: Axes) -> None:
         p = self.motion
-        top = 1.35 * float(p.s_dot.max())
-        s, r = np.linspace(p.s[0], p.s[-1], 500), np.linspace(0.0, top, 400)
-        room = self.room(s, r)
-        shut = np.where(room < 0.0, 1.0, 0.0)
+        s = np.linspace(p.s[0], p.s[-1], 500)
+        # As high as it takes to see the region's edge, where it is near.
+        for height in (1.35, 3.0):
+            top = height * float(p.s_dot.max())
+            r = np.linspace(0.0, top, 400)
+            shut = np.where(self.room(s, r) < 0.0, 1.0, 0.0)
+            if shut.any():
+                break
         if shut.any():
             ax.contourf(s, r, shut, levels=[0.5, 1.5], colors=["0.88"])
             ax.contour(s, r, shut, levels=[0.5], colors=["0.35"], linewidths=1.0)
@@ -185,7 +189,7 @@ class PathTiming:
         ax.set_ylim(0.0, top)
         ax.set_xlabel("path position $s$")
         ax.set_ylabel(r"path speed $\dot s$ (1/s)")
-        ax.set_title("Phase plane: no motion passes the grey")
+        ax.set_title("Phase plane: no motion passes the grey" if shut.any() else "Phase plane")
         ax.legend(loc="best", handlelength=1.8)
 
     def _speeds(self, ax: Axes, t: Array, v: Array) -> None:

@@ -135,28 +135,15 @@ impl<'a> Samples<'a> {
         for i in 0..(s.len() - 1) / per {
             for j in 0..n {
                 let torque = |m: usize| held[n * m + j] + rubbed[n * m + j] * by + all[3 * n * m + j] * by2;
-                let (mut top, mut bottom, mut rate, mut turn, mut fast, mut steep) =
-                    (f64::NEG_INFINITY, f64::INFINITY, 0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
-                let (mut before, mut slope) = (torque(i * per), f64::NAN);
-                for m in i * per..=(i + 1) * per {
-                    let here = torque(m);
-                    (top, bottom) = (top.max(here), bottom.min(here));
-                    steep = steep.max((all[3 * n * m + n + j] * by2).abs());
-                    fast = fast.max((all[3 * n * m + 2 * n + j] * by).abs());
-                    if m > i * per {
-                        let next = (here - before) * by_step;
-                        rate = rate.max(next.abs());
-                        // NaN before the second one, which max passes over.
-                        turn = turn.max((next - slope).abs());
-                        (before, slope) = (here, next);
-                    }
-                }
-                // Between samples a value is past them by at most an eighth of its second difference.
-                let between = 0.125 * turn * k * step;
+                let [top, bottom, bent, rate] = span(i * per..=(i + 1) * per, torque);
+                let [high, low, more, _] = span(i * per..=(i + 1) * per, |m| all[3 * n * m + n + j] * by2);
+                let steep = high.max(-low) + more;
+                let [high, low, more, _] = span(i * per..=(i + 1) * per, |m| all[3 * n * m + 2 * n + j] * by);
+                let fast = high.max(-low) + more;
                 let sides = [
-                    ((top + between - hi[j]) / size(hi[j], lo[j]), Bound::TorqueMax),
-                    ((lo[j] - bottom + between) / size(lo[j], hi[j]), Bound::TorqueMin),
-                    (((rate + turn) / rates[j]) - 1.0, Bound::TorqueRate),
+                    ((top + bent - hi[j]) / size(hi[j], lo[j]), Bound::TorqueMax),
+                    ((lo[j] - bottom + bent) / size(lo[j], hi[j]), Bound::TorqueMin),
+                    ((rate + 2.0 * bent) * by_step / rates[j] - 1.0, Bound::TorqueRate),
                     (steep / hi[n + j] - 1.0, Bound::Acceleration),
                     (fast / hi[2 * n + j] - 1.0, Bound::Velocity),
                 ];
@@ -193,6 +180,23 @@ impl<'a> Samples<'a> {
         }
         Some(high)
     }
+}
+
+/// Of the values at some samples: the largest, the smallest, what they may pass these by between samples, and the largest change from
+/// one to the next. A corner between samples passes them by at most half of a second difference, a parabola by an eighth.
+#[inline(always)]
+fn span(samples: std::ops::RangeInclusive<usize>, value: impl Fn(usize) -> f64) -> [f64; 4] {
+    let (mut before, mut change) = (value(*samples.start()), f64::NAN);
+    let (mut top, mut bottom, mut turn, mut most) = (before, before, 0.0_f64, 0.0_f64);
+    for m in *samples.start() + 1..=*samples.end() {
+        let here = value(m);
+        let next = here - before;
+        (top, bottom, most) = (top.max(here), bottom.min(here), most.max(next.abs()));
+        // NaN at first, which max passes over.
+        turn = turn.max((next - change).abs());
+        (before, change) = (here, next);
+    }
+    [top, bottom, 0.5 * turn, most]
 }
 
 /// What an excess is relative to: the limit, or the other one where it is zero.
