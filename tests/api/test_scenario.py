@@ -137,6 +137,25 @@ def test_run_options() -> None:
     assert not np.array_equal(one.q, other.q)
 
 
+def test_stops_and_torque_sensors_are_those_of_python() -> None:
+    arm, given = al.planar_arm([0.5, 0.4]), {"stiffness": 1e4, "damping": 10.0, "upper": [0.25, 3.0]}
+    sensor = {"noise": 0.1, "bias": [0.5, -0.3], "bandwidth": 2000.0}
+    gains = {"kp": 200.0, "kd": 20.0, "kt": 1.0, "ks": 0.02}
+    scenario = al.Scenario.from_dict(
+        {
+            "arm": {"kind": "planar_arm", "lengths": [0.5, 0.4]},
+            "plant": {"kind": "ElasticArm", "stiffness": [800.0, 500.0], "motor_inertia": [0.4, 0.25], "stops": given},
+            "law": {"kind": "StateFeedback", "target": [0.3, 1.0]} | gains,
+            "run": {"q0": [0.0, 0.5], "t_end": 0.1, "dt": 1e-4, "sample_time": {"period": 1e-3, "torque_sensor": sensor, "seed": 1}},
+        }
+    )
+    plant = al.ElasticArm(arm, [800.0, 500.0], [0.4, 0.25], stops=al.JointStops(1e4, 10.0, upper=[0.25, 3.0]))
+    law = al.StateFeedback(arm, [0.3, 1.0], joint_stiffness=[800.0, 500.0], **gains)
+    clock = al.Sampling(1e-3, torque_sensor=al.TorqueSensor(noise=0.1, bias=[0.5, -0.3], bandwidth=2000.0), seed=1)
+    expected = al.simulate(plant, law, [0.0, 0.5], t_end=0.1, dt=1e-4, sample_time=clock)
+    np.testing.assert_array_equal(scenario.run().q, expected.q)
+
+
 def test_the_law_may_believe_in_another_arm() -> None:
     other = Scenario.from_dict(changed({"model": {"kind": "planar_arm", "lengths": [0.5, 0.4], "masses": [1.0, 2.0]}}))
     assert not np.array_equal(other.build().law.arm.parameters, other.build().plant.arm.parameters)
