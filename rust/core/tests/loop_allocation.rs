@@ -1,5 +1,7 @@
 //! A step of a closed loop allocates nothing: runs of more steps make no more allocations.
 
+mod counting;
+
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
 use armlet_core::kinematics::TaskFunction;
@@ -10,28 +12,9 @@ use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, VelocitySpec};
 use armlet_core::priority::Options as Maps;
 use armlet_core::simulate::{Force, Method, Options, Problem, Sampling, Times, simulate};
 use armlet_core::status::Status;
-use std::alloc::{GlobalAlloc, Layout, System};
+use counting::counted;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-
-struct Counting;
-static COUNT: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's contract is passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's contract is passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use std::sync::atomic::AtomicBool;
 
 fn sinusoid(n: usize) -> Motion {
     Motion::Sinusoid(Sinusoid::new(vec![0.1; n], 1, vec![0.3; n], vec![1.5; n], vec![0.0; n]).unwrap())
@@ -55,14 +38,11 @@ fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: 
     let x0 = plant.initial_state(&vec![0.2; n], &vec![0.0; n], None, None);
     let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.into_iter().collect(), force_frame: None, options };
     let stop = AtomicBool::new(false);
-    let before = COUNT.load(Ordering::Relaxed);
-    let run = simulate(&problem, &stop).unwrap();
-    let count = COUNT.load(Ordering::Relaxed) - before;
+    let (run, count) = counted(|| simulate(&problem, &stop).unwrap());
     assert_eq!(run.status, Status::Success);
     count
 }
 
-// One test in this file: the counter is the process's.
 #[test]
 fn steps_allocate_nothing() {
     let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();

@@ -4,6 +4,7 @@
 
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
+use std::sync::Arc;
 
 /// A time this close to a knot, in intervals, is that knot.
 const ON_KNOT: f64 = 1e-9;
@@ -14,8 +15,8 @@ pub struct Table {
     dt: f64,
     rate: f64,
     dof: usize,
-    /// One row `[q, v, a]` per knot.
-    rows: Vec<f64>,
+    /// One row `[q, v, a]` per knot; shared, since every law and loop has a copy of its motion.
+    rows: Arc<[f64]>,
 }
 
 impl Table {
@@ -27,7 +28,7 @@ impl Table {
         if dof == 0 || rows.is_empty() || !rows.len().is_multiple_of(3 * dof) {
             return Err(Error::input("q", "is empty: expected at least one knot and one joint"));
         }
-        Ok(Table { start, dt, rate: 1.0 / dt, dof, rows })
+        Ok(Table { start, dt, rate: 1.0 / dt, dof, rows: rows.into() })
     }
 
     pub fn dof(&self) -> usize {
