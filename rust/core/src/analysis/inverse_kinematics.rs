@@ -174,17 +174,13 @@ impl Newton<'_> {
     /// Errors of all tasks at `q`.
     fn errors(&mut self, q: &[f64]) -> &[f64] {
         self.solver.tasks().place(q);
-        self.placed_errors();
-        &self.e
-    }
-
-    fn placed_errors(&mut self) {
         let mut at = 0;
         for k in 0..self.desired.len() {
             let m = self.solver.rows()[k];
             self.solver.tasks().error(k, &self.desired[k], &mut self.e[at..at + m], &mut self.w[at..at + m], None);
             at += m;
         }
+        &self.e
     }
 
     fn misses(&self) -> Vec<f64> {
@@ -204,7 +200,7 @@ impl Newton<'_> {
         let (mut mark, mut since) = (best.1.clone(), 0);
         for _ in 0..self.search.max_iterations.max(1) {
             self.solver.prepare(&q)?;
-            self.placed_errors();
+            self.errors(&q);
             let misses = self.misses();
             if better(&misses, &best.1) {
                 best = (q.clone(), misses.clone());
