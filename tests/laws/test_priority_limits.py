@@ -76,3 +76,14 @@ def test_limits_are_refused_where_they_mean_nothing() -> None:
         al.PriorityAcceleration(ARM, [task], "sns", a_max=[1.0, 0.0, 1.0])
     with pytest.raises(al.InputError, match="q_min is out of order"):
         al.PriorityVelocity(ARM, [task], "sns", q_min=float("nan"))
+
+
+def test_a_run_that_chatters_ends_soon_and_says_what_to_do() -> None:
+    tasks = [al.Task("link3", "xy", [2.0, 0.7], 5.0), al.Task("link1", "y", [-0.4], 5.0)]
+    law, plant = al.PriorityVelocity(ARM, tasks, "sns", v_max=1.0), al.VelocityArm(ARM)
+    with pytest.raises(al.SolveError, match="take a fixed step or a sample time") as caught:
+        al.simulate(plant, law, START, t_end=10.0, method="dopri5", monitors=False)
+    assert caught.value.status is al.Status.STALLED and caught.value.t is not None and 0.0 < caught.value.t < 10.0
+    sampled = al.simulate(plant, law, START, t_end=10.0, method="dopri5", sample_time=0.01, monitors=False)
+    fixed = al.simulate(plant, law, START, t_end=10.0, dt=0.01, monitors=False)
+    assert sampled.status is al.Status.SUCCESS and fixed.status is al.Status.SUCCESS
