@@ -64,15 +64,15 @@ def block(rng: np.random.Generator) -> Block:
 
 
 def times(J: Array, v: Array) -> Array:
-    return np.einsum("bmn,bn->bm", J, v)
+    return np.asarray(np.einsum("bmn,bn->bm", J, v))
 
 
 def norm(x: Array) -> Array:
-    return np.linalg.norm(x, axis=1)
+    return np.asarray(np.linalg.norm(x, axis=1))
 
 
 def largest(x: Array) -> Array:
-    return np.abs(x).max(axis=1, initial=0.0)
+    return np.asarray(np.abs(x).max(axis=1, initial=0.0))
 
 
 def check(b: Block, method: str) -> None:

@@ -166,7 +166,8 @@ _TASKS = tasks_of(MOTIONS)
 _LEVELS: dict[str, Field] = {"tasks": Items(_TASKS)}
 _METHOD: dict[str, Field] = {"method": Text(("clamp", "exact", "damped", "chiaverini", "sns")), "eps": Numbers(depth=1, low=0.0)}
 _LIMITS = ("v_min", "v_max", "q_min", "q_max")
-_BOUNDS: dict[str, Field] = {name: Numbers(depth=1) for name in _LIMITS} | {
+_BOUNDS: dict[str, Field] = {
+    **dict.fromkeys(_LIMITS, Numbers(depth=1)),
     "a_max": Numbers(depth=1, low=0.0, strict=True),
     "horizon": POSITIVE,
 }

@@ -12,6 +12,7 @@ mod bounds;
 mod diagnose;
 mod lanes;
 mod levels;
+mod lq;
 mod method;
 mod metric;
 mod regular;
