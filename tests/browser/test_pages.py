@@ -69,7 +69,8 @@ def test_the_mouse_pulls_and_lets_go(lab: LabPage, drawn: Draw, visit: Go) -> No
     seen, model = visit(drawn(lab.server, lab.frame)), lab.model
     seen.choose("system", "Elastic impedance, 2R")
     until(lambda: model.system.title.startswith("Elastic") and model.t > 1.0, "the elastic arm")
-    time.sleep(2.0)
+    seen.page.get_by_text("stiffness at the tip K_m (N/m)", exact=True).wait_for()
+    time.sleep(5.0)  # the view turns to the new arm after its controls
     turn, arm = model.system.rotation, model.system.arm
     rest = np.array(arm.position(model.q, "link2"))
     held = np.array(arm.pose(model.q, "link2") @ [-0.1, 0.0, 0.0, 1.0])[:3]
@@ -92,7 +93,8 @@ def test_the_mouse_drags_a_target(lab: LabPage, drawn: Draw, visit: Go) -> None:
     seen, model = visit(drawn(lab.server, lab.frame)), lab.model
     seen.choose("system", "Task priority, planar 4R")
     until(lambda: model.system.title.startswith("Task") and model.t > 1.0, "the 4R arm")
-    time.sleep(2.0)
+    seen.page.get_by_text("gain of the tip, first (1/s)", exact=True).wait_for()
+    time.sleep(5.0)  # the view turns to the new arm after its controls
     before, gizmo = model.targets["tip"].copy(), lab.gizmos["tip"]
     # The arrow of x, in its middle.
     start = seen.pixel(lab.server, model.system.rotation @ (before + np.array([0.6 * gizmo.scale, 0.0, 0.0])))
