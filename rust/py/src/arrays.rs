@@ -107,6 +107,12 @@ pub fn count(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usi
     }
 }
 
+/// True or False, numpy's too.
+pub fn flag(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<bool, Failure> {
+    let refused = |_| input_error(value.py(), function, name, format!("is not a flag: expected True or False, got {}", given(value)));
+    Ok(value.extract::<bool>().map_err(refused)?)
+}
+
 /// A text.
 pub fn text(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<String, Failure> {
     match value.cast::<PyString>() {

@@ -1,6 +1,6 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{any_vector, count, number, numbers, object, optional_number, require_finite, shown, text, vector};
+use crate::arrays::{any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
@@ -131,7 +131,7 @@ impl<'py> Given<'py> {
             sampling: self.sampling(n)?,
             times,
             tau_max: self.per_joint("tau_max", n)?,
-            monitors: self.required("monitors")?.is_truthy()?,
+            monitors: flag(self.function, "monitors", &self.required("monitors")?)?,
         })
     }
 
@@ -283,7 +283,7 @@ pub fn simulate<'py>(
         let (force, force_frame) = given.force(plant, law, &raised)?;
         let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options };
         warn_of_sampling(py, NAME, &problem)?;
-        let dense = given.get("dense")?.is_some_and(|dense| dense.is_truthy().unwrap_or(false));
+        let dense = given.get("dense")?.map_or(Ok(false), |dense| flag(NAME, "dense", &dense))?;
         let mut asked = event::asked(plant, given.get("events")?, dense, &raised)?;
         let mut signal = None;
         let run = {

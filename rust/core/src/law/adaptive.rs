@@ -8,7 +8,7 @@
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
 use super::projection::Projection;
 use super::{Definition, Instant, Law, Term, require_same_dof, require_size};
-use crate::dynamics::{AnyArm, Dynamics, Model};
+use crate::dynamics::{Dynamics, Model};
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{Gain, Multiply};
 use crate::motion::Motion;
@@ -98,17 +98,15 @@ impl Definition for AdaptiveSpec {
         let n = self.model.n();
         let (p, z) = (at.z.len(), at.z);
         let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);
-        let arm = AnyArm::<f64>::from_lanes(|_| &self.model);
         let e: Vec<f64> = (0..n).map(|i| desired[i] - q[i]).collect();
         let e_dot: Vec<f64> = (0..n).map(|i| desired[n + i] - v[i]).collect();
         let (le, le_dot) = (self.lambda.times(&e), self.lambda.times(&e_dot));
         let v_r: Vec<f64> = (0..n).map(|i| desired[n + i] + le[i]).collect();
         let a_r: Vec<f64> = (0..n).map(|i| desired[2 * n + i] + le_dot[i]).collect();
         let s: Vec<f64> = (0..n).map(|i| v_r[i] - v[i]).collect();
-        let trig: Vec<(f64, f64)> = q.iter().map(|q| Real::sin_cos(*q)).collect();
         let all = self.model.parameter_count();
         let mut full = vec![0.0; n * all];
-        arm.regressor(&mut arm.workspace(), &trig, q, v, &v_r, &a_r, &mut full);
+        self.model.at(q).regressor(v, &v_r, &a_r, &mut full);
         let y: Vec<f64> = match &self.base {
             None => full,
             Some(base) => full.chunks_exact(all).flat_map(|row| base.columns.iter().map(|&column| row[column])).collect(),
@@ -117,7 +115,7 @@ impl Definition for AdaptiveSpec {
         let tau: Vec<f64> = (0..n).map(|i| (0..p).map(|j| y[i * p + j] * z[j]).sum::<f64>() + kd_s[i] + armature[i] * a_r[i]).collect();
         let mut law = Self::build::<f64>(|_| self);
         let mut rate = vec![0.0; p];
-        law.evaluate(desired, &trig, at.x, z, &mut vec![0.0; n], &mut rate);
+        law.evaluate(desired, at.trig, at.x, z, &mut vec![0.0; n], &mut rate);
         vec![
             ("q_d", vec![n], desired[..n].to_vec()),
             ("v_d", vec![n], desired[n..2 * n].to_vec()),

@@ -36,7 +36,7 @@ impl GivenLimits {
         ];
         match given.iter().find(|(_, given)| *given && method != Method::Sns) {
             Some((name, _)) => {
-                Err(Error::input(*name, format!("bounds nothing: expected method \"sns\", which keeps bounds, got {:?}", method.name())))
+                Err(Error::input(*name, format!("bounds nothing: expected method sns, which keeps bounds, got {}", method.name())))
             }
             None => Ok(()),
         }
@@ -95,8 +95,7 @@ impl JointLimits {
         }
         let bounded = [q_min, q_max, v_min, v_max, a_max].iter().any(|x| x.iter().any(|x| x.is_finite()));
         if !bounded {
-            let problem =
-                format!("is missing: expected velocity bounds of shape ({n},) for method \"sns\", or an arm with limits, got none");
+            let problem = format!("is missing: expected velocity bounds of shape ({n},) for method sns, or an arm with limits, got None");
             return Err(Error::input("v_max", problem));
         }
         Ok(limits)

@@ -44,8 +44,8 @@ impl Method {
     /// The method of that name. Errors: `Input`, listing the names.
     pub fn from_name(name: &str) -> Result<Self> {
         Method::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| {
-            let names: Vec<String> = Method::ALL.iter().map(|m| format!("{:?}", m.name())).collect();
-            Error::input("method", format!("is unknown: expected one of {}, got {name:?}", names.join(", ")))
+            let names = Method::ALL.map(Method::name);
+            Error::input("method", format!("is unknown: expected one of {}, got {name}", names.join(", ")))
         })
     }
 }

@@ -63,7 +63,7 @@ impl PrioritySolver {
             (None, None) if options.method == Method::Sns => {
                 return Err(Error::input(
                     "v_max",
-                    format!("is missing: expected velocity bounds of shape ({n},) for method \"sns\", got none"),
+                    format!("is missing: expected velocity bounds of shape ({n},) for method sns, got None"),
                 ));
             }
             (None, None) => {}
