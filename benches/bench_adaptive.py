@@ -9,7 +9,6 @@ First every answer is compared with a tight reference; only then anything is tim
 
 from __future__ import annotations
 
-import argparse
 import functools
 import importlib.util
 import os
@@ -23,6 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
 import adaptive_cases as cases
 import adaptive_peers as peers
+import reporting
 import timing
 from timing import Case
 
@@ -190,38 +190,10 @@ def targets(found: list[Case], busy: bool) -> list[tuple[str, str, str, bool]]:
     return lines
 
 
-def report(suite: Suite, as_markdown: bool) -> str:
-    machine, info = timing.machine(), al.build_info()
-    rounds = max(len(case.wall) for case in suite.cases)
-    head = (
-        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {suite.busy:.0%} of them at the start. "
-        f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
-    )
-    lines, verdicts = timing.rows(suite.cases), suite.targets()
-    if not as_markdown:
-        text = [head, timing.plain(lines), "", "Targets"]
-        return "\n".join(text + [f"  {'met   ' if met else 'MISSED'} {what}: {got} (target {goal})" for what, goal, got, met in verdicts])
-    table = ["| target | goal | measured | |", "|---|---:|---:|---|"]
-    table += [f"| {what} | {goal} | {got} | {'met' if met else '**missed**'} |" for what, goal, got, met in verdicts]
-    return "\n".join([head, "", *table, "", timing.markdown(lines)])
-
-
-def write_readme(text: str) -> None:
-    path, marks = HERE / "README.md", ("<!-- figures: begin -->", "<!-- figures: end -->")
-    before, rest = path.read_text().split(marks[0])
-    after = rest.split(marks[1])[1]
-    path.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{after}")
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description="armlet beside its peers on the adaptive PR robot")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    parser.add_argument("--readme", action="store_true", help="put the figures into benches/README.md")
-    parser.add_argument("--rounds", type=int, default=21)
-    parser.add_argument("--core", type=int, default=timing.cores()[-1], help="core of the single-thread cases (default: the last allowed)")
+    parser = reporting.arguments("armlet beside its peers on the adaptive PR robot")
     options = parser.parse_args()
-    if al.build_info()["profile"] != "release":
-        raise SystemExit("bench_adaptive: armlet is a debug build: install the release wheel (make bench)")
+    reporting.require_release("bench_adaptive")
 
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # numba's idle workers must not spend the next case's processor time
     suite = Suite(options.core, len(timing.cores()) > 1)
@@ -248,10 +220,8 @@ def main() -> None:
             route.close()
     about = {"machine": timing.machine(), "busy": suite.busy, "build": al.build_info(), "targets": suite.targets()}
     timing.save(HERE / "results" / "adaptive.json", suite.cases, about)
-    text = report(suite, options.markdown or options.readme)
-    if options.readme:
-        write_readme(text)
-    print(text)
+    text = reporting.report(suite.cases, suite.targets(), suite.busy, options.markdown or options.readme)
+    reporting.finish("adaptive", text, options.readme)
 
 
 if __name__ == "__main__":

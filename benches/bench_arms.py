@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+import reporting
 import timing
 
 import armlet as al
@@ -275,41 +276,14 @@ def targets(cases: list[timing.Case]) -> list[tuple[str, str, str, bool]]:
     return lines
 
 
-def report(cases: list[timing.Case], busy: float, as_markdown: bool) -> str:
-    machine, info = timing.machine(), al.build_info()
-    rounds = max(len(case.wall) for case in cases)
-    head = (
-        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {busy:.0%} of them at the start. "
-        f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
-    )
-    lines, verdicts = timing.rows(cases), targets(cases)
-    if not as_markdown:
-        text = [head, timing.plain(lines), "", "Targets"]
-        return "\n".join(text + [f"  {'met   ' if met else 'MISSED'} {what}: {got} (target {goal})" for what, goal, got, met in verdicts])
-    table = ["| target | goal | measured | |", "|---|---:|---:|---|"]
-    table += [f"| {what} | {goal} | {got} | {'met' if met else '**missed**'} |" for what, goal, got, met in verdicts]
-    return "\n".join([head, "", *table, "", timing.markdown(lines)])
-
-
-def write_readme(text: str) -> None:
-    path, marks = HERE / "README.md", ("<!-- arms: begin -->", "<!-- arms: end -->")
-    before, rest = path.read_text().split(marks[0])
-    path.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{rest.split(marks[1])[1]}")
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description="armlet's arms beside their peers on the Panda")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    parser.add_argument("--readme", action="store_true", help="put the figures into benches/README.md")
-    parser.add_argument("--rounds", type=int, default=21)
-    parser.add_argument("--core", type=int, default=timing.cores()[-1], help="the core that everything runs on (default: the last allowed)")
+    parser = reporting.arguments("armlet's arms beside their peers on the Panda")
     parser.add_argument("--route", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.route:
         serve()
         return
-    if al.build_info()["profile"] != "release":
-        raise SystemExit("bench_arms: armlet is a debug build: install the release wheel (make bench)")
+    reporting.require_release("bench_arms")
     busy, start = timing.busy(), time.perf_counter()
     cases, routes = suite(options.core)
     try:
@@ -319,10 +293,8 @@ def main() -> None:
             route.close()
     about = {"machine": timing.machine(), "busy": busy, "build": al.build_info(), "targets": targets(cases)}
     timing.save(HERE / "results" / "arms.json", cases, about)
-    text = report(cases, busy, options.markdown or options.readme)
-    if options.readme:
-        write_readme(text)
-    print(text)
+    text = reporting.report(cases, targets(cases), busy, options.markdown or options.readme)
+    reporting.finish("arms", text, options.readme)
     say(f"{time.perf_counter() - start:.0f} s")
 
 

@@ -9,7 +9,6 @@ First every answer is compared; only then anything is timed. See README.md besid
 
 from __future__ import annotations
 
-import argparse
 import functools
 import importlib.util
 import sys
@@ -21,6 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
 import elastic_peers as peers
+import reporting
 import timing
 from timing import Case
 
@@ -204,42 +204,10 @@ def peers_numbalsoda(level: str) -> Callable[[float], Any]:
     return run
 
 
-def report(suite: Suite, as_markdown: bool) -> str:
-    machine, info = timing.machine(), al.build_info()
-    rounds = max(len(case.wall) for case in suite.cases)
-    head = (
-        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {suite.busy:.0%} of them at the start. "
-        f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
-    )
-    lines, verdicts = timing.rows(suite.cases), suite.targets()
-    if not as_markdown:
-        text = [head, timing.plain(lines), "", "Targets"]
-        return "\n".join(text + [f"  {'met   ' if met else 'MISSED'} {what}: {got} (target {goal})" for what, goal, got, met in verdicts])
-    table = ["| target | goal | measured | |", "|---|---:|---:|---|"]
-    table += [f"| {what} | {goal} | {got} | {'met' if met else '**missed**'} |" for what, goal, got, met in verdicts]
-    errors = [
-        "| solver | error of q and theta at 0.2 s, rad |",
-        "|---|---:|",
-        *(f"| {name} | {e:.1e} |" for name, e in suite.errors.items()),
-    ]
-    return "\n".join([head, "", *table, "", *errors, "", timing.markdown(lines)])
-
-
-def write_readme(text: str) -> None:
-    path, marks = HERE / "README.md", ("<!-- elastic: begin -->", "<!-- elastic: end -->")
-    before, rest = path.read_text().split(marks[0])
-    path.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{rest.split(marks[1])[1]}")
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description="armlet beside its peers on the elastic 2R arm")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    parser.add_argument("--readme", action="store_true", help="put the figures into benches/README.md")
-    parser.add_argument("--rounds", type=int, default=21)
-    parser.add_argument("--core", type=int, default=timing.cores()[-1], help="core of the single-thread cases (default: the last allowed)")
+    parser = reporting.arguments("armlet beside its peers on the elastic 2R arm")
     options = parser.parse_args()
-    if al.build_info()["profile"] != "release":
-        raise SystemExit("bench_elastic: armlet is a debug build: install the release wheel (make bench)")
+    reporting.require_release("bench_elastic")
     suite = Suite()
     c: peers.LimitKernels | None = None
     numba: dict[str, Callable[..., Any]] | None = None
@@ -258,10 +226,10 @@ def main() -> None:
     timing.measure(suite.cases, options.rounds, options.core, say)
     about = {"machine": timing.machine(), "busy": suite.busy, "build": al.build_info(), "errors": suite.errors, "targets": suite.targets()}
     timing.save(HERE / "results" / "elastic.json", suite.cases, about)
-    text = report(suite, options.markdown or options.readme)
-    if options.readme:
-        write_readme(text)
-    print(text)
+    errors = [f"| {name} | {e:.1e} |" for name, e in suite.errors.items()]
+    more = ("| solver | error of q and theta at 0.2 s, rad |", "|---|---:|", *errors)
+    text = reporting.report(suite.cases, suite.targets(), suite.busy, options.markdown or options.readme, more)
+    reporting.finish("elastic", text, options.readme)
 
 
 if __name__ == "__main__":

@@ -9,10 +9,8 @@ First every answer is compared with the numpy one; only then anything is timed. 
 
 from __future__ import annotations
 
-import argparse
 import functools
 import importlib.util
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
 import priority_peers
+import reporting
 import timing
 from timing import Case
 
@@ -209,43 +208,22 @@ class Suite:
         self.add(group, "Pinocchio + numpy", call, expected, 100, **yard)
 
 
-def report(suite: Suite, markdown: bool, busy: float) -> str:
-    machine = timing.machine()
-    about = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {busy:.0%} of them at the start."
-    by_name = {case.name: case for case in suite.cases}
-    goals = [(what, goal, by_name[name]) for what, name, goal in TARGETS]
-    lines = [
-        (what, f"<= {goal:g} ns", f"{timing.digits(case.median)} ns", "met" if case.median <= goal else "**missed**")
-        for what, goal, case in goals
-    ]
-    table = timing.rows(suite.cases)
-    if not markdown:
-        return "\n".join([about, *(": ".join(line) for line in lines), timing.plain(table)])
-    head = ["| target | goal | measured | |", "|---|---:|---:|---|", *(f"| {' | '.join(line)} |" for line in lines)]
-    return "\n\n".join([about, "\n".join(head), timing.markdown(table)])
+def targets(cases: list[Case]) -> list[reporting.Verdict]:
+    by_name = {case.name: case.median for case in cases}
+    return [(what, f"<= {goal:g} ns", f"{timing.digits(by_name[name])} ns", by_name[name] <= goal) for what, name, goal in TARGETS]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="armlet beside its peers on tasks in priority")
-    parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    parser.add_argument("--readme", action="store_true", help="put the figures into benches/README.md")
-    parser.add_argument("--rounds", type=int, default=21)
-    parser.add_argument("--core", type=int, default=timing.cores()[-1], help="core of the single-thread cases (default: the last allowed)")
+    parser = reporting.arguments("armlet beside its peers on tasks in priority")
     options = parser.parse_args()
-    if al.build_info()["profile"] != "release":
-        raise SystemExit("bench_priority: armlet is a debug build: install the release wheel (make bench)")
+    reporting.require_release("bench_priority")
     suite, busy = Suite(), timing.busy()
     suite.planar()
     suite.seven()
     timing.measure(suite.cases, options.rounds, options.core, say)
     timing.save(HERE / "results" / "priority.json", suite.cases, {"machine": timing.machine(), "busy": busy, "build": al.build_info()})
-    text = report(suite, options.markdown or options.readme, busy)
-    if options.readme:
-        readme = HERE / "README.md"
-        begin, end = "<!-- priority figures: begin -->", "<!-- priority figures: end -->"
-        body = re.sub(f"{begin}.*{end}", lambda _: f"{begin}\n{text}\n{end}", readme.read_text(), flags=re.DOTALL)
-        readme.write_text(body)
-    print(text)
+    text = reporting.report(suite.cases, targets(suite.cases), busy, options.markdown or options.readme)
+    reporting.finish("priority", text, options.readme)
 
 
 if __name__ == "__main__":

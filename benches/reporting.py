@@ -1,0 +1,57 @@
+"""What every benchmark prints: the machine, the targets with what was measured, the table; and where it goes."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import timing
+from timing import Case
+
+import armlet as al
+
+HERE = Path(__file__).parent
+# What was aimed at, the goal, what was measured, and whether that meets it.
+Verdict = tuple[str, str, str, bool]
+
+
+def arguments(description: str) -> argparse.ArgumentParser:
+    """The options of every benchmark."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--markdown", action="store_true", help="print Markdown")
+    parser.add_argument("--readme", action="store_true", help="put the figures into benches/README.md")
+    parser.add_argument("--rounds", type=int, default=21)
+    parser.add_argument("--core", type=int, default=timing.cores()[-1], help="core of the single-thread cases (default: the last allowed)")
+    return parser
+
+
+def require_release(name: str) -> None:
+    if al.build_info()["profile"] != "release":
+        raise SystemExit(f"{name}: armlet is a debug build: install the release wheel (make bench)")
+
+
+def report(cases: list[Case], verdicts: list[Verdict], busy: float, as_markdown: bool, more: tuple[str, ...] = ()) -> str:
+    """The figures as text or as Markdown; `more` are lines of Markdown between the targets and the table."""
+    machine, info = timing.machine(), al.build_info()
+    rounds = max(len(case.wall) for case in cases)
+    head = (
+        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {busy:.0%} of them at the start. "
+        f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
+    )
+    lines = timing.rows(cases)
+    if not as_markdown:
+        text = [head, timing.plain(lines), "", "Targets"]
+        return "\n".join(text + [f"  {'met   ' if met else 'MISSED'} {what}: {got} (target {goal})" for what, goal, got, met in verdicts])
+    table = ["| target | goal | measured | |", "|---|---:|---:|---|"]
+    table += [f"| {what} | {goal} | {got} | {'met' if met else '**missed**'} |" for what, goal, got, met in verdicts]
+    between = [*more, ""] if more else []
+    return "\n".join([head, "", *table, "", *between, timing.markdown(lines)])
+
+
+def finish(section: str, text: str, into_readme: bool) -> None:
+    """Print the figures and, where they are asked for there, put them between the marks of `section` in README.md."""
+    if into_readme:
+        path, marks = HERE / "README.md", (f"<!-- {section}: begin -->", f"<!-- {section}: end -->")
+        before, rest = path.read_text().split(marks[0])
+        path.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{rest.split(marks[1])[1]}")
+    print(text)
