@@ -16,20 +16,18 @@ use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// A sample time above this share of the limit deserves a word.
-const COMFORTABLE: f64 = 1.0 / 3.0;
+/// A limit less than this many sample times away deserves a word.
+const COMFORTABLE: f64 = 3.0;
 
 /// Say so where the sample time comes close to what the motor loop stands.
 pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> PyResult<()> {
-    let (Some(dt), Some(limit)) = (problem.options.sampling.as_ref().map(|s| s.period), problem.sample_time_limit()) else { return Ok(()) };
-    if dt > COMFORTABLE * limit && dt < limit {
-        let text = format!(
-            "{function}: sample_time {dt} s is above a third of {limit:.6} s, where the motor loop becomes unstable: expect oscillation"
-        );
-        let text = std::ffi::CString::new(text).unwrap_or_default();
-        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
-    }
-    Ok(())
+    let (Some(sampling), Some(limit)) = (&problem.options.sampling, problem.sample_time_limit(COMFORTABLE)) else { return Ok(()) };
+    let text = format!(
+        "{function}: sample_time {} s is above a third of {limit:.6} s, where the motor loop becomes unstable: expect oscillation",
+        sampling.period
+    );
+    let text = std::ffi::CString::new(text).unwrap_or_default();
+    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)
 }
 
 /// A constant force: its wrench and the frame it acts at.

@@ -15,10 +15,11 @@ use crate::plant::ElasticSpec;
 /// Motors with locked links under the inner loop.
 pub struct LockedMotors {
     n: usize,
-    /// Per group of joints that couple, its matrices.
+    /// Per group of joints that couple, its matrices; groups that are alike once.
     groups: Vec<Group>,
 }
 
+#[derive(PartialEq)]
 struct Group {
     n: usize,
     stiffness: Vec<f64>,
@@ -53,7 +54,8 @@ impl LockedMotors {
             [&plant.stiffness, &plant.motor_inertia, &law.joint_stiffness, &law.motor_inertia, &law.reduced_inertia, &law.motor_damping];
         let joints: Vec<Vec<usize>> =
             if gains.iter().all(|gain| gain.is_diagonal()) { (0..n).map(|i| vec![i]).collect() } else { vec![(0..n).collect()] };
-        let groups = joints.iter().map(|joints| {
+        let mut groups: Vec<Group> = Vec::new();
+        for joints in &joints {
             let part = |gain: &Gain| {
                 Gain::unchecked(
                     joints.len(),
@@ -61,9 +63,12 @@ impl LockedMotors {
                 )
             };
             let friction = joints.iter().map(|&i| friction[i]).collect();
-            Group::new(gains.map(part), friction, bandwidth)
-        });
-        LockedMotors { n, groups: groups.collect() }
+            let group = Group::new(gains.map(part), friction, bandwidth);
+            if !groups.contains(&group) {
+                groups.push(group);
+            }
+        }
+        LockedMotors { n, groups }
     }
 
     /// One motor by its numbers.
@@ -85,6 +90,16 @@ impl LockedMotors {
     /// The sample time at which the loop first becomes unstable, s; infinite if none is found.
     pub fn largest_sample_time(&self) -> f64 {
         self.groups.iter().map(Group::largest_sample_time).fold(f64::INFINITY, f64::min)
+    }
+
+    /// As [`LockedMotors::largest_sample_time`] where that is at most `until`; infinite where it is larger.
+    pub fn unstable_up_to(&self, until: f64) -> f64 {
+        self.groups.iter().map(|group| group.first_instability(group.short, until)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The first sample time beyond `from`, which is a stable one, and up to `until` at which the loop is unstable; infinite if none is.
+    pub fn unstable_between(&self, from: f64, until: f64) -> f64 {
+        self.groups.iter().map(|group| group.first_instability(from, until)).fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -157,19 +172,27 @@ impl Group {
     }
 
     fn largest_sample_time(&self) -> f64 {
-        const GROWTH: f64 = 1.02;
         const CAP: f64 = 1e8;
-        let mut low = self.short;
+        self.first_instability(self.short, CAP * self.short)
+    }
+
+    /// The first unstable sample time of `from..=until`: zero if that is `from`, infinite if there is none.
+    fn first_instability(&self, from: f64, until: f64) -> f64 {
+        const GROWTH: f64 = 1.02;
+        let mut low = from;
         if self.radius(low) >= 1.0 {
             return 0.0;
         }
-        let mut high = low * GROWTH;
-        while self.radius(high) < 1.0 {
-            if high > CAP * self.short {
+        let mut high = loop {
+            if low >= until {
                 return f64::INFINITY;
             }
-            (low, high) = (high, high * GROWTH);
-        }
+            let high = (low * GROWTH).min(until);
+            if self.radius(high) >= 1.0 {
+                break high;
+            }
+            low = high;
+        };
         loop {
             let middle = 0.5 * (low + high);
             if middle <= low || middle >= high {

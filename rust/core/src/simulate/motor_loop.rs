@@ -6,10 +6,15 @@ use crate::law::LockedMotors;
 use crate::plant::PlantSpec;
 
 impl Problem<'_> {
-    /// The sample time at which the motor loop of the first run becomes unstable with locked links; `None` without one.
-    pub fn sample_time_limit(&self) -> Option<f64> {
+    /// The sample time at which the motor loop of the first run becomes unstable with locked links, where that is less than `times` the
+    /// sample time of the problem; `None` without such a limit, or where the sample time itself is unstable.
+    pub fn sample_time_limit(&self, times: f64) -> Option<f64> {
+        let period = self.options.sampling.as_ref()?.period;
         match (self.plants.first()?, self.laws.first()?.reduction()?) {
-            (PlantSpec::Elastic(plant), law) => Some(LockedMotors::new(plant, law, f64::INFINITY).largest_sample_time()),
+            (PlantSpec::Elastic(plant), law) => {
+                let limit = LockedMotors::new(plant, law, f64::INFINITY).unstable_between(period, times * period);
+                (limit > 0.0 && limit.is_finite()).then_some(limit)
+            }
             _ => None,
         }
     }
@@ -20,7 +25,7 @@ impl Problem<'_> {
             let (PlantSpec::Elastic(plant), Some(law)) = (self.plant(run), self.law(run).reduction()) else { continue };
             let motors = LockedMotors::new(plant, law, f64::INFINITY);
             // Islands of stability beyond the first limit are no place to be.
-            let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.largest_sample_time() } else { f64::INFINITY };
+            let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.unstable_up_to(period) } else { f64::INFINITY };
             if period >= limit {
                 let problem = format!(
                     "is too large for the motor loop: expected below {} s, where it becomes unstable, got {period}",
