@@ -178,7 +178,7 @@ fn chains_refuse_what_they_cannot_use() {
     refused(arm.with_parameters(&[0.0; 9]), "parameters", "expected 10");
     refused(arm.with_parameters(&[f64::NAN; 10]), "parameters", "not finite");
     assert_eq!(arm.with_parameters(&[7.0; 10]).unwrap().parameters(), [7.0; 10]);
-    assert_eq!(build(&[]).unwrap().n(), 0);
+    refused(build(&[]), "joints", "is empty");
 }
 
 #[test]

@@ -95,8 +95,9 @@ fn monitors_do_not_disturb_a_run() {
     assert_eq!((plain.steps, plain.rejections), (watched.steps, watched.rejections));
     assert!(differ(&plain.q, &watched.q) < 1e-13);
     let general = run(false, Method::Dop853, true, false);
+    // An explicit method keeps its steps at the limit of stability, where rounding moves them: ten times as far.
     for ((name, a), (_, b)) in watched.monitors.iter().zip(&general.monitors) {
-        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < rounding(name)), "{name}: {a:?} {b:?}");
+        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < 10.0 * rounding(name)), "{name}: {a:?} {b:?}");
     }
     let (_, balance) = watched.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
     // At rtol 1e-6 the balance of 20 J holds to 1e-5 J.
