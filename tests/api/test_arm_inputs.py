@@ -188,3 +188,22 @@ def test_energies_are_written_where_the_caller_says() -> None:
         arm.energy(q, v, out=(out[0], out[0]))
     with pytest.raises(al.InputError, match="out"):
         arm.energy(q, v, out=out[0])  # type: ignore[arg-type]
+
+
+CHANGES = {
+    "load mass": (lambda arm: arm.with_payload("link1", "heavy"), "Arm.with_payload: mass is not a number"),
+    "load centre": (lambda arm: arm.with_payload("link1", 1.0, [0.0, 0.0]), r"Arm.with_payload: com has the wrong shape: expected \(3,\)"),
+    "load centre NaN": (lambda arm: arm.with_payload("link1", 1.0, [0.0, 0.0, np.nan]), "com is not finite.*index 2"),
+    "load inertia": (lambda arm: arm.with_payload("link1", 1.0, inertia=np.eye(2)), r"inertia has the wrong shape: expected \(3, 3\), got"),
+    "frame place": (lambda arm: arm.with_frame("tip", "link1", xyz=1.0), "Arm.with_frame: xyz has the wrong shape"),
+    "frame turn": (lambda arm: arm.with_frame("tip", "link1", rpy=["a", "b", "c"]), "rpy is not an array of real numbers"),
+    "lock where": (lambda arm: arm.locked({"joint1": "up"}), r'Arm.locked: joints\["joint1"\] is not a number'),
+    "lock what": (lambda arm: arm.locked({1: 0.0}), "Arm.locked: joints is not a name"),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_changes_of_an_arm_name_the_argument(name: str) -> None:
+    change, problem = CHANGES[name]
+    with pytest.raises(al.InputError, match=problem):
+        change(al.planar_arm([0.5, 0.4]))

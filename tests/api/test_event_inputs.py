@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 import armlet as al
@@ -34,6 +35,13 @@ def test_fixed_steps_have_neither() -> None:
     for method in ("euler", "semi_implicit", "rk4", "ros2"):
         refused(functools.partial(run, method=method, dt=1e-3, events=al.Event.speed(0)), "simulate: events", "dop853", method)
         refused(functools.partial(run, method=method, dt=1e-3, dense=True), "simulate: dense", method)
+
+
+def test_flags() -> None:
+    for name in ("dense", "monitors"):
+        for value in ("yes", 1, []):
+            refused(functools.partial(run, **{name: value}), f"simulate: {name} is not a flag", "True or False")
+    assert run(dense=np.True_, monitors=np.False_)
 
 
 def test_events() -> None:
