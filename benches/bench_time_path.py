@@ -1,11 +1,11 @@
 """Timing of a path of a seven-axis arm: armlet beside toppra, on the same spline, limits and grid; answers compared first.
 
-Run: `python -P benches/bench_time_path.py [--rounds 9] [--markdown]`
+    python -P benches/bench_time_path.py              the table
+    python -P benches/bench_time_path.py --readme     the same, written into benches/README.md
 """
 
 from __future__ import annotations
 
-import argparse
 import logging
 import sys
 from pathlib import Path
@@ -16,7 +16,9 @@ import numpy as np
 import armlet as al
 
 sys.path.insert(0, str(Path(__file__).parent))
-from timing import Case, busy, cores, machine, markdown, measure, plain, rows
+import reporting
+import timing
+from timing import Case
 
 ARM = al.load_urdf(al.example_urdf("seven_axis"))
 TAU_MAX = np.array([174.0, 174.0, 174.0, 174.0, 24.0, 24.0, 24.0])
@@ -54,12 +56,9 @@ def theirs(q: np.ndarray, points: int) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--core", type=int, default=cores()[0])
-    parser.add_argument("--markdown", action="store_true")
-    options = parser.parse_args()
-    share = busy()
+    options = reporting.arguments("armlet's timing of paths beside toppra").parse_args()
+    reporting.require_release("bench_time_path")
+    share = timing.busy()
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (5, 7))
     cases = []
     for points in TARGETS:
@@ -78,15 +77,11 @@ def main() -> None:
         cases.append(Case(group, f"toppra, {points}", peer, per=1, unit="ms", scale=1e3, against=mine.name))
     limits = {"tau_max": TAU_MAX, "v_max": 2.0, "knots": KNOTS}
     cases.append(Case("grid chosen by armlet: ms per timing", "armlet, settled", lambda: al.time_path(ARM, q, **limits), 1, "ms", 1e3))
-    measure(cases, options.rounds, options.core, lambda text: None)
-    facts = machine()
-    print(f"{facts['cpu']}, {facts['cores']} cores, {facts['simd']}; other programs took {share:.0%} of them at the start.")
-    for case in cases:
-        points = next((n for n in TARGETS if case.name == f"armlet, {n}"), None)
-        if points is not None:
-            verdict = "met" if case.median <= TARGETS[points] else "missed"
-            print(f"{case.name}: {case.median:.3g} ms, target {TARGETS[points]} ms: {verdict}; grid used: {len(ours(q, points).s)} points")
-    print((markdown if options.markdown else plain)(rows(cases)))
+    timing.measure(cases, options.rounds, options.core, lambda text: None)
+    by_name = {case.name: case.median for case in cases}
+    goals = [(f"{n} grid points", f"<= {goal:g} ms", by_name[f"armlet, {n}"], goal) for n, goal in TARGETS.items()]
+    verdicts = [(what, shown, f"{got:.3g} ms", got <= goal) for what, shown, got, goal in goals]
+    reporting.finish("time_path", reporting.report(cases, verdicts, share, options.markdown or options.readme), options.readme)
 
 
 if __name__ == "__main__":
