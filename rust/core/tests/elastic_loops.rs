@@ -95,9 +95,11 @@ fn monitors_do_not_disturb_a_run() {
     assert_eq!((plain.steps, plain.rejections), (watched.steps, watched.rejections));
     assert!(differ(&plain.q, &watched.q) < 1e-13);
     let general = run(false, Method::Dop853, true, false);
-    // An explicit method keeps its steps at the limit of stability, where rounding moves them: ten times as far.
+    // An explicit method keeps its steps at the limit of stability, where rounding changes their lengths: the two loops agree to what
+    // rtol 1e-6 leaves of 20 J, and of torques that are springs times B/B0 = 5000.
     for ((name, a), (_, b)) in watched.monitors.iter().zip(&general.monitors) {
-        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < 10.0 * rounding(name)), "{name}: {a:?} {b:?}");
+        let tolerance = if *name == "torque_error" { 2e-2 } else { 1e-6 };
+        assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < tolerance), "{name}: {a:?} {b:?}");
     }
     let (_, balance) = watched.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
     // At rtol 1e-6 the balance of 20 J holds to 1e-5 J.
