@@ -64,6 +64,16 @@ pub trait Desired<S: Real>: Clone {
     fn lanes(&self) -> Self::Lanes;
 }
 
+/// The same numbers in every lane. Not `map`, which the compiler may leave a call, and then the instruction set of the loop with it.
+#[inline(always)]
+fn spread<S: Real, const D: usize>(row: &[f64; D]) -> [S; D] {
+    let mut all = [S::zero(); D];
+    for i in 0..D {
+        all[i] = S::splat(row[i]);
+    }
+    all
+}
+
 /// One motion for all lanes: numbers, spread over the lanes where they are used.
 #[derive(Clone, Copy)]
 pub struct Shared<const D: usize>(pub [f64; D]);
@@ -76,7 +86,7 @@ impl<S: Real, const D: usize> Desired<S> for Shared<D> {
     }
     #[inline(always)]
     fn lanes(&self) -> [S; D] {
-        self.0.map(S::splat)
+        spread(&self.0)
     }
 }
 
@@ -86,7 +96,7 @@ impl<S: Real, const D: usize> Desired<S> for [S; D] {
     #[inline(always)]
     fn sample(&mut self, reference: &mut Reference<S>, t: f64) {
         if reference.is_shared() {
-            *self = reference.sample_shared(t).map(S::splat);
+            *self = spread(&reference.sample_shared(t));
             return;
         }
         reference.sample_each(t);
