@@ -8,14 +8,10 @@ from __future__ import annotations
 
 import ctypes
 import math
-import os
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+import limits
 import numpy as np
 from numpy.typing import NDArray
 
@@ -200,27 +196,12 @@ class Gains(ctypes.Structure):
     _fields_ = [("lam", ctypes.c_double * 2), ("kd", ctypes.c_double * 2), ("gamma", ctypes.c_double * 3)]
 
 
-class LimitKernels:
-    """Hand-written C: `native/p1.cpp` in the directory that ARMLET_LIMITS names, compiled for this processor into a temporary directory."""
-
-    FLAGS = "-O3 -march=native -std=c++17 -fno-math-errno -ffp-contract=fast -mprefer-vector-width=512 -fno-tree-slp-vectorize -w".split()
+class LimitKernels(limits.Kernels):
+    """Hand-written C: `native/p1.cpp`."""
 
     def __init__(self) -> None:
-        where = os.environ.get("ARMLET_LIMITS")
-        if not where:
-            raise ImportError("ARMLET_LIMITS names no directory")
-        source, compiler = Path(where) / "native" / "p1.cpp", shutil.which("g++")
-        if not source.exists() or compiler is None:
-            raise ImportError(f"no {source.name}" if compiler else "no g++")
-        self._kept = tempfile.TemporaryDirectory()
-        library = Path(self._kept.name) / "limits.so"
-        subprocess.run([compiler, *self.FLAGS, "-shared", "-fPIC", str(source), "-o", str(library), "-lpthread"], check=True)
-        self._c = ctypes.CDLL(str(library))
+        super().__init__("p1.cpp", "-lpthread")
         self._gains = Gains((LAMBDA, LAMBDA), (KD, KD), GAMMA)
-
-    @staticmethod
-    def _at(array: Array) -> ctypes.c_void_p:
-        return ctypes.c_void_p(array.ctypes.data)
 
     def single(self, motion: Array, steps: int) -> Array:
         x, plant = start(), np.array(PLANT)

@@ -197,16 +197,8 @@ def main() -> None:
 
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # numba's idle workers must not spend the next case's processor time
     suite = Suite(options.core, len(timing.cores()) > 1)
-    c: peers.LimitKernels | None = None
-    numba: dict[str, Callable[..., Any]] | None = None
-    try:
-        c = peers.LimitKernels()
-    except ImportError as missing:
-        say(f"skipped: hand-written C: {missing}")
-    try:
-        numba = peers.numba_kernels()
-    except ImportError as missing:
-        say(f"skipped: numba: {missing}")
+    c = timing.if_there("hand-written C", peers.LimitKernels, say)
+    numba = timing.if_there("numba", peers.numba_kernels, say)
     routes: list[cases.Route] = []
     try:
         suite.singles(c, numba)

@@ -209,16 +209,8 @@ def main() -> None:
     options = parser.parse_args()
     reporting.require_release("bench_elastic")
     suite = Suite()
-    c: peers.LimitKernels | None = None
-    numba: dict[str, Callable[..., Any]] | None = None
-    try:
-        c = peers.LimitKernels()
-    except ImportError as missing:
-        say(f"skipped: hand-written C: {missing}")
-    try:
-        numba = peers.numba_kernels()
-    except ImportError as missing:
-        say(f"skipped: numba: {missing}")
+    c = timing.if_there("hand-written C", peers.LimitKernels, say)
+    numba = timing.if_there("numba", peers.numba_kernels, say)
     suite.steps(c, numba)
     suite.many(c, numba)
     suite.stiffness(c)

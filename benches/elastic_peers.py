@@ -10,14 +10,10 @@ from __future__ import annotations
 
 import ctypes
 import math
-import os
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+import limits
 import numpy as np
 from numpy.typing import NDArray
 
@@ -156,27 +152,12 @@ def numba_kernels() -> dict[str, Callable[..., Any]]:
     return {"single": single, "batch": batch}
 
 
-class LimitKernels:
-    """Hand-written C: `native/p3.cpp` in the directory that ARMLET_LIMITS names, compiled for this processor into a temporary directory."""
-
-    FLAGS = "-O3 -march=native -std=c++17 -fno-math-errno -ffp-contract=fast -mprefer-vector-width=512 -fno-tree-slp-vectorize -w".split()
+class LimitKernels(limits.Kernels):
+    """Hand-written C: `native/p3.cpp`."""
 
     def __init__(self) -> None:
-        where = os.environ.get("ARMLET_LIMITS")
-        if not where:
-            raise ImportError("ARMLET_LIMITS names no directory")
-        source, compiler = Path(where) / "native" / "p3.cpp", shutil.which("g++")
-        if not source.exists() or compiler is None:
-            raise ImportError(f"no {source.name}" if compiler else "no g++")
-        self._kept = tempfile.TemporaryDirectory()
-        library = Path(self._kept.name) / "limits.so"
-        subprocess.run([compiler, *self.FLAGS, "-shared", "-fPIC", str(source), "-o", str(library)], check=True)
-        self._c = ctypes.CDLL(str(library))
+        super().__init__("p3.cpp")
         self._c.p3_rodas.restype = self._c.p3_rodas8.restype = ctypes.c_long
-
-    @staticmethod
-    def _at(array: Array) -> ctypes.c_void_p:
-        return ctypes.c_void_p(array.ctypes.data)
 
     @staticmethod
     def _parameters(level: str) -> Array:

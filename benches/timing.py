@@ -17,7 +17,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+Peer = TypeVar("Peer")
 
 
 @dataclass
@@ -63,6 +65,15 @@ def clocked(run: Callable[[], Any]) -> tuple[float, float]:
     wall, processor = time.perf_counter(), time.process_time()
     run()
     return time.perf_counter() - wall, time.process_time() - processor
+
+
+def if_there(name: str, make: Callable[[], Peer], say: Callable[[str], None]) -> Peer | None:
+    """The peer that `make` builds; None, said in a line, where something it imports or compiles is missing."""
+    try:
+        return make()
+    except ImportError as missing:
+        say(f"skipped: {name}: {missing}")
+        return None
 
 
 def cores() -> list[int]:

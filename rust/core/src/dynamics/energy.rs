@@ -6,7 +6,7 @@
 use super::workspace::{Column, Composite};
 use crate::arm::{BASE, Body, Tree};
 use crate::kinematics::{Pose, from_parent, place_body};
-use crate::scalar::Real;
+use crate::scalar::{Real, sign};
 use crate::spatial::V3;
 
 /// `g(q)` from the mass and first moment of every subtree.
@@ -61,13 +61,6 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
         last = (pose, w, u);
     }
     (S::splat(0.5) * twice, potential)
-}
-
-/// `sign(v)`, zero at zero.
-#[inline(always)]
-pub fn sign<S: Real>(v: S) -> S {
-    let (zero, one) = (S::zero(), S::splat(1.0));
-    S::select(zero.lt(v), one, S::select(v.lt(zero), -one, zero))
 }
 
 /// What a joint's friction takes at rate `v`: `damping v + friction sign(v)`.

@@ -1,12 +1,12 @@
 //! What each quantity of [`super::Evaluator`] computes: one type per quantity, so that the code of each stands in its
 //! own region and nowhere else.
 
-use super::energy::{add_friction, add_wrench, sign};
+use super::energy::{add_friction, add_wrench};
 use super::evaluate::{Engine, Query};
 use super::{Dynamics, crba, derivatives, regressor};
 use crate::arm::Tree;
 use crate::kinematics as kin;
-use crate::scalar::Real;
+use crate::scalar::{Real, sign};
 use crate::spatial::PARAMETERS;
 
 /// How a quantity is computed from the buffers of an engine, trigonometry done.

@@ -7,6 +7,7 @@
 //! so that a run that starts there begins on the new side.
 
 use super::{Adaptive, Buffer, System};
+use crate::scalar::sign;
 use crate::status::Status;
 
 /// What is watched.
@@ -109,17 +110,6 @@ impl<B: Buffer<f64>> Watch<B> {
             }
         }
         Ok(None)
-    }
-}
-
-/// -1, 0 or 1.
-pub fn sign(x: f64) -> f64 {
-    if x > 0.0 {
-        1.0
-    } else if x < 0.0 {
-        -1.0
-    } else {
-        0.0
     }
 }
 

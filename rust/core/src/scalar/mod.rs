@@ -150,6 +150,23 @@ pub trait Kernel {
     fn run(self) -> Self::Output;
 }
 
+/// `sign(x)`, zero at zero and of NaN.
+#[inline(always)]
+pub fn sign<S: Real>(x: S) -> S {
+    let (zero, one) = (S::zero(), S::splat(1.0));
+    S::select(zero.lt(x), one, S::select(x.lt(zero), -one, zero))
+}
+
+/// The same numbers in every lane. Not `map`, which the compiler may leave a call, and then the instruction set of the loop with it.
+#[inline(always)]
+pub fn spread<S: Real, const D: usize>(row: &[f64; D]) -> [S; D] {
+    let mut all = [S::zero(); D];
+    for i in 0..D {
+        all[i] = S::splat(row[i]);
+    }
+    all
+}
+
 /// Work that can be done on any [`Real`], before the instruction set is chosen. `run` must be `#[inline(always)]`.
 pub trait Task {
     type Output;

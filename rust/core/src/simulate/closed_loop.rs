@@ -11,7 +11,7 @@ use crate::linalg::Pairs;
 use crate::motion::{Motion, sample_apart};
 use crate::plant::{Plant, Touch};
 use crate::scalar::trig::{Angle, rotate};
-use crate::scalar::{Duals, Real};
+use crate::scalar::{Duals, Real, spread};
 use std::borrow::Cow;
 
 /// What the world tells the loop at one instant.
@@ -95,7 +95,7 @@ impl<'a> World<'a> {
         }
         match self.forces.as_slice() {
             [] => {}
-            [force] => u.wrench = force.at(t).map(S::splat),
+            [force] => u.wrench = spread(&force.at(t)),
             forces => {
                 for (lane, force) in forces.iter().enumerate().take(self.lanes) {
                     self.rows_of_wrench(lane, force.at(t), u);

@@ -5,9 +5,8 @@ use super::adaptive_steps;
 use super::elastic_2r_loop::{Loop, Push, STATES, forces};
 use super::fixed_steps::{self, Record};
 use super::force::Force;
-use super::planar_pr::Sink;
 use super::problem::{Division, Ended, Method, Problem};
-use super::schedule::Schedule;
+use super::sink::{Records, Sink, record_apart};
 use super::stop::Stop;
 use crate::dynamics::Planar2R;
 use crate::integrate::{Adaptive, Dop853, Rk4, Rodas4, Tolerance};
@@ -73,19 +72,6 @@ impl Problem<'_> {
             && (0..runs).all(|run| self.law(run).has_storage(self.plant(run)));
         if fits { Planar2R::of(&first.outer.model, frame) } else { None }
     }
-}
-
-/// Recording in a function of its own, on a copy: the loop's state keeps its registers.
-#[inline(never)]
-fn record_apart<S: Real, const X: usize>(sink: &mut dyn Sink, i: usize, t: f64, x: [S; X], tau: [S; 2]) {
-    for lane in 0..S::LANES {
-        sink.record(i, lane, t, &x.map(|x| x.lane(lane)), &tau.map(|tau| tau.lane(lane)));
-    }
-}
-
-struct Records<'a> {
-    schedule: &'a Schedule,
-    sink: &'a mut dyn Sink,
 }
 
 impl<S: Real, const X: usize, const M: bool> Record<Loop<'_, S, M>, [S; X]> for Records<'_> {

@@ -11,8 +11,8 @@ use crate::dynamics::Planar2R;
 use crate::integrate::{Differentiable, System};
 use crate::law::{ElasticImpedanceSpec, LawSpec};
 use crate::linalg::{Gain, Pairs};
-use crate::scalar::Real;
 use crate::scalar::trig::{Angle, rotate};
+use crate::scalar::{Real, spread};
 
 /// Size of the plant's state.
 pub const STATES: usize = 8;
@@ -98,8 +98,8 @@ impl<'a, S: Real, const MONITORED: bool> Loop<'a, S, MONITORED> {
         let two = |of: &dyn Fn(usize) -> [f64; 2]| -> [S; 2] { std::array::from_fn(|k| S::from_lanes(|lane| of(lane)[k])) };
         let diagonal = |gain: &Gain| [gain.at(0, 0), gain.at(1, 1)];
         let closed = Loop {
-            a: arm.a.map(S::splat),
-            l: arm.l.map(S::splat),
+            a: spread(&arm.a),
+            l: spread(&arm.l),
             k_j: two(&|i| diagonal(&law(i).inner.joint_stiffness)),
             inverse_b0: two(&|i| diagonal(&law(i).inner.reduced_inertia).map(|b| 1.0 / b)),
             d0: two(&|i| diagonal(&law(i).inner.motor_damping)),

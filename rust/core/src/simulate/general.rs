@@ -3,9 +3,9 @@
 use super::adaptive_steps;
 use super::closed_loop::{ClosedLoop, Closing, Exogenous, World};
 use super::fixed_steps::{self, Record};
-use super::planar_pr::Sink;
 use super::problem::{Division, Ended, Fixed, Method, Problem};
 use super::sampler::Sampler;
+use super::sink::Sink;
 use super::stop::Stop;
 use super::torque_sensing::TorqueSensing;
 use super::watching::{Asked, Watching};

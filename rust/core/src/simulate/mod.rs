@@ -23,6 +23,7 @@ mod sampler;
 mod sampling;
 mod schedule;
 mod single;
+mod sink;
 mod stepper;
 mod stop;
 mod switching;

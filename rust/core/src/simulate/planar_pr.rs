@@ -5,7 +5,7 @@ use super::fixed_steps::{self, Faults, Record};
 use super::problem::{Fixed, Options, Problem};
 use super::reference::{Desired, Reference, Shared};
 use super::rigid_loop::{RigidLoop, Shape};
-use super::schedule::Schedule;
+use super::sink::{Records, Sink, record_apart};
 use super::stop::Stop;
 use crate::dynamics::{Model, PlanarPr};
 use crate::integrate::Rk4;
@@ -16,12 +16,6 @@ use crate::linalg::gain::{Diagonal, Full, Gain};
 use crate::motion::Motion;
 use crate::scalar::trig::Angle;
 use crate::scalar::{Real, Task};
-
-/// Receives the records of a group of lanes.
-pub trait Sink {
-    /// Record `i` of `lane`: time, state `[q, v, z, quadratures]` and input.
-    fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]);
-}
 
 /// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes).
 pub struct Group<'a, T> {
@@ -189,20 +183,6 @@ impl<'a, T: Drive> Group<'a, T> {
         }
         self.division.drive(closed, x, desired, &problem.options, self.stop, self.sink)
     }
-}
-
-/// Recording in a function of its own, on a copy: the loop's state keeps its registers.
-#[inline(never)]
-fn record_apart<S: Real, const X: usize>(sink: &mut dyn Sink, i: usize, t: f64, x: [S; X], tau: [S; 2]) {
-    for lane in 0..S::LANES {
-        sink.record(i, lane, t, &x.map(|x| x.lane(lane)), &tau.map(|tau| tau.lane(lane)));
-    }
-}
-
-/// The records of a fixed-step run.
-struct Records<'a> {
-    schedule: &'a Schedule,
-    sink: &'a mut dyn Sink,
 }
 
 impl<S, L, U, const Z: usize, const X: usize, const MONITORED: bool, const HELD: bool>

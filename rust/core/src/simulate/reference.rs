@@ -1,7 +1,7 @@
 //! The desired motion inside a loop: one for all lanes, or one per lane.
 
 use crate::motion::{Motion, Table, sample_apart};
-use crate::scalar::Real;
+use crate::scalar::{Real, spread};
 
 /// Where a loop's `[q_d, v_d, a_d]` comes from.
 pub struct Reference<'a, S: Real> {
@@ -62,16 +62,6 @@ pub trait Desired<S: Real>: Clone {
     type Lanes: AsRef<[S]>;
     fn sample(&mut self, reference: &mut Reference<S>, t: f64);
     fn lanes(&self) -> Self::Lanes;
-}
-
-/// The same numbers in every lane. Not `map`, which the compiler may leave a call, and then the instruction set of the loop with it.
-#[inline(always)]
-fn spread<S: Real, const D: usize>(row: &[f64; D]) -> [S; D] {
-    let mut all = [S::zero(); D];
-    for i in 0..D {
-        all[i] = S::splat(row[i]);
-    }
-    all
 }
 
 /// One motion for all lanes: numbers, spread over the lanes where they are used.

@@ -7,11 +7,11 @@ use super::event::{Event, Found};
 use super::general::Watched;
 use super::switching::{Probe, Switching};
 use super::watcher::{Cut, Watcher};
-use crate::integrate::events::{crossing, sign};
+use crate::integrate::events::crossing;
 use crate::integrate::solve::node;
 use crate::integrate::{Adaptive, System};
 use crate::plant::PlantSpec;
-use crate::scalar::Real;
+use crate::scalar::{Real, sign};
 use crate::status::Status;
 
 /// Looks per step.

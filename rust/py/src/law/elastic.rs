@@ -37,6 +37,29 @@ impl<'py> Inner<'_, 'py> {
     }
 }
 
+/// The outer loop's arguments, but for its target.
+struct Outer<'a, 'py> {
+    stiffness: &'a Bound<'py, PyAny>,
+    damping: &'a Bound<'py, PyAny>,
+    frame: &'a Bound<'py, PyAny>,
+    axes: Option<&'a Bound<'py, PyAny>>,
+}
+
+/// The law of both loops about the target that `target` reads, of so many coordinates.
+fn cartesian<'py>(
+    given: &mut Given<'py>,
+    outer: Outer<'_, 'py>,
+    inner: Inner<'_, 'py>,
+    target: impl FnOnce(&mut Given<'py>, usize) -> Result<Motion, Failure>,
+) -> Result<LawSpec, Failure> {
+    let (frame, axes, m) = given.frame_and_axes(outer.frame, outer.axes)?;
+    let target = target(given, m)?;
+    let (stiffness, damping) = (given.gain("stiffness", outer.stiffness, m)?, given.gain("damping", outer.damping, m)?);
+    let outer = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
+    let inner = inner.read(given)?;
+    Ok(LawSpec::ElasticImpedance(ElasticImpedanceSpec { outer, inner }))
+}
+
 /// Cartesian impedance through elastic joints: motor-inertia reduction inside, a spring and a damper at the frame outside.
 ///
 /// `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 theta_dot)`, `u = J'(K (x_d - x) - D J v) + g(q)`: motors of
@@ -98,14 +121,10 @@ impl ElasticImpedance {
         const NAME: &str = "ElasticImpedance";
         entry(arm.py(), NAME, || {
             let mut given = Given::new(NAME, arm)?;
-            let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
-            let target = Motion::Hold(given.vector("target", target, m)?);
-            let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
-            let outer = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let inner = inner.read(&mut given)?;
-            let spec = ElasticImpedanceSpec { outer, inner };
-            Ok(given.law(LawSpec::ElasticImpedance(spec)).add_subclass(ElasticImpedance))
+            let outer = Outer { stiffness, damping, frame, axes };
+            let law = cartesian(&mut given, outer, inner, |given, m| Ok(Motion::Hold(given.vector("target", target, m)?)))?;
+            Ok(given.law(law).add_subclass(ElasticImpedance))
         })
     }
 }
@@ -153,14 +172,10 @@ impl ElasticTracking {
         const NAME: &str = "ElasticTracking";
         entry(arm.py(), NAME, || {
             let mut given = Given::new(NAME, arm)?;
-            let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
-            let target = given.motion("target", target)?;
-            let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
-            let outer = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let inner = inner.read(&mut given)?;
-            let spec = ElasticImpedanceSpec { outer, inner };
-            Ok(given.law(LawSpec::ElasticImpedance(spec)).add_subclass(ElasticTracking))
+            let outer = Outer { stiffness, damping, frame, axes };
+            let law = cartesian(&mut given, outer, inner, |given, _| given.motion("target", target))?;
+            Ok(given.law(law).add_subclass(ElasticTracking))
         })
     }
 }

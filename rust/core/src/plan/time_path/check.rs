@@ -15,7 +15,7 @@ use super::reach::Profile;
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use crate::motion::Path;
-use crate::scalar::{Real, Task, run_lanes};
+use crate::scalar::{Real, Task, run_lanes, sign};
 
 /// Samples per segment, less one.
 pub const FINE: usize = 10;
@@ -370,15 +370,5 @@ impl Samples {
             }
         }
         stands
-    }
-}
-
-pub(super) fn sign(x: f64) -> f64 {
-    if x > 0.0 {
-        1.0
-    } else if x < 0.0 {
-        -1.0
-    } else {
-        0.0
     }
 }

@@ -1,12 +1,13 @@
 //! What the planner is given, checked, and the rows of the problem on a grid.
 
-use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places, sign};
+use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places};
 use super::lines::{BLOCK, FASTEST, Rows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use super::{FIRST_GRID, PathReason, TimePath};
 use crate::error::{Error, Result, finite};
 use crate::motion::{Path, TimedPath};
+use crate::scalar::sign;
 use std::sync::Arc;
 
 /// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque and

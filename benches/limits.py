@@ -1,0 +1,38 @@
+"""Hand-written C kernels to place armlet's speed: compiled where ARMLET_LIMITS names the directory of their sources."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Kernels:
+    """`native/<source>` in the directory that ARMLET_LIMITS names, compiled for this processor into a temporary directory.
+
+    Raises `ImportError` with what is missing: the directory, the source or the compiler.
+    """
+
+    FLAGS = "-O3 -march=native -std=c++17 -fno-math-errno -ffp-contract=fast -mprefer-vector-width=512 -fno-tree-slp-vectorize -w".split()
+
+    def __init__(self, source: str, *libraries: str) -> None:
+        where = os.environ.get("ARMLET_LIMITS")
+        if not where:
+            raise ImportError("ARMLET_LIMITS names no directory")
+        path, compiler = Path(where) / "native" / source, shutil.which("g++")
+        if not path.exists() or compiler is None:
+            raise ImportError(f"no {path.name}" if compiler else "no g++")
+        self._kept = tempfile.TemporaryDirectory()
+        library = Path(self._kept.name) / "limits.so"
+        subprocess.run([compiler, *self.FLAGS, "-shared", "-fPIC", str(path), "-o", str(library), *libraries], check=True)
+        self._c = ctypes.CDLL(str(library))
+
+    @staticmethod
+    def _at(array: NDArray[np.float64]) -> ctypes.c_void_p:
+        return ctypes.c_void_p(array.ctypes.data)
