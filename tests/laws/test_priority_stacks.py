@@ -2,7 +2,7 @@
 1e-16..1e-2 of it, with zero, duplicate and dependent rows whose commands conflict.
 
 `ARMLET_RANDOM_STACKS` sets how many (`make test-stacks`: 1,000,000); strata and seed are printed. The native twin, with single solves, is
-rust/core/tests/priority_random.rs.
+rust/core/tests/suite/priority_random.rs.
 """
 
 from __future__ import annotations

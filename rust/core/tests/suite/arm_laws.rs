@@ -1,8 +1,6 @@
 //! What rigid-body dynamics promises, on seeded random trees of 1 to 30 joints with branches, slides and fixed bodies.
 
-mod arm_common;
-
-use arm_common::{Rng, close, largest, on_every_number, random_tree, sin_cos};
+use crate::arm_common::{Rng, close, largest, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, Tree};
 use armlet_core::dynamics::{Dynamics, Evaluator, Quantity, Query, Workspace, energy};
 use armlet_core::kinematics;

@@ -1,8 +1,7 @@
 //! The bang-bang profile: the public oracle, an independent sampling checker on random problems, symmetry laws, refusals.
 
-mod plan_support;
+use crate::plan_support::{Problem, Random, cases, expression, near, number, random_count};
 use armlet_core::plan::{BangBangReport, Limit, Place, Reason, bang_bang_time};
-use plan_support::{Problem, Random, cases, expression, near, number, random_count};
 
 fn report(p: &Problem) -> BangBangReport {
     bang_bang_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max).expect("valid problem")

@@ -1,9 +1,9 @@
 //! The classifier of SPEC system 2 on all 27 sign patterns of (s2, s3, s4), stretched and folded, any link lengths, many turns.
 
-mod priority_support;
+use crate::priority_support;
 
+use crate::priority_support::{Random, norm, planar_jacobian};
 use armlet_core::priority::{Kind, Method, Options, diagnose, solve_priority};
-use priority_support::{Random, norm, planar_jacobian};
 use std::f64::consts::PI;
 
 /// Ranks of J1, J2, J_E, J2 P1 and the kind, from which sines vanish.

@@ -1,8 +1,7 @@
 //! The torque optimum: the public oracle, random problems against a time-stepping checker, symmetry laws, refusals.
 
-mod plan_support;
+use crate::plan_support::{Problem, Random, cases, near, number, oracle, random_count};
 use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, bang_bang_time, torque_optimal_time};
-use plan_support::{Problem, Random, cases, near, number, oracle, random_count};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 fn optimum(p: &Problem) -> TorqueOptimum {

@@ -1,5 +1,4 @@
 //! What the priority tests share: planar kinematics, a seeded generator, small matrix products.
-#![allow(dead_code)]
 
 use std::f64::consts::TAU;
 

@@ -1,9 +1,7 @@
 //! The macro-micro 4R arm of SPEC system 2 against 120-digit vectors: classes, ranks, exact and clamped maps, bounds, continuity.
 
-mod priority_support;
-
+use crate::priority_support::{apart, norm, planar_jacobian, times};
 use armlet_core::priority::{Method, Options, PrioritySolver, Solution, solve_priority};
-use priority_support::{apart, norm, planar_jacobian, times};
 use serde_json::Value;
 
 fn oracle() -> Value {

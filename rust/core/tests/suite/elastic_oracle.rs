@@ -1,8 +1,6 @@
 //! System 3 against `oracle_ex3_elastic_public.json`, 25 digits: law values, trajectories by every route, equilibria, limits.
 
-mod arm_common;
-
-use arm_common::{numbers, vectors};
+use crate::arm_common::{numbers, vectors};
 use armlet_core::analysis::elastic_limits::{smallest_reduced_inertia, stiffness_limit, stiffness_scale};
 use armlet_core::analysis::equilibrium::equilibrium;
 use armlet_core::arm::Arm;

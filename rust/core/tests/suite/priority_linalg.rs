@@ -1,10 +1,8 @@
 //! Penrose conditions, orthonormality and relative accuracy of the capped decompositions; they end on every input.
 
-mod priority_support;
-
+use crate::priority_support::{Random, apart, norm, product};
 use armlet_core::error::Error;
 use armlet_core::linalg::{Svd, null_basis, pinv, symmetric_eigen};
-use priority_support::{Random, apart, norm, product};
 
 fn transpose(a: &[f64], m: usize, k: usize) -> Vec<f64> {
     (0..k).flat_map(|c| (0..m).map(move |r| r * k + c)).map(|at| a[at]).collect()

@@ -1,12 +1,10 @@
 //! The disturbance laws of SPEC system 2 on random stacks: 2 to 5 levels, 4 to 9 joints, 30 % exactly singular, 30 % within 1e-16..1e-2 of it,
 //! duplicate, zero, dependent and conflicting rows. `ARMLET_RANDOM_STACKS` sets the count; strata and seed are printed.
 
-mod priority_support;
-
+use crate::priority_support::{Random, apart, norm, times};
 use armlet_core::linalg::Svd;
 use armlet_core::priority::{Method, Options, PrioritySolver};
 use armlet_core::status::Status;
-use priority_support::{Random, apart, norm, times};
 
 const SEED: u64 = 20220610;
 

@@ -1,8 +1,8 @@
 //! Textbook arms, arms made from arms, and the evaluator on `f64` arrays, against closed forms and each other.
 
-mod arm_common;
+use crate::arm_common;
 
-use arm_common::{Rng, close, random_tree};
+use crate::arm_common::{Rng, close, random_tree};
 use armlet_core::arm::{Arm, ChainJoint, Convention, DhRow, JointKind, JointType, STANDARD_GRAVITY};
 use armlet_core::dynamics::{Evaluator, Quantity, Query};
 use armlet_core::error::Error;

@@ -1,5 +1,4 @@
 //! What the arm tests share: every number, seeded random trees, chains from the vectors.
-#![allow(dead_code)]
 
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType};
 use armlet_core::scalar::{Array8, Fused, Isa, Kernel, Real, Task};

@@ -1,8 +1,6 @@
 //! Adaptive control of chains against the 25-digit trajectories, alone and in lanes.
 
-mod arm_common;
-
-use arm_common::{chain, numbers, vectors};
+use crate::arm_common::{chain, numbers, vectors};
 use armlet_core::dynamics::Model;
 use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Sinusoid};

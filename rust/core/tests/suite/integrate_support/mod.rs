@@ -1,5 +1,4 @@
 //! Problems with known solutions, written once for every number, and every method driven through one door.
-#![allow(dead_code)]
 
 use armlet_core::integrate::*;
 use armlet_core::scalar::{Array8, Dual8, Duals, Real};
@@ -59,7 +58,6 @@ pub fn twin<P: Problem>() -> Twin<P> {
 
 pub type Boxed<P> = Box<dyn Adaptive<f64, Twin<P>, Vec<f64>>>;
 pub const ADAPTIVE: [(&str, f64); 4] = [("dopri5", 5.0), ("dop853", 8.0), ("radau5", 5.0), ("rodas4", 4.0)];
-pub const FIXED: [(&str, f64); 3] = [("euler", 1.0), ("rk4", 4.0), ("ros2", 2.0)];
 
 pub fn adaptive<P: Problem + 'static>(name: &str, rtol: f64, atol: f64) -> Boxed<P> {
     let tolerance = Tolerance { rtol, atol, controlled: P::N };

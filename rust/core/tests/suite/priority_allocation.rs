@@ -1,11 +1,8 @@
 //! A solve does not allocate after construction, on any route of any method.
 
-mod counting;
-mod priority_support;
-
+use crate::counting::counted;
+use crate::priority_support::{Random, planar_jacobian};
 use armlet_core::priority::{Method, Options, PrioritySolver};
-use counting::counted;
-use priority_support::{Random, planar_jacobian};
 
 #[test]
 fn solves_do_not_allocate() {

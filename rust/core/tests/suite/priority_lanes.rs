@@ -1,12 +1,10 @@
 //! Batches in lanes and threads: every row has the bits, ranks and status of its single solve, on regular and on singular stacks, whatever
 //! its neighbours, the number of rows and the number of threads.
 
-mod priority_support;
-
+use crate::priority_support::Random;
 use armlet_core::priority::{Method, Options, PrioritySolver, StackAnswers, StackRows};
 use armlet_core::simulate::solve_stacks;
 use armlet_core::status::Status;
-use priority_support::Random;
 
 const SEED: u64 = 20220611;
 

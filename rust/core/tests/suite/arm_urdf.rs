@@ -1,8 +1,8 @@
 //! The URDF reader and writer: examples, round trips, bad files with their lines, mutants, size.
 
-mod arm_common;
+use crate::arm_common;
 
-use arm_common::{Rng, close};
+use crate::arm_common::{Rng, close};
 use armlet_core::arm::{Arm, EXAMPLES, JointKind, MAX_BYTES, MAX_DEPTH, STANDARD_GRAVITY, Tree, example_urdf};
 use armlet_core::dynamics::{Dynamics, Workspace};
 use armlet_core::error::Error;

@@ -1,5 +1,4 @@
 //! What the planner tests share: the oracle file, a seeded generator and the strata of random problems.
-#![allow(dead_code)] // each test binary uses a part
 
 use serde_json::Value;
 

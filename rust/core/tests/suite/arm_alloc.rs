@@ -1,11 +1,8 @@
 //! Nothing allocates between the making of an evaluator and its end.
 
-mod arm_common;
-mod counting;
-
-use arm_common::{Rng, random_tree};
+use crate::arm_common::{Rng, random_tree};
+use crate::counting::counted;
 use armlet_core::dynamics::{Evaluator, Quantity, Query};
-use counting::counted;
 
 const ALL: [Quantity; 16] = [
     Quantity::MassMatrix,

@@ -1,8 +1,7 @@
 //! The optimum with friction: without it the frictionless optimum, with Coulomb friction alone shifted bounds, else time stepping.
 
-mod plan_support;
+use crate::plan_support::{Problem, Random, near};
 use armlet_core::plan::{torque_optimal_time, torque_optimal_time_with_friction};
-use plan_support::{Problem, Random, near};
 
 #[test]
 fn without_viscous_friction_the_bounds_are_shifted() {

@@ -1,10 +1,8 @@
 //! Every method of `integrate` on the same problems: order, dense output, ends, Jacobians.
 
-mod integrate_support;
-
+use crate::integrate_support::*;
 use armlet_core::integrate::*;
 use armlet_core::status::Status;
-use integrate_support::*;
 
 /// Slope of the last two errors as steps halve.
 fn order(error: impl Fn(f64) -> f64, h: f64) -> f64 {

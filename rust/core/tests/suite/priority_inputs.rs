@@ -1,11 +1,9 @@
 //! Edges of the input: empty stacks, zero rows, more rows than joints, numbers that are not finite, extreme units, weights, bounds.
 
-mod priority_support;
-
+use crate::priority_support::{Random, apart, norm, product, times};
 use armlet_core::error::{Error, Result};
 use armlet_core::priority::{Method, Options, PrioritySolver, Solution, diagnose, solve_priority};
 use armlet_core::status::Status;
-use priority_support::{Random, apart, norm, product, times};
 
 fn options(method: Method, n: usize) -> Options {
     Options { v_max: (method == Method::Sns).then(|| vec![1e3; n]), ..Options::new(method) }

@@ -1,7 +1,6 @@
 //! A step of a closed loop allocates nothing: runs of more steps make no more allocations.
 
-mod counting;
-
+use crate::counting::counted;
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
 use armlet_core::kinematics::TaskFunction;
@@ -13,7 +12,6 @@ use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec}
 use armlet_core::priority::Options as Maps;
 use armlet_core::simulate::{Force, Method, Options, Problem, Sampling, Times, simulate};
 use armlet_core::status::Status;
-use counting::counted;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 

@@ -1,12 +1,9 @@
 //! No method allocates after its construction: steps, dense output and events.
 
-mod counting;
-mod integrate_support;
-
+use crate::counting::counted;
+use crate::integrate_support::*;
 use armlet_core::integrate::events::{Event, Watch};
 use armlet_core::integrate::*;
-use counting::counted;
-use integrate_support::*;
 
 #[test]
 fn adaptive_steps_do_not_allocate() {

@@ -1,8 +1,7 @@
 //! Trapezoid and minimum jerk under torque bounds, against an independent sampling of their torque.
 
-mod plan_support;
+use crate::plan_support::{Problem, Random, near, random_count};
 use armlet_core::plan::{bang_bang_time, minimum_jerk_time, trapezoid_time};
-use plan_support::{Problem, Random, near, random_count};
 
 type Shape = Box<dyn Fn(f64) -> (f64, f64)>;
 

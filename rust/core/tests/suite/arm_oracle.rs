@@ -1,8 +1,6 @@
 //! The chains of `oracle_g_regressor_public.json`, 25 digits, on every number of this machine.
 
-mod arm_common;
-
-use arm_common::{chain, lift, numbers, on_every_number, sin_cos, vectors};
+use crate::arm_common::{chain, lift, numbers, on_every_number, sin_cos, vectors};
 use armlet_core::arm::Tree;
 use armlet_core::dynamics::{Dynamics, Workspace};
 use armlet_core::scalar::{Real, Task};

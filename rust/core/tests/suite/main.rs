@@ -1,0 +1,32 @@
+//! One binary of all integration tests, so that they are linked once.
+
+mod adaptive_ndof;
+mod adaptive_pr;
+mod arm_alloc;
+mod arm_common;
+mod arm_laws;
+mod arm_models;
+mod arm_oracle;
+mod arm_urdf;
+mod counting;
+mod elastic_loops;
+mod elastic_oracle;
+mod integrate_alloc;
+mod integrate_methods;
+mod integrate_support;
+mod loop_allocation;
+mod plan_bang_bang;
+mod plan_friction;
+mod plan_profiles;
+mod plan_support;
+mod plan_time_path;
+mod plan_torque_optimal;
+mod priority_allocation;
+mod priority_classes;
+mod priority_inputs;
+mod priority_lanes;
+mod priority_linalg;
+mod priority_oracle;
+mod priority_random;
+mod priority_support;
+mod run_contacts;
