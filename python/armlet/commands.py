@@ -36,9 +36,9 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _can_plot(command: str) -> None:
-    from . import plots
+    from .figures import available
 
-    if not plots.available():
+    if not available():
         raise InputError(f"{command}: --plot needs matplotlib: pip install 'armlet[plot]'")
 
 
