@@ -132,6 +132,17 @@ def _torque(ax: Axes, run: Run) -> None:
 def _estimate(ax: Axes, run: Run) -> None:
     assert run.estimate is not None
     count = run.estimate.shape[-1]
+    if count > 12 and count % 10 == 0:
+        # Ten parameters per link are too many to be told apart: one colour per link, and no true values, to which they need not go.
+        for link in range(count // 10):
+            lines = ax.plot(
+                run.t, run.estimate[:, 10 * link : 10 * link + 10], color=COLOURS[link % len(COLOURS)], linewidth=0.8, alpha=0.8
+            )
+            lines[0].set_label(f"link {link + 1}")
+        ax.set_ylabel("parameters (kg, kg m, kg m²)")
+        ax.set_title("Parameter estimates, ten per link")
+        _legend(ax)
+        return
     _lines(ax, run.t, run.estimate, [rf"$\hat{{a}}_{{{i + 1}}}$" for i in range(count)])
     if run.parameters is not None and run.parameters.shape == (count,):
         for i, value in enumerate(run.parameters):

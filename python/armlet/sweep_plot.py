@@ -20,12 +20,14 @@ if TYPE_CHECKING:
 __all__ = ["plot"]
 
 # A quantity that spreads over more than this factor is drawn on a logarithmic scale.
-DECADES = 10.0
+SPREAD = 8.0
 
 
 def plot(table: SweepTable, quantity: str | None = None, fig: Figure | None = None) -> Axes:
     """Draw `quantity` (None: the first metric) into `fig` (None: a new pyplot figure); returns the axes."""
     require("SweepTable.plot")
+    from matplotlib.ticker import LogFormatter
+
     names = list(table)
     at = names.index("status")
     varied = [name for name in names[1:at] if table[name].dtype.kind in "if"]
@@ -54,12 +56,17 @@ def plot(table: SweepTable, quantity: str | None = None, fig: Figure | None = No
             failed = table[varied[1]][~good]
         ax.set_xscale(_scale(x))
         if len(failed):
-            ax.scatter(x[~good], failed, s=size, color="0.7", marker="x", linewidths=0.8, zorder=0, label=f"{len(failed)} without a value")
-            ax.legend()
-        ax.set_title(f"{len(x):,} runs")
+            ax.scatter(x[~good], failed, s=size, color="0.7", marker="x", linewidths=0.8, zorder=0)
+        for axis in (ax.xaxis, ax.yaxis):
+            if axis.get_scale() == "log":
+                # 20 rather than 2 x 10^1.
+                axis.set_major_formatter(LogFormatter())
+                axis.set_minor_formatter(LogFormatter())
+        # In the title, where it covers no run.
+        ax.set_title(f"{len(x):,} runs" + (f"; grey crosses: {len(failed):,} without a value" if len(failed) else ""))
     return ax
 
 
 def _scale(values: NDArray[Any]) -> str:
     known = values[np.isfinite(values)]
-    return "log" if len(known) and known.min() > 0.0 and known.max() > DECADES * known.min() else "linear"
+    return "log" if len(known) and known.min() > 0.0 and known.max() > SPREAD * known.min() else "linear"

@@ -58,6 +58,15 @@ def test_a_new_one_where_none_is_given(name: str) -> None:
     pyplot.close(number)
 
 
+def test_estimates_of_many_links() -> None:
+    """A colour per link, named; forty lines of their own would say nothing."""
+    law = al.Adaptive(ARM, al.Sinusoid([0.1, 0.2], [0.3, 0.3], [1.0, 2.0], [0.0, 0.0]), 50.0, 5.0, 1.0)
+    axes = al.simulate(al.RigidArm(ARM), law, [0.0, 0.0], t_end=0.1, dt=1e-3).plot(Figure())
+    (panel,) = [ax for ax in axes.flat if "estimates" in ax.get_title(loc="left")]
+    assert len(panel.get_lines()) == 20 and len({line.get_color() for line in panel.get_lines()}) == 2
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["link 1", "link 2"]
+
+
 @pytest.mark.parametrize("name", DRAWN)
 def test_without_matplotlib_nothing_is_drawn(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
