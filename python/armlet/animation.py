@@ -37,12 +37,12 @@ def animate(run: Run, path: str | PathLike[str], arm: Any = None, *, fps: float 
     """
     for name, value, high in (("fps", fps, 50.0), ("speed", speed, np.inf), ("size", size, 4096)):
         if not 0 < value <= high:
-            raise InputError(f"animate: {name} is out of range: expected a number in (0, {high:g}], got {value}")
+            raise InputError(f"Run.animate: {name} is out of range: expected a number in (0, {high:g}], got {value}")
     arm = run.arm if arm is None else arm
     if arm is None:
-        raise InputError("animate: arm is missing: expected the arm of a run that was read from a file")
+        raise InputError("Run.animate: arm is missing: expected the arm of a run that was read from a file")
     if not arm.frame_names or len(run.t) < 2:
-        raise InputError("animate: there is nothing to draw: expected an arm with frames and a run of two records or more")
+        raise InputError("Run.animate: there is nothing to draw: expected an arm with frames and a run of two records or more")
     times = np.arange(run.t[0], run.t[-1], speed / fps)
     q = np.stack([np.interp(times, run.t, run.q[:, i]) for i in range(run.q.shape[1])], axis=1)
     points = np.stack([np.asarray(arm.position(q, frame)).reshape(len(times), 3) for frame in arm.frame_names], axis=1)
@@ -50,13 +50,13 @@ def animate(run: Run, path: str | PathLike[str], arm: Any = None, *, fps: float 
     width = np.ptp(points.reshape(-1, 3), axis=0)
     flat = int(np.argmin(width))
     if width[flat] > 1e-9 * max(width.max(), 1.0):
-        raise InputError(f"animate: arm is not planar: expected frames in one plane, got frames that spread {width} m along x, y and z")
+        raise InputError(f"Run.animate: arm is not planar: expected frames in one plane, got frames that spread {width} m along x, y and z")
     shown = [i for i in range(3) if i != flat]
     write_whole(path, lambda file: _film(file, points[..., shown], times, shown, fps, size))
 
 
 def _film(file: Any, points: NDArray[np.float64], times: NDArray[np.float64], shown: list[int], fps: float, size: int) -> None:
-    require("animate")
+    require("Run.animate")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from PIL import Image

@@ -7,6 +7,7 @@ done (one line says why), 130 interrupted.
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import platform
 import sys
@@ -69,6 +70,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
+    if sys.stdout is None:
+        # Closed by who called: there is nobody to print for.
+        sys.stdout = io.StringIO()
     args = _parser().parse_args(argv)
     try:
         code: int = args.run(args)

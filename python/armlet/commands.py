@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,11 +45,10 @@ def _prepare(args: argparse.Namespace) -> None:
     """What can be refused is refused before the run, not after it."""
     if args.plot:
         _can_plot("run")
-    if args.out is not None:
-        args.out.mkdir(parents=True, exist_ok=True)
-    folder = args.out or Path()
-    if (args.out is not None or args.plot) and not os.access(folder, os.W_OK):
-        raise PermissionError(f"{folder}: is not writable")
+    if args.out is not None or args.plot:
+        from .storage import folder_for
+
+        folder_for(args.out or Path())
 
 
 def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Path]:

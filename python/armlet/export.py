@@ -53,7 +53,7 @@ def to_parquet(columns: Columns, path: str | PathLike[str]) -> None:
         pyarrow: Any = import_module("pyarrow")
         parquet: Any = import_module("pyarrow.parquet")
     except ImportError:
-        raise ImportError("to_parquet: pyarrow is not installed: pip install 'armlet[data]'") from None
+        raise ImportError("Run.to_parquet: pyarrow is not installed: pip install 'armlet[data]'") from None
     table = pyarrow.table({name: pyarrow.array(np.asarray(values)) for name, values in columns.items()})
     write_whole(path, lambda file: parquet.write_table(table, file))
 
@@ -67,7 +67,7 @@ def to_xarray(run: Run) -> xr.Dataset:
     try:
         import xarray
     except ImportError:
-        raise ImportError("to_xarray: xarray is not installed: pip install 'armlet[data]'") from None
+        raise ImportError("Run.to_xarray: xarray is not installed: pip install 'armlet[data]'") from None
     from .run import SERIES
 
     unit = ", ".join(dict.fromkeys(run.units))

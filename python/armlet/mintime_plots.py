@@ -57,7 +57,7 @@ class MinimumTime:
         Raises:
             ImportError: matplotlib is not installed.
         """
-        require("plot")
+        require("MinimumTime.plot")
         with sheet(fig, (9.6, 7.0)) as figure:
             axes = figure.subplots(2, 2)
             motions = self._motions()

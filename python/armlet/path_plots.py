@@ -65,11 +65,11 @@ class PathTiming:
             ImportError: matplotlib is not installed.
             InputError: the motion is not a timing, takes no time or has no limit of torque.
         """
-        require("plot")
+        require("PathTiming.plot")
         if not (self.motion.feasible and self.motion.duration > 0.0):
-            raise InputError("plot: motion has no timing to draw: expected a feasible TimedPath that takes time")
+            raise InputError("PathTiming.plot: motion has no timing to draw: expected a feasible TimedPath that takes time")
         if self.tau_max is None:
-            raise InputError("plot: tau_max is missing: expected the limits of torque that the motion was planned with")
+            raise InputError("PathTiming.plot: tau_max is missing: expected the limits of torque that the motion was planned with")
         with sheet(fig, (9.6, 7.0)) as figure:
             axes = figure.subplots(2, 2)
             t, s = self._samples()

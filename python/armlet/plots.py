@@ -24,7 +24,7 @@ def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
     Raises:
         ImportError: matplotlib is not installed.
     """
-    require("plot")
+    require("Run.plot")
     panels = _panels(run)
     columns = 2 if len(panels) == 4 else min(3, len(panels))
     rows = -(-len(panels) // columns)

@@ -15,6 +15,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from os import PathLike
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -103,6 +104,14 @@ def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object])
         if isinstance(error, OSError):
             error.filename = target  # a full disk does not say which file it cut short
         raise
+
+
+def folder_for(path: Path) -> Path:
+    """Make the folder `path` where it is missing; refuse, before any work, one into which nothing may be written."""
+    path.mkdir(parents=True, exist_ok=True)
+    if not os.access(path, os.W_OK):
+        raise PermissionError(f"{path}: is not writable")
+    return path
 
 
 def load(path: str | PathLike[str]) -> Run | BatchRun:

@@ -150,6 +150,13 @@ def test_interruption(system: System, tmp_path: Path, capsys: pytest.CaptureFixt
     assert capsys.readouterr().err == "armlet: interrupted\n"
 
 
+def test_a_closed_stdout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody listens: the exit code alone is left, as it is otherwise."""
+    for arguments, code in ((["info"], 0), (["new", "adaptive"], 0), (["check", "none.toml"], 2)):
+        monkeypatch.setattr(sys, "stdout", None)
+        assert cli.main(arguments) == code
+
+
 @pytest.mark.parametrize("arguments", [[], ["nothing"], ["demo", "--nothing"]])
 def test_wrong_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:

@@ -166,8 +166,9 @@ def test_where_nothing_can_be_written(command: str, file: Path, tmp_path: Path, 
 
 def test_no_permission(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # the tests may run as root, who may write anywhere
-    assert cli.main(["run", str(file), "--out", str(tmp_path / "out")]) == 2
-    assert "is not writable" in one_line(capsys)
+    for arguments in (["run", str(file), "--plot"], ["run", str(file)], ["demo"]):
+        assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 2
+        assert "is not writable" in one_line(capsys)
 
 
 @pytest.mark.parametrize("command", ["run", "sweep"])

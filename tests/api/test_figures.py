@@ -29,10 +29,10 @@ def table() -> Any:
 
 
 DRAWN: dict[str, tuple[str, Callable[..., Any]]] = {
-    "run": ("plot", lambda fig: run().plot(fig)),
+    "run": ("Run.plot", lambda fig: run().plot(fig)),
     "compare": ("compare", lambda fig: al.compare([run()], fig=fig)),
-    "mintime": ("plot", lambda fig: MinimumTime(0.0, 1.0, 1.0, 0.5, 1.0).plot(fig)),
-    "path": ("plot", lambda fig: PathTiming(ARM, al.time_path(ARM, [[0.0, 0.0], [1.0, 0.5]], tau_max=20.0), 20.0).plot(fig)),
+    "mintime": ("MinimumTime.plot", lambda fig: MinimumTime(0.0, 1.0, 1.0, 0.5, 1.0).plot(fig)),
+    "path": ("PathTiming.plot", lambda fig: PathTiming(ARM, al.time_path(ARM, [[0.0, 0.0], [1.0, 0.5]], tau_max=20.0), 20.0).plot(fig)),
     "sweep": ("SweepTable.plot", lambda fig: table().plot(fig=fig)),
 }
 

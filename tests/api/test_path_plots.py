@@ -40,7 +40,7 @@ def test_the_timing_lies_in_its_region() -> None:
 def test_refusals() -> None:
     weak = al.time_path(ARM, [[0.0, 0.0], [1.0, 0.5]], tau_max=0.1)
     for motion in (weak, al.time_path(ARM, [[0.1, 0.2]] * 2, tau_max=30.0)):
-        with pytest.raises(al.InputError, match="plot: motion has no timing to draw"):
+        with pytest.raises(al.InputError, match=r"^PathTiming\.plot: motion has no timing to draw"):
             PathTiming(ARM, motion, tau_max=0.1).plot(Figure())
-    with pytest.raises(al.InputError, match="plot: tau_max is missing"):
+    with pytest.raises(al.InputError, match=r"^PathTiming\.plot: tau_max is missing"):
         PathTiming(ARM, TIMED).plot(Figure())

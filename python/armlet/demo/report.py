@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..storage import write_whole
+from ..storage import folder_for, write_whole
 from .html import page
 
 if TYPE_CHECKING:
@@ -116,8 +116,7 @@ class Report:
     """
 
     def __init__(self, out: Path, *, figures: bool = True) -> None:
-        out.mkdir(parents=True, exist_ok=True)
-        self.out = out
+        self.out = folder_for(out)
         self.draw = figures
         self.sections: list[Section] = []
 

@@ -83,7 +83,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         """Start anew, row i from `seed + i` or from `seed[i]`; with `options={"reset_mask": mask}` the rows of the mask alone."""
         seeds = [None if seed is None else seed + i for i in range(self.num_envs)] if seed is None or isinstance(seed, int) else list(seed)
         if len(seeds) != self.num_envs:
-            raise InputError(f"reset: seed has the wrong number of entries: expected {self.num_envs}, got {len(seeds)}")
+            raise InputError(f"ArmVectorEnv.reset: seed has the wrong number of entries: expected {self.num_envs}, got {len(seeds)}")
         mask = self._mask((options or {}).get("reset_mask"))
         if not self._rngs:
             self._rngs = [seeding.np_random(each)[0] for each in seeds]
@@ -136,5 +136,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
             return np.ones(self.num_envs, dtype=np.bool_)
         mask = np.asarray(given)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-            raise InputError(f"reset: reset_mask is no mask: expected ({self.num_envs},) booleans, one at least True, got {given!r}")
+            raise InputError(
+                f"ArmVectorEnv.reset: reset_mask is no mask: expected ({self.num_envs},) booleans, one at least True, got {given!r}"
+            )
         return mask

@@ -154,8 +154,8 @@ impl Law {
         theta_dot: Option<&Bound<'py, PyAny>>,
         state: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        entry(py, "terms", || {
-            let (t, x, z) = asked("terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
+        entry(py, "Law.terms", || {
+            let (t, x, z) = asked("Law.terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
             let parts = PyDict::new(py);
             let rows = self.spec.level_rows();
             for (name, shape, values) in self.spec.terms(t, &x, &z) {

@@ -150,12 +150,16 @@ impl BangBangReport {
 
     /// Torque, N m, of the motion of duration `t` (s): at its start, just before and just after the switch, and at its end.
     fn torques(&self, py: Python<'_>, t: &Bound<'_, PyAny>) -> PyResult<(f64, f64, f64, f64)> {
-        entry(py, "torques", || {
-            let t = scalar("torques", "t", t)?;
+        entry(py, "BangBangReport.torques", || {
+            let t = scalar("BangBangReport.torques", "t", t)?;
             if !(t > 0.0 && t.is_finite()) {
-                return Err(
-                    input_error(py, "torques", "t", format!("is not positive: expected a finite number > 0, got {}", float(t))).into()
-                );
+                return Err(input_error(
+                    py,
+                    "BangBangReport.torques",
+                    "t",
+                    format!("is not positive: expected a finite number > 0, got {}", float(t)),
+                )
+                .into());
             }
             Ok(self.core.torques(t).into())
         })
@@ -348,7 +352,7 @@ impl BangBangBatch {
     /// Why no duration works, as in `BangBangReport.reason`: an array of strings, empty where feasible.
     #[getter]
     fn reason<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, "reason", || {
+        entry(py, "BangBangBatch.reason", || {
             let words = (0..self.problems.count).map(|i| Ok(self.report(i)?.reason())).collect::<Result<Vec<_>, Error>>()?;
             let words = py.import("numpy")?.call_method1("array", (words, PyString::new(py, "str")))?;
             Ok(words.call_method1("reshape", (PyTuple::new(py, &self.problems.shape)?,))?)

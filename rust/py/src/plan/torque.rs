@@ -226,12 +226,12 @@ impl TorqueOptimum {
 
     /// `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at time `t` (s), a number or an array; at rest before 0 and from its end on.
     fn profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
-        entry(py, "profile", || Ok(PyTuple::new(py, self.sample(py, "profile", 0, t)?)?))
+        entry(py, "TorqueOptimum.profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.profile", 0, t)?)?))
     }
 
     /// As `profile`, for the monotone optimum.
     fn monotone_profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
-        entry(py, "monotone_profile", || Ok(PyTuple::new(py, self.sample(py, "monotone_profile", 1, t)?)?))
+        entry(py, "TorqueOptimum.monotone_profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.monotone_profile", 1, t)?)?))
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> String {
