@@ -44,6 +44,21 @@ pub trait System<S: Real> {
     /// Called with the state at the start of a step: what `rhs` may reuse at nearby states.
     fn anchor(&mut self, x: &[S]);
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
+    /// The same bits, sooner, at the anchor itself.
+    #[inline(always)]
+    fn rhs_at_anchor(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]) {
+        self.rhs(u, x, dx);
+    }
+    /// The same bits, sooner, at a state near the anchor; [`System::strayed`] says afterwards if it was not near enough.
+    #[inline(always)]
+    fn rhs_near(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]) {
+        self.rhs(u, x, dx);
+    }
+    /// Whether a state was too far from the last anchor for [`System::rhs_near`].
+    #[inline(always)]
+    fn strayed(&self) -> bool {
+        false
+    }
     /// Called with the state at every sample of a sampled loop: what is held until the next one.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
     /// What is held since the last sample: the input and the rate of the law; `None` where nothing is.

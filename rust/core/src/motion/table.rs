@@ -52,9 +52,9 @@ impl Table {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
-    /// The row at time `t`, where that is a knot.
+    /// Where in `rows` the row at time `t` starts, where that is a knot.
     #[inline(always)]
-    pub fn knot(&self, t: f64) -> Option<&[f64]> {
+    pub fn knot(&self, t: f64) -> Option<usize> {
         let u = (t - self.start) * self.rate;
         // A cast saturates and a signed one is a single instruction; what is no knot passes no bound.
         let k = (u + 0.5) as i64;
@@ -63,7 +63,7 @@ impl Table {
         }
         let width = 3 * self.dof;
         let start = (k as usize).checked_mul(width)?;
-        self.rows.get(start..)?.get(..width)
+        (start < self.rows.len()).then_some(start)
     }
 
     /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.

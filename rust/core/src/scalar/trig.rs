@@ -98,6 +98,7 @@ impl<S: Real> Angle<S> {
 }
 
 /// Sine and cosine in a function of its own: a call on a rare path instead of its code at every use.
+#[cold]
 #[inline(never)]
 pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
     struct SinCos<S>(S);
@@ -115,17 +116,29 @@ pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
 /// d^9/9! = 9.6e-20 for the sine, d^8/8! = 2.3e-17 for the cosine.
 pub const SMALL_ANGLE: f64 = 1.0 / 32.0;
 
-/// Sine and cosine of `q` from those at a nearby angle.
+/// Whether an angle of this square is small enough for [`rotate_near`], lane by lane; NaN is not.
 #[inline(always)]
-pub fn rotate<S: Real>(from: &Angle<S>, q: S) -> (S, S) {
+pub fn is_small<S: Real>(square: S) -> S::Mask {
+    square.lt(S::splat(SMALL_ANGLE * SMALL_ANGLE))
+}
+
+/// Sine and cosine of `q` from those at an angle nearby, and the square of the angle between: it has to be small.
+#[inline(always)]
+pub fn rotate_near<S: Real>(from: &Angle<S>, q: S) -> ((S, S), S) {
     let k = S::splat;
     let d = q - from.q;
     let z = d * d;
     let sin_d = d * z.mul_add(z.mul_add(z.mul_add(k(-1.0 / 5040.0), k(1.0 / 120.0)), k(-1.0 / 6.0)), k(1.0));
     let cos_d = z.mul_add(z.mul_add(z.mul_add(k(-1.0 / 720.0), k(1.0 / 24.0)), k(-0.5)), k(1.0));
-    let near = (from.sin.mul_add(cos_d, from.cos * sin_d), from.sin.neg_mul_add(sin_d, from.cos * cos_d));
+    ((from.sin.mul_add(cos_d, from.cos * sin_d), from.sin.neg_mul_add(sin_d, from.cos * cos_d)), z)
+}
+
+/// Sine and cosine of `q` from those at another angle, in full where it is not nearby.
+#[inline(always)]
+pub fn rotate<S: Real>(from: &Angle<S>, q: S) -> (S, S) {
+    let (near, square) = rotate_near(from, q);
     // Decided lane by lane, so that a run's bits do not depend on its neighbours. NaN takes the full path.
-    let small = z.lt(k(SMALL_ANGLE * SMALL_ANGLE));
+    let small = is_small(square);
     if S::all(small) {
         return near;
     }

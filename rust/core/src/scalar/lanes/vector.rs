@@ -6,7 +6,7 @@
 /// `transpose_in` (eight registers to a row of eight numbers per lane, and back) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $sqrt:ident, $xor:ident, $andnot:ident, $stream:ident) => {
+     $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident, $stream:ident) => {
         #[derive(Clone, Copy, Debug)]
         #[repr(transparent)]
         pub struct $name($register);
@@ -118,11 +118,12 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn max(self, other: Self) -> Self {
-                Self::select(self.lt(other), other, self)
+                // The second where either is NaN.
+                $name(unsafe { $max(other.0, self.0) })
             }
             #[inline(always)]
             fn min(self, other: Self) -> Self {
-                Self::select(other.lt(self), other, self)
+                $name(unsafe { $min(other.0, self.0) })
             }
             #[inline(always)]
             fn sin_cos(self) -> (Self, Self) {
