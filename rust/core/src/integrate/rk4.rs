@@ -38,7 +38,11 @@ impl<B, U> Rk4<B, U> {
     {
         let (k, y, sum) = (self.k.as_mut(), self.y.as_mut(), self.sum.as_mut());
         let (half, full, two) = (S::splat(0.5 * h), S::splat(h), S::splat(2.0));
-        system.anchor(x);
+        if NEAR {
+            system.anchor_near(x)
+        } else {
+            system.anchor(x)
+        }
         system.rhs_at_anchor(&self.start, x, k);
         for i in 0..x.len() {
             sum[i] = k[i];

@@ -8,8 +8,9 @@ const KEPT: usize = 4;
 
 /// Where a loop's `[q_d, v_d, a_d]` comes from.
 pub struct Reference<'a, S: Real> {
-    /// A motion sampled in advance, read in place.
+    /// A motion sampled in advance, and its rows, read in place.
     table: Option<&'a Table>,
+    rows: &'a [f64],
     /// One motion, or one per lane.
     motions: Vec<&'a Motion>,
     /// The sample of one motion, `(3 n,)`.
@@ -19,13 +20,6 @@ pub struct Reference<'a, S: Real> {
     next: usize,
     /// The samples of all lanes, `(lanes, 3 n)`.
     all: Vec<f64>,
-}
-
-/// Where a sample stands: in the table, or among those kept.
-#[derive(Clone, Copy)]
-struct Place {
-    at: usize,
-    tabulated: bool,
 }
 
 impl<'a, S: Real> Reference<'a, S> {
@@ -39,10 +33,11 @@ impl<'a, S: Real> Reference<'a, S> {
             Motion::Table(table) if motions.len() == 1 => Some(table),
             _ => None,
         };
+        let rows = table.map_or(&[][..], Table::rows);
         let width = 3 * first.dof();
         let one = vec![S::One::zero(); width];
         let all = vec![0.0; if motions.len() > 1 { width * motions.len() } else { 0 }];
-        Reference { table, motions, one, kept: vec![0.0; KEPT * width], next: 0, all }
+        Reference { table, rows, motions, one, kept: vec![0.0; KEPT * width], next: 0, all }
     }
 
     /// Whether one motion serves all lanes.
@@ -50,34 +45,34 @@ impl<'a, S: Real> Reference<'a, S> {
         self.motions.len() == 1
     }
 
-    /// Find the sample of the one motion of all lanes, or take it.
+    /// Find the sample of the one motion of all lanes in its table, or take it.
     #[inline(always)]
-    fn place(&mut self, t: f64) -> Place {
+    fn place(&mut self, t: f64) -> usize {
         match self.table.and_then(|table| table.knot(t)) {
-            Some(at) => Place { at, tabulated: true },
+            Some(at) => at,
             None => self.take(t),
         }
     }
 
     #[inline(never)]
-    fn take(&mut self, t: f64) -> Place {
+    fn take(&mut self, t: f64) -> usize {
         sample_apart(self.motions[0], t, &mut self.one);
         let at = self.next;
         for (to, from) in self.kept[at..].iter_mut().zip(&self.one) {
             *to = from.lane(0);
         }
         self.next = (at + self.one.len()) % self.kept.len();
-        Place { at, tabulated: false }
+        self.rows.len() + at
     }
 
-    /// The sample at a place, where it stands: numbers that are spread over the lanes as they are read.
+    /// The sample at a place, read where it stands: in the table, or, counting on from its end, among those kept.
     #[inline(always)]
-    fn at<const D: usize>(&self, place: Place) -> &[f64; D] {
-        let rows = match self.table {
-            Some(table) if place.tabulated => table.rows(),
-            _ => &self.kept,
+    fn at<const D: usize>(&self, place: usize) -> &[f64; D] {
+        let row = match self.rows.get(place..) {
+            Some(rest) if !rest.is_empty() => rest.first_chunk(),
+            _ => self.kept.get(place - self.rows.len()..).and_then(|rest| rest.first_chunk()),
         };
-        rows.get(place.at..).and_then(|rows| rows.first_chunk()).unwrap_or(&[f64::NAN; D])
+        row.unwrap_or(&[f64::NAN; D])
     }
 
     #[inline(never)]
@@ -98,14 +93,8 @@ pub trait Desired<S: Real>: Clone {
 }
 
 /// One motion for all lanes: the place of a row of `D` numbers.
-#[derive(Clone, Copy)]
-pub struct Shared<const D: usize>(Place);
-
-impl<const D: usize> Default for Shared<D> {
-    fn default() -> Self {
-        Shared(Place { at: 0, tabulated: false })
-    }
-}
+#[derive(Clone, Copy, Default)]
+pub struct Shared<const D: usize>(usize);
 
 impl<S: Real, const D: usize> Desired<S> for Shared<D> {
     type Lanes = [S; D];

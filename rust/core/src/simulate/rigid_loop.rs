@@ -10,7 +10,7 @@ use crate::dynamics::Dynamics;
 use crate::integrate::{Buffer, System};
 use crate::law::Law;
 use crate::scalar::Real;
-use crate::scalar::trig::{Angle, is_small, rotate, rotate_near};
+use crate::scalar::trig::{Angle, is_small, reach, rotate, rotate_near};
 
 /// Where a state stands: at the anchor, near it, or nobody knows.
 const ANCHOR: u8 = 0;
@@ -41,7 +41,7 @@ pub struct RigidLoop<'a, 'm, S: Real, D: Dynamics<S>, L, Q: Shape<S>, const MONI
     tau_max: Option<&'a [f64]>,
     anchors: Q::Anchors,
     trig: Q::Trig,
-    /// Square of the largest angle turned since the last anchor.
+    /// Square of the largest angle turned since the last anchor, and of its reach.
     turned: S,
     /// The plant's input as of the last evaluation.
     pub tau: Q::Joints,
@@ -174,6 +174,20 @@ where
         for i in 0..n {
             if self.arm.is_angle(i) {
                 anchors[i].move_to(x[i]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn anchor_near(&mut self, x: &[S]) {
+        let n = self.tau.as_ref().len();
+        self.turned = S::zero();
+        let anchors = self.anchors.as_mut();
+        for i in 0..n {
+            if self.arm.is_angle(i) {
+                anchors[i].move_near(x[i]);
+                let reach = reach(x[i]);
+                self.turned = self.turned.max(reach * reach);
             }
         }
     }
