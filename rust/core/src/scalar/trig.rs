@@ -150,6 +150,9 @@ pub fn rotate_near<S: Real>(from: &Angle<S>, q: S) -> ((S, S), S) {
 #[inline(always)]
 pub fn rotate<S: Real>(from: &Angle<S>, q: S) -> (S, S) {
     let (near, square) = rotate_near(from, q);
+    if S::LANES == 1 {
+        return if S::all(is_small(square)) { near } else { q.sin_cos() };
+    }
     // Decided lane by lane, so that a run's bits do not depend on its neighbours. NaN takes the full path.
     let small = is_small(square);
     if S::all(small) {
