@@ -61,7 +61,7 @@ pub trait Dynamics<S: Real> {
     fn forward_dynamics(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]);
     /// The Slotine-Li regressor, `(n, p)`: `Y(q, v, v_r, a_r) pi = M a_r + C(q, v) v_r + g`.
     fn regressor(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]);
-    /// `Y pi` `(n,)` and `Y^T s` `(p,)` for any parameters `pi`, without forming `Y`.
+    /// `Y pi` added to `y_pi` `(n,)`, and `Y^T s` `(p,)`, for any parameters `pi`, without forming `Y`.
     fn regressor_products(
         &self,
         ws: &mut Self::Workspace,

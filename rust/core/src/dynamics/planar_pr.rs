@@ -137,8 +137,9 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         yt_s: &mut [S],
     ) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
-        y_pi[0] = a_r[0].mul_add(pi[0], y12 * pi[1]);
-        y_pi[1] = y22.mul_add(pi[1], a_r[1] * pi[2]);
+        // What is known last comes last, here and below: a run waits for its longest chain of operations.
+        y_pi[0] = y12.mul_add(pi[1], a_r[0].mul_add(pi[0], y_pi[0]));
+        y_pi[1] = y22.mul_add(pi[1], a_r[1].mul_add(pi[2], y_pi[1]));
         yt_s[0] = a_r[0] * s[0];
         yt_s[1] = y12.mul_add(s[0], y22 * s[1]);
         yt_s[2] = a_r[1] * s[1];
@@ -155,5 +156,5 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
 /// The two entries of the middle column of the regressor, that of `B`.
 #[inline(always)]
 fn columns<S: Real>((sin, cos): (S, S), v: &[S], v_r: &[S], a_r: &[S]) -> (S, S) {
-    ((v[1] * v_r[1]).neg_mul_add(sin, a_r[1] * cos), a_r[0] * cos)
+    (a_r[1].mul_add(cos, -(v[1] * v_r[1] * sin)), a_r[0] * cos)
 }

@@ -168,7 +168,7 @@ pub fn regressor_products<S: Real>(
         let body = &tree.bodies[i];
         let Link { p, f, n: moment, .. } = links[i];
         let z = poses[i].z();
-        y_pi[i] = if body.revolute { z.dot(moment) } else { z.dot(f) };
+        y_pi[i] += if body.revolute { z.dot(moment) } else { z.dot(f) };
         if body.parent != BASE {
             let up = &mut links[body.parent];
             up.f += f;

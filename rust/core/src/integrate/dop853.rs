@@ -25,6 +25,8 @@ pub struct Dop853<B, U, T = Tolerance> {
     pub x: B,
     x_old: B,
     u: U,
+    /// The time of `u`, NaN when there is none to reuse.
+    u_time: f64,
     pub t: f64,
     t_old: f64,
     /// End of the segment, and the latest time at which its input is taken.
@@ -53,6 +55,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
             x: state.clone(),
             x_old: state,
             u: input,
+            u_time: f64::NAN,
             t: 0.0,
             t_old: 0.0,
             t_end: 0.0,
@@ -81,6 +84,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         self.dense_ready = false;
         system.anchor(self.x.as_ref());
         system.input(t, &mut self.u);
+        self.u_time = f64::NAN;
         system.rhs(&self.u, self.x.as_ref(), self.k[0].as_mut());
         self.work.evaluations += 1;
         if !finite(self.x.as_ref()) || !finite(self.k[0].as_ref()) {
@@ -147,7 +151,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
             let t_new = if h == left { self.t_end } else { self.t + h };
             let error = self.attempt::<S, F>(system, h);
             if error < 1.0 {
-                let factor = if error == 0.0 { GROW } else { (SAFETY * error.powf(-0.125)).min(GROW) };
+                let factor = if error == 0.0 { GROW } else { (SAFETY / eighth_root(error)).min(GROW) };
                 let factor = if rejected { factor.min(1.0) } else { factor.max(SHRINK) };
                 self.t_old = self.t;
                 self.t = t_new;
@@ -161,7 +165,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
             self.work.rejections += 1;
             rejected = true;
             blown = !error.is_finite();
-            self.h = h * if blown { SHRINK } else { (SAFETY * error.powf(-0.125)).max(SHRINK) };
+            self.h = h * if blown { SHRINK } else { (SAFETY / eighth_root(error)).max(SHRINK) };
         }
     }
 
@@ -198,7 +202,11 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
     {
         for i in from..to {
             self.argument::<S>(i, h);
-            system.input((self.t + C[i] * h).min(self.input_end), &mut self.u);
+            let t = (self.t + C[i] * h).min(self.input_end);
+            if t != self.u_time {
+                system.input(t, &mut self.u);
+                self.u_time = t;
+            }
             system.rhs(&self.u, self.y.as_ref(), self.k[i].as_mut());
             self.work.evaluations += 1;
         }
@@ -354,4 +362,9 @@ fn finite<S: Real>(x: &[S]) -> bool {
         zero += value * S::zero();
     }
     zero.lane(0) == 0.0
+}
+
+#[inline(always)]
+fn eighth_root(x: f64) -> f64 {
+    x.sqrt().sqrt().sqrt()
 }

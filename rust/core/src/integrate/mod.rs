@@ -44,6 +44,27 @@ pub trait System<S: Real> {
     /// Called with the state at the start of a step: what `rhs` may reuse at nearby states.
     fn anchor(&mut self, x: &[S]);
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
+    /// `anchor` before [`System::rhs_near`], which are sooner done and of the same bits unless [`System::strayed`] says afterwards
+    /// that the state was not what they take it for: near the anchor, and small.
+    #[inline(always)]
+    fn anchor_near(&mut self, x: &[S]) {
+        self.anchor(x);
+    }
+    /// `rhs` at the anchor itself.
+    #[inline(always)]
+    fn rhs_at_anchor(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]) {
+        self.rhs(u, x, dx);
+    }
+    /// `rhs` at a state near the anchor.
+    #[inline(always)]
+    fn rhs_near(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]) {
+        self.rhs(u, x, dx);
+    }
+    /// Whether `anchor_near` or `rhs_near` was given a state that is not for it since the last anchor.
+    #[inline(always)]
+    fn strayed(&self) -> bool {
+        false
+    }
     /// Called with the state at every sample of a sampled loop: what is held until the next one.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
     /// What is held since the last sample: the input and the rate of the law; `None` where nothing is.

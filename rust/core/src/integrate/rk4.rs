@@ -15,13 +15,56 @@ pub struct Rk4<B, U> {
     end: U,
     /// The time of `end`, NaN when there is none to reuse.
     end_time: f64,
+    /// Whether the last step left the neighbourhood of its start.
+    strays: bool,
 }
 
 impl<B: Clone, U: Clone> Rk4<B, U> {
     #[inline(always)]
     pub fn new(state: B, input: U) -> Self {
-        Rk4 { k: state.clone(), y: state.clone(), sum: state, start: input.clone(), middle: input.clone(), end: input, end_time: f64::NAN }
+        let (k, y, sum) = (state.clone(), state.clone(), state);
+        Rk4 { k, y, sum, start: input.clone(), middle: input.clone(), end: input, end_time: f64::NAN, strays: false }
     }
+}
+
+impl<B, U> Rk4<B, U> {
+    /// The four slopes from `x`: the last in `k`, `k1 + 2 k2 + 2 k3` in `sum`.
+    #[inline(always)]
+    fn stages<const NEAR: bool, S, F>(&mut self, system: &mut F, h: f64, x: &[S])
+    where
+        S: Real,
+        F: System<S, Input = U>,
+        B: Buffer<S>,
+    {
+        let (k, y, sum) = (self.k.as_mut(), self.y.as_mut(), self.sum.as_mut());
+        let (half, full, two) = (S::splat(0.5 * h), S::splat(h), S::splat(2.0));
+        if NEAR {
+            system.anchor_near(x)
+        } else {
+            system.anchor(x)
+        }
+        system.rhs_at_anchor(&self.start, x, k);
+        for i in 0..x.len() {
+            sum[i] = k[i];
+            y[i] = half.mul_add(k[i], x[i]);
+        }
+        slope::<NEAR, S, F>(system, &self.middle, y, k);
+        for i in 0..x.len() {
+            sum[i] = two.mul_add(k[i], sum[i]);
+            y[i] = half.mul_add(k[i], x[i]);
+        }
+        slope::<NEAR, S, F>(system, &self.middle, y, k);
+        for i in 0..x.len() {
+            sum[i] = two.mul_add(k[i], sum[i]);
+            y[i] = full.mul_add(k[i], x[i]);
+        }
+        slope::<NEAR, S, F>(system, &self.end, y, k);
+    }
+}
+
+#[inline(always)]
+fn slope<const NEAR: bool, S: Real, F: System<S>>(system: &mut F, u: &F::Input, x: &[S], dx: &mut [S]) {
+    if NEAR { system.rhs_near(u, x, dx) } else { system.rhs(u, x, dx) }
 }
 
 impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Rk4<B, F::Input> {
@@ -36,27 +79,16 @@ impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Rk4<B, F::Input
         system.input(end, &mut self.end);
         self.end_time = end;
 
-        let x = x.as_mut();
-        let (k, y, sum) = (self.k.as_mut(), self.y.as_mut(), self.sum.as_mut());
-        let (half, full, two, sixth) = (S::splat(0.5 * h), S::splat(h), S::splat(2.0), S::splat(h / 6.0));
-
-        system.anchor(x);
-        system.rhs(&self.start, x, k);
-        for i in 0..x.len() {
-            sum[i] = k[i];
-            y[i] = half.mul_add(k[i], x[i]);
+        // Most steps stay near their start: what each stage would ask of that is asked once, at the end.
+        if !self.strays {
+            self.stages::<true, S, F>(system, h, x.as_ref());
+            self.strays = system.strayed();
         }
-        system.rhs(&self.middle, y, k);
-        for i in 0..x.len() {
-            sum[i] = two.mul_add(k[i], sum[i]);
-            y[i] = half.mul_add(k[i], x[i]);
+        if self.strays {
+            self.stages::<false, S, F>(system, h, x.as_ref());
+            self.strays = system.strayed();
         }
-        system.rhs(&self.middle, y, k);
-        for i in 0..x.len() {
-            sum[i] = two.mul_add(k[i], sum[i]);
-            y[i] = full.mul_add(k[i], x[i]);
-        }
-        system.rhs(&self.end, y, k);
+        let (x, k, sum, sixth) = (x.as_mut(), self.k.as_ref(), self.sum.as_ref(), S::splat(h / 6.0));
         for i in 0..x.len() {
             x[i] = sixth.mul_add(sum[i] + k[i], x[i]);
         }

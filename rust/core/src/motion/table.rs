@@ -4,6 +4,7 @@
 
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
+use crate::scalar::trig::ROUND;
 use std::sync::Arc;
 
 /// A time this close to a knot, in intervals, is that knot.
@@ -15,6 +16,7 @@ pub struct Table {
     dt: f64,
     rate: f64,
     dof: usize,
+    knots: usize,
     /// One row `[q, v, a]` per knot; shared, since every law and loop has a copy of its motion.
     rows: Arc<[f64]>,
 }
@@ -28,7 +30,7 @@ impl Table {
         if dof == 0 || rows.is_empty() || !rows.len().is_multiple_of(3 * dof) {
             return Err(Error::input("q", "is empty: expected at least one knot and one joint"));
         }
-        Ok(Table { start, dt, rate: 1.0 / dt, dof, rows: rows.into() })
+        Ok(Table { start, dt, rate: 1.0 / dt, dof, knots: rows.len() / (3 * dof), rows: rows.into() })
     }
 
     pub fn dof(&self) -> usize {
@@ -52,25 +54,21 @@ impl Table {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
-    /// The row at time `t`, where that is a knot.
+    /// Where in `rows` the row at time `t` starts, where that is a knot.
     #[inline(always)]
-    pub fn knot(&self, t: f64) -> Option<&[f64]> {
+    pub fn knot(&self, t: f64) -> Option<usize> {
         let u = (t - self.start) * self.rate;
-        // A cast saturates and a signed one is a single instruction; what is no knot passes no bound.
-        let k = (u + 0.5) as i64;
-        if !((u - k as f64).abs() < ON_KNOT) || k < 0 {
-            return None;
-        }
-        let width = 3 * self.dof;
-        let start = (k as usize).checked_mul(width)?;
-        self.rows.get(start..)?.get(..width)
+        // The nearest integer stands in the low bits; below zero, beyond 2^52 and of NaN they pass no bound.
+        let rounded = u + ROUND;
+        let k = rounded.to_bits().wrapping_sub(ROUND.to_bits()) as usize;
+        ((u - (rounded - ROUND)).abs() < ON_KNOT && k < self.knots).then_some(k * 3 * self.dof)
     }
 
     /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
     #[inline(always)]
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let u = (t - self.start) * self.rate;
-        let last = self.rows.len() / (3 * self.dof) - 1;
+        let last = self.knots - 1;
         // A cast saturates, so NaN, negative and huge times land on a knot and never out of bounds.
         let k = ((u + 0.5) as usize).min(last);
         let off = u - k as f64;

@@ -83,6 +83,11 @@ pub trait Real:
     fn min(self, other: Self) -> Self;
     /// Sine and cosine to 1 ulp for every finite argument.
     fn sin_cos(self) -> (Self, Self);
+    /// The same below [`trig::REDUCTION_LIMIT`], without a look whether it is.
+    #[inline(always)]
+    fn sin_cos_near(self) -> (Self, Self) {
+        self.sin_cos()
+    }
 
     /// The angle of the point `(x, self)`, lane by lane through the library function: for orientation errors, not for hot loops.
     #[inline(always)]

@@ -100,7 +100,11 @@ macro_rules! single_number {
                 let (s, c) = trig::sin_cos_far(x);
                 return ($wrap(s), $wrap(c));
             }
-            let (s, c) = trig::sin_cos_near::<$fused>(x);
+            self.sin_cos_near()
+        }
+        #[inline(always)]
+        fn sin_cos_near(self) -> (Self, Self) {
+            let (s, c) = trig::sin_cos_near::<$fused>($get(self));
             ($wrap(s), $wrap(c))
         }
         #[inline(always)]

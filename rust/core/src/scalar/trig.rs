@@ -13,7 +13,7 @@ pub const REDUCTION_LIMIT: f64 = 1.0e6;
 
 pub(super) const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
 /// 1.5 * 2^52: adding it rounds to an integer and leaves that integer in the low bits.
-pub(super) const ROUND: f64 = 6_755_399_441_055_744.0;
+pub const ROUND: f64 = 6_755_399_441_055_744.0;
 pub(super) const PIO2: [f64; 3] = [1.570_796_326_734_125_614_17, 6.077_100_506_303_965_976_60e-11, 2.022_266_248_795_950_631_54e-21];
 pub(super) const SIN: [f64; 6] = [
     1.589_690_995_211_550_102_21e-10,
@@ -44,14 +44,12 @@ pub(super) fn sin_cos_near<const FUSED: bool>(x: f64) -> (f64, f64) {
     let rounded = fma::<FUSED>(x, TWO_OVER_PI, ROUND);
     let (quadrant, k) = (rounded.to_bits(), rounded - ROUND);
     let r = fma::<FUSED>(-k, PIO2[2], fma::<FUSED>(-k, PIO2[1], fma::<FUSED>(-k, PIO2[0], x)));
-    let z = r * r;
-    let (mut sin, mut cos) = (SIN[0], COS[0]);
-    for i in 1..6 {
-        sin = fma::<FUSED>(sin, z, SIN[i]);
-        cos = fma::<FUSED>(cos, z, COS[i]);
-    }
-    let sin = fma::<FUSED>(r * z, sin, r).to_bits();
-    let cos = fma::<FUSED>(z * z, cos, fma::<FUSED>(-0.5, z, 1.0)).to_bits();
+    let (z, zz) = (r * r, (r * r) * (r * r));
+    // Two coefficients at a time: fewer operations that wait for one another (Estrin).
+    let pair = |a: [f64; 6], k: usize| fma::<FUSED>(a[k], z, a[k + 1]);
+    let polynomial = |a| fma::<FUSED>(fma::<FUSED>(pair(a, 0), zz, pair(a, 2)), zz, pair(a, 4));
+    let sin = fma::<FUSED>(r * z, polynomial(SIN), r).to_bits();
+    let cos = fma::<FUSED>(zz, polynomial(COS), fma::<FUSED>(-0.5, z, 1.0)).to_bits();
     let swap = 0u64.wrapping_sub(quadrant & 1);
     let s = ((sin & !swap) | (cos & swap)) ^ ((quadrant & 2) << 62);
     let c = ((cos & !swap) | (sin & swap)) ^ ((quadrant.wrapping_add(1) & 2) << 62);
@@ -95,9 +93,25 @@ impl<S: Real> Angle<S> {
             *self = Angle::new(q);
         }
     }
+
+    /// The same below [`REDUCTION_LIMIT`], without a look whether it is.
+    #[inline(always)]
+    pub fn move_near(&mut self, q: S) {
+        if S::LANES > 1 || q.lane(0).to_bits() != self.q.lane(0).to_bits() {
+            let (sin, cos) = q.sin_cos_near();
+            *self = Angle { q, sin, cos };
+        }
+    }
+}
+
+/// A number whose square [`is_small`] only if `q` is below [`REDUCTION_LIMIT`]: one question for that and for the angles turned.
+#[inline(always)]
+pub fn reach<S: Real>(q: S) -> S {
+    q * S::splat(SMALL_ANGLE / REDUCTION_LIMIT * (1.0 + 1e-9))
 }
 
 /// Sine and cosine in a function of its own: a call on a rare path instead of its code at every use.
+#[cold]
 #[inline(never)]
 pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
     struct SinCos<S>(S);
@@ -115,17 +129,32 @@ pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
 /// d^9/9! = 9.6e-20 for the sine, d^8/8! = 2.3e-17 for the cosine.
 pub const SMALL_ANGLE: f64 = 1.0 / 32.0;
 
-/// Sine and cosine of `q` from those at a nearby angle.
+/// Whether an angle of this square is small enough for [`rotate_near`], lane by lane; NaN is not.
 #[inline(always)]
-pub fn rotate<S: Real>(from: &Angle<S>, q: S) -> (S, S) {
+pub fn is_small<S: Real>(square: S) -> S::Mask {
+    square.lt(S::splat(SMALL_ANGLE * SMALL_ANGLE))
+}
+
+/// Sine and cosine of `q` from those at an angle nearby, and the square of the angle between: it has to be small.
+#[inline(always)]
+pub fn rotate_near<S: Real>(from: &Angle<S>, q: S) -> ((S, S), S) {
     let k = S::splat;
     let d = q - from.q;
     let z = d * d;
     let sin_d = d * z.mul_add(z.mul_add(z.mul_add(k(-1.0 / 5040.0), k(1.0 / 120.0)), k(-1.0 / 6.0)), k(1.0));
     let cos_d = z.mul_add(z.mul_add(z.mul_add(k(-1.0 / 720.0), k(1.0 / 24.0)), k(-0.5)), k(1.0));
-    let near = (from.sin.mul_add(cos_d, from.cos * sin_d), from.sin.neg_mul_add(sin_d, from.cos * cos_d));
+    ((from.sin.mul_add(cos_d, from.cos * sin_d), from.sin.neg_mul_add(sin_d, from.cos * cos_d)), z)
+}
+
+/// Sine and cosine of `q` from those at another angle, in full where it is not nearby.
+#[inline(always)]
+pub fn rotate<S: Real>(from: &Angle<S>, q: S) -> (S, S) {
+    let (near, square) = rotate_near(from, q);
+    if S::LANES == 1 {
+        return if S::all(is_small(square)) { near } else { q.sin_cos() };
+    }
     // Decided lane by lane, so that a run's bits do not depend on its neighbours. NaN takes the full path.
-    let small = z.lt(k(SMALL_ANGLE * SMALL_ANGLE));
+    let small = is_small(square);
     if S::all(small) {
         return near;
     }

@@ -93,7 +93,7 @@ impl<T: Drive> Task for Group<'_, T> {
                         [S::zero(); 2],
                         [S::zero(); 3],
                     );
-                    self.close::<S, _, _, 3, 7, false, false>(law, reference, Shared([0.0; 6]))
+                    self.close::<S, _, _, 3, 7, false, false>(law, reference, Shared::<6>::default())
                 } else {
                     let law = Adaptive::new(
                         arm(|i| closed_form(problem.plant(run(i)).model())),

@@ -10,7 +10,12 @@ use crate::dynamics::Dynamics;
 use crate::integrate::{Buffer, System};
 use crate::law::Law;
 use crate::scalar::Real;
-use crate::scalar::trig::{Angle, rotate};
+use crate::scalar::trig::{Angle, is_small, reach, rotate, rotate_near};
+
+/// Where a state stands: at the anchor, near it, or nobody knows.
+const ANCHOR: u8 = 0;
+const NEARBY: u8 = 1;
+const ANYWHERE: u8 = 2;
 
 /// Where the vectors of a loop live: arrays for closed-form arms, the heap for any other.
 pub trait Shape<S: Real> {
@@ -36,6 +41,8 @@ pub struct RigidLoop<'a, 'm, S: Real, D: Dynamics<S>, L, Q: Shape<S>, const MONI
     tau_max: Option<&'a [f64]>,
     anchors: Q::Anchors,
     trig: Q::Trig,
+    /// Square of the largest angle turned since the last anchor, and of its reach.
+    turned: S,
     /// The plant's input as of the last evaluation.
     pub tau: Q::Joints,
     dz: Q::LawState,
@@ -59,17 +66,53 @@ where
         (trig, anchors): (Q::Trig, Q::Anchors),
     ) -> Self {
         let workspace = arm.workspace();
-        RigidLoop { arm, workspace, law, reference, tau_max, anchors, trig, tau: joints, dz: law_state, desired }
+        RigidLoop { arm, workspace, law, reference, tau_max, anchors, trig, turned: S::zero(), tau: joints, dz: law_state, desired }
     }
 
+    /// Sine and cosine of the joints.
     #[inline(always)]
-    fn turn(&mut self, x: &[S]) {
+    fn turn<const FROM: u8>(&mut self, x: &[S]) {
         let n = self.tau.as_ref().len();
         let (anchors, trig) = (self.anchors.as_ref(), self.trig.as_mut());
         for i in 0..n {
-            if self.arm.is_angle(i) {
-                trig[i] = rotate(&anchors[i], x[i]);
+            if !self.arm.is_angle(i) {
+                continue;
             }
+            if FROM == ANCHOR {
+                trig[i] = (anchors[i].sin, anchors[i].cos);
+                continue;
+            }
+            let (near, square) = rotate_near(&anchors[i], x[i]);
+            self.turned = self.turned.max(square);
+            trig[i] = if FROM == NEARBY { near } else { rotate(&anchors[i], x[i]) };
+        }
+    }
+
+    #[inline(always)]
+    fn slope<const FROM: u8>(&mut self, u: &Q::Desired, x: &[S], dx: &mut [S]) {
+        let n = self.tau.as_ref().len();
+        self.turn::<FROM>(x);
+        if !HELD {
+            self.control(u.lanes(self.reference).as_ref(), x);
+        }
+        let (q, v) = (&x[..n], &x[n..2 * n]);
+        for i in 0..n {
+            dx[i] = v[i];
+        }
+        self.arm.forward_dynamics(&mut self.workspace, self.trig.as_ref(), q, v, self.tau.as_ref(), &mut dx[n..2 * n]);
+        let dz = self.dz.as_ref();
+        for i in 0..dz.len() {
+            dx[2 * n + i] = dz[i];
+        }
+        if MONITORED {
+            let k = 2 * n + dz.len();
+            dx[k] = self.law.dissipation();
+            let tau = self.tau.as_ref();
+            let mut power = tau[0] * v[0];
+            for i in 1..n {
+                power = tau[i].mul_add(v[i], power);
+            }
+            dx[k + 1] = power;
         }
     }
 
@@ -94,14 +137,8 @@ where
         let mut desired = self.desired.clone();
         desired.sample(self.reference, t);
         self.anchor(x);
-        let n = self.tau.as_ref().len();
-        let (anchors, trig) = (self.anchors.as_ref(), self.trig.as_mut());
-        for i in 0..n {
-            if self.arm.is_angle(i) {
-                trig[i] = (anchors[i].sin, anchors[i].cos);
-            }
-        }
-        self.control(desired.lanes().as_ref(), x);
+        self.turn::<ANCHOR>(x);
+        self.control(desired.lanes(self.reference).as_ref(), x);
     }
 }
 
@@ -132,6 +169,7 @@ where
     #[inline(always)]
     fn anchor(&mut self, x: &[S]) {
         let n = self.tau.as_ref().len();
+        self.turned = S::zero();
         let anchors = self.anchors.as_mut();
         for i in 0..n {
             if self.arm.is_angle(i) {
@@ -141,30 +179,36 @@ where
     }
 
     #[inline(always)]
-    fn rhs(&mut self, u: &Q::Desired, x: &[S], dx: &mut [S]) {
+    fn anchor_near(&mut self, x: &[S]) {
         let n = self.tau.as_ref().len();
-        self.turn(x);
-        if !HELD {
-            self.control(u.lanes().as_ref(), x);
-        }
-        let (q, v) = (&x[..n], &x[n..2 * n]);
+        self.turned = S::zero();
+        let anchors = self.anchors.as_mut();
         for i in 0..n {
-            dx[i] = v[i];
-        }
-        self.arm.forward_dynamics(&mut self.workspace, self.trig.as_ref(), q, v, self.tau.as_ref(), &mut dx[n..2 * n]);
-        let dz = self.dz.as_ref();
-        for i in 0..dz.len() {
-            dx[2 * n + i] = dz[i];
-        }
-        if MONITORED {
-            let k = 2 * n + dz.len();
-            dx[k] = self.law.dissipation();
-            let tau = self.tau.as_ref();
-            let mut power = tau[0] * v[0];
-            for i in 1..n {
-                power = tau[i].mul_add(v[i], power);
+            if self.arm.is_angle(i) {
+                anchors[i].move_near(x[i]);
+                let reach = reach(x[i]);
+                self.turned = self.turned.max(reach * reach);
             }
-            dx[k + 1] = power;
         }
+    }
+
+    #[inline(always)]
+    fn rhs(&mut self, u: &Q::Desired, x: &[S], dx: &mut [S]) {
+        self.slope::<ANYWHERE>(u, x, dx);
+    }
+
+    #[inline(always)]
+    fn rhs_at_anchor(&mut self, u: &Q::Desired, x: &[S], dx: &mut [S]) {
+        self.slope::<ANCHOR>(u, x, dx);
+    }
+
+    #[inline(always)]
+    fn rhs_near(&mut self, u: &Q::Desired, x: &[S], dx: &mut [S]) {
+        self.slope::<NEARBY>(u, x, dx);
+    }
+
+    #[inline(always)]
+    fn strayed(&self) -> bool {
+        !S::all(is_small(self.turned))
     }
 }

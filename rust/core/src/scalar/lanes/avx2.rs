@@ -21,6 +21,8 @@ vector!(
     _mm256_mul_pd,
     _mm256_div_pd,
     _mm256_sqrt_pd,
+    _mm256_max_pd,
+    _mm256_min_pd,
     _mm256_xor_pd,
     _mm256_andnot_pd,
     _mm256_stream_pd

@@ -107,6 +107,11 @@ impl<V: Real> Real for Pair<V> {
         (Pair(s0, s1), Pair(c0, c1))
     }
     #[inline(always)]
+    fn sin_cos_near(self) -> (Self, Self) {
+        let ((s0, c0), (s1, c1)) = (self.0.sin_cos_near(), self.1.sin_cos_near());
+        (Pair(s0, s1), Pair(c0, c1))
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> Self::Mask {
         (self.0.lt(other.0), self.1.lt(other.1))
     }

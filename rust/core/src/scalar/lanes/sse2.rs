@@ -19,6 +19,8 @@ vector!(
     _mm_mul_pd,
     _mm_div_pd,
     _mm_sqrt_pd,
+    _mm_max_pd,
+    _mm_min_pd,
     _mm_xor_pd,
     _mm_andnot_pd,
     _mm_stream_pd

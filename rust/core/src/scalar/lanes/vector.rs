@@ -6,7 +6,7 @@
 /// `transpose_in` (eight registers to a row of eight numbers per lane, and back) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $sqrt:ident, $xor:ident, $andnot:ident, $stream:ident) => {
+     $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident, $stream:ident) => {
         #[derive(Clone, Copy, Debug)]
         #[repr(transparent)]
         pub struct $name($register);
@@ -118,17 +118,23 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn max(self, other: Self) -> Self {
-                Self::select(self.lt(other), other, self)
+                // The second where either is NaN.
+                $name(unsafe { $max(other.0, self.0) })
             }
             #[inline(always)]
             fn min(self, other: Self) -> Self {
-                Self::select(other.lt(self), other, self)
+                $name(unsafe { $min(other.0, self.0) })
             }
             #[inline(always)]
             fn sin_cos(self) -> (Self, Self) {
-                let (s, c) = sin_cos(self.0);
+                let (s, c) = self.sin_cos_near();
                 let near = Self::all(self.abs().lt(Self::splat(trig::REDUCTION_LIMIT)));
-                if near { ($name(s), $name(c)) } else { far_lanes(self, $name(s), $name(c)) }
+                if near { (s, c) } else { far_lanes(self, s, c) }
+            }
+            #[inline(always)]
+            fn sin_cos_near(self) -> (Self, Self) {
+                let (s, c) = sin_cos(self.0);
+                ($name(s), $name(c))
             }
             #[inline(always)]
             fn lt(self, other: Self) -> $mask {
@@ -228,12 +234,12 @@ macro_rules! sin_cos_near {
                 let r = fnma(k, set(trig::PIO2[2]), r);
                 let z = $mul(r, r);
                 let (s, c) = (trig::SIN, trig::COS);
-                let sin = fma(fma(set(s[0]), z, set(s[1])), z, set(s[2]));
-                let cos = fma(fma(set(c[0]), z, set(c[1])), z, set(c[2]));
-                let sin = fma(fma(fma(sin, z, set(s[3])), z, set(s[4])), z, set(s[5]));
-                let cos = fma(fma(fma(cos, z, set(c[3])), z, set(c[4])), z, set(c[5]));
+                let zz = $mul(z, z);
+                let pair = |a: [f64; 6], k: usize| fma(set(a[k]), z, set(a[k + 1]));
+                let sin = fma(fma(pair(s, 0), zz, pair(s, 2)), zz, pair(s, 4));
+                let cos = fma(fma(pair(c, 0), zz, pair(c, 2)), zz, pair(c, 4));
                 let sin = fma($mul(r, z), sin, r);
-                let cos = fma($mul(z, z), cos, fnma(set(0.5), z, set(1.0)));
+                let cos = fma(zz, cos, fnma(set(0.5), z, set(1.0)));
                 let swap = $swap(rounded);
                 ($xor(select(swap, cos, sin), $sign_of_bit_1(rounded)), $xor(select(swap, sin, cos), $sign_of_bit_1($next(rounded))))
             }
