@@ -9,11 +9,10 @@ use armlet_core::error::{Error, all_finite};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyFloat, PyString, PyTuple};
+use pyo3::types::{PyFloat, PyString};
 use std::borrow::Cow;
-
-/// Arrays of more elements than this are asked of numpy itself.
-const LARGE: usize = 1 << 22;
+use std::ffi::c_int;
+use std::ptr::null_mut;
 
 pub type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
 
@@ -137,6 +136,11 @@ pub fn object<'py, T: pyo3::PyClass>(
 
 /// The number of elements of an array of this shape; more than memory can address is a `MemoryError`.
 pub fn elements(shape: &[usize]) -> Result<usize, Failure> {
+    if let Some(bytes) = shape.iter().try_fold(8_usize, |bytes, &n| bytes.checked_mul(n))
+        && bytes <= isize::MAX as usize
+    {
+        return Ok(bytes / 8);
+    }
     let bytes = shape.iter().fold(8_u128, |bytes, &n| bytes.saturating_mul(n as u128));
     if bytes > isize::MAX as u128 { Err(Error::Memory { bytes }.into()) } else { Ok(bytes as usize / 8) }
 }
@@ -217,10 +221,31 @@ pub fn any_vector(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Resul
 /// For hot reads: `numbers` takes what this leaves.
 #[inline]
 pub fn of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a [f64]> {
+    // SAFETY: the pointer is compared, not followed.
+    of_class(value, shape, unsafe { npyffi::get_type_object(value.py(), npyffi::NpyTypes::PyArray_Type) })
+}
+
+/// Vectors of these lengths, each as for `of_shape`.
+#[inline]
+pub fn of_lengths<'a, const K: usize>(values: [&'a Bound<'_, PyAny>; K], lengths: [usize; K]) -> Option<[&'a [f64]; K]> {
+    let mut all: [&[f64]; K] = [&[]; K];
+    if K > 0 {
+        // SAFETY: the pointer is compared, not followed.
+        let class = unsafe { npyffi::get_type_object(values[0].py(), npyffi::NpyTypes::PyArray_Type) };
+        for k in 0..K {
+            all[k] = of_class(values[k], &[lengths[k]], class)?;
+        }
+    }
+    Some(all)
+}
+
+/// As `of_shape`; `class` is numpy's array type.
+#[inline(always)]
+fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::ffi::PyTypeObject) -> Option<&'a [f64]> {
     let flags = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;
     // SAFETY: an object of exactly numpy's array type has these fields, its descriptor too; otherwise as for `in_place`.
     unsafe {
-        if npyffi::array::PyArray_CheckExact(value.py(), value.as_ptr()) == 0 {
+        if pyo3::ffi::Py_TYPE(value.as_ptr()) != class {
             return None;
         }
         let array = &(*value.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
@@ -287,25 +312,35 @@ fn made<'py>(
     zeroed: bool,
     fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
 ) -> Result<Bound<'py, PyAny>, Failure> {
-    // numpy says what does not fit as a MemoryError; the quick way below may only panic.
     let count = elements(shape)?;
-    let array = if count > LARGE {
-        let array = numpy_function(py, if zeroed { "zeros" } else { "empty" })?.call1((PyTuple::new(py, shape)?,))?;
-        array.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?
-    } else if zeroed && count > 1024 {
-        PyArrayDyn::<f64>::zeros(py, shape, false)
-    } else {
-        // SAFETY: numpy's memory is real memory, whose bits are some float64 whatever they are; nobody else has seen the array yet.
-        unsafe { PyArrayDyn::<f64>::new(py, shape, false) }
+    let (api, axes, dims) = (&npyffi::PY_ARRAY_API, shape.len() as c_int, shape.as_ptr().cast_mut().cast());
+    let number = npyffi::NPY_TYPES::NPY_DOUBLE as c_int;
+    // What fits in a cache is zeroed by hand, quicker than by the system.
+    let by_system = zeroed && count > 1024;
+    // SAFETY: the shape is that many sizes, read and not kept; what numpy has no memory for is null and a MemoryError.
+    let array = unsafe {
+        let array = if by_system {
+            api.PyArray_Zeros(py, axes, dims, api.PyArray_DescrFromType(py, number), 0)
+        } else {
+            let class = npyffi::get_type_object(py, npyffi::NpyTypes::PyArray_Type);
+            api.PyArray_New(py, class, axes, dims, number, null_mut(), null_mut(), 0, 0, null_mut())
+        };
+        Bound::from_owned_ptr_or_err(py, array)?
     };
-    // SAFETY: contiguous and aligned, and nobody else has seen the array yet.
-    let out = unsafe { std::slice::from_raw_parts_mut(array.data(), count) };
-    if zeroed && count <= 1024 {
-        // What fits in a cache is zeroed by hand, quicker than by the system.
-        out.fill(0.0);
+    if count > 0 {
+        // SAFETY: contiguous, aligned, of some bits that are float64 whatever they are, and nobody else has seen the array yet.
+        let out = unsafe {
+            let array = &(*array.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
+            std::slice::from_raw_parts_mut(array.data.cast::<f64>(), count)
+        };
+        if zeroed && !by_system {
+            out.fill(0.0);
+        }
+        fill(out)?;
+    } else {
+        fill(&mut [])?;
     }
-    fill(out)?;
-    Ok(array.into_any())
+    Ok(array)
 }
 
 /// Overwrite an array that `new_array` made and Python may hold too: of the same length, contiguous.

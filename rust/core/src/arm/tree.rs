@@ -6,7 +6,7 @@
 
 use super::Arm;
 use crate::scalar::Real;
-use crate::spatial::{Inertia, M3, PARAMETERS, Placement, Sym3, V3};
+use crate::spatial::{Inertia, M3, PARAMETERS, Placement, QuarterTurn, Sym3, V3};
 
 /// The parent of a body that hangs on the fixed base.
 pub const BASE: usize = usize::MAX;
@@ -17,10 +17,10 @@ pub struct Body<S> {
     pub parent: usize,
     /// Turns about its axis; slides along it otherwise.
     pub revolute: bool,
-    /// Whether `rotation` is not the identity.
-    pub rotated: bool,
     /// Placement of the joint in the parent's compiled frame at `q = 0`.
     pub rotation: M3<f64>,
+    /// What `rotation` is, if it is one of these.
+    pub quarter: Option<QuarterTurn>,
     pub translation: V3<f64>,
     /// In compiled axes, about the joint origin.
     pub inertia: Inertia<S>,
@@ -49,7 +49,11 @@ pub struct Tree<S> {
 
 impl Tree<f64> {
     fn compile(arm: &Arm) -> Self {
-        let turns: Vec<M3<f64>> = arm.joints.iter().map(|joint| M3::taking_z_to(V3(joint.axis))).collect();
+        let mut turns: Vec<M3<f64>> = Vec::with_capacity(arm.joints.len());
+        for joint in &arm.joints {
+            let before = joint.parent.map_or(M3::IDENTITY, |p| turns[p]).transpose().times(joint.placement.rotation);
+            turns.push(compiled_axes(&before, V3(joint.axis)));
+        }
         let parent_turn = |parent: Option<usize>| parent.map_or(M3::IDENTITY, |p| turns[p]).transpose();
         let bodies = arm
             .joints
@@ -61,8 +65,8 @@ impl Tree<f64> {
                 Body {
                     parent: joint.parent.unwrap_or(BASE),
                     revolute: joint.kind.is_angle(),
-                    rotated: rotation != M3::IDENTITY,
                     rotation,
+                    quarter: QuarterTurn::of(&rotation),
                     translation: back.apply(joint.placement.translation),
                     inertia: Inertia::zero(),
                     second_moment: Sym3::zero(),
@@ -95,8 +99,8 @@ impl Tree<f64> {
                 second_moment: Sym3(body.second_moment.0.map(S::splat)),
                 parent: body.parent,
                 revolute: body.revolute,
-                rotated: body.rotated,
                 rotation: body.rotation,
+                quarter: body.quarter,
                 translation: body.translation,
                 turn: body.turn,
                 armature: body.armature,
@@ -155,6 +159,23 @@ impl<S: Real> Tree<S> {
     pub fn n(&self) -> usize {
         self.bodies.len()
     }
+}
+
+/// Axes with z along `axis`, such that the rotation from them by way of `before` to the parent's is a quarter turn where it can be.
+/// Axes of the model with z along the joint axis are kept.
+fn compiled_axes(before: &M3<f64>, axis: V3<f64>) -> M3<f64> {
+    let mut turn = M3::taking_z_to(axis);
+    let first = turn;
+    if turn != M3::IDENTITY {
+        for _ in 0..4 {
+            if QuarterTurn::of(&before.times(turn)).is_some() {
+                return turn;
+            }
+            let [x, y, z] = turn.0;
+            turn = M3([y, -x, z]);
+        }
+    }
+    first
 }
 
 /// `tr(I)/2 - I`.

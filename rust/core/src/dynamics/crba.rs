@@ -1,17 +1,18 @@
-//! Mass matrix by composite bodies (Walker and Orin 1982; Featherstone 2008, section 6.2).
+//! Mass matrix by composite bodies (Walker and Orin 1982; Featherstone 2008, section 6.2), in body axes.
 //!
-//! With `I_j^c` the inertia of the subtree of `j` about the joint origin, in world axes, `F_j = I_j^c S_j` is the
-//! momentum of the subtree per unit rate of `j`, and `M_ij = S_i . F_j` for every joint `i` that carries `j`.
-//! Inertias stay about their own joint origin; only the 6-vectors `S_i`, `F_j` are taken at the world origin. They are held as
-//! second moments `P = integral of r r' dm = tr(I)/2 1 - I`, which move from point to point in fewer products; `I z = tr(P) z - P z`.
+//! With `I_j^c` the inertia of the subtree of `j` about the joint origin, in the axes of `j`, `F_j = I_j^c S_j` is the momentum of
+//! the subtree per unit rate of `j`, and `M_ij = S_i . F_j` for every joint `i` that carries `j`, `F_j` carried from body to
+//! body towards the base. Inertias are held as second moments `P = integral of r r' dm = tr(I)/2 1 - I`, which move from point to
+//! point in fewer products, and of which `S_j = e_z` takes one column: `I e_z = tr(P) e_z - P e_z`.
 
-use super::workspace::Column;
+use super::hinge::{congruence, reach, rotation, to_parent};
+use super::workspace::Link;
 use crate::arm::{BASE, Body, Tree};
-use crate::kinematics::{Pose, from_parent, place_body};
+use crate::kinematics::Pose;
 use crate::scalar::Real;
-use crate::spatial::{M3, Sym3, V3};
+use crate::spatial::{Sym3, V3};
 
-/// Mass, first and second moment of a subtree about its joint origin, world axes.
+/// Mass, first and second moment of a subtree about its joint origin, in the axes of its first body.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moments<S> {
     mass: S,
@@ -21,8 +22,8 @@ pub struct Moments<S> {
 
 impl<S: Real> Moments<S> {
     #[inline(always)]
-    fn of(body: &Body<S>, r: M3<S>) -> Self {
-        Moments { mass: body.inertia.mass, first: r.apply(body.inertia.moment), second: body.second_moment.rotated(r) }
+    fn of(body: &Body<S>) -> Self {
+        Moments { mass: body.inertia.mass, first: body.inertia.moment, second: body.second_moment }
     }
     #[inline(always)]
     fn plus(&self, b: &Self) -> Self {
@@ -47,41 +48,28 @@ pub(crate) fn joint_column<S: Real>(revolute: bool, pose: &Pose<S>) -> (V3<S>, V
 }
 
 #[inline(always)]
-pub fn mass_matrix<S: Real>(
-    tree: &Tree<S>,
-    poses: &mut [Pose<S>],
-    moments: &mut [Moments<S>],
-    columns: &mut [Column<S>],
-    trig: &[(S, S)],
-    q: &[S],
-    m: &mut [S],
-) {
+pub fn mass_matrix<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], moments: &mut [Moments<S>], trig: &[(S, S)], q: &[S], m: &mut [S]) {
     m.fill(S::zero());
-    mass_matrix_on_zeros(tree, poses, moments, columns, trig, q, m);
+    mass_matrix_on_zeros(tree, links, moments, trig, q, m);
 }
 
 /// As [`mass_matrix`], where `m` holds zeros or an earlier `M` of this tree: what vanishes is the same in every state.
 #[inline(always)]
 pub fn mass_matrix_on_zeros<S: Real>(
     tree: &Tree<S>,
-    poses: &mut [Pose<S>],
+    links: &mut [Link<S>],
     moments: &mut [Moments<S>],
-    columns: &mut [Column<S>],
     trig: &[(S, S)],
     q: &[S],
     m: &mut [S],
 ) {
     let n = tree.n();
-    let mut last = Pose::identity();
     for i in 0..n {
         let body = &tree.bodies[i];
-        let parent = from_parent(body.parent, i, last, |p| poses[p], Pose::identity);
-        let pose = place_body(body, &parent, trig[i], q[i]);
-        // The first body of a tree is met about its own joint alone: see below.
-        moments[i] = if body.parent == BASE { Moments::default() } else { Moments::of(body, pose.rotation) };
-        (columns[i].linear, columns[i].angular) = joint_column(body.revolute, &pose);
-        poses[i] = pose;
-        last = pose;
+        moments[i] = Moments::of(body);
+        if body.quarter.is_none() {
+            links[i].e = rotation(body, trig[i]);
+        }
     }
     // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Moments::default(), BASE);
@@ -91,32 +79,32 @@ pub fn mass_matrix_on_zeros<S: Real>(
         if S::LANES == 1 && carried_to == j {
             whole = whole.plus(&carried);
         }
-        let Pose { origin, .. } = poses[j];
-        let z = poses[j].z();
-        let Moments { mass, first, second } = whole;
-        let (f, about_joint, own) = if body.revolute {
-            let [xx, _, yy, _, _, zz] = second.0;
-            let about_joint = z.scale((xx + yy) + zz) - second.apply(z);
-            (z.cross(first), about_joint, z.dot(about_joint))
+        let Moments { mass, first: V3([hx, hy, _]), second: Sym3([xx, _, yy, xz, yz, _]) } = whole;
+        let zero = S::zero();
+        let (mut f, mut moment, own) = if body.revolute {
+            (V3([-hy, hx, zero]), V3([-xz, -yz, xx + yy]), xx + yy)
         } else {
-            (z.scale(mass), first.cross(z), mass)
+            (V3([zero, zero, mass]), V3([hy, -hx, zero]), mass)
         };
+        m[j * n + j] = own + S::splat(body.armature);
+        let mut k = j;
+        while tree.bodies[k].parent != BASE {
+            let over = &tree.bodies[k];
+            let turned = to_parent(over, &links[k].e, trig[k], [f, moment]);
+            f = turned[0];
+            moment = reach(over, q[k]).cross_add(f, turned[1]);
+            k = over.parent;
+            let entry = if tree.bodies[k].revolute { moment[2] } else { f[2] };
+            m[k * n + j] = entry;
+            m[j * n + k] = entry;
+        }
         if body.parent == BASE {
-            // Its own share does not depend on q: the joint axis is z of its frame.
-            let share = if body.revolute { body.inertia.inertia.0[5] } else { body.inertia.mass };
-            m[j * n + j] = own + share + S::splat(body.armature);
             continue;
         }
-        m[j * n + j] = own + S::splat(body.armature);
-        let about_origin = origin.cross_add(f, about_joint);
-        let mut i = body.parent;
-        while i != BASE {
-            let entry = columns[i].linear.dot(f) + columns[i].angular.dot(about_origin);
-            m[i * n + j] = entry;
-            m[j * n + i] = entry;
-            i = tree.bodies[i].parent;
-        }
-        let moved = whole.shifted(origin - poses[body.parent].origin);
+        let e = &links[j].e;
+        let [first] = to_parent(body, e, trig[j], [whole.first]);
+        let turned = Moments { mass, first, second: congruence(body, e, trig[j], whole.second) };
+        let moved = turned.shifted(reach(body, q[j]));
         if S::LANES == 1 && body.parent + 1 == j {
             (carried, carried_to) = (moved, body.parent);
         } else {

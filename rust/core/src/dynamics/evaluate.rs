@@ -6,7 +6,7 @@ use super::Workspace;
 use super::quantities::{self, Compute};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
-use crate::scalar::rows::{Stage, read_rows, write_rows};
+use crate::scalar::rows::{Stage, read_one, read_rows, write_one, write_rows};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
 use crate::spatial::PARAMETERS;
 use std::marker::PhantomData;
@@ -71,6 +71,7 @@ impl From<Quantity> for Query {
 
 impl Query {
     /// Names of the inputs.
+    #[inline]
     pub fn inputs(&self) -> &'static [&'static str] {
         match (self.quantity, self.wrench.is_some()) {
             (Quantity::InverseDynamics, true) => &["q", "v", "a", "wrench"],
@@ -86,11 +87,13 @@ impl Query {
     }
 
     /// Numbers per configuration of an input.
+    #[inline]
     pub fn input_length(&self, input: usize, n: usize) -> usize {
-        if self.inputs()[input] == "wrench" { 6 } else { n }
+        if input == 3 && self.wrench.is_some() { 6 } else { n }
     }
 
     /// Rows and columns of the output; one row for vectors.
+    #[inline]
     pub fn shape(&self, n: usize) -> (usize, usize) {
         match self.quantity {
             Quantity::MassMatrix | Quantity::CoriolisMatrix => (n, n),
@@ -105,9 +108,26 @@ impl Query {
         }
     }
 
+    #[inline]
     pub(super) fn length(&self, n: usize) -> usize {
         let (rows, columns) = self.shape(n);
         rows * columns
+    }
+
+    /// Whether the answer depends on a frame.
+    #[inline]
+    fn is_framed(&self) -> bool {
+        matches!(self.quantity, Quantity::Pose | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)
+    }
+
+    /// Whether these inputs and this room are what is asked for; [`check`] says what is not.
+    #[inline(always)]
+    fn fits(&self, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> bool {
+        let mut fits = inputs.len() == self.inputs().len() && out == count * self.length(n);
+        for (k, given) in inputs.iter().enumerate() {
+            fits &= given.len() == count * self.input_length(k, n);
+        }
+        fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
     }
 
     /// About how long one of many configurations takes on this machine, ns: good enough to choose how to run them.
@@ -136,6 +156,8 @@ pub(super) struct Engine<S> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
+    /// What `out` holds an answer to: where that vanishes in every state it need not be zeroed again.
+    answered: Option<Query>,
     stage: Stage,
 }
 
@@ -153,6 +175,7 @@ impl<S: Real> Engine<S> {
             inputs: std::array::from_fn(|_| zeros(n.max(6))),
             out: zeros(if eager { largest } else { 0 }),
             square: zeros(if eager { n * n } else { 0 }),
+            answered: None,
             stage: Stage::default(),
             tree,
         }
@@ -172,35 +195,71 @@ impl<S: Real> Engine<S> {
         Ok(())
     }
 
-    /// All configurations of the arrays, `S::LANES` at a time; the last lanes repeat the last one. Whether every
-    /// number of the answer is finite.
+    /// All configurations of the arrays, `S::LANES` at a time; the last lanes repeat the last one. Whether the arguments are what is
+    /// asked for, and every number finite; of single configurations that of the arguments too.
     #[inline(always)]
     fn rows<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
+        // Known here while compiling, so that what depends on it is decided then.
+        let query = &Query { quantity: Q::QUANTITY, ..*query };
         let n = self.tree.n();
-        let length = query.length(n);
-        let (mut at, mut sound) = (0, true);
-        self.out[..length].fill(S::zero());
-        if S::LANES > 1 {
-            // What vanishes for every state is never written.
-            let below = if query.quantity == Quantity::Regressor && Stage::takes(length) { self.tree.below() } else { Vec::new() };
-            let width = PARAMETERS * n;
-            let columns = query.shape(n).1;
-            let vanishes = |k: usize| {
-                let (row, column) = (k / columns, k % columns);
-                !below.is_empty() && column < width && !below[row * n + column / PARAMETERS]
-            };
-            self.stage.prepare(S::LANES, length, out.len(), vanishes);
+        if !query.fits(inputs, count, n, self.tree.frames.len(), out.len()) {
+            return false;
         }
+        let length = query.length(n);
+        if self.answered != Some(*query) {
+            self.out[..length].fill(S::zero());
+            self.answered = Some(*query);
+        }
+        if S::LANES == 1 { self.one_by_one::<Q>(query, inputs, count, length, out) } else { self.side_by_side::<Q>(query, inputs, count, length, out) }
+    }
+
+    #[inline(always)]
+    fn one_by_one<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, length: usize, out: &mut [f64]) -> bool {
+        let n = self.tree.n();
+        let mut sound = true;
+        for at in 0..count {
+            for (k, given) in inputs.iter().enumerate() {
+                let width = query.input_length(k, n);
+                sound &= read_one(&given[at * width..][..width], &mut self.inputs[k][..width]);
+            }
+            if !sound {
+                return false;
+            }
+            S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
+            Q::compute(self, query, &mut ());
+            sound &= write_one(&self.out[..length], &mut out[at * length..][..length]);
+        }
+        sound
+    }
+
+    #[inline(always)]
+    fn side_by_side<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, length: usize, out: &mut [f64]) -> bool {
+        let n = self.tree.n();
+        let (mut at, mut sound) = (0, true);
+        let mut stage = std::mem::take(&mut self.stage);
+        // What vanishes for every state is never written.
+        let below = if query.quantity == Quantity::Regressor && Stage::takes(length) { self.tree.below() } else { Vec::new() };
+        let width = PARAMETERS * n;
+        let columns = query.shape(n).1;
+        let vanishes = |k: usize| {
+            let (row, column) = (k / columns, k % columns);
+            !below.is_empty() && column < width && !below[row * n + column / PARAMETERS]
+        };
+        stage.prepare(S::LANES, length, n.max(1), vanishes);
         while at < count {
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
                 read_rows(given, at, count, width, &mut self.inputs[k][..width]);
             }
-            S::sin_cos_each(&self.inputs[0][..n], &mut self.trig);
-            Q::compute(self, query);
-            sound &= write_rows(&self.out[..length], &mut self.stage, &mut out[at * length..]);
+            S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
+            let (written, rest) = out.split_at_mut(at * length);
+            Q::compute(self, query, &mut stage.leaving(written));
+            stage.empty(written);
+            sound &= write_rows(&self.out[..length], &mut stage, rest);
             at += S::LANES;
         }
+        stage.empty(out);
+        self.stage = stage;
         sound
     }
 
@@ -337,8 +396,11 @@ impl Evaluator {
     /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. Whether every
     /// number of the answer is finite: a singular mass matrix and an overflow are told so.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-        check(query, inputs, 1, self.n, self.frames, out.len())?;
-        self.dispatch(query, inputs, 1, out)
+        let sound = self.dispatch(query, inputs, 1, out)?;
+        if !sound {
+            check(query, inputs, 1, self.n, self.frames, out.len())?;
+        }
+        Ok(sound)
     }
 
     fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
@@ -379,9 +441,8 @@ fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize
     for (name, given) in query.inputs().iter().zip(inputs) {
         finite(name, given)?;
     }
-    let needs_frame = matches!(query.quantity, Quantity::Pose | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot);
-    let frame = if needs_frame { query.frame } else { query.wrench.unwrap_or(0) };
-    if (needs_frame || query.wrench.is_some()) && frame >= frames {
+    let frame = if query.is_framed() { query.frame } else { query.wrench.unwrap_or(0) };
+    if (query.is_framed() || query.wrench.is_some()) && frame >= frames {
         return Err(Error::input("frame", format!("is out of range: expected an index below {frames}, got {frame}")));
     }
     let want = count * query.length(n);

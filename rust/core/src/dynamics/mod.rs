@@ -12,6 +12,7 @@ pub mod derivatives;
 pub mod energy;
 #[cfg(not(test))]
 mod evaluate;
+mod hinge;
 mod model;
 pub mod newton_euler;
 mod planar_2r;

@@ -11,6 +11,7 @@
 //! A slide adds `z ar + (w x z) vr + (wr x z) v` to `a`. The bias is quadratic in velocity, so its polarisation
 //! is `C(q, v) vr` with the Christoffel `C`; with `vr = v` it is the ordinary inverse dynamics.
 
+use super::hinge::{reach, rotation, to_body, to_parent};
 use super::workspace::{Link, Motion};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
@@ -58,20 +59,27 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
 ) {
     let n = tree.n();
     let half = S::splat(0.5);
-    let ground = Motion { a: -tree.gravity.lift::<S>(), ..Motion::default() };
+    let ground = -tree.gravity.lift::<S>();
     for i in 0..n {
         let body = &tree.bodies[i];
-        let up = if body.parent == BASE { &ground } else { &links[body.parent].motion };
-        let (mut e, mut p) = (body.rotation.lift::<S>(), body.translation.lift::<S>());
-        if body.revolute {
-            e = e.rotate_z(trig[i]);
-        } else {
-            p = e.0[2].scale_add(q[i], p);
+        let p = reach(body, q[i]);
+        if body.quarter.is_none() {
+            links[i].e = rotation(body, trig[i]);
         }
-        let mut w = e.apply_transposed(up.w);
-        let mut wr = if POLAR { e.apply_transposed(up.wr) } else { w };
-        let mut wd = e.apply_transposed(up.wd);
-        let mut a = e.apply_transposed(up.u.apply_add(p, up.a));
+        let (mut w, mut wr, mut wd) = (V3::zero(), V3::zero(), V3::zero());
+        let mut a;
+        if body.parent == BASE {
+            [a] = to_body(body, &links[i].e, trig[i], [ground]);
+        } else {
+            let up = &links[body.parent].motion;
+            let at_joint = up.u.apply_add(p, up.a);
+            if POLAR {
+                [w, wr, wd, a] = to_body(body, &links[i].e, trig[i], [up.w, up.wr, up.wd, at_joint]);
+            } else {
+                [w, wd, a] = to_body(body, &links[i].e, trig[i], [up.w, up.wd, at_joint]);
+                wr = w;
+            }
+        }
         // ((w x z) vr + (wr x z) v) / 2, and the acceleration along the joint.
         let (cx, cy) = if POLAR {
             (half * w[1].mul_add(vr[i], wr[1] * v[i]), half * w[0].mul_add(vr[i], wr[0] * v[i]))
@@ -101,21 +109,22 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
         let h = body.inertia.moment;
         let f = u.apply_add(h, a.scale(body.inertia.mass));
         let moment = moment_of(u, &body.second_moment, h.cross(a));
-        links[i] = Link { e, p, motion: Motion { w, wr, wd, a, u }, f, n: moment };
+        let link = &mut links[i];
+        (link.p, link.motion, link.f, link.n) = (p, Motion { w, wr, wd, a, u }, f, moment);
     }
     for i in (0..n).rev() {
         let body = &tree.bodies[i];
-        let Link { e, p, f, n: moment, .. } = links[i];
+        let Link { p, f, n: moment, .. } = links[i];
         let force = if body.revolute { moment[2] } else { f[2] };
         tau[i] = match ar {
             Some(ar) => S::splat(body.armature).mul_add(ar[i], force),
             None => force,
         };
         if body.parent != BASE {
+            let [f, moment] = to_parent(body, &links[i].e, trig[i], [f, moment]);
             let up = &mut links[body.parent];
-            let f = e.apply(f);
             up.f += f;
-            up.n = p.cross_add(f, e.apply_add(moment, up.n));
+            up.n = p.cross_add(f, up.n + moment);
         }
     }
 }

@@ -20,7 +20,7 @@ pub struct Motion<S> {
 /// What one body needs in the Newton-Euler recursions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Link<S> {
-    /// Rotation to the parent's axes, and the joint origin in them.
+    /// Rotation to the parent's axes where it is not a quarter turn and `Rz`, and the joint origin in them.
     pub e: M3<S>,
     pub p: V3<S>,
     pub motion: Motion<S>,

@@ -53,11 +53,16 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
     }
     let origin = parent.rotation.apply_add(body.translation.lift(), parent.origin);
     if body.revolute {
-        let rotation =
-            if body.rotated { parent.rotation.times(body.rotation.lift::<S>().rotate_z(trig)) } else { parent.rotation.rotate_z(trig) };
+        let rotation = match body.quarter {
+            Some(quarter) => quarter.after(parent.rotation).rotate_z(trig),
+            None => parent.rotation.times(body.rotation.lift::<S>().rotate_z(trig)),
+        };
         Pose { rotation, origin }
     } else {
-        let rotation = if body.rotated { parent.rotation.times(body.rotation.lift()) } else { parent.rotation };
+        let rotation = match body.quarter {
+            Some(quarter) => quarter.after(parent.rotation),
+            None => parent.rotation.times(body.rotation.lift()),
+        };
         Pose { rotation, origin: rotation.0[2].scale_add(q, origin) }
     }
 }

@@ -122,11 +122,6 @@ pub trait Real:
     fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {
         std::array::from_fn(|k| Self::from_lanes(|lane| from[lane * stride + k]))
     }
-    /// Copy past the caches, where there are instructions for it: for what is larger than they are and not read soon.
-    #[inline(always)]
-    fn stream(from: &[f64], to: &mut [f64]) {
-        to.copy_from_slice(from);
-    }
 
     /// Run `kernel` compiled for the instruction set of this number.
     fn enter<K: Kernel>(kernel: K) -> K::Output;

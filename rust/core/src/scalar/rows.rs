@@ -1,21 +1,49 @@
 //! Between rows of numbers, one configuration each, and values with a configuration per lane: transposes, eight by eight.
 
 use crate::scalar::Real;
+use crate::scalar::lanes::prefetch;
 
 /// Numbers of a row that are moved at once.
 const BLOCK: usize = 8;
 /// Rows of these lengths are staged on their way to memory: longer than a few lines, and eight of them in the second-level cache.
 const LONG: std::ops::Range<usize> = 128..1 << 14;
-/// Answers of more numbers than a second-level cache holds leave past the caches.
-const LARGE: usize = 1 << 18;
+/// How far ahead of a copy memory is asked for, in numbers: 1 KB.
+const AHEAD: usize = 128;
 
-/// Long rows are put together in the cache and leave for memory in one stream: a line to each row in turn takes longer.
+/// Work that a long computation does piece by piece, in between.
+pub trait Aside {
+    fn step(&mut self);
+}
+
+/// None.
+impl Aside for () {
+    #[inline(always)]
+    fn step(&mut self) {}
+}
+
+/// Long rows are put together in the cache and leave for memory in one stream: a line to each row in turn takes longer. They leave in
+/// pieces while the next rows are computed, so that memory and arithmetic do not wait for each other.
 #[derive(Clone, Debug, Default)]
 pub struct Stage {
     rows: Vec<f64>,
     /// Blocks that are zero in every row: they stay as they are.
     blank: Vec<bool>,
-    large: bool,
+    /// Numbers that have left, and that leave in one step.
+    sent: usize,
+    piece: usize,
+}
+
+/// The rows of a stage on their way to `to`.
+pub struct Leaving<'a> {
+    stage: &'a mut Stage,
+    to: &'a mut [f64],
+}
+
+impl Aside for Leaving<'_> {
+    #[inline(always)]
+    fn step(&mut self) {
+        self.stage.send(self.stage.piece, self.to);
+    }
 }
 
 impl Stage {
@@ -24,16 +52,52 @@ impl Stage {
         LONG.contains(&length)
     }
 
-    /// For rows of `length` numbers, `total` in all, of which `vanishes(k)` is zero in every row.
-    pub fn prepare(&mut self, lanes: usize, length: usize, total: usize, vanishes: impl Fn(usize) -> bool) {
+    /// For rows of `length` numbers, of which `vanishes(k)` is zero in every row; they leave in so many steps.
+    pub fn prepare(&mut self, lanes: usize, length: usize, steps: usize, vanishes: impl Fn(usize) -> bool) {
         self.blank.clear();
         self.rows.clear();
         if Stage::takes(length) {
             self.blank.extend((0..length / BLOCK).map(|block| (BLOCK * block..BLOCK * (block + 1)).all(&vanishes)));
             self.rows.resize(lanes * length, 0.0);
-            self.large = total >= LARGE;
+            self.piece = (lanes * length).div_ceil(steps * BLOCK) * BLOCK;
+        }
+        self.sent = self.rows.len();
+    }
+
+    /// What was written last, to leave for the end of `written`.
+    #[inline(always)]
+    pub fn leaving<'a>(&'a mut self, written: &'a mut [f64]) -> Leaving<'a> {
+        let first = if self.sent < self.rows.len() { written.len() - self.rows.len() } else { written.len() };
+        Leaving { stage: self, to: &mut written[first..] }
+    }
+
+    /// The rest of what was written last, to the end of `written`.
+    #[inline(always)]
+    pub fn empty(&mut self, written: &mut [f64]) {
+        let whole = self.rows.len();
+        let leaving = self.leaving(written);
+        leaving.stage.send(whole, leaving.to);
+    }
+
+    #[inline(always)]
+    fn send(&mut self, count: usize, to: &mut [f64]) {
+        let (first, last) = (self.sent, self.rows.len().min(self.sent + count));
+        if first < last {
+            copy_ahead(&self.rows[first..last], &mut to[first..last]);
+            self.sent = last;
         }
     }
+}
+
+/// Copy, and ask for the memory that is to be written next.
+#[inline(always)]
+fn copy_ahead(from: &[f64], to: &mut [f64]) {
+    let ((lines, rest), (blocks, last)) = (to.as_chunks_mut::<BLOCK>(), from.as_chunks::<BLOCK>());
+    for (line, block) in lines.iter_mut().zip(blocks) {
+        prefetch(line.as_ptr().wrapping_add(AHEAD));
+        *line = *block;
+    }
+    rest.copy_from_slice(last);
 }
 
 /// Rows `at..at + LANES` of `given`, `width` numbers each, into the lanes of `to`; lanes beyond row `count` repeat the last one.
@@ -41,22 +105,40 @@ impl Stage {
 pub fn read_rows<S: Real>(given: &[f64], at: usize, count: usize, width: usize, to: &mut [S]) {
     let from = &given[at * width..];
     let mut k = 0;
-    if S::LANES > 1 {
-        // A block may reach into the next row, whose numbers are then not used: it must be there.
-        while k < width && from.len() >= (S::LANES - 1) * width + k + BLOCK {
-            let values = S::of_rows(&from[k..], width);
-            let used = BLOCK.min(width - k);
-            to[k..k + used].copy_from_slice(&values[..used]);
-            k += BLOCK;
-        }
-        if k < width {
-            read_last(from, k, count - 1 - at, width, to);
-        }
-    } else {
-        for (to, from) in to[..width].iter_mut().zip(from) {
-            *to = S::splat(*from);
-        }
+    // A block may reach into the next row, whose numbers are then not used: it must be there.
+    while S::LANES > 1 && k < width && from.len() >= (S::LANES - 1) * width + k + BLOCK {
+        let values = S::of_rows(&from[k..], width);
+        let used = BLOCK.min(width - k);
+        to[k..k + used].copy_from_slice(&values[..used]);
+        k += BLOCK;
     }
+    if k < width {
+        read_last(from, k, count - 1 - at, width, to);
+    }
+}
+
+const INFINITE: u64 = 0x7ff << 52;
+
+/// One row into single numbers; whether all of them are finite.
+#[inline(always)]
+pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
+    let mut bad = 0;
+    for (to, from) in to.iter_mut().zip(given) {
+        *to = S::splat(*from);
+        bad |= u64::from(from.to_bits() & INFINITE == INFINITE);
+    }
+    bad == 0
+}
+
+/// Single numbers as one row; whether all of them are finite.
+#[inline(always)]
+pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
+    let mut bad = 0;
+    for (to, from) in out.iter_mut().zip(values) {
+        *to = from.lane(0);
+        bad |= u64::from(to.to_bits() & INFINITE == INFINITE);
+    }
+    bad == 0
 }
 
 /// The end of the array, number by number: out of the way of the others.
@@ -68,20 +150,11 @@ fn read_last<S: Real>(from: &[f64], first: usize, last: usize, width: usize, to:
     }
 }
 
-/// The lanes of `values` as rows of `out`, as many as there is room for; whether every number is finite. Long rows go by way of
-/// the stage that was prepared for them.
+/// The lanes of `values` as rows of `out`, as many as there is room for; whether every number is finite. Long rows go to
+/// the stage that was prepared for them, which is empty, and leave it after.
 #[inline(always)]
 pub fn write_rows<S: Real>(values: &[S], stage: &mut Stage, out: &mut [f64]) -> bool {
     let length = values.len();
-    if S::LANES == 1 {
-        const INFINITE: u64 = 0x7ff << 52;
-        let mut bad = 0;
-        for (to, from) in out[..length].iter_mut().zip(values) {
-            *to = from.lane(0);
-            bad |= u64::from(to.to_bits() & INFINITE == INFINITE);
-        }
-        return bad == 0;
-    }
     // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
     let mut zeros = [S::zero(); BLOCK];
     let (mut k, full) = (0, out.len() >= S::LANES * length);
@@ -119,8 +192,7 @@ pub fn write_rows<S: Real>(values: &[S], stage: &mut Stage, out: &mut [f64]) -> 
         write_last(values, &mut to[..S::LANES * length]);
     }
     if staged {
-        let out = &mut out[..S::LANES * length];
-        if stage.large { S::stream(&stage.rows, out) } else { out.copy_from_slice(&stage.rows) }
+        stage.sent = 0;
     }
     let zero = ((zeros[0] + zeros[1]) + (zeros[2] + zeros[3])) + ((zeros[4] + zeros[5]) + (zeros[6] + zeros[7]));
     // A comparison with NaN fails.
@@ -158,14 +230,19 @@ mod tests {
             }
             let mut out = vec![f64::NAN; count * width];
             let (mut values, mut stage, mut sound) = (vec![S::zero(); width], Stage::default(), true);
-            // The last third vanishes; half of the answers are said to be large.
+            // The last third vanishes; rows leave the stage in no, one, two or more than enough of three steps.
             let vanishes = |k: usize| bad.is_none() && 3 * k >= 2 * width;
             given.iter_mut().enumerate().filter(|(k, _)| vanishes(k % width)).for_each(|(_, x)| *x = 0.0);
-            stage.prepare(S::LANES, width, if count % 2 == 0 { LARGE } else { 0 }, vanishes);
+            stage.prepare(S::LANES, width, 3, vanishes);
             for at in (0..count).step_by(S::LANES) {
                 read_rows(&given, at, count, width, &mut values);
-                sound &= write_rows(&values, &mut stage, &mut out[at * width..]);
+                let (written, rest) = out.split_at_mut(at * width);
+                let mut leaving = stage.leaving(written);
+                (0..count % 5).for_each(|_| leaving.step());
+                stage.empty(written);
+                sound &= write_rows(&values, &mut stage, rest);
             }
+            stage.empty(&mut out);
             assert_eq!(out, given, "{width} {count} {}", S::LANES);
             assert_eq!(sound, bad.is_none(), "{width} {count} {bad:?} {}", S::LANES);
         }
@@ -192,7 +269,7 @@ mod tests {
     fn rows_pass_through_lanes() {
         // Rows shorter than a block, whole blocks, blocks and a rest, and rows that are staged.
         for width in (1..=19).chain([LONG.start - 1, LONG.start, LONG.start + 3, 490]) {
-            for count in [1, 2, 7, 8, 9, 16, 37] {
+            for count in [1, 2, 7, 8, 9, 16, 37, 48, 50] {
                 let last = count * width - 1;
                 for bad in [None, Some(0), Some(last / 2), Some(last)] {
                     let through = Through { width, count, bad };

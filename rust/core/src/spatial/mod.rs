@@ -7,11 +7,13 @@
 mod inertia;
 mod matrix;
 pub mod pseudo_inertia;
+mod quarter_turn;
 mod rotation_log;
 mod vector;
 
 pub use inertia::{Inertia, PARAMETERS, parameter};
 pub use matrix::{M3, Sym3};
+pub use quarter_turn::QuarterTurn;
 pub use rotation_log::{rotation_exp, rotation_log};
 pub use vector::V3;
 

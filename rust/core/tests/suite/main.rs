@@ -7,6 +7,7 @@ mod arm_common;
 mod arm_laws;
 mod arm_models;
 mod arm_oracle;
+mod arm_quarter_turns;
 mod arm_urdf;
 mod counting;
 mod elastic_loops;

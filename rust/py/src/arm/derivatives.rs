@@ -36,7 +36,7 @@ impl Arm {
         let inputs: Broadcast<K> = self.arguments(function, names, values)?;
         let full: Vec<usize> = inputs.shape.iter().chain(trailing).copied().collect();
         let mut flat = room(inputs.count, trailing.iter().product())?;
-        self.fill(function, names, values, query, &inputs, &full, &mut flat, true)?;
+        self.fill(function, names, values, query, &inputs, &full, &mut flat)?;
         Ok((inputs.shape, flat))
     }
 

@@ -1,7 +1,7 @@
 //! From Python arrays to Python arrays: one configuration without a detour, many in lanes, many more in threads.
 
 use super::Arm;
-use crate::arrays::{index_of, of_shape, out_slice, written_array};
+use crate::arrays::{index_of, of_lengths, out_slice, written_array};
 use crate::broadcast::{Broadcast, broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
 use crate::simulate::listen;
@@ -34,9 +34,9 @@ impl Arm {
             let (dims, axes) = self.model.shape(&query);
             let full: Vec<usize> = inputs.shape.iter().chain(&dims[..axes]).copied().collect();
             match out {
-                None => written_array(py, &full, |data| self.fill(function, names, values, &query, &inputs, &full, data, true)),
+                None => written_array(py, &full, |data| self.fill(function, names, values, &query, &inputs, &full, data)),
                 Some(out) => {
-                    self.fill(function, names, values, &query, &inputs, &full, out_slice(function, out, &full, &values)?, false)?;
+                    self.fill(function, names, values, &query, &inputs, &full, out_slice(function, out, &full, &values)?)?;
                     Ok(out.clone())
                 }
             }
@@ -62,10 +62,11 @@ impl Arm {
         out: Option<&Bound<'py, PyAny>>,
     ) -> Option<Bound<'py, PyAny>> {
         let n = self.n();
-        let mut rows: [&[f64]; K] = [&[]; K];
-        for k in 0..K {
-            rows[k] = of_shape(values[k], &[if k == 3 && query.wrench.is_some() { 6 } else { n }])?;
+        let mut lengths = [n; K];
+        for (k, length) in lengths.iter_mut().enumerate() {
+            *length = query.input_length(k, n);
         }
+        let rows = of_lengths(values, lengths)?;
         let (dims, axes) = self.model.shape(query);
         let shape = &dims[..axes];
         let fill = |data: &mut [f64]| if self.model.one(query, &rows, data)? { Ok(()) } else { Err(Error::Format(String::new()).into()) };
@@ -78,7 +79,7 @@ impl Arm {
         }
     }
 
-    /// Fill `data`, of the shape `full`, where `private` says that nobody else can see it; finite numbers or an error.
+    /// Fill `data`, of the shape `full`; finite numbers or an error.
     pub(super) fn fill<const K: usize>(
         &self,
         function: &str,
@@ -88,9 +89,8 @@ impl Arm {
         inputs: &Broadcast<K>,
         full: &[usize],
         data: &mut [f64],
-        private: bool,
     ) -> Result<(), Failure> {
-        match self.compute(query, inputs, data, private) {
+        match self.compute(query, inputs, data) {
             Ok(true) => return Ok(()),
             Ok(false) => {}
             // The core looks at every number once; which argument's it was is worth a second look only now.
@@ -104,7 +104,7 @@ impl Arm {
         Python::attach(|py| Err(input_error(py, function, &names.join(", "), problem).into()))
     }
 
-    fn compute<const K: usize>(&self, query: &Query, inputs: &Broadcast<K>, data: &mut [f64], private: bool) -> Result<bool, Failure> {
+    fn compute<const K: usize>(&self, query: &Query, inputs: &Broadcast<K>, data: &mut [f64]) -> Result<bool, Failure> {
         let count = inputs.count;
         if count == 1 {
             let rows: [&[f64]; K] = std::array::from_fn(|k| inputs.row(k, 0));
@@ -116,31 +116,24 @@ impl Arm {
         if work * (count as f64) < LONG {
             return Ok(self.model.rows(query, &rows, count, 0, count, data)?);
         }
-        // Copied: other threads may write to the caller's arrays once the GIL is given up.
+        // Copied: other threads may write to the caller's arrays once the GIL is given up. Who reads `out=` meanwhile sees rows of before
+        // and of now, as with numpy's own functions.
         let own: [Vec<f64>; K] = std::array::from_fn(|k| rows[k].to_vec());
         let rows: [&[f64]; K] = std::array::from_fn(|k| own[k].as_slice());
-        let mut fresh = if private { Vec::new() } else { vec![0.0; data.len()] };
         let mut signal = None;
         let mut poll = listen(&mut signal);
         let sizes = (data.len() / count, (PIECE / work) as usize / 16 * 16 + 16);
         let said = Python::attach(|py| {
             py.detach(|| {
-                let target: &mut [f64] = if private { data } else { &mut fresh };
                 let piece = |first: usize, last: usize, part: &mut [f64]| self.model.rows(query, &rows, count, first, last, part);
-                parallel::rows(parallel::default_threads(), &mut poll, sizes, target, piece)
+                parallel::rows(parallel::default_threads(), &mut poll, sizes, data, piece)
             })
         });
         drop(poll);
         match (signal, said) {
             (Some(signal), _) => Err(Failure::Python(signal)),
             (None, None) => Ok(true),
-            (None, Some(said)) => {
-                let sound = said.into_iter().try_fold(true, |all, sound| sound.map(|sound| all && sound))?;
-                if !private {
-                    data.copy_from_slice(&fresh);
-                }
-                Ok(sound)
-            }
+            (None, Some(said)) => Ok(said.into_iter().try_fold(true, |all, sound| sound.map(|sound| all && sound))?),
         }
     }
 

@@ -24,8 +24,7 @@ vector!(
     _mm256_max_pd,
     _mm256_min_pd,
     _mm256_xor_pd,
-    _mm256_andnot_pd,
-    _mm256_stream_pd
+    _mm256_andnot_pd
 );
 sin_cos_near!(__m256d, _mm256_set1_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_xor_pd, swap, sign_of_bit_1, next);
 
@@ -94,8 +93,8 @@ fn transpose(a: __m256d, b: __m256d, c: __m256d, d: __m256d) -> [__m256d; 4] {
 }
 
 #[inline(always)]
-fn transpose_out([a, b, c, d, e, f, g, h]: [__m256d; 8]) -> [[f64; 8]; 4] {
-    let (left, right) = (transpose(a, b, c, d), transpose(e, f, g, h));
+fn transpose_out([a, b, c, d, e, f, g, h]: &[Avx2; 8]) -> [[f64; 8]; 4] {
+    let (left, right) = (transpose(a.0, b.0, c.0, d.0), transpose(e.0, f.0, g.0, h.0));
     let mut rows = [[0.0; 8]; 4];
     for lane in 0..4 {
         let ([a, b, c, d], [e, f, g, h]) = (to_array(left[lane]), to_array(right[lane]));

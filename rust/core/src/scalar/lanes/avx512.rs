@@ -27,8 +27,7 @@ vector!(
     _mm512_max_pd,
     _mm512_min_pd,
     _mm512_xor_pd,
-    _mm512_andnot_pd,
-    _mm512_stream_pd
+    _mm512_andnot_pd
 );
 sin_cos_near!(__m512d, _mm512_set1_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_xor_pd, swap, sign_of_bit_1, next);
 
@@ -105,9 +104,36 @@ fn transpose(x: [__m512d; 8]) -> [__m512d; 8] {
     }
 }
 
+/// Four lanes, from `first` on, of values `k` and `k + 4` side by side: half of the transpose is done by where memory is read.
 #[inline(always)]
-fn transpose_out(x: [__m512d; 8]) -> [[f64; 8]; 8] {
-    let [a, b, c, d, e, f, g, h] = transpose(x);
+fn halves(x: &[Avx512; 8], first: usize, k: usize) -> __m512d {
+    let half = |k: usize| {
+        // SAFETY: four of the eight numbers of a value.
+        unsafe { _mm256_loadu_pd(std::ptr::from_ref(&x[k]).cast::<f64>().add(first)) }
+    };
+    unsafe { _mm512_insertf64x4::<1>(_mm512_castpd256_pd512(half(k)), half(k + 4)) }
+}
+
+/// Rows `first..first + 4`: a 4 x 4 transpose in both halves of a register. Of two pieces that change places one is shuffled and both
+/// are blended in, as only one port shuffles.
+#[inline(always)]
+fn four_rows(x: &[Avx512; 8], first: usize) -> [__m512d; 4] {
+    let (a, b, c, d) = (halves(x, first, 0), halves(x, first, 1), halves(x, first, 2), halves(x, first, 3));
+    unsafe {
+        let across = _mm512_setr_epi64(2, 3, 8, 9, 6, 7, 12, 13);
+        let swapped = |left: __m512d, right: __m512d| {
+            let middle = _mm512_permutex2var_pd(left, across, right);
+            (_mm512_mask_blend_pd(0xcc, left, middle), _mm512_mask_blend_pd(0xcc, middle, right))
+        };
+        let (row0, row2) = swapped(_mm512_unpacklo_pd(a, b), _mm512_unpacklo_pd(c, d));
+        let (row1, row3) = swapped(_mm512_unpackhi_pd(a, b), _mm512_unpackhi_pd(c, d));
+        [row0, row1, row2, row3]
+    }
+}
+
+#[inline(always)]
+fn transpose_out(x: &[Avx512; 8]) -> [[f64; 8]; 8] {
+    let ([a, b, c, d], [e, f, g, h]) = (four_rows(x, 0), four_rows(x, 4));
     [to_array(a), to_array(b), to_array(c), to_array(d), to_array(e), to_array(f), to_array(g), to_array(h)]
 }
 

@@ -22,8 +22,7 @@ vector!(
     _mm_max_pd,
     _mm_min_pd,
     _mm_xor_pd,
-    _mm_andnot_pd,
-    _mm_stream_pd
+    _mm_andnot_pd
 );
 sin_cos_near!(__m128d, _mm_set1_pd, _mm_sub_pd, _mm_mul_pd, _mm_xor_pd, swap, sign_of_bit_1, next);
 
@@ -77,8 +76,8 @@ fn next(quadrant: __m128d) -> __m128d {
 }
 
 #[inline(always)]
-fn transpose_out(x: [__m128d; 8]) -> [[f64; 8]; 2] {
-    let x = x.map(to_array);
+fn transpose_out(x: &[Sse2; 8]) -> [[f64; 8]; 2] {
+    let x = x.map(|x| to_array(x.0));
     std::array::from_fn(|lane| std::array::from_fn(|k| x[k][lane]))
 }
 

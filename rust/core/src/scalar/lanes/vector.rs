@@ -3,10 +3,10 @@
 
 /// A vector of `$lanes` doubles in `$register`. `$own` names what the file writes by hand: `fma` and `fnma`
 /// (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`, `select`, `bits` (a mask, one bit per lane), `transpose_out` and
-/// `transpose_in` (eight registers to a row of eight numbers per lane, and back) and `enter`.
+/// `transpose_in` (eight values to a row of eight numbers per lane, and back) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident, $stream:ident) => {
+     $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident) => {
         #[derive(Clone, Copy, Debug)]
         #[repr(transparent)]
         pub struct $name($register);
@@ -154,29 +154,12 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn to_rows(block: &[Self; 8], to: &mut [f64], stride: usize) {
-                let [a, b, c, d, e, f, g, h] = *block;
-                let rows = transpose_out([a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0]);
+                let rows = transpose_out(block);
                 rows_fit(to.len(), stride, $lanes);
                 for lane in 0..$lanes {
                     // SAFETY: eight numbers at the last of these places lie within the slice.
                     unsafe { to.as_mut_ptr().add(lane * stride).cast::<[f64; 8]>().write_unaligned(rows[lane]) }
                 }
-            }
-            #[inline(always)]
-            fn stream(from: &[f64], to: &mut [f64]) {
-                assert!(from.len() == to.len(), "a copy of another length");
-                // SAFETY: a register is that many doubles, whatever their bits.
-                let (head, body, tail) = unsafe { to.align_to_mut::<$register>() };
-                let (first, rest) = from.split_at(head.len());
-                let (blocks, last) = rest.as_chunks::<$lanes>();
-                head.copy_from_slice(first);
-                for (line, block) in body.iter_mut().zip(blocks) {
-                    // SAFETY: `line` is a register's memory, aligned as one.
-                    unsafe { $stream(std::ptr::from_mut(line).cast(), from_array(*block)) }
-                }
-                tail.copy_from_slice(last);
-                // SAFETY: part of every x86-64; what was streamed is seen by others from here on.
-                unsafe { _mm_sfence() }
             }
             #[inline(always)]
             fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {

@@ -111,7 +111,7 @@ pub fn body(rng: &mut Rng) -> [f64; 10] {
     phi
 }
 
-/// A random tree with `n` moving joints, branches, slides, fixed bodies, coordinate and skew axes, and rotors.
+/// A random tree with `n` moving joints, branches, slides, fixed bodies, coordinate and skew axes, square and skew placements, and rotors.
 pub fn random_tree(rng: &mut Rng, n: usize) -> Arm {
     let mut list: Vec<ChainJoint> = Vec::new();
     let mut moving = 0;
@@ -130,7 +130,11 @@ pub fn random_tree(rng: &mut Rng, n: usize) -> Arm {
             2 => [-1.0, 0.0, 0.0],
             _ => rng.array3(1.0),
         };
-        let rpy = if rng.below(3) == 0 { [0.0; 3] } else { rng.array3(2.0) };
+        let rpy = match rng.below(4) {
+            0 => [0.0; 3],
+            1 => std::array::from_fn(|_| rng.below(4) as f64 * std::f64::consts::FRAC_PI_2),
+            _ => rng.array3(2.0),
+        };
         let mut joint = ChainJoint::new(kind, axis, rpy, rng.array3(0.4), body(rng));
         // Mostly chains, sometimes a branch, now and then a second tree on the base.
         joint.parent = match rng.below(8) {

@@ -1,0 +1,88 @@
+//! The way over a joint, `x_parent = R_0 Rz(q) x + p` (a slide: `R_0 x + p + R_0 e_z q`): vectors between a body's axes and its
+//! parent's. Where the placement `R_0` is a quarter turn only `Rz` costs products.
+
+use crate::arm::Body;
+use crate::scalar::Real;
+use crate::spatial::{M3, Sym3, V3};
+
+/// `R_0 Rz(q)` of a joint that has to be multiplied out; the others never read it.
+#[inline(always)]
+pub(crate) fn rotation<S: Real>(body: &Body<S>, trig: (S, S)) -> M3<S> {
+    if body.revolute { body.rotation.lift::<S>().rotate_z(trig) } else { body.rotation.lift() }
+}
+
+/// The joint's origin in the parent's axes.
+#[inline(always)]
+pub(crate) fn reach<S: Real>(body: &Body<S>, q: S) -> V3<S> {
+    let p = body.translation.lift();
+    if body.revolute { p } else { body.rotation.0[2].lift().scale_add(q, p) }
+}
+
+/// From the body's axes to the parent's; `e` is [`rotation`].
+#[inline(always)]
+pub(crate) fn to_parent<S: Real, const K: usize>(body: &Body<S>, e: &M3<S>, (s, c): (S, S), mut v: [V3<S>; K]) -> [V3<S>; K] {
+    match body.quarter {
+        Some(quarter) => {
+            if body.revolute {
+                for k in 0..K {
+                    let [x, y, z] = v[k].0;
+                    v[k] = V3([x.mul_add(c, -(y * s)), x.mul_add(s, y * c), z]);
+                }
+            }
+            quarter.apply(v)
+        }
+        None => {
+            for k in 0..K {
+                v[k] = e.apply(v[k]);
+            }
+            v
+        }
+    }
+}
+
+/// From the parent's axes to the body's; `e` is [`rotation`].
+#[inline(always)]
+pub(crate) fn to_body<S: Real, const K: usize>(body: &Body<S>, e: &M3<S>, (s, c): (S, S), mut v: [V3<S>; K]) -> [V3<S>; K] {
+    match body.quarter {
+        Some(quarter) => {
+            v = quarter.apply_transposed(v);
+            if body.revolute {
+                for k in 0..K {
+                    let [x, y, z] = v[k].0;
+                    v[k] = V3([x.mul_add(c, y * s), y.mul_add(c, -(x * s)), z]);
+                }
+            }
+            v
+        }
+        None => {
+            for k in 0..K {
+                v[k] = e.apply_transposed(v[k]);
+            }
+            v
+        }
+    }
+}
+
+/// A symmetric matrix from the body's axes to the parent's; `e` is [`rotation`].
+#[inline(always)]
+pub(crate) fn congruence<S: Real>(body: &Body<S>, e: &M3<S>, (s, c): (S, S), m: Sym3<S>) -> Sym3<S> {
+    match body.quarter {
+        Some(quarter) if body.revolute => {
+            let [xx, xy, yy, xz, yz, zz] = m.0;
+            // Rz M, of which the first two columns turn once more.
+            let (a, b) = (xx.mul_add(c, -(xy * s)), xy.mul_add(c, -(yy * s)));
+            let (d, f) = (xx.mul_add(s, xy * c), xy.mul_add(s, yy * c));
+            let turned = [
+                a.mul_add(c, -(b * s)),
+                a.mul_add(s, b * c),
+                d.mul_add(s, f * c),
+                xz.mul_add(c, -(yz * s)),
+                xz.mul_add(s, yz * c),
+                zz,
+            ];
+            quarter.congruence(Sym3(turned))
+        }
+        Some(quarter) => quarter.congruence(m),
+        None => m.rotated(*e),
+    }
+}

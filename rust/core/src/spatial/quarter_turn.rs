@@ -1,0 +1,113 @@
+//! Rotations by quarter turns about x or y. Most robots' joint placements are one of these once z is the joint axis, and it
+//! costs no product: components change places and signs. What follows holds for `R = Rx(90)`, the others alike:
+//!
+//! `R (x, y, z) = (x, -z, y)`,  `M R` has the columns `(m_x, m_z, -m_y)`.
+
+use super::{M3, Sym3, V3};
+use crate::scalar::Real;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum QuarterTurn {
+    None,
+    X90,
+    X180,
+    X270,
+    Y90,
+    Y270,
+}
+
+impl QuarterTurn {
+    pub const ALL: [QuarterTurn; 6] =
+        [QuarterTurn::None, QuarterTurn::X90, QuarterTurn::X180, QuarterTurn::X270, QuarterTurn::Y90, QuarterTurn::Y270];
+
+    /// The one that `r` is, to the last bit.
+    pub fn of(r: &M3<f64>) -> Option<QuarterTurn> {
+        QuarterTurn::ALL.into_iter().find(|turn| turn.after(M3::IDENTITY) == *r)
+    }
+
+    /// `m R`.
+    #[inline(always)]
+    pub fn after<S: Real>(self, m: M3<S>) -> M3<S> {
+        let [x, y, z] = m.0;
+        match self {
+            QuarterTurn::None => m,
+            QuarterTurn::X90 => M3([x, z, -y]),
+            QuarterTurn::X180 => M3([x, -y, -z]),
+            QuarterTurn::X270 => M3([x, -z, y]),
+            QuarterTurn::Y90 => M3([-z, y, x]),
+            QuarterTurn::Y270 => M3([z, y, -x]),
+        }
+    }
+
+    /// `R v` of each.
+    #[inline(always)]
+    pub fn apply<S: Real, const K: usize>(self, mut v: [V3<S>; K]) -> [V3<S>; K] {
+        macro_rules! each {
+            ($x:ident, $y:ident, $z:ident: $($to:expr),+) => {
+                for k in 0..K {
+                    let [$x, $y, $z] = v[k].0;
+                    v[k] = V3([$($to),+]);
+                }
+            };
+        }
+        match self {
+            QuarterTurn::None => {}
+            QuarterTurn::X90 => each!(x, y, z: x, -z, y),
+            QuarterTurn::X180 => each!(x, y, z: x, -y, -z),
+            QuarterTurn::X270 => each!(x, y, z: x, z, -y),
+            QuarterTurn::Y90 => each!(x, y, z: z, y, -x),
+            QuarterTurn::Y270 => each!(x, y, z: -z, y, x),
+        }
+        v
+    }
+
+    /// `R' v` of each.
+    #[inline(always)]
+    pub fn apply_transposed<S: Real, const K: usize>(self, v: [V3<S>; K]) -> [V3<S>; K] {
+        let inverse = match self {
+            QuarterTurn::X90 => QuarterTurn::X270,
+            QuarterTurn::X270 => QuarterTurn::X90,
+            QuarterTurn::Y90 => QuarterTurn::Y270,
+            QuarterTurn::Y270 => QuarterTurn::Y90,
+            own => own,
+        };
+        inverse.apply(v)
+    }
+
+    /// `R p R'`.
+    #[inline(always)]
+    pub fn congruence<S: Real>(self, p: Sym3<S>) -> Sym3<S> {
+        let [xx, xy, yy, xz, yz, zz] = p.0;
+        match self {
+            QuarterTurn::None => p,
+            QuarterTurn::X90 => Sym3([xx, -xz, zz, xy, -yz, yy]),
+            QuarterTurn::X180 => Sym3([xx, -xy, yy, -xz, yz, zz]),
+            QuarterTurn::X270 => Sym3([xx, xz, zz, -xy, -yz, yy]),
+            QuarterTurn::Y90 => Sym3([zz, yz, yy, -xz, -xy, xx]),
+            QuarterTurn::Y270 => Sym3([zz, -yz, yy, -xz, xy, xx]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn they_are_the_rotations_they_stand_for() {
+        let half = std::f64::consts::FRAC_PI_2;
+        let angles = [[0.0, 0.0], [half, 0.0], [2.0 * half, 0.0], [-half, 0.0], [0.0, half], [0.0, -half]];
+        let m = M3([V3([1.0, 2.0, 3.0]), V3([-4.0, 5.0, 6.0]), V3([7.0, -8.0, 9.0])]);
+        let p = Sym3([1.0, 2.0, -3.0, 4.0, 5.0, 6.0]);
+        for (turn, [roll, pitch]) in QuarterTurn::ALL.into_iter().zip(angles) {
+            let r = M3::from_rpy([roll, pitch, 0.0]);
+            assert_eq!(QuarterTurn::of(&r), Some(turn));
+            assert_eq!(turn.after(m), m.times(r));
+            assert_eq!(turn.apply(m.0), r.times(m).0);
+            assert_eq!(turn.apply_transposed(m.0), r.transpose().times(m).0);
+            assert_eq!(turn.congruence(p), p.rotated(r));
+        }
+        assert_eq!(QuarterTurn::of(&M3::from_rpy([0.0, 0.0, half])), None);
+        assert_eq!(QuarterTurn::of(&M3::from_rpy([half - 1e-12, 0.0, 0.0])), None);
+    }
+}
