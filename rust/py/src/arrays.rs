@@ -112,11 +112,21 @@ pub fn flag(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<bool
     Ok(value.extract::<bool>().map_err(refused)?)
 }
 
-/// A text.
+/// True or False, numpy's too; False where none is given.
+pub fn flag_or_false(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<bool, Failure> {
+    value.map_or(Ok(false), |value| flag(function, name, value))
+}
+
+/// A text, copied.
 pub fn text(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<String, Failure> {
-    match value.cast::<PyString>() {
-        Ok(text) => Ok(text.to_string()),
-        Err(_) => Err(input_error(value.py(), function, name, format!("is not a name: expected a string, got {}", given(value))).into()),
+    self::name(function, name, value).map(str::to_string)
+}
+
+/// A text, in place.
+pub fn name<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Result<&'a str, Failure> {
+    match value.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
+        Some(text) => Ok(text),
+        None => Err(input_error(value.py(), function, name, format!("is not a name: expected a string, got {}", given(value))).into()),
     }
 }
 

@@ -4,6 +4,7 @@
 //! [W_b tau] = Q [R z; 0 rho],  R = U S V',  beta = V S^-1 U' z,  sigma^2 = rho^2 / (rows - rank),  cov = sigma^2 V S^-2 V'
 //! ```
 //!
+//! Rotors that are not identified are known: `armature a` is taken off the torque, as everywhere in the dynamics.
 //! The triangle is updated block by block, so that a long record takes no more memory than a short one. Columns are scaled
 //! to length one before the singular values are judged, so that units do not count.
 
@@ -13,6 +14,7 @@ use crate::dynamics::{Quantity, Query};
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::householder::{reflect, reflector};
 use crate::linalg::{Svd, dot};
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Samples of one block.
@@ -100,6 +102,7 @@ pub fn identify(arm: &Arm, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop:
     if samples * n <= b {
         return Err(Error::input("q", format!("has too few samples: expected more than {} for {b} base parameters, got {samples}", b / n)));
     }
+    let tau: &[f64] = &without_known_rotors(arm, a, tau, options.armature);
     let query = Query { armature: options.armature, friction: options.friction, ..Quantity::Regressor.into() };
     let mut triangle = Triangle::new(b + 1, BLOCK * n);
     let mut y = vec![0.0; BLOCK * n * p];
@@ -123,6 +126,14 @@ pub fn identify(arm: &Arm, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop:
     out.residuals = residuals(arm, [q, v, a, tau], &query, &base, &out.values, &mut y)?;
     out.parameters = nearest(arm, &base, &out.values)?;
     Ok(Identification { base, ..out })
+}
+
+/// The torque that the parameters to identify have to explain.
+fn without_known_rotors<'t>(arm: &Arm, a: &[f64], tau: &'t [f64], identified: bool) -> Cow<'t, [f64]> {
+    if identified || arm.joints.iter().all(|joint| joint.armature == 0.0) {
+        return Cow::Borrowed(tau);
+    }
+    Cow::Owned(tau.iter().zip(a).enumerate().map(|(k, (tau, a))| tau - arm.joints[k % arm.n()].armature * a).collect())
 }
 
 /// Everything but what needs the record again.

@@ -151,6 +151,6 @@ pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
     // Twice: `largest` may be subnormal, whose reciprocal is infinite.
     let scaled = V3(axis.map(|x| x / largest));
     let unit = V3(scaled.0.map(|x| x / scaled.norm()));
-    // A vector that is already a unit vector to rounding keeps its bits.
-    if (V3(axis).norm() - 1.0).abs() <= f64::EPSILON { Ok(axis) } else { Ok(unit.0) }
+    // A vector that is already a unit vector to rounding keeps its bits: one made by this function is, when it is read again.
+    if (V3(axis).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Ok(axis) } else { Ok(unit.0) }
 }

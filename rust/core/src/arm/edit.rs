@@ -1,5 +1,6 @@
 //! Arms made from arms: payload, tool frames, locked joints, sub-chains.
 
+use super::urdf::negative_moment;
 use super::{Arm, Frame, JointKind};
 use crate::error::{Error, Result, finite};
 use crate::spatial::{Inertia, M3, Placement, Sym3, V3};
@@ -40,6 +41,9 @@ impl Arm {
         }
         let at = self.frames[self.frame_index(frame)?].clone();
         let moments = Sym3([inertia[0][0], inertia[1][0], inertia[1][1], inertia[2][0], inertia[2][1], inertia[2][2]]);
+        if let Some(worst) = negative_moment(&moments, mass, V3(com)) {
+            return Err(Error::input("inertia", format!("has a negative principal moment: expected >= 0, got {worst:e}")));
+        }
         let mut arm = self.clone();
         arm.merge(at.body, &Inertia::about_com(mass, V3(com), moments), &at.placement);
         Ok(arm)

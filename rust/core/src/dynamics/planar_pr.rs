@@ -44,6 +44,28 @@ impl PlanarPr<f64> {
     }
 }
 
+impl PlanarPr<f64> {
+    /// `[d tau/d q; d tau/d v; M]`, `(6, 2)` row-major, of `tau = M a + C v`.
+    pub fn inverse_dynamics_slopes(&self, (sin, cos): (f64, f64), v: &[f64], a: &[f64], out: &mut [f64]) {
+        let (bs, bc) = (self.b * sin, self.b * cos);
+        let by_q = [0.0, -(bs * a[1] + bc * v[1] * v[1]), 0.0, -bs * a[0]];
+        let by_v = [0.0, -2.0 * bs * v[1], 0.0, 0.0];
+        out.copy_from_slice([by_q, by_v, [self.a, bc, bc, self.c]].as_flattened());
+    }
+
+    /// `[d a/d q; d a/d v; M^-1]` of `a = M^-1 (tau - C v)`: `- M^-1` times the slopes of `tau` at `a`.
+    pub fn forward_dynamics_slopes(&self, trig: (f64, f64), v: &[f64], a: &[f64], out: &mut [f64]) {
+        self.inverse_dynamics_slopes(trig, v, a, out);
+        let bc = self.b * trig.1;
+        let inverse = [self.c, -bc, -bc, self.a].map(|x| x / (self.ac - bc * bc));
+        for rows in out[..8].chunks_exact_mut(4) {
+            let of = |i: usize, j: usize| -(inverse[2 * i] * rows[j] + inverse[2 * i + 1] * rows[2 + j]);
+            rows.copy_from_slice(&[of(0, 0), of(0, 1), of(1, 0), of(1, 1)]);
+        }
+        out[8..].copy_from_slice(&inverse);
+    }
+}
+
 impl<S: Real> PlanarPr<S> {
     /// Arm `of(i)` in lane `i`.
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! The constructors of arms, and what pickling stores.
 
 use super::{Arm, Model};
-use crate::arrays::{any_vector, number as scalar, numbers, require_finite, shown, text, vector};
+use crate::arrays::{any_vector, name, number as scalar, numbers, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::PlanarPr;
@@ -72,11 +72,13 @@ pub fn load_urdf(
     py: Python<'_>,
     path_or_xml: &Bound<'_, PyAny>,
     gravity: Option<&Bound<'_, PyAny>>,
-    root: Option<&str>,
-    tip: Option<&str>,
+    root: Option<&Bound<'_, PyAny>>,
+    tip: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Arm> {
     const NAME: &str = "load_urdf";
     entry(py, NAME, || {
+        let root = root.map(|root| name(NAME, "root", root)).transpose()?;
+        let tip = tip.map(|tip| name(NAME, "tip", tip)).transpose()?;
         let gravity = gravity3(NAME, gravity)?;
         let text: String = match path_or_xml.extract::<String>() {
             Ok(text) => text,
@@ -85,7 +87,8 @@ pub fn load_urdf(
                 input_error(py, NAME, "path_or_xml", problem)
             })?,
         };
-        let arm = if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
+        // No path holds a bracket; what is wrong with a text that does is for the XML parser to say.
+        let arm = if text.contains('<') {
             core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
         } else {
             core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?
@@ -96,8 +99,9 @@ pub fn load_urdf(
 
 /// The text of one of the package's own URDFs; a wrong name is answered with the names there are.
 #[pyfunction]
-pub fn example_urdf(py: Python<'_>, name: &str) -> PyResult<&'static str> {
-    entry(py, "example_urdf", || Ok(core::example_urdf(name)?))
+pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'static str> {
+    const NAME: &str = "example_urdf";
+    entry(py, NAME, || Ok(core::example_urdf(self::name(NAME, "name", name)?)?))
 }
 
 /// A planar nR arm in the x-y plane, `q1` from the x axis; frames "link1" to "linkn" are at the link tips.
@@ -235,11 +239,17 @@ fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result<Cha
             Some(p) => return Err(refuse("[\"parent\"]", format!("is not an index: expected -1, None or an earlier joint, got {p}"))),
         });
     }
+    // Infinity is no bound, as in `Arm.limits`.
+    let limit = |key: &str, none: f64| match joint.get_item(key)? {
+        Some(value) if scalar(function, &format!("joints[{i}][{key:?}]"), &value).is_ok_and(|x| x == none) => Ok(none),
+        _ => scalar_of(function, joint, at, key, none),
+    };
+    let infinity = f64::INFINITY;
     out.limits = Limits {
-        lower: scalar_of(function, joint, at, "lower", f64::NEG_INFINITY)?,
-        upper: scalar_of(function, joint, at, "upper", f64::INFINITY)?,
-        velocity: scalar_of(function, joint, at, "velocity", f64::INFINITY)?,
-        effort: scalar_of(function, joint, at, "effort", f64::INFINITY)?,
+        lower: limit("lower", -infinity)?,
+        upper: limit("upper", infinity)?,
+        velocity: limit("velocity", infinity)?,
+        effort: limit("effort", infinity)?,
     };
     out.armature = scalar_of(function, joint, at, "armature", 0.0)?;
     out.damping = scalar_of(function, joint, at, "damping", 0.0)?;
@@ -357,11 +367,16 @@ impl Arm {
     /// >>> al.Arm.from_dh([(1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)]).position([0.0, 0.0], "link2")
     /// array([2., 0., 0.])
     #[staticmethod]
-    #[pyo3(signature = (rows, *, convention="standard", gravity=None))]
-    fn from_dh(py: Python<'_>, rows: &Bound<'_, PyAny>, convention: &str, gravity: Option<&Bound<'_, PyAny>>) -> PyResult<Arm> {
+    #[pyo3(signature = (rows, *, convention=None, gravity=None), text_signature = "(rows, *, convention='standard', gravity=None)")]
+    fn from_dh(
+        py: Python<'_>,
+        rows: &Bound<'_, PyAny>,
+        convention: Option<&Bound<'_, PyAny>>,
+        gravity: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Arm> {
         const NAME: &str = "Arm.from_dh";
         entry(py, NAME, || {
-            let convention = Convention::parse(convention)?;
+            let convention = Convention::parse(convention.map_or(Ok("standard"), |given| name(NAME, "convention", given))?)?;
             let list = as_list(NAME, "rows", rows)?;
             let list = list.iter().enumerate().map(|(i, row)| dh_row(NAME, row, i)).collect::<Result<Vec<_>, _>>()?;
             Ok(core::Arm::from_dh(&list, convention, gravity3(NAME, gravity)?)?.into())

@@ -1,7 +1,7 @@
 //! The analytic derivatives of inverse and forward dynamics, and the linearisation that they make.
 
 use super::Arm;
-use crate::arrays::{new_array, out_slice};
+use crate::arrays::{flag_or_false, new_array, out_slice};
 use crate::broadcast::Broadcast;
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::analysis::linearisation::state_matrices;
@@ -48,7 +48,6 @@ impl Arm {
         values: [&Bound<'_, PyAny>; K],
         query: &Query,
     ) -> Result<(Vec<usize>, Vec<f64>), Failure> {
-        self.model.tree(function)?;
         self.flat(function, names, values, query, &[3 * self.n(), self.n()])
     }
 
@@ -100,11 +99,12 @@ impl Arm {
         function: &str,
         third: &str,
         values: [&Bound<'py, PyAny>; 3],
-        query: Query,
+        (quantity, friction): (Quantity, Option<&Bound<'py, PyAny>>),
         out: Outs<'_, 'py>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let py = values[0].py();
         entry(py, function, || {
+            let query = Query { friction: flag_or_false(function, "friction", friction)?, ..quantity.into() };
             let (leading, flat) = self.slopes(function, ["q", "v", third], values, &query)?;
             let square = self.n() * self.n();
             Self::several(py, function, &values, &leading, [&[self.n(); 2]; 3], out, |k, data| {
@@ -131,7 +131,7 @@ impl Arm {
     ///     Three arrays `(..., n, n)`: row `i`, column `j` is the slope of `tau_i` by coordinate `j`.
     ///
     /// Raises:
-    ///     InputError: an argument is not finite or has the wrong shape, or the arm has no links.
+    ///     InputError: an argument is not finite or has the wrong shape, or `out` cannot be written.
     ///
     /// Source: Carpentier and Mansard 2018.
     ///
@@ -140,17 +140,16 @@ impl Arm {
     /// >>> dtau_dq, dtau_dv, M = arm.inverse_dynamics_derivatives([0.0], [1.0], [0.0])
     /// >>> float(dtau_dq[0, 0]), float(dtau_dv[0, 0]), float(M[0, 0])
     /// (3.0, 0.0, 2.0)
-    #[pyo3(signature = (q, v, a, *, friction=false, out=None))]
+    #[pyo3(signature = (q, v, a, *, friction=None, out=None), text_signature = "($self, q, v, a, *, friction=False, out=None)")]
     fn inverse_dynamics_derivatives<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
         a: &Bound<'py, PyAny>,
-        friction: bool,
+        friction: Option<&Bound<'py, PyAny>>,
         out: Outs<'_, 'py>,
     ) -> PyResult<Bound<'py, PyTuple>> {
-        let query = Query { friction, ..Quantity::InverseDynamicsDerivatives.into() };
-        self.three("inverse_dynamics_derivatives", "a", [q, v, a], query, out)
+        self.three("inverse_dynamics_derivatives", "a", [q, v, a], (Quantity::InverseDynamicsDerivatives, friction), out)
     }
 
     /// The derivatives of forward dynamics, `d a / d q`, `d a / d v` and `d a / d tau = M^-1`.
@@ -164,7 +163,7 @@ impl Arm {
     ///     Three arrays `(..., n, n)`: row `i`, column `j` is the slope of `a_i` by coordinate `j`.
     ///
     /// Raises:
-    ///     InputError: an argument is not finite or has the wrong shape, the mass matrix is singular, or the arm has no links.
+    ///     InputError: an argument is not finite or has the wrong shape, or the mass matrix is singular.
     ///
     /// Source: Carpentier and Mansard 2018.
     ///
@@ -172,17 +171,16 @@ impl Arm {
     /// >>> da_dq, da_dv, Minv = al.pendulum(4.0, 3.0).forward_dynamics_derivatives([0.0], [1.0], [0.0])
     /// >>> float(da_dq[0, 0]), float(Minv[0, 0])
     /// (-0.75, 0.25)
-    #[pyo3(signature = (q, v, tau, *, friction=false, out=None))]
+    #[pyo3(signature = (q, v, tau, *, friction=None, out=None), text_signature = "($self, q, v, tau, *, friction=False, out=None)")]
     fn forward_dynamics_derivatives<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
         tau: &Bound<'py, PyAny>,
-        friction: bool,
+        friction: Option<&Bound<'py, PyAny>>,
         out: Outs<'_, 'py>,
     ) -> PyResult<Bound<'py, PyTuple>> {
-        let query = Query { friction, ..Quantity::ForwardDynamicsDerivatives.into() };
-        self.three("forward_dynamics_derivatives", "tau", [q, v, tau], query, out)
+        self.three("forward_dynamics_derivatives", "tau", [q, v, tau], (Quantity::ForwardDynamicsDerivatives, friction), out)
     }
 
     /// The arm linearised about a state: `d/dt [dq; dv] = A [dq; dv] + B dtau`.
@@ -204,19 +202,19 @@ impl Arm {
     /// >>> A, B = al.pendulum(4.0, 3.0).linearize([0.0], [0.0], [0.0])
     /// >>> (A + 0.0).tolist(), B.tolist()
     /// ([[0.0, 1.0], [-0.75, 0.0]], [[0.0], [0.25]])
-    #[pyo3(signature = (q, v, tau, *, friction=false, out=None))]
+    #[pyo3(signature = (q, v, tau, *, friction=None, out=None), text_signature = "($self, q, v, tau, *, friction=False, out=None)")]
     fn linearize<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
         tau: &Bound<'py, PyAny>,
-        friction: bool,
+        friction: Option<&Bound<'py, PyAny>>,
         out: Outs<'_, 'py>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         const NAME: &str = "linearize";
         let (py, values) = (q.py(), [q, v, tau]);
         entry(py, NAME, || {
-            let query = Query { friction, ..Quantity::ForwardDynamicsDerivatives.into() };
+            let query = Query { friction: flag_or_false(NAME, "friction", friction)?, ..Quantity::ForwardDynamicsDerivatives.into() };
             let (leading, flat) = self.slopes(NAME, ["q", "v", "tau"], values, &query)?;
             let n = self.n();
             let (mut a, mut b) = (room(flat.len() / 3, 4)?, room(flat.len() / 3, 2)?);

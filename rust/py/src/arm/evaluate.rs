@@ -1,7 +1,7 @@
 //! From Python arrays to Python arrays: one configuration without a detour, many in lanes, many more in threads.
 
 use super::Arm;
-use crate::arrays::{index_of, of_lengths, out_slice, written_array};
+use crate::arrays::{flag_or_false, index_of, name, of_lengths, out_slice, written_array};
 use crate::broadcast::{Broadcast, broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
 use crate::simulate::listen;
@@ -143,27 +143,28 @@ impl Arm {
         names: [&str; K],
         values: [&Bound<'py, PyAny>; K],
         quantity: Quantity,
-        frame: &str,
+        frame: &Bound<'py, PyAny>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let frame = entry(values[0].py(), function, || Ok(self.model.frame(frame)?))?;
+        let frame = entry(values[0].py(), function, || Ok(self.model.frame(name(function, "frame", frame)?)?))?;
         self.evaluate(function, names, values, Query { frame, ..quantity.into() }, out)
     }
 
     /// Inverse or forward dynamics, with a wrench or without.
     pub(super) fn loaded<'py>(
         &self,
-        function: &str,
-        third: &str,
+        (function, third): (&str, &str),
         [q, v, a]: [&Bound<'py, PyAny>; 3],
-        wrench: (Option<&Bound<'py, PyAny>>, Option<&str>),
-        query: Query,
+        (wrench, frame, friction): (Option<&Bound<'py, PyAny>>, Option<&Bound<'py, PyAny>>, Option<&Bound<'py, PyAny>>),
+        quantity: Quantity,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        match wrench {
+        let friction = entry(q.py(), function, || flag_or_false(function, "friction", friction))?;
+        let query = Query { friction, ..quantity.into() };
+        match (wrench, frame) {
             (None, None) => self.evaluate(function, ["q", "v", third], [q, v, a], query, out),
             (Some(wrench), Some(frame)) => {
-                let frame = entry(q.py(), function, || Ok(self.model.frame(frame)?))?;
+                let frame = entry(q.py(), function, || Ok(self.model.frame(name(function, "wrench_frame", frame)?)?))?;
                 let query = Query { wrench: Some(frame), ..query };
                 self.evaluate(function, ["q", "v", third, "wrench"], [q, v, a, wrench], query, out)
             }

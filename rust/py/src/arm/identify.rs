@@ -1,7 +1,7 @@
 //! Base parameters, physical consistency and identification: arrays in, the classes of `armlet.identification` out.
 
 use super::Arm;
-use crate::arrays::{any_vector, index_of, integers, new_array, number, numbers, require_finite, shown, vector};
+use crate::arrays::{any_vector, flag_or_false, index_of, integers, new_array, number, numbers, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::simulate::listen;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
@@ -76,10 +76,15 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.pendulum(2.0, 3.0).base_parameters().grouping
     /// ('mcx[joint1]', 'mcy[joint1]', 'Izz[joint1]')
-    #[pyo3(signature = (*, armature=false, friction=false))]
-    fn base_parameters<'py>(slf: &Bound<'py, Self>, armature: bool, friction: bool) -> PyResult<Bound<'py, PyAny>> {
+    #[pyo3(signature = (*, armature=None, friction=None), text_signature = "($self, *, armature=False, friction=False)")]
+    fn base_parameters<'py>(
+        slf: &Bound<'py, Self>,
+        armature: Option<&Bound<'py, PyAny>>,
+        friction: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         const NAME: &str = "base_parameters";
         entry(slf.py(), NAME, || {
+            let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
             let tree = slf.get().model.tree(NAME)?;
             let found = listening(slf.py(), |stop| base::base_parameters(tree, armature, friction, stop))?;
             base_object(slf, &found, armature, friction)
@@ -152,7 +157,8 @@ impl Arm {
     ///
     /// Args:
     ///     q, v, a, tau: positions, velocities, accelerations and torques, `(samples, n)`; more axes before the last are samples too.
-    ///     armature, friction: identify the rotors' inertia, and damping and Coulomb friction, too (keyword only).
+    ///     armature, friction: identify the rotors' inertia, and damping and Coulomb friction, too (keyword only). Rotors that are not
+    ///         identified are known, those of the arm; friction that is not identified is none, as in `inverse_dynamics`.
     ///     noise: standard deviation of the torque of each joint, `(n,)`, which weighs them; equal if None (keyword only).
     ///     cutoff: singular values of the scaled regressor below this, relative to the largest, are not shown by the record
     ///         (keyword only).
@@ -172,15 +178,18 @@ impl Arm {
     /// >>> found = arm.identify(q, v, a, arm.inverse_dynamics(q, v, a))
     /// >>> np.allclose(found.values, found.base.values)
     /// True
-    #[pyo3(signature = (q, v, a, tau, *, armature=false, friction=false, noise=None, cutoff=None))]
+    #[pyo3(
+        signature = (q, v, a, tau, *, armature=None, friction=None, noise=None, cutoff=None),
+        text_signature = "($self, q, v, a, tau, *, armature=False, friction=False, noise=None, cutoff=None)"
+    )]
     fn identify<'py>(
         slf: &Bound<'py, Self>,
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
         a: &Bound<'py, PyAny>,
         tau: &Bound<'py, PyAny>,
-        armature: bool,
-        friction: bool,
+        armature: Option<&Bound<'py, PyAny>>,
+        friction: Option<&Bound<'py, PyAny>>,
         noise: Option<&Bound<'py, PyAny>>,
         cutoff: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -188,6 +197,7 @@ impl Arm {
         let py = slf.py();
         entry(py, NAME, || {
             let tree = slf.get().model.tree(NAME)?;
+            let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
             let n = tree.n();
             let mut shape: Option<Vec<usize>> = None;
             let mut record = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {

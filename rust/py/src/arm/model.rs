@@ -235,6 +235,12 @@ fn planar_pr_row(arm: &PlanarPr<f64>, query: &Query, x: &[&[f64]], out: &mut [f6
         Quantity::ForwardDynamics => arm.forward_dynamics(&mut (), &trig, q, x[1], x[2], out),
         Quantity::Regressor => arm.regressor(&mut (), &trig, q, x[1], x[2], x[3], out),
         Quantity::Energy => (out[0], out[1]) = arm.energy(&mut (), &trig, q, x[1]),
+        Quantity::InverseDynamicsDerivatives => arm.inverse_dynamics_slopes(trig[1], x[1], x[2], out),
+        Quantity::ForwardDynamicsDerivatives => {
+            let mut a = [0.0; 2];
+            arm.forward_dynamics(&mut (), &trig, q, x[1], x[2], &mut a);
+            arm.forward_dynamics_slopes(trig[1], x[1], &a, out);
+        }
         _ => return Err(Error::input("arm", "has no links: expected an arm with a kinematic model, got planar_pr")),
     }
     Ok(all_finite(out))

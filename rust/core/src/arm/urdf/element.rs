@@ -4,7 +4,7 @@ use super::{Source, XACRO};
 use crate::arm::build::unit;
 use crate::arm::{JointKind, Limits};
 use crate::error::Result;
-use crate::spatial::{Inertia, Placement, Sym3, V3};
+use crate::spatial::{Inertia, M3, PARAMETERS, Placement, Sym3, V3};
 use roxmltree::{Document, Node};
 use std::collections::BTreeMap;
 
@@ -105,6 +105,7 @@ impl Reader<'_> {
 
     fn required<'n>(&self, node: Node<'n, '_>, attribute: &str) -> Result<&'n str> {
         match node.attribute(attribute).map(str::trim) {
+            Some(text) if left_over(text) => Err(self.error(node, format!("{attribute} holds {}{XACRO}", shortened(text)))),
             Some(text) if !text.is_empty() => Ok(text),
             _ => Err(self.error(node, format!("{} has no {attribute}", node.tag_name().name()))),
         }
@@ -116,7 +117,8 @@ impl Reader<'_> {
         let mut count = 0;
         for word in text.split_whitespace() {
             let Ok(x) = word.parse::<f64>() else {
-                return Err(self.error(node, format!("{} is not a number: got {}", label(), shortened(word))));
+                let hint = if left_over(word) { XACRO } else { "" };
+                return Err(self.error(node, format!("{} is not a number: got {}{hint}", label(), shortened(word))));
             };
             if !x.is_finite() {
                 return Err(self.error(node, format!("{} is not finite: got {}", label(), shortened(word))));
@@ -140,10 +142,27 @@ impl Reader<'_> {
         node.attribute(attribute).map(|text| self.numbers(node, attribute, text)).transpose()
     }
 
-    fn placement(&self, node: Option<Node>) -> Result<Placement> {
+    fn placement(&mut self, node: Option<Node>) -> Result<Placement> {
         let Some(node) = node else { return Ok(Placement::IDENTITY) };
         let rpy = self.vector(node, "rpy")?.unwrap_or_default();
-        Ok(Placement::from_rpy(rpy, self.vector(node, "xyz")?.unwrap_or_default()))
+        let mut placement = Placement::from_rpy(rpy, self.vector(node, "xyz")?.unwrap_or_default());
+        let rounded: [f64; 9] = std::array::from_fn(|k| placement.rotation.0[k % 3][k / 3]);
+        if let Some(r) = self.exact(node, "rotation", rounded, [1.0; 9], "rpy")? {
+            placement.rotation = M3(std::array::from_fn(|c| V3([r[c], r[3 + c], r[6 + c]])));
+        }
+        Ok(placement)
+    }
+
+    /// Numbers that the writer adds because the standard ones round them, where both say the same: relative to `scales`, within what
+    /// the angles of a rotation lose where pitch is a right angle.
+    fn exact<const N: usize>(&mut self, node: Node, attribute: &str, rounded: [f64; N], scales: [f64; N], rest: &str) -> Result<Option<[f64; N]>> {
+        let Some(text) = node.attribute(attribute) else { return Ok(None) };
+        let given = self.numbers::<N>(node, attribute, text)?;
+        if (0..N).all(|k| (given[k] - rounded[k]).abs() <= 1e-9 * scales[k]) {
+            return Ok(Some(given));
+        }
+        self.warn(node, format!("{attribute} of {} differs from its {rest}: ignored", node.tag_name().name()));
+        Ok(None)
     }
 
     /// The children of a node: those asked for, once each; the others are counted as dropped.
@@ -170,6 +189,7 @@ impl Reader<'_> {
     }
 
     fn inertial(&mut self, node: Node, link: &str) -> Result<Inertia<f64>> {
+        let whole = node;
         let [origin, mass, inertia] = self.children(node, ["origin", "mass", "inertia"])?;
         let placement = self.placement(origin)?;
         let Some(mass_node) = mass else { return Err(self.error(node, format!("link {link} has an inertial without mass"))) };
@@ -210,7 +230,16 @@ impl Reader<'_> {
         }
         // Written at the centre of mass, in axes turned by rpy.
         let turned = Inertia { mass, moment: V3::zero(), inertia: moments };
-        Ok(turned.placed(&placement))
+        let mut inertia = turned.placed(&placement);
+        let mut rounded = [0.0; PARAMETERS];
+        inertia.write_parameters(&mut rounded);
+        let distance = placement.translation.norm();
+        let (moment, second) = (mass * distance, mass * distance * distance + largest);
+        let scales = std::array::from_fn(|k| [mass, moment, second][usize::from(k > 0) + usize::from(k > 3)]);
+        if let Some(exact) = self.exact(whole, "parameters", rounded, scales, "mass and inertia")? {
+            inertia = Inertia::from_parameters(&exact);
+        }
+        Ok(inertia)
     }
 
     fn joint(&mut self, node: Node) -> Result<UrdfJoint> {
@@ -295,6 +324,11 @@ impl Reader<'_> {
         }
         Ok(limits)
     }
+}
+
+/// Whether a text holds an expression that xacro would have replaced.
+fn left_over(text: &str) -> bool {
+    text.contains("${") || text.contains("$(")
 }
 
 /// A word of the file, cut to what a message can show.

@@ -1,8 +1,8 @@
-//! An arm as URDF. Reading it back gives the same arm up to the rounding of `c = h / m` and of the angles.
+//! An arm as URDF. Reading it back gives the same arm to the bit: where `c = h / m` or the angles round, what they stand for is added.
 
 use super::element::negative_moment;
 use crate::arm::{Arm, Frame, Joint, JointKind, STANDARD_GRAVITY, listed};
-use crate::spatial::{Inertia, Placement, V3};
+use crate::spatial::{Inertia, PARAMETERS, Placement, V3};
 use std::collections::HashSet;
 use std::fmt::Write;
 
@@ -116,9 +116,13 @@ fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str) {
 }
 
 fn ends(out: &mut String, parent: &str, child: &str, placement: &Placement) {
-    let (xyz, rpy) = (numbers(&placement.translation.0), numbers(&placement.rotation.to_rpy()));
+    let rpy = placement.rotation.to_rpy();
+    let rounded = Placement::from_rpy(rpy, placement.translation.0).rotation;
+    let rows: [f64; 9] = std::array::from_fn(|k| placement.rotation.0[k % 3][k / 3]);
+    let rotation = exact("rotation", &rows, rounded == placement.rotation);
+    let (xyz, rpy) = (numbers(&placement.translation.0), numbers(&rpy));
     let _ = writeln!(out, "    <parent link=\"{}\"/>\n    <child link=\"{}\"/>", escaped(parent), escaped(child));
-    let _ = writeln!(out, "    <origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>");
+    let _ = writeln!(out, "    <origin xyz=\"{xyz}\" rpy=\"{rpy}\"{rotation}/>");
 }
 
 fn link(out: &mut String, name: &str, parameters: Option<&[f64; 10]>, report: &mut Vec<String>) {
@@ -136,7 +140,11 @@ fn link(out: &mut String, name: &str, parameters: Option<&[f64; 10]>, report: &m
         report.push(format!("link {name} is no possible body: readers, armlet included, refuse its mass or inertia"));
     }
     let [xx, xy, yy, xz, yz, zz] = i.0;
-    let _ = writeln!(out, "  <link name=\"{}\">\n    <inertial>\n      <origin xyz=\"{}\" rpy=\"0 0 0\"/>", escaped(name), numbers(&com.0));
+    let mut parameters = [0.0; PARAMETERS];
+    inertia.write_parameters(&mut parameters);
+    let shifted = Inertia { mass: inertia.mass, moment: V3::zero(), inertia: i }.placed(&Placement::from_rpy([0.0; 3], com.0));
+    let added = exact("parameters", &parameters, shifted == inertia);
+    let _ = writeln!(out, "  <link name=\"{}\">\n    <inertial{added}>\n      <origin xyz=\"{}\" rpy=\"0 0 0\"/>", escaped(name), numbers(&com.0));
     let _ = writeln!(out, "      <mass value=\"{:?}\"/>", inertia.mass);
     let _ = writeln!(
         out,
@@ -144,8 +152,13 @@ fn link(out: &mut String, name: &str, parameters: Option<&[f64; 10]>, report: &m
     );
 }
 
-fn numbers(x: &[f64; 3]) -> String {
-    format!("{:?} {:?} {:?}", x[0], x[1], x[2])
+fn numbers(x: &[f64]) -> String {
+    x.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(" ")
+}
+
+/// The attribute that keeps what the standard ones round; none where they do not.
+fn exact(attribute: &str, x: &[f64], kept: bool) -> String {
+    if kept { String::new() } else { format!(" {attribute}=\"{}\"", numbers(x)) }
 }
 
 /// Text inside a quoted attribute; line breaks and tabs as references, since a parser turns bare ones into spaces.

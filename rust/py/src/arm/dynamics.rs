@@ -1,0 +1,233 @@
+//! `M(q) a + C(q, v) v + g(q) = tau` and its parts, broadcast over leading axes.
+
+use super::Arm;
+use crate::arrays::flag_or_false;
+use crate::errors::entry;
+use armlet_core::dynamics::{Quantity, Query};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+#[pymethods]
+impl Arm {
+    /// The mass matrix `M(q)`, `(..., n, n)`, the rotors' inertia (armature) on its diagonal included.
+    ///
+    /// Args:
+    ///     q: positions, `(..., n)`, rad or m.
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: `q` is not finite or has the wrong shape, or `out` cannot be written.
+    ///
+    /// Source: composite rigid bodies, Featherstone, Rigid Body Dynamics Algorithms, 2008.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_pr(2.0, 0.5, 0.5).mass_matrix([0.0, 0.0])
+    /// array([[2. , 0.5],
+    ///        [0.5, 0.5]])
+    #[pyo3(signature = (q, *, out=None))]
+    fn mass_matrix<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        self.evaluate("mass_matrix", ["q"], [q], Quantity::MassMatrix.into(), out)
+    }
+
+    /// The Coriolis matrix `C(q, v)` with Christoffel symbols, `(..., n, n)`: `C(q, x) y = C(q, y) x` and `dM/dt = C + C'`.
+    ///
+    /// Args:
+    ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite or has the wrong shape, or `out` cannot be written.
+    ///
+    /// Source: Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols, 2021.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_pr(2.0, 0.5, 0.5).coriolis_matrix([0.0, 1.5707963267948966], [0.0, 2.0])
+    /// array([[ 0., -1.],
+    ///        [ 0.,  0.]])
+    #[pyo3(signature = (q, v, *, out=None))]
+    fn coriolis_matrix<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.evaluate("coriolis_matrix", ["q", "v"], [q, v], Quantity::CoriolisMatrix.into(), out)
+    }
+
+    /// The gravity torque `g(q)`, `(..., n)`, N m or N: the slope of the potential energy.
+    ///
+    /// Args:
+    ///     q: positions, `(..., n)`, rad or m.
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: `q` is not finite or has the wrong shape, or `out` cannot be written.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([1.0], masses=[2.0]).gravity([0.0])
+    /// array([9.81])
+    #[pyo3(signature = (q, *, out=None))]
+    fn gravity<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        self.evaluate("gravity", ["q"], [q], Quantity::Gravity.into(), out)
+    }
+
+    /// What is left of the torque without acceleration: `C(q, v) v + g(q)`, `(..., n)`, N m or N.
+    ///
+    /// Args:
+    ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.
+    ///     friction: add the joints' `damping v + friction sign(v)` (keyword only).
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite or has the wrong shape, or `out` cannot be written.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_pr(2.0, 0.5, 0.5).bias([0.0, 1.5707963267948966], [0.0, 2.0])
+    /// array([-2.,  0.])
+    #[pyo3(signature = (q, v, *, friction=None, out=None), text_signature = "($self, q, v, *, friction=False, out=None)")]
+    fn bias<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        friction: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        const NAME: &str = "bias";
+        let friction = entry(q.py(), NAME, || flag_or_false(NAME, "friction", friction))?;
+        self.evaluate(NAME, ["q", "v"], [q, v], Query { friction, ..Quantity::Bias.into() }, out)
+    }
+
+    /// Inverse dynamics: the torque `tau = M a + C v + g - J' wrench`, `(..., n)`, N m or N.
+    ///
+    /// Args:
+    ///     q, v, a: positions, velocities and accelerations, `(..., n)`, broadcast over the leading axes.
+    ///     wrench: force and moment `[f; m]` on the arm, `(..., 6)`, N and N m, in world axes at a frame's origin (keyword only).
+    ///     wrench_frame: name of that frame (keyword only).
+    ///     friction: add the joints' `damping v + friction sign(v)` (keyword only).
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite or has the wrong shape, the frame is unknown, or `out` cannot be written.
+    ///
+    /// Source: recursive Newton-Euler, Luh, Walker and Paul, On-line computational scheme for mechanical manipulators, 1980.
+    ///
+    /// >>> import armlet as al
+    /// >>> arm = al.planar_arm([1.0], masses=[2.0])
+    /// >>> arm.inverse_dynamics([0.0], [0.0], [0.0], wrench=[0.0, 9.81, 0.0, 0.0, 0.0, 0.0], wrench_frame="link1")
+    /// array([0.])
+    #[pyo3(
+        signature = (q, v, a, *, wrench=None, wrench_frame=None, friction=None, out=None),
+        text_signature = "($self, q, v, a, *, wrench=None, wrench_frame=None, friction=False, out=None)"
+    )]
+    fn inverse_dynamics<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        a: &Bound<'py, PyAny>,
+        wrench: Option<&Bound<'py, PyAny>>,
+        wrench_frame: Option<&Bound<'py, PyAny>>,
+        friction: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.loaded(("inverse_dynamics", "a"), [q, v, a], (wrench, wrench_frame, friction), Quantity::InverseDynamics, out)
+    }
+
+    /// Forward dynamics: the acceleration `a = M^-1 (tau + J' wrench - C v - g)`, `(..., n)`, rad/s^2 or m/s^2.
+    ///
+    /// Args:
+    ///     q, v, tau: positions, velocities and torques, `(..., n)`, broadcast over the leading axes.
+    ///     wrench, wrench_frame, friction, out: as for `inverse_dynamics` (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite or has the wrong shape, the frame is unknown, the mass matrix is singular, or `out`
+    ///         cannot be written.
+    ///
+    /// Source: articulated bodies, Featherstone, The calculation of robot dynamics using articulated-body inertias, 1983.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.pendulum(2.0, 3.0).forward_dynamics([0.0], [0.0], [4.0])
+    /// array([2.])
+    #[pyo3(
+        signature = (q, v, tau, *, wrench=None, wrench_frame=None, friction=None, out=None),
+        text_signature = "($self, q, v, tau, *, wrench=None, wrench_frame=None, friction=False, out=None)"
+    )]
+    fn forward_dynamics<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        tau: &Bound<'py, PyAny>,
+        wrench: Option<&Bound<'py, PyAny>>,
+        wrench_frame: Option<&Bound<'py, PyAny>>,
+        friction: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.loaded(("forward_dynamics", "tau"), [q, v, tau], (wrench, wrench_frame, friction), Quantity::ForwardDynamics, out)
+    }
+
+    /// The Slotine-Li regressor, `(..., n, p)`: `Y(q, v, v_r, a_r) parameters = M a_r + C(q, v) v_r + g`, `C` that of Christoffel.
+    ///
+    /// Armature is not among the parameters: `regressor(q, v, v, a) @ parameters + armature a` is the inverse dynamics.
+    ///
+    /// Args:
+    ///     q, v, v_r, a_r: positions, velocities, reference velocities and accelerations, `(..., n)`, broadcast over the leading axes.
+    ///     armature: append the columns `diag(a_r)` (keyword only).
+    ///     friction: append then `diag(v_r)` for damping and `diag(sign v)` for Coulomb friction (keyword only).
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite or has the wrong shape, or `out` cannot be written.
+    ///
+    /// Source: Slotine and Li 1987, for trees of bodies.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_pr(2.0, 0.5, 0.5).regressor([0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 3.0])
+    /// array([[1., 3., 0.],
+    ///        [0., 1., 3.]])
+    #[pyo3(
+        signature = (q, v, v_r, a_r, *, armature=None, friction=None, out=None),
+        text_signature = "($self, q, v, v_r, a_r, *, armature=False, friction=False, out=None)"
+    )]
+    fn regressor<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        v_r: &Bound<'py, PyAny>,
+        a_r: &Bound<'py, PyAny>,
+        armature: Option<&Bound<'py, PyAny>>,
+        friction: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        const NAME: &str = "regressor";
+        let flag = |name, value| entry(q.py(), NAME, || flag_or_false(NAME, name, value));
+        let (armature, friction) = (flag("armature", armature)?, flag("friction", friction)?);
+        let query = Query { armature, friction, ..Quantity::Regressor.into() };
+        self.evaluate(NAME, ["q", "v", "v_r", "a_r"], [q, v, v_r, a_r], query, out)
+    }
+
+    /// Kinetic and potential energy, `v' M v / 2` and that whose slope is `g`, `(...)` each, in J.
+    ///
+    /// Args:
+    ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.
+    ///     out: a tuple of two arrays to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite or has the wrong shape, or `out` cannot be written.
+    ///
+    /// >>> import armlet as al
+    /// >>> kinetic, potential = al.planar_pr(2.0, 0.5, 0.5).energy([0.0, 0.0], [1.0, 0.0])
+    /// >>> float(kinetic), float(potential)
+    /// (1.0, 0.0)
+    #[pyo3(signature = (q, v, *, out=None))]
+    fn energy<'py>(&self, q: &Bound<'py, PyAny>, v: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, values) = (q.py(), [q, v]);
+        entry(py, "energy", || {
+            let query = Quantity::Energy.into();
+            let (leading, both) = self.flat("energy", ["q", "v"], values, &query, &[2])?;
+            Self::several(py, "energy", &values, &leading, [&[], &[]], out, |k, data| {
+                for (pair, to) in both.chunks_exact(2).zip(data) {
+                    *to = pair[k];
+                }
+            })
+        })
+    }
+}

@@ -1,0 +1,120 @@
+//! Poses of frames, their geometric Jacobians and rates, and the centre of mass, broadcast over leading axes.
+
+use super::Arm;
+use armlet_core::dynamics::Quantity;
+use pyo3::prelude::*;
+
+#[pymethods]
+impl Arm {
+    /// The pose `X_WF` of a frame, `(..., 4, 4)`: a homogeneous transform, lengths in m.
+    ///
+    /// Args:
+    ///     q: positions, `(..., n)`, rad or m.
+    ///     frame: one of `frame_names`.
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: `q` is not finite or has the wrong shape, the frame is unknown, the arm has no links, or `out` cannot be written.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([1.0]).pose([0.0], "link1")
+    /// array([[1., 0., 0., 1.],
+    ///        [0., 1., 0., 0.],
+    ///        [0., 0., 1., 0.],
+    ///        [0., 0., 0., 1.]])
+    #[pyo3(signature = (q, frame, *, out=None))]
+    fn pose<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.framed("pose", ["q"], [q], Quantity::Pose, frame, out)
+    }
+
+    /// The position `p_WF` of a frame's origin in the world, `(..., 3)`, m.
+    ///
+    /// Args and errors: as for `pose`.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([1.0, 0.5]).position([0.0, 0.0], "link2")
+    /// array([1.5, 0. , 0. ])
+    #[pyo3(signature = (q, frame, *, out=None))]
+    fn position<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.framed("position", ["q"], [q], Quantity::Position, frame, out)
+    }
+
+    /// The geometric Jacobian of a frame, `(..., 6, n)`: `[v; w] = J v`, world axes, at the frame's origin, m/s and rad/s.
+    ///
+    /// Args and errors: as for `pose`.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([1.0]).jacobian([0.0], "link1")[:, 0].tolist()
+    /// [0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    #[pyo3(signature = (q, frame, *, out=None))]
+    fn jacobian<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.framed("jacobian", ["q"], [q], Quantity::Jacobian, frame, out)
+    }
+
+    /// The rate `dJ/dt` of a frame's Jacobian, `(..., 6, n)`: the frame's acceleration is `J a + dJ/dt v`.
+    ///
+    /// Args:
+    ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.
+    ///     frame, out: as for `pose`.
+    ///
+    /// Raises:
+    ///     InputError: as for `pose`.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([1.0]).jacobian_dot([0.0], [2.0], "link1")[:2, 0].tolist()
+    /// [-2.0, 0.0]
+    #[pyo3(signature = (q, v, frame, *, out=None))]
+    fn jacobian_dot<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.framed("jacobian_dot", ["q", "v"], [q, v], Quantity::JacobianDot, frame, out)
+    }
+
+    /// The centre of mass of all that moves, in the world, `(..., 3)`, m.
+    ///
+    /// Args:
+    ///     q: positions, `(..., n)`, rad or m.
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: `q` is not finite or has the wrong shape, the arm has no links or no mass, or `out` cannot be written.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([1.0]).center_of_mass([0.0])
+    /// array([0.5, 0. , 0. ])
+    #[pyo3(signature = (q, *, out=None))]
+    fn center_of_mass<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        self.kinematic("center_of_mass", q, Quantity::Com, out)
+    }
+
+    /// The Jacobian of the centre of mass, `(..., 3, n)`: its velocity in the world is `J v`.
+    ///
+    /// Args and errors: as for `center_of_mass`.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([1.0]).center_of_mass_jacobian([0.0])[:, 0].tolist()
+    /// [0.0, 0.5, 0.0]
+    #[pyo3(signature = (q, *, out=None))]
+    fn center_of_mass_jacobian<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        self.kinematic("center_of_mass_jacobian", q, Quantity::ComJacobian, out)
+    }
+}
