@@ -130,6 +130,42 @@ def test_random_paths(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
         print(f"  time_path, {stratum}: {CASES} problems, smallest margin {worst:.1e}")
 
 
+@pytest.mark.parametrize("points", [9, 17, 33, 101, 401])
+def test_end_on_the_limit_of_speed_on_a_kept_grid(points: int) -> None:
+    """The last bound of the path speed can't be narrowed, only the one before: corrections settle all the same."""
+    rng = np.random.default_rng(4)
+    arm, checker = LIGHT[1]
+    for _ in range(5):
+        q = rng.uniform(-1.5, 1.5, (3, 2))
+        spline = timing.natural_spline(timing.positions(q), q)
+        v_max = rng.uniform(0.5, 5.0, 2)
+        limits = {"tau_max": 1e6, "v_max": v_max, "end_speed": float(np.min(v_max / np.abs(spline(np.array([1.0]))[1][0])))}
+        p = al.time_path(arm, q, grid=points, refine=False, **limits)
+        assert p.feasible, p.reason
+        judge(checker, p, spline, limits, rng)
+
+
+def beyond(p: al.TimedPath, checker: Any, tau_max: np.ndarray, viscous: Any = 0.0) -> float:
+    """The largest relative excess of a torque on 100 places of every segment."""
+    t = (p.t[:-1, None] + np.linspace(0.0, 1.0, 101)[:-1] * np.diff(p.t)[:, None]).ravel()
+    tau, rounding = timing.torques(checker, *p(t), viscous)
+    return timing.excess(tau, tau_max, rounding)
+
+
+def test_peaks_beside_grid_points_are_seen() -> None:
+    """A torque that peaks a hundredth of a segment before its end, where its curvature grows; and friction that goes with the root of the
+    path's position, which no parabola follows beside rest."""
+    q = [[0.9757989668849767, -0.5212380160511579], [-0.1424320173030642, -0.23717237432761573], [-0.03958529599572769, -0.7344661477294436]]
+    tau_max = np.array([0.1028888, 0.09024266])
+    p = al.time_path(LIGHT[1][0], q, tau_max=tau_max, a_max=[7.57082471, 19.07995545], grid=38)
+    assert beyond(p, LIGHT[1][1], tau_max) <= PROMISE
+    q = [[-0.17655546067289318, 1.4299170821125435], [0.49057980868167084, 0.5803432356378773], [0.9625158427144491, 0.6757962988121378]]
+    q.append([0.6632619608486721, -0.7178525424443779])
+    tau_max, viscous = np.array([24.56718292, 18.61178312]), np.array([0.00255016, 0.23173754])
+    p = al.time_path(LIGHT[4][0], q, tau_max=tau_max, v_max=[1.13537159, 1.91589197], friction=viscous, grid=25)
+    assert beyond(p, LIGHT[4][1], tau_max, viscous) <= PROMISE
+
+
 def test_start_on_a_limit() -> None:
     """A horizontal arm whose first joint just holds it, and goes down; and one whose idle joint stands on its limit all along."""
     arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
@@ -149,7 +185,7 @@ def test_start_on_a_limit() -> None:
 
 
 def test_friction() -> None:
-    """Mild viscous friction counts: inside the limits with it. (Strong friction may be refused: docs/time_path.md.)"""
+    """Mild viscous friction counts: inside the limits with it. (Strong friction: test_time_path_options.py.)"""
     rng = np.random.default_rng(6)
     for arm, checker in HEAVY[1:4]:
         for _ in range(max(1, CASES // 8)):

@@ -11,10 +11,11 @@
 //! Torque is monotone in `a` at every angle, so the two bounds are exact, and the extremes of `sin` on an
 //! interval are closed form: nothing is sampled. `docs/minimum_time.md` has the derivation.
 
-use super::link::{Link, check_ends};
+use super::link::{Link, SLACK, check_ends};
 use super::report::{Bind, Limit, Place, Reason};
-use super::sine::{Sine, crest_inside, select, sine, sines, trough_inside};
-use crate::error::Result;
+use super::sine::{Sine, crest_inside, sine, trough_inside};
+use crate::error::{Error, Result};
+use crate::scalar::{Real, Task, run_lanes};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// What the profile can and cannot do. Labels and words are computed on request.
@@ -38,25 +39,81 @@ pub struct BangBangReport {
 }
 
 /// Bounds on `a` from each phase: (phase 1, phase 2).
-struct Bounds {
-    upper: [f64; 2],
-    lower: [f64; 2],
+struct Bounds<S> {
+    upper: [S; 2],
+    lower: [S; 2],
 }
 
 /// (least, largest) value of `G sin` between two angles.
 #[inline(always)]
-fn gravity_range(g: f64, a: &Sine, b: &Sine) -> (f64, f64) {
+fn gravity_range<S: Real>(g: S, a: &Sine<S>, b: &Sine<S>) -> (S, S) {
     // An extreme that is not inside counts as 2 or -2, beyond every sine; min and max sort out the sign of g.
-    let low = a.sin.min(b.sin).min(2.0 - 3.0 * f64::from(u8::from(trough_inside(a, b))));
-    let high = a.sin.max(b.sin).max(3.0 * f64::from(u8::from(crest_inside(a, b))) - 2.0);
+    let (one, two) = (S::splat(1.0), S::splat(2.0));
+    let low = a.sin.min(b.sin).min(S::select(trough_inside(a, b), -one, two));
+    let high = a.sin.max(b.sin).max(S::select(crest_inside(a, b), one, -two));
     ((g * low).min(g * high), (g * low).max(g * high))
 }
 
 #[inline(always)]
-fn bounds(link: &Link, s0: &Sine, sm: &Sine, s1: &Sine) -> Bounds {
-    let (low1, high1) = gravity_range(link.gravity_moment, s0, sm);
-    let (low2, high2) = gravity_range(link.gravity_moment, sm, s1);
-    Bounds { upper: [link.tau_max - high1, low2 - link.tau_min], lower: [link.tau_min - low1, high2 - link.tau_max] }
+fn bounds<S: Real>([g, tau_min, tau_max]: [S; 3], [s0, sm, s1]: &[Sine<S>; 3]) -> Bounds<S> {
+    let (low1, high1) = gravity_range(g, s0, sm);
+    let (low2, high2) = gravity_range(g, sm, s1);
+    Bounds { upper: [tau_max - high1, low2 - tau_min], lower: [tau_min - low1, high2 - tau_max] }
+}
+
+/// The answers to one problem per lane; flags are 1 or 0.
+struct Answers<S> {
+    /// `t_min`, `t_max`, `a_min`, `a_max`.
+    numbers: [S; 4],
+    /// `feasible`, `hold_start`, `hold_end`.
+    flags: [S; 3],
+    /// The problem is one: see [`Link::new`] and [`check_ends`].
+    valid: S,
+}
+
+/// 1 where both hold, else 0.
+#[inline(always)]
+fn both<S: Real>(a: S::Mask, b: S::Mask) -> S {
+    S::select(a, S::select(b, S::splat(1.0), S::zero()), S::zero())
+}
+
+/// 1 where `x` is neither below `low` nor above `high`, else 0.
+#[inline(always)]
+fn between<S: Real>(x: S, low: S, high: S) -> S {
+    S::select(x.lt(low), S::zero(), S::select(high.lt(x), S::zero(), S::splat(1.0)))
+}
+
+/// `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`.
+#[inline(always)]
+fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> Answers<S> {
+    let (zero, one, two) = (S::zero(), S::splat(1.0), S::splat(2.0));
+    let finite = S::splat(f64::INFINITY);
+    let (way, width) = (thetaf - theta0, tau_max - tau_min);
+    let ends = both::<S>(way.abs().lt(finite), g.abs().lt(finite)) * both::<S>(zero.lt(inertia), inertia.lt(finite));
+    let limits = both::<S>(zero.lt(width), width.lt(finite)) * between(zero, tau_min, tau_max);
+    let back = way.lt(zero);
+    let sign = S::select(back, -one, one);
+    let (low, high) = (S::select(back, -tau_max, tau_min), S::select(back, -tau_min, tau_max));
+    let (x0, x1) = (sign * theta0, sign * thetaf);
+    let distance = x1 - x0;
+    let half = S::splat(0.5);
+    let sines = [sine(x0), sine(half * x0 + half * x1), sine(x1)];
+    let b = bounds([g, low, high], &sines);
+    let a_max = b.upper[0].min(b.upper[1]);
+    // Of zeros the positive one: it divides.
+    let a_min = b.lower[0].max(b.lower[1]).max(zero).abs();
+    let slack = S::splat(SLACK) * tau_max.max(-tau_min);
+    let (hold_start, hold_end) =
+        (between(g * sines[0].sin, low - slack, high + slack), between(g * sines[2].sin, low - slack, high + slack));
+    let moves = zero.lt(distance);
+    // Within the slack the interval is one duration.
+    let some = S::select(zero.lt(a_max), S::select(a_max.lt(a_min - slack), zero, one), zero);
+    let feasible = S::select(moves, some, hold_start);
+    let t_min = S::select(moves, two * (inertia * distance / a_max).sqrt(), zero);
+    let t_max = S::select(moves, (two * (inertia * distance / a_min).sqrt()).max(t_min), zero);
+    let (had, none) = (zero.lt(feasible), S::splat(f64::NAN));
+    let numbers = [S::select(had, t_min, none), S::select(had, t_max, none), a_min, a_max];
+    Answers { numbers, flags: [feasible, hold_start, hold_end], valid: ends * limits }
 }
 
 /// The durations for which `theta0 -> thetaf` (rad) by constant acceleration and equal braking obeys the torque bounds (N m).
@@ -67,32 +124,70 @@ fn bounds(link: &Link, s0: &Sine, sm: &Sine, s1: &Sine) -> Bounds {
 pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<BangBangReport> {
     check_ends(theta0, thetaf)?;
     let link = Link::new(inertia, gravity_moment, tau_min, tau_max)?;
-    let forward = thetaf >= theta0;
-    let along = link.along(forward);
-    let sign = 1.0f64.copysign(thetaf - theta0);
-    let (x0, x1) = (sign * theta0, sign * thetaf);
-    let distance = x1 - x0;
-    let [s0, sm, s1, _] = sines([x0, 0.5 * x0 + 0.5 * x1, x1, 0.0]);
-    let b = bounds(&along, &s0, &sm, &s1);
-    let a_max = b.upper[0].min(b.upper[1]);
-    let a_min = b.lower[0].max(b.lower[1]).max(0.0);
-    let slack = link.slack();
-    let holds = |s: &Sine| {
-        let tau = gravity_moment * s.sin;
-        (tau <= along.tau_max + slack) & (tau >= along.tau_min - slack)
-    };
-    let (hold_start, hold_end) = (holds(&s0), holds(&s1));
-    let (feasible, t_min, t_max) = if distance == 0.0 {
-        (hold_start, 0.0, 0.0)
-    } else {
-        let t_min = 2.0 * (inertia * distance / a_max).sqrt();
-        let t_max = 2.0 * (inertia * distance / a_min).sqrt();
-        // Within the slack the interval is one duration.
-        ((a_max > 0.0) & (a_max >= a_min - slack), t_min, t_max.max(t_min))
-    };
-    let infeasible = u64::from(!feasible);
-    let (t_min, t_max) = (select(infeasible, f64::NAN, t_min), select(infeasible, f64::NAN, t_max));
+    let Answers { numbers: [t_min, t_max, a_min, a_max], flags, .. } = answers([theta0, thetaf, inertia, gravity_moment, tau_min, tau_max]);
+    let [feasible, hold_start, hold_end] = flags.map(|flag| flag > 0.0);
     Ok(BangBangReport { feasible, t_min, t_max, a_min, a_max, hold_start, hold_end, theta0, thetaf, link })
+}
+
+/// Where the answers to many problems go, `(count,)` each: `t_min, t_max, a_min, a_max`, and `feasible, hold_start, hold_end`.
+pub struct BangBangTimes<'a> {
+    pub numbers: [&'a mut [f64]; 4],
+    pub flags: [&'a mut [bool]; 3],
+}
+
+struct Batch<'a, 'b> {
+    columns: [&'a [f64]; 6],
+    to: &'a mut BangBangTimes<'b>,
+}
+
+impl Task for Batch<'_, '_> {
+    type Output = Option<usize>;
+    #[inline(always)]
+    fn run<S: Real>(self) -> Option<usize> {
+        let Batch { columns, to } = self;
+        let count = to.flags[0].len();
+        let mut first = 0;
+        while first < count {
+            let lanes = S::LANES.min(count - first);
+            let mut problem = [S::zero(); 6];
+            for k in 0..6 {
+                let column = columns[k];
+                problem[k] = if let [x] = column {
+                    S::splat(*x)
+                } else if lanes == S::LANES {
+                    S::load(&column[first..])
+                } else {
+                    S::from_lanes(|lane| column[first + lane.min(lanes - 1)])
+                };
+            }
+            let answers = answers(problem);
+            if S::any(answers.valid.lt(S::splat(0.5))) {
+                return (0..lanes).find(|&lane| answers.valid.lane(lane) < 0.5).map(|lane| first + lane);
+            }
+            for k in 0..4 {
+                let out = &mut to.numbers[k][first..first + lanes];
+                if lanes == S::LANES {
+                    answers.numbers[k].store(out);
+                } else {
+                    (0..lanes).for_each(|lane| out[lane] = answers.numbers[k].lane(lane));
+                }
+            }
+            for k in 0..3 {
+                let out = &mut to.flags[k][first..first + lanes];
+                (0..lanes).for_each(|lane| out[lane] = answers.flags[k].lane(lane) > 0.0);
+            }
+            first += lanes;
+        }
+        None
+    }
+}
+
+/// [`bang_bang_time`] of many problems in lanes, to the bit. `columns`: `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`, one
+/// number for all or one for each. An error comes with the first index it holds for.
+pub fn bang_bang_times(columns: [&[f64]; 6], mut to: BangBangTimes) -> std::result::Result<(), (usize, Error)> {
+    let Some(bad) = run_lanes(Batch { columns, to: &mut to }) else { return Ok(()) };
+    let [theta0, thetaf, inertia, g, tau_min, tau_max] = columns.map(|column| if let [x] = column { *x } else { column[bad] });
+    bang_bang_time(theta0, thetaf, inertia, g, tau_min, tau_max).map(|_| ()).map_err(|error| (bad, error))
 }
 
 impl BangBangReport {
@@ -119,8 +214,8 @@ impl BangBangReport {
     fn bind(&self, upper: bool, a: f64) -> Bind {
         let along = self.link.along(self.forward());
         let x = self.ends();
-        let s = x.map(sine);
-        let b = bounds(&along, &s[0], &s[1], &s[2]);
+        let s = x.map(|x| sine(x));
+        let b = bounds([along.gravity_moment, along.tau_min, along.tau_max], &s);
         let gap = if upper { b.upper[1] - b.upper[0] } else { b.lower[0] - b.lower[1] };
         let tie = self.link.slack();
         let second = gap < -tie;

@@ -13,6 +13,7 @@
 //! at x is the same phase from `-x` run backwards, with the braking torque as push.
 
 use super::sine::{sin_cos, sinc_cos_small};
+use crate::scalar::{Real, Task, run_lanes};
 use std::f64::consts::{PI, TAU};
 
 /// Nodes on (0, 1] of the symmetric 21-point Kronrod rule on [-1, 1] (the centre last), and its weights (QUADPACK, qk21).
@@ -79,20 +80,13 @@ impl Phase {
         self.push - self.g * self.sin
     }
 
-    /// `w(y)` and the gradient factor `G cos(x + h) sinc(h)`.
-    #[inline(always)]
-    fn mean_net(&self, y: f64) -> (f64, f64) {
-        let h = 0.5 * y;
-        let (s, c) = sin_cos(h);
-        let sinc = if h == 0.0 { 1.0 } else { s / h };
-        let scaled = self.g * sinc;
-        (self.push - scaled * (self.sin * c + self.cos * s), scaled * (self.cos * c - self.sin * s))
-    }
-
     /// Kinetic energy after the stretch `y`.
     #[inline]
     pub fn energy(&self, y: f64) -> f64 {
-        y * self.mean_net(y).0
+        let h = 0.5 * y;
+        let (s, c) = sin_cos(h);
+        let sinc = if h == 0.0 { 1.0 } else { s / h };
+        y * (self.push - self.g * sinc * (self.sin * c + self.cos * s))
     }
 
     /// The first stretch in `(0, length)` at which the kinetic energy has a local minimum. Later minima are not
@@ -110,81 +104,107 @@ impl Phase {
     }
 
     /// `F(x, length)`: phase time over `sqrt(I/2)`.
-    #[inline]
     pub fn time_factor(&self, length: f64) -> f64 {
-        2.0 * length.sqrt() * self.integrate(length, ACCURACY, |w, _| 1.0 / w.sqrt())
+        2.0 * length.sqrt() * run_lanes(Integral::<false> { phase: *self, length, accuracy: ACCURACY })
     }
 
     /// `dF/dx` at fixed length, to the relative `accuracy`.
-    #[inline]
     pub fn time_gradient(&self, length: f64, accuracy: f64) -> f64 {
-        length.sqrt() * self.integrate(length, accuracy, |w, gradient| gradient / (w * w.sqrt()))
+        length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
     }
+}
 
-    /// `w` and its gradient factor at the nodes `s` of `y = L s^2`. Stretches up to pi need no reduction of the angle:
-    /// with q = y/4 <= pi/4, `sinc h = sinc q cos q` and `cos h = 1 - 2 sin^2 q`, in plain arrays that the compiler vectorises.
-    #[inline(always)]
-    fn at_nodes(&self, length: f64, s: &Nodes) -> (Nodes, Nodes) {
-        let (mut w, mut gradient) = ([0.0; COUNT], [0.0; COUNT]);
-        let floor = 1e-18 * (self.push.abs() + self.g.abs());
-        if length <= PI {
-            for k in 0..COUNT {
-                let q = 0.25 * length * s[k] * s[k];
-                let (sinc_q, cos_q) = sinc_cos_small(q);
-                let (sinc, sin_q) = (sinc_q * cos_q, q * sinc_q);
-                let (sin_h, cos_h) = (2.0 * q * sinc, 1.0 - 2.0 * sin_q * sin_q);
-                let scaled = self.g * sinc;
-                w[k] = (self.push - scaled * (self.sin * cos_h + self.cos * sin_h)).max(floor);
-                gradient[k] = scaled * (self.cos * cos_h - self.sin * sin_h);
-            }
-        } else {
-            for k in 0..COUNT {
-                let (net, slope) = self.mean_net(length * s[k] * s[k]);
-                (w[k], gradient[k]) = (net.max(floor), slope);
-            }
-        }
-        (w, gradient)
-    }
+/// `int_0^1 1/sqrt(w) ds` at `y = L s^2`, or with `GRADIENT` `int_0^1 G cos(x + h) sinc(h) w^(-3/2) ds`.
+struct Integral<const GRADIENT: bool> {
+    phase: Phase,
+    length: f64,
+    accuracy: f64,
+}
 
-    /// `int_0^1 f(w(L s^2), ..) ds`, split at the hump.
+impl<const GRADIENT: bool> Task for Integral<GRADIENT> {
+    type Output = f64;
     #[inline(always)]
-    fn integrate(&self, length: f64, accuracy: f64, f: impl Fn(f64, f64) -> f64) -> f64 {
-        let values = |s: &Nodes| {
-            let (w, gradient) = self.at_nodes(length, s);
-            let mut value = [0.0; COUNT];
-            for k in 0..COUNT {
-                value[k] = f(w[k], gradient[k]);
-            }
-            value
-        };
-        match self.hump(length) {
-            None => adaptive(&values, &[0.0, 1.0], accuracy),
-            Some(y) => adaptive(&values, &[0.0, (y / length).sqrt(), 1.0], accuracy),
+    fn run<S: Real>(self) -> f64 {
+        // Split at the hump, where w is least.
+        match self.phase.hump(self.length) {
+            None => adaptive::<S>(&self, &[0.0, 1.0], self.accuracy),
+            Some(y) => adaptive::<S>(&self, &[0.0, (y / self.length).sqrt(), 1.0], self.accuracy),
         }
     }
 }
 
-/// Nodes of a panel in order of `NODES` with both signs; the centre stands twice, with half its weight.
-type Nodes = [f64; COUNT];
-const COUNT: usize = 22;
+/// What is integrated, at several places.
+trait Integrand {
+    fn at<S: Real>(&self, s: S) -> S;
+}
+
+impl<const GRADIENT: bool> Integrand for Integral<GRADIENT> {
+    #[inline(always)]
+    fn at<S: Real>(&self, s: S) -> S {
+        let Integral { phase: Phase { push, g, sin, cos, .. }, length, .. } = *self;
+        let k = S::splat;
+        let y = k(length) * s * s;
+        // Stretches up to pi need no reduction of the angle: with q = y/4 <= pi/4, sinc h = sinc q cos q and cos h = 1 - 2 sin^2 q.
+        let (sinc, sin_h, cos_h) = if length <= PI {
+            let q = k(0.25) * y;
+            let (sinc_q, cos_q) = sinc_cos_small(q);
+            let (sinc, sin_q) = (sinc_q * cos_q, q * sinc_q);
+            (sinc, k(2.0) * q * sinc, k(1.0) - k(2.0) * sin_q * sin_q)
+        } else {
+            let h = k(0.5) * y;
+            let (sin_h, cos_h) = h.sin_cos();
+            let some = S::zero().lt(h);
+            (S::select(some, sin_h / S::select(some, h, k(1.0)), k(1.0)), sin_h, cos_h)
+        };
+        let scaled = k(g) * sinc;
+        let w = (k(push) - scaled * (k(sin) * cos_h + k(cos) * sin_h)).max(k(1e-18 * (push.abs() + g.abs())));
+        if GRADIENT { scaled * (k(cos) * cos_h - k(sin) * sin_h) / (w * w.sqrt()) } else { k(1.0) / w.sqrt() }
+    }
+}
+
+/// Places of a panel, padded to whole lanes: the nodes of `NODES` with either sign, the centre once.
+const COUNT: usize = 24;
+/// Nodes on [-1, 1], Kronrod weights and Gauss weights.
+const RULE: [[f64; COUNT]; 3] = {
+    let mut rule = [[0.0; COUNT]; 3];
+    let mut k = 0;
+    while k < 11 {
+        (rule[0][k], rule[1][k]) = (NODES[k], KRONROD[k]);
+        if k < 10 {
+            (rule[0][k + 11], rule[1][k + 11]) = (-NODES[k], KRONROD[k]);
+        }
+        if k % 2 == 1 && k < 10 {
+            (rule[2][k], rule[2][k + 11]) = (GAUSS[k / 2], GAUSS[k / 2]);
+        }
+        k += 1;
+    }
+    rule
+};
+
+#[inline(always)]
+fn sum<S: Real>(x: S) -> f64 {
+    let mut sum = 0.0;
+    for lane in 0..S::LANES {
+        sum += x.lane(lane);
+    }
+    sum
+}
 
 /// Integral and error estimate (after QUADPACK) on one panel.
 #[inline(always)]
-fn panel(f: &impl Fn(&Nodes) -> Nodes, a: f64, b: f64) -> (f64, f64) {
-    let (centre, half) = (0.5 * (a + b), 0.5 * (b - a));
-    let mut s = [0.0; COUNT];
-    for k in 0..11 {
-        (s[k], s[k + 11]) = (centre - half * NODES[k], centre + half * NODES[k]);
+fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
+    let (centre, half) = (S::splat(0.5 * (a + b)), S::splat(0.5 * (b - a)));
+    let (mut kronrod, mut gauss, mut size) = (S::zero(), S::zero(), S::zero());
+    let mut k = 0;
+    while k < COUNT {
+        let value = f.at(centre + half * S::load(&RULE[0][k..]));
+        let part = S::load(&RULE[1][k..]) * value;
+        kronrod += part;
+        size += part.abs();
+        gauss += S::load(&RULE[2][k..]) * value;
+        k += S::LANES;
     }
-    let v = f(&s);
-    let (mut kronrod, mut gauss, mut size) = (KRONROD[10] * v[10], 0.0, KRONROD[10] * v[10].abs());
-    for k in 0..10 {
-        kronrod += KRONROD[k] * (v[k] + v[k + 11]);
-        size += KRONROD[k] * (v[k].abs() + v[k + 11].abs());
-    }
-    for k in 0..5 {
-        gauss += GAUSS[k] * (v[2 * k + 1] + v[2 * k + 12]);
-    }
+    let (kronrod, gauss, size, half) = (sum(kronrod), sum(gauss), sum(size), 0.5 * (b - a));
     let difference = (kronrod - gauss).abs() / size;
     // The 21-point rule is far better than its difference from the 10-point one: QUADPACK's (200 d)^1.5.
     let scaled = 200.0 * difference;
@@ -192,7 +212,7 @@ fn panel(f: &impl Fn(&Nodes) -> Nodes, a: f64, b: f64) -> (f64, f64) {
 }
 
 #[inline(always)]
-fn adaptive(f: &impl Fn(&Nodes) -> Nodes, breaks: &[f64], accuracy: f64) -> f64 {
+fn adaptive<S: Real>(f: &impl Integrand, breaks: &[f64], accuracy: f64) -> f64 {
     let mut stack = [(0.0, 0.0); MAX_DEPTH];
     let (mut sum, mut panels) = (0.0f64, 0);
     for pair in breaks.windows(2) {
@@ -201,7 +221,7 @@ fn adaptive(f: &impl Fn(&Nodes) -> Nodes, breaks: &[f64], accuracy: f64) -> f64 
         while top > 0 {
             top -= 1;
             let (a, b) = stack[top];
-            let (value, error) = panel(f, a, b);
+            let (value, error) = panel::<S>(f, a, b);
             panels += 1;
             let middle = 0.5 * (a + b);
             let exact = error <= accuracy * value.abs().max(0.1 * sum.abs());
@@ -224,8 +244,14 @@ mod tests {
     #[test]
     fn rules_integrate_polynomials() {
         // Kronrod 21 is exact to degree 31, Gauss 10 to degree 19: rounding only.
+        struct Power(i32);
+        impl Integrand for Power {
+            fn at<S: Real>(&self, s: S) -> S {
+                s.map(|s| s.powi(self.0))
+            }
+        }
         for degree in 0..32 {
-            let (value, error) = panel(&|x: &Nodes| x.map(|x| x.powi(degree)), 0.0, 1.0);
+            let (value, error) = panel::<f64>(&Power(degree), 0.0, 1.0);
             assert!((value * (degree + 1) as f64 - 1.0).abs() < 1e-14, "{degree}: {value}");
             assert!(degree > 19 || error < 1e-15, "{degree}: {error}");
         }

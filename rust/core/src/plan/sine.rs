@@ -5,10 +5,11 @@
 //! max over [a, b] of sin = 1 iff a point pi/2 + 2 pi k lies in [a, b], else max(sin a, sin b)
 //! ```
 //!
-//! The quarter turns are counted as integers from the same reduction that gives the sine, so "does the
-//! interval hold an extreme" never disagrees with the values at its ends. Reduction in three parts after
-//! Cody and Waite; the kernels are the Taylor series, whose first dropped term is below 5e-17 at pi/4.
+//! The quarter turns are counted by the same reduction that gives the sine, so "does the interval hold an extreme"
+//! never disagrees with the values at its ends. Reduction in three parts after Cody and Waite; the kernels are the
+//! Taylor series, whose first dropped term is below 5e-17 at pi/4. Nothing is fused, so that lanes give the bits of one number.
 
+use crate::scalar::Real;
 use std::f64::consts::FRAC_2_PI;
 
 // pi/2 in parts of 33 significant bits: n times the first two is exact for |n| < 2^20.
@@ -29,10 +30,10 @@ pub(super) fn select(flag: u64, a: f64, b: f64) -> f64 {
 
 /// An angle with its sine and its place on the circle.
 #[derive(Debug, Clone, Copy)]
-pub struct Sine {
-    pub sin: f64,
+pub struct Sine<S = f64> {
+    pub sin: S,
     /// floor(x / (pi/2)).
-    quarter: i64,
+    quarter: S,
 }
 
 /// Taylor coefficients from the highest down: of `sin r / r` to r^14 and of `cos r` to r^16, less the leading terms.
@@ -42,28 +43,28 @@ const COSINE: [f64; 6] =
     [1.0 / 20_922_789_888_000.0, -1.0 / 87_178_291_200.0, 1.0 / 479_001_600.0, -1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0];
 
 #[inline(always)]
-fn kernels(r: f64) -> (f64, f64) {
+fn kernels<S: Real>(r: S) -> (S, S) {
+    let k = S::splat;
     let z = r * r;
-    let mut s = SINE[0];
-    let mut c = COSINE[0];
-    for k in 1..6 {
-        s = SINE[k] + z * s;
-        c = COSINE[k] + z * c;
+    let (mut s, mut c) = (k(SINE[0]), k(COSINE[0]));
+    for i in 1..6 {
+        s = k(SINE[i]) + z * s;
+        c = k(COSINE[i]) + z * c;
     }
-    (r + r * z * (-1.0 / 6.0 + z * s), 1.0 - (0.5 * z - z * z * (1.0 / 24.0 + z * c)))
+    (r + r * z * (k(-1.0 / 6.0) + z * s), k(1.0) - (k(0.5) * z - z * z * (k(1.0 / 24.0) + z * c)))
 }
 
 /// `sin r / r` and `cos r` for `|r| <= pi/4`.
 #[inline(always)]
-pub(super) fn sinc_cos_small(r: f64) -> (f64, f64) {
+pub(super) fn sinc_cos_small<S: Real>(r: S) -> (S, S) {
+    let k = S::splat;
     let z = r * r;
-    let mut s = SINE[0];
-    let mut c = COSINE[0];
-    for k in 1..6 {
-        s = SINE[k] + z * s;
-        c = COSINE[k] + z * c;
+    let (mut s, mut c) = (k(SINE[0]), k(COSINE[0]));
+    for i in 1..6 {
+        s = k(SINE[i]) + z * s;
+        c = k(COSINE[i]) + z * c;
     }
-    (1.0 + z * (-1.0 / 6.0 + z * s), 1.0 - (0.5 * z - z * z * (1.0 / 24.0 + z * c)))
+    (k(1.0) + z * (k(-1.0 / 6.0) + z * s), k(1.0) - (k(0.5) * z - z * z * (k(1.0 / 24.0) + z * c)))
 }
 
 /// `r` and `n` of `x = n pi/2 + r`, for `|x| <= REDUCTION_LIMIT`.
@@ -86,61 +87,55 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     if n & 2 == 0 { (s, c) } else { (-s, -c) }
 }
 
+/// The nearest integer, to the even one from half way; for numbers below 2^51.
+#[inline(always)]
+fn round<S: Real>(x: S) -> S {
+    (x + S::splat(ROUND)) - S::splat(ROUND)
+}
+
+/// Whether an integer is odd.
+#[inline(always)]
+fn odd<S: Real>(n: S) -> S::Mask {
+    let half = S::splat(0.5) * n;
+    S::splat(0.25).lt((half - round(half)).abs())
+}
+
 /// The sine of a finite angle with the quarter it lies in.
 #[inline(always)]
-pub fn sine(x: f64) -> Sine {
-    if x.abs() > REDUCTION_LIMIT {
-        return Sine { sin: x.sin(), quarter: (x * FRAC_2_PI).floor() as i64 };
-    }
-    let (r, n) = reduce(x);
+pub fn sine<S: Real>(x: S) -> Sine<S> {
+    let k = S::splat;
+    let n = round(x * k(FRAC_2_PI));
+    let r = ((x - n * k(PART_1)) - n * k(PART_2)) - n * k(PART_3);
     let (s, c) = kernels(r);
-    let magnitude = select(n as u64 & 1, c, s);
-    let sign = ((n as u64) & 2) << 62;
-    Sine { sin: f64::from_bits(magnitude.to_bits() ^ sign), quarter: n - i64::from(r < 0.0) }
+    let size = S::select(odd(n), c, s);
+    // Of four quarters the sine is negative, or its cosine, in the last two.
+    let half = round(k(0.5) * n - k(0.25));
+    let near = Sine { sin: S::select(odd(half), -size, size), quarter: n - S::select(r.lt(S::zero()), k(1.0), S::zero()) };
+    let far = k(REDUCTION_LIMIT).lt(x.abs());
+    if !S::any(far) {
+        return near;
+    }
+    Sine { sin: S::select(far, x.map(f64::sin), near.sin), quarter: S::select(far, x.map(|x| (x * FRAC_2_PI).floor()), near.quarter) }
 }
 
-/// Four sines at once, in arrays that the compiler keeps in vector registers.
+/// Whether the whole turns of `quarter + shift` are more at `b` than at `a`.
 #[inline(always)]
-pub(super) fn sines(x: [f64; 4]) -> [Sine; 4] {
-    if x[0].abs().max(x[1].abs()).max(x[2].abs()).max(x[3].abs()) > REDUCTION_LIMIT {
-        return x.map(sine);
-    }
-    let (mut r, mut z, mut n) = ([0.0; 4], [0.0; 4], [0u64; 4]);
-    for k in 0..4 {
-        let shifted = x[k] * FRAC_2_PI + ROUND;
-        let turns = shifted - ROUND;
-        n[k] = shifted.to_bits().wrapping_sub(ROUND.to_bits());
-        r[k] = ((x[k] - turns * PART_1) - turns * PART_2) - turns * PART_3;
-        z[k] = r[k] * r[k];
-    }
-    let (mut s, mut c) = ([SINE[0]; 4], [COSINE[0]; 4]);
-    for j in 1..6 {
-        for k in 0..4 {
-            s[k] = SINE[j] + z[k] * s[k];
-            c[k] = COSINE[j] + z[k] * c[k];
-        }
-    }
-    let mut sin = [0.0; 4];
-    for k in 0..4 {
-        let odd = 1.0 - (0.5 * z[k] - z[k] * z[k] * (1.0 / 24.0 + z[k] * c[k]));
-        let even = r[k] + r[k] * z[k] * (-1.0 / 6.0 + z[k] * s[k]);
-        let mask = (n[k] & 1).wrapping_neg();
-        sin[k] = f64::from_bits(((odd.to_bits() & mask) | (even.to_bits() & !mask)) ^ ((n[k] & 2) << 62));
-    }
-    let quarter = |k: usize| n[k] as i64 - i64::from(r[k] < 0.0);
-    [0, 1, 2, 3].map(|k| Sine { sin: sin[k], quarter: quarter(k) })
+fn passes<S: Real>(a: &Sine<S>, b: &Sine<S>, shift: f64) -> S::Mask {
+    // floor((quarter + shift) / 4): quarters are integers, so 3/8 below is never half way.
+    let (quarter, shift, below) = (S::splat(0.25), S::splat(shift), S::splat(0.375));
+    round(quarter * (a.quarter + shift) - below).lt(round(quarter * (b.quarter + shift) - below))
 }
 
-/// Largest value of `sin` on `[a, b]`; `1` if a crest lies strictly inside.
+/// Whether `sin = 1` is reached strictly inside `[a, b]`.
 #[inline(always)]
-pub fn crest_inside(a: &Sine, b: &Sine) -> bool {
-    ((a.quarter - 1) >> 2) < ((b.quarter - 1) >> 2)
+pub fn crest_inside<S: Real>(a: &Sine<S>, b: &Sine<S>) -> S::Mask {
+    passes(a, b, -1.0)
 }
 
 /// Whether `sin = -1` is reached strictly inside `[a, b]`.
 #[inline(always)]
-pub fn trough_inside(a: &Sine, b: &Sine) -> bool {
-    ((a.quarter + 1) >> 2) < ((b.quarter + 1) >> 2)
+pub fn trough_inside<S: Real>(a: &Sine<S>, b: &Sine<S>) -> S::Mask {
+    passes(a, b, 1.0)
 }
 
 #[cfg(test)]
@@ -156,8 +151,7 @@ mod tests {
                 let (s, c) = sin_cos(x);
                 assert!((s - x.sin()).abs() < 4.5e-16 && (c - x.cos()).abs() < 4.5e-16, "{x}: {s} {c}");
                 assert_eq!(sine(x).sin, s);
-                let four = sines([x, -x, 0.0, x]);
-                assert_eq!((four[0].sin, four[0].quarter, four[1].sin), (s, sine(x).quarter, -s));
+                assert_eq!(sine(x).quarter, (x * FRAC_2_PI).floor());
             }
         }
         for x in [1e6, -3e9, 1e300] {

@@ -1,7 +1,7 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
 use super::{Again, Field, NAMES, Problem, again, float, problem, scalar, symmetric, truth};
-use crate::arrays::{index_of, new_array, new_flags, shown};
+use crate::arrays::{index_of, integers, new_array, shown};
 use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
@@ -301,36 +301,34 @@ impl BangBangBatch {
         let n = problems.count;
         let mut times: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; n]);
         let mut flags: [Vec<bool>; 3] = std::array::from_fn(|_| vec![false; n]);
+        let column = |k: usize, start: usize, end: usize| {
+            let column = &problems.columns[k];
+            if column.len() == 1 { &column[..] } else { &column[start..end] }
+        };
         for start in (0..n).step_by(CHUNK) {
-            let fill = || {
-                for i in start..n.min(start + CHUNK) {
-                    let r = BangBangReport::core(problems.row(i)).map_err(|error| (i, error))?;
-                    (times[0][i], times[1][i], times[2][i], times[3][i]) = (r.t_min, r.t_max, r.a_min, r.a_max);
-                    (flags[0][i], flags[1][i], flags[2][i]) = (r.feasible, r.hold_start, r.hold_end);
-                }
-                Ok(())
-            };
-            py.detach(fill).map_err(|(i, error)| refused(py, "bang_bang_time", &problems.shape, i, error))?;
+            let end = n.min(start + CHUNK);
+            // The planner's order: the lower bound first.
+            let columns = [0, 1, 2, 3, 5, 4].map(|k| column(k, start, end));
+            let (numbers, flags) = (times.each_mut().map(|x| &mut x[start..end]), flags.each_mut().map(|x| &mut x[start..end]));
+            py.detach(|| plan::bang_bang_times(columns, plan::BangBangTimes { numbers, flags }))
+                .map_err(|(i, error)| refused(py, "bang_bang_time", &problems.shape, start + i, error))?;
             py.check_signals()?;
         }
+        let solved = flags[0].iter().filter(|&&f| f).count();
         let shape = &problems.shape;
-        let time = |k: usize| {
-            let fill = |out: &mut [f64]| {
-                out.copy_from_slice(&times[k]);
-                Ok(())
-            };
-            Ok::<_, Failure>(new_array(py, shape, fill)?.unbind())
-        };
-        let flag = |k: usize| Ok::<_, Failure>(new_flags(py, shape, &flags[k])?.unbind());
+        let [t_min, t_max, a_min, a_max] = times;
+        let [feasible, hold_start, hold_end] = flags;
+        let time = |x: Vec<f64>| Ok::<_, Failure>(integers(py, shape, x)?.unbind());
+        let flag = |x: Vec<bool>| Ok::<_, Failure>(integers(py, shape, x)?.unbind());
         Ok(BangBangBatch {
-            feasible: flag(0)?,
-            hold_start: flag(1)?,
-            hold_end: flag(2)?,
-            t_min: time(0)?,
-            t_max: time(1)?,
-            a_min: time(2)?,
-            a_max: time(3)?,
-            solved: flags[0].iter().filter(|&&f| f).count(),
+            feasible: flag(feasible)?,
+            hold_start: flag(hold_start)?,
+            hold_end: flag(hold_end)?,
+            t_min: time(t_min)?,
+            t_max: time(t_max)?,
+            a_min: time(a_min)?,
+            a_max: time(a_max)?,
+            solved,
             problems,
         })
     }

@@ -6,6 +6,8 @@
 //! max(f_k, f_(k+1)) + (d/2 - |f_(k+1) - f_k|)^2 / (2 d)   if |f_(k+1) - f_k| < d/2,   d = max |second difference| there
 //! ```
 //!
+//! with second differences at the ends of the segment extrapolated from the two beside them.
+//!
 //! What a row is past its limit by, its limit is narrowed by on that segment; the rows hold at three points of a segment, so that is
 //! little and a few corrections suffice. Samples come from the dynamics themselves, or from polynomials through the rows of six
 //! grid points, which are then compared with the dynamics in the middle of every segment.
@@ -88,19 +90,36 @@ fn state(rows: &Rows, x: &[f64], i: usize, z: f64) -> (f64, f64) {
     (here.max(0.0), 0.5 * (x[i + 1] - x[i]) / h + (z - 0.5) * h * b)
 }
 
-/// `[tau, a, v]`, `(3 n,)`, by the dynamics at `places` of the segments listed.
-fn measure(course: &Course, rows: &Rows, x: &[f64], list: &[usize], places: &[f64], values: &mut Vec<f64>) {
-    let (n, per) = (course.n, places.len());
+/// `[tau, a, v]`, `(3 n,)`, by the dynamics at `per` places of the segments listed: the middle, or samples that are even in time. Viscous
+/// friction goes with the root of `x`, which near rest no parabola follows in `s`.
+fn measure(course: &Course, rows: &Rows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
+    let n = course.n;
     let count = list.len() * per;
     values.clear();
     values.resize(count * 3 * n, 0.0);
     let s = &rows.s;
+    let place = |k: usize| {
+        let (i, t) = (list[k / per], (k % per) as f64 / FINE as f64);
+        let (from, to) = (x[i].sqrt(), x[i + 1].sqrt());
+        let even = t * (2.0 * from + t * (to - from)) / (from + to);
+        (
+            i,
+            if per == 1 {
+                0.5
+            } else if even.is_finite() {
+                even.min(1.0)
+            } else {
+                t
+            },
+        )
+    };
     let at = |k: usize| {
-        let (i, z) = (list[k / per], places[k % per]);
+        let (i, z) = place(k);
         (course.pieces[i], if z == 1.0 { s[i + 1] } else { s[i] + z * (s[i + 1] - s[i]) })
     };
     let rate = |k: usize| {
-        let (x, u) = state(rows, x, list[k / per], places[k % per]);
+        let (i, z) = place(k);
+        let (x, u) = state(rows, x, i, z);
         (x.sqrt(), u)
     };
     let ask = Ask::Motion { rate: &rate };
@@ -189,6 +208,13 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
     }
 }
 
+/// The second difference of a row at sample `sub`. A function, since a closure may be left a call, outside of the instruction set.
+#[inline(always)]
+fn bend<S: Real>(values: &[f64], width: usize, sub: usize, k: usize) -> S {
+    let [f, g, h] = [load::<S>(values, (sub - 1) * width + k), load(values, sub * width + k), load(values, (sub + 1) * width + k)];
+    f - (g + g) + h
+}
+
 impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
     type Output = ();
     #[inline(always)]
@@ -217,19 +243,19 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
             let mut k = 0;
             while k < width {
                 let mut f = load::<S>(&values, k);
-                let mut g = load::<S>(&values, width + k);
-                let (mut top, mut bottom, mut high, mut low) = (f.max(g), f.min(g), f, f);
-                let mut before = zero;
+                let (mut top, mut bottom, mut high, mut low) = (f, f, f, f);
+                // At the ends, what the bends beside them lead to.
+                let mut after = bend::<S>(&values, width, 1, k);
+                let mut before = after + after - bend::<S>(&values, width, 2, k);
                 for sub in 0..FINE {
-                    // From f to g, with the bend at f and at g; the ends have their neighbour's.
-                    let next = load::<S>(&values, (sub + 2).min(FINE) * width + k);
-                    let after = if sub + 2 <= FINE { (f + next - (g + g)).abs() } else { before };
-                    let d = if sub == 0 { after } else { before.max(after) };
+                    let g = load::<S>(&values, (sub + 1) * width + k);
+                    let d = before.abs().max(after.abs());
                     let rest = (half * d - (g - f).abs()).max(zero);
                     let between = half * rest * rest * d.max(tiny).recip();
                     (top, bottom) = (top.max(g), bottom.min(g));
                     (high, low) = (high.max(f.max(g) + between), low.min(f.min(g) - between));
-                    (before, f, g) = (after, g, next);
+                    let next = if sub + 2 < FINE { bend::<S>(&values, width, sub + 2, k) } else { after + after - before };
+                    (before, after, f) = (after, next, g);
                 }
                 let (lo, hi) = (load::<S>(&limits.lo, k), load::<S>(&limits.hi, k));
                 let (by_lo, by_hi) = (load::<S>(&limits.by_lo, k), load::<S>(&limits.by_hi, k));
@@ -325,7 +351,7 @@ impl Samples {
             }
         }
         moved.fill(false);
-        measure(course, rows, x, &self.asked, &places(), &mut self.values);
+        measure(course, rows, x, &self.asked, FINE + 1, &mut self.values);
         run_lanes(Examine { course, rows, x, samples: self, narrow });
         let mut found = Found { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
         for (i, segment) in self.segments.iter().enumerate() {
@@ -353,7 +379,7 @@ impl Samples {
         let n = course.n;
         self.asked.clear();
         self.asked.extend((0..self.segments.len()).filter(|&i| !self.exact[i] && !self.segments[i].proven));
-        measure(course, rows, &profile.x, &self.asked, &[0.5], &mut self.values);
+        measure(course, rows, &profile.x, &self.asked, 1, &mut self.values);
         let mut stands = true;
         for (&i, measured) in self.asked.iter().zip(self.values.chunks_exact(3 * n)) {
             // Far from the limits an error does no harm.

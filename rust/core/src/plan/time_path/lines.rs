@@ -32,6 +32,8 @@ pub(super) struct Rows {
     /// `(N + 1, 3 width)`: `A, B, g` at the grid points, and `(N, 3 width)` half way between them.
     pub coefficients: Vec<f64>,
     pub middles: Vec<f64>,
+    /// `(N + 1, width)` and `(N, width)`: the part of `g` that is not there at rest, from tangents of friction; empty where there is none.
+    pub moving: [Vec<f64>; 2],
     /// `(width,)`: limits, and what `STANDING` and tolerances are relative to.
     pub lo: Vec<f64>,
     pub hi: Vec<f64>,
@@ -132,6 +134,7 @@ impl Lines {
         let (mut low, mut high) = (zero, S::splat(FASTEST));
         let (first, last) = (&rows.coefficients[i * 3 * w..(i + 1) * 3 * w], &rows.coefficients[(i + 1) * 3 * w..(i + 2) * 3 * w]);
         let middle = &rows.middles[i * 3 * w..(i + 1) * 3 * w];
+        let rubs = !rows.moving[0].is_empty();
         let mut k = 0;
         while k < w {
             let (scale_hi, scale_lo) = (load::<S>(&rows.scale_hi, k), load::<S>(&rows.scale_lo, k));
@@ -144,16 +147,21 @@ impl Lines {
             let a0 = load::<S>(first, k);
             let a2 = (h + h).mul_add(b2, load::<S>(last, k));
             let am = h.mul_add(bm, load::<S>(middle, k));
-            // What the bend of u adds: it leaves the mean of u, and so x at the end, as they are.
-            let g0 = turn.neg_mul_add(a0, g0);
-            let g2 = turn.mul_add(load::<S>(last, k), g2);
-            let gm = dip.neg_mul_add(bm, gm);
-            let points = [(a0, b0, g0), (a2, b2, g2), (raise(am, a0, a2), raise(bm, b0, b2), raise(gm, g0, g2))];
+            // What the bend of u adds: it leaves the mean of u, and so x at the end, as they are. It is not there at rest.
+            let (p0, p2, pm) = (-(turn * a0), turn * load::<S>(last, k), -(dip * bm));
+            let (p0, p2, pm) = if rubs {
+                let [points, middles] = &rows.moving;
+                (p0 + load(points, i * w + k), p2 + load(points, (i + 1) * w + k), pm + load(middles, i * w + k))
+            } else {
+                (p0, p2, pm)
+            };
+            let points = [(a0, b0, g0, p0), (a2, b2, g2, p2), (raise(am, a0, a2), raise(bm, b0, b2), raise(gm, g0, g2), raise(pm, p0, p2))];
             for which in 0..3 {
-                let (alpha, beta, gamma) = points[which];
-                // A torque that stands on its limit, up to rounding, may stay there.
-                let room_hi = (limit_hi - tight_hi - gamma).max((limit_hi - gamma).min(zero) + standing * scale_hi);
-                let room_lo = (limit_lo + tight_lo - gamma).min((limit_lo - gamma).max(zero) - standing * scale_lo);
+                let (alpha, beta, still, moving) = points[which];
+                // A torque that stands on its limit at rest, up to rounding, may stay there.
+                let (over, under) = (limit_hi - still, limit_lo - still);
+                let room_hi = (over - tight_hi).max(over.min(zero) + standing * scale_hi) - moving;
+                let room_lo = (under + tight_lo).min(under.max(zero) - standing * scale_lo) - moving;
                 let idle = alpha.abs().lt(none);
                 let inverse = S::select(idle, S::splat(1.0), alpha).recip();
                 let (a, b) = (room_hi * inverse, room_lo * inverse);

@@ -30,12 +30,15 @@ use std::sync::Arc;
 
 /// Corrections of one grid before it is halved.
 const CORRECTIONS: usize = 8;
-/// How often what a limit is narrowed by is doubled.
+/// How often what a limit is narrowed by is doubled; with friction it is then narrowed on twice as many segments each time.
 const MOST_DOUBLINGS: usize = 7;
-/// Passes with chords and then with tangents of viscous friction, and the relative change of `x` that is near enough for tangents.
+const SPREAD: usize = 4;
+/// Passes with chords and then with tangents of viscous friction, and the relative changes of `x` that are near enough for tangents, and
+/// for a profile that stands.
 const CHORDS: usize = 40;
-const TANGENTS: usize = 4;
+const TANGENTS: usize = 6;
 const NEAR: f64 = 0.03;
+const STANDS: f64 = 1e-6;
 /// Grids tried, and how often all of a grid is halved.
 const GRIDS: usize = 9;
 const HALVINGS: usize = 4;
@@ -70,34 +73,51 @@ enum Outcome {
     Stuck(Stuck),
 }
 
+/// The largest relative change from `old` to `new`.
+fn change(new: &[f64], old: &[f64]) -> f64 {
+    new.iter().zip(old).map(|(new, old)| (new - old).abs() / new.max(*old).max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
+}
+
 /// The profile with viscous friction, on the rows as they are: chords until it changes little, since they can't cut it off from
 /// rest, then tangents, whose error goes with the square of the change.
 fn with_friction(problem: &mut Problem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() {
         return Ok(());
     }
-    let (mut start, mut change) = (profile.x.clone(), f64::INFINITY);
-    for k in 0..CHORDS + TANGENTS {
-        let near = k >= CHORDS || change < NEAR;
-        problem.linearise_friction(&start, if near { Line::Tangent } else { Line::Chord });
+    let mut start = profile.x.clone();
+    for _ in 0..CHORDS {
+        problem.linearise_friction(&start, Line::Chord);
         profile.forget();
         match solve(&problem.rows, profile) {
             Ok(()) => {
-                let moved = |(new, old): (&f64, &f64)| (new - old).abs() / new.max(*old).max(f64::MIN_POSITIVE);
-                let before = change;
-                change = profile.x.iter().zip(&start).map(moved).fold(0.0, f64::max);
+                let change = change(&profile.x, &start);
                 start.copy_from_slice(&profile.x);
-                if near && (before < NEAR || change < TOLERANCE) {
-                    return Ok(());
+                if change < NEAR {
+                    break;
                 }
             }
-            // Of a tangent that leaves nothing the chord is kept; of a chord at too fast a profile, one at a slower one.
-            Err(_) if near => {
-                problem.linearise_friction(&start, Line::Chord);
-                profile.forget();
-                return solve(&problem.rows, profile);
-            }
+            // A chord at too fast a profile: one at a slower one.
             Err(_) => start.iter_mut().for_each(|x| *x *= 0.25),
+        }
+    }
+    profile.x.copy_from_slice(&start);
+    tangents(problem, profile)
+}
+
+/// The profile with friction by tangents, until it stands: what is left of their error would be taken for an excess.
+fn tangents(problem: &mut Problem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
+    for _ in 0..TANGENTS {
+        let x = profile.x.clone();
+        problem.linearise_friction(&x, Line::Tangent);
+        profile.forget();
+        if solve(&problem.rows, profile).is_err() {
+            // Of a tangent that leaves nothing the chord is kept.
+            problem.linearise_friction(&x, Line::Chord);
+            profile.forget();
+            return solve(&problem.rows, profile);
+        }
+        if change(&profile.x, &x) < STANDS {
+            break;
         }
     }
     Ok(())
@@ -105,17 +125,7 @@ fn with_friction(problem: &mut Problem, profile: &mut Profile) -> std::result::R
 
 /// The profile on narrowed rows.
 fn again(problem: &mut Problem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
-    if problem.friction.is_none() {
-        return solve(&problem.rows, profile);
-    }
-    let x = profile.x.clone();
-    problem.linearise_friction(&x, Line::Tangent);
-    profile.forget();
-    solve(&problem.rows, profile).or_else(|_| {
-        problem.linearise_friction(&x, Line::Chord);
-        profile.forget();
-        solve(&problem.rows, profile)
-    })
+    if problem.friction.is_none() { solve(&problem.rows, profile) } else { tangents(problem, profile) }
 }
 
 fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, lost: &mut Vec<f64>, fine: f64, last: bool) -> Outcome {
@@ -148,24 +158,33 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, los
     let mut cap_old = problem.cap_tight.clone();
     let mut narrowed = Vec::new();
     for k in 0..if problem.friction.is_some() { 2 * CORRECTIONS } else { CORRECTIONS } {
-        let beyond = BEYOND * (1 << k.min(MOST_DOUBLINGS)) as f64;
+        let beyond = BEYOND * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
-        let width = problem.rows.width;
+        let (width, count) = (problem.rows.width, problem.pieces.len());
+        // Where friction takes most of the torque, a segment that is narrowed hands its excess on to the next: neighbours go along.
+        let spread = if problem.friction.is_some() && k >= SPREAD { 1_usize << (k - SPREAD) } else { 0 };
         let mut caps = std::mem::take(&mut problem.cap_tight);
         narrowed.clear();
         let now = samples.examine(&problem.course(), &problem.rows, profile, |i, row, under, over| {
             if row < width {
-                tight_lo[i * width + row] += beyond * under;
-                tight_hi[i * width + row] += beyond * over;
-                narrowed.push(i);
+                let (lo, hi) = (tight_lo[i * width + row] + beyond * under, tight_hi[i * width + row] + beyond * over);
+                for at in i.saturating_sub(spread)..=(i + spread).min(count - 1) {
+                    tight_lo[at * width + row] = tight_lo[at * width + row].max(lo);
+                    tight_hi[at * width + row] = tight_hi[at * width + row].max(hi);
+                    narrowed.push(at);
+                }
             } else {
                 // The cap is on the square: twice the relative excess of the speed.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
                 // Of two bounds far apart the larger one is to blame: where the path turns back it has no bound of its own. But
                 // a speed that peaks beside the smaller one goes down with the square of what the larger one does.
                 let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
-                for (at, here, other) in [(i, x0, x1), (i + 1, x1, x0)] {
+                for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
                     if here * 1.2 >= other || k >= 2 {
+                        // Beside an end whose speed is given, the peak is brought down from one side: it moves towards that end, and
+                        // goes with the square of what is still to be narrowed.
+                        let given = (next == 0 && problem.rows.x_start > 0.0) || (next == count && problem.rows.x_end > 0.0);
+                        let past = if given { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
                         caps[at] = caps[at].max(cap_old[at] + past);
                     }
                 }

@@ -92,7 +92,8 @@ impl Problem<'_> {
         let c = &self.rows.coefficients[i * 3 * w..];
         let mut worst = (0, true, f64::NEG_INFINITY);
         for k in 0..self.n * (usize::from(self.kinds[0]) + usize::from(self.kinds[1])) {
-            let value = c[k] * u + c[w + k] * x + c[2 * w + k];
+            let moving = if x > 0.0 { self.rows.moving[0].get(i * w + k).copied().unwrap_or(0.0) } else { 0.0 };
+            let value = c[k] * u + c[w + k] * x + c[2 * w + k] + moving;
             let over = (value - self.rows.hi[k]) / self.rows.scale_hi[k];
             let under = (self.rows.lo[k] - value) / self.rows.scale_lo[k];
             if over.max(under) > worst.2 {

@@ -91,7 +91,7 @@ impl Points<'_> {
     }
 
     #[inline(always)]
-    fn each<S: Real, D: Dynamics<S>>(self, arm: &D, weightless: &D) {
+    fn each<S: Real, D: Dynamics<S>>(self, arm: &mut D, weigh: impl Fn(&mut D, bool)) {
         let n = arm.dof();
         let mut workspace = arm.workspace();
         let zero = || vec![S::zero(); n];
@@ -137,10 +137,12 @@ impl Points<'_> {
                 }
                 Ask::Coefficients { width, torques, accelerations, slopes, slope_stride } => {
                     if *torques {
-                        weightless.inverse_dynamics(&mut workspace, &trig, &q, &rest, &v, &mut tau);
+                        weigh(arm, false);
+                        arm.inverse_dynamics(&mut workspace, &trig, &q, &rest, &v, &mut tau);
                         put(rows, stride, lanes, 0, &tau);
-                        weightless.inverse_dynamics(&mut workspace, &trig, &q, &v, &a, &mut tau);
+                        arm.inverse_dynamics(&mut workspace, &trig, &q, &v, &a, &mut tau);
                         put(rows, stride, lanes, *width, &tau);
+                        weigh(arm, true);
                         arm.inverse_dynamics(&mut workspace, &trig, &q, &rest, &rest, &mut tau);
                         put(rows, stride, lanes, 2 * *width, &tau);
                     }
@@ -163,14 +165,13 @@ impl Task for Points<'_> {
     fn run<S: Real>(self) {
         match self.mover {
             Mover::Tree(arm) => {
-                let tree = Tree::<S>::new(arm);
-                let mut weightless = tree.clone();
-                weightless.gravity.0 = [0.0; 3];
-                self.each(&tree, &weightless);
+                let mut tree = Tree::<S>::new(arm);
+                let gravity = tree.gravity;
+                self.each(&mut tree, |tree, heavy| tree.gravity.0 = if heavy { gravity.0 } else { [0.0; 3] });
             }
             Mover::PlanarPr(arm) => {
-                let arm = PlanarPr::<S>::from_lanes(|_| arm);
-                self.each(&arm, &arm);
+                let mut arm = PlanarPr::<S>::from_lanes(|_| arm);
+                self.each(&mut arm, |_, _| ());
             }
         }
     }

@@ -348,6 +348,7 @@ impl<'a> Problem<'a> {
         if self.friction.is_none() {
             return;
         }
+        self.rows.moving.iter_mut().for_each(Vec::clear);
         let (n, w) = (self.n, self.rows.width);
         for i in 0..self.rows.s.len() {
             for j in 0..n {
@@ -371,7 +372,9 @@ impl<'a> Problem<'a> {
             Line::Chord => (1.0, 0.0),
             Line::Tangent => (0.5, 0.5),
         };
-        let Rows { coefficients, middles, s, bend, .. } = &mut self.rows;
+        let Rows { coefficients, middles, moving, s, bend, .. } = &mut self.rows;
+        moving[0].resize((last + 1) * w, 0.0);
+        moving[1].resize(last * w, 0.0);
         for k in 0..=2 * last {
             // Grid points, and half way between them. At rest there is no friction.
             let (i, between) = (k / 2, k % 2 == 1);
@@ -381,11 +384,12 @@ impl<'a> Problem<'a> {
             }
             let root = here.sqrt();
             let c = if between { &mut middles[i * 3 * w..] } else { &mut coefficients[i * 3 * w..] };
+            let part = &mut moving[usize::from(between)][i * w..];
             for j in 0..n {
                 let along = |i: usize| self.slopes[i * self.stride + j];
                 let push = friction.viscous[j] * if between { 0.5 * (along(i) + along(i + 1)) } else { along(i) };
                 c[w + j] += slope * push / root;
-                c[2 * w + j] += rest * push * root;
+                part[j] = rest * push * root;
             }
         }
     }

@@ -1,0 +1,63 @@
+"""Minimum time of one link: the symmetric profile, one call and in batch, and the optimum under full torque, certified and searched.
+
+    python -P benches/bench_mintime.py              the table
+    python -P benches/bench_mintime.py --readme     the same, written into benches/README.md
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import armlet as al
+
+sys.path.insert(0, str(Path(__file__).parent))
+import reporting
+import timing
+from timing import Case
+
+COUNT = 200_000
+
+
+def problems() -> list[np.ndarray]:
+    """theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: limits from a fifteenth to many times the weight."""
+    rng = np.random.default_rng(0)
+    high, low = rng.uniform(0.1, 2.0, (2, COUNT))
+    return [*rng.uniform(-4.0, 4.0, (2, COUNT)), 10.0 ** rng.uniform(-1.0, 1.0, COUNT), rng.uniform(-1.5, 1.5, COUNT), high, -low]
+
+
+def main() -> None:
+    options = reporting.arguments("armlet's minimum-time planners of one link").parse_args()
+    reporting.require_release("bench_mintime")
+    share = timing.busy()
+    *five, low = problems()
+    batch = al.bang_bang_time(*five, tau_min=low)
+    rows = np.stack([*five, low], axis=1).tolist()
+    assert all((r := al.bang_bang_time(*row[:5], tau_min=row[5])) == batch[k] and r.feasible == batch.feasible[k] for k, row in enumerate(rows[:1000]))
+    optima = [(row, al.torque_optimal_time(*row[:5], tau_min=row[5])) for row in rows[:1500]]
+    certified = [row for row, o in optima if o.certified_global][:400]
+    searched = [row for row, o in optima if not o.certified_global][:400]
+    few = rows[:1000]
+
+    def each(planner: Any, some: list[list[float]]) -> Any:
+        return lambda: [planner(a, b, i, g, high, tau_min=low) for a, b, i, g, high, low in some]
+
+    one, many, optimum = "bang_bang_time: ns", "bang_bang_time in batch: ns per problem", "torque_optimal_time: us"
+    cases = [
+        Case(one, "one call", each(al.bang_bang_time, few), per=len(few)),
+        Case(many, "arrays of 200,000", lambda: al.bang_bang_time(*five, tau_min=low), per=COUNT),
+        Case(optimum, "certified", each(al.torque_optimal_time, certified), per=len(certified), unit="us", scale=1e6),
+        Case(optimum, "swings searched", each(al.torque_optimal_time, searched), per=len(searched), unit="us", scale=1e6),
+    ]
+    timing.measure(cases, options.rounds, options.core, lambda text: None)
+    goals = [("one call", 500.0, "ns"), ("arrays of 200,000", 20.0, "ns"), ("certified", 3.0, "us"), ("swings searched", 3.0, "us")]
+    got = {case.name: case.median for case in cases}
+    verdicts = [(name, f"<= {goal:g} {unit}", f"{got[name]:.3g} {unit}", got[name] <= goal) for name, goal, unit in goals]
+    reporting.finish("mintime", reporting.report(cases, verdicts, share, options.markdown or options.readme), options.readme)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""Random problems in bulk for the three planners, judged by checkers that share nothing with them: no limit is broken, nothing that can be
+had is refused, every number is finite.
+
+`ARMLET_RANDOM_PATHS` sets how many paths, `ARMLET_RANDOM_LINKS` how many one-link problems (`make test-paths CASES=`); strata, counts and
+seed are printed. Paths run in `ARMLET_RANDOM_JOBS` processes.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable
+
+import link_trials
+import path_trials
+import pytest
+
+PATHS = int(os.environ.get("ARMLET_RANDOM_PATHS", "2000"))
+LINKS = int(os.environ.get("ARMLET_RANDOM_LINKS", "40000"))
+JOBS = int(os.environ.get("ARMLET_RANDOM_JOBS", "1"))
+SEED = int(os.environ.get("ARMLET_RANDOM_SEED", "20220610"))
+#: Failures that are written out.
+SHOWN = 20
+
+
+def path_block(number: int) -> tuple[str, int, path_trials.Verdict]:
+    stratum = path_trials.STRATA[number % len(path_trials.STRATA)]
+    return stratum, number, path_trials.trial(stratum, number, SEED)
+
+
+def progress(done: int, total: int, failed: int, started: float) -> None:
+    spent = time.monotonic() - started
+    left = spent * (total - done) / max(done, 1)
+    sys.stderr.write(f"  {done:,} of {total:,} in {spent:.0f} s, {failed} failed, {left:.0f} s to go\n")
+
+
+def test_random_paths(capsys: pytest.CaptureFixture[str]) -> None:
+    blocks, started, said = max(len(path_trials.STRATA), PATHS // path_trials.SIZE), time.monotonic(), time.monotonic()
+    counts, points, worst = Counter[str](), Counter[str](), dict.fromkeys(path_trials.STRATA, -1.0)
+    failed: list[str] = []
+    with multiprocessing.get_context("fork").Pool(JOBS) if JOBS > 1 else _Here() as pool, capsys.disabled():
+        for stratum, number, verdict in pool.imap_unordered(path_block, range(blocks)):
+            counts[stratum] += verdict.count
+            points[stratum] += verdict.points
+            worst[stratum] = max(worst[stratum], verdict.excess)
+            failed.extend(f"{stratum}, block {number}, problem {i}: {what}" for i, what in verdict.failed)
+            if time.monotonic() - said > 30.0:
+                progress(counts.total(), blocks * path_trials.SIZE, len(failed), started)
+                said = time.monotonic()
+        print(f"\n  {counts.total():,} paths, seed {SEED}, {time.monotonic() - started:.0f} s:")
+        for stratum in path_trials.STRATA:
+            grid = points[stratum] / counts[stratum]
+            print(f"    {stratum:10s} {counts[stratum]:>10,}, {grid:5.0f} grid points each, largest excess of a limit {worst[stratum]:.1e} of it")
+    assert not failed, f"{len(failed)} of {counts.total()}: " + "; ".join(failed[:SHOWN])
+
+
+class _Here:
+    """The one process there is, as a pool."""
+
+    def __enter__(self) -> _Here:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    @staticmethod
+    def imap_unordered(function, items: Iterable[int]):  # type: ignore[no-untyped-def]
+        return map(function, items)
+
+
+@pytest.mark.parametrize("stratum", link_trials.STRATA)
+def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
+    started, each = time.monotonic(), max(1, LINKS // len(link_trials.STRATA))
+    tally, failed = link_trials.trials(stratum, each, SEED)
+    with capsys.disabled():
+        told = ", ".join(f"{count:,} {name}" for name, count in sorted(tally.items()))
+        print(f"\n  {each:,} links, {stratum}, seed {SEED}, {time.monotonic() - started:.0f} s: {told}")
+    assert not failed, f"{len(failed)}: " + "; ".join(failed[:SHOWN])
