@@ -210,7 +210,11 @@ impl<S: Real> Engine<S> {
             self.out[..length].fill(S::zero());
             self.answered = Some(*query);
         }
-        if S::LANES == 1 { self.one_by_one::<Q>(query, inputs, count, length, out) } else { self.side_by_side::<Q>(query, inputs, count, length, out) }
+        if S::LANES == 1 {
+            self.one_by_one::<Q>(query, inputs, count, length, out)
+        } else {
+            self.side_by_side::<Q>(query, inputs, count, length, out)
+        }
     }
 
     #[inline(always)]

@@ -169,11 +169,13 @@ where
     #[inline(always)]
     fn anchor(&mut self, x: &[S]) {
         let n = self.tau.as_ref().len();
+        // An anchor that strayed may have the sine of a state it was not for.
+        let kept = !self.strayed();
         self.turned = S::zero();
         let anchors = self.anchors.as_mut();
         for i in 0..n {
             if self.arm.is_angle(i) {
-                anchors[i].move_to(x[i]);
+                if kept { anchors[i].move_to(x[i]) } else { anchors[i] = Angle::new(x[i]) }
             }
         }
     }
