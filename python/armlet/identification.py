@@ -145,8 +145,20 @@ class Identification:
 
     @property
     def arm(self) -> Arm:
-        """The arm with the identified inertial parameters; rotors and friction stay as they were."""
-        return self.base.arm.with_parameters(self.parameters[: 10 * self.base.arm.n])
+        """The arm with the identified inertial parameters, and with the identified rotors and friction where they were asked for."""
+        own = self.base.arm
+        inertial, drives = np.split(self.parameters, [10 * own.n])
+        arm = own.with_parameters(inertial)
+        # As in a pickle: of each joint, last but one, four limits, armature, damping and Coulomb friction.
+        restore, ((name, joints, *rest),) = arm.__reduce__()
+        places = [4] * self.base.armature + [5, 6] * self.base.friction
+        found = [list(joint[5]) for joint in joints]
+        for place, values in zip(places, drives.reshape(-1, own.n), strict=True):
+            for drive, value in zip(found, values, strict=True):
+                drive[place] = float(value)
+        changed = [(*joint[:5], drive, joint[6]) for joint, drive in zip(joints, found, strict=True)]
+        restored: Arm = restore((name, changed, *rest))
+        return restored
 
     @property
     def unidentified(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import mujoco_reading
 from ._core import Arm, _restore_tree
 from .errors import InputError
 from .verification import Verification, verify
@@ -107,11 +108,13 @@ def from_pinocchio(model: Any) -> Arm:
     for i in range(1, model.njoints):
         joint, name = model.joints[i], model.names[i]
         kind = joint.shortname()
-        subspace = _motion_subspace(joint)
-        if joint.nv != 1 or subspace is None or "Mimic" in kind:
+        moves = _motion(joint)
+        if moves is None or "Mimic" in kind:
             problem = f"has a joint of another kind: expected revolute or prismatic, got {kind} (joint {name})"
             raise InputError(f"from_pinocchio: model {problem}")
+        subspace, within = moves
         slide = bool(np.any(subspace[:3] != 0.0))
+        placement = model.jointPlacements[i] if within is None else model.jointPlacements[i] * within
         at, row = joint.idx_q, joint.idx_v
         bounded = joint.nq == 1
         joints.append(
@@ -119,7 +122,7 @@ def from_pinocchio(model: Any) -> Arm:
                 "name": name,
                 "type": "prismatic" if slide else "revolute" if bounded else "continuous",
                 "parent": model.parents[i] - 1,
-                "placement": (model.jointPlacements[i].rotation, model.jointPlacements[i].translation),
+                "placement": (placement.rotation, placement.translation),
                 "axis": _unit("from_pinocchio", subspace[:3] if slide else subspace[3:], name),
                 "phi": model.inertias[i].toDynamicParameters(),
                 "lower": _bound(model.lowerPositionLimit[at], -1.0) if bounded else -np.inf,
@@ -137,18 +140,23 @@ def from_pinocchio(model: Any) -> Arm:
         frames.append({"name": frame.name, "body": parent - 1, "placement": (frame.placement.rotation, frame.placement.translation)})
     if any(joint["damping"] or joint["friction"] for joint in joints):
         report.append("damping and friction are kept; Pinocchio's rnea and aba ignore them")
+    if np.any(model.gravity.angular != 0.0):
+        report.append("angular acceleration of the base dropped (the angular part of gravity)")
     if any(joint["type"] == "continuous" for joint in joints):
         report.append("continuous joints have one coordinate here, two (cosine, sine) in Pinocchio")
     return _build("pinocchio", joints, frames, model.gravity.linear, report)
 
 
-def _motion_subspace(joint: Any) -> _Array | None:
-    """`[v; w]` per unit rate of a joint with one degree of freedom, from the joint itself."""
+def _motion(joint: Any) -> tuple[_Array, Any] | None:
+    """Of a joint that turns or slides: `[v; w]` per unit rate, and the placement inside the joint, which composites have; else None."""
     if joint.nv != 1:
         return None
     data = joint.createData()
     joint.calc(data, np.array([1.0, 0.0]) if joint.nq == 2 else np.zeros(joint.nq))
-    return np.asarray(data.S, dtype=float).reshape(6)
+    subspace = np.asarray(data.S, dtype=float).reshape(6)
+    if np.any(subspace[:3] != 0.0) and np.any(subspace[3:] != 0.0):
+        return None  # a screw
+    return subspace, data.M if "Composite" in joint.shortname() else None
 
 
 def _row(model: Any, names: tuple[str, ...], row: int) -> float:
@@ -167,15 +175,17 @@ def _bound(value: float, sign: float) -> float:
 def from_mujoco(model: Any) -> Arm:
     """The arm of a `mujoco.MjModel`: hinges and slides, any tree, bodies with several joints too.
 
-    Kept: joint and body names, placements, reference positions, inertias, position limits, armature, damping, dry friction,
-    gravity; a frame for every body and every site. Dropped and listed in `arm.report`: actuators, springs, tendons,
-    equality constraints, gravity compensation.
+    Kept: joint and body names, placements, reference positions, inertias, position limits, limits of the actuators' force on a joint,
+    armature and damping (those of actuators on the joint too), dry friction, gravity; a frame for every body and every site.
+    Dropped and listed in `arm.report`: what else actuators do, springs, tendons, equality constraints, gravity compensation, fluid
+    forces, damping that is not linear, sites that have a body's name.
 
     Raises:
         InputError: not a model, or a free or ball joint, named.
     """
     _expect(model, "from_mujoco", "mujoco.MjModel", "body_parentid")
     joints, frames, report = [], [], []
+    armature, damping = mujoco_reading.motors(model)
     carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body: joint, rotation and origin in its frame
     frames.append({"name": _name(model, "body", 0), "body": -1, "placement": (np.eye(3), np.zeros(3))})
     for body in range(1, model.nbody):
@@ -200,7 +210,8 @@ def from_mujoco(model: Any) -> Arm:
             elif zero:
                 rotation = turn @ _about(axis, -zero)
             limited = bool(model.jnt_limited[j])
-            friction = float(model.dof_frictionloss[dof])
+            # Limits of the actuators' sum: the smaller one where they differ.
+            forced = bool(model.jnt_actfrclimited[j])
             joints.append(
                 {
                     "name": name,
@@ -211,9 +222,10 @@ def from_mujoco(model: Any) -> Arm:
                     "phi": np.zeros(10),
                     "lower": model.jnt_range[j, 0] if limited else -np.inf,
                     "upper": model.jnt_range[j, 1] if limited else np.inf,
-                    "armature": model.dof_armature[dof],
-                    "damping": model.dof_damping[dof],
-                    "friction": friction,
+                    "effort": float(np.abs(model.jnt_actfrcrange[j]).min()) if forced else np.inf,
+                    "armature": model.dof_armature[dof] + armature[j],
+                    "damping": model.dof_damping[dof] + damping[j],
+                    "friction": model.dof_frictionloss[dof],
                 }
             )
             parent, turn, at = len(joints) - 1, np.eye(3), -anchor
@@ -221,6 +233,7 @@ def from_mujoco(model: Any) -> Arm:
         if parent >= 0:
             joints[parent]["phi"] = joints[parent]["phi"] + _parameters(model, body, turn, at)
         frames.append({"name": _name(model, "body", body), "body": parent, "placement": (turn, at)})
+    bodies = {frame["name"] for frame in frames}
     for site in range(model.nsite):
         parent, turn, at = carrier[model.site_bodyid[site]]
         placement = (turn @ _rotation(model.site_quat[site]), at + turn @ model.site_pos[site])
@@ -231,10 +244,13 @@ def from_mujoco(model: Any) -> Arm:
         ("equality constraints", model.neq),
         ("joint springs", int(np.count_nonzero(model.jnt_stiffness))),
         ("bodies with gravity compensation", int(np.count_nonzero(model.body_gravcomp))),
+        ("fluid forces", int(model.opt.density != 0.0 or model.opt.viscosity != 0.0)),
+        ("joints' damping beyond the linear", int(np.count_nonzero(getattr(model, "dof_dampingpoly", np.zeros((1, 1))).any(axis=1)))),
+        ("sites of a body's name", sum(_name(model, "site", site) in bodies for site in range(model.nsite))),
     ):
         if dropped:
             report.append(f"{what} dropped ({dropped})")
-    return _build("mujoco", joints, frames, model.opt.gravity, report)
+    return _build("mujoco", joints, frames, mujoco_reading.gravity(model), report)
 
 
 def _name(model: Any, kind: str, index: int) -> str:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from . import mujoco_reading
 from ._core import Arm
 from .errors import InputError
 
@@ -88,7 +89,7 @@ class _Pinocchio:
         joints = {model.names[i]: model.joints[i] for i in range(1, model.njoints) if model.joints[i].nv == 1}
         _match(arm.joint_names, joints, "pinocchio")
         self.joints = [joints[name] for name in arm.joint_names]
-        self.rows = np.array([joint.idx_v for joint in self.joints])
+        self.rows = np.array([joint.idx_v for joint in self.joints], dtype=np.intp)
         self.n, self.gravity = arm.n, np.array(model.gravity.linear)
         self.armature = np.array(model.armature)[self.rows]
         self.conventions = []
@@ -128,8 +129,9 @@ class _Pinocchio:
 
     def jacobian(self, frame: str) -> _Array:
         axes = self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        # A model of one joint answers with vectors where others have matrices.
         full = self.pin.getFrameJacobian(self.model, self.data, self._frame(frame), axes)
-        return _array(full)[:, self.rows]
+        return _array(full).reshape(6, self.model.nv)[:, self.rows]
 
     def mass_matrix(self) -> _Array:
         upper = np.triu(self.pin.crba(self.model, self.data, self.q))
@@ -157,11 +159,11 @@ class _MuJoCo:
         self.data = self.mj.MjData(model)
         joints = {model.joint(j).name or f"joint{j}": j for j in range(model.njnt)}
         _match(arm.joint_names, joints, "mujoco")
-        index = [joints[name] for name in arm.joint_names]
+        index = np.array([joints[name] for name in arm.joint_names], dtype=np.intp)
         self.rows = np.array(model.jnt_dofadr)[index]
         self.coordinates = np.array(model.jnt_qposadr)[index]
-        self.n, self.gravity = arm.n, np.array(model.opt.gravity)
-        self.armature = np.array(model.dof_armature)[self.rows]
+        self.n, self.gravity = arm.n, mujoco_reading.gravity(model)
+        self.armature = np.array(model.dof_armature)[self.rows] + mujoco_reading.motors(model)[0][index]
         self.conventions = []
         if list(self.rows) != list(range(model.nv)):
             self.conventions.append(f"joint order: armlet's joints are rows {self.rows.tolist()} of the model's {model.nv}")
@@ -270,10 +272,10 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
         mass = peer.mass_matrix()
         compare("mass_matrix", arm.mass_matrix(q), mass, "")
         gravity = peer.inverse_dynamics(np.zeros(arm.n), np.zeros(arm.n))
-        size = max(float(np.abs(gravity).max()), float(np.abs(mass).max()))
+        size = max(float(np.abs(gravity).max(initial=0.0)), float(np.abs(mass).max(initial=0.0)), 1e-300)
         compare("gravity", arm.gravity(q), gravity, "", scale=size)
         tau = peer.inverse_dynamics(v, a)
-        compare("inverse_dynamics", arm.inverse_dynamics(q, v, a), tau, "", scale=max(size, float(np.abs(tau).max())))
+        compare("inverse_dynamics", arm.inverse_dynamics(q, v, a), tau, "", scale=max(size, float(np.abs(tau).max(initial=0.0))))
         peer.at(q, v)
         theirs = peer.coriolis_matrix()
         ours = arm.coriolis_matrix(q, v)
@@ -281,9 +283,9 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
         compare("coriolis_matrix v", ours @ v, bias, "", "C v, from the model's inverse dynamics", scale=size)
         if theirs is not None:
             rate = theirs + theirs.T
-            largest = max(size, float(np.abs(rate).max()))
+            largest = max(size, float(np.abs(rate).max(initial=0.0)))
             compare("dM/dt = C + C'", ours + ours.T, rate, "", "the same for every skew factorisation", scale=largest)
-            if float(np.abs(ours - theirs).max()) > 1e3 * rtol * size and not any("factorisation" in text for text in peer.conventions):
+            if float(np.abs(ours - theirs).max(initial=0.0)) > 1e3 * rtol * size and not any("factorisation" in text for text in peer.conventions):
                 peer.conventions.append("the model's Coriolis matrix is another factorisation: C v and C + C' are compared")
         peer.at(q, v)
         accelerated = peer.forward_dynamics(tau)

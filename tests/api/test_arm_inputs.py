@@ -207,3 +207,114 @@ def test_changes_of_an_arm_name_the_argument(name: str) -> None:
     change, problem = CHANGES[name]
     with pytest.raises(al.InputError, match=problem):
         change(al.planar_arm([0.5, 0.4]))
+
+
+ROBOT = al.load_urdf(al.example_urdf("six_axis"))
+ZERO = np.zeros(6)
+
+WRONG_KINDS = {
+    "pose": (lambda x: ROBOT.pose(ZERO, x), "pose: frame is not a name: expected a string, got"),
+    "position": (lambda x: ROBOT.position(ZERO, x), "position: frame is not a name"),
+    "jacobian": (lambda x: ROBOT.jacobian(ZERO, x), "jacobian: frame is not a name"),
+    "jacobian_dot": (lambda x: ROBOT.jacobian_dot(ZERO, ZERO, x), "jacobian_dot: frame is not a name"),
+    "wrench": (
+        lambda x: ROBOT.inverse_dynamics(ZERO, ZERO, ZERO, wrench=ZERO, wrench_frame=[] if x is None else x),
+        "inverse_dynamics: wrench_frame is not a name",
+    ),
+    "payload": (lambda x: ROBOT.with_payload(x, 1.0), "Arm.with_payload: frame is not a name"),
+    "new frame": (lambda x: ROBOT.with_frame(x, "base"), "Arm.with_frame: name is not a name"),
+    "parent": (lambda x: ROBOT.with_frame("tool", x), "Arm.with_frame: parent is not a name"),
+    "locked": (lambda x: ROBOT.locked(x), "Arm.locked: joints is not a dict: expected names of joints"),
+    "example": (lambda x: al.example_urdf(x), "example_urdf: name is not a name"),
+    "root": (lambda x: al.load_urdf(al.example_urdf("planar_2r"), root=[] if x is None else x), "load_urdf: root is not a name"),
+    "tip": (lambda x: al.load_urdf(al.example_urdf("planar_2r"), tip=[] if x is None else x), "load_urdf: tip is not a name"),
+    "convention": (lambda x: al.Arm.from_dh([[1, 0, 0, 0]], convention=[] if x is None else x), "Arm.from_dh: convention is not a name"),
+}
+
+
+@pytest.mark.parametrize("value", [3, None, b"link1", ["link1"]], ids=lambda value: type(value).__name__)
+@pytest.mark.parametrize("name", WRONG_KINDS)
+def test_names_of_the_wrong_kind(name: str, value: Any) -> None:
+    call, problem = WRONG_KINDS[name]
+    with pytest.raises(al.InputError) as caught:
+        call(value)
+    assert problem in str(caught.value)
+
+
+FLAGGED = ["bias", "inverse_dynamics", "forward_dynamics", "inverse_dynamics_derivatives", "forward_dynamics_derivatives", "linearize"]
+
+
+@pytest.mark.parametrize("function", [*FLAGGED, "regressor", "base_parameters", "identify"])
+@pytest.mark.parametrize("value", [1, "yes", np.ones(2)], ids=lambda value: type(value).__name__)
+def test_flags_of_the_wrong_kind(function: str, value: Any) -> None:
+    count = {"bias": 2, "regressor": 4, "base_parameters": 0, "identify": 4}.get(function, 3)
+    with pytest.raises(al.InputError, match=rf"{function}: friction is not a flag: expected True or False, got"):
+        getattr(ROBOT, function)(*[np.zeros((9, 6))] * count, friction=value)
+
+
+def test_numpy_flags_are_flags() -> None:
+    v = np.ones(6)
+    np.testing.assert_array_equal(ROBOT.bias(ZERO, v, friction=np.True_), ROBOT.bias(ZERO, v, friction=True))
+    assert np.any(ROBOT.bias(ZERO, v, friction=True) != ROBOT.bias(ZERO, v))
+
+
+@pytest.mark.parametrize("name", ["six_axis", "seven_axis", "two_arms", "macro_micro_4r"])
+def test_what_is_written_and_read_again_is_the_same_arm(name: str) -> None:
+    """To the bit, with loads, tools and joints held too; the report alone may differ."""
+    arm = al.load_urdf(al.example_urdf(name))
+    frame = arm.frame_names[-1]
+    tool = arm.with_frame("tool", frame, xyz=[0.1, 0.2, 0.3], rpy=[0.4, -0.5, 2.6])
+    load = tool.with_payload("tool", 1.3, [0.01, 0.02, 0.03], np.diag([0.1, 0.2, 0.17]))
+    for each in (arm, tool, load, load.locked({arm.joint_names[1]: 0.7})):
+        again = al.load_urdf(each.to_urdf()[0])
+        assert again == each and hash(again) == hash(each) and again.to_urdf() == each.to_urdf()
+        np.testing.assert_array_equal(again.parameters, each.parameters)
+        np.testing.assert_array_equal(again.pose(np.ones(each.n), "base"), each.pose(np.ones(each.n), "base"))
+    assert load != tool and arm != arm.with_gravity([0.0, 0.0, -1.0])
+
+
+def test_what_xacro_left_is_told() -> None:
+    for text, line in (
+        (robot(joint(), LINK.replace('value="1"', 'value="${m}"')), 3),
+        (robot(joint(name="${prefix}j1")), 4),
+        (robot(joint(), LINK.replace('"l1"', '"$(arg side)l1"')), 3),
+    ):
+        with pytest.raises(al.ModelError, match="expand it first") as caught:
+            al.load_urdf(text)
+        assert caught.value.line == line
+
+
+def test_a_text_with_words_before_it_is_a_text() -> None:
+    with pytest.raises(al.ModelError, match="well-formed"):
+        al.load_urdf("robot: " + robot(joint()))
+    with pytest.raises(al.InputError, match="load_urdf: path_or_xml cannot be read: expected a URDF file or its text, got nowhere.urdf"):
+        al.load_urdf("nowhere.urdf")
+
+
+def test_tags_with_thousands_of_attributes_are_quick_to_refuse() -> None:
+    """The XML parser compares the attributes of a tag with each other: what is allowed keeps the longest file under a second."""
+    tag = "<x " + " ".join(f"a{i}='1'" for i in range(60)) + "/>"
+    text = "<robot>" + tag * ((15 << 20) // len(tag)) + "<link name='a'/></robot>"
+    start = time.perf_counter()
+    assert al.load_urdf(text).n == 0
+    # Some 0.3 s on a quiet machine.
+    assert time.perf_counter() - start < 3.0
+
+
+def test_limits_that_are_none_and_loads_that_are_none() -> None:
+    joint = {"type": "R", "lower": -np.inf, "upper": np.inf, "velocity": float("inf"), "effort": 3.0}
+    limits = al.Arm.from_chain([joint]).limits
+    assert (limits["q_min"], limits["q_max"], limits["v_max"], limits["effort"]) == (-np.inf, np.inf, np.inf, 3.0)
+    for key, value in (("lower", np.inf), ("upper", -np.inf), ("velocity", np.nan), ("effort", -np.inf)):
+        with pytest.raises(al.InputError, match=rf'joints\[0\]\["{key}"\] is not finite'):
+            al.Arm.from_chain([joint | {key: value}])
+    with pytest.raises(al.InputError, match="Arm.with_payload: inertia has a negative principal moment: expected >= 0, got -1e0"):
+        ROBOT.with_payload("base", 1.0, inertia=-np.eye(3))
+
+
+def test_every_function_of_an_arm_says_shape_and_errors_and_shows_an_example() -> None:
+    properties = {name for name in dir(al.Arm) if isinstance(getattr(al.Arm, name), type(al.Arm.n))}
+    for name in sorted(set(dir(al.Arm)) - properties):
+        if not name.startswith("_"):
+            text = getattr(al.Arm, name).__doc__ or ""
+            assert ">>> " in text, name

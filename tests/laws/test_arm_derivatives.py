@@ -123,3 +123,32 @@ def test_a_singular_mass_matrix_is_said() -> None:
     arm = al.pendulum(1.0, 1.0).with_parameters(np.zeros(10))
     with pytest.raises(al.InputError, match="not finite"):
         arm.linearize([0.0], [0.0], [1.0])
+
+
+def test_the_pr_arm_by_differences() -> None:
+    """The closed form of three parameters has slopes too, in every shape; the forward ones are those of the inverse ones."""
+    arm = al.planar_pr(2.0, 0.5, 0.4)
+    q, v, a = np.random.default_rng(8).uniform(-2.0, 2.0, (3, 5, 2))
+    tau = arm.inverse_dynamics(q, v, a)
+    by_q, by_v, mass = arm.inverse_dynamics_derivatives(q, v, a)
+    a_q, a_v, inverse = arm.forward_dynamics_derivatives(q, v, tau)
+    h = 1e-5
+    for j, e in enumerate(h * np.eye(2)):
+        for slope, moved in (
+            (by_q, lambda e: arm.inverse_dynamics(q + e, v, a)),
+            (by_v, lambda e: arm.inverse_dynamics(q, v + e, a)),
+            (a_q, lambda e: arm.forward_dynamics(q + e, v, tau)),
+            (a_v, lambda e: arm.forward_dynamics(q, v + e, tau)),
+        ):
+            # Central differences: h^2 of the third derivative, some 1e-9.
+            np.testing.assert_allclose(slope[..., j], (moved(e) - moved(-e)) / (2.0 * h), rtol=0.0, atol=1e-7)
+    np.testing.assert_array_equal(mass, arm.mass_matrix(q))
+    np.testing.assert_allclose(by_v, 2.0 * arm.coriolis_matrix(q, v), rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(inverse @ mass, np.broadcast_to(np.eye(2), (5, 2, 2)), rtol=0.0, atol=1e-13)
+    A, B = arm.linearize(q[0], v[0], tau[0])
+    np.testing.assert_array_equal(A, np.block([[np.zeros((2, 2)), np.eye(2)], [a_q[0], a_v[0]]]))
+    np.testing.assert_array_equal(B, np.vstack([np.zeros((2, 2)), inverse[0]]))
+    with pytest.raises(al.InputError, match="forward_dynamics_derivatives: q, v, tau give a result that is not finite"):
+        arm.with_parameters([1.0, 1.0, 1.0]).forward_dynamics_derivatives([0.0, 0.0], [0.0, 1.0], [1.0, 0.0])
+    with pytest.raises(al.InputError, match="friction, armature are not part of this arm"):
+        arm.linearize([0.0, 0.0], [0.0, 0.0], [0.0, 0.0], friction=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -217,3 +218,33 @@ def test_negative_moments_within_the_digits_of_files(size: float) -> None:
     if size == 1e-7:
         with pytest.raises(al.ModelError, match="negative principal moment"):
             plate(-1.1 * size, size, size, mass=1e-3)
+
+
+def test_rotors_that_are_not_identified_are_known() -> None:
+    """The torque of an arm is explained by its own base parameters whether its rotors are asked for or not."""
+    arm = ARMS["six_axis"]
+    assert np.all(arm.limits["armature"] > 0.0)
+    q, v, a, _ = states(arm, 200, 9)
+    tau = arm.inverse_dynamics(q, v, a)
+    found = arm.with_parameters(1.2 * arm.parameters).identify(q, v, a, tau)
+    np.testing.assert_allclose(found.values, arm.base_parameters().values, rtol=1e-10, atol=1e-11)
+    assert np.all(found.residuals < 1e-10)
+    np.testing.assert_allclose(found.arm.inverse_dynamics(q, v, a), tau, rtol=0.0, atol=1e-9)
+
+
+def test_the_identified_arm_has_the_identified_rotors_and_friction() -> None:
+    arm = ARMS["two_arms"]
+    q, v, a, _ = states(arm, 300, 10)
+    tau = arm.inverse_dynamics(q, v, a, friction=True)
+    text, _ = arm.to_urdf()
+    for drive in ("armature", "damping", "friction"):
+        text = re.sub(rf'{drive}="[^"]*"', f'{drive}="0.01"', text)
+    wrong = al.load_urdf(text).with_parameters(0.9 * arm.parameters)
+    found = wrong.identify(q, v, a, tau, armature=True, friction=True).arm
+    np.testing.assert_allclose(found.inverse_dynamics(q, v, a, friction=True), tau, rtol=0.0, atol=1e-9 * np.abs(tau).max())
+    for drive in ("damping", "friction"):
+        np.testing.assert_allclose(found.limits[drive], arm.limits[drive], rtol=0.0, atol=1e-9)
+    only = wrong.identify(q, v, a, arm.inverse_dynamics(q, v, a) + arm.limits["damping"] * v, friction=True).arm
+    np.testing.assert_array_equal(only.limits["armature"], wrong.limits["armature"])
+    assert found.joint_names == arm.joint_names and found.frame_names == arm.frame_names
+    np.testing.assert_array_equal(found.limits["q_min"], arm.limits["q_min"])

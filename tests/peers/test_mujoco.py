@@ -110,3 +110,83 @@ def test_a_law_drives_a_model(tmp_path: Path) -> None:
     assert planted != code
     done = subprocess.run([sys.executable, "-P", "-c", planted], capture_output=True, text=True, check=False)
     assert done.returncode == 1 and "AssertionError" in done.stderr
+
+
+def two_links(joint: str = "", option: str = "", rest: str = "", site: str = "tip", top: str = "") -> mujoco.MjModel:
+    geom = '<geom type="capsule" size=".05" fromto="0 0 0 0 0 .4" density="800"/>'
+    return mujoco.MjModel.from_xml_string(
+        f"""<mujoco><compiler angle="radian"/>{option}{top}<worldbody><body name="one"><joint name="a" axis="0 1 0" {joint}/>{geom}
+        <body name="two" pos="0 0 .4"><joint name="b" axis="1 0.3 0"/>{geom}<site name="{site}" pos="0 0 .4"/></body></body></worldbody>
+        {rest}</mujoco>"""
+    )
+
+
+def agrees(model: mujoco.MjModel) -> al.Arm:
+    arm = al.from_mujoco(model)
+    report = al.verify(arm, against=model)
+    assert report, str(report)
+    return arm
+
+
+def test_gravity_that_is_switched_off() -> None:
+    arm = agrees(two_links(option='<option><flag gravity="disable"/></option>'))
+    np.testing.assert_array_equal(arm.gravity([0.3, 0.4]), [0.0, 0.0])
+    assert np.any(agrees(two_links()).gravity([0.3, 0.4]) != 0.0)
+
+
+def test_rotors_of_actuators_are_on_the_joints_side_of_the_gear() -> None:
+    motors = '<actuator><motor joint="a" gear="3" armature="0.2" damping="0.5"/><motor jointinparent="a" armature="0.1"/></actuator>'
+    model = two_links(joint='armature="0.3" damping="0.1" actuatorfrcrange="-20 30"', rest=motors)
+    arm = agrees(model)
+    np.testing.assert_allclose(arm.limits["armature"], [0.3 + 9 * 0.2 + 0.1, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(arm.limits["damping"], [0.1 + 9 * 0.5, 0.0], rtol=1e-15)
+    np.testing.assert_array_equal(arm.limits["effort"], [20.0, np.inf])
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1.0
+    mujoco.mj_forward(model, data)
+    friction = arm.bias([0.0, 0.0], [1.0, 1.0], friction=True) - arm.bias([0.0, 0.0], [1.0, 1.0])
+    np.testing.assert_allclose(friction, -data.qfrc_passive, rtol=1e-12)
+
+
+def test_defaults_of_classes_are_read() -> None:
+    top = '<default><joint armature=".1" frictionloss=".2"/><default class="k"><joint armature=".5" range="-1 1"/></default></default>'
+    arm = agrees(two_links(joint='class="k"', top=top))
+    np.testing.assert_array_equal(arm.limits["armature"], [0.5, 0.1])
+    np.testing.assert_array_equal(arm.limits["friction"], [0.2, 0.2])
+    np.testing.assert_array_equal(arm.limits["q_max"], [1.0, np.inf])
+
+
+def test_what_is_dropped_is_told() -> None:
+    joints = '<joint joint="a" coef="1"/><joint joint="b" coef="-1"/>'
+    for given, said in (
+        ({"option": '<option density="1000"/>'}, "fluid forces dropped (1)"),
+        ({"joint": 'damping="1 2 3"'}, "joints' damping beyond the linear dropped (1)"),
+        ({"site": "two"}, "sites of a body's name dropped (1)"),
+        ({"joint": 'stiffness="3"'}, "joint springs dropped (1)"),
+        ({"rest": f'<tendon><fixed name="t" stiffness="5">{joints}</fixed></tendon>'}, "tendons dropped (1)"),
+        ({"rest": '<equality><joint joint1="a" joint2="b"/></equality>'}, "equality constraints dropped (1)"),
+    ):
+        assert agrees(two_links(**given)).report == (said,)
+    # A tendon's own inertia couples the joints: no arm has that, and the comparison says so.
+    coupled = two_links(rest=f'<tendon><fixed name="t" armature="0.7">{joints}</fixed></tendon>')
+    report = al.verify(al.from_mujoco(coupled), against=coupled)
+    assert not report and "mass_matrix" in {row.quantity for row in report.rows if not row.agrees}
+
+
+def test_a_world_without_joints_is_compared() -> None:
+    model = mujoco.MjModel.from_xml_string('<mujoco><worldbody><body name="b" pos="1 2 3"><geom size="1"/></body></worldbody></mujoco>')
+    arm = agrees(model)
+    assert arm.n == 0
+    np.testing.assert_array_equal(arm.position([], "b"), [1.0, 2.0, 3.0])
+
+
+def test_what_is_written_is_read_by_others() -> None:
+    """The attributes that keep the last digits are no matter to another reader."""
+    arm = al.load_urdf(al.example_urdf("six_axis")).with_frame("tool", "link6", rpy=[0.3, 0.4, 0.5])
+    text = arm.with_payload("tool", 1.0, [0.1, 0.2, 0.3]).to_urdf()[0]
+    assert ' parameters="' in text
+    options = '<mujoco><compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
+    model = mujoco.MjModel.from_xml_string(re.sub(r"(<robot\b[^>]*>)", r"\1" + options, text, count=1))
+    report = al.verify(al.load_urdf(text), against=model, rtol=1e-7)
+    numbers = [row for row in report.rows if row.quantity in ("pose", "jacobian", "gravity")]
+    assert len(numbers) == 3 and all(row.agrees for row in numbers), str(report)

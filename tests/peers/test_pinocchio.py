@@ -231,3 +231,57 @@ def test_every_robot_of_the_package() -> None:
         read += 1
     # A principal moment of -2e-2 kg m^2, and a robot without links.
     assert set(refused) <= {"romeo_laas_small.urdf", "ur3.urdf"} and read >= 60, (read, refused)
+
+
+def made_of(*joints: Any) -> Any:
+    model, parent = pin.Model(), 0
+    for i, joint in enumerate(joints):
+        parent = model.addJoint(parent, joint, pin.SE3.Random(), f"q{i}")
+        model.appendBodyToJoint(parent, pin.Inertia.Random(), pin.SE3.Random())
+        model.addFrame(pin.Frame(f"b{i}", parent, 0, pin.SE3.Random(), pin.FrameType.BODY))
+    return model
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_models_of_one_joint_and_of_none(count: int) -> None:
+    model = made_of(*[pin.JointModelRY()] * count)
+    arm = al.from_pinocchio(model)
+    report = al.verify(arm, against=model)
+    assert arm.n == count and report, str(report)
+
+
+def test_a_joint_inside_another_keeps_its_place() -> None:
+    inside = pin.JointModelComposite()
+    inside.addJoint(pin.JointModelRX(), pin.SE3.Random())
+    model = made_of(pin.JointModelRZ(), inside, pin.JointModelPY())
+    report = al.verify(al.from_pinocchio(model), against=model)
+    assert report, str(report)
+    twice = pin.JointModelComposite()
+    for joint in (pin.JointModelRX(), pin.JointModelRY()):
+        twice.addJoint(joint)
+    axis = np.array([0.6, 0.0, 0.8])
+    for joint in (pin.JointModelHX(0.3), pin.JointModelHelicalUnaligned(axis, 0.2), twice, pin.JointModelSpherical(), pin.JointModelPlanar()):
+        with pytest.raises(al.InputError, match=r"of another kind: expected revolute or prismatic, got .* \(joint q1\)"):
+            al.from_pinocchio(made_of(pin.JointModelRZ(), joint))
+
+
+def test_a_turning_base_is_told() -> None:
+    model = made_of(pin.JointModelRX(), pin.JointModelRY())
+    model.gravity = pin.Motion(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.0, 0.0]))
+    arm = al.from_pinocchio(model)
+    assert arm.report == ("angular acceleration of the base dropped (the angular part of gravity)",)
+    assert not al.verify(arm, against=model)
+
+
+@pytest.mark.parametrize("name", ["six_axis", "two_arms"])
+def test_what_is_written_is_read_by_others(name: str) -> None:
+    """The attributes that keep the last digits are no matter to another reader."""
+    arm = al.load_urdf(al.example_urdf(name))
+    frame = arm.frame_names[-1]
+    arm = arm.with_frame("tool", frame, rpy=[0.3, 0.4, 0.5]).with_payload("tool", 1.0, [0.1, 0.2, 0.3])
+    text, _ = arm.to_urdf()
+    assert ' parameters="' in text
+    report = al.verify(arm, against=pin.buildModelFromXML(text))
+    differ = {row.quantity for row in report.rows if not row.agrees}
+    # Pinocchio gives a URDF no rotors.
+    assert differ <= {"armature", "mass_matrix", "inverse_dynamics", "forward_dynamics"}, str(report)
