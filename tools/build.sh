@@ -18,4 +18,5 @@ ls "$dist"/armlet-*.tar.gz >"$build/sdist.path"
 unpacked=$("$venv/bin/python" tools/unpack_sdist.py "$(cat "$build/sdist.path")" "$build/sdist")
 (cd "$unpacked" && "$venv/bin/maturin" build --release --locked --out "$dist" --interpreter "$venv/bin/python")
 ls "$dist"/armlet-*.whl >"$build/wheel.path"
+"$venv/bin/python" tools/release/neutral.py "$(cat "$build/wheel.path")"
 "$venv/bin/python" -m pip install --quiet --force-reinstall --no-deps "$(cat "$build/wheel.path")"

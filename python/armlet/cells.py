@@ -21,6 +21,8 @@ __all__ = ["Cells", "columns", "drawn"]
 
 LISTS = ("linspace", "geomspace")
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal")
+# Values of one list; written out, they are kept in memory.
+MOST = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,8 @@ def _listed(path: str, spec: Any, draws: int | None) -> Any:
     if kind in LISTS:
         if len(numbers) != 3 or not all(real) or numbers[2] < 1 or numbers[2] != int(numbers[2]):
             raise fault(f"{kind} = [first, last, count]")
+        if numbers[2] > MOST:
+            raise fault(f"at most {MOST:,} values")
         if kind == "geomspace" and min(numbers[:2]) <= 0:
             raise fault("geomspace between numbers > 0")
         make = np.linspace if kind == "linspace" else np.geomspace

@@ -51,6 +51,8 @@ def _panels(run: Run) -> list[Any]:
         panels.append(_error)
     else:
         panels.append(_velocity)
+    if run.position_error is not None:
+        panels.append(_distance)
     if run.tau is not None:
         panels.append(_torque)
     if run.estimate is not None and run.estimate.shape[-1]:
@@ -108,6 +110,16 @@ def _error(ax: Axes, run: Run) -> None:
     _lines(ax, run.t, desired[0] - run.q, _joints("e", run.units))
     ax.set_ylabel(_axis("error", run.units))
     ax.set_title(r"Tracking error $e = q_d - q$")
+    _legend(ax)
+
+
+def _distance(ax: Axes, run: Run) -> None:
+    assert run.position_error is not None
+    count = run.position_error.shape[-1]
+    _lines(ax, run.t, run.position_error, [f"task {i + 1}" for i in range(count)])
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("distance (m)")
+    ax.set_title("Distance of the frame from its target" if count == 1 else "Distance of each frame from its target")
     _legend(ax)
 
 

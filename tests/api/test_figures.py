@@ -58,6 +58,16 @@ def test_a_new_one_where_none_is_given(name: str) -> None:
     pyplot.close(number)
 
 
+def test_the_distance_of_a_cartesian_law() -> None:
+    """What the law is for is drawn too: how far the frame is from its target."""
+    law = al.CartesianImpedance(ARM, [0.5, 0.5], 300.0, 40.0, frame="link2", axes="xy")
+    made = al.simulate(al.RigidArm(ARM), law, [0.3, 1.0], t_end=0.1, dt=1e-3)
+    (panel,) = [ax for ax in made.plot(Figure()).flat if ax.get_ylabel() == "distance (m)"]
+    assert made.position_error is not None
+    assert (panel.get_lines()[0].get_ydata() == made.position_error[:, 0]).all() and panel.get_ylim()[0] == 0.0
+    assert not [ax for ax in run().plot(Figure()).flat if ax.get_ylabel() == "distance (m)"]
+
+
 def test_estimates_of_many_links() -> None:
     """A colour per link, named; forty lines of their own would say nothing."""
     law = al.Adaptive(ARM, al.Sinusoid([0.1, 0.2], [0.3, 0.3], [1.0, 2.0], [0.0, 0.0]), 50.0, 5.0, 1.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import importlib.util
 import struct
 import sys
@@ -23,7 +25,7 @@ def load(path: Path) -> ModuleType:
     return module
 
 
-audit, check_wheel = load(TOOLS / "audit.py"), load(TOOLS / "release" / "check_wheel.py")
+audit, check_wheel, neutral = (load(TOOLS / name) for name in ("audit.py", "release/check_wheel.py", "release/neutral.py"))
 LICENCES = {"MIT", "Unicode-3.0", "Apache-2.0 WITH LLVM-exception"}
 
 
@@ -80,3 +82,25 @@ def wheel(folder: Path, platform: str, binary: bytes, *, without: str = "") -> P
 def test_wheels(tmp_path: Path, platform: str, binary: bytes, without: str, wrong: str) -> None:
     faults = check_wheel.faults(wheel(tmp_path, platform, binary, without=without))
     assert (not faults) if not wrong else any(wrong in fault for fault in faults)
+
+
+def test_the_folder_of_the_build_leaves(tmp_path: Path) -> None:
+    """Of the bill of materials alone; RECORD says what is there then, and the rest is untouched."""
+    path = wheel(tmp_path, "manylinux_2_17_x86_64", elf(62, "2.17"), without="sboms")
+    bill, record = ("armlet-0.1.0.dist-info/" + name for name in ("sboms/armlet.cyclonedx.json", "RECORD"))
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(bill, '{"ref": "path+file:///home/me/armlet/rust/core#armlet-core@0.1.0", "url": "registry+https://x#y"}')
+        archive.writestr(record, f"armlet/__init__.py,sha256=abc,0\n{bill},sha256=old,1\n{record},,\n")
+    (fault,) = check_wheel.faults(path)
+    assert fault == "the bill of materials names a folder of the build: path+file:///home/me/armlet/rust/core"
+    with zipfile.ZipFile(path) as archive:
+        before = {name: archive.read(name) for name in archive.namelist()}
+    neutral.neutral(path)
+    assert check_wheel.faults(path) == [] and list(tmp_path.iterdir()) == [path]
+    with zipfile.ZipFile(path) as archive:
+        after = {name: archive.read(name) for name in archive.namelist()}
+    assert list(after) == list(before) and {name for name in after if after[name] != before[name]} == {bill, record}
+    assert after[bill] == b'{"ref": "path+file:///armlet/rust/core#armlet-core@0.1.0", "url": "registry+https://x#y"}'
+    digest = base64.urlsafe_b64encode(hashlib.sha256(after[bill]).digest()).rstrip(b"=").decode()
+    expected = ["armlet/__init__.py,sha256=abc,0", f"{bill},sha256={digest},{len(after[bill])}", f"{record},,"]
+    assert after[record].decode().splitlines() == expected

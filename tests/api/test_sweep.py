@@ -154,6 +154,7 @@ def test_another_sweeps_folder_is_refused(tmp_path: Path) -> None:
         ({"law.gamma": {"even": [0, 1]}}, {}, "expected a table with one of linspace, geomspace, uniform, log_uniform, normal"),
         ({"law.gamma": {"linspace": [0, 1]}}, {}, "expected linspace = [first, last, count]"),
         ({"law.gamma": {"linspace": [0, float("nan"), 3]}}, {}, "expected linspace"),
+        ({"law.gamma": {"linspace": [0, 1, 1e12]}}, {}, "expected at most 10,000,000 values, got {'linspace': [0, 1, 1000000000000.0]}"),
         ({"law.gamma": {"geomspace": [0, 1, 3]}}, {}, "expected geomspace between numbers > 0"),
         ({"law.gamma": {"uniform": [2, 1]}}, {"draws": 3}, "expected low <= high"),
         ({"law.gamma": {"log_uniform": [0, 1]}}, {"draws": 3}, "expected 0 < low <= high"),

@@ -42,6 +42,7 @@ def until(holds: Callable[[], object]) -> None:
 def test_every_system_has_its_page(server: Any) -> None:
     systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Robot(al.example_urdf("two_arms"), "two_arms")]
     page = LabPage(server, Lab(systems))
+    names: list[str] = []
     for system in systems:
         page.menu.value = system.title
         until(lambda system=system: (page.frame(0.016), page.model.system is system)[1])  # type: ignore[misc]
@@ -55,6 +56,9 @@ def test_every_system_has_its_page(server: Any) -> None:
             drawn = page.scene.frames[frame]
             # Drawn in every second frame: an arm at 1 m/s moves 3 cm between.
             assert np.abs(drawn.position - pose[:3, 3]).max() < 0.05
+        names += [handle.name for handle in page.scene.frames.values()]
+    # The page keeps the pose of a name that comes again before it has left.
+    assert len(set(names)) == len(names)
 
 
 def test_controls_reach_the_model(server: Any) -> None:

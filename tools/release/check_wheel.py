@@ -1,7 +1,7 @@
 """check_wheel.py WHEEL..: what each wheel claims is what it holds. Exit code 1 where it is not.
 
 One extension, for the stable ABI, of the processor and system that the tag names; no symbol of a newer glibc than the tag allows; licence,
-types and the bill of materials (CycloneDX, written by maturin) inside; nothing else but the package.
+types and the bill of materials (CycloneDX, written by maturin) inside, which names no folder of the build; nothing else but the package.
 """
 
 import re
@@ -38,6 +38,7 @@ def faults(wheel: Path) -> list[str]:
         binaries = [n for n in names if n.endswith((".so", ".pyd", ".dylib", ".dll"))]
         found = [] if len(binaries) == 1 else [f"expected one extension, got {binaries}"]
         binary = archive.read(binaries[0]) if binaries else b""
+        bills = {n: archive.read(n) for n in names if ".dist-info/sboms/" in n}
     system, _, processor = machine(binary).partition("_")
     if not (platform.startswith((system, f"many{system}")) and platform.endswith(processor)):
         found.append(f"the tag says {platform}, the extension is of {system} {processor}")
@@ -51,8 +52,10 @@ def faults(wheel: Path) -> list[str]:
     info = f"{name}-{version}.dist-info/"
     wanted = (f"{name}/__init__.py", f"{name}/py.typed", f"{info}METADATA", f"{info}licenses/LICENSE")
     found += [f"{part} is missing" for part in wanted if part not in names]
-    if not any(n.startswith(f"{info}sboms/") for n in names):
+    if not bills:
         found.append("the bill of materials is missing")
+    places = {place.decode() for bill in bills.values() for place in re.findall(rb'path\+file://(?!/armlet/rust/)[^"#]*', bill)}
+    found += [f"the bill of materials names a folder of the build: {place}" for place in sorted(places)]
     found += [f"{n} does not belong" for n in names if not n.startswith((f"{name}/", info)) or n.endswith(".pyc")]
     return found
 

@@ -30,4 +30,5 @@ for target in ${*:-$default}; do
     (cd "$source" && "$python" -m maturin build --release --locked $linked $tag --target "$target" --out "$out")
 done
 rm -rf "$out/source"
+"$python" tools/release/neutral.py "$out"/armlet-*.whl
 "$python" tools/release/check_wheel.py "$out"/armlet-*.whl

@@ -1,12 +1,13 @@
 """An arm on the page: its shapes under one node per frame, handles to drag.
 
-Everything stands under `/arm`, turned from the axes of the arm to those of the scene, so that positions are written in the arm's own.
+Everything stands under one node, turned from the axes of the arm to those of the scene, so that positions are written in the arm's own.
 """
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from .shapes import Array, Shape
 __all__ = ["ArmScene", "quaternion"]
 
 GREEN, RED = (0, 158, 115), (213, 94, 0)
+# Each arm has nodes of its own names: a page that has not yet dropped a node would give its pose to the next one of the same name.
+ROOTS = count()
 
 
 def quaternion(R: Array) -> Array:
@@ -65,20 +68,21 @@ class ArmScene:
         # Machines without a graphics card show pages too, and shadows cost them most.
         scene.configure_default_lights(cast_shadow=False)
         scene.add_grid("/grid", 6.0 * reach, 6.0 * reach, cell_size=0.25 * reach, section_size=reach)
-        scene.add_frame("/arm", show_axes=False, wxyz=quaternion(rotation))
+        self.root = f"/arm{next(ROOTS)}"
+        scene.add_frame(self.root, show_axes=False, wxyz=quaternion(rotation))
         for k, shape in enumerate(shapes):
             handle = self._body(k, shape)
             if shape.frame is not None:
                 self.bodies.append((shape.frame, handle))
-        self._goal = scene.add_icosphere("/arm/desired", radius=0.03 * reach, color=GREEN, opacity=0.6, visible=False)
+        self._goal = scene.add_icosphere(f"{self.root}/desired", radius=0.03 * reach, color=GREEN, opacity=0.6, visible=False)
 
     def _body(self, k: int, shape: Shape) -> Any:
-        scene, parent = self.server.scene, "/arm"
+        scene, parent = self.server.scene, self.root
         if shape.frame is not None:
             if shape.frame not in self.frames:
                 sizes = {"axes_length": 0.12 * self.reach, "axes_radius": 0.004 * self.reach}
                 # Numbered: a link may be called a/b, which would be a child of a.
-                self.frames[shape.frame] = scene.add_frame(f"/arm/frame{len(self.frames)}", show_axes=False, **sizes)
+                self.frames[shape.frame] = scene.add_frame(f"{self.root}/frame{len(self.frames)}", show_axes=False, **sizes)
             parent = self.frames[shape.frame].name
         vertices, faces = mesh_of(shape)
         placed = {"position": shape.pose[:3, 3], "wxyz": quaternion(shape.pose[:3, :3])}
@@ -107,15 +111,15 @@ class ArmScene:
     def handle(self, name: str, point: Array, planar: bool, moved: Callable[[Array], None]) -> Any:
         """A handle that the mouse drags; `moved` gets its new position, (3,), m, in the axes of the arm."""
         gizmo = self.server.scene.add_transform_controls(
-            f"/arm/target {name}",
+            f"{self.root}/target {name}",
             scale=0.3 * self.reach,
             active_axes=(True, True, not planar),
             disable_rotations=True,
             depth_test=False,
             position=point,
         )
-        self.server.scene.add_icosphere(f"/arm/target {name}/ball", radius=0.02 * self.reach, color=RED)
-        self.server.scene.add_label(f"/arm/target {name}/label", name, position=(0.0, 0.05 * self.reach, 0.0))
+        self.server.scene.add_icosphere(f"{self.root}/target {name}/ball", radius=0.02 * self.reach, color=RED)
+        self.server.scene.add_label(f"{self.root}/target {name}/label", name, position=(0.0, 0.05 * self.reach, 0.0))
 
         # A coroutine, so that the positions of one drag come in order.
         @gizmo.on_update  # type: ignore[untyped-decorator]

@@ -83,5 +83,5 @@ class ViewPage:
         for handle in self.scene.frames.values():
             handle.show_axes = self._axes.value
         x, y, z = self.arm.position(q, self._frame.value)
-        load = ", ".join(f"{tau:.2f}" for tau in self.arm.gravity(q))
+        load = ", ".join(f"{tau:.2f}" for tau in np.round(self.arm.gravity(q), 2) + 0.0)
         self.text.content = f"{self._frame.value} at ({x:.3f}, {y:.3f}, {z:.3f}) m\n\ngravity g(q) = ({load}) N m, N"

@@ -29,6 +29,14 @@ def _number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def _float(value: Any) -> float:
+    """A number as a float; an integer beyond all of them is infinite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
 class Field:
     """What a key may hold."""
 
@@ -67,7 +75,7 @@ class Numbers(Field):
         elif not _number(value) or (level == 0 and not self.scalar):
             yield f"{path}: expected {self._expected() if level == 0 else 'a number'}, got {shown(value)}"
         else:
-            number = float(value)  # type: ignore[arg-type]  # a number by now
+            number = _float(value)
             # A matrix has entries of any sign; what must be positive is the matrix, and the constructor sees to it.
             below = level < 2 and (number < self.low or (self.strict and number <= self.low))
             if (self.finite and not math.isfinite(number)) or math.isnan(number):
@@ -188,7 +196,7 @@ class OneOf(Field):
             yield f"{path}: expected a table with kind = one of {names}, got {shown(value)}"
         elif "kind" not in value:
             yield f"{path}.kind: is missing: expected one of {names}"
-        elif value["kind"] not in self.kinds:
+        elif not isinstance(value["kind"], str) or value["kind"] not in self.kinds:
             near = difflib.get_close_matches(str(value["kind"]), self.kinds, 1)
             yield f"{path}.kind: expected one of {names}, got {shown(value['kind'])}" + (f" (did you mean {near[0]}?)" if near else "")
         else:

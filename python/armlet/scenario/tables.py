@@ -255,6 +255,10 @@ SCENARIO = Table(
 )
 
 
+# More than any figure or file is for; each holds the whole state.
+RECORDS = 10_000_000
+
+
 def arguments(run: Mapping[str, Any]) -> dict[str, Any]:
     """The keyword arguments of `simulate` that the table `run` stands for."""
     given = dict(run)
@@ -263,7 +267,10 @@ def arguments(run: Mapping[str, Any]) -> dict[str, Any]:
         sensor = sampling.get("torque_sensor")
         given["sample_time"] = Sampling(**{**sampling, "torque_sensor": sensor and TorqueSensor(**sensor)})
     if isinstance(times, Mapping):
-        given["t_eval"] = np.linspace(0.0, run["t_end"], max(2, round(run["t_end"] / times["step"]) + 1))
+        records = run["t_end"] / times["step"]
+        if records > RECORDS:
+            raise InputError(f"simulate: t_eval is too fine: expected at most {RECORDS:,} records, got a step of {times['step']:g} s")
+        given["t_eval"] = np.linspace(0.0, run["t_end"], max(2, round(records) + 1))
     if force and isinstance(force[0], Mapping):
         given["force"] = [(step["t"], step["force"]) for step in force]
     return given
