@@ -72,8 +72,8 @@ class _Recorded:
         if len(motions) > 1 and all(each == motions[0] for each in motions):
             motions = motions[:1]  # one motion made many times: sampled once
         self._motions = motions if None not in motions else []
-        self._laws, self._made_by, self._arms = laws, law, [getattr(each, "arm", None) for each in plants]
-        self.arm = self._arms[0]
+        arms: list[Any] = [getattr(each, "arm", None) for each in plants]
+        self._laws, self._made_by, self._arms, self.arm = laws, law, arms, arms[0]
         # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
         stated = {name: given.pop(name, None) for name in ("parameters", "target", "limits", "units")}
         if stated["parameters"] is not None:
