@@ -6,6 +6,7 @@ Time is the first axis of a run: `q` is (K, n); a batch of B runs puts its rows 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -51,20 +52,13 @@ class _Recorded:
     stats: dict[str, Any]
     #: "Adaptive", ..: decides which figure `plot` draws.
     law_name: str
-    #: The plant's true parameters, for comparison with `estimate`; None where unknown.
-    parameters: Array | None
-    #: Unit of each joint's position, "rad" or "m".
-    units: tuple[str, ...]
-    #: The joint position that a law of joints holds, (n,) or (B, n); None for other laws.
-    target: Array | None
-    #: The arm's `q_min`, `q_max`, `v_max`, `effort`, (n,) or (B, n) each; None where unknown.
-    limits: dict[str, Array] | None
     #: The (first) plant's arm; None in a run that was read from a file.
     arm: Any
 
     def __init__(self, fields: Mapping[str, Any], law: Any = None, motion: Any = None, plant: Any = None) -> None:
         given = dict(fields)
-        self.t = np.atleast_1d(np.asarray(given.pop("t"), dtype=np.float64))
+        t = np.asarray(given.pop("t"), dtype=np.float64)
+        self.t = t if t.ndim else t.reshape(1)
         for name in SERIES:
             value = given.pop(name) if name in ("q", "v") else given.pop(name, None)
             setattr(self, name, None if value is None else np.asarray(value, dtype=np.float64))
@@ -79,25 +73,47 @@ class _Recorded:
             motions = motions[:1]  # one motion made many times: sampled once
         self._motions = motions if None not in motions else []
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
-        parameters = given.pop("parameters", None)
-        if parameters is None and None not in arms:
-            parameters = [arm.parameters for arm in arms] if len(arms) > 1 else arms[0].parameters
-        self.parameters = None if parameters is None else np.asarray(parameters, dtype=np.float64)
-        self.target = given.pop("target", None)
-        if self.target is None and self.law_name in JOINT_TARGETS and law is not None:
-            targets = [each.__getnewargs_ex__()[1]["target"] for each in laws]
-            self.target = np.array(targets if len(laws) > 1 else targets[0], dtype=np.float64)
-        self.arm = arms[0]
-        self._laws, self._arms = laws, arms
+        self._laws, self._made_by, self._arms, self.arm = laws, law, arms, arms[0]
+        # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
+        stated = {name: given.pop(name, None) for name in ("parameters", "target", "limits", "units")}
+        if stated["parameters"] is not None:
+            stated["parameters"] = np.asarray(stated["parameters"], dtype=np.float64)
+        if stated["units"]:
+            stated["units"] = tuple(stated["units"])
+        self.__dict__.update((name, value) for name, value in stated.items() if value is not None and len(value))
         self._position_error: Array | None = given.pop("position_error", None)
-        self.limits = given.pop("limits", None) or _limits(arms)
-        types = getattr(arms[0], "joint_types", None) or ("revolute",) * self.q.shape[-1]
-        self.units = tuple(given.pop("units", None) or ("m" if kind in ("prismatic", "P") else "rad" for kind in types))
         self._set_status(given.pop("status", Status.SUCCESS))
         self.events: Events | None = given.pop("events", None)
         self._dense: tuple[DenseOutput, int] | None = given.pop("dense", None)
         if given:
             raise InputError(f"{type(self).__name__}: fields are unknown: expected those of a run, got {sorted(given)}")
+
+    @cached_property
+    def parameters(self) -> Array | None:
+        """The plant's true parameters, for comparison with `estimate`; None where unknown."""
+        if None in self._arms:
+            return None
+        parameters = [arm.parameters for arm in self._arms] if len(self._arms) > 1 else self._arms[0].parameters
+        return np.asarray(parameters, dtype=np.float64)
+
+    @cached_property
+    def target(self) -> Array | None:
+        """The joint position that a law of joints holds, (n,) or (B, n); None for other laws."""
+        if self.law_name not in JOINT_TARGETS or self._made_by is None:
+            return None
+        targets = [each.__getnewargs_ex__()[1]["target"] for each in _rows(self._made_by)]
+        return np.array(targets if len(targets) > 1 else targets[0], dtype=np.float64)
+
+    @cached_property
+    def limits(self) -> dict[str, Array] | None:
+        """The arm's `q_min`, `q_max`, `v_max`, `effort`, (n,) or (B, n) each; None where unknown."""
+        return _limits(self._arms)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each joint's position, "rad" or "m"."""
+        types = getattr(self.arm, "joint_types", None) or ("revolute",) * self.q.shape[-1]
+        return tuple("m" if kind in ("prismatic", "P") else "rad" for kind in types)
 
     def _set_status(self, status: Any) -> None:
         raise NotImplementedError

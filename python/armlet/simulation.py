@@ -87,7 +87,7 @@ def simulate(
     >>> run.q.shape
     (2001, 2)
     """
-    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "throw")}
+    keywords = locals()  # a dictionary of its own; the plant, the law and q0 among it are not asked for
     keywords["events"] = asked = watched(events)
     fields = _core.simulate(plant, law, q0, keywords)
     ended = fields.pop("ended")

@@ -245,3 +245,54 @@ def test_batches_from_several_threads() -> None:
         worker.join(timeout=30.0)
     for result in results:
         same(result, expected)
+
+
+def rk4(motion: al.Motion, q0: Any, v0: Any, steps: int, h: float) -> Array:
+    """The loop of `PLANT` and a law with the gains of `LAW` in numpy: (q, v, estimate) at the end."""
+    a, b, c = PLANT.arm.parameters
+    kp, kd = np.array([40.0, 20.0]), np.array([20.0, 10.0])
+
+    def f(t: float, x: Array) -> Array:
+        q, v, estimate = x[:2], x[2:4], x[4:]
+        q_d, v_d, a_d = motion(t)
+        s = v_d - v + kp / kd * (q_d - q)
+        v_r, a_r = s + v, a_d + kp / kd * (v_d - v)
+        sin, cos = np.sin(q[1]), np.cos(q[1])
+        y = np.array([[a_r[0], a_r[1] * cos - v[1] * v_r[1] * sin, 0.0], [0.0, a_r[0] * cos, a_r[1]]])
+        force = y @ estimate + kd * s + np.array([b * sin * v[1] ** 2, 0.0])
+        return np.concatenate([v, np.linalg.solve([[a, b * cos], [b * cos, c]], force), 5.0 * y.T @ s])
+
+    x = np.concatenate([q0, v0, np.zeros(3)])
+    for k in range(steps):
+        t = k * h
+        k1 = f(t, x)
+        k2 = f(t + h / 2, x + h / 2 * k1)
+        k3 = f(t + h / 2, x + h / 2 * k2)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + f(t + h, x + h * k3))
+    return x
+
+
+FAR = al.Sinusoid([0.0, 1e6], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4])
+
+
+@pytest.mark.parametrize("monitors", [False, True])
+@pytest.mark.parametrize(("motion", "v2"), [(MOTION, 40.0), (FAR, 0.5)], ids=["spins", "far"])
+def test_rows_that_spin_or_are_far_round_leave_the_others(motion: al.Motion, v2: float, monitors: bool) -> None:
+    """A step that turns a joint by 1/32 rad, or begins beyond 1e6 rad, is done with sines in full: in its own lane alone."""
+    law = al.Adaptive(ARM, motion, [40.0, 20.0], [20.0, 10.0], 5.0)
+    q0, v0 = states(24)
+    q0[:, 1] += motion(0.0)[0][1]
+    odd = [3, 9, 17]
+    v0[odd, 1] = v2 * np.array([1.0, -1.0, 0.8])
+    options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3, "monitors": monitors, "record_every": 10}
+    mixed = al.simulate_batch(PLANT, law, q0, v0=v0, **options)
+    rest = [row for row in range(24) if row not in odd]
+    same(al.simulate_batch(PLANT, law, q0[rest], v0=v0[rest], **options), mixed, slice(None), rest)
+    for row in odd:
+        same(al.simulate_batch(PLANT, law, q0[[row]], v0=v0[[row]], **options), mixed, slice(None), [row])
+        run = al.simulate(PLANT, law, q0[row], v0=v0[row], **options)
+        end = rk4(motion, q0[row], v0[row], 100, 1e-3)
+        for got in (run, mixed[row]):
+            x = np.concatenate([got.q[-1], got.v[-1], got.estimate[-1]])
+            # Two codes differ by rounding, of 1e-10 where angles are 1e6, which the gains multiply.
+            np.testing.assert_allclose(x, end, rtol=1e-9, atol=1e-10 if motion is MOTION else 1e-7)

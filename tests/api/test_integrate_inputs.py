@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import traceback
+import weakref
 from typing import Any
 
 import numpy as np
@@ -244,3 +245,61 @@ class TestScipyMethod:
 def test_scipy_method_refuses_other_names() -> None:
     with pytest.raises(al.InputError, match="expected one of dopri5, dop853, radau5, rodas4, got 'rk4'"):
         al.scipy_method("rk4")
+
+
+KEEP: dict[str, Any] = {
+    "the array": lambda y: y,
+    "a view": lambda y: y[:1],
+    "a memoryview": memoryview,
+    "a tuple of it": lambda y: (y,),
+}
+
+
+@pytest.mark.parametrize("keep", KEEP.values(), ids=KEEP.keys())
+def test_arrays_that_were_kept_do_not_change(keep: Any) -> None:
+    kept: list[Any] = []
+
+    def f(t: float, y: Any) -> Any:
+        kept.append((float(y[0]), keep(y) if len(kept) % 3 else None))
+        return [y[1], -y[0]]
+
+    al.integrate(f, (0.0, 1.0), [1.0, 0.0], method="dopri5")
+    there = [(x, held) for x, held in kept if held is not None]
+    assert len(there) > 20
+    for x, held in there:
+        assert np.asarray(held).reshape(-1)[0] == x
+
+
+def test_an_array_that_is_gone_stays_gone() -> None:
+    seen: list[Any] = []
+
+    def f(t: float, y: Any) -> Any:
+        assert all(reference() is None for reference in seen)
+        seen.append(weakref.ref(y))
+        return [y[1], -y[0]]
+
+    al.integrate(f, (0.0, 1.0), [1.0, 0.0], method="dop853")
+    assert len(seen) > 20
+
+
+def test_an_array_that_was_changed_is_not_given_again() -> None:
+    changes: list[Any] = [
+        lambda y: setattr(y, "shape", (2, 1)),
+        lambda y: y.setflags(write=False),
+        lambda y: setattr(y, "dtype", np.int64),
+        lambda y: y.resize(1, refcheck=False),
+        lambda y: y.fill(np.nan),
+    ]
+    calls = 0
+
+    def f(t: float, y: Any) -> Any:
+        nonlocal calls
+        assert y.shape == (2,) and y.dtype == np.float64 and y.flags.writeable and np.all(np.isfinite(y))
+        slope = [float(y[1]), -float(y[0])]
+        changes[calls % len(changes)](y)
+        calls += 1
+        return slope
+
+    run = al.integrate(f, (0.0, 1.0), [1.0, 0.0], method="dopri5", rtol=1e-9)
+    assert calls > 50
+    np.testing.assert_allclose(run.y[-1], [np.cos(1.0), -np.sin(1.0)], atol=1e-7)

@@ -9,7 +9,7 @@ use armlet_core::error::{Error, all_finite};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyFloat, PyString};
+use pyo3::types::{PyFloat, PyList, PyString, PyTuple};
 use std::borrow::Cow;
 use std::ffi::c_int;
 use std::ptr::null_mut;
@@ -39,12 +39,24 @@ fn numpy_function<'py>(py: Python<'py>, name: &'static str) -> PyResult<Bound<'p
     numpy.bind(py).getattr(name)
 }
 
+/// The numbers of a list or tuple of floats, without asking numpy; None of anything else.
+fn floats(value: &Bound<'_, PyAny>) -> Option<Vec<f64>> {
+    let float = |item: Bound<'_, PyAny>| item.cast::<PyFloat>().ok().map(|x| x.value());
+    if let Ok(list) = value.cast_exact::<PyList>() {
+        return list.iter().map(float).collect();
+    }
+    value.cast_exact::<PyTuple>().ok()?.iter().map(float).collect()
+}
+
 /// Any array of real numbers: its shape and its elements in C order.
 pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Converted<'a> {
     if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
         && let Some(slice) = in_place(array)
     {
         return Ok((array.shape().to_vec(), Cow::Borrowed(slice)));
+    }
+    if let Some(values) = floats(value) {
+        return Ok((vec![values.len()], Cow::Owned(values)));
     }
     let py = value.py();
     let refuse = |got: String| {
@@ -360,6 +372,45 @@ pub fn overwrite(array: &Bound<'_, PyAny>, values: &[f64]) -> Result<(), Failure
     // SAFETY: the elements are those checked above; the GIL is held and no other borrow is alive here.
     unsafe { std::slice::from_raw_parts_mut(array.data(), values.len()) }.copy_from_slice(values);
     Ok(())
+}
+
+/// A vector of the extension's own that callables are given one after another: written anew only while nobody else can see it.
+#[derive(Default)]
+pub struct Lent(Option<Py<PyArray1<f64>>>);
+
+impl Lent {
+    /// An array that holds `values`.
+    pub fn array<'py>(&mut self, py: Python<'py>, values: &[f64]) -> Bound<'py, PyAny> {
+        if let Some(kept) = &self.0
+            && unseen(kept.bind(py), values.len())
+        {
+            // SAFETY: contiguous, aligned and of this length, and nobody else holds it or knows where it is.
+            unsafe { std::slice::from_raw_parts_mut(kept.bind(py).data(), values.len()) }.copy_from_slice(values);
+        } else {
+            self.0 = Some(PyArray1::from_slice(py, values).unbind());
+        }
+        match &self.0 {
+            Some(kept) => kept.bind(py).clone().into_any(),
+            None => unreachable!("just kept"),
+        }
+    }
+}
+
+/// Whether an array of `n` numbers is as it was made and held by its owner alone.
+fn unseen(array: &Bound<'_, PyArray1<f64>>, n: usize) -> bool {
+    use npyffi::flags::{NPY_ARRAY_ALIGNED, NPY_ARRAY_C_CONTIGUOUS, NPY_ARRAY_OWNDATA, NPY_ARRAY_WRITEABLE};
+    let wanted = NPY_ARRAY_C_CONTIGUOUS | NPY_ARRAY_ALIGNED | NPY_ARRAY_OWNDATA | NPY_ARRAY_WRITEABLE;
+    // SAFETY: reads of a live array's own fields, with the GIL held. A callable may have changed its shape, its type or its flags.
+    unsafe {
+        let fields = &(*array.as_array_ptr()).fields;
+        pyo3::ffi::Py_REFCNT(array.as_ptr()) == 1
+            && fields.weakreflist.is_null()
+            && fields.base.is_null()
+            && fields.flags & wanted == wanted
+            && fields.nd == 1
+            && *fields.dimensions == n as npyffi::npy_intp
+            && array.cast::<PyArrayDyn<f64>>().is_ok()
+    }
 }
 
 /// A new vector, filled by `fill`.

@@ -1,6 +1,6 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector};
+use crate::arrays::{any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector, written_array};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
@@ -19,6 +19,8 @@ use std::sync::Arc;
 
 const A_PLANT: &str = "a plant such as RigidArm";
 const A_LAW: &str = "a law such as Adaptive";
+/// Numbers that are sooner copied into an array than given to one.
+const FEW: usize = 1024;
 
 /// One object, or a list of them.
 fn several<'py, T: pyo3::PyClass>(
@@ -182,6 +184,13 @@ impl<'py> Given<'py> {
 
 fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[usize]) -> Result<(), Failure> {
     use numpy::PyArrayMethods;
+    if values.len() <= FEW {
+        let copy = |out: &mut [f64]| -> Result<(), Failure> {
+            out.copy_from_slice(&values);
+            Ok(())
+        };
+        return Ok(fields.set_item(name, written_array(fields.py(), shape, copy)?)?);
+    }
     let array = PyArray1::from_vec(fields.py(), values).reshape(shape.to_vec())?;
     Ok(fields.set_item(name, array)?)
 }

@@ -3,7 +3,7 @@
 //! A decreasing span runs on the time `s = -t`: `dy/ds = -f(-s, y)`. The first exception is kept and the slope is NaN from then on,
 //! so that the method ends at once without calling Python again.
 
-use crate::arrays::{numbers, of_shape, shown};
+use crate::arrays::{Lent, numbers, of_shape, shown};
 use crate::errors::{Failure, input_error, to_python};
 use armlet_core::integrate::{Differentiable, System};
 use numpy::PyArray1;
@@ -28,6 +28,7 @@ pub struct Field {
     arguments: Option<Py<PyTuple>>,
     /// States go out as lists of floats instead of arrays.
     lists: bool,
+    lent: Lent,
     jacobian: Jacobian,
     /// -1 where the span decreases.
     pub direction: f64,
@@ -52,7 +53,7 @@ impl Field {
         n: usize,
     ) -> Self {
         let [up, down, at] = std::array::from_fn(|_| vec![0.0; n]);
-        Field { function, f, arguments, lists, jacobian, direction, positions, error: None, evaluations: 0, up, down, at }
+        Field { function, f, arguments, lists, lent: Lent::default(), jacobian, direction, positions, error: None, evaluations: 0, up, down, at }
     }
 
     /// Call `f(t, y)` into `out`, both in the caller's own time.
@@ -62,7 +63,10 @@ impl Field {
             return;
         }
         self.evaluations += 1;
-        let result = Python::attach(|py| call(py, self.function, self.f.bind(py), self.arguments.as_ref(), self.lists, t, y, out));
+        let result = Python::attach(|py| {
+            let y = if self.lists { list(py, y)? } else { self.lent.array(py, y) };
+            call(py, self.function, self.f.bind(py), self.arguments.as_ref(), t, y, out)
+        });
         if let Err(error) = result {
             self.error = Some(error);
             out.fill(f64::NAN);
@@ -82,18 +86,16 @@ impl Field {
 }
 
 /// `f(t, y, *arguments)` into `out`.
-#[allow(clippy::too_many_arguments)]
 fn call(
     py: Python<'_>,
     function: &str,
     f: &Bound<'_, PyAny>,
     arguments: Option<&Py<PyTuple>>,
-    lists: bool,
     t: f64,
-    y: &[f64],
+    y: Bound<'_, PyAny>,
     out: &mut [f64],
 ) -> PyResult<()> {
-    let value = with(py, f, arguments, lists, t, y)?;
+    let value = with_state(py, f, arguments, t, y)?;
     if let Some(slice) = of_shape(&value, &[out.len()]) {
         out.copy_from_slice(slice);
         return Ok(());
@@ -122,8 +124,22 @@ pub fn with<'py>(
     t: f64,
     y: &[f64],
 ) -> PyResult<Bound<'py, PyAny>> {
-    // A fresh one each time: the callable may keep it.
-    let y = if lists { PyList::new(py, y)?.into_any() } else { PyArray1::from_slice(py, y).into_any() };
+    let y = if lists { list(py, y)? } else { PyArray1::from_slice(py, y).into_any() };
+    with_state(py, f, arguments, t, y)
+}
+
+/// A fresh list each time: the callable may keep it.
+fn list<'py>(py: Python<'py>, y: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+    Ok(PyList::new(py, y)?.into_any())
+}
+
+fn with_state<'py>(
+    py: Python<'py>,
+    f: &Bound<'py, PyAny>,
+    arguments: Option<&Py<PyTuple>>,
+    t: f64,
+    y: Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
     match arguments {
         None => f.call1((t, y)),
         Some(more) => {
