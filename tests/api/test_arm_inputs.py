@@ -287,7 +287,7 @@ def test_what_xacro_left_is_told() -> None:
 def test_a_text_with_words_before_it_is_a_text() -> None:
     with pytest.raises(al.ModelError, match="well-formed"):
         al.load_urdf("robot: " + robot(joint()))
-    with pytest.raises(al.InputError, match="load_urdf: path_or_xml cannot be read: expected a URDF file or its text, got nowhere.urdf"):
+    with pytest.raises(al.InputError, match=r"load_urdf: path_or_xml cannot be read: expected a URDF file or its text, got nowhere.urdf"):
         al.load_urdf("nowhere.urdf")
 
 
@@ -309,7 +309,7 @@ def test_limits_that_are_none_and_loads_that_are_none() -> None:
     for key, value in (("lower", np.inf), ("upper", -np.inf), ("velocity", np.nan), ("effort", -np.inf)):
         with pytest.raises(al.InputError, match=rf'joints\[0\]\["{key}"\] is not finite'):
             al.Arm.from_chain([joint | {key: value}])
-    with pytest.raises(al.InputError, match="Arm.with_payload: inertia has a negative principal moment: expected >= 0, got -1e0"):
+    with pytest.raises(al.InputError, match=r"Arm.with_payload: inertia has a negative principal moment: expected >= 0, got -1e0"):
         ROBOT.with_payload("base", 1.0, inertia=-np.eye(3))
 
 

@@ -129,7 +129,7 @@ impl Arm {
         friction: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.loaded(("inverse_dynamics", "a"), [q, v, a], (wrench, wrench_frame, friction), Quantity::InverseDynamics, out)
+        self.loaded(("inverse_dynamics", "a"), [q, v, a], [wrench, wrench_frame, friction], Quantity::InverseDynamics, out)
     }
 
     /// Forward dynamics: the acceleration `a = M^-1 (tau + J' wrench - C v - g)`, `(..., n)`, rad/s^2 or m/s^2.
@@ -161,7 +161,7 @@ impl Arm {
         friction: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.loaded(("forward_dynamics", "tau"), [q, v, tau], (wrench, wrench_frame, friction), Quantity::ForwardDynamics, out)
+        self.loaded(("forward_dynamics", "tau"), [q, v, tau], [wrench, wrench_frame, friction], Quantity::ForwardDynamics, out)
     }
 
     /// The Slotine-Li regressor, `(..., n, p)`: `Y(q, v, v_r, a_r) parameters = M a_r + C(q, v) v_r + g`, `C` that of Christoffel.

@@ -162,7 +162,7 @@ impl Arm {
         &self,
         (function, third): (&str, &str),
         [q, v, a]: [&Bound<'py, PyAny>; 3],
-        (wrench, frame, friction): (Option<&Bound<'py, PyAny>>, Option<&Bound<'py, PyAny>>, Option<&Bound<'py, PyAny>>),
+        [wrench, frame, friction]: [Option<&Bound<'py, PyAny>>; 3],
         quantity: Quantity,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {

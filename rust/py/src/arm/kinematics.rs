@@ -23,12 +23,7 @@ impl Arm {
     ///        [0., 0., 1., 0.],
     ///        [0., 0., 0., 1.]])
     #[pyo3(signature = (q, frame, *, out=None))]
-    fn pose<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn pose<'py>(&self, q: &Bound<'py, PyAny>, frame: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         self.framed("pose", ["q"], [q], Quantity::Pose, frame, out)
     }
 

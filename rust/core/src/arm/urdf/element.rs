@@ -155,7 +155,14 @@ impl Reader<'_> {
 
     /// Numbers that the writer adds because the standard ones round them, where both say the same: relative to `scales`, within what
     /// the angles of a rotation lose where pitch is a right angle.
-    fn exact<const N: usize>(&mut self, node: Node, attribute: &str, rounded: [f64; N], scales: [f64; N], rest: &str) -> Result<Option<[f64; N]>> {
+    fn exact<const N: usize>(
+        &mut self,
+        node: Node,
+        attribute: &str,
+        rounded: [f64; N],
+        scales: [f64; N],
+        rest: &str,
+    ) -> Result<Option<[f64; N]>> {
         let Some(text) = node.attribute(attribute) else { return Ok(None) };
         let given = self.numbers::<N>(node, attribute, text)?;
         if (0..N).all(|k| (given[k] - rounded[k]).abs() <= 1e-9 * scales[k]) {

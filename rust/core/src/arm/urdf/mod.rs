@@ -68,7 +68,8 @@ impl Arm {
     /// Read a URDF file.
     pub fn load_urdf(path: &Path, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
         let name = path.display().to_string();
-        let cannot = |e: std::io::Error| Error::input("path_or_xml", format!("cannot be read: expected a URDF file or its text, got {name} ({e})"));
+        let cannot =
+            |e: std::io::Error| Error::input("path_or_xml", format!("cannot be read: expected a URDF file or its text, got {name} ({e})"));
         let mut bytes = Vec::new();
         let file = std::fs::File::open(path).map_err(cannot)?;
         file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;

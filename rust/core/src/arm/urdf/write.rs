@@ -144,7 +144,12 @@ fn link(out: &mut String, name: &str, parameters: Option<&[f64; 10]>, report: &m
     inertia.write_parameters(&mut parameters);
     let shifted = Inertia { mass: inertia.mass, moment: V3::zero(), inertia: i }.placed(&Placement::from_rpy([0.0; 3], com.0));
     let added = exact("parameters", &parameters, shifted == inertia);
-    let _ = writeln!(out, "  <link name=\"{}\">\n    <inertial{added}>\n      <origin xyz=\"{}\" rpy=\"0 0 0\"/>", escaped(name), numbers(&com.0));
+    let _ = writeln!(
+        out,
+        "  <link name=\"{}\">\n    <inertial{added}>\n      <origin xyz=\"{}\" rpy=\"0 0 0\"/>",
+        escaped(name),
+        numbers(&com.0)
+    );
     let _ = writeln!(out, "      <mass value=\"{:?}\"/>", inertia.mass);
     let _ = writeln!(
         out,
