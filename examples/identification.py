@@ -24,7 +24,7 @@ q, v, a = np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)
 noise = np.array([0.5, 0.5, 0.5, 0.1, 0.1, 0.1])
 tau = built.inverse_dynamics(q, v, a) + noise * rng.normal(size=q.shape)
 
-found = drawn.identify(q, v, a, tau - drawn.limits["armature"] * a, noise=noise)
+found = drawn.identify(q, v, a, tau, noise=noise)  # the rotors are known: those of the drawing
 true = found.base.projection @ built.parameters
 print(f"{found.base.count} base parameters of {len(found.base.names)}, condition {found.condition:.0f}")
 print(f"{'true':>10} {'found':>10} {'deviation':>10}  parameter")

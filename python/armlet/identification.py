@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -150,7 +150,8 @@ class Identification:
         inertial, drives = np.split(self.parameters, [10 * own.n])
         arm = own.with_parameters(inertial)
         # As in a pickle: of each joint, last but one, four limits, armature, damping and Coulomb friction.
-        restore, ((name, joints, *rest),) = arm.__reduce__()
+        pickled: Any = arm.__reduce__()
+        restore, ((name, joints, *rest),) = pickled
         places = [4] * self.base.armature + [5, 6] * self.base.friction
         found = [list(joint[5]) for joint in joints]
         for place, values in zip(places, drives.reshape(-1, own.n), strict=True):

@@ -285,7 +285,8 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
             rate = theirs + theirs.T
             largest = max(size, float(np.abs(rate).max(initial=0.0)))
             compare("dM/dt = C + C'", ours + ours.T, rate, "", "the same for every skew factorisation", scale=largest)
-            if float(np.abs(ours - theirs).max(initial=0.0)) > 1e3 * rtol * size and not any("factorisation" in text for text in peer.conventions):
+            apart = float(np.abs(ours - theirs).max(initial=0.0))
+            if apart > 1e3 * rtol * size and not any("factorisation" in text for text in peer.conventions):
                 peer.conventions.append("the model's Coriolis matrix is another factorisation: C v and C + C' are compared")
         peer.at(q, v)
         accelerated = peer.forward_dynamics(tau)

@@ -1,7 +1,7 @@
 //! `armlet.RigidArm`, `armlet.ElasticArm`, `armlet.VelocityArm` and the wall that plants touch.
 
 use crate::arm::Arm;
-use crate::arrays::{number, object, text, three};
+use crate::arrays::{flag_or_false, number, object, text, three};
 use crate::errors::{Failure, entry};
 use crate::given::{Given, call, shown_as};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
@@ -130,19 +130,20 @@ pub struct RigidArm;
 #[pymethods]
 impl RigidArm {
     #[new]
-    #[pyo3(signature = (arm, *, friction=false, wall=None, stops=None))]
+    #[pyo3(signature = (arm, *, friction=None, wall=None, stops=None), text_signature = "(arm, *, friction=False, wall=None, stops=None)")]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
-        friction: bool,
+        friction: Option<&Bound<'py, PyAny>>,
         wall: Option<&Bound<'py, PyAny>>,
         stops: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "RigidArm";
         entry(arm.py(), NAME, || {
             let mut given = Given::new(NAME, arm)?;
+            let friction = flag_or_false(NAME, "friction", friction)?;
             if friction {
                 given.model().tree("friction")?;
-                given.plain("friction", &friction.into_pyobject(arm.py()).map(|flag| flag.to_owned().into_any()).map_err(PyErr::from)?);
+                given.flag("friction", true)?;
             }
             let wall = self::wall(&mut given, NAME, wall)?;
             let stops = self::stops(&mut given, NAME, stops)?;

@@ -105,8 +105,8 @@ fn round_trips() {
 /// The text less all attributes of these names.
 fn without(text: &str, attributes: &[&str]) -> String {
     attributes.iter().fold(text.to_string(), |text, name| {
-        let mark = format!(" {name}=\"");
-        let mut parts = text.split(&mark);
+        let attribute = format!(" {name}=\"");
+        let mut parts = text.split(&attribute);
         let first = parts.next().unwrap_or_default().to_string();
         parts.fold(first, |out, part| out + part.split_once('"').map_or("", |(_, rest)| rest))
     })

@@ -1,7 +1,7 @@
 //! Laws of rigid arms.
 
 use super::{Given, Law};
-use crate::arrays::{numbers, shown};
+use crate::arrays::{flag_or_false, numbers, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec, Projection};
 use armlet_core::motion::Motion;
@@ -10,7 +10,8 @@ use pyo3::prelude::*;
 /// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
 ///
 /// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `s = v_r - v`, `Y` the arm's regressor. The error
-/// goes to zero from any initial state and any estimate; the estimate converges only under excitation.
+/// goes to zero from any initial state and any estimate; the estimate converges only under excitation. Rotors' inertia is
+/// known, not estimated: `armature a_r` of the arm is added to the torque.
 ///
 /// Args:
 ///     arm: the arm whose regressor is used; its parameters are not.
@@ -69,7 +70,10 @@ fn least_bodies<'py>(given: &mut Given<'py>, projection: &Bound<'py, PyAny>, p: 
 #[pymethods]
 impl Adaptive {
     #[new]
-    #[pyo3(signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=false, projection=None))]
+    #[pyo3(
+        signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=None, projection=None),
+        text_signature = "(arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=False, projection=None)"
+    )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         motion: &Bound<'py, PyAny>,
@@ -78,7 +82,7 @@ impl Adaptive {
         gamma: &Bound<'py, PyAny>,
         estimate: Option<&Bound<'py, PyAny>>,
         base: Option<&Bound<'py, PyAny>>,
-        natural: bool,
+        natural: Option<&Bound<'py, PyAny>>,
         projection: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "Adaptive", || {
@@ -89,9 +93,9 @@ impl Adaptive {
             let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
             let base = base.filter(|base| !base.is_none()).map(|base| base_of(&mut given, base, p)).transpose()?;
             let estimated = base.as_ref().map_or(p, |base| base.columns.len());
-            let adaptation = if natural {
+            let adaptation = if flag_or_false("Adaptive", "natural", natural)? {
                 let bodies = p / 10;
-                given.plain("natural", &true.into_pyobject(arm.py()).map_err(PyErr::from)?.to_owned().into_any());
+                given.flag("natural", true)?;
                 let gamma = given.gain("gamma", gamma, bodies)?;
                 if !gamma.is_diagonal() {
                     let problem = format!("is a matrix: expected a scalar or ({bodies},), one number per body, for natural adaptation");
