@@ -97,6 +97,9 @@ fn measure(course: &Course, rows: &Rows, x: &[f64], list: &[usize], per: usize, 
     let count = list.len() * per;
     values.clear();
     values.resize(count * 3 * n, 0.0);
+    if count == 0 {
+        return;
+    }
     let s = &rows.s;
     let place = |k: usize| {
         let (i, t) = (list[k / per], (k % per) as f64 / FINE as f64);
@@ -143,6 +146,17 @@ pub(super) fn inner_places() -> Vec<f64> {
     places()[1..FINE].to_vec()
 }
 
+/// A block of rows at the samples of a segment.
+type Fine<S> = [S; FINE + 1];
+
+/// Squared path speed, path acceleration and path speed at a sample.
+#[derive(Clone, Copy, Default)]
+struct State {
+    x: f64,
+    u: f64,
+    rate: f64,
+}
+
 struct Examine<'a, F> {
     course: &'a Course<'a>,
     rows: &'a Rows,
@@ -152,38 +166,49 @@ struct Examine<'a, F> {
 }
 
 impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
-    /// The rows of segment `i` at all samples, `(FINE + 1, width)`.
+    /// A block of rows of segment `i` from `k` on at all samples, by the window of points about it. The points are read once.
     #[inline(always)]
-    fn sample<S: Real>(&self, i: usize, window: (usize, &[[f64; WINDOW]]), values: &mut [f64]) {
-        let Examine { course, rows, x, .. } = self;
-        let (w, width) = (rows.width, course.limits.lo.len());
-        for sub in 0..=FINE {
-            let z = sub as f64 / FINE as f64;
-            let (x, u) = state(rows, x, i, z);
-            let (u, squared, rate) = (S::splat(u), S::splat(x), S::splat(x.sqrt()));
-            let values = &mut values[sub * width..(sub + 1) * width];
-            let inner = 1..FINE;
-            let (start, weights) = if inner.contains(&sub) { (window.0, &window.1[sub - 1][..]) } else { (i + sub / FINE, &[1.0][..]) };
-            let mut k = 0;
-            while k < w {
-                let mut sum = S::zero();
-                for m in 0..weights.len() {
-                    let c = &rows.coefficients[(start + m) * 3 * w..(start + m + 1) * 3 * w];
-                    let f = u.mul_add(load::<S>(c, k), squared.mul_add(load::<S>(c, w + k), load::<S>(c, 2 * w + k)));
-                    sum = S::splat(weights[m]).mul_add(f, sum);
+    fn sample<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &[State; FINE + 1]) -> Fine<S> {
+        let Examine { course, rows, .. } = self;
+        let w = rows.width;
+        let mut values = [S::zero(); FINE + 1];
+        if k < w {
+            let c = &rows.coefficients[start * 3 * w..(start + WINDOW) * 3 * w];
+            let mut points = [[S::zero(); 3]; WINDOW];
+            for m in 0..WINDOW {
+                for part in 0..3 {
+                    points[m][part] = load(c, (3 * m + part) * w + k);
                 }
-                store(sum, values, k);
-                k += S::LANES;
             }
-            while k < width {
-                let mut sum = S::zero();
-                for m in 0..weights.len() {
-                    sum = S::splat(weights[m]).mul_add(load::<S>(course.slopes, (start + m) * course.stride + k - w), sum);
+            for sub in 0..=FINE {
+                let [mut a, mut b, mut g] = points[(i + sub / FINE - start).min(WINDOW - 1)];
+                if (1..FINE).contains(&sub) {
+                    (a, b, g) = (S::zero(), S::zero(), S::zero());
+                    for m in 0..WINDOW {
+                        let weight = S::splat(weights[sub - 1][m]);
+                        (a, b, g) = (weight.mul_add(points[m][0], a), weight.mul_add(points[m][1], b), weight.mul_add(points[m][2], g));
+                    }
                 }
-                store(sum * rate, values, k);
-                k += S::LANES;
+                values[sub] = S::splat(states[sub].u).mul_add(a, S::splat(states[sub].x).mul_add(b, g));
+            }
+        } else {
+            let c = &course.slopes[start * course.stride..(start + WINDOW) * course.stride];
+            let mut points = [S::zero(); WINDOW];
+            for m in 0..WINDOW {
+                points[m] = load(c, m * course.stride + k - w);
+            }
+            for sub in 0..=FINE {
+                let mut slope = points[(i + sub / FINE - start).min(WINDOW - 1)];
+                if (1..FINE).contains(&sub) {
+                    slope = S::zero();
+                    for m in 0..WINDOW {
+                        slope = S::splat(weights[sub - 1][m]).mul_add(points[m], slope);
+                    }
+                }
+                values[sub] = slope * S::splat(states[sub].rate);
             }
         }
+        values
     }
 
     /// The same from measured samples, those of the segment that is number `order` of them.
@@ -210,9 +235,8 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
 
 /// The second difference of a row at sample `sub`. A function, since a closure may be left a call, outside of the instruction set.
 #[inline(always)]
-fn bend<S: Real>(values: &[f64], width: usize, sub: usize, k: usize) -> S {
-    let [f, g, h] = [load::<S>(values, (sub - 1) * width + k), load(values, sub * width + k), load(values, (sub + 1) * width + k)];
-    f - (g + g) + h
+fn bend<S: Real>(values: &Fine<S>, sub: usize) -> S {
+    values[sub - 1] - (values[sub] + values[sub]) + values[sub + 1]
 }
 
 impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
@@ -222,40 +246,55 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
         let limits = self.course.limits;
         let width = limits.lo.len();
         let torques = if self.course.kinds[0] { self.course.n } else { 0 };
-        let mut values = vec![0.0; (FINE + 1) * width];
+        let (mut values, mut middle) = (vec![0.0; (FINE + 1) * width], vec![0.0; width]);
         let zero = S::zero();
         let (half, tiny) = (S::splat(0.5), S::splat(f64::MIN_POSITIVE));
         let list = std::mem::take(&mut self.samples.list);
         let mut order = 0;
         for &i in &list {
             let (first, last) = self.course.spans[self.samples.span[i]];
-            match self.course.stencil.of(i, first, last) {
-                Some(window) if !self.samples.exact[i] => {
-                    self.sample::<S>(i, window, &mut values);
-                    self.samples.middles[i * torques..(i + 1) * torques].copy_from_slice(&values[FINE / 2 * width..][..torques]);
+            let window = self.course.stencil.of(i, first, last).filter(|_| !self.samples.exact[i]);
+            let mut states = [State::default(); FINE + 1];
+            if window.is_some() {
+                for sub in 0..=FINE {
+                    let (x, u) = state(self.rows, self.x, i, sub as f64 / FINE as f64);
+                    states[sub] = State { x, u, rate: x.sqrt() };
                 }
-                _ => {
-                    self.copy(order, &mut values);
-                    order += 1;
-                }
+            } else {
+                self.copy(order, &mut values);
+                order += 1;
             }
             let (mut margin, mut excess, mut of_torque, mut at) = (S::splat(FASTEST), f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
             let mut k = 0;
             while k < width {
-                let mut f = load::<S>(&values, k);
-                let (mut top, mut bottom, mut high, mut low) = (f, f, f, f);
+                let mut fine = [zero; FINE + 1];
+                if let Some(window) = window {
+                    fine = self.sample::<S>(i, k, window, &states);
+                    if k < torques {
+                        store(fine[FINE / 2], &mut middle, k);
+                    }
+                } else {
+                    for sub in 0..=FINE {
+                        fine[sub] = load(&values, sub * width + k);
+                    }
+                }
+                let (mut top, mut bottom, mut high, mut low) = (fine[0], fine[0], fine[0], fine[0]);
                 // At the ends, what the bends beside them lead to.
-                let mut after = bend::<S>(&values, width, 1, k);
-                let mut before = after + after - bend::<S>(&values, width, 2, k);
+                let mut after = bend(&fine, 1);
+                let mut before = after + after - bend(&fine, 2);
                 for sub in 0..FINE {
-                    let g = load::<S>(&values, (sub + 1) * width + k);
+                    let (f, g) = (fine[sub], fine[sub + 1]);
                     let d = before.abs().max(after.abs());
-                    let rest = (half * d - (g - f).abs()).max(zero);
-                    let between = half * rest * rest * d.max(tiny).recip();
+                    let rest = half.mul_add(d, -(g - f).abs());
                     (top, bottom) = (top.max(g), bottom.min(g));
-                    (high, low) = (high.max(f.max(g) + between), low.min(f.min(g) - between));
-                    let next = if sub + 2 < FINE { bend::<S>(&values, width, sub + 2, k) } else { after + after - before };
-                    (before, after, f) = (after, next, g);
+                    (high, low) = (high.max(g), low.min(g));
+                    if S::any(zero.lt(rest)) {
+                        let rest = rest.max(zero);
+                        let between = half * rest * rest * d.max(tiny).recip();
+                        (high, low) = (high.max(f.max(g) + between), low.min(f.min(g) - between));
+                    }
+                    let next = if sub + 2 < FINE { bend(&fine, sub + 2) } else { after + after - before };
+                    (before, after) = (after, next);
                 }
                 let (lo, hi) = (load::<S>(&limits.lo, k), load::<S>(&limits.hi, k));
                 let (by_lo, by_hi) = (load::<S>(&limits.by_lo, k), load::<S>(&limits.by_hi, k));
@@ -279,6 +318,7 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
                 }
                 k += S::LANES;
             }
+            self.samples.middles[i * torques..(i + 1) * torques].copy_from_slice(&middle[..torques]);
             self.samples.segments[i] = Segment { margin: -largest(-margin), excess, at, torque: of_torque, proven: false };
         }
         self.samples.list = list;
