@@ -216,10 +216,7 @@ fn batches_have_the_bits_of_single_calls() {
         let row = |columns: &[Vec<f64>; 6], i: usize| std::array::from_fn::<f64, 6, _>(|k| columns[k][if k == 2 { 0 } else { i }]);
         let run = |columns: &[Vec<f64>; 6]| {
             let (mut numbers, mut flags) = ([(); 4].map(|_| vec![0.0; count]), [(); 3].map(|_| vec![false; count]));
-            let to = BangBangTimes {
-                numbers: numbers.each_mut().map(|x| &mut x[..]),
-                flags: flags.each_mut().map(|x| &mut x[..]),
-            };
+            let to = BangBangTimes { numbers: numbers.each_mut().map(|x| &mut x[..]), flags: flags.each_mut().map(|x| &mut x[..]) };
             bang_bang_times(columns.each_ref().map(|x| &x[..]), to).map(|()| (numbers, flags))
         };
         let (numbers, flags) = run(&columns).unwrap();
