@@ -214,7 +214,7 @@ impl BangBangReport {
     fn bind(&self, upper: bool, a: f64) -> Bind {
         let along = self.link.along(self.forward());
         let x = self.ends();
-        let s = x.map(|x| sine(x));
+        let s = x.map(sine);
         let b = bounds([along.gravity_moment, along.tau_min, along.tau_max], &s);
         let gap = if upper { b.upper[1] - b.upper[0] } else { b.lower[0] - b.lower[1] };
         let tie = self.link.slack();
