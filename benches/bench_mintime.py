@@ -1,7 +1,7 @@
 """Minimum time of one link: the symmetric profile, one call and in batch, and the optimum under full torque, certified and searched.
 
-    python -P benches/bench_mintime.py              the table
-    python -P benches/bench_mintime.py --readme     the same, written into benches/README.md
+python -P benches/bench_mintime.py              the table
+python -P benches/bench_mintime.py --readme     the same, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -36,7 +36,10 @@ def main() -> None:
     *five, low = problems()
     batch = al.bang_bang_time(*five, tau_min=low)
     rows = np.stack([*five, low], axis=1).tolist()
-    assert all((r := al.bang_bang_time(*row[:5], tau_min=row[5])) == batch[k] and r.feasible == batch.feasible[k] for k, row in enumerate(rows[:1000]))
+    singles = [al.bang_bang_time(*row[:5], tau_min=row[5]) for row in rows[:1000]]
+    np.testing.assert_array_equal(
+        [(r.feasible, r.t_min, r.t_max) for r in singles], np.stack([batch.feasible, batch.t_min, batch.t_max], axis=1)[:1000]
+    )
     optima = [(row, al.torque_optimal_time(*row[:5], tau_min=row[5])) for row in rows[:1500]]
     certified = [row for row, o in optima if o.certified_global][:400]
     searched = [row for row, o in optima if not o.certified_global][:400]

@@ -1,8 +1,8 @@
 """Random one-link problems for `bang_bang_time` and `torque_optimal_time`, judged together by numpy.
 
-    bang-bang:   every torque of the profile at t_min and t_max lies inside the limits, and some torque of any other duration does not
-    optimum:     time = sum of int 2 sqrt(L) ds / sqrt(2 w(L s^2) / I) over the legs, w the mean net torque from the rest point, by Gauss
-                 rules of 32 and of 64 nodes; energies agree at the switches and stay positive; no random swing is faster
+bang-bang:   every torque of the profile at t_min and t_max lies inside the limits, and some torque of any other duration does not
+optimum:     time = sum of int 2 sqrt(L) ds / sqrt(2 w(L s^2) / I) over the legs, w the mean net torque from the rest point, by Gauss
+             rules of 32 and of 64 nodes; energies agree at the switches and stay positive; no random swing is faster
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def judge_profiles(p: Array) -> tuple[Counter[str], list[tuple[int, str]]]:
     # What rounding of angles and sums may do to a bound.
     slack = 1e-12 * scale + 8e-16 * np.abs(G) * (1.0 + np.abs(x0) + np.abs(x1))
     (low1, high1), (low2, high2) = range_of_sine(x0, xm), range_of_sine(xm, x1)
-    gravity = [np.minimum(G * low1, G * high1), np.maximum(G * low1, G * high1), np.minimum(G * low2, G * high2), np.maximum(G * low2, G * high2)]
+    gravity = [pick(G * low, G * high) for low, high in ((low1, high1), (low2, high2)) for pick in (np.minimum, np.maximum)]
     failed: list[tuple[int, str]] = []
 
     def refuse(bad: Array, what: str) -> None:
@@ -101,7 +101,7 @@ def leg(x: Array, L: Array, push: Array, G: Array) -> tuple[Array, Array, Array]
 
 
 def monotone(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Array, Array, Array]:
-    """Time over sqrt(I/2) of the fastest monotone motion, what two rules differ by, and its margin (N m), below zero where there is none."""
+    """Time over sqrt(I/2) of the fastest monotone motion, what two rules differ by, and its margin (N m): negative where there is none."""
     D = x1 - x0
     work = 2 * G * np.sin(0.5 * (x0 + x1)) * np.sin(0.5 * D)
     there = (down * D + work) / (up + down)

@@ -1,7 +1,7 @@
 """Blocks of random paths of small arms, timed one by one and judged together by numpy: as in test_time_path_laws.py, but quick enough
 for ten million. Nothing of the planner or of the arms' own dynamics is used to judge.
 
-    tau_j = sum_(k >= j) m_k (p_k - P_j) x (a_k - g) + I_k phi_k''          (d'Alembert; P_j joint, p_k centre of mass, phi_k absolute angle)
+    tau_j = sum_(k >= j) m_k (p_k - P_j) x (a_k - g) + I_k phi_k''      (d'Alembert; P_j joint, p_k centre of mass, phi_k absolute angle)
     natural spline by its second derivatives, solved as a dense matrix for all paths of a block
 """
 
@@ -138,7 +138,8 @@ def block(stratum: str, rng: np.random.Generator, size: int = SIZE) -> Block:
         K = q.shape[1]
     given = [np.repeat(path, rng.integers(1, 4, K), axis=0) for path in q] if stratum == "repeated" else list(q)
     size_of = np.abs(q).max(axis=(1, 2))[:, None]
-    along = np.concatenate([np.zeros((size, 1)), np.cumsum(np.linalg.norm(np.diff(q, axis=1) / size_of[..., None], axis=2), axis=1)], axis=1)
+    steps = np.linalg.norm(np.diff(q, axis=1) / size_of[..., None], axis=2)
+    along = np.concatenate([np.zeros((size, 1)), np.cumsum(steps, axis=1)], axis=1)
     splines = Splines(along / along[:, -1:], q)
     held = np.zeros((size, n))
     if mover.weight > 0.0:

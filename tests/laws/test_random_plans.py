@@ -56,7 +56,9 @@ def test_random_paths(capsys: pytest.CaptureFixture[str]) -> None:
         print(f"\n  {counts.total():,} paths, seed {SEED}, {time.monotonic() - started:.0f} s:")
         for stratum in path_trials.STRATA:
             grid = points[stratum] / counts[stratum]
-            print(f"    {stratum:10s} {counts[stratum]:>10,}, {grid:5.0f} grid points each, largest excess of a limit {worst[stratum]:.1e} of it")
+            print(
+                f"    {stratum:10s} {counts[stratum]:>10,}, {grid:5.0f} grid points each, limits exceeded by {worst[stratum]:.1e} of them"
+            )
     assert not failed, f"{len(failed)} of {counts.total()}: " + "; ".join(failed[:SHOWN])
 
 

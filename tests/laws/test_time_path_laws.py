@@ -155,7 +155,8 @@ def beyond(p: al.TimedPath, checker: Any, tau_max: np.ndarray, viscous: Any = 0.
 def test_peaks_beside_grid_points_are_seen() -> None:
     """A torque that peaks a hundredth of a segment before its end, where its curvature grows; and friction that goes with the root of the
     path's position, which no parabola follows beside rest."""
-    q = [[0.9757989668849767, -0.5212380160511579], [-0.1424320173030642, -0.23717237432761573], [-0.03958529599572769, -0.7344661477294436]]
+    q = [[0.9757989668849767, -0.5212380160511579], [-0.1424320173030642, -0.23717237432761573]]
+    q.append([-0.03958529599572769, -0.7344661477294436])
     tau_max = np.array([0.1028888, 0.09024266])
     p = al.time_path(LIGHT[1][0], q, tau_max=tau_max, a_max=[7.57082471, 19.07995545], grid=38)
     assert beyond(p, LIGHT[1][1], tau_max) <= PROMISE

@@ -65,13 +65,29 @@ pub(super) struct Phase {
     pub g: f64,
     sin: f64,
     cos: f64,
+    /// An angle at which the kinetic energy has a local minimum; NaN if the push is ahead of gravity everywhere.
+    least: f64,
 }
 
 impl Phase {
     #[inline]
     pub fn new(x: f64, push: f64, g: f64) -> Self {
         let (sin, cos) = sin_cos(x);
-        Phase { x, push, g, sin, cos }
+        let least = if g.abs() <= push {
+            f64::NAN
+        } else if g > 0.0 {
+            PI - (push / g).asin()
+        } else {
+            (push / g).asin()
+        };
+        Phase { x, push, g, sin, cos, least }
+    }
+
+    /// The same push from rest at another place.
+    #[inline]
+    pub fn moved(&self, x: f64) -> Self {
+        let (sin, cos) = sin_cos(x);
+        Phase { x, sin, cos, ..*self }
     }
 
     /// Net torque at the rest point; the phase moves forward iff positive.
@@ -93,12 +109,7 @@ impl Phase {
     /// lower, since `K(y + 2 pi) = K(y) + 2 pi p`.
     #[inline]
     pub fn hump(&self, length: f64) -> Option<f64> {
-        if self.g.abs() <= self.push {
-            return None;
-        }
-        let angle = (self.push / self.g).asin();
-        let least = if self.g > 0.0 { PI - angle } else { angle };
-        let y = least - self.x;
+        let y = self.least - self.x;
         let y = y - TAU * (y / TAU).floor();
         (y > 0.0 && y < length).then_some(y)
     }

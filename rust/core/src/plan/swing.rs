@@ -33,6 +33,10 @@ struct Search {
     g: f64,
     up: f64,
     down: f64,
+    /// The outer phases, and the middle one at some place.
+    leaves: Phase,
+    arrives: Phase,
+    turns: Phase,
 }
 
 /// Two monotone stretches that meet at the turning point.
@@ -53,11 +57,8 @@ const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
 impl Search {
     fn trial(&self, e: f64) -> Trial {
         let turn = self.x0 - e;
-        Trial {
-            away: Monotone::new(-self.x0, -turn, self.g, self.down, self.up),
-            towards: Monotone::new(turn, self.x1, self.g, self.up, self.down),
-            turn,
-        }
+        let turns = self.turns.moved(turn);
+        Trial { away: Monotone::between(self.leaves, turns), towards: Monotone::between(turns, self.arrives), turn }
     }
 
     fn possible(&self, e: f64) -> Option<Trial> {
@@ -153,7 +154,7 @@ impl Search {
 
     /// Smallest turn worth trying: below it the field is constant, and in a constant field no swing helps.
     fn nearest(&self) -> f64 {
-        let push = Phase::new(self.x0, self.up, self.g);
+        let push = self.turns;
         let distance = self.x1 - self.x0;
         let scale = distance.min(1.0);
         let monotone = Monotone::new(self.x0, self.x1, self.g, self.up, self.down);
@@ -272,7 +273,8 @@ impl Search {
 
 /// The best (-, +, -) motion `x0 -> x1 > x0` faster than `bound` (a time over `sqrt(I/2)`).
 pub(super) fn back_swing(x0: f64, x1: f64, g: f64, up: f64, down: f64, bound: f64) -> Option<Swing> {
-    Search { x0, x1, g, up, down }.run(bound)
+    let (leaves, arrives, turns) = (Phase::new(-x0, down, g), Phase::new(-x1, down, g), Phase::new(x0, up, g));
+    Search { x0, x1, g, up, down, leaves, arrives, turns }.run(bound)
 }
 
 /// The best (+, -, +) motion `x0 -> x1 > x0` faster than `bound`.

@@ -90,15 +90,18 @@ impl Monotone {
     /// `up`, `down`: sizes of the pushing and of the braking torque bound, both >= 0.
     #[inline]
     pub fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Self {
+        Monotone::between(Phase::new(x0, up, g), Phase::new(-x1, down, g))
+    }
+
+    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate.
+    #[inline]
+    pub fn between(push: Phase, brake: Phase) -> Self {
+        let (x0, x1, g, up, down) = (push.x, -brake.x, push.g, push.push, brake.push);
         let distance = x1 - x0;
         // cos x0 - cos x1 as a product: exact for moves of any smallness.
         let work = 2.0 * g * sin_cos(0.5 * x0 + 0.5 * x1).0 * sin_cos(0.5 * distance).0;
-        Monotone {
-            push: Phase::new(x0, up, g),
-            brake: Phase::new(-x1, down, g),
-            push_length: (down * distance + work) / (up + down),
-            brake_length: (up * distance - work) / (up + down),
-        }
+        let (push_length, brake_length) = ((down * distance + work) / (up + down), (up * distance - work) / (up + down));
+        Monotone { push, brake, push_length, brake_length }
     }
 
     /// Why the motion is impossible, if it is: every test is on the sign of a quantity whose size is the margin.

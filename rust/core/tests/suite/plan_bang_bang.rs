@@ -1,7 +1,7 @@
 //! The bang-bang profile: the public oracle, an independent sampling checker on random problems, symmetry laws, refusals.
 
 use crate::plan_support::{Problem, Random, cases, expression, near, number, random_count};
-use armlet_core::plan::{BangBangReport, Limit, Place, Reason, bang_bang_time};
+use armlet_core::plan::{BangBangReport, BangBangTimes, Limit, Place, Reason, bang_bang_time, bang_bang_times};
 
 fn report(p: &Problem) -> BangBangReport {
     bang_bang_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max).expect("valid problem")
@@ -191,5 +191,48 @@ fn refusals() {
         let [a, b, i, g, lo, hi] = bad;
         let message = bang_bang_time(a, b, i, g, lo, hi).unwrap_err().to_string();
         assert!(message.starts_with(k) && message.contains("expected"), "{bad:?}: {message}");
+    }
+}
+
+/// Batches of every remainder of the lanes, far angles and rest among them; and the first bad problem of a batch.
+#[test]
+fn batches_have_the_bits_of_single_calls() {
+    let mut random = Random::new(5);
+    for count in (1..40).chain([1000]) {
+        let mut columns: [Vec<f64>; 6] = Default::default();
+        for i in 0..count {
+            let mut p = Problem::nominal(&mut random);
+            match i % 7 {
+                3 => p.thetaf = p.theta0,
+                5 => p.thetaf = p.theta0 + 3e6,
+                _ => {}
+            }
+            for (column, x) in columns.iter_mut().zip([p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max]) {
+                column.push(x);
+            }
+        }
+        // One inertia for all of them.
+        columns[2].truncate(1);
+        let row = |columns: &[Vec<f64>; 6], i: usize| std::array::from_fn::<f64, 6, _>(|k| columns[k][if k == 2 { 0 } else { i }]);
+        let run = |columns: &[Vec<f64>; 6]| {
+            let (mut numbers, mut flags) = ([(); 4].map(|_| vec![0.0; count]), [(); 3].map(|_| vec![false; count]));
+            let to = BangBangTimes { numbers: numbers.each_mut().map(|x| &mut x[..]), flags: flags.each_mut().map(|x| &mut x[..]) };
+            bang_bang_times(columns.each_ref().map(|x| &x[..]), to).map(|()| (numbers, flags))
+        };
+        let (numbers, flags) = run(&columns).unwrap();
+        for i in 0..count {
+            let [theta0, thetaf, inertia, gravity, tau_min, tau_max] = row(&columns, i);
+            let r = bang_bang_time(theta0, thetaf, inertia, gravity, tau_min, tau_max).unwrap();
+            for (got, expected) in [r.t_min, r.t_max, r.a_min, r.a_max].into_iter().enumerate() {
+                assert_eq!(numbers[got][i].to_bits(), expected.to_bits(), "{count} {i}: number {got}");
+            }
+            assert_eq!([flags[0][i], flags[1][i], flags[2][i]], [r.feasible, r.hold_start, r.hold_end], "{count} {i}");
+        }
+        for (k, bad) in [(0, f64::NAN), (1, f64::INFINITY), (3, f64::NAN), (4, 1.0), (5, -1.0)] {
+            let mut wrong = columns.clone();
+            wrong[k][count / 2] = bad;
+            wrong[k][count - 1] = bad;
+            assert_eq!(run(&wrong).unwrap_err().0, count / 2, "{count}: argument {k}");
+        }
     }
 }

@@ -8,6 +8,7 @@
 //! 5. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
 mod check;
+mod examine;
 mod lines;
 mod rate;
 mod reach;
@@ -23,7 +24,8 @@ pub use setup::{PathLimits, TimePathOptions};
 
 use crate::error::Result;
 use crate::motion::{Path, TimedPath};
-use check::{Found, Samples, TOLERANCE};
+use check::{Found, TOLERANCE};
+use examine::Samples;
 use reach::{Profile, Stuck, bend, losses, solve};
 use setup::{Line, Problem};
 use std::sync::Arc;

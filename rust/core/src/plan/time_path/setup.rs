@@ -82,6 +82,8 @@ pub(super) struct Problem<'a> {
     bare: Vec<f64>,
     /// `(N + 1,)`: relative narrowing of the caps.
     pub cap_tight: Vec<f64>,
+    /// `(N + 1,)`: the bounds of `x` from the speed limits as they are.
+    widest: Vec<f64>,
     stops: Vec<f64>,
 }
 
@@ -193,6 +195,7 @@ impl<'a> Problem<'a> {
             slopes: Vec::new(),
             bare: Vec::new(),
             cap_tight: Vec::new(),
+            widest: Vec::new(),
             stops,
         };
         problem.fill();
@@ -256,6 +259,7 @@ impl<'a> Problem<'a> {
                 }
             }
         }
+        self.widest = (0..points).map(|i| self.fastest(i).1.powi(2).min(FASTEST)).collect();
         self.set_middles();
         self.set_caps();
     }
@@ -325,8 +329,7 @@ impl<'a> Problem<'a> {
         let points = self.rows.s.len();
         self.rows.cap.resize(points, FASTEST);
         for i in 0..points {
-            let most = self.fastest(i).1;
-            let cap = (most * most).min(FASTEST);
+            let cap = self.widest[i];
             let mut narrow = cap / (1.0 + self.cap_tight[i]);
             for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
                 // 4e-10 of the speed is 8e-10 of its square.
