@@ -219,17 +219,23 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
                 let mut f = load::<S>(&values, k);
                 let mut g = load::<S>(&values, width + k);
                 let (mut top, mut bottom, mut high, mut low) = (f.max(g), f.min(g), f, f);
-                let mut before = zero;
+                let (mut earlier, mut before) = (zero, zero);
                 for sub in 0..FINE {
-                    // From f to g, with the bend at f and at g; the ends have their neighbour's.
+                    // From f to g, with the bend at f and at g; at the ends that of the neighbours goes on changing.
                     let next = load::<S>(&values, (sub + 2).min(FINE) * width + k);
-                    let after = if sub + 2 <= FINE { (f + next - (g + g)).abs() } else { before };
-                    let d = if sub == 0 { after } else { before.max(after) };
+                    let after = if sub + 2 <= FINE { f + next - (g + g) } else { before + (before - earlier) };
+                    let here = if sub > 0 {
+                        before
+                    } else {
+                        let then = g + load::<S>(&values, 3 * width + k) - (next + next);
+                        after + (after - then)
+                    };
+                    let d = here.abs().max(after.abs());
                     let rest = (half * d - (g - f).abs()).max(zero);
                     let between = half * rest * rest * d.max(tiny).recip();
                     (top, bottom) = (top.max(g), bottom.min(g));
                     (high, low) = (high.max(f.max(g) + between), low.min(f.min(g) - between));
-                    (before, f, g) = (after, g, next);
+                    (earlier, before, f, g) = (before, after, g, next);
                 }
                 let (lo, hi) = (load::<S>(&limits.lo, k), load::<S>(&limits.hi, k));
                 let (by_lo, by_hi) = (load::<S>(&limits.by_lo, k), load::<S>(&limits.by_hi, k));
