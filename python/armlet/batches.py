@@ -39,6 +39,8 @@ def in_pieces(
         if isinstance(value, list) and len(value) not in (1, rows):
             raise InputError(f"simulate_batch: {name} has the wrong number of entries: expected 1 or {rows}, got {len(value)}")
     size = _runs_per_piece(plant, keywords)
+    # What is kept of each run, at the least: refused before the first piece instead of after hours.
+    np.empty((rows, 2 * (plant[0] if isinstance(plant, list) else plant).arm.n))
     pieces: list[BatchRun] = []
     for first in range(0, max(rows, 1), size):
         last = min(first + size, rows)

@@ -2,7 +2,8 @@
 
 The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
 members are the arrays by name; monitors, limits, array stats and events as `monitors/name`, `limits/name`, `stats/name`,
-`events/name`, the desired motion as `q_d v_d a_d`. Polynomials of a dense run are not kept.
+`events/name`, the desired motion as `q_d v_d a_d`. Polynomials of a dense run are not kept. The comment at the end of the archive
+is the SHA-256 of all bytes before it, so that damage is noticed before anything is read.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import hashlib
 import json
 import os
 import tempfile
-import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from os import PathLike
@@ -29,12 +29,14 @@ from .status import Status
 if TYPE_CHECKING:
     from .run import _Recorded
 
-__all__ = ["digest", "load", "save", "write_whole"]
+__all__ = ["digest", "load", "pack", "save", "unpack", "write_whole"]
 
 FORMAT = "armlet run"
 VERSION = 1
 SINGLE = ("parameters", "target", "position_error")
 DESIRED = ("q_d", "v_d", "a_d")
+SEAL = b"sha256:"
+SEALED = len(SEAL) + 64  # bytes of the comment
 EVENTS = ("t", "which", "q", "v", "theta", "theta_dot")
 
 
@@ -46,6 +48,47 @@ def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str
         state.update(f"\0{name}\0{array.dtype.str}\0{array.shape}\0".encode())
         state.update(array.tobytes())
     return state.hexdigest()
+
+
+def pack(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write the arrays as an npz archive whose comment seals it."""
+    np.savez(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]  # its further keywords are arrays
+    # The last two bytes of an archive without a comment are the length of the comment.
+    file.seek(-2, os.SEEK_END)
+    file.write(SEALED.to_bytes(2, "little"))
+    file.write(SEAL + _digest_of(file, file.tell()))
+
+
+def unpack(file: IO[bytes]) -> tuple[dict[str, NDArray[Any]], bool]:
+    """The arrays of an archive, and whether it carries a seal; FormatError where the seal is broken or the archive can't be read."""
+    end = file.seek(0, os.SEEK_END)
+    start = max(end - SEALED, 0)
+    file.seek(start)
+    tail = file.read()
+    sealed = tail.startswith(SEAL)
+    if sealed and tail[len(SEAL) :] != _digest_of(file, start):
+        raise FormatError("is damaged: its checksum does not match")
+    file.seek(0)
+    try:
+        with np.load(file, allow_pickle=False) as container:
+            return {key: container[key] for key in container.files}, sealed
+    # Whatever a damaged archive makes zipfile or numpy stumble over, sizes beyond the memory among it.
+    except Exception as error:
+        problem = f"is not a run of armlet or is damaged: expected an npz container, got {error or type(error).__name__}"
+        raise FormatError(problem) from None
+
+
+def _digest_of(file: IO[bytes], size: int) -> bytes:
+    """SHA-256 of the first `size` bytes, in hexadecimal; the file is left at their end."""
+    state = hashlib.sha256()
+    file.seek(0)
+    while size > 0:
+        piece = file.read(min(size, 1 << 20))
+        if not piece:
+            break
+        state.update(piece)
+        size -= len(piece)
+    return state.hexdigest().encode()
 
 
 def save(run: _Recorded, path: str | PathLike[str]) -> None:
@@ -78,7 +121,7 @@ def save(run: _Recorded, path: str | PathLike[str]) -> None:
     header["sha256"] = digest(header, arrays)
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
 
-    write_whole(path, lambda file: np.savez(file, allow_pickle=False, **arrays))
+    write_whole(path, lambda file: pack(file, arrays))
 
 
 def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
@@ -90,7 +133,7 @@ def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object])
         error.filename = target  # not the temporary file, which nobody asked for
         raise
     try:
-        with os.fdopen(handle, "wb") as file:
+        with os.fdopen(handle, "w+b") as file:
             write(file)
             file.flush()
             os.fsync(file.fileno())
@@ -127,11 +170,10 @@ def load(path: str | PathLike[str]) -> Run | BatchRun:
         return FormatError(f"load: {name} {problem}")
 
     try:
-        # Opened here: numpy leaves a damaged file open.
-        with open(name, "rb") as file, np.load(file, allow_pickle=False) as container:
-            arrays: dict[str, NDArray[Any]] = {key: container[key] for key in container.files}
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, AttributeError, TypeError) as error:
-        raise fault(f"is not a run of armlet or is damaged: expected an npz container, got {error or type(error).__name__}") from None
+        with open(name, "rb") as file:
+            arrays, sealed = unpack(file)
+    except FormatError as error:
+        raise fault(str(error)) from None
     try:
         header = json.loads(arrays.pop("header").tobytes().decode())
         is_run = header["format"] == FORMAT
@@ -143,6 +185,8 @@ def load(path: str | PathLike[str]) -> Run | BatchRun:
         raise fault(f"has an unknown version: expected {VERSION}, got {header.get('version')}")
     if header.get("sha256") != digest(header, arrays):
         raise fault("is damaged: its checksum does not match")
+    if not sealed:
+        raise fault("is damaged: expected a checksum at its end, got none")
 
     def group(prefix: str) -> dict[str, Any]:
         return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import FormatError, InputError
-from .storage import digest, write_whole
+from .storage import digest, pack, unpack, write_whole
 
 __all__ = ["Store"]
 
@@ -74,16 +73,17 @@ class Store:
         header["sha256"] = digest(header, arrays)
         packed = {f"column{i}": array for i, array in enumerate(arrays.values())}
         packed["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-        write_whole(self._file(start), lambda file: np.savez(file, allow_pickle=False, **packed))
+        write_whole(self._file(start), lambda file: pack(file, packed))
 
     def read(self, start: int, stop: int) -> Columns | None:
         """The cells from `start` to `stop` if they are finished and undamaged, else None."""
         try:
-            with open(self._file(start), "rb") as file, np.load(file, allow_pickle=False) as packed:
-                header = json.loads(packed["header"].tobytes().decode())
-                arrays = {name: packed[f"column{i}"] for i, name in enumerate(header["names"])}
-            whole = header["sweep"] == self.key and header["start"] == start and header["sha256"] == digest(header, arrays)
-        except (OSError, ValueError, EOFError, KeyError, TypeError, AttributeError, zipfile.BadZipFile):
+            with open(self._file(start), "rb") as file:
+                packed, sealed = unpack(file)
+            header = json.loads(packed["header"].tobytes().decode())
+            arrays = {name: packed[f"column{i}"] for i, name in enumerate(header["names"])}
+            whole = sealed and header["sweep"] == self.key and header["start"] == start and header["sha256"] == digest(header, arrays)
+        except (OSError, ValueError, KeyError, TypeError):  # a FormatError is a ValueError
             return None
         return arrays if whole and all(len(array) == stop - start for array in arrays.values()) else None
 

@@ -58,6 +58,9 @@ class Tuning:
         end = "converged" if self.converged else "stopped at the last generation"
         return f"cost {self.cost:.6g} at {shown} ({self.runs} runs, {len(self.costs)} generations, {end})"
 
+    def __repr__(self) -> str:
+        return f"Tuning({self})"
+
 
 @dataclass(frozen=True)
 class _Given(Cells):

@@ -115,7 +115,7 @@ def test_callables() -> None:
         al.time_path(ARM, lambda s: [1 / 0, 0.0], tau_max=30.0)
     with pytest.raises(al.InputError, match="knots is not used"):
         al.time_path(ARM, q, tau_max=30.0, knots=[0.0, 1.0])
-    with pytest.raises(al.InputError, match="samples is too small"):
+    with pytest.raises(al.InputError, match="samples is out of range"):
         al.time_path(ARM, q, tau_max=30.0, samples=2)
 
 

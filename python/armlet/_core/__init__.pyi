@@ -57,6 +57,7 @@ from .priority import diagnose_priority as diagnose_priority
 from .priority import solve_priority as solve_priority
 from .priority import velocity_bounds as velocity_bounds
 from .simulation import Simulator as Simulator
+from .simulation import _restore_simulator as _restore_simulator
 from .simulation import build_info as build_info
 from .simulation import simulate as simulate
 from .simulation import simulate_batch as simulate_batch
@@ -122,6 +123,7 @@ __all__ = [
     "_restore_arm_solver",
     "_restore_plan",
     "_restore_planar_pr",
+    "_restore_simulator",
     "_restore_time_path",
     "_restore_tree",
     "bang_bang_time",

@@ -10,6 +10,11 @@ use std::sync::{Arc, Mutex};
 /// What a callable raised, kept until the run has ended.
 pub type Raised = Arc<Mutex<Option<PyErr>>>;
 
+/// Whether something was raised: Python is asked no more, and the run is to end.
+pub fn failed(raised: &Raised) -> bool {
+    raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).is_some()
+}
+
 /// `rows[k]` is the place in `[f; m]` of entry `k`.
 fn wrench(function: &str, value: &Bound<'_, PyAny>, rows: &[usize]) -> Result<Wrench, Failure> {
     let (shape, values) = numbers(function, "force", value)?;
@@ -38,6 +43,9 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
     if value.is_callable() {
         let (call, rows, raised) = (value.clone().unbind(), rows.map(<[usize]>::to_vec), raised.clone());
         return Ok(Force::Signal(Arc::new(move |t| {
+            if failed(&raised) {
+                return None;
+            }
             Python::attach(|py| {
                 let sample = call.bind(py).call1((t,)).map_err(Failure::Python);
                 let result = sample.and_then(|sample| wrench(function, &sample, &rows_of(&sample, rows.as_deref())));

@@ -63,7 +63,7 @@ mod _core {
     use super::simulate::{build_info, simulate, simulate_batch, statuses};
 
     #[pymodule_export]
-    use super::simulator::Simulator;
+    use super::simulator::{_restore_simulator, Simulator};
     #[pymodule_export]
     use super::task::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task};
 

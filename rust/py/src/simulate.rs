@@ -1,6 +1,8 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector, written_array};
+use crate::arrays::{
+    any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector, written_array,
+};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
@@ -8,7 +10,9 @@ use crate::force::{self, Raised};
 use crate::law::Law;
 use crate::motion::Motion;
 use crate::plant::Plant;
+use armlet_core::error::Result as CoreResult;
 use armlet_core::law::{ExternalSpec, LawSpec};
+use armlet_core::parallel;
 use armlet_core::plant::sensors::TorqueSensor;
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{self as core, Force, Keep, Method, Options, Problem, Sampling, Times};
@@ -16,6 +20,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 const A_PLANT: &str = "a plant such as RigidArm";
 const A_LAW: &str = "a law such as Adaptive";
@@ -247,6 +252,9 @@ pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec,
     }
     let (call, raised, n) = (law.clone().unbind(), raised.clone(), plant.n());
     let answer = move |t: f64, x: &[f64], tau: &mut [f64]| {
+        if force::failed(&raised) {
+            return false;
+        }
         Python::attach(|py| {
             let mut ask = || -> Result<(), Failure> {
                 // t, then q, v, theta, theta_dot as far as the plant has them.
@@ -296,7 +304,8 @@ pub fn simulate<'py>(
         let mut asked = event::asked(plant, given.get("events")?, dense, &raised)?;
         let mut signal = None;
         let run = {
-            let mut poll = listen(&mut signal);
+            let mut interrupted = listen(&mut signal);
+            let mut poll = || force::failed(&raised) || interrupted();
             py.detach(|| core::simulate_asked(&problem, &core::Poller::new(&mut poll), asked.as_mut()))?
         };
         raise(signal, &raised)?;
@@ -332,6 +341,20 @@ pub fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
             *signal = Python::attach(|py| py.check_signals()).err();
         }
         signal.is_some()
+    }
+}
+
+/// Work without the GIL, on a thread of its own while this one listens for Ctrl-C, which sets what `work` is given.
+pub fn listening<T: Send>(py: Python<'_>, work: impl FnOnce(&Arc<AtomicBool>) -> CoreResult<T> + Send) -> Result<T, Failure> {
+    let (mut signal, stop) = (None, Arc::new(AtomicBool::new(false)));
+    let result = {
+        let mut interrupted = listen(&mut signal);
+        let mut poll = || stop.fetch_or(interrupted(), Ordering::Relaxed);
+        py.detach(|| parallel::on_worker(&mut poll, |_| work(&stop)))
+    };
+    match signal {
+        Some(signal) => Err(Failure::Python(signal)),
+        None => Ok(result?),
     }
 }
 

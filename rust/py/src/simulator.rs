@@ -8,8 +8,9 @@ use crate::simulate::{Given, law_of, raise};
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{Problem, Stepping, stepper};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A closed loop stepped by hand: `step()` advances by `dt` under the law, `step(tau)` under an input of your own.
@@ -45,6 +46,8 @@ pub struct Simulator {
     start: Vec<f64>,
     raised: Raised,
     has_law: bool,
+    /// What it was made of: plant, law, q0 and the keywords.
+    made_of: Py<PyTuple>,
     /// The state and the input as the core gives them.
     x: Vec<f64>,
     input: Vec<f64>,
@@ -77,11 +80,12 @@ impl Simulator {
     ) -> PyResult<Self> {
         let py = plant.py();
         entry(py, NAME, || {
-            let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
             let keywords = match keywords {
                 Some(keywords) => keywords.copy()?,
                 None => PyDict::new(py),
             };
+            let made_of = (plant, law, q0, keywords.copy()?);
+            let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
             const KNOWN: [&str; 9] = ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max"];
             for key in keywords.keys() {
                 let key = key.to_string();
@@ -116,6 +120,9 @@ impl Simulator {
             let start: Vec<f64> = x0.iter().chain(law.initial_state()).copied().collect();
             let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: force.iter().collect(), force_frame, options };
             let stepping = stepper(&problem)?;
+            // Arrays of the caller's may change later.
+            let own = py.import("copy")?.call_method1("deepcopy", ((made_of.2, made_of.3),))?;
+            let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();
             let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
             let elastic = plant.kind() == PlantKind::Elastic;
             let p = law.initial_state().len();
@@ -124,6 +131,7 @@ impl Simulator {
                 dt,
                 raised,
                 has_law,
+                made_of,
                 x: vec![0.0; start.len()],
                 input: vec![0.0; n],
                 given: vec![0.0; n],
@@ -204,6 +212,47 @@ impl Simulator {
         }
         Ok(state)
     }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let law = self.made_of.bind(py).get_item(1)?;
+        let law = if self.has_law { law.get_type().name()?.to_string() } else { "no law".into() };
+        Ok(format!("Simulator({law}, n={}, t={} s, dt={} s)", self.plant.n(), self.t(), self.dt))
+    }
+
+    /// Made anew and taken to where this one is.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let stepping = self.stepping.lock().unwrap_or_else(PoisonError::into_inner);
+        if !stepping.resumable() {
+            let problem =
+                "Simulator: can't be pickled here: expected a step at which a plain sample is due, got one with samples under way";
+            return Err(PyTypeError::new_err(problem));
+        }
+        let at = (stepping.steps(), self.x.clone(), self.input.clone());
+        let restore = py.import("armlet._core")?.getattr("_restore_simulator")?;
+        Ok((restore, (self.made_of.clone_ref(py), at).into_pyobject(py)?))
+    }
+}
+
+/// A pickled Simulator: what it was made of, its steps, state and input.
+#[pyfunction]
+pub fn _restore_simulator(
+    py: Python<'_>,
+    made_of: (Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyDict>),
+    at: (u64, Vec<f64>, Vec<f64>),
+) -> PyResult<Simulator> {
+    let (plant, law, q0, keywords) = made_of;
+    let (steps, x, input) = at;
+    let mut simulator = Simulator::new(&plant, &law, &q0, Some(&keywords))?;
+    entry(py, NAME, || {
+        for (name, length, expected) in [("state", x.len(), simulator.x.len()), ("input", input.len(), simulator.input.len())] {
+            if length != expected {
+                return Err(input_error(py, NAME, name, format!("has the wrong length: expected {expected}, got {length}")).into());
+            }
+        }
+        simulator.stepping().resume(steps, &x, &input);
+        simulator.show(py)
+    })?;
+    Ok(simulator)
 }
 
 impl Simulator {

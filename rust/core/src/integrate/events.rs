@@ -69,7 +69,7 @@ impl<B: Buffer<f64>> Watch<B> {
         Ok(())
     }
 
-    /// Look at the step that `method` has just accepted: `self.crossings`, none after the first that ends the run.
+    /// Look at the step that `method` has just accepted: `self.crossings`, none later than the first that ends the run.
     pub fn scan<F, G, M>(&mut self, system: &mut F, method: &mut M, watched: &mut G) -> Result<Option<f64>, Status>
     where
         F: System<f64>,
@@ -98,18 +98,22 @@ impl<B: Buffer<f64>> Watch<B> {
             }
         }
         self.crossings.sort_by(|a, b| a.t.total_cmp(&b.t));
+        let mut end = None;
         for k in 0..self.crossings.len() {
             let crossing = &mut self.crossings[k];
+            // What falls on the end is seen too, whatever its place in the list.
+            if end.is_some_and(|end| crossing.t > end) {
+                self.crossings.truncate(k);
+                break;
+            }
             let i = crossing.index;
             self.counts[i] += 1;
             crossing.stops = self.events[i].stop_after > 0 && self.counts[i] >= self.events[i].stop_after;
             if crossing.stops {
-                let t = crossing.t;
-                self.crossings.truncate(k + 1);
-                return Ok(Some(t));
+                end = Some(crossing.t);
             }
         }
-        Ok(None)
+        Ok(end)
     }
 }
 

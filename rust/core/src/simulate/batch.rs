@@ -17,7 +17,7 @@ use crate::parallel;
 use crate::scalar::{Real, Task, run_lanes, run_scalar, run_wide_lanes};
 use crate::status::Status;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What a batch keeps of each run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +49,7 @@ pub struct BatchRuns {
 
 /// The rows of one group.
 struct Rows<'a> {
+    problem: &'a Problem<'a>,
     records: usize,
     columns: Columns,
     q: &'a mut [f64],
@@ -166,6 +167,10 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     let interrupted = parallel::run(threads, poll, |stop: &AtomicBool| {
         let go = |(g, rows): (usize, &mut Rows)| {
             let (problem, first) = (&problem, g * lanes);
+            if stop.load(Ordering::Relaxed) {
+                return true;
+            }
+            rows.watch(first);
             match (&division, route) {
                 (Division::Fixed(fixed), Loop::PlanarPr) => {
                     let tabulated = tabulated.as_ref();
@@ -228,7 +233,6 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
 fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<Rows<'a>> {
     let (records, columns) = (out.t.len(), Columns::of(problem));
     let (n, motors) = (columns.n, columns.motors());
-    let storage = problem.watches_storage();
     let per_group = |w: usize| (lanes * records * w).max(1);
     let (mut q, mut v, mut tau) = (out.q.chunks_mut(per_group(n)), out.v.chunks_mut(per_group(n)), out.tau.chunks_mut(per_group(n)));
     let (mut theta, mut theta_dot) = (out.theta.chunks_mut(per_group(motors)), out.theta_dot.chunks_mut(per_group(motors)));
@@ -238,32 +242,37 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
     out.status
         .chunks_mut(lanes)
         .zip(ended)
-        .enumerate()
-        .map(|(g, (status, ended))| {
-            let runs = g * lanes..g * lanes + status.len();
-            let checks = if monitors.is_empty() { 0..0 } else { runs };
-            Rows {
-                records,
-                columns,
-                q: q.next().unwrap_or_default(),
-                v: v.next().unwrap_or_default(),
-                tau: tau.next().unwrap_or_default(),
-                theta: theta.next().unwrap_or_default(),
-                theta_dot: theta_dot.next().unwrap_or_default(),
-                z: z.next().unwrap_or_default(),
-                values: vec![0.0; monitors.len()],
-                monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
-                checks: checks.map(|i| Monitor::new(problem.plant(i), problem.law(i), storage)).collect(),
-                status,
-                ended,
-            }
+        .map(|(status, ended)| Rows {
+            problem,
+            records,
+            columns,
+            q: q.next().unwrap_or_default(),
+            v: v.next().unwrap_or_default(),
+            tau: tau.next().unwrap_or_default(),
+            theta: theta.next().unwrap_or_default(),
+            theta_dot: theta_dot.next().unwrap_or_default(),
+            z: z.next().unwrap_or_default(),
+            values: vec![0.0; monitors.len()],
+            monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
+            checks: Vec::new(),
+            status,
+            ended,
         })
         .collect()
 }
 
 impl Rows<'_> {
+    /// Make the monitors of the group, whose first run is `first`: only now, since each compiles an arm.
+    fn watch(&mut self, first: usize) {
+        if !self.monitors.is_empty() {
+            let (problem, storage) = (self.problem, self.problem.watches_storage());
+            self.checks = (first..first + self.status.len()).map(|i| Monitor::new(problem.plant(i), problem.law(i), storage)).collect();
+        }
+    }
+
     /// Note how each run of the group ended; whether it was interrupted.
     fn finish(&mut self, ended: &Ended, t_end: f64) -> bool {
+        self.checks = Vec::new();
         match ended {
             Ended::Fixed(faults) if faults.interrupted => true,
             Ended::Fixed(faults) => {

@@ -305,13 +305,18 @@ impl<'a> Problem<'a> {
         breaks.extend(self.forces.iter().flat_map(|force| force.breaks()));
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
+        // What a method does not use is checked all the same.
+        o.dt.map_or(Ok(()), |dt| positive("dt", dt))?;
+        positive("rtol", o.rtol)?;
+        if o.rtol < 1e-15 {
+            return Err(Error::input("rtol", format!("is below what a double resolves: expected at least 1e-15, got {}", o.rtol)));
+        }
+        if !(o.atol >= 0.0 && o.atol.is_finite()) {
+            return Err(Error::input("atol", format!("is negative or not finite: expected a number >= 0, got {}", o.atol)));
+        }
         if o.method.is_adaptive() {
-            positive("rtol", o.rtol)?;
-            if !(o.atol >= 0.0 && o.atol.is_finite()) {
-                return Err(Error::input("atol", format!("is negative or not finite: expected a number >= 0, got {}", o.atol)));
-            }
-            if o.rtol < 1e-15 {
-                return Err(Error::input("rtol", format!("is below what a double resolves: expected at least 1e-15, got {}", o.rtol)));
+            if let Some(sampling) = &o.sampling {
+                sampling.require_room(o.t_end)?;
             }
             let clock = match &o.sampling {
                 None => Clock::None,

@@ -127,14 +127,16 @@ impl<S: Real> Sampler<S> {
         self.sensing = Some(sensing);
     }
 
+    /// The answer moves from the one before, from nothing at first, no faster than the limit; both are within saturation.
     fn limit_rate(&self, k: u64, tau: &mut [S]) {
-        let Some(before) = k.checked_sub(1).filter(|_| self.sampling.rate_limit.is_finite()) else { return };
-        let entry = &self.ring[self.slot(before)];
-        if entry.index != before {
+        if !self.sampling.rate_limit.is_finite() {
             return;
         }
-        let most = S::splat(self.sampling.rate_limit * self.sampling.period);
-        for (tau, &last) in tau.iter_mut().zip(&entry.tau) {
+        let before = k.checked_sub(1).map(|k| (k, &self.ring[self.slot(k)])).filter(|(k, entry)| entry.index == *k);
+        let since = before.map_or(self.sampling.period, |(before, _)| self.instant(k) - self.instant(before));
+        let most = S::splat(self.sampling.rate_limit * since);
+        for (i, tau) in tau.iter_mut().enumerate() {
+            let last = before.map_or(S::zero(), |(_, entry)| entry.tau[i]);
             *tau = tau.clamped(last - most, last + most);
         }
     }

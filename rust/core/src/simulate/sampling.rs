@@ -5,8 +5,14 @@
 //! of change limited. Every random number is a function of seed, sample and channel alone (splitmix64; Steele, Lea and
 //! Flood 2014): a run repeats to the bit, and so does one that is taken up again in the middle.
 
+use super::schedule::require_memory;
 use crate::error::{Error, Result, positive};
 use crate::plant::sensors::TorqueSensor;
+
+/// Samples that are kept for answers and measurements that come late: more is a mistake in the arguments, not a controller.
+const MOST_LATE: f64 = 1e5;
+/// More samples than this in one run are another.
+const MOST_SAMPLES: f64 = 1e12;
 
 /// What is measured of a plant, in the order of its state.
 pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
@@ -61,6 +67,11 @@ impl Sampling {
         if self.jitter >= self.period {
             return Err(Error::input("jitter", format!("is not below the period: expected < {}, got {}", self.period, self.jitter)));
         }
+        for (name, late) in [("delay", self.delay / self.period), ("sensor_delay", self.sensor_delay as f64)] {
+            if late > MOST_LATE {
+                return Err(Error::input(name, format!("is too long: expected at most {MOST_LATE} periods, got {late}")));
+            }
+        }
         for (name, values) in [("noise", self.noise), ("resolution", self.resolution)] {
             for (channel, x) in CHANNELS.iter().zip(values) {
                 nonnegative(&format!("{name}[{channel:?}]"), x)?;
@@ -70,6 +81,16 @@ impl Sampling {
             return Err(Error::input("rate_limit", format!("is not positive: expected > 0, got {}", self.rate_limit)));
         }
         Ok(())
+    }
+
+    /// Refuse more samples than a run of length `t_end` can have.
+    pub fn require_room(&self, t_end: f64) -> Result<()> {
+        if t_end / self.period > MOST_SAMPLES {
+            let least = t_end / MOST_SAMPLES;
+            return Err(Error::input("sample_time", format!("is too small for the run: expected at least {least}, got {}", self.period)));
+        }
+        // A clock of its own keeps all its instants.
+        if self.is_plain() { Ok(()) } else { require_memory((t_end / self.period) as u128) }
     }
 
     /// Whether all it does is to hold the law's answer.

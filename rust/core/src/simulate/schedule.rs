@@ -34,7 +34,7 @@ pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
 
 /// Refuse more records than memory holds, before any is made: one large reservation is refused at once where
 /// many small ones would end the process.
-fn require_memory(records: u128) -> Result<()> {
+pub(super) fn require_memory(records: u128) -> Result<()> {
     let bytes = records * BYTES_PER_RECORD;
     let refused = Error::Memory { bytes };
     let Ok(size) = usize::try_from(bytes) else { return Err(refused) };

@@ -3,8 +3,10 @@
 use super::closed_loop::Exogenous;
 use super::general::{Twins, Watched, close, twins};
 use super::problem::{Method, Problem};
+use super::sampling::Sampling;
 use crate::error::{Error, Result};
 use crate::integrate::{Euler, FixedStep, Rk4, Ros2, SemiImplicit};
+use crate::law::LawSpec;
 use crate::scalar::{Kernel, Real, Task, run_lanes, run_scalar};
 
 /// What a stepped loop does, on whatever number it runs.
@@ -17,6 +19,10 @@ pub trait Stepping: Send {
     fn reset(&mut self, x: &[f64]);
     /// The number of steps taken.
     fn steps(&self) -> u64;
+    /// Whether [`Stepping::resume`] goes on from here to the bit: between two samples that takes more than the state and the input.
+    fn resumable(&self) -> bool;
+    /// Go on after `steps` steps from the state `x` and the input `tau` that [`Stepping::read`] gave.
+    fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64]);
 }
 
 /// The loop, its method and its state; `R` is the number whose instruction set it is compiled for.
@@ -28,6 +34,9 @@ struct Stepper<R, S, F, M> {
     dt: f64,
     /// Steps per sample; 0 for a law asked in every stage.
     hold: u64,
+    /// A sample is all that is kept of the past, and of that nothing but `tau` acts until the next one.
+    plain: bool,
+    simple: bool,
     steps: u64,
     region: std::marker::PhantomData<R>,
 }
@@ -100,6 +109,19 @@ where
     fn steps(&self) -> u64 {
         self.steps
     }
+
+    fn resumable(&self) -> bool {
+        self.steps == 0 || self.hold == 0 || self.simple || self.plain && self.steps.is_multiple_of(self.hold)
+    }
+
+    fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64]) {
+        self.reset(x);
+        for (to, &from) in self.tau.iter_mut().zip(tau) {
+            *to = S::splat(from);
+        }
+        self.closed.drive(Some(&self.tau), false);
+        self.steps = steps;
+    }
 }
 
 /// The one run of a problem, to be stepped by hand. Monitors are left out: their integrals would be the caller's to read.
@@ -126,7 +148,20 @@ where
     let o = &problem.options;
     let hold = o.sampling.as_ref().map_or(0, |sampling| if sampling.is_plain() { (sampling.period / o.grid()).round() as u64 } else { 1 });
     let tau = vec![S::zero(); problem.plant(0).n()];
-    Box::new(Stepper::<R, S, F, M> { closed, method, x, tau, dt: o.grid(), hold, steps: 0, region: std::marker::PhantomData })
+    let plain = o.sampling.as_ref().is_none_or(Sampling::is_plain);
+    let simple = plain && problem.law(0).initial_state().is_empty() && !matches!(problem.law(0), LawSpec::External(_));
+    Box::new(Stepper::<R, S, F, M> {
+        closed,
+        method,
+        x,
+        tau,
+        dt: o.grid(),
+        hold,
+        plain,
+        simple,
+        steps: 0,
+        region: std::marker::PhantomData,
+    })
 }
 
 impl Task for Explicit<'_> {

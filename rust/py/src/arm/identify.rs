@@ -3,14 +3,12 @@
 use super::Arm;
 use crate::arrays::{any_vector, flag_or_false, index_of, integers, new_array, number, numbers, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::simulate::listen;
+use crate::simulate::listening;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
 use armlet_core::analysis::{consistency, identification};
-use armlet_core::error::{Error, Result as CoreResult};
-use armlet_core::parallel;
+use armlet_core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// An object of `armlet.identification`, made from its fields.
 fn made<'py>(py: Python<'py>, class: &str, fields: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
@@ -22,18 +20,6 @@ fn array<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<
         out.copy_from_slice(values);
         Ok(())
     })
-}
-
-/// Work without the GIL, on a thread of its own while this one listens for Ctrl-C.
-fn listening<T: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> CoreResult<T> + Send) -> Result<T, Failure> {
-    let mut signal = None;
-    let mut poll = listen(&mut signal);
-    let result = py.detach(|| parallel::on_worker(&mut poll, |stop| work(stop).map(|result| (result, stop.load(Ordering::Relaxed)))));
-    drop(poll);
-    match signal {
-        Some(signal) => Err(Failure::Python(signal)),
-        None => Ok(result?.0),
-    }
 }
 
 fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: bool, friction: bool) -> Result<Bound<'py, PyAny>, Failure> {

@@ -20,6 +20,11 @@ type Method = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
 
 const ADAPTIVE: [&str; 4] = ["dopri5", "dop853", "radau5", "rodas4"];
 const FIXED: [&str; 4] = ["euler", "semi_implicit", "rk4", "ros2"];
+const IMPLICIT: [&str; 3] = ["radau5", "rodas4", "ros2"];
+/// More steps than this is a mistake in the arguments, not a run.
+const MOST_STEPS: f64 = 1e12;
+/// Matrices of an implicit method: the Jacobian, and the largest decomposition, which is complex with its copies.
+const MATRICES: u128 = 8;
 
 /// How a method is to run, as Python gives it.
 struct Settings {
@@ -80,6 +85,17 @@ impl Settings {
             return Err(refuse("atol", format!("is negative: expected numbers >= 0, got {} (first bad index {i})", atol[i])));
         }
         Ok(Settings { name, tolerances: Tolerances { rtol, atol }, dt, max_step, first_step })
+    }
+
+    /// Refuse steps too short for the span, and matrices too large for the memory, before anything is made.
+    fn require_room(&self, py: Python<'_>, function: &str, span: f64, n: usize) -> Result<(), Failure> {
+        if let Some(dt) = self.dt.filter(|dt| span / dt > MOST_STEPS) {
+            let problem = format!("is too small for the span: expected at least {}, got {dt}", span / MOST_STEPS);
+            return Err(input_error(py, function, "dt", problem).into());
+        }
+        let bytes = if IMPLICIT.contains(&self.name.as_str()) { MATRICES * 8 * (n as u128).pow(2) } else { 0 };
+        let fits = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
+        if fits { Ok(()) } else { Err(armlet_core::error::Error::Memory { bytes }.into()) }
     }
 
     /// Whether the method's order rests on its derivatives.
@@ -246,6 +262,7 @@ pub fn integrate<'py>(
         let settings = Settings::new(NAME, n, method, rtol, atol, dt, max_step, first_step)?;
         let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
         let (s0, s1) = (direction * span[0], direction * span[1]);
+        settings.require_room(py, NAME, s1 - s0, n)?;
         let wanted = t_eval.map(|t_eval| times(NAME, t_eval, (s0, s1), direction)).transpose()?;
         let jacobian = jacobian(NAME, jac, n, settings.central())?;
         let args = (!args.is_empty()).then(|| args.clone().unbind());

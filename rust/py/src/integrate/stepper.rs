@@ -39,6 +39,7 @@ impl Stepper {
             let y0 = initial_state(NAME, "y0", y0)?;
             let n = y0.len();
             let settings = Settings::new(NAME, n, method, rtol, atol, None, max_step, first_step)?;
+            settings.require_room(py, NAME, 0.0, n)?;
             let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
             let jacobian = jacobian(NAME, jac, n, settings.central())?;
             let mut field = Field::new(NAME, f.clone().unbind(), None, false, jacobian, direction, 0, n);

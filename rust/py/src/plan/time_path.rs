@@ -4,6 +4,7 @@ use crate::arm::{Arm, Model};
 use crate::arrays::{count, index_of, new_array, number, numbers, object, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
+use crate::simulate::listening;
 use armlet_core::error::Error;
 use armlet_core::motion::{Ends, Motion as Core, Path, TimedPath as CorePath};
 use armlet_core::plan::{self, Friction, Mover, PathLimits, TimePathOptions};
@@ -15,6 +16,9 @@ use std::sync::Arc;
 const NAME: &str = "time_path";
 /// Points at which a callable path is asked, unless told otherwise.
 const SAMPLES: usize = 201;
+const MOST_SAMPLES: usize = 1_000_000;
+/// Points from which on planning has a thread of its own, so that this one can listen for Ctrl-C.
+const LONG: usize = 2_000;
 
 /// `(n,)` from a scalar or `(n,)`.
 fn limit(name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
@@ -197,8 +201,9 @@ pub fn time_path<'py>(
                 }
             }
             let samples = samples.map_or(Ok(SAMPLES), |value| count(NAME, "samples", value))?;
-            if samples < 4 {
-                return Err(input_error(py, NAME, "samples", format!("is too small: expected at least 4, got {samples}")).into());
+            if !(4..=MOST_SAMPLES).contains(&samples) {
+                let problem = format!("is out of range: expected 4 to {MOST_SAMPLES}, got {samples}");
+                return Err(input_error(py, NAME, "samples", problem).into());
             }
             (sampled(path, n, samples, ends(spline, Ends::NotAKnot)?)?, Vec::new())
         } else {
@@ -229,9 +234,18 @@ pub fn time_path<'py>(
             }
         }
         let core = Arc::new(core);
-        let answer = match model {
-            Model::Tree(tree) => py.detach(|| plan::time_path(Mover::Tree(&tree.arm), core, &limits, &options))?,
-            Model::PlanarPr(arm) => plan::time_path(Mover::PlanarPr(*arm), core, &limits, &options)?,
+        let mover = match model {
+            Model::Tree(tree) => Mover::Tree(&tree.arm),
+            Model::PlanarPr(arm) => Mover::PlanarPr(*arm),
+        };
+        let points = options.grid.unwrap_or_default().max(core.knots().len());
+        let answer = if points > LONG || options.torque_rate.is_some() {
+            listening(py, |stop| {
+                options.stop = Some(stop.clone());
+                plan::time_path(mover, core, &limits, &options)
+            })?
+        } else {
+            py.detach(|| plan::time_path(mover, core, &limits, &options))?
         };
         let shortfall = answer.reason.map(|reason| Why {
             text: reason.to_string(),

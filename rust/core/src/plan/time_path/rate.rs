@@ -218,6 +218,9 @@ pub(super) fn limit_rate(problem: &Problem, fast: TimePath, rates: &[f64], optio
     };
     let mut best: Option<(f64, f64, f64)> = None;
     let attempt = |window: f64, best: &mut Option<(f64, f64, f64)>| {
+        if problem.rows.stopped() {
+            return;
+        }
         if let Some(k) = sampled(window, ROUGH).0.slowing(1e-3) {
             let duration = k * (total + window);
             if best.is_none_or(|(least, ..)| duration < least) {

@@ -16,6 +16,9 @@
 use super::lines::{FAR, Lines, NONE, Rows, STANDING, largest, load};
 use crate::scalar::{Real, Task, run_lanes};
 
+/// Segments between two looks whether to stop.
+const LOOK: usize = 1 << 14;
+
 /// Where no speed is left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Stuck {
@@ -95,6 +98,9 @@ impl Task for Solve<'_> {
         }
         (low[count], high[count], led[count]) = (rows.x_end, rows.x_end, whole);
         for i in (0..count).rev() {
+            if i % LOOK == 0 && rows.stopped() {
+                return Err(Stuck::Empty(i));
+            }
             if stale[i] {
                 lines.build::<S>(rows, i, i, 0.0);
             }

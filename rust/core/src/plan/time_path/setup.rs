@@ -9,6 +9,7 @@ use crate::error::{Error, Result, finite};
 use crate::motion::{Path, TimedPath};
 use crate::scalar::sign;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque and
 /// acceleration.
@@ -19,7 +20,7 @@ pub struct PathLimits {
     pub acceleration: Option<Vec<f64>>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct TimePathOptions {
     /// Grid points, some for every piece of the path; None for as many as the duration needs to settle.
     pub grid: Option<usize>,
@@ -33,11 +34,22 @@ pub struct TimePathOptions {
     pub friction: Option<Friction>,
     /// Limits of `|d tau/dt|`, `(n,)`; for motions from rest to rest without stops and without Coulomb friction.
     pub torque_rate: Option<Vec<f64>>,
+    /// Set from another thread, it ends the planning soon, with an answer of no worth.
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Default for TimePathOptions {
     fn default() -> Self {
-        TimePathOptions { grid: None, refine: true, start_speed: 0.0, end_speed: 0.0, stops: Vec::new(), friction: None, torque_rate: None }
+        TimePathOptions {
+            grid: None,
+            refine: true,
+            start_speed: 0.0,
+            end_speed: 0.0,
+            stops: Vec::new(),
+            friction: None,
+            torque_rate: None,
+            stop: None,
+        }
     }
 }
 
@@ -175,6 +187,7 @@ impl<'a> Problem<'a> {
             s,
             x_start: speed("start_speed", options.start_speed)?,
             x_end: speed("end_speed", options.end_speed)?,
+            stop: options.stop.clone(),
             ..Rows::default()
         };
         let friction = options.friction.clone().filter(|_| given.torque.is_some());
