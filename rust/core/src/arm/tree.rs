@@ -15,6 +15,8 @@ pub const BASE: usize = usize::MAX;
 pub struct Body<S> {
     /// Index of the parent body, [`BASE`] for the base; parents come before children.
     pub parent: usize,
+    /// One beyond the last body that it carries: `i + 1` for the last of a chain.
+    pub end: usize,
     /// Turns about its axis; slides along it otherwise.
     pub revolute: bool,
     /// Placement of the joint in the parent's compiled frame at `q = 0`.
@@ -55,6 +57,12 @@ impl Tree<f64> {
             turns.push(compiled_axes(&before, V3(joint.axis)));
         }
         let parent_turn = |parent: Option<usize>| parent.map_or(M3::IDENTITY, |p| turns[p]).transpose();
+        let mut ends: Vec<usize> = (1..=arm.joints.len()).collect();
+        for (i, joint) in arm.joints.iter().enumerate().rev() {
+            if let Some(p) = joint.parent {
+                ends[p] = ends[p].max(ends[i]);
+            }
+        }
         let bodies = arm
             .joints
             .iter()
@@ -64,6 +72,7 @@ impl Tree<f64> {
                 let rotation = back.times(joint.placement.rotation).times(turns[i]);
                 Body {
                     parent: joint.parent.unwrap_or(BASE),
+                    end: ends[i],
                     revolute: joint.kind.is_angle(),
                     rotation,
                     quarter: QuarterTurn::of(&rotation),
@@ -98,6 +107,7 @@ impl Tree<f64> {
                 inertia: Inertia { mass: S::splat(mass), moment: moment.lift(), inertia: Sym3(inertia.0.map(S::splat)) },
                 second_moment: Sym3(body.second_moment.0.map(S::splat)),
                 parent: body.parent,
+                end: body.end,
                 revolute: body.revolute,
                 rotation: body.rotation,
                 quarter: body.quarter,

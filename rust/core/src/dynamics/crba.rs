@@ -6,11 +6,10 @@
 //! point in fewer products, and of which `S_j = e_z` takes one column: `I e_z = tr(P) e_z - P e_z`.
 
 use super::hinge::{congruence, reach, rotation, to_parent};
-use super::workspace::Link;
 use crate::arm::{BASE, Body, Tree};
 use crate::kinematics::Pose;
 use crate::scalar::Real;
-use crate::spatial::{Sym3, V3};
+use crate::spatial::{M3, Spatial, Sym3, V3};
 
 /// Mass, first and second moment of a subtree about its joint origin, in the axes of its first body.
 #[derive(Clone, Copy, Debug, Default)]
@@ -47,68 +46,91 @@ pub(crate) fn joint_column<S: Real>(revolute: bool, pose: &Pose<S>) -> (V3<S>, V
     if revolute { (pose.origin.cross(z), z) } else { (z, V3::zero()) }
 }
 
+/// Buffers of the mass matrix.
+#[derive(Clone, Debug)]
+pub struct Composites<S> {
+    moments: Vec<Moments<S>>,
+    /// The momentum `[f; n]` of every joint's subtree per unit rate, on its way to the base, and the body in whose axes it is now.
+    momenta: Vec<Spatial<S>>,
+    at: Vec<usize>,
+    /// Rotations of joints that have to be multiplied out.
+    rotations: Vec<M3<S>>,
+}
+
+impl<S: Real> Composites<S> {
+    pub fn new(n: usize) -> Self {
+        Composites {
+            moments: vec![Moments::default(); n],
+            momenta: vec![Spatial::zero(); n],
+            at: vec![BASE; n],
+            rotations: vec![M3::zero(); n],
+        }
+    }
+}
+
 #[inline(always)]
-pub fn mass_matrix<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], moments: &mut [Moments<S>], trig: &[(S, S)], q: &[S], m: &mut [S]) {
+pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     m.fill(S::zero());
-    mass_matrix_on_zeros(tree, links, moments, trig, q, m);
+    mass_matrix_on_zeros(tree, composites, trig, q, m);
 }
 
 /// As [`mass_matrix`], where `m` holds zeros or an earlier `M` of this tree: what vanishes is the same in every state.
 #[inline(always)]
-pub fn mass_matrix_on_zeros<S: Real>(
-    tree: &Tree<S>,
-    links: &mut [Link<S>],
-    moments: &mut [Moments<S>],
-    trig: &[(S, S)],
-    q: &[S],
-    m: &mut [S],
-) {
+pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     let n = tree.n();
+    let Composites { moments, momenta, at, rotations } = composites;
+    let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
+    let (at, rotations, trig, q, m) = (&mut at[..n], &mut rotations[..n], &trig[..n], &q[..n], &mut m[..n * n]);
     for i in 0..n {
-        let body = &tree.bodies[i];
-        moments[i] = Moments::of(body);
-        if body.quarter.is_none() {
-            links[i].e = rotation(body, trig[i]);
-        }
+        moments[i] = Moments::of(&bodies[i]);
+        at[i] = i;
     }
     // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Moments::default(), BASE);
-    for j in (0..n).rev() {
-        let body = &tree.bodies[j];
-        let mut whole = moments[j];
-        if S::LANES == 1 && carried_to == j {
+    for i in (0..n).rev() {
+        let body = &bodies[i];
+        let mut whole = moments[i];
+        if S::LANES == 1 && carried_to == i {
             whole = whole.plus(&carried);
         }
         let Moments { mass, first: V3([hx, hy, _]), second: Sym3([xx, _, yy, xz, yz, _]) } = whole;
         let zero = S::zero();
-        let (mut f, mut moment, own) = if body.revolute {
+        let (linear, angular, own) = if body.revolute {
             (V3([-hy, hx, zero]), V3([-xz, -yz, xx + yy]), xx + yy)
         } else {
             (V3([zero, zero, mass]), V3([hy, -hx, zero]), mass)
         };
-        m[j * n + j] = own + S::splat(body.armature);
-        let mut k = j;
-        while tree.bodies[k].parent != BASE {
-            let over = &tree.bodies[k];
-            let turned = to_parent(over, &links[k].e, trig[k], [f, moment]);
-            f = turned[0];
-            moment = reach(over, q[k]).cross_add(f, turned[1]);
-            k = over.parent;
-            let entry = if tree.bodies[k].revolute { moment[2] } else { f[2] };
-            m[k * n + j] = entry;
-            m[j * n + k] = entry;
+        momenta[i] = Spatial { linear, angular };
+        m[i * n + i] = own + S::splat(body.armature);
+        for j in i + 1..body.end {
+            if at[j] == i {
+                let entry = if body.revolute { momenta[j].angular[2] } else { momenta[j].linear[2] };
+                m[i * n + j] = entry;
+                m[j * n + i] = entry;
+            }
         }
-        if body.parent == BASE {
+        let parent = body.parent;
+        if parent == BASE {
             continue;
         }
-        let e = &links[j].e;
-        let [first] = to_parent(body, e, trig[j], [whole.first]);
-        let turned = Moments { mass, first, second: congruence(body, e, trig[j], whole.second) };
-        let moved = turned.shifted(reach(body, q[j]));
-        if S::LANES == 1 && body.parent + 1 == j {
-            (carried, carried_to) = (moved, body.parent);
+        let p = reach(body, q[i]);
+        if body.quarter.is_none() {
+            rotations[i] = rotation(body, trig[i]);
+        }
+        let e = &rotations[i];
+        for j in i..body.end {
+            if at[j] == i {
+                let [linear, angular] = to_parent(body, e, trig[i], [momenta[j].linear, momenta[j].angular]);
+                momenta[j] = Spatial { linear, angular: p.cross_add(linear, angular) };
+                at[j] = parent;
+            }
+        }
+        let [first] = to_parent(body, e, trig[i], [whole.first]);
+        let moved = Moments { mass, first, second: congruence(body, e, trig[i], whole.second) }.shifted(p);
+        if S::LANES == 1 && parent + 1 == i {
+            (carried, carried_to) = (moved, parent);
         } else {
-            moments[body.parent] = moments[body.parent].plus(&moved);
+            moments[parent] = moments[parent].plus(&moved);
         }
     }
 }

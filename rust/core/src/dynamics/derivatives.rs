@@ -202,7 +202,7 @@ pub fn forward_dynamics_derivatives<S: Real>(
     by_tau: &mut [S],
 ) {
     let n = tree.n();
-    super::crba::mass_matrix(tree, &mut ws.links, &mut ws.moments, trig, q, m);
+    super::crba::mass_matrix(tree, &mut ws.mass, trig, q, m);
     factor(n, m);
     let minus = S::splat(-1.0);
     inverse_dynamics_by_q(tree, ws, trig, q, v, a, by_q);

@@ -123,9 +123,10 @@ impl Query {
     /// Whether these inputs and this room are what is asked for; [`check`] says what is not.
     #[inline(always)]
     fn fits(&self, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> bool {
-        let mut fits = inputs.len() == self.inputs().len() && out == count * self.length(n);
-        for (k, given) in inputs.iter().enumerate() {
-            fits &= given.len() == count * self.input_length(k, n);
+        let asked = self.inputs().len();
+        let mut fits = inputs.len() == asked && out == count * self.length(n);
+        for k in 0..4 {
+            fits &= k >= asked || inputs.get(k).is_some_and(|given| given.len() == count * self.input_length(k, n));
         }
         fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
     }
@@ -195,50 +196,43 @@ impl<S: Real> Engine<S> {
         Ok(())
     }
 
-    /// All configurations of the arrays, `S::LANES` at a time; the last lanes repeat the last one. Whether the arguments are what is
-    /// asked for, and every number finite; of single configurations that of the arguments too.
+    /// All configurations of the arrays, `S::LANES` at a time; the last lanes repeat the last one. A single number takes one
+    /// configuration. Whether the arguments are what is asked for, and every number finite; alone, every number of the arguments too.
     #[inline(always)]
     fn rows<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         // Known here while compiling, so that what depends on it is decided then.
         let query = &Query { quantity: Q::QUANTITY, ..*query };
         let n = self.tree.n();
-        if !query.fits(inputs, count, n, self.tree.frames.len(), out.len()) {
+        let fits = query.fits(inputs, count, n, self.tree.frames.len(), out.len());
+        if !fits || S::LANES == 1 && count != 1 {
             return false;
         }
-        let length = query.length(n);
         if self.answered != Some(*query) {
-            self.out[..length].fill(S::zero());
+            self.out[..query.length(n)].fill(S::zero());
             self.answered = Some(*query);
         }
-        if S::LANES == 1 {
-            self.one_by_one::<Q>(query, inputs, count, length, out)
-        } else {
-            self.side_by_side::<Q>(query, inputs, count, length, out)
-        }
+        if S::LANES == 1 { self.alone::<Q>(query, inputs, out) } else { self.side_by_side::<Q>(query, inputs, count, out) }
     }
 
     #[inline(always)]
-    fn one_by_one<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, length: usize, out: &mut [f64]) -> bool {
+    fn alone<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> bool {
         let n = self.tree.n();
         let mut sound = true;
-        for at in 0..count {
-            for (k, given) in inputs.iter().enumerate() {
-                let width = query.input_length(k, n);
-                sound &= read_one(&given[at * width..][..width], &mut self.inputs[k][..width]);
-            }
-            if !sound {
-                return false;
-            }
-            S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
-            Q::compute(self, query, &mut ());
-            sound &= write_one(&self.out[..length], &mut out[at * length..][..length]);
+        for k in 0..query.inputs().len() {
+            sound &= read_one(inputs[k], &mut self.inputs[k][..query.input_length(k, n)]);
         }
-        sound
+        if !sound {
+            return false;
+        }
+        S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
+        Q::compute(self, query, &mut ());
+        write_one(&self.out[..query.length(n)], out)
     }
 
     #[inline(always)]
-    fn side_by_side<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, length: usize, out: &mut [f64]) -> bool {
+    fn side_by_side<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
         let n = self.tree.n();
+        let length = query.length(n);
         let (mut at, mut sound) = (0, true);
         let mut stage = std::mem::take(&mut self.stage);
         // What vanishes for every state is never written.
@@ -280,9 +274,9 @@ impl<S: Real> Engine<S> {
         each!(MassMatrix CoriolisMatrix Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose Position Jacobian JacobianDot Com ComJacobian)
     }
 
-    /// As [`Engine::dispatch`], derivatives included.
-    fn dispatch_single(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> bool {
-        let quantity = PhantomData;
+    /// As [`Engine::dispatch`], of one configuration, derivatives included.
+    fn dispatch_single(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> bool {
+        let (quantity, count) = (PhantomData, 1);
         match query.quantity {
             Quantity::InverseDynamicsDerivatives => {
                 S::enter(Rows::<S, quantities::InverseDynamicsDerivatives> { engine: self, query, inputs, count, out, quantity })
@@ -364,7 +358,7 @@ impl LaneEvaluator {
             return Ok(true);
         }
         if matches!(query.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives) {
-            return self.single.dispatch(query, rows, last - first, out);
+            return self.single.each(query, rows, last - first, out);
         }
         self.engine.rows(query, rows, last - first, out)
     }
@@ -400,18 +394,28 @@ impl Evaluator {
     /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. Whether every
     /// number of the answer is finite: a singular mass matrix and an overflow are told so.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-        let sound = self.dispatch(query, inputs, 1, out)?;
+        let sound = match &mut self.route {
+            Route::Baseline(engine) => engine.grow(query).map(|()| engine.dispatch_single(query, inputs, out)),
+            Route::Fused(engine) => engine.grow(query).map(|()| engine.dispatch_single(query, inputs, out)),
+        }?;
         if !sound {
             check(query, inputs, 1, self.n, self.frames, out.len())?;
         }
         Ok(sound)
     }
 
-    fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
-        match &mut self.route {
-            Route::Baseline(engine) => engine.grow(query).map(|()| engine.dispatch_single(query, inputs, count, out)),
-            Route::Fused(engine) => engine.grow(query).map(|()| engine.dispatch_single(query, inputs, count, out)),
+    /// Configuration by configuration: inputs and room were checked.
+    fn each(&mut self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
+        let (length, mut sound) = (query.length(self.n), true);
+        for i in 0..count {
+            let mut row: [&[f64]; 4] = [&[]; 4];
+            for (k, given) in inputs.iter().enumerate() {
+                let width = query.input_length(k, self.n);
+                row[k] = &given[i * width..][..width];
+            }
+            sound &= self.one(query, &row[..inputs.len()], &mut out[i * length..][..length])?;
         }
+        Ok(sound)
     }
 }
 

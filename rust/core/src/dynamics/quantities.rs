@@ -49,7 +49,7 @@ macro_rules! quantity {
 
 quantity!(MassMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
     // Zeroed before the first of many, as for the Jacobian and the regressor.
-    crba::mass_matrix_on_zeros(tree, &mut ws.links, &mut ws.moments, trig, q, out);
+    crba::mass_matrix_on_zeros(tree, &mut ws.mass, trig, q, out);
 });
 
 quantity!(CoriolisMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {

@@ -29,7 +29,7 @@ impl<S: Real> Dynamics<S> for Tree<S> {
     }
     #[inline(always)]
     fn mass_matrix(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
-        crba::mass_matrix(self, &mut ws.links, &mut ws.moments, trig, q, m);
+        crba::mass_matrix(self, &mut ws.mass, trig, q, m);
     }
     #[inline(always)]
     fn coriolis_matrix(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]) {

@@ -1,6 +1,6 @@
 //! Buffers of the tree algorithms, made once per tree.
 
-use super::crba::Moments;
+use super::crba;
 use super::derivatives::Slope;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
@@ -98,7 +98,7 @@ pub struct Workspace<S> {
     pub links: Vec<Link<S>>,
     pub composites: Vec<Composite<S>>,
     pub articulated: Vec<Articulated<S>>,
-    pub moments: Vec<Moments<S>>,
+    pub mass: crba::Composites<S>,
     pub columns: Vec<Column<S>>,
     pub slopes: Vec<Slope<S>>,
     /// Angular velocity of each body and velocity of its origin.
@@ -115,7 +115,7 @@ impl<S: Real> Workspace<S> {
             links: vec![Link::default(); n],
             composites: vec![Composite::default(); n],
             articulated: vec![Articulated::default(); n],
-            moments: vec![Moments::default(); n],
+            mass: crba::Composites::new(n),
             columns: vec![Column::default(); n],
             slopes: vec![Slope::default(); n],
             motion: vec![(V3::zero(), V3::zero()); n],

@@ -117,30 +117,6 @@ pub fn read_rows<S: Real>(given: &[f64], at: usize, count: usize, width: usize, 
     }
 }
 
-const INFINITE: u64 = 0x7ff << 52;
-
-/// One row into single numbers; whether all of them are finite.
-#[inline(always)]
-pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
-    let mut bad = 0;
-    for (to, from) in to.iter_mut().zip(given) {
-        *to = S::splat(*from);
-        bad |= u64::from(from.to_bits() & INFINITE == INFINITE);
-    }
-    bad == 0
-}
-
-/// Single numbers as one row; whether all of them are finite.
-#[inline(always)]
-pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
-    let mut bad = 0;
-    for (to, from) in out.iter_mut().zip(values) {
-        *to = from.lane(0);
-        bad |= u64::from(to.to_bits() & INFINITE == INFINITE);
-    }
-    bad == 0
-}
-
 /// The end of the array, number by number: out of the way of the others.
 #[cold]
 #[inline(never)]
@@ -148,6 +124,51 @@ fn read_last<S: Real>(from: &[f64], first: usize, last: usize, width: usize, to:
     for i in first..width {
         to[i] = S::from_lanes(|lane| from[lane.min(last) * width + i]);
     }
+}
+
+/// The exponent of what is not finite.
+const INFINITE: u64 = 0x7ff << 52;
+
+/// One if not finite, without a branch.
+#[inline(always)]
+fn infinite(x: f64) -> u64 {
+    u64::from(x.to_bits() & INFINITE == INFINITE)
+}
+
+/// One row into single numbers, as many; whether all of them are finite. Four at a time, and no more: rows are short.
+#[inline(always)]
+pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
+    let ((fours, rest), (to_fours, to_rest)) = (given.as_chunks::<4>(), to.as_chunks_mut::<4>());
+    let mut bad = [0; 4];
+    for (to, from) in to_fours.iter_mut().zip(fours) {
+        for k in 0..4 {
+            to[k] = S::splat(from[k]);
+            bad[k] |= infinite(from[k]);
+        }
+    }
+    for k in 0..to_rest.len().min(rest.len()).min(3) {
+        to_rest[k] = S::splat(rest[k]);
+        bad[k] |= infinite(rest[k]);
+    }
+    bad == [0; 4]
+}
+
+/// Single numbers as one row, of as many; whether all of them are finite.
+#[inline(always)]
+pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
+    let ((fours, rest), (to_fours, to_rest)) = (values.as_chunks::<4>(), out.as_chunks_mut::<4>());
+    let mut bad = [0; 4];
+    for (to, from) in to_fours.iter_mut().zip(fours) {
+        for k in 0..4 {
+            to[k] = from[k].lane(0);
+            bad[k] |= infinite(to[k]);
+        }
+    }
+    for k in 0..to_rest.len().min(rest.len()).min(3) {
+        to_rest[k] = rest[k].lane(0);
+        bad[k] |= infinite(to_rest[k]);
+    }
+    bad == [0; 4]
 }
 
 /// The lanes of `values` as rows of `out`, as many as there is room for; whether every number is finite. Long rows go to

@@ -1,7 +1,7 @@
 //! From Python arrays to Python arrays: one configuration without a detour, many in lanes, many more in threads.
 
 use super::Arm;
-use crate::arrays::{flag_or_false, index_of, name, of_lengths, out_slice, written_array};
+use crate::arrays::{flag_or_false, index_of, name, of_lengths, of_shape, out_of_shape, out_slice, written_array};
 use crate::broadcast::{Broadcast, broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
 use crate::simulate::listen;
@@ -27,7 +27,7 @@ impl Arm {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = values[0].py();
         entry(py, function, || {
-            if let Some(result) = self.single(function, values, &query, out) {
+            if let Some(result) = self.single(values, &query, out) {
                 return Ok(result);
             }
             let inputs = self.arguments(function, names, values)?;
@@ -56,7 +56,6 @@ impl Arm {
     /// One configuration in float64 vectors; None for anything else, errors included, which the general way words.
     fn single<'py, const K: usize>(
         &self,
-        function: &str,
         values: [&Bound<'py, PyAny>; K],
         query: &Query,
         out: Option<&Bound<'py, PyAny>>,
@@ -73,7 +72,11 @@ impl Arm {
         match out {
             None => written_array(values[0].py(), shape, fill).ok(),
             Some(out) => {
-                fill(out_slice(function, out, shape, &values).ok()?).ok()?;
+                let taken = of_shape(out, shape)?.as_ptr_range();
+                if rows.iter().any(|row| row.as_ptr_range().start < taken.end && taken.start < row.as_ptr_range().end) {
+                    return None;
+                }
+                fill(out_of_shape(out, shape)?).ok()?;
                 Some(out.clone())
             }
         }
