@@ -22,7 +22,7 @@ import link_trials
 import path_trials
 
 PATHS = int(os.environ.get("ARMLET_RANDOM_PATHS", "2000"))
-LINKS = int(os.environ.get("ARMLET_RANDOM_LINKS", "40000"))
+LINKS = int(os.environ.get("ARMLET_RANDOM_LINKS", "20000"))
 JOBS = int(os.environ.get("ARMLET_RANDOM_JOBS", "1"))
 SEED = int(os.environ.get("ARMLET_RANDOM_SEED", "20220610"))
 #: Failures that are written out.
