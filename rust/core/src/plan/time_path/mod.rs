@@ -4,8 +4,9 @@
 //! 2. Reachability analysis on that grid (`reach`).
 //! 3. A check ten times finer. Limits are narrowed, segment by segment, by what they are exceeded by between grid points, and 2
 //!    is done again, until nothing exceeds a limit anywhere (`check`). Where the grid is too coarse for that it is halved.
-//! 4. Where torques may change only so fast, the timing is averaged over time and slowed (`rate`).
-//! 5. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
+//! 4. Under friction that may end where no speed is left: the last timing is then slowed (`slow`).
+//! 5. Where torques may change only so fast, the timing is averaged over time and slowed (`rate`).
+//! 6. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
 mod check;
 mod examine;
@@ -15,6 +16,7 @@ mod reach;
 mod reason;
 mod rows;
 mod setup;
+mod slow;
 mod stencil;
 
 pub use check::FINE;
@@ -30,7 +32,7 @@ use reach::{Profile, Stuck, bend, losses, solve};
 use setup::{Line, Problem};
 use std::sync::Arc;
 
-/// Corrections of one grid before it is halved.
+/// Corrections of one grid before it is halved; twice as many under friction, and where it can't be.
 const CORRECTIONS: usize = 8;
 /// How often what a limit is narrowed by is doubled; with friction it is then narrowed on twice as many segments each time.
 const MOST_DOUBLINGS: usize = 7;
@@ -153,16 +155,18 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, los
             break;
         }
     }
+    profile.keep();
     if let Err(stuck) = with_friction(problem, profile) {
         return Outcome::Stuck(stuck);
     }
     let mut found = None;
     let mut cap_old = problem.cap_tight.clone();
     let mut narrowed = Vec::new();
-    for k in 0..if problem.friction.is_some() { 2 * CORRECTIONS } else { CORRECTIONS } {
+    for k in 0..if problem.friction.is_some() || last { 2 * CORRECTIONS } else { CORRECTIONS } {
         if problem.rows.stopped() {
             break;
         }
+        profile.keep();
         let beyond = BEYOND * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let (width, count) = (problem.rows.width, problem.pieces.len());
@@ -271,6 +275,9 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
             Outcome::Stuck(stuck) => (PathReason::find(&problem, &profile, stuck), true),
         };
         if last || problem.rows.stopped() {
+            if best.is_none() && !problem.rows.stopped() {
+                best = slow::slowed(&mut problem, &mut samples, &mut profile)?;
+            }
             if best.is_none() {
                 return problem.refuse(reason);
             }

@@ -36,6 +36,8 @@ pub(super) struct Profile {
     pub low: Vec<f64>,
     pub high: Vec<f64>,
     pub x: Vec<f64>,
+    /// The last `x` there was.
+    pub kept: Vec<f64>,
     /// Points whose `x` changed since this was last cleared.
     pub moved: Vec<bool>,
     lines: Lines,
@@ -53,6 +55,11 @@ impl Profile {
     /// Everything is to be done again.
     pub fn forget(&mut self) {
         self.whole = true;
+    }
+
+    /// Have `x` at hand where a later pass finds none.
+    pub fn keep(&mut self) {
+        self.kept.clone_from(&self.x);
     }
 
     /// The rows of segment `i` changed.

@@ -1,0 +1,58 @@
+//! A timing that friction left beyond its limits, moved slower until it holds them.
+//!
+//! Under friction the limits are narrowed again and again, and now and then that ends where no path speed is left. But moving slower,
+//! `x -> c x`, takes torques towards those that hold the arm at rest:
+//!
+//! ```text
+//! tau(s) = g + d q' sqrt(c x) + c (M q'' + C q') x + c M q' u
+//! ```
+//!
+//! The largest `c` found between one that holds all limits and one that does not: a timing inside the limits, not the fastest one.
+
+use super::TimePath;
+use super::check::TOLERANCE;
+use super::examine::Samples;
+use super::reach::Profile;
+use super::setup::Problem;
+use crate::error::Result;
+use crate::motion::TimedPath;
+
+/// Slowest timing tried, and how closely the fastest is found: squared path speeds.
+const SLOWEST: f64 = 1e-12;
+const SHARE: f64 = 1e-6;
+
+/// The last profile there was, slowed; None where that can't help: without friction, with speeds that are given, or where the arm
+/// can't be held.
+pub(super) fn slowed(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile) -> Result<Option<TimePath>> {
+    let rows = &problem.rows;
+    if problem.friction.is_none() || rows.x_start > 0.0 || rows.x_end > 0.0 || profile.kept.len() != rows.s.len() {
+        return Ok(None);
+    }
+    let (kept, bend) = (profile.kept.clone(), rows.bend.clone());
+    let mut margin = f64::NAN;
+    let mut fits = |problem: &mut Problem, c: f64| {
+        problem.rows.bend.iter_mut().zip(&bend).for_each(|(to, from)| *to = c * from);
+        profile.x.iter_mut().zip(&kept).for_each(|(to, from)| *to = c * from);
+        profile.moved.fill(true);
+        let found = samples.examine(&problem.course(), &problem.rows, profile, |_, _, _, _| ());
+        margin = found.margin;
+        found.excess <= TOLERANCE
+    };
+    if !fits(problem, SLOWEST) {
+        return Ok(None);
+    }
+    let (mut high, mut low) = (1.0, SLOWEST);
+    let mut c: f64 = 1.0;
+    while !fits(problem, c) {
+        high = c;
+        c = (0.5 * c).max(SLOWEST);
+    }
+    low = c.max(low);
+    while high > low * (1.0 + SHARE) {
+        let middle = (low * high).sqrt();
+        if fits(problem, middle) { low = middle } else { high = middle }
+    }
+    fits(problem, low);
+    let motion = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone(), problem.rows.bend.clone())?;
+    Ok(Some(TimePath { motion, margin, reason: None }))
+}
