@@ -1,6 +1,8 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector, written_array};
+use crate::arrays::{
+    any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector, written_array,
+};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;

@@ -53,7 +53,21 @@ impl Field {
         n: usize,
     ) -> Self {
         let [up, down, at] = std::array::from_fn(|_| vec![0.0; n]);
-        Field { function, f, arguments, lists, lent: Lent::default(), jacobian, direction, positions, error: None, evaluations: 0, up, down, at }
+        Field {
+            function,
+            f,
+            arguments,
+            lists,
+            lent: Lent::default(),
+            jacobian,
+            direction,
+            positions,
+            error: None,
+            evaluations: 0,
+            up,
+            down,
+            at,
+        }
     }
 
     /// Call `f(t, y)` into `out`, both in the caller's own time.
