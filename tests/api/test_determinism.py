@@ -272,27 +272,31 @@ def rk4(motion: al.Motion, q0: Any, v0: Any, steps: int, h: float) -> Array:
     return x
 
 
-FAR = al.Sinusoid([0.0, 1e6], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4])
+FAR = al.Sinusoid([0.0, 3e8], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4])
 
 
 @pytest.mark.parametrize("monitors", [False, True])
-@pytest.mark.parametrize(("motion", "v2"), [(MOTION, 40.0), (FAR, 0.5)], ids=["spins", "far"])
-def test_rows_that_spin_or_are_far_round_leave_the_others(motion: al.Motion, v2: float, monitors: bool) -> None:
+@pytest.mark.parametrize(("motion", "v2", "dt"), [(MOTION, 12.0, 0.02), (FAR, 0.5, 1e-3)], ids=["spins", "far"])
+def test_rows_that_spin_or_are_far_round_leave_the_others(motion: al.Motion, v2: float, dt: float, monitors: bool) -> None:
     """A step that turns a joint by 1/32 rad, or begins beyond 1e6 rad, is done with sines in full: in its own lane alone."""
     law = al.Adaptive(ARM, motion, [40.0, 20.0], [20.0, 10.0], 5.0)
     q0, v0 = states(24)
     q0[:, 1] += motion(0.0)[0][1]
     odd = [3, 9, 17]
     v0[odd, 1] = v2 * np.array([1.0, -1.0, 0.8])
-    options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3, "monitors": monitors, "record_every": 10}
+    options: dict[str, Any] = {"t_end": 20 * dt, "dt": dt, "monitors": monitors, "record_every": 5}
     mixed = al.simulate_batch(PLANT, law, q0, v0=v0, **options)
     rest = [row for row in range(24) if row not in odd]
     same(al.simulate_batch(PLANT, law, q0[rest], v0=v0[rest], **options), mixed, slice(None), rest)
     for row in odd:
         same(al.simulate_batch(PLANT, law, q0[[row]], v0=v0[[row]], **options), mixed, slice(None), [row])
         run = al.simulate(PLANT, law, q0[row], v0=v0[row], **options)
-        end = rk4(motion, q0[row], v0[row], 100, 1e-3)
+        end = rk4(motion, q0[row], v0[row], 20, dt)
         for got in (run, mixed[row]):
             x = np.concatenate([got.q[-1], got.v[-1], got.estimate[-1]])
-            # Two codes differ by rounding, of 1e-10 where angles are 1e6, which the gains multiply.
-            np.testing.assert_allclose(x, end, rtol=1e-9, atol=1e-10 if motion is MOTION else 1e-7)
+            if motion is FAR:
+                # Angles of 3e8 are rounded to 6e-8, which the gains multiply by 20 and more.
+                np.testing.assert_allclose(x, end, rtol=1e-9, atol=3e-6)
+            else:
+                # Two codes differ by rounding; the series alone, as if the turn were small, would err by 2e-12.
+                np.testing.assert_allclose(x, end, rtol=5e-14, atol=5e-14)

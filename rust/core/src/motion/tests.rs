@@ -74,3 +74,15 @@ fn bad_motions_are_refused() {
     assert!(Sinusoid::new(vec![0.0], 2, vec![1.0], vec![1.0], vec![0.0]).is_err());
     assert!(Table::new(0.0, 0.0, 1, vec![0.0; 3]).is_err() && Table::new(0.0, 1.0, 2, vec![0.0; 3]).is_err());
 }
+
+#[test]
+fn a_knot_is_found_or_there_is_none() {
+    let table = Table::new(1.0, 0.5, 1, vec![0.25; 3 * 5]).unwrap();
+    for (k, t) in [(0, 1.0), (1, 1.5), (4, 3.0), (2, 2.0 + 1e-10)] {
+        assert_eq!(table.knot(t), Some(3 * k));
+    }
+    // Between knots, before the first, after the last, beyond all integers, and nowhere.
+    for t in [1.2, 2.0 + 1e-8, 0.5, -1e9, 3.5, 1e15, 1e16, 1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
+        assert_eq!(table.knot(t), None, "{t}");
+    }
+}

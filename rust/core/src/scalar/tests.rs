@@ -1,6 +1,6 @@
 //! Every number against `f64`: the trigonometric functions in and out of range, select, and the fused operations.
 
-use super::trig::{Angle, SMALL_ANGLE, rotate};
+use super::trig::{Angle, REDUCTION_LIMIT, SMALL_ANGLE, is_small, reach, rotate, rotate_near};
 use super::*;
 
 /// Angles where a reduction goes wrong: zero, the quadrant edges, large, beyond the range, not finite.
@@ -68,8 +68,36 @@ impl Task for Rotate {
                 assert!((s.lane(0) - (from + d).sin()).abs() < 4e-16, "{from} {d}");
                 assert!((c.lane(0) - (from + d).cos()).abs() < 4e-16, "{from} {d}");
             }
+            for d in [0.0, 1e-12, -0.01, SMALL_ANGLE * 0.999] {
+                let q = S::splat(from + d);
+                let ((s, c), square) = rotate_near(&angle, q);
+                let full = rotate(&angle, q);
+                assert!(S::all(is_small(square)));
+                assert_eq!([s, c].map(|x| x.lane(0).to_bits()), [full.0, full.1].map(|x| x.lane(0).to_bits()));
+            }
+            assert!(!S::any(is_small(rotate_near(&angle, S::splat(from + SMALL_ANGLE * 1.001)).1)));
             let (s, _) = rotate(&angle, S::splat(f64::NAN));
             assert!(s.lane(0).is_nan());
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Reach;
+impl Task for Reach {
+    type Output = ();
+    fn run<S: Real>(self) {
+        for (q, small) in
+            [(0.0, true), (-999_999.0, true), (REDUCTION_LIMIT, false), (-2e6, false), (f64::INFINITY, false), (f64::NAN, false)]
+        {
+            let r = reach(S::splat(q));
+            assert_eq!(S::all(is_small(r * r)), small, "{q}");
+            // The larger of two is the first where the second is not a number: such a lane is not asked again.
+            assert!(S::all(is_small(S::zero().max(r * r))) == (small || q.is_nan()));
+            let mut angle = Angle::new(S::splat(0.3));
+            angle.move_near(S::splat(if small { q } else { 0.4 }));
+            let want = if small { q } else { 0.4 };
+            assert!((angle.sin.lane(0) - want.sin()).abs() < 3e-16 && (angle.cos.lane(0) - want.cos()).abs() < 3e-16, "{q}");
         }
     }
 }
@@ -171,6 +199,11 @@ fn sine_and_cosine() {
 #[test]
 fn small_rotation() {
     on_every_number(Rotate);
+}
+
+#[test]
+fn reach_of_the_reduction() {
+    on_every_number(Reach);
 }
 
 #[test]

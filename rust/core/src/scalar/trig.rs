@@ -94,12 +94,14 @@ impl<S: Real> Angle<S> {
         }
     }
 
-    /// The same below [`REDUCTION_LIMIT`], without a look whether it is.
+    /// The same below [`REDUCTION_LIMIT`]; lanes are not looked at whether they are.
     #[inline(always)]
     pub fn move_near(&mut self, q: S) {
-        if S::LANES > 1 || q.lane(0).to_bits() != self.q.lane(0).to_bits() {
+        if S::LANES > 1 {
             let (sin, cos) = q.sin_cos_near();
             *self = Angle { q, sin, cos };
+        } else {
+            self.move_to(q);
         }
     }
 }
@@ -111,7 +113,6 @@ pub fn reach<S: Real>(q: S) -> S {
 }
 
 /// Sine and cosine in a function of its own: a call on a rare path instead of its code at every use.
-#[cold]
 #[inline(never)]
 pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
     struct SinCos<S>(S);
