@@ -63,14 +63,22 @@ def states(arm: al.Arm, count: int) -> tuple[Any, ...]:
 
 def ours(arm: al.Arm, q: Any, v: Any, a: Any, v_r: Any, outs: dict[str, Any] | None = None) -> dict[str, Callable[[], Any]]:
     tau = arm.inverse_dynamics(q, v, a)
-    out = (outs or {}).get
+    if outs is None:
+        return {
+            "RNEA": lambda: arm.inverse_dynamics(q, v, a),
+            "mass matrix": lambda: arm.mass_matrix(q),
+            "ABA": lambda: arm.forward_dynamics(q, v, tau),
+            "frame Jacobian": lambda: arm.jacobian(q, FRAME),
+            "Coriolis": lambda: arm.coriolis_matrix(q, v),
+            "Slotine-Li regressor": lambda: arm.regressor(q, v, v_r, a),
+        }
     return {
-        "RNEA": lambda: arm.inverse_dynamics(q, v, a, out=out("RNEA")),
-        "mass matrix": lambda: arm.mass_matrix(q, out=out("mass matrix")),
-        "ABA": lambda: arm.forward_dynamics(q, v, tau, out=out("ABA")),
-        "frame Jacobian": lambda: arm.jacobian(q, FRAME, out=out("frame Jacobian")),
-        "Coriolis": lambda: arm.coriolis_matrix(q, v, out=out("Coriolis")),
-        "Slotine-Li regressor": lambda: arm.regressor(q, v, v_r, a, out=out("Slotine-Li regressor")),
+        "RNEA": lambda: arm.inverse_dynamics(q, v, a, out=outs["RNEA"]),
+        "mass matrix": lambda: arm.mass_matrix(q, out=outs["mass matrix"]),
+        "ABA": lambda: arm.forward_dynamics(q, v, tau, out=outs["ABA"]),
+        "frame Jacobian": lambda: arm.jacobian(q, FRAME, out=outs["frame Jacobian"]),
+        "Coriolis": lambda: arm.coriolis_matrix(q, v, out=outs["Coriolis"]),
+        "Slotine-Li regressor": lambda: arm.regressor(q, v, v_r, a, out=outs["Slotine-Li regressor"]),
     }
 
 
