@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 
 import armlet as al
@@ -16,7 +15,11 @@ PLANT = al.RigidArm(ARM)
 
 @pytest.mark.parametrize(
     "clock",
-    [{"dt": 1e-3, "sample_time": 1e-3}, {"dt": 1e-3, "sample_time": al.Sampling(1e-3, delay=1e-3)}, {"method": "dopri5", "sample_time": 1e-3}],
+    [
+        {"dt": 1e-3, "sample_time": 1e-3},
+        {"dt": 1e-3, "sample_time": al.Sampling(1e-3, delay=1e-3)},
+        {"method": "dopri5", "sample_time": 1e-3},
+    ],
     ids=["fixed", "delayed", "adaptive"],
 )
 def test_a_law_that_raises_is_asked_no_more(clock: dict[str, Any]) -> None:

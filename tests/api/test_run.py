@@ -146,7 +146,7 @@ def test_any_damage_is_noticed(run: Run, tmp_path: Path) -> None:
     for position in [*range(0, len(whole) - 2000, 499), *range(len(whole) - 2000, len(whole))]:
         for damaged in (whole[:position], whole[:position] + bytes([whole[position] ^ 0x04]) + whole[position + 1 :]):
             path.write_bytes(damaged)
-            with pytest.raises(FormatError, match="^load: "):
+            with pytest.raises(FormatError, match=r"^load: "):
                 load(path)
     path.write_bytes(whole + b"\0")
     with pytest.raises(FormatError):

@@ -223,7 +223,8 @@ impl Simulator {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let stepping = self.stepping.lock().unwrap_or_else(PoisonError::into_inner);
         if !stepping.resumable() {
-            let problem = "Simulator: can't be pickled here: expected a step at which a plain sample is due, got one with samples under way";
+            let problem =
+                "Simulator: can't be pickled here: expected a step at which a plain sample is due, got one with samples under way";
             return Err(PyTypeError::new_err(problem));
         }
         let at = (stepping.steps(), self.x.clone(), self.input.clone());

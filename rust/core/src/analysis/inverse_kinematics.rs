@@ -397,7 +397,8 @@ mod tests {
     fn the_same_seed_finds_the_same() {
         let arm = arm("seven_axis");
         let goal = goal_at(&arm, &inside(&arm, &mut 5), "xyz rx ry rz");
-        let find = |seed| inverse_kinematics(&arm, std::slice::from_ref(&goal), &[0.0; 7], &Search { seed, ..Search::default() }, &GO).unwrap();
+        let find =
+            |seed| inverse_kinematics(&arm, std::slice::from_ref(&goal), &[0.0; 7], &Search { seed, ..Search::default() }, &GO).unwrap();
         assert_eq!(find(3), find(3));
     }
 

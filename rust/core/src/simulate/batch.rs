@@ -242,23 +242,21 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
     out.status
         .chunks_mut(lanes)
         .zip(ended)
-        .map(|(status, ended)| {
-            Rows {
-                problem,
-                records,
-                columns,
-                q: q.next().unwrap_or_default(),
-                v: v.next().unwrap_or_default(),
-                tau: tau.next().unwrap_or_default(),
-                theta: theta.next().unwrap_or_default(),
-                theta_dot: theta_dot.next().unwrap_or_default(),
-                z: z.next().unwrap_or_default(),
-                values: vec![0.0; monitors.len()],
-                monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
-                checks: Vec::new(),
-                status,
-                ended,
-            }
+        .map(|(status, ended)| Rows {
+            problem,
+            records,
+            columns,
+            q: q.next().unwrap_or_default(),
+            v: v.next().unwrap_or_default(),
+            tau: tau.next().unwrap_or_default(),
+            theta: theta.next().unwrap_or_default(),
+            theta_dot: theta_dot.next().unwrap_or_default(),
+            z: z.next().unwrap_or_default(),
+            values: vec![0.0; monitors.len()],
+            monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
+            checks: Vec::new(),
+            status,
+            ended,
         })
         .collect()
 }
