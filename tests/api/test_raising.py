@@ -69,6 +69,7 @@ arm = al.load_urdf(al.example_urdf("seven_axis"))
 pendulum = al.pendulum(1.0, 5.0)
 plant, law = al.RigidArm(pendulum), al.PDGravity(pendulum, [1.0], kp=3.0, kd=1.0)
 rng = np.random.default_rng(1)
+record = rng.normal(size=(4, 200000, arm.n))
 print("ready", flush=True)
 try:
     while True:
@@ -82,6 +83,7 @@ CALLS = {
     "inverse_kinematics": (
         "al.inverse_kinematics(arm, [al.Task(arm.frame_names[-1], 'xyz', [9.0, 0.0, 0.0])], np.zeros(arm.n), restarts=10**7)"
     ),
+    "identify": "arm.identify(*record)",
     "batch that begins": "al.simulate_batch(plant, law, np.zeros((200000, 1)), t_end=1e-3, dt=1e-3, keep='final')",
 }
 
