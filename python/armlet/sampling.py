@@ -69,7 +69,7 @@ class Sampling(_Effects):
         sensor_delay: samples between what is measured and what the law sees.
         noise: standard deviation of a measured quantity, by name: "q", "v", "theta", "theta_dot".
         resolution: step of a measured quantity, by name, such as 2 pi / 2**14 of an encoder.
-        rate_limit: largest change of the input per second, N m/s.
+        rate_limit: largest change of the input per second, N m/s, from no input before the first sample.
         torque_sensor: `TorqueSensor` of an elastic arm, in place of encoders of the links.
         seed: integer >= 0.
 

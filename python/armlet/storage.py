@@ -52,7 +52,7 @@ def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str
 
 def pack(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write the arrays as an npz archive whose comment seals it."""
-    np.savez(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]  # its further keywords are arrays
+    np.savez(file, allow_pickle=False, **arrays)
     # The last two bytes of an archive without a comment are the length of the comment.
     file.seek(-2, os.SEEK_END)
     file.write(SEALED.to_bytes(2, "little"))

@@ -77,7 +77,8 @@ class SweepTable(dict[str, NDArray[Any]]):
     def __str__(self) -> str:
         status = self.get("status", np.empty(0))  # the candidates of a search have none
         ended = ", ".join(f"{np.sum(status == each)} {each.name.lower()}" for each in Status if np.any(status == each))
-        lines = [f"{self.rows} runs: {ended}" if ended else f"{self.rows} rows", f"{'column':<28} {'least':>12} {'median':>12} {'largest':>12}"]
+        head = f"{self.rows} runs: {ended}" if ended else f"{self.rows} rows"
+        lines = [head, f"{'column':<28} {'least':>12} {'median':>12} {'largest':>12}"]
         for name, values in self.items():
             if name not in ("cell", "status") and values.dtype.kind == "f":
                 known = values[np.isfinite(values)]

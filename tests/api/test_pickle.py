@@ -126,3 +126,46 @@ def test_the_hot_classes_take_no_attributes() -> None:
     for thing in (ARM, MOTIONS[0], LAWS[0], al.RigidArm(ARM)):
         with pytest.raises(AttributeError):
             thing.gravty = 1.0  # type: ignore[union-attr]
+
+
+LOOPS: dict[str, dict[str, Any]] = {
+    "in every stage": {},
+    "euler": {"method": "euler"},
+    "implicit": {"method": "ros2"},
+    "sampled": {"sample_time": 4e-3},
+    "saturated": {"tau_max": 5.0, "v0": [0.1, -0.2]},
+}
+
+
+@way
+@pytest.mark.parametrize("options", LOOPS.values(), ids=LOOPS.keys())
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[2]], ids=["adaptive", "computed torque"])
+def test_simulators_go_on_where_they_were(back: Callable[[Any], Any], options: dict[str, Any], law: Any) -> None:
+    sim = al.Simulator(al.RigidArm(ARM), law, [0.1, 0.2], dt=1e-3, **options)
+    for _ in range(8):
+        sim.step()
+    other = back(sim)
+    assert type(other) is al.Simulator and repr(other) == repr(sim)
+    assert repr(sim).startswith(f"Simulator({type(law).__name__}, n=2, t=0.008 s")
+    for name, value in sim.state.items():
+        np.testing.assert_array_equal(other.state[name], value)
+    for _ in range(20):
+        sim.step()
+        other.step()
+    assert other.t == sim.t
+    np.testing.assert_array_equal(np.concatenate([other.q, other.v, other.tau]), np.concatenate([sim.q, sim.v, sim.tau]))
+    sim.reset()
+    other.reset()
+    np.testing.assert_array_equal(other.q, sim.q)
+
+
+def test_a_simulator_between_samples_says_that_it_cannot_be_pickled() -> None:
+    sim = al.Simulator(al.RigidArm(ARM), LAWS[2], [0.1, 0.2], dt=1e-3, sample_time=al.Sampling(4e-3, delay=1e-3))
+    assert pickle.loads(pickle.dumps(sim)).t == 0.0
+    sim.step()
+    with pytest.raises(TypeError, match=r"^Simulator: can't be pickled here"):
+        pickle.dumps(sim)
+    alone = al.Simulator(al.RigidArm(ARM), None, [0.1, 0.2], dt=1e-3)
+    alone.step([1.0, 0.5])
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(alone)).q, alone.q)
+    assert repr(alone) == "Simulator(no law, n=2, t=0.001 s, dt=0.001 s)"

@@ -36,7 +36,8 @@ def test_a_gain_that_is_known() -> None:
     assert found.costs[-1] == found.cost and np.all(np.diff(found.costs) <= 0.0) and len(found.costs) <= 21
     assert found.tried.rows == found.runs == 16 * len(found.costs) and found.tried["cost"].min() == found.cost
     assert np.all((found.tried["law.kd"] >= 5.0) & (found.tried["law.kd"] <= 40.0))
-    assert str(found).startswith("cost 0.36")
+    assert str(found).startswith("cost 0.36") and repr(found) == f"Tuning({found})"
+    assert repr(found.tried).startswith(f"{found.runs} rows")
 
 
 def test_every_condition_counts() -> None:

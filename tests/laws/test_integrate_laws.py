@@ -97,3 +97,21 @@ def test_a_jump_in_the_input_is_landed_on_by_the_span() -> None:
         for span, force in (((0.0, 0.75), 1.0), ((0.75, 2.0), -3.0)):
             y = al.integrate(lambda t, y, force=force: [y[1], force], span, y, method=method).y[-1]
         np.testing.assert_allclose(y, [0.75**2 / 2 + 0.75 * 1.25 - 1.5 * 1.25**2, 0.75 - 3 * 1.25], atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ADAPTIVE)
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
+def test_events_at_the_very_end_are_seen_with_the_one_that_ends(method: str, order: tuple[int, ...]) -> None:
+    """Three functions cross zero at t = 7, one of them ends the run: the order in which they are listed does not matter."""
+
+    def make(terminal: bool) -> Any:
+        def event(t: float, y: Any) -> float:
+            return t - 7.0
+
+        event.terminal = terminal  # type: ignore[attr-defined]  # as scipy writes it
+        return event
+
+    events = [make(False), make(True), make(False)]
+    run = al.integrate(lambda t, y: [y[1], -y[0]], (0.0, 20.0), [1.0, 0.0], method=method, events=[events[k] for k in order])
+    assert run.status == al.Status.EVENT and run.t[-1] == 7.0
+    assert [list(times) for times in run.t_events] == [[7.0]] * 3

@@ -84,9 +84,33 @@ def test_sensors_round_lag_and_make_noise() -> None:
 
 def test_the_rate_of_the_input_is_limited() -> None:
     limited = run(dt=1e-3, sample_time=al.Sampling(1e-3, rate_limit=100.0))
-    # 0.1 N m per sample, and the first answer is free.
-    assert np.max(np.abs(np.diff(limited.tau[1:-1], axis=0))) <= 0.1 + 1e-12
+    # 0.1 N m per sample, from nothing at first.
+    assert np.max(np.abs(np.diff(limited.tau[:-1], axis=0, prepend=0.0))) <= 0.1 + 1e-12
     assert np.max(np.abs(np.diff(run(dt=1e-3, sample_time=1e-3).tau, axis=0))) > 0.1
+
+
+def test_a_limited_rate_holds_under_delay_jitter_and_saturation() -> None:
+    """Against the same controller in ten lines: the law's answer, saturated, then as far towards it as the time since the last allows."""
+    period, rate, limit, dt = 1e-2, 50.0, 2.0, 1e-3
+    asked: list[float] = []
+
+    def law(t: float, q: Array, v: Array) -> list[float]:
+        asked.append(t)
+        return [40.0 * np.sin(9.0 * t + 0.5), 0.0]
+
+    for extra in ({}, {"delay": 3e-3}, {"delay": 3e-3, "jitter": 8e-3, "seed": 4}):
+        asked.clear()
+        sampling = al.Sampling(period, rate_limit=rate, **extra)
+        result = al.simulate(PLANT, law, [0.0, 0.0], t_end=1.0, dt=dt, sample_time=sampling, tau_max=limit)
+        applied, before, expected = 0.0, -period, np.zeros(len(result.t))
+        for t in asked:
+            answer = np.clip(40.0 * np.sin(9.0 * t + 0.5), -limit, limit)
+            most = rate * (t - before)
+            applied, before = float(np.clip(answer, applied - most, applied + most)), t
+            expected[round((t + extra.get("delay", 0.0)) / dt) :] = applied
+        if not extra.get("jitter"):
+            assert len(asked) == 101
+        np.testing.assert_allclose(result.tau[:, 0], expected, rtol=0.0, atol=1e-12)
 
 
 def test_rows_of_a_batch_have_seeds_of_their_own() -> None:

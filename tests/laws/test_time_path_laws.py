@@ -242,3 +242,22 @@ def test_infeasible_paths_say_why() -> None:
     assert why["missing"] == pytest.approx(held / (0.5 * most) - 1.0, rel=1e-6)
     with pytest.raises(al.SolveError, match="the path has no timing"):
         p(0.0)
+
+
+def test_torques_that_peak_beside_a_grid_point() -> None:
+    """Where a limit takes over from another a torque peaks just after a grid point, or before one: between two samples of the check."""
+    phi = [2.0, 0.0, 0.2, 0.2, 0.2, 0.0, 0.2, 0.0, 0.0, 0.1]
+    joints = [{"type": "R", "axis": [0, i % 2, 1 - i % 2], "rpy": [0, 0, 0], "xyz": [0, 0, 0.3], "phi": phi} for i in range(7)]
+    arm = al.Arm.from_chain(joints)
+    limit = 2.0 * np.array([80.0, 80.0, 60.0, 60.0, 30.0, 20.0, 20.0])
+    rng = np.random.default_rng(77)
+    planned, beside = 0, np.concatenate([np.linspace(0.0, 0.1, 21), np.linspace(0.9, 1.0, 21)])
+    for _ in range(90):
+        q = rng.normal(size=(rng.integers(2, 8), 7)) * rng.choice([1.0, 0.3, 1e-2, 1e-3, 1e-4])
+        p = al.time_path(arm, q, tau_max=limit)
+        if p.feasible:
+            planned += 1
+            t = (p.t[:-1, None] + np.diff(p.t)[:, None] * beside).ravel()
+            # The very ends of a segment belong to one side; rounding of some 1e-13 is far below the promise.
+            assert np.max(np.abs(arm.inverse_dynamics(*p(t[t < p.duration]))) / limit) <= 1.0 + PROMISE
+    assert planned > 60

@@ -123,7 +123,7 @@ pub fn identify(arm: &Arm, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop:
         triangle.fold();
     }
     let mut out = solve(&triangle, samples * n, options.cutoff)?;
-    out.residuals = residuals(arm, [q, v, a, tau], &query, &base, &out.values, &mut y)?;
+    out.residuals = residuals(arm, [q, v, a, tau], &query, &base, &out.values, &mut y, stop)?;
     out.parameters = nearest(arm, &base, &out.values)?;
     Ok(Identification { base, ..out })
 }
@@ -191,11 +191,15 @@ fn residuals(
     base: &BaseParameters,
     values: &[f64],
     y: &mut [f64],
+    stop: &AtomicBool,
 ) -> Result<Vec<f64>> {
     let (n, p) = (arm.n(), base.names.len());
     let samples = q.len() / n;
     let mut sums = vec![0.0; n];
     for first in (0..samples).step_by(BLOCK) {
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
         let last = (first + BLOCK).min(samples);
         let rows = (last - first) * n;
         arm.evaluate(query, &[q, v, v, a], samples, first, last, &mut y[..rows * p])?;
