@@ -3,6 +3,7 @@
 pub mod bang_bang;
 pub mod profiles;
 pub mod time_path;
+pub mod timed_path;
 pub mod torque;
 
 use crate::broadcast::number_or_array;

@@ -1,0 +1,264 @@
+//! The motion that `armlet.time_path` gives, and its pickling.
+
+use crate::arrays::{index_of, new_array, numbers, require_finite};
+use crate::errors::{Failure, entry, input_error};
+use crate::motion::Motion;
+use armlet_core::error::Error;
+use armlet_core::motion::{Motion as Core, Path, TimedPath as CorePath};
+use armlet_core::plan::TimePath;
+use armlet_core::status::Status;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::sync::Arc;
+
+/// Why a path has no timing.
+#[derive(Clone, Debug, PartialEq)]
+struct Why {
+    text: String,
+    joint: usize,
+    joint_name: String,
+    s: f64,
+    limit: String,
+    missing: f64,
+    missing_units: f64,
+}
+
+/// The timing of a path: a motion, `p(t)` gives `q, v, a`. Made by `time_path`.
+///
+/// The path acceleration is linear in `s` between the points of a grid. The start is held before time 0, the end after `duration`.
+#[pyclass(frozen, extends = Motion, module = "armlet")]
+pub struct TimedPath {
+    core: CorePath,
+    margin: f64,
+    why: Option<Why>,
+}
+
+/// Three arrays.
+type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+impl TimedPath {
+    /// What `write(x, row)` puts into rows of `3 n` for every number of `x`, as three arrays `(..., n)`.
+    fn rows<'py>(
+        &self,
+        function: &str,
+        name: &str,
+        x: &Bound<'py, PyAny>,
+        write: impl Fn(f64, &mut [f64]),
+    ) -> Result<Triple<'py>, Failure> {
+        let py = x.py();
+        let (mut shape, values) = numbers(function, name, x)?;
+        if let Some(k) = values.iter().position(|x| !x.is_finite()) {
+            let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&shape, k)) };
+            return Err(input_error(py, function, name, format!("is not finite: expected finite numbers, got {}{at}", values[k])).into());
+        }
+        let n = self.core.dof();
+        let mut all = vec![0.0; 3 * n * values.len()];
+        for (x, row) in values.iter().zip(all.chunks_exact_mut(3 * n)) {
+            write(*x, row);
+        }
+        shape.push(n);
+        let part = |k: usize| {
+            new_array(py, &shape, |out| {
+                for (out, row) in out.chunks_exact_mut(n).zip(all.chunks_exact(3 * n)) {
+                    out.copy_from_slice(&row[k * n..(k + 1) * n]);
+                }
+                Ok(())
+            })
+        };
+        Ok((part(0)?, part(1)?, part(2)?))
+    }
+
+    /// What the planner answered.
+    pub fn answer(answer: TimePath) -> PyClassInitializer<Self> {
+        let why = answer.reason.map(|reason| Why {
+            text: reason.to_string(),
+            joint: reason.joint,
+            joint_name: reason.joint_name.clone(),
+            s: reason.s,
+            limit: reason.limit.name().to_string(),
+            missing: reason.missing,
+            missing_units: reason.missing_units,
+        });
+        TimedPath::of(answer.motion, answer.margin, why)
+    }
+
+    fn of(core: CorePath, margin: f64, why: Option<Why>) -> PyClassInitializer<Self> {
+        let motion = Motion::new(Core::TimedPath(core.clone()), Vec::new());
+        PyClassInitializer::from(motion).add_subclass(TimedPath { core, margin, why })
+    }
+
+    fn require(&self) -> Result<(), Failure> {
+        match &self.why {
+            None => Ok(()),
+            Some(why) => {
+                Err(Error::Solve { status: Status::Infeasible, t: 0.0, problem: format!("the path has no timing: {}", why.text) }.into())
+            }
+        }
+    }
+}
+
+fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+    entry(py, "TimedPath", || {
+        new_array(py, &[values.len()], |out| {
+            out.copy_from_slice(values);
+            Ok(())
+        })
+    })
+}
+
+#[pymethods]
+impl TimedPath {
+    /// `q, v, a` at time `t` in s: each `(n,)` for a number, `(..., n)` for an array of times.
+    ///
+    /// Raises:
+    ///     InputError: a time is not finite.
+    ///     SolveError: the path has no timing.
+    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
+        entry(t.py(), "TimedPath", || {
+            self.require()?;
+            self.rows("TimedPath", "t", t, |t, row| self.core.sample(t, row))
+        })
+    }
+
+    /// `q, q', q''` of the path at positions `s`, without the timing: each `(n,)` for a number, `(..., n)` for an array.
+    ///
+    /// Raises:
+    ///     InputError: a position is not finite, or not on the path.
+    fn path<'py>(&self, s: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
+        const NAME: &str = "TimedPath.path";
+        entry(s.py(), NAME, || {
+            let path = self.core.path();
+            let (n, knots) = (path.dof(), path.knots());
+            let (first, last) = (knots[0], knots[knots.len() - 1]);
+            if let Some(k) = numbers(NAME, "s", s)?.1.iter().position(|s| s.is_finite() && !(first..=last).contains(s)) {
+                let problem = format!("is not on the path: expected {first} to {last} (first bad index {k})");
+                return Err(input_error(s.py(), NAME, "s", problem).into());
+            }
+            self.rows(NAME, "s", s, |s, row| {
+                path.evaluate(path.piece(s), s, |j, q, d, e| (row[j], row[n + j], row[2 * n + j]) = (q, d, e));
+            })
+        })
+    }
+
+    /// Duration, s; NaN where there is no timing.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.core.duration()
+    }
+
+    /// Whether the limits allow a timing.
+    #[getter]
+    fn feasible(&self) -> bool {
+        self.why.is_none()
+    }
+
+    /// Smallest relative distance to a limit, on ten points per grid segment; at least -1e-9. NaN without a timing.
+    #[getter]
+    fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    /// Why there is no timing: the joint, the path position, the limit, what it is short by. None if there is one.
+    #[getter]
+    fn reason(&self) -> Option<&str> {
+        self.why.as_ref().map(|why| why.text.as_str())
+    }
+
+    /// The reason as a dict: `joint`, `joint_name`, `s`, `limit`, `missing` (relative), `missing_units` (N m, rad/s^2, ..).
+    #[getter]
+    fn shortfall<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(why) = &self.why else { return Ok(None) };
+        let all = PyDict::new(py);
+        all.set_item("joint", why.joint)?;
+        all.set_item("joint_name", &why.joint_name)?;
+        all.set_item("s", why.s)?;
+        all.set_item("limit", &why.limit)?;
+        all.set_item("missing", why.missing)?;
+        all.set_item("missing_units", why.missing_units)?;
+        Ok(Some(all))
+    }
+
+    /// Path positions of the grid, `(N + 1,)`.
+    #[getter]
+    fn s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.core.grid())
+    }
+
+    /// Path speed ds/dt at the grid points, 1/s, `(N + 1,)`.
+    #[getter]
+    fn s_dot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, &self.core.squared_speeds().iter().map(|x| x.sqrt()).collect::<Vec<f64>>())
+    }
+
+    /// Times of the grid points, s, `(N + 1,)`.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.core.times())
+    }
+
+    fn __repr__(&self) -> String {
+        let points = self.core.grid().len();
+        match &self.why {
+            None => {
+                format!("TimedPath(n={}, duration={:?}, margin={:.3e}, grid={points})", self.core.dof(), self.core.duration(), self.margin)
+            }
+            Some(why) => format!("TimedPath(n={}, reason={:?})", self.core.dof(), why.text),
+        }
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let restore = py.import("armlet._core")?.getattr("_restore_time_path")?;
+        let path = self.core.path();
+        let core = &self.core;
+        let timing = [core.grid(), core.squared_speeds(), core.bends(), core.times(), core.node_accelerations()];
+        let numbers = [path.knots(), path.coefficients(), path.ends().1].into_iter().chain(timing);
+        let arrays = numbers.map(|values| array(py, values)).collect::<PyResult<Vec<_>>>()?;
+        let why = self.why.as_ref().map(|w| (&w.text, w.joint, &w.joint_name, w.s, &w.limit, w.missing, w.missing_units));
+        Ok((
+            restore,
+            PyTuple::new(
+                py,
+                [PyTuple::new(py, arrays)?.into_any(), self.margin.into_pyobject(py)?.into_any(), why.into_pyobject(py)?.into_any()],
+            )?,
+        ))
+    }
+}
+
+type Told = (String, usize, String, f64, String, f64, f64);
+
+/// A `TimedPath` from what its pickle holds.
+#[pyfunction]
+pub fn _restore_time_path<'py>(
+    py: Python<'py>,
+    parts: Vec<Bound<'py, PyAny>>,
+    margin: f64,
+    why: Option<Told>,
+) -> PyResult<Bound<'py, TimedPath>> {
+    const NAME: &str = "_restore_time_path";
+    entry(py, NAME, || {
+        let mut arrays = Vec::new();
+        for part in &parts {
+            arrays.push(numbers(NAME, "parts", part)?.1.into_owned());
+        }
+        let [knots, coefficients, end, s, x, bend, t, u] =
+            <[Vec<f64>; 8]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected eight arrays"))?;
+        let path = Arc::new(Path::from_parts(knots, coefficients, end)?);
+        let core = if x.iter().all(|x| x.is_infinite()) {
+            CorePath::still(path)
+        } else if u.is_empty() {
+            CorePath::new(path, s, x, bend)?
+        } else {
+            CorePath::cubic(path, t, s, x, u)?
+        };
+        let why = why.map(|(text, joint, joint_name, s, limit, missing, missing_units)| Why {
+            text,
+            joint,
+            joint_name,
+            s,
+            limit,
+            missing,
+            missing_units,
+        });
+        Ok(Bound::new(py, TimedPath::of(core, margin, why))?)
+    })
+}
