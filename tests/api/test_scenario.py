@@ -81,7 +81,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"arm.kind": "planar"}, "$.arm.kind: expected one of planar_pr, planar_arm, pendulum, urdf, example, chain, got 'planar'"),
     ({"arm.lengths": [0.5, 0.0]}, "$.arm.lengths[1]: expected > 0, got 0.0"),
     ({"arm": {"kind": "urdf"}}, "$.arm.path: expected either path or xml, got neither"),
-    ({"arm": {"kind": "urdf", "path": "none.urdf"}}, "$.arm.path: cannot be read: expected a URDF file, got "),
+    ({"arm": {"kind": "urdf", "path": "none.urdf"}}, "$.arm.path: cannot be read: expected a URDF file or its text, got "),
     ({"arm": {"kind": "urdf", "xml": "<robot><link/></robot>"}}, "$.arm: "),
     ({"arm": {"kind": "example", "name": "ur5"}}, "$.arm.name: is unknown: expected one of planar_2r, "),
     ({"arm": {"kind": "chain", "joints": [{"type": "X"}]}}, "$.arm.joints[0].type: expected one of R, P, F, "),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .. import _core
-from ..errors import InputError
+from ..errors import InputError, ModelError
 from ..events import JointStops
 from ..sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
@@ -33,7 +33,12 @@ TEXT = Text()
 def _urdf(path: str | None = None, xml: str | None = None, **keywords: Any) -> _core.Arm:
     if (path is None) == (xml is None):
         raise InputError("urdf: path is missing: expected a path, or xml with the text itself, and not both")
-    return _core.load_urdf(path or xml or "", **keywords)
+    try:
+        return _core.load_urdf(path or xml or "", **keywords)
+    except ModelError:
+        raise
+    except InputError as error:
+        raise InputError(str(error).replace("path_or_xml", "xml" if path is None else "path", 1)) from None
 
 
 def _example(name: str, **keywords: Any) -> _core.Arm:

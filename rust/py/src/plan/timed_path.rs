@@ -1,6 +1,6 @@
 //! The motion that `armlet.time_path` gives, and its pickling.
 
-use crate::arrays::{index_of, new_array, numbers, require_finite};
+use crate::arrays::{index_of, new_array, numbers};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
 use armlet_core::error::Error;
