@@ -28,10 +28,11 @@ pub(super) fn slowed(problem: &mut Problem, samples: &mut Samples, profile: &mut
     if problem.friction.is_none() || rows.x_start > 0.0 || rows.x_end > 0.0 || profile.kept.len() != rows.s.len() {
         return Ok(None);
     }
-    let (kept, bend) = (profile.kept.clone(), rows.bend.clone());
+    let kept = profile.kept.clone();
+    // Of a faster profile: a slow one might turn back between two points.
+    problem.rows.bend.fill(0.0);
     let mut margin = f64::NAN;
-    let mut fits = |problem: &mut Problem, c: f64| {
-        problem.rows.bend.iter_mut().zip(&bend).for_each(|(to, from)| *to = c * from);
+    let mut fits = |problem: &Problem, c: f64| {
         profile.x.iter_mut().zip(&kept).for_each(|(to, from)| *to = c * from);
         profile.moved.fill(true);
         let found = samples.examine(&problem.course(), &problem.rows, profile, |_, _, _, _| ());
@@ -54,5 +55,5 @@ pub(super) fn slowed(problem: &mut Problem, samples: &mut Samples, profile: &mut
     }
     fits(problem, low);
     let motion = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone(), problem.rows.bend.clone())?;
-    Ok(Some(TimePath { motion, margin, reason: None }))
+    Ok(motion.duration().is_finite().then_some(TimePath { motion, margin, reason: None }))
 }
