@@ -61,7 +61,7 @@ impl Table {
         // The nearest integer stands in the low bits; below zero, beyond 2^52 and of NaN they pass no bound.
         let rounded = u + ROUND;
         let k = rounded.to_bits().wrapping_sub(ROUND.to_bits());
-        ((u - (rounded - ROUND)).abs() < ON_KNOT && k < self.knots as u64).then_some(k as usize * 3 * self.dof)
+        if (u - (rounded - ROUND)).abs() < ON_KNOT && k < self.knots as u64 { Some(3 * self.dof * k as usize) } else { None }
     }
 
     /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
