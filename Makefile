@@ -33,7 +33,10 @@ demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of chec
 
 test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints, types, Rust and Python tests on the built wheel
 	@$(MAKE) --no-print-directory lint
-	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core
+	@# Units unoptimised, with their assertions and checks of overflow; the suite on the core that the wheel was made of.
+	cd $(BUILD)/sdist/armlet-* && cargo test --locked --package armlet-core --lib
+	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --test suite
+	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --doc
 	@rm -rf $(BUILD)/elsewhere && mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_MAKE_TEST=1 ARMLET_SDIST="$$(cat $(BUILD)/sdist.path)" ARMLET_WHEEL="$$(cat $(BUILD)/wheel.path)" \
 		$(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests $(PYTEST)

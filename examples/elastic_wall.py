@@ -51,7 +51,7 @@ print("  ", np.round(limits.reduced_inertia_min, 4), "kg m^2, of", motor_inertia
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
-    from armlet.plots import COLOURS
+    from armlet.figures import COLOURS
 
     figure = plt.figure(figsize=(9.0, 7.0), layout="constrained")
     (way, push), (torque, error) = figure.subplots(2, 2)

@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import armlet as al
-from armlet.plots import COLOURS
+from armlet.figures import COLOURS
 
 
 def adaptive(ax):

@@ -73,7 +73,7 @@ for method, options in {
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
-    from armlet.plots import COLOURS
+    from armlet.figures import COLOURS
 
     fig, axes = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
     maps = [

@@ -53,7 +53,7 @@ for method, path in paths.items():
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
-    from armlet.plots import COLOURS
+    from armlet.figures import COLOURS
 
     fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
     for method, path, color, line in zip(paths, paths.values(), COLOURS[:5], ("-", "-", "-", "-", "--"), strict=True):

@@ -40,7 +40,7 @@ print("with a weak shoulder:", weak.reason)
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
-    from armlet.plots import COLOURS
+    from armlet.figures import COLOURS
 
     figure, (above, middle, below) = plt.subplots(3, 1, figsize=(7.0, 7.0), sharex=True, layout="constrained")
     torque = arm.inverse_dynamics(q, v, a) / tau_max

@@ -1,4 +1,4 @@
-"""A planar arm in motion as a GIF: its frames joined by lines, the way of the last frame behind it. matplotlib is imported on use."""
+"""A planar arm in motion as a GIF: its frames joined by lines, the way of the last frame behind it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .figures import COLOURS, require, sheet
 from .storage import write_whole
 
 if TYPE_CHECKING:
@@ -55,17 +56,12 @@ def animate(run: Run, path: str | PathLike[str], arm: Any = None, *, fps: float 
 
 
 def _film(file: Any, points: NDArray[np.float64], times: NDArray[np.float64], shown: list[int], fps: float, size: int) -> None:
-    try:
-        import matplotlib
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-        from PIL import Image
-    except ImportError:
-        raise ImportError("animate: matplotlib is not installed: pip install 'armlet[plot]'") from None
-    from .plots import COLOURS, STYLE
+    require("animate")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from PIL import Image
 
-    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
-        figure = Figure(figsize=(size / 100, size / 100), dpi=100, layout="constrained")
+    with sheet(Figure(dpi=100), (size / 100, size / 100)) as figure:
         canvas: Any = FigureCanvasAgg(figure)
         ax = figure.subplots()
         centre, reach = (points.max((0, 1)) + points.min((0, 1))) / 2, 0.55 * np.ptp(points, axis=(0, 1)).max() + 1e-3

@@ -20,10 +20,10 @@ __all__ = ["main"]
 
 
 def _demo(args: argparse.Namespace) -> int:
-    from . import plots
     from .demo import demonstrate
+    from .figures import available
 
-    figures = plots.available()
+    figures = available()
     report = demonstrate(args.out, figures=figures)
     print(f"\nreport: {report.out / 'report.html'}")
     if figures:

@@ -36,9 +36,9 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _can_plot(command: str) -> None:
-    from . import plots
+    from .figures import available
 
-    if not plots.available():
+    if not available():
         raise InputError(f"{command}: --plot needs matplotlib: pip install 'armlet[plot]'")
 
 
@@ -76,19 +76,40 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
 def _check(args: argparse.Namespace) -> int:
     from .scenario import Scenario
     from .scenario.scenario import read
+    from .sweeping import cells_of, rehearse
 
-    problems = list(Scenario.problems(read(args.scenario)))
+    if args.scenario.suffix.lower() == ".urdf":
+        return _check_robot(args.scenario)
+    problems, cells = list(Scenario.problems(read(args.scenario))), 0
     if not problems:
         scenario = Scenario.load(args.scenario)
         try:
             scenario.check()
+            if "sweep" in scenario.data:
+                planned = cells_of(scenario)
+                cells = len(planned)
+                rehearse(scenario, planned)
         except InputError as error:
             problems = [str(error).removeprefix(f"{args.scenario}: ")]
     for problem in problems:
         print(f"{args.scenario}: {problem}", file=sys.stderr)
     if not problems:
-        print(f"{args.scenario}: is a scenario: {scenario.summary()}")
+        first, *more = scenario.summary().splitlines()
+        print(f"{args.scenario}: is a scenario: {first}" + (f"; a sweep of {cells} runs" if cells else ""))
+        for line in more:
+            print(f"  {line}")
     return 2 if problems else 0
+
+
+def _check_robot(path: Path) -> int:
+    from . import _core
+
+    arm = _core.load_urdf(path)
+    print(arm)
+    print(f"frames: {', '.join(arm.frame_names)}")
+    for line in arm.report:
+        print(line)
+    return 0
 
 
 def _new(args: argparse.Namespace) -> int:
@@ -172,8 +193,10 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     run.add_argument("--plot", action="store_true", help="write a figure, to DIR or here")
     run.set_defaults(run=_run)
 
-    check = commands.add_parser("check", help="say what is wrong with a scenario file, without running it")
-    check.add_argument("scenario", type=Path, metavar="FILE.toml")
+    check = commands.add_parser(
+        "check", help="say what is wrong with a scenario file, without running it; the joints and frames of a robot's"
+    )
+    check.add_argument("scenario", type=Path, metavar="FILE.toml|ROBOT.urdf")
     check.set_defaults(run=_check)
 
     new = commands.add_parser("new", help="print a commented scenario to start from")

@@ -1,4 +1,4 @@
-"""Several runs in one figure: a column per joint, a row per quantity, a colour and a dash per run. matplotlib is imported on use."""
+"""Several runs in one figure: a column per joint, a row per quantity, a colour and a dash per run."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .figures import COLOURS, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,24 +41,13 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
     names = [f"{i + 1}: {run.law_name}" for i, run in enumerate(given)] if labels is None else [str(label) for label in labels]
     if len(names) != len(given):
         raise InputError(f"compare: labels do not match the runs: expected {len(given)}, got {len(names)}")
-    try:
-        import matplotlib
-    except ImportError:
-        raise ImportError("compare: matplotlib is not installed: pip install 'armlet[plot]'") from None
-    from .plots import COLOURS, STYLE
-
+    require("compare")
     errors = [_error(run) for run in given]
     by_error = all(error is not None for error in errors)
     n = len(given[0].units)
     with_tau = any(run.tau is not None for run in given)
-    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
-        if fig is None:
-            from matplotlib import pyplot
-
-            fig = pyplot.figure()
-        fig.set_size_inches(max(4.5, 3.2 * n), (2.6 * (1 + with_tau)) + 0.4)
-        fig.set_layout_engine("constrained")
-        axes = fig.subplots(1 + with_tau, n, squeeze=False, sharex=True)
+    with sheet(fig, (max(4.5, 3.2 * n), 2.6 * (1 + with_tau) + 0.4)) as figure:
+        axes = figure.subplots(1 + with_tau, n, squeeze=False, sharex=True)
         lines = []
         for k, run in enumerate(given):
             style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)], "linewidth": 1.4}
@@ -75,7 +65,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
                 axes[1, j].set_ylabel(f"input ({given[0].input_units[j]})")
             axes[-1, j].set_xlabel("time (s)")
         # Outside the axes, where it covers no data.
-        fig.legend(lines, names, loc="outside upper center", ncols=min(4, len(names)))
+        figure.legend(lines, names, loc="outside upper center", ncols=min(4, len(names)))
     result: NDArray[Any] = axes
     return result
 

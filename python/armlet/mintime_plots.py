@@ -6,8 +6,6 @@ The switching curve holds the states from which one bound, kept, ends at rest in
 
     moving right:  I v^2/2 = -tau_min (thetaf - theta) + G (cos theta - cos thetaf),  theta < thetaf
     moving left:   I v^2/2 =  tau_max (theta - thetaf) + G (cos theta - cos thetaf),  theta > thetaf
-
-Colours are those of Okabe and Ito; matplotlib is imported only when a figure is asked for.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._core import bang_bang_time, torque_optimal_time
-from .plots import COLOURS, STYLE
+from .figures import COLOURS, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,24 +57,15 @@ class MinimumTime:
         Raises:
             ImportError: matplotlib is not installed.
         """
-        try:
-            import matplotlib
-        except ImportError:
-            raise ImportError("plot: matplotlib is not installed: pip install 'armlet[plot]'") from None
-        with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
-            if fig is None:
-                from matplotlib import pyplot
-
-                fig = pyplot.figure()
-            fig.set_size_inches(9.6, 7.0)
-            fig.set_layout_engine("constrained")
-            axes = fig.subplots(2, 2)
+        require("plot")
+        with sheet(fig, (9.6, 7.0)) as figure:
+            axes = figure.subplots(2, 2)
             motions = self._motions()
             self._torques(axes[0, 0], axes[0, 1], motions)
             self._phase_plane(axes[1, 0], motions)
             self._durations(axes[1, 1], [float(t[-1]) for _, _, (t, _, _, _) in motions])
             handles = axes[0, 0].get_legend_handles_labels()[0] + axes[0, 1].get_legend_handles_labels()[0][1:]
-            fig.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
+            figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
         result: Array = axes
         return result
 

@@ -4,8 +4,6 @@
 
 At a path position `s` and a path speed `r` every limit of torque or acceleration leaves an interval of `u`; where the intervals have
 nothing in common no motion passes. The edge of that region is the maximum velocity curve; limits of joint speed bound `r` as well.
-
-Colours are those of Okabe and Ito; matplotlib is imported only when a figure is asked for.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._core import Arm, TimedPath
 from .errors import InputError
-from .plots import COLOURS, STYLE
+from .figures import COLOURS, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,22 +65,13 @@ class PathTiming:
             ImportError: matplotlib is not installed.
             InputError: the motion is not a timing, takes no time or has no limit of torque.
         """
-        try:
-            import matplotlib
-        except ImportError:
-            raise ImportError("plot: matplotlib is not installed: pip install 'armlet[plot]'") from None
+        require("plot")
         if not (self.motion.feasible and self.motion.duration > 0.0):
             raise InputError("plot: motion has no timing to draw: expected a feasible TimedPath that takes time")
         if self.tau_max is None:
             raise InputError("plot: tau_max is missing: expected the limits of torque that the motion was planned with")
-        with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
-            if fig is None:
-                from matplotlib import pyplot
-
-                fig = pyplot.figure()
-            fig.set_size_inches(9.6, 7.0)
-            fig.set_layout_engine("constrained")
-            axes = fig.subplots(2, 2)
+        with sheet(fig, (9.6, 7.0)) as figure:
+            axes = figure.subplots(2, 2)
             t, s = self._samples()
             q, v, a = self.motion(t)
             tau = self.arm.inverse_dynamics(q, v, a) + np.asarray(self.viscous) * v
@@ -91,7 +80,7 @@ class PathTiming:
             self._speeds(axes[1, 1], t, v)
             names = self.arm.joint_names
             handles = axes[0, 0].get_lines()[: len(names)]
-            fig.legend(handles, names, loc="outside upper center", ncols=len(names), frameon=False)
+            figure.legend(handles, names, loc="outside upper center", ncols=len(names), frameon=False)
         result: Array = axes
         return result
 

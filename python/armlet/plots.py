@@ -1,8 +1,4 @@
-"""Figures of runs. matplotlib is imported here and only when a figure is asked for.
-
-Every axis carries its unit, colours are those of Okabe and Ito (told apart by colour-blind readers), a joint keeps its
-colour in all panels, and true or desired values are dashed.
-"""
+"""Figures of runs: every axis carries its unit, a joint keeps its colour in all panels, and true or desired values are dashed."""
 
 from __future__ import annotations
 
@@ -11,41 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .figures import COLOURS, require, sheet
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from .run import Run
 
-__all__ = ["available", "plot"]
-
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
-STYLE = {
-    "axes.grid": True,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 10,
-    "axes.labelsize": 9,
-    "font.size": 9,
-    "grid.alpha": 0.3,
-    "grid.linewidth": 0.6,
-    "legend.fontsize": 8,
-    "legend.framealpha": 0.85,
-    "legend.edgecolor": "none",
-    "lines.linewidth": 1.4,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-}
-
-
-def available() -> bool:
-    """Whether matplotlib can be imported."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        return False
-    return True
+__all__ = ["plot"]
 
 
 def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
@@ -54,21 +24,12 @@ def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
     Raises:
         ImportError: matplotlib is not installed.
     """
-    try:
-        import matplotlib
-    except ImportError:
-        raise ImportError("plot: matplotlib is not installed: pip install 'armlet[plot]'") from None
-    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
-        panels = _panels(run)
-        columns = 2 if len(panels) == 4 else min(3, len(panels))
-        rows = -(-len(panels) // columns)
-        if fig is None:
-            from matplotlib import pyplot
-
-            fig = pyplot.figure()
-        fig.set_size_inches(4.0 * columns, 2.9 * rows)
-        fig.set_layout_engine("constrained")
-        axes = fig.subplots(rows, columns, squeeze=False, sharex=True)
+    require("plot")
+    panels = _panels(run)
+    columns = 2 if len(panels) == 4 else min(3, len(panels))
+    rows = -(-len(panels) // columns)
+    with sheet(fig, (4.0 * columns, 2.9 * rows)) as figure:
+        axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
         for ax, panel in zip(axes.flat, panels, strict=False):
             panel(ax, run)
         for ax in axes.flat[len(panels) :]:
@@ -171,6 +132,17 @@ def _torque(ax: Axes, run: Run) -> None:
 def _estimate(ax: Axes, run: Run) -> None:
     assert run.estimate is not None
     count = run.estimate.shape[-1]
+    if count > 12 and count % 10 == 0:
+        # Ten parameters per link are too many to be told apart: one colour per link, and no true values, to which they need not go.
+        for link in range(count // 10):
+            lines = ax.plot(
+                run.t, run.estimate[:, 10 * link : 10 * link + 10], color=COLOURS[link % len(COLOURS)], linewidth=0.8, alpha=0.8
+            )
+            lines[0].set_label(f"link {link + 1}")
+        ax.set_ylabel("parameters (kg, kg m, kg m²)")
+        ax.set_title("Parameter estimates, ten per link")
+        _legend(ax)
+        return
     _lines(ax, run.t, run.estimate, [rf"$\hat{{a}}_{{{i + 1}}}$" for i in range(count)])
     if run.parameters is not None and run.parameters.shape == (count,):
         for i, value in enumerate(run.parameters):

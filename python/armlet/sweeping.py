@@ -137,15 +137,12 @@ def sweep(
     """
     whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
     stated = whole.data.get("sweep", {})
-    if vary is None and "vary" not in stated:
-        raise InputError("sweep: vary is missing: expected what varies by path, here or in the scenario's [sweep]")
-    if draws is None and vary is None:
-        draws = stated.get("draws")
-    cells = Cells.of(stated["vary"] if vary is None else vary, draws, stated.get("seed", 0) if seed is None else seed)
+    cells = cells_of(whole, vary, draws, seed)
     chunk = chunk or stated.get("chunk") or _chunk_size(whole.data["run"])
     if not isinstance(chunk, int) or chunk < 1:
         raise InputError(f"sweep: chunk is no count: expected an integer >= 1, got {chunk!r}")
     bare = Scenario({name: table for name, table in whole.standalone().data.items() if name != "sweep"}, whole.folder, whole.name)
+    rehearse(bare, cells)
     store = None
     if out is not None:
         what = {"scenario": bare.data, "vary": cells.vary, "draws": cells.draws, "seed": cells.seed, "metrics": _plain(metrics)}
@@ -172,6 +169,37 @@ def sweep(
         store.tidy()
     parts = [done[start] for start in sorted(done)]
     return SweepTable({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+
+
+def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: int | None = None, seed: int | None = None) -> Cells:
+    """The cells that are asked for here, or where they are not, in the scenario's `[sweep]`."""
+    stated = scenario.data.get("sweep", {})
+    if vary is None and "vary" not in stated:
+        raise InputError("sweep: vary is missing: expected what varies by path, here or in the scenario's [sweep]")
+    if draws is None and vary is None:
+        draws = stated.get("draws")
+    return Cells.of(stated["vary"] if vary is None else vary, draws, stated.get("seed", 0) if seed is None else seed)
+
+
+def rehearse(scenario: Scenario, cells: Cells) -> None:
+    """Take the first and the last cell to their first instant: most of what is refused is refused before anything is written.
+
+    Raises:
+        InputError: a cell is no scenario.
+    """
+    ends = sorted({0, len(cells) - 1})
+    for i in ends:
+        _of_cell(i, cells[i], lambda changes: scenario.replace(changes).check())
+    columns([cells[i] for i in ends])
+
+
+def _of_cell(i: int, changes: Mapping[str, Any], make: Callable[[Mapping[str, Any]], Any]) -> Any:
+    """`make(changes)`, with the number and the values of the cell in the message of what it raises."""
+    try:
+        return make(changes)
+    except ArmletError as error:
+        shown = ", ".join(f"{path} = {value}" for path, value in changes.items())
+        raise InputError(f"sweep: cell {i} ({shown}): {error}") from None
 
 
 def _chunk_size(run: Mapping[str, Any]) -> int:
@@ -224,15 +252,15 @@ def _results(jobs: Iterator[tuple[int, Job]], executor: Executor | None, out: An
 def run_chunk(scenario: Scenario, cells: Cells, start: int, stop: int, threads: int | None, metrics: Mapping[str, Any]) -> Columns:
     """The rows of the cells from `start` to `stop`: what a worker does."""
     made: dict[str, Any] = {}
+
+    def build(changes: Mapping[str, Any]) -> tuple[Scenario, Any]:
+        one = scenario.replace(changes)
+        return one, one._build(made)
+
     values = [cells[i] for i in range(start, stop)]
     groups: dict[tuple[Any, ...], list[tuple[int, Any]]] = {}
     for row, changes in enumerate(values):
-        try:
-            one = scenario.replace(changes)
-            built = one._build(made)
-        except ArmletError as error:
-            shown = ", ".join(f"{path} = {value}" for path, value in changes.items())
-            raise InputError(f"sweep: cell {start + row} ({shown}): {error}") from None
+        one, built = _of_cell(start + row, changes, build)
         options = {key: value for key, value in one.data["run"].items() if key not in STATES}
         sampled = isinstance(options.get("sample_time"), Mapping)
         kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, repr(options))

@@ -91,6 +91,21 @@ def test_demo_fails_when_a_system_stops(system: System, tmp_path: Path, capsys: 
     assert "ZeroDivisionError: in the middle" in capsys.readouterr().out
 
 
+def test_the_table_fits_its_terminal(
+    system: System, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three columns side by side, in a file always; where a terminal is narrower, the values stand below their claim."""
+    system(lambda report: report.near("a claim of some length, about nothing in particular", 1.0, 1.0, 0.5))
+    wide = "  a claim of some length, about nothing in particular  1 +- 0.5  1    ok"
+    narrow = ["  ok      a claim of some length, about nothing in particular", "          expected 1 +- 0.5, got 1"]
+    for columns, terminal, expected in ((60, False, [wide]), (200, True, [wide]), (60, True, narrow)):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        monkeypatch.setattr(sys.stdout, "isatty", lambda terminal=terminal: terminal)
+        assert cli.main(["demo", "--out", str(tmp_path)]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert [line for line in lines if line in (wide, *narrow)] == expected
+
+
 def test_demo_without_checks_fails(system: System, tmp_path: Path) -> None:
     system(lambda report: None)
     assert cli.main(["demo", "--out", str(tmp_path)]) == 1
@@ -114,7 +129,7 @@ def test_the_page_stands_alone(system: System, tmp_path: Path) -> None:
     text = (tmp_path / "report.html").read_text()
     for part in ("http:", "https:", "<script", "<link", 'src="/'):
         assert part not in text
-    assert "&lt;script&gt;a &amp; b" in text and "1 &lt; 2" in text and 'class="FAILED"' in text
+    assert "&lt;script&gt;a &amp; b" in text and "1 &lt; 2" in text and 'class="verdict FAILED"' in text
     assert 'name="viewport"' in text and "prefers-color-scheme: dark" in text
 
 

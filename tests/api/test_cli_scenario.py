@@ -105,6 +105,50 @@ def test_check_lists_all_problems(file: Path, capsys: pytest.CaptureFixture[str]
     assert "$.law.target: has the wrong shape" in capsys.readouterr().err
 
 
+BODY = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+ROBOT = f"""<robot name="crane">
+  <link name="base">{BODY}</link>
+  <link name="boom">{BODY}</link>
+  <link name="hook">{BODY}</link>
+  <joint name="slew" type="continuous"><parent link="base"/><child link="boom"/><axis xyz="0 0 1"/></joint>
+  <joint name="lift" type="prismatic">
+    <parent link="boom"/><child link="hook"/><limit effort="1" velocity="1"/><dynamics damping="0.1"/>
+  </joint>
+</robot>
+"""
+
+
+def test_check_shows_a_robot(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its joints in the order of every list, with their units, and what of its file the loop leaves out."""
+    (tmp_path / "crane.urdf").write_text(ROBOT)
+    file.write_text(TEXT[: TEXT.index("[arm")] + '[arm]\nkind = "urdf"\npath = "crane.urdf"\n' + TEXT[TEXT.index("[law") :])
+    dropped = "  dropped: inertia of links fixed to the base, which never move: base"
+    friction = "  left out: the friction of the robot's file (friction = true in [plant] adds it)"
+    for plant, expected in (("", [dropped, friction]), ('[plant]\nkind = "RigidArm"\nfriction = true\n', [dropped])):
+        file.write_text(file.read_text() + plant)
+        assert cli.main(["check", str(file)]) == 0
+        assert capsys.readouterr().out.splitlines()[1:] == ["  joints: slew (rad), lift (m)", *expected]
+    assert cli.main(["check", str(tmp_path / "crane.urdf")]) == 0
+    out = capsys.readouterr().out
+    assert "slew   continuous" in out and "frames: base, boom, hook" in out and dropped.strip() in out
+    (tmp_path / "crane.urdf").write_text(ROBOT.replace("boom", "hook", 1))
+    assert cli.main(["check", str(tmp_path / "crane.urdf")]) == 2
+    assert "hook" in one_line(capsys)
+
+
+def test_check_tries_the_sweep(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for lines, code, part in (
+        ('"law.kp" = [10.0, 20.0]', 0, "; a sweep of 2 runs"),
+        ('"law.kpp" = [10.0, 20.0]', 2, "cell 0 (law.kpp = 10.0)"),
+        ('"law.kp" = [10.0, -20.0]', 2, "cell 1 (law.kp = -20.0)"),
+        ('"law.kp" = { uniform = [10.0, 20.0] }', 2, "uniform is random: expected draws"),
+    ):
+        file.write_text(TEXT[: TEXT.index("[sweep")] + f"[sweep.vary]\n{lines}\n")
+        assert cli.main(["check", str(file)]) == code
+        streams = capsys.readouterr()
+        assert part in (streams.err if code else streams.out) and len(streams.err.splitlines()) == (code == 2)
+
+
 def test_a_run_that_fails(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its reason in one line, an exit code, and no files."""
     file.write_text(TEXT.replace("kd = 5.0", "kd = 1e9"))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import threading
-import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -199,22 +198,9 @@ CALLS = {
 
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
-def test_ctrl_c(call: str) -> None:
+def test_ctrl_c(call: str, interrupted: Callable[[str], tuple[list[str], float]]) -> None:
     """The caller looks every 20 ms; half a second is what a busy machine may add."""
-    with subprocess.Popen([sys.executable, "-c", LONG.replace("{call}", call)], stdout=subprocess.PIPE, text=True) as process:
-        guard = threading.Timer(40.0, process.kill)
-        guard.start()
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-            time.sleep(0.3)
-            sent = time.perf_counter()
-            process.send_signal(signal.SIGINT)
-            words = process.stdout.readline().split()
-            waited = time.perf_counter() - sent
-        finally:
-            guard.cancel()
-            process.kill()
+    words, waited = interrupted(LONG.replace("{call}", call))
     assert words and words[0] == "interrupted", words
     print(f"{call}: KeyboardInterrupt {1e3 * float(words[1]):.1f} ms after the handler, {1e3 * waited:.1f} ms in all with a new batch")
     assert float(words[1]) <= 0.5

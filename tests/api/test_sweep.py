@@ -172,7 +172,7 @@ def test_refusals(vary: Any, options: dict[str, Any], message: str, tmp_path: Pa
     with pytest.raises(al.InputError) as caught:
         al.sweep(SCENARIO, vary, out=tmp_path / "out", **options)
     assert message in str(caught.value)
-    assert not list(tmp_path.glob("out/chunk*"))
+    assert not (tmp_path / "out").exists()  # so that the corrected sweep may go there
 
 
 class Broken(Executor):
@@ -263,7 +263,7 @@ def test_plot() -> None:
     ax = table.plot(fig=figure)
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_xscale(), ax.get_yscale()) == ("law.kd (SI)", "law.gamma (SI)", "log", "log")
     assert [len(points.get_offsets()) for points in ax.collections] == [8, 4]
-    assert ax.get_legend().get_texts()[0].get_text() == "4 without a value"
+    assert ax.get_title(loc="left") == "12 runs; grey crosses: 4 without a value"
     single = al.sweep(SCENARIO, {"law.gamma": [1.0, 2.0]}).plot("tau_peak2", fig=Figure())
     assert (single.get_ylabel(), single.get_xscale()) == ("tau_peak2 (SI)", "linear")
     with pytest.raises(al.InputError, match=r"quantity is unknown: expected one of error_rms1, .*, got 'error'"):

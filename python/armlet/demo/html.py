@@ -21,8 +21,22 @@ table { border-collapse: collapse; font-size: .875rem; width: 100%; }
 th, td { border-bottom: 1px solid var(--line); padding: .35rem .6rem; text-align: left; vertical-align: top; }
 td.number { font-family: ui-monospace, monospace; font-size: .8rem; }
 .ok { color: var(--good); } .FAILED { color: var(--bad); font-weight: 700; }
-img { background: #fff; border-radius: .4rem; height: auto; margin-top: 1rem; max-width: 100%; }
+td.what { white-space: pre-wrap; }
+figure { margin: 1rem 0 0; overflow-x: auto; }
+img { background: #fff; border-radius: .4rem; height: auto; max-width: 100%; }
 small { opacity: .75; }
+/* A phone: the claim and its verdict in one line, the values below it; figures keep a size that can be read and are pushed sideways. */
+@media (max-width: 42rem) {
+ thead { display: none; }
+ tr { border-bottom: 1px solid var(--line); display: grid; grid-template-columns: 1fr auto; padding: .5rem 0; }
+ td { border: 0; padding: .05rem 0; }
+ td.number { grid-column: 1 / 3; overflow-wrap: anywhere; padding-left: 4.6rem; text-indent: -4.6rem; }
+ td.number::before {
+  content: attr(data-label); display: inline-block; font-family: system-ui, sans-serif; opacity: .75; text-indent: 0; width: 4.6rem;
+ }
+ td.verdict { grid-column: 2; grid-row: 1; padding-left: .8rem; }
+ img { max-width: none; width: 46rem; }
+}
 """
 
 
@@ -31,11 +45,13 @@ def _section(section: Section) -> str:
     for check in section.checks:
         what, expected, got, verdict = (escape(text) for text in check.columns())
         rows.append(
-            f'<tr><td>{what}</td><td class="number">{expected}</td><td class="number">{got}</td><td class="{verdict}">{verdict}</td></tr>'
+            f'<tr><td class="what">{what}</td><td class="number" data-label="expected">{expected}</td>'
+            f'<td class="number" data-label="got">{got}</td><td class="verdict {verdict}">{verdict}</td></tr>'
         )
     head = "<tr><th>what</th><th>expected</th><th>got</th><th>verdict</th></tr>"
     figures = [
-        f'<img alt="{escape(section.title)}: {escape(path.stem)}" src="data:image/png;base64,{b64encode(path.read_bytes()).decode()}">'
+        f'<figure><img alt="{escape(section.title)}: {escape(path.stem)}" '
+        f'src="data:image/png;base64,{b64encode(path.read_bytes()).decode()}"></figure>'
         for path in section.figures
     ]
     passed = sum(check.passed for check in section.checks)

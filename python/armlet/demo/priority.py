@@ -176,7 +176,7 @@ def classification(report: Report) -> None:
 
 def draw(figure: Any) -> None:
     """The arm in cases a and b, the velocities asked and realised, as the exam draws them."""
-    from ..plots import COLOURS
+    from ..figures import COLOURS
 
     figure.set_size_inches(10.5, 4.6)
     figure.set_layout_engine("constrained")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,6 +64,17 @@ class Check:
             return what, f"<= {self.tolerance:g}", _text(self.got, 2), self.verdict
         bound = f" +- {self.tolerance:g}" if self.tolerance else ""
         return what, _text(self.expected, zero=self.tolerance) + bound, _text(self.got, zero=self.tolerance), self.verdict
+
+
+def _table(checks: list[tuple[str, str, str, str]]) -> list[str]:
+    """The lines of a table; in a terminal that is too narrow for it the values stand below their claim."""
+    rows = [("what", "expected", "got", "verdict"), *checks]
+    widths = [max(len(row[i]) for row in rows) for i in range(4)]
+    if sys.stdout.isatty() and shutil.get_terminal_size().columns < sum(widths) + 8:
+        pairs = [(f"  {check[3]:<6}  {check[0]}", f"{'':10}expected {check[1]}, got {check[2]}") for check in checks]
+        return [line for pair in pairs for line in pair]
+    lines = ["  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [lines[0], "  " + "  ".join("-" * width for width in widths), *lines[1:]]
 
 
 def _text(value: Any, digits: int = 6, zero: float = 0.0) -> str:
@@ -169,11 +181,7 @@ class Report:
         """Print the table of the section's checks."""
         section = self.sections[-1]
         section.seconds = seconds
-        rows = [("what", "expected", "got", "verdict"), *(check.columns() for check in section.checks)]
-        widths = [max(len(row[i]) for row in rows) for i in range(3)]
-        for i, row in enumerate(rows):
-            print("  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)) + "  " + row[3])
-            if i == 0:
-                print("  " + "  ".join("-" * width for width in (*widths, 7)))
+        for line in _table([check.columns() for check in section.checks]):
+            print(line)
         passed = sum(check.passed for check in section.checks)
         print(f"  {passed} of {len(section.checks)} checks hold, {seconds:.2f} s", flush=True)

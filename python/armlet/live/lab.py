@@ -15,7 +15,7 @@ import numpy as np
 
 import armlet as al
 
-from ..plots import COLOURS
+from ..figures import COLOURS
 from .model import FRAME, WINDOW, Lab
 from .scene import ArmScene
 from .server import Server, open_server, serve

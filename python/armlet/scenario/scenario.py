@@ -167,10 +167,10 @@ class Scenario:
         pathed(self.name, "run", lambda: simulate(built.plant, built.law, **short, throw=False), self.data["run"])
 
     def summary(self) -> str:
-        """One line: which law moves which plant, for how long."""
-        built, run = self.build(), self.data["run"]
-        text = f"{type(built.law).__name__} on {type(built.plant).__name__}, {built.plant.arm.n} joints, {run['t_end']:g} s"
-        return text + f" by {run.get('method', 'rk4')}"
+        """What stands in the file, in lines: law, plant and time; the joints in their order; what of the robot the loop leaves out."""
+        from .summary import summary
+
+        return summary(self.build(), self.data)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """The same with other values, by dotted path: `replace({"law.kp": 30.0, "run.q0[1]": 0.2})`.

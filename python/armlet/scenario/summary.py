@@ -1,0 +1,33 @@
+"""A scenario in a few lines, for those who have the file and no Python at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .scenario import Built
+
+__all__ = ["summary"]
+
+
+def summary(built: Built, data: Mapping[str, Any]) -> str:
+    """Law, plant and time; the joints in the order of every list; what of the robot's file the loop leaves out."""
+    arm, run = built.plant.arm, data["run"]
+    first = f"{type(built.law).__name__} on {type(built.plant).__name__}, {arm.n} joints, {run['t_end']:g} s by {run.get('method', 'rk4')}"
+    units = ["m" if kind == "prismatic" else "rad" for kind in arm.joint_types]
+    lines = [first, "joints: " + ", ".join(f"{name} ({unit})" for name, unit in zip(arm.joint_names, units, strict=True))]
+    lines += arm.report
+    if type(built.plant).__name__ == "RigidArm" and not data.get("plant", {}).get("friction", False) and _has_friction(arm):
+        lines.append("left out: the friction of the robot's file (friction = true in [plant] adds it)")
+    return "\n".join(lines)
+
+
+def _has_friction(arm: Any) -> bool:
+    """Whether the joints resist being moved."""
+    if not arm.frame_names:
+        return False  # the closed-form arms have none
+    q, v, a = np.zeros(arm.n), np.ones(arm.n), np.zeros(arm.n)
+    return bool(np.any(arm.inverse_dynamics(q, v, a, friction=True) != arm.inverse_dynamics(q, v, a)))
