@@ -72,14 +72,8 @@ pub(crate) fn congruence<S: Real>(body: &Body<S>, e: &M3<S>, (s, c): (S, S), m: 
             // Rz M, of which the first two columns turn once more.
             let (a, b) = (xx.mul_add(c, -(xy * s)), xy.mul_add(c, -(yy * s)));
             let (d, f) = (xx.mul_add(s, xy * c), xy.mul_add(s, yy * c));
-            let turned = [
-                a.mul_add(c, -(b * s)),
-                a.mul_add(s, b * c),
-                d.mul_add(s, f * c),
-                xz.mul_add(c, -(yz * s)),
-                xz.mul_add(s, yz * c),
-                zz,
-            ];
+            let turned =
+                [a.mul_add(c, -(b * s)), a.mul_add(s, b * c), d.mul_add(s, f * c), xz.mul_add(c, -(yz * s)), xz.mul_add(s, yz * c), zz];
             quarter.congruence(Sym3(turned))
         }
         Some(quarter) => quarter.congruence(m),
