@@ -2,148 +2,14 @@
 //! this machine, or many in its lanes. What a binding needs, and no more: shapes are checked here once, threads and
 //! outputs are the caller's.
 
-use super::Workspace;
 use super::quantities::{self, Compute};
+use super::{Quantity, Query, Workspace};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::scalar::rows::{Stage, read_one, read_rows, write_one, write_rows};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
 use crate::spatial::PARAMETERS;
 use std::marker::PhantomData;
-
-/// What can be asked; inputs in this order, each `(n,)` except a wrench `(6,)`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
-    /// `q -> (n, n)`.
-    MassMatrix,
-    /// `q, v -> (n, n)`.
-    CoriolisMatrix,
-    /// `q -> (n,)`.
-    Gravity,
-    /// `q, v -> (n,)`.
-    Bias,
-    /// `q, v, a -> (n,)`; with a wrench frame `q, v, a, wrench -> (n,)`.
-    InverseDynamics,
-    /// `q, v, tau -> (n,)`; with a wrench frame `q, v, tau, wrench -> (n,)`.
-    ForwardDynamics,
-    /// `q, v, v_r, a_r -> (n, p)`.
-    Regressor,
-    /// `q, v -> (2,)`: kinetic, potential.
-    Energy,
-    /// `q -> (4, 4)`.
-    Pose,
-    /// `q -> (3,)`.
-    Position,
-    /// `q -> (6, n)`.
-    Jacobian,
-    /// `q, v -> (6, n)`.
-    JacobianDot,
-    /// `q -> (3,)`.
-    Com,
-    /// `q -> (3, n)`.
-    ComJacobian,
-    /// `q, v, a -> (3 n, n)`: `d tau / d q` over `d tau / d v` over `d tau / d a = M`.
-    InverseDynamicsDerivatives,
-    /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
-    ForwardDynamicsDerivatives,
-}
-
-/// A quantity with its options.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Query {
-    pub quantity: Quantity,
-    /// Of pose, position, Jacobian and its rate.
-    pub frame: usize,
-    /// Where the wrench `[f; n]` (world axes, at the frame origin) of inverse and forward dynamics acts.
-    pub wrench: Option<usize>,
-    /// Add damping and Coulomb friction to bias and inverse dynamics, take them off the torque in forward
-    /// dynamics; in the regressor append columns `diag(v_r)` and `diag(sign v)`.
-    pub friction: bool,
-    /// In the regressor append columns `diag(a_r)`, before those of friction.
-    pub armature: bool,
-}
-
-impl From<Quantity> for Query {
-    fn from(quantity: Quantity) -> Self {
-        Query { quantity, frame: 0, wrench: None, friction: false, armature: false }
-    }
-}
-
-impl Query {
-    /// Names of the inputs.
-    #[inline]
-    pub fn inputs(&self) -> &'static [&'static str] {
-        match (self.quantity, self.wrench.is_some()) {
-            (Quantity::InverseDynamics, true) => &["q", "v", "a", "wrench"],
-            (Quantity::InverseDynamics, false) => &["q", "v", "a"],
-            (Quantity::ForwardDynamics, true) => &["q", "v", "tau", "wrench"],
-            (Quantity::ForwardDynamics, false) => &["q", "v", "tau"],
-            (Quantity::InverseDynamicsDerivatives, _) => &["q", "v", "a"],
-            (Quantity::ForwardDynamicsDerivatives, _) => &["q", "v", "tau"],
-            (Quantity::Regressor, _) => &["q", "v", "v_r", "a_r"],
-            (Quantity::CoriolisMatrix | Quantity::Bias | Quantity::Energy | Quantity::JacobianDot, _) => &["q", "v"],
-            _ => &["q"],
-        }
-    }
-
-    /// Numbers per configuration of an input.
-    #[inline]
-    pub fn input_length(&self, input: usize, n: usize) -> usize {
-        if input == 3 && self.wrench.is_some() { 6 } else { n }
-    }
-
-    /// Rows and columns of the output; one row for vectors.
-    #[inline]
-    pub fn shape(&self, n: usize) -> (usize, usize) {
-        match self.quantity {
-            Quantity::MassMatrix | Quantity::CoriolisMatrix => (n, n),
-            Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => (1, n),
-            Quantity::Regressor => (n, n * (PARAMETERS + usize::from(self.armature) + 2 * usize::from(self.friction))),
-            Quantity::Energy => (1, 2),
-            Quantity::Pose => (4, 4),
-            Quantity::Position | Quantity::Com => (1, 3),
-            Quantity::Jacobian | Quantity::JacobianDot => (6, n),
-            Quantity::ComJacobian => (3, n),
-            Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives => (3 * n, n),
-        }
-    }
-
-    #[inline]
-    pub(super) fn length(&self, n: usize) -> usize {
-        let (rows, columns) = self.shape(n);
-        rows * columns
-    }
-
-    /// Whether the answer depends on a frame.
-    #[inline]
-    fn is_framed(&self) -> bool {
-        matches!(self.quantity, Quantity::Pose | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)
-    }
-
-    /// Whether these inputs and this room are what is asked for; [`check`] says what is not.
-    #[inline(always)]
-    fn fits(&self, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> bool {
-        let asked = self.inputs().len();
-        let mut fits = inputs.len() == asked && out == count * self.length(n);
-        for k in 0..4 {
-            fits &= k >= asked || inputs.get(k).is_some_and(|given| given.len() == count * self.input_length(k, n));
-        }
-        fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
-    }
-
-    /// About how long one of many configurations takes on this machine, ns: good enough to choose how to run them.
-    pub fn nanoseconds(&self, n: usize) -> f64 {
-        let (joints, numbers) = (n as f64, self.length(n) as f64);
-        let singly = matches!(self.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives);
-        let in_lanes = if singly { 100.0 * joints + 10.0 * numbers } else { 8.0 * joints + 0.3 * numbers };
-        let slower = match isa() {
-            Isa::Baseline => 4.0,
-            Isa::Avx2 => 2.0,
-            Isa::Avx512 => 1.0,
-        };
-        10.0 + slower * in_lanes
-    }
-}
 
 /// Numbers that an arm's answers may take before room is made for them only when they are asked for: 8 MB.
 const EAGER: usize = 1 << 20;

@@ -19,16 +19,20 @@ mod planar_2r;
 mod planar_pr;
 #[cfg(not(test))]
 mod quantities;
+#[cfg(not(test))]
+mod query;
 pub mod regressor;
 mod tree;
 pub mod workspace;
 
 pub use arm_at::ArmAt;
 #[cfg(not(test))]
-pub use evaluate::{Evaluator, LaneEvaluator, Quantity, Query};
+pub use evaluate::{Evaluator, LaneEvaluator};
 pub use model::{AnyArm, Model};
 pub use planar_2r::Planar2R;
 pub use planar_pr::PlanarPr;
+#[cfg(not(test))]
+pub use query::{Quantity, Query};
 pub use workspace::Workspace;
 
 use crate::scalar::Real;

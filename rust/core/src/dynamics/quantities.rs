@@ -2,8 +2,8 @@
 //! own region and nowhere else.
 
 use super::energy::{add_friction, add_wrench};
-use super::evaluate::{Engine, Quantity, Query};
-use super::{Dynamics, crba, derivatives, regressor};
+use super::evaluate::Engine;
+use super::{Dynamics, Quantity, Query, crba, derivatives, regressor};
 use crate::arm::Tree;
 use crate::kinematics as kin;
 use crate::scalar::rows::Aside;
