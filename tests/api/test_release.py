@@ -89,10 +89,10 @@ def test_the_folder_of_the_build_leaves(tmp_path: Path) -> None:
     path = wheel(tmp_path, "manylinux_2_17_x86_64", elf(62, "2.17"), without="sboms")
     bill, record = ("armlet-0.1.0.dist-info/" + name for name in ("sboms/armlet.cyclonedx.json", "RECORD"))
     with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr(bill, '{"ref": "path+file:///home/me/armlet/rust/core#armlet-core@0.1.0", "url": "registry+https://x#y"}')
+        archive.writestr(bill, '{"ref": "path+file:///home/rust/armlet/rust/core#armlet-core@0.1.0", "url": "registry+https://x#y"}')
         archive.writestr(record, f"armlet/__init__.py,sha256=abc,0\n{bill},sha256=old,1\n{record},,\n")
     (fault,) = check_wheel.faults(path)
-    assert fault == "the bill of materials names a folder of the build: path+file:///home/me/armlet/rust/core"
+    assert fault == "the bill of materials names a folder of the build: path+file:///home/rust/armlet/rust/core"
     with zipfile.ZipFile(path) as archive:
         before = {name: archive.read(name) for name in archive.namelist()}
     neutral.neutral(path)

@@ -11,7 +11,8 @@ import sys
 import zipfile
 from pathlib import Path
 
-PLACE = re.compile(rb'path\+file://[^"#]*?/rust/')
+# The last `rust` of the path: a folder above may have that name too.
+PLACE = re.compile(rb'path\+file://[^"#]*/rust/(?=(?:core|py)[#"])')
 NEUTRAL = b"path+file:///armlet/rust/"
 
 
