@@ -22,6 +22,27 @@ PIECE = 1 << 26
 LEAST = 64
 
 
+def forces_of_runs(force: Any, rows: int) -> Any:
+    """`force` as `[[(t_start, F), ...], ...]` where it has one entry per run, `(B, k)` or such a list; else as it is."""
+    try:
+        depth = np.ndim(force)
+    except ValueError:  # steps: a time and a vector side by side
+        return [list(steps) for steps in force] if _is_nested(force) else force
+    if depth != 2:
+        return force
+    values = np.asarray(force, dtype=np.float64)
+    if len(values) != rows:
+        raise InputError(f"simulate_batch: force has the wrong number of rows: expected {rows}, got {len(values)}")
+    if not np.all(np.isfinite(values)):
+        at = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise InputError(f"simulate_batch: force is not finite: expected finite numbers, got {values[tuple(at)]} (first bad index {at})")
+    return [[(0.0, row)] for row in values]
+
+
+def _is_nested(force: Any) -> bool:
+    return isinstance(force, list | tuple) and isinstance(force[0], list | tuple) and isinstance(force[0][0], list | tuple)
+
+
 def in_pieces(
     plant: _core.Plant | list[_core.Plant],
     law: _core.Law | list[_core.Law],
@@ -45,6 +66,8 @@ def in_pieces(
     for first in range(0, max(rows, 1), size):
         last = min(first + size, rows)
         own = keywords | {name: _part(keywords.get(name), first, last) for name in ("v0", "theta0", "theta_dot0")}
+        if _is_nested(own.get("force")):
+            own["force"] = own["force"][first:last]
         if isinstance(own["sample_time"], Sampling):
             # Row i of the whole batch has seed + i.
             own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
