@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Sized
-from typing import Literal, TypeAlias
+from collections.abc import Callable, Mapping, Sequence, Sized
+from typing import Any, Literal, TypeAlias
 
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .batches import forces_of_runs, in_pieces
@@ -127,6 +127,7 @@ def simulate_batch(
     threads: int | None = None,
     keep: Literal["all", "final", "metrics"] = "all",
     progress: Callable[[int, int], object] | None = None,
+    out: Mapping[str, NDArray[Any]] | None = None,
 ) -> BatchRun:
     """Run B closed loops side by side, in lanes and threads; the fields are those of a run with a leading axis B.
 
@@ -143,6 +144,8 @@ def simulate_batch(
         keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record: then the records of some runs at
             a time are all the memory it takes, and `batch.metrics()` has the numbers of `armlet.metrics`.
         progress: called as `progress(done, runs)` after every piece of the batch.
+        out: arrays of yours by name ("q", "v", "tau", "status", ..) that get the rows piece by piece: after Ctrl-C they hold what was
+            finished, and NaN and `Status.INTERRUPTED` elsewhere.
         (the rest): as for `simulate`.
 
     Raises:
@@ -157,13 +160,13 @@ def simulate_batch(
     >>> batch.q.shape
     (64, 11, 2)
     """
-    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "progress")}
+    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "progress", "out")}
     plants = list(plant) if isinstance(plant, Sequence) else plant
     laws = list(law) if isinstance(law, Sequence) else law
     if force is not None:
         keywords["force"] = forces_of_runs(force, len(q0) if isinstance(q0, Sized) else 0)
-    if keep == "metrics" or progress is not None:
-        return in_pieces(plants, laws, q0, keywords, progress)
+    if keep == "metrics" or progress is not None or out is not None:
+        return in_pieces(plants, laws, q0, keywords, progress, out)
     fields = _core.simulate_batch(plants, laws, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended")}
     return BatchRun(fields, law=laws, plant=plants)

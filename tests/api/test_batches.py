@@ -83,4 +83,38 @@ def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.M
             al.simulate_batch(plant, law, q0, force=bad, keep="final", **options)
     # One for all, as lists of lists too.
     together = al.simulate_batch(plant, law, q0[:3], force=[[0.0, [1.0, 2.0, 0.0]], [0.05, [0.0, 0.0, 0.0]]], **options)
-    np.testing.assert_array_equal(together.q[1, -1], al.simulate(plant, law, q0[1], force=[(0.0, [1.0, 2.0, 0.0]), (0.05, [0.0] * 3)], **options).q[-1])
+    np.testing.assert_array_equal(
+        together.q[1, -1], al.simulate(plant, law, q0[1], force=[(0.0, [1.0, 2.0, 0.0]), (0.05, [0.0] * 3)], **options).q[-1]
+    )
+
+
+def test_finished_rows_are_kept_in_the_arrays_of_the_caller() -> None:
+    """Ctrl-C comes after the second piece, from the progress callback: two pieces are there, the rest says that it is not."""
+    q0 = np.linspace(-0.2, 0.2, 600).reshape(300, 2)
+    whole = al.simulate_batch(PLANT, LAW, q0, **OPTIONS)
+    q, status = np.zeros_like(whole.q), np.zeros(300, dtype=np.int64)
+
+    def interrupt(done: int, runs: int) -> None:
+        if done >= 128:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        al.simulate_batch(PLANT, LAW, q0, progress=interrupt, out={"q": q, "status": status}, **OPTIONS)
+    np.testing.assert_array_equal(q[:128], whole.q[:128])
+    assert np.all(np.isnan(q[128:])) and np.all(status[:128] == al.Status.SUCCESS) and np.all(status[128:] == al.Status.INTERRUPTED)
+    final = np.empty((300, 1, 2))
+    done = al.simulate_batch(PLANT, LAW, q0, keep="final", out={"v": final}, **OPTIONS)
+    np.testing.assert_array_equal(final, whole.v[:, -1:])
+    np.testing.assert_array_equal(done.q[:, -1], whole.q[:, -1])
+    readonly = np.zeros_like(q)
+    readonly.flags.writeable = False
+    for out, message in (
+        ({"x": q}, "out has an unknown name"),
+        ({"q": q[:5]}, r'out\["q"\] is not fit'),
+        ({"q": q.astype(np.float32)}, r'out\["q"\] is not fit'),
+        ({"q": readonly}, r'out\["q"\] is not fit'),
+        ({"q": q[:, :3]}, r'out\["q"\] has the wrong shape: expected \(300, 101, 2\), got \(300, 3, 2\)'),
+        ({"theta": q}, r'out\["theta"\] has the wrong shape: expected no such rows'),
+    ):
+        with pytest.raises(al.InputError, match=f"^simulate_batch: {message}"):
+            al.simulate_batch(PLANT, LAW, q0, out=out, **OPTIONS)
