@@ -2,24 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .errors import InputError
 from .run import SERIES, BatchRun
 from .run_metrics import metrics
 from .sampling import Sampling
+from .status import Status
 
 __all__ = ["in_pieces"]
 
 #: Records of one piece, in bytes; a piece has at least LEAST runs.
 PIECE = 1 << 26
 LEAST = 64
+#: Pieces that a batch with rows of the caller's is cut into, at least.
+PARTS = 32
+
+
+def forces_of_runs(force: Any, rows: int) -> Any:
+    """`force` as `[[(t_start, F), ...], ...]` where it has one entry per run, `(B, k)` or such a list; else as it is."""
+    try:
+        depth = np.ndim(force)
+    except ValueError:  # steps: a time and a vector side by side
+        return [list(steps) for steps in force] if _is_nested(force) else force
+    if depth != 2:
+        return force
+    values = np.asarray(force, dtype=np.float64)
+    if len(values) != rows:
+        raise InputError(f"simulate_batch: force has the wrong number of rows: expected {rows}, got {len(values)}")
+    if not np.all(np.isfinite(values)):
+        at = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise InputError(f"simulate_batch: force is not finite: expected finite numbers, got {values[tuple(at)]} (first bad index {at})")
+    return [[(0.0, row)] for row in values]
+
+
+def _is_nested(force: Any) -> bool:
+    return isinstance(force, list | tuple) and isinstance(force[0], list | tuple) and isinstance(force[0][0], list | tuple)
 
 
 def in_pieces(
@@ -28,6 +52,7 @@ def in_pieces(
     q0: ArrayLike,
     keywords: dict[str, Any],
     progress: Callable[[int, int], object] | None,
+    out: Mapping[str, NDArray[Any]] | None,
 ) -> BatchRun:
     """The batch of `simulate_batch`, some runs at a time; with keep="metrics" each piece is summed up before the next one starts."""
     start = np.asarray(q0)
@@ -41,10 +66,16 @@ def in_pieces(
     size = _runs_per_piece(plant, keywords)
     # What is kept of each run, at the least: refused before the first piece instead of after hours.
     np.empty((rows, 2 * (plant[0] if isinstance(plant, list) else plant).arm.n))
+    if out is not None:
+        _require_rows(out, rows)
+        # What Ctrl-C may cost.
+        size = min(size, max(LEAST, rows // PARTS // LEAST * LEAST))
     pieces: list[BatchRun] = []
     for first in range(0, max(rows, 1), size):
         last = min(first + size, rows)
         own = keywords | {name: _part(keywords.get(name), first, last) for name in ("v0", "theta0", "theta_dot0")}
+        if _is_nested(own.get("force")):
+            own["force"] = own["force"][first:last]
         if isinstance(own["sample_time"], Sampling):
             # Row i of the whole batch has seed + i.
             own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
@@ -54,6 +85,8 @@ def in_pieces(
         fields["stats"] = {"ended": fields.pop("ended")}
         piece = BatchRun(fields, law=laws, plant=plants)
         pieces.append(_summed(piece) if summed else piece)
+        if out is not None:
+            _write(out, pieces[-1], first, last)
         if progress is not None:
             progress(last, rows)
     return pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
@@ -70,6 +103,28 @@ def _runs_per_piece(plant: Any, keywords: dict[str, Any]) -> int:
             records = keywords["t_end"] / step / keywords["record_every"] + 2.0
     bytes_per_run = 8.0 * records * (5 * n + 10 * n + 5)
     return max(LEAST, int(PIECE / max(bytes_per_run, 1.0)) // LEAST * LEAST)
+
+
+def _require_rows(out: Mapping[str, NDArray[Any]], rows: int) -> None:
+    """Refuse what can't take the rows, and mark them all as not finished."""
+    for name, array in out.items():
+        if name not in (*SERIES, "status"):
+            raise InputError(f"simulate_batch: out has an unknown name: expected some of {', '.join(SERIES)}, status, got {name!r}")
+        wanted = "integers" if name == "status" else "float64"
+        fits = isinstance(array, np.ndarray) and array.shape[:1] == (rows,) and array.flags.writeable
+        if not fits or (array.dtype.kind != "i" if name == "status" else array.dtype != np.float64):
+            got = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise InputError(f'simulate_batch: out["{name}"] is not fit: expected a writeable array ({rows}, ..) of {wanted}, got {got}')
+        array[...] = Status.INTERRUPTED if name == "status" else np.nan
+
+
+def _write(out: Mapping[str, NDArray[Any]], piece: BatchRun, first: int, last: int) -> None:
+    for name, array in out.items():
+        values = getattr(piece, name)
+        if values is None or array.shape[1:] != values.shape[1:]:
+            expected = "no such rows" if values is None else f"({len(array)}, {', '.join(map(str, values.shape[1:]))})"
+            raise InputError(f'simulate_batch: out["{name}"] has the wrong shape: expected {expected}, got {array.shape}')
+        array[first:last] = values
 
 
 def _part(value: ArrayLike | None, first: int, last: int) -> Any:

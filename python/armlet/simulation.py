@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias
+from collections.abc import Callable, Mapping, Sequence, Sized
+from typing import Any, Literal, TypeAlias
 
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .batches import forces_of_runs, in_pieces
 from .errors import SolveError
 from .events import Event, Events, watched
 from .integration import DenseOutput
@@ -119,13 +120,14 @@ def simulate_batch(
     sample_time: float | Sampling | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
-    force: ArrayLike | Sequence[tuple[float, ArrayLike]] | None = None,
+    force: ArrayLike | Sequence[tuple[float, ArrayLike]] | Sequence[Sequence[tuple[float, ArrayLike]]] | None = None,
     force_frame: str | None = None,
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
     threads: int | None = None,
     keep: Literal["all", "final", "metrics"] = "all",
     progress: Callable[[int, int], object] | None = None,
+    out: Mapping[str, NDArray[Any]] | None = None,
 ) -> BatchRun:
     """Run B closed loops side by side, in lanes and threads; the fields are those of a run with a leading axis B.
 
@@ -135,11 +137,15 @@ def simulate_batch(
     Args:
         plant, law: one for all runs, or a list with one per run.
         q0, v0, theta0, theta_dot0: initial states, (B, n).
+        force: one for all runs as for `simulate` (no callable), or one per run: constants (B, k), or a list of B lists
+            `[(t_start, F), ...]`.
         threads: worker threads; None follows ARMLET_NUM_THREADS, then the cores.
         t_eval: needed by an adaptive method that keeps "all": its runs step at different times.
         keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record: then the records of some runs at
             a time are all the memory it takes, and `batch.metrics()` has the numbers of `armlet.metrics`.
         progress: called as `progress(done, runs)` after every piece of the batch.
+        out: arrays of yours by name ("q", "v", "tau", "status", ..) that get the rows piece by piece: after Ctrl-C they hold what was
+            finished, and NaN and `Status.INTERRUPTED` elsewhere.
         (the rest): as for `simulate`.
 
     Raises:
@@ -154,13 +160,13 @@ def simulate_batch(
     >>> batch.q.shape
     (64, 11, 2)
     """
-    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "progress")}
+    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "progress", "out")}
     plants = list(plant) if isinstance(plant, Sequence) else plant
     laws = list(law) if isinstance(law, Sequence) else law
-    if keep == "metrics" or progress is not None:
-        from .batches import in_pieces
-
-        return in_pieces(plants, laws, q0, keywords, progress)
+    if force is not None:
+        keywords["force"] = forces_of_runs(force, len(q0) if isinstance(q0, Sized) else 0)
+    if keep == "metrics" or progress is not None or out is not None:
+        return in_pieces(plants, laws, q0, keywords, progress, out)
     fields = _core.simulate_batch(plants, laws, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended")}
     return BatchRun(fields, law=laws, plant=plants)

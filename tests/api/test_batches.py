@@ -55,3 +55,66 @@ def test_what_is_wrong_is_said() -> None:
         al.simulate_batch(PLANT, [LAW, LAW], Q0, keep="metrics", **OPTIONS)
     with pytest.raises(al.InputError, match="keep is unknown"):
         al.simulate_batch(PLANT, LAW, Q0, keep="some", **OPTIONS)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("keep", ["all", "metrics"])
+def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Constants (B, k), or steps run by run: each row is the single run under its own force, to the bit."""
+    monkeypatch.setattr(batches, "PIECE", 1)
+    arm = al.planar_arm([0.5, 0.4])
+    plant, law = al.RigidArm(arm), al.PDGravity(arm, [0.3, 0.6], kp=60.0, kd=12.0)
+    rng = np.random.default_rng(3)
+    q0, constant = rng.normal(size=(70, 2)), rng.normal(size=(70, 3))
+    steps = [[(0.0, row), (0.05, -row)] for row in constant]
+    options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3, "force_frame": "link2"}
+    for forces in (constant, constant.tolist(), steps):
+        batch = al.simulate_batch(plant, law, q0, force=forces, keep=keep, **options)
+        for i in (0, 7, 69):
+            one = forces[i] if forces is steps else [(0.0, constant[i])]
+            np.testing.assert_array_equal(batch.q[i, -1], al.simulate(plant, law, q0[i], force=one, **options).q[-1])
+    assert np.ptp(batch.q[:, -1], axis=0).min() > 1e-3
+    for bad, message in (
+        (constant[:5], "force has the wrong number of rows: expected 70, got 5"),
+        (steps[:5], "force has the wrong number of entries"),
+        (np.where(constant == constant[3, 1], np.nan, constant), r"force is not finite: .*first bad index \[3, 1\]"),
+        ([lambda t: [0.0, 0.0, 0.0]] * 70, "force"),
+    ):
+        with pytest.raises(al.InputError, match=f"^simulate_batch: {message}"):
+            al.simulate_batch(plant, law, q0, force=bad, keep="final", **options)
+    # One for all, as lists of lists too.
+    together = al.simulate_batch(plant, law, q0[:3], force=[[0.0, [1.0, 2.0, 0.0]], [0.05, [0.0, 0.0, 0.0]]], **options)
+    np.testing.assert_array_equal(
+        together.q[1, -1], al.simulate(plant, law, q0[1], force=[(0.0, [1.0, 2.0, 0.0]), (0.05, [0.0] * 3)], **options).q[-1]
+    )
+
+
+def test_finished_rows_are_kept_in_the_arrays_of_the_caller() -> None:
+    """Ctrl-C comes after the second piece, from the progress callback: two pieces are there, the rest says that it is not."""
+    q0 = np.linspace(-0.2, 0.2, 600).reshape(300, 2)
+    whole = al.simulate_batch(PLANT, LAW, q0, **OPTIONS)
+    q, status = np.zeros_like(whole.q), np.zeros(300, dtype=np.int64)
+
+    def interrupt(done: int, runs: int) -> None:
+        if done >= 128:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        al.simulate_batch(PLANT, LAW, q0, progress=interrupt, out={"q": q, "status": status}, **OPTIONS)
+    np.testing.assert_array_equal(q[:128], whole.q[:128])
+    assert np.all(np.isnan(q[128:])) and np.all(status[:128] == al.Status.SUCCESS) and np.all(status[128:] == al.Status.INTERRUPTED)
+    final = np.empty((300, 1, 2))
+    done = al.simulate_batch(PLANT, LAW, q0, keep="final", out={"v": final}, **OPTIONS)
+    np.testing.assert_array_equal(final, whole.v[:, -1:])
+    np.testing.assert_array_equal(done.q[:, -1], whole.q[:, -1])
+    readonly = np.zeros_like(q)
+    readonly.flags.writeable = False
+    for out, message in (
+        ({"x": q}, "out has an unknown name"),
+        ({"q": q[:5]}, r'out\["q"\] is not fit'),
+        ({"q": q.astype(np.float32)}, r'out\["q"\] is not fit'),
+        ({"q": readonly}, r'out\["q"\] is not fit'),
+        ({"q": q[:, :3]}, r'out\["q"\] has the wrong shape: expected \(300, 101, 2\), got \(300, 3, 2\)'),
+        ({"theta": q}, r'out\["theta"\] has the wrong shape: expected no such rows'),
+    ):
+        with pytest.raises(al.InputError, match=f"^simulate_batch: {message}"):
+            al.simulate_batch(PLANT, LAW, q0, out=out, **OPTIONS)

@@ -177,13 +177,24 @@ impl<'py> Given<'py> {
 
     /// The force and the frame it acts at; the callables' errors go to `raised`.
     pub fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
+        let (mut forces, frame) = self.forces(plant, law, raised)?;
+        Ok((forces.pop(), frame))
+    }
+
+    /// None, one, or as `[[(t_start, F), ...], ...]` one per run; and the frame.
+    pub fn forces(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Vec<Force>, Option<usize>), Failure> {
         let frame = match self.get("force_frame")? {
             None => None,
             Some(frame) => Some(plant.model().tree("force_frame")?.frame_index(&text(self.function, "force_frame", &frame)?)?),
         };
-        let Some(value) = self.get("force")? else { return Ok((None, frame)) };
+        let Some(value) = self.get("force")? else { return Ok((Vec::new(), frame)) };
         let rows = if frame.is_some() { None } else { law.coordinates().map(|coordinates| coordinates.rows.as_slice()) };
-        Ok((Some(force::force(self.function, &value, rows, raised)?), frame))
+        // A step is (t, F): the first thing in a list of lists of steps is no number.
+        let inner = value.cast::<PyList>().ok().and_then(|list| list.get_item(0).ok()?.get_item(0).ok());
+        let nested = inner.is_some_and(|first| first.is_instance_of::<PyTuple>() || first.is_instance_of::<PyList>());
+        let each = if nested { value.try_iter()?.collect::<PyResult<Vec<_>>>()? } else { vec![value] };
+        let forces = each.iter().map(|value| force::force(self.function, value, rows, raised)).collect::<Result<_, _>>()?;
+        Ok((forces, frame))
     }
 }
 
@@ -390,13 +401,13 @@ pub fn simulate_batch<'py>(
         let options = given.options(n)?;
         let (rows, x0) = given.initial_states(&plants, q0, true)?;
         let raised = Raised::default();
-        let (force, force_frame) = given.force(plants[0], laws[0], &raised)?;
-        if matches!(force, Some(Force::Signal(_))) {
+        let (forces, force_frame) = given.forces(plants[0], laws[0], &raised)?;
+        if forces.iter().any(|force| matches!(force, Force::Signal(_))) {
             let problem = "is a function: expected None, a constant or [(t_start, F), ...] in a batch, which runs without Python inside";
             return Err(input_error(py, NAME, "force", problem).into());
         }
         let p = laws[0].initial_state().len();
-        let problem = Problem { plants, laws, x0, forces: force.iter().collect(), force_frame, options };
+        let problem = Problem { plants, laws, x0, forces: forces.iter().collect(), force_frame, options };
         warn_of_sampling(py, NAME, &problem)?;
         let mut signal = None;
         let batch = {
