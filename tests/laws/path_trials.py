@@ -261,7 +261,9 @@ def judge(b: Block, rng: np.random.Generator) -> Verdict:
         told, allowed = np.abs(v - slope * rate[..., None]), 1e-9 * fast + turn * rate[..., None]
         refuse((steep[..., None] & (told > allowed))[:, :NODES], "s_dot is not that of v")
         square_speed = (speed**2)[..., None]
-        allowed = 1e-6 * most_a + 2 * turn * np.abs(push)[..., None] + (1e-9 * np.abs(slope) + third + turn) * square_speed
+        # ds/dt is uncertain by the turn over the slope, and counts twice in its square.
+        rough = third + turn + 2 * np.abs(bend) * turn / np.sqrt(np.where(steep, square, 1.0))[..., None]
+        allowed = 1e-6 * most_a + 1e-9 * np.abs(slope) * square_speed + 2 * (turn * np.abs(push)[..., None] + rough * square_speed)
         refuse(steep[..., None] & (np.abs(a - slope * push[..., None] - bend * square_speed) > allowed), "acceleration off the path")
         # v and a are those of q: h^2 of the next derivative, which the grid resolves, and rounding, of the time too.
         first, second = slice(T - 2 * PAIRS, T - PAIRS), slice(T - PAIRS, T)
