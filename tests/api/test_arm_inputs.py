@@ -319,3 +319,11 @@ def test_every_function_of_an_arm_says_shape_and_errors_and_shows_an_example() -
         if not name.startswith("_"):
             text = getattr(al.Arm, name).__doc__ or ""
             assert ">>> " in text, name
+
+
+def test_flags_of_laws_and_plants_of_the_wrong_kind() -> None:
+    for value in (1, "yes"):
+        with pytest.raises(al.InputError, match=r"Adaptive: natural is not a flag: expected True or False, got"):
+            al.Adaptive(ROBOT, al.Hold(ZERO), 1.0, 1.0, 1.0, natural=value)  # type: ignore[arg-type]
+        with pytest.raises(al.InputError, match=r"RigidArm: friction is not a flag: expected True or False, got"):
+            al.RigidArm(ROBOT, friction=value)  # type: ignore[arg-type]
