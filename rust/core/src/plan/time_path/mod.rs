@@ -4,7 +4,7 @@
 //! 2. Reachability analysis on that grid (`reach`).
 //! 3. A check ten times finer. Limits are narrowed, segment by segment, by what they are exceeded by between grid points, and 2
 //!    is done again, until nothing exceeds a limit anywhere (`check`). Where the grid is too coarse for that it is halved.
-//! 4. Under friction that may end where no speed is left: the last timing is then slowed (`slow`).
+//! 4. Under friction that may end where no speed is left: the timing that came nearest is then slowed (`slow`).
 //! 5. Where torques may change only so fast, the timing is averaged over time and slowed (`rate`).
 //! 6. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
@@ -159,14 +159,13 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, los
     if let Err(stuck) = with_friction(problem, profile) {
         return Outcome::Stuck(stuck);
     }
-    let mut found = None;
+    let (mut found, mut nearest) = (None, f64::INFINITY);
     let mut cap_old = problem.cap_tight.clone();
     let mut narrowed = Vec::new();
     for k in 0..if problem.friction.is_some() || last { 2 * CORRECTIONS } else { CORRECTIONS } {
         if problem.rows.stopped() {
             break;
         }
-        profile.keep();
         let beyond = BEYOND * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let (width, count) = (problem.rows.width, problem.pieces.len());
@@ -203,6 +202,10 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, los
         cap_old.copy_from_slice(&caps);
         problem.cap_tight = caps;
         found = Some(now);
+        if now.excess < nearest {
+            nearest = now.excess;
+            profile.keep();
+        }
         if k == 0 {
             samples.remember();
             losses(&problem.rows, profile, lost);

@@ -36,7 +36,7 @@ pub(super) struct Profile {
     pub low: Vec<f64>,
     pub high: Vec<f64>,
     pub x: Vec<f64>,
-    /// The last `x` there was.
+    /// The `x` that was nearest to its limits.
     pub kept: Vec<f64>,
     /// Points whose `x` changed since this was last cleared.
     pub moved: Vec<bool>,

@@ -21,19 +21,36 @@ use crate::motion::TimedPath;
 const SLOWEST: f64 = 1e-12;
 const SHARE: f64 = 1e-6;
 
-/// The last profile there was, slowed; None where that can't help: without friction, with speeds that are given, or where the arm
-/// can't be held.
+/// The profile that was nearest to its limits, slowed; None where that can't help: without friction, with speeds that are given, or where
+/// the arm can't be held.
 pub(super) fn slowed(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile) -> Result<Option<TimePath>> {
     let rows = &problem.rows;
     if problem.friction.is_none() || rows.x_start > 0.0 || rows.x_end > 0.0 || profile.kept.len() != rows.s.len() {
         return Ok(None);
     }
-    let kept = profile.kept.clone();
-    // Of a faster profile: a slow one might turn back between two points.
-    problem.rows.bend.fill(0.0);
+    let (kept, bend) = (profile.kept.clone(), rows.bend.clone());
+    let mut best: Option<TimePath> = None;
+    // The bends are of the profile without friction: a slower one may turn back between two points with them.
+    for bend in [bend, vec![0.0; kept.len() - 1]] {
+        let Some(found) = slowed_with(problem, samples, profile, (&kept, &bend))? else { continue };
+        let duration = found.motion.duration();
+        if duration.is_finite() && best.as_ref().is_none_or(|best| duration < best.motion.duration()) {
+            best = Some(found);
+        }
+    }
+    Ok(best)
+}
+
+fn slowed_with(
+    problem: &mut Problem,
+    samples: &mut Samples,
+    profile: &mut Profile,
+    (kept, bend): (&[f64], &[f64]),
+) -> Result<Option<TimePath>> {
     let mut margin = f64::NAN;
-    let mut fits = |problem: &Problem, c: f64| {
-        profile.x.iter_mut().zip(&kept).for_each(|(to, from)| *to = c * from);
+    let mut fits = |problem: &mut Problem, c: f64| {
+        problem.rows.bend.iter_mut().zip(bend).for_each(|(to, from)| *to = c * from);
+        profile.x.iter_mut().zip(kept).for_each(|(to, from)| *to = c * from);
         profile.moved.fill(true);
         let found = samples.examine(&problem.course(), &problem.rows, profile, |_, _, _, _| ());
         margin = found.margin;
@@ -42,18 +59,15 @@ pub(super) fn slowed(problem: &mut Problem, samples: &mut Samples, profile: &mut
     if !fits(problem, SLOWEST) {
         return Ok(None);
     }
-    let (mut high, mut low) = (1.0, SLOWEST);
-    let mut c: f64 = 1.0;
-    while !fits(problem, c) {
-        high = c;
-        c = (0.5 * c).max(SLOWEST);
+    let (mut high, mut low) = (1.0, 1.0);
+    while !fits(problem, low) {
+        (high, low) = (low, (0.5 * low).max(SLOWEST));
     }
-    low = c.max(low);
     while high > low * (1.0 + SHARE) {
         let middle = (low * high).sqrt();
         if fits(problem, middle) { low = middle } else { high = middle }
     }
     fits(problem, low);
     let motion = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone(), problem.rows.bend.clone())?;
-    Ok(motion.duration().is_finite().then_some(TimePath { motion, margin, reason: None }))
+    Ok(Some(TimePath { motion, margin, reason: None }))
 }
