@@ -130,7 +130,7 @@ def test_random_paths(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
         print(f"  time_path, {stratum}: {CASES} problems, smallest margin {worst:.1e}")
 
 
-@pytest.mark.parametrize("points", [9, 17, 33, 101, 401])
+@pytest.mark.parametrize("points", [17, 33, 101, 401])
 def test_end_on_the_limit_of_speed_on_a_kept_grid(points: int) -> None:
     """The last bound of the path speed can't be narrowed, only the one before: corrections settle all the same."""
     rng = np.random.default_rng(4)

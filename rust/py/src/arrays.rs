@@ -457,6 +457,13 @@ pub fn out_slice<'a>(
     Ok(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })
 }
 
+/// A new array of truth values.
+pub fn new_flags<'py>(py: Python<'py>, shape: &[usize], values: &[bool]) -> PyResult<Bound<'py, PyAny>> {
+    let array = PyArrayDyn::<bool>::zeros(py, shape, false);
+    array.readwrite().as_slice_mut()?.copy_from_slice(values);
+    Ok(array.into_any())
+}
+
 /// Whether the memory that two arrays span has an address in common.
 ///
 /// # Safety

@@ -1,7 +1,7 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
 use super::{Again, Field, NAMES, Problem, again, float, problem, scalar, symmetric, truth};
-use crate::arrays::{index_of, integers, new_array, shown};
+use crate::arrays::{index_of, new_array, new_flags, shown, written_array};
 use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
@@ -318,8 +318,15 @@ impl BangBangBatch {
         let shape = &problems.shape;
         let [t_min, t_max, a_min, a_max] = times;
         let [feasible, hold_start, hold_end] = flags;
-        let time = |x: Vec<f64>| Ok::<_, Failure>(integers(py, shape, x)?.unbind());
-        let flag = |x: Vec<bool>| Ok::<_, Failure>(integers(py, shape, x)?.unbind());
+        // Copied, so that the arrays own their memory.
+        let time = |x: Vec<f64>| {
+            let fill = |out: &mut [f64]| {
+                out.copy_from_slice(&x);
+                Ok(())
+            };
+            Ok::<_, Failure>(written_array(py, shape, fill)?.unbind())
+        };
+        let flag = |x: Vec<bool>| Ok::<_, Failure>(new_flags(py, shape, &x)?.unbind());
         Ok(BangBangBatch {
             feasible: flag(feasible)?,
             hold_start: flag(hold_start)?,
