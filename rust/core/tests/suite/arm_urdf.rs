@@ -114,7 +114,7 @@ fn without(text: &str, attributes: &[&str]) -> String {
 
 #[test]
 fn a_number_changed_by_hand_counts() {
-    let text = arm_common::random_tree(&mut Rng(5), 3).to_urdf().text;
+    let text = arm_common::random_tree(&mut Rng(5), 8).to_urdf().text;
     let arm = read(&text).unwrap();
     assert!(text.contains(" rotation=") && text.contains(" parameters="), "{text}");
     let replaced = |after: usize, key: &str, value: &str| {
@@ -123,7 +123,8 @@ fn a_number_changed_by_hand_counts() {
         format!("{}{value}{}", &text[..start], &text[end..])
     };
     let said = |arm: &Arm, word: &str| arm.report.iter().filter(|line| line.contains(word)).count();
-    let heavy = read(&replaced(0, "<mass value=\"", "7.5")).unwrap();
+    let inertial = text.find(" parameters=").unwrap();
+    let heavy = read(&replaced(inertial, "<mass value=\"", "7.5")).unwrap();
     assert!(heavy.joints.iter().any(|joint| joint.parameters[0] == 7.5));
     assert_eq!(said(&heavy, "parameters of inertial differs from its mass and inertia: ignored"), 1, "{:?}", heavy.report);
     let origin = text[..text.find(" rotation=").unwrap()].rfind("<origin").unwrap();
