@@ -247,7 +247,7 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
     }
     let (mut samples, mut profile) = (Samples::default(), Profile::default());
     let (mut grids, mut halvings_left) = if options.refine || options.grid.is_none() { (GRIDS, HALVINGS) } else { (1, 0) };
-    let mut best: Option<TimePath> = None;
+    let (mut best, mut spare): (Option<TimePath>, Option<TimePath>) = (None, None);
     let (mut fine, mut lost) = (COARSE, Vec::new());
     loop {
         grids -= 1;
@@ -277,10 +277,11 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
             Outcome::Coarse(found, whole) => (PathReason::unresolved(&problem, &found), whole),
             Outcome::Stuck(stuck) => (PathReason::find(&problem, &profile, stuck), true),
         };
+        if whole && best.is_none() && !problem.rows.stopped() {
+            spare = slow::slowed(&mut problem, &mut samples, &mut profile, spare)?;
+        }
         if last || problem.rows.stopped() {
-            if best.is_none() && !problem.rows.stopped() {
-                best = slow::slowed(&mut problem, &mut samples, &mut profile)?;
-            }
+            best = best.or(spare);
             if best.is_none() {
                 return problem.refuse(reason);
             }

@@ -21,15 +21,19 @@ use crate::motion::TimedPath;
 const SLOWEST: f64 = 1e-12;
 const SHARE: f64 = 1e-6;
 
-/// The profile that was nearest to its limits, slowed; None where that can't help: without friction, with speeds that are given, or where
-/// the arm can't be held.
-pub(super) fn slowed(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile) -> Result<Option<TimePath>> {
+/// The faster one of `best` and the profile that was nearest to its limits, slowed. That can't help without friction, with speeds that
+/// are given, or where the arm can't be held.
+pub(super) fn slowed(
+    problem: &mut Problem,
+    samples: &mut Samples,
+    profile: &mut Profile,
+    mut best: Option<TimePath>,
+) -> Result<Option<TimePath>> {
     let rows = &problem.rows;
     if problem.friction.is_none() || rows.x_start > 0.0 || rows.x_end > 0.0 || profile.kept.len() != rows.s.len() {
-        return Ok(None);
+        return Ok(best);
     }
     let (kept, bend) = (profile.kept.clone(), rows.bend.clone());
-    let mut best: Option<TimePath> = None;
     // The bends are of the profile without friction: a slower one may turn back between two points with them.
     for bend in [bend, vec![0.0; kept.len() - 1]] {
         let Some(found) = slowed_with(problem, samples, profile, (&kept, &bend))? else { continue };
