@@ -40,7 +40,7 @@ fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: 
     let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.into_iter().collect(), force_frame: None, options };
     let stop = AtomicBool::new(false);
     let (run, count) = counted(|| simulate(&problem, &stop).unwrap());
-    assert_eq!(run.status, Status::Success);
+    assert_eq!(run.status, Status::Success, "{}, {method:?}, sampled at {sample:?}: ended at {:?}", law.name(), run.t.last());
     count
 }
 
@@ -103,8 +103,9 @@ fn steps_allocate_nothing() {
         let methods: &[Method] = if what.ends_with("in priority") { &[Method::Rk4] } else { &[Method::Rk4, Method::Dop853] };
         for &method in methods {
             for sample in [None, Some(0.002)] {
-                let few = allocations(plant, law, *force, method, sample, 100);
-                let many = allocations(plant, law, *force, method, sample, 1000);
+                // Accelerations held for 2 ms before a target out of reach end far away sooner or later: rounding decides when.
+                let steps = if *what == "accelerations in priority" && sample.is_some() { [20, 60] } else { [100, 1000] };
+                let [few, many] = steps.map(|steps| allocations(plant, law, *force, method, sample, steps));
                 assert_eq!(few, many, "{what}, {method:?}, sampled at {sample:?}");
                 assert!(few > 0);
             }

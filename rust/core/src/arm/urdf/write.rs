@@ -116,7 +116,8 @@ fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str) {
 }
 
 fn ends(out: &mut String, parent: &str, child: &str, placement: &Placement) {
-    let rpy = placement.rotation.to_rpy();
+    // Zero has one sign in text.
+    let rpy = placement.rotation.to_rpy().map(|angle| angle + 0.0);
     let rounded = Placement::from_rpy(rpy, placement.translation.0).rotation;
     let rows: [f64; 9] = std::array::from_fn(|k| placement.rotation.0[k % 3][k / 3]);
     let rotation = exact("rotation", &rows, rounded == placement.rotation);
