@@ -7,11 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from test_sweep import DRAWS, SCENARIO, same, toml
 
 import armlet as al
-
-sys.path.insert(0, str(Path(__file__).parent))
-from test_sweep import DRAWS, SCENARIO, same, toml
 
 OPTIONS = {"draws": 40, "seed": 3, "chunk": 10}
 # Files of this process end at 4 KiB: a chunk needs more. What a full disk does to a write, without a disk to fill.

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, sync_playwright
+from visits import PICTURES, Visit
 
 from armlet.live.server import address, close_server
-
-sys.path.insert(0, str(Path(__file__).parent))
-from visits import PICTURES, Visit
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Chromium says so when viser's own page starts a drag: its listener asks for what a passive one may not have.

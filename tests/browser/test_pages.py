@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from visits import PICTURES, Visit, until
 
 import armlet as al
 from armlet.live.lab import LabPage
@@ -24,9 +25,6 @@ from armlet.live.model import Lab
 from armlet.live.server import open_server
 from armlet.live.systems import AdaptivePR, Elastic, MinimumTime, Priority, Robot
 from armlet.live.view import ViewPage
-
-sys.path.insert(0, str(Path(__file__).parent))
-from visits import PICTURES, Visit, until
 
 Go = Callable[[str], Visit]
 Draw = Callable[[Any, Callable[[float], None]], str]

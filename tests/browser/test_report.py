@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser
+from visits import PICTURES
 
 from armlet.demo.report import Report
-
-sys.path.insert(0, str(Path(__file__).parent))
-from visits import PICTURES
 
 
 @pytest.fixture

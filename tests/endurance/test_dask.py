@@ -5,17 +5,14 @@ from __future__ import annotations
 import os
 import random
 import signal
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 from distributed import Client, LocalCluster
+from test_sweep import DRAWS, SCENARIO, same
 
 import armlet as al
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "api"))
-from test_sweep import DRAWS, SCENARIO, same
 
 TRIALS = int(os.environ.get("ARMLET_KILL_TRIALS", "20"))
 CELLS: dict[str, Any] = {"draws": 240, "seed": 7, "chunk": 8}

@@ -13,13 +13,10 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterable
-from pathlib import Path
 
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 import link_trials
 import path_trials
+import pytest
 
 PATHS = int(os.environ.get("ARMLET_RANDOM_PATHS", "2000"))
 LINKS = int(os.environ.get("ARMLET_RANDOM_LINKS", "20000"))

@@ -10,11 +10,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from robots import path
 
 import armlet as al
-
-sys.path.insert(0, str(Path(__file__).parent))
-from robots import path
 
 # Anchors off the origin, reference positions, two joints on a body, branches, fixed bodies, turned inertias, rotors, friction.
 MODEL = """

@@ -6,19 +6,15 @@ joints differs on branched robots, and a continuous joint has two coordinates th
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
+from robots import ROBOTS, folder, path
 
 import armlet as al
-
-sys.path.insert(0, str(Path(__file__).parent))
-from robots import ROBOTS, folder, path
 
 Array = NDArray[np.float64]
 
