@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 import weakref
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,31 @@ class TestNotFinite:
     def test_status_without_raising(self, method: str) -> None:
         run = al.integrate(lambda t, y: [np.nan, 0.0], (0.0, 1.0), [1.0, 0.0], throw=False, **options(method))
         assert run.status is al.Status.DIVERGED and not run.success and run.t.size == 0
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "rodas4"])
+@pytest.mark.parametrize("rate", [1e20, 1e154, 1e300])
+def test_growth_whose_squares_overflow(method: str, rate: float) -> None:
+    # A first step of the span's length would let an L-stable method damp what grows.
+    error = fails(lambda t, y: [rate * float(y[0])], method, (1.0,))
+    # exp(rate t) overflows at 709.8.
+    assert 0.0 <= error.t <= 720.0 / rate
+
+
+@pytest.mark.parametrize("method", ["radau5", "rodas4", "ros2"])
+def test_ctrl_c_in_a_decomposition(method: str, interrupted: Callable[[str], tuple[list[str], float]]) -> None:
+    """n = 2,500: one decomposition takes seconds, and no other call comes for as long."""
+    words, seconds = interrupted(f"""
+        import numpy as np, armlet as al
+        a = np.random.default_rng(1).standard_normal((2500, 2500))
+        print("ready", flush=True)
+        try:
+            al.integrate(lambda t, y: a @ y, (0.0, 1.0), np.ones(2500), jac=a, **{options(method)!r})
+        except KeyboardInterrupt:
+            print("interrupted", flush=True)
+    """)
+    # A tenth of a second is promised; the other processes of a test machine may have as much.
+    assert words == ["interrupted"] and seconds < 0.5
 
 
 @pytest.mark.parametrize("method", METHODS)

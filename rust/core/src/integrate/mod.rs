@@ -93,6 +93,10 @@ pub trait Differentiable<S: Real>: System<S> {
     fn autonomous(&self) -> bool {
         false
     }
+    /// Whether the caller wants to stop: asked during long decompositions.
+    fn stopped(&mut self) -> bool {
+        false
+    }
 }
 
 /// Where a state lives: an array for small closed-form systems, the heap for any other.

@@ -109,8 +109,9 @@ impl<T: Accuracy> Pace<T> {
         }
         let span = self.t_end - self.t;
         let (x, k) = (x.as_ref(), k.as_ref());
-        let d0 = self.norm(x, x, |i| x[i]);
-        let d1 = self.norm(x, x, |i| k[i]);
+        // The squares of a very steep slope overflow.
+        let d0 = self.norm(x, x, |i| x[i]).min(f64::MAX);
+        let d1 = self.norm(x, x, |i| k[i]).min(f64::MAX);
         let h0 = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(span);
         for i in 0..x.len() {
             y.as_mut()[i] = S::splat(h0).mul_add(k[i], x[i]);
@@ -119,11 +120,17 @@ impl<T: Accuracy> Pace<T> {
         system.rhs(u, y.as_ref(), dy.as_mut());
         self.work.evaluations += 1;
         let dy = dy.as_ref();
-        let d2 = self.norm(x, x, |i| dy[i] - k[i]) / h0;
-        let steepest = d1.max(d2);
+        // Where the slope is not finite a little further on, the first step keeps away from there.
+        let (d2, most) = if finite(dy) { (self.norm(x, x, |i| dy[i] - k[i]) / h0, span) } else { (0.0, span * 1e-6) };
+        let steepest = d1.max(d2).min(f64::MAX);
         let h1 = if steepest <= 1e-15 { (1e-3 * h0).max(1e-6) } else { (0.01 / steepest).powf(1.0 / (order + 1.0)) };
-        let h = (100.0 * h0).min(h1).min(span);
-        self.h = if h.is_finite() && h > 0.0 { h } else { span * 1e-6 }.min(self.h_max);
+        self.h = (100.0 * h0).min(h1).max(2.0 * self.smallest()).min(most).min(self.h_max);
+    }
+
+    /// The least step that still moves the time.
+    #[inline(always)]
+    fn smallest(&self) -> f64 {
+        10.0 * (self.t.next_up() - self.t)
     }
 
     /// Before the first attempt of a step.
@@ -135,7 +142,7 @@ impl<T: Accuracy> Pace<T> {
     /// The step to attempt and where it ends, or why there is none.
     #[inline(always)]
     pub fn propose(&mut self) -> Result<(f64, f64), Status> {
-        let smallest = 10.0 * (self.t.next_up() - self.t);
+        let smallest = self.smallest();
         self.patience.check(&self.work, self.t, self.t_end)?;
         let left = self.t_end - self.t;
         if !(self.h >= smallest) && self.h < left {

@@ -134,12 +134,12 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     }
 
     /// Decompose both matrices for a step `h`.
-    fn factor(&mut self, pairs: Pairs, h: f64) -> bool {
-        let (n, j) = (self.x.as_ref().len(), &self.jacobian);
+    fn factor<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> bool {
+        let (n, j, pairs) = (self.x.as_ref().len(), &self.jacobian, system.pairs());
         let (real, complex) = poles::<S>(h);
         self.pace.work.factorisations += 2;
-        let sound = pairs.decompose(n, real, j, &mut self.real, &mut self.real_pivots)
-            && pairs.decompose(n, complex, j, &mut self.complex, &mut self.complex_pivots);
+        let sound = pairs.decompose(n, real, j, &mut self.real, &mut self.real_pivots, || system.stopped())
+            && pairs.decompose(n, complex, j, &mut self.complex, &mut self.complex_pivots, || system.stopped());
         self.h_factored = if sound { h } else { f64::NAN };
         sound
     }
@@ -300,7 +300,10 @@ where
         let mut rejected = false;
         loop {
             let (h, t_new) = self.pace.propose()?;
-            if self.h_factored != h && !self.factor(system.pairs(), h) {
+            if self.h_factored != h && !self.factor(system, h) {
+                if system.stopped() {
+                    return Err(Status::Interrupted);
+                }
                 self.pace.reject(0.5 * h, true);
                 continue;
             }

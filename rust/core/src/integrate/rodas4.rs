@@ -115,7 +115,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         let moves = !system.autonomous();
         let (jacobian, lu, pivots) = (self.jacobian.as_ref(), self.lu.as_mut(), self.pivots.as_mut());
         self.pace.work.factorisations += 1;
-        if !pairs.decompose(n, s, jacobian, lu, pivots) {
+        if !pairs.decompose(n, s, jacobian, lu, pivots, || system.stopped()) {
             return f64::NAN;
         }
         for i in 0..6 {
@@ -198,6 +198,9 @@ where
         loop {
             let (h, t_new) = self.pace.propose()?;
             let error = self.attempt::<S, F>(system, h);
+            if !error.is_finite() && system.stopped() {
+                return Err(Status::Interrupted);
+            }
             if self.pace.judge(error, h, t_new, &CONTROL) {
                 std::mem::swap(&mut self.x_old, &mut self.x);
                 std::mem::swap(&mut self.x, &mut self.y);

@@ -70,7 +70,7 @@ where
             }
         }
         let jacobian = self.jacobian.as_ref();
-        if !pairs.decompose(n, s, jacobian, lu, pivots) {
+        if !pairs.decompose(n, s, jacobian, lu, pivots, || system.stopped()) {
             x.fill(S::splat(f64::NAN));
             return;
         }

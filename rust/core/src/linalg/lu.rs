@@ -80,12 +80,19 @@ impl<S: Real> Entry for Complex<S> {
     }
 }
 
+/// Rows from which a decomposition takes milliseconds.
+const LONG: usize = 200;
+
 /// Decompose `a`, `(n, n)`, in place; `pivots[k]` is the row exchanged with row `k`. `false` where `a` is singular
-/// to working precision of a zero pivot, or not finite; what it holds then is of no use.
+/// to working precision of a zero pivot, or not finite, or `stopped`, which a long decomposition asks once per column; what it
+/// holds then is of no use.
 #[inline(always)]
-pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize]) -> bool {
+pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stopped: impl FnMut() -> bool) -> bool {
     let (a, pivots) = (&mut a[..n * n], &mut pivots[..n]);
     for k in 0..n {
+        if n >= LONG && stopped() {
+            return false;
+        }
         let mut pivot = k;
         let mut most = a[k * n + k].magnitude();
         for i in k + 1..n {
@@ -165,7 +172,7 @@ mod tests {
                 let b: Vec<Complex<f64>> =
                     numbers(n, seed + 200).into_iter().zip(numbers(n, seed + 300)).map(|(x, y)| Complex(x, y)).collect();
                 let (mut lu, mut pivots, mut x) = (a.clone(), vec![0; n], b.clone());
-                assert!(decompose(n, &mut lu, &mut pivots));
+                assert!(decompose(n, &mut lu, &mut pivots, || false));
                 solve(n, &lu, &pivots, &mut x);
                 let size: f64 = x.iter().map(|x| x.magnitude()).sum();
                 for i in 0..n {
@@ -173,7 +180,7 @@ mod tests {
                     assert!(residual.magnitude() < 1e-14 * size * n as f64, "{n} {seed} {residual:?}");
                 }
                 let (mut lu, mut x): (Vec<f64>, Vec<f64>) = (a.iter().map(|a| a.0).collect(), b.iter().map(|b| b.0).collect());
-                assert!(decompose(n, &mut lu, &mut pivots));
+                assert!(decompose(n, &mut lu, &mut pivots, || false));
                 solve(n, &lu, &pivots, &mut x);
                 let size: f64 = x.iter().map(|x| x.abs()).sum();
                 for i in 0..n {
@@ -188,13 +195,13 @@ mod tests {
     fn zero_pivots_are_exchanged_and_singular_matrices_refused() {
         let mut pivots = [0; 2];
         let mut a = [0.0, 1.0, 1.0, 0.0];
-        assert!(decompose(2, &mut a, &mut pivots));
+        assert!(decompose(2, &mut a, &mut pivots, || false));
         let mut b = [3.0, 5.0];
         solve(2, &a, &pivots, &mut b);
         assert_eq!(b, [5.0, 3.0]);
-        assert!(!decompose(2, &mut [1.0, 2.0, 2.0, 4.0], &mut pivots));
-        assert!(!decompose(2, &mut [f64::NAN, 2.0, 2.0, 4.0], &mut pivots));
-        assert!(!decompose(2, &mut [f64::INFINITY, 2.0, 2.0, 4.0], &mut pivots));
-        assert!(decompose::<f64>(0, &mut [], &mut []));
+        assert!(!decompose(2, &mut [1.0, 2.0, 2.0, 4.0], &mut pivots, || false));
+        assert!(!decompose(2, &mut [f64::NAN, 2.0, 2.0, 4.0], &mut pivots, || false));
+        assert!(!decompose(2, &mut [f64::INFINITY, 2.0, 2.0, 4.0], &mut pivots, || false));
+        assert!(decompose::<f64>(0, &mut [], &mut [], || false));
     }
 }

@@ -48,9 +48,17 @@ impl Pairs {
     }
 
     /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`; real or complex as `s` is. `false` where it is singular or not
-    /// finite.
+    /// finite, or where a long decomposition is `stopped`.
     #[inline(always)]
-    pub fn decompose<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &mut [E], pivots: &mut [usize]) -> bool {
+    pub fn decompose<E: Entry>(
+        self,
+        n: usize,
+        s: E,
+        j: &[E::Real],
+        lu: &mut [E],
+        pivots: &mut [usize],
+        stopped: impl FnMut() -> bool,
+    ) -> bool {
         let m = n - self.positions();
         let (j, lu, inverse) = (&j[..n * n], &mut lu[..m * m], s.inverse());
         self.kept(n, |r, row| {
@@ -59,7 +67,7 @@ impl Pairs {
             self.positions_each(|c, column| to[c] = to[c].less(inverse, E::real(from[column])));
             to[r] = to[r].less(E::real(E::Real::splat(-1.0)), s);
         });
-        lu::decompose(m, lu, &mut pivots[..m])
+        lu::decompose(m, lu, &mut pivots[..m], stopped)
     }
 
     /// Solve in place from that decomposition; `work` has room for `n`.
@@ -89,7 +97,7 @@ mod tests {
     /// `|(s I - J) u - b|` in units of `(|J| + |s|) (|u| + |b / s|)`, which is what an LU decomposition leaves of either form.
     fn residual<E: Entry<Real = f64>>(pairs: Pairs, n: usize, s: E, j: &[f64], b: Vec<E>) -> f64 {
         let (mut lu, mut pivots, mut work, mut u) = (b.repeat(n), vec![0; n], b.clone(), b.clone());
-        assert!(pairs.decompose(n, s, j, &mut lu, &mut pivots));
+        assert!(pairs.decompose(n, s, j, &mut lu, &mut pivots, || false));
         pairs.solve(n, s, j, &lu, &pivots, &mut u, &mut work);
         let largest = |x: &[E]| x.iter().map(|x| x.magnitude()).fold(0.0, f64::max);
         let left: Vec<E> = (0..n).map(|i| (0..n).fold(b[i].less(s, u[i]), |sum, c| sum.less(E::real(-j[i * n + c]), u[c]))).collect();
@@ -121,7 +129,7 @@ mod tests {
     fn a_singular_matrix_is_refused() {
         let pairs = Pairs { joints: 1, count: 1 };
         // s = 2 is an eigenvalue of [[0, 1], [4, 0]].
-        assert!(!pairs.decompose(2, 2.0, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2]));
-        assert!(pairs.decompose(2, 2.5, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2]));
+        assert!(!pairs.decompose(2, 2.0, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2], || false));
+        assert!(pairs.decompose(2, 2.5, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2], || false));
     }
 }

@@ -276,4 +276,11 @@ impl Differentiable<f64> for Field {
         }
         self.down = down;
     }
+
+    fn stopped(&mut self) -> bool {
+        if self.error.is_none() {
+            self.error = Python::attach(|py| py.check_signals()).err();
+        }
+        self.error.is_some()
+    }
 }
