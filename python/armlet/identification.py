@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,19 +147,10 @@ class Identification:
     def arm(self) -> Arm:
         """The arm with the identified inertial parameters, and with the identified rotors and friction where they were asked for."""
         own = self.base.arm
-        inertial, drives = np.split(self.parameters, [10 * own.n])
+        inertial, drives = np.split(self.parameters, [own.parameters.size])
         arm = own.with_parameters(inertial)
-        # As in a pickle: of each joint, last but one, four limits, armature, damping and Coulomb friction.
-        pickled: Any = arm.__reduce__()
-        restore, ((name, joints, *rest),) = pickled
-        places = [4] * self.base.armature + [5, 6] * self.base.friction
-        found = [list(joint[5]) for joint in joints]
-        for place, values in zip(places, drives.reshape(-1, own.n), strict=True):
-            for drive, value in zip(found, values, strict=True):
-                drive[place] = float(value)
-        changed = [(*joint[:5], drive, joint[6]) for joint, drive in zip(joints, found, strict=True)]
-        restored: Arm = restore((name, changed, *rest))
-        return restored
+        found = ["armature"] * self.base.armature + ["damping", "friction"] * self.base.friction
+        return arm.with_drives(**dict(zip(found, drives.reshape(-1, own.n), strict=True))) if found else arm
 
     @property
     def unidentified(self) -> tuple[str, ...]:

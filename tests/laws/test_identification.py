@@ -117,7 +117,7 @@ def test_project_refuses() -> None:
     with pytest.raises(al.InputError, match=r"pi has the wrong shape: expected \(70,\), got \(60,\)"):
         ARMS["seven_axis"].check_parameters(np.ones(60))
     with pytest.raises(al.InputError, match="arm has no links"):
-        al.planar_pr(2.0, 0.5, 0.5).base_parameters()
+        al.planar_pr(2.0, 0.5, 0.5).check_parameters()
 
 
 @pytest.mark.parametrize("name", ["planar_2r", "six_axis", "two_arms"])
@@ -137,6 +137,44 @@ def test_a_clean_record_gives_the_parameters_back(name: str) -> None:
     torque = again.base.regressor(q, v, v, a) @ again.values
     np.testing.assert_allclose(torque, tau, rtol=0.0, atol=1e-10 * np.abs(tau).max())
     assert rotors.shape == tau.shape
+
+
+def test_the_arm_given_by_three_parameters() -> None:
+    """A, B and C are all base parameters; noisy records give them back within their deviations, and `found.arm` has them."""
+    arm = al.planar_pr(2.0, -0.5, 0.5)
+    base = arm.base_parameters()
+    assert base.grouping == base.names == ("A", "B", "C") and base.unseen == ()
+    np.testing.assert_array_equal(base.values, [2.0, -0.5, 0.5])
+    q, v, a, _ = states(arm, 400, 4)
+    np.testing.assert_array_equal(base.regressor(q, v, v, a), arm.regressor(q, v, v, a))
+    noise = 0.1 * np.random.default_rng(5).normal(size=q.shape)
+    found = arm.with_parameters([1.0, 0.0, 1.0]).identify(q, v, a, arm.inverse_dynamics(q, v, a) + noise)
+    # Four standard deviations.
+    assert (np.abs(found.values - base.values) < 4.0 * found.deviations).all() and (found.deviations < 0.02).all()
+    np.testing.assert_allclose(found.arm.parameters, found.values, rtol=1e-14)
+    assert arm.base_parameters().regressor(q[0], v[0], v[0], a[0]).shape == (2, 3)
+    with pytest.raises(al.InputError, match="friction, armature are not part of this arm"):
+        arm.identify(q, v, a, noise, armature=True)
+
+
+def test_drives_are_replaced() -> None:
+    arm = ARMS["six_axis"]
+    rng = np.random.default_rng(6)
+    drives = {name: rng.uniform(0.1, 1.0, arm.n) for name in ("armature", "damping", "friction")}
+    other = arm.with_drives(**drives)
+    for name, values in drives.items():
+        np.testing.assert_array_equal(other.limits[name], values)
+        one = arm.with_drives(**{name: values})
+        assert all((one.limits[key] == (values if key == name else arm.limits[key])).all() for key in arm.limits)
+    q, v, a, _ = states(arm, 5, 7)
+    own = arm.with_drives(armature=np.zeros(arm.n)).inverse_dynamics(q, v, a)
+    torque = own + drives["armature"] * a + drives["damping"] * v + drives["friction"] * np.sign(v)
+    np.testing.assert_allclose(other.inverse_dynamics(q, v, a, friction=True), torque, rtol=1e-12)
+    assert arm.with_drives() == arm and other.with_drives(**{name: arm.limits[name] for name in drives}) == arm
+    with pytest.raises(al.InputError, match=r"Arm.with_drives: damping has the wrong shape: expected \(6,\), got \(2,\)"):
+        arm.with_drives(damping=[1.0, 2.0])
+    with pytest.raises(al.InputError, match=r"Arm.with_drives: friction is not finite: .*\(first bad index 5\)"):
+        arm.with_drives(friction=[0.0] * 5 + [np.nan])
 
 
 def test_deviations_are_those_of_repeated_records() -> None:

@@ -7,8 +7,7 @@
 //! parameters, base to tip: one whose distance from the span of those before it is rounding is dependent. So a dependent
 //! parameter is always grouped with parameters of its own body and of bodies that carry it.
 
-use crate::arm::Arm;
-use crate::dynamics::{Evaluator, Quantity, Query};
+use crate::dynamics::{Model, Quantity, Query};
 use crate::error::{Error, Result};
 use crate::linalg::{axpy, dot};
 use crate::spatial::{PARAMETERS, parameter};
@@ -21,6 +20,8 @@ const DEPENDENT: f64 = 1e-8;
 const UNSEEN: f64 = 1e-12;
 /// Rows for every column: random states are then far from singular.
 const ROWS: usize = 3;
+/// States whose regressors are had at a time.
+const BLOCK: usize = 16;
 
 /// A column space found by rank decisions.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -108,21 +109,6 @@ pub struct BaseParameters {
     pub names: Vec<String>,
 }
 
-/// Names of the columns of the regressor: inertial, then armature, then friction where asked for.
-pub fn column_names(arm: &Arm, armature: bool, friction: bool) -> Vec<String> {
-    let of_joints = |what: &'static str| arm.joints.iter().map(move |joint| format!("{what}[{}]", joint.name));
-    let mut names: Vec<String> =
-        arm.joints.iter().flat_map(|joint| parameter::NAMES.iter().map(move |name| format!("{name}[{}]", joint.name))).collect();
-    if armature {
-        names.extend(of_joints("armature"));
-    }
-    if friction {
-        names.extend(of_joints("damping"));
-        names.extend(of_joints("friction"));
-    }
-    names
-}
-
 /// splitmix64: the same states on every machine.
 struct Seeded(u64);
 
@@ -141,11 +127,11 @@ impl Seeded {
 
 /// The base parameters of `arm` under its own gravity, with columns for armature and friction on request. `stop` ends the
 /// work early, with a result of no meaning.
-pub fn base_parameters(arm: &Arm, armature: bool, friction: bool, stop: &AtomicBool) -> Result<BaseParameters> {
+pub fn base_parameters(arm: &Model, armature: bool, friction: bool, stop: &AtomicBool) -> Result<BaseParameters> {
     let n = arm.n();
     let query = Query { armature, friction, ..Quantity::Regressor.into() };
-    let (_, p) = query.shape(n);
-    let names = column_names(arm, armature, friction);
+    let names = arm.column_names(armature, friction);
+    let p = names.len();
     let states = if n == 0 { 0 } else { (ROWS * p).div_ceil(n) };
     let bytes = states as u128 * n as u128 * p as u128 * 8;
     let mut columns: Vec<Vec<f64>> = Vec::new();
@@ -154,21 +140,24 @@ pub fn base_parameters(arm: &Arm, armature: bool, friction: bool, stop: &AtomicB
         column.try_reserve_exact(states * n).map_err(|_| Error::Memory { bytes })?;
         columns.push(column);
     }
-    let mut evaluator = Evaluator::new(arm);
     let mut seeded = Seeded(2022);
-    let [mut q, mut v, mut v_r, mut a_r] = [const { Vec::new() }; 4].map(|mut x: Vec<f64>| {
-        x.resize(n, 0.0);
-        x
-    });
-    let mut y = vec![0.0; n * p];
-    for _ in 0..states {
+    let mut y = vec![0.0; BLOCK * n * p];
+    for first in (0..states).step_by(BLOCK) {
         if stop.load(Ordering::Relaxed) {
             break;
         }
-        for (scale, x) in [(3.0, &mut q), (3.0, &mut v), (3.0, &mut v_r), (9.0, &mut a_r)] {
-            seeded.fill(scale, x);
+        let count = BLOCK.min(states - first);
+        let [mut q, mut v, mut v_r, mut a_r] = [const { Vec::new() }; 4].map(|mut x: Vec<f64>| {
+            x.resize(count * n, 0.0);
+            x
+        });
+        for k in 0..count {
+            for (scale, x) in [(3.0, &mut q), (3.0, &mut v), (3.0, &mut v_r), (9.0, &mut a_r)] {
+                seeded.fill(scale, &mut x[k * n..(k + 1) * n]);
+            }
         }
-        evaluator.one(&query, &[&q, &v, &v_r, &a_r], &mut y)?;
+        let y = &mut y[..count * n * p];
+        arm.regressors(&query, [&q, &v, &v_r, &a_r], y)?;
         for row in y.chunks_exact(p.max(1)) {
             for (column, x) in columns.iter_mut().zip(row) {
                 column.push(*x);

@@ -9,8 +9,7 @@
 //! to length one before the singular values are judged, so that units do not count.
 
 use super::base_parameters::{BaseParameters, base_parameters};
-use crate::arm::Arm;
-use crate::dynamics::{Quantity, Query};
+use crate::dynamics::{Model, Quantity, Query};
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::householder::{reflect, reflector};
 use crate::linalg::{Svd, dot};
@@ -82,7 +81,7 @@ impl Triangle {
 }
 
 /// Identify `arm` from `samples` of motion and torque, each `(samples, n)`.
-pub fn identify(arm: &Arm, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop: &AtomicBool) -> Result<Identification> {
+pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop: &AtomicBool) -> Result<Identification> {
     let n = arm.n();
     if n == 0 {
         return Err(Error::input("arm", "has no joints: expected at least one"));
@@ -112,7 +111,7 @@ pub fn identify(arm: &Arm, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop:
         }
         let last = (first + BLOCK).min(samples);
         let rows = (last - first) * n;
-        arm.evaluate(&query, &[q, v, v, a], samples, first, last, &mut y[..rows * p])?;
+        arm.regressors(&query, [q, v, v, a].map(|x| &x[first * n..last * n]), &mut y[..rows * p])?;
         for (k, column) in triangle.columns.iter_mut().enumerate() {
             column[b + 1..].fill(0.0);
             for row in 0..rows {
@@ -124,16 +123,17 @@ pub fn identify(arm: &Arm, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop:
     }
     let mut out = solve(&triangle, samples * n, options.cutoff)?;
     out.residuals = residuals(arm, [q, v, a, tau], &query, &base, &out.values, &mut y, stop)?;
-    out.parameters = nearest(arm, &base, &out.values)?;
+    out.parameters = nearest(arm, &base, &out.values, options)?;
     Ok(Identification { base, ..out })
 }
 
 /// The torque that the parameters to identify have to explain.
-fn without_known_rotors<'t>(arm: &Arm, a: &[f64], tau: &'t [f64], identified: bool) -> Cow<'t, [f64]> {
-    if identified || arm.joints.iter().all(|joint| joint.armature == 0.0) {
+fn without_known_rotors<'t>(arm: &Model, a: &[f64], tau: &'t [f64], identified: bool) -> Cow<'t, [f64]> {
+    let armature = arm.armature();
+    if identified || armature.iter().all(|&x| x == 0.0) {
         return Cow::Borrowed(tau);
     }
-    Cow::Owned(tau.iter().zip(a).enumerate().map(|(k, (tau, a))| tau - arm.joints[k % arm.n()].armature * a).collect())
+    Cow::Owned(tau.iter().zip(a).zip(armature.iter().cycle()).map(|((tau, a), armature)| tau - armature * a).collect())
 }
 
 /// Everything but what needs the record again.
@@ -185,7 +185,7 @@ fn solve(triangle: &Triangle, rows: usize, cutoff: f64) -> Result<Identification
 
 /// Root mean square of what the model leaves of the torque, by joint.
 fn residuals(
-    arm: &Arm,
+    arm: &Model,
     [q, v, a, tau]: [&[f64]; 4],
     query: &Query,
     base: &BaseParameters,
@@ -202,7 +202,7 @@ fn residuals(
         }
         let last = (first + BLOCK).min(samples);
         let rows = (last - first) * n;
-        arm.evaluate(query, &[q, v, v, a], samples, first, last, &mut y[..rows * p])?;
+        arm.regressors(query, [q, v, v, a].map(|x| &x[first * n..last * n]), &mut y[..rows * p])?;
         for (row, y) in y[..rows * p].chunks_exact(p).enumerate() {
             let model: f64 = base.independent.columns.iter().zip(values).map(|(&j, x)| y[j] * x).sum();
             sums[row % n] += (tau[first * n + row] - model).powi(2);
@@ -212,17 +212,17 @@ fn residuals(
 }
 
 /// `pi + P' (P P')^-1 (beta - P pi)`: the parameters nearest to those of the arm.
-fn nearest(arm: &Arm, base: &BaseParameters, values: &[f64]) -> Result<Vec<f64>> {
+fn nearest(arm: &Model, base: &BaseParameters, values: &[f64], options: &Options) -> Result<Vec<f64>> {
     let (b, p) = (base.count(), base.names.len());
     let projection = &base.independent.projection;
     let mut pi = arm.parameters();
-    for which in ["armature", "damping", "friction"] {
-        if base.names.iter().any(|name| name.starts_with(which)) {
-            pi.extend(arm.joints.iter().map(|joint| match which {
-                "armature" => joint.armature,
-                "damping" => joint.damping,
-                _ => joint.friction,
-            }));
+    if let Model::Tree(arm) = arm {
+        if options.armature {
+            pi.extend(arm.joints.iter().map(|joint| joint.armature));
+        }
+        if options.friction {
+            pi.extend(arm.joints.iter().map(|joint| joint.damping));
+            pi.extend(arm.joints.iter().map(|joint| joint.friction));
         }
     }
     let row = |k: usize| &projection[k * p..(k + 1) * p];

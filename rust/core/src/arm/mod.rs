@@ -76,6 +76,28 @@ impl Arm {
         Ok(arm)
     }
 
+    /// The arm with other rotors and friction, `(n,)` each, any finite numbers; `None` keeps what there is.
+    pub fn with_drives(&self, armature: Option<&[f64]>, damping: Option<&[f64]>, friction: Option<&[f64]>) -> Result<Arm> {
+        type Part = fn(&mut Joint) -> &mut f64;
+        let parts: [(_, _, Part); 3] = [
+            ("armature", armature, |joint| &mut joint.armature),
+            ("damping", damping, |joint| &mut joint.damping),
+            ("friction", friction, |joint| &mut joint.friction),
+        ];
+        let mut arm = self.clone();
+        for (name, values, part) in parts {
+            let Some(values) = values else { continue };
+            if values.len() != self.n() {
+                return Err(Error::input(name, format!("has the wrong length: expected {}, got {}", self.n(), values.len())));
+            }
+            finite(name, values)?;
+            for (joint, &value) in arm.joints.iter_mut().zip(values) {
+                *part(joint) = value;
+            }
+        }
+        Ok(arm)
+    }
+
     pub fn with_gravity(&self, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         Ok(Arm { gravity, ..self.clone() })

@@ -6,6 +6,8 @@
 
 pub mod aba;
 mod arm_at;
+#[cfg(not(test))]
+mod closed_form;
 pub mod coriolis;
 pub mod crba;
 pub mod derivatives;

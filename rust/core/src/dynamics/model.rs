@@ -9,7 +9,7 @@ use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{self, Coordinates};
 use crate::scalar::{Kernel, Real};
-use crate::spatial::V3;
+use crate::spatial::{V3, parameter};
 use std::sync::Arc;
 
 /// An arm as the user states it.
@@ -55,6 +55,22 @@ impl Model {
             Model::PlanarPr(_) => vec![0.0; 2],
             Model::Tree(arm) => arm.joints.iter().map(|joint| joint.armature).collect(),
         }
+    }
+
+    /// Names of the columns of the regressor: inertial, then armature, then friction where asked for.
+    pub fn column_names(&self, armature: bool, friction: bool) -> Vec<String> {
+        let Model::Tree(arm) = self else { return ["A", "B", "C"].map(String::from).to_vec() };
+        let of_joints = |what: &'static str| arm.joint_names().map(move |joint| format!("{what}[{joint}]"));
+        let mut names: Vec<String> =
+            arm.joint_names().flat_map(|joint| parameter::NAMES.iter().map(move |name| format!("{name}[{joint}]"))).collect();
+        if armature {
+            names.extend(of_joints("armature"));
+        }
+        if friction {
+            names.extend(of_joints("damping"));
+            names.extend(of_joints("friction"));
+        }
+        names
     }
 
     /// The tree of bodies, or an error that says what `argument` lacks.

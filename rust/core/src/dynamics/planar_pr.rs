@@ -42,9 +42,7 @@ impl PlanarPr<f64> {
     pub fn parameter_array(&self) -> [f64; 3] {
         [self.a, self.b, self.c]
     }
-}
 
-impl PlanarPr<f64> {
     /// `[d tau/d q; d tau/d v; M]`, `(6, 2)` row-major, of `tau = M a + C v`.
     pub fn inverse_dynamics_slopes(&self, (sin, cos): (f64, f64), v: &[f64], a: &[f64], out: &mut [f64]) {
         let (bs, bc) = (self.b * sin, self.b * cos);

@@ -28,6 +28,40 @@ impl Arm {
         })
     }
 
+    /// The same arm with other rotors and friction; any finite numbers.
+    ///
+    /// `M(q) + diag(armature)`; `tau = .. + damping v + friction sign(v)` where friction is asked for.
+    ///
+    /// Args:
+    ///     armature: rotor inertia seen at the joint, `(n,)`, kg m^2 (kg for a slide); that of the arm if None (keyword only).
+    ///     damping: viscous friction, `(n,)`, N m s/rad (N s/m); that of the arm if None (keyword only).
+    ///     friction: Coulomb friction, `(n,)`, N m (N); that of the arm if None (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite or has the wrong shape, or the arm has no links.
+    ///
+    /// >>> import armlet as al
+    /// >>> arm = al.pendulum(1.0, 1.0).with_drives(armature=[0.5])
+    /// >>> float(arm.mass_matrix([0.0])[0, 0]), float(arm.limits["armature"][0])
+    /// (1.5, 0.5)
+    #[pyo3(signature = (*, armature=None, damping=None, friction=None))]
+    fn with_drives(
+        &self,
+        py: Python<'_>,
+        armature: Option<&Bound<'_, PyAny>>,
+        damping: Option<&Bound<'_, PyAny>>,
+        friction: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Arm> {
+        const NAME: &str = "Arm.with_drives";
+        entry(py, NAME, || {
+            let tree = self.model.tree(NAME)?;
+            let read = |name: &str, value: Option<&Bound<'_, PyAny>>| value.map(|value| vector(NAME, name, value, tree.n())).transpose();
+            let (armature, damping) = (read("armature", armature)?, read("damping", damping)?);
+            let friction = read("friction", friction)?;
+            Ok(tree.with_drives(armature.as_deref(), damping.as_deref(), friction.as_deref())?.into())
+        })
+    }
+
     /// The same arm under another gravity.
     ///
     /// Args:

@@ -55,7 +55,7 @@ impl Arm {
     ///     An `al.BaseParameters`: `.count`, `.projection` `(b, p)`, `.columns`, `.grouping`, `.values`, `.regressor(q, v, v_r, a_r)`.
     ///
     /// Raises:
-    ///     InputError: the arm has no links.
+    ///     InputError: armature or friction of `planar_pr`, which has none.
     ///
     /// Source: Gautier 1991.
     ///
@@ -71,8 +71,8 @@ impl Arm {
         const NAME: &str = "base_parameters";
         entry(slf.py(), NAME, || {
             let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
-            let tree = slf.get().model.tree(NAME)?;
-            let found = listening(slf.py(), |stop| base::base_parameters(tree, armature, friction, stop))?;
+            let arm = slf.get().model.core();
+            let found = listening(slf.py(), |stop| base::base_parameters(&arm, armature, friction, stop))?;
             base_object(slf, &found, armature, friction)
         })
     }
@@ -153,7 +153,8 @@ impl Arm {
     ///     An `al.Identification`: `.values`, `.deviations`, `.rank`, `.condition`, `.residuals`, `.unidentified`, `.arm`.
     ///
     /// Raises:
-    ///     InputError: an argument is not finite, shapes differ, there are too few samples, or the arm has no links.
+    ///     InputError: an argument is not finite, shapes differ, there are too few samples, or armature or friction is asked of
+    ///         `planar_pr`, which has none.
     ///
     /// Source: Gautier and Khalil 1992.
     ///
@@ -182,9 +183,9 @@ impl Arm {
         const NAME: &str = "identify";
         let py = slf.py();
         entry(py, NAME, || {
-            let tree = slf.get().model.tree(NAME)?;
+            let arm = slf.get().model.core();
             let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
-            let n = tree.n();
+            let n = arm.n();
             let mut shape: Option<Vec<usize>> = None;
             let mut record = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {
                 let (given, values) = numbers(NAME, name, value)?;
@@ -201,7 +202,7 @@ impl Arm {
             let noise = noise.map(|noise| vector(NAME, "noise", noise, n)).transpose()?;
             let cutoff = positive(NAME, "cutoff", cutoff, CUTOFF)?;
             let options = identification::Options { armature, friction, noise: noise.as_deref(), cutoff };
-            let found = listening(py, |stop| identification::identify(tree, [&q, &v, &a, &tau], &options, stop))?;
+            let found = listening(py, |stop| identification::identify(&arm, [&q, &v, &a, &tau], &options, stop))?;
             let (b, p) = (found.base.count(), found.base.names.len());
             let fields = PyDict::new(py);
             fields.set_item("base", base_object(slf, &found.base, armature, friction)?)?;

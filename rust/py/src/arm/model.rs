@@ -1,9 +1,8 @@
 //! The model behind `armlet.Arm`: a closed-form arm or a tree, with one way to ask either.
 
 use armlet_core::arm::{Arm as Tree, JointKind};
-use armlet_core::dynamics::{Dynamics, Evaluator, LaneEvaluator, PlanarPr, Quantity, Query};
+use armlet_core::dynamics::{Evaluator, LaneEvaluator, PlanarPr, Quantity, Query};
 use armlet_core::error::{Error, Result, all_finite, finite};
-use armlet_core::scalar::Real;
 use std::sync::{Arc, Mutex};
 
 /// A tree with the evaluators of single and of batched calls, which keep their buffers between them.
@@ -152,7 +151,8 @@ impl Model {
         match self {
             Model::PlanarPr(arm) => {
                 inputs.iter().zip(query.inputs()).try_for_each(|(x, name)| finite(name, x))?;
-                planar_pr_row(arm, query, inputs, out)
+                arm.evaluate(query, inputs, out)?;
+                Ok(all_finite(out))
             }
             Model::Tree(tree) => match tree.evaluator.try_lock() {
                 Ok(mut evaluator) => evaluator.one(query, inputs, out),
@@ -175,7 +175,8 @@ impl Model {
                     for (row, all) in one.iter_mut().zip(inputs) {
                         *row = &all[2 * i..2 * i + 2];
                     }
-                    sound &= planar_pr_row(arm, query, &one[..inputs.len()], row)?;
+                    arm.evaluate(query, &one[..inputs.len()], row)?;
+                    sound &= all_finite(row);
                 }
                 Ok(sound)
             }
@@ -218,30 +219,4 @@ impl Model {
         }
         text
     }
-}
-
-fn planar_pr_row(arm: &PlanarPr<f64>, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-    let q = x[0];
-    let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
-    if query.friction || query.armature {
-        return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
-    }
-    match query.quantity {
-        Quantity::MassMatrix => arm.mass_matrix(&mut (), &trig, q, out),
-        Quantity::CoriolisMatrix => arm.coriolis_matrix(&mut (), &trig, q, x[1], out),
-        Quantity::Gravity => arm.gravity(&mut (), &trig, q, out),
-        Quantity::Bias => arm.bias(&mut (), &trig, q, x[1], out),
-        Quantity::InverseDynamics => arm.inverse_dynamics(&mut (), &trig, q, x[1], x[2], out),
-        Quantity::ForwardDynamics => arm.forward_dynamics(&mut (), &trig, q, x[1], x[2], out),
-        Quantity::Regressor => arm.regressor(&mut (), &trig, q, x[1], x[2], x[3], out),
-        Quantity::Energy => (out[0], out[1]) = arm.energy(&mut (), &trig, q, x[1]),
-        Quantity::InverseDynamicsDerivatives => arm.inverse_dynamics_slopes(trig[1], x[1], x[2], out),
-        Quantity::ForwardDynamicsDerivatives => {
-            let mut a = [0.0; 2];
-            arm.forward_dynamics(&mut (), &trig, q, x[1], x[2], &mut a);
-            arm.forward_dynamics_slopes(trig[1], x[1], &a, out);
-        }
-        _ => return Err(Error::input("arm", "has no links: expected an arm with a kinematic model, got planar_pr")),
-    }
-    Ok(all_finite(out))
 }

@@ -1,0 +1,52 @@
+//! What can be asked of the closed-form PR robot, as [`super::Evaluator`] answers it for trees; regressors of either.
+
+use super::{Dynamics, Model, PlanarPr, Quantity, Query};
+use crate::error::{Error, Result};
+use crate::scalar::Real;
+
+impl PlanarPr<f64> {
+    /// One configuration: the inputs of `query`, finite and `(2,)` each, and room for its answer.
+    pub fn evaluate(&self, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<()> {
+        let q = x[0];
+        let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
+        if query.friction || query.armature {
+            return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
+        }
+        match query.quantity {
+            Quantity::MassMatrix => self.mass_matrix(&mut (), &trig, q, out),
+            Quantity::CoriolisMatrix => self.coriolis_matrix(&mut (), &trig, q, x[1], out),
+            Quantity::Gravity => self.gravity(&mut (), &trig, q, out),
+            Quantity::Bias => self.bias(&mut (), &trig, q, x[1], out),
+            Quantity::InverseDynamics => self.inverse_dynamics(&mut (), &trig, q, x[1], x[2], out),
+            Quantity::ForwardDynamics => self.forward_dynamics(&mut (), &trig, q, x[1], x[2], out),
+            Quantity::Regressor => self.regressor(&mut (), &trig, q, x[1], x[2], x[3], out),
+            Quantity::Energy => (out[0], out[1]) = self.energy(&mut (), &trig, q, x[1]),
+            Quantity::InverseDynamicsDerivatives => self.inverse_dynamics_slopes(trig[1], x[1], x[2], out),
+            Quantity::ForwardDynamicsDerivatives => {
+                let mut a = [0.0; 2];
+                self.forward_dynamics(&mut (), &trig, q, x[1], x[2], &mut a);
+                self.forward_dynamics_slopes(trig[1], x[1], &a, out);
+            }
+            _ => return Err(Error::input("arm", "has no links: expected an arm with a kinematic model, got planar_pr")),
+        }
+        Ok(())
+    }
+}
+
+impl Model {
+    /// Regressors `(count, n, p)` as `query` asks for them, at `q, v, v_r, a_r`, each `(count, n)`.
+    pub fn regressors(&self, query: &Query, states: [&[f64]; 4], out: &mut [f64]) -> Result<()> {
+        match self {
+            Model::PlanarPr(arm) => {
+                for (i, y) in out.chunks_exact_mut(6).enumerate() {
+                    arm.evaluate(query, &states.map(|x| &x[2 * i..2 * i + 2]), y)?;
+                }
+                Ok(())
+            }
+            Model::Tree(arm) => {
+                let count = states[0].len() / arm.n().max(1);
+                arm.evaluate(query, &states, count, 0, count, out).map(drop)
+            }
+        }
+    }
+}
