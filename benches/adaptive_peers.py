@@ -125,8 +125,7 @@ def scipy_dop853(rtol: float, atol: float) -> tuple[Array, int]:
     return solution.y[:, -1], solution.nfev
 
 
-def numba_kernels() -> dict[str, Callable[..., Any]]:
-    """The loop over arrays, the same by scalars, and the batch on one and on several threads."""
+def numba_rhs() -> Callable[..., Any]:
     import numba
 
     lam, kd, (g1, g2, g3) = LAMBDA, KD, GAMMA
@@ -144,6 +143,36 @@ def numba_kernels() -> dict[str, Callable[..., Any]]:
         f2 = y22 * b + a2 * c + kd * s2
         inverse = 1.0 / (A * C - off * off)
         return v1, v2, (C * f1 - off * f2) * inverse, (A * f2 - off * f1) * inverse, g1 * a1 * s1, g2 * (y12 * s1 + y22 * s2), g3 * a2 * s2
+
+    return f
+
+
+def numbalsoda_dop853(rtol: float, atol: float) -> Callable[[], Array]:
+    """Hairer's Fortran code on a right-hand side compiled by numba."""
+    import numba
+    import numbalsoda
+
+    if not hasattr(numbalsoda, "dop853"):
+        raise ImportError("numbalsoda has no dop853 before 0.3.4")
+    f, (A, B, C) = numba_rhs(), PLANT
+
+    @numba.cfunc(numbalsoda.lsoda_sig)
+    def rhs(t, x, dx, _):  # type: ignore[no-untyped-def]
+        s1, c1, s2, c2 = math.sin(t), math.cos(t), math.sin(2 * t), math.cos(2 * t)
+        slope = f(A, B, C, x[0], x[1], x[2], x[3], x[4], x[5], x[6], (0.5 * s1, 0.8 * s2, 0.5 * c1, 1.6 * c2, -0.5 * s1, -3.2 * s2))
+        for i, value in enumerate(slope):
+            dx[i] = value
+
+    times, address, x0 = np.array([0.0, T]), rhs.address, start()
+    # The default keeps the compiled function alive.
+    return lambda _rhs=rhs: numbalsoda.dop853(address, x0, times, rtol=rtol, atol=atol)[0][-1]
+
+
+def numba_kernels() -> dict[str, Callable[..., Any]]:
+    """The loop over arrays, the same by scalars, and the batch on one and on several threads."""
+    import numba
+
+    f = numba_rhs()
 
     @numba.njit
     def arrays(plant, x0, motion, steps, h):  # type: ignore[no-untyped-def]

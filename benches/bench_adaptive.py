@@ -33,7 +33,7 @@ ISAS = ("baseline", "avx2", "avx512")
 CALLS, ROWS, IN_A_ROW = 5_000, 100_000, 50
 C, C_BATCH, NUMBA, NUMBA_BATCH = "C, by hand", "C with AVX-512, by hand", "numba, scalars", "numba, batch"
 ONE, BATCH, BATCH2 = "armlet", "armlet, batch", "armlet, batch, 2 threads"
-DOP853 = f"armlet, dop853, {IN_A_ROW} calls in a row"
+DOP853, NUMBALSODA, AFTER = "armlet, dop853", "numbalsoda, dop853", ", after other work"
 # RK4 at 1 ms leaves 1.1e-10 here, DOP853 at rtol 1e-8 6e-11; two RK4 codes differ by rounding alone, and the loop contracts.
 TRUNCATION, ROUNDING = 1e-9, 1e-12
 
@@ -92,16 +92,14 @@ class Suite:
 
     def adaptive_methods(self) -> None:
         group, per = "One run of 10 s, dop853, rtol 1e-8: ns per simulated ms", peers.T * 1e3
-        once, exact = cases.adaptive_method(1e-8, 1e-10), (self.exact, TRUNCATION)
-
-        def in_a_row() -> Any:
-            for _ in range(IN_A_ROW - 1):
-                once()
-            return once()
-
-        # A run takes less time than the caches need to forget the other cases: both as one of many, and alone after other work.
-        self.add(group, DOP853, in_a_row, IN_A_ROW * per, exact)
-        self.add(group, "armlet, dop853, one call after other work", once, per, exact, against=DOP853)
+        exact = (self.exact, TRUNCATION)
+        # A run is so short that what other cases left in the caches counts: one of many calls, and one after other work.
+        peer = timing.if_there("numbalsoda", lambda: peers.numbalsoda_dop853(1e-8, 1e-10), say)
+        for name, once in ((DOP853, cases.adaptive_method(1e-8, 1e-10)), (NUMBALSODA, peer)):
+            if once is not None:
+                beside = {"": None, AFTER: None} if name == DOP853 else {"": DOP853, AFTER: DOP853 + AFTER}
+                self.add(group, name, in_a_row(once), IN_A_ROW * per, exact, against=beside[""])
+                self.add(group, name + AFTER, once, per, exact, against=beside[AFTER])
         if importlib.util.find_spec("scipy") is None:
             return say("skipped: scipy: not installed")
         compare("scipy DOP853, rtol 1e-12, the reference itself", peers.scipy_dop853(1e-12, 1e-13)[0], self.exact, 1e-9)
@@ -166,6 +164,17 @@ class Suite:
         )
 
 
+def in_a_row(once: Callable[[], Any]) -> Callable[[], Any]:
+    """`IN_A_ROW` calls; the answer of the last."""
+
+    def run() -> Any:
+        for _ in range(IN_A_ROW - 1):
+            once()
+        return once()
+
+    return run
+
+
 def targets(found: list[Case], busy: bool) -> list[tuple[str, str, str, bool]]:
     """(what, target, measured, met); only what this run could measure. Wall times of two threads say nothing on a busy machine."""
     by_name = {case.name: case for case in found}
@@ -190,7 +199,7 @@ def targets(found: list[Case], busy: bool) -> list[tuple[str, str, str, bool]]:
     ratio("batch, AVX2 + FMA / C with AVX-512", "avx2, batch", C_BATCH, 2.0)
     ratio("batch, AVX-512 / C with AVX-512", "avx512, batch", C_BATCH, 1.3)
     ratio("batch, AVX-512 / C with AVX-512 (aim)", "avx512, batch", C_BATCH, 1.15)
-    ceiling("dop853 at rtol 1e-8, per simulated ms", DOP853, 18.1, "ns")
+    ratio("dop853 / numbalsoda's", DOP853, NUMBALSODA, 1.0)
     ratio("batch: two threads over one", BATCH2, BATCH, 1.8, at_least=True)
     ceiling("mass_matrix over its arithmetic", "arm.mass_matrix(q), PR", 250, "ns", "mass_matrix per row of a batch, PR")
     arithmetic = "inverse_dynamics per row of a batch, PR"

@@ -182,14 +182,14 @@ def integrate(
         atol,
         dt,
         t_eval,
-        bool(dense_output),
+        dense_output,
         _events(events),
         jac,
         tuple(args),
         max_step,
         first_step,
         positions,
-        bool(lists),
+        lists,
     )
     result = Integration(fields, float(t0))
     if throw and not result.success:

@@ -252,6 +252,27 @@ def test_flags_of_the_wrong_kind(function: str, value: Any) -> None:
         getattr(ROBOT, function)(*[np.zeros((9, 6))] * count, friction=value)
 
 
+PR = al.planar_pr(2.0, 0.5, 0.5)
+FLAGS = {
+    "MotorPD: online": lambda flag: al.MotorPD(PR, [0.0, 0.0], 1.0, 1.0, 1.0, online=flag),
+    "JointImpedance: relative_damping": lambda flag: al.JointImpedance(PR, [0.0, 0.0], 1.0, 1.0, 1.0, 1.0, 0.5, relative_damping=flag),
+    "inverse_kinematics: limits": lambda flag: al.inverse_kinematics(
+        ROBOT, [al.Task(ROBOT.frame_names[-1], "xyz", [0.3, 0.0, 0.3])], np.zeros(ROBOT.n), limits=flag
+    ),
+    "integrate: dense_output": lambda flag: al.integrate(lambda t, y: y, (0.0, 1.0), [1.0], dense_output=flag),
+    "integrate: lists": lambda flag: al.integrate(lambda t, y: [y[0]], (0.0, 1.0), [1.0], lists=flag),
+}
+
+
+@pytest.mark.parametrize("name", FLAGS)
+def test_flags_of_other_functions(name: str) -> None:
+    make = FLAGS[name]
+    for value in (1, "no", np.ones(2)):
+        with pytest.raises(al.InputError, match=rf"{name} is not a flag: expected True or False, got"):
+            make(value)
+    make(np.bool_(True))
+
+
 def test_numpy_flags_are_flags() -> None:
     v = np.ones(6)
     np.testing.assert_array_equal(ROBOT.bias(ZERO, v, friction=np.True_), ROBOT.bias(ZERO, v, friction=True))

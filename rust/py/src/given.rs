@@ -1,13 +1,13 @@
 //! What constructors of laws and plants are given: read once, kept for `repr` and pickling.
 
 use crate::arm::Arm;
-use crate::arrays::{new_array, numbers, object, require_finite, shown, text, vector};
+use crate::arrays::{flag_or_false, new_array, numbers, object, require_finite, shown, text, vector};
 use crate::errors::{Failure, input_error};
 use crate::motion::Motion;
 use armlet_core::kinematics::coordinates::parse_axes;
 use armlet_core::linalg::gain::Gain;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyBool, PyDict, PyTuple};
 
 const AN_ARM: &str = "an Arm such as planar_pr(..)";
 const A_MOTION: &str = "a Motion such as Hold";
@@ -81,10 +81,13 @@ impl<'py> Given<'py> {
         Ok(x)
     }
 
-    pub fn flag(&mut self, name: &'static str, value: bool) -> Result<(), Failure> {
-        let kept = value.into_pyobject(self.arm.py()).map_err(PyErr::from)?.to_owned();
-        self.plain(name, kept.as_any());
-        Ok(())
+    /// A flag that is false unless given; kept where it is true.
+    pub fn flag(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>) -> Result<bool, Failure> {
+        let flag = flag_or_false(self.function, name, value)?;
+        if flag {
+            self.plain(name, PyBool::new(self.arm.py(), true).as_any());
+        }
+        Ok(flag)
     }
 
     /// Text or a flag, kept as it is.

@@ -1,7 +1,7 @@
 //! `armlet.inverse_kinematics` and its answer.
 
 use crate::arm::Arm;
-use crate::arrays::{number, numbers, object, shown, vector};
+use crate::arrays::{flag, number, numbers, object, shown, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::priority::{copied, residual_list, status_member};
 use crate::simulate::listening;
@@ -98,7 +98,12 @@ const LONG: usize = 10_000;
 /// >>> found.status, arm.position(found.q, "link3").round(9)
 /// (<Status.SUCCESS: 0>, array([0.6, 0.5, 0. ]))
 #[pyfunction]
-#[pyo3(signature = (arm, tasks, q0, *, method="clamp", eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None, limits=true))]
+#[pyo3(
+    signature = (arm, tasks, q0, *, method="clamp", eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None,
+                 limits=None),
+    text_signature = "(arm, tasks, q0, *, method='clamp', eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, \
+                      step_max=None, limits=True)"
+)]
 pub fn inverse_kinematics<'py>(
     py: Python<'py>,
     arm: &Bound<'py, PyAny>,
@@ -111,7 +116,7 @@ pub fn inverse_kinematics<'py>(
     restarts: Option<&Bound<'py, PyAny>>,
     seed: Option<&Bound<'py, PyAny>>,
     step_max: Option<&Bound<'py, PyAny>>,
-    limits: bool,
+    limits: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<InverseKinematics> {
     entry(py, NAME, || {
         let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
@@ -137,7 +142,7 @@ pub fn inverse_kinematics<'py>(
             restarts: restarts.map_or(Ok(plain.restarts), |x| whole("restarts", x))?,
             seed: seed.map_or(Ok(plain.seed), |x| whole("seed", x).map(|x| x as u64))?,
             step_max: step_max.map_or(Ok(plain.step_max), |x| number(NAME, "step_max", x))?,
-            limits,
+            limits: limits.map_or(Ok(plain.limits), |x| flag(NAME, "limits", x))?,
             method: Method::from_name(method)?,
             eps,
         };

@@ -1,7 +1,7 @@
 //! `armlet.RigidArm`, `armlet.ElasticArm`, `armlet.VelocityArm` and the wall that plants touch.
 
 use crate::arm::Arm;
-use crate::arrays::{flag_or_false, number, object, text, three};
+use crate::arrays::{number, object, text, three};
 use crate::errors::{Failure, entry};
 use crate::given::{Given, call, shown_as};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
@@ -140,10 +140,9 @@ impl RigidArm {
         const NAME: &str = "RigidArm";
         entry(arm.py(), NAME, || {
             let mut given = Given::new(NAME, arm)?;
-            let friction = flag_or_false(NAME, "friction", friction)?;
+            let friction = given.flag("friction", friction)?;
             if friction {
                 given.model().tree("friction")?;
-                given.flag("friction", true)?;
             }
             let wall = self::wall(&mut given, NAME, wall)?;
             let stops = self::stops(&mut given, NAME, stops)?;

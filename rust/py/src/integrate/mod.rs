@@ -5,7 +5,7 @@ mod stepper;
 
 pub use stepper::Stepper;
 
-use crate::arrays::{new_array, number, numbers, optional_number, require_finite, shown, text};
+use crate::arrays::{flag, new_array, number, numbers, optional_number, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::integrate::events::Event;
 use armlet_core::integrate::solve::{Recorder, Request, node, solve};
@@ -240,14 +240,14 @@ pub fn integrate<'py>(
     atol: &Bound<'py, PyAny>,
     dt: Option<&Bound<'py, PyAny>>,
     t_eval: Option<&Bound<'py, PyAny>>,
-    dense: bool,
+    dense: &Bound<'py, PyAny>,
     events: Vec<(Bound<'py, PyAny>, f64, usize)>,
     jac: Option<&Bound<'py, PyAny>>,
     args: &Bound<'py, PyTuple>,
     max_step: Option<&Bound<'py, PyAny>>,
     first_step: Option<&Bound<'py, PyAny>>,
     positions: usize,
-    lists: bool,
+    lists: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "integrate";
     entry(py, NAME, || {
@@ -257,6 +257,7 @@ pub fn integrate<'py>(
         }
         let span = [number(NAME, "t_span", t0)?, number(NAME, "t_span", t1)?];
         require_finite(py, NAME, "t_span", &[2], &span)?;
+        let (dense, lists) = (flag(NAME, "dense_output", dense)?, flag(NAME, "lists", lists)?);
         let y0 = initial_state(NAME, "y0", y0)?;
         let n = y0.len();
         let settings = Settings::new(NAME, n, method, rtol, atol, dt, max_step, first_step)?;

@@ -15,7 +15,7 @@ struct Inner<'a, 'py> {
     reduced_inertia: &'a Bound<'py, PyAny>,
     motor_damping: Option<&'a Bound<'py, PyAny>>,
     damping_ratio: Option<&'a Bound<'py, PyAny>>,
-    relative_damping: bool,
+    relative_damping: Option<&'a Bound<'py, PyAny>>,
 }
 
 impl<'py> Inner<'_, 'py> {
@@ -30,10 +30,8 @@ impl<'py> Inner<'_, 'py> {
         }
         let damping = self.motor_damping.map(|value| given.gain("motor_damping", value, n)).transpose()?;
         let ratio = self.damping_ratio.map(|value| given.number("damping_ratio", value)).transpose()?.unwrap_or(1.0);
-        if self.relative_damping {
-            given.flag("relative_damping", true)?;
-        }
-        Ok(ReductionSpec::new(n, joint_stiffness, motor_inertia, reduced_inertia, damping, ratio, self.relative_damping)?)
+        let relative = given.flag("relative_damping", self.relative_damping)?;
+        Ok(ReductionSpec::new(n, joint_stiffness, motor_inertia, reduced_inertia, damping, ratio, relative)?)
     }
 }
 
@@ -102,8 +100,12 @@ pub struct ElasticImpedance;
 #[pymethods]
 impl ElasticImpedance {
     #[new]
-    #[pyo3(signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
-                        motor_damping=None, damping_ratio=None, relative_damping=false))]
+    #[pyo3(
+        signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
+                     motor_damping=None, damping_ratio=None, relative_damping=None),
+        text_signature = "(arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None, \
+                          motor_damping=None, damping_ratio=None, relative_damping=False)"
+    )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         target: &Bound<'py, PyAny>,
@@ -116,7 +118,7 @@ impl ElasticImpedance {
         axes: Option<&Bound<'py, PyAny>>,
         motor_damping: Option<&Bound<'py, PyAny>>,
         damping_ratio: Option<&Bound<'py, PyAny>>,
-        relative_damping: bool,
+        relative_damping: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ElasticImpedance";
         entry(arm.py(), NAME, || {
@@ -153,8 +155,12 @@ pub struct ElasticTracking;
 #[pymethods]
 impl ElasticTracking {
     #[new]
-    #[pyo3(signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
-                        motor_damping=None, damping_ratio=None, relative_damping=false))]
+    #[pyo3(
+        signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
+                     motor_damping=None, damping_ratio=None, relative_damping=None),
+        text_signature = "(arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None, \
+                          motor_damping=None, damping_ratio=None, relative_damping=False)"
+    )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         target: &Bound<'py, PyAny>,
@@ -167,7 +173,7 @@ impl ElasticTracking {
         axes: Option<&Bound<'py, PyAny>>,
         motor_damping: Option<&Bound<'py, PyAny>>,
         damping_ratio: Option<&Bound<'py, PyAny>>,
-        relative_damping: bool,
+        relative_damping: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ElasticTracking";
         entry(arm.py(), NAME, || {
@@ -206,8 +212,12 @@ pub struct JointImpedance;
 #[pymethods]
 impl JointImpedance {
     #[new]
-    #[pyo3(signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, motor_damping=None,
-                        damping_ratio=None, relative_damping=false))]
+    #[pyo3(
+        signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, motor_damping=None,
+                     damping_ratio=None, relative_damping=None),
+        text_signature = "(arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, motor_damping=None, \
+                          damping_ratio=None, relative_damping=False)"
+    )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         target: &Bound<'py, PyAny>,
@@ -218,7 +228,7 @@ impl JointImpedance {
         reduced_inertia: &Bound<'py, PyAny>,
         motor_damping: Option<&Bound<'py, PyAny>>,
         damping_ratio: Option<&Bound<'py, PyAny>>,
-        relative_damping: bool,
+        relative_damping: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "JointImpedance";
         entry(arm.py(), NAME, || {
@@ -264,14 +274,17 @@ pub struct MotorPD;
 #[pymethods]
 impl MotorPD {
     #[new]
-    #[pyo3(signature = (arm, target, kp, kd, joint_stiffness, *, online=false))]
+    #[pyo3(
+        signature = (arm, target, kp, kd, joint_stiffness, *, online=None),
+        text_signature = "(arm, target, kp, kd, joint_stiffness, *, online=False)"
+    )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         target: &Bound<'py, PyAny>,
         kp: &Bound<'py, PyAny>,
         kd: &Bound<'py, PyAny>,
         joint_stiffness: &Bound<'py, PyAny>,
-        online: bool,
+        online: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "MotorPD";
         entry(arm.py(), NAME, || {
@@ -280,9 +293,7 @@ impl MotorPD {
             let target = given.vector("target", target, n)?;
             let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
             let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
-            if online {
-                given.flag("online", true)?;
-            }
+            let online = given.flag("online", online)?;
             let spec = MotorPdSpec::new(given.model(), &target, kp, kd, joint_stiffness, online)?;
             Ok(given.law(LawSpec::MotorPd(spec)).add_subclass(MotorPD))
         })

@@ -1,7 +1,7 @@
 //! Laws of rigid arms.
 
 use super::{Given, Law};
-use crate::arrays::{flag_or_false, numbers, shown};
+use crate::arrays::{numbers, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec, Projection};
 use armlet_core::motion::Motion;
@@ -93,9 +93,8 @@ impl Adaptive {
             let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
             let base = base.filter(|base| !base.is_none()).map(|base| base_of(&mut given, base, p)).transpose()?;
             let estimated = base.as_ref().map_or(p, |base| base.columns.len());
-            let adaptation = if flag_or_false("Adaptive", "natural", natural)? {
+            let adaptation = if given.flag("natural", natural)? {
                 let bodies = p / 10;
-                given.flag("natural", true)?;
                 let gamma = given.gain("gamma", gamma, bodies)?;
                 if !gamma.is_diagonal() {
                     let problem = format!("is a matrix: expected a scalar or ({bodies},), one number per body, for natural adaptation");
