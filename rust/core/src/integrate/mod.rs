@@ -4,7 +4,7 @@
 //! a plain `x' = f(t, x)` it is the time itself.
 
 pub mod adaptive;
-pub mod dop853;
+mod dop853;
 mod dop853_tableau;
 mod dopri5;
 mod euler;

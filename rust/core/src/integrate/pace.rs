@@ -190,10 +190,14 @@ impl<T: Accuracy> Pace<T> {
     }
 }
 
-/// `x^p`; the fourth root, which every step of a Rosenbrock method takes, without the library.
+/// `x^p`; the fourth and the eighth root, which every step of a Rosenbrock method or of dop853 takes, without the library.
 #[inline(always)]
 fn power(x: f64, p: f64) -> f64 {
-    if p == -0.25 { 1.0 / x.sqrt().sqrt() } else { x.powf(p) }
+    match p {
+        -0.25 => 1.0 / x.sqrt().sqrt(),
+        -0.125 => 1.0 / x.sqrt().sqrt().sqrt(),
+        _ => x.powf(p),
+    }
 }
 
 /// Whether all numbers are finite, without a branch per number.
