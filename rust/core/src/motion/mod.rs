@@ -1,15 +1,13 @@
 //! Desired motions `t -> (q_d, v_d, a_d)`. Each holds its end, and its start before time zero.
 
-mod bang_bang;
 mod path;
-mod quintic;
+mod rest_to_rest;
 mod sinusoid;
 mod table;
 mod timed_path;
 
-pub use bang_bang::BangBang;
 pub use path::{Ends, Path, TERMS};
-pub use quintic::Quintic;
+pub use rest_to_rest::{BangBang, Quintic};
 pub use sinusoid::Sinusoid;
 pub use table::Table;
 pub use timed_path::TimedPath;
@@ -104,31 +102,6 @@ pub fn sample_all<'a, S: Real>(motions: impl IntoIterator<Item = &'a Motion>, t:
         let width = 3 * motion.dof();
         sample_apart(motion, t, &mut out[at..at + width]);
         at += width;
-    }
-}
-
-/// Start, end and duration of a rest-to-rest motion.
-fn require_rest_to_rest(q0: &[f64], q1: &[f64], duration: f64) -> Result<()> {
-    finite("q0", q0)?;
-    finite("q1", q1)?;
-    if q0.is_empty() {
-        return Err(Error::input("q0", "is empty: expected at least one joint, got 0"));
-    }
-    if q0.len() != q1.len() {
-        return Err(Error::input("q1", format!("has the wrong shape: expected ({},), got ({},)", q0.len(), q1.len())));
-    }
-    crate::error::positive("duration", duration)
-}
-
-/// `q = q0 + (q1 - q0) s`, and the derivatives, for a path coordinate `s(t)` with its two derivatives.
-#[inline(always)]
-fn straight<S: Real>(q0: &[f64], q1: &[f64], [s, ds, dds]: [f64; 3], out: &mut [S]) {
-    let n = q0.len();
-    for i in 0..n {
-        let d = q1[i] - q0[i];
-        out[i] = S::splat(if s == 1.0 { q1[i] } else { q0[i] + d * s });
-        out[n + i] = S::splat(d * ds);
-        out[2 * n + i] = S::splat(d * dds);
     }
 }
 

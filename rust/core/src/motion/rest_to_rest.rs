@@ -1,0 +1,99 @@
+//! Rest to rest on a straight line of joint space: `q = q0 + (q1 - q0) s(t)`, under one of two timings:
+//!
+//! quintic, with zero end accelerations: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / T`;
+//! bang-bang, the symmetric one: `s'' = 4 / T^2` for `T/2`, then its negative; right-continuous at the switch and zero from `T` on.
+
+use crate::error::{Error, Result, finite, positive};
+use crate::scalar::Real;
+use std::marker::PhantomData;
+
+/// `s(t)`.
+pub trait Timing {
+    /// `s`, its rate and its acceleration at `t` of a motion that takes `duration`.
+    fn at(t: f64, duration: f64) -> [f64; 3];
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct QuinticTiming;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct BangBangTiming;
+
+pub type Quintic = RestToRest<QuinticTiming>;
+pub type BangBang = RestToRest<BangBangTiming>;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct RestToRest<P> {
+    q0: Vec<f64>,
+    q1: Vec<f64>,
+    duration: f64,
+    timing: PhantomData<P>,
+}
+
+impl Timing for QuinticTiming {
+    #[inline(always)]
+    fn at(t: f64, duration: f64) -> [f64; 3] {
+        let rate = 1.0 / duration;
+        if t <= 0.0 {
+            [0.0; 3]
+        } else if t >= duration {
+            [1.0, 0.0, 0.0]
+        } else {
+            let x = t * rate;
+            let y = 1.0 - x;
+            // s' = 30 x^2 (1-x)^2 and s'' = 60 x (1-x)(1-2x): factored, they vanish exactly at the ends.
+            [x * x * x * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (x * y) * (x * y) * rate, 60.0 * x * y * (y - x) * rate * rate]
+        }
+    }
+}
+
+impl Timing for BangBangTiming {
+    #[inline(always)]
+    fn at(t: f64, duration: f64) -> [f64; 3] {
+        let rate = 1.0 / duration;
+        let (x, y) = (t * rate, (duration - t) * rate);
+        if t < 0.0 {
+            [0.0; 3]
+        } else if t >= duration {
+            [1.0, 0.0, 0.0]
+        } else if t < 0.5 * duration {
+            [2.0 * x * x, 4.0 * x * rate, 4.0 * rate * rate]
+        } else {
+            [1.0 - 2.0 * y * y, 4.0 * y * rate, -4.0 * rate * rate]
+        }
+    }
+}
+
+impl<P: Timing> RestToRest<P> {
+    pub fn new(q0: Vec<f64>, q1: Vec<f64>, duration: f64) -> Result<Self> {
+        finite("q0", &q0)?;
+        finite("q1", &q1)?;
+        if q0.is_empty() {
+            return Err(Error::input("q0", "is empty: expected at least one joint, got 0"));
+        }
+        if q0.len() != q1.len() {
+            return Err(Error::input("q1", format!("has the wrong shape: expected ({},), got ({},)", q0.len(), q1.len())));
+        }
+        positive("duration", duration)?;
+        Ok(RestToRest { q0, q1, duration, timing: PhantomData })
+    }
+
+    pub fn dof(&self) -> usize {
+        self.q0.len()
+    }
+
+    pub fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    #[inline(always)]
+    pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
+        let ([s, ds, dds], n) = (P::at(t, self.duration), self.dof());
+        for i in 0..n {
+            let d = self.q1[i] - self.q0[i];
+            out[i] = S::splat(if s == 1.0 { self.q1[i] } else { self.q0[i] + d * s });
+            out[n + i] = S::splat(d * ds);
+            out[2 * n + i] = S::splat(d * dds);
+        }
+    }
+}
