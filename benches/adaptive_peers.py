@@ -113,15 +113,20 @@ def numpy_batch(steps: int) -> Array:
     return out.T
 
 
-def scipy_dop853(rtol: float, atol: float) -> tuple[Array, int]:
+def scipy_dop853(rtol: float, atol: float, arrays: bool = False) -> tuple[Array, int]:
     """The right-hand side in Python floats, which is quicker here than small arrays; final state and evaluations."""
     from scipy.integrate import solve_ivp
+
+    of_arrays = numpy_rhs(KP * np.eye(2), KD * np.eye(2), np.diag(GAMMA))
+
+    def f_of_arrays(t: float, x: Array) -> Array:
+        return of_arrays(x, np.concatenate(desired(t)))
 
     def f(t: float, x: Array) -> tuple[Any, ...]:
         s1, c1, s2, c2 = math.sin(t), math.cos(t), math.sin(2 * t), math.cos(2 * t)
         return loop_of_scalars(*PLANT, x.tolist(), (0.5 * s1, 0.8 * s2, 0.5 * c1, 1.6 * c2, -0.5 * s1, -3.2 * s2), math.sin, math.cos)
 
-    solution = solve_ivp(f, (0.0, T), start(), method="DOP853", rtol=rtol, atol=atol)
+    solution = solve_ivp(f_of_arrays if arrays else f, (0.0, T), start(), method="DOP853", rtol=rtol, atol=atol)
     return solution.y[:, -1], solution.nfev
 
 

@@ -103,8 +103,8 @@ class Suite:
         if importlib.util.find_spec("scipy") is None:
             return say("skipped: scipy: not installed")
         compare("scipy DOP853, rtol 1e-12, the reference itself", peers.scipy_dop853(1e-12, 1e-13)[0], self.exact, 1e-9)
-        scipy = lambda: peers.scipy_dop853(1e-8, 1e-10)[0]  # noqa: E731
-        self.add(group, "scipy, DOP853", scipy, per, exact, against=DOP853)
+        for name, arrays in (("scipy, DOP853", False), ("scipy, DOP853, right-hand side of small arrays", True)):
+            self.add(group, name, functools.partial(scipy_end, arrays), per, exact, against=DOP853)
 
     def batches(self, c: peers.LimitKernels | None, numba: dict[str, Callable[..., Any]] | None) -> None:
         group, per = "1,024 runs, 1,000 steps: ns per run and step", peers.RUNS * peers.BATCH_STEPS
@@ -162,6 +162,10 @@ class Suite:
             rounds=7,
             clock="wall",
         )
+
+
+def scipy_end(arrays: bool) -> Any:
+    return peers.scipy_dop853(1e-8, 1e-10, arrays)[0]
 
 
 def in_a_row(once: Callable[[], Any]) -> Callable[[], Any]:
