@@ -1,0 +1,45 @@
+"""The adaptive loop of the PR robot, of which tests of misuse change an argument at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+ARM = al.planar_pr(2.0, 0.5, 0.5)
+PLANT = al.RigidArm(ARM)
+HOLD = al.Hold([1.0, -0.5])
+LAW = al.Adaptive(ARM, HOLD, 40.0, 20.0, 5.0)
+NAN, INF = float("nan"), float("inf")
+
+RUN: dict[str, Any] = {"t_end": 0.01, "dt": 1e-3}
+
+
+def run(**changes: Any) -> al.Run:
+    given = {"plant": PLANT, "law": LAW, "q0": [0.1, 0.2]} | RUN | changes
+    return al.simulate(given.pop("plant"), given.pop("law"), given.pop("q0"), **given)
+
+
+def batch(**changes: Any) -> al.BatchRun:
+    given = {"plant": PLANT, "law": LAW, "q0": np.zeros((3, 2))} | RUN | changes
+    return al.simulate_batch(given.pop("plant"), given.pop("law"), given.pop("q0"), **given)
+
+
+def adaptive(**changes: Any) -> al.Adaptive:
+    given = {"arm": ARM, "motion": HOLD, "kp": 40.0, "kd": 20.0, "gamma": 5.0} | changes
+    return al.Adaptive(**given)
+
+
+def refused(call: Callable[[], Any], *words: str) -> None:
+    """An InputError whose message holds these words."""
+    with pytest.raises(al.InputError) as caught:
+        call()
+    assert isinstance(caught.value, ValueError) and isinstance(caught.value, al.ArmletError)
+    message = str(caught.value)
+    assert "expected" in message, message
+    for word in words:
+        assert word in message, (word, message)
