@@ -3,8 +3,8 @@
 use crate::arm::Arm;
 use crate::arrays::{flag, number, numbers, object, shown, vector};
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::listening;
 use crate::priority::{copied, residual_list, status_member};
-use crate::simulate::listening;
 use crate::task::each;
 use armlet_core::analysis::inverse_kinematics::{Search, inverse_kinematics as core};
 use armlet_core::priority::Method;

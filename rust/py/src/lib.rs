@@ -1,5 +1,6 @@
 //! The extension module `armlet._core`: converts, dispatches, maps errors and statuses. No algorithm lives here.
 
+mod about;
 mod arm;
 mod arrays;
 mod broadcast;
@@ -9,7 +10,9 @@ mod event;
 mod force;
 mod given;
 mod integrate;
+mod interrupts;
 mod inverse_kinematics;
+mod keywords;
 mod law;
 mod motion;
 mod plan;
@@ -26,6 +29,8 @@ use pyo3::prelude::*;
 mod _core {
     use super::*;
 
+    #[pymodule_export]
+    use super::about::{build_info, statuses};
     #[pymodule_export]
     use super::arm::{
         _restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr, project_parameters,
@@ -62,7 +67,7 @@ mod _core {
         _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
     };
     #[pymodule_export]
-    use super::simulate::{build_info, simulate, simulate_batch, statuses};
+    use super::simulate::{simulate, simulate_batch};
 
     #[pymodule_export]
     use super::simulator::{_restore_simulator, Simulator};

@@ -3,8 +3,9 @@
 use crate::arrays::{new_array, object, of_shape, overwrite, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::force::Raised;
+use crate::force::raise;
+use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
-use crate::simulate::{Given, law_of, raise};
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{Problem, Stepping, stepper};
@@ -106,7 +107,7 @@ impl Simulator {
             let raised = Raised::default();
             let has_law = !law.is_none();
             let law = if has_law { law_of(NAME, law, &plant, &raised)? } else { idle(&plant) };
-            let given = Given { function: NAME, keywords };
+            let given = Keywords { function: NAME, keywords };
             if !has_law {
                 // Nobody is asked: the clock of a law that is not there does not matter.
                 given.keywords.set_item("sample_time", given.required("dt")?)?;

@@ -4,7 +4,7 @@ use super::Arm;
 use crate::arrays::{flag_or_false, index_of, name, of_lengths, of_shape, out_of_shape, out_slice, written_array};
 use crate::broadcast::{Broadcast, broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
-use crate::simulate::listen;
+use crate::interrupts::listen;
 use armlet_core::dynamics::{Quantity, Query};
 use armlet_core::error::Error;
 use armlet_core::parallel;

@@ -3,7 +3,7 @@
 use super::Arm;
 use crate::arrays::{any_vector, flag_or_false, index_of, integers, new_array, number, numbers, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::simulate::listening;
+use crate::interrupts::listening;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
 use armlet_core::analysis::{consistency, identification};
 use armlet_core::error::Error;

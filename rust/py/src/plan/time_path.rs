@@ -4,7 +4,7 @@ use super::timed_path::TimedPath;
 use crate::arm::{Arm, Model};
 use crate::arrays::{count, number, numbers, object, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::simulate::listening;
+use crate::interrupts::listening;
 use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{self, Friction, Mover, PathLimits, TimePathOptions};
 use pyo3::prelude::*;

@@ -7,7 +7,7 @@ use crate::arm::Arm;
 use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, out_of_shape, out_slice, require_finite, shown, vector};
 use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
-use crate::simulate::listen;
+use crate::interrupts::listen;
 use crate::task::each;
 use armlet_core::law::{ArmSolver as Core, with_limits};
 use armlet_core::simulate::{default_threads, solve_rows};

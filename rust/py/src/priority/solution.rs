@@ -3,7 +3,7 @@
 use super::stack::{Keywords, Stack, items};
 use crate::arrays::{integers, new_array, of_shape};
 use crate::errors::{Failure, entry};
-use crate::simulate::listen;
+use crate::interrupts::listen;
 use armlet_core::error::Error;
 use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core, StackAnswers, StackRows};
 use armlet_core::simulate::{default_threads, solve_stacks};

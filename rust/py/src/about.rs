@@ -1,0 +1,26 @@
+//! What the extension is.
+
+use armlet_core::simulate;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+/// How the extension was built and what it chose at run time.
+#[pyfunction]
+pub fn build_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    use armlet_core::scalar;
+    let info = PyDict::new(py);
+    info.set_item("version", env!("CARGO_PKG_VERSION"))?;
+    info.set_item("profile", if cfg!(debug_assertions) { "debug" } else { "release" })?;
+    info.set_item("instruction_set", scalar::isa().name())?;
+    info.set_item("best_instruction_set", scalar::Isa::best().name())?;
+    info.set_item("lanes", simulate::lanes())?;
+    info.set_item("threads", simulate::default_threads())?;
+    Ok(info)
+}
+
+/// Code, name and advice of every status.
+#[pyfunction]
+pub fn statuses(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    use armlet_core::status::Status;
+    PyList::new(py, Status::ALL.map(|s| (s.code(), s.name(), s.advice())))
+}

@@ -1,0 +1,229 @@
+//! The keywords of `simulate`, `simulate_batch` and `Simulator`, read into options, initial states, forces and laws.
+
+use crate::arrays::{any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector};
+use crate::errors::{Failure, input_error};
+use crate::force::{self, Raised};
+use crate::law::Law;
+use crate::motion::Motion;
+use armlet_core::law::{ExternalSpec, LawSpec};
+use armlet_core::plant::sensors::TorqueSensor;
+use armlet_core::plant::{PlantKind, PlantSpec};
+use armlet_core::simulate::{self as core, Force, Method, Options, Sampling, Times};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple, PyType};
+use std::sync::Arc;
+
+const A_LAW: &str = "a law such as Adaptive";
+
+/// How to run it, as Python gives it: keyword by keyword.
+pub struct Keywords<'py> {
+    pub function: &'static str,
+    pub keywords: Bound<'py, PyDict>,
+}
+
+impl<'py> Keywords<'py> {
+    /// A keyword; `None` where it is missing or None.
+    pub fn get(&self, name: &str) -> Result<Option<Bound<'py, PyAny>>, Failure> {
+        Ok(self.keywords.get_item(name)?.filter(|value| !value.is_none()))
+    }
+
+    pub fn required(&self, name: &str) -> Result<Bound<'py, PyAny>, Failure> {
+        let missing = || input_error(self.keywords.py(), self.function, name, "is missing: expected a value, got None");
+        Ok(self.get(name)?.ok_or_else(missing)?)
+    }
+
+    fn number(&self, name: &str) -> Result<f64, Failure> {
+        number(self.function, name, &self.required(name)?)
+    }
+
+    fn optional_number(&self, name: &str) -> Result<Option<f64>, Failure> {
+        optional_number(self.function, name, self.get(name)?.as_ref())
+    }
+
+    /// A period in s, or an `armlet.Sampling`.
+    fn sampling(&self, n: usize) -> Result<Option<Sampling>, Failure> {
+        let Some(value) = self.get("sample_time")? else { return Ok(None) };
+        let function = self.function;
+        let Ok(period) = value.getattr("period") else {
+            return Ok(Some(Sampling::every(number(function, "sample_time", &value)?)));
+        };
+        let field = |name: &str| -> Result<f64, Failure> { number(function, name, &value.getattr(name)?) };
+        let channels = |name: &str| -> Result<[f64; 4], Failure> {
+            let given = value.getattr(name)?;
+            let mut all = [0.0; 4];
+            for (to, channel) in all.iter_mut().zip(core::CHANNELS) {
+                if let Ok(x) = given.get_item(channel) {
+                    *to = number(function, &format!("{name}[{channel:?}]"), &x)?;
+                }
+            }
+            Ok(all)
+        };
+        Ok(Some(Sampling {
+            period: number(function, "period", &period)?,
+            delay: field("delay")?,
+            jitter: field("jitter")?,
+            sensor_delay: index(function, "sensor_delay", &value.getattr("sensor_delay")?)?,
+            noise: channels("noise")?,
+            resolution: channels("resolution")?,
+            rate_limit: field("rate_limit")?,
+            torque_sensor: torque_sensor(function, &value.getattr("torque_sensor")?, n)?,
+            seed: index(function, "seed", &value.getattr("seed")?)? as u64,
+        }))
+    }
+
+    /// One number for all, or one per joint.
+    fn per_joint(&self, name: &str, n: usize) -> Result<Option<Vec<f64>>, Failure> {
+        let Some(value) = self.get(name)? else { return Ok(None) };
+        let (shape, values) = numbers(self.function, name, &value)?;
+        match shape.as_slice() {
+            [] => Ok(Some(vec![values[0]; n])),
+            [rows] if *rows == n => Ok(Some(values.into_owned())),
+            _ => {
+                let problem = format!("has the wrong shape: expected a scalar or ({n},), got {}", shown(&shape));
+                Err(input_error(value.py(), self.function, name, problem).into())
+            }
+        }
+    }
+
+    pub fn options(&self, n: usize) -> Result<Options, Failure> {
+        let function = self.function;
+        let every = count(function, "record_every", &self.required("record_every")?)?;
+        let times = match self.get("t_eval")? {
+            Some(t_eval) => Times::At(any_vector(function, "t_eval", &t_eval)?),
+            None => Times::Every(every),
+        };
+        Ok(Options {
+            method: Method::from_name(&text(function, "method", &self.required("method")?)?)?,
+            t_end: self.number("t_end")?,
+            dt: self.optional_number("dt")?,
+            rtol: self.number("rtol")?,
+            atol: self.number("atol")?,
+            sampling: self.sampling(n)?,
+            times,
+            tau_max: self.per_joint("tau_max", n)?,
+            monitors: flag(self.function, "monitors", &self.required("monitors")?)?,
+        })
+    }
+
+    /// Initial states of the plants, `(rows, states)`: `q0, v0, theta0, theta_dot0` are `(n,)` for one run, `(B, n)` for a batch.
+    pub fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
+        let n = plants[0].n();
+        let read = |name: &str, value: &Bound<'py, PyAny>| -> Result<(usize, Vec<f64>), Failure> {
+            if batch { batch_rows(self.function, name, value, n) } else { Ok((1, vector(self.function, name, value, n)?)) }
+        };
+        let (rows, q) = read("q0", q0)?;
+        let mut rest = [const { None }; 3];
+        for (part, name) in rest.iter_mut().zip(["v0", "theta0", "theta_dot0"]) {
+            let Some(value) = self.get(name)? else { continue };
+            if name != "v0" && plants[0].kind() != PlantKind::Elastic {
+                let problem = format!("is not used: expected None for {}", plants[0].kind().name());
+                return Err(input_error(value.py(), self.function, name, problem).into());
+            }
+            let (given, values) = read(name, &value)?;
+            if given != rows {
+                let problem = format!("has the wrong shape: expected ({rows}, {n}), got ({given}, {n})");
+                return Err(input_error(value.py(), self.function, name, problem).into());
+            }
+            *part = Some(values);
+        }
+        let [v, theta, theta_dot] = &rest;
+        let zero = vec![0.0; n];
+        let part = |values: &'_ Option<Vec<f64>>, row: usize| values.as_ref().map(|values| values[row * n..(row + 1) * n].to_vec());
+        let mut x0 = Vec::with_capacity(rows * plants[0].states());
+        for row in 0..rows {
+            let plant = plants[if plants.len() == 1 { 0 } else { row.min(plants.len() - 1) }];
+            let v = part(v, row).unwrap_or_else(|| zero.clone());
+            x0.extend(plant.initial_state(&q[row * n..(row + 1) * n], &v, part(theta, row).as_deref(), part(theta_dot, row).as_deref()));
+        }
+        Ok((rows, x0))
+    }
+
+    /// The force and the frame it acts at; the callables' errors go to `raised`.
+    pub fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
+        let (mut forces, frame) = self.forces(plant, law, raised)?;
+        Ok((forces.pop(), frame))
+    }
+
+    /// None, one, or as `[[(t_start, F), ...], ...]` one per run; and the frame.
+    pub fn forces(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Vec<Force>, Option<usize>), Failure> {
+        let frame = match self.get("force_frame")? {
+            None => None,
+            Some(frame) => Some(plant.model().tree("force_frame")?.frame_index(&text(self.function, "force_frame", &frame)?)?),
+        };
+        let Some(value) = self.get("force")? else { return Ok((Vec::new(), frame)) };
+        let rows = if frame.is_some() { None } else { law.coordinates().map(|coordinates| coordinates.rows.as_slice()) };
+        // A step is (t, F): the first thing in a list of lists of steps is no number.
+        let inner = value.cast::<PyList>().ok().and_then(|list| list.get_item(0).ok()?.get_item(0).ok());
+        let nested = inner.is_some_and(|first| first.is_instance_of::<PyTuple>() || first.is_instance_of::<PyList>());
+        let each = if nested { value.try_iter()?.collect::<PyResult<Vec<_>>>()? } else { vec![value] };
+        let forces = each.iter().map(|value| force::force(self.function, value, rows, raised)).collect::<Result<_, _>>()?;
+        Ok((forces, frame))
+    }
+}
+
+/// `(B, n)` initial states, copied; too many to hold is a `MemoryError` at once.
+fn batch_rows(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<(usize, Vec<f64>), Failure> {
+    let py = value.py();
+    if let Ok(shape) = value.getattr("shape").and_then(|shape| shape.extract::<Vec<usize>>())
+        && let [rows, _] = shape.as_slice()
+        && *rows as u128 * n as u128 * 8 > isize::MAX as u128 / 64
+    {
+        return Err(armlet_core::error::Error::Memory { bytes: *rows as u128 * n as u128 * 8 }.into());
+    }
+    let (shape, values) = numbers(function, name, value)?;
+    if shape.len() != 2 || shape[1] != n {
+        return Err(input_error(py, function, name, format!("has the wrong shape: expected (B, {n}), got {}", shown(&shape))).into());
+    }
+    require_finite(py, function, name, &shape, &values)?;
+    Ok((shape[0], values.into_owned()))
+}
+
+/// An `armlet.TorqueSensor` of `n` joints, or None.
+fn torque_sensor(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Option<TorqueSensor>, Failure> {
+    if value.is_none() {
+        return Ok(None);
+    }
+    let field = |name: &str| -> Result<f64, Failure> { number(function, name, &value.getattr(name)?) };
+    let given = value.getattr("bias")?;
+    let (shape, bias) = numbers(function, "bias", &given)?;
+    let bias = if shape.is_empty() { vec![bias[0]; n] } else { bias.into_owned() };
+    Ok(Some(TorqueSensor::new(field("noise")?, bias, field("resolution")?, field("bandwidth")?)?))
+}
+
+/// An integer >= 0.
+fn index(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    let refused = || input_error(value.py(), function, name, "is not an integer >= 0: expected such as 0");
+    Ok(value.extract::<usize>().map_err(|_| refused())?)
+}
+
+/// The law as it is, or the callable that stands for one.
+pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec, raised: &Raised) -> Result<LawSpec, Failure> {
+    if let Ok(law) = law.cast::<Law>() {
+        return Ok(law.get().spec.clone());
+    }
+    // A motion can be called too, and so can a class: neither is a law.
+    if !law.is_callable() || law.is_instance_of::<Motion>() || law.is_instance_of::<PyType>() {
+        object::<Law>(function, "law", A_LAW, law)?;
+    }
+    let (call, raised, n) = (law.clone().unbind(), raised.clone(), plant.n());
+    let answer = move |t: f64, x: &[f64], tau: &mut [f64]| {
+        if force::failed(&raised) {
+            return false;
+        }
+        Python::attach(|py| {
+            let mut ask = || -> Result<(), Failure> {
+                // t, then q, v, theta, theta_dot as far as the plant has them.
+                let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
+                for part in x.chunks_exact(n) {
+                    arguments.push(PyArray1::from_slice(py, part).into_any());
+                }
+                let answer = call.bind(py).call1(PyTuple::new(py, arguments)?)?;
+                tau.copy_from_slice(&vector(function, "law", &answer, n)?);
+                Ok(py.check_signals()?)
+            };
+            ask().map_err(|failure| force::keep(&raised, py, function, failure)).is_ok()
+        })
+    };
+    Ok(LawSpec::External(ExternalSpec { model: plant.model().clone(), plant: plant.kind(), call: Arc::new(answer) }))
+}

@@ -1,0 +1,213 @@
+//! The tasks that control something else than a frame.
+
+use super::{Blueprint, Common, Task, axes_of, names};
+use crate::arrays::{number, text, vector};
+use crate::errors::entry;
+use armlet_core::error::Error;
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+
+/// Joints at a posture: `e = q_d - q`. Without `joints` all of them, in the order of `q`.
+///
+/// Args:
+///     target: a `Motion` or a constant of one number per joint, rad or m; None where velocities are given in each call.
+///     gain: as for `Task`.
+///     joints: names of the joints; None: all (keyword only).
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.PostureTask([0.0, 0.5], 1.0, joints=["joint1", "joint3"])
+/// PostureTask(joints=['joint1', 'joint3'], target=[0.0, 0.5], gain=1.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct PostureTask;
+
+#[pymethods]
+impl PostureTask {
+    #[new]
+    #[pyo3(signature = (target=None, gain=None, *, joints=None, motion=None, damping=None))]
+    fn new<'py>(
+        py: Python<'py>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        joints: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "PostureTask";
+        entry(py, NAME, || {
+            let joints = names(NAME, joints)?;
+            let own = match &joints {
+                Some(joints) => vec![("joints", joints.clone().into_py_any(py)?)],
+                None => Vec::new(),
+            };
+            let task = Common { name: NAME, target, motion, gain, damping }.task(Blueprint::Posture { joints }, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(PostureTask))
+        })
+    }
+}
+
+/// The centre of mass at a point: `e = c_d - c`, rows of world axes.
+///
+/// Args:
+///     axes: letters of "xyz".
+///     target: a `Motion` or a constant, m; None where velocities are given in each call.
+///     gain: as for `Task`.
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.CentreOfMassTask("xy", [0.5, 0.0], 2.0)
+/// CentreOfMassTask(axes='xy', target=[0.5, 0.0], gain=2.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct CentreOfMassTask;
+
+#[pymethods]
+impl CentreOfMassTask {
+    #[new]
+    #[pyo3(signature = (axes, target=None, gain=None, *, motion=None, damping=None))]
+    fn new<'py>(
+        axes: &Bound<'py, PyAny>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "CentreOfMassTask";
+        entry(axes.py(), NAME, || {
+            let blueprint = Blueprint::CentreOfMass { axes: axes_of(NAME, axes)? };
+            let own = vec![("axes", axes.clone().unbind())];
+            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(CentreOfMassTask))
+        })
+    }
+}
+
+/// A direction of a frame points along a direction of the world; turning about it is free. Two rows.
+///
+/// The error is the turn vector from the one to the other, in the frame's two directions across its axis; the velocity of the
+/// task is the frame's angular velocity about these two, rad/s.
+///
+/// Args:
+///     frame: name of the frame.
+///     axis: the direction in the frame's axes, (3,), any length > 0.
+///     target: a `Motion` of 3 numbers or a constant `(3,)`, any length > 0; None where velocities are given in each call.
+///     gain: as for `Task`; rows = 2.
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.AxisTask("tool", [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], 5.0)
+/// AxisTask(frame='tool', axis=[0.0, 0.0, 1.0], target=[0.0, 0.0, -1.0], gain=5.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct AxisTask;
+
+#[pymethods]
+impl AxisTask {
+    #[new]
+    #[pyo3(signature = (frame, axis, target=None, gain=None, *, motion=None, damping=None))]
+    fn new<'py>(
+        frame: &Bound<'py, PyAny>,
+        axis: &Bound<'py, PyAny>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "AxisTask";
+        entry(frame.py(), NAME, || {
+            let v = vector(NAME, "axis", axis, 3)?;
+            if v.iter().all(|x| *x == 0.0) {
+                return Err(Error::input("axis", "has no direction: expected a vector of length > 0, got zeros").into());
+            }
+            let blueprint = Blueprint::Axis { frame: text(NAME, "frame", frame)?, axis: [v[0], v[1], v[2]] };
+            let own = vec![("frame", frame.clone().unbind()), ("axis", v.into_py_any(axis.py())?)];
+            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(AxisTask))
+        })
+    }
+}
+
+/// Rows of the pose of a frame as seen from another frame of the arm: `x = R_r'(p - p_r)`, `R = R_r' R_F`.
+///
+/// Args:
+///     frame: name of the frame.
+///     reference: name of the frame in whose axes it is seen.
+///     axes: as for `Task`.
+///     target: a `Motion` or a constant, m and rad; None where velocities are given in each call.
+///     gain: as for `Task`.
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.RelativeTask("left", "right", "xyz", [0.3, 0.0, 0.0], 5.0)
+/// RelativeTask(frame='left', reference='right', axes='xyz', target=[0.3, 0.0, 0.0], gain=5.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct RelativeTask;
+
+#[pymethods]
+impl RelativeTask {
+    #[new]
+    #[pyo3(signature = (frame, reference, axes, target=None, gain=None, *, motion=None, damping=None))]
+    fn new<'py>(
+        frame: &Bound<'py, PyAny>,
+        reference: &Bound<'py, PyAny>,
+        axes: &Bound<'py, PyAny>,
+        target: Option<&Bound<'py, PyAny>>,
+        gain: Option<&Bound<'py, PyAny>>,
+        motion: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "RelativeTask";
+        entry(frame.py(), NAME, || {
+            let (name, other) = (text(NAME, "frame", frame)?, text(NAME, "reference", reference)?);
+            let blueprint = Blueprint::Relative { frame: name, reference: other, axes: axes_of(NAME, axes)? };
+            let own = [("frame", frame), ("reference", reference), ("axes", axes)];
+            let own = own.into_iter().map(|(name, value)| (name, value.clone().unbind())).collect();
+            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(RelativeTask))
+        })
+    }
+}
+
+/// Joints kept away from their limits: the error is the way back out of the margin, zero inside.
+///
+/// As the last level it moves joints that are too near a limit, and asks the others for rest, with the freedom left over.
+///
+/// Args:
+///     gain: as for `Task`.
+///     margin: the part of the range at either end to be left, 0 to 0.5; 0.5 centres the joints.
+///     joints: names of the joints; None: all that have two finite limits (keyword only).
+///     damping: as for `Task` (keyword only).
+///
+/// >>> import armlet as al
+/// >>> al.JointLimitTask(2.0, 0.2)
+/// JointLimitTask(margin=0.2, gain=2.0)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct JointLimitTask;
+
+#[pymethods]
+impl JointLimitTask {
+    #[new]
+    #[pyo3(signature = (gain=None, margin=None, *, joints=None, damping=None))]
+    fn new<'py>(
+        py: Python<'py>,
+        gain: Option<&Bound<'py, PyAny>>,
+        margin: Option<&Bound<'py, PyAny>>,
+        joints: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "JointLimitTask";
+        entry(py, NAME, || {
+            let joints = names(NAME, joints)?;
+            let margin = margin.map_or(Ok(0.1), |margin| number(NAME, "margin", margin))?;
+            if !(0.0..=0.5).contains(&margin) {
+                let problem = format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}");
+                return Err(Error::input("margin", problem).into());
+            }
+            let mut own = vec![("margin", margin.into_py_any(py)?)];
+            if let Some(joints) = &joints {
+                own.push(("joints", joints.clone().into_py_any(py)?));
+            }
+            let task =
+                Common { name: NAME, target: None, motion: None, gain, damping }.task(Blueprint::JointLimits { joints, margin }, own)?;
+            Ok(PyClassInitializer::from(task).add_subclass(JointLimitTask))
+        })
+    }
+}
