@@ -298,7 +298,7 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
         accelerated = peer.forward_dynamics(tau)
         compare("forward_dynamics", mass @ arm.forward_dynamics(q, v, tau), mass @ accelerated, "", "as the torque M a", scale=size)
     rows = [Row(quantity, difference, where, remark, difference <= rtol) for quantity, (difference, where, remark) in worst.items()]
-    for name, own, other in (("gravity vector", _gravity(arm), peer.gravity), ("armature", arm.limits["armature"], peer.armature)):
+    for name, own, other in (("gravity vector", arm.gravity_vector, peer.gravity), ("armature", arm.limits["armature"], peer.armature)):
         if own is not None:
             difference = float(np.abs(own - other).max(initial=0.0))
             remark = "" if difference == 0.0 else f"{own.tolist()} against {other.tolist()}"
@@ -308,9 +308,3 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
     absent = [name for name in peer.frames() if name not in arm.frame_names]
     conventions = peer.conventions + ([f"{len(absent)} frames of the model are not in the arm, such as {absent[0]}"] if absent else [])
     return Verification(tuple(rows), tuple(conventions))
-
-
-def _gravity(arm: Arm) -> _Array | None:
-    """What the arm's pickle says of gravity."""
-    state: Any = arm.__reduce__()
-    return np.array(state[1][0][3]) if len(state[1][0]) == 5 else None

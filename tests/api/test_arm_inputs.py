@@ -291,7 +291,9 @@ def test_what_is_written_and_read_again_is_the_same_arm(name: str) -> None:
         assert again == each and hash(again) == hash(each) and again.to_urdf() == each.to_urdf()
         np.testing.assert_array_equal(again.parameters, each.parameters)
         np.testing.assert_array_equal(again.pose(np.ones(each.n), "base"), each.pose(np.ones(each.n), "base"))
-    assert load != tool and arm != arm.with_gravity([0.0, 0.0, -1.0])
+    moon = arm.with_gravity([0.0, 0.0, -1.62])
+    assert load != tool and arm != moon and PR.gravity_vector is None
+    np.testing.assert_array_equal([arm.gravity_vector, moon.gravity_vector], [[0.0, 0.0, -9.81], [0.0, 0.0, -1.62]])
 
 
 def test_what_xacro_left_is_told() -> None:

@@ -62,6 +62,19 @@ impl Arm {
         Self::named(py, &self.model.frame_names())
     }
 
+    /// Gravity in world axes, `(3,)`, m/s^2; None for `planar_pr`, which moves on a horizontal plane.
+    #[getter]
+    fn gravity_vector<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Model::Tree(tree) = &self.model else { return Ok(None) };
+        entry(py, "Arm.gravity_vector", || {
+            new_array(py, &[3], |out| {
+                out.copy_from_slice(&tree.arm.gravity);
+                Ok(())
+            })
+        })
+        .map(Some)
+    }
+
     /// What the model's source said that deserves a look, and what was dropped: one line each.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
