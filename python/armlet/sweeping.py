@@ -6,6 +6,7 @@ Cells go to the executor in chunks, a chunk runs as one batch, and the client wr
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import suppress
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from . import _core
 from .cells import Cells, columns
 from .errors import ArmletError, InputError, SolveError
+from .orphans import leave_with
 from .run import _pandas
 from .sampling import Sampling
 from .scenario import Scenario
@@ -236,7 +238,7 @@ def _results(jobs: Iterator[tuple[int, Job]], executor: Executor | None, out: An
                 more = following is not None
                 if following is not None:
                     start, job = following
-                    waiting[executor.submit(run_chunk, *job[:4], job[4] or 1, job[5])] = start
+                    waiting[executor.submit(_serve, os.getpid(), *job[:4], job[4] or 1, job[5])] = start
             if not waiting:
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
@@ -248,6 +250,11 @@ def _results(jobs: Iterator[tuple[int, Job]], executor: Executor | None, out: An
         for future in waiting:
             with suppress(Exception):
                 future.cancel()
+
+
+def _serve(client: int, *job: Any) -> Columns:
+    leave_with(client)
+    return run_chunk(*job)
 
 
 def run_chunk(scenario: Scenario, cells: Cells, start: int, stop: int, threads: int | None, metrics: Mapping[str, Any]) -> Columns:

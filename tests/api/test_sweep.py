@@ -204,6 +204,14 @@ if __name__ == "__main__":
 """
 
 
+def gone(pid: int) -> bool:
+    """Whether a process has ended, if nobody has asked how."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
 @pytest.mark.parametrize("victim", ["worker", "client"])
 def test_sigkill(victim: str, tmp_path: Path) -> None:
     """Killed in the middle, again and again, then left alone: the table is that of an undisturbed sweep, bit for bit.
@@ -238,6 +246,11 @@ def test_sigkill(victim: str, tmp_path: Path) -> None:
                 except ProcessLookupError:
                     pass
                 interrupted += process.wait(60.0) != 0
+            # Nobody waits for a call that never comes.
+            deadline = time.monotonic() + 30.0
+            while not all(map(gone, workers)) and time.monotonic() < deadline:
+                time.sleep(0.02)
+            assert all(map(gone, workers))
         left = {path.name for path in out.glob("chunk-*")}
         calls: list[int] = []
         same(wanted, al.sweep(scenario, out=out, progress=lambda done, _, calls=calls: calls.append(done)))  # type: ignore[misc]

@@ -1,0 +1,24 @@
+"""Worker processes do not outlive the process that asked them."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+from functools import cache
+
+__all__ = ["leave_with"]
+
+
+@cache
+def leave_with(client: int) -> None:
+    """End this process with the one of that id, where that is its parent: a client that is killed leaves workers waiting for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is None or parent.pid != client:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, name="armlet-orphan", daemon=True).start()
