@@ -246,10 +246,10 @@ def judge(b: Block, rng: np.random.Generator) -> Verdict:
         for steps in (5, 40):
             for _ in range(steps):
                 where, slope, _ = b.splines(s, piece)
-                s = np.clip(s + ((q - where) * slope).sum(axis=-1) / np.square(slope).sum(axis=-1), s0, s1)
+                s = np.clip(s + ((q - where) * slope).sum(axis=-1) / np.maximum(np.square(slope).sum(axis=-1), 1e-300), s0, s1)
             where, slope, bend = b.splines(s, piece)
-            off = np.abs(where - q) > 1e-9 * size_of + 4 * EPS * most
-            if not off.any():
+            off = ~(np.abs(where - q) <= 1e-9 * size_of + 4 * EPS * most)
+            if not off[had].any():
                 break
         refuse(off, "off the path")
         square = np.square(slope).sum(axis=-1)
