@@ -5,11 +5,11 @@
 //! body towards the base. Inertias are held as second moments `P = integral of r r' dm = tr(I)/2 1 - I`, which move from point to
 //! point in fewer products, and of which `S_j = e_z` takes one column: `I e_z = tr(P) e_z - P e_z`.
 
-use super::hinge::{congruence, reach, rotation, to_parent};
+use super::hinge::{congruence, over, reach, rotation, to_parent};
 use crate::arm::{BASE, Body, Tree};
 use crate::kinematics::Pose;
 use crate::scalar::Real;
-use crate::spatial::{M3, Spatial, Sym3, V3};
+use crate::spatial::{M3, QuarterTurn, Spatial, Sym3, V3};
 
 /// Mass, first and second moment of a subtree about its joint origin, in the axes of its first body.
 #[derive(Clone, Copy, Debug, Default)]
@@ -117,14 +117,27 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
         if body.quarter.is_none() {
             rotations[i] = rotation(body, trig[i]);
         }
-        let e = &rotations[i];
-        for j in i..body.end {
-            if at[j] == i {
-                let [linear, angular] = to_parent(body, e, trig[i], [momenta[j].linear, momenta[j].angular]);
-                momenta[j] = Spatial { linear, angular: p.cross_add(linear, angular) };
-                at[j] = parent;
-            }
+        let (e, turn) = (&rotations[i], trig[i]);
+        // Asked once and not for every column.
+        macro_rules! carry {
+            ($($quarter:pat => $known:expr),+) => {
+                match body.quarter {
+                    $($quarter => for j in i..body.end {
+                        if at[j] == i {
+                            let [linear, angular] = over($known, body.revolute, e, turn, [momenta[j].linear, momenta[j].angular]);
+                            momenta[j] = Spatial { linear, angular: p.cross_add(linear, angular) };
+                            at[j] = parent;
+                        }
+                    })+
+                }
+            };
         }
+        carry!(
+            Some(QuarterTurn::None) => Some(QuarterTurn::None),
+            Some(QuarterTurn::X90) => Some(QuarterTurn::X90),
+            Some(QuarterTurn::X270) => Some(QuarterTurn::X270),
+            quarter => quarter
+        );
         let [first] = to_parent(body, e, trig[i], [whole.first]);
         let moved = Moments { mass, first, second: congruence(body, e, trig[i], whole.second) }.shifted(p);
         if S::LANES == 1 && parent + 1 == i {

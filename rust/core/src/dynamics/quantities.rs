@@ -89,7 +89,7 @@ quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square, a
 
 quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
     let (_, width) = query.shape(n);
-    regressor::regressor_on_zeros(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out, aside);
+    regressor::regressor_on_zeros(tree, width, &mut ws.links, &mut ws.twists, trig, q, v, x, &y[..n], out, aside);
     for i in 0..n {
         let mut at = i * width + PARAMETERS * n + i;
         if query.armature {
