@@ -12,7 +12,6 @@ use super::newton_euler::{inwards, moment_of, outwards};
 use super::workspace::{Link, Motion};
 use crate::arm::{BASE, Body, Tree, second_moment};
 use crate::scalar::Real;
-use crate::scalar::rows::Aside;
 use crate::spatial::{Inertia, M3, PARAMETERS, Spatial, V3};
 
 /// The field `a + U r` of a body in the axes of its parameters, `U = [d]x + sym U`.
@@ -40,37 +39,40 @@ impl<S: Real> Field<S> {
 
     /// `tau` per unit parameter, SPEC order, under the motion `(v, w)`.
     #[inline(always)]
-    fn coefficients(&self, v: V3<S>, w: V3<S>, y: &mut [S]) {
+    fn coefficients(&self, v: V3<S>, w: V3<S>) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
-        y[0] = v.dot(*a);
         let h = a.cross_add(w, u.apply_transposed(v));
-        (y[1], y[2], y[3]) = (h[0], h[1], h[2]);
         // <sym([w]x' U), tr(I)/2 - I>, sorted by the components of w.
         let [ux, uy, uz] = u.0;
         let [xy, xz, yz] = off.0;
         let three = |x: S, y: S, z: S| w[0].mul_add(x, w[1].mul_add(y, w[2] * z));
-        y[4] = three(d[0], xz, -xy);
-        y[5] = three(-ux[2], uy[2], differences[0]);
-        y[6] = three(-yz, d[1], xy);
-        y[7] = three(ux[1], differences[1], -uz[1]);
-        y[8] = three(differences[2], -uy[0], uz[0]);
-        y[9] = three(yz, -xz, d[2]);
+        [
+            v.dot(*a),
+            h[0],
+            h[1],
+            h[2],
+            three(d[0], xz, -xy),
+            three(-ux[2], uy[2], differences[0]),
+            three(-yz, d[1], xy),
+            three(ux[1], differences[1], -uz[1]),
+            three(differences[2], -uy[0], uz[0]),
+            three(yz, -xz, d[2]),
+        ]
     }
 
     /// The same under the unit turn about the z axis at the origin.
     #[inline(always)]
-    fn about_z(&self, y: &mut [S]) {
+    fn about_z(&self) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
-        (y[1], y[2]) = (a[1], -a[0]);
-        (y[4], y[5], y[6]) = (-off[0], differences[0], off[0]);
-        (y[7], y[8], y[9]) = (-u.0[2][1], u.0[2][0], d[2]);
+        let zero = S::zero();
+        [zero, a[1], -a[0], zero, -off[0], differences[0], off[0], -u.0[2][1], u.0[2][0], d[2]]
     }
 
     /// The same under the motion `v` without a turn.
     #[inline(always)]
-    fn along(&self, v: V3<S>, y: &mut [S]) {
-        let h = self.u.apply_transposed(v);
-        (y[0], y[1], y[2], y[3]) = (v.dot(self.a), h[0], h[1], h[2]);
+    fn along(&self, v: V3<S>) -> [S; PARAMETERS] {
+        let (h, zero) = (self.u.apply_transposed(v), S::zero());
+        [v.dot(self.a), h[0], h[1], h[2], zero, zero, zero, zero, zero, zero]
     }
 }
 
@@ -97,6 +99,24 @@ fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>)
     Spatial { linear, angular }
 }
 
+/// Where the blocks of a regressor go: ten numbers for every joint and every body that it carries. The others are zero in every state.
+pub trait Blocks<S> {
+    fn put(&mut self, joint: usize, body: usize, block: &[S; PARAMETERS]);
+}
+
+/// Rows of this length in one array.
+struct Matrix<'a, S> {
+    y: &'a mut [S],
+    width: usize,
+}
+
+impl<S: Real> Blocks<S> for Matrix<'_, S> {
+    #[inline(always)]
+    fn put(&mut self, joint: usize, body: usize, block: &[S; PARAMETERS]) {
+        self.y[joint * self.width + PARAMETERS * body..][..PARAMETERS].copy_from_slice(block);
+    }
+}
+
 /// `Y`, `(n, width)` row-major with `width >= 10 n`; columns beyond the inertial parameters are zero.
 #[inline(always)]
 pub fn regressor<S: Real>(
@@ -112,11 +132,10 @@ pub fn regressor<S: Real>(
     y: &mut [S],
 ) {
     y.fill(S::zero());
-    regressor_on_zeros(tree, width, links, twists, trig, q, v, vr, ar, y, &mut ());
+    regressor_on_zeros(tree, width, links, twists, trig, q, v, vr, ar, y);
 }
 
-/// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state. There is a step
-/// `aside` for every body.
+/// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state.
 #[inline(always)]
 pub fn regressor_on_zeros<S: Real>(
     tree: &Tree<S>,
@@ -129,7 +148,22 @@ pub fn regressor_on_zeros<S: Real>(
     vr: &[S],
     ar: &[S],
     y: &mut [S],
-    aside: &mut impl Aside,
+) {
+    regressor_blocks(tree, links, twists, trig, q, v, vr, ar, &mut Matrix { y, width });
+}
+
+/// The blocks of `Y` that do not vanish, body by body, each from its joint to the base.
+#[inline(always)]
+pub(super) fn regressor_blocks<S: Real>(
+    tree: &Tree<S>,
+    links: &mut [Link<S>],
+    twists: &mut [Spatial<S>],
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    vr: &[S],
+    ar: &[S],
+    to: &mut impl Blocks<S>,
 ) {
     for i in 0..tree.n() {
         let body = &tree.bodies[i];
@@ -138,28 +172,27 @@ pub fn regressor_on_zeros<S: Real>(
         if body.parent != BASE && body.parent + 1 != i {
             branch(tree, links, twists, trig, body.parent);
         }
-        let row = &mut y[i * width + PARAMETERS * i..][..PARAMETERS];
         twists[i] = unit(body.revolute);
-        if !body.revolute {
-            field.along(turned(body, twists[i].linear), row);
+        let own = if !body.revolute {
+            field.along(turned(body, twists[i].linear))
         } else if body.turn.is_none() {
-            field.about_z(row);
+            field.about_z()
         } else {
-            field.coefficients(V3::zero(), turned(body, twists[i].angular), row);
-        }
+            field.coefficients(V3::zero(), turned(body, twists[i].angular))
+        };
+        to.put(i, i, &own);
         let mut j = body.parent;
         while j != BASE {
             let twist = carried(body, &links[i], trig[i], twists[j]);
             twists[j] = twist;
-            let row = &mut y[j * width + PARAMETERS * i..][..PARAMETERS];
-            if tree.bodies[j].revolute {
-                field.coefficients(turned(body, twist.linear), turned(body, twist.angular), row);
+            let block = if tree.bodies[j].revolute {
+                field.coefficients(turned(body, twist.linear), turned(body, twist.angular))
             } else {
-                field.along(turned(body, twist.linear), row);
-            }
+                field.along(turned(body, twist.linear))
+            };
+            to.put(j, i, &block);
             j = tree.bodies[j].parent;
         }
-        aside.step();
     }
 }
 
@@ -218,7 +251,7 @@ pub fn regressor_products<S: Real>(
         } else {
             twist.linear[2] += s[i];
         }
-        field.coefficients(turned(body, twist.linear), turned(body, twist.angular), &mut yt_s[PARAMETERS * i..][..PARAMETERS]);
+        yt_s[PARAMETERS * i..][..PARAMETERS].copy_from_slice(&field.coefficients(turned(body, twist.linear), turned(body, twist.angular)));
         let link = &mut links[i];
         (link.motion, link.twist) = (motion, twist);
         (link.f, link.n) = match body.turn {
