@@ -13,7 +13,7 @@
 
 use super::hinge::{reach, rotation, to_body, to_parent};
 use super::workspace::{Link, Motion};
-use crate::arm::{BASE, Tree};
+use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
 use crate::spatial::{M3, Sym3, V3};
 
@@ -45,36 +45,35 @@ pub(crate) fn moment_of<S: Real>(u: M3<S>, second: &Sym3<S>, c: V3<S>) -> V3<S> 
     ])
 }
 
-/// The motion of body `i` in its own axes from that of its parent, which is in `links`; the joint's rotation and reach go there.
+/// The motion of a body in its own axes from that of its parent; the joint's rotation and reach go to `link`.
 #[inline(always)]
 pub(crate) fn outwards<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
-    links: &mut [Link<S>],
-    i: usize,
+    body: &Body<S>,
+    up: &Motion<S>,
+    link: &mut Link<S>,
     trig: (S, S),
     q: S,
     v: S,
     vr: S,
     ar: Option<S>,
 ) -> Motion<S> {
-    let body = &tree.bodies[i];
     let half = S::splat(0.5);
     let p = reach(body, q);
-    links[i].p = p;
+    link.p = p;
     if body.quarter.is_none() {
-        links[i].e = rotation(body, trig);
+        link.e = rotation(body, trig);
     }
     let (mut w, mut wr, mut wd) = (V3::zero(), V3::zero(), V3::zero());
     let mut a;
     if body.parent == BASE {
-        [a] = to_body(body, &links[i].e, trig, [-tree.gravity.lift::<S>()]);
+        [a] = to_body(body, &link.e, trig, [-tree.gravity.lift::<S>()]);
     } else {
-        let up = &links[body.parent].motion;
         let at_joint = up.u.apply_add(p, up.a);
         if POLAR {
-            [w, wr, wd, a] = to_body(body, &links[i].e, trig, [up.w, up.wr, up.wd, at_joint]);
+            [w, wr, wd, a] = to_body(body, &link.e, trig, [up.w, up.wr, up.wd, at_joint]);
         } else {
-            [w, wd, a] = to_body(body, &links[i].e, trig, [up.w, up.wd, at_joint]);
+            [w, wd, a] = to_body(body, &link.e, trig, [up.w, up.wd, at_joint]);
             wr = w;
         }
     }
@@ -130,14 +129,20 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
     ar: Option<&[S]>,
     tau: &mut [S],
 ) {
+    let mut motion = Motion::default();
     for i in 0..tree.n() {
         let body = &tree.bodies[i];
-        let motion = outwards::<S, POLAR>(tree, links, i, trig[i], q[i], v[i], vr[i], ar.map(|ar| ar[i]));
-        let h = body.inertia.moment;
+        if body.parent != BASE && body.parent + 1 != i {
+            motion = links[body.parent].motion;
+        }
         let link = &mut links[i];
+        motion = outwards::<S, POLAR>(tree, body, &motion, link, trig[i], q[i], v[i], vr[i], ar.map(|ar| ar[i]));
+        let h = body.inertia.moment;
         link.f = motion.u.apply_add(h, motion.a.scale(body.inertia.mass));
         link.n = moment_of(motion.u, &body.second_moment, h.cross(motion.a));
-        link.motion = motion;
+        if body.forks {
+            link.motion = motion;
+        }
     }
     inwards(tree, links, trig, |i, force| tau[i] = force);
     if let Some(ar) = ar {

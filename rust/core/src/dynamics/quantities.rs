@@ -87,7 +87,7 @@ quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), 
 
 quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (_, width) = query.shape(n);
-    regressor::regressor_on_zeros(tree, width, &mut ws.links, &mut ws.twists, trig, q, v, x, &y[..n], out);
+    regressor::regressor_on_zeros(tree, width, &mut ws.links, &mut ws.fields, trig, q, v, x, &y[..n], out);
     for i in 0..n {
         let mut at = i * width + PARAMETERS * n + i;
         if query.armature {

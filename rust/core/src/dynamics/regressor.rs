@@ -15,7 +15,8 @@ use crate::scalar::Real;
 use crate::spatial::{Inertia, M3, PARAMETERS, Spatial, V3};
 
 /// The field `a + U r` of a body in the axes of its parameters, `U = [d]x + sym U`.
-struct Field<S> {
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Field<S> {
     a: V3<S>,
     u: M3<S>,
     d: V3<S>,
@@ -123,7 +124,7 @@ pub fn regressor<S: Real>(
     tree: &Tree<S>,
     width: usize,
     links: &mut [Link<S>],
-    twists: &mut [Spatial<S>],
+    fields: &mut [Field<S>],
     trig: &[(S, S)],
     q: &[S],
     v: &[S],
@@ -132,7 +133,7 @@ pub fn regressor<S: Real>(
     y: &mut [S],
 ) {
     y.fill(S::zero());
-    regressor_on_zeros(tree, width, links, twists, trig, q, v, vr, ar, y);
+    regressor_on_zeros(tree, width, links, fields, trig, q, v, vr, ar, y);
 }
 
 /// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state.
@@ -141,7 +142,7 @@ pub fn regressor_on_zeros<S: Real>(
     tree: &Tree<S>,
     width: usize,
     links: &mut [Link<S>],
-    twists: &mut [Spatial<S>],
+    fields: &mut [Field<S>],
     trig: &[(S, S)],
     q: &[S],
     v: &[S],
@@ -149,15 +150,15 @@ pub fn regressor_on_zeros<S: Real>(
     ar: &[S],
     y: &mut [S],
 ) {
-    regressor_blocks(tree, links, twists, trig, q, v, vr, ar, &mut Matrix { y, width });
+    regressor_blocks(tree, links, fields, trig, q, v, vr, ar, &mut Matrix { y, width });
 }
 
-/// The blocks of `Y` that do not vanish, body by body, each from its joint to the base.
+/// The blocks of `Y` that do not vanish, joint by joint, each from its own body outwards.
 #[inline(always)]
 pub(super) fn regressor_blocks<S: Real>(
     tree: &Tree<S>,
     links: &mut [Link<S>],
-    twists: &mut [Spatial<S>],
+    fields: &mut [Field<S>],
     trig: &[(S, S)],
     q: &[S],
     v: &[S],
@@ -165,58 +166,48 @@ pub(super) fn regressor_blocks<S: Real>(
     ar: &[S],
     to: &mut impl Blocks<S>,
 ) {
-    for i in 0..tree.n() {
+    let n = tree.n();
+    let mut motion = Motion::default();
+    for i in 0..n {
         let body = &tree.bodies[i];
-        links[i].motion = outwards::<S, true>(tree, links, i, trig[i], q[i], v[i], vr[i], Some(ar[i]));
-        let field = Field::of(body, &links[i].motion);
         if body.parent != BASE && body.parent + 1 != i {
-            branch(tree, links, twists, trig, body.parent);
+            motion = links[body.parent].motion;
         }
-        twists[i] = unit(body.revolute);
-        let own = if !body.revolute {
-            field.along(turned(body, twists[i].linear))
-        } else if body.turn.is_none() {
-            field.about_z()
+        motion = outwards::<S, true>(tree, body, &motion, &mut links[i], trig[i], q[i], v[i], vr[i], Some(ar[i]));
+        if body.forks {
+            links[i].motion = motion;
+        }
+        fields[i] = Field::of(body, &motion);
+    }
+    for j in 0..n {
+        let Body { revolute, end, turn, .. } = tree.bodies[j];
+        let mut twist = unit(revolute);
+        if tree.bodies[j].forks {
+            links[j].twist = twist;
+        }
+        let own = if !revolute {
+            fields[j].along(turned(&tree.bodies[j], twist.linear))
+        } else if turn.is_none() {
+            fields[j].about_z()
         } else {
-            field.coefficients(V3::zero(), turned(body, twists[i].angular))
+            fields[j].coefficients(V3::zero(), turned(&tree.bodies[j], twist.angular))
         };
-        to.put(i, i, &own);
-        let mut j = body.parent;
-        while j != BASE {
-            let twist = carried(body, &links[i], trig[i], twists[j]);
-            twists[j] = twist;
-            let block = if tree.bodies[j].revolute {
-                field.coefficients(turned(body, twist.linear), turned(body, twist.angular))
+        to.put(j, j, &own);
+        for i in j + 1..end {
+            let body = &tree.bodies[i];
+            if body.parent + 1 != i {
+                twist = links[body.parent].twist;
+            }
+            twist = carried(body, &links[i], trig[i], twist);
+            if body.forks {
+                links[i].twist = twist;
+            }
+            let block = if revolute {
+                fields[i].coefficients(turned(body, twist.linear), turned(body, twist.angular))
             } else {
-                field.along(turned(body, twist.linear))
+                fields[i].along(turned(body, twist.linear))
             };
             to.put(j, i, &block);
-            j = tree.bodies[j].parent;
-        }
-    }
-}
-
-/// The motions of `last` and of all joints that carry it, in its axes: where a branch begins they are those of another body.
-#[inline(always)]
-fn branch<S: Real>(tree: &Tree<S>, links: &[Link<S>], twists: &mut [Spatial<S>], trig: &[(S, S)], last: usize) {
-    let mut j = last;
-    while j != BASE {
-        twists[j] = unit(tree.bodies[j].revolute);
-        j = tree.bodies[j].parent;
-    }
-    // Bodies come after their parents: those on the way to `last` are met from the base outwards.
-    for i in 0..=last {
-        let mut on_the_way = last;
-        while on_the_way > i && on_the_way != BASE {
-            on_the_way = tree.bodies[on_the_way].parent;
-        }
-        if on_the_way == i {
-            let body = &tree.bodies[i];
-            let mut j = body.parent;
-            while j != BASE {
-                twists[j] = carried(body, &links[i], trig[i], twists[j]);
-                j = tree.bodies[j].parent;
-            }
         }
     }
 }
@@ -236,9 +227,13 @@ pub fn regressor_products<S: Real>(
     y_pi: &mut [S],
     yt_s: &mut [S],
 ) {
+    let mut motion = Motion::default();
     for i in 0..tree.n() {
         let body = &tree.bodies[i];
-        let motion = outwards::<S, true>(tree, links, i, trig[i], q[i], v[i], vr[i], Some(ar[i]));
+        if body.parent != BASE && body.parent + 1 != i {
+            motion = links[body.parent].motion;
+        }
+        motion = outwards::<S, true>(tree, body, &motion, &mut links[i], trig[i], q[i], v[i], vr[i], Some(ar[i]));
         let field = Field::of(body, &motion);
         let given = Inertia::from_parameters(&pi[PARAMETERS * i..][..PARAMETERS]);
         let h = given.moment;
@@ -253,7 +248,10 @@ pub fn regressor_products<S: Real>(
         }
         yt_s[PARAMETERS * i..][..PARAMETERS].copy_from_slice(&field.coefficients(turned(body, twist.linear), turned(body, twist.angular)));
         let link = &mut links[i];
-        (link.motion, link.twist) = (motion, twist);
+        link.twist = twist;
+        if body.forks {
+            link.motion = motion;
+        }
         (link.f, link.n) = match body.turn {
             None => (f, moment),
             Some(turn) => (turn.lift::<S>().apply_transposed(f), turn.lift::<S>().apply_transposed(moment)),

@@ -1,7 +1,7 @@
 //! Regressors of many configurations, from lanes straight to where their rows belong: `(count, n, p)`.
 //!
-//! Ten numbers of every lane at a time are transposed in registers. An answer is longer than the first-level cache, so each number is
-//! written there once and never read, and while one group of configurations is computed memory is asked for the rows of the next.
+//! Ten numbers of every lane at a time are transposed in registers. The rows of one group fill the first-level cache, so each number is
+//! written once, row by row, and never read; memory is asked for its lines shortly before.
 
 use super::Query;
 use super::evaluate::Engine;
@@ -13,6 +13,8 @@ use crate::spatial::PARAMETERS;
 
 /// Numbers of a row that are moved at once, and of a line of memory.
 const LINE: usize = 8;
+/// How far ahead memory is asked for, in numbers: two lines of each row. Those of more would not stay in the first-level cache.
+const AHEAD: usize = 2 * LINE;
 
 /// The rows of one group of configurations.
 struct Rows<'a, S> {
@@ -20,10 +22,6 @@ struct Rows<'a, S> {
     /// Numbers of a configuration, and of a joint.
     length: usize,
     width: usize,
-    /// What is written next, and how much of it is asked for with every block.
-    ahead: &'a [f64],
-    asked: usize,
-    share: usize,
     /// Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
     zeros: [S; 5],
 }
@@ -34,6 +32,7 @@ impl<S: Real> Rows<'_, S> {
     fn clear(&mut self, at: usize, count: usize) {
         let mut k = 0;
         while k + LINE <= count {
+            self.ask(at + k);
             S::to_rows(&[S::zero(); LINE], &mut self.rows[at + k..], self.length);
             k += LINE;
         }
@@ -54,12 +53,13 @@ impl<S: Real> Rows<'_, S> {
         self.zeros[0] = x.mul_add(S::zero(), self.zeros[0]);
     }
 
+    /// Ask for the lines that are written soon after `at`; at the end of the rows, for the first of the next ones.
     #[inline(always)]
-    fn ask(&mut self) {
-        let last = self.ahead.len().min(self.asked + self.share);
-        while self.asked < last {
-            prefetch(self.ahead.as_ptr().wrapping_add(self.asked));
-            self.asked += LINE;
+    fn ask(&self, at: usize) {
+        let soon = at + AHEAD;
+        let soon = if soon < self.length { soon } else { soon + (S::LANES - 1) * self.length };
+        for lane in 0..S::LANES {
+            prefetch(self.rows.as_ptr().wrapping_add(soon + lane * self.length));
         }
     }
 }
@@ -67,13 +67,14 @@ impl<S: Real> Rows<'_, S> {
 impl<S: Real> Blocks<S> for Rows<'_, S> {
     #[inline(always)]
     fn put(&mut self, joint: usize, body: usize, block: &[S; PARAMETERS]) {
-        self.ask();
         if joint == body {
             // Earlier bodies are not carried by this joint.
             self.clear(joint * self.width, PARAMETERS * joint);
         }
         let [a, b, c, d, e, f, g, h, last @ ..] = *block;
         let at = joint * self.width + PARAMETERS * body;
+        self.ask(at);
+        self.ask(at + LINE);
         S::to_rows(&[a, b, c, d, e, f, g, h], &mut self.rows[at..], self.length);
         S::two_to_rows(last, &mut self.rows[at + LINE..], self.length);
         for k in 0..PARAMETERS {
@@ -89,17 +90,6 @@ pub(super) fn regressor_rows<S: Real>(engine: &mut Engine<S>, query: &Query, inp
     let n = tree.n();
     let (length, width) = (query.length(n), query.shape(n).1);
     let inertial = PARAMETERS * n;
-    // Of each row, what vanishes beyond the joint's own body: in branches beside it.
-    let below = tree.below();
-    let mut blank = Vec::new();
-    for (j, row) in below.chunks_exact(n.max(1)).enumerate() {
-        blank.extend((j + 1..n).filter(|&i| !row[i]).map(|i| (j * width + PARAMETERS * i, PARAMETERS)));
-    }
-    if width > inertial {
-        blank.extend((0..n).map(|j| (j * width + inertial, width - inertial)));
-    }
-    let blocks = below.iter().filter(|&&below| below).count().max(1);
-    let share = (S::LANES * length).div_ceil(blocks * LINE) * LINE;
     let (mut at, mut sound) = (0, true);
     while at < count {
         for (k, given) in inputs.iter().enumerate() {
@@ -109,20 +99,13 @@ pub(super) fn regressor_rows<S: Real>(engine: &mut Engine<S>, query: &Query, inp
         let (q, v, v_r, a_r, trig) = (&q[..n], &v[..n], &v_r[..n], &a_r[..n], &mut trig[..n]);
         S::sin_cos_each(q, trig);
         let whole = at + S::LANES <= count;
-        let (now, ahead) = out[at * length..].split_at_mut(if whole { S::LANES * length } else { 0 });
-        let mut to = Rows {
-            rows: if whole { now } else { &mut rest[..S::LANES * length] },
-            length,
-            width,
-            ahead: if whole { &ahead[..ahead.len().min(S::LANES * length)] } else { &[] },
-            asked: 0,
-            share,
-            zeros: [S::zero(); 5],
-        };
-        for &(at, count) in &blank {
-            to.clear(at, count);
+        let rows = if whole { &mut out[at * length..][..S::LANES * length] } else { &mut rest[..S::LANES * length] };
+        let mut to = Rows { rows, length, width, zeros: [S::zero(); 5] };
+        for (j, body) in tree.bodies.iter().enumerate() {
+            // Of branches beside it, and columns that are not inertial.
+            to.clear(j * width + PARAMETERS * body.end, width - PARAMETERS * body.end);
         }
-        regressor_blocks(tree, &mut ws.links, &mut ws.twists, trig, q, v, v_r, a_r, &mut to);
+        regressor_blocks(tree, &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, &mut to);
         for i in 0..n {
             let mut at = i * width + inertial + i;
             if query.armature {

@@ -53,7 +53,7 @@ impl<S: Real> Dynamics<S> for Tree<S> {
     }
     #[inline(always)]
     fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
-        regressor::regressor(self, PARAMETERS * self.n(), &mut ws.links, &mut ws.twists, trig, q, v, v_r, a_r, y);
+        regressor::regressor(self, PARAMETERS * self.n(), &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
     }
     #[inline(always)]
     fn regressor_products(

@@ -2,6 +2,7 @@
 
 use super::crba;
 use super::derivatives::Slope;
+use super::regressor::Field;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
 use crate::scalar::Real;
@@ -98,8 +99,7 @@ pub struct Column<S> {
 pub struct Workspace<S> {
     pub poses: Vec<Pose<S>>,
     pub links: Vec<Link<S>>,
-    /// Unit motions of joints in the axes of the body that is met.
-    pub twists: Vec<Spatial<S>>,
+    pub fields: Vec<Field<S>>,
     pub composites: Vec<Composite<S>>,
     pub articulated: Vec<Articulated<S>>,
     pub mass: crba::Composites<S>,
@@ -117,7 +117,7 @@ impl<S: Real> Workspace<S> {
         Workspace {
             poses: vec![Pose::identity(); n],
             links: vec![Link::default(); n],
-            twists: vec![Spatial::zero(); n],
+            fields: vec![Field::default(); n],
             composites: vec![Composite::default(); n],
             articulated: vec![Articulated::default(); n],
             mass: crba::Composites::new(n),
