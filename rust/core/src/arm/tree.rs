@@ -15,8 +15,10 @@ pub const BASE: usize = usize::MAX;
 pub struct Body<S> {
     /// Index of the parent body, [`BASE`] for the base; parents come before children.
     pub parent: usize,
-    /// One beyond the last body that it carries: `i + 1` for the last of a chain.
+    /// One beyond the last body that it carries: the bodies from the next one to there, since their order is depth first.
     pub end: usize,
+    /// A body that is not the next one hangs on it: what it hands on has to be kept.
+    pub forks: bool,
     /// Turns about its axis; slides along it otherwise.
     pub revolute: bool,
     /// Placement of the joint in the parent's compiled frame at `q = 0`.
@@ -58,11 +60,14 @@ impl Tree<f64> {
         }
         let parent_turn = |parent: Option<usize>| parent.map_or(M3::IDENTITY, |p| turns[p]).transpose();
         let mut ends: Vec<usize> = (1..=arm.joints.len()).collect();
+        let mut forks = vec![false; arm.joints.len()];
         for (i, joint) in arm.joints.iter().enumerate().rev() {
             if let Some(p) = joint.parent {
                 ends[p] = ends[p].max(ends[i]);
+                forks[p] |= p + 1 != i;
             }
         }
+        debug_assert!((0..ends.len()).all(|i| arm.joints[i + 1..ends[i]].iter().all(|joint| joint.parent >= Some(i))), "not depth first");
         let bodies = arm
             .joints
             .iter()
@@ -73,6 +78,7 @@ impl Tree<f64> {
                 Body {
                     parent: joint.parent.unwrap_or(BASE),
                     end: ends[i],
+                    forks: forks[i],
                     revolute: joint.kind.is_angle(),
                     rotation,
                     quarter: QuarterTurn::of(&rotation),
@@ -108,6 +114,7 @@ impl Tree<f64> {
                 second_moment: Sym3(body.second_moment.0.map(S::splat)),
                 parent: body.parent,
                 end: body.end,
+                forks: body.forks,
                 revolute: body.revolute,
                 rotation: body.rotation,
                 quarter: body.quarter,
@@ -149,20 +156,6 @@ impl<S: Real> Tree<S> {
             };
             inertia.write_parameters(p);
         }
-    }
-
-    /// Whether joint `j` carries body `i`, at `(j, i)`.
-    pub fn below(&self) -> Vec<bool> {
-        let n = self.n();
-        let mut below = vec![false; n * n];
-        for i in 0..n {
-            let mut j = i;
-            while j != BASE {
-                below[j * n + i] = true;
-                j = self.bodies[j].parent;
-            }
-        }
-        below
     }
 
     #[inline(always)]

@@ -5,11 +5,11 @@
 //! body towards the base. Inertias are held as second moments `P = integral of r r' dm = tr(I)/2 1 - I`, which move from point to
 //! point in fewer products, and of which `S_j = e_z` takes one column: `I e_z = tr(P) e_z - P e_z`.
 
-use super::hinge::{congruence, reach, rotation, to_parent};
+use super::hinge::{congruence, over, reach, rotation, to_parent};
 use crate::arm::{BASE, Body, Tree};
 use crate::kinematics::Pose;
 use crate::scalar::Real;
-use crate::spatial::{M3, Spatial, Sym3, V3};
+use crate::spatial::{M3, QuarterTurn, Spatial, Sym3, V3};
 
 /// Mass, first and second moment of a subtree about its joint origin, in the axes of its first body.
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,21 +50,15 @@ pub(crate) fn joint_column<S: Real>(revolute: bool, pose: &Pose<S>) -> (V3<S>, V
 #[derive(Clone, Debug)]
 pub struct Composites<S> {
     moments: Vec<Moments<S>>,
-    /// The momentum `[f; n]` of every joint's subtree per unit rate, on its way to the base, and the body in whose axes it is now.
+    /// The momentum `[f; n]` of every joint's subtree per unit rate, on its way to the base.
     momenta: Vec<Spatial<S>>,
-    at: Vec<usize>,
     /// Rotations of joints that have to be multiplied out.
     rotations: Vec<M3<S>>,
 }
 
 impl<S: Real> Composites<S> {
     pub fn new(n: usize) -> Self {
-        Composites {
-            moments: vec![Moments::default(); n],
-            momenta: vec![Spatial::zero(); n],
-            at: vec![BASE; n],
-            rotations: vec![M3::zero(); n],
-        }
+        Composites { moments: vec![Moments::default(); n], momenta: vec![Spatial::zero(); n], rotations: vec![M3::zero(); n] }
     }
 }
 
@@ -78,12 +72,11 @@ pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig
 #[inline(always)]
 pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     let n = tree.n();
-    let Composites { moments, momenta, at, rotations } = composites;
+    let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
-    let (at, rotations, trig, q, m) = (&mut at[..n], &mut rotations[..n], &trig[..n], &q[..n], &mut m[..n * n]);
+    let (rotations, trig, q, m) = (&mut rotations[..n], &trig[..n], &q[..n], &mut m[..n * n]);
     for i in 0..n {
         moments[i] = Moments::of(&bodies[i]);
-        at[i] = i;
     }
     // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Moments::default(), BASE);
@@ -103,11 +96,9 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
         momenta[i] = Spatial { linear, angular };
         m[i * n + i] = own + S::splat(body.armature);
         for j in i + 1..body.end {
-            if at[j] == i {
-                let entry = if body.revolute { momenta[j].angular[2] } else { momenta[j].linear[2] };
-                m[i * n + j] = entry;
-                m[j * n + i] = entry;
-            }
+            let entry = if body.revolute { momenta[j].angular[2] } else { momenta[j].linear[2] };
+            m[i * n + j] = entry;
+            m[j * n + i] = entry;
         }
         let parent = body.parent;
         if parent == BASE {
@@ -117,14 +108,24 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
         if body.quarter.is_none() {
             rotations[i] = rotation(body, trig[i]);
         }
-        let e = &rotations[i];
-        for j in i..body.end {
-            if at[j] == i {
-                let [linear, angular] = to_parent(body, e, trig[i], [momenta[j].linear, momenta[j].angular]);
-                momenta[j] = Spatial { linear, angular: p.cross_add(linear, angular) };
-                at[j] = parent;
-            }
+        let (e, turn) = (&rotations[i], trig[i]);
+        // Asked once and not for every column.
+        macro_rules! carry {
+            ($($quarter:pat => $known:expr),+) => {
+                match body.quarter {
+                    $($quarter => for j in i..body.end {
+                        let [linear, angular] = over($known, body.revolute, e, turn, [momenta[j].linear, momenta[j].angular]);
+                        momenta[j] = Spatial { linear, angular: p.cross_add(linear, angular) };
+                    })+
+                }
+            };
         }
+        carry!(
+            Some(QuarterTurn::None) => Some(QuarterTurn::None),
+            Some(QuarterTurn::X90) => Some(QuarterTurn::X90),
+            Some(QuarterTurn::X270) => Some(QuarterTurn::X270),
+            quarter => quarter
+        );
         let [first] = to_parent(body, e, trig[i], [whole.first]);
         let moved = Moments { mass, first, second: congruence(body, e, trig[i], whole.second) }.shifted(p);
         if S::LANES == 1 && parent + 1 == i {

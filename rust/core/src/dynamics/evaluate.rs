@@ -3,6 +3,7 @@
 //! outputs are the caller's.
 
 use super::quantities::{self, Compute};
+use super::regressor_rows::regressor_rows;
 use super::{Quantity, Query, Workspace};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
@@ -26,6 +27,8 @@ pub(super) struct Engine<S> {
     /// What `out` holds an answer to: where that vanishes in every state it need not be zeroed again.
     answered: Option<Query>,
     stage: Stage,
+    /// Rows of regressors that are fewer than lanes.
+    pub(super) rows: Vec<f64>,
 }
 
 impl<S: Real> Engine<S> {
@@ -44,6 +47,7 @@ impl<S: Real> Engine<S> {
             square: zeros(if eager { n * n } else { 0 }),
             answered: None,
             stage: Stage::default(),
+            rows: Vec::new(),
             tree,
         }
     }
@@ -52,14 +56,11 @@ impl<S: Real> Engine<S> {
     fn grow(&mut self, query: &Query) -> Result<()> {
         let n = self.tree.n();
         let square = if query.quantity == Quantity::ForwardDynamicsDerivatives { n * n } else { 0 };
-        for (buffer, length) in [(&mut self.out, query.length(n)), (&mut self.square, square)] {
-            if buffer.len() < length {
-                let bytes = length as u128 * size_of::<S>() as u128;
-                buffer.try_reserve_exact(length - buffer.len()).map_err(|_| Error::Memory { bytes })?;
-                buffer.resize(length, S::zero());
-            }
+        if S::LANES > 1 && query.quantity == Quantity::Regressor {
+            return enlarge(&mut self.rows, S::LANES * query.length(n), 0.0);
         }
-        Ok(())
+        enlarge(&mut self.out, query.length(n), S::zero())?;
+        enlarge(&mut self.square, square, S::zero())
     }
 
     /// All configurations of the arrays, `S::LANES` at a time; the last lanes repeat the last one. A single number takes one
@@ -72,6 +73,9 @@ impl<S: Real> Engine<S> {
         let fits = query.fits(inputs, count, n, self.tree.frames.len(), out.len());
         if !fits || S::LANES == 1 && count != 1 {
             return false;
+        }
+        if S::LANES > 1 && Q::QUANTITY == Quantity::Regressor {
+            return regressor_rows(self, query, inputs, count, out);
         }
         if self.answered != Some(*query) {
             self.out[..query.length(n)].fill(S::zero());
@@ -91,7 +95,7 @@ impl<S: Real> Engine<S> {
             return false;
         }
         S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
-        Q::compute(self, query, &mut ());
+        Q::compute(self, query);
         write_one(&self.out[..query.length(n)], out)
     }
 
@@ -101,15 +105,7 @@ impl<S: Real> Engine<S> {
         let length = query.length(n);
         let (mut at, mut sound) = (0, true);
         let mut stage = std::mem::take(&mut self.stage);
-        // What vanishes for every state is never written.
-        let below = if query.quantity == Quantity::Regressor && Stage::takes(length) { self.tree.below() } else { Vec::new() };
-        let width = PARAMETERS * n;
-        let columns = query.shape(n).1;
-        let vanishes = |k: usize| {
-            let (row, column) = (k / columns, k % columns);
-            !below.is_empty() && column < width && !below[row * n + column / PARAMETERS]
-        };
-        stage.prepare(S::LANES, length, n.max(1), vanishes);
+        stage.prepare(S::LANES, length, n.max(1), |_| false);
         while at < count {
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
@@ -117,8 +113,8 @@ impl<S: Real> Engine<S> {
             }
             S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
             let (written, rest) = out.split_at_mut(at * length);
-            Q::compute(self, query, &mut stage.leaving(written));
             stage.empty(written);
+            Q::compute(self, query);
             sound &= write_rows(&self.out[..length], &mut stage, rest);
             at += S::LANES;
         }
@@ -154,6 +150,16 @@ impl<S: Real> Engine<S> {
             _ => self.dispatch(query, inputs, count, out),
         }
     }
+}
+
+/// At least so many numbers, or an error that says how much memory they are.
+fn enlarge<T: Copy>(buffer: &mut Vec<T>, length: usize, fill: T) -> Result<()> {
+    if buffer.len() < length {
+        let bytes = length as u128 * size_of::<T>() as u128;
+        buffer.try_reserve_exact(length - buffer.len()).map_err(|_| Error::Memory { bytes })?;
+        buffer.resize(length, fill);
+    }
+    Ok(())
 }
 
 struct Rows<'a, S, Q> {

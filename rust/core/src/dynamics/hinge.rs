@@ -3,7 +3,7 @@
 
 use crate::arm::Body;
 use crate::scalar::Real;
-use crate::spatial::{M3, Sym3, V3};
+use crate::spatial::{M3, QuarterTurn, Sym3, V3};
 
 /// `R_0 Rz(q)` of a joint that has to be multiplied out; the others never read it.
 #[inline(always)]
@@ -20,10 +20,22 @@ pub(crate) fn reach<S: Real>(body: &Body<S>, q: S) -> V3<S> {
 
 /// From the body's axes to the parent's; `e` is [`rotation`].
 #[inline(always)]
-pub(crate) fn to_parent<S: Real, const K: usize>(body: &Body<S>, e: &M3<S>, (s, c): (S, S), mut v: [V3<S>; K]) -> [V3<S>; K] {
-    match body.quarter {
+pub(crate) fn to_parent<S: Real, const K: usize>(body: &Body<S>, e: &M3<S>, trig: (S, S), v: [V3<S>; K]) -> [V3<S>; K] {
+    over(body.quarter, body.revolute, e, trig, v)
+}
+
+/// As [`to_parent`], for a loop that knows the quarter turn before it begins.
+#[inline(always)]
+pub(crate) fn over<S: Real, const K: usize>(
+    quarter: Option<QuarterTurn>,
+    revolute: bool,
+    e: &M3<S>,
+    (s, c): (S, S),
+    mut v: [V3<S>; K],
+) -> [V3<S>; K] {
+    match quarter {
         Some(quarter) => {
-            if body.revolute {
+            if revolute {
                 for k in 0..K {
                     let [x, y, z] = v[k].0;
                     v[k] = V3([x.mul_add(c, -(y * s)), x.mul_add(s, y * c), z]);

@@ -13,7 +13,7 @@
 
 use super::hinge::{reach, rotation, to_body, to_parent};
 use super::workspace::{Link, Motion};
-use crate::arm::{BASE, Tree};
+use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
 use crate::spatial::{M3, Sym3, V3};
 
@@ -45,6 +45,78 @@ pub(crate) fn moment_of<S: Real>(u: M3<S>, second: &Sym3<S>, c: V3<S>) -> V3<S> 
     ])
 }
 
+/// The motion of a body in its own axes from that of its parent; the joint's rotation and reach go to `link`.
+#[inline(always)]
+pub(crate) fn outwards<S: Real, const POLAR: bool>(
+    tree: &Tree<S>,
+    body: &Body<S>,
+    up: &Motion<S>,
+    link: &mut Link<S>,
+    trig: (S, S),
+    q: S,
+    v: S,
+    vr: S,
+    ar: Option<S>,
+) -> Motion<S> {
+    let half = S::splat(0.5);
+    let p = reach(body, q);
+    link.p = p;
+    if body.quarter.is_none() {
+        link.e = rotation(body, trig);
+    }
+    let (mut w, mut wr, mut wd) = (V3::zero(), V3::zero(), V3::zero());
+    let mut a;
+    if body.parent == BASE {
+        [a] = to_body(body, &link.e, trig, [-tree.gravity.lift::<S>()]);
+    } else {
+        let at_joint = up.u.apply_add(p, up.a);
+        if POLAR {
+            [w, wr, wd, a] = to_body(body, &link.e, trig, [up.w, up.wr, up.wd, at_joint]);
+        } else {
+            [w, wd, a] = to_body(body, &link.e, trig, [up.w, up.wd, at_joint]);
+            wr = w;
+        }
+    }
+    // ((w x z) vr + (wr x z) v) / 2, and the acceleration along the joint.
+    let (cx, cy) = if POLAR { (half * w[1].mul_add(vr, wr[1] * v), half * w[0].mul_add(vr, wr[0] * v)) } else { (w[1] * v, w[0] * v) };
+    if body.revolute {
+        wd[0] += cx;
+        wd[1] -= cy;
+        if let Some(ar) = ar {
+            wd[2] += ar;
+        }
+        w[2] += v;
+        if POLAR {
+            wr[2] += vr;
+        } else {
+            wr = w;
+        }
+    } else {
+        a[0] += cx + cx;
+        a[1] -= cy + cy;
+        if let Some(ar) = ar {
+            a[2] += ar;
+        }
+    }
+    Motion { w, wr, wd, a, u: acceleration_matrix::<S, POLAR>(w, wr, wd) }
+}
+
+/// From `f` and `n` of every body in its own axes, which are in `links`, the joint forces `S_i . F_i`, `F_i` summed over the subtree.
+#[inline(always)]
+pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S, S)], mut tau: impl FnMut(usize, S)) {
+    for i in (0..tree.n()).rev() {
+        let body = &tree.bodies[i];
+        let Link { p, f, n: moment, .. } = links[i];
+        tau(i, if body.revolute { moment[2] } else { f[2] });
+        if body.parent != BASE {
+            let [f, moment] = to_parent(body, &links[i].e, trig[i], [f, moment]);
+            let up = &mut links[body.parent];
+            up.f += f;
+            up.n = p.cross_add(f, up.n + moment);
+        }
+    }
+}
+
 /// `tau` for `(v, vr, ar)`; `POLAR = false` takes `vr = v` and never reads `vr`.
 #[inline(always)]
 pub fn newton_euler<S: Real, const POLAR: bool>(
@@ -57,74 +129,25 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
     ar: Option<&[S]>,
     tau: &mut [S],
 ) {
-    let n = tree.n();
-    let half = S::splat(0.5);
-    let ground = -tree.gravity.lift::<S>();
-    for i in 0..n {
+    let mut motion = Motion::default();
+    for i in 0..tree.n() {
         let body = &tree.bodies[i];
-        let p = reach(body, q[i]);
-        if body.quarter.is_none() {
-            links[i].e = rotation(body, trig[i]);
+        if body.parent != BASE && body.parent + 1 != i {
+            motion = links[body.parent].motion;
         }
-        let (mut w, mut wr, mut wd) = (V3::zero(), V3::zero(), V3::zero());
-        let mut a;
-        if body.parent == BASE {
-            [a] = to_body(body, &links[i].e, trig[i], [ground]);
-        } else {
-            let up = &links[body.parent].motion;
-            let at_joint = up.u.apply_add(p, up.a);
-            if POLAR {
-                [w, wr, wd, a] = to_body(body, &links[i].e, trig[i], [up.w, up.wr, up.wd, at_joint]);
-            } else {
-                [w, wd, a] = to_body(body, &links[i].e, trig[i], [up.w, up.wd, at_joint]);
-                wr = w;
-            }
-        }
-        // ((w x z) vr + (wr x z) v) / 2, and the acceleration along the joint.
-        let (cx, cy) = if POLAR {
-            (half * w[1].mul_add(vr[i], wr[1] * v[i]), half * w[0].mul_add(vr[i], wr[0] * v[i]))
-        } else {
-            (w[1] * v[i], w[0] * v[i])
-        };
-        if body.revolute {
-            wd[0] += cx;
-            wd[1] -= cy;
-            if let Some(ar) = ar {
-                wd[2] += ar[i];
-            }
-            w[2] += v[i];
-            if POLAR {
-                wr[2] += vr[i];
-            } else {
-                wr = w;
-            }
-        } else {
-            a[0] += cx + cx;
-            a[1] -= cy + cy;
-            if let Some(ar) = ar {
-                a[2] += ar[i];
-            }
-        }
-        let u = acceleration_matrix::<S, POLAR>(w, wr, wd);
-        let h = body.inertia.moment;
-        let f = u.apply_add(h, a.scale(body.inertia.mass));
-        let moment = moment_of(u, &body.second_moment, h.cross(a));
         let link = &mut links[i];
-        (link.p, link.motion, link.f, link.n) = (p, Motion { w, wr, wd, a, u }, f, moment);
+        motion = outwards::<S, POLAR>(tree, body, &motion, link, trig[i], q[i], v[i], vr[i], ar.map(|ar| ar[i]));
+        let h = body.inertia.moment;
+        link.f = motion.u.apply_add(h, motion.a.scale(body.inertia.mass));
+        link.n = moment_of(motion.u, &body.second_moment, h.cross(motion.a));
+        if body.forks {
+            link.motion = motion;
+        }
     }
-    for i in (0..n).rev() {
-        let body = &tree.bodies[i];
-        let Link { p, f, n: moment, .. } = links[i];
-        let force = if body.revolute { moment[2] } else { f[2] };
-        tau[i] = match ar {
-            Some(ar) => S::splat(body.armature).mul_add(ar[i], force),
-            None => force,
-        };
-        if body.parent != BASE {
-            let [f, moment] = to_parent(body, &links[i].e, trig[i], [f, moment]);
-            let up = &mut links[body.parent];
-            up.f += f;
-            up.n = p.cross_add(f, up.n + moment);
+    inwards(tree, links, trig, |i, force| tau[i] = force);
+    if let Some(ar) = ar {
+        for i in 0..tree.n() {
+            tau[i] = S::splat(tree.bodies[i].armature).mul_add(ar[i], tau[i]);
         }
     }
 }

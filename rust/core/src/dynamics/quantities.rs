@@ -6,15 +6,13 @@ use super::evaluate::Engine;
 use super::{Dynamics, Quantity, Query, crba, derivatives, regressor};
 use crate::arm::Tree;
 use crate::kinematics as kin;
-use crate::scalar::rows::Aside;
 use crate::scalar::{Real, sign};
 use crate::spatial::PARAMETERS;
 
 /// How a quantity is computed from the buffers of an engine, trigonometry done.
 pub trait Compute {
     const QUANTITY: Quantity;
-    /// A long computation makes a step `aside` now and then.
-    fn compute<S: Real>(engine: &mut Engine<S>, query: &Query, aside: &mut impl Aside);
+    fn compute<S: Real>(engine: &mut Engine<S>, query: &Query);
 }
 
 /// What friction leaves of a torque.
@@ -29,13 +27,13 @@ fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S])
 }
 
 macro_rules! quantity {
-    ($name:ident, ($tree:ident, $ws:ident, $trig:ident, $n:ident, $q:ident, $v:ident, $x:ident, $y:ident, $out:ident, $query:ident, $square:ident, $aside:ident), $body:expr) => {
+    ($name:ident, ($tree:ident, $ws:ident, $trig:ident, $n:ident, $q:ident, $v:ident, $x:ident, $y:ident, $out:ident, $query:ident, $square:ident), $body:expr) => {
         pub struct $name;
         impl Compute for $name {
             const QUANTITY: Quantity = Quantity::$name;
             #[inline(always)]
             #[allow(unused_variables)]
-            fn compute<S: Real>(engine: &mut Engine<S>, $query: &Query, $aside: &mut impl Aside) {
+            fn compute<S: Real>(engine: &mut Engine<S>, $query: &Query) {
                 let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square, .. } = engine;
                 let $n = $tree.n();
                 let [q, v, x, $y] = inputs;
@@ -47,27 +45,27 @@ macro_rules! quantity {
     };
 }
 
-quantity!(MassMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(MassMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     // Zeroed before the first of many, as for the Jacobian and the regressor.
     crba::mass_matrix_on_zeros(tree, &mut ws.mass, trig, q, out);
 });
 
-quantity!(CoriolisMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(CoriolisMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     tree.coriolis_matrix(ws, trig, q, v, out);
 });
 
-quantity!(Gravity, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(Gravity, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     tree.gravity(ws, trig, q, out);
 });
 
-quantity!(Bias, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(Bias, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     tree.bias(ws, trig, q, v, out);
     if query.friction {
         add_friction(tree, v, out);
     }
 });
 
-quantity!(InverseDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(InverseDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     tree.inverse_dynamics(ws, trig, q, v, x, out);
     if query.friction {
         add_friction(tree, v, out);
@@ -78,7 +76,7 @@ quantity!(InverseDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square, a
     }
 });
 
-quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     take_friction(query, tree, v, x);
     if let Some(frame) = query.wrench {
         kin::place(tree, trig, q, &mut ws.poses);
@@ -87,9 +85,9 @@ quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square, a
     tree.forward_dynamics(ws, trig, q, v, x, out);
 });
 
-quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (_, width) = query.shape(n);
-    regressor::regressor_on_zeros(tree, width, &mut ws.poses, &mut ws.links, trig, q, v, x, &y[..n], out, aside);
+    regressor::regressor_on_zeros(tree, width, &mut ws.links, &mut ws.fields, trig, q, v, x, &y[..n], out);
     for i in 0..n {
         let mut at = i * width + PARAMETERS * n + i;
         if query.armature {
@@ -102,11 +100,11 @@ quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square, aside),
     }
 });
 
-quantity!(Energy, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(Energy, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     (out[0], out[1]) = tree.energy(ws, trig, q, v);
 });
 
-quantity!(Pose, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(Pose, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (r, p) = kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame);
     for k in 0..3 {
         (out[4 * k], out[4 * k + 1], out[4 * k + 2], out[4 * k + 3]) = (r.0[0][k], r.0[1][k], r.0[2][k], p[k]);
@@ -115,23 +113,23 @@ quantity!(Pose, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
     out[15] = S::splat(1.0);
 });
 
-quantity!(Position, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(Position, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     out.copy_from_slice(&kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame).1.0);
 });
 
-quantity!(Jacobian, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(Jacobian, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     kin::jacobian_on_zeros(tree, &mut ws.poses, trig, q, query.frame, out);
 });
 
-quantity!(JacobianDot, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(JacobianDot, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     kin::jacobian_dot(tree, &mut ws.poses, &mut ws.motion, trig, q, v, query.frame, out);
 });
 
-quantity!(Com, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(Com, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     out.copy_from_slice(&kin::com(tree, &mut ws.poses, trig, q).1.0);
 });
 
-quantity!(InverseDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(InverseDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (by_q, rest) = out.split_at_mut(n * n);
     let (by_v, by_a) = rest.split_at_mut(n * n);
     derivatives::inverse_dynamics_by_q(tree, ws, trig, q, v, x, by_q);
@@ -139,7 +137,7 @@ quantity!(InverseDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query
     tree.mass_matrix(ws, trig, q, by_a);
 });
 
-quantity!(ForwardDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(ForwardDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     take_friction(query, tree, v, x);
     let (by_q, rest) = out.split_at_mut(n * n);
     let (by_v, by_tau) = rest.split_at_mut(n * n);
@@ -147,6 +145,6 @@ quantity!(ForwardDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query
     derivatives::forward_dynamics_derivatives(tree, ws, trig, q, v, &y[..n], query.friction, square, by_q, by_v, by_tau);
 });
 
-quantity!(ComJacobian, (tree, ws, trig, n, q, v, x, y, out, query, square, aside), {
+quantity!(ComJacobian, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     kin::com_jacobian(tree, &mut ws.poses, &mut ws.subtrees, trig, q, out);
 });

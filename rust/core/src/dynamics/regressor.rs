@@ -4,19 +4,19 @@
 //!
 //! `tau = m (v.a) + h.(U' v + a x w) + <sym([w]x' U), integral of r r' dm>`,
 //!
-//! linear in the ten parameters. The field is propagated in world axes and read in body axes, where the
-//! parameters stand; `Y' s` is the same expression for the motion `(v, w)` of the body under joint rates `s`.
+//! linear in the ten parameters. Fields and motions are carried outwards in body axes; `Y' s` is the same expression for the motion
+//! `(v, w)` of the body under joint rates `s`.
 
-use super::newton_euler::{acceleration_matrix, moment_of};
+use super::hinge::to_body;
+use super::newton_euler::{inwards, moment_of, outwards};
 use super::workspace::{Link, Motion};
 use crate::arm::{BASE, Body, Tree, second_moment};
-use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
-use crate::scalar::rows::Aside;
-use crate::spatial::{Inertia, M3, PARAMETERS, V3};
+use crate::spatial::{Inertia, M3, PARAMETERS, Spatial, V3};
 
 /// The field `a + U r` of a body in the axes of its parameters, `U = [d]x + sym U`.
-struct Field<S> {
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Field<S> {
     a: V3<S>,
     u: M3<S>,
     d: V3<S>,
@@ -27,10 +27,12 @@ struct Field<S> {
 
 impl<S: Real> Field<S> {
     #[inline(always)]
-    fn of(body: &Body<S>, pose: &Pose<S>, motion: &Motion<S>) -> Self {
-        let r = body_axes(body, pose);
-        let (a, d) = (r.apply_transposed(motion.a), r.apply_transposed(motion.wd));
-        let u = acceleration_matrix::<S, true>(r.apply_transposed(motion.w), r.apply_transposed(motion.wr), d);
+    fn of(body: &Body<S>, motion: &Motion<S>) -> Self {
+        let Motion { mut a, mut u, wd: mut d, .. } = *motion;
+        if let Some(turn) = body.turn {
+            let back = turn.lift::<S>().transpose();
+            (a, d, u) = (back.apply_transposed(a), back.apply_transposed(d), back.congruence_transposed(u));
+        }
         let [x, y, z] = u.0;
         let off = V3([x[1] - d[2], x[2] + d[1], y[2] - d[0]]);
         Field { a, u, d, off, differences: V3([x[0] - y[1], z[2] - x[0], y[1] - z[2]]) }
@@ -38,74 +40,81 @@ impl<S: Real> Field<S> {
 
     /// `tau` per unit parameter, SPEC order, under the motion `(v, w)`.
     #[inline(always)]
-    fn coefficients(&self, v: V3<S>, w: V3<S>, y: &mut [S]) {
+    fn coefficients(&self, v: V3<S>, w: V3<S>) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
-        y[0] = v.dot(*a);
         let h = a.cross_add(w, u.apply_transposed(v));
-        (y[1], y[2], y[3]) = (h[0], h[1], h[2]);
         // <sym([w]x' U), tr(I)/2 - I>, sorted by the components of w.
         let [ux, uy, uz] = u.0;
         let [xy, xz, yz] = off.0;
         let three = |x: S, y: S, z: S| w[0].mul_add(x, w[1].mul_add(y, w[2] * z));
-        y[4] = three(d[0], xz, -xy);
-        y[5] = three(-ux[2], uy[2], differences[0]);
-        y[6] = three(-yz, d[1], xy);
-        y[7] = three(ux[1], differences[1], -uz[1]);
-        y[8] = three(differences[2], -uy[0], uz[0]);
-        y[9] = three(yz, -xz, d[2]);
+        [
+            v.dot(*a),
+            h[0],
+            h[1],
+            h[2],
+            three(d[0], xz, -xy),
+            three(-ux[2], uy[2], differences[0]),
+            three(-yz, d[1], xy),
+            three(ux[1], differences[1], -uz[1]),
+            three(differences[2], -uy[0], uz[0]),
+            three(yz, -xz, d[2]),
+        ]
     }
 
     /// The same under the unit turn about the z axis at the origin.
     #[inline(always)]
-    fn about_z(&self, y: &mut [S]) {
+    fn about_z(&self) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
-        (y[1], y[2]) = (a[1], -a[0]);
-        (y[4], y[5], y[6]) = (-off[0], differences[0], off[0]);
-        (y[7], y[8], y[9]) = (-u.0[2][1], u.0[2][0], d[2]);
+        let zero = S::zero();
+        [zero, a[1], -a[0], zero, -off[0], differences[0], off[0], -u.0[2][1], u.0[2][0], d[2]]
     }
 
     /// The same under the motion `v` without a turn.
     #[inline(always)]
-    fn along(&self, v: V3<S>, y: &mut [S]) {
-        let h = self.u.apply_transposed(v);
-        (y[0], y[1], y[2], y[3]) = (v.dot(self.a), h[0], h[1], h[2]);
+    fn along(&self, v: V3<S>) -> [S; PARAMETERS] {
+        let (h, zero) = (self.u.apply_transposed(v), S::zero());
+        [v.dot(self.a), h[0], h[1], h[2], zero, zero, zero, zero, zero, zero]
     }
 }
 
-/// The rotation from the axes in which a body's parameters stand to world axes.
+/// From the compiled axes of a body to those in which its parameters stand.
 #[inline(always)]
-fn body_axes<S: Real>(body: &Body<S>, pose: &Pose<S>) -> M3<S> {
+fn turned<S: Real>(body: &Body<S>, v: V3<S>) -> V3<S> {
     match body.turn {
-        None => pose.rotation,
-        Some(turn) => pose.rotation.times(turn.lift::<S>().transpose()),
+        None => v,
+        Some(turn) => turn.lift::<S>().apply(v),
     }
 }
 
-/// Poses, and the polarised field `(a, U)` of every body in world axes, into `links`.
+/// The unit motion of a joint, in the axes of its body.
 #[inline(always)]
-fn fields<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], links: &mut [Link<S>], trig: &[(S, S)], q: &[S], v: &[S], vr: &[S], ar: &[S]) {
-    let half = S::splat(0.5);
-    let ground = Motion { a: -tree.gravity.lift::<S>(), ..Motion::default() };
-    let mut last = Pose::identity();
-    for i in 0..tree.n() {
-        let body = &tree.bodies[i];
-        let parent = from_parent(body.parent, i, last, |p| poses[p], Pose::identity);
-        let up = if body.parent == BASE { &ground } else { &links[body.parent].motion };
-        let pose = place_body(body, &parent, trig[i], q[i]);
-        let (z, p) = (pose.z(), pose.origin - parent.origin);
-        let (mut w, mut wr, mut wd) = (up.w, up.wr, up.wd);
-        let mut a = up.u.apply_add(p, up.a);
-        let twice = w.scale(vr[i]) + wr.scale(v[i]);
-        if body.revolute {
-            wd = z.scale_add(ar[i], twice.scale(half).cross_add(z, wd));
-            w = z.scale_add(v[i], w);
-            wr = z.scale_add(vr[i], wr);
-        } else {
-            a = z.scale_add(ar[i], twice.cross_add(z, a));
-        }
-        let motion = Motion { w, wr, wd, a, u: acceleration_matrix::<S, true>(w, wr, wd) };
-        (links[i].p, links[i].motion, poses[i]) = (p, motion, pose);
-        last = pose;
+fn unit<S: Real>(revolute: bool) -> Spatial<S> {
+    let (still, along) = (V3::zero(), V3([S::zero(), S::zero(), S::splat(1.0)]));
+    if revolute { Spatial { linear: still, angular: along } } else { Spatial { linear: along, angular: still } }
+}
+
+/// A motion of the parent, of a point at its origin, as one of the body.
+#[inline(always)]
+fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>) -> Spatial<S> {
+    let [linear, angular] = to_body(body, &link.e, trig, [t.angular.cross_add(link.p, t.linear), t.angular]);
+    Spatial { linear, angular }
+}
+
+/// Where the blocks of a regressor go: ten numbers for every joint and every body that it carries. The others are zero in every state.
+pub trait Blocks<S> {
+    fn put(&mut self, joint: usize, body: usize, block: &[S; PARAMETERS]);
+}
+
+/// Rows of this length in one array.
+struct Matrix<'a, S> {
+    y: &'a mut [S],
+    width: usize,
+}
+
+impl<S: Real> Blocks<S> for Matrix<'_, S> {
+    #[inline(always)]
+    fn put(&mut self, joint: usize, body: usize, block: &[S; PARAMETERS]) {
+        self.y[joint * self.width + PARAMETERS * body..][..PARAMETERS].copy_from_slice(block);
     }
 }
 
@@ -114,8 +123,8 @@ fn fields<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], links: &mut [Link<S>],
 pub fn regressor<S: Real>(
     tree: &Tree<S>,
     width: usize,
-    poses: &mut [Pose<S>],
     links: &mut [Link<S>],
+    fields: &mut [Field<S>],
     trig: &[(S, S)],
     q: &[S],
     v: &[S],
@@ -124,54 +133,89 @@ pub fn regressor<S: Real>(
     y: &mut [S],
 ) {
     y.fill(S::zero());
-    regressor_on_zeros(tree, width, poses, links, trig, q, v, vr, ar, y, &mut ());
+    regressor_on_zeros(tree, width, links, fields, trig, q, v, vr, ar, y);
 }
 
-/// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state. There is a step
-/// `aside` for every body.
+/// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state.
 #[inline(always)]
 pub fn regressor_on_zeros<S: Real>(
     tree: &Tree<S>,
     width: usize,
-    poses: &mut [Pose<S>],
     links: &mut [Link<S>],
+    fields: &mut [Field<S>],
     trig: &[(S, S)],
     q: &[S],
     v: &[S],
     vr: &[S],
     ar: &[S],
     y: &mut [S],
-    aside: &mut impl Aside,
 ) {
-    fields(tree, poses, links, trig, q, v, vr, ar);
-    for i in 0..tree.n() {
+    regressor_blocks(tree, links, fields, trig, q, v, vr, ar, &mut Matrix { y, width });
+}
+
+/// The blocks of `Y` that do not vanish, joint by joint, each from its own body outwards.
+#[inline(always)]
+pub(super) fn regressor_blocks<S: Real>(
+    tree: &Tree<S>,
+    links: &mut [Link<S>],
+    fields: &mut [Field<S>],
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    vr: &[S],
+    ar: &[S],
+    to: &mut impl Blocks<S>,
+) {
+    let n = tree.n();
+    let mut motion = Motion::default();
+    for i in 0..n {
         let body = &tree.bodies[i];
-        let field = Field::of(body, &poses[i], &links[i].motion);
-        let r = body_axes(body, &poses[i]);
-        let origin = poses[i].origin;
-        let mut j = i;
-        while j != BASE {
-            let z = poses[j].z();
-            let row = &mut y[j * width + PARAMETERS * i..][..PARAMETERS];
-            if !tree.bodies[j].revolute {
-                field.along(r.apply_transposed(z), row);
-            } else if j == i && body.turn.is_none() {
-                field.about_z(row);
-            } else {
-                let at_origin = z.cross(origin - poses[j].origin);
-                field.coefficients(r.apply_transposed(at_origin), r.apply_transposed(z), row);
-            }
-            j = tree.bodies[j].parent;
+        if body.parent != BASE && body.parent + 1 != i {
+            motion = links[body.parent].motion;
         }
-        aside.step();
+        motion = outwards::<S, true>(tree, body, &motion, &mut links[i], trig[i], q[i], v[i], vr[i], Some(ar[i]));
+        if body.forks {
+            links[i].motion = motion;
+        }
+        fields[i] = Field::of(body, &motion);
+    }
+    for j in 0..n {
+        let Body { revolute, end, turn, .. } = tree.bodies[j];
+        let mut twist = unit(revolute);
+        if tree.bodies[j].forks {
+            links[j].twist = twist;
+        }
+        let own = if !revolute {
+            fields[j].along(turned(&tree.bodies[j], twist.linear))
+        } else if turn.is_none() {
+            fields[j].about_z()
+        } else {
+            fields[j].coefficients(V3::zero(), turned(&tree.bodies[j], twist.angular))
+        };
+        to.put(j, j, &own);
+        for i in j + 1..end {
+            let body = &tree.bodies[i];
+            if body.parent + 1 != i {
+                twist = links[body.parent].twist;
+            }
+            twist = carried(body, &links[i], trig[i], twist);
+            if body.forks {
+                links[i].twist = twist;
+            }
+            let block = if revolute {
+                fields[i].coefficients(turned(body, twist.linear), turned(body, twist.angular))
+            } else {
+                fields[i].along(turned(body, twist.linear))
+            };
+            to.put(j, i, &block);
+        }
     }
 }
 
-/// `Y pi` and `Y' s` for any `pi`, in O(n).
+/// `Y pi`, added to `y_pi`, and `Y' s`, for any `pi`, in O(n).
 #[inline(always)]
 pub fn regressor_products<S: Real>(
     tree: &Tree<S>,
-    poses: &mut [Pose<S>],
     links: &mut [Link<S>],
     trig: &[(S, S)],
     q: &[S],
@@ -183,43 +227,35 @@ pub fn regressor_products<S: Real>(
     y_pi: &mut [S],
     yt_s: &mut [S],
 ) {
-    let n = tree.n();
-    fields(tree, poses, links, trig, q, v, vr, ar);
-    let still = || (V3::zero(), V3::zero());
-    let mut last = still();
-    for i in 0..n {
+    let mut motion = Motion::default();
+    for i in 0..tree.n() {
         let body = &tree.bodies[i];
-        let r = body_axes(body, &poses[i]);
-        let field = Field::of(body, &poses[i], &links[i].motion);
+        if body.parent != BASE && body.parent + 1 != i {
+            motion = links[body.parent].motion;
+        }
+        motion = outwards::<S, true>(tree, body, &motion, &mut links[i], trig[i], q[i], v[i], vr[i], Some(ar[i]));
+        let field = Field::of(body, &motion);
         let given = Inertia::from_parameters(&pi[PARAMETERS * i..][..PARAMETERS]);
         let h = given.moment;
         let f = field.u.apply_add(h, field.a.scale(given.mass));
         let moment = moment_of(field.u, &second_moment(&given.inertia), h.cross(field.a));
-        // The motion (v, w) of this body under joint rates s.
-        let z = poses[i].z();
-        let (sv, sw) = from_parent(body.parent, i, last, |p| (links[p].motion.wr, links[p].motion.w), still);
-        let mut sv = sw.cross_add(links[i].p, sv);
-        let mut sw = sw;
+        // The motion of this body under joint rates s.
+        let mut twist = if body.parent == BASE { Spatial::zero() } else { carried(body, &links[i], trig[i], links[body.parent].twist) };
         if body.revolute {
-            sw = z.scale_add(s[i], sw);
+            twist.angular[2] += s[i];
         } else {
-            sv = z.scale_add(s[i], sv);
+            twist.linear[2] += s[i];
         }
-        field.coefficients(r.apply_transposed(sv), r.apply_transposed(sw), &mut yt_s[PARAMETERS * i..][..PARAMETERS]);
-        // Stored where the field is no longer needed.
-        let me = &mut links[i];
-        (me.motion.w, me.motion.wr, me.f, me.n) = (sw, sv, r.apply(f), r.apply(moment));
-        last = (sv, sw);
-    }
-    for i in (0..n).rev() {
-        let body = &tree.bodies[i];
-        let Link { p, f, n: moment, .. } = links[i];
-        let z = poses[i].z();
-        y_pi[i] += if body.revolute { z.dot(moment) } else { z.dot(f) };
-        if body.parent != BASE {
-            let up = &mut links[body.parent];
-            up.f += f;
-            up.n = p.cross_add(f, up.n + moment);
+        yt_s[PARAMETERS * i..][..PARAMETERS].copy_from_slice(&field.coefficients(turned(body, twist.linear), turned(body, twist.angular)));
+        let link = &mut links[i];
+        link.twist = twist;
+        if body.forks {
+            link.motion = motion;
         }
+        (link.f, link.n) = match body.turn {
+            None => (f, moment),
+            Some(turn) => (turn.lift::<S>().apply_transposed(f), turn.lift::<S>().apply_transposed(moment)),
+        };
     }
+    inwards(tree, links, trig, |i, tau| y_pi[i] += tau);
 }

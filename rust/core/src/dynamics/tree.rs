@@ -53,7 +53,7 @@ impl<S: Real> Dynamics<S> for Tree<S> {
     }
     #[inline(always)]
     fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
-        regressor::regressor(self, PARAMETERS * self.n(), &mut ws.poses, &mut ws.links, trig, q, v, v_r, a_r, y);
+        regressor::regressor(self, PARAMETERS * self.n(), &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
     }
     #[inline(always)]
     fn regressor_products(
@@ -69,7 +69,7 @@ impl<S: Real> Dynamics<S> for Tree<S> {
         y_pi: &mut [S],
         yt_s: &mut [S],
     ) {
-        regressor::regressor_products(self, &mut ws.poses, &mut ws.links, trig, q, v, v_r, a_r, pi, s, y_pi, yt_s);
+        regressor::regressor_products(self, &mut ws.links, trig, q, v, v_r, a_r, pi, s, y_pi, yt_s);
     }
     #[inline(always)]
     fn energy(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {

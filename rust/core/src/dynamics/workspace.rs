@@ -2,10 +2,11 @@
 
 use super::crba;
 use super::derivatives::Slope;
+use super::regressor::Field;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
 use crate::scalar::Real;
-use crate::spatial::{Inertia, M3, Sym3, V3};
+use crate::spatial::{Inertia, M3, Spatial, Sym3, V3};
 
 /// Angular velocities, and the acceleration field `a + U r` of a body.
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,6 +27,8 @@ pub struct Link<S> {
     pub motion: Motion<S>,
     pub f: V3<S>,
     pub n: V3<S>,
+    /// Its motion under given joint rates.
+    pub twist: Spatial<S>,
 }
 
 /// Composite quantities of a subtree, world axes, about the joint origin.
@@ -96,6 +99,7 @@ pub struct Column<S> {
 pub struct Workspace<S> {
     pub poses: Vec<Pose<S>>,
     pub links: Vec<Link<S>>,
+    pub fields: Vec<Field<S>>,
     pub composites: Vec<Composite<S>>,
     pub articulated: Vec<Articulated<S>>,
     pub mass: crba::Composites<S>,
@@ -113,6 +117,7 @@ impl<S: Real> Workspace<S> {
         Workspace {
             poses: vec![Pose::identity(); n],
             links: vec![Link::default(); n],
+            fields: vec![Field::default(); n],
             composites: vec![Composite::default(); n],
             articulated: vec![Articulated::default(); n],
             mass: crba::Composites::new(n),

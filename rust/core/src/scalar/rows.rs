@@ -183,6 +183,12 @@ pub fn write_rows<S: Real>(values: &[S], stage: &mut Stage, out: &mut [f64]) -> 
     let to: &mut [f64] = if staged { &mut stage.rows } else { &mut *out };
     let (blocks, _) = values.as_chunks::<BLOCK>();
     for (b, block) in blocks.iter().enumerate() {
+        if full && !staged {
+            // The lines that the next rows go to.
+            for lane in 0..S::LANES {
+                prefetch(to.as_ptr().wrapping_add(S::LANES * (length + k) + BLOCK * lane));
+            }
+        }
         if !(staged && stage.blank[b]) {
             for i in 0..BLOCK {
                 zeros[i] = block[i].mul_add(S::zero(), zeros[i]);

@@ -104,6 +104,13 @@ fn transpose_out([a, b, c, d, e, f, g, h]: &[Avx2; 8]) -> [[f64; 8]; 4] {
 }
 
 #[inline(always)]
+fn transpose_two(a: __m256d, b: __m256d) -> [[f64; 2]; 4] {
+    // Halves of each are the pairs of lanes 0 and 2, or 1 and 3.
+    let (even, odd) = unsafe { (to_array(_mm256_unpacklo_pd(a, b)), to_array(_mm256_unpackhi_pd(a, b))) };
+    [[even[0], even[1]], [odd[0], odd[1]], [even[2], even[3]], [odd[2], odd[3]]]
+}
+
+#[inline(always)]
 fn transpose_in(rows: [[f64; 8]; 4]) -> [__m256d; 8] {
     let left = |lane: usize| from_array([rows[lane][0], rows[lane][1], rows[lane][2], rows[lane][3]]);
     let right = |lane: usize| from_array([rows[lane][4], rows[lane][5], rows[lane][6], rows[lane][7]]);

@@ -138,6 +138,17 @@ fn transpose_out(x: &[Avx512; 8]) -> [[f64; 8]; 8] {
 }
 
 #[inline(always)]
+fn transpose_two(a: __m512d, b: __m512d) -> [[f64; 2]; 8] {
+    // Quarter k of each is the pair of lane 2 k, or 2 k + 1.
+    let (even, odd) = unsafe { (to_array(_mm512_unpacklo_pd(a, b)), to_array(_mm512_unpackhi_pd(a, b))) };
+    let mut pairs = [[0.0; 2]; 8];
+    for k in 0..4 {
+        (pairs[2 * k], pairs[2 * k + 1]) = ([even[2 * k], even[2 * k + 1]], [odd[2 * k], odd[2 * k + 1]]);
+    }
+    pairs
+}
+
+#[inline(always)]
 fn transpose_in(rows: [[f64; 8]; 8]) -> [__m512d; 8] {
     let [a, b, c, d, e, f, g, h] = rows;
     transpose([from_array(a), from_array(b), from_array(c), from_array(d), from_array(e), from_array(f), from_array(g), from_array(h)])

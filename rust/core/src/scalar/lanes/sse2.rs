@@ -82,6 +82,12 @@ fn transpose_out(x: &[Sse2; 8]) -> [[f64; 8]; 2] {
 }
 
 #[inline(always)]
+fn transpose_two(a: __m128d, b: __m128d) -> [[f64; 2]; 2] {
+    let (a, b) = (to_array(a), to_array(b));
+    [[a[0], b[0]], [a[1], b[1]]]
+}
+
+#[inline(always)]
 fn transpose_in(rows: [[f64; 8]; 2]) -> [__m128d; 8] {
     std::array::from_fn(|k| from_array([rows[0][k], rows[1][k]]))
 }

@@ -3,7 +3,7 @@
 
 /// A vector of `$lanes` doubles in `$register`. `$own` names what the file writes by hand: `fma` and `fnma`
 /// (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`, `select`, `bits` (a mask, one bit per lane), `transpose_out` and
-/// `transpose_in` (eight values to a row of eight numbers per lane, and back) and `enter`.
+/// `transpose_in` (eight values to a row of eight numbers per lane, and back), `transpose_two` (two to a pair per lane) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident) => {
@@ -155,15 +155,24 @@ macro_rules! vector {
             #[inline(always)]
             fn to_rows(block: &[Self; 8], to: &mut [f64], stride: usize) {
                 let rows = transpose_out(block);
-                rows_fit(to.len(), stride, $lanes);
+                rows_fit::<8>(to.len(), stride, $lanes);
                 for lane in 0..$lanes {
                     // SAFETY: eight numbers at the last of these places lie within the slice.
                     unsafe { to.as_mut_ptr().add(lane * stride).cast::<[f64; 8]>().write_unaligned(rows[lane]) }
                 }
             }
             #[inline(always)]
+            fn two_to_rows([a, b]: [Self; 2], to: &mut [f64], stride: usize) {
+                let pairs = transpose_two(a.0, b.0);
+                rows_fit::<2>(to.len(), stride, $lanes);
+                for lane in 0..$lanes {
+                    // SAFETY: two numbers at the last of these places lie within the slice.
+                    unsafe { to.as_mut_ptr().add(lane * stride).cast::<[f64; 2]>().write_unaligned(pairs[lane]) }
+                }
+            }
+            #[inline(always)]
             fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {
-                rows_fit(from.len(), stride, $lanes);
+                rows_fit::<8>(from.len(), stride, $lanes);
                 let mut rows = [[0.0; 8]; $lanes];
                 for lane in 0..$lanes {
                     // SAFETY: eight numbers at the last of these places lie within the slice.
@@ -196,10 +205,10 @@ macro_rules! vector {
 }
 pub(super) use vector;
 
-/// Whether a slice has room for eight numbers at `stride` times every lane.
+/// Whether a slice has room for so many numbers at `stride` times every lane.
 #[inline(always)]
-pub(super) fn rows_fit(length: usize, stride: usize, lanes: usize) {
-    assert!(length >= 8 && stride <= (length - 8) / (lanes - 1), "rows beyond the slice");
+pub(super) fn rows_fit<const NUMBERS: usize>(length: usize, stride: usize, lanes: usize) {
+    assert!(length >= NUMBERS && stride <= (length - NUMBERS) / (lanes - 1), "rows beyond the slice");
 }
 
 /// Sine and cosine within the range of the reduction, without a branch, from the register operations of the
