@@ -244,6 +244,18 @@ def test_infeasible_paths_say_why() -> None:
         p(0.0)
 
 
+@pytest.mark.parametrize("grid", [31, 32, 33])
+def test_a_path_that_turns_back_within_rounding(grid: int) -> None:
+    """At the turn all of M q' is zero but for 3e-17: what is left of the torque over that number is no path acceleration."""
+    there, turn = [0.1752904998800946, 0.781117978963942], [-0.01675097507218748, 0.027823179036827295]
+    tau_max = [[-27.12999685638095, 49.72768525783256], [-7.013772251711607, 37.22577236072692]]
+    arm = al.planar_arm([0.5, 0.4], gravity=(0.0, 0.0))
+    path = al.time_path(arm, [there, turn, there], tau_max=tau_max, v_max=[2.604642581277789, 1.3478641318789544], grid=grid)
+    assert path.reason is None
+    # What grids of some thirty points lose, at most.
+    assert path.duration == pytest.approx(1.1277, rel=1e-4)
+
+
 def test_torques_that_peak_beside_a_grid_point() -> None:
     """Where a limit takes over from another a torque peaks just after a grid point, or before one: between two samples of the check."""
     phi = [2.0, 0.0, 0.2, 0.2, 0.2, 0.0, 0.2, 0.0, 0.0, 0.1]

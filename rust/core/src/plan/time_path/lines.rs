@@ -22,6 +22,8 @@ pub(super) const FAR: f64 = 1e200;
 const SHARE: f64 = 0.25;
 /// Slack of `L <= U` against rounding, relative.
 const ROUNDING: f64 = 1e-13;
+/// A coefficient of `u` below this, relative to the largest of its row, is rounding.
+const ROUNDED: f64 = 1e-14;
 /// What a static torque that stands on its limit is given, relative to the limit.
 pub(super) const STANDING: f64 = 3e-10;
 /// Lane counts divide this.
@@ -59,6 +61,18 @@ pub(super) struct Rows {
 impl Rows {
     pub fn stopped(&self) -> bool {
         self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
+
+    /// Where a path turns back, what rounding leaves of `A` is none: over so small a number the last digit of `B x` would be any `u`.
+    pub fn drop_rounding(&mut self) {
+        let width = self.width;
+        let mut least = vec![0.0_f64; width];
+        for c in self.coefficients.chunks_exact(3 * width) {
+            least.iter_mut().zip(c).for_each(|(least, a)| *least = least.max(ROUNDED * a.abs()));
+        }
+        for c in self.coefficients.chunks_exact_mut(3 * width) {
+            c.iter_mut().zip(&least).filter(|(a, least)| a.abs() < **least).for_each(|(a, _)| *a = 0.0);
+        }
     }
 }
 

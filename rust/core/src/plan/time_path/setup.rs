@@ -262,6 +262,7 @@ impl<'a> Problem<'a> {
             slope_stride: self.stride,
         };
         Points { mover: self.mover, path: &self.path, at: &at, count: points, stride: 3 * width, out: &mut rows.coefficients, ask }.run();
+        self.rows.drop_rounding();
         if let (Some(friction), true) = (&self.friction, self.kinds[0]) {
             self.bare.resize(points * 2 * n, 0.0);
             for i in 0..points {
