@@ -26,6 +26,8 @@ pub struct Body<S> {
     /// What `rotation` is, if it is one of these.
     pub quarter: Option<QuarterTurn>,
     pub translation: V3<f64>,
+    /// Whether the joint's origin is the parent's in every state, as in a wrist: moments go from one to the other as they are.
+    pub concentric: bool,
     /// In compiled axes, about the joint origin.
     pub inertia: Inertia<S>,
     /// `integral of r r' dm = tr(I)/2 - I`.
@@ -75,14 +77,16 @@ impl Tree<f64> {
             .map(|(i, joint)| {
                 let back = parent_turn(joint.parent);
                 let rotation = back.times(joint.placement.rotation).times(turns[i]);
+                let (translation, revolute) = (back.apply(joint.placement.translation), joint.kind.is_angle());
                 Body {
                     parent: joint.parent.unwrap_or(BASE),
                     end: ends[i],
                     forks: forks[i],
-                    revolute: joint.kind.is_angle(),
+                    revolute,
                     rotation,
                     quarter: QuarterTurn::of(&rotation),
-                    translation: back.apply(joint.placement.translation),
+                    translation,
+                    concentric: revolute && translation == V3([0.0; 3]),
                     inertia: Inertia::zero(),
                     second_moment: Sym3::zero(),
                     turn: (turns[i] != M3::IDENTITY).then_some(turns[i]),
@@ -119,6 +123,7 @@ impl Tree<f64> {
                 rotation: body.rotation,
                 quarter: body.quarter,
                 translation: body.translation,
+                concentric: body.concentric,
                 turn: body.turn,
                 armature: body.armature,
                 damping: body.damping,

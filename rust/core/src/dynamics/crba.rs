@@ -115,7 +115,7 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
                 match body.quarter {
                     $($quarter => for j in i..body.end {
                         let [linear, angular] = over($known, body.revolute, e, turn, [momenta[j].linear, momenta[j].angular]);
-                        momenta[j] = Spatial { linear, angular: p.cross_add(linear, angular) };
+                        momenta[j] = Spatial { linear, angular: if body.concentric { angular } else { p.cross_add(linear, angular) } };
                     })+
                 }
             };
@@ -127,7 +127,10 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
             quarter => quarter
         );
         let [first] = to_parent(body, e, trig[i], [whole.first]);
-        let moved = Moments { mass, first, second: congruence(body, e, trig[i], whole.second) }.shifted(p);
+        let mut moved = Moments { mass, first, second: congruence(body, e, trig[i], whole.second) };
+        if !body.concentric {
+            moved = moved.shifted(p);
+        }
         if S::LANES == 1 && parent + 1 == i {
             (carried, carried_to) = (moved, parent);
         } else {
