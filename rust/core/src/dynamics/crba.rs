@@ -72,9 +72,26 @@ pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig
 #[inline(always)]
 pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     let n = tree.n();
+    let m = &mut m[..n * n];
+    mass_matrix_entries(tree, composites, trig, q, |i, j, x| {
+        m[i * n + j] = x;
+        m[j * n + i] = x;
+    });
+}
+
+/// The entries `M_ij`, `i <= j`, that do not vanish in every state.
+#[inline(always)]
+pub(super) fn mass_matrix_entries<S: Real>(
+    tree: &Tree<S>,
+    composites: &mut Composites<S>,
+    trig: &[(S, S)],
+    q: &[S],
+    mut put: impl FnMut(usize, usize, S),
+) {
+    let n = tree.n();
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
-    let (rotations, trig, q, m) = (&mut rotations[..n], &trig[..n], &q[..n], &mut m[..n * n]);
+    let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);
     for i in 0..n {
         moments[i] = Moments::of(&bodies[i]);
     }
@@ -94,11 +111,9 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
             (V3([zero, zero, mass]), V3([hy, -hx, zero]), mass)
         };
         momenta[i] = Spatial { linear, angular };
-        m[i * n + i] = own + S::splat(body.armature);
+        put(i, i, own + S::splat(body.armature));
         for j in i + 1..body.end {
-            let entry = if body.revolute { momenta[j].angular[2] } else { momenta[j].linear[2] };
-            m[i * n + j] = entry;
-            m[j * n + i] = entry;
+            put(i, j, if body.revolute { momenta[j].angular[2] } else { momenta[j].linear[2] });
         }
         let parent = body.parent;
         if parent == BASE {

@@ -7,7 +7,7 @@ use super::regressor_rows::regressor_rows;
 use super::{Quantity, Query, Workspace};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
-use crate::scalar::rows::{Stage, read_one, read_rows, write_one, write_rows};
+use crate::scalar::rows::{Stage, read_one, read_rows, write_rows};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
 use crate::spatial::PARAMETERS;
 use std::marker::PhantomData;
@@ -95,8 +95,7 @@ impl<S: Real> Engine<S> {
             return false;
         }
         S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
-        Q::compute(self, query);
-        write_one(&self.out[..query.length(n)], out)
+        Q::answer(self, query, out)
     }
 
     #[inline(always)]
