@@ -92,17 +92,17 @@ pub(super) fn mass_matrix_entries<S: Real>(
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
     let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);
-    for i in 0..n {
-        moments[i] = Moments::of(&bodies[i]);
-    }
-    // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
-    let (mut carried, mut carried_to) = (Moments::default(), BASE);
+    // The subtree just finished, while its first body is next in line; lanes have no registers to spare for it.
+    let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
         let body = &bodies[i];
-        let mut whole = moments[i];
-        if S::LANES == 1 && carried_to == i {
-            whole = whole.plus(&carried);
-        }
+        let whole = if body.end == i + 1 {
+            Moments::of(body)
+        } else if S::LANES == 1 && next_at == i {
+            next
+        } else {
+            moments[i]
+        };
         let Moments { mass, first: V3([hx, hy, _]), second: Sym3([xx, _, yy, xz, yz, _]) } = whole;
         let zero = S::zero();
         let (linear, angular, own) = if body.revolute {
@@ -146,10 +146,13 @@ pub(super) fn mass_matrix_entries<S: Real>(
         if !body.concentric {
             moved = moved.shifted(p);
         }
+        // The last of a body's branches is the first to come here.
+        let up = &bodies[parent];
+        let sum = if body.end == up.end { Moments::of(up) } else { moments[parent] }.plus(&moved);
         if S::LANES == 1 && parent + 1 == i {
-            (carried, carried_to) = (moved, parent);
+            (next, next_at) = (sum, parent);
         } else {
-            moments[parent] = moments[parent].plus(&moved);
+            moments[parent] = sum;
         }
     }
 }
