@@ -62,14 +62,15 @@ impl Tree<f64> {
         }
         let parent_turn = |parent: Option<usize>| parent.map_or(M3::IDENTITY, |p| turns[p]).transpose();
         let mut ends: Vec<usize> = (1..=arm.joints.len()).collect();
-        let mut forks = vec![false; arm.joints.len()];
+        let (mut forks, mut sizes) = (vec![false; arm.joints.len()], vec![1; arm.joints.len()]);
         for (i, joint) in arm.joints.iter().enumerate().rev() {
             if let Some(p) = joint.parent {
                 ends[p] = ends[p].max(ends[i]);
                 forks[p] |= p + 1 != i;
+                sizes[p] += sizes[i];
             }
         }
-        debug_assert!((0..ends.len()).all(|i| arm.joints[i + 1..ends[i]].iter().all(|joint| joint.parent >= Some(i))), "not depth first");
+        debug_assert!((0..ends.len()).all(|i| ends[i] - i == sizes[i]), "the order of joints is not depth first");
         let bodies = arm
             .joints
             .iter()
