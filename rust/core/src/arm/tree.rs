@@ -26,6 +26,8 @@ pub struct Body<S> {
     /// What `rotation` is, if it is one of these.
     pub quarter: Option<QuarterTurn>,
     pub translation: V3<f64>,
+    /// Whether the joint's origin is the parent's in every state, as in a wrist: moments go from one to the other as they are.
+    pub concentric: bool,
     /// In compiled axes, about the joint origin.
     pub inertia: Inertia<S>,
     /// `integral of r r' dm = tr(I)/2 - I`.
@@ -60,14 +62,15 @@ impl Tree<f64> {
         }
         let parent_turn = |parent: Option<usize>| parent.map_or(M3::IDENTITY, |p| turns[p]).transpose();
         let mut ends: Vec<usize> = (1..=arm.joints.len()).collect();
-        let mut forks = vec![false; arm.joints.len()];
+        let (mut forks, mut sizes) = (vec![false; arm.joints.len()], vec![1; arm.joints.len()]);
         for (i, joint) in arm.joints.iter().enumerate().rev() {
             if let Some(p) = joint.parent {
                 ends[p] = ends[p].max(ends[i]);
                 forks[p] |= p + 1 != i;
+                sizes[p] += sizes[i];
             }
         }
-        debug_assert!((0..ends.len()).all(|i| arm.joints[i + 1..ends[i]].iter().all(|joint| joint.parent >= Some(i))), "not depth first");
+        debug_assert!((0..ends.len()).all(|i| ends[i] - i == sizes[i]), "the order of joints is not depth first");
         let bodies = arm
             .joints
             .iter()
@@ -75,14 +78,16 @@ impl Tree<f64> {
             .map(|(i, joint)| {
                 let back = parent_turn(joint.parent);
                 let rotation = back.times(joint.placement.rotation).times(turns[i]);
+                let (translation, revolute) = (back.apply(joint.placement.translation), joint.kind.is_angle());
                 Body {
                     parent: joint.parent.unwrap_or(BASE),
                     end: ends[i],
                     forks: forks[i],
-                    revolute: joint.kind.is_angle(),
+                    revolute,
                     rotation,
                     quarter: QuarterTurn::of(&rotation),
-                    translation: back.apply(joint.placement.translation),
+                    translation,
+                    concentric: revolute && translation == V3([0.0; 3]),
                     inertia: Inertia::zero(),
                     second_moment: Sym3::zero(),
                     turn: (turns[i] != M3::IDENTITY).then_some(turns[i]),
@@ -119,6 +124,7 @@ impl Tree<f64> {
                 rotation: body.rotation,
                 quarter: body.quarter,
                 translation: body.translation,
+                concentric: body.concentric,
                 turn: body.turn,
                 armature: body.armature,
                 damping: body.damping,

@@ -72,20 +72,37 @@ pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig
 #[inline(always)]
 pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     let n = tree.n();
+    let m = &mut m[..n * n];
+    mass_matrix_entries(tree, composites, trig, q, |i, j, x| {
+        m[i * n + j] = x;
+        m[j * n + i] = x;
+    });
+}
+
+/// The entries `M_ij`, `i <= j`, that do not vanish in every state.
+#[inline(always)]
+pub(super) fn mass_matrix_entries<S: Real>(
+    tree: &Tree<S>,
+    composites: &mut Composites<S>,
+    trig: &[(S, S)],
+    q: &[S],
+    mut put: impl FnMut(usize, usize, S),
+) {
+    let n = tree.n();
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
-    let (rotations, trig, q, m) = (&mut rotations[..n], &trig[..n], &q[..n], &mut m[..n * n]);
-    for i in 0..n {
-        moments[i] = Moments::of(&bodies[i]);
-    }
-    // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
-    let (mut carried, mut carried_to) = (Moments::default(), BASE);
+    let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);
+    // The subtree just finished, while its first body is next in line; lanes have no registers to spare for it.
+    let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
         let body = &bodies[i];
-        let mut whole = moments[i];
-        if S::LANES == 1 && carried_to == i {
-            whole = whole.plus(&carried);
-        }
+        let whole = if body.end == i + 1 {
+            Moments::of(body)
+        } else if S::LANES == 1 && next_at == i {
+            next
+        } else {
+            moments[i]
+        };
         let Moments { mass, first: V3([hx, hy, _]), second: Sym3([xx, _, yy, xz, yz, _]) } = whole;
         let zero = S::zero();
         let (linear, angular, own) = if body.revolute {
@@ -94,11 +111,9 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
             (V3([zero, zero, mass]), V3([hy, -hx, zero]), mass)
         };
         momenta[i] = Spatial { linear, angular };
-        m[i * n + i] = own + S::splat(body.armature);
+        put(i, i, own + S::splat(body.armature));
         for j in i + 1..body.end {
-            let entry = if body.revolute { momenta[j].angular[2] } else { momenta[j].linear[2] };
-            m[i * n + j] = entry;
-            m[j * n + i] = entry;
+            put(i, j, if body.revolute { momenta[j].angular[2] } else { momenta[j].linear[2] });
         }
         let parent = body.parent;
         if parent == BASE {
@@ -115,7 +130,7 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
                 match body.quarter {
                     $($quarter => for j in i..body.end {
                         let [linear, angular] = over($known, body.revolute, e, turn, [momenta[j].linear, momenta[j].angular]);
-                        momenta[j] = Spatial { linear, angular: p.cross_add(linear, angular) };
+                        momenta[j] = Spatial { linear, angular: if body.concentric { angular } else { p.cross_add(linear, angular) } };
                     })+
                 }
             };
@@ -127,11 +142,17 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
             quarter => quarter
         );
         let [first] = to_parent(body, e, trig[i], [whole.first]);
-        let moved = Moments { mass, first, second: congruence(body, e, trig[i], whole.second) }.shifted(p);
+        let mut moved = Moments { mass, first, second: congruence(body, e, trig[i], whole.second) };
+        if !body.concentric {
+            moved = moved.shifted(p);
+        }
+        // The last of a body's branches is the first to come here.
+        let up = &bodies[parent];
+        let sum = if body.end == up.end { Moments::of(up) } else { moments[parent] }.plus(&moved);
         if S::LANES == 1 && parent + 1 == i {
-            (carried, carried_to) = (moved, parent);
+            (next, next_at) = (sum, parent);
         } else {
-            moments[parent] = moments[parent].plus(&moved);
+            moments[parent] = sum;
         }
     }
 }

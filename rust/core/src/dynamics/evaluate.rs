@@ -7,7 +7,7 @@ use super::regressor_rows::regressor_rows;
 use super::{Quantity, Query, Workspace};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
-use crate::scalar::rows::{Stage, read_one, read_rows, write_one, write_rows};
+use crate::scalar::rows::{read_one, read_rows, write_rows};
 use crate::scalar::{Fused, Isa, Kernel, Real, Task, isa, run_lanes};
 use crate::spatial::PARAMETERS;
 use std::marker::PhantomData;
@@ -26,7 +26,6 @@ pub(super) struct Engine<S> {
     pub(super) square: Vec<S>,
     /// What `out` holds an answer to: where that vanishes in every state it need not be zeroed again.
     answered: Option<Query>,
-    stage: Stage,
     /// Rows of regressors that are fewer than lanes.
     pub(super) rows: Vec<f64>,
 }
@@ -46,7 +45,6 @@ impl<S: Real> Engine<S> {
             out: zeros(if eager { largest } else { 0 }),
             square: zeros(if eager { n * n } else { 0 }),
             answered: None,
-            stage: Stage::default(),
             rows: Vec::new(),
             tree,
         }
@@ -95,8 +93,7 @@ impl<S: Real> Engine<S> {
             return false;
         }
         S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
-        Q::compute(self, query);
-        write_one(&self.out[..query.length(n)], out)
+        Q::answer(self, query, out)
     }
 
     #[inline(always)]
@@ -104,22 +101,16 @@ impl<S: Real> Engine<S> {
         let n = self.tree.n();
         let length = query.length(n);
         let (mut at, mut sound) = (0, true);
-        let mut stage = std::mem::take(&mut self.stage);
-        stage.prepare(S::LANES, length, n.max(1), |_| false);
         while at < count {
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
                 read_rows(given, at, count, width, &mut self.inputs[k][..width]);
             }
             S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
-            let (written, rest) = out.split_at_mut(at * length);
-            stage.empty(written);
             Q::compute(self, query);
-            sound &= write_rows(&self.out[..length], &mut stage, rest);
+            sound &= write_rows(&self.out[..length], &mut out[at * length..]);
             at += S::LANES;
         }
-        stage.empty(out);
-        self.stage = stage;
         sound
     }
 

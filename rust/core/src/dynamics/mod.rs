@@ -24,6 +24,7 @@ mod quantities;
 #[cfg(not(test))]
 mod query;
 pub mod regressor;
+#[cfg(not(test))]
 mod regressor_rows;
 mod tree;
 pub mod workspace;

@@ -6,6 +6,7 @@ use super::evaluate::Engine;
 use super::{Dynamics, Quantity, Query, crba, derivatives, regressor};
 use crate::arm::Tree;
 use crate::kinematics as kin;
+use crate::scalar::rows::write_one;
 use crate::scalar::{Real, sign};
 use crate::spatial::PARAMETERS;
 
@@ -13,6 +14,12 @@ use crate::spatial::PARAMETERS;
 pub trait Compute {
     const QUANTITY: Quantity;
     fn compute<S: Real>(engine: &mut Engine<S>, query: &Query);
+    /// The same to numbers of the caller's; whether all of them are finite.
+    #[inline(always)]
+    fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
+        Self::compute(engine, query);
+        write_one(&engine.out[..out.len()], out)
+    }
 }
 
 /// What friction leaves of a torque.
@@ -45,10 +52,31 @@ macro_rules! quantity {
     };
 }
 
-quantity!(MassMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    // Zeroed before the first of many, as for the Jacobian and the regressor.
-    crba::mass_matrix_on_zeros(tree, &mut ws.mass, trig, q, out);
-});
+pub struct MassMatrix;
+impl Compute for MassMatrix {
+    const QUANTITY: Quantity = Quantity::MassMatrix;
+    #[inline(always)]
+    fn compute<S: Real>(engine: &mut Engine<S>, _: &Query) {
+        // Zeroed before the first of many, as for the Jacobian.
+        crba::mass_matrix_on_zeros(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], &mut engine.out);
+    }
+    /// Entry by entry: four at once would have to wait for the last one by one.
+    #[inline(always)]
+    fn answer<S: Real>(engine: &mut Engine<S>, _: &Query, out: &mut [f64]) -> bool {
+        let n = engine.tree.n();
+        if engine.tree.bodies.iter().any(|body| body.end < n) {
+            out.fill(0.0);
+        }
+        // NaN once a number was not finite.
+        let mut zero = S::zero();
+        crba::mass_matrix_entries(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], |i, j, x| {
+            zero = x.mul_add(S::zero(), zero);
+            out[i * n + j] = x.lane(0);
+            out[j * n + i] = x.lane(0);
+        });
+        S::all(zero.lt(S::splat(1.0)))
+    }
+}
 
 quantity!(CoriolisMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     tree.coriolis_matrix(ws, trig, q, v, out);

@@ -96,7 +96,8 @@ fn unit<S: Real>(revolute: bool) -> Spatial<S> {
 /// A motion of the parent, of a point at its origin, as one of the body.
 #[inline(always)]
 fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>) -> Spatial<S> {
-    let [linear, angular] = to_body(body, &link.e, trig, [t.angular.cross_add(link.p, t.linear), t.angular]);
+    let at_joint = if body.concentric { t.linear } else { t.angular.cross_add(link.p, t.linear) };
+    let [linear, angular] = to_body(body, &link.e, trig, [at_joint, t.angular]);
     Spatial { linear, angular }
 }
 

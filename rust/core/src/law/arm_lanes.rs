@@ -3,7 +3,7 @@
 use super::ArmSolver;
 use crate::kinematics::TaskStack;
 use crate::priority::{Group, Stacks};
-use crate::scalar::rows::{Stage, read_rows, write_rows};
+use crate::scalar::rows::{read_rows, write_rows};
 use crate::scalar::{Real, Task, run_lanes};
 use crate::status::Status;
 
@@ -63,7 +63,7 @@ impl Task for MakeLanes<'_> {
     fn run<S: Real>(self) -> Option<Box<dyn Engine>> {
         let (tasks, solver) = (self.0.stack().lift::<S>(), self.0.solver());
         let q = vec![S::zero(); tasks.n()];
-        Group::<S>::new(solver).map(|group| Box::new(Lanes { group, tasks, q, stage: Stage::default() }) as Box<dyn Engine>)
+        Group::<S>::new(solver).map(|group| Box::new(Lanes { group, tasks, q }) as Box<dyn Engine>)
     }
 }
 
@@ -71,13 +71,12 @@ struct Lanes<S> {
     group: Group<S>,
     tasks: TaskStack<S>,
     q: Vec<S>,
-    stage: Stage,
 }
 
 impl<S: Real> Engine for Lanes<S> {
     fn solve(&mut self, q: &[f64], velocities: &[f64], v: &mut [f64], count: usize, declined: &mut Vec<usize>) {
-        let Lanes { group, tasks, q: angles, stage } = self;
-        group.run(&mut Rows { q, velocities, v, count, tasks, angles, stage }, count, declined);
+        let Lanes { group, tasks, q: angles } = self;
+        group.run(&mut Rows { q, velocities, v, count, tasks, angles }, count, declined);
     }
 }
 
@@ -89,7 +88,6 @@ struct Rows<'a, S> {
     count: usize,
     tasks: &'a mut TaskStack<S>,
     angles: &'a mut [S],
-    stage: &'a mut Stage,
 }
 
 impl<S: Real> Stacks<S> for Rows<'_, S> {
@@ -108,6 +106,6 @@ impl<S: Real> Stacks<S> for Rows<'_, S> {
 
     #[inline(always)]
     fn write(&mut self, at: usize, v: &[S], _: &[S]) {
-        write_rows(v, self.stage, &mut self.v[at * v.len()..]);
+        write_rows(v, &mut self.v[at * v.len()..]);
     }
 }

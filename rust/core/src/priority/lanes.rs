@@ -6,7 +6,7 @@ use super::metric::Metric;
 use super::regular::{Asked, Lanewise, MOST_JOINTS_IN_LANES, Room, regular, regular_ranks};
 use super::solver::PrioritySolver;
 use crate::error::Result;
-use crate::scalar::rows::{Stage, read_rows, write_rows};
+use crate::scalar::rows::{read_rows, write_rows};
 use crate::scalar::{Kernel, Real, Task, run_lanes};
 use crate::status::Status;
 
@@ -188,20 +188,19 @@ impl Task for MakeLanes<'_> {
     type Output = Option<Box<dyn Engine>>;
     fn run<S: Real>(self) -> Option<Box<dyn Engine>> {
         let rounding = S::splat(self.0.rounding());
-        Group::<S>::new(self.0).map(|group| Box::new(Matrices { group, rounding, stage: Stage::default() }) as Box<dyn Engine>)
+        Group::<S>::new(self.0).map(|group| Box::new(Matrices { group, rounding }) as Box<dyn Engine>)
     }
 }
 
 struct Matrices<S> {
     group: Group<S>,
     rounding: S,
-    stage: Stage,
 }
 
 impl<S: Real> Engine for Matrices<S> {
     fn solve(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers, declined: &mut Vec<usize>) {
         let (n, rows) = (self.group.n, self.group.rows.clone());
-        let mut batch = Batch { given, first, last, answers, n, rows: &rows, rounding: self.rounding, stage: &mut self.stage };
+        let mut batch = Batch { given, first, last, answers, n, rows: &rows, rounding: self.rounding };
         self.group.run(&mut batch, last - first, declined);
     }
 }
@@ -215,7 +214,6 @@ struct Batch<'a, 'b, S> {
     n: usize,
     rows: &'a [usize],
     rounding: S,
-    stage: &'a mut Stage,
 }
 
 impl<S: Real> Batch<'_, '_, S> {
@@ -244,10 +242,10 @@ impl<S: Real> Stacks<S> for Batch<'_, '_, S> {
 
     #[inline(always)]
     fn write(&mut self, at: usize, v: &[S], residual: &[S]) {
-        write_rows(v, self.stage, &mut self.answers.v[at * self.n..]);
+        write_rows(v, &mut self.answers.v[at * self.n..]);
         let mut start = 0;
         for (level, &m) in self.rows.iter().enumerate() {
-            write_rows(&residual[start..start + m], self.stage, &mut self.answers.residuals[level][at * m..]);
+            write_rows(&residual[start..start + m], &mut self.answers.residuals[level][at * m..]);
             start += m;
         }
     }

@@ -5,100 +5,6 @@ use crate::scalar::lanes::prefetch;
 
 /// Numbers of a row that are moved at once.
 const BLOCK: usize = 8;
-/// Rows of these lengths are staged on their way to memory: longer than a few lines, and eight of them in the second-level cache.
-const LONG: std::ops::Range<usize> = 128..1 << 14;
-/// How far ahead of a copy memory is asked for, in numbers: 1 KB.
-const AHEAD: usize = 128;
-
-/// Work that a long computation does piece by piece, in between.
-pub trait Aside {
-    fn step(&mut self);
-}
-
-/// None.
-impl Aside for () {
-    #[inline(always)]
-    fn step(&mut self) {}
-}
-
-/// Long rows are put together in the cache and leave for memory in one stream: a line to each row in turn takes longer. They leave in
-/// pieces while the next rows are computed, so that memory and arithmetic do not wait for each other.
-#[derive(Clone, Debug, Default)]
-pub struct Stage {
-    rows: Vec<f64>,
-    /// Blocks that are zero in every row: they stay as they are.
-    blank: Vec<bool>,
-    /// Numbers that have left, and that leave in one step.
-    sent: usize,
-    piece: usize,
-}
-
-/// The rows of a stage on their way to `to`.
-pub struct Leaving<'a> {
-    stage: &'a mut Stage,
-    to: &'a mut [f64],
-}
-
-impl Aside for Leaving<'_> {
-    #[inline(always)]
-    fn step(&mut self) {
-        self.stage.send(self.stage.piece, self.to);
-    }
-}
-
-impl Stage {
-    /// Whether rows of this length are staged.
-    pub fn takes(length: usize) -> bool {
-        LONG.contains(&length)
-    }
-
-    /// For rows of `length` numbers, of which `vanishes(k)` is zero in every row; they leave in so many steps.
-    pub fn prepare(&mut self, lanes: usize, length: usize, steps: usize, vanishes: impl Fn(usize) -> bool) {
-        self.blank.clear();
-        self.rows.clear();
-        if Stage::takes(length) {
-            self.blank.extend((0..length / BLOCK).map(|block| (BLOCK * block..BLOCK * (block + 1)).all(&vanishes)));
-            self.rows.resize(lanes * length, 0.0);
-            self.piece = (lanes * length).div_ceil(steps * BLOCK) * BLOCK;
-        }
-        self.sent = self.rows.len();
-    }
-
-    /// What was written last, to leave for the end of `written`.
-    #[inline(always)]
-    pub fn leaving<'a>(&'a mut self, written: &'a mut [f64]) -> Leaving<'a> {
-        let first = if self.sent < self.rows.len() { written.len() - self.rows.len() } else { written.len() };
-        Leaving { stage: self, to: &mut written[first..] }
-    }
-
-    /// The rest of what was written last, to the end of `written`.
-    #[inline(always)]
-    pub fn empty(&mut self, written: &mut [f64]) {
-        let whole = self.rows.len();
-        let leaving = self.leaving(written);
-        leaving.stage.send(whole, leaving.to);
-    }
-
-    #[inline(always)]
-    fn send(&mut self, count: usize, to: &mut [f64]) {
-        let (first, last) = (self.sent, self.rows.len().min(self.sent + count));
-        if first < last {
-            copy_ahead(&self.rows[first..last], &mut to[first..last]);
-            self.sent = last;
-        }
-    }
-}
-
-/// Copy, and ask for the memory that is to be written next.
-#[inline(always)]
-fn copy_ahead(from: &[f64], to: &mut [f64]) {
-    let ((lines, rest), (blocks, last)) = (to.as_chunks_mut::<BLOCK>(), from.as_chunks::<BLOCK>());
-    for (line, block) in lines.iter_mut().zip(blocks) {
-        prefetch(line.as_ptr().wrapping_add(AHEAD));
-        *line = *block;
-    }
-    rest.copy_from_slice(last);
-}
 
 /// Rows `at..at + LANES` of `given`, `width` numbers each, into the lanes of `to`; lanes beyond row `count` repeat the last one.
 #[inline(always)]
@@ -171,31 +77,24 @@ pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     bad == [0; 4]
 }
 
-/// The lanes of `values` as rows of `out`, as many as there is room for; whether every number is finite. Long rows go to
-/// the stage that was prepared for them, which is empty, and leave it after.
+/// The lanes of `values` as rows of `out`, as many as there is room for; whether every number is finite. Memory is asked for the rows
+/// that come next.
 #[inline(always)]
-pub fn write_rows<S: Real>(values: &[S], stage: &mut Stage, out: &mut [f64]) -> bool {
+pub fn write_rows<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     let length = values.len();
     // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
     let mut zeros = [S::zero(); BLOCK];
     let (mut k, full) = (0, out.len() >= S::LANES * length);
-    let staged = full && stage.rows.len() == S::LANES * length;
-    let to: &mut [f64] = if staged { &mut stage.rows } else { &mut *out };
     let (blocks, _) = values.as_chunks::<BLOCK>();
-    for (b, block) in blocks.iter().enumerate() {
-        if full && !staged {
-            // The lines that the next rows go to.
-            for lane in 0..S::LANES {
-                prefetch(to.as_ptr().wrapping_add(S::LANES * (length + k) + BLOCK * lane));
-            }
+    for block in blocks {
+        for i in 0..BLOCK {
+            zeros[i] = block[i].mul_add(S::zero(), zeros[i]);
         }
-        if !(staged && stage.blank[b]) {
-            for i in 0..BLOCK {
-                zeros[i] = block[i].mul_add(S::zero(), zeros[i]);
+        if full {
+            for lane in 0..S::LANES {
+                prefetch(out.as_ptr().wrapping_add(S::LANES * (length + k) + BLOCK * lane));
             }
-            if full {
-                S::to_rows(block, &mut to[k..], length);
-            }
+            S::to_rows(block, &mut out[k..], length);
         }
         k += BLOCK;
     }
@@ -203,23 +102,20 @@ pub fn write_rows<S: Real>(values: &[S], stage: &mut Stage, out: &mut [f64]) -> 
         zeros[0] = x.mul_add(S::zero(), zeros[0]);
     }
     if !full {
-        write_last(values, to);
+        write_last(values, out);
     } else if length >= BLOCK && k < length {
         // The last block again from where it ends: some numbers are written twice.
         let first = length - BLOCK;
         let mut block = [S::zero(); BLOCK];
         block.copy_from_slice(&values[first..]);
-        S::to_rows(&block, &mut to[first..], length);
-    } else if length < BLOCK && to.len() >= S::LANES * length + BLOCK {
+        S::to_rows(&block, &mut out[first..], length);
+    } else if length < BLOCK && out.len() >= S::LANES * length + BLOCK {
         // Rows from the first to the last: what a block writes beyond its row is written over by the next.
         let mut block = [S::zero(); BLOCK];
         block[..length].copy_from_slice(values);
-        S::to_rows(&block, to, length);
+        S::to_rows(&block, out, length);
     } else if k < length {
-        write_last(values, &mut to[..S::LANES * length]);
-    }
-    if staged {
-        stage.sent = 0;
+        write_last(values, &mut out[..S::LANES * length]);
     }
     let zero = ((zeros[0] + zeros[1]) + (zeros[2] + zeros[3])) + ((zeros[4] + zeros[5]) + (zeros[6] + zeros[7]));
     // A comparison with NaN fails.
@@ -256,20 +152,11 @@ mod tests {
                 given[k] = f64::INFINITY;
             }
             let mut out = vec![f64::NAN; count * width];
-            let (mut values, mut stage, mut sound) = (vec![S::zero(); width], Stage::default(), true);
-            // The last third vanishes; rows leave the stage in no, one, two or more than enough of three steps.
-            let vanishes = |k: usize| bad.is_none() && 3 * k >= 2 * width;
-            given.iter_mut().enumerate().filter(|(k, _)| vanishes(k % width)).for_each(|(_, x)| *x = 0.0);
-            stage.prepare(S::LANES, width, 3, vanishes);
+            let (mut values, mut sound) = (vec![S::zero(); width], true);
             for at in (0..count).step_by(S::LANES) {
                 read_rows(&given, at, count, width, &mut values);
-                let (written, rest) = out.split_at_mut(at * width);
-                let mut leaving = stage.leaving(written);
-                (0..count % 5).for_each(|_| leaving.step());
-                stage.empty(written);
-                sound &= write_rows(&values, &mut stage, rest);
+                sound &= write_rows(&values, &mut out[at * width..]);
             }
-            stage.empty(&mut out);
             assert_eq!(out, given, "{width} {count} {}", S::LANES);
             assert_eq!(sound, bad.is_none(), "{width} {count} {bad:?} {}", S::LANES);
         }
@@ -294,8 +181,8 @@ mod tests {
 
     #[test]
     fn rows_pass_through_lanes() {
-        // Rows shorter than a block, whole blocks, blocks and a rest, and rows that are staged.
-        for width in (1..=19).chain([LONG.start - 1, LONG.start, LONG.start + 3, 490]) {
+        // Rows shorter than a block, whole blocks, blocks and a rest.
+        for width in (1..=19).chain([128, 131, 490]) {
             for count in [1, 2, 7, 8, 9, 16, 37, 48, 50] {
                 let last = count * width - 1;
                 for bad in [None, Some(0), Some(last / 2), Some(last)] {
