@@ -215,17 +215,20 @@ fn evaluator_options() {
     // Rows in lanes: the single answer to rounding, and the same bits however the rows are cut.
     let count = 21;
     let many: Vec<Vec<f64>> = (0..4).map(|_| rng.vector(n * count, 1.5)).collect();
-    let query = Query::from(Quantity::Regressor);
     let inputs: Vec<&[f64]> = many.iter().map(Vec::as_slice).collect();
-    let length = n * 10 * n;
-    let mut all = vec![f64::NAN; count * length];
-    arm.evaluate(&query, &inputs, count, 0, count, &mut all).unwrap();
-    let mut cut = vec![f64::NAN; 6 * length];
-    arm.evaluate(&query, &inputs, count, 5, 11, &mut cut).unwrap();
-    assert_eq!(cut, all[5 * length..11 * length]);
-    for row in 0..count {
-        let one: Vec<&[f64]> = many.iter().map(|x| &x[row * n..][..n]).collect();
-        close("row", &all[row * length..][..length], &ask(&arm, query, &one), 1e-13, 1.0);
+    for (friction, armature) in [(false, false), (true, false), (false, true), (true, true)] {
+        let query = Query { friction, armature, ..Quantity::Regressor.into() };
+        let (rows, columns) = query.shape(n);
+        let length = rows * columns;
+        let mut all = vec![f64::NAN; count * length];
+        arm.evaluate(&query, &inputs, count, 0, count, &mut all).unwrap();
+        let mut cut = vec![f64::NAN; 6 * length];
+        arm.evaluate(&query, &inputs, count, 5, 11, &mut cut).unwrap();
+        assert_eq!(cut, all[5 * length..11 * length]);
+        for row in 0..count {
+            let one: Vec<&[f64]> = many.iter().map(|x| &x[row * n..][..n]).collect();
+            close("row", &all[row * length..][..length], &ask(&arm, query, &one), 1e-13, 1.0);
+        }
     }
     let mut evaluator = Evaluator::new(&arm);
     let mut out = [0.0; 36];
