@@ -1,21 +1,23 @@
-//! The monotone time optimum of one link with viscous and Coulomb friction, by integration.
+//! The time optimum of one link with viscous and Coulomb friction: monotone, and with one reversal.
 //!
 //! ```text
 //! I theta_ddot + G sin theta + d theta_dot + c sign(theta_dot) = tau
-//! push from rest at x0:             I y_ddot = (u_max - c) - G sin(x0 + y) - d y_dot
-//! brake to rest at x1, backwards:   I y_ddot = (c - u_min) - G sin(-x1 + y) + d y_dot
+//! back-swing (-, +, -): x0 -> xt = x0 - e -> x1, the middle torque u+ less c after the turn, and with c before it
+//! dT/de = (z/v)_2 + (z/v)_3                     spread and speed (`curve.rs`) at the two switches, of the phase to the turn and of that from it
 //! ```
 //!
-//! With viscous friction the energy is no longer a function of the angle alone, so both phases are integrated (Taylor series, as in
-//! `trajectory.rs`) and meet where their speeds agree. At equal angle and speed the push has the larger acceleration, so the two
-//! curves cross once at most. Coulomb friction alone only shifts the two bounds: a test uses it as an independent check.
+//! The switches drop out of the derivative, since the speeds agree there. An overshoot is the back-swing of the motion mirrored and
+//! run backwards in time, with both frictions negative. Coulomb friction alone only shifts the bounds: a test uses it as an
+//! independent check.
 
+use super::curve::{Curve, Leg, Meeting, Rough};
 use super::link::{Link, check_ends};
-use super::sine::sin_cos;
-use super::trajectory::{ORDER, evaluate, series, step_length};
+use super::search::{BackSwings, FARTHEST, Swing, fastest, next};
+use super::torque_optimal::{Best, Family};
 use crate::error::{Error, Result};
+use std::f64::consts::PI;
 
-/// The monotone optimum with friction; NaN if infeasible.
+/// The optimum with friction: the monotone motion, NaN if infeasible, and the best of the three families.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrictionOptimum {
     pub feasible: bool,
@@ -27,82 +29,115 @@ pub struct FrictionOptimum {
     pub v_peak: f64,
     /// Where the push stalls and where the brake must have begun at the earliest, rad, if they do not meet.
     pub theta_stall: [f64; 2],
+    pub best: Best,
 }
 
-/// A phase from rest: Taylor steps until the distance is covered or the link stalls.
-struct Curve {
-    steps: Vec<(f64, [f64; ORDER + 1], f64)>,
-    /// The distance covered while moving forward.
-    reach: f64,
+/// The back-swings of `x0 -> x1 > x0`.
+struct Search {
+    x0: f64,
+    x1: f64,
+    up: f64,
+    down: f64,
+    link: Rough,
+    /// The outer phases.
+    leaves: Curve,
+    arrives: Curve,
 }
 
-const MAX_STEPS: usize = 2000;
+/// The two legs of a swing: where their phases meet.
+struct Trial {
+    turn: f64,
+    away: Meeting,
+    towards: Meeting,
+}
 
-impl Curve {
-    fn new(x: f64, push: f64, link: &Link, viscous: f64, distance: f64) -> Self {
-        let (g, inertia) = (link.gravity_moment, link.inertia);
-        let mut curve = Curve { steps: Vec::new(), reach: 0.0 };
-        if push - g * sin_cos(x).0 <= 0.0 {
-            return curve;
-        }
-        let (mut time, mut y, mut v) = (0.0, 0.0, 0.0);
-        while y < distance && curve.steps.len() < MAX_STEPS {
-            let c = series(x, y, v, push, g, viscous, inertia);
-            // Half the step of full accuracy, so that a stall cannot hide inside one.
-            let mut h = 0.5 * step_length(&c, distance);
-            let (mut next, mut speed) = evaluate(&c, h);
-            for _ in 0..60 {
-                // Stop at the goal: the curve beyond it is not needed, and may not be finite.
-                if next.is_finite() && next <= 2.0 * distance {
-                    break;
-                }
-                h *= 0.5;
-                (next, speed) = evaluate(&c, h);
-            }
-            if speed <= 0.0 || next <= y {
-                // The last moment of forward motion inside the step.
-                let (mut a, mut b) = (0.0, h);
-                for _ in 0..60 {
-                    let middle = 0.5 * (a + b);
-                    if evaluate(&c, middle).1 > 0.0 { a = middle } else { b = middle }
-                }
-                curve.reach = evaluate(&c, a).0.min(distance);
-                curve.steps.push((time, c, a));
-                return curve;
-            }
-            curve.steps.push((time, c, h));
-            time += h;
-            (y, v) = (next, speed);
-            curve.reach = y.min(distance);
-        }
-        curve
+impl Search {
+    /// None where the start can't be left backwards, or nothing comes to rest at the end.
+    fn new(x0: f64, x1: f64, up: f64, down: f64, link: Rough, bound: f64) -> Option<Self> {
+        let mut search = Search { x0, x1, up, down, link, leaves: Curve::default(), arrives: Curve::default() };
+        search.arrives = Curve::new(-x1, down, &link.backwards(), next(search.farthest(bound)) + x1 - x0, None);
+        search.leaves = Curve::new(-x0, down, &link, next(search.farthest(bound)), None);
+        (search.leaves.reach > 0.0 && search.arrives.reach > 0.0).then_some(search)
     }
 
-    /// Time and speed at the distance `y <= reach`.
-    fn at(&self, y: f64) -> (f64, f64) {
-        let k = self.steps.partition_point(|s| s.1[0] <= y).max(1) - 1;
-        let (time, c, length) = &self.steps[k];
-        let (mut a, mut b) = (0.0, *length);
-        let mut h = 0.5 * length;
-        for _ in 0..60 {
-            let (position, speed) = evaluate(c, h);
-            if position < y {
-                a = h
-            } else {
-                b = h
-            }
-            let newton = h - (position - y) / speed;
-            let next = if newton > a && newton < b { newton } else { 0.5 * (a + b) };
-            if (next - h).abs() <= 1e-16 * length {
-                break;
-            }
-            h = next;
-        }
-        (time + h, evaluate(c, h).1)
+    /// What `f` says of the way out, with the phase to the turn run backwards.
+    fn away<T>(&self, e: f64, f: impl FnOnce(Leg) -> T) -> T {
+        let to = Curve::new(self.x0 - e, self.up, &self.link.backwards(), e, Some(&self.leaves));
+        f(Leg { push: &self.leaves, brake: &to, distance: e })
+    }
+
+    /// And of the way in.
+    fn towards<T>(&self, e: f64, f: impl FnOnce(Leg) -> T) -> T {
+        let distance = e + self.x1 - self.x0;
+        let from = Curve::new(self.x0 - e, self.up, &self.link, distance, Some(&self.arrives));
+        f(Leg { push: &from, brake: &self.arrives, distance })
+    }
+
+    fn trial(&self, e: f64) -> Option<Trial> {
+        let meeting = |leg: Leg| leg.meeting();
+        Some(Trial { turn: self.x0 - e, away: self.away(e, meeting)?, towards: self.towards(e, meeting)? })
     }
 }
 
-/// The fastest monotone `theta0 -> thetaf` (rad), rest to rest, with friction torques `viscous * v` (N m s) and `coulomb * sign(v)` (N m).
+impl BackSwings for Search {
+    fn slope(&self, e: f64, _fine: bool) -> Option<f64> {
+        let trial = self.trial(e)?;
+        let (first, second) = (trial.away.brake, trial.towards.push);
+        let rate = first.spread / first.speed + second.spread / second.speed;
+        let slope = rate / (rate.abs() + first.speed.recip() + second.speed.recip());
+        slope.is_finite().then_some(slope)
+    }
+
+    fn margin(&self, e: f64, least: f64) -> f64 {
+        let steep = (self.up + self.down) / self.link.inertia;
+        let margin = |leg: Leg| leg.margin(steep);
+        let away = self.away(e, margin);
+        if away <= least { away } else { away.min(self.towards(e, margin)) }
+    }
+
+    fn possible(&self, e: f64) -> bool {
+        self.trial(e).is_some()
+    }
+
+    fn swing(&self, e: f64) -> Option<Swing> {
+        let Trial { turn, away, towards } = self.trial(e)?;
+        let (t1, t2, t3, t4) = (away.push.time, away.brake.time, towards.push.time, towards.brake.time);
+        let time = t1 + t2 + t3 + t4;
+        time.is_finite().then_some(Swing {
+            time,
+            x_switches: [self.x0 - away.at, turn + towards.at],
+            t_switches: [t1, t1 + t2 + t3],
+            x_turn: turn,
+            t_turn: t1 + t2,
+        })
+    }
+
+    fn nearest(&self) -> f64 {
+        (1e-3 * (self.x1 - self.x0).min(1.0)).max(1e-6)
+    }
+
+    /// Each stretch from rest with all of a torque and of gravity, and on, at no moment faster than the last brake:
+    /// `T > k sqrt(2 I e / p) + T_brake(D)`, `k = 2` for the ways to the turn and back to `x0`; backwards only the first begins at rest.
+    fn farthest(&self, limit: f64) -> f64 {
+        if limit == f64::INFINITY {
+            return FARTHEST;
+        }
+        let (distance, p) = (self.x1 - self.x0, self.up.max(self.down) + self.link.g.abs());
+        let brake = if distance <= self.arrives.reach { self.arrives.at(distance).time } else { 0.0 };
+        let stretches = if self.link.viscous < 0.0 || self.link.coulomb < 0.0 { 1.0 } else { 2.0 };
+        (((limit - brake).max(0.0) / stretches).powi(2) * 0.5 * p / self.link.inertia).min(FARTHEST)
+    }
+
+    fn steepest(&self, _e: f64) -> f64 {
+        10.0 * (1.0 + self.link.g.abs() / (self.up + self.down))
+    }
+
+    fn weak(&self) -> bool {
+        false
+    }
+}
+
+/// The fastest `theta0 -> thetaf` (rad), rest to rest, with friction torques `viscous * v` (N m s) and `coulomb * sign(v)` (N m).
 pub fn torque_optimal_time_with_friction(
     theta0: f64,
     thetaf: f64,
@@ -123,47 +158,48 @@ pub fn torque_optimal_time_with_friction(
     let sign = 1.0f64.copysign(thetaf - theta0);
     let along = link.along(sign > 0.0);
     let (x0, x1, distance) = (sign * theta0, sign * thetaf, (thetaf - theta0).abs());
-    if distance == 0.0 {
-        return Ok(FrictionOptimum {
-            feasible: true,
-            t: 0.0,
-            theta_switch: theta0,
-            t_switch: 0.0,
-            v_peak: 0.0,
-            theta_stall: [f64::NAN; 2],
-        });
-    }
-    let push = Curve::new(x0, along.tau_max - coulomb, &link, viscous, distance);
-    let brake = Curve::new(-x1, coulomb - along.tau_min, &link, -viscous, distance);
-    // Push faster than brake allows at `b`, slower at `a`.
-    let (mut a, mut b) = (distance - brake.reach, push.reach);
-    let none = FrictionOptimum {
+    let (up, down, link) = (along.tau_max, -along.tau_min, Rough { inertia, g: gravity_moment, viscous, coulomb });
+    let mut optimum = FrictionOptimum {
         feasible: false,
         t: f64::NAN,
         theta_switch: f64::NAN,
         t_switch: f64::NAN,
         v_peak: f64::NAN,
-        theta_stall: [sign * (x0 + push.reach), sign * (x1 - brake.reach)],
-    };
-    if push.steps.is_empty() || brake.steps.is_empty() || a >= b {
-        return Ok(none);
-    }
-    let faster = |y: f64| push.at(y).1 >= brake.at(distance - y).1;
-    if faster(a) || !faster(b) {
-        return Ok(none);
-    }
-    for _ in 0..60 {
-        let middle = 0.5 * (a + b);
-        if faster(middle) { b = middle } else { a = middle }
-    }
-    let y = 0.5 * (a + b);
-    let ((t1, v), (t2, _)) = (push.at(y), brake.at(distance - y));
-    Ok(FrictionOptimum {
-        feasible: true,
-        t: t1 + t2,
-        theta_switch: sign * (x0 + y),
-        t_switch: t1,
-        v_peak: sign * v,
         theta_stall: [f64::NAN; 2],
-    })
+        best: Best::NONE,
+    };
+    if distance == 0.0 {
+        (optimum.feasible, optimum.t, optimum.theta_switch, optimum.t_switch, optimum.v_peak) = (true, 0.0, theta0, 0.0, 0.0);
+        optimum.best = Best::monotone(0.0, theta0, 0.0);
+        return Ok(optimum);
+    }
+    let (push, brake) = (Curve::new(x0, up, &link, distance, None), Curve::new(-x1, down, &link.backwards(), distance, None));
+    match (Leg { push: &push, brake: &brake, distance }).meeting() {
+        Some(Meeting { at, push, brake }) => {
+            optimum.feasible = true;
+            optimum.t = push.time + brake.time;
+            optimum.theta_switch = sign * (x0 + at);
+            optimum.t_switch = push.time;
+            optimum.v_peak = sign * push.speed;
+            optimum.best = Best::monotone(optimum.t, optimum.theta_switch, optimum.t_switch);
+        }
+        None => optimum.theta_stall = [sign * (x0 + push.reach), sign * (x1 - brake.reach)],
+    }
+    // Viscous friction only moves the zeros of the adjoint apart: `phi = exp(-d t / 2 I) psi` obeys `phi_ddot = (d^2 / 4 I^2 - G cos theta / I) phi`.
+    let g = gravity_moment.abs();
+    let certified = coulomb == 0.0 && up.min(down) >= g && optimum.t <= PI * (inertia / g).sqrt();
+    if certified || viscous * viscous >= 4.0 * inertia * g {
+        return Ok(optimum);
+    }
+    for (kind, (x0, x1), (up, down), link) in
+        [(Family::BackSwing, (x0, x1), (up, down), link), (Family::Overshoot, (-x1, -x0), (down, up), link.backwards())]
+    {
+        let bound = if optimum.best.t.is_nan() { f64::INFINITY } else { optimum.best.t };
+        let swing = Search::new(x0, x1, up, down, link, bound).and_then(|search| fastest(&search, bound));
+        if let Some(swing) = swing {
+            let swing = if kind == Family::Overshoot { swing.reversed() } else { swing };
+            optimum.best = Best::swing(kind, &swing, sign, 1.0);
+        }
+    }
+    Ok(optimum)
 }

@@ -3,17 +3,20 @@
 //! - [`bang_bang_time`]: the exact interval of durations of the symmetric bang-bang acceleration profile.
 //! - [`trapezoid_time`], [`minimum_jerk_time`]: the same for trapezoidal speed and for the quintic.
 //! - [`torque_optimal_time`]: the optimum under full torque: monotone, back-swing, overshoot.
-//! - [`torque_optimal_time_with_friction`]: the monotone optimum with viscous and Coulomb friction, by integration.
+//! - [`torque_optimal_time_with_friction`]: the same with viscous and Coulomb friction, by integration.
 //! - [`TorqueProfile`]: the motion of that optimum, to follow.
 //!
 //! And of any arm along a given path: [`time_path`].
 
 mod bang_bang;
+mod curve;
 mod friction;
 mod link;
 mod phase;
 mod profiles;
+mod quadrature;
 mod report;
+mod search;
 pub mod sine;
 mod swing;
 mod time_path;

@@ -12,50 +12,15 @@
 //! gains a digit per few panels, since the integrand is analytic up to the near pole. A phase that brakes to rest
 //! at x is the same phase from `-x` run backwards, with the braking torque as push.
 
+use super::quadrature::{Graded, Integrand, adaptive, few};
 use super::sine::{sin_cos, sinc_cos_small};
 use crate::scalar::{Real, Task, run_lanes};
 use std::f64::consts::{PI, TAU};
 
-/// Nodes on (0, 1] of the symmetric 21-point Kronrod rule on [-1, 1] (the centre last), and its weights (QUADPACK, qk21).
-const NODES: [f64; 11] = [
-    0.995_657_163_025_808_080_735_527_280_689_003,
-    0.973_906_528_517_171_720_077_964_012_084_452,
-    0.930_157_491_355_708_226_001_207_180_059_508,
-    0.865_063_366_688_984_510_732_096_688_423_493,
-    0.780_817_726_586_416_897_063_717_578_345_042,
-    0.679_409_568_299_024_406_234_327_365_114_874,
-    0.562_757_134_668_604_683_339_000_099_272_694,
-    0.433_395_394_129_247_190_799_265_943_165_784,
-    0.294_392_862_701_460_198_131_126_603_103_866,
-    0.148_874_338_981_631_210_884_826_001_129_72,
-    0.0,
-];
-const KRONROD: [f64; 11] = [
-    0.011_694_638_867_371_874_278_064_396_062_192,
-    0.032_558_162_307_964_727_478_818_972_459_39,
-    0.054_755_896_574_351_996_031_381_300_244_58,
-    0.075_039_674_810_919_952_767_043_140_916_19,
-    0.093_125_454_583_697_605_535_065_465_083_366,
-    0.109_387_158_802_297_641_899_210_590_325_805,
-    0.123_491_976_262_065_851_077_958_109_585_166,
-    0.134_709_217_311_473_325_928_054_001_771_707,
-    0.142_775_938_577_060_080_797_094_273_138_717,
-    0.147_739_104_901_338_491_374_841_515_972_068,
-    0.149_445_554_002_916_905_664_936_468_389_821,
-];
-/// Weights of the embedded 10-point Gauss rule, at the odd Kronrod nodes.
-const GAUSS: [f64; 5] = [
-    0.066_671_344_308_688_137_593_568_809_893_332,
-    0.149_451_349_150_580_593_145_863_396_957_658,
-    0.219_086_362_515_982_043_995_534_934_228_163,
-    0.269_266_719_309_996_355_091_226_921_569_469,
-    0.295_524_224_714_752_870_173_815_619_188_769,
-];
-/// Panels after which the quadrature stops refining: moves of a hundred turns stay below it.
-const MAX_PANELS: usize = 600;
+/// The mean net torque, in parts of all torques, below which the fixed rule is not enough.
+const LEAN: f64 = 1e-3;
 /// Relative accuracy of a time, of each panel.
 const ACCURACY: f64 = 3e-14;
-const MAX_DEPTH: usize = 60;
 
 /// Constant net push `p` from rest at `x` against `g sin`.
 #[derive(Debug, Clone, Copy)]
@@ -83,10 +48,9 @@ impl Phase {
         Phase { x, push, g, sin, cos, least }
     }
 
-    /// The same push from rest at another place.
+    /// The same push from rest at another place, whose sine and cosine are known.
     #[inline]
-    pub fn moved(&self, x: f64) -> Self {
-        let (sin, cos) = sin_cos(x);
+    pub fn moved(&self, x: f64, (sin, cos): (f64, f64)) -> Self {
         Phase { x, sin, cos, ..*self }
     }
 
@@ -109,9 +73,18 @@ impl Phase {
     /// lower, since `K(y + 2 pi) = K(y) + 2 pi p`.
     #[inline]
     pub fn hump(&self, length: f64) -> Option<f64> {
+        if self.least.is_nan() {
+            return None;
+        }
         let y = self.least - self.x;
         let y = y - TAU * (y / TAU).floor();
         (y > 0.0 && y < length).then_some(y)
+    }
+
+    /// Whether the phase leaves its rest and clears its hump, if that comes before `length`.
+    #[inline]
+    pub fn clears(&self, length: f64) -> bool {
+        self.net() > 0.0 && self.hump(length).is_none_or(|y| self.energy(y) > 0.0)
     }
 
     /// `F(x, length)`: phase time over `sqrt(I/2)`.
@@ -122,6 +95,39 @@ impl Phase {
     /// `dF/dx` at fixed length, to the relative `accuracy`.
     pub fn time_gradient(&self, length: f64, accuracy: f64) -> f64 {
         length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
+    }
+
+    /// `dF/dx` at fixed length, to three digits or so and most often to more: for its sign.
+    pub fn rough_gradient(&self, length: f64) -> f64 {
+        let mean = |y: f64| self.energy(y) / y;
+        let least = self.hump(length).map_or(f64::INFINITY, mean).min(mean(length)).min(self.net());
+        // A turn and more sees several humps, and one that is barely cleared leaves a narrow peak.
+        if length > TAU || least < LEAN * (self.push + self.g.abs()) {
+            self.time_gradient(length, 1e-3)
+        } else {
+            run_lanes(Rough { phase: *self, length })
+        }
+    }
+}
+
+/// `dF/dx` of a phase by a fixed rule.
+struct Rough {
+    phase: Phase,
+    length: f64,
+}
+
+impl Task for Rough {
+    type Output = f64;
+    #[inline(always)]
+    fn run<S: Real>(self) -> f64 {
+        let Rough { phase, length } = self;
+        let f = &Integral::<true> { phase, length, accuracy: f64::NAN };
+        // From where w may be least.
+        let parts = match phase.hump(length).map(|y| (y / length).sqrt()) {
+            Some(from) => [Graded { f, from, way: -from }, Graded { f, from, way: 1.0 - from }],
+            None => [Graded { f, from: 0.0, way: 0.5 }, Graded { f, from: 1.0, way: -0.5 }],
+        };
+        length.sqrt() * (few::<S>(&parts[0]) + few::<S>(&parts[1]))
     }
 }
 
@@ -136,17 +142,16 @@ impl<const GRADIENT: bool> Task for Integral<GRADIENT> {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
-        // Split at the hump, where w is least.
+        // Split at the hump, where w is least, and close together beside it.
         match self.phase.hump(self.length) {
-            None => adaptive::<S>(&self, &[0.0, 1.0], self.accuracy),
-            Some(y) => adaptive::<S>(&self, &[0.0, (y / self.length).sqrt(), 1.0], self.accuracy),
+            None => adaptive::<S>(&self, self.accuracy, 0.0),
+            Some(y) => {
+                let from = (y / self.length).sqrt();
+                let before = adaptive::<S>(&Graded { f: &self, from, way: -from }, self.accuracy, 0.0);
+                before + adaptive::<S>(&Graded { f: &self, from, way: 1.0 - from }, self.accuracy, before)
+            }
         }
     }
-}
-
-/// What is integrated, at several places.
-trait Integrand {
-    fn at<S: Real>(&self, s: S) -> S;
 }
 
 impl<const GRADIENT: bool> Integrand for Integral<GRADIENT> {
@@ -173,100 +178,9 @@ impl<const GRADIENT: bool> Integrand for Integral<GRADIENT> {
     }
 }
 
-/// Places of a panel, padded to whole lanes: the nodes of `NODES` with either sign, the centre once.
-const COUNT: usize = 24;
-/// Nodes on [-1, 1], Kronrod weights and Gauss weights.
-const RULE: [[f64; COUNT]; 3] = {
-    let mut rule = [[0.0; COUNT]; 3];
-    let mut k = 0;
-    while k < 11 {
-        (rule[0][k], rule[1][k]) = (NODES[k], KRONROD[k]);
-        if k < 10 {
-            (rule[0][k + 11], rule[1][k + 11]) = (-NODES[k], KRONROD[k]);
-        }
-        if k % 2 == 1 && k < 10 {
-            (rule[2][k], rule[2][k + 11]) = (GAUSS[k / 2], GAUSS[k / 2]);
-        }
-        k += 1;
-    }
-    rule
-};
-
-#[inline(always)]
-fn sum<S: Real>(x: S) -> f64 {
-    let mut sum = 0.0;
-    for lane in 0..S::LANES {
-        sum += x.lane(lane);
-    }
-    sum
-}
-
-/// Integral and error estimate (after QUADPACK) on one panel.
-#[inline(always)]
-fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
-    let (centre, half) = (S::splat(0.5 * (a + b)), S::splat(0.5 * (b - a)));
-    let (mut kronrod, mut gauss, mut size) = (S::zero(), S::zero(), S::zero());
-    let mut k = 0;
-    while k < COUNT {
-        let value = f.at(centre + half * S::load(&RULE[0][k..]));
-        let part = S::load(&RULE[1][k..]) * value;
-        kronrod += part;
-        size += part.abs();
-        gauss += S::load(&RULE[2][k..]) * value;
-        k += S::LANES;
-    }
-    let (kronrod, gauss, size, half) = (sum(kronrod), sum(gauss), sum(size), 0.5 * (b - a));
-    let difference = (kronrod - gauss).abs() / size;
-    // The 21-point rule is far better than its difference from the 10-point one: QUADPACK's (200 d)^1.5.
-    let scaled = 200.0 * difference;
-    (half * kronrod, half * size * difference.min(scaled * scaled.sqrt()))
-}
-
-#[inline(always)]
-fn adaptive<S: Real>(f: &impl Integrand, breaks: &[f64], accuracy: f64) -> f64 {
-    let mut stack = [(0.0, 0.0); MAX_DEPTH];
-    let (mut sum, mut panels) = (0.0f64, 0);
-    for pair in breaks.windows(2) {
-        stack[0] = (pair[0], pair[1]);
-        let mut top = 1;
-        while top > 0 {
-            top -= 1;
-            let (a, b) = stack[top];
-            let (value, error) = panel::<S>(f, a, b);
-            panels += 1;
-            let middle = 0.5 * (a + b);
-            let exact = error <= accuracy * value.abs().max(0.1 * sum.abs());
-            if exact || top + 2 > MAX_DEPTH || panels > MAX_PANELS || middle <= a || middle >= b {
-                sum += value;
-            } else {
-                stack[top] = (middle, b);
-                stack[top + 1] = (a, middle);
-                top += 2;
-            }
-        }
-    }
-    sum
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rules_integrate_polynomials() {
-        // Kronrod 21 is exact to degree 31, Gauss 10 to degree 19: rounding only.
-        struct Power(i32);
-        impl Integrand for Power {
-            fn at<S: Real>(&self, s: S) -> S {
-                s.map(|s| s.powi(self.0))
-            }
-        }
-        for degree in 0..32 {
-            let (value, error) = panel::<f64>(&Power(degree), 0.0, 1.0);
-            assert!((value * (degree + 1) as f64 - 1.0).abs() < 1e-14, "{degree}: {value}");
-            assert!(degree > 19 || error < 1e-15, "{degree}: {error}");
-        }
-    }
 
     #[test]
     fn gradient_is_the_derivative() {

@@ -13,8 +13,9 @@
 use super::link::{Link, check_ends};
 use super::phase::Phase;
 use super::report::MonotoneReason;
+use super::search::Swing;
 use super::sine::sin_cos;
-use super::swing::{Swing, back_swing, overshoot};
+use super::swing::{back_swing, overshoot};
 use crate::error::Result;
 use std::f64::consts::PI;
 
@@ -86,20 +87,25 @@ pub(super) struct Monotone {
     pub brake_length: f64,
 }
 
+/// `cos x0 - cos x1` from the sines of half the sum and of half the difference: exact for moves of any smallness.
+#[inline]
+pub(super) fn drop(sum: f64, difference: f64) -> f64 {
+    2.0 * sum * difference
+}
+
 impl Monotone {
     /// `up`, `down`: sizes of the pushing and of the braking torque bound, both >= 0.
     #[inline]
     pub fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Self {
-        Monotone::between(Phase::new(x0, up, g), Phase::new(-x1, down, g))
+        let drop = drop(sin_cos(0.5 * x0 + 0.5 * x1).0, sin_cos(0.5 * (x1 - x0)).0);
+        Monotone::between(Phase::new(x0, up, g), Phase::new(-x1, down, g), drop)
     }
 
-    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate.
+    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
     #[inline]
-    pub fn between(push: Phase, brake: Phase) -> Self {
-        let (x0, x1, g, up, down) = (push.x, -brake.x, push.g, push.push, brake.push);
-        let distance = x1 - x0;
-        // cos x0 - cos x1 as a product: exact for moves of any smallness.
-        let work = 2.0 * g * sin_cos(0.5 * x0 + 0.5 * x1).0 * sin_cos(0.5 * distance).0;
+    pub fn between(push: Phase, brake: Phase, drop: f64) -> Self {
+        let (up, down) = (push.push, brake.push);
+        let (distance, work) = (-brake.x - push.x, push.g * drop);
         let (push_length, brake_length) = ((down * distance + work) / (up + down), (up * distance - work) / (up + down));
         Monotone { push, brake, push_length, brake_length }
     }
@@ -136,6 +142,17 @@ impl Monotone {
             return MonotoneReason::Hump { x: push.x + push_length, missing: -peak / push_length };
         }
         MonotoneReason::Feasible
+    }
+
+    /// The kinetic energy at the switch, if the motion is possible.
+    #[inline]
+    pub fn peak(&self) -> Option<f64> {
+        let Monotone { push, brake, push_length, brake_length } = *self;
+        if !(push_length > 0.0 && brake_length > 0.0 && push.clears(push_length) && brake.clears(brake_length)) {
+            return None;
+        }
+        let peak = push.energy(push_length);
+        (peak > 0.0).then_some(peak)
     }
 
     /// The least of all margins of feasibility, N m: positive iff `reason` is `Feasible`, continuous in the end points.
@@ -215,22 +232,14 @@ pub fn torque_optimal_time(
         [(Family::BackSwing, back_swing as fn(f64, f64, f64, f64, f64, f64) -> Option<Swing>), (Family::Overshoot, overshoot)]
     {
         if let Some(swing) = search(x0, x1, g, up, down, bound(&optimum.best)) {
-            optimum.best = Best {
-                kind,
-                t: unit * swing.time,
-                theta_switches: swing.x_switches.map(|x| sign * x),
-                t_switches: swing.t_switches.map(|t| unit * t),
-                switches: 2,
-                theta_turn: sign * swing.x_turn,
-                t_turn: unit * swing.t_turn,
-            };
+            optimum.best = Best::swing(kind, &swing, sign, unit);
         }
     }
     Ok(optimum)
 }
 
 impl Best {
-    const NONE: Best = Best {
+    pub(super) const NONE: Best = Best {
         kind: Family::NoneFound,
         t: f64::NAN,
         theta_switches: [f64::NAN; 2],
@@ -239,6 +248,19 @@ impl Best {
         theta_turn: f64::NAN,
         t_turn: f64::NAN,
     };
+
+    /// Of a swing along `sign theta`, whose times are in `unit` seconds.
+    pub(super) fn swing(kind: Family, swing: &Swing, sign: f64, unit: f64) -> Self {
+        Best {
+            kind,
+            t: unit * swing.time,
+            theta_switches: swing.x_switches.map(|x| sign * x),
+            t_switches: swing.t_switches.map(|t| unit * t),
+            switches: 2,
+            theta_turn: sign * swing.x_turn,
+            t_turn: unit * swing.t_turn,
+        }
+    }
 
     pub(super) fn monotone(t: f64, theta_switch: f64, t_switch: f64) -> Self {
         Best {

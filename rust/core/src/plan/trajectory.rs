@@ -57,8 +57,8 @@ pub struct TorqueProfile {
     runs: Vec<Run>,
 }
 
-/// Taylor coefficients at `y`, `v`; viscous friction, zero for the exact optimum, adds `-viscous y_dot`.
-pub(super) fn series(x: f64, y: f64, v: f64, push: f64, g: f64, viscous: f64, inertia: f64) -> [f64; ORDER + 1] {
+/// Taylor coefficients at `y`, `v`, and those of `cos(x + y)`; viscous friction, zero for the exact optimum, adds `-viscous y_dot`.
+pub(super) fn series(x: f64, y: f64, v: f64, push: f64, g: f64, viscous: f64, inertia: f64) -> [[f64; ORDER + 1]; 2] {
     let mut c = [0.0; ORDER + 1];
     let (mut s, mut k) = ([0.0; ORDER + 1], [0.0; ORDER + 1]);
     (c[0], c[1]) = (y, v);
@@ -76,7 +76,7 @@ pub(super) fn series(x: f64, y: f64, v: f64, push: f64, g: f64, viscous: f64, in
         let force = if n == 0 { push - g * s[0] } else { -g * s[n] };
         c[n + 2] = (force - viscous * (n + 1) as f64 * c[n + 1]) / (inertia * ((n + 1) * (n + 2)) as f64);
     }
-    c
+    [c, k]
 }
 
 /// The step whose dropped terms are below 1e-17 of `size`. From rest, and at a crest of the sine, all but every fourth term
@@ -101,7 +101,7 @@ impl Run {
         let (mut time, mut y, mut v) = (0.0, 0.0, 0.0);
         let mut steps = Vec::new();
         while time < duration && steps.len() < MAX_STEPS {
-            let c = series(x, y, v, push, g, 0.0, inertia);
+            let [c, _] = series(x, y, v, push, g, 0.0, inertia);
             steps.push(Step { time, y: c });
             let h = step_length(&c, c[2].abs() * duration * duration + c[0].abs()).min(duration - time).max(1e-4 * duration);
             (y, v) = evaluate(&c, h);

@@ -1,7 +1,7 @@
 //! The optimum with friction: without it the frictionless optimum, with Coulomb friction alone shifted bounds, else time stepping.
 
 use crate::plan_support::{Problem, Random, near};
-use armlet_core::plan::{torque_optimal_time, torque_optimal_time_with_friction};
+use armlet_core::plan::{Family, FrictionOptimum, torque_optimal_time, torque_optimal_time_with_friction};
 
 #[test]
 fn without_viscous_friction_the_bounds_are_shifted() {
@@ -57,6 +57,99 @@ fn with_viscous_friction_the_motion_arrives_at_rest() {
         assert!((q - p.thetaf).abs() < 1e-8 && v.abs() < 1e-7, "{p:?} {d} {c} {o:?} {q} {v}");
     }
     assert!(arrived > 100, "{arrived}");
+}
+
+fn rough(p: &Problem, viscous: f64, coulomb: f64) -> FrictionOptimum {
+    torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, viscous, coulomb).unwrap()
+}
+
+#[test]
+fn swings_without_friction_are_the_exact_ones() {
+    let (mut random, mut swings) = (Random::new(101), 0);
+    for _ in 0..40 {
+        let p = Problem::nominal(&mut random);
+        let (f, o) = (rough(&p, 0.0, 0.0), torque_optimal_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max).unwrap());
+        assert_eq!(f.best.kind, o.best.kind, "{p:?} {f:?} {o:?}");
+        if f.best.switches == 2 {
+            swings += 1;
+            // Near a hump the errors of both grow with exp(t sqrt(|G|/I)); T is flat at its turning point.
+            let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
+            assert!(near(f.best.t, o.best.t, 1e-13 * growth + 1e-11), "{p:?} {f:?} {o:?}");
+        }
+    }
+    assert!(swings > 3, "{swings}");
+}
+
+#[test]
+fn swings_with_coulomb_friction_beat_every_detour() {
+    // Each leg is a frictionless optimum with both bounds moved against its motion: other formulas, another search.
+    let (mut random, mut swings) = (Random::new(111), 0);
+    for _ in 0..30 {
+        let p = Problem::nominal(&mut random);
+        let c = random.range(0.0, 0.5) * p.tau_max.min(-p.tau_min);
+        let best = rough(&p, 0.0, c).best;
+        let leg = |a: f64, b: f64| {
+            let shift = if b > a { -c } else { c };
+            if p.tau_max + shift <= 0.0 || p.tau_min + shift >= 0.0 {
+                return f64::NAN;
+            }
+            torque_optimal_time(a, b, p.inertia, p.gravity, p.tau_min + shift, p.tau_max + shift).unwrap().t
+        };
+        let detour = |z: f64| leg(p.theta0, z) + leg(z, p.thetaf);
+        if best.switches == 2 {
+            swings += 1;
+            let growth = (best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
+            assert!(near(best.t, detour(best.theta_turn), 1e-13 * growth + 1e-11), "{p:?} {c} {best:?} {}", detour(best.theta_turn));
+        }
+        let sign = 1.0f64.copysign(p.thetaf - p.theta0);
+        for j in 0..80 {
+            let depth = 10f64.powf(-3.0 + 3.9 * (j / 2) as f64 / 39.0);
+            let z = if j % 2 == 0 { p.theta0 - sign * depth } else { p.thetaf + sign * depth };
+            let t = detour(z);
+            assert!(t.is_nan() || best.t <= t * (1.0 + 1e-9), "{p:?} {c} {best:?} {z} {t}");
+        }
+    }
+    assert!(swings > 1, "{swings}");
+}
+
+#[test]
+fn swings_with_viscous_friction_arrive_at_rest() {
+    let (mut random, mut kinds) = (Random::new(121), [0; 4]);
+    for _ in 0..60 {
+        let p = Problem::nominal(&mut random);
+        let (d, c) = (random.range(0.0, 0.3) * p.inertia.sqrt(), 0.2 * random.unit() * p.tau_max);
+        let o = rough(&p, d, c);
+        let best = o.best;
+        kinds[best.kind as usize] += 1;
+        assert!(!(best.t > o.t), "{p:?} {o:?}");
+        if best.switches < 2 || best.t * (p.gravity.abs() / p.inertia).sqrt() > 8.0 {
+            continue;
+        }
+        // Torque switches at the first and at the third of these times, the Coulomb friction at the second.
+        let first = if (p.thetaf > p.theta0) == (best.kind == Family::Overshoot) { 1.0 } else { -1.0 };
+        let times = [best.t_switches[0], best.t_turn, best.t_switches[1], best.t];
+        let (mut q, mut v, mut t) = (p.theta0, 0.0, 0.0);
+        for (k, (push, way)) in [(first, first), (-first, first), (-first, -first), (first, -first)].into_iter().enumerate() {
+            let tau = if push > 0.0 { p.tau_max } else { p.tau_min };
+            let f = |q: f64, v: f64| (tau - p.gravity * q.sin() - d * v - c * way) / p.inertia;
+            let h = (times[k] - t) / 2000.0;
+            for _ in 0..2000 {
+                let (k1, l1) = (v, f(q, v));
+                let (k2, l2) = (v + 0.5 * h * l1, f(q + 0.5 * h * k1, v + 0.5 * h * l1));
+                let (k3, l3) = (v + 0.5 * h * l2, f(q + 0.5 * h * k2, v + 0.5 * h * l2));
+                let (k4, l4) = (v + h * l3, f(q + h * k3, v + h * l3));
+                q += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+                v += h / 6.0 * (l1 + 2.0 * l2 + 2.0 * l3 + l4);
+            }
+            t = times[k];
+            if k == 1 {
+                // At rest where it turns; Runge-Kutta of order 4 in 2000 steps, growth up to exp(8).
+                assert!((q - best.theta_turn).abs() < 1e-7 && v.abs() < 1e-6, "{p:?} {d} {c} {o:?} {q} {v}");
+            }
+        }
+        assert!((q - p.thetaf).abs() < 1e-6 && v.abs() < 1e-5, "{p:?} {d} {c} {o:?} {q} {v}");
+    }
+    assert!(kinds[0] > 10 && kinds[1] + kinds[2] > 2, "{kinds:?}");
 }
 
 #[test]

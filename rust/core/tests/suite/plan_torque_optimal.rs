@@ -72,6 +72,33 @@ fn a_swing_can_win_and_can_make_feasible() {
     assert!(!o.feasible && o.best.kind == Family::NoneFound && o.best.t.is_nan(), "{o:?}");
 }
 
+#[test]
+fn narrow_minima_are_found() {
+    // Best turning points close to an edge of what is possible, the last one 8e-6 rad from it: times by golden sections of the sum of the
+    // two monotone optima beside them.
+    for (problem, kind, t) in [
+        (
+            [-0.24539383661196013, 1.2645826390094088, 0.1651331798136474, 1.4220160377317037, 0.610841926842161, -0.5009252063825774],
+            Family::BackSwing,
+            1.4434239519552108,
+        ),
+        (
+            [-0.9782697222453969, -0.04498512308293989, 0.16597001605560568, 1.264433145687061, 0.3893604294127465, -0.5571794395158006],
+            Family::Overshoot,
+            1.4672574171790076,
+        ),
+        (
+            [18.617020823068344, 16.19708547953003, 5.5371694328622105, -1.2791548339270395, 0.2966228967373024, -0.529494046613606],
+            Family::Overshoot,
+            21.1160829033533,
+        ),
+    ] {
+        let [theta0, thetaf, inertia, gravity, tau_max, tau_min] = problem;
+        let o = torque_optimal_time(theta0, thetaf, inertia, gravity, tau_min, tau_max).unwrap();
+        assert!(o.best.kind == kind && near(o.best.t, t, 1e-10), "{o:?}");
+    }
+}
+
 /// Displacement and speed at the end under the torque sequence alone, by the classical Runge-Kutta method: no formula of the
 /// planner in it. The displacement is integrated, not the angle, so that tiny moves keep their digits.
 fn drive(p: &Problem, o: &TorqueOptimum, steps: usize) -> (f64, f64) {

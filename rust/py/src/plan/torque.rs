@@ -24,7 +24,7 @@ use std::sync::OnceLock;
 ///     tau_min: least torque, N m, <= 0; `-tau_max` if None.
 ///     viscous: viscous friction, N m s/rad, >= 0.
 ///     coulomb: Coulomb friction, N m, >= 0.
-///         With friction only the monotone motion is searched, nothing is certified, and there is no profile.
+///         With friction nothing is certified, and there is no profile; the three families are searched all the same.
 ///
 /// Returns:
 ///     A `TorqueOptimum`. No motion is an answer, not an error: `t` is NaN, and `reason` says what is missing.
@@ -58,7 +58,14 @@ pub fn torque_optimal_time<'py>(
     entry(py, NAME, || {
         let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
         let friction = |name, value: Option<&Bound<'py, PyAny>>| value.map_or(Ok(0.0), |value| scalar(NAME, name, value));
-        Ok(TorqueOptimum::solve(problem, [friction("viscous", viscous)?, friction("coulomb", coulomb)?])?)
+        let friction = [friction("viscous", viscous)?, friction("coulomb", coulomb)?];
+        // With friction the search takes milliseconds.
+        let found = if friction == [0.0; 2] {
+            TorqueOptimum::solve(problem, friction)
+        } else {
+            py.detach(|| TorqueOptimum::solve(problem, friction))
+        };
+        Ok(found?)
     })
 }
 
@@ -211,15 +218,7 @@ impl TorqueOptimum {
     fn best(slf: &Bound<'_, Self>) -> Best {
         let core = match &slf.get().core {
             Core::Exact(o) => o.best,
-            Core::Friction(o) => plan::Best {
-                kind: if o.feasible { plan::Family::Monotone } else { plan::Family::NoneFound },
-                t: o.t,
-                theta_switches: [o.theta_switch, f64::NAN],
-                t_switches: [o.t_switch, f64::NAN],
-                switches: usize::from(o.feasible),
-                theta_turn: f64::NAN,
-                t_turn: f64::NAN,
-            },
+            Core::Friction(o) => o.best,
         };
         Best { core, owner: slf.clone().unbind() }
     }

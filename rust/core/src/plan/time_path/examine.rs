@@ -1,33 +1,74 @@
 //! The samples of every segment, and what they say: see `check`.
+//!
+//! Of the blocks of rows that one register holds, the one that comes nearest to its limits is sampled; another one only if three samples
+//! and a parabola through them leave it as near.
 
-use super::check::{Course, FINE, Found, INTERPOLATION, TOLERANCE, WINDOW, measure, state};
+use super::check::{Course, FINE, TOLERANCE, WINDOW};
 use super::lines::{FASTEST, Rows, largest, load, store};
-use super::reach::Profile;
-use crate::scalar::{Real, Task, run_lanes};
+use super::samples::{Samples, Segment};
+use crate::scalar::{Real, Task};
 
 /// A block of rows at the samples of a segment.
 type Fine<S> = [S; FINE + 1];
 
-/// Squared path speed, path acceleration and path speed at a sample.
+/// Places for the samples of a segment, in whole lanes, and where they are in it.
+const PLACES: usize = 16;
+const AT: [f64; PLACES] = {
+    let mut at = [1.0; PLACES];
+    let mut sub = 0;
+    while sub < FINE {
+        at[sub] = sub as f64 / FINE as f64;
+        sub += 1;
+    }
+    at
+};
+
+/// Squared path speed, path acceleration and path speed at the samples: those of [`state`](super::check::state).
 #[derive(Clone, Copy, Default)]
-struct State {
-    x: f64,
-    u: f64,
-    rate: f64,
+struct States {
+    x: [f64; PLACES],
+    u: [f64; PLACES],
+    rate: [f64; PLACES],
 }
 
-struct Examine<'a, F> {
-    course: &'a Course<'a>,
-    rows: &'a Rows,
-    x: &'a [f64],
-    samples: &'a mut Samples,
-    narrow: F,
+impl States {
+    #[inline(always)]
+    fn of<S: Real>(rows: &Rows, x: &[f64], i: usize) -> Self {
+        let (h, from, to) = (rows.s[i + 1] - rows.s[i], x[i], x[i + 1]);
+        let (rise, turn) = (to - from, h * rows.bend[i]);
+        let mean = 0.5 * rise / h;
+        let mut states = States::default();
+        let mut k = 0;
+        while k < PLACES {
+            let z = load::<S>(&AT, k);
+            let dip = (z - z * z) * S::splat(h * turn);
+            let here = (z.mul_add(S::splat(rise), S::splat(from)) - dip).max(S::zero());
+            store(here, &mut states.x, k);
+            store(here.sqrt(), &mut states.rate, k);
+            store((z - S::splat(0.5)).mul_add(S::splat(turn), S::splat(mean)), &mut states.u, k);
+            k += S::LANES;
+        }
+        // The end itself, to the bit.
+        (states.x[FINE], states.rate[FINE]) = (to, to.sqrt());
+        states
+    }
+}
+
+/// A distance from the limits, relative, that the parabola of three samples does not mistake for none.
+const FAR_ENOUGH: f64 = 0.01;
+
+pub(super) struct Examine<'a, F> {
+    pub course: &'a Course<'a>,
+    pub rows: &'a Rows,
+    pub x: &'a [f64],
+    pub samples: &'a mut Samples,
+    pub narrow: F,
 }
 
 impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
     /// A block of rows of segment `i` from `k` on at all samples, by the window of points about it. The points are read once.
     #[inline(always)]
-    fn sample<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &[State; FINE + 1]) -> Fine<S> {
+    fn sample<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &States) -> Fine<S> {
         let Examine { course, rows, .. } = self;
         let w = rows.width;
         let mut values = [S::zero(); FINE + 1];
@@ -48,7 +89,7 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
                         (a, b, g) = (weight.mul_add(points[m][0], a), weight.mul_add(points[m][1], b), weight.mul_add(points[m][2], g));
                     }
                 }
-                values[sub] = S::splat(states[sub].u).mul_add(a, S::splat(states[sub].x).mul_add(b, g));
+                values[sub] = S::splat(states.u[sub]).mul_add(a, S::splat(states.x[sub]).mul_add(b, g));
             }
         } else {
             let c = &course.slopes[start * course.stride..(start + WINDOW) * course.stride];
@@ -64,7 +105,47 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
                         slope = S::splat(weights[sub - 1][m]).mul_add(points[m], slope);
                     }
                 }
-                values[sub] = slope * S::splat(states[sub].rate);
+                values[sub] = slope * S::splat(states.rate[sub]);
+            }
+        }
+        values
+    }
+
+    /// A block of rows at both ends of segment `i` and in its middle.
+    #[inline(always)]
+    fn outline<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &States) -> [S; 3] {
+        let Examine { course, rows, .. } = self;
+        let w = rows.width;
+        let weights = &weights[FINE / 2 - 1];
+        let mut values = [S::zero(); 3];
+        if k < w {
+            let c = &rows.coefficients[start * 3 * w..(start + WINDOW) * 3 * w];
+            let mut middle = [S::zero(); 3];
+            for m in 0..WINDOW {
+                for part in 0..3 {
+                    middle[part] = S::splat(weights[m]).mul_add(load(c, (3 * m + part) * w + k), middle[part]);
+                }
+            }
+            let first = 3 * (i - start) * w + k;
+            let points = [
+                [load(c, first), load(c, first + w), load(c, first + 2 * w)],
+                middle,
+                [load(c, first + 3 * w), load(c, first + 4 * w), load(c, first + 5 * w)],
+            ];
+            for at in 0..3 {
+                let (sub, [a, b, g]) = (at * FINE / 2, points[at]);
+                values[at] = S::splat(states.u[sub]).mul_add(a, S::splat(states.x[sub]).mul_add(b, g));
+            }
+        } else {
+            let c = &course.slopes[start * course.stride..(start + WINDOW) * course.stride];
+            let mut middle = S::zero();
+            for m in 0..WINDOW {
+                middle = S::splat(weights[m]).mul_add(load(c, m * course.stride + k - w), middle);
+            }
+            let first = (i - start) * course.stride + k - w;
+            let points = [load(c, first), middle, load(c, first + course.stride)];
+            for at in 0..3 {
+                values[at] = points[at] * S::splat(states.rate[at * FINE / 2]);
             }
         }
         values
@@ -105,7 +186,7 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
         let limits = self.course.limits;
         let width = limits.lo.len();
         let torques = if self.course.kinds[0] { self.course.n } else { 0 };
-        let (mut values, mut middle) = (vec![0.0; (FINE + 1) * width], vec![0.0; width]);
+        let (mut values, mut middles, mut most) = (vec![0.0; (FINE + 1) * width], vec![0.0; width], vec![0.0; width]);
         let zero = S::zero();
         let (half, tiny) = (S::splat(0.5), S::splat(f64::MIN_POSITIVE));
         let list = std::mem::take(&mut self.samples.list);
@@ -113,25 +194,46 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
         for &i in &list {
             let (first, last) = self.course.spans[self.samples.span[i]];
             let window = self.course.stencil.of(i, first, last).filter(|_| !self.samples.exact[i]);
-            let mut states = [State::default(); FINE + 1];
+            let mut states = States::default();
             if window.is_some() {
-                for sub in 0..=FINE {
-                    let (x, u) = state(self.rows, self.x, i, sub as f64 / FINE as f64);
-                    states[sub] = State { x, u, rate: x.sqrt() };
-                }
+                states = States::of::<S>(self.rows, self.x, i);
             } else {
                 self.copy(order, &mut values);
                 order += 1;
             }
+            // Which rows come nearest to their limits, at most: a generous parabola through three samples.
+            let mut nearest = 0;
+            if let Some(window) = window {
+                for block in 0..width / S::LANES {
+                    let k = block * S::LANES;
+                    let [first, middle, last] = self.outline::<S>(i, k, window, &states);
+                    if k < torques {
+                        store(middle, &mut middles, k);
+                    }
+                    let spare = (first - (middle + middle) + last).abs() + half * (last - first).abs();
+                    let over = first.max(middle).max(last) + spare - load::<S>(&limits.hi, k);
+                    let under = load::<S>(&limits.lo, k) - (first.min(middle).min(last) - spare);
+                    most[block] = largest((over * load::<S>(&limits.by_hi, k)).max(under * load::<S>(&limits.by_lo, k)));
+                    // NaN is nearest of all.
+                    if !(most[block] <= most[nearest]) {
+                        nearest = block;
+                    }
+                }
+            }
             let (mut margin, mut excess, mut of_torque, mut at) = (S::splat(FASTEST), f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
-            let mut k = 0;
-            while k < width {
+            for turn in 0..width / S::LANES {
+                // The nearest ones first: the others need no look if they stay farther away than these.
+                let block = if turn == 0 { nearest } else { turn - usize::from(turn <= nearest) };
+                let k = block * S::LANES;
+                if turn > 0 && window.is_some() && most[block] <= -FAR_ENOUGH && most[block] <= largest(-margin) {
+                    if k < torques {
+                        of_torque = of_torque.max(most[block]);
+                    }
+                    continue;
+                }
                 let mut fine = [zero; FINE + 1];
                 if let Some(window) = window {
                     fine = self.sample::<S>(i, k, window, &states);
-                    if k < torques {
-                        store(fine[FINE / 2], &mut middle, k);
-                    }
                 } else {
                     for sub in 0..=FINE {
                         fine[sub] = load(&values, sub * width + k);
@@ -175,125 +277,10 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
                         }
                     }
                 }
-                k += S::LANES;
             }
-            self.samples.middles[i * torques..(i + 1) * torques].copy_from_slice(&middle[..torques]);
+            self.samples.middles[i * torques..(i + 1) * torques].copy_from_slice(&middles[..torques]);
             self.samples.segments[i] = Segment { margin: -largest(-margin), excess, at, torque: of_torque, proven: false };
         }
         self.samples.list = list;
-    }
-}
-
-/// What the last examination of a segment found.
-#[derive(Clone, Copy, Debug)]
-struct Segment {
-    margin: f64,
-    /// The largest excess, its row, and the largest excess of a torque.
-    excess: f64,
-    at: usize,
-    torque: f64,
-    /// What was interpolated is what the dynamics say.
-    proven: bool,
-}
-
-/// The samples and what they said, segment by segment.
-#[derive(Default)]
-pub(super) struct Samples {
-    segments: Vec<Segment>,
-    /// The excesses before limits were narrowed.
-    pub first: Vec<f64>,
-    /// The span of each segment.
-    span: Vec<usize>,
-    /// Segments that are sampled by the dynamics themselves.
-    exact: Vec<bool>,
-    /// Segments to be examined.
-    list: Vec<usize>,
-    /// Segments to be measured, and what was measured.
-    asked: Vec<usize>,
-    values: Vec<f64>,
-    /// Interpolated torques in the middle of every segment, `(N, n)`.
-    middles: Vec<f64>,
-}
-
-impl Samples {
-    /// A new problem or a new grid: nothing is known.
-    pub fn begin(&mut self, course: &Course) {
-        let count = course.pieces.len();
-        let unknown = Segment { margin: f64::NAN, excess: f64::INFINITY, at: 0, torque: f64::INFINITY, proven: false };
-        self.segments.clear();
-        self.first.clear();
-        self.first.resize(count, 0.0);
-        self.segments.resize(count, unknown);
-        self.span.clear();
-        self.exact.clear();
-        for (k, &(first, last)) in course.spans.iter().enumerate() {
-            self.span.resize(last, k);
-            // Friction bends the rows; few points can't be interpolated.
-            self.exact.resize(last, course.friction.is_some() || last - first + 1 < WINDOW);
-        }
-        self.middles.clear();
-        self.middles.resize(count * course.n, 0.0);
-    }
-
-    /// Margins and excesses; `narrow(segment, row, below, above)` is told what each row is past its limits by, where it is. Segments
-    /// that held their limits and did not move are not looked at again.
-    pub fn examine(&mut self, course: &Course, rows: &Rows, profile: &mut Profile, narrow: impl FnMut(usize, usize, f64, f64)) -> Found {
-        let Profile { x, moved, .. } = profile;
-        self.list.clear();
-        self.asked.clear();
-        for (i, segment) in self.segments.iter().enumerate() {
-            if moved[i] || moved[i + 1] || !(segment.excess <= TOLERANCE) {
-                self.list.push(i);
-                if self.exact[i] {
-                    self.asked.push(i);
-                }
-            }
-        }
-        moved.fill(false);
-        measure(course, rows, x, &self.asked, FINE + 1, &mut self.values);
-        run_lanes(Examine { course, rows, x, samples: self, narrow });
-        let mut found = Found { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
-        for (i, segment) in self.segments.iter().enumerate() {
-            if segment.margin < found.margin {
-                found.margin = segment.margin;
-            }
-            if !(segment.excess <= found.excess) {
-                (found.excess, found.at) = (segment.excess, (i, segment.at));
-            }
-        }
-        found
-    }
-
-    /// Keep the excesses of this examination: those of limits that were not narrowed yet.
-    pub fn remember(&mut self) {
-        self.first.clear();
-        self.first.extend(self.segments.iter().map(|segment| segment.excess));
-    }
-
-    /// Whether the last examination stands: what it interpolated is what the dynamics say. Where it is not, they are asked next time.
-    pub fn stands(&mut self, course: &Course, rows: &Rows, profile: &Profile) -> bool {
-        if !course.kinds[0] {
-            return true;
-        }
-        let n = course.n;
-        self.asked.clear();
-        self.asked.extend((0..self.segments.len()).filter(|&i| !self.exact[i] && !self.segments[i].proven));
-        measure(course, rows, &profile.x, &self.asked, 1, &mut self.values);
-        let mut stands = true;
-        for (&i, measured) in self.asked.iter().zip(self.values.chunks_exact(3 * n)) {
-            // Far from the limits an error does no harm.
-            let segment = &mut self.segments[i];
-            let least = INTERPOLATION.max(-0.1 * segment.torque);
-            segment.proven = (0..n).all(|j| {
-                let scale = course.limits.scale_lo[j].min(course.limits.scale_hi[j]);
-                (measured[j] - self.middles[i * n + j]).abs() <= least * scale
-            });
-            if !segment.proven {
-                self.exact[i] = true;
-                segment.excess = f64::INFINITY;
-                stands = false;
-            }
-        }
-        stands
     }
 }

@@ -123,15 +123,18 @@ fn raise<S: Real>(m: S, x: S, y: S) -> S {
     S::splat(SHARE).mul_add(S::splat(0.5).neg_mul_add(x + y, m), m)
 }
 
+/// The largest lane, by halves.
 #[inline(always)]
 pub(super) fn largest<S: Real>(x: S) -> f64 {
-    let mut best = x.lane(0);
-    for lane in 1..S::LANES {
-        if x.lane(lane) > best {
-            best = x.lane(lane);
+    const { assert!(S::LANES <= BLOCK) };
+    let mut part = [f64::NEG_INFINITY; BLOCK];
+    x.store(&mut part);
+    for half in [4, 2, 1] {
+        for lane in 0..half {
+            part[lane] = if part[lane + half] > part[lane] { part[lane + half] } else { part[lane] };
         }
     }
-    best
+    part[0]
 }
 
 impl Lines {

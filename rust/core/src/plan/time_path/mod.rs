@@ -15,6 +15,7 @@ mod rate;
 mod reach;
 mod reason;
 mod rows;
+mod samples;
 mod setup;
 mod slow;
 mod stencil;
@@ -27,8 +28,8 @@ pub use setup::{PathLimits, TimePathOptions};
 use crate::error::Result;
 use crate::motion::{Path, TimedPath};
 use check::{Found, TOLERANCE};
-use examine::Samples;
 use reach::{Profile, Stuck, bend, losses, solve};
+use samples::Samples;
 use setup::{Line, Problem};
 use std::sync::Arc;
 

@@ -11,8 +11,8 @@
 
 use super::TimePath;
 use super::check::TOLERANCE;
-use super::examine::Samples;
 use super::reach::Profile;
+use super::samples::Samples;
 use super::setup::Problem;
 use crate::error::Result;
 use crate::motion::TimedPath;

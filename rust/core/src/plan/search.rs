@@ -1,0 +1,241 @@
+//! The fastest swing of a family: a one-dimensional search over the turning point.
+//!
+//! ```text
+//! minimise T(e), e > 0 the way beyond the start:   dT/de = 0,   dT/de -> +infinity as e -> 0
+//! T falls inwards at every edge of what is possible: dT/de = r(l2) + r(l3) with r(l) = (1 + dy/dx)/v after the stretch l from the turn
+//!     falls along a phase (its numerator and its speed solve one linear equation), so r -> -infinity where v -> 0, and the others are stalls
+//! ```
+//!
+//! So a swing that wins is a local minimum inside, with a slope that changes its sign: it is bracketed on a grid that resolves the
+//! scales of the problem, and where a neighbour on the grid is impossible that is one end of the bracket. Slopes are rough at first
+//! (see `phase.rs`); the last ones are not.
+
+/// A motion with one reversal, along the motion, in the unit of time of its family.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Swing {
+    pub time: f64,
+    pub x_switches: [f64; 2],
+    pub t_switches: [f64; 2],
+    pub x_turn: f64,
+    pub t_turn: f64,
+}
+
+impl Swing {
+    /// The motion mirrored and run backwards: a back-swing is then an overshoot.
+    pub fn reversed(self) -> Self {
+        let s = self;
+        Swing {
+            time: s.time,
+            x_switches: [-s.x_switches[1], -s.x_switches[0]],
+            t_switches: [s.time - s.t_switches[1], s.time - s.t_switches[0]],
+            x_turn: -s.x_turn,
+            t_turn: s.time - s.t_turn,
+        }
+    }
+}
+
+/// The back-swings of a problem, by the way `e` that they back up.
+pub(super) trait BackSwings {
+    /// `d/(|d| + c)`, `d = dT/de` and `c < T/e` its part from the speeds at the switches; none where the swing is impossible. `fine`: to many digits.
+    fn slope(&self, e: f64, fine: bool) -> Option<f64>;
+    /// Positive where the swing is possible, continuous; where it is at most `least`, any number up to that.
+    fn margin(&self, e: f64, least: f64) -> f64;
+    fn possible(&self, e: f64) -> bool;
+    fn swing(&self, e: f64) -> Option<Swing>;
+    /// The least `e` worth trying.
+    fn nearest(&self) -> f64;
+    /// No larger `e` is faster than `limit`.
+    fn farthest(&self, limit: f64) -> f64;
+    /// More than the margin changes by, per radian, from this `e` on.
+    fn steepest(&self, e: f64) -> f64;
+    /// T may change within a step of the grid, beside the edges of what is possible.
+    fn weak(&self) -> bool;
+}
+
+/// A turning point and the slope there, none where the swing is impossible.
+type Point = (f64, Option<f64>);
+
+/// What the last step of the turning point changes T by, relative: with it T is far nearer than that. (T is more than `c e`, see `slope`.)
+const FLAT: f64 = 1e-11;
+/// The last step on rough slopes, in parts of where it was to be found.
+const NEAR: f64 = 1e-3;
+/// The slope at a root of the rough slope above which that is no help.
+const ROUGH: f64 = 0.02;
+/// Farthest turning point, rad: beyond two turns only a chain of swings could help.
+pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
+
+struct Search<'a, B>(&'a B);
+
+impl<B: BackSwings> Search<'_, B> {
+    fn run(&self, bound: f64) -> Option<Swing> {
+        let mut best: Option<Swing> = None;
+        let (mut limit, mut farthest) = (bound, self.0.farthest(bound));
+        let mut consider = |e: f64, limit: &mut f64, farthest: &mut f64| {
+            if let Some(swing) = self.0.swing(e).filter(|s| s.time < *limit * (1.0 - 1e-12)) {
+                *limit = swing.time;
+                *farthest = self.0.farthest(swing.time);
+                best = Some(swing);
+            }
+        };
+        let mut between = |low: Point, high: Point, limit: &mut f64, farthest: &mut f64| {
+            if low.1.or(high.1).is_some() && low.1.is_none_or(|slope| slope < 0.0) && high.1.is_none_or(|slope| slope >= 0.0) {
+                consider(self.minimum(low, high), limit, farthest);
+            }
+        };
+        let weak = self.0.weak();
+        let first = self.0.nearest();
+        let (mut e, mut previous, mut any) = (first, (first, None), false);
+        // One point beyond the farthest: it ends the last minimum.
+        while previous.0 <= farthest && e <= FARTHEST {
+            let now = (e, self.0.slope(e, false));
+            any |= now.1.is_some();
+            if e > first && weak && now.1.is_some() != previous.1.is_some() {
+                let (inner, outer) = if now.1.is_some() { (now, previous.0) } else { (previous, now.0) };
+                self.beside_edge(inner, outer, |low, high| between(low, high, &mut limit, &mut farthest));
+            } else if e > first {
+                between(previous, now, &mut limit, &mut farthest);
+            }
+            (previous, e) = (now, next(e));
+        }
+        if !any
+            && e > first
+            && let Some((low, e, high)) = self.window(first, previous.0)
+        {
+            let inner = (e, self.0.slope(e, false));
+            for outer in [low, high] {
+                self.beside_edge(inner, outer, |low, high| between(low, high, &mut limit, &mut farthest));
+            }
+        }
+        if e > FARTHEST && previous.1.is_some_and(|slope| slope < 0.0) {
+            consider(previous.0, &mut limit, &mut farthest);
+        }
+        best
+    }
+
+    /// Points between a possible turning point and the edge towards an impossible one, close together at the edge.
+    fn beside_edge(&self, inner: Point, outer: f64, mut between: impl FnMut(Point, Point)) {
+        let (mut edge, mut beyond) = (inner.0, outer);
+        for _ in 0..20 {
+            let middle = 0.5 * (edge + beyond);
+            if self.0.possible(middle) { edge = middle } else { beyond = middle }
+        }
+        let mut previous = (beyond, None);
+        for part in [3e-3, 0.03, 0.1, 0.22, 0.4, 0.6, 0.8, 1.0] {
+            let e = edge + (inner.0 - edge) * part;
+            let now = if part == 1.0 { inner } else { (e, self.0.slope(e, false)) };
+            if outer < inner.0 {
+                between(previous, now)
+            } else {
+                between(now, previous)
+            }
+            previous = now;
+        }
+    }
+
+    /// A minimum of T between turning points with their slopes: T falls at `low` and rises at `high`, unless the swing is impossible there.
+    fn minimum(&self, low: Point, high: Point) -> f64 {
+        let (mut e, mut rate) = self.root(low, high, false);
+        let Some(mut slope) = self.0.slope(e, true) else { return e };
+        if slope.abs() > ROUGH || !(rate > 0.0) {
+            (e, rate) = self.root(low, high, true);
+            slope = self.0.slope(e, true).unwrap_or(0.0);
+        }
+        // Secants.
+        let most = 0.1 * (high.0 - low.0);
+        for _ in 0..30 {
+            let next = e - (slope / rate).clamp(-most, most);
+            if !(rate > 0.0) || (slope * (next - e)).abs() <= FLAT * e {
+                return if rate > 0.0 { next } else { e };
+            }
+            match self.0.slope(next, true) {
+                Some(new) => {
+                    rate = (new - slope) / (next - e);
+                    (e, slope) = (next, new);
+                }
+                None => rate *= 2.0,
+            }
+        }
+        e
+    }
+
+    /// About where the slope is zero, and its rate there: regula falsi after Illinois.
+    fn root(&self, mut low: Point, mut high: Point, fine: bool) -> (f64, f64) {
+        let (first, last) = (low.0, high.0);
+        let at_end = |end: Point| end.1.unwrap_or(f64::NAN);
+        let (mut at, mut side) = (if high.1.is_some() { (last, at_end(high)) } else { (first, at_end(low)) }, 0);
+        let mut rate = (at_end(high) - at_end(low)) / (last - first);
+        for _ in 0..100 {
+            let width = high.0 - low.0;
+            let e = match (low.1, high.1) {
+                (Some(a), Some(b)) => low.0 + width * (a / (a - b)),
+                _ => low.0 + 0.5 * width,
+            };
+            if width <= 1e-13 * e || (at.1.abs() < 0.3 && (e - at.0).abs() <= NEAR * (last - first).min(e)) {
+                return (e, rate);
+            }
+            let Some(slope) = self.0.slope(e, fine) else {
+                if low.1.is_none() {
+                    low.0 = e;
+                } else {
+                    high = (e, None);
+                }
+                continue;
+            };
+            rate = (slope - at.1) / (e - at.0);
+            at = (e, slope);
+            if slope < 0.0 {
+                low = (e, Some(slope));
+                high.1 = high.1.map(|other| if side < 0 { 0.5 * other } else { other });
+                side = -1;
+            } else {
+                high = (e, Some(slope));
+                low.1 = low.1.map(|other| if side > 0 { 0.5 * other } else { other });
+                side = 1;
+            }
+        }
+        (at.0, rate)
+    }
+
+    /// A possible turning point where the grid found none, and two that enclose it: the margin's ascent, by golden sections.
+    fn window(&self, first: f64, last: f64) -> Option<(f64, f64, f64)> {
+        const GOLDEN: f64 = 0.618_033_988_749_894_8;
+        let (mut a, mut b, mut widest) = (first, first, f64::NEG_INFINITY);
+        let (mut before, mut e) = (0.5 * first, first);
+        while e <= last {
+            let margin = self.0.margin(e, widest);
+            if margin > widest {
+                (a, b, widest) = (before, next(e), margin);
+            }
+            (before, e) = (e, next(e));
+        }
+        let (low, high) = (a, b);
+        let steepest = self.0.steepest(a);
+        let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+        let (mut at_c, mut at_d) = (self.0.margin(c, f64::NEG_INFINITY), self.0.margin(d, f64::NEG_INFINITY));
+        while at_c <= 0.0 && at_d <= 0.0 {
+            if !(b - a > 1e-13 * b) || at_c.max(at_d) + steepest * (b - a) < 0.0 {
+                return None;
+            }
+            if at_c > at_d {
+                (b, d, at_d) = (d, c, at_c);
+                c = b - GOLDEN * (b - a);
+                at_c = self.0.margin(c, f64::NEG_INFINITY);
+            } else {
+                (a, c, at_c) = (c, d, at_d);
+                d = a + GOLDEN * (b - a);
+                at_d = self.0.margin(d, f64::NEG_INFINITY);
+            }
+        }
+        Some((low, if at_c > at_d { c } else { d }, high))
+    }
+}
+
+/// The grid of turning points: the scales of the problem are unknown, but none is smaller than the first one.
+pub(super) fn next(e: f64) -> f64 {
+    if e < 0.4 { 1.6 * e } else { e + 0.2 }
+}
+
+/// The fastest back-swing that takes less than `bound`.
+pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
+    Search(swings).run(bound)
+}

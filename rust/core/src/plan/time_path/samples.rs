@@ -1,0 +1,121 @@
+//! What is known of the segments of a grid, from one examination to the next: see `check`.
+
+use super::check::{Course, FINE, Found, INTERPOLATION, TOLERANCE, WINDOW, measure};
+use super::examine::Examine;
+use super::lines::Rows;
+use super::reach::Profile;
+use crate::scalar::run_lanes;
+
+/// What the last examination of a segment found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Segment {
+    pub margin: f64,
+    /// The largest excess, its row, and the largest excess of a torque.
+    pub excess: f64,
+    pub at: usize,
+    pub torque: f64,
+    /// What was interpolated is what the dynamics say.
+    pub proven: bool,
+}
+
+/// The samples and what they said, segment by segment.
+#[derive(Default)]
+pub(super) struct Samples {
+    pub segments: Vec<Segment>,
+    /// The excesses before limits were narrowed.
+    pub first: Vec<f64>,
+    /// The span of each segment.
+    pub span: Vec<usize>,
+    /// Segments that are sampled by the dynamics themselves.
+    pub exact: Vec<bool>,
+    /// Segments to be examined.
+    pub list: Vec<usize>,
+    /// Segments to be measured, and what was measured.
+    asked: Vec<usize>,
+    pub values: Vec<f64>,
+    /// Interpolated torques in the middle of every segment, `(N, n)`.
+    pub middles: Vec<f64>,
+}
+
+impl Samples {
+    /// A new problem or a new grid: nothing is known.
+    pub fn begin(&mut self, course: &Course) {
+        let count = course.pieces.len();
+        let unknown = Segment { margin: f64::NAN, excess: f64::INFINITY, at: 0, torque: f64::INFINITY, proven: false };
+        self.segments.clear();
+        self.first.clear();
+        self.first.resize(count, 0.0);
+        self.segments.resize(count, unknown);
+        self.span.clear();
+        self.exact.clear();
+        for (k, &(first, last)) in course.spans.iter().enumerate() {
+            self.span.resize(last, k);
+            // Friction bends the rows; few points can't be interpolated.
+            self.exact.resize(last, course.friction.is_some() || last - first + 1 < WINDOW);
+        }
+        self.middles.clear();
+        self.middles.resize(count * course.n, 0.0);
+    }
+
+    /// Margins and excesses; `narrow(segment, row, below, above)` is told what each row is past its limits by, where it is. Segments
+    /// that held their limits and did not move are not looked at again.
+    pub fn examine(&mut self, course: &Course, rows: &Rows, profile: &mut Profile, narrow: impl FnMut(usize, usize, f64, f64)) -> Found {
+        let Profile { x, moved, .. } = profile;
+        self.list.clear();
+        self.asked.clear();
+        for (i, segment) in self.segments.iter().enumerate() {
+            if moved[i] || moved[i + 1] || !(segment.excess <= TOLERANCE) {
+                self.list.push(i);
+                if self.exact[i] {
+                    self.asked.push(i);
+                }
+            }
+        }
+        moved.fill(false);
+        measure(course, rows, x, &self.asked, FINE + 1, &mut self.values);
+        run_lanes(Examine { course, rows, x, samples: self, narrow });
+        let mut found = Found { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
+        for (i, segment) in self.segments.iter().enumerate() {
+            if segment.margin < found.margin {
+                found.margin = segment.margin;
+            }
+            if !(segment.excess <= found.excess) {
+                (found.excess, found.at) = (segment.excess, (i, segment.at));
+            }
+        }
+        found
+    }
+
+    /// Keep the excesses of this examination: those of limits that were not narrowed yet.
+    pub fn remember(&mut self) {
+        self.first.clear();
+        self.first.extend(self.segments.iter().map(|segment| segment.excess));
+    }
+
+    /// Whether the last examination stands: what it interpolated is what the dynamics say. Where it is not, they are asked next time.
+    pub fn stands(&mut self, course: &Course, rows: &Rows, profile: &Profile) -> bool {
+        if !course.kinds[0] {
+            return true;
+        }
+        let n = course.n;
+        self.asked.clear();
+        self.asked.extend((0..self.segments.len()).filter(|&i| !self.exact[i] && !self.segments[i].proven));
+        measure(course, rows, &profile.x, &self.asked, 1, &mut self.values);
+        let mut stands = true;
+        for (&i, measured) in self.asked.iter().zip(self.values.chunks_exact(3 * n)) {
+            // Far from the limits an error does no harm.
+            let segment = &mut self.segments[i];
+            let least = INTERPOLATION.max(-0.1 * segment.torque);
+            segment.proven = (0..n).all(|j| {
+                let scale = course.limits.scale_lo[j].min(course.limits.scale_hi[j]);
+                (measured[j] - self.middles[i * n + j]).abs() <= least * scale
+            });
+            if !segment.proven {
+                self.exact[i] = true;
+                segment.excess = f64::INFINITY;
+                stands = false;
+            }
+        }
+        stands
+    }
+}
