@@ -64,6 +64,11 @@ const ROUGH: f64 = 0.02;
 /// Farthest turning point, rad: beyond two turns only a chain of swings could help.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
 
+/// Maxima of the margin that are climbed.
+const PEAKS: usize = 8;
+/// The least turning point, in parts of the least one of the grid.
+const LEAST: f64 = 1e-13;
+
 struct Search<'a, B>(&'a B);
 
 impl<B: BackSwings> Search<'_, B> {
@@ -77,13 +82,26 @@ impl<B: BackSwings> Search<'_, B> {
                 best = Some(swing);
             }
         };
+        let weak = self.0.weak();
+        let first = self.0.nearest();
+        // Where the monotone motion fails by little, the best swing backs up by little, too.
+        let mut high = (first, if bound == f64::INFINITY { self.0.slope(first, false) } else { None });
+        while high.1.is_some_and(|slope| slope >= 0.0) {
+            if high.0 < LEAST * first {
+                consider(high.0, &mut limit, &mut farthest);
+                break;
+            }
+            let low = (0.2 * high.0, self.0.slope(0.2 * high.0, false));
+            if low.1.is_none_or(|slope| slope < 0.0) {
+                consider(self.minimum(low, high), &mut limit, &mut farthest);
+            }
+            high = low;
+        }
         let mut between = |low: Point, high: Point, limit: &mut f64, farthest: &mut f64| {
             if low.1.or(high.1).is_some() && low.1.is_none_or(|slope| slope < 0.0) && high.1.is_none_or(|slope| slope >= 0.0) {
                 consider(self.minimum(low, high), limit, farthest);
             }
         };
-        let weak = self.0.weak();
-        let first = self.0.nearest();
         let (mut e, mut previous, mut any) = (first, (first, None), false);
         // One point beyond the farthest: it ends the last minimum.
         while previous.0 <= farthest && e <= FARTHEST {
@@ -170,7 +188,11 @@ impl<B: BackSwings> Search<'_, B> {
                 (Some(a), Some(b)) => low.0 + width * (a / (a - b)),
                 _ => low.0 + 0.5 * width,
             };
-            if width <= 1e-13 * e || (at.1.abs() < 0.3 && (e - at.0).abs() <= NEAR * (last - first).min(e)) {
+            if width <= 1e-13 * e {
+                // On the side that is possible.
+                return (if low.1.is_none() { high.0 } else { low.0 }, rate);
+            }
+            if at.1.abs() < 0.3 && (e - at.0).abs() <= NEAR * (last - first).min(e) {
                 return (e, rate);
             }
             let Some(slope) = self.0.slope(e, fine) else {
@@ -196,19 +218,28 @@ impl<B: BackSwings> Search<'_, B> {
         (at.0, rate)
     }
 
-    /// A possible turning point where the grid found none, and two that enclose it: the margin's ascent, by golden sections.
+    /// A possible turning point where the grid found none, and two that enclose it: the ascents of the margin by golden sections, the
+    /// widest first. Torques that are weak beside gravity leave narrow windows, and the margin several maxima.
     fn window(&self, first: f64, last: f64) -> Option<(f64, f64, f64)> {
-        const GOLDEN: f64 = 0.618_033_988_749_894_8;
-        let (mut a, mut b, mut widest) = (first, first, f64::NEG_INFINITY);
-        let (mut before, mut e) = (0.5 * first, first);
+        let weak = self.0.weak();
+        let (following, peaks): (fn(f64) -> f64, _) = if weak { (narrow, PEAKS) } else { (next, 1) };
+        let (mut points, mut e, mut widest) = (vec![(0.5 * first, f64::NEG_INFINITY)], first, f64::NEG_INFINITY);
         while e <= last {
-            let margin = self.0.margin(e, widest);
-            if margin > widest {
-                (a, b, widest) = (before, next(e), margin);
-            }
-            (before, e) = (e, next(e));
+            let margin = self.0.margin(e, if weak { f64::NEG_INFINITY } else { widest });
+            widest = widest.max(margin);
+            points.push((e, margin));
+            e = following(e);
         }
-        let (low, high) = (a, b);
+        points.push((e, f64::NEG_INFINITY));
+        let mut maxima: Vec<_> = points.windows(3).filter(|three| three[1].1 >= three[0].1.max(three[2].1)).collect();
+        maxima.sort_by(|a, b| b[1].1.total_cmp(&a[1].1));
+        maxima.iter().take(peaks).find_map(|three| self.ascent(three[0].0, three[2].0).map(|e| (three[0].0, e, three[2].0)))
+    }
+
+    /// A possible turning point between two: golden sections of the margin.
+    fn ascent(&self, low: f64, high: f64) -> Option<f64> {
+        const GOLDEN: f64 = 0.618_033_988_749_894_8;
+        let (mut a, mut b) = (low, high);
         let steepest = self.0.steepest(a);
         let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
         let (mut at_c, mut at_d) = (self.0.margin(c, f64::NEG_INFINITY), self.0.margin(d, f64::NEG_INFINITY));
@@ -226,13 +257,18 @@ impl<B: BackSwings> Search<'_, B> {
                 at_d = self.0.margin(d, f64::NEG_INFINITY);
             }
         }
-        Some((low, if at_c > at_d { c } else { d }, high))
+        Some(if at_c > at_d { c } else { d })
     }
 }
 
 /// The grid of turning points: the scales of the problem are unknown, but none is smaller than the first one.
 pub(super) fn next(e: f64) -> f64 {
     if e < 0.4 { 1.6 * e } else { e + 0.2 }
+}
+
+/// A grid that is finer by an order of magnitude.
+fn narrow(e: f64) -> f64 {
+    if e < 0.4 { 1.05 * e } else { e + 0.02 }
 }
 
 /// The fastest back-swing that takes less than `bound`.
