@@ -64,8 +64,6 @@ const ROUGH: f64 = 0.02;
 /// Farthest turning point, rad: beyond two turns only a chain of swings could help.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
 
-/// Maxima of the margin that are climbed.
-const PEAKS: usize = 8;
 /// The least turning point, in parts of the least one of the grid.
 const LEAST: f64 = 1e-13;
 
@@ -82,7 +80,7 @@ impl<B: BackSwings> Search<'_, B> {
                 best = Some(swing);
             }
         };
-        let weak = self.0.weak();
+        let (weak, following) = (self.0.weak(), self.following());
         let first = self.0.nearest();
         // Where the monotone motion fails by little, the best swing backs up by little, too.
         let mut high = (first, if bound == f64::INFINITY { self.0.slope(first, false) } else { None });
@@ -113,15 +111,14 @@ impl<B: BackSwings> Search<'_, B> {
             } else if e > first {
                 between(previous, now, &mut limit, &mut farthest);
             }
-            (previous, e) = (now, next(e));
+            (previous, e) = (now, following(e));
         }
-        if !any
-            && e > first
-            && let Some((low, e, high)) = self.window(first, previous.0)
-        {
-            let inner = (e, self.0.slope(e, false));
-            for outer in [low, high] {
-                self.beside_edge(inner, outer, |low, high| between(low, high, &mut limit, &mut farthest));
+        if (weak || !any) && e > first {
+            for (low, e, high) in self.windows(first, previous.0.min(farthest)) {
+                let inner = (e, self.0.slope(e, false));
+                for outer in [low, high] {
+                    self.beside_edge(inner, outer, |low, high| between(low, high, &mut limit, &mut farthest));
+                }
             }
         }
         if e > FARTHEST && previous.1.is_some_and(|slope| slope < 0.0) {
@@ -218,11 +215,10 @@ impl<B: BackSwings> Search<'_, B> {
         (at.0, rate)
     }
 
-    /// A possible turning point where the grid found none, and two that enclose it: the ascents of the margin by golden sections, the
-    /// widest first. Torques that are weak beside gravity leave narrow windows, and the margin several maxima.
-    fn window(&self, first: f64, last: f64) -> Option<(f64, f64, f64)> {
-        let weak = self.0.weak();
-        let (following, peaks): (fn(f64) -> f64, _) = if weak { (narrow, PEAKS) } else { (next, 1) };
+    /// Possible turning points that the grid may have missed, each between two that enclose it: where the margin is widest; where torques
+    /// are weak beside gravity, and windows narrow, at all of its maxima.
+    fn windows(&self, first: f64, last: f64) -> Vec<(f64, f64, f64)> {
+        let (weak, following) = (self.0.weak(), self.following());
         let (mut points, mut e, mut widest) = (vec![(0.5 * first, f64::NEG_INFINITY)], first, f64::NEG_INFINITY);
         while e <= last {
             let margin = self.0.margin(e, if weak { f64::NEG_INFINITY } else { widest });
@@ -231,9 +227,14 @@ impl<B: BackSwings> Search<'_, B> {
             e = following(e);
         }
         points.push((e, f64::NEG_INFINITY));
-        let mut maxima: Vec<_> = points.windows(3).filter(|three| three[1].1 >= three[0].1.max(three[2].1)).collect();
-        maxima.sort_by(|a, b| b[1].1.total_cmp(&a[1].1));
-        maxima.iter().take(peaks).find_map(|three| self.ascent(three[0].0, three[2].0).map(|e| (three[0].0, e, three[2].0)))
+        let highest = |three: &&[(f64, f64)]| three[1].1 >= three[0].1.max(three[2].1) && (weak || three[1].1 >= widest);
+        let maxima = points.windows(3).filter(highest);
+        maxima.filter_map(|three| self.ascent(three[0].0, three[2].0).map(|e| (three[0].0, e, three[2].0))).collect()
+    }
+
+    /// The next turning point of the grid.
+    fn following(&self) -> fn(f64) -> f64 {
+        if self.0.weak() { |e| if e < 0.4 { 1.05 * e } else { e + 0.02 } } else { next }
     }
 
     /// A possible turning point between two: golden sections of the margin.
@@ -264,11 +265,6 @@ impl<B: BackSwings> Search<'_, B> {
 /// The grid of turning points: the scales of the problem are unknown, but none is smaller than the first one.
 pub(super) fn next(e: f64) -> f64 {
     if e < 0.4 { 1.6 * e } else { e + 0.2 }
-}
-
-/// A grid that is finer by an order of magnitude.
-fn narrow(e: f64) -> f64 {
-    if e < 0.4 { 1.05 * e } else { e + 0.02 }
 }
 
 /// The fastest back-swing that takes less than `bound`.
