@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 import link_trials
+import numpy as np
 import path_trials
 import pytest
 
@@ -81,3 +82,20 @@ def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
         told = ", ".join(f"{count:,} {name}" for name, count in sorted(tally.items()))
         print(f"\n  {each:,} links, {stratum}, seed {SEED}, {time.monotonic() - started:.0f} s: {told}")
     assert not failed, f"{len(failed)}: " + "; ".join(failed[:SHOWN])
+
+
+#: Links whose swings back up by 1e-5 rad and less, or turn in windows narrower than a thousandth of the grid.
+NARROW = [
+    [-3.4667431832180107, -2.814124262858684, 10.577386720594172, -109865.70587046185, 94.14145400106368, -40246.14372858033],
+    [-3.558150360695536, -3.5488716864023804, 0.005775910979976543, -17460853.818551697, 0.13954319545091431, -189229.8068359863],
+    [3.7940024253092384, 3.1889730501039866, 0.12969317318958454, -12.865479324554553, 4.3428732318766485, -0.0340038955407953],
+    [-3.5544469627077646, -1.8670087889617912, 1.075746488807721, -1.372440767604036, 0.5075716468143626, -1.146203133133958],
+    [-1.3003522127171694, -1.3030002658054922, 0.013756859136407614, -8684.317004832841, 147.0599114151656, -77.68836774488192],
+    [0.12424628602972376, 0.3534095478927082, 12.771673844943662, 19749.424561266478, 0.43940047905471336, -2815.410010692767],
+    [1.4363807894175258, -1.4363937593490288, 417.2235890097754, 11832.543002486418, 1019450.6577567391, -0.017938928253700456],
+]
+
+
+def test_narrow_swings_are_found() -> None:
+    tally, failed = link_trials.judge_optima(np.array(NARROW), np.random.default_rng(1))
+    assert not failed and tally["none found"] == 0 and tally["back-swing"] + tally["overshoot"] == len(NARROW), (tally, failed)
