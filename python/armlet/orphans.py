@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import threading
 from functools import cache
@@ -13,7 +12,9 @@ __all__ = ["leave_with"]
 @cache
 def leave_with(client: int) -> None:
     """End this process with the one of that id, where that is its parent: a client that is killed leaves workers waiting for ever."""
-    parent = multiprocessing.parent_process()
+    from multiprocessing import parent_process  # takes a while, and only workers need it
+
+    parent = parent_process()
     if parent is None or parent.pid != client:
         return
 
