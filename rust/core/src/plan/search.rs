@@ -63,85 +63,96 @@ const NEAR: f64 = 1e-3;
 const ROUGH: f64 = 0.02;
 /// Farthest turning point, rad: beyond two turns only a chain of swings could help.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-
 /// The least turning point, in parts of the least one of the grid.
 const LEAST: f64 = 1e-13;
 
-struct Search<'a, B>(&'a B);
+struct Search<'a, B> {
+    swings: &'a B,
+    best: Option<Swing>,
+    /// What the next swing has to be faster than, and the farthest turning point that may be.
+    limit: f64,
+    farthest: f64,
+}
 
 impl<B: BackSwings> Search<'_, B> {
-    fn run(&self, bound: f64) -> Option<Swing> {
-        let mut best: Option<Swing> = None;
-        let (mut limit, mut farthest) = (bound, self.0.farthest(bound));
-        let mut consider = |e: f64, limit: &mut f64, farthest: &mut f64| {
-            if let Some(swing) = self.0.swing(e).filter(|s| s.time < *limit * (1.0 - 1e-12)) {
-                *limit = swing.time;
-                *farthest = self.0.farthest(swing.time);
-                best = Some(swing);
-            }
-        };
-        let (weak, following) = (self.0.weak(), self.following());
-        let first = self.0.nearest();
-        // Where the monotone motion fails by little, the best swing backs up by little, too.
-        let mut high = (first, if bound == f64::INFINITY { self.0.slope(first, false) } else { None });
-        while high.1.is_some_and(|slope| slope >= 0.0) {
-            if high.0 < LEAST * first {
-                consider(high.0, &mut limit, &mut farthest);
-                break;
-            }
-            let low = (0.2 * high.0, self.0.slope(0.2 * high.0, false));
-            if low.1.is_none_or(|slope| slope < 0.0) {
-                consider(self.minimum(low, high), &mut limit, &mut farthest);
-            }
-            high = low;
+    fn consider(&mut self, e: f64) {
+        if let Some(swing) = self.swings.swing(e).filter(|s| s.time < self.limit * (1.0 - 1e-12)) {
+            (self.limit, self.farthest) = (swing.time, self.swings.farthest(swing.time));
+            self.best = Some(swing);
         }
-        let mut between = |low: Point, high: Point, limit: &mut f64, farthest: &mut f64| {
-            if low.1.or(high.1).is_some() && low.1.is_none_or(|slope| slope < 0.0) && high.1.is_none_or(|slope| slope >= 0.0) {
-                consider(self.minimum(low, high), limit, farthest);
-            }
-        };
+    }
+
+    /// The minimum between two turning points, if they enclose one.
+    fn between(&mut self, low: Point, high: Point) {
+        if low.1.or(high.1).is_some() && low.1.is_none_or(|slope| slope < 0.0) && high.1.is_none_or(|slope| slope >= 0.0) {
+            self.consider(self.minimum(low, high));
+        }
+    }
+
+    fn point(&self, e: f64) -> Point {
+        (e, self.swings.slope(e, false))
+    }
+
+    fn run(mut self) -> Option<Swing> {
+        let (weak, following) = (self.swings.weak(), self.following());
+        let first = self.swings.nearest();
+        if self.limit == f64::INFINITY {
+            self.inwards(first);
+        }
         let (mut e, mut previous, mut any) = (first, (first, None), false);
         // One point beyond the farthest: it ends the last minimum.
-        while previous.0 <= farthest && e <= FARTHEST {
-            let now = (e, self.0.slope(e, false));
+        while previous.0 <= self.farthest && e <= FARTHEST {
+            let now = self.point(e);
             any |= now.1.is_some();
             if e > first && weak && now.1.is_some() != previous.1.is_some() {
                 let (inner, outer) = if now.1.is_some() { (now, previous.0) } else { (previous, now.0) };
-                self.beside_edge(inner, outer, |low, high| between(low, high, &mut limit, &mut farthest));
+                self.beside_edge(inner, outer);
             } else if e > first {
-                between(previous, now, &mut limit, &mut farthest);
+                self.between(previous, now);
             }
             (previous, e) = (now, following(e));
         }
         if (weak || !any) && e > first {
-            for (low, e, high) in self.windows(first, previous.0.min(farthest)) {
-                let inner = (e, self.0.slope(e, false));
+            for (low, e, high) in self.windows(first, previous.0.min(self.farthest)) {
+                let inner = self.point(e);
                 for outer in [low, high] {
-                    self.beside_edge(inner, outer, |low, high| between(low, high, &mut limit, &mut farthest));
+                    self.beside_edge(inner, outer);
                 }
             }
         }
         if e > FARTHEST && previous.1.is_some_and(|slope| slope < 0.0) {
-            consider(previous.0, &mut limit, &mut farthest);
+            self.consider(previous.0);
         }
-        best
+        self.best
+    }
+
+    /// From the first turning point towards none: where the monotone motion fails by little, the best swing backs up by little, too.
+    fn inwards(&mut self, first: f64) {
+        let mut high = self.point(first);
+        while high.1.is_some_and(|slope| slope >= 0.0) {
+            if high.0 < LEAST * first {
+                return self.consider(high.0);
+            }
+            let low = self.point(0.2 * high.0);
+            self.between(low, high);
+            high = low;
+        }
     }
 
     /// Points between a possible turning point and the edge towards an impossible one, close together at the edge.
-    fn beside_edge(&self, inner: Point, outer: f64, mut between: impl FnMut(Point, Point)) {
+    fn beside_edge(&mut self, inner: Point, outer: f64) {
         let (mut edge, mut beyond) = (inner.0, outer);
         for _ in 0..20 {
             let middle = 0.5 * (edge + beyond);
-            if self.0.possible(middle) { edge = middle } else { beyond = middle }
+            if self.swings.possible(middle) { edge = middle } else { beyond = middle }
         }
         let mut previous = (beyond, None);
         for part in [3e-3, 0.03, 0.1, 0.22, 0.4, 0.6, 0.8, 1.0] {
-            let e = edge + (inner.0 - edge) * part;
-            let now = if part == 1.0 { inner } else { (e, self.0.slope(e, false)) };
+            let now = if part == 1.0 { inner } else { self.point(edge + (inner.0 - edge) * part) };
             if outer < inner.0 {
-                between(previous, now)
+                self.between(previous, now)
             } else {
-                between(now, previous)
+                self.between(now, previous)
             }
             previous = now;
         }
@@ -150,10 +161,10 @@ impl<B: BackSwings> Search<'_, B> {
     /// A minimum of T between turning points with their slopes: T falls at `low` and rises at `high`, unless the swing is impossible there.
     fn minimum(&self, low: Point, high: Point) -> f64 {
         let (mut e, mut rate) = self.root(low, high, false);
-        let Some(mut slope) = self.0.slope(e, true) else { return e };
+        let Some(mut slope) = self.swings.slope(e, true) else { return e };
         if slope.abs() > ROUGH || !(rate > 0.0) {
             (e, rate) = self.root(low, high, true);
-            slope = self.0.slope(e, true).unwrap_or(0.0);
+            slope = self.swings.slope(e, true).unwrap_or(0.0);
         }
         // Secants.
         let most = 0.1 * (high.0 - low.0);
@@ -162,7 +173,7 @@ impl<B: BackSwings> Search<'_, B> {
             if !(rate > 0.0) || (slope * (next - e)).abs() <= FLAT * e {
                 return if rate > 0.0 { next } else { e };
             }
-            match self.0.slope(next, true) {
+            match self.swings.slope(next, true) {
                 Some(new) => {
                     rate = (new - slope) / (next - e);
                     (e, slope) = (next, new);
@@ -192,7 +203,7 @@ impl<B: BackSwings> Search<'_, B> {
             if at.1.abs() < 0.3 && (e - at.0).abs() <= NEAR * (last - first).min(e) {
                 return (e, rate);
             }
-            let Some(slope) = self.0.slope(e, fine) else {
+            let Some(slope) = self.swings.slope(e, fine) else {
                 if low.1.is_none() {
                     low.0 = e;
                 } else {
@@ -218,10 +229,10 @@ impl<B: BackSwings> Search<'_, B> {
     /// Possible turning points that the grid may have missed, each between two that enclose it: where the margin is widest; where torques
     /// are weak beside gravity, and windows narrow, at all of its maxima.
     fn windows(&self, first: f64, last: f64) -> Vec<(f64, f64, f64)> {
-        let (weak, following) = (self.0.weak(), self.following());
+        let (weak, following) = (self.swings.weak(), self.following());
         let (mut points, mut e, mut widest) = (vec![(0.5 * first, f64::NEG_INFINITY)], first, f64::NEG_INFINITY);
         while e <= last {
-            let margin = self.0.margin(e, if weak { f64::NEG_INFINITY } else { widest });
+            let margin = self.swings.margin(e, if weak { f64::NEG_INFINITY } else { widest });
             widest = widest.max(margin);
             points.push((e, margin));
             e = following(e);
@@ -234,16 +245,16 @@ impl<B: BackSwings> Search<'_, B> {
 
     /// The next turning point of the grid.
     fn following(&self) -> fn(f64) -> f64 {
-        if self.0.weak() { |e| if e < 0.4 { 1.05 * e } else { e + 0.02 } } else { next }
+        if self.swings.weak() { |e| if e < 0.4 { 1.05 * e } else { e + 0.02 } } else { next }
     }
 
     /// A possible turning point between two: golden sections of the margin.
     fn ascent(&self, low: f64, high: f64) -> Option<f64> {
         const GOLDEN: f64 = 0.618_033_988_749_894_8;
         let (mut a, mut b) = (low, high);
-        let steepest = self.0.steepest(a);
+        let steepest = self.swings.steepest(a);
         let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
-        let (mut at_c, mut at_d) = (self.0.margin(c, f64::NEG_INFINITY), self.0.margin(d, f64::NEG_INFINITY));
+        let (mut at_c, mut at_d) = (self.swings.margin(c, f64::NEG_INFINITY), self.swings.margin(d, f64::NEG_INFINITY));
         while at_c <= 0.0 && at_d <= 0.0 {
             if !(b - a > 1e-13 * b) || at_c.max(at_d) + steepest * (b - a) < 0.0 {
                 return None;
@@ -251,11 +262,11 @@ impl<B: BackSwings> Search<'_, B> {
             if at_c > at_d {
                 (b, d, at_d) = (d, c, at_c);
                 c = b - GOLDEN * (b - a);
-                at_c = self.0.margin(c, f64::NEG_INFINITY);
+                at_c = self.swings.margin(c, f64::NEG_INFINITY);
             } else {
                 (a, c, at_c) = (c, d, at_d);
                 d = a + GOLDEN * (b - a);
-                at_d = self.0.margin(d, f64::NEG_INFINITY);
+                at_d = self.swings.margin(d, f64::NEG_INFINITY);
             }
         }
         Some(if at_c > at_d { c } else { d })
@@ -269,5 +280,5 @@ pub(super) fn next(e: f64) -> f64 {
 
 /// The fastest back-swing that takes less than `bound`.
 pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
-    Search(swings).run(bound)
+    Search { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
 }
