@@ -97,9 +97,9 @@ class Suite:
         peer = timing.if_there("numbalsoda", lambda: peers.numbalsoda_dop853(1e-8, 1e-10), say)
         for name, once in ((DOP853, cases.adaptive_method(1e-8, 1e-10)), (NUMBALSODA, peer)):
             if once is not None:
-                beside = {"": None, AFTER: None} if name == DOP853 else {"": DOP853, AFTER: DOP853 + AFTER}
-                self.add(group, name, in_a_row(once), IN_A_ROW * per, exact, against=beside[""])
-                self.add(group, name + AFTER, once, per, exact, against=beside[AFTER])
+                ours = name == DOP853
+                self.add(group, name, in_a_row(once), IN_A_ROW * per, exact, against=None if ours else DOP853)
+                self.add(group, name + AFTER, once, per, exact, against=None if ours else DOP853 + AFTER)
         if importlib.util.find_spec("scipy") is None:
             return say("skipped: scipy: not installed")
         compare("scipy DOP853, rtol 1e-12, the reference itself", peers.scipy_dop853(1e-12, 1e-13)[0], self.exact, 1e-9)
