@@ -10,32 +10,9 @@
 //! `trajectory.rs`) and meet where their speeds agree. At equal angle and speed the push has the larger acceleration, so the two
 //! curves cross once at most.
 
-use super::sine::sin_cos;
-use super::trajectory::{ORDER, evaluate, series, step_length};
+use super::steps::{Progress, Rough, Step, evaluate};
 
-/// What moves: inertia, gravity, friction. Backwards in time both frictions are negative.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Rough {
-    pub inertia: f64,
-    pub g: f64,
-    pub viscous: f64,
-    pub coulomb: f64,
-}
-
-impl Rough {
-    pub fn backwards(self) -> Self {
-        Rough { viscous: -self.viscous, coulomb: -self.coulomb, ..self }
-    }
-}
-
-struct Step {
-    time: f64,
-    length: f64,
-    y: [f64; ORDER + 1],
-    spread: [f64; ORDER + 1],
-}
-
-/// A phase from rest: Taylor steps until the distance is covered or the link stalls.
+/// A phase from rest: its steps until the distance is covered or the link stalls.
 #[derive(Default)]
 pub(super) struct Curve {
     steps: Vec<Step>,
@@ -53,59 +30,36 @@ pub(super) struct Moment {
 
 const MAX_STEPS: usize = 2000;
 
-/// Taylor coefficients of the spread along those of `cos(x + y)`.
-fn spread(start: f64, rate: f64, cos: &[f64; ORDER + 1], link: &Rough) -> [f64; ORDER + 1] {
-    let mut z = [0.0; ORDER + 1];
-    (z[0], z[1]) = (start, rate);
-    for n in 0..ORDER - 1 {
-        let turning: f64 = (0..=n).map(|j| cos[j] * z[n - j]).sum();
-        z[n + 2] = -(link.g * turning + link.viscous * (n + 1) as f64 * z[n + 1]) / (link.inertia * ((n + 1) * (n + 2)) as f64);
-    }
-    z
-}
-
 impl Curve {
     /// From rest at `x` under `torque`, less the friction, over `distance` at most, or until it is faster than a curve that comes from there.
     pub fn new(x: f64, torque: f64, link: &Rough, distance: f64, against: Option<&Curve>) -> Self {
-        let (g, inertia, push) = (link.g, link.inertia, torque - link.coulomb);
         let mut curve = Curve { steps: Vec::new(), reach: 0.0 };
-        if push - g * sin_cos(x).0 <= 0.0 {
+        let mut at = Progress::new(x, torque, link);
+        if at.net() <= 0.0 {
             return curve;
         }
-        let (mut time, mut y, mut v, mut z) = (0.0, 0.0, 0.0, (1.0, 0.0));
-        while y < distance && curve.steps.len() < MAX_STEPS {
-            let [c, cos] = series(x, y, v, push, g, link.viscous, inertia);
-            let s = spread(z.0, z.1, &cos, link);
-            // Half the step of full accuracy, so that a stall cannot hide inside one.
-            let mut h = 0.5 * step_length(&c, distance);
-            let (mut next, mut speed) = evaluate(&c, h);
+        while at.y < distance && curve.steps.len() < MAX_STEPS && !at.stands() {
+            let mut step = at.step(distance);
             for _ in 0..60 {
                 // Stop at the goal: the curve beyond it is not needed, and may not be finite.
+                let (next, _) = evaluate(&step.y, step.length);
                 if next.is_finite() && next <= 2.0 * distance {
                     break;
                 }
-                h *= 0.5;
-                (next, speed) = evaluate(&c, h);
+                step.length *= 0.5;
             }
-            if speed <= 0.0 || next <= y {
-                // The last moment of forward motion inside the step.
-                let (mut a, mut b) = (0.0, h);
-                for _ in 0..60 {
-                    let middle = 0.5 * (a + b);
-                    if evaluate(&c, middle).1 > 0.0 { a = middle } else { b = middle }
-                }
-                curve.reach = evaluate(&c, a).0.min(distance);
-                curve.steps.push(Step { time, length: a, y: c, spread: s });
+            if let Some(after) = stall(&step) {
+                step.length = after;
+                curve.reach = evaluate(&step.y, after).0.min(distance);
+                curve.steps.push(step);
                 return curve;
             }
-            curve.steps.push(Step { time, length: h, y: c, spread: s });
-            time += h;
-            (y, v) = (next, speed);
-            z = evaluate(&s, h);
-            curve.reach = y.min(distance);
+            at.advance(&step);
+            curve.steps.push(step);
+            curve.reach = at.y.min(distance);
             if let Some(other) = against {
                 let left = distance - curve.reach;
-                if other.reach > 0.0 && left <= other.reach && v > other.at(left).speed {
+                if other.reach > 0.0 && left <= other.reach && at.v > other.at(left).speed {
                     break;
                 }
             }
@@ -118,7 +72,10 @@ impl Curve {
         let k = self.steps.partition_point(|s| s.y[0] <= y).max(1) - 1;
         let Step { time, length, y: c, spread } = &self.steps[k];
         let (mut a, mut b) = (0.0, *length);
-        let mut h = 0.5 * length;
+        // From rest the distance goes with the square of the time.
+        let part = (y - c[0]) / (evaluate(c, b).0 - c[0]);
+        let mut h = length * if k == 0 { part.max(0.0).sqrt() } else { part }.clamp(0.0, 1.0);
+        let mut last = f64::INFINITY;
         for _ in 0..60 {
             let (position, speed) = evaluate(c, h);
             if position < y {
@@ -126,15 +83,29 @@ impl Curve {
             } else {
                 b = h
             }
-            let newton = h - (position - y) / speed;
-            let next = if newton > a && newton < b { newton } else { 0.5 * (a + b) };
-            if (next - h).abs() <= 4e-16 * length {
+            let newton = (h - (position - y) / speed).clamp(a, b);
+            if (newton - h).abs() <= 4e-16 * (length + y / speed) {
                 break;
             }
-            h = next;
+            let next = if (newton - h).abs() < 0.5 * last { newton } else { 0.5 * (a + b) };
+            (h, last) = (next, (next - h).abs());
         }
         Moment { time: time + h, speed: evaluate(c, h).1, spread: evaluate(spread, h).0 }
     }
+}
+
+/// The last moment of forward motion inside a step, if it ends there.
+fn stall(step: &Step) -> Option<f64> {
+    let forward = |h: f64| evaluate(&step.y, h).1 > 0.0;
+    let parts = [0.25, 0.5, 0.75, 1.0].map(|part| part * step.length);
+    let stopped =
+        parts.into_iter().find(|&h| !forward(h)).or_else(|| (evaluate(&step.y, step.length).0 <= step.y[0]).then_some(step.length))?;
+    let (mut a, mut b) = (0.0, stopped);
+    for _ in 0..60 {
+        let middle = 0.5 * (a + b);
+        if forward(middle) { a = middle } else { b = middle }
+    }
+    Some(a)
 }
 
 /// Where a push meets the brake after it.

@@ -9,28 +9,19 @@
 //! The switches drop out of the derivative, since the speeds agree there. An overshoot is the back-swing of the motion mirrored and
 //! run backwards in time, with both frictions negative. Coulomb friction alone only shifts the bounds: a test uses it as an
 //! independent check.
+//!
+//! Sturm's comparison holds for `exp(-d t / 2I)` times the adjoint, whose zeros are the switches: `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`. An
+//! overdamped link, `d^2 >= 4 I |G|`, switches once at most, with Coulomb friction, too: where the motion reverses, that makes the
+//! acceleration smaller, `phi_dot/phi - d/2I` shrinks with it, and a `phi` that has left zero keeps growing. With one switch the motion is monotone: from
+//! rest such a link never swings beyond where its torque is held by gravity (`v < 2 K_dot(x)/d` stays true), so no phase but a brake ends at rest.
 
-use super::curve::{Curve, Leg, Meeting, Rough};
+use super::curve::{Curve, Leg, Meeting};
 use super::link::{Link, check_ends};
+use super::report::MonotoneReason;
 use super::search::{BackSwings, FARTHEST, Swing, fastest, next};
-use super::torque_optimal::{Best, Family};
+use super::steps::{Progress, Rough};
+use super::torque_optimal::{Best, Family, TorqueOptimum};
 use crate::error::{Error, Result};
-use std::f64::consts::PI;
-
-/// The optimum with friction: the monotone motion, NaN if infeasible, and the best of the three families.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrictionOptimum {
-    pub feasible: bool,
-    /// Duration, s.
-    pub t: f64,
-    pub theta_switch: f64,
-    pub t_switch: f64,
-    /// Speed at the switch, rad/s, signed.
-    pub v_peak: f64,
-    /// Where the push stalls and where the brake must have begun at the earliest, rad, if they do not meet.
-    pub theta_stall: [f64; 2],
-    pub best: Best,
-}
 
 /// The back-swings of `x0 -> x1 > x0`.
 struct Search {
@@ -137,7 +128,8 @@ impl BackSwings for Search {
     }
 }
 
-/// The fastest `theta0 -> thetaf` (rad), rest to rest, with friction torques `viscous * v` (N m s) and `coulomb * sign(v)` (N m).
+/// The fastest `theta0 -> thetaf` (rad), rest to rest, as `torque_optimal_time`, with friction torques `viscous * v` (N m s) and
+/// `coulomb * sign(v)` (N m).
 pub fn torque_optimal_time_with_friction(
     theta0: f64,
     thetaf: f64,
@@ -147,7 +139,7 @@ pub fn torque_optimal_time_with_friction(
     tau_max: f64,
     viscous: f64,
     coulomb: f64,
-) -> Result<FrictionOptimum> {
+) -> Result<TorqueOptimum> {
     check_ends(theta0, thetaf)?;
     let link = Link::new(inertia, gravity_moment, tau_min, tau_max)?;
     for (name, x) in [("viscous", viscous), ("coulomb", coulomb)] {
@@ -155,42 +147,27 @@ pub fn torque_optimal_time_with_friction(
             return Err(Error::input(name, format!("is not a friction coefficient: expected a finite number >= 0, got {x}")));
         }
     }
+    let mut optimum = TorqueOptimum::new(theta0, thetaf, &link, [viscous, coulomb]);
+    if theta0 == thetaf {
+        optimum.set_monotone(0.0, theta0, 0.0, 0.0);
+        optimum.certified_global = true;
+        return Ok(optimum);
+    }
     let sign = 1.0f64.copysign(thetaf - theta0);
     let along = link.along(sign > 0.0);
-    let (x0, x1, distance) = (sign * theta0, sign * thetaf, (thetaf - theta0).abs());
-    let (up, down, link) = (along.tau_max, -along.tau_min, Rough { inertia, g: gravity_moment, viscous, coulomb });
-    let mut optimum = FrictionOptimum {
-        feasible: false,
-        t: f64::NAN,
-        theta_switch: f64::NAN,
-        t_switch: f64::NAN,
-        v_peak: f64::NAN,
-        theta_stall: [f64::NAN; 2],
-        best: Best::NONE,
-    };
-    if distance == 0.0 {
-        (optimum.feasible, optimum.t, optimum.theta_switch, optimum.t_switch, optimum.v_peak) = (true, 0.0, theta0, 0.0, 0.0);
-        optimum.best = Best::monotone(0.0, theta0, 0.0);
+    let (x0, x1, up, down) = (sign * theta0, sign * thetaf, along.tau_max, -along.tau_min);
+    let problem = Straight { x0, x1, up, down, link: optimum.link };
+    match problem.meeting() {
+        Ok(Meeting { at, push, brake }) => optimum.set_monotone(push.time + brake.time, sign * (x0 + at), push.time, sign * push.speed),
+        Err(reason) => optimum.reason = reason.along(sign),
+    }
+    let overdamped = optimum.sturm_bound == f64::INFINITY;
+    optimum.certified_global =
+        optimum.feasible && (overdamped || coulomb == 0.0 && up.min(down) >= gravity_moment.abs() && optimum.t <= optimum.sturm_bound);
+    if optimum.certified_global || overdamped {
         return Ok(optimum);
     }
-    let (push, brake) = (Curve::new(x0, up, &link, distance, None), Curve::new(-x1, down, &link.backwards(), distance, None));
-    match (Leg { push: &push, brake: &brake, distance }).meeting() {
-        Some(Meeting { at, push, brake }) => {
-            optimum.feasible = true;
-            optimum.t = push.time + brake.time;
-            optimum.theta_switch = sign * (x0 + at);
-            optimum.t_switch = push.time;
-            optimum.v_peak = sign * push.speed;
-            optimum.best = Best::monotone(optimum.t, optimum.theta_switch, optimum.t_switch);
-        }
-        None => optimum.theta_stall = [sign * (x0 + push.reach), sign * (x1 - brake.reach)],
-    }
-    // Viscous friction only moves the zeros of the adjoint apart: `phi = exp(-d t / 2 I) psi` obeys `phi_ddot = (d^2 / 4 I^2 - G cos theta / I) phi`.
-    let g = gravity_moment.abs();
-    let certified = coulomb == 0.0 && up.min(down) >= g && optimum.t <= PI * (inertia / g).sqrt();
-    if certified || viscous * viscous >= 4.0 * inertia * g {
-        return Ok(optimum);
-    }
+    let link = optimum.link;
     for (kind, (x0, x1), (up, down), link) in
         [(Family::BackSwing, (x0, x1), (up, down), link), (Family::Overshoot, (-x1, -x0), (down, up), link.backwards())]
     {
@@ -202,4 +179,52 @@ pub fn torque_optimal_time_with_friction(
         }
     }
     Ok(optimum)
+}
+
+/// The monotone motion `x0 -> x1 > x0`.
+struct Straight {
+    x0: f64,
+    x1: f64,
+    up: f64,
+    down: f64,
+    link: Rough,
+}
+
+impl Straight {
+    /// Push and brake with both torques larger by `more`.
+    fn curves(&self, more: f64) -> [Curve; 2] {
+        let (distance, link) = (self.x1 - self.x0, self.link);
+        [
+            Curve::new(self.x0, self.up + more, &link, distance, None),
+            Curve::new(-self.x1, self.down + more, &link.backwards(), distance, None),
+        ]
+    }
+
+    fn meeting(&self) -> std::result::Result<Meeting, MonotoneReason> {
+        let Straight { x0, x1, up, down, link } = *self;
+        let net = [Progress::new(x0, up, &link).net(), Progress::new(-x1, down, &link.backwards()).net()];
+        if net[0] <= 0.0 {
+            return Err(MonotoneReason::StartBlocked { missing: -net[0] });
+        }
+        if net[1] <= 0.0 {
+            return Err(MonotoneReason::EndBlocked { missing: -net[1] });
+        }
+        let distance = x1 - x0;
+        let [push, brake] = self.curves(0.0);
+        let apart = || MonotoneReason::Apart { push: x0 + push.reach, brake: x1 - brake.reach, missing: self.missing() };
+        Leg { push: &push, brake: &brake, distance }.meeting().ok_or_else(apart)
+    }
+
+    /// By how much both torques are too small, to six digits: with gravity and friction on top of them they are not.
+    fn missing(&self) -> f64 {
+        let distance = self.x1 - self.x0;
+        let (mut less, mut more) = (0.0, self.link.g.abs() + self.link.coulomb);
+        while more - less > 1e-6 * more && more > 1e-12 * self.up.max(self.down) {
+            let middle = 0.5 * (less + more);
+            let [push, brake] = self.curves(middle);
+            let enough = Leg { push: &push, brake: &brake, distance }.meeting().is_some();
+            if enough { more = middle } else { less = middle }
+        }
+        more
+    }
 }

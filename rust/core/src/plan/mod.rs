@@ -18,13 +18,14 @@ mod quadrature;
 mod report;
 mod search;
 pub mod sine;
+mod steps;
 mod swing;
 mod time_path;
 mod torque_optimal;
 mod trajectory;
 
 pub use bang_bang::{BangBangReport, BangBangTimes, bang_bang_time, bang_bang_times};
-pub use friction::{FrictionOptimum, torque_optimal_time_with_friction};
+pub use friction::torque_optimal_time_with_friction;
 pub use link::Link;
 pub use profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
 pub use report::{Bind, Limit, MonotoneReason, Place, Reason};

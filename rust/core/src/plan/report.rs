@@ -131,6 +131,12 @@ pub enum MonotoneReason {
         x: f64,
         missing: f64,
     },
+    /// With friction: the push, which ends at `push`, and the brake, which can begin at `brake`, do not meet at one speed.
+    Apart {
+        push: f64,
+        brake: f64,
+        missing: f64,
+    },
 }
 
 impl MonotoneReason {
@@ -138,6 +144,7 @@ impl MonotoneReason {
     pub(super) fn along(self, sign: f64) -> Self {
         match self {
             MonotoneReason::Hump { x, missing } => MonotoneReason::Hump { x: sign * x, missing },
+            MonotoneReason::Apart { push, brake, missing } => MonotoneReason::Apart { push: sign * push, brake: sign * brake, missing },
             other => other,
         }
     }
@@ -159,6 +166,11 @@ impl fmt::Display for MonotoneReason {
             MonotoneReason::Hump { x, missing } => {
                 write!(f, "the motion stalls before theta = {x:.6} rad: more than {missing:.6e} N m are missing on average")
             }
+            MonotoneReason::Apart { push, brake, missing } => write!(
+                f,
+                "the push ends at theta = {push:.6} rad and the brake can begin at theta = {brake:.6} rad, but their speeds do not meet: \
+                 {missing:.6e} N m are missing in both torques"
+            ),
         }
     }
 }

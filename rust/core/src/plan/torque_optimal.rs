@@ -15,6 +15,7 @@ use super::phase::Phase;
 use super::report::MonotoneReason;
 use super::search::Swing;
 use super::sine::sin_cos;
+use super::steps::Rough;
 use super::swing::{back_swing, overshoot};
 use crate::error::Result;
 use std::f64::consts::PI;
@@ -69,13 +70,14 @@ pub struct TorqueOptimum {
     /// Its speed at the switch, rad/s, signed.
     pub v_peak: f64,
     pub certified_global: bool,
-    /// `pi sqrt(I/|G|)`, s: no motion shorter than this has more than one switch.
+    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s: without Coulomb friction no optimal motion shorter than this has more than one switch.
     pub sturm_bound: f64,
     pub reason: MonotoneReason,
     pub best: Best,
     pub(super) theta0: f64,
     pub(super) thetaf: f64,
-    pub(super) link: Link,
+    pub(super) limits: [f64; 2],
+    pub(super) link: Rough,
 }
 
 /// A push and a brake from rest at `x0` to rest at `x1 > x0`, with their lengths.
@@ -190,25 +192,10 @@ pub fn torque_optimal_time(
     let sign = if forward { 1.0 } else { -1.0 };
     let along = link.along(forward);
     let (x0, x1, g, up, down) = (sign * theta0, sign * thetaf, gravity_moment, along.tau_max, -along.tau_min);
-    let sturm_bound = PI * (inertia / g.abs()).sqrt();
-    let mut optimum = TorqueOptimum {
-        feasible: false,
-        t: f64::NAN,
-        theta_switch: f64::NAN,
-        t_switch: f64::NAN,
-        v_peak: f64::NAN,
-        certified_global: false,
-        sturm_bound,
-        reason: MonotoneReason::Feasible,
-        best: Best::NONE,
-        theta0,
-        thetaf,
-        link,
-    };
+    let mut optimum = TorqueOptimum::new(theta0, thetaf, &link, [0.0; 2]);
     if x0 == x1 {
-        (optimum.feasible, optimum.t, optimum.theta_switch, optimum.t_switch, optimum.v_peak) = (true, 0.0, theta0, 0.0, 0.0);
+        optimum.set_monotone(0.0, theta0, 0.0, 0.0);
         optimum.certified_global = true;
-        optimum.best = Best::monotone(0.0, theta0, 0.0);
         return Ok(optimum);
     }
     let unit = (0.5 * inertia).sqrt();
@@ -216,13 +203,9 @@ pub fn torque_optimal_time(
     optimum.reason = monotone.reason().along(sign);
     if optimum.reason == MonotoneReason::Feasible {
         let (push, brake) = monotone.time_factors();
-        optimum.feasible = true;
-        optimum.t = unit * (push + brake);
-        optimum.t_switch = unit * push;
-        optimum.theta_switch = sign * (x0 + monotone.push_length);
-        optimum.v_peak = sign * monotone.push.energy(monotone.push_length).sqrt() / unit;
-        optimum.best = Best::monotone(optimum.t, optimum.theta_switch, optimum.t_switch);
-        optimum.certified_global = up.min(down) >= g.abs() && optimum.t <= sturm_bound;
+        let v_peak = monotone.push.energy(monotone.push_length).sqrt() / unit;
+        optimum.set_monotone(unit * (push + brake), sign * (x0 + monotone.push_length), unit * push, sign * v_peak);
+        optimum.certified_global = up.min(down) >= g.abs() && optimum.t <= optimum.sturm_bound;
         if optimum.certified_global {
             return Ok(optimum);
         }
@@ -236,6 +219,35 @@ pub fn torque_optimal_time(
         }
     }
     Ok(optimum)
+}
+
+impl TorqueOptimum {
+    /// None found yet.
+    #[inline]
+    pub(super) fn new(theta0: f64, thetaf: f64, link: &Link, [viscous, coulomb]: [f64; 2]) -> Self {
+        let Link { inertia, gravity_moment: g, tau_min, tau_max } = *link;
+        TorqueOptimum {
+            feasible: false,
+            t: f64::NAN,
+            theta_switch: f64::NAN,
+            t_switch: f64::NAN,
+            v_peak: f64::NAN,
+            certified_global: false,
+            sturm_bound: PI * (inertia / (g.abs() - viscous * viscous / (4.0 * inertia)).max(0.0)).sqrt(),
+            reason: MonotoneReason::Feasible,
+            best: Best::NONE,
+            theta0,
+            thetaf,
+            limits: [tau_min, tau_max],
+            link: Rough { inertia, g, viscous, coulomb },
+        }
+    }
+
+    #[inline]
+    pub(super) fn set_monotone(&mut self, t: f64, theta_switch: f64, t_switch: f64, v_peak: f64) {
+        (self.feasible, self.t, self.theta_switch, self.t_switch, self.v_peak) = (true, t, theta_switch, t_switch, v_peak);
+        self.best = Best::monotone(t, theta_switch, t_switch);
+    }
 }
 
 impl Best {

@@ -1,26 +1,14 @@
 //! The motion of a torque optimum, to follow: angle, speed, acceleration and torque at any time.
 //!
-//! ```text
-//! I y_ddot = p - G sin(x + y),  y(0) = y_dot(0) = 0        (every phase starts or ends at rest: the latter run backwards)
-//! y = sum y_k h^k,   S_k = (1/k) sum_j j y_j C_(k-j),   C_k = -(1/k) sum_j j y_j S_(k-j),   y_(k+2) = (p [k=0] - G S_k) / (I (k+1)(k+2))
-//! ```
-//!
-//! Taylor series of order 24 after Jorba and Zou, in steps whose last terms are below 1e-17 of the motion. Independent
-//! of the quadrature that gave the durations: the phases meet at the switch only if both are right.
+//! Every phase starts or ends at rest, the latter run backwards, in steps of `steps.rs`. Independent of the quadrature that gives the
+//! durations without friction: the phases meet at the switch only if both are right.
 
 use super::sine::sin_cos;
+use super::steps::{Progress, Rough, Step, evaluate};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 
-pub(super) const ORDER: usize = 24;
 /// More steps than any phase of a hundred turns takes.
 const MAX_STEPS: usize = 4000;
-
-/// One Taylor step from `time` of its phase.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Step {
-    time: f64,
-    y: [f64; ORDER + 1],
-}
 
 /// A phase of constant torque that leaves or reaches rest at `theta`.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,87 +37,52 @@ pub struct Sample {
 /// A torque profile with its motion; holds its ends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueProfile {
-    inertia: f64,
-    gravity_moment: f64,
+    link: Rough,
     theta0: f64,
     thetaf: f64,
     duration: f64,
     runs: Vec<Run>,
 }
 
-/// Taylor coefficients at `y`, `v`, and those of `cos(x + y)`; viscous friction, zero for the exact optimum, adds `-viscous y_dot`.
-pub(super) fn series(x: f64, y: f64, v: f64, push: f64, g: f64, viscous: f64, inertia: f64) -> [[f64; ORDER + 1]; 2] {
-    let mut c = [0.0; ORDER + 1];
-    let (mut s, mut k) = ([0.0; ORDER + 1], [0.0; ORDER + 1]);
-    (c[0], c[1]) = (y, v);
-    (s[0], k[0]) = sin_cos(x + y);
-    for n in 0..ORDER - 1 {
-        if n > 0 {
-            let (mut sine, mut cosine) = (0.0, 0.0);
-            for j in 1..=n {
-                let weight = j as f64 * c[j];
-                sine += weight * k[n - j];
-                cosine -= weight * s[n - j];
-            }
-            (s[n], k[n]) = (sine / n as f64, cosine / n as f64);
-        }
-        let force = if n == 0 { push - g * s[0] } else { -g * s[n] };
-        c[n + 2] = (force - viscous * (n + 1) as f64 * c[n + 1]) / (inertia * ((n + 1) * (n + 2)) as f64);
-    }
-    [c, k]
-}
-
-/// The step whose dropped terms are below 1e-17 of `size`. From rest, and at a crest of the sine, all but every fourth term
-/// vanish: the last six decide.
-pub(super) fn step_length(c: &[f64; ORDER + 1], size: f64) -> f64 {
-    (ORDER - 5..=ORDER).map(|k| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64)).fold(f64::INFINITY, f64::min)
-}
-
-/// Position and speed of a step after `h`.
-pub(super) fn evaluate(c: &[f64; ORDER + 1], h: f64) -> (f64, f64) {
-    let (mut y, mut v) = (0.0, 0.0);
-    for k in (0..=ORDER).rev() {
-        v = v * h + y;
-        y = y * h + c[k];
-    }
-    (y, v)
-}
-
 impl Run {
-    fn new(theta: f64, direction: f64, tau: f64, rest: f64, end: f64, sense: f64, inertia: f64, g: f64, duration: f64) -> Self {
-        let (x, push) = (direction * theta, direction * tau);
-        let (mut time, mut y, mut v) = (0.0, 0.0, 0.0);
+    fn new(theta: f64, direction: f64, tau: f64, rest: f64, end: f64, sense: f64, link: &Rough, duration: f64) -> Self {
+        let along = if sense > 0.0 { *link } else { link.backwards() };
+        let mut at = Progress::new(direction * theta, direction * tau, &along);
+        let size = at.net().abs() / link.inertia * duration * duration;
         let mut steps = Vec::new();
-        while time < duration && steps.len() < MAX_STEPS {
-            let [c, _] = series(x, y, v, push, g, 0.0, inertia);
-            steps.push(Step { time, y: c });
-            let h = step_length(&c, c[2].abs() * duration * duration + c[0].abs()).min(duration - time).max(1e-4 * duration);
-            (y, v) = evaluate(&c, h);
-            time += h;
+        while at.time < duration && steps.len() < MAX_STEPS {
+            let mut step = at.step(size + at.y);
+            step.length = step.length.min(duration - at.time);
+            if !(step.length > 0.0) {
+                break;
+            }
+            at.advance(&step);
+            steps.push(step);
         }
         Run { theta, direction, tau, rest, sense, end, steps }
     }
 
-    fn sample(&self, t: f64, inertia: f64, g: f64) -> Sample {
+    fn sample(&self, t: f64, link: &Rough) -> Sample {
         let time = (self.sense * (t - self.rest)).max(0.0);
         let k = self.steps.partition_point(|s| s.time <= time).max(1) - 1;
         let (y, v) = evaluate(&self.steps[k].y, time - self.steps[k].time);
-        let q = self.theta + self.direction * y;
-        Sample { q, v: self.sense * self.direction * v, a: (self.tau - g * sin_cos(q).0) / inertia, tau: self.tau }
+        let way = self.sense * self.direction;
+        let (q, v) = (self.theta + self.direction * y, way * v);
+        let friction = link.viscous * v + link.coulomb * way;
+        Sample { q, v, a: (self.tau - link.g * sin_cos(q).0 - friction) / link.inertia, tau: self.tau }
     }
 }
 
 impl TorqueProfile {
     fn new(optimum: &TorqueOptimum, best: &Best) -> Option<Self> {
-        let link = &optimum.link;
+        let TorqueOptimum { theta0, thetaf, limits, link, .. } = *optimum;
         let mut runs = Vec::new();
         let mut leg = |from: f64, to: f64, t0: f64, ts: f64, t1: f64| {
             let direction = if to >= from { 1.0 } else { -1.0 };
-            let (push, brake) = if direction > 0.0 { (link.tau_max, link.tau_min) } else { (link.tau_min, link.tau_max) };
-            runs.push(Run::new(from, direction, push, t0, ts, 1.0, link.inertia, link.gravity_moment, ts - t0));
-            runs.push(Run::new(to, -direction, brake, t1, t1, -1.0, link.inertia, link.gravity_moment, t1 - ts));
+            let (push, brake) = if direction > 0.0 { (limits[1], limits[0]) } else { (limits[0], limits[1]) };
+            runs.push(Run::new(from, direction, push, t0, ts, 1.0, &link, ts - t0));
+            runs.push(Run::new(to, -direction, brake, t1, t1, -1.0, &link, t1 - ts));
         };
-        let (theta0, thetaf) = (optimum.theta0, optimum.thetaf);
         match best.kind {
             Family::NoneFound => return None,
             Family::Monotone if best.t == 0.0 => {}
@@ -139,7 +92,7 @@ impl TorqueProfile {
                 leg(best.theta_turn, thetaf, best.t_turn, best.t_switches[1], best.t);
             }
         }
-        Some(TorqueProfile { inertia: link.inertia, gravity_moment: link.gravity_moment, theta0, thetaf, duration: best.t, runs })
+        Some(TorqueProfile { link, theta0, thetaf, duration: best.t, runs })
     }
 
     /// Duration, s.
@@ -149,12 +102,12 @@ impl TorqueProfile {
 
     /// Angle, speed, acceleration and torque at time `t` (s), right-continuous; at rest before 0 and from the end on.
     pub fn at(&self, t: f64) -> Sample {
-        let hold = |q: f64| Sample { q, v: 0.0, a: 0.0, tau: self.gravity_moment * sin_cos(q).0 };
+        let hold = |q: f64| Sample { q, v: 0.0, a: 0.0, tau: self.link.g * sin_cos(q).0 };
         if t < 0.0 {
             return hold(self.theta0);
         }
         match self.runs.iter().find(|run| t < run.end && !run.steps.is_empty()) {
-            Some(run) => run.sample(t, self.inertia, self.gravity_moment),
+            Some(run) => run.sample(t, &self.link),
             None => hold(self.thetaf),
         }
     }

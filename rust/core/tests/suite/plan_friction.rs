@@ -1,7 +1,7 @@
 //! The optimum with friction: without it the frictionless optimum, with Coulomb friction alone shifted bounds, else time stepping.
 
 use crate::plan_support::{Problem, Random, near};
-use armlet_core::plan::{Family, FrictionOptimum, torque_optimal_time, torque_optimal_time_with_friction};
+use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, torque_optimal_time, torque_optimal_time_with_friction};
 
 #[test]
 fn without_viscous_friction_the_bounds_are_shifted() {
@@ -59,7 +59,7 @@ fn with_viscous_friction_the_motion_arrives_at_rest() {
     assert!(arrived > 100, "{arrived}");
 }
 
-fn rough(p: &Problem, viscous: f64, coulomb: f64) -> FrictionOptimum {
+fn rough(p: &Problem, viscous: f64, coulomb: f64) -> TorqueOptimum {
     torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, viscous, coulomb).unwrap()
 }
 
@@ -160,5 +160,5 @@ fn refusals() {
     }
     // Coulomb friction above the torque: nothing moves.
     let o = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0, 1.0).unwrap();
-    assert!(!o.feasible && o.t.is_nan() && o.theta_stall[0] == 0.0);
+    assert!(!o.feasible && o.t.is_nan() && o.reason == MonotoneReason::StartBlocked { missing: 0.0 }, "{:?}", o.reason);
 }

@@ -5,7 +5,7 @@ use crate::arrays::{new_array, numbers, require_finite};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
-use armlet_core::plan::{self, FrictionOptimum, TorqueProfile};
+use armlet_core::plan::{self, TorqueProfile};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::OnceLock;
@@ -24,7 +24,7 @@ use std::sync::OnceLock;
 ///     tau_min: least torque, N m, <= 0; `-tau_max` if None.
 ///     viscous: viscous friction, N m s/rad, >= 0.
 ///     coulomb: Coulomb friction, N m, >= 0.
-///         With friction nothing is certified, and there is no profile; the three families are searched all the same.
+///         With friction the motion is integrated, and a call takes longer.
 ///
 /// Returns:
 ///     A `TorqueOptimum`. No motion is an answer, not an error: `t` is NaN, and `reason` says what is missing.
@@ -69,15 +69,10 @@ pub fn torque_optimal_time<'py>(
     })
 }
 
-enum Core {
-    Exact(plan::TorqueOptimum),
-    Friction(FrictionOptimum),
-}
-
 /// The monotone optimum and the best of the three families: see `torque_optimal_time`.
 #[pyclass(frozen, module = "armlet", name = "TorqueOptimum")]
 pub struct TorqueOptimum {
-    core: Core,
+    core: plan::TorqueOptimum,
     problem: Problem,
     friction: [f64; 2],
     /// Built when asked for: of the best family, of the monotone optimum.
@@ -88,43 +83,20 @@ impl TorqueOptimum {
     pub fn solve(problem: Problem, friction: [f64; 2]) -> Result<Self, Error> {
         let [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min] = problem;
         let [viscous, coulomb] = friction;
-        let core = if viscous == 0.0 && coulomb == 0.0 {
-            Core::Exact(plan::torque_optimal_time(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?)
+        let core = if friction == [0.0; 2] {
+            plan::torque_optimal_time(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?
         } else {
-            Core::Friction(plan::torque_optimal_time_with_friction(
-                theta0,
-                thetaf,
-                inertia,
-                gravity_moment,
-                tau_min,
-                tau_max,
-                viscous,
-                coulomb,
-            )?)
+            plan::torque_optimal_time_with_friction(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max, viscous, coulomb)?
         };
         Ok(TorqueOptimum { core, problem, friction, profiles: [OnceLock::new(), OnceLock::new()] })
     }
 
-    /// Feasible, t, theta_switch, t_switch, v_peak.
-    fn monotone(&self) -> (bool, f64, f64, f64, f64) {
-        match &self.core {
-            Core::Exact(o) => (o.feasible, o.t, o.theta_switch, o.t_switch, o.v_peak),
-            Core::Friction(o) => (o.feasible, o.t, o.theta_switch, o.t_switch, o.v_peak),
-        }
-    }
-
     /// The motion at a time or at an array of times.
     fn sample<'py>(&self, py: Python<'py>, function: &str, which: usize, t: &Bound<'py, PyAny>) -> Result<[Bound<'py, PyAny>; 4], Failure> {
-        let profile = self.profiles[which].get_or_init(|| match &self.core {
-            Core::Exact(o) if which == 0 => o.profile(),
-            Core::Exact(o) => o.monotone_profile(),
-            Core::Friction(_) => None,
-        });
+        let core = &self.core;
+        let profile = self.profiles[which].get_or_init(|| if which == 0 { core.profile() } else { core.monotone_profile() });
         let Some(profile) = profile else {
-            let problem = match self.core {
-                Core::Exact(_) => "has no motion: expected a feasible problem, got one with the `reason` that no duration works",
-                Core::Friction(_) => "has friction: expected an optimum without friction, whose motion is known in closed steps",
-            };
+            let problem = "has no motion: expected a feasible problem, got one with the `reason` that no duration works";
             return Err(input_error(py, function, "the optimum", problem).into());
         };
         if let Some(t) = number_or_array(function, "t", t)? {
@@ -156,71 +128,56 @@ impl TorqueOptimum {
     /// Whether the monotone motion exists.
     #[getter]
     fn feasible(&self) -> bool {
-        self.monotone().0
+        self.core.feasible
     }
 
     /// Duration of the monotone optimum, s; NaN if there is none.
     #[getter]
     fn t(&self) -> f64 {
-        self.monotone().1
+        self.core.t
     }
 
     /// The angle at which its torque switches, rad.
     #[getter]
     fn theta_switch(&self) -> f64 {
-        self.monotone().2
+        self.core.theta_switch
     }
 
     /// The time at which its torque switches, s.
     #[getter]
     fn t_switch(&self) -> f64 {
-        self.monotone().3
+        self.core.t_switch
     }
 
     /// Its speed at the switch, rad/s, signed.
     #[getter]
     fn v_peak(&self) -> f64 {
-        self.monotone().4
+        self.core.v_peak
     }
 
     /// Whether no other motion of any kind is faster than the monotone optimum, proven by Sturm's comparison.
     #[getter]
     fn certified_global(&self) -> bool {
-        matches!(&self.core, Core::Exact(o) if o.certified_global)
+        self.core.certified_global
     }
 
-    /// `pi sqrt(inertia / |gravity_moment|)`, s: no optimal motion shorter than this switches more than once; NaN with friction.
+    /// `pi / sqrt(|gravity_moment|/inertia - (viscous/(2 inertia))^2)`, s: no optimal motion shorter than this switches more than once (nothing is
+    /// known of Coulomb friction); infinite if overdamped, and then no optimal motion does at all.
     #[getter]
     fn sturm_bound(&self) -> f64 {
-        match &self.core {
-            Core::Exact(o) => o.sturm_bound,
-            Core::Friction(_) => f64::NAN,
-        }
+        self.core.sturm_bound
     }
 
     /// Why the monotone motion does not exist, with the missing torque; empty if it does.
     #[getter]
     fn reason(&self) -> String {
-        match &self.core {
-            Core::Exact(o) if !o.feasible => o.reason.to_string(),
-            Core::Friction(o) if !o.feasible => {
-                let [reach, begin] = o.theta_stall;
-                format!(
-                    "the push ends at theta = {reach:.6} rad and the brake can begin at theta = {begin:.6} rad: their speeds do not meet"
-                )
-            }
-            _ => String::new(),
-        }
+        if self.core.feasible { String::new() } else { self.core.reason.to_string() }
     }
 
     /// The fastest motion of the three families.
     #[getter]
     fn best(slf: &Bound<'_, Self>) -> Best {
-        let core = match &slf.get().core {
-            Core::Exact(o) => o.best,
-            Core::Friction(o) => o.best,
-        };
-        Best { core, owner: slf.clone().unbind() }
+        Best { core: slf.get().core.best, owner: slf.clone().unbind() }
     }
 
     /// `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at time `t` (s), a number or an array; at rest before 0 and from its end on.
@@ -234,14 +191,14 @@ impl TorqueOptimum {
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> String {
-        let (feasible, t, theta, time, _) = slf.get().monotone();
+        let core = &slf.get().core;
         format!(
             "TorqueOptimum(feasible={}, t={}, theta_switch={}, t_switch={}, certified_global={}, best={}, reason={:?})",
-            truth(feasible),
-            float(t),
-            float(theta),
-            float(time),
-            truth(slf.get().certified_global()),
+            truth(core.feasible),
+            float(core.t),
+            float(core.theta_switch),
+            float(core.t_switch),
+            truth(core.certified_global),
             Self::best(slf).__repr__(),
             slf.get().reason()
         )

@@ -1,0 +1,252 @@
+//! Steps of a phase of constant torque with friction: polynomials in time.
+//!
+//! ```text
+//! push from rest at x:                I y_ddot = p - G sin(x + y) - d y_dot          (a brake to rest is one run backwards: d < 0)
+//! spread z = d(x + y)/dx at fixed t:  I z_ddot = -G cos(x + y) z - d z_dot,   z(0) = 1,  z_dot(0) = 0
+//!
+//! series:       y = sum y_k h^k,   S_k = (1/k) sum_j j y_j C_(k-j),   C_k = -(1/k) sum_j j y_j S_(k-j)
+//!               y_(k+2) = (p [k=0] - G S_k - d (k+1) y_(k+1)) / (I (k+1)(k+2))
+//! collocation:  y_ddot = sum a_k (t/h)^k with the equation of motion at Chebyshev's points of (0, h], by Newton's method
+//! ```
+//!
+//! Taylor series of order 24 after Jorba and Zou, in steps whose last terms are below 1e-17 of the motion. They can't be longer than some
+//! time constants `I/d` of the friction, so where that has settled, and the motion is slow beside it, steps are by collocation: it is
+//! stiffly accurate, and as long as the slow motion allows.
+
+use super::sine::sin_cos;
+use nalgebra::{SMatrix, SVector};
+use std::f64::consts::PI;
+use std::sync::LazyLock;
+
+const ORDER: usize = 24;
+/// A polynomial in the time since a step began.
+pub(super) type Series = [f64; ORDER + 1];
+/// Points of a collocated step.
+const POINTS: usize = 12;
+/// Time constants of the friction after which steps are collocated: exp(-40) is below rounding.
+const SETTLED: f64 = 40.0;
+/// What the last term of a collocated speed may be, beside the speed.
+const TAIL: f64 = 2e-14;
+
+/// What moves: inertia, gravity, friction. Backwards in time both frictions are negative.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Rough {
+    pub inertia: f64,
+    pub g: f64,
+    pub viscous: f64,
+    pub coulomb: f64,
+}
+
+impl Rough {
+    pub fn backwards(self) -> Self {
+        Rough { viscous: -self.viscous, coulomb: -self.coulomb, ..self }
+    }
+}
+
+/// From `time` of its phase on, for `length`.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Step {
+    pub time: f64,
+    pub length: f64,
+    pub y: Series,
+    pub spread: Series,
+}
+
+/// A phase of constant torque from rest, as far as it has come.
+pub(super) struct Progress {
+    x: f64,
+    push: f64,
+    link: Rough,
+    pub time: f64,
+    pub y: f64,
+    pub v: f64,
+    spread: (f64, f64),
+    /// The length to try for the next collocated step.
+    slow: f64,
+}
+
+/// The value of a polynomial and its rate after `h`.
+pub(super) fn evaluate(c: &Series, h: f64) -> (f64, f64) {
+    let (mut y, mut v) = (0.0, 0.0);
+    for k in (0..=ORDER).rev() {
+        v = v * h + y;
+        y = y * h + c[k];
+    }
+    (y, v)
+}
+
+/// The step whose dropped terms are below 1e-17 of `size`. From rest, and at a crest of the sine, all but every fourth term
+/// vanish: the last six decide.
+fn step_length(c: &Series, size: f64) -> f64 {
+    (ORDER - 5..=ORDER).map(|k| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64)).fold(f64::INFINITY, f64::min)
+}
+
+impl Progress {
+    pub fn new(x: f64, torque: f64, link: &Rough) -> Self {
+        Progress { x, push: torque - link.coulomb, link: *link, time: 0.0, y: 0.0, v: 0.0, spread: (1.0, 0.0), slow: 0.0 }
+    }
+
+    /// Torque left at the rest point.
+    pub fn net(&self) -> f64 {
+        self.push - self.link.g * sin_cos(self.x).0
+    }
+
+    /// Whether gravity and friction take the whole torque: the link only creeps on towards an equilibrium.
+    pub fn stands(&self) -> bool {
+        self.link.viscous > 0.0 && self.time > 0.0 && self.link.viscous * self.v <= 1e-14 * (self.push.abs() + self.link.g.abs())
+    }
+
+    /// The next step, of full accuracy beside a motion of `size`.
+    pub fn step(&mut self, size: f64) -> Step {
+        let settles = self.link.inertia / self.link.viscous;
+        if self.time > SETTLED * settles && settles > 0.0 {
+            return self.collocated(settles);
+        }
+        let [y, cos] = self.series();
+        let spread = self.spread_series(&cos);
+        // While viscous friction settles, the motion is as small as its time constant.
+        let small = y[2].abs() * settles * settles;
+        let length = step_length(&y, if small.is_finite() { size.min(self.y + small) } else { size });
+        Step { time: self.time, length, y, spread }
+    }
+
+    /// To the end of a step.
+    pub fn advance(&mut self, step: &Step) {
+        (self.y, self.v) = evaluate(&step.y, step.length);
+        self.spread = evaluate(&step.spread, step.length);
+        self.time = step.time + step.length;
+    }
+
+    /// Taylor coefficients of the motion, and those of `cos(x + y)`.
+    fn series(&self) -> [Series; 2] {
+        let Rough { inertia, g, viscous, .. } = self.link;
+        let (mut c, mut s, mut k) = ([0.0; ORDER + 1], [0.0; ORDER + 1], [0.0; ORDER + 1]);
+        (c[0], c[1]) = (self.y, self.v);
+        (s[0], k[0]) = sin_cos(self.x + self.y);
+        for n in 0..ORDER - 1 {
+            if n > 0 {
+                let (mut sine, mut cosine) = (0.0, 0.0);
+                for j in 1..=n {
+                    let weight = j as f64 * c[j];
+                    sine += weight * k[n - j];
+                    cosine -= weight * s[n - j];
+                }
+                (s[n], k[n]) = (sine / n as f64, cosine / n as f64);
+            }
+            let force = if n == 0 { self.push - g * s[0] } else { -g * s[n] };
+            c[n + 2] = (force - viscous * (n + 1) as f64 * c[n + 1]) / (inertia * ((n + 1) * (n + 2)) as f64);
+        }
+        [c, k]
+    }
+
+    /// Taylor coefficients of the spread along those of `cos(x + y)`.
+    fn spread_series(&self, cos: &Series) -> Series {
+        let Rough { inertia, g, viscous, .. } = self.link;
+        let mut z = [0.0; ORDER + 1];
+        (z[0], z[1]) = self.spread;
+        for n in 0..ORDER - 1 {
+            let turning: f64 = (0..=n).map(|j| cos[j] * z[n - j]).sum();
+            z[n + 2] = -(g * turning + viscous * (n + 1) as f64 * z[n + 1]) / (inertia * ((n + 1) * (n + 2)) as f64);
+        }
+        z
+    }
+
+    /// A step as long as the slow motion allows.
+    fn collocated(&mut self, settles: f64) -> Step {
+        let mut length = self.slow.max(settles);
+        loop {
+            let tried = Collocation::new(self, length);
+            let tail = tried.tail(self);
+            // The last term goes with its power of the length.
+            let longest = length * (0.3 / tail).powf(1.0 / POINTS as f64);
+            if tail <= 1.0 || length <= settles {
+                // Below a tenth it is rounding, and tells nothing.
+                self.slow = if tail < 0.1 { 8.0 * length } else { longest };
+                return Step {
+                    time: self.time,
+                    length,
+                    y: tried.polynomial(self.y, self.v, 0),
+                    spread: tried.polynomial(self.spread.0, self.spread.1, 1),
+                };
+            }
+            length = longest.clamp(0.2 * length, 0.8 * length).max(settles);
+        }
+    }
+}
+
+type Values = SVector<f64, POINTS>;
+type Square = SMatrix<f64, POINTS, POINTS>;
+
+/// Powers of Chebyshev's points of (0, 1], and their first and second integrals.
+static POWERS: LazyLock<[Square; 3]> = LazyLock::new(|| {
+    let point = |i: usize| 0.5 - 0.5 * (PI * (i + 1) as f64 / POINTS as f64).cos();
+    let power = |i, k: usize| f64::powi(point(i), k as i32);
+    [
+        Square::from_fn(power),
+        Square::from_fn(|i, k| power(i, k + 1) / (k + 1) as f64),
+        Square::from_fn(|i, k| power(i, k + 2) / ((k + 1) * (k + 2)) as f64),
+    ]
+});
+
+/// Accelerations over a step, of the motion and of its spread, as polynomials in `t/h`.
+struct Collocation {
+    length: f64,
+    accelerations: [Values; 2],
+}
+
+impl Collocation {
+    fn new(phase: &Progress, length: f64) -> Self {
+        let Rough { inertia, g, viscous, .. } = phase.link;
+        let [plain, once, twice] = &*POWERS;
+        let (once, twice) = (once * length, twice * (length * length));
+        let resisting = plain * inertia + once * viscous;
+        let along = |start: f64, rate: f64| Values::from_fn(|i, _| start + rate * (plain[(i, 1)] * length));
+        let straight = along(phase.x + phase.y, phase.v);
+        let mut motion = Values::zeros();
+        let mut last = f64::INFINITY;
+        for _ in 0..12 {
+            let angles = straight + twice * motion;
+            let (sin, cos) = (angles.map(|x| sin_cos(x).0), angles.map(|x| sin_cos(x).1));
+            let missing = sin.map(|sin| phase.push - g * sin - viscous * phase.v) - resisting * motion;
+            let turning = Square::from_fn(|i, k| g * cos[i] * twice[(i, k)]);
+            let Some(change) = (resisting + turning).lu().solve(&missing) else { break };
+            motion += change;
+            let (way, moved) = (twice * change, twice * motion);
+            let (now, size) = (way.amax(), moved.amax() + phase.v * length);
+            let rounding = 1e-15 * (size + straight[0].abs());
+            if now <= rounding || now >= 0.5 * last {
+                if !(now.min(last) <= 1e-12 * size + rounding) {
+                    motion.fill(f64::NAN);
+                }
+                break;
+            }
+            last = now;
+        }
+        let cos = (straight + twice * motion).map(|x| sin_cos(x).1);
+        let turning = Square::from_fn(|i, k| g * cos[i] * twice[(i, k)]);
+        let drag = along(phase.spread.0, phase.spread.1).component_mul(&cos).map(|z| -g * z - viscous * phase.spread.1);
+        let spread = (resisting + turning).lu().solve(&drag).unwrap_or_else(|| Values::repeat(f64::NAN));
+        Collocation { length, accelerations: [motion, spread] }
+    }
+
+    /// The last terms of the speed as Chebyshev would have them, beside what they may be: at most 1 where the step is short enough.
+    fn tail(&self, phase: &Progress) -> f64 {
+        let motion = &self.accelerations[0];
+        let term = |k: usize| (motion[k] * self.length / (k + 1) as f64).abs() / f64::powi(2.0, 2 * k as i32 + 1);
+        let tail = term(POINTS - 1).max(term(POINTS - 2));
+        let rest = 4e-16 * (phase.push.abs() + phase.link.g.abs()) / phase.link.viscous;
+        let ratio = tail / (TAIL * phase.v + rest);
+        if ratio.is_nan() { f64::INFINITY } else { ratio }
+    }
+
+    fn polynomial(&self, start: f64, rate: f64, which: usize) -> Series {
+        let mut c = [0.0; ORDER + 1];
+        (c[0], c[1]) = (start, rate);
+        let mut power = 1.0;
+        for k in 0..POINTS {
+            c[k + 2] = self.accelerations[which][k] / ((k + 1) * (k + 2)) as f64 * power;
+            power /= self.length;
+        }
+        c
+    }
+}
