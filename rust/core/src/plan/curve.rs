@@ -3,12 +3,10 @@
 //! ```text
 //! push from rest at x0:             I y_ddot = (u_max - c) - G sin(x0 + y) - d y_dot
 //! brake to rest at x1, backwards:   I y_ddot = (c - u_min) - G sin(-x1 + y) + d y_dot
-//! spread z = d(x + y)/dx at fixed time:   I z_ddot = -G cos(x + y) z -+ d z_dot,   z(0) = 1,  z_dot(0) = 0
 //! ```
 //!
-//! With viscous friction the energy is no longer a function of the angle alone, so the phases are integrated (Taylor series, as in
-//! `trajectory.rs`) and meet where their speeds agree. At equal angle and speed the push has the larger acceleration, so the two
-//! curves cross once at most.
+//! With viscous friction the energy is no longer a function of the angle alone, so the phases are integrated (`steps.rs`) and meet where
+//! their speeds agree. At equal angle and speed the push has the larger acceleration, so the two curves cross once at most.
 
 use super::steps::{Progress, Rough, Step, evaluate};
 

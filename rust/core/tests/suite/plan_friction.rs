@@ -153,6 +153,74 @@ fn swings_with_viscous_friction_arrive_at_rest() {
 }
 
 #[test]
+fn friction_that_settles_leaves_the_slow_motion() {
+    // v = N/d up to I|G|/d^2, N the net torque: T = d int dx/N, here by Simpson's rule, and some time constants at the ends.
+    let (mut random, mut settled) = (Random::new(131), 0);
+    for _ in 0..300 {
+        let p = Problem::nominal(&mut random);
+        let (d, c) = ((p.inertia * p.gravity.abs()).sqrt() * 10f64.powf(random.range(2.0, 8.0)), 0.1 * random.unit() * p.tau_max);
+        let sign = 1.0f64.copysign(p.thetaf - p.theta0);
+        let push = if sign > 0.0 { p.tau_max } else { -p.tau_min } - c;
+        let (brake, x0, x1) = (if sign > 0.0 { -p.tau_min } else { p.tau_max } + c, sign * p.theta0, sign * p.thetaf);
+        let net = |k: usize| push - p.gravity * (x0 + (x1 - x0) * k as f64 / 2000.0).sin();
+        let least = (0..=2000).map(net).fold(f64::INFINITY, f64::min);
+        let o = rough(&p, d, c);
+        if least <= 1e-3 * push || brake + p.gravity * x1.sin() <= 1e-3 * brake {
+            assert!(least > -1e-3 * push.abs() || !o.feasible, "{p:?} {d} {c} {o:?}");
+            continue;
+        }
+        settled += 1;
+        let weight = |k: usize| if k == 0 || k == 2000 { 1.0 } else { 2.0 + 2.0 * (k % 2) as f64 };
+        let slow = d * (x1 - x0) / 6000.0 * (0..=2000).map(|k| weight(k) / net(k)).sum::<f64>();
+        let most = p.inertia / (d * d) * (push.max(brake) + p.gravity.abs());
+        assert!(o.feasible && o.certified_global && o.best.kind == Family::Monotone, "{p:?} {d} {c} {o:?}");
+        // The rule is worth 1e-8 where N is a thousandth of the push; a few time constants are lost at the ends.
+        assert!(near(o.t, slow, 1e-7 + 30.0 * most / (least / push * (x1 - x0).min(1.0))), "{p:?} {d} {c} {} {slow}", o.t);
+    }
+    assert!(settled > 50, "{settled}");
+}
+
+#[test]
+fn profiles_with_friction_meet_where_the_torque_switches() {
+    let (mut random, mut swings) = (Random::new(141), 0);
+    for k in 0..200 {
+        let p = Problem::nominal(&mut random);
+        let scale = (p.inertia * p.gravity.abs()).sqrt();
+        let (d, c) = (scale * 10f64.powf(random.range(-2.0, if k % 2 == 0 { -0.5 } else { 4.0 })), 0.2 * random.unit() * p.tau_max);
+        let o = rough(&p, d, c);
+        let (best, Some(profile)) = (o.best, o.profile()) else { continue };
+        swings += usize::from(best.switches == 2);
+        // Near a hump errors grow with exp(t sqrt(|G|/I)), less with friction.
+        let growth = (best.t * (p.gravity.abs() / p.inertia).sqrt()).exp().min(1e6);
+        let speed = p.tau_max.max(-p.tau_min).max(p.gravity.abs()) / p.inertia * (p.inertia / (d + scale));
+        for (theta, t) in best.theta_switches.into_iter().zip(best.t_switches).take(best.switches) {
+            let (before, after) = (profile.at(t * (1.0 - 1e-15)), profile.at(t));
+            assert!((before.q - theta).abs() + (after.q - theta).abs() <= 1e-12 * growth, "{p:?} {d} {c} {o:?} {before:?} {after:?}");
+            // A brake may be as short as the rounding of the time, and over.
+            assert!(
+                t == best.t || (before.v - after.v).abs() <= 1e-10 * growth * speed + 2e-15 * t * after.a.abs(),
+                "{p:?} {d} {c} {o:?} {before:?} {after:?}"
+            );
+        }
+        let ends = [profile.at(0.0), profile.at(best.t * (1.0 - 1e-15))];
+        assert!((ends[0].q - p.theta0).abs() + (ends[1].q - p.thetaf).abs() <= 1e-12 && ends[0].v == 0.0, "{p:?} {d} {c} {ends:?}");
+        if best.switches == 2 {
+            let turn = profile.at(best.t_turn);
+            assert!((turn.q - best.theta_turn).abs() <= 1e-12 && turn.v.abs() <= 1e-12 * speed, "{p:?} {d} {c} {turn:?}");
+        }
+    }
+    assert!(swings > 5, "{swings}");
+}
+
+#[test]
+fn a_motion_that_friction_stalls_says_what_is_missing() {
+    let o = torque_optimal_time_with_friction(0.1, 3.0, 1.0, 1.0, -0.9, 0.9, 30.0, 0.0).unwrap();
+    let MonotoneReason::Apart { push, missing, .. } = o.reason else { panic!("{:?}", o.reason) };
+    // Overdamped, the push creeps to where gravity takes all of it, and what is missing is what the crest takes more.
+    assert!((push - 0.9f64.asin()).abs() < 1e-6 && (missing - 0.1).abs() < 1e-6 && o.best.kind == Family::NoneFound, "{o:?}");
+}
+
+#[test]
 fn refusals() {
     for (viscous, coulomb, name) in [(-1.0, 0.0, "viscous"), (f64::NAN, 0.0, "viscous"), (0.0, f64::INFINITY, "coulomb")] {
         let e = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 1.0, -2.0, 2.0, viscous, coulomb).unwrap_err();
