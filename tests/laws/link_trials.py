@@ -53,7 +53,7 @@ def range_of_sine(a: Array, b: Array) -> tuple[Array, Array]:
     return np.where(inside[0], -1.0, np.minimum(*ends)), np.where(inside[1], 1.0, np.maximum(*ends))
 
 
-def judge_profiles(p: Array) -> tuple[Counter[str], list[tuple[int, str]]]:
+def judge_profiles(p: Array, _: np.random.Generator) -> tuple[Counter[str], list[tuple[int, str]]]:
     theta0, thetaf, inertia, G, high, low = p.T
     r = al.bang_bang_time(theta0, thetaf, inertia, G, high, tau_min=low)
     sign = np.where(thetaf >= theta0, 1.0, -1.0)
@@ -167,13 +167,4 @@ def judge_optima(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list
     return tally, failed
 
 
-def trials(stratum: str, count: int, seed: int) -> tuple[Counter[str], list[str]]:
-    tally, failed = Counter[str](), []
-    for number in range(-(-count // SIZE)):
-        rng = np.random.default_rng([seed, STRATA.index(stratum), number])
-        p = problems(stratum, rng)
-        for judge in (judge_profiles, lambda p, rng=rng: judge_optima(p, rng)):
-            told, wrong = judge(p)
-            tally.update(told)
-            failed.extend(f"{stratum}, block {number}, {what}: {p[i].tolist()}" for i, what in wrong)
-    return tally, failed
+JUDGES = (judge_profiles, judge_optima)

@@ -154,7 +154,7 @@ def test_friction() -> None:
     for p in problems(100, 9):
         plain = al.torque_optimal_time(*p[:5], tau_min=p[5])
         rough = al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=0.05)
-        assert not rough.certified_global
+        assert not rough.certified_global or rough.best.kind == "monotone"
         if rough.feasible:
             assert rough.best.t <= rough.t and (rough.best.kind == "monotone") == (rough.best.t == rough.t)
             nearly = al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=1e-9)
@@ -169,54 +169,8 @@ def test_friction() -> None:
             assert coulomb.t == pytest.approx(shifted.t, rel=1e-8, nan_ok=True)
 
 
-#: Steps of a leg, and turning points of a problem, of the brute force below.
-STEPS, TURNS = 1500, 32
-
-
-def rough_legs(start: np.ndarray, end: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Times of the fastest monotone motions `start -> end` with friction, NaN where there is none; `p`: inertia, gravity, limits, friction.
-
-    The energy and the time are integrated over the root of the distance by Runge-Kutta of order 4, the push forwards from the start and the
-    brake backwards from the end; the two curves cross once.
-    """
-    inertia, gravity, high, low, viscous, coulomb = p
-    sign, distance = np.sign(end - start), np.abs(end - start)
-    push, brake = np.where(sign > 0, high, -low), np.where(sign > 0, -low, high)
-    s = np.linspace(0.0, 1.0, STEPS + 1)
-    h = s[1]
-
-    def curve(x: np.ndarray, way: np.ndarray, torque: np.ndarray, drag: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        def slope(s: float, state: np.ndarray) -> np.ndarray:
-            # y = D s^2:   d(v^2/2)/ds = 2 D s a,   dt/ds = 2 D s / v
-            v = np.sqrt(np.where(state[0] > 0.0, 2.0 * state[0], np.nan))
-            a = (torque - gravity * way * np.sin(x + way * distance * s * s) - drag * v) / inertia
-            return np.stack([2.0 * distance * s * a, 2.0 * distance * s / v])
-
-        # The first step from rest: constant acceleration.
-        a = (torque - gravity * way * np.sin(x)) / inertia
-        v = np.sqrt(np.where(a > 0.0, 2.0 * distance * a, np.nan)) * h
-        states = [np.zeros((2, len(x))), np.stack([0.5 * v**2, v / a])]
-        for at in s[1:-1]:
-            state = states[-1]
-            k1 = slope(at, state)
-            k2 = slope(at + h / 2, state + h / 2 * k1)
-            k3 = slope(at + h / 2, state + h / 2 * k2)
-            states.append(state + h / 6 * (k1 + 2 * k2 + 2 * k3 + slope(at + h, state + h * k3)))
-        energies, times = np.stack(states, axis=-1)
-        return energies, times
-
-    there, back = curve(start, sign, push - coulomb, viscous), curve(end, -sign, brake + coulomb, -viscous)
-    found = np.full(start.shape, np.nan)
-    # Fine at either end; a stalled curve is NaN from there on, and so is what is interpolated.
-    way = np.sin(np.linspace(0.0, np.pi / 2, 4 * STEPS)) ** 2
-    for k in range(len(start)):
-        e1, t1 = (np.interp(np.sqrt(way), s, f[k]) for f in there)
-        e2, t2 = (np.interp(np.sqrt(1.0 - way), s, f[k]) for f in back)
-        lead, total = e1 - e2, t1 + t2
-        for j in np.flatnonzero((lead[:-1] < 0.0) & (lead[1:] >= 0.0))[:1]:
-            part = lead[j] / (lead[j] - lead[j + 1])
-            found[k] = (1.0 - part) * total[j] + part * total[j + 1]
-    return found
+#: Turning points of a problem.
+TURNS = 32
 
 
 def test_swings_with_friction() -> None:
@@ -238,8 +192,8 @@ def test_swings_with_friction() -> None:
     parameters = np.array([inertia, gravity, high, low, viscous, coulomb])
     each = np.repeat(parameters, TURNS, axis=1)
     first, second = (np.repeat(ends, TURNS) for ends in (theta0, thetaf))
-    detours = (rough_legs(first, turns.ravel(), each) + rough_legs(turns.ravel(), second, each)).reshape(turns.shape)
-    straight = rough_legs(theta0, thetaf, parameters)
+    detours = (friction_trials.legs(first, turns.ravel(), each) + friction_trials.legs(turns.ravel(), second, each)).reshape(turns.shape)
+    straight = friction_trials.legs(theta0, thetaf, parameters)
     # Legs of 1,500 steps are worth 1e-5; where one nearly stalls, 3e-4.
     np.testing.assert_allclose(straight, monotone, rtol=1e-3)
     np.testing.assert_allclose(detours[swings, 0], best[swings], rtol=1e-3)

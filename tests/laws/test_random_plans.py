@@ -14,6 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable
 
+import friction_trials
 import link_trials
 import numpy as np
 import path_trials
@@ -74,10 +75,18 @@ class _Here:
         return map(function, items)
 
 
-@pytest.mark.parametrize("stratum", link_trials.STRATA)
+@pytest.mark.parametrize("stratum", link_trials.STRATA + friction_trials.STRATA)
 def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
-    started, each = time.monotonic(), max(1, LINKS // len(link_trials.STRATA))
-    tally, failed = link_trials.trials(stratum, each, SEED)
+    # Friction is integrated, and judged by integration: fewer of them.
+    trials, each = (link_trials, LINKS // len(link_trials.STRATA)) if stratum in link_trials.STRATA else (friction_trials, LINKS // 50)
+    started, tally, failed = time.monotonic(), Counter[str](), []
+    for number in range(max(1, -(-each // trials.SIZE))):
+        rng = np.random.default_rng([SEED, trials.STRATA.index(stratum), number])
+        p = trials.problems(stratum, rng)
+        for judge in trials.JUDGES:
+            told, wrong = judge(p, rng)
+            tally.update(told)
+            failed.extend(f"block {number}, {what}: {p[i].tolist()}" for i, what in wrong)
     with capsys.disabled():
         told = ", ".join(f"{count:,} {name}" for name, count in sorted(tally.items()))
         print(f"\n  {each:,} links, {stratum}, seed {SEED}, {time.monotonic() - started:.0f} s: {told}")

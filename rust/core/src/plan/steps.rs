@@ -91,16 +91,24 @@ impl Progress {
         self.push - self.link.g * sin_cos(self.x).0
     }
 
-    /// Whether gravity and friction take the whole torque: the link only creeps on towards an equilibrium.
+    /// What rounding may do to the torque.
+    fn noise(&self) -> f64 {
+        1e-15 * (self.push.abs() + self.link.g.abs() * (1.0 + self.x.abs() + self.y))
+    }
+
+    /// Whether gravity takes the whole torque: the link only creeps on towards an equilibrium.
     pub fn stands(&self) -> bool {
-        self.link.viscous > 0.0 && self.time > 0.0 && self.link.viscous * self.v <= 1e-14 * (self.push.abs() + self.link.g.abs())
+        self.link.viscous > 0.0 && self.time > 0.0 && self.link.viscous * self.v <= 10.0 * self.noise()
     }
 
     /// The next step, of full accuracy beside a motion of `size`.
     pub fn step(&mut self, size: f64) -> Step {
         let settles = self.link.inertia / self.link.viscous;
-        if self.time > SETTLED * settles && settles > 0.0 {
-            return self.collocated(settles);
+        if self.time > SETTLED * settles
+            && settles > 0.0
+            && let Some(step) = self.collocated(settles)
+        {
+            return step;
         }
         let [y, cos] = self.series();
         let spread = self.spread_series(&cos);
@@ -151,23 +159,22 @@ impl Progress {
         z
     }
 
-    /// A step as long as the slow motion allows.
-    fn collocated(&mut self, settles: f64) -> Step {
+    /// A step as long as the slow motion allows, if it is slow.
+    fn collocated(&mut self, settles: f64) -> Option<Step> {
         let mut length = self.slow.max(settles);
         loop {
             let tried = Collocation::new(self, length);
             let tail = tried.tail(self);
             // The last term goes with its power of the length.
             let longest = length * (0.3 / tail).powf(1.0 / POINTS as f64);
-            if tail <= 1.0 || length <= settles {
+            if tail <= 1.0 {
                 // Below a tenth it is rounding, and tells nothing.
                 self.slow = if tail < 0.1 { 8.0 * length } else { longest };
-                return Step {
-                    time: self.time,
-                    length,
-                    y: tried.polynomial(self.y, self.v, 0),
-                    spread: tried.polynomial(self.spread.0, self.spread.1, 1),
-                };
+                let [y, spread] = tried.polynomials(self);
+                return Some(Step { time: self.time, length, y, spread });
+            }
+            if length <= settles {
+                return None;
             }
             length = longest.clamp(0.2 * length, 0.8 * length).max(settles);
         }
@@ -234,19 +241,21 @@ impl Collocation {
         let motion = &self.accelerations[0];
         let term = |k: usize| (motion[k] * self.length / (k + 1) as f64).abs() / f64::powi(2.0, 2 * k as i32 + 1);
         let tail = term(POINTS - 1).max(term(POINTS - 2));
-        let rest = 4e-16 * (phase.push.abs() + phase.link.g.abs()) / phase.link.viscous;
-        let ratio = tail / (TAIL * phase.v + rest);
+        let ratio = tail / (TAIL * phase.v + phase.noise() / phase.link.viscous);
         if ratio.is_nan() { f64::INFINITY } else { ratio }
     }
 
-    fn polynomial(&self, start: f64, rate: f64, which: usize) -> Series {
-        let mut c = [0.0; ORDER + 1];
-        (c[0], c[1]) = (start, rate);
-        let mut power = 1.0;
-        for k in 0..POINTS {
-            c[k + 2] = self.accelerations[which][k] / ((k + 1) * (k + 2)) as f64 * power;
-            power /= self.length;
+    /// Of the motion and of its spread, in the time since the step began.
+    fn polynomials(&self, from: &Progress) -> [Series; 2] {
+        let mut series = [[0.0; ORDER + 1]; 2];
+        for (c, (start, accelerations)) in series.iter_mut().zip([(from.y, from.v), from.spread].into_iter().zip(&self.accelerations)) {
+            (c[0], c[1]) = start;
+            let mut power = 1.0;
+            for k in 0..POINTS {
+                c[k + 2] = accelerations[k] / ((k + 1) * (k + 2)) as f64 * power;
+                power /= self.length;
+            }
         }
-        c
+        series
     }
 }

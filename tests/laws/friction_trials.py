@@ -1,0 +1,158 @@
+"""Random one-link problems with friction for `torque_optimal_time`, judged by numpy.
+
+motion:    along the profile the torque is on a limit, int v dt and int (tau - G sin q - d v - c sign v)/I dt over panels are what q and v change by
+refused:   a monotone motion that Runge-Kutta steps find, or where friction rules that a positive net torque all the way makes possible, is found
+swings:    none by a random turning point is faster, by Runge-Kutta steps
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import armlet as al
+
+Array = NDArray[np.float64]
+STRATA = ("friction", "strong friction")
+SIZE = 200
+#: Steps of a leg by Runge-Kutta, and random turning points of a problem.
+STEPS, TURNS = 1500, 4
+#: What such a leg is worth; less where it nearly stalls.
+ROUGH = 1e-3
+#: Panels of a phase, close together at its ends, where friction settles, and places in a panel.
+PANELS = np.unique(np.concatenate([np.linspace(0.0, 1.0, 65), 2.0 ** np.arange(-38, -6), 1.0 - 2.0 ** np.arange(-38, -6)]))
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
+
+
+def problems(stratum: str, rng: np.random.Generator) -> Array:
+    """theta0, thetaf, inertia, gravity_moment, tau_max, tau_min, viscous, coulomb: (SIZE, 8)."""
+    theta0, thetaf = rng.uniform(-4.0, 4.0, (2, SIZE))
+    inertia, G = 10.0 ** rng.uniform(-1.0, 1.0, SIZE), rng.uniform(-1.5, 1.5, SIZE)
+    high, low = rng.uniform(0.1, 2.0, (2, SIZE))
+    # Critical damping of the hanging link is 2 sqrt(I |G|).
+    exponents = (-3.0, 0.5) if stratum == "friction" else (0.0, 8.0)
+    viscous = np.sqrt(inertia * np.abs(G)) * 10.0 ** rng.uniform(*exponents, SIZE)
+    coulomb = np.where(rng.random(SIZE) < 0.3, 0.0, rng.uniform(0.0, 0.5, SIZE) * np.minimum(high, low))
+    return np.stack([theta0, thetaf, inertia, G, high, -low, viscous, coulomb], axis=1)
+
+
+def legs(start: np.ndarray, end: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Times of the fastest monotone motions `start -> end` with friction, NaN where there is none; `p`: inertia, gravity, limits, friction.
+
+    The energy and the time are integrated over the root of the distance by Runge-Kutta of order 4, the push forwards from the start and the
+    brake backwards from the end; the two curves cross once.
+    """
+    inertia, gravity, high, low, viscous, coulomb = p
+    sign, distance = np.sign(end - start), np.abs(end - start)
+    push, brake = np.where(sign > 0, high, -low), np.where(sign > 0, -low, high)
+    s = np.linspace(0.0, 1.0, STEPS + 1)
+    h = s[1]
+
+    def curve(x: np.ndarray, way: np.ndarray, torque: np.ndarray, drag: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def slope(s: float, state: np.ndarray) -> np.ndarray:
+            # y = D s^2:   d(v^2/2)/ds = 2 D s a,   dt/ds = 2 D s / v
+            v = np.sqrt(np.where(state[0] > 0.0, 2.0 * state[0], np.nan))
+            a = (torque - gravity * way * np.sin(x + way * distance * s * s) - drag * v) / inertia
+            return np.stack([2.0 * distance * s * a, 2.0 * distance * s / v])
+
+        # The first step from rest: constant acceleration.
+        a = (torque - gravity * way * np.sin(x)) / inertia
+        v = np.sqrt(np.where(a > 0.0, 2.0 * distance * a, np.nan)) * h
+        states = [np.zeros((2, len(x))), np.stack([0.5 * v**2, v / a])]
+        for at in s[1:-1]:
+            state = states[-1]
+            k1 = slope(at, state)
+            k2 = slope(at + h / 2, state + h / 2 * k1)
+            k3 = slope(at + h / 2, state + h / 2 * k2)
+            states.append(state + h / 6 * (k1 + 2 * k2 + 2 * k3 + slope(at + h, state + h * k3)))
+        energies, times = np.stack(states, axis=-1)
+        return energies, times
+
+    there, back = curve(start, sign, push - coulomb, viscous), curve(end, -sign, brake + coulomb, -viscous)
+    found = np.full(start.shape, np.nan)
+    # Fine at either end; a stalled curve is NaN from there on, and so is what is interpolated.
+    way = np.sin(np.linspace(0.0, np.pi / 2, 4 * STEPS)) ** 2
+    for k in range(len(start)):
+        e1, t1 = (np.interp(np.sqrt(way), s, f[k]) for f in there)
+        e2, t2 = (np.interp(np.sqrt(1.0 - way), s, f[k]) for f in back)
+        lead, total = e1 - e2, t1 + t2
+        for j in np.flatnonzero((lead[:-1] < 0.0) & (lead[1:] >= 0.0))[:1]:
+            part = lead[j] / (lead[j] - lead[j + 1])
+            found[k] = (1.0 - part) * total[j] + part * total[j + 1]
+    return found
+
+
+def motion_error(o: Any, row: list[float]) -> float:
+    """How far the motion is from its equation, and from rest at its ends and its turn, relative to its size and speed."""
+    theta0, thetaf, inertia, G, high, low, viscous, coulomb = row
+    turns = [] if np.isnan(o.best.t_turn) else [o.best.t_turn]
+    times = np.sort([0.0, *o.best.t_switches, *turns, o.best.t])
+    q_error, v_error, size, speed, rounding = [], [], abs(thetaf - theta0), 0.0, 0.0
+    for start, end in zip(times[:-1], times[1:], strict=True):
+        edges = np.unique(start + (end - start) * PANELS)
+        half = 0.5 * np.diff(edges)
+        inside = edges[:-1, None] + half[:, None] * (NODES + 1.0)
+        q, v, _, tau = o.profile(inside)
+        a = (tau - G * np.sin(q) - viscous * v - coulomb * np.sign(v)) / inertia
+        # Just before the end: at it the next phase begins.
+        edges[-1] = np.nextafter(end, 0.0)
+        at_q, at_v, _, _ = o.profile(edges)
+        rest = [at_v[k] for k, t in ((0, start), (-1, end)) if t in (0.0, *turns, o.best.t)]
+        q_error += [*np.diff(at_q) - half * (v @ WEIGHTS), *(at_q[k] - x for k, t, x in ((0, 0.0, theta0), (-1, o.best.t, thetaf)) if t == (start, end)[k])]
+        v_error += [*np.diff(at_v) - half * (a @ WEIGHTS), *rest]
+        if len({*tau.ravel()} - {high, low}) or np.ptp(tau) != 0.0:
+            return np.inf
+        size, speed = max(size, float(np.ptp(at_q))), max(speed, float(np.abs(at_v).max()))
+        # Of the time, beside a brake that is far shorter than the motion.
+        rounding = max(rounding, 1e-15 * o.best.t * float(np.abs(a).max()))
+    return max(np.abs(q_error).max() / size, np.abs(v_error).max() / (speed + 1e9 * rounding)) if speed else np.inf
+
+
+def judge(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list[tuple[int, str]]]:
+    optima = [al.torque_optimal_time(*row[:5], tau_min=row[5], viscous=row[6], coulomb=row[7]) for row in p.tolist()]
+    theta0, thetaf, inertia, G, high, low, viscous, coulomb = p.T
+    sign = np.sign(thetaf - theta0)
+    kinds = np.array([o.best.kind for o in optima])
+    feasible, t, best = (np.array([f(o) for o in optima]) for f in (lambda o: o.feasible, lambda o: o.t, lambda o: o.best.t))
+    tally: Counter[str] = Counter(kinds.tolist())
+    failed: list[tuple[int, str]] = []
+
+    def refuse(bad: Array, what: str) -> None:
+        failed.extend((int(i), what) for i in np.flatnonzero(bad))
+
+    with np.errstate(all="ignore"):
+        errors = np.array([0.0 if k == "none found" else motion_error(o, row) for o, k, row in zip(optima, kinds, p.tolist(), strict=True)])
+        growth = np.exp(np.minimum(best * np.sqrt(np.abs(G) / inertia), 14.0))
+        refuse(~(errors <= 1e-11 * np.where(np.isnan(growth), 1.0, growth)), "the motion is another one")
+        refuse(feasible & ~(np.isfinite(t) & (best <= t * (1.0 + 1e-12))), "best is slower than monotone")
+        certified = np.array([o.certified_global for o in optima])
+        refuse(certified & (kinds != "monotone"), "certified but not monotone")
+        # Friction rules: v = N/d, N the net torque.
+        x = theta0[:, None] + np.linspace(0.0, 1.0, 2001) * (thetaf - theta0)[:, None]
+        push, brake = np.where(sign > 0, high, -low) - coulomb, np.where(sign > 0, -low, high) + coulomb
+        net = push[:, None] - (G * sign)[:, None] * np.sin(x)
+        least = net.min(axis=1)
+        loses = inertia * (push + brake + np.abs(G)) ** 2 / (viscous * least * np.minimum(1.0, np.abs(thetaf - theta0))) ** 2 * push
+        slow = (least > 0.0) & (brake + G * sign * np.sin(thetaf) > 1e-3 * brake) & (loses < 1e-3)
+        time = viscous * np.abs(thetaf - theta0) / 2000 * (0.5 / net[:, :-1] + 0.5 / net[:, 1:]).sum(axis=1)
+        tally["friction rules"] = int(slow.sum())
+        refuse(slow & ~(np.abs(t - time) <= (1e-2 + 10.0 * loses) * time), "not the slow motion")
+        # Runge-Kutta steps hold where friction settles in no less than a few of them.
+        steps = STEPS * np.minimum(1.0, np.abs(thetaf - theta0)) > 200.0 * viscous**2 / (inertia * np.maximum(least, 0.05))
+        direct = legs(theta0, thetaf, p.T[2:])
+        known = steps & np.isfinite(direct)
+        tally["monotone, checked"] = int(known.sum())
+        refuse(known & ~(np.abs(t - direct) <= ROUGH * direct), "monotone time, or refused")
+        depth = 10.0 ** rng.uniform(-3.0, 1.0, (TURNS, len(p)))
+        turns = np.where(rng.random((TURNS, len(p))) < 0.5, theta0 - sign * depth, thetaf + sign * depth)
+        each, first, second = np.tile(p.T[2:], TURNS), np.tile(theta0, TURNS), np.tile(thetaf, TURNS)
+        swings = (legs(first, turns.ravel(), each) + legs(turns.ravel(), second, each)).reshape(turns.shape)
+        tally["swings tried"] = int(np.isfinite(swings).sum())
+        refuse(np.any(steps & np.isfinite(swings) & ~(best <= swings * (1.0 + ROUGH)), axis=0), "a swing by some angle is faster")
+    return tally, failed
+
+
+JUDGES = (judge,)
