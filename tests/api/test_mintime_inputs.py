@@ -186,6 +186,13 @@ def test_optimum_texts_and_pickles() -> None:
     assert "missing" in none.reason and not none.certified_global
     rough = al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0, viscous=0.1, coulomb=0.1)
     assert rough.feasible and rough.t > al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0).t
+    stalls = al.torque_optimal_time(0.1, 3.0, 1.0, 1.0, 0.9, viscous=30.0)
+    assert "the push ends at theta = 1.1197" in stalls.reason and "1.000000e-1 N m are missing in both torques" in stalls.reason
+    with pytest.raises(al.InputError, match="the optimum has no motion"):
+        stalls.profile(0.0)
+    for start, end, words in ((1.5, 3.0, "cannot leave the start"), (0.1, 4.5, "cannot stop at the end")):
+        reason = al.torque_optimal_time(start, end, 1.0, 1.0, 1.1 if start < 1.0 else 0.9, tau_min=-0.5, coulomb=0.1).reason
+        assert words in reason and "missing" in reason, reason
     for result in (swing, none, rough, swing.best, none.best, rough.best):
         back = pickle.loads(pickle.dumps(result))
         assert back == result and repr(back) == repr(result)
@@ -210,5 +217,6 @@ def test_profile_of_an_optimum() -> None:
     none = al.torque_optimal_time(0.0, math.pi, 1.0, 50.0, 1.0)
     with pytest.raises(al.InputError, match=r"^TorqueOptimum\.profile: the optimum has no motion"):
         none.profile(0.0)
-    with pytest.raises(al.InputError, match=r"^TorqueOptimum\.monotone_profile: the optimum has friction"):
-        al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0, viscous=0.1).monotone_profile(0.0)
+    # With friction it holds a little of the torque back.
+    rough = al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0, viscous=0.1, coulomb=0.25)
+    assert rough.monotone_profile(0.0) == (0.0, 0.0, 0.75, 1.0) and rough.profile(rough.t)[:3] == (1.0, 0.0, 0.0)

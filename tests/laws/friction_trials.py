@@ -1,12 +1,14 @@
 """Random one-link problems with friction for `torque_optimal_time`, judged by numpy.
 
-motion:    along the profile the torque is on a limit, int v dt and int (tau - G sin q - d v - c sign v)/I dt over panels are what q and v change by
-refused:   a monotone motion that Runge-Kutta steps find, or where friction rules that a positive net torque all the way makes possible, is found
+motion:    along the profile the torque is on a limit; int v dt and int (tau - G sin q - d v - c sign v)/I dt over panels are the
+           changes of q and v
+refused:   a monotone motion is found that Runge-Kutta steps find, or, where friction rules, that has a positive net torque all the way
 swings:    none by a random turning point is faster, by Runge-Kutta steps
 """
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from typing import Any
 
@@ -90,25 +92,29 @@ def motion_error(o: Any, row: list[float]) -> float:
     theta0, thetaf, inertia, G, high, low, viscous, coulomb = row
     turns = [] if np.isnan(o.best.t_turn) else [o.best.t_turn]
     times = np.sort([0.0, *o.best.t_switches, *turns, o.best.t])
-    q_error, v_error, size, speed, rounding = [], [], abs(thetaf - theta0), 0.0, 0.0
-    for start, end in zip(times[:-1], times[1:], strict=True):
+    q_error, v_error = [], []
+    size, speed, rounding = abs(thetaf - theta0), 0.0, 0.0
+    for start, end in itertools.pairwise(times):
         edges = np.unique(start + (end - start) * PANELS)
         half = 0.5 * np.diff(edges)
-        inside = edges[:-1, None] + half[:, None] * (NODES + 1.0)
-        q, v, _, tau = o.profile(inside)
+        q, v, _, tau = o.profile(edges[:-1, None] + half[:, None] * (NODES + 1.0))
+        if np.ptp(tau) != 0.0 or tau[0, 0] not in (high, low):
+            return np.inf
         a = (tau - G * np.sin(q) - viscous * v - coulomb * np.sign(v)) / inertia
         # Just before the end: at it the next phase begins.
         edges[-1] = np.nextafter(end, 0.0)
-        at_q, at_v, _, _ = o.profile(edges)
-        rest = [at_v[k] for k, t in ((0, start), (-1, end)) if t in (0.0, *turns, o.best.t)]
-        q_error += [*np.diff(at_q) - half * (v @ WEIGHTS), *(at_q[k] - x for k, t, x in ((0, 0.0, theta0), (-1, o.best.t, thetaf)) if t == (start, end)[k])]
-        v_error += [*np.diff(at_v) - half * (a @ WEIGHTS), *rest]
-        if len({*tau.ravel()} - {high, low}) or np.ptp(tau) != 0.0:
-            return np.inf
-        size, speed = max(size, float(np.ptp(at_q))), max(speed, float(np.abs(at_v).max()))
+        q_at, v_at, _, _ = o.profile(edges)
+        q_error.extend(np.diff(q_at) - half * (v @ WEIGHTS))
+        v_error.extend(np.diff(v_at) - half * (a @ WEIGHTS))
+        rests = {0.0: theta0, o.best.t_turn: o.best.theta_turn, o.best.t: thetaf}
+        for k, t in ((0, start), (-1, end)):
+            if t in rests:
+                q_error.append(q_at[k] - rests[t])
+                v_error.append(v_at[k])
+        size, speed = max(size, float(np.ptp(q_at))), max(speed, float(np.abs(v_at).max()))
         # Of the time, beside a brake that is far shorter than the motion.
         rounding = max(rounding, 1e-15 * o.best.t * float(np.abs(a).max()))
-    return max(np.abs(q_error).max() / size, np.abs(v_error).max() / (speed + 1e9 * rounding)) if speed else np.inf
+    return max(np.abs(q_error).max() / size, max(np.abs(v_error).max() - rounding, 0.0) / speed) if speed else np.inf
 
 
 def judge(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list[tuple[int, str]]]:

@@ -6,6 +6,7 @@ reversal:  t -> T - t                       swaps the ends, keeps the limits
 
 from __future__ import annotations
 
+import friction_trials
 import numpy as np
 import pytest
 
