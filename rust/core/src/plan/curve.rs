@@ -14,6 +14,8 @@ use super::steps::{Progress, Rough, Step, evaluate};
 #[derive(Default)]
 pub(super) struct Curve {
     steps: Vec<Step>,
+    /// Of the time of the steps, s.
+    unit: f64,
     /// The distance covered while moving forward.
     pub reach: f64,
 }
@@ -31,13 +33,16 @@ const MAX_STEPS: usize = 2000;
 impl Curve {
     /// From rest at `x` under `torque`, less the friction, over `distance` at most, or until it is faster than a curve that comes from there.
     pub fn new(x: f64, torque: f64, link: &Rough, distance: f64, against: Option<&Curve>) -> Self {
-        let mut curve = Curve { steps: Vec::new(), reach: 0.0 };
         let mut at = Progress::new(x, torque, link);
+        let mut curve = Curve { steps: Vec::new(), unit: at.unit, reach: 0.0 };
         if at.net() <= 0.0 {
             return curve;
         }
         while at.y < distance && curve.steps.len() < MAX_STEPS && !at.stands() {
             let mut step = at.step(distance);
+            if !(step.length > 0.0) {
+                break;
+            }
             for _ in 0..60 {
                 // Stop at the goal: the curve beyond it is not needed, and may not be finite.
                 let (next, _) = evaluate(&step.y, step.length);
@@ -57,7 +62,7 @@ impl Curve {
             curve.reach = at.y.min(distance);
             if let Some(other) = against {
                 let left = distance - curve.reach;
-                if other.reach > 0.0 && left <= other.reach && at.v > other.at(left).speed {
+                if other.reach > 0.0 && left <= other.reach && at.v / at.unit > other.at(left).speed {
                     break;
                 }
             }
@@ -72,7 +77,7 @@ impl Curve {
         let (mut a, mut b) = (0.0, *length);
         // From rest the distance goes with the square of the time.
         let part = (y - c[0]) / (evaluate(c, b).0 - c[0]);
-        let mut h = length * if k == 0 { part.max(0.0).sqrt() } else { part }.clamp(0.0, 1.0);
+        let mut h = length * if k == 0 { part.max(0.0).sqrt() } else { part.max(0.0) }.min(1.0);
         let mut last = f64::INFINITY;
         for _ in 0..60 {
             let (position, speed) = evaluate(c, h);
@@ -88,7 +93,7 @@ impl Curve {
             let next = if (newton - h).abs() < 0.5 * last { newton } else { 0.5 * (a + b) };
             (h, last) = (next, (next - h).abs());
         }
-        Moment { time: time + h, speed: evaluate(c, h).1, spread: evaluate(spread, h).0 }
+        Moment { time: (time + h) * self.unit, speed: evaluate(c, h).1 / self.unit, spread: evaluate(spread, h).0 }
     }
 }
 

@@ -43,7 +43,7 @@ impl Rough {
     }
 }
 
-/// From `time` of its phase on, for `length`.
+/// From `time` of its phase on, for `length`, in units of its time.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Step {
     pub time: f64,
@@ -52,11 +52,14 @@ pub(super) struct Step {
     pub spread: Series,
 }
 
-/// A phase of constant torque from rest, as far as it has come.
+/// A phase of constant torque from rest, as far as it has come. Time is in units in which the motion begins at the order of one, so that no
+/// coefficient of a series is too large for a number.
 pub(super) struct Progress {
     x: f64,
     push: f64,
     link: Rough,
+    /// Seconds.
+    pub unit: f64,
     pub time: f64,
     pub y: f64,
     pub v: f64,
@@ -83,7 +86,11 @@ fn step_length(c: &Series, size: f64) -> f64 {
 
 impl Progress {
     pub fn new(x: f64, torque: f64, link: &Rough) -> Self {
-        Progress { x, push: torque - link.coulomb, link: *link, time: 0.0, y: 0.0, v: 0.0, spread: (1.0, 0.0), slow: 0.0 }
+        let push = torque - link.coulomb;
+        let Rough { inertia, g, viscous, .. } = *link;
+        let unit = (inertia / (push.abs() + g.abs())).sqrt().min((inertia / viscous).abs());
+        let link = Rough { inertia: inertia / unit / unit, viscous: viscous / unit, ..*link };
+        Progress { x, push, link, unit, time: 0.0, y: 0.0, v: 0.0, spread: (1.0, 0.0), slow: 0.0 }
     }
 
     /// Torque left at the rest point.
@@ -161,22 +168,23 @@ impl Progress {
 
     /// A step as long as the slow motion allows, if it is slow.
     fn collocated(&mut self, settles: f64) -> Option<Step> {
-        let mut length = self.slow.max(settles);
+        let (mut length, mut shortened) = (self.slow.max(settles), false);
         loop {
             let tried = Collocation::new(self, length);
             let tail = tried.tail(self);
             // The last term goes with its power of the length.
             let longest = length * (0.3 / tail).powf(1.0 / POINTS as f64);
             if tail <= 1.0 {
-                // Below a tenth it is rounding, and tells nothing.
-                self.slow = if tail < 0.1 { 8.0 * length } else { longest };
+                // It may be rounding, and tell nothing: every other step tries a longer one.
+                let longer = if tail < 0.1 { 8.0 } else { 2.0 } * length;
+                self.slow = if shortened { longest } else { longer };
                 let [y, spread] = tried.polynomials(self);
                 return Some(Step { time: self.time, length, y, spread });
             }
             if length <= settles {
                 return None;
             }
-            length = longest.clamp(0.2 * length, 0.8 * length).max(settles);
+            (length, shortened) = (longest.clamp(0.2 * length, 0.8 * length).max(settles), true);
         }
     }
 }
@@ -221,7 +229,7 @@ impl Collocation {
             let (way, moved) = (twice * change, twice * motion);
             let (now, size) = (way.amax(), moved.amax() + phase.v * length);
             let rounding = 1e-15 * (size + straight[0].abs());
-            if now <= rounding || now >= 0.5 * last {
+            if now <= 1e-15 * size || now >= 0.5 * last {
                 if !(now.min(last) <= 1e-12 * size + rounding) {
                     motion.fill(f64::NAN);
                 }
@@ -241,7 +249,8 @@ impl Collocation {
         let motion = &self.accelerations[0];
         let term = |k: usize| (motion[k] * self.length / (k + 1) as f64).abs() / f64::powi(2.0, 2 * k as i32 + 1);
         let tail = term(POINTS - 1).max(term(POINTS - 2));
-        let ratio = tail / (TAIL * phase.v + phase.noise() / phase.link.viscous);
+        // A speed at the start that is off by rounding shows in the last term a dozen times.
+        let ratio = tail / (TAIL * phase.v + 12.0 * phase.noise() / phase.link.viscous);
         if ratio.is_nan() { f64::INFINITY } else { ratio }
     }
 

@@ -23,6 +23,8 @@ struct Run {
     /// The time at which the phase ends.
     end: f64,
     steps: Vec<Step>,
+    /// Of the time of the steps, s.
+    unit: f64,
 }
 
 /// State and input of a motion: rad, rad/s, rad/s^2, N m.
@@ -49,6 +51,7 @@ impl Run {
         let along = if sense > 0.0 { *link } else { link.backwards() };
         let mut at = Progress::new(direction * theta, direction * tau, &along);
         let size = at.net().abs() / link.inertia * duration * duration;
+        let (unit, duration) = (at.unit, duration / at.unit);
         let mut steps = Vec::new();
         while at.time < duration && steps.len() < MAX_STEPS {
             let mut step = at.step(size + at.y);
@@ -59,15 +62,15 @@ impl Run {
             at.advance(&step);
             steps.push(step);
         }
-        Run { theta, direction, tau, rest, sense, end, steps }
+        Run { theta, direction, tau, rest, sense, end, steps, unit }
     }
 
     fn sample(&self, t: f64, link: &Rough) -> Sample {
-        let time = (self.sense * (t - self.rest)).max(0.0);
+        let time = (self.sense * (t - self.rest)).max(0.0) / self.unit;
         let k = self.steps.partition_point(|s| s.time <= time).max(1) - 1;
         let (y, v) = evaluate(&self.steps[k].y, time - self.steps[k].time);
         let way = self.sense * self.direction;
-        let (q, v) = (self.theta + self.direction * y, way * v);
+        let (q, v) = (self.theta + self.direction * y, way * v / self.unit);
         let friction = link.viscous * v + link.coulomb * way;
         Sample { q, v, a: (self.tau - link.g * sin_cos(q).0 - friction) / link.inertia, tau: self.tau }
     }
