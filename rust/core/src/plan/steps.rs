@@ -217,25 +217,25 @@ impl Collocation {
         let resisting = plain * inertia + once * viscous;
         let along = |start: f64, rate: f64| Values::from_fn(|i, _| start + rate * (plain[(i, 1)] * length));
         let straight = along(phase.x + phase.y, phase.v);
-        let mut motion = Values::zeros();
-        let mut last = f64::INFINITY;
+        let (mut motion, mut last) = (Values::zeros(), f64::INFINITY);
         for _ in 0..12 {
             let angles = straight + twice * motion;
             let (sin, cos) = (angles.map(|x| sin_cos(x).0), angles.map(|x| sin_cos(x).1));
             let missing = sin.map(|sin| phase.push - g * sin - viscous * phase.v) - resisting * motion;
             let turning = Square::from_fn(|i, k| g * cos[i] * twice[(i, k)]);
-            let Some(change) = (resisting + turning).lu().solve(&missing) else { break };
+            let change = (resisting + turning).lu().solve(&missing).unwrap_or_else(|| Values::repeat(f64::NAN));
             motion += change;
             let (way, moved) = (twice * change, twice * motion);
             let (now, size) = (way.amax(), moved.amax() + phase.v * length);
-            let rounding = 1e-15 * (size + straight[0].abs());
-            if now <= 1e-15 * size || now >= 0.5 * last {
-                if !(now.min(last) <= 1e-12 * size + rounding) {
-                    motion.fill(f64::NAN);
-                }
-                break;
+            if now > 1e-15 * size && now < 0.5 * last {
+                last = now;
+                continue;
             }
-            last = now;
+            // No nearer, though not near: beside what rounding of the angle does.
+            if !(now.min(last) <= 1e-12 * size + 1e-15 * straight[0].abs()) {
+                motion.fill(f64::NAN);
+            }
+            break;
         }
         let cos = (straight + twice * motion).map(|x| sin_cos(x).1);
         let turning = Square::from_fn(|i, k| g * cos[i] * twice[(i, k)]);
