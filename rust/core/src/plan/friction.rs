@@ -156,8 +156,7 @@ pub fn torque_optimal_time_with_friction(
     let sign = 1.0f64.copysign(thetaf - theta0);
     let along = link.along(sign > 0.0);
     let (x0, x1, up, down) = (sign * theta0, sign * thetaf, along.tau_max, -along.tau_min);
-    let problem = Straight { x0, x1, up, down, link: optimum.link };
-    match problem.meeting() {
+    match (Straight { x0, x1, up, down, link: optimum.link }).solve() {
         Ok(Meeting { at, push, brake }) => optimum.set_monotone(push.time + brake.time, sign * (x0 + at), push.time, sign * push.speed),
         Err(reason) => optimum.reason = reason.along(sign),
     }
@@ -191,16 +190,15 @@ struct Straight {
 }
 
 impl Straight {
-    /// Push and brake with both torques larger by `more`.
-    fn curves(&self, more: f64) -> [Curve; 2] {
+    /// Where push and brake meet with both torques larger by `more`, and how far the two go.
+    fn meeting(&self, more: f64) -> (Option<Meeting>, [f64; 2]) {
         let (distance, link) = (self.x1 - self.x0, self.link);
-        [
-            Curve::new(self.x0, self.up + more, &link, distance, None),
-            Curve::new(-self.x1, self.down + more, &link.backwards(), distance, None),
-        ]
+        let push = Curve::new(self.x0, self.up + more, &link, distance, None);
+        let brake = Curve::new(-self.x1, self.down + more, &link.backwards(), distance, None);
+        (Leg { push: &push, brake: &brake, distance }.meeting(), [push.reach, brake.reach])
     }
 
-    fn meeting(&self) -> std::result::Result<Meeting, MonotoneReason> {
+    fn solve(&self) -> std::result::Result<Meeting, MonotoneReason> {
         let Straight { x0, x1, up, down, link } = *self;
         let net = [Progress::new(x0, up, &link).net(), Progress::new(-x1, down, &link.backwards()).net()];
         if net[0] <= 0.0 {
@@ -209,21 +207,16 @@ impl Straight {
         if net[1] <= 0.0 {
             return Err(MonotoneReason::EndBlocked { missing: -net[1] });
         }
-        let distance = x1 - x0;
-        let [push, brake] = self.curves(0.0);
-        let apart = || MonotoneReason::Apart { push: x0 + push.reach, brake: x1 - brake.reach, missing: self.missing() };
-        Leg { push: &push, brake: &brake, distance }.meeting().ok_or_else(apart)
+        let (meeting, [push, brake]) = self.meeting(0.0);
+        meeting.ok_or_else(|| MonotoneReason::Apart { push: x0 + push, brake: x1 - brake, missing: self.missing() })
     }
 
     /// By how much both torques are too small, to six digits: with gravity and friction on top of them they are not.
     fn missing(&self) -> f64 {
-        let distance = self.x1 - self.x0;
         let (mut less, mut more) = (0.0, self.link.g.abs() + self.link.coulomb);
         while more - less > 1e-6 * more && more > 1e-12 * self.up.max(self.down) {
             let middle = 0.5 * (less + more);
-            let [push, brake] = self.curves(middle);
-            let enough = Leg { push: &push, brake: &brake, distance }.meeting().is_some();
-            if enough { more = middle } else { less = middle }
+            if self.meeting(middle).0.is_some() { more = middle } else { less = middle }
         }
         more
     }

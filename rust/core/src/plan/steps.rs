@@ -217,13 +217,13 @@ impl Collocation {
         let resisting = plain * inertia + once * viscous;
         let along = |start: f64, rate: f64| Values::from_fn(|i, _| start + rate * (plain[(i, 1)] * length));
         let straight = along(phase.x + phase.y, phase.v);
+        let tangent = |cos: &Values| (resisting + Square::from_fn(|i, k| g * cos[i] * twice[(i, k)])).lu();
         let (mut motion, mut last) = (Values::zeros(), f64::INFINITY);
         for _ in 0..12 {
             let angles = straight + twice * motion;
             let (sin, cos) = (angles.map(|x| sin_cos(x).0), angles.map(|x| sin_cos(x).1));
             let missing = sin.map(|sin| phase.push - g * sin - viscous * phase.v) - resisting * motion;
-            let turning = Square::from_fn(|i, k| g * cos[i] * twice[(i, k)]);
-            let change = (resisting + turning).lu().solve(&missing).unwrap_or_else(|| Values::repeat(f64::NAN));
+            let change = tangent(&cos).solve(&missing).unwrap_or_else(|| Values::repeat(f64::NAN));
             motion += change;
             let (way, moved) = (twice * change, twice * motion);
             let (now, size) = (way.amax(), moved.amax() + phase.v * length);
@@ -238,9 +238,8 @@ impl Collocation {
             break;
         }
         let cos = (straight + twice * motion).map(|x| sin_cos(x).1);
-        let turning = Square::from_fn(|i, k| g * cos[i] * twice[(i, k)]);
         let drag = along(phase.spread.0, phase.spread.1).component_mul(&cos).map(|z| -g * z - viscous * phase.spread.1);
-        let spread = (resisting + turning).lu().solve(&drag).unwrap_or_else(|| Values::repeat(f64::NAN));
+        let spread = tangent(&cos).solve(&drag).unwrap_or_else(|| Values::repeat(f64::NAN));
         Collocation { length, accelerations: [motion, spread] }
     }
 
