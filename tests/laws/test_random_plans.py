@@ -20,6 +20,8 @@ import numpy as np
 import path_trials
 import pytest
 
+import armlet as al
+
 PATHS = int(os.environ.get("ARMLET_RANDOM_PATHS", "2000"))
 LINKS = int(os.environ.get("ARMLET_RANDOM_LINKS", "20000"))
 JOBS = int(os.environ.get("ARMLET_RANDOM_JOBS", "1"))
@@ -103,6 +105,14 @@ NARROW = [
     [0.12424628602972376, 0.3534095478927082, 12.771673844943662, 19749.424561266478, 0.43940047905471336, -2815.410010692767],
     [1.4363807894175258, -1.4363937593490288, 417.2235890097754, 11832.543002486418, 1019450.6577567391, -0.017938928253700456],
 ]
+
+
+def test_a_minimum_where_one_part_of_its_slope_changes_sign() -> None:
+    row = [-3.677040130383208, 2.163386123318384, 0.5554822402005889, 1.0664540638360593, 0.21876016761475417]
+    best = al.torque_optimal_time(*row).best
+    beside = [al.torque_optimal_time(row[0] + shift, *row[1:]).best.t for shift in (-1e-3, 1e-3)]
+    # T changes by 1e-3 s from one to the other, evenly; it was 0.03 s more between them.
+    assert best.kind == "back-swing" and abs(best.t - np.mean(beside)) < 1e-5, (best, beside)
 
 
 def test_narrow_swings_are_found() -> None:

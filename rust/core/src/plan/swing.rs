@@ -93,8 +93,8 @@ impl BackSwings for Search {
         let turns = &trial.towards.push;
         let gradient = |length: f64| if fine { turns.time_gradient(length, FINE) } else { turns.rough_gradient(length) };
         let last = second - gradient(trial.towards.push_length);
-        // The other one is not less: no need of it for the sign.
-        let rate = if last >= 0.0 { 2.0 * last } else { first - gradient(trial.away.brake_length) + last };
+        // The other one is not less: no need of it for the sign, which is all that a rough slope is for.
+        let rate = if last >= 0.0 && !fine { 2.0 * last } else { first - gradient(trial.away.brake_length) + last };
         let slope = rate / (rate.abs() + first + second);
         slope.is_finite().then_some(slope)
     }
