@@ -16,9 +16,10 @@
 //! rest such a link never swings beyond where its torque is held by gravity (`v < 2 K_dot(x)/d` stays true), so no phase but a brake ends at rest.
 
 use super::curve::{Curve, Leg, Meeting};
+use super::grid::next;
 use super::link::{Link, check_ends};
 use super::report::MonotoneReason;
-use super::search::{BackSwings, FARTHEST, Swing, fastest, next};
+use super::search::{BackSwings, FARTHEST, Swing, fastest};
 use super::steps::{Progress, Rough};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 use crate::error::{Error, Result};

@@ -11,6 +11,7 @@
 mod bang_bang;
 mod curve;
 mod friction;
+mod grid;
 mod link;
 mod phase;
 mod profiles;

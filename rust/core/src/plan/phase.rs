@@ -13,7 +13,7 @@
 //! at x is the same phase from `-x` run backwards, with the braking torque as push.
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
-use super::sine::{sin_cos, sinc_cos_small};
+use super::sine::{sin_cos, sin_cos_lanes, sinc_cos_small};
 use crate::scalar::{Real, Task, run_lanes};
 use std::f64::consts::{PI, TAU};
 
@@ -24,14 +24,14 @@ const ACCURACY: f64 = 3e-14;
 
 /// Constant net push `p` from rest at `x` against `g sin`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Phase {
-    pub x: f64,
-    pub push: f64,
-    pub g: f64,
-    sin: f64,
-    cos: f64,
+pub(super) struct Phase<S = f64> {
+    pub x: S,
+    pub push: S,
+    pub g: S,
+    sin: S,
+    cos: S,
     /// An angle at which the kinetic energy has a local minimum; NaN if the push is ahead of gravity everywhere.
-    least: f64,
+    least: S,
 }
 
 impl Phase {
@@ -48,43 +48,27 @@ impl Phase {
         Phase { x, push, g, sin, cos, least }
     }
 
-    /// The same push from rest at another place, whose sine and cosine are known.
-    #[inline]
-    pub fn moved(&self, x: f64, (sin, cos): (f64, f64)) -> Self {
-        Phase { x, sin, cos, ..*self }
-    }
-
-    /// Net torque at the rest point; the phase moves forward iff positive.
+    /// The same phase in every lane.
     #[inline(always)]
-    pub fn net(&self) -> f64 {
-        self.push - self.g * self.sin
+    pub fn splat<S: Real>(&self) -> Phase<S> {
+        let [x, push, g, sin, cos, least] = [self.x, self.push, self.g, self.sin, self.cos, self.least].map(S::splat);
+        Phase { x, push, g, sin, cos, least }
     }
 
-    /// Kinetic energy after the stretch `y`.
-    #[inline]
-    pub fn energy(&self, y: f64) -> f64 {
-        let h = 0.5 * y;
-        let (s, c) = sin_cos(h);
-        let sinc = if h == 0.0 { 1.0 } else { s / h };
-        y * (self.push - self.g * sinc * (self.sin * c + self.cos * s))
-    }
-
-    /// The first stretch in `(0, length)` at which the kinetic energy has a local minimum. Later minima are not
-    /// lower, since `K(y + 2 pi) = K(y) + 2 pi p`.
+    /// The first stretch in `(0, length)` at which the kinetic energy has a local minimum.
     #[inline]
     pub fn hump(&self, length: f64) -> Option<f64> {
         if self.least.is_nan() {
             return None;
         }
-        let y = self.least - self.x;
-        let y = y - TAU * (y / TAU).floor();
+        let y = self.first_least();
         (y > 0.0 && y < length).then_some(y)
     }
 
     /// Whether the phase leaves its rest and clears its hump, if that comes before `length`.
     #[inline]
     pub fn clears(&self, length: f64) -> bool {
-        self.net() > 0.0 && self.hump(length).is_none_or(|y| self.energy(y) > 0.0)
+        self.net() > 0.0 && self.lowest(length) > 0.0
     }
 
     /// `F(x, length)`: phase time over `sqrt(I/2)`.
@@ -97,16 +81,59 @@ impl Phase {
         length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
     }
 
-    /// `dF/dx` at fixed length, to three digits or so and most often to more: for its sign.
-    pub fn rough_gradient(&self, length: f64) -> f64 {
-        let mean = |y: f64| self.energy(y) / y;
-        let least = self.hump(length).map_or(f64::INFINITY, mean).min(mean(length)).min(self.net());
+    /// `dF/dx` at fixed length, to three digits or so and most often to more: for its sign. `energies`: there, and at the hump.
+    #[inline]
+    pub fn rough_gradient(&self, length: f64, [peak, lowest]: [f64; 2]) -> f64 {
+        let least = self.hump(length).map_or(f64::INFINITY, |y| lowest / y).min(peak / length).min(self.net());
         // A turn and more sees several humps, and one that is barely cleared leaves a narrow peak.
         if length > TAU || least < LEAN * (self.push + self.g.abs()) {
             self.time_gradient(length, 1e-3)
         } else {
             run_lanes(Rough { phase: *self, length })
         }
+    }
+}
+
+impl<S: Real> Phase<S> {
+    /// The same push from rest at another place, whose sine and cosine are known.
+    #[inline(always)]
+    pub fn moved(&self, x: S, (sin, cos): (S, S)) -> Self {
+        Phase { x, sin, cos, ..*self }
+    }
+
+    /// Net torque at the rest point; the phase moves forward iff positive.
+    #[inline(always)]
+    pub fn net(&self) -> S {
+        self.push - self.g * self.sin
+    }
+
+    /// Kinetic energy after the stretch `y`.
+    #[inline(always)]
+    pub fn energy(&self, y: S) -> S {
+        let h = S::splat(0.5) * y;
+        let (s, c) = sin_cos_lanes(h);
+        let some = S::zero().lt(h.abs());
+        let sinc = S::select(some, s / S::select(some, h, S::splat(1.0)), S::splat(1.0));
+        y * (self.push - self.g * sinc * (self.sin * c + self.cos * s))
+    }
+
+    /// The first stretch in `[0, 2 pi)` at which the kinetic energy has a local minimum, NaN if none. Later minima are not
+    /// lower, since `K(y + 2 pi) = K(y) + 2 pi p`.
+    #[inline(always)]
+    fn first_least(&self) -> S {
+        let y = self.least - self.x;
+        y - S::splat(TAU) * (y / S::splat(TAU)).map(f64::floor)
+    }
+
+    /// The kinetic energy at the hump, infinite where none comes before `length`.
+    #[inline(always)]
+    pub fn lowest(&self, length: S) -> S {
+        let (y, none) = (self.first_least(), S::splat(f64::INFINITY));
+        let before = y.lt(length);
+        if !S::any(before) {
+            return none;
+        }
+        S::select(before, S::select(S::zero().lt(y), self.energy(y), none), none)
     }
 }
 

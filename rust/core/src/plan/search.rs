@@ -10,6 +10,8 @@
 //! scales of the problem, and where a neighbour on the grid is impossible that is one end of the bracket. Slopes are rough at first
 //! (see `phase.rs`); the last ones are not.
 
+use super::grid::{AHEAD, Grid, next, next_weak};
+
 /// A motion with one reversal, along the motion, in the unit of time of its family.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Swing {
@@ -40,6 +42,18 @@ pub(super) trait BackSwings {
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
     /// Positive where the swing is possible, continuous; where it is at most `least`, any number up to that.
     fn margin(&self, e: f64, least: f64) -> f64;
+    /// Whether many are impossible, and several margins cost less than finding that by one slope.
+    fn screened(&self) -> bool {
+        false
+    }
+    /// The margins of several `e`, at most eight.
+    fn margins(&self, e: &[f64], least: f64) -> [f64; AHEAD] {
+        let mut margins = [f64::NAN; AHEAD];
+        for (&e, margin) in e.iter().zip(&mut margins) {
+            *margin = self.margin(e, least);
+        }
+        margins
+    }
     fn possible(&self, e: f64) -> bool;
     fn swing(&self, e: f64) -> Option<Swing>;
     /// The least `e` worth trying.
@@ -94,15 +108,21 @@ impl<B: BackSwings> Search<'_, B> {
     }
 
     fn run(mut self) -> Option<Swing> {
-        let (weak, following) = (self.swings.weak(), self.following());
         let first = self.swings.nearest();
         if self.limit == f64::INFINITY {
             self.inwards(first);
         }
-        let (mut e, mut previous, mut any) = (first, (first, None), false);
+        if !(first <= self.farthest) {
+            return self.best;
+        }
+        let weak = self.swings.weak();
+        let mut grid = Grid::new(self.swings.screened().then_some(self.swings), self.following(), first, FARTHEST, 0.0);
+        let (mut previous, mut any) = ((first, None), false);
         // One point beyond the farthest: it ends the last minimum.
-        while previous.0 <= self.farthest && e <= FARTHEST {
-            let now = self.point(e);
+        while previous.0 <= self.farthest
+            && let Some((e, margin)) = grid.next()
+        {
+            let now = if margin > 0.0 { self.point(e) } else { (e, None) };
             any |= now.1.is_some();
             if e > first && weak && now.1.is_some() != previous.1.is_some() {
                 let (inner, outer) = if now.1.is_some() { (now, previous.0) } else { (previous, now.0) };
@@ -110,9 +130,9 @@ impl<B: BackSwings> Search<'_, B> {
             } else if e > first {
                 self.between(previous, now);
             }
-            (previous, e) = (now, following(e));
+            previous = now;
         }
-        if (weak || !any) && e > first {
+        if weak || !any {
             for (low, e, high) in self.windows(first, previous.0.min(self.farthest)) {
                 let inner = self.point(e);
                 for outer in [low, high] {
@@ -120,7 +140,7 @@ impl<B: BackSwings> Search<'_, B> {
                 }
             }
         }
-        if e > FARTHEST && previous.1.is_some_and(|slope| slope < 0.0) {
+        if (grid.following)(previous.0) > FARTHEST && previous.1.is_some_and(|slope| slope < 0.0) {
             self.consider(previous.0);
         }
         self.best
@@ -229,15 +249,15 @@ impl<B: BackSwings> Search<'_, B> {
     /// Possible turning points that the grid may have missed, each between two that enclose it: where the margin is widest; where torques
     /// are weak beside gravity, and windows narrow, at all of its maxima.
     fn windows(&self, first: f64, last: f64) -> Vec<(f64, f64, f64)> {
-        let (weak, following) = (self.swings.weak(), self.following());
-        let (mut points, mut e, mut widest) = (vec![(0.5 * first, f64::NEG_INFINITY)], first, f64::NEG_INFINITY);
-        while e <= last {
-            let margin = self.swings.margin(e, if weak { f64::NEG_INFINITY } else { widest });
+        let weak = self.swings.weak();
+        let (mut points, mut widest) = (vec![(0.5 * first, f64::NEG_INFINITY)], f64::NEG_INFINITY);
+        let mut grid = Grid::new(Some(self.swings), self.following(), first, last, widest);
+        while let Some((e, margin)) = grid.next() {
             widest = widest.max(margin);
+            grid.least = if weak { f64::NEG_INFINITY } else { widest };
             points.push((e, margin));
-            e = following(e);
         }
-        points.push((e, f64::NEG_INFINITY));
+        points.push(((grid.following)(points[points.len() - 1].0), f64::NEG_INFINITY));
         let highest = |three: &&[(f64, f64)]| three[1].1 >= three[0].1.max(three[2].1) && (weak || three[1].1 >= widest);
         let maxima = points.windows(3).filter(highest);
         maxima.filter_map(|three| self.ascent(three[0].0, three[2].0).map(|e| (three[0].0, e, three[2].0))).collect()
@@ -245,7 +265,7 @@ impl<B: BackSwings> Search<'_, B> {
 
     /// The next turning point of the grid.
     fn following(&self) -> fn(f64) -> f64 {
-        if self.swings.weak() { |e| if e < 0.4 { 1.05 * e } else { e + 0.02 } } else { next }
+        if self.swings.weak() { next_weak } else { next }
     }
 
     /// A possible turning point between two: golden sections of the margin.
@@ -271,11 +291,6 @@ impl<B: BackSwings> Search<'_, B> {
         }
         Some(if at_c > at_d { c } else { d })
     }
-}
-
-/// The grid of turning points: the scales of the problem are unknown, but none is smaller than the first one.
-pub(super) fn next(e: f64) -> f64 {
-    if e < 0.4 { 1.6 * e } else { e + 0.2 }
 }
 
 /// The fastest back-swing that takes less than `bound`.

@@ -9,10 +9,12 @@
 //! Only the middle phase enters the derivative: the outer phases start from fixed points, and the switches move along curves of equal
 //! energy. An overshoot is the back-swing of the motion mirrored and run backwards in time.
 
+use super::grid::AHEAD;
 use super::phase::Phase;
 use super::search::{BackSwings, FARTHEST, Swing, fastest};
-use super::sine::{crest_inside, sin_cos, sine, trough_inside};
-use super::torque_optimal::{Monotone, drop};
+use super::sine::{crest_inside, sin_cos, sin_cos_lanes, sine, trough_inside};
+use super::torque_optimal::{Energies, Monotone, drop};
+use crate::scalar::{Real, Task, run_lanes};
 use std::cell::OnceCell;
 
 /// Accuracy of the last slopes.
@@ -35,81 +37,200 @@ struct Search {
     start: (f64, f64),
     middle: (f64, f64),
     half: (f64, f64),
+    /// The push of the monotone motion, if that is possible.
+    straight: Option<Push>,
+    nearest: f64,
     /// `F(-x1, D; u-)`, zero where that brake stalls.
     brake: OnceCell<f64>,
 }
 
 /// Sine and cosine of the angle less another one.
 #[inline(always)]
-fn back((sin, cos): (f64, f64), (less_sin, less_cos): (f64, f64)) -> (f64, f64) {
+fn back<S: Real>((sin, cos): (S, S), (less_sin, less_cos): (S, S)) -> (S, S) {
     (sin * less_cos - cos * less_sin, cos * less_cos + sin * less_sin)
 }
 
+/// The least and the largest torque of gravity between two angles.
+fn torques(g: f64, a: f64, b: f64) -> (f64, f64) {
+    let (from, to) = (sine(a), sine(b));
+    let low = if trough_inside(&from, &to) { -1.0 } else { from.sin.min(to.sin) };
+    let high = if crest_inside(&from, &to) { 1.0 } else { from.sin.max(to.sin) };
+    ((g * low).min(g * high), (g * low).max(g * high))
+}
+
+/// The way out and back to `x0` takes `2 sqrt(e)` times this or more, with the largest net torques `p_+` and `p_-` up and down:
+/// `sqrt((p_+ + p_-)/(p_+ p_-))` out, `sqrt(1/p_+)` back.
+fn detour(up: f64, down: f64) -> f64 {
+    (((up + down) / down).sqrt() + 1.0) / up.sqrt()
+}
+
+/// The push of a monotone motion.
+struct Push {
+    length: f64,
+    /// No more than the mean net torque over any first part of it.
+    mean: f64,
+}
+
+impl Push {
+    fn new(monotone: &Monotone, energies: &Energies) -> Self {
+        let Monotone { push, push_length: length, .. } = *monotone;
+        let mean = if push.push >= push.g.abs() {
+            push.push - torques(push.g, push.x, push.x + length).1
+        } else {
+            // Up to the hump the net torque rises and falls, or either; from there on the energy is not less.
+            push.net().min(energies.peak.min(energies.push_hump) / length)
+        };
+        Push { length, mean }
+    }
+
+    /// The way of a swing beyond which the detour costs more than it gains, the push then starting with `K0 < p_+ e`, not at rest:
+    ///
+    /// ```text
+    /// K(y) >= w y:   int_0^L [ 1/sqrt(K) - 1/sqrt(K + K0) ] dy <= (2/w) [ sqrt(w L) + sqrt(K0) - sqrt(w L + K0) ]
+    /// ```
+    fn gains(&self, up: f64, down: f64) -> f64 {
+        let cost = self.mean * detour(up, down) / up.sqrt();
+        let ratio = 2.0 * (1.0 - cost).max(0.0) / (cost * (2.0 - cost));
+        ratio * ratio * (self.mean * self.length / up)
+    }
+}
+
 /// Two monotone stretches that meet at the turning point.
-struct Trial {
-    away: Monotone,
-    towards: Monotone,
-    turn: f64,
+struct Trial<S = f64> {
+    away: Monotone<S>,
+    towards: Monotone<S>,
+    turn: S,
 }
 
 impl Trial {
-    /// The energies at the two switches, if the swing is possible.
+    /// The energies of the two stretches, if the swing is possible.
     #[inline]
-    fn peaks(&self) -> Option<(f64, f64)> {
-        self.away.peak().zip(self.towards.peak())
+    fn energies(&self) -> Option<(Energies, Energies)> {
+        let towards = self.towards.energies()?;
+        Some((self.away.energies()?, towards))
     }
+}
 
+impl<S: Real> Trial<S> {
     /// Positive where the swing is possible.
-    fn margin(&self) -> f64 {
-        self.away.margin().min(self.towards.margin())
+    #[inline(always)]
+    fn margin(&self, least: f64) -> S {
+        let least = S::splat(least);
+        let towards = self.towards.margin(least);
+        if S::any(least.lt(towards)) { towards.min(self.away.margin(least)) } else { towards }
+    }
+}
+
+/// The margins of several swings, in lanes.
+struct Margins<'a> {
+    search: &'a Search,
+    e: [f64; AHEAD],
+    least: f64,
+}
+
+impl Task for Margins<'_> {
+    type Output = [f64; AHEAD];
+    #[inline(always)]
+    fn run<S: Real>(self) -> [f64; AHEAD] {
+        let mut margins = [0.0; AHEAD];
+        for first in (0..AHEAD).step_by(S::LANES) {
+            self.search.trial(S::load(&self.e[first..])).margin(self.least).store(&mut margins[first..]);
+        }
+        margins
     }
 }
 
 impl Search {
-    fn trial(&self, e: f64) -> Trial {
-        let turn = self.x0 - e;
-        let half = sin_cos(0.5 * e);
-        let between = back(self.start, half);
-        let turns = self.turns.moved(turn, back(between, half));
-        let out = drop(-between.0, half.0);
-        let into = drop(back(self.middle, half).0, self.half.0 * half.1 + self.half.1 * half.0);
-        Trial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, self.arrives, into), turn }
+    /// None where the start can't be left backwards, or nothing comes to rest at the end.
+    fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Option<Self> {
+        let (leaves, arrives, turns) = (Phase::new(-x0, down, g), Phase::new(-x1, down, g), Phase::new(x0, up, g));
+        if leaves.net() <= 0.0 || arrives.net() <= 0.0 {
+            return None;
+        }
+        let distance = x1 - x0;
+        let (start, middle, half) = (sin_cos(x0), sin_cos(0.5 * x0 + 0.5 * x1), sin_cos(0.5 * distance));
+        let monotone = Monotone::between(turns, arrives, drop(middle.0, half.0));
+        let energies = monotone.energies();
+        // Below that the field is constant, and in a constant field no swing helps.
+        let nearest = if energies.is_some_and(|of| of.push_hump == f64::INFINITY) {
+            (0.05 * turns.net() / (g.abs() * start.1.abs() + (g.abs() * turns.net()).sqrt())).min(0.05)
+        } else {
+            1e-3 * distance.min(1.0)
+        };
+        let (nearest, brake) = (nearest.max(1e-13 * x0.abs().max(1.0)), OnceCell::new());
+        let straight = energies.map(|energies| Push::new(&monotone, &energies));
+        Some(Search { x0, x1, g, up, down, leaves, arrives, turns, start, middle, half, straight, nearest, brake })
     }
 
-    /// The least and the largest torque of gravity between two angles.
-    fn torques(&self, a: f64, b: f64) -> (f64, f64) {
-        let (from, to) = (sine(a), sine(b));
-        let low = if trough_inside(&from, &to) { -1.0 } else { from.sin.min(to.sin) };
-        let high = if crest_inside(&from, &to) { 1.0 } else { from.sin.max(to.sin) };
-        ((self.g * low).min(self.g * high), (self.g * low).max(self.g * high))
+    #[inline(always)]
+    fn trial<S: Real>(&self, e: S) -> Trial<S> {
+        let both = |(sin, cos): (f64, f64)| (S::splat(sin), S::splat(cos));
+        let (start, way) = (both(self.start), both(self.half));
+        let turn = S::splat(self.x0) - e;
+        let half = sin_cos_lanes(S::splat(0.5) * e);
+        let between = back(start, half);
+        let turns = self.turns.splat().moved(turn, back(between, half));
+        let out = drop(-between.0, half.0);
+        let into = drop(back(both(self.middle), half).0, way.0 * half.1 + way.1 * half.0);
+        Trial {
+            away: Monotone::between(self.leaves.splat(), turns, out),
+            towards: Monotone::between(turns, self.arrives.splat(), into),
+            turn,
+        }
+    }
+
+    /// No larger `e` is worth trying, if none above `most` is, nor above the `bound` for the largest net torques up and down.
+    fn within(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
+        for _ in 0..3 {
+            let (low, high) = torques(self.g, self.x0 - most, self.x0);
+            let bound = bound(self.up - low, self.down + high);
+            if !(bound < most) {
+                break;
+            }
+            most = bound;
+        }
+        most
     }
 }
 
 impl BackSwings for Search {
     fn slope(&self, e: f64, fine: bool) -> Option<f64> {
         let trial = self.trial(e);
-        let (first, second) = trial.peaks()?;
-        let (first, second) = (first.sqrt().recip(), second.sqrt().recip());
+        let (away, towards) = trial.energies()?;
+        let (first, second) = (away.peak.sqrt().recip(), towards.peak.sqrt().recip());
         let turns = &trial.towards.push;
-        let gradient = |length: f64| if fine { turns.time_gradient(length, FINE) } else { turns.rough_gradient(length) };
-        let last = second - gradient(trial.towards.push_length);
+        let gradient = |length: f64, energies: [f64; 2]| {
+            if fine { turns.time_gradient(length, FINE) } else { turns.rough_gradient(length, energies) }
+        };
+        let last = second - gradient(trial.towards.push_length, [towards.peak, towards.push_hump]);
         // The other one is not less: no need of it for the sign, which is all that a rough slope is for.
-        let rate = if last >= 0.0 && !fine { 2.0 * last } else { first - gradient(trial.away.brake_length) + last };
+        let rate =
+            if last >= 0.0 && !fine { 2.0 * last } else { first - gradient(trial.away.brake_length, [away.peak, away.brake_hump]) + last };
         let slope = rate / (rate.abs() + first + second);
         slope.is_finite().then_some(slope)
     }
 
-    fn margin(&self, e: f64, _least: f64) -> f64 {
-        self.trial(e).margin()
+    fn margin(&self, e: f64, least: f64) -> f64 {
+        self.trial(e).margin(least)
+    }
+
+    fn screened(&self) -> bool {
+        self.straight.is_none()
+    }
+
+    fn margins(&self, some: &[f64], least: f64) -> [f64; AHEAD] {
+        let mut e = [some[0]; AHEAD];
+        e[..some.len()].copy_from_slice(some);
+        run_lanes(Margins { search: self, e, least })
     }
 
     fn possible(&self, e: f64) -> bool {
-        self.trial(e).peaks().is_some()
+        self.trial(e).energies().is_some()
     }
 
     fn swing(&self, e: f64) -> Option<Swing> {
         let trial = self.trial(e);
-        trial.peaks()?;
+        trial.energies()?;
         let ((t1, t2), (t3, t4)) = (trial.away.time_factors(), trial.towards.time_factors());
         let time = t1 + t2 + t3 + t4;
         time.is_finite().then_some(Swing {
@@ -121,47 +242,26 @@ impl BackSwings for Search {
         })
     }
 
-    /// Below it the field is constant, and in a constant field no swing helps.
     fn nearest(&self) -> f64 {
-        let push = self.turns;
-        let distance = self.x1 - self.x0;
-        let scale = distance.min(1.0);
-        let monotone = Monotone::new(self.x0, self.x1, self.g, self.up, self.down);
-        let constant = monotone.peak().is_some() && push.hump(monotone.push_length).is_none();
-        let e = if constant {
-            let g = self.g.abs();
-            (0.05 * push.net() / (g * self.x0.cos().abs() + (g * push.net()).sqrt())).min(0.05)
-        } else {
-            1e-3 * scale
-        };
-        e.max(1e-13 * self.x0.abs().max(1.0))
+        self.nearest
     }
 
-    /// With `p_+`, `p_-` the largest net torques up and down,
-    ///
-    /// ```text
-    /// T > 2 sqrt(e (p_+ + p_-)/(p_+ p_-)) + 2 sqrt(e / p_+) + F(-x1, D; u-)      out, back to x0, and on, at no moment faster than the last brake
-    /// ```
+    /// A swing takes more than its detour and, once back at `x0`, than the brake `F(-x1, D; u-)`, at no moment slower; and it has to be
+    /// faster than the monotone motion.
     fn farthest(&self, limit: f64) -> f64 {
         if limit == f64::INFINITY {
             return FARTHEST;
+        }
+        let most = self.straight.as_ref().map_or(FARTHEST, |push| self.within(FARTHEST, |up, down| push.gains(up, down)));
+        if most < self.nearest {
+            return most;
         }
         let brake = *self.brake.get_or_init(|| {
             let (brake, distance) = (&self.arrives, self.x1 - self.x0);
             if brake.clears(distance) && brake.energy(distance) > 0.0 { brake.time_factor(distance) } else { 0.0 }
         });
-        let mut most = FARTHEST;
-        for _ in 0..3 {
-            let (low, high) = self.torques(self.x0 - most, self.x0);
-            let (up, down) = (self.up - low, self.down + high);
-            let out = 2.0 * ((up + down) / (up * down)).sqrt();
-            let most_now = ((limit - brake).max(0.0) / (out + 2.0 / up.sqrt())).powi(2);
-            if !(most_now < most) {
-                break;
-            }
-            most = most_now;
-        }
-        most
+        let left = 0.5 * (limit - brake).max(0.0);
+        self.within(most, |up, down| (left / detour(up, down)).powi(2))
     }
 
     fn steepest(&self, e: f64) -> f64 {
@@ -175,16 +275,65 @@ impl BackSwings for Search {
 
 /// The best (-, +, -) motion `x0 -> x1 > x0` faster than `bound` (a time over `sqrt(I/2)`).
 pub(super) fn back_swing(x0: f64, x1: f64, g: f64, up: f64, down: f64, bound: f64) -> Option<Swing> {
-    let (leaves, arrives, turns) = (Phase::new(-x0, down, g), Phase::new(-x1, down, g), Phase::new(x0, up, g));
-    if leaves.net() <= 0.0 || arrives.net() <= 0.0 {
-        return None;
-    }
-    let distance = x1 - x0;
-    let (start, middle, half) = (sin_cos(x0), sin_cos(0.5 * x0 + 0.5 * x1), sin_cos(0.5 * distance));
-    fastest(&Search { x0, x1, g, up, down, leaves, arrives, turns, start, middle, half, brake: OnceCell::new() }, bound)
+    fastest(&Search::new(x0, x1, g, up, down)?, bound)
 }
 
 /// The best (+, -, +) motion `x0 -> x1 > x0` faster than `bound`.
 pub(super) fn overshoot(x0: f64, x1: f64, g: f64, up: f64, down: f64, bound: f64) -> Option<Swing> {
     back_swing(-x1, -x0, g, down, up, bound).map(Swing::reversed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scalar::Array8;
+    use std::f64::consts::PI;
+
+    /// Ends, gravity and bounds, each from little to much.
+    fn searches() -> impl Iterator<Item = Search> {
+        let bounds = [0.3, 0.9, 1.0, 1.1, 4.0];
+        let ends =
+            (-4..4).flat_map(|k| [0.05, 0.7, 2.0, 1.75 * PI].map(|distance| (0.25 * PI * k as f64, 0.25 * PI * k as f64 + distance)));
+        let limits = bounds.map(|up| bounds.map(|down| (up, down))).concat();
+        ends.flat_map(move |(x0, x1)| limits.clone().into_iter().flat_map(move |(up, down)| Search::new(x0, x1, 1.0, up, down)))
+    }
+
+    #[test]
+    fn lanes_give_the_margins_of_one_number() {
+        let e: [f64; AHEAD] = std::array::from_fn(|k| 0.01 * 2.2f64.powi(k as i32));
+        let mut possible = 0;
+        for search in searches() {
+            let single = e.map(|e| search.margin(e, f64::NEG_INFINITY));
+            let least = f64::NEG_INFINITY;
+            assert_eq!(search.margins(&e, least), single);
+            assert_eq!(Margins { search: &search, e, least }.run::<Array8<false>>(), single);
+            for (k, &margin) in search.margins(&e, 0.0).iter().enumerate() {
+                assert!(margin == single[k] || margin.max(single[k]) <= 0.0, "{margin} {}", single[k]);
+                assert_eq!(margin > 0.0, search.possible(e[k]));
+                possible += usize::from(margin > 0.0);
+            }
+        }
+        assert!(possible > 100, "{possible}");
+    }
+
+    #[test]
+    fn no_swing_beyond_the_farthest_is_faster() {
+        let (mut compared, mut near) = (0, f64::INFINITY);
+        for search in searches() {
+            if search.straight.is_none() {
+                continue;
+            }
+            let (push, brake) = Monotone::new(search.x0, search.x1, search.g, search.up, search.down).time_factors();
+            let limit = push + brake;
+            let farthest = search.farthest(limit).max(1e-3);
+            for k in 0..25 {
+                let swing = search.swing(farthest * 1.4f64.powi(k));
+                let Some(swing) = swing else { continue };
+                assert!(swing.time > limit * (1.0 - 1e-12), "{} {limit} {farthest}", swing.time);
+                compared += 1;
+                near = near.min(swing.time / limit - 1.0);
+            }
+        }
+        assert!(compared > 1000 && near < 0.02, "{compared} {near}");
+    }
 }

@@ -18,6 +18,7 @@ use super::sine::sin_cos;
 use super::steps::Rough;
 use super::swing::{back_swing, overshoot};
 use crate::error::Result;
+use crate::scalar::Real;
 use std::f64::consts::PI;
 
 /// The torque sequence of an optimum.
@@ -82,17 +83,25 @@ pub struct TorqueOptimum {
 
 /// A push and a brake from rest at `x0` to rest at `x1 > x0`, with their lengths.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Monotone {
-    pub push: Phase,
-    pub brake: Phase,
-    pub push_length: f64,
-    pub brake_length: f64,
+pub(super) struct Monotone<S = f64> {
+    pub push: Phase<S>,
+    pub brake: Phase<S>,
+    pub push_length: S,
+    pub brake_length: S,
+}
+
+/// Kinetic energies of a push and a brake: at the switch, and at the hump of either, infinite if it has none.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Energies {
+    pub peak: f64,
+    pub push_hump: f64,
+    pub brake_hump: f64,
 }
 
 /// `cos x0 - cos x1` from the sines of half the sum and of half the difference: exact for moves of any smallness.
-#[inline]
-pub(super) fn drop(sum: f64, difference: f64) -> f64 {
-    2.0 * sum * difference
+#[inline(always)]
+pub(super) fn drop<S: Real>(sum: S, difference: S) -> S {
+    S::splat(2.0) * sum * difference
 }
 
 impl Monotone {
@@ -101,15 +110,6 @@ impl Monotone {
     pub fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Self {
         let drop = drop(sin_cos(0.5 * x0 + 0.5 * x1).0, sin_cos(0.5 * (x1 - x0)).0);
         Monotone::between(Phase::new(x0, up, g), Phase::new(-x1, down, g), drop)
-    }
-
-    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
-    #[inline]
-    pub fn between(push: Phase, brake: Phase, drop: f64) -> Self {
-        let (up, down) = (push.push, brake.push);
-        let (distance, work) = (-brake.x - push.x, push.g * drop);
-        let (push_length, brake_length) = ((down * distance + work) / (up + down), (up * distance - work) / (up + down));
-        Monotone { push, brake, push_length, brake_length }
     }
 
     /// Why the motion is impossible, if it is: every test is on the sign of a quantity whose size is the margin.
@@ -146,33 +146,51 @@ impl Monotone {
         MonotoneReason::Feasible
     }
 
-    /// The kinetic energy at the switch, if the motion is possible.
+    /// The kinetic energies, if the motion is possible.
     #[inline]
-    pub fn peak(&self) -> Option<f64> {
+    pub fn energies(&self) -> Option<Energies> {
         let Monotone { push, brake, push_length, brake_length } = *self;
-        if !(push_length > 0.0 && brake_length > 0.0 && push.clears(push_length) && brake.clears(brake_length)) {
+        if !(push_length > 0.0 && brake_length > 0.0 && push.net() > 0.0 && brake.net() > 0.0) {
+            return None;
+        }
+        let (push_hump, brake_hump) = (push.lowest(push_length), brake.lowest(brake_length));
+        if !(push_hump > 0.0 && brake_hump > 0.0) {
             return None;
         }
         let peak = push.energy(push_length);
-        (peak > 0.0).then_some(peak)
-    }
-
-    /// The least of all margins of feasibility, N m: positive iff `reason` is `Feasible`, continuous in the end points.
-    pub fn margin(&self) -> f64 {
-        let Monotone { push, brake, push_length, brake_length } = *self;
-        let ends = push.net().min(brake.net()).min(push_length.min(brake_length) * (push.push + brake.push) / (push_length + brake_length));
-        if push_length <= 0.0 || brake_length <= 0.0 {
-            return ends;
-        }
-        let per = push_length + brake_length;
-        let hump = |phase: &Phase, length: f64| phase.hump(length).map_or(f64::INFINITY, |y| phase.energy(y) / per);
-        ends.min(push.energy(push_length) / per).min(hump(&push, push_length)).min(hump(&brake, brake_length))
+        (peak > 0.0).then_some(Energies { peak, push_hump, brake_hump })
     }
 
     /// Durations of the two phases over `sqrt(I/2)`.
     #[inline]
     pub fn time_factors(&self) -> (f64, f64) {
         (self.push.time_factor(self.push_length), self.brake.time_factor(self.brake_length))
+    }
+}
+
+impl<S: Real> Monotone<S> {
+    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
+    #[inline(always)]
+    pub fn between(push: Phase<S>, brake: Phase<S>, drop: S) -> Self {
+        let (up, down) = (push.push, brake.push);
+        let (distance, work) = (-brake.x - push.x, push.g * drop);
+        let (push_length, brake_length) = ((down * distance + work) / (up + down), (up * distance - work) / (up + down));
+        Monotone { push, brake, push_length, brake_length }
+    }
+
+    /// The least of all margins of feasibility, N m: positive iff `reason` is `Feasible`, continuous in the end points. Where it is at
+    /// most `least`, any number up to that.
+    #[inline(always)]
+    pub fn margin(&self, least: S) -> S {
+        let Monotone { push, brake, push_length, brake_length } = *self;
+        let (shorter, per) = (push_length.min(brake_length), push_length + brake_length);
+        let ends = push.net().min(brake.net()).min(shorter * (push.push + brake.push) / per);
+        let moves = S::zero().lt(shorter);
+        if !S::any(least.lt(S::select(moves, ends, least))) {
+            return ends;
+        }
+        let energy = push.energy(push_length).min(push.lowest(push_length)).min(brake.lowest(brake_length));
+        S::select(moves, ends.min(energy / per), ends)
     }
 }
 
