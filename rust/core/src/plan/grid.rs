@@ -18,9 +18,9 @@ pub(super) fn next_weak(e: f64) -> f64 {
 /// Turning points from the first one to the last one, with their margins.
 pub(super) struct Grid<'a, B> {
     /// Whose margins are found; infinite ones if none's.
-    pub swings: Option<&'a B>,
+    swings: Option<&'a B>,
     pub following: fn(f64) -> f64,
-    pub last: f64,
+    last: f64,
     /// Where a margin is at most that, any number up to that is given.
     pub least: f64,
     next: f64,

@@ -112,8 +112,7 @@ impl<S: Real> Phase<S> {
     pub fn energy(&self, y: S) -> S {
         let h = S::splat(0.5) * y;
         let (s, c) = sin_cos_lanes(h);
-        let some = S::zero().lt(h.abs());
-        let sinc = S::select(some, s / S::select(some, h, S::splat(1.0)), S::splat(1.0));
+        let sinc = S::select(S::zero().lt(h.abs()), s / h, S::splat(1.0));
         y * (self.push - self.g * sinc * (self.sin * c + self.cos * s))
     }
 
