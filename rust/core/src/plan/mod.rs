@@ -10,9 +10,11 @@
 
 mod bang_bang;
 mod curve;
+mod detour;
 mod friction;
 mod grid;
 mod link;
+mod monotone;
 mod phase;
 mod profiles;
 mod quadrature;

@@ -101,6 +101,12 @@ impl<S: Real> Phase<S> {
         Phase { x, sin, cos, ..*self }
     }
 
+    /// Sine and cosine of the rest point.
+    #[inline(always)]
+    pub fn angle(&self) -> (S, S) {
+        (self.sin, self.cos)
+    }
+
     /// Net torque at the rest point; the phase moves forward iff positive.
     #[inline(always)]
     pub fn net(&self) -> S {

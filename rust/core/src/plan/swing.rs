@@ -9,11 +9,12 @@
 //! Only the middle phase enters the derivative: the outer phases start from fixed points, and the switches move along curves of equal
 //! energy. An overshoot is the back-swing of the motion mirrored and run backwards in time.
 
+use super::detour::{Push, detour, torques};
 use super::grid::AHEAD;
+use super::monotone::{Energies, Monotone, Straight, drop};
 use super::phase::Phase;
 use super::search::{BackSwings, FARTHEST, Swing, fastest};
-use super::sine::{crest_inside, sin_cos, sin_cos_lanes, sine, trough_inside};
-use super::torque_optimal::{Energies, Monotone, drop};
+use super::sine::sin_cos_lanes;
 use crate::scalar::{Real, Task, run_lanes};
 use std::cell::OnceCell;
 
@@ -38,7 +39,7 @@ struct Search {
     middle: (f64, f64),
     half: (f64, f64),
     /// The push of the monotone motion, if that is possible.
-    straight: Option<Push>,
+    push: Option<Push>,
     nearest: f64,
     /// `F(-x1, D; u-)`, zero where that brake stalls.
     brake: OnceCell<f64>,
@@ -48,51 +49,6 @@ struct Search {
 #[inline(always)]
 fn back<S: Real>((sin, cos): (S, S), (less_sin, less_cos): (S, S)) -> (S, S) {
     (sin * less_cos - cos * less_sin, cos * less_cos + sin * less_sin)
-}
-
-/// The least and the largest torque of gravity between two angles.
-fn torques(g: f64, a: f64, b: f64) -> (f64, f64) {
-    let (from, to) = (sine(a), sine(b));
-    let low = if trough_inside(&from, &to) { -1.0 } else { from.sin.min(to.sin) };
-    let high = if crest_inside(&from, &to) { 1.0 } else { from.sin.max(to.sin) };
-    ((g * low).min(g * high), (g * low).max(g * high))
-}
-
-/// The way out and back to `x0` takes `2 sqrt(e)` times this or more, with the largest net torques `p_+` and `p_-` up and down:
-/// `sqrt((p_+ + p_-)/(p_+ p_-))` out, `sqrt(1/p_+)` back.
-fn detour(up: f64, down: f64) -> f64 {
-    (((up + down) / down).sqrt() + 1.0) / up.sqrt()
-}
-
-/// The push of a monotone motion.
-struct Push {
-    length: f64,
-    /// No more than the mean net torque over any first part of it.
-    mean: f64,
-}
-
-impl Push {
-    fn new(monotone: &Monotone, energies: &Energies) -> Self {
-        let Monotone { push, push_length: length, .. } = *monotone;
-        let mean = if push.push >= push.g.abs() {
-            push.push - torques(push.g, push.x, push.x + length).1
-        } else {
-            // Up to the hump the net torque rises and falls, or either; from there on the energy is not less.
-            push.net().min(energies.peak.min(energies.push_hump) / length)
-        };
-        Push { length, mean }
-    }
-
-    /// The way of a swing beyond which the detour costs more than it gains, the push then starting with `K0 < p_+ e`, not at rest:
-    ///
-    /// ```text
-    /// K(y) >= w y:   int_0^L [ 1/sqrt(K) - 1/sqrt(K + K0) ] dy <= (2/w) [ sqrt(w L) + sqrt(K0) - sqrt(w L + K0) ]
-    /// ```
-    fn gains(&self, up: f64, down: f64) -> f64 {
-        let cost = self.mean * detour(up, down) / up.sqrt();
-        let ratio = 2.0 * (1.0 - cost).max(0.0) / (cost * (2.0 - cost));
-        ratio * ratio * (self.mean * self.length / up)
-    }
 }
 
 /// Two monotone stretches that meet at the turning point.
@@ -142,14 +98,15 @@ impl Task for Margins<'_> {
 
 impl Search {
     /// None where the start can't be left backwards, or nothing comes to rest at the end.
-    fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Option<Self> {
-        let (leaves, arrives, turns) = (Phase::new(-x0, down, g), Phase::new(-x1, down, g), Phase::new(x0, up, g));
+    fn new(straight: &Straight) -> Option<Self> {
+        let Straight { monotone, middle, half } = *straight;
+        let (turns, arrives) = (monotone.push, monotone.brake);
+        let (x0, x1, g, up, down) = (turns.x, -arrives.x, turns.g, turns.push, arrives.push);
+        let (start, distance) = (turns.angle(), x1 - x0);
+        let leaves = arrives.moved(-x0, (-start.0, start.1));
         if leaves.net() <= 0.0 || arrives.net() <= 0.0 {
             return None;
         }
-        let distance = x1 - x0;
-        let (start, middle, half) = (sin_cos(x0), sin_cos(0.5 * x0 + 0.5 * x1), sin_cos(0.5 * distance));
-        let monotone = Monotone::between(turns, arrives, drop(middle.0, half.0));
         let energies = monotone.energies();
         // Below that the field is constant, and in a constant field no swing helps.
         let nearest = if energies.is_some_and(|of| of.push_hump == f64::INFINITY) {
@@ -158,8 +115,8 @@ impl Search {
             1e-3 * distance.min(1.0)
         };
         let (nearest, brake) = (nearest.max(1e-13 * x0.abs().max(1.0)), OnceCell::new());
-        let straight = energies.map(|energies| Push::new(&monotone, &energies));
-        Some(Search { x0, x1, g, up, down, leaves, arrives, turns, start, middle, half, straight, nearest, brake })
+        let push = energies.map(|energies| Push::new(&monotone, &energies));
+        Some(Search { x0, x1, g, up, down, leaves, arrives, turns, start, middle, half, push, nearest, brake })
     }
 
     #[inline(always)]
@@ -215,7 +172,7 @@ impl BackSwings for Search {
     }
 
     fn screened(&self) -> bool {
-        self.straight.is_none()
+        self.push.is_none()
     }
 
     fn margins(&self, some: &[f64], least: f64) -> [f64; AHEAD] {
@@ -252,7 +209,7 @@ impl BackSwings for Search {
         if limit == f64::INFINITY {
             return FARTHEST;
         }
-        let most = self.straight.as_ref().map_or(FARTHEST, |push| self.within(FARTHEST, |up, down| push.gains(up, down)));
+        let most = self.push.as_ref().map_or(FARTHEST, |push| self.within(FARTHEST, |up, down| push.gains(up, down)));
         if most < self.nearest {
             return most;
         }
@@ -273,14 +230,14 @@ impl BackSwings for Search {
     }
 }
 
-/// The best (-, +, -) motion `x0 -> x1 > x0` faster than `bound` (a time over `sqrt(I/2)`).
-pub(super) fn back_swing(x0: f64, x1: f64, g: f64, up: f64, down: f64, bound: f64) -> Option<Swing> {
-    fastest(&Search::new(x0, x1, g, up, down)?, bound)
+/// The best (-, +, -) motion faster than `bound` (a time over `sqrt(I/2)`).
+pub(super) fn back_swing(straight: &Straight, bound: f64) -> Option<Swing> {
+    fastest(&Search::new(straight)?, bound)
 }
 
-/// The best (+, -, +) motion `x0 -> x1 > x0` faster than `bound`.
-pub(super) fn overshoot(x0: f64, x1: f64, g: f64, up: f64, down: f64, bound: f64) -> Option<Swing> {
-    back_swing(-x1, -x0, g, down, up, bound).map(Swing::reversed)
+/// The best (+, -, +) motion faster than `bound`.
+pub(super) fn overshoot(straight: &Straight, bound: f64) -> Option<Swing> {
+    back_swing(&straight.reversed(), bound).map(Swing::reversed)
 }
 
 #[cfg(test)]
@@ -295,7 +252,9 @@ mod tests {
         let ends =
             (-4..4).flat_map(|k| [0.05, 0.7, 2.0, 1.75 * PI].map(|distance| (0.25 * PI * k as f64, 0.25 * PI * k as f64 + distance)));
         let limits = bounds.map(|up| bounds.map(|down| (up, down))).concat();
-        ends.flat_map(move |(x0, x1)| limits.clone().into_iter().flat_map(move |(up, down)| Search::new(x0, x1, 1.0, up, down)))
+        ends.flat_map(move |(x0, x1)| {
+            limits.clone().into_iter().flat_map(move |(up, down)| Search::new(&Straight::new(x0, x1, 1.0, up, down)))
+        })
     }
 
     #[test]
@@ -320,10 +279,10 @@ mod tests {
     fn no_swing_beyond_the_farthest_is_faster() {
         let (mut compared, mut near) = (0, f64::INFINITY);
         for search in searches() {
-            if search.straight.is_none() {
+            if search.push.is_none() {
                 continue;
             }
-            let (push, brake) = Monotone::new(search.x0, search.x1, search.g, search.up, search.down).time_factors();
+            let (push, brake) = Straight::new(search.x0, search.x1, search.g, search.up, search.down).monotone.time_factors();
             let limit = push + brake;
             let farthest = search.farthest(limit).max(1e-3);
             for k in 0..25 {

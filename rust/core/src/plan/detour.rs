@@ -1,0 +1,49 @@
+//! What a swing without friction costs at least, and what it can gain on the monotone motion.
+
+use super::monotone::{Energies, Monotone};
+use super::sine::{crest_inside, sine, trough_inside};
+
+/// The least and the largest torque of gravity between two angles.
+pub(super) fn torques(g: f64, a: f64, b: f64) -> (f64, f64) {
+    let (from, to) = (sine(a), sine(b));
+    let low = if trough_inside(&from, &to) { -1.0 } else { from.sin.min(to.sin) };
+    let high = if crest_inside(&from, &to) { 1.0 } else { from.sin.max(to.sin) };
+    ((g * low).min(g * high), (g * low).max(g * high))
+}
+
+/// The way out and back to `x0` takes `2 sqrt(e)` times this or more, with the largest net torques `p_+` and `p_-` up and down:
+/// `sqrt((p_+ + p_-)/(p_+ p_-))` out, `sqrt(1/p_+)` back.
+pub(super) fn detour(up: f64, down: f64) -> f64 {
+    (((up + down) / down).sqrt() + 1.0) / up.sqrt()
+}
+
+/// The push of a monotone motion.
+pub(super) struct Push {
+    length: f64,
+    /// No more than the mean net torque over any first part of it.
+    mean: f64,
+}
+
+impl Push {
+    pub fn new(monotone: &Monotone, energies: &Energies) -> Self {
+        let Monotone { push, push_length: length, .. } = *monotone;
+        let mean = if push.push >= push.g.abs() {
+            push.push - torques(push.g, push.x, push.x + length).1
+        } else {
+            // Up to the hump the net torque rises and falls, or either; from there on the energy is not less.
+            push.net().min(energies.peak.min(energies.push_hump) / length)
+        };
+        Push { length, mean }
+    }
+
+    /// The way of a swing beyond which the detour costs more than it gains, the push then starting with `K0 < p_+ e`, not at rest:
+    ///
+    /// ```text
+    /// K(y) >= w y:   int_0^L [ 1/sqrt(K) - 1/sqrt(K + K0) ] dy <= (2/w) [ sqrt(w L) + sqrt(K0) - sqrt(w L + K0) ]
+    /// ```
+    pub fn gains(&self, up: f64, down: f64) -> f64 {
+        let cost = self.mean * detour(up, down) / up.sqrt();
+        let ratio = 2.0 * (1.0 - cost).max(0.0) / (cost * (2.0 - cost));
+        ratio * ratio * (self.mean * self.length / up)
+    }
+}

@@ -1,0 +1,138 @@
+//! A push and a brake without friction, rest to rest: their lengths, energies, margins and durations.
+
+use super::phase::Phase;
+use super::report::MonotoneReason;
+use super::sine::sin_cos;
+use crate::scalar::Real;
+
+/// A push and a brake from rest at `x0` to rest at `x1 > x0`, with their lengths.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Monotone<S = f64> {
+    pub push: Phase<S>,
+    pub brake: Phase<S>,
+    pub push_length: S,
+    pub brake_length: S,
+}
+
+/// Kinetic energies of a push and a brake: at the switch, and at the hump of either, infinite if it has none.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Energies {
+    pub peak: f64,
+    pub push_hump: f64,
+    pub brake_hump: f64,
+}
+
+/// `cos x0 - cos x1` from the sines of half the sum and of half the difference: exact for moves of any smallness.
+#[inline(always)]
+pub(super) fn drop<S: Real>(sum: S, difference: S) -> S {
+    S::splat(2.0) * sum * difference
+}
+
+impl Monotone {
+    /// Why the motion is impossible, if it is: every test is on the sign of a quantity whose size is the margin.
+    #[inline]
+    pub fn reason(&self) -> MonotoneReason {
+        let Monotone { push, brake, push_length, brake_length } = *self;
+        if push.net() <= 0.0 {
+            return MonotoneReason::StartBlocked { missing: -push.net() };
+        }
+        if brake.net() <= 0.0 {
+            return MonotoneReason::EndBlocked { missing: -brake.net() };
+        }
+        if push_length <= 0.0 || brake_length <= 0.0 {
+            return MonotoneReason::Work {
+                missing: -push_length.min(brake_length) * (push.push + brake.push) / (push_length + brake_length),
+            };
+        }
+        let peak = push.energy(push_length);
+        if let Some(y) = push.hump(push_length) {
+            let energy = push.energy(y);
+            if energy <= 0.0 {
+                return MonotoneReason::Hump { x: push.x + y, missing: -energy / y };
+            }
+        }
+        if let Some(y) = brake.hump(brake_length) {
+            let energy = brake.energy(y);
+            if energy <= 0.0 {
+                return MonotoneReason::Hump { x: -brake.x - y, missing: -energy / y };
+            }
+        }
+        if peak <= 0.0 {
+            return MonotoneReason::Hump { x: push.x + push_length, missing: -peak / push_length };
+        }
+        MonotoneReason::Feasible
+    }
+
+    /// The kinetic energies, if the motion is possible.
+    #[inline]
+    pub fn energies(&self) -> Option<Energies> {
+        let Monotone { push, brake, push_length, brake_length } = *self;
+        if !(push_length > 0.0 && brake_length > 0.0 && push.net() > 0.0 && brake.net() > 0.0) {
+            return None;
+        }
+        let (push_hump, brake_hump) = (push.lowest(push_length), brake.lowest(brake_length));
+        if !(push_hump > 0.0 && brake_hump > 0.0) {
+            return None;
+        }
+        let peak = push.energy(push_length);
+        (peak > 0.0).then_some(Energies { peak, push_hump, brake_hump })
+    }
+
+    /// Durations of the two phases over `sqrt(I/2)`.
+    #[inline]
+    pub fn time_factors(&self) -> (f64, f64) {
+        (self.push.time_factor(self.push_length), self.brake.time_factor(self.brake_length))
+    }
+}
+
+impl<S: Real> Monotone<S> {
+    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
+    #[inline(always)]
+    pub fn between(push: Phase<S>, brake: Phase<S>, drop: S) -> Self {
+        let (up, down) = (push.push, brake.push);
+        let (distance, work) = (-brake.x - push.x, push.g * drop);
+        let (push_length, brake_length) = ((down * distance + work) / (up + down), (up * distance - work) / (up + down));
+        Monotone { push, brake, push_length, brake_length }
+    }
+
+    /// The least of all margins of feasibility, N m: positive iff `reason` is `Feasible`, continuous in the end points. Where it is at
+    /// most `least`, any number up to that.
+    #[inline(always)]
+    pub fn margin(&self, least: S) -> S {
+        let Monotone { push, brake, push_length, brake_length } = *self;
+        let (shorter, per) = (push_length.min(brake_length), push_length + brake_length);
+        let ends = push.net().min(brake.net()).min(shorter * (push.push + brake.push) / per);
+        let moves = S::zero().lt(shorter);
+        if !S::any(least.lt(S::select(moves, ends, least))) {
+            return ends;
+        }
+        let energy = push.energy(push_length).min(push.lowest(push_length)).min(brake.lowest(brake_length));
+        S::select(moves, ends.min(energy / per), ends)
+    }
+}
+
+/// The monotone motion `x0 -> x1 > x0`, and what its swings take from it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Straight {
+    pub monotone: Monotone,
+    /// Sine and cosine of half way, and of half the distance.
+    pub middle: (f64, f64),
+    pub half: (f64, f64),
+}
+
+impl Straight {
+    /// `up`, `down`: sizes of the pushing and of the braking torque bound, both >= 0.
+    #[inline]
+    pub fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Self {
+        let (middle, half) = (sin_cos(0.5 * x0 + 0.5 * x1), sin_cos(0.5 * (x1 - x0)));
+        let monotone = Monotone::between(Phase::new(x0, up, g), Phase::new(-x1, down, g), drop(middle.0, half.0));
+        Straight { monotone, middle, half }
+    }
+
+    /// The motion mirrored and run backwards.
+    pub fn reversed(&self) -> Self {
+        let Monotone { push, brake, push_length, brake_length } = self.monotone;
+        let monotone = Monotone { push: brake, brake: push, push_length: brake_length, brake_length: push_length };
+        Straight { monotone, middle: (-self.middle.0, self.middle.1), half: self.half }
+    }
+}
