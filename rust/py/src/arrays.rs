@@ -328,6 +328,18 @@ pub fn written_array<'py>(
     made(py, shape, false, fill)
 }
 
+/// Several of them, written together.
+pub fn written_arrays<'py, const N: usize>(
+    py: Python<'py>,
+    shape: &[usize],
+    fill: impl FnOnce([&mut [f64]; N]) -> Result<(), Failure>,
+) -> Result<[Bound<'py, PyAny>; N], Failure> {
+    let arrays = (0..N).map(|_| written_array(py, shape, |_| Ok(()))).collect::<Result<Vec<_>, _>>()?;
+    let arrays: [_; N] = arrays.try_into().unwrap_or_else(|_| unreachable!("as many as were made"));
+    fill(arrays.each_ref().map(|array| out_of_shape(array, shape).unwrap_or_default()))?;
+    Ok(arrays)
+}
+
 fn made<'py>(
     py: Python<'py>,
     shape: &[usize],

@@ -1,7 +1,7 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
 use super::{Again, Field, NAMES, Problem, again, float, problem, scalar, symmetric, truth};
-use crate::arrays::{index_of, new_array, new_flags, shown, written_array};
+use crate::arrays::{index_of, new_array, new_flags, shown, written_arrays};
 use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Error;
@@ -299,42 +299,36 @@ fn refused(py: Python<'_>, function: &str, shape: &[usize], i: usize, error: Err
 impl BangBangBatch {
     fn solve(py: Python<'_>, problems: Columns<6>) -> Result<Self, Failure> {
         let n = problems.count;
-        let mut times: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; n]);
+        let shape = &problems.shape;
         let mut flags: [Vec<bool>; 3] = std::array::from_fn(|_| vec![false; n]);
         let column = |k: usize, start: usize, end: usize| {
             let column = &problems.columns[k];
             if column.len() == 1 { &column[..] } else { &column[start..end] }
         };
-        for start in (0..n).step_by(CHUNK) {
-            let end = n.min(start + CHUNK);
-            // The planner's order: the lower bound first.
-            let columns = [0, 1, 2, 3, 5, 4].map(|k| column(k, start, end));
-            let (numbers, flags) = (times.each_mut().map(|x| &mut x[start..end]), flags.each_mut().map(|x| &mut x[start..end]));
-            py.detach(|| plan::bang_bang_times(columns, plan::BangBangTimes { numbers, flags }))
-                .map_err(|(i, error)| refused(py, "bang_bang_time", &problems.shape, start + i, error))?;
-            py.check_signals()?;
-        }
+        let [t_min, t_max, a_min, a_max] = written_arrays(py, shape, |mut times| {
+            for start in (0..n).step_by(CHUNK) {
+                let end = n.min(start + CHUNK);
+                // The planner's order: the lower bound first.
+                let columns = [0, 1, 2, 3, 5, 4].map(|k| column(k, start, end));
+                let (numbers, flags) = (times.each_mut().map(|x| &mut x[start..end]), flags.each_mut().map(|x| &mut x[start..end]));
+                py.detach(|| plan::bang_bang_times(columns, plan::BangBangTimes { numbers, flags }))
+                    .map_err(|(i, error)| refused(py, "bang_bang_time", shape, start + i, error))?;
+                py.check_signals()?;
+            }
+            Ok(())
+        })?
+        .map(Bound::unbind);
         let solved = flags[0].iter().filter(|&&f| f).count();
-        let shape = &problems.shape;
-        let [t_min, t_max, a_min, a_max] = times;
         let [feasible, hold_start, hold_end] = flags;
-        // Copied, so that the arrays own their memory.
-        let time = |x: Vec<f64>| {
-            let fill = |out: &mut [f64]| {
-                out.copy_from_slice(&x);
-                Ok(())
-            };
-            Ok::<_, Failure>(written_array(py, shape, fill)?.unbind())
-        };
         let flag = |x: Vec<bool>| Ok::<_, Failure>(new_flags(py, shape, &x)?.unbind());
         Ok(BangBangBatch {
             feasible: flag(feasible)?,
             hold_start: flag(hold_start)?,
             hold_end: flag(hold_end)?,
-            t_min: time(t_min)?,
-            t_max: time(t_max)?,
-            a_min: time(a_min)?,
-            a_max: time(a_max)?,
+            t_min,
+            t_max,
+            a_min,
+            a_max,
             solved,
             problems,
         })
