@@ -66,6 +66,11 @@ pub(super) trait BackSwings {
     fn weak(&self) -> bool;
 }
 
+/// Whether the middle one of three margins is a maximum.
+fn highest(three: &&[(f64, f64)]) -> bool {
+    three[1].1 >= three[0].1.max(three[2].1)
+}
+
 /// A turning point and the slope there, none where the swing is impossible.
 type Point = (f64, Option<f64>);
 
@@ -246,21 +251,25 @@ impl<B: BackSwings> Search<'_, B> {
         (at.0, rate)
     }
 
-    /// Possible turning points that the grid may have missed, each between two that enclose it: where the margin is widest; where torques
-    /// are weak beside gravity, and windows narrow, at all of its maxima.
+    /// Possible turning points that the grid may have missed, each between two that enclose it, at the maxima of the margin.
     fn windows(&self, first: f64, last: f64) -> Vec<(f64, f64, f64)> {
-        let weak = self.swings.weak();
-        let (mut points, mut widest) = (vec![(0.5 * first, f64::NEG_INFINITY)], f64::NEG_INFINITY);
-        let mut grid = Grid::new(Some(self.swings), self.following(), first, last, widest);
-        while let Some((e, margin)) = grid.next() {
-            widest = widest.max(margin);
-            grid.least = if weak { f64::NEG_INFINITY } else { widest };
-            points.push((e, margin));
-        }
+        let mut points = vec![(0.5 * first, f64::NEG_INFINITY)];
+        let mut grid = Grid::new(Some(self.swings), self.following(), first, last, f64::NEG_INFINITY);
+        points.extend(&mut grid);
         points.push(((grid.following)(points[points.len() - 1].0), f64::NEG_INFINITY));
-        let highest = |three: &&[(f64, f64)]| three[1].1 >= three[0].1.max(three[2].1) && (weak || three[1].1 >= widest);
-        let maxima = points.windows(3).filter(highest);
-        maxima.filter_map(|three| self.ascent(three[0].0, three[2].0).map(|e| (three[0].0, e, three[2].0))).collect()
+        let mut found = Vec::new();
+        for three in points.windows(3).filter(highest) {
+            let (low, high) = (three[0].0, three[2].0);
+            // The margin jumps where a hump leaves its phase: there may be two maxima in one.
+            let mut row = vec![three[0]];
+            for first in [1, 1 + AHEAD] {
+                let between: [f64; AHEAD] = std::array::from_fn(|k| low + (high - low) * ((first + k) as f64 / (2 * AHEAD + 1) as f64));
+                row.extend(between.into_iter().zip(self.swings.margins(&between, f64::NEG_INFINITY)));
+            }
+            row.push(three[2]);
+            found.extend(row.windows(3).filter(highest).filter_map(|three| self.ascent(three[0].0, three[2].0)).map(|e| (low, e, high)));
+        }
+        found
     }
 
     /// The next turning point of the grid.

@@ -108,11 +108,14 @@ impl Search {
             return None;
         }
         let energies = monotone.energies();
-        // Below that the field is constant, and in a constant field no swing helps.
-        let nearest = if energies.is_some_and(|of| of.push_hump == f64::INFINITY) {
-            (0.05 * turns.net() / (g.abs() * start.1.abs() + (g.abs() * turns.net()).sqrt())).min(0.05)
-        } else {
-            1e-3 * distance.min(1.0)
+        // Below that the field is constant, and in a constant field no swing helps; nor does it much to the push where that is slowest.
+        let nearest = match energies {
+            Some(Energies { peak, push_hump, .. }) if push_hump == f64::INFINITY => {
+                let constant = 0.05 * turns.net() / (g.abs() * start.1.abs() + (g.abs() * turns.net()).sqrt());
+                constant.min(0.05).min(0.3 * peak / turns.net())
+            }
+            Some(Energies { peak, push_hump, .. }) => (1e-3 * distance.min(1.0)).min(0.3 * peak.min(push_hump) / turns.net()),
+            None => 1e-3 * distance.min(1.0),
         };
         let (nearest, brake) = (nearest.max(1e-13 * x0.abs().max(1.0)), OnceCell::new());
         let push = energies.map(|energies| Push::new(&monotone, &energies));
