@@ -85,6 +85,9 @@ pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
 /// The least turning point, in parts of the least one of the grid.
 const LEAST: f64 = 1e-13;
 
+/// How fast the margin rises between the looks at it, in parts of `steepest`, where it does not jump.
+const SLOPE: f64 = 0.05;
+
 struct Search<'a, B> {
     swings: &'a B,
     best: Option<Swing>,
@@ -259,17 +262,28 @@ impl<B: BackSwings> Search<'_, B> {
         points.push(((grid.following)(points[points.len() - 1].0), f64::NEG_INFINITY));
         let mut found = Vec::new();
         for three in points.windows(3).filter(highest) {
-            let (low, high) = (three[0].0, three[2].0);
-            // The margin jumps where a hump leaves its phase: there may be two maxima in one.
-            let mut row = vec![three[0]];
-            for first in [1, 1 + AHEAD] {
-                let between: [f64; AHEAD] = std::array::from_fn(|k| low + (high - low) * ((first + k) as f64 / (2 * AHEAD + 1) as f64));
-                row.extend(between.into_iter().zip(self.swings.margins(&between, f64::NEG_INFINITY)));
-            }
-            row.push(three[2]);
-            found.extend(row.windows(3).filter(highest).filter_map(|three| self.ascent(three[0].0, three[2].0)).map(|e| (low, e, high)));
+            // The margin jumps where a hump leaves its phase: there may be several maxima in one.
+            let row = self.between_margins(three[0], three[2]);
+            let reach = SLOPE * self.swings.steepest(three[0].0) * (row[2].0 - row[1].0);
+            let near = |point: &(f64, f64)| point.1 + reach > 0.0;
+            let (Some(from), Some(to)) = (row.iter().position(near), row.iter().rposition(near)) else { continue };
+            let row = self.between_margins(row[from.max(1) - 1], row[(to + 1).min(row.len() - 1)]);
+            let maxima = row.windows(3).filter(highest).filter_map(|three| self.ascent(three[0].0, three[2].0));
+            found.extend(maxima.map(|e| (three[0].0, e, three[2].0)));
         }
         found
+    }
+
+    /// The margins at two turning points, and at sixteen between.
+    fn between_margins(&self, low: (f64, f64), high: (f64, f64)) -> Vec<(f64, f64)> {
+        let mut row = Vec::with_capacity(2 * AHEAD + 2);
+        row.push(low);
+        for first in [1, 1 + AHEAD] {
+            let between: [f64; AHEAD] = std::array::from_fn(|k| low.0 + (high.0 - low.0) * ((first + k) as f64 / (2 * AHEAD + 1) as f64));
+            row.extend(between.into_iter().zip(self.swings.margins(&between, f64::NEG_INFINITY)));
+        }
+        row.push(high);
+        row
     }
 
     /// The next turning point of the grid.
