@@ -13,7 +13,7 @@
 
 use super::link::{Link, SLACK, check_ends};
 use super::report::{Bind, Limit, Place, Reason};
-use super::sine::{Sine, crest_inside, sine, trough_inside};
+use super::sine::{Sine, crest_inside, gravity_range, sine, trough_inside};
 use crate::error::{Error, Result};
 use crate::scalar::{Real, Task, run_lanes};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -42,16 +42,6 @@ pub struct BangBangReport {
 struct Bounds<S> {
     upper: [S; 2],
     lower: [S; 2],
-}
-
-/// (least, largest) value of `G sin` between two angles.
-#[inline(always)]
-fn gravity_range<S: Real>(g: S, a: &Sine<S>, b: &Sine<S>) -> (S, S) {
-    // An extreme that is not inside counts as 2 or -2, beyond every sine; min and max sort out the sign of g.
-    let (one, two) = (S::splat(1.0), S::splat(2.0));
-    let low = a.sin.min(b.sin).min(S::select(trough_inside(a, b), -one, two));
-    let high = a.sin.max(b.sin).max(S::select(crest_inside(a, b), one, -two));
-    ((g * low).min(g * high), (g * low).max(g * high))
 }
 
 #[inline(always)]

@@ -1,14 +1,11 @@
 //! What a swing without friction costs at least, and what it can gain on the monotone motion.
 
 use super::monotone::{Energies, Monotone};
-use super::sine::{crest_inside, sine, trough_inside};
+use super::sine::{gravity_range, sine};
 
 /// The least and the largest torque of gravity between two angles.
 pub(super) fn torques(g: f64, a: f64, b: f64) -> (f64, f64) {
-    let (from, to) = (sine(a), sine(b));
-    let low = if trough_inside(&from, &to) { -1.0 } else { from.sin.min(to.sin) };
-    let high = if crest_inside(&from, &to) { 1.0 } else { from.sin.max(to.sin) };
-    ((g * low).min(g * high), (g * low).max(g * high))
+    gravity_range(g, &sine(a), &sine(b))
 }
 
 /// The way out and back to `x0` takes `2 sqrt(e)` times this or more, with the largest net torques `p_+` and `p_-` up and down:

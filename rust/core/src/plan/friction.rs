@@ -80,11 +80,10 @@ impl BackSwings for Search {
         slope.is_finite().then_some(slope)
     }
 
-    fn margin(&self, e: f64, least: f64) -> f64 {
+    fn margin(&self, e: f64) -> f64 {
         let steep = (self.up + self.down) / self.link.inertia;
         let margin = |leg: Leg| leg.margin(steep);
-        let away = self.away(e, margin);
-        if away <= least { away } else { away.min(self.towards(e, margin)) }
+        self.away(e, margin).min(self.towards(e, margin))
     }
 
     fn possible(&self, e: f64) -> bool {

@@ -19,10 +19,10 @@ pub(super) fn next_weak(e: f64) -> f64 {
 pub(super) struct Grid<'a, B> {
     /// Whose margins are found; infinite ones if none's.
     swings: Option<&'a B>,
-    pub following: fn(f64) -> f64,
+    following: fn(f64) -> f64,
     last: f64,
     /// Where a margin is at most that, any number up to that is given.
-    pub least: f64,
+    least: f64,
     next: f64,
     e: [f64; AHEAD],
     margins: [f64; AHEAD],

@@ -129,6 +129,10 @@ impl Straight {
         Straight { monotone, middle, half }
     }
 
+    pub fn distance(&self) -> f64 {
+        -self.monotone.brake.x - self.monotone.push.x
+    }
+
     /// The motion mirrored and run backwards.
     pub fn reversed(&self) -> Self {
         let Monotone { push, brake, push_length, brake_length } = self.monotone;

@@ -40,17 +40,17 @@ impl Swing {
 pub(super) trait BackSwings {
     /// `d/(|d| + c)`, `d = dT/de` and `c < T/e` its part from the speeds at the switches; none where the swing is impossible. `fine`: to many digits.
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
-    /// Positive where the swing is possible, continuous; where it is at most `least`, any number up to that.
-    fn margin(&self, e: f64, least: f64) -> f64;
+    /// Positive where the swing is possible, continuous but for jumps where a hump leaves its phase.
+    fn margin(&self, e: f64) -> f64;
     /// Whether many are impossible, and several margins cost less than finding that by one slope.
     fn screened(&self) -> bool {
         false
     }
-    /// The margins of several `e`, at most eight.
-    fn margins(&self, e: &[f64], least: f64) -> [f64; AHEAD] {
+    /// The margins of several `e`, at most eight; where one is at most `least`, any number up to that.
+    fn margins(&self, e: &[f64], _least: f64) -> [f64; AHEAD] {
         let mut margins = [f64::NAN; AHEAD];
         for (&e, margin) in e.iter().zip(&mut margins) {
-            *margin = self.margin(e, least);
+            *margin = self.margin(e);
         }
         margins
     }
@@ -66,13 +66,10 @@ pub(super) trait BackSwings {
     fn weak(&self) -> bool;
 }
 
-/// Whether the middle one of three margins is a maximum.
-fn highest(three: &&[(f64, f64)]) -> bool {
-    three[1].1 >= three[0].1.max(three[2].1)
-}
-
 /// A turning point and the slope there, none where the swing is impossible.
 type Point = (f64, Option<f64>);
+/// A turning point and the margin there.
+type Margin = (f64, f64);
 
 /// What the last step of the turning point changes T by, relative: with it T is far nearer than that. (T is more than `c e`, see `slope`.)
 const FLAT: f64 = 1e-11;
@@ -84,9 +81,13 @@ const ROUGH: f64 = 0.02;
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
 /// The least turning point, in parts of the least one of the grid.
 const LEAST: f64 = 1e-13;
-
 /// How fast the margin rises between the looks at it, in parts of `steepest`, where it does not jump.
 const SLOPE: f64 = 0.05;
+
+/// Whether the middle one of three margins is a maximum.
+fn highest(three: &&[Margin]) -> bool {
+    three[1].1 >= three[0].1.max(three[2].1)
+}
 
 struct Search<'a, B> {
     swings: &'a B,
@@ -148,7 +149,7 @@ impl<B: BackSwings> Search<'_, B> {
                 }
             }
         }
-        if (grid.following)(previous.0) > FARTHEST && previous.1.is_some_and(|slope| slope < 0.0) {
+        if self.following()(previous.0) > FARTHEST && previous.1.is_some_and(|slope| slope < 0.0) {
             self.consider(previous.0);
         }
         self.best
@@ -257,15 +258,14 @@ impl<B: BackSwings> Search<'_, B> {
     /// Possible turning points that the grid may have missed, each between two that enclose it, at the maxima of the margin.
     fn windows(&self, first: f64, last: f64) -> Vec<(f64, f64, f64)> {
         let mut points = vec![(0.5 * first, f64::NEG_INFINITY)];
-        let mut grid = Grid::new(Some(self.swings), self.following(), first, last, f64::NEG_INFINITY);
-        points.extend(&mut grid);
-        points.push(((grid.following)(points[points.len() - 1].0), f64::NEG_INFINITY));
+        points.extend(Grid::new(Some(self.swings), self.following(), first, last, f64::NEG_INFINITY));
+        points.push((self.following()(points[points.len() - 1].0), f64::NEG_INFINITY));
         let mut found = Vec::new();
         for three in points.windows(3).filter(highest) {
             // The margin jumps where a hump leaves its phase: there may be several maxima in one.
             let row = self.between_margins(three[0], three[2]);
             let reach = SLOPE * self.swings.steepest(three[0].0) * (row[2].0 - row[1].0);
-            let near = |point: &(f64, f64)| point.1 + reach > 0.0;
+            let near = |point: &Margin| point.1 + reach > 0.0;
             let (Some(from), Some(to)) = (row.iter().position(near), row.iter().rposition(near)) else { continue };
             let row = self.between_margins(row[from.max(1) - 1], row[(to + 1).min(row.len() - 1)]);
             let maxima = row.windows(3).filter(highest).filter_map(|three| self.ascent(three[0].0, three[2].0));
@@ -275,7 +275,7 @@ impl<B: BackSwings> Search<'_, B> {
     }
 
     /// The margins at two turning points, and at sixteen between.
-    fn between_margins(&self, low: (f64, f64), high: (f64, f64)) -> Vec<(f64, f64)> {
+    fn between_margins(&self, low: Margin, high: Margin) -> Vec<Margin> {
         let mut row = Vec::with_capacity(2 * AHEAD + 2);
         row.push(low);
         for first in [1, 1 + AHEAD] {
@@ -297,7 +297,7 @@ impl<B: BackSwings> Search<'_, B> {
         let (mut a, mut b) = (low, high);
         let steepest = self.swings.steepest(a);
         let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
-        let (mut at_c, mut at_d) = (self.swings.margin(c, f64::NEG_INFINITY), self.swings.margin(d, f64::NEG_INFINITY));
+        let (mut at_c, mut at_d) = (self.swings.margin(c), self.swings.margin(d));
         while at_c <= 0.0 && at_d <= 0.0 {
             if !(b - a > 1e-13 * b) || at_c.max(at_d) + steepest * (b - a) < 0.0 {
                 return None;
@@ -305,11 +305,11 @@ impl<B: BackSwings> Search<'_, B> {
             if at_c > at_d {
                 (b, d, at_d) = (d, c, at_c);
                 c = b - GOLDEN * (b - a);
-                at_c = self.swings.margin(c, f64::NEG_INFINITY);
+                at_c = self.swings.margin(c);
             } else {
                 (a, c, at_c) = (c, d, at_d);
                 d = a + GOLDEN * (b - a);
-                at_d = self.swings.margin(d, f64::NEG_INFINITY);
+                at_d = self.swings.margin(d);
             }
         }
         Some(if at_c > at_d { c } else { d })

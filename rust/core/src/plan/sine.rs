@@ -155,6 +155,16 @@ pub fn trough_inside<S: Real>(a: &Sine<S>, b: &Sine<S>) -> S::Mask {
     passes(a, b, 1.0)
 }
 
+/// (least, largest) value of `G sin` between two angles.
+#[inline(always)]
+pub(super) fn gravity_range<S: Real>(g: S, a: &Sine<S>, b: &Sine<S>) -> (S, S) {
+    // An extreme that is not inside counts as 2 or -2, beyond every sine; min and max sort out the sign of g.
+    let (one, two) = (S::splat(1.0), S::splat(2.0));
+    let low = a.sin.min(b.sin).min(S::select(trough_inside(a, b), -one, two));
+    let high = a.sin.max(b.sin).max(S::select(crest_inside(a, b), one, -two));
+    ((g * low).min(g * high), (g * low).max(g * high))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -25,19 +25,10 @@ const WEAK: f64 = 0.03;
 
 /// The problem of the back-swing.
 struct Search {
-    x0: f64,
-    x1: f64,
-    g: f64,
-    up: f64,
-    down: f64,
-    /// The outer phases, and the middle one at some place.
+    /// Its push is the middle phase at another place, its brake the last one.
+    straight: Straight,
+    /// The first phase.
     leaves: Phase,
-    arrives: Phase,
-    turns: Phase,
-    /// Sine and cosine of `x0`, of half way, and of half the distance.
-    start: (f64, f64),
-    middle: (f64, f64),
-    half: (f64, f64),
     /// The push of the monotone motion, if that is possible.
     push: Option<Push>,
     nearest: f64,
@@ -99,51 +90,52 @@ impl Task for Margins<'_> {
 impl Search {
     /// None where the start can't be left backwards, or nothing comes to rest at the end.
     fn new(straight: &Straight) -> Option<Self> {
-        let Straight { monotone, middle, half } = *straight;
-        let (turns, arrives) = (monotone.push, monotone.brake);
-        let (x0, x1, g, up, down) = (turns.x, -arrives.x, turns.g, turns.push, arrives.push);
-        let (start, distance) = (turns.angle(), x1 - x0);
-        let leaves = arrives.moved(-x0, (-start.0, start.1));
+        let monotone = &straight.monotone;
+        let Monotone { push: turns, brake: arrives, .. } = monotone;
+        let (x0, g, (sin, cos)) = (turns.x, turns.g.abs(), turns.angle());
+        let leaves = arrives.moved(-x0, (-sin, cos));
         if leaves.net() <= 0.0 || arrives.net() <= 0.0 {
             return None;
         }
         let energies = monotone.energies();
         // Below that the field is constant, and in a constant field no swing helps; nor does it much to the push where that is slowest.
-        let nearest = match energies {
-            Some(Energies { peak, push_hump, .. }) if push_hump == f64::INFINITY => {
-                let constant = 0.05 * turns.net() / (g.abs() * start.1.abs() + (g.abs() * turns.net()).sqrt());
-                constant.min(0.05).min(0.3 * peak / turns.net())
-            }
-            Some(Energies { peak, push_hump, .. }) => (1e-3 * distance.min(1.0)).min(0.3 * peak.min(push_hump) / turns.net()),
-            None => 1e-3 * distance.min(1.0),
+        let constant = if energies.is_some_and(|energies| energies.push_hump == f64::INFINITY) {
+            (0.05 * turns.net() / (g * cos.abs() + (g * turns.net()).sqrt())).min(0.05)
+        } else {
+            1e-3 * straight.distance().min(1.0)
         };
-        let (nearest, brake) = (nearest.max(1e-13 * x0.abs().max(1.0)), OnceCell::new());
-        let push = energies.map(|energies| Push::new(&monotone, &energies));
-        Some(Search { x0, x1, g, up, down, leaves, arrives, turns, start, middle, half, push, nearest, brake })
+        let slow = energies.map_or(f64::INFINITY, |energies| 0.3 * energies.peak.min(energies.push_hump) / turns.net());
+        let nearest = constant.min(slow).max(1e-13 * x0.abs().max(1.0));
+        let push = energies.map(|energies| Push::new(monotone, &energies));
+        Some(Search { straight: *straight, leaves, push, nearest, brake: OnceCell::new() })
     }
 
     #[inline(always)]
     fn trial<S: Real>(&self, e: S) -> Trial<S> {
         let both = |(sin, cos): (f64, f64)| (S::splat(sin), S::splat(cos));
-        let (start, way) = (both(self.start), both(self.half));
-        let turn = S::splat(self.x0) - e;
+        let Straight { monotone: Monotone { push, brake, .. }, middle, half } = &self.straight;
+        let way = both(*half);
+        let turn = S::splat(push.x) - e;
         let half = sin_cos_lanes(S::splat(0.5) * e);
-        let between = back(start, half);
-        let turns = self.turns.splat().moved(turn, back(between, half));
+        let between = back(both(push.angle()), half);
+        let turns = push.splat().moved(turn, back(between, half));
         let out = drop(-between.0, half.0);
-        let into = drop(back(both(self.middle), half).0, way.0 * half.1 + way.1 * half.0);
-        Trial {
-            away: Monotone::between(self.leaves.splat(), turns, out),
-            towards: Monotone::between(turns, self.arrives.splat(), into),
-            turn,
-        }
+        let into = drop(back(both(*middle), half).0, way.0 * half.1 + way.1 * half.0);
+        Trial { away: Monotone::between(self.leaves.splat(), turns, out), towards: Monotone::between(turns, brake.splat(), into), turn }
+    }
+
+    /// Of both torque bounds and of gravity.
+    fn sizes(&self) -> [f64; 3] {
+        let Monotone { push, brake, .. } = &self.straight.monotone;
+        [push.push, brake.push, push.g.abs()]
     }
 
     /// No larger `e` is worth trying, if none above `most` is, nor above the `bound` for the largest net torques up and down.
     fn within(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
+        let turns = &self.straight.monotone.push;
         for _ in 0..3 {
-            let (low, high) = torques(self.g, self.x0 - most, self.x0);
-            let bound = bound(self.up - low, self.down + high);
+            let (low, high) = torques(turns.g, turns.x - most, turns.x);
+            let bound = bound(turns.push - low, self.leaves.push + high);
             if !(bound < most) {
                 break;
             }
@@ -170,8 +162,8 @@ impl BackSwings for Search {
         slope.is_finite().then_some(slope)
     }
 
-    fn margin(&self, e: f64, least: f64) -> f64 {
-        self.trial(e).margin(least)
+    fn margin(&self, e: f64) -> f64 {
+        self.trial(e).margin(f64::NEG_INFINITY)
     }
 
     fn screened(&self) -> bool {
@@ -217,7 +209,7 @@ impl BackSwings for Search {
             return most;
         }
         let brake = *self.brake.get_or_init(|| {
-            let (brake, distance) = (&self.arrives, self.x1 - self.x0);
+            let (brake, distance) = (&self.straight.monotone.brake, self.straight.distance());
             if brake.clears(distance) && brake.energy(distance) > 0.0 { brake.time_factor(distance) } else { 0.0 }
         });
         let left = 0.5 * (limit - brake).max(0.0);
@@ -225,11 +217,13 @@ impl BackSwings for Search {
     }
 
     fn steepest(&self, e: f64) -> f64 {
-        10.0 * (self.up + self.down + self.g.abs()) * (1.0 / e).max(1.0)
+        let [up, down, g] = self.sizes();
+        10.0 * (up + down + g) * (1.0 / e).max(1.0)
     }
 
     fn weak(&self) -> bool {
-        self.up.min(self.down) < WEAK * self.g.abs()
+        let [up, down, g] = self.sizes();
+        up.min(down) < WEAK * g
     }
 }
 
@@ -265,7 +259,7 @@ mod tests {
         let e: [f64; AHEAD] = std::array::from_fn(|k| 0.01 * 2.2f64.powi(k as i32));
         let mut possible = 0;
         for search in searches() {
-            let single = e.map(|e| search.margin(e, f64::NEG_INFINITY));
+            let single = e.map(|e| search.margin(e));
             let least = f64::NEG_INFINITY;
             assert_eq!(search.margins(&e, least), single);
             assert_eq!(Margins { search: &search, e, least }.run::<Array8<false>>(), single);
@@ -285,7 +279,7 @@ mod tests {
             if search.push.is_none() {
                 continue;
             }
-            let (push, brake) = Straight::new(search.x0, search.x1, search.g, search.up, search.down).monotone.time_factors();
+            let (push, brake) = search.straight.monotone.time_factors();
             let limit = push + brake;
             let farthest = search.farthest(limit).max(1e-3);
             for k in 0..25 {
