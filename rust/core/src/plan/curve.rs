@@ -128,9 +128,9 @@ pub(super) struct Leg<'a> {
 
 impl Leg<'_> {
     /// The distances between which both curves are, if they are anywhere together.
-    fn overlap(&self) -> Result<[f64; 2], f64> {
+    fn overlap(&self) -> Option<[f64; 2]> {
         let (a, b) = (self.distance - self.brake.reach.min(self.distance), self.push.reach.min(self.distance));
-        if a < b { Ok([a, b]) } else { Err(b - a) }
+        (a < b).then_some([a, b])
     }
 
     /// By how much the push is ahead, in squares of the speed.
@@ -138,18 +138,9 @@ impl Leg<'_> {
         self.push.at(y).speed.powi(2) - self.brake.at(self.distance - y).speed.powi(2)
     }
 
-    /// Positive where the curves meet, continuous: the lesser of the two leads at the ends of where they overlap, with the sign that it
-    /// must have, over `steep`; or by how much they are apart.
-    pub fn margin(&self, steep: f64) -> f64 {
-        match self.overlap() {
-            Ok([a, b]) => (-self.lead(a)).min(self.lead(b)) / steep,
-            Err(apart) => apart,
-        }
-    }
-
     /// The crossing of the two curves, if there is one: regula falsi after Illinois.
     pub fn meeting(&self) -> Option<Meeting> {
-        let [a, b] = self.overlap().ok()?;
+        let [a, b] = self.overlap()?;
         let (mut low, mut high) = ((a, self.lead(a)), (b, self.lead(b)));
         if !(low.1 < 0.0 && high.1 >= 0.0) {
             return None;

@@ -16,13 +16,17 @@
 //! rest such a link never swings beyond where its torque is held by gravity (`v < 2 K_dot(x)/d` stays true), so no phase but a brake ends at rest.
 
 use super::curve::{Curve, Leg, Meeting};
-use super::grid::next;
 use super::link::{Link, check_ends};
+use super::phase::Phase;
 use super::report::MonotoneReason;
 use super::search::{BackSwings, FARTHEST, Swing, fastest};
 use super::steps::{Progress, Rough};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
+use super::windows::Windows;
 use crate::error::{Error, Result};
+
+/// Where a motion that comes from an equilibrium is taken to begin, rad beside it: its energy there is rounding.
+const BESIDE: f64 = 1e-7;
 
 /// The back-swings of `x0 -> x1 > x0`.
 struct Search {
@@ -31,9 +35,12 @@ struct Search {
     up: f64,
     down: f64,
     link: Rough,
-    /// The outer phases.
+    /// Whether the monotone motion is possible.
+    straight: bool,
+    /// The outer phases, and how far back both may come from.
     leaves: Curve,
     arrives: Curve,
+    most: f64,
 }
 
 /// The two legs of a swing: where their phases meet.
@@ -45,11 +52,28 @@ struct Trial {
 
 impl Search {
     /// None where the start can't be left backwards, or nothing comes to rest at the end.
-    fn new(x0: f64, x1: f64, up: f64, down: f64, link: Rough, bound: f64) -> Option<Self> {
-        let mut search = Search { x0, x1, up, down, link, leaves: Curve::default(), arrives: Curve::default() };
-        search.arrives = Curve::new(-x1, down, &link.backwards(), next(search.farthest(bound)) + x1 - x0, None);
-        search.leaves = Curve::new(-x0, down, &link, next(search.farthest(bound)), None);
-        (search.leaves.reach > 0.0 && search.arrives.reach > 0.0).then_some(search)
+    fn new(x0: f64, x1: f64, up: f64, down: f64, link: Rough, straight: bool, bound: f64) -> Option<Self> {
+        let mut search = Search { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };
+        let (distance, back) = (x1 - x0, link.backwards());
+        // Somewhat more than is needed: that no stall is seen there is no edge of a window.
+        let reach = |search: &Search| 1.01 * search.farthest(bound);
+        search.arrives = Curve::new(-x1, down, &back, reach(&search) + distance, None);
+        search.leaves = Curve::new(-x0, down, &link, reach(&search), None);
+        search.most = search.leaves.reach.min(search.arrives.reach - distance);
+        (search.most > 0.0).then_some(search)
+    }
+
+    /// The ways `e` from which the torque of the middle phase, against the friction of `link`, comes as far as `x`.
+    fn windows_to(&self, x: f64, link: Rough) -> Vec<(f64, f64)> {
+        let (push, from) = (self.up - link.coulomb, x - self.x0);
+        if push.abs() >= link.g.abs() {
+            return if push > 0.0 { vec![(0.0, self.most)] } else { Vec::new() };
+        }
+        // Backwards from rest, at x or at a crest, to where the same torque began.
+        let rise = |x: f64| Curve::new(-x, -self.up, &link.backwards(), self.most + from, None).reach;
+        let low = rise(x);
+        let (angle, crest) = Phase::new(-x, -push, link.g).least_after(low);
+        Windows::new(low - from, crest - from, self.most, || rise(-angle - BESIDE) + BESIDE).collect()
     }
 
     /// What `f` says of the way out, with the phase to the turn run backwards.
@@ -80,16 +104,6 @@ impl BackSwings for Search {
         slope.is_finite().then_some(slope)
     }
 
-    fn margin(&self, e: f64) -> f64 {
-        let steep = (self.up + self.down) / self.link.inertia;
-        let margin = |leg: Leg| leg.margin(steep);
-        self.away(e, margin).min(self.towards(e, margin))
-    }
-
-    fn possible(&self, e: f64) -> bool {
-        self.trial(e).is_some()
-    }
-
     fn swing(&self, e: f64) -> Option<Swing> {
         let Trial { turn, away, towards } = self.trial(e)?;
         let (t1, t2, t3, t4) = (away.push.time, away.brake.time, towards.push.time, towards.brake.time);
@@ -103,8 +117,19 @@ impl BackSwings for Search {
         })
     }
 
-    fn nearest(&self) -> f64 {
-        (1e-3 * (self.x1 - self.x0).min(1.0)).max(1e-6)
+    fn windows(&self, _farthest: f64) -> impl Iterator<Item = (f64, f64)> {
+        // Friction makes the way in, the longer one, the harder one; run backwards, it may be the way out.
+        let mut windows = self.windows_to(self.x1, self.link);
+        if self.link.viscous < 0.0 || self.link.coulomb < 0.0 {
+            let out = self.windows_to(self.x0, self.link.backwards());
+            let both = |a: (f64, f64)| out.iter().map(move |b| (a.0.max(b.0), a.1.min(b.1)));
+            windows = windows.into_iter().flat_map(both).filter(|(low, high)| low < high).collect();
+        }
+        windows.into_iter()
+    }
+
+    fn nearest(&self) -> Option<f64> {
+        self.straight.then(|| (1e-3 * (self.x1 - self.x0).min(1.0)).max(1e-6))
     }
 
     /// Each stretch from rest with all of a torque and of gravity, and on, at no moment faster than the last brake:
@@ -117,14 +142,6 @@ impl BackSwings for Search {
         let brake = if distance <= self.arrives.reach { self.arrives.at(distance).time } else { 0.0 };
         let stretches = if self.link.viscous < 0.0 || self.link.coulomb < 0.0 { 1.0 } else { 2.0 };
         (((limit - brake).max(0.0) / stretches).powi(2) * 0.5 * p / self.link.inertia).min(FARTHEST)
-    }
-
-    fn steepest(&self, _e: f64) -> f64 {
-        10.0 * (1.0 + self.link.g.abs() / (self.up + self.down))
-    }
-
-    fn weak(&self) -> bool {
-        false
     }
 }
 
@@ -171,7 +188,7 @@ pub fn torque_optimal_time_with_friction(
         [(Family::BackSwing, (x0, x1), (up, down), link), (Family::Overshoot, (-x1, -x0), (down, up), link.backwards())]
     {
         let bound = if optimum.best.t.is_nan() { f64::INFINITY } else { optimum.best.t };
-        let swing = Search::new(x0, x1, up, down, link, bound).and_then(|search| fastest(&search, bound));
+        let swing = Search::new(x0, x1, up, down, link, optimum.feasible, bound).and_then(|search| fastest(&search, bound));
         if let Some(swing) = swing {
             let swing = if kind == Family::Overshoot { swing.reversed() } else { swing };
             optimum.best = Best::swing(kind, &swing, sign, 1.0);

@@ -12,7 +12,6 @@ mod bang_bang;
 mod curve;
 mod detour;
 mod friction;
-mod grid;
 mod link;
 mod monotone;
 mod phase;
@@ -26,6 +25,7 @@ mod swing;
 mod time_path;
 mod torque_optimal;
 mod trajectory;
+mod windows;
 
 pub use bang_bang::{BangBangReport, BangBangTimes, bang_bang_time, bang_bang_times};
 pub use friction::torque_optimal_time_with_friction;

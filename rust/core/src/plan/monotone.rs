@@ -1,34 +1,41 @@
-//! A push and a brake without friction, rest to rest: their lengths, energies, margins and durations.
+//! A push and a brake without friction, rest to rest: their lengths, energies and durations.
 
 use super::phase::Phase;
 use super::report::MonotoneReason;
 use super::sine::sin_cos;
-use crate::scalar::Real;
 
 /// A push and a brake from rest at `x0` to rest at `x1 > x0`, with their lengths.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Monotone<S = f64> {
-    pub push: Phase<S>,
-    pub brake: Phase<S>,
-    pub push_length: S,
-    pub brake_length: S,
+pub(super) struct Monotone {
+    pub push: Phase,
+    pub brake: Phase,
+    pub push_length: f64,
+    pub brake_length: f64,
 }
 
-/// Kinetic energies of a push and a brake: at the switch, and at the hump of either, infinite if it has none.
+/// Kinetic energies of a push and a brake: at the switch, and at the hump of the push, infinite if it has none.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Energies {
     pub peak: f64,
     pub push_hump: f64,
-    pub brake_hump: f64,
 }
 
 /// `cos x0 - cos x1` from the sines of half the sum and of half the difference: exact for moves of any smallness.
-#[inline(always)]
-pub(super) fn drop<S: Real>(sum: S, difference: S) -> S {
-    S::splat(2.0) * sum * difference
+#[inline]
+pub(super) fn drop(sum: f64, difference: f64) -> f64 {
+    2.0 * sum * difference
 }
 
 impl Monotone {
+    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
+    #[inline]
+    pub fn between(push: Phase, brake: Phase, drop: f64) -> Self {
+        let (up, down) = (push.push, brake.push);
+        let (distance, work) = (-brake.x - push.x, push.g * drop);
+        let (push_length, brake_length) = ((down * distance + work) / (up + down), (up * distance - work) / (up + down));
+        Monotone { push, brake, push_length, brake_length }
+    }
+
     /// Why the motion is impossible, if it is: every test is on the sign of a quantity whose size is the margin.
     #[inline]
     pub fn reason(&self) -> MonotoneReason {
@@ -70,44 +77,14 @@ impl Monotone {
         if !(push_length > 0.0 && brake_length > 0.0 && push.net() > 0.0 && brake.net() > 0.0) {
             return None;
         }
-        let (push_hump, brake_hump) = (push.lowest(push_length), brake.lowest(brake_length));
-        if !(push_hump > 0.0 && brake_hump > 0.0) {
-            return None;
-        }
-        let peak = push.energy(push_length);
-        (peak > 0.0).then_some(Energies { peak, push_hump, brake_hump })
+        let (push_hump, peak) = (push.lowest(push_length), push.energy(push_length));
+        (push_hump > 0.0 && brake.lowest(brake_length) > 0.0 && peak > 0.0).then_some(Energies { peak, push_hump })
     }
 
     /// Durations of the two phases over `sqrt(I/2)`.
     #[inline]
     pub fn time_factors(&self) -> (f64, f64) {
         (self.push.time_factor(self.push_length), self.brake.time_factor(self.brake_length))
-    }
-}
-
-impl<S: Real> Monotone<S> {
-    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
-    #[inline(always)]
-    pub fn between(push: Phase<S>, brake: Phase<S>, drop: S) -> Self {
-        let (up, down) = (push.push, brake.push);
-        let (distance, work) = (-brake.x - push.x, push.g * drop);
-        let (push_length, brake_length) = ((down * distance + work) / (up + down), (up * distance - work) / (up + down));
-        Monotone { push, brake, push_length, brake_length }
-    }
-
-    /// The least of all margins of feasibility, N m: positive iff `reason` is `Feasible`, continuous in the end points. Where it is at
-    /// most `least`, any number up to that.
-    #[inline(always)]
-    pub fn margin(&self, least: S) -> S {
-        let Monotone { push, brake, push_length, brake_length } = *self;
-        let (shorter, per) = (push_length.min(brake_length), push_length + brake_length);
-        let ends = push.net().min(brake.net()).min(shorter * (push.push + brake.push) / per);
-        let moves = S::zero().lt(shorter);
-        if !S::any(least.lt(S::select(moves, ends, least))) {
-            return ends;
-        }
-        let energy = push.energy(push_length).min(push.lowest(push_length)).min(brake.lowest(brake_length));
-        S::select(moves, ends.min(energy / per), ends)
     }
 }
 

@@ -13,7 +13,7 @@
 //! at x is the same phase from `-x` run backwards, with the braking torque as push.
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
-use super::sine::{sin_cos, sin_cos_lanes, sinc_cos_small};
+use super::sine::{sin_cos, sinc_cos_small};
 use crate::scalar::{Real, Task, run_lanes};
 use std::f64::consts::{PI, TAU};
 
@@ -24,14 +24,14 @@ const ACCURACY: f64 = 3e-14;
 
 /// Constant net push `p` from rest at `x` against `g sin`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Phase<S = f64> {
-    pub x: S,
-    pub push: S,
-    pub g: S,
-    sin: S,
-    cos: S,
+pub(super) struct Phase {
+    pub x: f64,
+    pub push: f64,
+    pub g: f64,
+    sin: f64,
+    cos: f64,
     /// An angle at which the kinetic energy has a local minimum; NaN if the push is ahead of gravity everywhere.
-    least: S,
+    least: f64,
 }
 
 impl Phase {
@@ -48,11 +48,39 @@ impl Phase {
         Phase { x, push, g, sin, cos, least }
     }
 
-    /// The same phase in every lane.
-    #[inline(always)]
-    pub fn splat<S: Real>(&self) -> Phase<S> {
-        let [x, push, g, sin, cos, least] = [self.x, self.push, self.g, self.sin, self.cos, self.least].map(S::splat);
-        Phase { x, push, g, sin, cos, least }
+    /// The same push from rest at another place, whose sine and cosine are known.
+    #[inline]
+    pub fn moved(&self, x: f64, (sin, cos): (f64, f64)) -> Self {
+        Phase { x, sin, cos, ..*self }
+    }
+
+    /// Sine and cosine of the rest point.
+    #[inline]
+    pub fn angle(&self) -> (f64, f64) {
+        (self.sin, self.cos)
+    }
+
+    /// Net torque at the rest point; the phase moves forward iff positive.
+    #[inline]
+    pub fn net(&self) -> f64 {
+        self.push - self.g * self.sin
+    }
+
+    /// Kinetic energy after the stretch `y`.
+    #[inline]
+    pub fn energy(&self, y: f64) -> f64 {
+        let h = 0.5 * y;
+        let (s, c) = sin_cos(h);
+        let sinc = if h == 0.0 { 1.0 } else { s / h };
+        y * (self.push - self.g * sinc * (self.sin * c + self.cos * s))
+    }
+
+    /// The first stretch in `[0, 2 pi)` at which the kinetic energy has a local minimum, NaN if none. Later minima are not
+    /// lower, since `K(y + 2 pi) = K(y) + 2 pi p`.
+    #[inline]
+    fn first_least(&self) -> f64 {
+        let y = self.least - self.x;
+        y - TAU * (y / TAU).floor()
     }
 
     /// The first stretch in `(0, length)` at which the kinetic energy has a local minimum.
@@ -65,10 +93,71 @@ impl Phase {
         (y > 0.0 && y < length).then_some(y)
     }
 
+    /// The kinetic energy at the hump, infinite where none comes before `length`.
+    #[inline]
+    pub fn lowest(&self, length: f64) -> f64 {
+        self.hump(length).map_or(f64::INFINITY, |y| self.energy(y))
+    }
+
     /// Whether the phase leaves its rest and clears its hump, if that comes before `length`.
     #[inline]
     pub fn clears(&self, length: f64) -> bool {
         self.net() > 0.0 && self.lowest(length) > 0.0
+    }
+
+    /// Where the phase comes to rest again, infinite if it clears its hump.
+    pub fn reach(&self) -> f64 {
+        if self.least.is_nan() {
+            return f64::INFINITY;
+        }
+        // A phase that leaves its rest comes to a crest before it falls: rounding may tell where both are one.
+        let least = self.first_least();
+        if self.descent_length() >= least || self.energy(least) > 0.0 { f64::INFINITY } else { self.zero(least) }
+    }
+
+    /// Between which stretches the energy first falls from zero to a minimum, under a torque that pulls back.
+    pub fn descent(&self) -> (f64, f64) {
+        let least = self.first_least();
+        (if self.descent_length() < least { self.zero(least) } else { 0.0 }, least)
+    }
+
+    /// From a minimum of the energy the stretch to where it is as low again, under a torque that pulls back.
+    pub fn recovery(&self) -> f64 {
+        if self.push < 0.0 { Phase::new(self.least, self.push, self.g).zero(TAU) } else { f64::INFINITY }
+    }
+
+    /// The first minimum of the energy after the stretch `from`: its angle, and the stretch to it.
+    pub fn least_after(&self, from: f64) -> (f64, f64) {
+        let least = self.first_least();
+        (self.least, least + TAU * ((from - least) / TAU).ceil().max(0.0))
+    }
+
+    /// From a maximum of the energy to the minimum after it.
+    fn descent_length(&self) -> f64 {
+        let length = 2.0 * self.least - PI;
+        length - TAU * (length / TAU).floor()
+    }
+
+    /// Where the energy is zero between a maximum and the minimum at `least`: Halley's method from the inflection.
+    fn zero(&self, least: f64) -> f64 {
+        let (mut y, mut last) = (least - 0.5 * self.descent_length(), f64::INFINITY);
+        for _ in 0..60 {
+            let (s, c) = sin_cos(0.5 * y);
+            let energy = self.push * y - 2.0 * self.g * s * (self.sin * c + self.cos * s);
+            let (sin, cos) = (2.0 * s * c, 1.0 - 2.0 * s * s);
+            let (rate, bend) = (self.push - self.g * (self.sin * cos + self.cos * sin), self.g * (self.sin * sin - self.cos * cos));
+            let step = energy * rate / (rate * rate - 0.5 * energy * bend);
+            if !(step.abs() < last) {
+                break;
+            }
+            y = (y - step).clamp(0.0, least);
+            // The next step goes with the cube of this one.
+            if step.abs() <= 1e-6 * y && step.abs() <= 1e-3 * last {
+                break;
+            }
+            last = step.abs();
+        }
+        y
     }
 
     /// `F(x, length)`: phase time over `sqrt(I/2)`.
@@ -81,64 +170,17 @@ impl Phase {
         length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
     }
 
-    /// `dF/dx` at fixed length, to three digits or so and most often to more: for its sign. `energies`: there, and at the hump.
+    /// `dF/dx` at fixed length, to three digits or so and most often to more: for its sign.
     #[inline]
-    pub fn rough_gradient(&self, length: f64, [peak, lowest]: [f64; 2]) -> f64 {
-        let least = self.hump(length).map_or(f64::INFINITY, |y| lowest / y).min(peak / length).min(self.net());
+    pub fn rough_gradient(&self, length: f64) -> f64 {
+        let hump = self.hump(length);
+        let least = hump.map_or(self.net(), |y| self.energy(y) / y);
         // A turn and more sees several humps, and one that is barely cleared leaves a narrow peak.
-        if length > TAU || least < LEAN * (self.push + self.g.abs()) {
+        if length > TAU || least.min(self.net()) < LEAN * (self.push + self.g.abs()) {
             self.time_gradient(length, 1e-3)
         } else {
-            run_lanes(Rough { phase: *self, length })
+            run_lanes(Rough { phase: *self, length, hump })
         }
-    }
-}
-
-impl<S: Real> Phase<S> {
-    /// The same push from rest at another place, whose sine and cosine are known.
-    #[inline(always)]
-    pub fn moved(&self, x: S, (sin, cos): (S, S)) -> Self {
-        Phase { x, sin, cos, ..*self }
-    }
-
-    /// Sine and cosine of the rest point.
-    #[inline(always)]
-    pub fn angle(&self) -> (S, S) {
-        (self.sin, self.cos)
-    }
-
-    /// Net torque at the rest point; the phase moves forward iff positive.
-    #[inline(always)]
-    pub fn net(&self) -> S {
-        self.push - self.g * self.sin
-    }
-
-    /// Kinetic energy after the stretch `y`.
-    #[inline(always)]
-    pub fn energy(&self, y: S) -> S {
-        let h = S::splat(0.5) * y;
-        let (s, c) = sin_cos_lanes(h);
-        let sinc = S::select(S::zero().lt(h.abs()), s / h, S::splat(1.0));
-        y * (self.push - self.g * sinc * (self.sin * c + self.cos * s))
-    }
-
-    /// The first stretch in `[0, 2 pi)` at which the kinetic energy has a local minimum, NaN if none. Later minima are not
-    /// lower, since `K(y + 2 pi) = K(y) + 2 pi p`.
-    #[inline(always)]
-    fn first_least(&self) -> S {
-        let y = self.least - self.x;
-        y - S::splat(TAU) * (y / S::splat(TAU)).map(f64::floor)
-    }
-
-    /// The kinetic energy at the hump, infinite where none comes before `length`.
-    #[inline(always)]
-    pub fn lowest(&self, length: S) -> S {
-        let (y, none) = (self.first_least(), S::splat(f64::INFINITY));
-        let before = y.lt(length);
-        if !S::any(before) {
-            return none;
-        }
-        S::select(before, S::select(S::zero().lt(y), self.energy(y), none), none)
     }
 }
 
@@ -146,16 +188,17 @@ impl<S: Real> Phase<S> {
 struct Rough {
     phase: Phase,
     length: f64,
+    hump: Option<f64>,
 }
 
 impl Task for Rough {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
-        let Rough { phase, length } = self;
+        let Rough { phase, length, hump } = self;
         let f = &Integral::<true> { phase, length, accuracy: f64::NAN };
         // From where w may be least.
-        let parts = match phase.hump(length).map(|y| (y / length).sqrt()) {
+        let parts = match hump.map(|y| (y / length).sqrt()) {
             Some(from) => [Graded { f, from, way: -from }, Graded { f, from, way: 1.0 - from }],
             None => [Graded { f, from: 0.0, way: 0.5 }, Graded { f, from: 1.0, way: -0.5 }],
         };

@@ -87,23 +87,6 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     if n & 2 == 0 { (s, c) } else { (-s, -c) }
 }
 
-/// [`sin_cos`] of finite angles, to the bit.
-#[inline(always)]
-pub(super) fn sin_cos_lanes<S: Real>(x: S) -> (S, S) {
-    if S::LANES == 1 {
-        let (s, c) = sin_cos(x.lane(0));
-        return (S::splat(s), S::splat(c));
-    }
-    let k = S::splat;
-    let n = round(x * k(FRAC_2_PI));
-    let (s, c) = kernels(((x - n * k(PART_1)) - n * k(PART_2)) - n * k(PART_3));
-    let (swap, back) = (odd(n), odd(round(k(0.5) * n - k(0.25))));
-    let (s, c) = (S::select(swap, c, s), S::select(swap, -s, c));
-    let (s, c) = (S::select(back, -s, s), S::select(back, -c, c));
-    let far = k(REDUCTION_LIMIT).lt(x.abs());
-    if S::any(far) { (S::select(far, x.map(f64::sin), s), S::select(far, x.map(f64::cos), c)) } else { (s, c) }
-}
-
 /// The nearest integer, to the even one from half way; for numbers below 2^51.
 #[inline(always)]
 fn round<S: Real>(x: S) -> S {
@@ -168,7 +151,6 @@ pub(super) fn gravity_range<S: Real>(g: S, a: &Sine<S>, b: &Sine<S>) -> (S, S) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scalar::Array8;
     use std::f64::consts::PI;
 
     #[test]
@@ -179,8 +161,6 @@ mod tests {
                 let (s, c) = sin_cos(x);
                 assert!((s - x.sin()).abs() < 4.5e-16 && (c - x.cos()).abs() < 4.5e-16, "{x}: {s} {c}");
                 assert_eq!(sine(x).sin, s);
-                let lanes = sin_cos_lanes(Array8::<false>::splat(x));
-                assert_eq!((lanes.0.lane(0), lanes.1.lane(7)), (s, c), "{x}");
                 // At a multiple of pi/2 the product is rounded to the integer: the library's sine there tells on which side x lies.
                 let n = (x * FRAC_2_PI).round();
                 let beyond = [x.sin(), -x.cos(), -x.sin(), x.cos()][(n as i64).rem_euclid(4) as usize];
@@ -189,7 +169,6 @@ mod tests {
         }
         for x in [1e6, -3e9, 1e300] {
             assert_eq!(sin_cos(x), x.sin_cos());
-            assert_eq!(sin_cos_lanes(Array8::<false>::splat(x)).0.lane(0), x.sin());
         }
         assert_eq!(sin_cos(0.0), (0.0, 1.0));
         assert_eq!(sin_cos(1e-300).0, 1e-300);

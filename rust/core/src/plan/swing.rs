@@ -10,18 +10,15 @@
 //! energy. An overshoot is the back-swing of the motion mirrored and run backwards in time.
 
 use super::detour::{Push, detour, torques};
-use super::grid::AHEAD;
-use super::monotone::{Energies, Monotone, Straight, drop};
+use super::monotone::{Monotone, Straight, drop};
 use super::phase::Phase;
 use super::search::{BackSwings, FARTHEST, Swing, fastest};
-use super::sine::sin_cos_lanes;
-use crate::scalar::{Real, Task, run_lanes};
+use super::sine::sin_cos;
+use super::windows::windows;
 use std::cell::OnceCell;
 
 /// Accuracy of the last slopes.
-const FINE: f64 = 1e-8;
-/// The least torque bound in parts of gravity below which T changes fast beside the edges of what is possible.
-const WEAK: f64 = 0.03;
+const FINE: f64 = 1e-6;
 
 /// The problem of the back-swing.
 struct Search {
@@ -29,62 +26,23 @@ struct Search {
     straight: Straight,
     /// The first phase.
     leaves: Phase,
-    /// The push of the monotone motion, if that is possible.
+    /// The push of the monotone motion, if that is possible, and then the least way back that is worth trying.
     push: Option<Push>,
-    nearest: f64,
+    nearest: Option<f64>,
     /// `F(-x1, D; u-)`, zero where that brake stalls.
     brake: OnceCell<f64>,
 }
 
 /// Sine and cosine of the angle less another one.
-#[inline(always)]
-fn back<S: Real>((sin, cos): (S, S), (less_sin, less_cos): (S, S)) -> (S, S) {
+fn back((sin, cos): (f64, f64), (less_sin, less_cos): (f64, f64)) -> (f64, f64) {
     (sin * less_cos - cos * less_sin, cos * less_cos + sin * less_sin)
 }
 
 /// Two monotone stretches that meet at the turning point.
-struct Trial<S = f64> {
-    away: Monotone<S>,
-    towards: Monotone<S>,
-    turn: S,
-}
-
-impl Trial {
-    /// The energies of the two stretches, if the swing is possible.
-    #[inline]
-    fn energies(&self) -> Option<(Energies, Energies)> {
-        let towards = self.towards.energies()?;
-        Some((self.away.energies()?, towards))
-    }
-}
-
-impl<S: Real> Trial<S> {
-    /// Positive where the swing is possible.
-    #[inline(always)]
-    fn margin(&self, least: f64) -> S {
-        let least = S::splat(least);
-        let towards = self.towards.margin(least);
-        if S::any(least.lt(towards)) { towards.min(self.away.margin(least)) } else { towards }
-    }
-}
-
-/// The margins of several swings, in lanes.
-struct Margins<'a> {
-    search: &'a Search,
-    e: [f64; AHEAD],
-    least: f64,
-}
-
-impl Task for Margins<'_> {
-    type Output = [f64; AHEAD];
-    #[inline(always)]
-    fn run<S: Real>(self) -> [f64; AHEAD] {
-        let mut margins = [0.0; AHEAD];
-        for first in (0..AHEAD).step_by(S::LANES) {
-            self.search.trial(S::load(&self.e[first..])).margin(self.least).store(&mut margins[first..]);
-        }
-        margins
-    }
+struct Trial {
+    away: Monotone,
+    towards: Monotone,
+    turn: f64,
 }
 
 impl Search {
@@ -92,42 +50,36 @@ impl Search {
     fn new(straight: &Straight) -> Option<Self> {
         let monotone = &straight.monotone;
         let Monotone { push: turns, brake: arrives, .. } = monotone;
-        let (x0, g, (sin, cos)) = (turns.x, turns.g.abs(), turns.angle());
+        let (x0, (sin, cos)) = (turns.x, turns.angle());
         let leaves = arrives.moved(-x0, (-sin, cos));
         if leaves.net() <= 0.0 || arrives.net() <= 0.0 {
             return None;
         }
         let energies = monotone.energies();
-        // Below that the field is constant, and in a constant field no swing helps; nor does it much to the push where that is slowest.
-        let constant = if energies.is_some_and(|energies| energies.push_hump == f64::INFINITY) {
-            (0.05 * turns.net() / (g * cos.abs() + (g * turns.net()).sqrt())).min(0.05)
-        } else {
-            1e-3 * straight.distance().min(1.0)
-        };
-        let slow = energies.map_or(f64::INFINITY, |energies| 0.3 * energies.peak.min(energies.push_hump) / turns.net());
-        let nearest = constant.min(slow).max(1e-13 * x0.abs().max(1.0));
         let push = energies.map(|energies| Push::new(monotone, &energies));
+        let nearest = energies.map(|energies| {
+            // Below that the field is constant, and in a constant field no swing helps; nor does it much to the push where that is slowest.
+            let g = turns.g.abs();
+            let constant = if energies.push_hump == f64::INFINITY {
+                (0.05 * turns.net() / (g * cos.abs() + (g * turns.net()).sqrt())).min(0.05)
+            } else {
+                1e-3 * straight.distance().min(1.0)
+            };
+            let slow = 0.3 * energies.peak.min(energies.push_hump) / turns.net();
+            constant.min(slow).max(1e-13 * x0.abs().max(1.0))
+        });
         Some(Search { straight: *straight, leaves, push, nearest, brake: OnceCell::new() })
     }
 
-    #[inline(always)]
-    fn trial<S: Real>(&self, e: S) -> Trial<S> {
-        let both = |(sin, cos): (f64, f64)| (S::splat(sin), S::splat(cos));
-        let Straight { monotone: Monotone { push, brake, .. }, middle, half } = &self.straight;
-        let way = both(*half);
-        let turn = S::splat(push.x) - e;
-        let half = sin_cos_lanes(S::splat(0.5) * e);
-        let between = back(both(push.angle()), half);
-        let turns = push.splat().moved(turn, back(between, half));
+    #[inline]
+    fn trial(&self, e: f64) -> Trial {
+        let Straight { monotone: Monotone { push, brake, .. }, middle, half: way } = self.straight;
+        let (turn, half) = (push.x - e, sin_cos(0.5 * e));
+        let between = back(push.angle(), half);
+        let turns = push.moved(turn, back(between, half));
         let out = drop(-between.0, half.0);
-        let into = drop(back(both(*middle), half).0, way.0 * half.1 + way.1 * half.0);
-        Trial { away: Monotone::between(self.leaves.splat(), turns, out), towards: Monotone::between(turns, brake.splat(), into), turn }
-    }
-
-    /// Of both torque bounds and of gravity.
-    fn sizes(&self) -> [f64; 3] {
-        let Monotone { push, brake, .. } = &self.straight.monotone;
-        [push.push, brake.push, push.g.abs()]
+        let into = drop(back(middle, half).0, way.0 * half.1 + way.1 * half.0);
+        Trial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
     }
 
     /// No larger `e` is worth trying, if none above `most` is, nor above the `bound` for the largest net torques up and down.
@@ -147,42 +99,25 @@ impl Search {
 
 impl BackSwings for Search {
     fn slope(&self, e: f64, fine: bool) -> Option<f64> {
-        let trial = self.trial(e);
-        let (away, towards) = trial.energies()?;
-        let (first, second) = (away.peak.sqrt().recip(), towards.peak.sqrt().recip());
-        let turns = &trial.towards.push;
-        let gradient = |length: f64, energies: [f64; 2]| {
-            if fine { turns.time_gradient(length, FINE) } else { turns.rough_gradient(length, energies) }
+        let Trial { away, towards, .. } = self.trial(e);
+        let turns = &towards.push;
+        let rate = |length: f64| {
+            let gradient = if fine { turns.time_gradient(length, FINE) } else { turns.rough_gradient(length) };
+            let inverse = turns.energy(length).sqrt().recip();
+            (inverse - gradient, inverse)
         };
-        let last = second - gradient(trial.towards.push_length, [towards.peak, towards.push_hump]);
-        // The other one is not less: no need of it for the sign, which is all that a rough slope is for.
-        let rate =
-            if last >= 0.0 && !fine { 2.0 * last } else { first - gradient(trial.away.brake_length, [away.peak, away.brake_hump]) + last };
+        let (out, into) = (away.brake_length, towards.push_length);
+        let (last, second) = rate(out.max(into));
+        // That of the shorter one is not less: no need of it for the sign, which is all that a rough slope is for.
+        let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
+        let rate = last + other;
         let slope = rate / (rate.abs() + first + second);
         slope.is_finite().then_some(slope)
     }
 
-    fn margin(&self, e: f64) -> f64 {
-        self.trial(e).margin(f64::NEG_INFINITY)
-    }
-
-    fn screened(&self) -> bool {
-        self.push.is_none()
-    }
-
-    fn margins(&self, some: &[f64], least: f64) -> [f64; AHEAD] {
-        let mut e = [some[0]; AHEAD];
-        e[..some.len()].copy_from_slice(some);
-        run_lanes(Margins { search: self, e, least })
-    }
-
-    fn possible(&self, e: f64) -> bool {
-        self.trial(e).energies().is_some()
-    }
-
     fn swing(&self, e: f64) -> Option<Swing> {
         let trial = self.trial(e);
-        trial.energies()?;
+        trial.away.energies().and(trial.towards.energies())?;
         let ((t1, t2), (t3, t4)) = (trial.away.time_factors(), trial.towards.time_factors());
         let time = t1 + t2 + t3 + t4;
         time.is_finite().then_some(Swing {
@@ -194,7 +129,11 @@ impl BackSwings for Search {
         })
     }
 
-    fn nearest(&self) -> f64 {
+    fn windows(&self, farthest: f64) -> impl Iterator<Item = (f64, f64)> {
+        windows(&self.straight, &self.leaves, farthest)
+    }
+
+    fn nearest(&self) -> Option<f64> {
         self.nearest
     }
 
@@ -205,7 +144,7 @@ impl BackSwings for Search {
             return FARTHEST;
         }
         let most = self.push.as_ref().map_or(FARTHEST, |push| self.within(FARTHEST, |up, down| push.gains(up, down)));
-        if most < self.nearest {
+        if self.nearest.is_some_and(|nearest| most < nearest) {
             return most;
         }
         let brake = *self.brake.get_or_init(|| {
@@ -214,16 +153,6 @@ impl BackSwings for Search {
         });
         let left = 0.5 * (limit - brake).max(0.0);
         self.within(most, |up, down| (left / detour(up, down)).powi(2))
-    }
-
-    fn steepest(&self, e: f64) -> f64 {
-        let [up, down, g] = self.sizes();
-        10.0 * (up + down + g) * (1.0 / e).max(1.0)
-    }
-
-    fn weak(&self) -> bool {
-        let [up, down, g] = self.sizes();
-        up.min(down) < WEAK * g
     }
 }
 
@@ -240,12 +169,11 @@ pub(super) fn overshoot(straight: &Straight, bound: f64) -> Option<Swing> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scalar::Array8;
-    use std::f64::consts::PI;
+    use std::f64::consts::{PI, TAU};
 
     /// Ends, gravity and bounds, each from little to much.
     fn searches() -> impl Iterator<Item = Search> {
-        let bounds = [0.3, 0.9, 1.0, 1.1, 4.0];
+        let bounds = [0.03, 0.3, 0.9, 1.0, 1.1, 4.0];
         let ends =
             (-4..4).flat_map(|k| [0.05, 0.7, 2.0, 1.75 * PI].map(|distance| (0.25 * PI * k as f64, 0.25 * PI * k as f64 + distance)));
         let limits = bounds.map(|up| bounds.map(|down| (up, down))).concat();
@@ -255,21 +183,37 @@ mod tests {
     }
 
     #[test]
-    fn lanes_give_the_margins_of_one_number() {
-        let e: [f64; AHEAD] = std::array::from_fn(|k| 0.01 * 2.2f64.powi(k as i32));
-        let mut possible = 0;
+    fn swings_are_possible_in_their_windows_and_nowhere_else() {
+        let (mut inside, mut outside, mut narrow) = (0, 0, 0);
         for search in searches() {
-            let single = e.map(|e| search.margin(e));
-            let least = f64::NEG_INFINITY;
-            assert_eq!(search.margins(&e, least), single);
-            assert_eq!(Margins { search: &search, e, least }.run::<Array8<false>>(), single);
-            for (k, &margin) in search.margins(&e, 0.0).iter().enumerate() {
-                assert!(margin == single[k] || margin.max(single[k]) <= 0.0, "{margin} {}", single[k]);
-                assert_eq!(margin > 0.0, search.possible(e[k]));
-                possible += usize::from(margin > 0.0);
+            let windows: Vec<_> = search.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).collect();
+            let edges = windows.iter().flat_map(|&(low, high)| [low - 1e-9, low + 1e-9, high - 1e-9, high + 1e-9]);
+            let tried = edges.chain((1..250).map(|k| 0.05 * k as f64)).filter(|&e| 1e-9 < e && e < FARTHEST);
+            for e in tried.filter(|e| windows.iter().all(|(low, high)| (e - low).abs().min((e - high).abs()) > 1e-10)) {
+                let within = windows.iter().any(|&(low, high)| low < e && e < high);
+                assert_eq!(search.swing(e).is_some(), within, "{e} {windows:?}");
+                (inside, outside) = (inside + usize::from(within), outside + usize::from(!within));
+            }
+            narrow += windows.iter().filter(|(low, high)| high - low < 0.3).count();
+        }
+        assert!(inside > 10_000 && outside > 10_000 && narrow > 10, "{inside} {outside} {narrow}");
+    }
+
+    #[test]
+    fn a_window_has_one_minimum() {
+        let mut checked = 0;
+        for search in searches() {
+            for (low, high) in
+                search.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).filter(|&(low, high)| low > 0.0 && high - low < TAU)
+            {
+                let slopes = (1..200).filter_map(|k| search.slope(low + (high - low) * k as f64 / 200.0, true));
+                let rises: Vec<bool> = slopes.map(|slope| slope > 0.0).collect();
+                let turns = rises.windows(2).filter(|two| two[0] != two[1]).count();
+                assert!(rises.len() == 199 && (turns == 0 || turns == 1 && rises[198]), "{low} {high} {turns}");
+                checked += turns;
             }
         }
-        assert!(possible > 100, "{possible}");
+        assert!(checked > 100, "{checked}");
     }
 
     #[test]
