@@ -3,6 +3,7 @@
 bang-bang:   every torque of the profile at t_min and t_max lies inside the limits, and some torque of any other duration does not
 optimum:     time = sum of int 2 sqrt(L) ds / sqrt(2 w(L s^2) / I) over the legs, w the mean net torque from the rest point, by Gauss
              rules of 32 and of 64 nodes; energies agree at the switches and stay positive; no random swing is faster
+possible:    the energy of each phase, a straight line over the angle, is above the potential, at samples: then some motion is found
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ SIZE = 1000
 RULES = [np.polynomial.legendre.leggauss(k) for k in (32, 64)]
 #: Random turning points that no best motion may lose to.
 SWINGS = 2
+#: Angles from a turn behind the start to the end at which a swing is asked whether it can turn.
+SAMPLES = 1000
 
 
 def problems(stratum: str, rng: np.random.Generator) -> Array:
@@ -120,6 +123,22 @@ def swing(x0: Array, x1: Array, G: Array, up: Array, down: Array, e: Array) -> t
     return away[0] + towards[0], away[1] + towards[1], np.minimum(away[2], towards[2])
 
 
+def turning_points(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Ways back from the start, and whether a swing can turn there for certain, though between samples a hump may be higher."""
+    h = (x1 - x0 + 2 * np.pi)[:, None] / (SAMPLES - 1)
+    x = x1[:, None] - h * np.arange(SAMPLES)
+    e, V = x0[:, None] - x, -G[:, None] * np.cos(x)
+    W = V - up[:, None] * x
+    higher = np.full(x.shape, False)
+    higher[:, 1:] = W[:, 1:] - np.maximum.accumulate(W, axis=1)[:, :-1] > 0.5 * np.abs(G)[:, None] * h**2
+    for start in (x0, x1):
+        way = start[:, None] - x
+        ahead = (down[:, None] * way - G[:, None] * np.cos(start)[:, None] - V) / np.maximum(way, 1e-300)
+        ahead = np.where(way > 0.0, ahead - 0.5 * np.abs(G)[:, None] * np.minimum(way, h) * h / np.maximum(way, 1e-300), np.inf)
+        higher &= np.minimum.accumulate(ahead, axis=1) > 0.0
+    return e, higher & (e > 0.0)
+
+
 def judge_optima(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list[tuple[int, str]]]:
     got = [al.torque_optimal_time(*row[:5], tau_min=row[5]) for row in p.tolist()]
     kinds = [o.best.kind for o in got]
@@ -138,6 +157,7 @@ def judge_optima(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list
         failed.extend((int(i), what) for i in np.flatnonzero(bad))
 
     moves = thetaf != theta0
+    searched = np.flatnonzero(moves & ~certified)
     with np.errstate(all="ignore"):
         time, differ, margin = monotone(x0, x1, G, up, down)
         clear = moves & (margin > 1e-6 * scale) & (differ < 1e-11 * time)
@@ -159,8 +179,15 @@ def judge_optima(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list
             refuse(mine & ~(e > 0.0), f"{kind} without a turn")
             refuse(mine & (margin < -1e-9 * scale), f"{kind} is not possible")
             refuse(checked & ~(np.abs(best - unit * time) <= 1e-9 * best), f"{kind} time")
-            for _ in range(SWINGS):
+            ways, can = turning_points(*(part[searched] for part in (q0, q1, G, a, b)))
+            found, some = np.array(kinds)[searched] != "none found", can.any(axis=1)
+            tally[f"{kind} possible"] = int(some.sum())
+            failed.extend((int(i), f"none found, though a {kind} is possible") for i in searched[some & ~found])
+            for number in range(SWINGS):
                 e = 10.0 ** rng.uniform(-3.0, 1.0, e.shape)
+                if number == 0:
+                    chosen = np.argmax(rng.random(can.shape) * can, axis=1)
+                    e[searched[some]] = ways[some, chosen[some]]
                 time, differ, margin = swing(q0, q1, G, a, b, e)
                 had = moves & (margin > 1e-6 * scale) & (differ < 1e-11 * time)
                 refuse(had & ~(best <= unit * time * (1 + 1e-9)), f"a {kind} by some angle is faster")
