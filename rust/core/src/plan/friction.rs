@@ -238,3 +238,33 @@ impl Straight {
         more
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn swings_are_possible_in_their_windows_and_nowhere_else() {
+        let (mut inside, mut outside) = ([0; 2], [0; 2]);
+        for number in 0..600 {
+            // Numbers spread evenly over their ranges: multiples of square roots.
+            let [x0, distance, up, down, viscous, coulomb] =
+                [2.0, 3.0, 5.0, 7.0, 11.0, 13.0].map(|k: f64| (number as f64 * k.sqrt()).fract());
+            let (x0, up, down) = (8.0 * x0 - 4.0, 0.05 + 1.5 * up, 0.05 + 1.5 * down);
+            let g = if number % 2 == 0 { 1.0 } else { -1.0 };
+            let link = Rough { inertia: 1.0, g, viscous, coulomb: 0.6 * coulomb * up.min(down) };
+            for (way, link) in [link, link.backwards()].into_iter().enumerate() {
+                let Some(search) = Search::new(x0, x0 + 6.0 * distance, up, down, link, false, f64::INFINITY) else { continue };
+                let windows: Vec<_> = search.windows(FARTHEST).collect();
+                let edges = windows.iter().flat_map(|&(low, high)| [low - 1e-5, low + 1e-5, high - 1e-5, high + 1e-5]);
+                let tried = edges.chain((1..12).map(f64::from)).filter(|&e| 1e-6 < e && e < FARTHEST);
+                for e in tried.filter(|e| windows.iter().all(|(low, high)| (e - low).abs().min((e - high).abs()) > 1e-6)) {
+                    let within = windows.iter().any(|&(low, high)| low < e && e < high);
+                    assert_eq!(search.trial(e).is_some(), within, "{number} {way}: {e} {windows:?}");
+                    (inside[way], outside[way]) = (inside[way] + usize::from(within), outside[way] + usize::from(!within));
+                }
+            }
+        }
+        assert!(inside.into_iter().chain(outside).all(|count| count > 500), "{inside:?} {outside:?}");
+    }
+}
