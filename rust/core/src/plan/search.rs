@@ -7,9 +7,9 @@
 //! dT/de -> +infinity as e -> 0, which is possible where the monotone motion is
 //! ```
 //!
-//! So T has a minimum in every window but one that begins with `e = 0`. It has no other: none was seen in a million windows of random
-//! links. In that first one T rises, and where a swing pays it falls and rises again: there its slope is looked at on a grid. Slopes are rough at first
-//! (see `phase.rs`); the last ones are not.
+//! So T has a minimum in every window that does not begin with `e = 0`, and has no other: none was seen in half a million windows of random
+//! links. Where it begins there T rises, and where a swing pays it falls to one and rises again: such windows, and those without a crest, are
+//! swept for a slope that changes its sign. Slopes are rough at first (see `phase.rs`); the last ones are not.
 
 /// A motion with one reversal, along the motion, in the unit of time of its family.
 #[derive(Debug, Clone, Copy)]
@@ -61,9 +61,8 @@ const LEVEL: f64 = 0.3;
 const ROUGH: f64 = 0.02;
 /// Farthest turning point, rad: beyond two turns only a chain of swings could help.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-
-/// Windows longer than that, somewhat more than a turn, may hold several minima.
-const TURN: f64 = 6.5;
+/// Longer windows have no crest: there may be a minimum in every turn, and they are more than six radians apart.
+const CREST: f64 = 6.5;
 /// The first step of a sweep through one, and the longest of any, rad.
 const FIRST: f64 = 0.2;
 const LONGEST: f64 = 1.0;
@@ -87,7 +86,7 @@ impl<B: BackSwings> Search<'_, B> {
             }
             match self.swings.nearest().filter(|&nearest| low < nearest) {
                 Some(nearest) => self.sweep((0.0, 1.0), nearest, high),
-                None if high - low > TURN => self.sweep((low, -1.0), FIRST, high),
+                None if high - low > CREST => self.sweep((low, -1.0), FIRST, high),
                 None => self.window(low, high),
             }
         }
@@ -159,7 +158,7 @@ impl<B: BackSwings> Search<'_, B> {
     fn root(&self, low: Point, high: Point, fine: bool) -> (f64, f64) {
         // The last point, one on the other side of the root, and the one before.
         let (mut a, mut b) = (low, high);
-        let (mut e, mut rate) = (0.5 * (low.0 + high.0), 0.0);
+        let (mut e, mut rate) = (low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1), 0.0);
         for _ in 0..100 {
             let now = self.point(e, low.0, high.0, fine);
             rate = (now.1 - a.1) / (now.0 - a.0);
