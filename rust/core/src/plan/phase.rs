@@ -22,7 +22,7 @@ const LEAN: f64 = 1e-3;
 /// Relative accuracy of a time, of each panel.
 const ACCURACY: f64 = 3e-14;
 
-/// Constant net push `p` from rest at `x` against `g sin`.
+/// Constant torque `p` from rest at `x` against `g sin`; a negative one pulls back.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Phase {
     pub x: f64,
