@@ -10,6 +10,7 @@
 
 mod check;
 mod examine;
+mod given;
 mod lines;
 mod rate;
 mod reach;
@@ -21,9 +22,9 @@ mod slow;
 mod stencil;
 
 pub use check::FINE;
+pub use given::{PathLimits, TimePathOptions};
 pub use reason::{Bound, PathReason, Shortfall};
 pub use rows::{Friction, Mover};
-pub use setup::{PathLimits, TimePathOptions};
 
 use crate::error::Result;
 use crate::motion::{Path, TimedPath};

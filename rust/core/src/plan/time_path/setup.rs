@@ -1,57 +1,15 @@
-//! What the planner is given, checked, and the rows of the problem on a grid.
+//! The rows of the problem on a grid.
 
 use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places};
+use super::given::{PathLimits, TimePathOptions, checked};
 use super::lines::{BLOCK, FASTEST, Rows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
-use super::{FIRST_GRID, PathReason, TimePath};
+use super::{PathReason, TimePath};
 use crate::error::{Error, Result, finite};
 use crate::motion::{Path, TimedPath};
 use crate::scalar::sign;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-
-/// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque and
-/// acceleration.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PathLimits {
-    pub torque: Option<(Vec<f64>, Vec<f64>)>,
-    pub velocity: Option<Vec<f64>>,
-    pub acceleration: Option<Vec<f64>>,
-}
-
-#[derive(Clone, Debug)]
-pub struct TimePathOptions {
-    /// Grid points, some for every piece of the path; None for as many as the duration needs to settle.
-    pub grid: Option<usize>,
-    /// Halve a given grid where it is too coarse for the limits.
-    pub refine: bool,
-    /// Path speeds `ds/dt` at the ends.
-    pub start_speed: f64,
-    pub end_speed: f64,
-    /// Knots of the path where the motion stops.
-    pub stops: Vec<usize>,
-    pub friction: Option<Friction>,
-    /// Limits of `|d tau/dt|`, `(n,)`; for motions from rest to rest without stops and without Coulomb friction.
-    pub torque_rate: Option<Vec<f64>>,
-    /// Set from another thread, it ends the planning soon, with an answer of no worth.
-    pub stop: Option<Arc<AtomicBool>>,
-}
-
-impl Default for TimePathOptions {
-    fn default() -> Self {
-        TimePathOptions {
-            grid: None,
-            refine: true,
-            start_speed: 0.0,
-            end_speed: 0.0,
-            stops: Vec::new(),
-            friction: None,
-            torque_rate: None,
-            stop: None,
-        }
-    }
-}
 
 /// What stands for the root of `x`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,8 +24,6 @@ pub(super) const PIECE: usize = 5;
 const RUN: usize = WINDOW - 1;
 /// Halvings of a segment from one grid to the next.
 const MOST_HALVINGS: u32 = 3;
-/// Most grid points asked for.
-const MOST: usize = 1_000_000;
 
 /// The problem on a grid.
 pub(super) struct Problem<'a> {
@@ -99,94 +55,16 @@ pub(super) struct Problem<'a> {
     stops: Vec<f64>,
 }
 
-fn speed(name: &str, x: f64) -> Result<f64> {
-    if x >= 0.0 && x.is_finite() && x * x < FASTEST {
-        return Ok(x * x);
-    }
-    Err(Error::input(name, format!("is out of range: expected a finite path speed >= 0, got {x}")))
-}
-
-fn sized(name: &str, values: &[f64], n: usize) -> Result<()> {
-    if values.len() != n {
-        return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
-    }
-    finite(name, values)
-}
-
-fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
-    sized(name, values, n)?;
-    match values.iter().position(|x| !(*x > 0.0)) {
-        None => Ok(()),
-        Some(i) => Err(Error::input(name, format!("is not positive: expected numbers > 0, got {} (first bad index {i})", values[i]))),
-    }
-}
-
 impl<'a> Problem<'a> {
     pub fn new(mover: Mover<'a>, path: Arc<Path>, given: &PathLimits, options: &TimePathOptions) -> Result<Self> {
         let n = mover.dof();
-        if path.dof() != n {
-            return Err(Error::input("path", format!("has the wrong number of joints: expected {n}, got {}", path.dof())));
-        }
-        if given.torque.is_none() && given.acceleration.is_none() {
-            return Err(Error::input("tau_max, a_max", "are both missing: expected a limit of torque or of acceleration, got None"));
-        }
-        let points = options.grid.unwrap_or(FIRST_GRID);
-        if !(2..=MOST).contains(&points) {
-            return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST} points, got {points}")));
-        }
-        let (mut all_lo, mut all_hi) = (vec![f64::NEG_INFINITY; 3 * n], vec![f64::INFINITY; 3 * n]);
-        if let Some((lo, hi)) = &given.torque {
-            sized("tau_max", hi, n)?;
-            sized("tau_max", lo, n)?;
-            if let Some(i) = (0..n).find(|&i| !(lo[i] < hi[i])) {
-                let problem = format!("is empty: expected a lower below an upper limit, got {} and {} (first bad index {i})", lo[i], hi[i]);
-                return Err(Error::input("tau_max", problem));
-            }
-            all_lo[..n].copy_from_slice(lo);
-            all_hi[..n].copy_from_slice(hi);
-        }
-        for (k, name, values) in [(1, "a_max", &given.acceleration), (2, "v_max", &given.velocity)] {
-            if let Some(values) = values {
-                all_positive(name, values, n)?;
-                for i in 0..n {
-                    (all_lo[k * n + i], all_hi[k * n + i]) = (-values[i], values[i]);
-                }
-            }
-        }
-        if let Some(rates) = &options.torque_rate {
-            all_positive("torque_rate", rates, n)?;
-            let jumps = options.friction.as_ref().is_some_and(|friction| friction.coulomb.iter().any(|c| *c != 0.0));
-            for (given, what) in [
-                (options.start_speed != 0.0 || options.end_speed != 0.0, "start_speed and end_speed 0"),
-                (!options.stops.is_empty(), "no stops"),
-                (jumps, "no Coulomb friction, whose torque jumps"),
-            ] {
-                if given {
-                    return Err(Error::input("torque_rate", format!("is not offered here: expected {what}")));
-                }
-            }
-        }
-        if let Some(friction) = &options.friction {
-            for values in [&friction.viscous, &friction.coulomb] {
-                sized("friction", values, n)?;
-                if let Some(i) = values.iter().position(|x| *x < 0.0) {
-                    return Err(Error::input(
-                        "friction",
-                        format!("is negative: expected numbers >= 0, got {} (first bad index {i})", values[i]),
-                    ));
-                }
-            }
-        }
-        let knots = path.knots();
-        if let Some(k) = options.stops.iter().find(|&&k| k >= knots.len()) {
-            return Err(Error::input("stops", format!("is out of range: expected indices below {}, got {k}", knots.len())));
-        }
-        let stops = options.stops.iter().map(|&k| knots[k]).collect();
-        let (s, pieces) = grid(&path, points);
+        let [lo, hi] = checked(n, &path, given, options)?;
+        let stops = options.stops.iter().map(|&k| path.knots()[k]).collect();
+        let (s, pieces) = grid(&path, options.points());
         let rows = Rows {
             s,
-            x_start: speed("start_speed", options.start_speed)?,
-            x_end: speed("end_speed", options.end_speed)?,
+            x_start: options.start_speed * options.start_speed,
+            x_end: options.end_speed * options.end_speed,
             stop: options.stop.clone(),
             ..Rows::default()
         };
@@ -196,8 +74,8 @@ impl<'a> Problem<'a> {
             path,
             n,
             rows,
-            lo: all_lo,
-            hi: all_hi,
+            lo,
+            hi,
             limits: Limits::default(),
             kinds: [given.torque.is_some(), given.acceleration.is_some()],
             stencils: (Stencil::new(&[0.5]), Stencil::new(&inner_places())),

@@ -4,12 +4,16 @@
 //! which costs a global lock per array. Everything else (lists, integers, float32, strided, reversed, Fortran,
 //! read-only) goes through `numpy.asarray`; complex, object, boolean and string arrays are refused.
 
+mod single;
+
+pub use single::{count, flag, flag_or_false, name, number, object, optional_number, text};
+
 use crate::errors::{Failure, input_error};
 use armlet_core::error::{Error, all_finite};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyFloat, PyList, PyString, PyTuple};
+use pyo3::types::{PyFloat, PyList, PyTuple};
 use std::borrow::Cow;
 use std::ffi::c_int;
 use std::ptr::null_mut;
@@ -81,79 +85,6 @@ pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> C
         Some(slice) => Ok((shape, Cow::Owned(slice.to_vec()))),
         None => Err(refuse("an array that numpy could not copy".into())),
     }
-}
-
-/// What was given, for a message: its type, and the value where it is short.
-fn given(value: &Bound<'_, PyAny>) -> String {
-    let shown = value.repr().map(|text| text.to_string()).unwrap_or_default();
-    let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
-    if shown.is_empty() || shown.len() > 40 { format!("{kind:?}") } else { format!("{shown} ({kind})") }
-}
-
-/// A real number; not a boolean, not a string, not an array of one.
-pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
-    if let Ok(number) = value.cast::<PyFloat>() {
-        return Ok(number.value());
-    }
-    match numbers(function, name, value) {
-        Ok((shape, values)) if shape.is_empty() => Ok(values[0]),
-        Err(Failure::Python(error)) if !error.is_instance_of::<pyo3::exceptions::PyValueError>(value.py()) => Err(error.into()),
-        _ => Err(input_error(value.py(), function, name, format!("is not a number: expected a real number, got {}", given(value))).into()),
-    }
-}
-
-/// A real number, or None.
-pub fn optional_number(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<f64>, Failure> {
-    value.map(|value| number(function, name, value)).transpose()
-}
-
-/// An integer of at least one.
-pub fn count(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
-    match value.extract::<usize>() {
-        Ok(count) if count > 0 && !value.is_instance_of::<pyo3::types::PyBool>() => Ok(count),
-        _ => {
-            let problem = format!("is not a positive integer: expected an integer >= 1, got {}", given(value));
-            Err(input_error(value.py(), function, name, problem).into())
-        }
-    }
-}
-
-/// True or False, numpy's too.
-pub fn flag(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<bool, Failure> {
-    let refused = |_| input_error(value.py(), function, name, format!("is not a flag: expected True or False, got {}", given(value)));
-    Ok(value.extract::<bool>().map_err(refused)?)
-}
-
-/// True or False, numpy's too; False where none is given.
-pub fn flag_or_false(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<bool, Failure> {
-    value.map_or(Ok(false), |value| flag(function, name, value))
-}
-
-/// A text, copied.
-pub fn text(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<String, Failure> {
-    self::name(function, name, value).map(str::to_string)
-}
-
-/// A text, in place.
-pub fn name<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Result<&'a str, Failure> {
-    match value.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
-        Some(text) => Ok(text),
-        None => Err(input_error(value.py(), function, name, format!("is not a name: expected a string, got {}", given(value))).into()),
-    }
-}
-
-/// An object of a class of this module.
-pub fn object<'py, T: pyo3::PyClass>(
-    function: &str,
-    name: &str,
-    expected: &str,
-    value: &Bound<'py, PyAny>,
-) -> Result<Bound<'py, T>, Failure> {
-    let wrong = |_| {
-        let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
-        input_error(value.py(), function, name, format!("is of the wrong type: expected {expected}, got {kind}")).into()
-    };
-    value.cast::<T>().cloned().map_err(wrong)
 }
 
 /// The number of elements of an array of this shape; more than memory can address is a `MemoryError`.

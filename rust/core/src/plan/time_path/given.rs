@@ -1,0 +1,149 @@
+//! What the planner is given, and whether it can be.
+
+use super::FIRST_GRID;
+use super::lines::FASTEST;
+use super::rows::Friction;
+use crate::error::{Error, Result, finite};
+use crate::motion::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Most grid points asked for.
+const MOST: usize = 1_000_000;
+
+/// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque and
+/// acceleration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PathLimits {
+    pub torque: Option<(Vec<f64>, Vec<f64>)>,
+    pub velocity: Option<Vec<f64>>,
+    pub acceleration: Option<Vec<f64>>,
+}
+
+#[derive(Clone, Debug)]
+pub struct TimePathOptions {
+    /// Grid points, some for every piece of the path; None for as many as the duration needs to settle.
+    pub grid: Option<usize>,
+    /// Halve a given grid where it is too coarse for the limits.
+    pub refine: bool,
+    /// Path speeds `ds/dt` at the ends.
+    pub start_speed: f64,
+    pub end_speed: f64,
+    /// Knots of the path where the motion stops.
+    pub stops: Vec<usize>,
+    pub friction: Option<Friction>,
+    /// Limits of `|d tau/dt|`, `(n,)`; for motions from rest to rest without stops and without Coulomb friction.
+    pub torque_rate: Option<Vec<f64>>,
+    /// Set from another thread, it ends the planning soon, with an answer of no worth.
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl Default for TimePathOptions {
+    fn default() -> Self {
+        TimePathOptions {
+            grid: None,
+            refine: true,
+            start_speed: 0.0,
+            end_speed: 0.0,
+            stops: Vec::new(),
+            friction: None,
+            torque_rate: None,
+            stop: None,
+        }
+    }
+}
+
+impl TimePathOptions {
+    /// Of the first grid.
+    pub(super) fn points(&self) -> usize {
+        self.grid.unwrap_or(FIRST_GRID)
+    }
+}
+
+fn sized(name: &str, values: &[f64], n: usize) -> Result<()> {
+    if values.len() != n {
+        return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
+    }
+    finite(name, values)
+}
+
+fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
+    sized(name, values, n)?;
+    match values.iter().position(|x| !(*x > 0.0)) {
+        None => Ok(()),
+        Some(i) => Err(Error::input(name, format!("is not positive: expected numbers > 0, got {} (first bad index {i})", values[i]))),
+    }
+}
+
+impl PathLimits {
+    /// `(3 n,)` each: of torques, accelerations and speeds, infinite where there is none.
+    fn bounds(&self, n: usize) -> Result<[Vec<f64>; 2]> {
+        let mut bounds = [vec![f64::NEG_INFINITY; 3 * n], vec![f64::INFINITY; 3 * n]];
+        if let Some((lo, hi)) = &self.torque {
+            sized("tau_max", hi, n)?;
+            sized("tau_max", lo, n)?;
+            if let Some(i) = (0..n).find(|&i| !(lo[i] < hi[i])) {
+                let problem = format!("is empty: expected a lower below an upper limit, got {} and {} (first bad index {i})", lo[i], hi[i]);
+                return Err(Error::input("tau_max", problem));
+            }
+            bounds[0][..n].copy_from_slice(lo);
+            bounds[1][..n].copy_from_slice(hi);
+        }
+        for (k, name, values) in [(1, "a_max", &self.acceleration), (2, "v_max", &self.velocity)] {
+            if let Some(values) = values {
+                all_positive(name, values, n)?;
+                for i in 0..n {
+                    (bounds[0][k * n + i], bounds[1][k * n + i]) = (-values[i], values[i]);
+                }
+            }
+        }
+        Ok(bounds)
+    }
+}
+
+/// The bounds of the limits, if all that is given fits together.
+pub(super) fn checked(n: usize, path: &Path, limits: &PathLimits, options: &TimePathOptions) -> Result<[Vec<f64>; 2]> {
+    if path.dof() != n {
+        return Err(Error::input("path", format!("has the wrong number of joints: expected {n}, got {}", path.dof())));
+    }
+    if limits.torque.is_none() && limits.acceleration.is_none() {
+        return Err(Error::input("tau_max, a_max", "are both missing: expected a limit of torque or of acceleration, got None"));
+    }
+    let points = options.points();
+    if !(2..=MOST).contains(&points) {
+        return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST} points, got {points}")));
+    }
+    let bounds = limits.bounds(n)?;
+    let jumps = options.friction.as_ref().is_some_and(|friction| friction.coulomb.iter().any(|c| *c != 0.0));
+    if let Some(rates) = &options.torque_rate {
+        all_positive("torque_rate", rates, n)?;
+        for (given, what) in [
+            (options.start_speed != 0.0 || options.end_speed != 0.0, "start_speed and end_speed 0"),
+            (!options.stops.is_empty(), "no stops"),
+            (jumps, "no Coulomb friction, whose torque jumps"),
+        ] {
+            if given {
+                return Err(Error::input("torque_rate", format!("is not offered here: expected {what}")));
+            }
+        }
+    }
+    if let Some(friction) = &options.friction {
+        for values in [&friction.viscous, &friction.coulomb] {
+            sized("friction", values, n)?;
+            if let Some(i) = values.iter().position(|x| *x < 0.0) {
+                let problem = format!("is negative: expected numbers >= 0, got {} (first bad index {i})", values[i]);
+                return Err(Error::input("friction", problem));
+            }
+        }
+    }
+    let knots = path.knots().len();
+    if let Some(k) = options.stops.iter().find(|&&k| k >= knots) {
+        return Err(Error::input("stops", format!("is out of range: expected indices below {knots}, got {k}")));
+    }
+    for (name, speed) in [("start_speed", options.start_speed), ("end_speed", options.end_speed)] {
+        if !(speed >= 0.0 && speed.is_finite() && speed * speed < FASTEST) {
+            return Err(Error::input(name, format!("is out of range: expected a finite path speed >= 0, got {speed}")));
+        }
+    }
+    Ok(bounds)
+}
