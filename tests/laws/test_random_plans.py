@@ -95,7 +95,8 @@ def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert not failed, f"{len(failed)}: " + "; ".join(failed[:SHOWN])
 
 
-#: Links whose swings back up by 1e-5 rad and less, turn in narrow windows, or are a little faster than a monotone motion that hardly arrives.
+#: Links whose swings back up by 1e-5 rad and less, turn in narrow windows, or are a little faster than a monotone motion that hardly
+#: arrives.
 NARROW = [
     [-3.4667431832180107, -2.814124262858684, 10.577386720594172, -109865.70587046185, 94.14145400106368, -40246.14372858033],
     [-3.558150360695536, -3.5488716864023804, 0.005775910979976543, -17460853.818551697, 0.13954319545091431, -189229.8068359863],

@@ -3,11 +3,6 @@
 use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
 
-/// The least and the largest torque of gravity between two angles.
-pub(super) fn torques(g: f64, a: f64, b: f64) -> (f64, f64) {
-    gravity_range(g, &sine(a), &sine(b))
-}
-
 /// The way out and back to `x0` takes `2 sqrt(e)` times this or more, with the largest net torques `p_+` and `p_-` up and down:
 /// `sqrt((p_+ + p_-)/(p_+ p_-))` out, `sqrt(1/p_+)` back.
 pub(super) fn detour(up: f64, down: f64) -> f64 {
@@ -25,7 +20,7 @@ impl Push {
     pub fn new(monotone: &Monotone, energies: &Energies) -> Self {
         let Monotone { push, push_length: length, .. } = *monotone;
         let mean = if push.push >= push.g.abs() {
-            push.push - torques(push.g, push.x, push.x + length).1
+            push.push - gravity_range(push.g, &sine(push.x), &sine(push.x + length)).1
         } else {
             // Up to the hump the net torque rises and falls, or either; from there on the energy is not less.
             push.net().min(energies.peak.min(energies.push_hump) / length)

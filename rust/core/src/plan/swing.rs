@@ -9,13 +9,14 @@
 //! Only the middle phase enters the derivative: the outer phases start from fixed points, and the switches move along curves of equal
 //! energy. An overshoot is the back-swing of the motion mirrored and run backwards in time.
 
-use super::detour::{Push, detour, torques};
+use super::detour::{Push, detour};
 use super::monotone::{Monotone, Straight, drop};
 use super::phase::Phase;
 use super::search::{BackSwings, FARTHEST, Swing, fastest};
-use super::sine::sin_cos;
+use super::sine::{gravity_range, sin_cos, sine};
 use super::windows::windows;
 use std::cell::OnceCell;
+use std::f64::consts::TAU;
 
 /// Accuracy of the last slopes.
 const FINE: f64 = 1e-6;
@@ -85,8 +86,10 @@ impl Search {
     /// No larger `e` is worth trying, if none above `most` is, nor above the `bound` for the largest net torques up and down.
     fn within(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
         let turns = &self.straight.monotone.push;
+        let start = sine(turns.x);
         for _ in 0..3 {
-            let (low, high) = torques(turns.g, turns.x - most, turns.x);
+            let whole = (-turns.g.abs(), turns.g.abs());
+            let (low, high) = if most < TAU { gravity_range(turns.g, &sine(turns.x - most), &start) } else { whole };
             let bound = bound(turns.push - low, self.leaves.push + high);
             if !(bound < most) {
                 break;
@@ -169,7 +172,7 @@ pub(super) fn overshoot(straight: &Straight, bound: f64) -> Option<Swing> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::{PI, TAU};
+    use std::f64::consts::PI;
 
     /// Ends, gravity and bounds, each from little to much.
     fn searches() -> impl Iterator<Item = Search> {
