@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 STRATA = ("nominal", "tiny", "limits", "on the edge", "turns")
 SIZE = 1000
 RULES = [np.polynomial.legendre.leggauss(k) for k in (32, 64)]
-#: Random turning points that no best motion may lose to.
+#: Random turning points that no best motion may lose to; the first is one where a swing is possible, if any is.
 SWINGS = 2
 #: Angles from a turn behind the start to the end at which a swing is asked whether it can turn.
 SAMPLES = 1000
@@ -124,7 +124,7 @@ def swing(x0: Array, x1: Array, G: Array, up: Array, down: Array, e: Array) -> t
 
 
 def turning_points(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Ways back from the start, and whether a swing can turn there for certain, though between samples a hump may be higher."""
+    """Ways back from the start, and whether a swing can turn there for certain: a margin covers a hump between samples."""
     h = (x1 - x0 + 2 * np.pi)[:, None] / (SAMPLES - 1)
     x = x1[:, None] - h * np.arange(SAMPLES)
     e, V = x0[:, None] - x, -G[:, None] * np.cos(x)

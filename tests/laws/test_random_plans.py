@@ -128,6 +128,13 @@ def test_a_minimum_where_one_part_of_its_slope_changes_sign() -> None:
     assert best.kind == "back-swing" and abs(best.t - np.mean(beside)) < 1e-5, (best, beside)
 
 
+def test_rules_that_agree_by_chance() -> None:
+    # A stretch of 10 rad: at 1e-12 both rules of a panel missed the same part of it, 1e-10 of the time.
+    row = [5.599521593263056, 18.91548469442784, 1.3232613864949951, -0.18523837054913272, 1.688013602722488, -0.5040704951942897]
+    tally, failed = link_trials.judge_optima(np.array([row]), np.random.default_rng(1))
+    assert not failed and tally["monotone, checked"] == 1, (tally, failed)
+
+
 def test_narrow_swings_are_found() -> None:
     tally, failed = link_trials.judge_optima(np.array(NARROW), np.random.default_rng(1))
     assert not failed and tally["none found"] == 0 and tally["back-swing"] + tally["overshoot"] == len(NARROW), (tally, failed)

@@ -19,7 +19,7 @@ use super::curve::{Curve, Leg, Meeting};
 use super::link::{Link, check_ends};
 use super::phase::Phase;
 use super::report::MonotoneReason;
-use super::search::{BackSwings, FARTHEST, Swing, fastest};
+use super::search::{BackSwings, FARTHEST, Swing, Window, fastest};
 use super::steps::{Progress, Rough};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 use super::windows::Windows;
@@ -55,7 +55,7 @@ impl Search {
     fn new(x0: f64, x1: f64, up: f64, down: f64, link: Rough, straight: bool, bound: f64) -> Option<Self> {
         let mut search = Search { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };
         let (distance, back) = (x1 - x0, link.backwards());
-        // Somewhat more than is needed: that no stall is seen there is no edge of a window.
+        // A little farther than the search goes, so that the end of an integration is not taken for an edge.
         let reach = |search: &Search| 1.01 * search.farthest(bound);
         search.arrives = Curve::new(-x1, down, &back, reach(&search) + distance, None);
         search.leaves = Curve::new(-x0, down, &link, reach(&search), None);
@@ -64,16 +64,16 @@ impl Search {
     }
 
     /// The ways `e` from which the torque of the middle phase, against the friction of `link`, comes as far as `x`.
-    fn windows_to(&self, x: f64, link: Rough) -> Vec<(f64, f64)> {
+    fn windows_to(&self, x: f64, link: Rough) -> Vec<Window> {
         let (push, from) = (self.up - link.coulomb, x - self.x0);
         if push.abs() >= link.g.abs() {
             return if push > 0.0 { vec![(0.0, self.most)] } else { Vec::new() };
         }
         // Backwards from rest, at x or at a crest, to where the same torque began.
-        let rise = |x: f64| Curve::new(-x, -self.up, &link.backwards(), self.most + from, None).reach;
-        let low = rise(x);
+        let recovery = |x: f64| Curve::new(-x, -self.up, &link.backwards(), self.most + from, None).reach;
+        let low = recovery(x);
         let (angle, crest) = Phase::new(-x, -push, link.g).least_after(low);
-        Windows::new(low - from, crest - from, self.most, || rise(-angle - BESIDE) + BESIDE).collect()
+        Windows::new(low - from, crest - from, self.most, || recovery(-angle - BESIDE) + BESIDE).collect()
     }
 
     /// What `f` says of the way out, with the phase to the turn run backwards.
@@ -106,23 +106,16 @@ impl BackSwings for Search {
 
     fn swing(&self, e: f64) -> Option<Swing> {
         let Trial { turn, away, towards } = self.trial(e)?;
-        let (t1, t2, t3, t4) = (away.push.time, away.brake.time, towards.push.time, towards.brake.time);
-        let time = t1 + t2 + t3 + t4;
-        time.is_finite().then_some(Swing {
-            time,
-            x_switches: [self.x0 - away.at, turn + towards.at],
-            t_switches: [t1, t1 + t2 + t3],
-            x_turn: turn,
-            t_turn: t1 + t2,
-        })
+        let times = [away.push.time, away.brake.time, towards.push.time, towards.brake.time];
+        Swing::new(turn, [self.x0 - away.at, turn + towards.at], times)
     }
 
-    fn windows(&self, _farthest: f64) -> impl Iterator<Item = (f64, f64)> {
+    fn windows(&self, _farthest: f64) -> impl Iterator<Item = Window> {
         // Friction makes the way in, the longer one, the harder one; run backwards, it may be the way out.
         let mut windows = self.windows_to(self.x1, self.link);
         if self.link.viscous < 0.0 || self.link.coulomb < 0.0 {
             let out = self.windows_to(self.x0, self.link.backwards());
-            let both = |a: (f64, f64)| out.iter().map(move |b| (a.0.max(b.0), a.1.min(b.1)));
+            let both = |a: Window| out.iter().map(move |b| (a.0.max(b.0), a.1.min(b.1)));
             windows = windows.into_iter().flat_map(both).filter(|(low, high)| low < high).collect();
         }
         windows.into_iter()
@@ -241,6 +234,7 @@ impl Straight {
 
 #[cfg(test)]
 mod tests {
+    use super::super::search::check_windows;
     use super::*;
 
     #[test]
@@ -255,14 +249,8 @@ mod tests {
             let link = Rough { inertia: 1.0, g, viscous, coulomb: 0.6 * coulomb * up.min(down) };
             for (way, link) in [link, link.backwards()].into_iter().enumerate() {
                 let Some(search) = Search::new(x0, x0 + 6.0 * distance, up, down, link, false, f64::INFINITY) else { continue };
-                let windows: Vec<_> = search.windows(FARTHEST).collect();
-                let edges = windows.iter().flat_map(|&(low, high)| [low - 1e-5, low + 1e-5, high - 1e-5, high + 1e-5]);
-                let tried = edges.chain((1..12).map(f64::from)).filter(|&e| 1e-6 < e && e < FARTHEST);
-                for e in tried.filter(|e| windows.iter().all(|(low, high)| (e - low).abs().min((e - high).abs()) > 1e-6)) {
-                    let within = windows.iter().any(|&(low, high)| low < e && e < high);
-                    assert_eq!(search.trial(e).is_some(), within, "{number} {way}: {e} {windows:?}");
-                    (inside[way], outside[way]) = (inside[way] + usize::from(within), outside[way] + usize::from(!within));
-                }
+                let [within, without] = check_windows(&search, 1e-5, 1.0);
+                (inside[way], outside[way]) = (inside[way] + within, outside[way] + without);
             }
         }
         assert!(inside.into_iter().chain(outside).all(|count| count > 500), "{inside:?} {outside:?}");

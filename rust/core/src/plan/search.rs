@@ -2,9 +2,11 @@
 //!
 //! ```text
 //! minimise T(e), e > 0 the way beyond the start, in the windows where the swing is possible
-//! T falls inwards at every edge of a window: dT/de = r(l2) + r(l3) with r(l) = (1 + dy/dx)/v after the stretch l from the turn
-//!     falls along a phase (its numerator and its speed solve one linear equation), so r -> -infinity where v -> 0, and the others are stalls
-//! dT/de -> +infinity as e -> 0, which is possible where the monotone motion is
+//! dT/de = r(l2) + r(l3), r(l) = (1 + dy/dx)/v after the stretch l from the turn: it falls along a phase, since its numerator and its speed
+//!     solve one linear equation, from +infinity where the link turns to -infinity where it comes to rest again
+//! T falls inwards at the edges of a window: dT/de -> -infinity at the lower one, where a push hardly comes over a crest or to x1, and
+//!     +infinity at the upper one, where the link turns on a crest, or where a brake ends and a stretch with it
+//! dT/de -> +infinity as e -> 0, which is an edge only where the monotone motion is possible
 //! ```
 //!
 //! So T has a minimum in every window that does not begin with `e = 0`, and has no other: none was seen in half a million windows of random
@@ -22,6 +24,12 @@ pub(super) struct Swing {
 }
 
 impl Swing {
+    /// With the angles of its turn and its switches and the times of its four phases, if they are numbers.
+    pub fn new(x_turn: f64, x_switches: [f64; 2], [t1, t2, t3, t4]: [f64; 4]) -> Option<Self> {
+        let swing = Swing { time: t1 + t2 + t3 + t4, x_switches, t_switches: [t1, t1 + t2 + t3], x_turn, t_turn: t1 + t2 };
+        swing.time.is_finite().then_some(swing)
+    }
+
     /// The motion mirrored and run backwards: a back-swing is then an overshoot.
     pub fn reversed(self) -> Self {
         let s = self;
@@ -35,13 +43,18 @@ impl Swing {
     }
 }
 
+/// Turning points between two ways beyond the start, rad, themselves not.
+pub(super) type Window = (f64, f64);
+
 /// The back-swings of a problem, by the way `e` that they back up.
 pub(super) trait BackSwings {
-    /// `d/(|d| + c)`, `d = dT/de` and `c < T/e` its part from the speeds at the switches; none where the swing is impossible. `fine`: to many digits.
+    /// `d/(|d| + c)` within a window, `d = dT/de` and `c` its part from the speeds at the switches, of the order of `T/e` and more where one
+    /// is slow; none where rounding forbids. `fine`: to many digits.
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
+    /// None where it is impossible.
     fn swing(&self, e: f64) -> Option<Swing>;
     /// Where swings are possible, from the nearest window to the last one that begins before `farthest`, and maybe on.
-    fn windows(&self, farthest: f64) -> impl Iterator<Item = (f64, f64)>;
+    fn windows(&self, farthest: f64) -> impl Iterator<Item = Window>;
     /// Where the monotone motion is possible, the least `e` worth trying.
     fn nearest(&self) -> Option<f64>;
     /// No larger `e` is faster than `limit`.
@@ -51,7 +64,7 @@ pub(super) trait BackSwings {
 /// A turning point and the slope there, at the edges of a window what it tends to.
 type Point = (f64, f64);
 
-/// What the last step of the turning point changes T by, relative: with it T is far nearer than that. (T is more than `c e`, see `slope`.)
+/// What the last step of the turning point changes T by, relative to the order of `c e`: with it T is far nearer than that.
 const FLAT: f64 = 1e-10;
 /// The last step on rough slopes, in parts of the way to an edge.
 const NEAR: f64 = 3e-3;
@@ -61,16 +74,17 @@ const LEVEL: f64 = 0.3;
 const ROUGH: f64 = 0.02;
 /// Farthest turning point, rad: beyond two turns only a chain of swings could help.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-/// Longer windows have no crest: there may be a minimum in every turn, and they are more than six radians apart.
-const CREST: f64 = 6.5;
-/// The first step of a sweep through one, and the longest of any, rad.
+/// Longer windows have no crest, and may have a minimum in every turn. They begin beside `e = 0`, where the monotone motion is possible unless the
+/// torque is that of gravity in rest at the start.
+const ONE_TURN: f64 = 6.5;
+/// The first step of a sweep through one of those, and the longest of any, rad.
 const FIRST: f64 = 0.2;
 const LONGEST: f64 = 1.0;
 
 struct Search<'a, B> {
     swings: &'a B,
     best: Option<Swing>,
-    /// What the next swing has to be faster than, and the farthest turning point that may be.
+    /// What the next swing has to be faster than, and the turning point beyond which none can be.
     limit: f64,
     farthest: f64,
 }
@@ -80,14 +94,14 @@ impl<B: BackSwings> Search<'_, B> {
         if self.swings.nearest().is_some_and(|nearest| nearest > self.farthest) {
             return None;
         }
-        for (low, high) in self.swings.windows(self.farthest) {
-            if !(low < self.farthest) {
+        for window in self.swings.windows(self.farthest) {
+            if !(window.0 < self.farthest) {
                 break;
             }
-            match self.swings.nearest().filter(|&nearest| low < nearest) {
-                Some(nearest) => self.sweep((0.0, 1.0), nearest, high),
-                None if high - low > CREST => self.sweep((low, -1.0), FIRST, high),
-                None => self.window(low, high),
+            match self.swings.nearest().filter(|&nearest| window.0 < nearest) {
+                Some(nearest) => self.sweep(window, 1.0, nearest),
+                None if window.1 - window.0 > ONE_TURN => self.sweep(window, -1.0, FIRST),
+                None => self.dip(window),
             }
         }
         self.best
@@ -100,52 +114,56 @@ impl<B: BackSwings> Search<'_, B> {
         }
     }
 
-    /// The slope within a window; rounding at its edges apart, swings are possible there.
-    fn point(&self, e: f64, low: f64, high: f64, fine: bool) -> Point {
+    /// The slope within a window; rounding beside its edges may forbid one.
+    fn point(&self, e: f64, (low, high): Window, fine: bool) -> Point {
         (e, self.swings.slope(e, fine).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))
     }
 
     /// T falls at first, has one minimum and rises.
-    fn window(&mut self, low: f64, high: f64) {
-        let end = if self.farthest < high { self.point(self.farthest, low, high, false) } else { (high, 1.0) };
+    fn dip(&mut self, window: Window) {
+        let (low, high) = window;
+        // As long as there is no motion at all, any swing is better.
+        let within = self.farthest < high && self.limit < f64::INFINITY;
+        let end = if within { self.point(self.farthest, window, false) } else { (high, 1.0) };
         if end.1 >= 0.0 {
-            self.consider(self.minimum((low, -1.0), end, high));
+            self.consider(self.minimum((low, -1.0), end, window));
         }
     }
 
-    /// Every minimum from an edge of a window on; the first point of the grid is a `step` away.
-    fn sweep(&mut self, mut low: Point, mut step: f64, high: f64) {
-        while low.0 < self.farthest.min(high) {
+    /// Every minimum of a window at whose lower edge T has this slope, the first point being a `step` away.
+    fn sweep(&mut self, window: Window, slope: f64, mut step: f64) {
+        let mut low = (window.0, slope);
+        while low.0 < self.farthest.min(window.1) {
             let e = low.0 + step;
-            let now = if e < high { self.point(e, 0.0, high, false) } else { (high, 1.0) };
+            let now = if e < window.1 { self.point(e, window, false) } else { (window.1, 1.0) };
             if low.1 < 0.0 && now.1 >= 0.0 {
-                self.consider(self.minimum(low, now, high));
+                self.consider(self.minimum(low, now, window));
             }
             (low, step) = (now, (3.0 * step).min(LONGEST));
         }
     }
 
-    /// The minimum of T between turning points: T falls at `low` and rises at `high`. The window ends at `last`.
-    fn minimum(&self, low: Point, high: Point, last: f64) -> f64 {
-        let (e, rate) = self.root(low, high, false);
-        self.secants(e, rate, last).unwrap_or_else(|| self.root(low, high, true).0)
+    /// The minimum of T between turning points: T falls at `low` and rises at `high`.
+    fn minimum(&self, low: Point, high: Point, window: Window) -> f64 {
+        let (e, rate) = self.root(low, high, window, false);
+        self.secants(e, rate, window).unwrap_or_else(|| self.root(low, high, window, true).0)
     }
 
-    /// From near by, by secants of fine slopes, if they come nearer each time.
-    fn secants(&self, e: f64, mut rate: f64, last: f64) -> Option<f64> {
-        let mut at = self.point(e, 0.0, last, true);
+    /// From near by, by secants of fine slopes, if they come nearer each time. A rough bracket may have missed the root.
+    fn secants(&self, e: f64, mut rate: f64, window: Window) -> Option<f64> {
+        let mut at = self.point(e, window, true);
         if at.1.abs() > ROUGH {
             return None;
         }
         loop {
             let e = at.0 - at.1 / rate;
-            if !(rate > 0.0 && e > 0.0 && e < last) {
+            if !(rate > 0.0 && e > window.0 && e < window.1) {
                 return None;
             }
             if (at.1 * (e - at.0)).abs() <= FLAT * e {
                 return Some(e);
             }
-            let now = self.point(e, 0.0, last, true);
+            let now = self.point(e, window, true);
             if !(now.1.abs() < 0.5 * at.1.abs()) {
                 return None;
             }
@@ -155,17 +173,18 @@ impl<B: BackSwings> Search<'_, B> {
     }
 
     /// About where the slope is zero, and its rate there: inverse quadratic interpolation or bisection after Chandrupatla.
-    fn root(&self, low: Point, high: Point, fine: bool) -> (f64, f64) {
+    fn root(&self, low: Point, high: Point, window: Window, fine: bool) -> (f64, f64) {
         // The last point, one on the other side of the root, and the one before.
         let (mut a, mut b) = (low, high);
         let (mut e, mut rate) = (low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1), 0.0);
         for _ in 0..100 {
-            let now = self.point(e, low.0, high.0, fine);
+            let now = self.point(e, window, fine);
             rate = (now.1 - a.1) / (now.0 - a.0);
             let c;
             (a, b, c) = if (now.1 < 0.0) == (a.1 < 0.0) { (now, b, a) } else { (now, a, b) };
             let (xi, phi) = ((a.0 - b.0) / (c.0 - b.0), (a.1 - b.1) / (c.1 - b.1));
-            let part = if phi * phi < xi && (1.0 - phi) * (1.0 - phi) < 1.0 - xi {
+            let smooth = phi * phi < xi && (1.0 - phi) * (1.0 - phi) < 1.0 - xi;
+            let part = if smooth {
                 a.1 / (b.1 - a.1) * c.1 / (b.1 - c.1) + (c.0 - a.0) / (b.0 - a.0) * a.1 / (c.1 - a.1) * b.1 / (c.1 - b.1)
             } else {
                 0.5
@@ -175,14 +194,32 @@ impl<B: BackSwings> Search<'_, B> {
             let step = (e - a.0).abs();
             let near = if fine { step * a.1.abs() <= FLAT * e } else { step <= NEAR * (e - low.0).min(high.0 - e) };
             if a.1.abs() < LEVEL && near || width.abs() <= 1e-15 * e {
-                break;
+                // The middle is no better than the last point.
+                return (if smooth { e } else { a.0 }, rate);
             }
         }
-        (e, rate)
+        (a.0, rate)
     }
 }
 
 /// The fastest back-swing that takes less than `bound`.
 pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
     Search { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
+}
+
+/// Whether swings are possible within their windows and nowhere else, `beside` each edge and at evenly spaced turning points: how many were, and
+/// were not.
+#[cfg(test)]
+pub(super) fn check_windows(swings: &impl BackSwings, beside: f64, spacing: f64) -> [usize; 2] {
+    let windows: Vec<_> = swings.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).collect();
+    let edges = windows.iter().flat_map(|&(low, high)| [low - beside, low + beside, high - beside, high + beside]);
+    let even = (1..).map(|k| spacing * f64::from(k)).take_while(|&e| e < FARTHEST);
+    let known = |e: &f64| windows.iter().all(|(low, high)| (e - low).abs().min((e - high).abs()) > 0.1 * beside);
+    let mut counts = [0; 2];
+    for e in edges.chain(even).filter(|&e| beside < e && e < FARTHEST).filter(known) {
+        let within = windows.iter().any(|&(low, high)| low < e && e < high);
+        assert_eq!(swings.swing(e).is_some(), within, "{e} {windows:?}");
+        counts[usize::from(!within)] += 1;
+    }
+    counts
 }

@@ -12,9 +12,9 @@
 use super::detour::{Push, detour};
 use super::monotone::{Monotone, Straight, drop};
 use super::phase::Phase;
-use super::search::{BackSwings, FARTHEST, Swing, fastest};
+use super::search::{BackSwings, FARTHEST, Swing, Window, fastest};
 use super::sine::{gravity_range, sin_cos, sine};
-use super::windows::windows;
+use super::windows::Windows;
 use std::cell::OnceCell;
 use std::f64::consts::TAU;
 
@@ -59,7 +59,7 @@ impl Search {
         let energies = monotone.energies();
         let push = energies.map(|energies| Push::new(monotone, &energies));
         let nearest = energies.map(|energies| {
-            // Below that the field is constant, and in a constant field no swing helps; nor does it much to the push where that is slowest.
+            // Below `constant` the field is, and in a constant field no swing helps; below `slow` it adds little to the push where that is slowest.
             let g = turns.g.abs();
             let constant = if energies.push_hump == f64::INFINITY {
                 (0.05 * turns.net() / (g * cos.abs() + (g * turns.net()).sqrt())).min(0.05)
@@ -105,13 +105,14 @@ impl BackSwings for Search {
         let Trial { away, towards, .. } = self.trial(e);
         let turns = &towards.push;
         let rate = |length: f64| {
-            let gradient = if fine { turns.time_gradient(length, FINE) } else { turns.rough_gradient(length) };
-            let inverse = turns.energy(length).sqrt().recip();
+            let energy = turns.energy(length);
+            let gradient = if fine { turns.time_gradient(length, FINE) } else { turns.rough_gradient(length, energy) };
+            let inverse = energy.sqrt().recip();
             (inverse - gradient, inverse)
         };
         let (out, into) = (away.brake_length, towards.push_length);
         let (last, second) = rate(out.max(into));
-        // That of the shorter one is not less: no need of it for the sign, which is all that a rough slope is for.
+        // That of the shorter one is not less: where the longer one's is positive, far from a root, half of a rough slope will do.
         let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
         let rate = last + other;
         let slope = rate / (rate.abs() + first + second);
@@ -122,18 +123,18 @@ impl BackSwings for Search {
         let trial = self.trial(e);
         trial.away.energies().and(trial.towards.energies())?;
         let ((t1, t2), (t3, t4)) = (trial.away.time_factors(), trial.towards.time_factors());
-        let time = t1 + t2 + t3 + t4;
-        time.is_finite().then_some(Swing {
-            time,
-            x_switches: [trial.turn + trial.away.brake_length, trial.turn + trial.towards.push_length],
-            t_switches: [t1, t1 + t2 + t3],
-            x_turn: trial.turn,
-            t_turn: t1 + t2,
-        })
+        let switches = [trial.turn + trial.away.brake_length, trial.turn + trial.towards.push_length];
+        Swing::new(trial.turn, switches, [t1, t2, t3, t4])
     }
 
-    fn windows(&self, farthest: f64) -> impl Iterator<Item = (f64, f64)> {
-        windows(&self.straight, &self.leaves, farthest)
+    fn windows(&self, farthest: f64) -> impl Iterator<Item = Window> {
+        let Monotone { push, brake, .. } = &self.straight.monotone;
+        let distance = self.straight.distance();
+        // From x1 under -u+, mirrored: its energy is W(x1) - W.
+        let against = Phase::new(brake.x, -push.push, push.g);
+        let (low, crest) = if push.push < push.g.abs() { against.descent() } else { (0.0, f64::INFINITY) };
+        let most = if low - distance < farthest { self.leaves.reach().min(brake.reach() - distance) } else { 0.0 };
+        Windows::new(low - distance, crest - distance, most, move || against.recovery())
     }
 
     fn nearest(&self) -> Option<f64> {
@@ -171,6 +172,7 @@ pub(super) fn overshoot(straight: &Straight, bound: f64) -> Option<Swing> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::search::check_windows;
     use super::*;
     use std::f64::consts::PI;
 
@@ -189,15 +191,9 @@ mod tests {
     fn swings_are_possible_in_their_windows_and_nowhere_else() {
         let (mut inside, mut outside, mut narrow) = (0, 0, 0);
         for search in searches() {
-            let windows: Vec<_> = search.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).collect();
-            let edges = windows.iter().flat_map(|&(low, high)| [low - 1e-9, low + 1e-9, high - 1e-9, high + 1e-9]);
-            let tried = edges.chain((1..250).map(|k| 0.05 * k as f64)).filter(|&e| 1e-9 < e && e < FARTHEST);
-            for e in tried.filter(|e| windows.iter().all(|(low, high)| (e - low).abs().min((e - high).abs()) > 1e-10)) {
-                let within = windows.iter().any(|&(low, high)| low < e && e < high);
-                assert_eq!(search.swing(e).is_some(), within, "{e} {windows:?}");
-                (inside, outside) = (inside + usize::from(within), outside + usize::from(!within));
-            }
-            narrow += windows.iter().filter(|(low, high)| high - low < 0.3).count();
+            let [within, without] = check_windows(&search, 1e-9, 0.05);
+            (inside, outside) = (inside + within, outside + without);
+            narrow += search.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).filter(|(low, high)| high - low < 0.3).count();
         }
         assert!(inside > 10_000 && outside > 10_000 && narrow > 10, "{inside} {outside} {narrow}");
     }
