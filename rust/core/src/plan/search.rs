@@ -67,7 +67,7 @@ type Point = (f64, f64);
 /// What the last step of the turning point changes T by, relative to the order of `c e`: with it T is far nearer than that.
 const FLAT: f64 = 1e-10;
 /// The last step on rough slopes, in parts of the way to an edge.
-const NEAR: f64 = 3e-3;
+const NEAR: f64 = 2e-3;
 /// A slope that is near zero: T hardly changes any more.
 const LEVEL: f64 = 0.3;
 /// The slope at a root of the rough slope above which that is no help.
