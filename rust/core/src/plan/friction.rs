@@ -76,22 +76,21 @@ impl Search {
         Windows::new(low - from, crest - from, self.most, || recovery(-angle - BESIDE) + BESIDE).collect()
     }
 
-    /// What `f` says of the way out, with the phase to the turn run backwards.
-    fn away<T>(&self, e: f64, f: impl FnOnce(Leg) -> T) -> T {
+    /// The way out, with the phase to the turn run backwards.
+    fn away(&self, e: f64) -> Option<Meeting> {
         let to = Curve::new(self.x0 - e, self.up, &self.link.backwards(), e, Some(&self.leaves));
-        f(Leg { push: &self.leaves, brake: &to, distance: e })
+        Leg { push: &self.leaves, brake: &to, distance: e }.meeting()
     }
 
-    /// And of the way in.
-    fn towards<T>(&self, e: f64, f: impl FnOnce(Leg) -> T) -> T {
+    /// And the way in.
+    fn towards(&self, e: f64) -> Option<Meeting> {
         let distance = e + self.x1 - self.x0;
         let from = Curve::new(self.x0 - e, self.up, &self.link, distance, Some(&self.arrives));
-        f(Leg { push: &from, brake: &self.arrives, distance })
+        Leg { push: &from, brake: &self.arrives, distance }.meeting()
     }
 
     fn trial(&self, e: f64) -> Option<Trial> {
-        let meeting = |leg: Leg| leg.meeting();
-        Some(Trial { turn: self.x0 - e, away: self.away(e, meeting)?, towards: self.towards(e, meeting)? })
+        Some(Trial { turn: self.x0 - e, away: self.away(e)?, towards: self.towards(e)? })
     }
 }
 
