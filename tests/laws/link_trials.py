@@ -132,10 +132,9 @@ def turning_points(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tu
     higher = np.full(x.shape, False)
     higher[:, 1:] = W[:, 1:] - np.maximum.accumulate(W, axis=1)[:, :-1] > 0.5 * np.abs(G)[:, None] * h**2
     for start in (x0, x1):
-        way = start[:, None] - x
-        ahead = (down[:, None] * way - G[:, None] * np.cos(start)[:, None] - V) / np.maximum(way, 1e-300)
-        ahead = np.where(way > 0.0, ahead - 0.5 * np.abs(G)[:, None] * np.minimum(way, h) * h / np.maximum(way, 1e-300), np.inf)
-        higher &= np.minimum.accumulate(ahead, axis=1) > 0.0
+        way, cos = start[:, None] - x, np.cos(start)[:, None]
+        above = down[:, None] * way - G[:, None] * cos - V > 0.5 * np.abs(G)[:, None] * np.minimum(way, h) * h
+        higher &= np.logical_and.accumulate(above | (way <= 0.0), axis=1)
     return e, higher & (e > 0.0)
 
 
