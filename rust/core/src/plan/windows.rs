@@ -38,6 +38,10 @@ impl<F: FnOnce() -> f64> Windows<F> {
                 windows.crest += turn * (-crest / turn).floor();
             }
             windows.climb();
+            // Rounding of the distance may be many turns.
+            if windows.crest < 0.0 {
+                windows.low = f64::INFINITY;
+            }
         }
         windows
     }
@@ -48,8 +52,13 @@ impl<F: FnOnce() -> f64> Windows<F> {
     }
 
     fn climb(&mut self) {
-        self.low = self.crest + if self.crest < self.most { *self.recovery } else { 0.0 };
+        let last = self.crest;
+        self.low = last + if last < self.most { *self.recovery } else { 0.0 };
         self.crest += if self.low < self.most { self.turn() } else { 0.0 };
+        // That was the last one, or turns are lost in rounding.
+        if !(self.crest > last) {
+            self.low = f64::INFINITY;
+        }
     }
 }
 
@@ -64,5 +73,21 @@ impl<F: FnOnce() -> f64> Iterator for Windows<F> {
             }
         }
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_that_rounding_loses_end() {
+        for way in [1e3, 1e15, 1e16, 1e17, 3e33, 1e200, -1e17, -3e33] {
+            for most in [10.0, f64::INFINITY] {
+                let windows = Windows::new(-way - 1.0, -way, most, || 6.0);
+                let low: Vec<_> = windows.take(3).map(|(low, _)| low).collect();
+                assert!(low.windows(2).all(|two| two[0] < two[1]) && low.iter().all(|low| *low >= 0.0), "{way} {low:?}");
+            }
+        }
     }
 }
