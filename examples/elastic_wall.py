@@ -14,7 +14,7 @@ import numpy as np
 import armlet as al
 
 arm = al.load_urdf(al.example_urdf("seven_axis"))
-frame = arm.frame_names[-1]
+frame = arm.tip_frame
 q0 = np.array([0.0, 0.6, 0.0, -1.4, 0.0, 0.9, 0.0])
 tip = arm.position(q0, frame)  # m
 

@@ -217,7 +217,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
     lab = commands.add_parser("lab", help="touch closed loops in the browser: gains, targets, forces")
     lab.add_argument("--urdf", type=Path, metavar="ROBOT.urdf", help="a robot of yours among the systems")
-    lab.add_argument("--frame", metavar="NAME", help="the frame of its tip (default: the last one of the file)")
+    lab.add_argument("--frame", metavar="NAME", help="the frame of its tip (default: the farthest one that moves)")
     lab.set_defaults(run=_lab)
 
     for page in (view, lab):

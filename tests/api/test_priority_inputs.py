@@ -35,7 +35,7 @@ BAD: list[tuple[str, Callable[[], object], str]] = [
     ("infinite", lambda: solve([J1, J2], [V1, [np.inf]]), r"velocities\[1\] is not finite: .* \(first bad index 0\)"),
     ("complex", lambda: solve([J1 + 0j, J2], [V1, V2]), r"jacobians\[0\] is not an array of real numbers"),
     ("ragged", lambda: solve([[[1.0, 2.0], [3.0]]], [V1]), r"jacobians\[0\] is not an array of real numbers"),
-    ("method", lambda: solve([J1], [V1], method="pinv"), 'method is unknown: expected one of exact, clamp, damped, '),
+    ("method", lambda: solve([J1], [V1], method="pinv"), "method is unknown: expected one of exact, clamp, damped, "),
     ("eps", lambda: solve([J1], [V1], eps=0.0), "eps is not positive"),
     ("eps per level", lambda: solve([J1, J2], [V1, V2], eps=[1.0] * 3), r"eps has the wrong shape: .* \(2,\), got \(3,\)"),
     ("rounding", lambda: solve([J1], [V1], rounding=-1.0), "rounding is not a relative error"),

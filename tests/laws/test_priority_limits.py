@@ -64,7 +64,7 @@ def test_limits_default_to_the_arm_s_own() -> None:
 
 def test_limits_are_refused_where_they_mean_nothing() -> None:
     task = al.Task("link3", "xy", FAR, 4.0)
-    with pytest.raises(al.InputError, match='q_max bounds nothing: expected method sns'):
+    with pytest.raises(al.InputError, match="q_max bounds nothing: expected method sns"):
         al.PriorityVelocity(ARM, [task], q_max=1.0)
     with pytest.raises(al.InputError, match="v_max is missing"):
         al.PriorityVelocity(ARM, [task], "sns")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +22,7 @@ from armlet.live.scene import mesh_of, quaternion
 from armlet.live.server import address, close_server, open_server, serve
 from armlet.live.shapes import Shape, between
 from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Priority, Robot
-from armlet.live.view import ViewPage
+from armlet.live.view import ViewPage, roll_pitch_yaw
 
 
 @pytest.fixture
@@ -101,6 +102,35 @@ def test_view_shows_where_its_sliders_are(server: Any) -> None:
         assert np.allclose(handle.position, pose[:3, 3]) and np.allclose(handle.wxyz, quaternion(pose[:3, :3]))
     x, y, z = arm.position(page.q, "right_hand")
     assert page.text.content.startswith(f"right_hand at ({x:.3f}, {y:.3f}, {z:.3f}) m")
+    # The pose, not the position alone: the angles that are shown give the rotation back.
+    shown = re.search(r"roll, pitch, yaw = \((.+)\) rad", page.text.content)
+    assert shown is not None
+    R = al.load_urdf(frame_at(shown.group(1))).pose([0.0], "tip")[:3, :3]
+    # Three digits: half a thousandth of a radian per angle.
+    assert np.abs(R - arm.pose(page.q, "right_hand")[:3, :3]).max() < 2e-3
+
+
+def frame_at(rpy: str) -> str:
+    """A robot whose frame "tip" is turned by `rpy` from the base at q = 0."""
+    joint = '<joint name="j" type="continuous"><parent link="base"/><child link="arm"/></joint>'
+    fixed = f'<joint name="f" type="fixed"><parent link="arm"/><child link="tip"/><origin rpy="{rpy.replace(",", "")}"/></joint>'
+    return f'<robot name="r"><link name="base"/><link name="arm"/><link name="tip"/>{joint}{fixed}</robot>'
+
+
+@pytest.mark.parametrize("rpy", [(0.3, -0.4, 2.0), (0.0, np.pi / 2, 0.5), (0.0, -np.pi / 2, 0.5), (3.0, 1.5, -3.0), (0.0, 0.0, 0.0)])
+def test_angles_of_a_rotation(rpy: tuple[float, float, float]) -> None:
+    R = np.asarray(al.load_urdf(frame_at("{} {} {}".format(*rpy))).pose([0.0], "tip"))[:3, :3]
+    assert np.abs(np.array(roll_pitch_yaw(R)) - rpy).max() < 1e-9
+
+
+def test_the_tip_is_shown_first(server: Any) -> None:
+    """Of a robot whose file ends with a frame of the base, as that of the UR5 does."""
+    source = frame_at("0 0 0").replace("</robot>", '<link name="old_base"/><joint name="g" type="fixed"><parent link="base"/>'
+                                       '<child link="old_base"/></joint></robot>')  # fmt: skip
+    arm = al.load_urdf(source)
+    assert arm.frame_names[-1] == "old_base"
+    assert ViewPage(server, arm, source, "r").text.content.startswith("tip at ")
+    assert Robot(source, "r").frame == "tip"
 
 
 def test_names_are_names(server: Any) -> None:

@@ -75,7 +75,7 @@ class Reach(Task):
     """Go to a target: the position that a frame has at a random configuration, so that it can be reached.
 
     Args:
-        frame: the frame that goes there; None: the arm's last.
+        frame: the frame that goes there; None: `arm.tip_frame`.
         axes: which of "xyz".
         reach: the configuration of the target is within `q0 +- reach`, rad or m.
         within: done when the frame is this near, m, and all joints slower than `at_rest`; None: runs go on to their horizon.
@@ -101,7 +101,7 @@ class Reach(Task):
 
     def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
         super().prepare(arm, q_limit, v_limit, period, steps)
-        self.tip = arm.frame_names[-1] if self.frame is None and arm.frame_names else str(self.frame)
+        self.tip = str(self.frame or arm.tip_frame)
         # Two places of the frame are at most the diameter of its workspace apart; random places show it to within half.
         places = arm.position(np.random.default_rng(0).uniform(*q_limit, (200, arm.n)), self.tip)
         self.farthest = 1.5 * 2.0 * float(np.linalg.norm(places - places.mean(axis=0), axis=-1).max())

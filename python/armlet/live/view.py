@@ -20,7 +20,7 @@ from .shapes import Array
 from .systems.robot import middle
 from .urdf import read_shapes
 
-__all__ = ["ViewPage", "view"]
+__all__ = ["ViewPage", "roll_pitch_yaw", "view"]
 
 PERIOD = 0.033  # s
 
@@ -30,6 +30,15 @@ def view(urdf: Path, host: str, port: int) -> int:
     arm = al.load_urdf(urdf)
     page = ViewPage(open_server("view", host, port), arm, urdf, urdf.name)
     return serve(page.server, lambda _: page.frame(), PERIOD)
+
+
+def roll_pitch_yaw(R: Array) -> tuple[float, float, float]:
+    """The angles of `R = Rz(yaw) Ry(pitch) Rx(roll)`, rad; where the pitch is a quarter turn the roll is zero."""
+    cosine = float(np.hypot(R[0, 0], R[1, 0]))
+    pitch = float(np.arctan2(-R[2, 0], cosine))
+    if cosine < 1e-9:  # the axes of roll and yaw are one: only their sum or difference counts
+        return 0.0, pitch, float(np.arctan2(-R[0, 1], R[1, 1]))
+    return float(np.arctan2(R[2, 1], R[2, 2])), pitch, float(np.arctan2(R[1, 0], R[0, 0]))
 
 
 class ViewPage:
@@ -43,7 +52,7 @@ class ViewPage:
         gui = server.gui
         gui.add_markdown(f"**{title}**: {arm.n} joints, {len(arm.frame_names)} frames")
         self._axes = gui.add_checkbox("show frames", False)
-        self._frame = gui.add_dropdown("frame", arm.frame_names, initial_value=arm.frame_names[-1])
+        self._frame = gui.add_dropdown("frame", arm.frame_names, initial_value=arm.tip_frame or arm.frame_names[-1])
         self.text = gui.add_markdown("")
         reset = gui.add_button("Reset")
         with gui.add_folder("Joints (rad, m)"):
@@ -82,6 +91,9 @@ class ViewPage:
             self.scene.place({frame: np.asarray(self.arm.pose(q, frame)) for frame in self.scene.frames})
         for handle in self.scene.frames.values():
             handle.show_axes = self._axes.value
-        x, y, z = self.arm.position(q, self._frame.value)
+        pose = np.asarray(self.arm.pose(q, self._frame.value))
+        x, y, z = pose[:3, 3]
+        roll, pitch, yaw = roll_pitch_yaw(pose[:3, :3])
         load = ", ".join(f"{tau:.2f}" for tau in np.round(self.arm.gravity(q), 2) + 0.0)
-        self.text.content = f"{self._frame.value} at ({x:.3f}, {y:.3f}, {z:.3f}) m\n\ngravity g(q) = ({load}) N m, N"
+        turned = f"roll, pitch, yaw = ({roll:.3f}, {pitch:.3f}, {yaw:.3f}) rad"
+        self.text.content = f"{self._frame.value} at ({x:.3f}, {y:.3f}, {z:.3f}) m\n\n{turned}\n\ngravity g(q) = ({load}) N m, N"

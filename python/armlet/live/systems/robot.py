@@ -45,7 +45,7 @@ class Robot(System):
         names = self.arm.frame_names
         if frame is not None and frame not in names:
             raise al.InputError(f"lab: frame is unknown: expected one of {', '.join(names)}, got {frame}")
-        self.title, self.frame = title, frame or names[-1]
+        self.title, self.frame = title, frame or str(self.arm.tip_frame)
         # A stretched arm is singular: a few degrees away from it a dragged target is followed at once.
         low, high = self.arm.limits["q_min"], self.arm.limits["q_max"]
         self.q0 = np.clip(middle(self.arm) + 0.3, low, high)

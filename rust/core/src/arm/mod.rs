@@ -55,6 +55,18 @@ impl Arm {
         self.frames.iter().map(|frame| frame.name.as_str())
     }
 
+    /// The frame at the tip: of those that move the one with the longest way from the base, `sum |p|` over the offsets of joints and
+    /// frame. Of equal ones the last; `None` where nothing moves.
+    pub fn tip_frame(&self) -> Option<usize> {
+        let mut way = Vec::<f64>::with_capacity(self.n());
+        for joint in &self.joints {
+            way.push(joint.parent.map_or(0.0, |parent| way[parent]) + joint.placement.translation.norm());
+        }
+        let moving =
+            self.frames.iter().enumerate().filter_map(|(k, frame)| Some((way[frame.body?] + frame.placement.translation.norm(), k)));
+        moving.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
+    }
+
     /// Inertial parameters `(10 n,)`, SPEC order, in the body frames.
     pub fn parameters(&self) -> Vec<f64> {
         self.joints.iter().flat_map(|joint| joint.parameters).collect()

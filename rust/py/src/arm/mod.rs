@@ -62,6 +62,19 @@ impl Arm {
         Self::named(py, &self.model.frame_names())
     }
 
+    /// The frame at the tip; None for an arm without moving frames.
+    ///
+    /// It is the moving frame with the longest way from the base: the sum of the lengths of the offsets of joints and frame, m. Of equally
+    /// long ways it is the last in the order of `frame_names`.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.load_urdf(al.example_urdf("six_axis")).tip_frame
+    /// 'flange'
+    #[getter]
+    fn tip_frame(&self) -> Option<String> {
+        self.model.tip_frame()
+    }
+
     /// Gravity in world axes, `(3,)`, m/s^2; None for `planar_pr`, which moves on a horizontal plane.
     #[getter]
     fn gravity_vector<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {

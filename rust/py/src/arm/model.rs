@@ -84,6 +84,13 @@ impl Model {
         }
     }
 
+    pub fn tip_frame(&self) -> Option<String> {
+        match self {
+            Model::PlanarPr(_) => None,
+            Model::Tree(tree) => tree.arm.tip_frame().map(|frame| tree.arm.frames[frame].name.clone()),
+        }
+    }
+
     pub fn report(&self) -> &[String] {
         match self {
             Model::PlanarPr(_) => &[],
