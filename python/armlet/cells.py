@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 
-__all__ = ["Cells", "columns", "drawn"]
+__all__ = ["MOST", "Cells", "columns", "drawn"]
 
 LISTS = ("linspace", "geomspace")
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal")
 # Values of one list; written out, they are kept in memory.
 MOST = 10_000_000
+# Cells of a sweep: their table is kept in memory.
+MOST_CELLS = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -50,10 +52,20 @@ class Cells:
             raise InputError(f"sweep: seed is too large: expected an integer < 2**31, got {seed}")
         if not vary:
             raise InputError("sweep: vary is empty: expected at least one path with its values")
-        return Cells({str(path): _listed(path, spec, draws) for path, spec in vary.items()}, draws, int(seed))
+        if draws is not None and draws > MOST_CELLS:
+            raise InputError(f"sweep: draws is too large: expected at most {MOST_CELLS:,}, got {draws}")
+        cells = Cells({str(path): _listed(path, spec, draws) for path, spec in vary.items()}, draws, int(seed))
+        if cells.count > MOST_CELLS:
+            raise InputError(f"sweep: vary has too many combinations: expected at most {MOST_CELLS:,} cells, got {cells.count}")
+        return cells
+
+    @property
+    def count(self) -> int:
+        """How many cells."""
+        return self.draws if self.draws is not None else math.prod(len(values) for values in self.vary.values())
 
     def __len__(self) -> int:
-        return self.draws if self.draws is not None else math.prod(len(values) for values in self.vary.values())
+        return self.count
 
     def __getitem__(self, i: int) -> dict[str, Any]:
         """The values of cell `i` by path."""

@@ -139,7 +139,7 @@ def simulate_batch(
         q0, v0, theta0, theta_dot0: initial states, (B, n).
         force: one for all runs as for `simulate` (no callable), or one per run: constants (B, k), or a list of B lists
             `[(t_start, F), ...]`.
-        threads: worker threads; None follows ARMLET_NUM_THREADS, then the cores.
+        threads: worker threads, 1 to 1024; None follows ARMLET_NUM_THREADS, then the cores. No more start than there are groups of runs.
         t_eval: needed by an adaptive method that keeps "all": its runs step at different times.
         keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record: then the records of some runs at
             a time are all the memory it takes, and `batch.metrics()` has the numbers of `armlet.metrics`.

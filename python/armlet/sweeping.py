@@ -113,7 +113,7 @@ def sweep(
         scenario: what to run, or the path of its file.
         vary: by path (`"law.kd[0]"`): a list of values, `{"linspace": [a, b, n]}`, `{"geomspace": [a, b, n]}`; with `draws` also
             `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None: the scenario's `[sweep]`.
-        draws: how many random cells; None: the product of the lists.
+        draws: how many random cells, at most 10^8; None: the product of the lists.
         seed: of the draws, and of noise and jitter inside the runs; 0 if None and the scenario has none.
         out: folder for finished chunks and the head of the sweep; None keeps nothing.
         executor: any `concurrent.futures.Executor`, such as `ProcessPoolExecutor(8)` or dask's `client.get_executor()`; None uses the

@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .cells import Cells, columns, drawn
+from .cells import MOST, Cells, columns, drawn
 from .errors import InputError
 from .scenario import Scenario
 from .status import Status
@@ -140,6 +140,9 @@ def tune(
         if not isinstance(spec, Mapping) or "normal" in spec:
             raise InputError(f'tune: vary."{path}" is no range: expected a table with uniform or log_uniform, got {vary[path]!r}')
     grid = None if over is None else Cells.of(over, None, seed)
+    runs = candidates * (1 if grid is None else grid.count)
+    if runs > MOST:
+        raise InputError(f"tune: candidates are too many: expected at most {MOST:,} runs in a generation, got {runs}")
     conditions: list[dict[str, Any]] = [{}] if grid is None else [grid[i] for i in range(len(grid))]
     tried: list[dict[str, Any]] = []
     paid: list[Array] = []

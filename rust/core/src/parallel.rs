@@ -1,12 +1,14 @@
 //! Worker threads: a pool made on first use, made anew in a forked child, and a caller that keeps listening
 //! while they work. Work on rows is cut at places that do not depend on the number of threads.
 
+use crate::error::{Error, Result};
 use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 use rayon::slice::ParallelSliceMut;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::time::Duration;
 
 /// How long the caller waits between two looks at what else it has to do.
@@ -18,15 +20,29 @@ static POOLS: Mutex<Option<ProcessPools>> = Mutex::new(None);
 /// The process that made the pools, and the pools.
 type ProcessPools = (u32, HashMap<usize, Arc<ThreadPool>>);
 
-/// `ARMLET_NUM_THREADS` if it is a positive integer, else the cores.
+/// More threads than this are refused.
+pub const MOST_THREADS: usize = 1024;
+
+/// Pools that are kept while nobody uses them.
+const KEPT_POOLS: usize = 4;
+
+/// `ARMLET_NUM_THREADS` if it is a positive integer, else the cores; at most [`MOST_THREADS`].
 pub fn default_threads() -> usize {
     let asked = std::env::var("ARMLET_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok()).filter(|&n| n > 0);
-    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
+    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())).min(MOST_THREADS)
+}
+
+/// `threads` as a caller asked for it, or an error where it is zero or more than [`MOST_THREADS`].
+pub fn require_threads(threads: usize) -> Result<usize> {
+    if (1..=MOST_THREADS).contains(&threads) {
+        return Ok(threads);
+    }
+    Err(Error::input("threads", format!("is out of range: expected 1 to {MOST_THREADS}, got {threads}")))
 }
 
 fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
     let process = std::process::id();
-    let mut pools = POOLS.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let mut pools = lock(&POOLS);
     match &*pools {
         Some((owner, _)) if *owner == process => {}
         // The parent's threads do not exist here: dropping their pool would wait for them for ever.
@@ -36,41 +52,63 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
     if let Some(pool) = pools.get(&threads) {
         return Some(pool.clone());
     }
+    if pools.len() >= KEPT_POOLS {
+        // A pool in use is held by its user too.
+        pools.retain(|_, pool| Arc::strong_count(pool) > 1);
+    }
     let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("armlet-{i}")).build().ok()?;
     let pool = Arc::new(pool);
     pools.insert(threads, pool.clone());
     Some(pool)
 }
 
-/// Run `work(stop)` in the pool; `poll` is asked every 20 ms whether to stop, and what it says is passed on.
-/// Where no thread can be had the work is done here.
-pub fn run<R: Send>(threads: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
-    match pool(threads) {
+/// Run `work(stop)` in a pool of at most `threads` threads, and no more than there are `pieces` of work. `poll` is asked every
+/// 20 ms whether to stop, and its answer is passed on. Where no thread can be had the work is done here.
+pub fn run<R: Send>(threads: usize, pieces: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
+    match pool(threads.min(pieces).clamp(1, MOST_THREADS)) {
         Some(pool) => on_worker(poll, |stop| pool.install(|| work(stop))),
         None => work(&AtomicBool::new(false)),
     }
 }
 
 /// Run `work(stop)` on a thread of its own, so that the caller can go on listening: `poll` is asked every 20 ms.
+/// Where no thread can be had the work is done here.
 pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
     let stop = AtomicBool::new(false);
-    let mut result = None;
-    std::thread::scope(|scope| {
+    let (todo, result) = (Mutex::new(Some(work)), Mutex::new(None));
+    let once = || {
+        let work = lock(&todo).take();
+        // A panic is carried to the caller, with its message.
+        let ended = work.map(|work| catch_unwind(AssertUnwindSafe(|| work(&stop))));
+        *lock(&result) = ended;
+    };
+    let spawned = std::thread::scope(|scope| {
         let (done, finished) = mpsc::channel::<()>();
-        let (result, stop) = (&mut result, &stop);
-        scope.spawn(move || {
-            *result = Some(work(stop));
-            // The receiver lives until the scope ends: this can't fail while anyone listens.
-            let _ = done.send(());
-        });
-        // Work that panics drops its sender: that ends the wait too, and the scope passes the panic on.
+        let task = || {
+            // Dropped at the end, which ends the wait.
+            let _done = done;
+            once();
+        };
+        let spawned = std::thread::Builder::new().spawn_scoped(scope, task).is_ok();
         while finished.recv_timeout(SLICE) == Err(mpsc::RecvTimeoutError::Timeout) {
             if poll() {
                 stop.store(true, Ordering::Relaxed);
             }
         }
+        spawned
     });
-    result.expect("a scope returns after its threads, or panics with them")
+    if !spawned {
+        once();
+    }
+    match lock(&result).take() {
+        Some(Ok(result)) => result,
+        Some(Err(panic)) => resume_unwind(panic),
+        None => unreachable!("the work was done by the thread or here"),
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Fill the rows of `out`, `length` numbers each, by `work(first, last, rows)` on `chunk` rows at a time; what each chunk
@@ -91,7 +129,8 @@ pub fn rows<R: Send>(
     if threads == 1 {
         return on_worker(poll, |stop| out.chunks_mut(width).enumerate().map(|(i, rows)| part(stop, i, rows)).collect());
     }
-    run(threads, poll, |stop| out.par_chunks_mut(width).enumerate().with_max_len(1).map(|(i, rows)| part(stop, i, rows)).collect())
+    let pieces = out.len().div_ceil(width);
+    run(threads, pieces, poll, |stop| out.par_chunks_mut(width).enumerate().with_max_len(1).map(|(i, rows)| part(stop, i, rows)).collect())
 }
 
 #[cfg(test)]
@@ -114,5 +153,32 @@ mod tests {
         }
         let slow = |_: usize, _: usize, _: &mut [f64]| std::thread::sleep(Duration::from_millis(2));
         assert!(rows(2, &mut || true, (1, 1), &mut [0.0; 1000], slow).is_none());
+    }
+
+    #[test]
+    fn threads_are_no_more_than_pieces_and_not_beyond_reason() {
+        for (threads, pieces, expected) in [(8, 3, 3), (2, 100, 2), (4, 0, 1), (10_000_000, 5, 5)] {
+            let count = run(threads, pieces, &mut || false, |_| rayon::current_num_threads());
+            assert_eq!(count, expected, "{threads} threads, {pieces} pieces");
+        }
+        assert_eq!(require_threads(MOST_THREADS), Ok(MOST_THREADS));
+        for threads in [0, MOST_THREADS + 1, usize::MAX] {
+            let error = require_threads(threads).expect_err("out of range");
+            assert_eq!(error.to_string(), format!("threads is out of range: expected 1 to 1024, got {threads}"));
+        }
+    }
+
+    #[test]
+    fn few_idle_pools_are_kept() {
+        for threads in 1..=20 {
+            assert!(pool(threads).is_some());
+        }
+        assert!(lock(&POOLS).as_ref().is_some_and(|(_, pools)| pools.len() <= 2 * KEPT_POOLS), "other tests hold some at most");
+    }
+
+    #[test]
+    fn a_panic_reaches_the_caller_with_its_message() {
+        let panic = catch_unwind(AssertUnwindSafe(|| on_worker(&mut || false, |_| panic!("of the work")))).expect_err("a panic");
+        assert_eq!(panic.downcast_ref::<&str>(), Some(&"of the work"));
     }
 }

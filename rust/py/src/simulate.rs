@@ -10,6 +10,7 @@ use crate::keywords::{Keywords, law_of};
 use crate::law::Law;
 use crate::plant::Plant;
 use armlet_core::law::LawSpec;
+use armlet_core::parallel;
 use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{self as core, Force, Keep, Problem};
 use numpy::PyArray1;
@@ -160,7 +161,7 @@ pub fn simulate_batch<'py>(
             }
         };
         let threads = match given.get("threads")? {
-            Some(threads) => count(NAME, "threads", &threads)?,
+            Some(threads) => parallel::require_threads(count(NAME, "threads", &threads)?)?,
             None => core::default_threads(),
         };
         let plants: Vec<&PlantSpec> = plants.iter().map(|plant| &plant.get().spec).collect();

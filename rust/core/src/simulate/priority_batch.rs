@@ -99,7 +99,7 @@ fn each<P: Send, L>(
         }
         return false;
     }
-    parallel::run(threads, poll, |stop| {
+    parallel::run(threads, parts.len(), poll, |stop| {
         // Contiguous shares: a solver is made once per thread, and threads do not write to each other's pages.
         let share = parts.len().div_ceil(4 * threads).max(1);
         let mut shares: Vec<Vec<P>> = Vec::new();
