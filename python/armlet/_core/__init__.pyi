@@ -1,6 +1,7 @@
 """Types of the extension module, a file per concept; checked against it by stubtest."""
 
 from .arms import Arm as Arm
+from .arms import _restore as _restore
 from .arms import _restore_planar_pr as _restore_planar_pr
 from .arms import _restore_tree as _restore_tree
 from .arms import example_urdf as example_urdf
@@ -120,6 +121,7 @@ __all__ = [
     "VelocityArm",
     "Wall",
     "__version__",
+    "_restore",
     "_restore_arm_solver",
     "_restore_plan",
     "_restore_planar_pr",

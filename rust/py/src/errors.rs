@@ -38,6 +38,11 @@ pub fn input_error(py: Python<'_>, function: &str, argument: &str, problem: impl
     raise(py, "InputError", (format!("{function}: {argument} {problem}"),))
 }
 
+/// A `FormatError`: stored data is not what it claims to be.
+pub fn format_error(py: Python<'_>, message: &str) -> PyErr {
+    raise(py, "FormatError", (message,))
+}
+
 /// Run the body of an entry point: errors are mapped, a panic becomes an `InternalError`.
 pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T, Failure>) -> PyResult<T> {
     match catch_unwind(AssertUnwindSafe(body)) {

@@ -5,6 +5,7 @@ use crate::arrays::{flag, number, numbers, object, shown, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::listening;
 use crate::priority::{copied, residual_list, status_member};
+use crate::seal::{Sealed, seal};
 use crate::task::each;
 use armlet_core::analysis::inverse_kinematics::{Search, inverse_kinematics as core};
 use armlet_core::priority::Method;
@@ -35,11 +36,12 @@ impl InverseKinematics {
         InverseKinematics { q, errors, reached, iterations, restarts, status }
     }
 
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let counts = [self.iterations, self.restarts].map(|k| k.into_pyobject(py).map(|k| k.into_any()));
         let [iterations, restarts] = counts;
         let parts = [self.q.bind(py).clone(), self.errors.bind(py).clone(), self.reached.bind(py).clone(), iterations?, restarts?];
-        PyTuple::new(py, parts.into_iter().chain([self.status.bind(py).clone()]).collect::<Vec<_>>())
+        let parts = PyTuple::new(py, parts.into_iter().chain([self.status.bind(py).clone()]).collect::<Vec<_>>())?;
+        seal(py.get_type::<Self>().as_any(), parts, None)
     }
 
     fn __bool__(&self, py: Python<'_>) -> PyResult<bool> {

@@ -18,6 +18,7 @@ mod motion;
 mod plan;
 mod plant;
 mod priority;
+mod seal;
 mod simulate;
 mod simulator;
 mod stops;
@@ -66,6 +67,8 @@ mod _core {
     use super::priority::{
         _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
     };
+    #[pymodule_export]
+    use super::seal::_restore;
     #[pymodule_export]
     use super::simulate::{simulate, simulate_batch};
 

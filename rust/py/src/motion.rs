@@ -2,6 +2,7 @@
 
 use crate::arrays::{any_vector, new_vector, number, numbers, optional_number, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
+use crate::seal::{Sealed, seal_new};
 use armlet_core::motion::{self, Motion as Core};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -63,6 +64,10 @@ impl Motion {
             keywords.set_item(name, value)?;
         }
         Ok((PyTuple::empty(py), keywords))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
+        seal_new(slf.as_any())
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {

@@ -4,6 +4,7 @@ use crate::arm::Arm;
 use crate::arrays::{number, object, text, three};
 use crate::errors::{Failure, entry};
 use crate::given::{Given, call, shown_as};
+use crate::seal::{Sealed, seal_new};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -32,6 +33,10 @@ impl Plant {
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
         call(self.arm.bind(py), &self.arguments)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
+        seal_new(slf.as_any())
     }
 }
 
@@ -91,6 +96,10 @@ impl Wall {
         keywords.set_item("stiffness", self.core.stiffness)?;
         keywords.set_item("damping", self.core.damping)?;
         Ok(((self.frame.clone(), self.core.point, self.core.normal), keywords))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
+        seal_new(slf.as_any())
     }
 }
 

@@ -6,6 +6,7 @@ use crate::force::Raised;
 use crate::force::raise;
 use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
+use crate::seal::{Sealed, seal_call};
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{Problem, Stepping, stepper};
@@ -221,7 +222,24 @@ impl Simulator {
     }
 
     /// Made anew and taken to where this one is.
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
+        seal_call(py, "_restore_simulator", self.parts(py)?)
+    }
+
+    fn __copy__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("armlet._core")?.call_method1("_restore_simulator", self.parts(py)?)
+    }
+
+    /// Not by way of a pickle: a law in Python need not have one.
+    fn __deepcopy__<'py>(&self, py: Python<'py>, memo: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let parts = py.import("copy")?.call_method1("deepcopy", (self.parts(py)?, memo))?.cast_into::<PyTuple>()?;
+        py.import("armlet._core")?.call_method1("_restore_simulator", parts)
+    }
+}
+
+impl Simulator {
+    /// The arguments of `_restore_simulator`.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let stepping = self.stepping.lock().unwrap_or_else(PoisonError::into_inner);
         if !stepping.resumable() {
             let problem =
@@ -229,8 +247,7 @@ impl Simulator {
             return Err(PyTypeError::new_err(problem));
         }
         let at = (stepping.steps(), self.x.clone(), self.input.clone());
-        let restore = py.import("armlet._core")?.getattr("_restore_simulator")?;
-        Ok((restore, (self.made_of.clone_ref(py), at).into_pyobject(py)?))
+        (self.made_of.clone_ref(py), at).into_pyobject(py)
     }
 }
 

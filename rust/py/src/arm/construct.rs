@@ -3,6 +3,7 @@
 use super::{Arm, Model};
 use crate::arrays::{any_vector, name, number as scalar, numbers, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
+use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::PlanarPr;
 use armlet_core::spatial::{M3, Placement, V3};
@@ -383,11 +384,10 @@ impl Arm {
         })
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let module = py.import("armlet._core")?;
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         match &self.model {
-            Model::PlanarPr(arm) => Ok((module.getattr("_restore_planar_pr")?, (arm.parameter_array(),).into_pyobject(py)?.into_any())),
-            Model::Tree(tree) => Ok((module.getattr("_restore_tree")?, (tree_state(&tree.arm),).into_pyobject(py)?.into_any())),
+            Model::PlanarPr(arm) => seal_call(py, "_restore_planar_pr", (arm.parameter_array(),).into_pyobject(py)?),
+            Model::Tree(tree) => seal_call(py, "_restore_tree", (tree_state(&tree.arm),).into_pyobject(py)?),
         }
     }
 }

@@ -12,6 +12,7 @@ use crate::arm::Arm;
 use crate::arrays::{new_array, new_vector, number, of_shape, require_finite, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::given::{Given, call, shown_as};
+use crate::seal::{Sealed, seal_new};
 use armlet_core::error::all_finite;
 use armlet_core::law::{LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
@@ -189,5 +190,9 @@ impl Law {
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
         call(self.arm.bind(py), &self.arguments)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
+        seal_new(slf.as_any())
     }
 }

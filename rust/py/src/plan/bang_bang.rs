@@ -1,9 +1,10 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
-use super::{Again, Field, NAMES, Problem, again, float, problem, scalar, symmetric, truth};
+use super::{NAMES, Problem, again, float, part, problem, scalar, symmetric, truth};
 use crate::arrays::{index_of, new_array, new_flags, shown, written_arrays};
 use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
+use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
 use armlet_core::plan::{self, Bind as Core};
 use pyo3::prelude::*;
@@ -184,7 +185,7 @@ impl BangBangReport {
         other.cast::<Self>().is_ok_and(|other| other.get().problem == self.problem)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         again(py, "bang_bang_time", &self.problem)
     }
 }
@@ -256,8 +257,8 @@ impl Bind {
         })
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Field<'py, BangBangReport>> {
-        Ok((py.import("builtins")?.getattr("getattr")?, (self.owner.clone_ref(py), self.field)))
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
+        part(py, &self.owner, self.field)
     }
 }
 
@@ -375,7 +376,7 @@ impl BangBangBatch {
         format!("BangBangBatch({} problems of shape {}, {} feasible)", self.problems.count, shown(&self.problems.shape), self.solved)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let shape = &self.problems.shape;
         let mut kept = Vec::new();
         for (k, column) in self.problems.columns.iter().enumerate() {
@@ -392,7 +393,6 @@ impl BangBangBatch {
             };
             kept.push(entry(py, "BangBangBatch", || new_array(py, axes, fill))?);
         }
-        let restore = py.import("armlet._core")?.getattr("_restore_plan")?;
-        Ok((restore, ("bang_bang_time".to_string(), PyTuple::new(py, kept)?)))
+        seal_call(py, "_restore_plan", ("bang_bang_time", PyTuple::new(py, kept)?).into_pyobject(py)?)
     }
 }

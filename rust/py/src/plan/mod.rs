@@ -8,6 +8,7 @@ pub mod torque;
 
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
+use crate::seal::{Sealed, seal, seal_call};
 use bang_bang::bang_bang_time;
 use profiles::ProfileReport;
 use pyo3::prelude::*;
@@ -84,16 +85,14 @@ pub fn truth(x: bool) -> &'static str {
     if x { "True" } else { "False" }
 }
 
-/// How a result is pickled: the function that restores it, and its arguments.
-pub type Again<'py> = (Bound<'py, PyAny>, (String, Bound<'py, PyTuple>));
-
-/// How a part of a result is pickled: `getattr`, the result, and the name of the part.
-pub type Field<'py, T> = (Bound<'py, PyAny>, (Py<T>, &'static str));
-
 /// A call again with the same numbers: how results are pickled.
-pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Again<'py>> {
-    let restore = py.import("armlet._core")?.getattr("_restore_plan")?;
-    Ok((restore, (function.to_string(), PyTuple::new(py, arguments)?)))
+pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Sealed<'py>> {
+    seal_call(py, "_restore_plan", (function, PyTuple::new(py, arguments)?).into_pyobject(py)?)
+}
+
+/// How a part of a result is pickled: the result, and the name of the part.
+pub fn part<'py, T>(py: Python<'py>, owner: &Py<T>, name: &str) -> PyResult<Sealed<'py>> {
+    seal(&py.import("builtins")?.getattr("getattr")?, (owner.clone_ref(py).into_any(), name).into_pyobject(py)?, None)
 }
 
 /// A result again from the function that gave it and the numbers it was given.

@@ -1,7 +1,8 @@
 //! `armlet.trapezoid_time` and `armlet.minimum_jerk_time`.
 
-use super::{Again, Problem, again, float, scalar, single, truth};
+use super::{Problem, again, float, scalar, single, truth};
 use crate::errors::entry;
+use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::plan;
 use pyo3::prelude::*;
@@ -194,7 +195,7 @@ impl ProfileReport {
         other.cast::<Self>().is_ok_and(|other| other.get().problem == self.problem && other.get().ramp == self.ramp)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let mut all = self.problem.to_vec();
         all.extend(self.ramp);
         again(py, if self.ramp.is_some() { "trapezoid_time" } else { "minimum_jerk_time" }, &all)

@@ -3,6 +3,7 @@
 use crate::arrays::{index_of, new_array, numbers};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
+use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
 use armlet_core::motion::{Motion as Core, Path, TimedPath as CorePath};
 use armlet_core::plan::TimePath;
@@ -206,21 +207,14 @@ impl TimedPath {
         }
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let restore = py.import("armlet._core")?.getattr("_restore_time_path")?;
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let path = self.core.path();
         let core = &self.core;
         let timing = [core.grid(), core.squared_speeds(), core.bends(), core.times(), core.node_accelerations()];
         let numbers = [path.knots(), path.coefficients(), path.ends().1].into_iter().chain(timing);
         let arrays = numbers.map(|values| array(py, values)).collect::<PyResult<Vec<_>>>()?;
         let why = self.why.as_ref().map(|w| (&w.text, w.joint, &w.joint_name, w.s, &w.limit, w.missing, w.missing_units));
-        Ok((
-            restore,
-            PyTuple::new(
-                py,
-                [PyTuple::new(py, arrays)?.into_any(), self.margin.into_pyobject(py)?.into_any(), why.into_pyobject(py)?.into_any()],
-            )?,
-        ))
+        seal_call(py, "_restore_time_path", (PyTuple::new(py, arrays)?, self.margin, why).into_pyobject(py)?)
     }
 }
 

@@ -1,9 +1,10 @@
 //! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
 
-use super::{Again, Field, Problem, again, float, scalar, single, truth};
+use super::{Problem, again, float, part, scalar, single, truth};
 use crate::arrays::{new_array, numbers, require_finite};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
+use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::plan::{self, TorqueProfile};
 use pyo3::prelude::*;
@@ -208,7 +209,7 @@ impl TorqueOptimum {
         other.cast::<Self>().is_ok_and(|other| other.get().problem == self.problem && other.get().friction == self.friction)
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         again(py, "torque_optimal_time", &[&self.problem[..], &self.friction].concat())
     }
 }
@@ -274,7 +275,7 @@ impl Best {
         })
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Field<'py, TorqueOptimum>> {
-        Ok((py.import("builtins")?.getattr("getattr")?, (self.owner.clone_ref(py), "best")))
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
+        part(py, &self.owner, "best")
     }
 }

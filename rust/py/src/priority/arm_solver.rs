@@ -8,6 +8,7 @@ use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, 
 use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::listen;
+use crate::seal::{Sealed, seal_call};
 use crate::task::each;
 use armlet_core::law::{ArmSolver as Core, with_limits};
 use armlet_core::simulate::{default_threads, solve_rows};
@@ -351,13 +352,12 @@ impl ArmPrioritySolver {
         Ok(format!("PrioritySolver.for_arm({arm}, {}, method='{}')", PyList::new(py, self.tasks.bind(py).iter())?.repr()?, self.method()))
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let keywords = PyDict::new(py);
         for (name, value) in &self.keywords {
             keywords.set_item(name, value)?;
         }
-        let restore = py.import("armlet._core")?.getattr("_restore_arm_solver")?;
         let arguments = PyTuple::new(py, [self.arm.bind(py).as_any(), self.tasks.bind(py).as_any(), keywords.as_any()])?;
-        PyTuple::new(py, [restore.as_any(), arguments.as_any()])
+        seal_call(py, "_restore_arm_solver", arguments)
     }
 }

@@ -4,6 +4,7 @@ use super::stack::{Keywords, Stack, items};
 use crate::arrays::{integers, new_array, of_shape};
 use crate::errors::{Failure, entry};
 use crate::interrupts::listen;
+use crate::seal::{Sealed, seal};
 use armlet_core::error::Error;
 use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core, StackAnswers, StackRows};
 use armlet_core::simulate::{default_threads, solve_stacks};
@@ -35,8 +36,9 @@ impl PrioritySolution {
         PrioritySolution { v, residuals, ranks, scales, status }
     }
 
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, [&self.v, &self.residuals, &self.ranks, &self.scales, &self.status])
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
+        let parts = PyTuple::new(py, [&self.v, &self.residuals, &self.ranks, &self.scales, &self.status])?;
+        seal(py.get_type::<Self>().as_any(), parts, None)
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

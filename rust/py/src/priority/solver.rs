@@ -5,6 +5,7 @@ use super::solution::{copied, residual_list, status_member};
 use super::stack::{Keywords, Stack, items, per_joint, require_size};
 use crate::arrays::{count, new_vector, of_shape, out_slice, shown};
 use crate::errors::{Failure, entry, input_error};
+use crate::seal::{Sealed, seal_new};
 use armlet_core::priority::{DEFAULT_ROUNDING, Options, PrioritySolver as Core};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -263,6 +264,10 @@ impl PrioritySolver {
         keywords.set_item("v_min", options.v_min)?;
         keywords.set_item("v_max", options.v_max)?;
         Ok(((n, self.counts.clone()), keywords))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
+        seal_new(slf.as_any())
     }
 }
 

@@ -7,6 +7,7 @@ pub use kinds::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, Relativ
 use crate::arrays::{numbers, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
+use crate::seal::{Sealed, seal_new};
 use armlet_core::arm::Arm;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
@@ -273,5 +274,9 @@ impl Task {
             keywords.set_item(name, value)?;
         }
         Ok((PyTuple::empty(py), keywords))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
+        seal_new(slf.as_any())
     }
 }

@@ -1,0 +1,175 @@
+"""A damaged pickle of the extension is a FormatError, never another object; older pickles load or are a FormatError."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import pickletools
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import _core
+
+PR = al.planar_pr(2.0, 0.5, 0.25)
+TREE = al.planar_arm([0.5, 0.4])
+SIX = al.load_urdf(al.example_urdf("six_axis"))
+TASKS = [al.Task("link2", "xy", [0.5, 0.4], 3.0)]
+LINK = (0.0, 1.0, 1.0, 2.0, 5.0)
+KNOTS = np.arange(6.0).reshape(3, 2)
+BOUND = al.bang_bang_time(*LINK)
+
+
+def simulator() -> al.Simulator:
+    made = al.Simulator(al.RigidArm(PR), al.PDGravity(PR, [0.0, 0.0], 5.0, 2.0), [0.1, 0.2], dt=1e-3)
+    made.step()
+    return made
+
+
+def joint_law(law: Any, arm: al.Arm, **keywords: Any) -> al.Law:
+    made: al.Law = law(arm, [0.3] * arm.n, **keywords)
+    return made
+
+
+#: One object, or more, of every class that pickles.
+THINGS: dict[str, Any] = {
+    "Arm": PR,
+    "Arm of links": TREE,
+    "Arm of a file": SIX,
+    "Hold": al.Hold([1.0, -0.5]),
+    "Quintic": al.Quintic([0.0, 0.0], [1.0, 1.5], 3.0),
+    "BangBang": al.BangBang([0.0, 0.0], [1.0, 1.5], 3.0),
+    "Sinusoid": al.Sinusoid([0.0, 0.3], [0.5, 0.2], [1.0, 2.3], 0.25),
+    "Table": al.Table(0.1, KNOTS, KNOTS / 3.0, KNOTS / 7.0),
+    "TimedPath": al.time_path(TREE, [[0.0, 0.0], [0.4, 0.3]], tau_max=[30.0, 20.0], v_max=2.0),
+    "RigidArm": al.RigidArm(TREE, stops=al.JointStops(1e3, lower=-1.0, upper=1.0)),
+    "ElasticArm": al.ElasticArm(TREE, 800.0, 0.4),
+    "VelocityArm": al.VelocityArm(TREE),
+    "Wall": al.Wall("link2", [0.7, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=1e4),
+    "Adaptive": al.Adaptive(PR, al.Hold([1.0, 0.0]), 40.0, 20.0, 5.0),
+    "ComputedTorque": al.ComputedTorque(PR, al.Hold([1.0, 0.0]), 40.0, 20.0),
+    "PDGravity": al.PDGravity(TREE, [0.3, 0.3], 40.0, 20.0),
+    "CartesianImpedance": al.CartesianImpedance(TREE, [0.5, 0.4], 100.0, 20.0, frame="link2", axes="xy"),
+    "ElasticImpedance": al.ElasticImpedance(TREE, [0.5, 0.4], 100.0, 20.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"),
+    "ElasticTracking": al.ElasticTracking(TREE, al.Hold([0.5, 0.4]), 100.0, 20.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"),
+    "JointImpedance": al.JointImpedance(TREE, [0.3, 0.3], 100.0, 20.0, 800.0, 0.4, 0.02),
+    "MotorPD": al.MotorPD(TREE, [0.3, 0.3], 100.0, 20.0, 800.0),
+    "StateFeedback": al.StateFeedback(TREE, [0.3, 0.3], 100.0, 20.0, 1.0, 0.1, 800.0),
+    "PriorityVelocity": al.PriorityVelocity(TREE, TASKS),
+    "PriorityAcceleration": al.PriorityAcceleration(TREE, [al.Task("link2", "xy", [0.5, 0.4], 3.0, damping=2.0)]),
+    "Task": TASKS[0],
+    "PostureTask": al.PostureTask([0.1, 0.2], 1.0),
+    "CentreOfMassTask": al.CentreOfMassTask("xy", [0.1, 0.2], 1.0),
+    "AxisTask": al.AxisTask("link2", [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1.0),
+    "RelativeTask": al.RelativeTask("link2", "link1", "xy", [0.1, 0.2], 1.0),
+    "JointLimitTask": al.JointLimitTask(1.0, margin=0.1),
+    "PrioritySolver": al.PrioritySolver(3, [1, 1]),
+    "ArmPrioritySolver": al.PrioritySolver.for_arm(TREE, TASKS),
+    "PrioritySolution": al.solve_priority([np.ones((1, 2))], [np.ones(1)]),
+    "InverseKinematics": al.inverse_kinematics(TREE, TASKS, [0.3, 0.4]),
+    "BangBangReport": BOUND,
+    "Bind": BOUND.active_upper,
+    "BangBangBatch": al.bang_bang_time(0.0, [1.0, 0.5], 1.0, 2.0, 5.0),
+    "ProfileReport": al.minimum_jerk_time(*LINK),
+    "ProfileReport with ramps": al.trapezoid_time(*LINK, ramp=0.3),
+    "TorqueOptimum": al.torque_optimal_time(*LINK),
+    "Best": al.torque_optimal_time(*LINK).best,
+    "Simulator": simulator(),
+}
+each = pytest.mark.parametrize("thing", THINGS.values(), ids=THINGS.keys())
+
+
+def payload(thing: Any) -> tuple[bytes, range]:
+    """The pickle, and the places of the bytes of its one payload."""
+    stored = pickle.dumps(thing, 4)
+    ((argument, at),) = [(arg, pos) for op, arg, pos in pickletools.genops(stored) if op.name in ("SHORT_BINBYTES", "BINBYTES")]
+    start = stored.index(argument, at)
+    assert len(stored) - len(argument) < 80  # names and opcodes of pickle itself
+    return stored, range(start, start + len(argument))
+
+
+def test_every_class_that_pickles_is_here() -> None:
+    """A class is in the list above, or refuses to be pickled."""
+    classes = {name for name, value in vars(_core).items() if isinstance(value, type)}
+    listed = {type(thing).__name__ for thing in THINGS.values()}
+    assert classes - listed == {"Law", "Motion", "Plant", "Stepper"}
+
+
+@each
+def test_it_comes_back(thing: Any) -> None:
+    for other in (pickle.loads(pickle.dumps(thing)), copy.copy(thing), copy.deepcopy(thing)):
+        assert type(other) is type(thing) and repr(other) == repr(thing)
+
+
+@each
+def test_a_flipped_bit_is_noticed(thing: Any) -> None:
+    """Every byte of a short payload, 400 of a long one, one bit each."""
+    stored, inside = payload(thing)
+    places = np.unique(np.linspace(inside[0], inside[-1], 400).astype(int))
+    for k, place in enumerate(places):
+        damaged = bytearray(stored)
+        damaged[place] ^= 1 << (k % 8)
+        with pytest.raises(al.FormatError, match=r"^unpickle: the stored object is damaged"):
+            pickle.loads(bytes(damaged))
+
+
+@pytest.mark.parametrize("thing", [PR, TREE, THINGS["ComputedTorque"]], ids=["planar_pr", "tree", "law"])
+def test_no_flipped_bit_gives_another_object(thing: Any) -> None:
+    """All bits, those of pickle's own opcodes too: an error, or the same object."""
+    stored = pickle.dumps(thing, 4)
+    same = 0
+    for place in range(len(stored)):
+        for bit in range(8):
+            damaged = bytearray(stored)
+            damaged[place] ^= 1 << bit
+            try:
+                other = pickle.loads(bytes(damaged))
+            except Exception:  # the FormatError of the payload, or what pickle raises of its own opcodes
+                continue
+            same += 1
+            assert repr(other) == repr(thing) or not isinstance(other, type(thing))
+    # The number of the protocol, the length of the frame and what is memoised may change without effect.
+    assert same < 60
+
+
+def test_a_payload_that_is_cut_or_is_none() -> None:
+    whole = pickle.loads(pickle.dumps(PR)).__reduce__()[1][0]
+    for part in (b"", whole[:31], whole[:-1], whole + b"\0", "text", None, 3):
+        with pytest.raises(al.FormatError, match="damaged"):
+            _core._restore(part)  # type: ignore[arg-type]  # that is the test
+
+
+def test_what_another_version_wrote_is_said() -> None:
+    import hashlib
+
+    body = pickle.dumps((al.planar_pr, (1.0, 0.0, -1.0), {}))
+    with pytest.raises(al.FormatError, match=r"is of another version: InputError: planar_pr: C"):
+        _core._restore(hashlib.sha256(body).digest() + body)
+
+
+class Older:
+    """Pickles as armlet 0.1 wrote them: a function or a class, and its arguments."""
+
+    def __init__(self, make: Any, *arguments: Any) -> None:
+        self.call = make, arguments
+
+    def __reduce__(self) -> Any:
+        return self.call
+
+
+def test_older_pickles_load() -> None:
+    parts = PR.parameters.tolist()
+    assert pickle.loads(pickle.dumps(Older(_core._restore_planar_pr, parts))) == PR
+    function, arguments, _ = pickle.loads(SIX.__reduce__()[1][0][32:])
+    assert pickle.loads(pickle.dumps(Older(function, *arguments))) == SIX
+    assert pickle.loads(pickle.dumps(Older(_core._restore_plan, "bang_bang_time", (*LINK, -5.0)))) == BOUND
+
+
+def test_a_simulator_with_a_law_in_python_can_be_copied() -> None:
+    sim = al.Simulator(al.RigidArm(PR), lambda t, q, v: -5.0 * q - 2.0 * v, [0.1, 0.2], dt=1e-3, sample_time=1e-3)
+    sim.step()
+    for other in (copy.copy(sim), copy.deepcopy(sim)):
+        other.step()
+        assert other.t == 2e-3 and sim.t == 1e-3 and other.q is not sim.q
