@@ -4,7 +4,7 @@
 //! The layers, lowest first; a module uses only those before it (checked by `tests/api/test_layering.py`):
 //! `error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
-//! `integrate` over `error, status, scalar, linalg` alone; `parallel` knows threads and nothing of robots.
+//! `integrate` over `error, status, scalar, linalg` alone; `interrupt` and `parallel` know threads and nothing of robots.
 
 #[cfg(not(test))]
 pub mod analysis;
@@ -12,6 +12,7 @@ pub mod arm;
 pub mod dynamics;
 pub mod error;
 pub mod integrate;
+pub mod interrupt;
 pub mod kinematics;
 pub mod law;
 pub mod linalg;

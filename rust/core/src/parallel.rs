@@ -2,6 +2,7 @@
 //! while they work. Work on rows is cut at places that do not depend on the number of threads.
 
 use crate::error::{Error, Result};
+use crate::interrupt::{Interrupted, SLICE, Watch, interruptible};
 use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 use rayon::slice::ParallelSliceMut;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -9,10 +10,6 @@ use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
-use std::time::Duration;
-
-/// How long the caller waits between two looks at what else it has to do.
-const SLICE: Duration = Duration::from_millis(20);
 
 /// Pools by size, of one process. A forked child inherits the map but not the threads.
 static POOLS: Mutex<Option<ProcessPools>> = Mutex::new(None);
@@ -64,17 +61,17 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
 
 /// Run `work(stop)` in a pool of at most `threads` threads, and no more than there are `pieces` of work. `poll` is asked every
 /// 20 ms whether to stop, and its answer is passed on. Where no thread can be had the work is done here.
-pub fn run<R: Send>(threads: usize, pieces: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
+pub fn run<R: Send>(threads: usize, pieces: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     match pool(threads.min(pieces).clamp(1, MOST_THREADS)) {
         Some(pool) => on_worker(poll, |stop| pool.install(|| work(stop))),
-        None => work(&AtomicBool::new(false)),
+        None => work(&Arc::default()),
     }
 }
 
 /// Run `work(stop)` on a thread of its own, so that the caller can go on listening: `poll` is asked every 20 ms.
 /// Where no thread can be had the work is done here.
-pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&AtomicBool) -> R + Send) -> R {
-    let stop = AtomicBool::new(false);
+pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
+    let stop = Arc::new(AtomicBool::new(false));
     let (todo, result) = (Mutex::new(Some(work)), Mutex::new(None));
     let once = || {
         let work = lock(&todo).take();
@@ -112,18 +109,21 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Fill the rows of `out`, `length` numbers each, by `work(first, last, rows)` on `chunk` rows at a time; what each chunk
-/// said, in order, or `None` where `poll` asked to stop.
+/// said, in order.
 pub fn rows<R: Send>(
     threads: usize,
     poll: &mut dyn FnMut() -> bool,
     (length, chunk): (usize, usize),
     out: &mut [f64],
     work: impl Fn(usize, usize, &mut [f64]) -> R + Sync,
-) -> Option<Vec<R>> {
+) -> std::result::Result<Vec<R>, Interrupted> {
     let chunk = chunk.max(1);
-    let part = |stop: &AtomicBool, i: usize, rows: &mut [f64]| {
+    let part = |stop: &Arc<AtomicBool>, i: usize, rows: &mut [f64]| {
         let (first, count) = (i * chunk, rows.len() / length.max(1));
-        (!stop.load(Ordering::Relaxed)).then(|| work(first, first + count, rows))
+        if stop.load(Ordering::Relaxed) {
+            return Err(Interrupted);
+        }
+        interruptible(Watch::Flag(stop.clone()), || work(first, first + count, rows))
     };
     let width = (length * chunk).max(1);
     if threads == 1 {
@@ -136,6 +136,7 @@ pub fn rows<R: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     #[test]
     fn rows_are_filled_in_order_by_any_number_of_threads_and_stop_when_asked() {
@@ -152,7 +153,7 @@ mod tests {
             assert_eq!((said[0].0, said[said.len() - 1].1, said.len()), (0, 11, 11usize.div_ceil(chunk)));
         }
         let slow = |_: usize, _: usize, _: &mut [f64]| std::thread::sleep(Duration::from_millis(2));
-        assert!(rows(2, &mut || true, (1, 1), &mut [0.0; 1000], slow).is_none());
+        assert!(rows(2, &mut || true, (1, 1), &mut [0.0; 1000], slow).is_err());
     }
 
     #[test]

@@ -4,9 +4,12 @@ use crate::arrays::{new_array, number, numbers, object, optional_number, shown, 
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
+use crate::interrupts::long;
 use crate::law::Law;
 use crate::plant::Plant;
 use armlet_core::analysis::{elastic_limits as limits, equilibrium as rest};
+use armlet_core::error::{Error, Result as CoreResult};
+use armlet_core::interrupt::look;
 use armlet_core::law::LawSpec;
 use armlet_core::linalg::ratio_damping;
 use armlet_core::plant::PlantSpec;
@@ -82,7 +85,7 @@ pub fn equilibrium<'py>(
         let (plant, law) = (&plant.get().spec, &law.get().spec);
         let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
         let q0 = vector(NAME, "q0", q0, plant.n())?;
-        let found = py.detach(|| rest::equilibrium(plant, law, &wrench, frame, &q0))?;
+        let found = long(py, || rest::equilibrium(plant, law, &wrench, frame, &q0))?;
         let fields = PyDict::new(py);
         put(&fields, "q", &found.q)?;
         put(&fields, "tau", &found.tau)?;
@@ -122,7 +125,7 @@ pub fn elastic_limits<'py>(
         let q0 = vector(NAME, "q0", q0, plant.n())?;
         let sample_time = optional_number(NAME, "sample_time", sample_time)?;
         let bandwidth = optional_number(NAME, "sensor_bandwidth", sensor_bandwidth)?.unwrap_or(f64::INFINITY);
-        let found = py.detach(|| limits::elastic_limits(plant, law, &wrench, frame, &q0, sample_time, bandwidth))?;
+        let found = long(py, || limits::elastic_limits(plant, law, &wrench, frame, &q0, sample_time, bandwidth))?;
         let fields = PyDict::new(py);
         fields.set_item("sample_time_max", found.sample_time_max)?;
         if sample_time.is_some() {
@@ -142,7 +145,7 @@ fn each<'py, const K: usize>(
     function: &str,
     names: [&str; K],
     values: [&Bound<'py, PyAny>; K],
-    f: impl Fn([f64; K]) -> Result<f64, Failure>,
+    f: impl Fn([f64; K]) -> CoreResult<f64> + Sync,
 ) -> Result<Bound<'py, PyAny>, Failure> {
     let mut shapes = Vec::with_capacity(K);
     let mut data = Vec::with_capacity(K);
@@ -161,10 +164,13 @@ fn each<'py, const K: usize>(
     };
     let columns: Vec<Vec<f64>> = shapes.iter().zip(&data).map(|(from, data)| stretch(from, &shape, data, 1)).collect::<Result<_, _>>()?;
     new_array(py, &shape, |out| {
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = f(std::array::from_fn(|k| columns[k][i]))?;
-        }
-        Ok(())
+        long(py, || {
+            for (i, out) in out.iter_mut().enumerate() {
+                look();
+                *out = f(std::array::from_fn(|k| columns[k][i]))?;
+            }
+            Ok(())
+        })
     })
 }
 
@@ -206,7 +212,7 @@ pub fn smallest_reduced_inertia<'py>(
         let (ratio, bandwidth) = (damping_ratio.unwrap_or(&one), sensor_bandwidth.unwrap_or(&never));
         let names = ["motor_inertia", "joint_stiffness", "sample_time", "damping_ratio", "sensor_bandwidth"];
         each(py, NAME, names, [motor_inertia, joint_stiffness, sample_time, ratio, bandwidth], |[b, k, dt, zeta, w]| {
-            Ok(limits::smallest_reduced_inertia(b, k, dt, w, zeta)?)
+            limits::smallest_reduced_inertia(b, k, dt, w, zeta)
         })
     })
 }
@@ -253,7 +259,7 @@ pub fn stiffness_limit<'py>(
                 armlet_core::error::positive(name, x)?;
             }
             if !(d >= 0.0 && d.is_finite()) {
-                return Err(input_error(py, NAME, "damping", format!("is negative or not finite: expected >= 0, got {d}")).into());
+                return Err(Error::input("damping", format!("is negative or not finite: expected >= 0, got {d}")));
             }
             Ok(limits::stiffness_limit(m, k, b0, d, d0))
         })

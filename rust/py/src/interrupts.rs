@@ -1,11 +1,16 @@
-//! Ctrl-C in calls that take long: none waits for its end.
+//! Ctrl-C and the interpreter lock: long work runs without the lock, and every 20 ms somebody looks whether a signal has come.
 
 use crate::errors::Failure;
 use armlet_core::error::Result as CoreResult;
-use armlet_core::parallel;
+use armlet_core::interrupt::{Interrupted, Watch, interruptible};
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::cell::RefCell;
+
+thread_local! {
+    /// What a signal's handler raised on this thread, until the call that it interrupted passes it on.
+    static SIGNAL: RefCell<Option<PyErr>> = const { RefCell::new(None) };
+}
 
 /// Look for Ctrl-C: what it raised is kept, and the work is told to stop.
 pub fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
@@ -17,16 +22,14 @@ pub fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
     }
 }
 
-/// Work without the GIL, on a thread of its own while this one listens for Ctrl-C, which sets what `work` is given.
-pub fn listening<T: Send>(py: Python<'_>, work: impl FnOnce(&Arc<AtomicBool>) -> CoreResult<T> + Send) -> Result<T, Failure> {
-    let (mut signal, stop) = (None, Arc::new(AtomicBool::new(false)));
-    let result = {
-        let mut interrupted = listen(&mut signal);
-        let mut poll = || stop.fetch_or(interrupted(), Ordering::Relaxed);
-        py.detach(|| parallel::on_worker(&mut poll, |_| work(&stop)))
-    };
-    match signal {
-        Some(signal) => Err(Failure::Python(signal)),
-        None => Ok(result?),
+fn signalled() -> bool {
+    Python::attach(|py| py.check_signals()).map_err(|error| SIGNAL.set(Some(error))).is_err()
+}
+
+/// Work without the GIL on this thread, ended by Ctrl-C where it looks.
+pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
+    match py.detach(|| interruptible(Watch::Poll(signalled), work)) {
+        Ok(result) => Ok(result?),
+        Err(Interrupted) => Err(SIGNAL.take().unwrap_or_else(|| PyKeyboardInterrupt::new_err(())).into()),
     }
 }

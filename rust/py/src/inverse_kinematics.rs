@@ -3,7 +3,7 @@
 use crate::arm::Arm;
 use crate::arrays::{flag, number, numbers, object, shown, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::listening;
+use crate::interrupts::long;
 use crate::priority::{copied, residual_list, status_member};
 use crate::seal::{Sealed, seal};
 use crate::task::each;
@@ -11,7 +11,6 @@ use armlet_core::analysis::inverse_kinematics::{Search, inverse_kinematics as co
 use armlet_core::priority::Method;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use std::sync::atomic::AtomicBool;
 
 /// Joint positions and what became of each task.
 ///
@@ -65,8 +64,6 @@ fn whole(name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
 }
 
 const NAME: &str = "inverse_kinematics";
-/// Steps from which on a search has a thread of its own, so that this one can listen for Ctrl-C.
-const LONG: usize = 10_000;
 
 /// Joint positions at which tasks are reached, the highest first: prioritised damped Newton steps within the joint limits.
 ///
@@ -149,12 +146,7 @@ pub fn inverse_kinematics<'py>(
             eps,
         };
         let rows: Vec<usize> = goals.iter().map(|(function, _)| function.rows()).collect();
-        let most = search.max_iterations.saturating_mul(search.restarts.saturating_add(1));
-        let found = if most > LONG {
-            listening(py, |stop| core(tree, &goals, &q0, &search, stop))?
-        } else {
-            py.detach(|| core(tree, &goals, &q0, &search, &AtomicBool::new(false)))?
-        };
+        let found = long(py, || core(tree, &goals, &q0, &search))?;
         Ok(InverseKinematics {
             q: copied(py, &[found.q.len()], &found.q)?.unbind(),
             errors: residual_list(py, &rows, &found.errors)?.into_any().unbind(),

@@ -9,9 +9,9 @@
 
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::{Error, Result};
+use crate::interrupt::look;
 use crate::linalg::{axpy, dot};
 use crate::spatial::{PARAMETERS, parameter};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Distance from the span, relative to the column, below which a column is dependent: rounding leaves 1e-13 on well
 /// spread states, and the least independent parameter of real arms keeps over 1e-4.
@@ -36,9 +36,8 @@ pub struct Independent {
     pub largest_dropped: f64,
 }
 
-/// Which columns of a matrix are independent of those before them. `columns[j]` is column `j`; overwritten. `stop` ends the
-/// work early, with what was found so far.
-pub fn independent_columns(columns: &mut [Vec<f64>], stop: &AtomicBool) -> Independent {
+/// Which columns of a matrix are independent of those before them. `columns[j]` is column `j`; overwritten.
+pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     let p = columns.len();
     let norms: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt()).collect();
     let largest = norms.iter().fold(0.0f64, |a, &b| a.max(b));
@@ -49,14 +48,13 @@ pub fn independent_columns(columns: &mut [Vec<f64>], stop: &AtomicBool) -> Indep
         let (basis, rest) = columns.split_at_mut(j);
         let column = &mut rest[0];
         let mut coefficients = Vec::new();
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
+        look();
         if norms[j] > UNSEEN * largest {
             coefficients = vec![0.0; out.columns.len()];
             // Twice is enough (Parlett 1980): the second pass takes off what rounding left of the first.
             for _ in 0..2 {
                 for (k, &i) in out.columns.iter().enumerate() {
+                    look();
                     let along = dot(&basis[i], column);
                     axpy(-along, &basis[i], column);
                     coefficients[k] += along;
@@ -125,9 +123,8 @@ impl Seeded {
     }
 }
 
-/// The base parameters of `arm` under its own gravity, with columns for armature and friction on request. `stop` ends the
-/// work early, with a result of no meaning.
-pub fn base_parameters(arm: &Model, armature: bool, friction: bool, stop: &AtomicBool) -> Result<BaseParameters> {
+/// The base parameters of `arm` under its own gravity, with columns for armature and friction on request.
+pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<BaseParameters> {
     let n = arm.n();
     let query = Query { armature, friction, ..Quantity::Regressor.into() };
     let names = arm.column_names(armature, friction);
@@ -143,9 +140,7 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool, stop: &Atomi
     let mut seeded = Seeded(2022);
     let mut y = vec![0.0; BLOCK * n * p];
     for first in (0..states).step_by(BLOCK) {
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
+        look();
         let count = BLOCK.min(states - first);
         let [mut q, mut v, mut v_r, mut a_r] = [const { Vec::new() }; 4].map(|mut x: Vec<f64>| {
             x.resize(count * n, 0.0);
@@ -164,7 +159,7 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool, stop: &Atomi
             }
         }
     }
-    Ok(BaseParameters { independent: independent_columns(&mut columns, stop), names })
+    Ok(BaseParameters { independent: independent_columns(&mut columns), names })
 }
 
 impl BaseParameters {

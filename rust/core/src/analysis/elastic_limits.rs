@@ -7,6 +7,7 @@
 
 use super::equilibrium::equilibrium;
 use crate::error::{Error, Result, positive};
+use crate::interrupt::look;
 use crate::law::{LawSpec, LockedMotors};
 use crate::linalg::Gain;
 use crate::plant::PlantSpec;
@@ -29,6 +30,7 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
         return Err(Error::input("sensor_bandwidth", format!("is not positive: expected rad/s > 0, got {bandwidth}")));
     }
     let stable = |b0: f64| {
+        look();
         let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
         let motor = LockedMotors::single(inertia, stiffness, b0, damping, bandwidth);
         // Beyond the first limit there are islands of stability, where the motor happens to swing back in time: shorter

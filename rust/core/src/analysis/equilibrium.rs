@@ -10,6 +10,7 @@ use super::loop_slope::loop_eigenvalues;
 use super::rest::Rest;
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
+use crate::interrupt::look;
 use crate::law::{CartesianImpedanceSpec, LawSpec};
 use crate::linalg::{cholesky, symmetric_eigen};
 use crate::motion::Motion;
@@ -127,6 +128,7 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
         let spread = |i: usize| (f64::from(start) * phi.powi(-(i as i32 + 1))).fract() * std::f64::consts::TAU - std::f64::consts::PI;
         let mut q: Vec<f64> = (0..n).map(|i| q0[i] + if start == 0 { 0.0 } else { spread(i) }).collect();
         for _ in 0..STEPS {
+            look();
             let (e, j) = task.at(&q);
             let miss: Vec<f64> = (0..m).map(|k| e[k] + load[k]).collect();
             let size = miss.iter().map(|x| x * x).sum::<f64>();

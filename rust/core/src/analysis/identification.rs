@@ -11,10 +11,10 @@
 use super::base_parameters::{BaseParameters, base_parameters};
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::{Error, Result, finite, positive};
+use crate::interrupt::look;
 use crate::linalg::householder::{reflect, reflector};
 use crate::linalg::{Svd, dot};
 use std::borrow::Cow;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Samples of one block.
 const BLOCK: usize = 256;
@@ -81,7 +81,7 @@ impl Triangle {
 }
 
 /// Identify `arm` from `samples` of motion and torque, each `(samples, n)`.
-pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options, stop: &AtomicBool) -> Result<Identification> {
+pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> Result<Identification> {
     let n = arm.n();
     if n == 0 {
         return Err(Error::input("arm", "has no joints: expected at least one"));
@@ -96,7 +96,7 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options, sto
     let ones = vec![1.0; n];
     let noise = options.noise.unwrap_or(&ones);
     noise.iter().try_for_each(|&x| positive("noise", x))?;
-    let base = base_parameters(arm, options.armature, options.friction, stop)?;
+    let base = base_parameters(arm, options.armature, options.friction)?;
     let (b, p) = (base.count(), base.names.len());
     if samples * n <= b {
         return Err(Error::input("q", format!("has too few samples: expected more than {} for {b} base parameters, got {samples}", b / n)));
@@ -106,9 +106,7 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options, sto
     let mut triangle = Triangle::new(b + 1, BLOCK * n);
     let mut y = vec![0.0; BLOCK * n * p];
     for first in (0..samples).step_by(BLOCK) {
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
+        look();
         let last = (first + BLOCK).min(samples);
         let rows = (last - first) * n;
         arm.regressors(&query, [q, v, v, a].map(|x| &x[first * n..last * n]), &mut y[..rows * p])?;
@@ -122,7 +120,7 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options, sto
         triangle.fold();
     }
     let mut out = solve(&triangle, samples * n, options.cutoff)?;
-    out.residuals = residuals(arm, [q, v, a, tau], &query, &base, &out.values, &mut y, stop)?;
+    out.residuals = residuals(arm, [q, v, a, tau], &query, &base, &out.values, &mut y)?;
     out.parameters = nearest(arm, &base, &out.values, options)?;
     Ok(Identification { base, ..out })
 }
@@ -191,15 +189,12 @@ fn residuals(
     base: &BaseParameters,
     values: &[f64],
     y: &mut [f64],
-    stop: &AtomicBool,
 ) -> Result<Vec<f64>> {
     let (n, p) = (arm.n(), base.names.len());
     let samples = q.len() / n;
     let mut sums = vec![0.0; n];
     for first in (0..samples).step_by(BLOCK) {
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
+        look();
         let last = (first + BLOCK).min(samples);
         let rows = (last - first) * n;
         arm.regressors(query, [q, v, v, a].map(|x| &x[first * n..last * n]), &mut y[..rows * p])?;

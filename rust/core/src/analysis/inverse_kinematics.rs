@@ -8,13 +8,13 @@
 
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite, positive};
+use crate::interrupt::look;
 use crate::kinematics::TaskFunction;
 use crate::law::ArmSolver;
 use crate::linalg::dot;
 use crate::priority::{DEFAULT_EPS, Method, Options};
 use crate::status::Status;
 use std::f64::consts::PI;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How to search.
 #[derive(Clone, Debug)]
@@ -80,9 +80,8 @@ struct Attempt {
     resting: bool,
 }
 
-/// Joint positions where the tasks `goals` are reached, the highest first, from `q0` `(n,)`. `stop` ends the search with the best
-/// so far.
-pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &Search, stop: &AtomicBool) -> Result<Found> {
+/// Joint positions where the tasks `goals` are reached, the highest first, from `q0` `(n,)`.
+pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &Search) -> Result<Found> {
     let n = arm.n();
     if q0.len() != n {
         return Err(Error::input("q0", format!("has the wrong shape: expected ({n},), got ({},)", q0.len())));
@@ -107,12 +106,12 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &Search
     let (mut best, mut iterations, mut restarts) = (None::<Attempt>, 0, 0);
     loop {
         let start: Vec<f64> = if restarts == 0 { q0.to_vec() } else { newton.random_start(arm, q0, &mut random) };
-        let attempt = newton.descend(start, &mut iterations, stop)?;
+        let attempt = newton.descend(start, &mut iterations)?;
         let done = attempt.misses.iter().all(|miss| *miss == 0.0);
         if best.as_ref().is_none_or(|best| better(&attempt.misses, &best.misses)) {
             best = Some(attempt);
         }
-        if done || restarts == search.restarts || stop.load(Ordering::Relaxed) {
+        if done || restarts == search.restarts {
             break;
         }
         restarts += 1;
@@ -196,14 +195,12 @@ impl Newton<'_> {
     }
 
     /// Newton steps from `q` until all is reached, nothing moves any more, or the steps are used up.
-    fn descend(&mut self, mut q: Vec<f64>, iterations: &mut usize, stop: &AtomicBool) -> Result<Attempt> {
+    fn descend(&mut self, mut q: Vec<f64>, iterations: &mut usize) -> Result<Attempt> {
         clip(&mut q, &self.bounds);
         let mut best = (q.clone(), vec![f64::INFINITY; self.desired.len()]);
         let (mut mark, mut since) = (best.1.clone(), 0);
         for _ in 0..self.search.max_iterations.max(1) {
-            if stop.load(Ordering::Relaxed) {
-                break;
-            }
+            look();
             self.solver.prepare(&q)?;
             self.errors(&q);
             let misses = self.misses();
@@ -343,8 +340,6 @@ mod tests {
     use crate::arm::{STANDARD_GRAVITY, example_urdf};
     use crate::kinematics::TaskStack;
 
-    static GO: AtomicBool = AtomicBool::new(false);
-
     fn arm(name: &str) -> Arm {
         Arm::from_urdf(example_urdf(name).unwrap(), name, STANDARD_GRAVITY, None, None).unwrap()
     }
@@ -379,7 +374,7 @@ mod tests {
             for _ in 0..60 {
                 let goal = goal_at(&arm, &inside(&arm, &mut seed), axes);
                 let q0 = inside(&arm, &mut seed);
-                let found = inverse_kinematics(&arm, &[goal], &q0, &Search::default(), &GO).unwrap();
+                let found = inverse_kinematics(&arm, &[goal], &q0, &Search::default()).unwrap();
                 for (q, joint) in found.q.iter().zip(&arm.joints) {
                     assert!((joint.limits.lower..=joint.limits.upper).contains(q), "{name}");
                 }
@@ -397,8 +392,7 @@ mod tests {
     fn the_same_seed_finds_the_same() {
         let arm = arm("seven_axis");
         let goal = goal_at(&arm, &inside(&arm, &mut 5), "xyz rx ry rz");
-        let find =
-            |seed| inverse_kinematics(&arm, std::slice::from_ref(&goal), &[0.0; 7], &Search { seed, ..Search::default() }, &GO).unwrap();
+        let find = |seed| inverse_kinematics(&arm, std::slice::from_ref(&goal), &[0.0; 7], &Search { seed, ..Search::default() }).unwrap();
         assert_eq!(find(3), find(3));
     }
 
@@ -408,11 +402,11 @@ mod tests {
         let last = arm.frame_names().last().unwrap().to_string();
         let tip = TaskFunction::frame(&arm, &last, "xy").unwrap();
         let search = Search { restarts: 3, ..Search::default() };
-        let far = inverse_kinematics(&arm, &[(tip.clone(), vec![1e3, 0.0])], &[0.3; 4], &search, &GO).unwrap();
+        let far = inverse_kinematics(&arm, &[(tip.clone(), vec![1e3, 0.0])], &[0.3; 4], &search).unwrap();
         assert_eq!((far.status, far.reached.as_slice(), far.restarts), (Status::Infeasible, &[false][..], 3));
         let goal = goal_at(&arm, &[0.3, 0.6, -0.4, 0.8], "xy");
         let posture = TaskFunction::posture(&arm, None).unwrap();
-        let both = inverse_kinematics(&arm, &[goal, (posture, vec![0.0; 4])], &[0.3; 4], &search, &GO).unwrap();
+        let both = inverse_kinematics(&arm, &[goal, (posture, vec![0.0; 4])], &[0.3; 4], &search).unwrap();
         assert_eq!((both.status, both.reached.as_slice()), (Status::Degraded, &[true, false][..]));
     }
 }

@@ -8,6 +8,7 @@
 
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
+use crate::interrupt::look;
 use crate::law::{Law, LawSpec};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::linalg::symmetric_eigen;
@@ -197,6 +198,7 @@ fn hessian(forces: &mut Forces<Dual>, y: &[f64]) -> Vec<f64> {
     let mut r = vec![Dual::default(); n];
     let mut h = vec![0.0; n * n];
     for j in 0..n {
+        look();
         moving[j].rate = 1.0;
         forces.residual(&moving, &mut r);
         moving[j].rate = 0.0;

@@ -9,6 +9,7 @@
 //! their speeds agree. At equal angle and speed the push has the larger acceleration, so the two curves cross once at most.
 
 use super::steps::{Progress, Rough, Step, evaluate};
+use crate::interrupt::look;
 
 /// A phase from rest: its steps until the distance is covered or the link stalls.
 #[derive(Default)]
@@ -39,6 +40,7 @@ impl Curve {
             return curve;
         }
         while at.y < distance && curve.steps.len() < MAX_STEPS && !at.stands() {
+            look();
             let mut step = at.step(distance);
             if !(step.length > 0.0) {
                 break;

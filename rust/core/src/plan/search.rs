@@ -13,6 +13,8 @@
 //! links. Where it begins there T rises, and where a swing pays it falls to one and rises again: such windows, and those without a crest, are
 //! swept for a slope that changes its sign. Slopes are rough at first (see `phase.rs`); the last ones are not.
 
+use crate::interrupt::look;
+
 /// A motion with one reversal, along the motion, in the unit of time of its family.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Swing {
@@ -95,6 +97,7 @@ impl<B: BackSwings> Search<'_, B> {
             return None;
         }
         for window in self.swings.windows(self.farthest) {
+            look();
             if !(window.0 < self.farthest) {
                 break;
             }
@@ -116,6 +119,7 @@ impl<B: BackSwings> Search<'_, B> {
 
     /// The slope within a window; rounding beside its edges may forbid one.
     fn point(&self, e: f64, (low, high): Window, fine: bool) -> Point {
+        look();
         (e, self.swings.slope(e, fine).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))
     }
 

@@ -164,7 +164,8 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     let lanes = route.width(problem.options.method.is_adaptive());
     let tabulated = if route == Loop::PlanarPr { tabulate(&problem, &division) } else { None };
     let mut groups = split(&problem, &mut out, lanes);
-    let interrupted = parallel::run(threads, groups.len(), poll, |stop: &AtomicBool| {
+    let interrupted = parallel::run(threads, groups.len(), poll, |stop| {
+        let stop: &AtomicBool = stop;
         let go = |(g, rows): (usize, &mut Rows)| {
             let (problem, first) = (&problem, g * lanes);
             if stop.load(Ordering::Relaxed) {

@@ -3,6 +3,7 @@
 use super::{Arm, Model};
 use crate::arrays::{any_vector, name, number as scalar, numbers, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::long;
 use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::PlanarPr;
@@ -89,12 +90,14 @@ pub fn load_urdf(
             })?,
         };
         // No path holds a bracket; what is wrong with a text that does is for the XML parser to say.
-        let arm = if text.contains('<') {
-            core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
-        } else {
-            core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?
-        };
-        Ok(arm.into())
+        long(py, || {
+            let arm = if text.contains('<') {
+                core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
+            } else {
+                core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?
+            };
+            Ok(arm.into())
+        })
     })
 }
 

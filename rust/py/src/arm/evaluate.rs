@@ -135,8 +135,8 @@ impl Arm {
         drop(poll);
         match (signal, said) {
             (Some(signal), _) => Err(Failure::Python(signal)),
-            (None, None) => Ok(true),
-            (None, Some(said)) => Ok(said.into_iter().try_fold(true, |all, sound| sound.map(|sound| all && sound))?),
+            (None, Err(_)) => Ok(true),
+            (None, Ok(said)) => Ok(said.into_iter().try_fold(true, |all, sound| sound.map(|sound| all && sound))?),
         }
     }
 

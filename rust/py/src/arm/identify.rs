@@ -3,7 +3,7 @@
 use super::Arm;
 use crate::arrays::{any_vector, flag_or_false, index_of, integers, new_array, number, numbers, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::listening;
+use crate::interrupts::long;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
 use armlet_core::analysis::{consistency, identification};
 use armlet_core::error::Error;
@@ -72,7 +72,7 @@ impl Arm {
         entry(slf.py(), NAME, || {
             let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
             let arm = slf.get().model.core();
-            let found = listening(slf.py(), |stop| base::base_parameters(&arm, armature, friction, stop))?;
+            let found = long(slf.py(), || base::base_parameters(&arm, armature, friction))?;
             base_object(slf, &found, armature, friction)
         })
     }
@@ -202,7 +202,7 @@ impl Arm {
             let noise = noise.map(|noise| vector(NAME, "noise", noise, n)).transpose()?;
             let cutoff = positive(NAME, "cutoff", cutoff, CUTOFF)?;
             let options = identification::Options { armature, friction, noise: noise.as_deref(), cutoff };
-            let found = listening(py, |stop| identification::identify(&arm, [&q, &v, &a, &tau], &options, stop))?;
+            let found = long(py, || identification::identify(&arm, [&q, &v, &a, &tau], &options))?;
             let (b, p) = (found.base.count(), found.base.names.len());
             let fields = PyDict::new(py);
             fields.set_item("base", base_object(slf, &found.base, armature, friction)?)?;

@@ -4,7 +4,7 @@ use super::timed_path::TimedPath;
 use crate::arm::{Arm, Model};
 use crate::arrays::{count, number, numbers, object, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::listening;
+use crate::interrupts::long;
 use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{self, Friction, Mover, PathLimits, TimePathOptions};
 use pyo3::prelude::*;
@@ -15,8 +15,6 @@ const NAME: &str = "time_path";
 /// Points at which a callable path is asked, unless told otherwise.
 const SAMPLES: usize = 201;
 const MOST_SAMPLES: usize = 1_000_000;
-/// Points from which on planning has a thread of its own, so that this one can listen for Ctrl-C.
-const LONG: usize = 2_000;
 
 /// `(n,)` from a scalar or `(n,)`.
 fn limit(name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
@@ -229,15 +227,7 @@ pub fn time_path<'py>(
             Model::Tree(tree) => Mover::Tree(&tree.arm),
             Model::PlanarPr(arm) => Mover::PlanarPr(*arm),
         };
-        let points = options.grid.unwrap_or_default().max(core.knots().len());
-        let answer = if points > LONG || options.torque_rate.is_some() {
-            listening(py, |stop| {
-                options.stop = Some(stop.clone());
-                plan::time_path(mover, core, &limits, &options)
-            })?
-        } else {
-            py.detach(|| plan::time_path(mover, core, &limits, &options))?
-        };
+        let answer = long(py, || plan::time_path(mover, core, &limits, &options))?;
         Ok(Bound::new(py, TimedPath::answer(answer))?)
     })
 }

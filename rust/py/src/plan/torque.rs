@@ -4,6 +4,7 @@ use super::{Problem, again, float, part, scalar, single, truth};
 use crate::arrays::{new_array, numbers, require_finite};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::long;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::plan::{self, TorqueProfile};
@@ -60,13 +61,7 @@ pub fn torque_optimal_time<'py>(
         let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
         let friction = |name, value: Option<&Bound<'py, PyAny>>| value.map_or(Ok(0.0), |value| scalar(NAME, name, value));
         let friction = [friction("viscous", viscous)?, friction("coulomb", coulomb)?];
-        // With friction the search takes milliseconds.
-        let found = if friction == [0.0; 2] {
-            TorqueOptimum::solve(problem, friction)
-        } else {
-            py.detach(|| TorqueOptimum::solve(problem, friction))
-        };
-        Ok(found?)
+        long(py, || TorqueOptimum::solve(problem, friction))
     })
 }
 

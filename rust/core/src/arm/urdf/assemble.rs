@@ -4,6 +4,7 @@ use super::Source;
 use super::element::{Robot, UrdfJoint};
 use crate::arm::{Arm, Frame, Joint, listed};
 use crate::error::{Error, Result};
+use crate::interrupt::look;
 use crate::spatial::Placement;
 use std::collections::HashMap;
 
@@ -23,6 +24,7 @@ pub fn arm(source: &Source, robot: Robot, gravity: [f64; 3], root: Option<&str>,
     // The link, the joint that leads to it, the moving body that carries that joint, and the placement of its parent link there.
     let mut stack: Vec<(usize, Option<usize>, Option<usize>, Placement)> = vec![(base, None, None, Placement::IDENTITY)];
     while let Some((link, through, carrier, parent)) = stack.pop() {
+        look();
         let placement = through.map_or(parent, |j| parent.then(&robot.joints[j].placement));
         let frame = Frame { name: robot.links[link].name.clone(), body: carrier, placement, joint: None };
         let inertia = &robot.links[link].inertia;

@@ -4,6 +4,7 @@ use super::{Source, XACRO};
 use crate::arm::build::unit;
 use crate::arm::{JointKind, Limits};
 use crate::error::Result;
+use crate::interrupt::look;
 use crate::spatial::{Inertia, M3, PARAMETERS, Placement, Sym3, V3};
 use roxmltree::{Document, Node};
 use std::collections::BTreeMap;
@@ -72,6 +73,7 @@ pub fn read(source: &Source, document: &Document) -> Result<Robot> {
     }
     let (mut links, mut joints) = (Vec::new(), Vec::new());
     for node in root.children().filter(Node::is_element) {
+        look();
         match node.tag_name().name() {
             "link" => links.push(reader.link(node)?),
             "joint" => joints.push(reader.joint(node)?),

@@ -18,6 +18,7 @@ pub use write::Written;
 
 use super::Arm;
 use crate::error::{Error, Result};
+use crate::interrupt::look;
 use std::io::Read;
 use std::path::Path;
 
@@ -104,6 +105,7 @@ fn scan(source: &Source, text: &str) -> Result<()> {
     let bytes = text.as_bytes();
     let (mut i, mut depth) = (0, 0usize);
     while let Some(open) = find(bytes, i, b'<') {
+        look();
         let rest = &text[open..];
         let skip_to = |end: &str, from: usize| rest[from..].find(end).map_or(bytes.len(), |k| open + from + k + end.len());
         if rest.starts_with("<!--") {

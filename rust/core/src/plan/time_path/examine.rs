@@ -6,6 +6,7 @@
 use super::check::{Course, FINE, TOLERANCE, WINDOW};
 use super::lines::{FASTEST, Rows, largest, load, store};
 use super::samples::{Samples, Segment};
+use crate::interrupt::look;
 use crate::scalar::{Real, Task};
 
 /// A block of rows at the samples of a segment.
@@ -56,6 +57,8 @@ impl States {
 
 /// A distance from the limits, relative, that the parabola of three samples does not mistake for none.
 const FAR_ENOUGH: f64 = 0.01;
+/// Segments between two looks whether to stop.
+const LOOK: usize = 64;
 
 pub(super) struct Examine<'a, F> {
     pub course: &'a Course<'a>,
@@ -191,7 +194,10 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
         let (half, tiny) = (S::splat(0.5), S::splat(f64::MIN_POSITIVE));
         let list = std::mem::take(&mut self.samples.list);
         let mut order = 0;
-        for &i in &list {
+        for (k, &i) in list.iter().enumerate() {
+            if k % LOOK == 0 {
+                look();
+            }
             let (first, last) = self.course.spans[self.samples.span[i]];
             let window = self.course.stencil.of(i, first, last).filter(|_| !self.samples.exact[i]);
             let mut states = States::default();

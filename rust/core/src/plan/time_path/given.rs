@@ -5,8 +5,6 @@ use super::lines::FASTEST;
 use super::rows::Friction;
 use crate::error::{Error, Result, finite};
 use crate::motion::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// Most grid points asked for.
 const MOST: usize = 1_000_000;
@@ -34,22 +32,11 @@ pub struct TimePathOptions {
     pub friction: Option<Friction>,
     /// Limits of `|d tau/dt|`, `(n,)`; for motions from rest to rest without stops and without Coulomb friction.
     pub torque_rate: Option<Vec<f64>>,
-    /// Set from another thread, it ends the planning soon, with an answer of no worth.
-    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Default for TimePathOptions {
     fn default() -> Self {
-        TimePathOptions {
-            grid: None,
-            refine: true,
-            start_speed: 0.0,
-            end_speed: 0.0,
-            stops: Vec::new(),
-            friction: None,
-            torque_rate: None,
-            stop: None,
-        }
+        TimePathOptions { grid: None, refine: true, start_speed: 0.0, end_speed: 0.0, stops: Vec::new(), friction: None, torque_rate: None }
     }
 }
 

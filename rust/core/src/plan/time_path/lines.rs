@@ -9,8 +9,6 @@
 //! outside. The lanes run over the rows. Lines are kept: a pass forwards and later passes build only those of rows that changed.
 
 use crate::scalar::Real;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Above every squared path speed.
 pub(super) const FASTEST: f64 = 1e60;
@@ -54,15 +52,9 @@ pub(super) struct Rows {
     pub s: Vec<f64>,
     pub x_start: f64,
     pub x_end: f64,
-    /// Set where nobody waits for the answer any more.
-    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Rows {
-    pub fn stopped(&self) -> bool {
-        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
-    }
-
     /// Where a path turns back, what rounding leaves of `A` is none: over so small a number the last digit of `B x` would be any `u`.
     pub fn drop_rounding(&mut self) {
         let width = self.width;

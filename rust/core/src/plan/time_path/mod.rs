@@ -165,9 +165,6 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, los
     let mut cap_old = problem.cap_tight.clone();
     let mut narrowed = Vec::new();
     for k in 0..if problem.friction.is_some() || last { 2 * CORRECTIONS } else { CORRECTIONS } {
-        if problem.rows.stopped() {
-            break;
-        }
         let beyond = BEYOND * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let (width, count) = (problem.rows.width, problem.pieces.len());
@@ -279,10 +276,10 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
             Outcome::Coarse(found, whole) => (PathReason::unresolved(&problem, &found), whole),
             Outcome::Stuck(stuck) => (PathReason::find(&problem, &profile, stuck), true),
         };
-        if whole && best.is_none() && !problem.rows.stopped() {
+        if whole && best.is_none() {
             spare = slow::slowed(&mut problem, &mut samples, &mut profile, spare)?;
         }
-        if last || problem.rows.stopped() {
+        if last {
             best = best.or(spare);
             if best.is_none() {
                 return problem.refuse(reason);

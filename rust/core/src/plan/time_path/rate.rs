@@ -17,6 +17,7 @@ use super::rows::{Ask, Points};
 use super::setup::Problem;
 use super::{TimePath, TimePathOptions};
 use crate::error::Result;
+use crate::interrupt::look;
 use crate::motion::TimedPath;
 
 /// Windows tried: the duration of the fastest timing times `2^1 .. 2^-8`, then finer steps about the best one.
@@ -31,6 +32,8 @@ const ROUGH: usize = 4;
 const FINEST: usize = 20;
 /// Slowest timing tried.
 const SLOWEST: f64 = 1e6;
+/// Segments between two looks whether to stop.
+const LOOK: usize = 64;
 
 /// Nodes of a timing: times, and `s, r, u` there.
 struct Nodes {
@@ -133,6 +136,9 @@ impl<'a> Samples<'a> {
         let (by, by2, by_step) = (1.0 / k, 1.0 / (k * k), 1.0 / (k * step));
         let mut worst = Beyond { excess: f64::NEG_INFINITY, joint: 0, limit: Bound::TorqueRate, s: s[0] };
         for i in 0..(s.len() - 1) / per {
+            if i % LOOK == 0 {
+                look();
+            }
             for j in 0..n {
                 let torque = |m: usize| held[n * m + j] + rubbed[n * m + j] * by + all[3 * n * m + j] * by2;
                 let [top, bottom, bent, rate] = span(i * per..=(i + 1) * per, torque);
@@ -218,9 +224,6 @@ pub(super) fn limit_rate(problem: &Problem, fast: TimePath, rates: &[f64], optio
     };
     let mut best: Option<(f64, f64, f64)> = None;
     let attempt = |window: f64, best: &mut Option<(f64, f64, f64)>| {
-        if problem.rows.stopped() {
-            return;
-        }
         if let Some(k) = sampled(window, ROUGH).0.slowing(1e-3) {
             let duration = k * (total + window);
             if best.is_none_or(|(least, ..)| duration < least) {

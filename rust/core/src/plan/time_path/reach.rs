@@ -14,10 +14,11 @@
 //! above, and what is lost goes with `h^2`.
 
 use super::lines::{FAR, Lines, NONE, Rows, STANDING, largest, load};
+use crate::interrupt::look;
 use crate::scalar::{Real, Task, run_lanes};
 
 /// Segments between two looks whether to stop.
-const LOOK: usize = 1 << 14;
+const LOOK: usize = 1 << 12;
 
 /// Where no speed is left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,8 +106,8 @@ impl Task for Solve<'_> {
         }
         (low[count], high[count], led[count]) = (rows.x_end, rows.x_end, whole);
         for i in (0..count).rev() {
-            if i % LOOK == 0 && rows.stopped() {
-                return Err(Stuck::Empty(i));
+            if i % LOOK == 0 {
+                look();
             }
             if stale[i] {
                 lines.build::<S>(rows, i, i, 0.0);

@@ -9,6 +9,7 @@
 
 use crate::arm::{Arm, Tree};
 use crate::dynamics::{Dynamics, PlanarPr};
+use crate::interrupt::look;
 use crate::motion::Path;
 use crate::scalar::{Real, Task, run_lanes};
 
@@ -85,6 +86,9 @@ fn put<S: Real>(rows: &mut [f64], stride: usize, lanes: usize, at: usize, from: 
     }
 }
 
+/// Points between two looks whether to stop: a multiple of all numbers of lanes.
+const LOOK: usize = 64;
+
 impl Points<'_> {
     pub fn run(self) {
         run_lanes(self);
@@ -101,6 +105,9 @@ impl Points<'_> {
         let (mut ask, out) = (self.ask, self.out);
         let mut first = 0;
         while first < self.count {
+            if first % LOOK == 0 {
+                look();
+            }
             let lanes = S::LANES.min(self.count - first);
             for lane in 0..S::LANES {
                 let k = first + lane.min(lanes - 1);

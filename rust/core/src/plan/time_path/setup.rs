@@ -61,13 +61,8 @@ impl<'a> Problem<'a> {
         let [lo, hi] = checked(n, &path, given, options)?;
         let stops = options.stops.iter().map(|&k| path.knots()[k]).collect();
         let (s, pieces) = grid(&path, options.points());
-        let rows = Rows {
-            s,
-            x_start: options.start_speed * options.start_speed,
-            x_end: options.end_speed * options.end_speed,
-            stop: options.stop.clone(),
-            ..Rows::default()
-        };
+        let rows =
+            Rows { s, x_start: options.start_speed * options.start_speed, x_end: options.end_speed * options.end_speed, ..Rows::default() };
         let friction = options.friction.clone().filter(|_| given.torque.is_some());
         let mut problem = Problem {
             mover,

@@ -1,0 +1,128 @@
+//! Interruption: long work calls [`look`] in its loops, and is unwound where whoever started it asked it to stop.
+//!
+//! [`interruptible`] sets who may ask, for one piece of work on one thread. Elsewhere a look does nothing. Unwinding drops what the work
+//! has made so far; work that keeps a part of it asks a `simulate::Stop` instead. A look costs some 50 ns: one stands after every 10 us to
+//! 1 ms of work (`docs/adr/0007-interruption.md`).
+
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How long work goes on between two questions.
+pub const SLICE: Duration = Duration::from_millis(20);
+
+/// Who says whether to stop.
+#[derive(Clone, Debug)]
+pub enum Watch {
+    /// Another thread, by setting this.
+    Flag(Arc<AtomicBool>),
+    /// A function that is called every 20 ms on the thread that works.
+    Poll(fn() -> bool),
+}
+
+/// The work was asked to stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interrupted;
+
+/// A watch, and when it is asked next.
+struct Watched {
+    watch: Watch,
+    next: Instant,
+}
+
+thread_local! {
+    static WATCHED: RefCell<Option<Watched>> = const { RefCell::new(None) };
+}
+
+/// Whether to stop: if so the work unwinds to its [`interruptible`].
+pub fn look() {
+    let poll = WATCHED.with_borrow_mut(|watched| match watched {
+        None => Err(false),
+        Some(Watched { watch: Watch::Flag(stop), .. }) => Err(stop.load(Ordering::Relaxed)),
+        Some(Watched { watch: Watch::Poll(poll), next }) => {
+            let now = Instant::now();
+            if now < *next {
+                return Err(false);
+            }
+            *next = now + SLICE;
+            Ok(*poll)
+        }
+    });
+    // Called without the borrow: what it runs may start interruptible work too.
+    if poll.map_or_else(|stop| stop, |poll| poll()) {
+        resume_unwind(Box::new(Interrupted));
+    }
+}
+
+/// Puts the watch of before back, however the work ends.
+struct Restore(Option<Watched>);
+
+impl Drop for Restore {
+    fn drop(&mut self) {
+        WATCHED.set(self.0.take());
+    }
+}
+
+/// Run `work`, which stops at a look once `watch` asks it to.
+pub fn interruptible<R>(watch: Watch, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
+    let restore = Restore(WATCHED.replace(Some(Watched { watch, next: Instant::now() + SLICE })));
+    let result = catch_unwind(AssertUnwindSafe(work));
+    drop(restore);
+    result.map_err(|cause| if cause.is::<Interrupted>() { Interrupted } else { resume_unwind(cause) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_stops_at_a_look_when_asked_and_not_otherwise() {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (mut looked, flag) = (0, stop.clone());
+        let work = || {
+            for _ in 0..1000 {
+                looked += 1;
+                if looked == 500 {
+                    flag.store(true, Ordering::Relaxed);
+                }
+                look();
+            }
+        };
+        assert_eq!(interruptible(Watch::Flag(stop.clone()), work), Err(Interrupted));
+        assert_eq!(looked, 500);
+        // Nobody is asked any more.
+        (0..100).for_each(|_| look());
+        assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(false))), || (0..100).for_each(|_| look())), Ok(()));
+    }
+
+    #[test]
+    fn a_poll_is_asked_by_the_clock() {
+        let began = Instant::now();
+        let endless = || {
+            loop {
+                look();
+            }
+        };
+        assert_eq!(interruptible(Watch::Poll(|| true), endless).map(|()| false), Err(Interrupted));
+        assert!(began.elapsed() >= SLICE);
+    }
+
+    #[test]
+    fn inner_work_hands_back_to_the_outer() {
+        let stop = Arc::new(AtomicBool::new(false));
+        let outer = interruptible(Watch::Flag(stop.clone()), || {
+            assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), || (0..100).for_each(|_| look())), Err(Interrupted));
+            stop.store(true, Ordering::Relaxed);
+            (0..100).for_each(|_| look());
+        });
+        assert_eq!(outer, Err(Interrupted));
+    }
+
+    #[test]
+    fn other_panics_pass() {
+        let caught = catch_unwind(|| interruptible(Watch::Poll(|| false), || resume_unwind(Box::new("other"))));
+        assert_eq!(caught.unwrap_err().downcast_ref::<&str>(), Some(&"other"));
+    }
+}

@@ -1,0 +1,86 @@
+"""Ctrl-C ends every long call soon, and other threads run meanwhile. `make test-latency` measures how soon; here nothing hangs."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+START = """
+import numpy as np, armlet as al
+rng = np.random.default_rng(0)
+arm = al.load_urdf(al.example_urdf("seven_axis"))
+tip = arm.frame_names[-1]
+law = al.CartesianImpedance(arm, [9.0, 0.0, 0.0], 500.0, 50.0, frame=tip)
+{setup}
+print("ready", flush=True)
+try:
+    while True:
+        {call}
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+CHAIN = """
+body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+text = "".join(f'<link name="l{k}">{body}</link>' for k in range(20_001))
+text += "".join(f'<joint name="j{k}" type="fixed"><parent link="l{k}"/><child link="l{k + 1}"/></joint>' for k in range(20_000))
+text = f'<robot name="chain">{text}</robot>'
+"""
+LONG = {
+    "time_path": (
+        "path = np.cumsum(rng.standard_normal((400, 7)) * 0.2, axis=0)",
+        "al.time_path(arm, path, tau_max=150.0, v_max=2.0)",
+    ),
+    "torque_optimal_time with friction": ("", "al.torque_optimal_time(0.0, 1e6, 1.0, 1.0, 1.5, viscous=1e-3, coulomb=0.1)"),
+    "torque_optimal_time": ("", "al.torque_optimal_time(0.0, 1e9, 1.0, 1.0, 1.001)"),
+    "load_urdf": (CHAIN, "al.load_urdf(text)"),
+    "inverse_kinematics": (
+        "task = al.Task(tip, 'xyz', [9.0, 0.0, 0.0], 1.0)",
+        "al.inverse_kinematics(arm, [task], np.zeros(7), restarts=10**6)",
+    ),
+    "base_parameters": ("many = al.planar_arm(np.ones(60))", "many.base_parameters()"),
+    "equilibrium": ("", "al.equilibrium(al.RigidArm(arm), law, q0=np.full(7, 0.3))"),
+    "smallest_reduced_inertia": ("b = rng.uniform(0.1, 1.0, 10**5)", "al.smallest_reduced_inertia(b, 1e4, 1e-3)"),
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_ctrl_c_ends_a_long_call(name: str, interrupted: Callable[[str], tuple[list[str], float]]) -> None:
+    setup, call = LONG[name]
+    words, waited = interrupted(START.replace("{setup}", setup).replace("{call}", call))
+    assert words == ["interrupted"]
+    # Every 20 ms the call looks for a signal; the rest is what a busy machine may add to an unoptimised build.
+    assert waited < 1.5
+
+
+def longest_gap(call: Callable[[], object]) -> tuple[float, float]:
+    """Seconds that a call takes, and the longest time for which another thread did not run meanwhile."""
+    turns: list[float] = []
+    over = threading.Event()
+
+    def count() -> None:
+        while not over.is_set():
+            turns.append(time.perf_counter())
+            time.sleep(1e-3)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    start = time.perf_counter()
+    call()
+    end = time.perf_counter()
+    over.set()
+    thread.join()
+    inside = [start, *(turn for turn in turns if start < turn < end), end]
+    return end - start, float(np.diff(inside).max())
+
+
+def test_other_threads_run_while_a_model_is_read() -> None:
+    space: dict[str, str] = {}
+    exec(CHAIN, space)
+    took, gap = longest_gap(lambda: al.load_urdf(space["text"]))
+    assert gap < 0.5 * took
