@@ -157,6 +157,44 @@ def test_unsafe_rule_sees_planted_violation(tmp_path: Path) -> None:
     assert unsafe_files(tmp_path) == [tmp_path / "b.rs"]
 
 
+def never_tested(top: Path) -> list[str]:
+    """Files with unit tests that are never built: they are of a module that stands under `#[cfg(not(test))]`."""
+    left_out = r"#\[cfg\(not\(test\)\)\]\s*(?:#\[[^\]]*\]\s*)*(?:pub(?:\([^)]*\))?\s+)?mod\s+(\w+)\s*;"
+    found = set()
+    for path in sources(top, "*.rs"):
+        text = without_comments(path.read_text())
+        folder = path.parent if path.name in ("lib.rs", "mod.rs", "main.rs") else path.with_suffix("")
+        names = re.findall(left_out, text)
+        below = [file for name in names for file in [folder / f"{name}.rs", *(folder / name).rglob("*.rs")] if file.exists()]
+        if re.search(r"#!\[cfg\(not\(test\)\)\]", text):
+            below += [path, *folder.rglob("*.rs")] if path.name != "lib.rs" else sources(top, "*.rs")
+        found |= {str(file.relative_to(top)) for file in below if re.search(r"#\[(cfg\(test\)|test)\]", without_comments(file.read_text()))}
+    return sorted(found)
+
+
+def test_every_unit_test_is_built() -> None:
+    assert re.search(r"cfg\(not\(test\)\)", (CORE / "lib.rs").read_text())  # there is something to look through
+    assert never_tested(CORE) == []
+    # The extension has no tests of its own: `test = false`.
+    assert [p.name for p in sources(BINDING, "*.rs") if re.search(r"#\[(cfg\(test\)|test)\]", without_comments(p.read_text()))] == []
+
+
+def test_unit_test_rule_sees_planted_violations(tmp_path: Path) -> None:
+    tests = "#[cfg(test)]\nmod tests {}\n"
+    files = {
+        "lib.rs": "#[cfg(not(test))]\npub mod a;\nmod b;\n// #[cfg(not(test))]\nmod c;\n",
+        "a/mod.rs": "mod inner;\n",
+        "a/inner.rs": tests,
+        "b.rs": "#[cfg(not(test))]\n#[allow(dead_code)]\npub(crate) mod inner;\n" + tests,
+        "b/inner.rs": "#[test]\nfn f() {}\n",
+        "c.rs": tests,
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert never_tested(tmp_path) == ["a/inner.rs", "b/inner.rs"]
+
+
 def long_files(tops: list[Path]) -> dict[str, int]:
     """Files of code with more lines than a reader takes in."""
     paths = [p for top in tops for pattern in ("*.rs", "*.py", "*.pyi") for p in top.rglob(pattern) if "target" not in p.parts]

@@ -139,33 +139,3 @@ pub(super) fn gaussian(seed: u64, k: u64, channel: u64) -> f64 {
     let (a, b) = (uniform(seed, k, 2 * channel), uniform(seed, k, 2 * channel + 1));
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn noise_has_its_moments_and_no_memory() {
-        let n = 200_000;
-        let draws: Vec<f64> = (0..n).map(|k| gaussian(7, k, 3)).collect();
-        let mean = draws.iter().sum::<f64>() / n as f64;
-        let second = draws.iter().map(|x| x * x).sum::<f64>() / n as f64;
-        let lag = draws.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / n as f64;
-        // Five standard errors: 1/sqrt(n) of mean and lag, sqrt(2/n) of the variance.
-        let error = 5.0 / (n as f64).sqrt();
-        assert!(mean.abs() < error && lag.abs() < error && (second - 1.0).abs() < 1.5 * error, "{mean} {second} {lag}");
-        assert_ne!(gaussian(7, 1, 3), gaussian(8, 1, 3));
-    }
-
-    #[test]
-    fn resolution_rounds_to_steps() {
-        let mut sampling = Sampling::every(1e-3);
-        assert!(sampling.is_plain());
-        sampling.resolution[0] = 0.1;
-        assert!(!sampling.is_plain());
-        assert!((sampling.measure(0, 0, 0, 0, 0.234) - 0.2).abs() < 1e-16);
-        assert_eq!(sampling.measure(0, 0, 1, 0, 0.234), 0.234);
-        sampling.jitter = 1e-3;
-        assert!(sampling.validate().is_err());
-    }
-}
