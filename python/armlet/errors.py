@@ -14,10 +14,9 @@ Every message reads ``function: argument what is wrong: expected .., got .. (fir
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from .status import Status
+from .status import Status
 
 __all__ = ["ArmletError", "FormatError", "InputError", "InternalError", "ModelError", "SolveError"]
 
@@ -56,9 +55,9 @@ class SolveError(ArmletError, RuntimeError):
         partial: what was reached before: a `Run` up to `t`, or the last iterate; None where nothing was.
     """
 
-    def __init__(self, message: str, status: Status | None = None, t: float | None = None, partial: Any = None) -> None:
+    def __init__(self, message: str, status: Status | int | None = None, t: float | None = None, partial: Any = None) -> None:
         super().__init__(message)
-        self.status = status
+        self.status = None if status is None else Status(status)
         self.t = t
         self.partial = partial
 

@@ -166,7 +166,7 @@ def test_zero_rows_and_more_rows_than_joints() -> None:
 def test_an_answer_that_overflows_is_an_error() -> None:
     with pytest.raises(al.SolveError) as caught:
         al.solve_priority([[[1e-300]]], [[1e300]], method="exact")
-    assert caught.value.status == al.Status.DIVERGED
+    assert caught.value.status is al.Status.DIVERGED
 
 
 @pytest.mark.parametrize("method", METHODS)

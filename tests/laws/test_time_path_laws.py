@@ -240,8 +240,9 @@ def test_infeasible_paths_say_why() -> None:
     held = float(checker.gravity(q[0] + why["s"] * (q[1] - q[0]))[0])
     assert why["missing_units"] == pytest.approx(held - 0.5 * most, rel=1e-6)
     assert why["missing"] == pytest.approx(held / (0.5 * most) - 1.0, rel=1e-6)
-    with pytest.raises(al.SolveError, match="the path has no timing"):
+    with pytest.raises(al.SolveError, match="the path has no timing") as caught:
         p(0.0)
+    assert caught.value.status is al.Status.INFEASIBLE
 
 
 @pytest.mark.parametrize("grid", [31, 32, 33])
