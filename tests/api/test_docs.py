@@ -1,12 +1,20 @@
-"""Every Python block of README and docs/, and every example, runs as printed."""
+"""Every Python block of README and docs/, and every example, runs as printed; so does code in the lines between the blocks.
+
+Code in a line is an expression in code font with an attribute, a call or an index, all of whose names the blocks of the page bind:
+`axes[0].figure` beside a block that binds `axes`. It runs where it stands, or at the end of the page if its names are bound after it. Of
+others, whose arguments stand for the reader's own, the names of armlet must exist: `al.time_path(arm, path)`.
+"""
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
 import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,17 +28,61 @@ NEEDS = {"mujoco_loop.py": "mujoco"}
 FENCE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
+# Lines that are no prose: blocks in any language, and what is indented.
+NO_PROSE = re.compile(r"^```.*?^```$|^    .*?$", re.MULTILINE | re.DOTALL)
+INLINE = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
+
+
 def program(page: str) -> str:
-    """The blocks of a page one after the other, each on the line where it stands, so that a traceback names the page's line."""
-    text = ""
+    """The code of a page, each on the line where it stands, so that a traceback names the page's line: blocks, and code in prose."""
+    prose = NO_PROSE.sub(lambda match: re.sub(r"[^\n]", " ", match.group()), page)
+    lines: dict[int, str] = {}
+    for span in INLINE.finditer(prose):
+        line = page[: span.start()].count("\n")
+        lines[line] = lines.get(line, "") + f"inline({span.group(1)!r}); "
     for block in FENCE.finditer(page):
-        text += "\n" * (page[: block.start(1)].count("\n") - text.count("\n")) + block.group(1)
-    return text
+        lines |= dict(enumerate(block.group(1).split("\n"), page[: block.start(1)].count("\n")))
+    return "\n".join(lines.get(line, "") for line in range(max(lines, default=-1) + 1)) + "\n"
+
+
+def inline(code: str, bound: dict[str, Any]) -> str:
+    """Run code in prose where all its names are `bound`, else look up the names of armlet; what was done, "" for nothing."""
+    import builtins
+
+    try:
+        tree = ast.parse(code, mode="eval")
+    except SyntaxError:
+        return ""
+    nodes = list(ast.walk(tree))
+    names = {node.id for node in nodes if isinstance(node, ast.Name)}
+    own = names - set(dir(builtins))
+    # A list is a table of a TOML file.
+    if not own or isinstance(tree.body, ast.List) or not any(isinstance(node, ast.Attribute | ast.Call | ast.Subscript) for node in nodes):
+        return ""
+    if own <= set(bound):
+        eval(compile(tree, code, "eval"), bound)
+        return "run"
+    called = [ast.unparse(node) for node in nodes if isinstance(node, ast.Attribute)]
+    known = [name for name in called if re.fullmatch(r"al(\.\w+)+", name) and "al" in bound]
+    for name in known:
+        eval(name, bound)
+    return "looked up" if known else ""
 
 
 def run(source: str, name: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a program in its own interpreter and folder, without a display; warnings are errors."""
-    code = f"import matplotlib; matplotlib.use('Agg'); exec(compile({source!r}, {name!r}, 'exec'), {{'__name__': '__main__'}})"
+    code = f"""
+import ast, re
+from typing import Any
+import matplotlib
+matplotlib.use("Agg")
+{inspect.getsource(inline)}
+left = []
+bound = {{"__name__": "__main__", "inline": lambda code: inline(code, bound) == "run" or left.append(code)}}
+exec(compile({source!r}, {name!r}, "exec"), bound)
+for code in left:
+    inline(code, bound)
+"""
     command = [sys.executable, "-P", "-W", "error", "-c", code]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
@@ -69,6 +121,31 @@ def test_a_broken_block_is_seen(tmp_path: Path) -> None:
     result = run(program(page), "page.md", tmp_path)
     assert result.returncode != 0
     assert '"page.md", line 10' in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("code", "line"),
+    [
+        ("x.shape", 7),  # a name of the block above without such an attribute
+        ("later.shape", None),  # of a block below: at the end
+        ("al.simulat(plant, law)", 7),  # no such name, whatever the arguments are
+        ("x(1).y", 7),
+    ],
+)
+def test_broken_code_in_prose_is_seen(code: str, line: int | None, tmp_path: Path) -> None:
+    page = f"# Title\n\n```python\nimport armlet as al; x = 1\n```\n\nCall `{code}`.\n\n```python\nlater = 2\n```\n"
+    result = run(program(page), "page.md", tmp_path)
+    assert result.returncode != 0 and ("AttributeError" in result.stderr or "TypeError" in result.stderr)
+    assert line is None or f'"page.md", line {line}' in result.stderr
+
+
+@pytest.mark.parametrize(
+    "code", ["x.real", "sin(q)", "[[law.tasks]]", "a x = b", "al.simulate(plant, law)", "my.toml", "True", "examples/a.py"]
+)
+def test_sound_code_in_prose_passes(code: str, tmp_path: Path) -> None:
+    page = f"```python\nimport armlet as al; x = 1; law = 2\n```\n\nText `{code}`.\n"
+    result = run(program(page), "page.md", tmp_path)
+    assert result.returncode == 0, result.stderr
 
 
 def test_links_lead_somewhere() -> None:
