@@ -5,6 +5,7 @@
 //! accepted below 1, the next step grows by `0.9 error^(-1/8)` within [0.2, 10].
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::chatter::Chatter;
 use super::dop853_tableau::{A, C, D, E3, E5};
 use super::pace::{Control, Pace, finite, paced};
 use super::{Buffer, System};
@@ -27,6 +28,7 @@ pub struct Dop853<B, U, T = Tolerance> {
     u_time: f64,
     /// Whether `dense` belongs to the last step.
     dense_ready: bool,
+    chatter: Chatter<B>,
 }
 
 impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
@@ -34,6 +36,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         Dop853 {
             pace: Pace::new(tolerance),
+            chatter: Chatter::new(&state),
             k: std::array::from_fn(|_| state.clone()),
             dense: std::array::from_fn(|_| state.clone()),
             y: state.clone(),
@@ -182,6 +185,10 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
             return Ok(true);
         }
         system.anchor(self.x.as_ref());
+        if self.chatter.due(&self.pace.work) {
+            self.u_time = f64::NAN;
+            self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
+        }
         self.dense_ready = false;
         self.pace.open();
         loop {

@@ -2,6 +2,7 @@
 //! (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6).
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::chatter::Chatter;
 use super::pace::{Control, Pace, finite, paced};
 use super::{Buffer, System};
 use crate::scalar::Real;
@@ -39,13 +40,14 @@ pub struct Dopri5<B, U, T = Tolerance> {
     x: B,
     x_old: B,
     u: U,
+    chatter: Chatter<B>,
 }
 
 impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
     #[inline(always)]
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         let k = std::array::from_fn(|_| state.clone());
-        Dopri5 { pace: Pace::new(tolerance), k, y: state.clone(), x: state.clone(), x_old: state, u: input }
+        Dopri5 { pace: Pace::new(tolerance), chatter: Chatter::new(&state), k, y: state.clone(), x: state.clone(), x_old: state, u: input }
     }
 
     /// Try a step of `h`: the new state in `y`, its slope in `k[6]`; returns the error.
@@ -108,6 +110,9 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
             return Ok(true);
         }
         system.anchor(self.x.as_ref());
+        if self.chatter.due(&self.pace.work) {
+            self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
+        }
         // The slopes of the last step served its dense output until now.
         if self.pace.t > self.pace.t_old {
             self.k.swap(0, 6);

@@ -80,6 +80,9 @@ where
     fn pairs(&self) -> Pairs {
         self.system.pairs()
     }
+    fn chatter_budget(&self) -> u64 {
+        self.system.chatter_budget()
+    }
 }
 
 impl<S, F, G, V, X, U> Differentiable<S> for Linearised<F, G, V, X, U>

@@ -4,6 +4,7 @@
 //! a plain `x' = f(t, x)` it is the time itself.
 
 pub mod adaptive;
+mod chatter;
 mod dop853;
 mod dop853_tableau;
 mod dopri5;
@@ -64,6 +65,10 @@ pub trait System<S: Real> {
     #[inline(always)]
     fn strayed(&self) -> bool {
         false
+    }
+    /// Attempts that an adaptive method may spend along a jump of the slope before the run is given up.
+    fn chatter_budget(&self) -> u64 {
+        500_000
     }
     /// Called with the state at every sample of a sampled loop: what is held until the next one.
     fn sample(&mut self, _t: f64, _x: &[S]) {}

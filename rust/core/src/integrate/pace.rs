@@ -121,10 +121,16 @@ impl<T: Accuracy> Pace<T> {
         self.work.evaluations += 1;
         let dy = dy.as_ref();
         // Where the slope is not finite a little further on, the first step keeps away from there.
-        let (d2, most) = if finite(dy) { (self.norm(x, x, |i| dy[i] - k[i]) / h0, span) } else { (0.0, span * 1e-6) };
+        let (d2, most) = if finite(dy) {
+            (self.norm(x, x, |i| dy[i] - k[i]) / h0, span)
+        } else {
+            (0.0, if span.is_finite() { span } else { h0 } * 1e-6)
+        };
         let steepest = d1.max(d2).min(f64::MAX);
         let h1 = if steepest <= 1e-15 { (1e-3 * h0).max(1e-6) } else { (0.01 / steepest).powf(1.0 / (order + 1.0)) };
-        self.h = (100.0 * h0).min(h1).max(2.0 * self.smallest()).min(most).min(self.h_max);
+        // The first step moves the time, whatever its limit.
+        let smallest = self.smallest();
+        self.h = (100.0 * h0).min(h1).max(2.0 * smallest).min(most).min(self.h_max).max(smallest);
     }
 
     /// The least step that still moves the time.

@@ -44,7 +44,7 @@ impl Patience {
             return Err(Status::MaxSteps);
         }
         let windows = (MAX_STEPS / WINDOW) as f64;
-        self.slow = if (t - self.t) * windows < t_end - t { self.slow + 1 } else { 0 };
+        self.slow = if t_end.is_finite() && (t - self.t) * windows < t_end - t { self.slow + 1 } else { 0 };
         (self.look_at, self.t) = (MAX_STEPS.min(attempts + WINDOW), t);
         if self.slow >= SLOW { Err(Status::Stalled) } else { Ok(()) }
     }

@@ -8,6 +8,7 @@
 //! and, extrapolated, the start of the next Newton iteration. Predictive step control (Gustafsson 1994).
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::chatter::Chatter;
 use super::pace::{Pace, finite, paced};
 use super::{Buffer, Differentiable};
 use crate::linalg::Pairs;
@@ -75,6 +76,7 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     warm: bool,
     /// Step first proposed and error of the last accepted step.
     last: Option<(f64, f64)>,
+    chatter: Chatter<B>,
 }
 
 /// How Newton's iteration ended.
@@ -97,6 +99,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         Radau5 {
             newton_tolerance: (10.0 * f64::EPSILON / rtol).max(rtol.sqrt().min(0.03)),
             pace: Pace::new(tolerance),
+            chatter: Chatter::new(&state),
             z: three(),
             w: three(),
             f: three(),
@@ -295,6 +298,9 @@ where
             return Err(Status::Diverged);
         }
         system.anchor(self.x.as_ref());
+        if self.chatter.due(&self.pace.work) {
+            self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
+        }
         self.pace.open();
         let h_begun = self.pace.h;
         let mut rejected = false;

@@ -5,6 +5,7 @@
 //! `x_5 = x + sum a_5j u_j + u_5`, `x_new = x_5 + u_6`, error `u_6`.
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::chatter::Chatter;
 use super::pace::{Control, Pace, finite, paced};
 use super::{Buffer, Differentiable};
 use crate::scalar::Real;
@@ -57,6 +58,7 @@ pub struct Rodas4<B, M, P, U, T = Tolerance> {
     start: U,
     /// Whether slope and Jacobian belong to `x`.
     linear: bool,
+    chatter: Chatter<B>,
 }
 
 impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
@@ -64,6 +66,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
     pub fn new(tolerance: T, state: B, matrix: M, pivots: P, input: U) -> Self {
         Rodas4 {
             pace: Pace::new(tolerance),
+            chatter: Chatter::new(&state),
             stages: std::array::from_fn(|_| state.clone()),
             slope: state.clone(),
             dft: state.clone(),
@@ -193,6 +196,9 @@ where
         }
         if !self.linear {
             self.linearise::<S, F>(system);
+        }
+        if self.chatter.due(&self.pace.work) {
+            self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
         }
         self.pace.open();
         loop {

@@ -13,6 +13,7 @@ mod counting;
 mod elastic_loops;
 mod elastic_oracle;
 mod integrate_alloc;
+mod integrate_chatter;
 mod integrate_methods;
 mod integrate_support;
 mod inverse_kinematics;

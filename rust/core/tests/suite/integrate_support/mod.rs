@@ -15,6 +15,10 @@ pub trait Problem {
     fn rate_of(_i: usize) -> Option<usize> {
         None
     }
+    /// Attempts along a jump.
+    fn chatter_budget() -> u64 {
+        u64::MAX
+    }
 }
 
 pub trait Exact: Problem {
@@ -34,6 +38,9 @@ impl<P: Problem, S: Real> System<S> for Of<P> {
     }
     fn rate_of(&self, i: usize) -> Option<usize> {
         P::rate_of(i)
+    }
+    fn chatter_budget(&self) -> u64 {
+        P::chatter_budget()
     }
 }
 
