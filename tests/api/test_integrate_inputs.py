@@ -30,11 +30,11 @@ def options(method: str, dt: float = 1e-2) -> dict[str, Any]:
 
 
 def fails(f: Any, method: str, y0: Any = (1.0, 0.0), span: tuple[float, float] = (0.0, 1.0)) -> al.SolveError:
-    """The error of a run that must not end well, within a second; what it reached is finite."""
-    began = time.perf_counter()
+    """The error of a run that must not end well, within a second of the processor; what it reached is finite."""
+    began = time.process_time()
     with pytest.raises(al.SolveError) as caught:
         al.integrate(f, span, y0, **options(method))
-    assert time.perf_counter() - began < 1.0
+    assert time.process_time() - began < 1.0
     error = caught.value
     assert error.status in (al.Status.DIVERGED, al.Status.STEP_UNDERFLOW)
     assert np.isfinite(error.partial.y).all() and np.isfinite(error.partial.t).all()
