@@ -9,11 +9,14 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
 from .errors import InputError
 
 __all__ = ["Event", "Events", "JointStops", "State"]
 
 Array: TypeAlias = NDArray[np.float64]
+# The most events of a run.
+MOST_EVENTS = 4096
 
 
 @dataclass(frozen=True)
@@ -43,12 +46,12 @@ class JointStops:
         for name in ("stiffness", "damping", "lower", "upper"):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, _plain(value))
+                object.__setattr__(self, name, _plain("JointStops", name, value))
 
 
-def _plain(value: ArrayLike) -> Any:
+def _plain(function: str, name: str, value: ArrayLike) -> Any:
     """Numbers and tuples of numbers, which compare, print and pickle."""
-    values = np.asarray(value).tolist()
+    values = _core.numbers(function, name, value, (), ("n",)).tolist()
     return tuple(values) if isinstance(values, list) else values
 
 
@@ -97,7 +100,7 @@ class Event:
     @classmethod
     def plane(cls, frame: str, point: ArrayLike, normal: ArrayLike, **keywords: Any) -> Event:
         """The origin of `frame` crosses a plane: `normal . (p - point)`, both (3,), world axes; rising along the normal."""
-        return cls("plane", (frame, _plain(point), _plain(normal)), **keywords)
+        return cls("plane", (frame, _plain("Event.plane", "point", point), _plain("Event.plane", "normal", normal)), **keywords)
 
     @classmethod
     def contact(cls, **keywords: Any) -> Event:
@@ -125,6 +128,8 @@ def watched(events: Event | Callable[..., float] | Sequence[Event | Callable[...
     """The events as `Event`s; a function may carry `direction` and `terminal`, as scipy writes them."""
     if events is None:
         return []
+    if isinstance(events, Sequence) and len(events) > MOST_EVENTS:
+        raise InputError(f"simulate: events is too long: expected at most {MOST_EVENTS}, got {len(events)}")
     given = list(events) if isinstance(events, Sequence) else [events]
     for i, event in enumerate(given):
         if isinstance(event, Event):

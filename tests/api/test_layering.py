@@ -23,9 +23,10 @@ LINES = 500
 BELOW = {
     "error": {"status"},
     "interrupt": set(),
+    "memory": {"error"},
     "parallel": {"error", "interrupt"},
     "status": set(),
-    "scalar": {"error", "status"},
+    "scalar": {"memory", "status"},
     "linalg": {"scalar", "interrupt"},
     "spatial": {"linalg"},
     "arm": {"spatial"},

@@ -10,6 +10,7 @@ from .arms import pendulum as pendulum
 from .arms import planar_arm as planar_arm
 from .arms import planar_pr as planar_pr
 from .arms import project_parameters as project_parameters
+from .arrays import numbers as numbers
 from .elastic import damping_from_ratio as damping_from_ratio
 from .elastic import elastic_limits as elastic_limits
 from .elastic import equilibrium as equilibrium
@@ -139,6 +140,7 @@ __all__ = [
     "inverse_kinematics",
     "load_urdf",
     "minimum_jerk_time",
+    "numbers",
     "pendulum",
     "planar_arm",
     "planar_pr",

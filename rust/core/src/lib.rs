@@ -4,7 +4,7 @@
 //! The layers, lowest first; a module uses only those before it (checked by `tests/api/test_layering.py`):
 //! `error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
-//! `integrate` over `error, status, scalar, linalg` alone; `interrupt` and `parallel` know threads and nothing of robots.
+//! `integrate` over `error, status, scalar, linalg` alone; `interrupt` and `parallel` know threads, `memory` sizes, and none knows robots.
 
 #[cfg(not(test))]
 pub mod analysis;
@@ -16,6 +16,7 @@ pub mod interrupt;
 pub mod kinematics;
 pub mod law;
 pub mod linalg;
+pub mod memory;
 pub mod motion;
 pub mod parallel;
 pub mod plan;

@@ -1,10 +1,10 @@
 //! Arguments that go together row by row: leading axes broadcast as numpy's do, and columns of numbers or arrays.
 
-use crate::arrays::{Converted, elements, numbers, require_finite, shown};
+use crate::arrays::{Axis, Converted, Form, Looked, WHATEVER, elements, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
 use armlet_core::error::Error;
 use pyo3::prelude::*;
-use pyo3::types::{PyFloat, PyInt};
+use pyo3::types::PyFloat;
 use std::borrow::Cow;
 
 /// Arguments of a pure function, broadcast over their leading axes.
@@ -40,7 +40,7 @@ impl<const K: usize> Broadcast<'_, K> {
 /// Refuse arguments that are not finite. Arrays of the wrong kind were refused by whoever read them first.
 pub fn require_all_finite<const K: usize>(function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Result<(), Failure> {
     for k in 0..K {
-        let (shape, data) = numbers(function, names[k], values[k])?;
+        let (shape, data) = numbers(function, names[k], values[k], &[WHATEVER])?;
         require_finite(values[k].py(), function, names[k], &shape, &data)?;
     }
     Ok(())
@@ -58,11 +58,7 @@ pub fn broadcast<'a, const K: usize>(
     let mut rows: [(Cow<'a, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), 0));
     for k in 0..K {
         let width = widths[k];
-        let (mut shape, data) = numbers(function, names[k], values[k])?;
-        if shape.last() != Some(&width) {
-            let problem = format!("has the wrong shape: expected (..., {width}), got {}", shown(&shape));
-            return Err(input_error(values[k].py(), function, names[k], problem).into());
-        }
+        let (mut shape, data) = numbers(function, names[k], values[k], &[Form(&[Axis::Leading, Axis::Is(width)])])?;
         shape.pop();
         shapes[k] = shape;
         rows[k] = (data, width);
@@ -126,12 +122,8 @@ pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> 
     if let Ok(x) = value.cast::<PyFloat>() {
         return Ok(Some(x.value()));
     }
-    if let Ok(x) = value.cast_exact::<PyInt>() {
-        // An integer beyond every float is as good as infinite, and refused as such.
-        return Ok(Some(x.extract::<f64>().unwrap_or(f64::INFINITY)));
-    }
-    let (shape, values) = numbers(function, name, value)?;
-    Ok(if shape.is_empty() { Some(values[0]) } else { None })
+    let looked = Looked::at(function, name, value)?;
+    Ok(if looked.shape.is_empty() { Some(looked.values()?.1[0]) } else { None })
 }
 
 /// Numbers broadcast against each other, copied: every column holds one number for all or one for each.
@@ -155,8 +147,7 @@ pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound
     let mut columns: [Vec<f64>; K] = std::array::from_fn(|_| Vec::new());
     for k in 0..K {
         let (shape, data) = match value_or_array(function, names[k], values[k])? {
-            (shape, Cow::Borrowed(data)) => (shape, data.to_vec()),
-            (shape, Cow::Owned(data)) => (shape, data),
+            (shape, data) => (shape, owned(data)?),
         };
         require_finite(values[k].py(), function, names[k], &shape, &data)?;
         (shapes[k], columns[k]) = (shape, data);
@@ -177,6 +168,6 @@ pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound
 fn value_or_array<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Converted<'a> {
     match number_or_array(function, name, value)? {
         Some(x) => Ok((vec![], Cow::Owned(vec![x]))),
-        None => numbers(function, name, value),
+        None => numbers(function, name, value, &[WHATEVER]),
     }
 }

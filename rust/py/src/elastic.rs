@@ -1,6 +1,6 @@
 //! `armlet.equilibrium`, `armlet.elastic_limits` and the limits by numbers; the warning of a coarse sample time.
 
-use crate::arrays::{new_array, number, numbers, object, optional_number, shown, text, vector};
+use crate::arrays::{Looked, WHATEVER, new_array, number, numbers, object, optional_number, shown, text, vector};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
@@ -150,7 +150,7 @@ fn each<'py, const K: usize>(
     let mut shapes = Vec::with_capacity(K);
     let mut data = Vec::with_capacity(K);
     for (name, value) in names.iter().zip(values) {
-        let (shape, entries) = numbers(function, name, value)?;
+        let (shape, entries) = numbers(function, name, value, &[WHATEVER])?;
         if let Some(k) = entries.iter().position(|x| x.is_nan()) {
             return Err(input_error(py, function, name, format!("is not a number: expected numbers, got NaN (first bad index {k})")).into());
         }
@@ -296,7 +296,7 @@ pub fn damping_from_ratio<'py>(
     const NAME: &str = "damping_from_ratio";
     let py = inertia.py();
     entry(py, NAME, || {
-        let n = numbers(NAME, "inertia", inertia)?.0.first().copied().unwrap_or(1);
+        let n = Looked::at(NAME, "inertia", inertia)?.shape.first().copied().unwrap_or(1);
         let square = |name: &'static str, value| crate::given::gain(NAME, name, value, n);
         let (m, k) = (square("inertia", inertia)?, square("stiffness", stiffness)?);
         let d = ratio_damping(&m, &k, number(NAME, "ratio", ratio)?)?;

@@ -1,6 +1,6 @@
 //! `simulate(events=..., dense=...)`: what a run is asked for besides its records, and what came of it.
 
-use crate::arrays::{integers, number, text, vector};
+use crate::arrays::{items, number, taken, text, vector};
 use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised};
 use armlet_core::dynamics::Model;
@@ -13,6 +13,8 @@ use pyo3::types::{PyDict, PyTuple};
 use std::sync::Arc;
 
 const NAME: &str = "simulate";
+/// The most events of a run.
+const MOST_EVENTS: usize = 4096;
 
 fn refuse(value: &Bound<'_, PyAny>, problem: String) -> Failure {
     input_error(value.py(), NAME, "events", problem).into()
@@ -90,8 +92,9 @@ fn what(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Ra
 /// The keywords `events` and `dense`; `None` where nothing is asked for.
 pub fn asked(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, raised: &Raised) -> Result<Option<Asked>, Failure> {
     let mut asked = Asked { polynomials: dense.then(Polynomials::default), ..Asked::default() };
-    for (i, event) in events.iter().flat_map(|events| events.try_iter()).flatten().enumerate() {
-        let event = event?;
+    let events =
+        events.map(|events| items(NAME, "events", "a list: expected events", &events, MOST_EVENTS)).transpose()?.unwrap_or_default();
+    for (i, event) in events.into_iter().enumerate() {
         let (direction, stop) = (number(NAME, "direction", &event.getattr("direction")?)?, event.getattr("stop")?.extract::<usize>());
         let stop_after = stop.map_err(|_| refuse(&event, format!("have a bad stop: expected a count >= 0 (first bad index {i})")))?;
         let what = what(plant, &text(NAME, "events", &event.getattr("kind")?)?, &event.getattr("arguments")?, raised)?;
@@ -116,7 +119,7 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, asked: As
         let Found { index, t, x } = asked.found;
         let events = PyDict::new(py);
         put_parts(&events, t.len(), n, states, &x)?;
-        events.set_item("which", integers(py, &[t.len()], index.iter().map(|&i| i as i64).collect())?)?;
+        events.set_item("which", taken(py, &[t.len()], index.iter().map(|&i| i as i64).collect())?)?;
         events.set_item("t", PyArray1::from_vec(py, t))?;
         fields.set_item("events", events)?;
     }

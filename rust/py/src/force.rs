@@ -1,6 +1,6 @@
 //! External forces as Python gives them: None, a constant, `[(t_start, F), ...]` or `F(t)`.
 
-use crate::arrays::{number, numbers, require_finite, shown};
+use crate::arrays::{Axis, Form, items, number, numbers, require_finite};
 use crate::errors::{Failure, input_error};
 use armlet_core::simulate::{Force, Wrench};
 use pyo3::prelude::*;
@@ -15,13 +15,12 @@ pub fn failed(raised: &Raised) -> bool {
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).is_some()
 }
 
+/// The most steps of a force.
+const MOST_STEPS: usize = 1 << 24;
+
 /// `rows[k]` is the place in `[f; m]` of entry `k`.
 fn wrench(function: &str, value: &Bound<'_, PyAny>, rows: &[usize]) -> Result<Wrench, Failure> {
-    let (shape, values) = numbers(function, "force", value)?;
-    if shape != [rows.len()] {
-        let problem = format!("has the wrong shape: expected ({},), got {}", rows.len(), shown(&shape));
-        return Err(input_error(value.py(), function, "force", problem).into());
-    }
+    let (shape, values) = numbers(function, "force", value, &[Form(&[Axis::Is(rows.len())])])?;
     require_finite(value.py(), function, "force", &shape, &values)?;
     let mut full = [0.0; 6];
     for (&row, &x) in rows.iter().zip(values.iter()) {
@@ -59,21 +58,17 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
         return Ok(Force::steps(vec![0.0], vec![wrench(function, value, &rows_of(value, rows))?])?);
     }
     let (mut starts, mut values) = (Vec::new(), Vec::new());
-    for (i, step) in value.try_iter()?.enumerate() {
-        let step = step?;
-        let pair = step
-            .cast::<PyTuple>()
-            .cloned()
-            .or_else(|_| step.try_iter().and_then(|items| PyTuple::new(step.py(), items.collect::<PyResult<Vec<_>>>()?)));
-        let (start, value) = match pair {
-            Ok(pair) if pair.len() == 2 => (pair.get_item(0)?, pair.get_item(1)?),
+    for (i, step) in items(function, "force", "made of pairs: expected [(t_start, F), ...]", value, MOST_STEPS)?.iter().enumerate() {
+        let pair = items(function, "force", "made of pairs: expected [(t_start, F), ...]", step, 2).unwrap_or_default();
+        let (start, value) = match pair.as_slice() {
+            [start, value] => (start, value),
             _ => {
                 let problem = format!("is not made of pairs: expected [(t_start, F), ...] (first bad index {i})");
                 return Err(input_error(step.py(), function, "force", problem).into());
             }
         };
-        starts.push(number(function, "force", &start)?);
-        values.push(wrench(function, &value, &rows_of(&value, rows))?);
+        starts.push(number(function, "force", start)?);
+        values.push(wrench(function, value, &rows_of(value, rows))?);
     }
     Ok(Force::steps(starts, values)?)
 }

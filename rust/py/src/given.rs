@@ -1,8 +1,8 @@
 //! What constructors of laws and plants are given: read once, kept for `repr` and pickling.
 
 use crate::arm::Arm;
-use crate::arrays::{flag_or_false, new_array, numbers, object, require_finite, shown, text, vector};
-use crate::errors::{Failure, input_error};
+use crate::arrays::{Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, require_finite, text, vector};
+use crate::errors::Failure;
 use crate::motion::Motion;
 use armlet_core::kinematics::coordinates::parse_axes;
 use armlet_core::linalg::gain::Gain;
@@ -97,7 +97,7 @@ impl<'py> Given<'py> {
 
     /// A copy of what the caller gave, so that changing it later changes nothing here.
     pub fn keep(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
-        let (shape, values) = numbers(self.function, name, value)?;
+        let (shape, values) = numbers(self.function, name, value, &[WHATEVER])?;
         let copy = new_array(value.py(), &shape, |out| {
             out.copy_from_slice(&values);
             Ok(())
@@ -109,16 +109,13 @@ impl<'py> Given<'py> {
 
 /// A gain as the user gives it: a scalar, `(n,)` or `(n, n)`.
 pub fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Gain, Failure> {
-    let (shape, values) = numbers(function, name, value)?;
+    let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Is(n)])];
+    let (shape, values) = numbers(function, name, value, &forms)?;
     require_finite(value.py(), function, name, &shape, &values)?;
-    match shape.as_slice() {
-        [] => Ok(Gain::scalar(name, n, values[0])?),
-        [rows] if *rows == n => Ok(Gain::diagonal(name, values.into_owned())?),
-        [rows, columns] if *rows == n && *columns == n => Ok(Gain::full(name, n, values.into_owned())?),
-        _ => {
-            let problem = format!("has the wrong shape: expected a scalar, ({n},) or ({n}, {n}), got {}", shown(&shape));
-            Err(input_error(value.py(), function, name, problem).into())
-        }
+    match shape.len() {
+        0 => Ok(Gain::scalar(name, n, values[0])?),
+        1 => Ok(Gain::diagonal(name, owned(values)?)?),
+        _ => Ok(Gain::full(name, n, owned(values)?)?),
     }
 }
 

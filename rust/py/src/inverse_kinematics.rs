@@ -1,10 +1,10 @@
 //! `armlet.inverse_kinematics` and its answer.
 
 use crate::arm::Arm;
-use crate::arrays::{flag, number, numbers, object, shown, vector};
-use crate::errors::{Failure, entry, input_error};
+use crate::arrays::{Axis, Form, SCALAR, copied, flag, number, numbers, object, owned, vector, whole};
+use crate::errors::entry;
 use crate::interrupts::long;
-use crate::priority::{copied, residual_list, status_member};
+use crate::priority::{residual_list, status_member};
 use crate::seal::{Sealed, seal};
 use crate::task::each;
 use armlet_core::analysis::inverse_kinematics::{Search, inverse_kinematics as core};
@@ -55,12 +55,6 @@ impl InverseKinematics {
             self.iterations, self.restarts
         ))
     }
-}
-
-/// An integer >= 0.
-fn whole(name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
-    let refused = || input_error(value.py(), NAME, name, "is not a count: expected an integer >= 0");
-    Ok(value.extract::<usize>().map_err(|_| refused())?)
 }
 
 const NAME: &str = "inverse_kinematics";
@@ -127,19 +121,15 @@ pub fn inverse_kinematics<'py>(
         let eps = match eps {
             None => None,
             Some(eps) => {
-                let (shape, values) = numbers(NAME, "eps", eps)?;
-                if !(shape.is_empty() || shape == [goals.len()]) {
-                    let problem = format!("has the wrong shape: expected a number or ({},), got {}", goals.len(), shown(&shape));
-                    return Err(input_error(py, NAME, "eps", problem).into());
-                }
-                Some(values.into_owned())
+                let (_, values) = numbers(NAME, "eps", eps, &[SCALAR, Form(&[Axis::Is(goals.len())])])?;
+                Some(owned(values)?)
             }
         };
         let search = Search {
             tolerance: tolerance.map_or(Ok(plain.tolerance), |x| number(NAME, "tolerance", x))?,
-            max_iterations: max_iterations.map_or(Ok(plain.max_iterations), |x| whole("max_iterations", x))?,
-            restarts: restarts.map_or(Ok(plain.restarts), |x| whole("restarts", x))?,
-            seed: seed.map_or(Ok(plain.seed), |x| whole("seed", x).map(|x| x as u64))?,
+            max_iterations: max_iterations.map_or(Ok(plain.max_iterations), |x| whole(NAME, "max_iterations", x))?,
+            restarts: restarts.map_or(Ok(plain.restarts), |x| whole(NAME, "restarts", x))?,
+            seed: seed.map_or(Ok(plain.seed), |x| whole(NAME, "seed", x).map(|x| x as u64))?,
             step_max: step_max.map_or(Ok(plain.step_max), |x| number(NAME, "step_max", x))?,
             limits: limits.map_or(Ok(plain.limits), |x| flag(NAME, "limits", x))?,
             method: Method::from_name(method)?,

@@ -1,6 +1,9 @@
 //! The keywords of `simulate`, `simulate_batch` and `Simulator`, read into options, initial states, forces and laws.
 
-use crate::arrays::{any_vector, count, flag, number, numbers, object, optional_number, require_finite, shown, text, vector};
+use crate::arrays::{
+    Axis, Form, SCALAR, any_vector, count, flag, items, number, numbers, object, optional_number, owned, require_finite, spread, text,
+    vector, whole,
+};
 use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;
@@ -14,6 +17,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
 use std::sync::Arc;
 
+/// The most rows of a batch that a list gives one by one.
+pub const MOST_ROWS: usize = 1 << 28;
 const A_LAW: &str = "a law such as Adaptive";
 
 /// How to run it, as Python gives it: keyword by keyword.
@@ -63,27 +68,20 @@ impl<'py> Keywords<'py> {
             period: number(function, "period", &period)?,
             delay: field("delay")?,
             jitter: field("jitter")?,
-            sensor_delay: index(function, "sensor_delay", &value.getattr("sensor_delay")?)?,
+            sensor_delay: whole(function, "sensor_delay", &value.getattr("sensor_delay")?)?,
             noise: channels("noise")?,
             resolution: channels("resolution")?,
             rate_limit: field("rate_limit")?,
             torque_sensor: torque_sensor(function, &value.getattr("torque_sensor")?, n)?,
-            seed: index(function, "seed", &value.getattr("seed")?)? as u64,
+            seed: whole(function, "seed", &value.getattr("seed")?)? as u64,
         }))
     }
 
     /// One number for all, or one per joint.
     fn per_joint(&self, name: &str, n: usize) -> Result<Option<Vec<f64>>, Failure> {
         let Some(value) = self.get(name)? else { return Ok(None) };
-        let (shape, values) = numbers(self.function, name, &value)?;
-        match shape.as_slice() {
-            [] => Ok(Some(vec![values[0]; n])),
-            [rows] if *rows == n => Ok(Some(values.into_owned())),
-            _ => {
-                let problem = format!("has the wrong shape: expected a scalar or ({n},), got {}", shown(&shape));
-                Err(input_error(value.py(), self.function, name, problem).into())
-            }
-        }
+        let (shape, values) = numbers(self.function, name, &value, &[SCALAR, Form(&[Axis::Is(n)])])?;
+        Ok(Some(spread(&shape, values, n)?))
     }
 
     pub fn options(&self, n: usize) -> Result<Options, Failure> {
@@ -156,7 +154,11 @@ impl<'py> Keywords<'py> {
         // A step is (t, F): the first thing in a list of lists of steps is no number.
         let inner = value.cast::<PyList>().ok().and_then(|list| list.get_item(0).ok()?.get_item(0).ok());
         let nested = inner.is_some_and(|first| first.is_instance_of::<PyTuple>() || first.is_instance_of::<PyList>());
-        let each = if nested { value.try_iter()?.collect::<PyResult<Vec<_>>>()? } else { vec![value] };
+        let each = if nested {
+            items(self.function, "force", "a list: expected lists of pairs (t_start, F)", &value, MOST_ROWS)?
+        } else {
+            vec![value]
+        };
         let forces = each.iter().map(|value| force::force(self.function, value, rows, raised)).collect::<Result<_, _>>()?;
         Ok((forces, frame))
     }
@@ -164,19 +166,9 @@ impl<'py> Keywords<'py> {
 
 /// `(B, n)` initial states, copied; too many to hold is a `MemoryError` at once.
 fn batch_rows(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<(usize, Vec<f64>), Failure> {
-    let py = value.py();
-    if let Ok(shape) = value.getattr("shape").and_then(|shape| shape.extract::<Vec<usize>>())
-        && let [rows, _] = shape.as_slice()
-        && *rows as u128 * n as u128 * 8 > isize::MAX as u128 / 64
-    {
-        return Err(armlet_core::error::Error::Memory { bytes: *rows as u128 * n as u128 * 8 }.into());
-    }
-    let (shape, values) = numbers(function, name, value)?;
-    if shape.len() != 2 || shape[1] != n {
-        return Err(input_error(py, function, name, format!("has the wrong shape: expected (B, {n}), got {}", shown(&shape))).into());
-    }
-    require_finite(py, function, name, &shape, &values)?;
-    Ok((shape[0], values.into_owned()))
+    let (shape, values) = numbers(function, name, value, &[Form(&[Axis::Any("B"), Axis::Is(n)])])?;
+    require_finite(value.py(), function, name, &shape, &values)?;
+    Ok((shape[0], owned(values)?))
 }
 
 /// An `armlet.TorqueSensor` of `n` joints, or None.
@@ -186,15 +178,9 @@ fn torque_sensor(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> 
     }
     let field = |name: &str| -> Result<f64, Failure> { number(function, name, &value.getattr(name)?) };
     let given = value.getattr("bias")?;
-    let (shape, bias) = numbers(function, "bias", &given)?;
-    let bias = if shape.is_empty() { vec![bias[0]; n] } else { bias.into_owned() };
+    let (shape, bias) = numbers(function, "bias", &given, &[SCALAR, Form(&[Axis::Is(n)])])?;
+    let bias = spread(&shape, bias, n)?;
     Ok(Some(TorqueSensor::new(field("noise")?, bias, field("resolution")?, field("bandwidth")?)?))
-}
-
-/// An integer >= 0.
-fn index(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
-    let refused = || input_error(value.py(), function, name, "is not an integer >= 0: expected such as 0");
-    Ok(value.extract::<usize>().map_err(|_| refused())?)
 }
 
 /// The law as it is, or the callable that stands for one.

@@ -37,6 +37,8 @@ mod _core {
         _restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr, project_parameters,
     };
     #[pymodule_export]
+    use super::arrays::python::numbers;
+    #[pymodule_export]
     use super::elastic::{damping_from_ratio, elastic_limits, equilibrium, smallest_reduced_inertia, stiffness_limit};
     #[pymodule_export]
     use super::integrate::{Stepper, integrate};

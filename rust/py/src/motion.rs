@@ -1,6 +1,6 @@
 //! `armlet.Motion` and its members.
 
-use crate::arrays::{any_vector, new_vector, number, numbers, optional_number, require_finite, shown, vector};
+use crate::arrays::{Axis, Form, SCALAR, any_vector, new_vector, number, numbers, optional_number, require_finite, spread, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::motion::{self, Motion as Core};
@@ -106,17 +106,10 @@ impl Hold {
 
 /// `(n,)`, `(n, terms)` or a scalar, written out as `(n, terms)`.
 fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<(usize, Vec<f64>), Failure> {
-    let (shape, values) = numbers(function, name, value)?;
+    let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Any("k")])];
+    let (shape, values) = numbers(function, name, value, &forms)?;
     require_finite(value.py(), function, name, &shape, &values)?;
-    match shape.as_slice() {
-        [] => Ok((1, vec![values[0]; n])),
-        [rows] if *rows == n => Ok((1, values.into_owned())),
-        [rows, terms] if *rows == n => Ok((*terms, values.into_owned())),
-        _ => {
-            let problem = format!("has the wrong shape: expected ({n},) or ({n}, k), got {}", shown(&shape));
-            Err(input_error(value.py(), function, name, problem).into())
-        }
-    }
+    Ok((shape.get(1).copied().unwrap_or(1), spread(&shape, values, n)?))
 }
 
 /// `offset + sum amplitude sin(frequency t + phase)`, per joint.
@@ -233,12 +226,9 @@ impl Table {
             let mut columns = Vec::new();
             let mut knots = vec![];
             for (name, value) in [("q", q), ("v", v), ("a", a)] {
-                let (shape, values) = numbers("Table", name, value)?;
-                if shape.len() != 2 || (!knots.is_empty() && shape != knots) {
-                    let expected = if knots.is_empty() { "(K, n)".to_string() } else { shown(&knots) };
-                    let problem = format!("has the wrong shape: expected {expected}, got {}", shown(&shape));
-                    return Err(input_error(py, "Table", name, problem).into());
-                }
+                let axes: [Axis<'_>; 2] =
+                    if let [k, n] = knots[..] { [Axis::Is(k), Axis::Is(n)] } else { [Axis::Any("K"), Axis::Any("n")] };
+                let (shape, values) = numbers("Table", name, value, &[Form(&axes)])?;
                 require_finite(py, "Table", name, &shape, &values)?;
                 knots = shape;
                 columns.push(values);

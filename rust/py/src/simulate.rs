@@ -1,12 +1,12 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{count, flag, object, text, written_array};
+use crate::arrays::{count, flag, items, object, text, written_array};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
 use crate::force::{self, Raised, raise};
 use crate::interrupts::listen;
-use crate::keywords::{Keywords, law_of};
+use crate::keywords::{Keywords, MOST_ROWS, law_of};
 use crate::law::Law;
 use crate::plant::Plant;
 use armlet_core::law::LawSpec;
@@ -28,8 +28,8 @@ fn several<'py, T: pyo3::PyClass>(
     expected: &str,
     value: &Bound<'py, PyAny>,
 ) -> Result<Vec<Bound<'py, T>>, Failure> {
-    let items: Vec<Bound<'py, PyAny>> = if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        value.try_iter()?.collect::<PyResult<_>>()?
+    let items = if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+        items(function, name, "a list", value, MOST_ROWS)?
     } else {
         vec![value.clone()]
     };

@@ -1,6 +1,6 @@
 //! `stops=` of a plant: an `armlet.JointStops` with the limits of the arm where it states none.
 
-use crate::arrays::any_vector;
+use crate::arrays::{Axis, Form, SCALAR, numbers, require_finite, spread};
 use crate::errors::{Failure, input_error};
 use armlet_core::dynamics::Model;
 use armlet_core::plant::Stops;
@@ -22,15 +22,11 @@ pub fn stops(function: &'static str, model: &Model, value: Option<&Bound<'_, PyA
         if given.is_none() {
             return Ok(None);
         }
-        if let Ok(x) = given.extract::<f64>() {
-            return Ok(Some(vec![x; n]));
+        let (shape, values) = numbers(function, name, &given, &[SCALAR, Form(&[Axis::Is(n)])])?;
+        if !shape.is_empty() {
+            require_finite(value.py(), function, name, &shape, &values)?;
         }
-        let values = any_vector(function, name, &given)?;
-        if values.len() == n {
-            return Ok(Some(values));
-        }
-        let problem = format!("has the wrong shape: expected a scalar or ({n},), got ({},)", values.len());
-        Err(input_error(value.py(), function, name, problem).into())
+        Ok(Some(spread(&shape, values, n)?))
     };
     let lower = read("lower")?.unwrap_or_else(|| limits(false));
     let upper = read("upper")?.unwrap_or_else(|| limits(true));

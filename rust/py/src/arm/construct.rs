@@ -1,7 +1,7 @@
 //! The constructors of arms, and what pickling stores.
 
 use super::{Arm, Model};
-use crate::arrays::{any_vector, name, number as scalar, numbers, require_finite, shown, text, vector};
+use crate::arrays::{Looked, any_vector, items, name, number as scalar, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::seal::{Sealed, seal_call};
@@ -9,7 +9,7 @@ use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint
 use armlet_core::dynamics::PlanarPr;
 use armlet_core::spatial::{M3, Placement, V3};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
 use std::path::Path;
 
 /// The PR robot on a horizontal plane, `M = [[A, B cos q2], [B cos q2, C]]`, with parameters `(A, B, C)`.
@@ -179,11 +179,7 @@ fn entry_of<const N: usize>(
 ) -> Result<[f64; N], Failure> {
     let Some(value) = joint.get_item(key)? else { return Ok(default) };
     let name = format!("{list}[{i}][{key:?}]");
-    let Ok(items) = value.try_iter() else {
-        let problem = format!("is not a list: expected {N} numbers, got {}", value.get_type());
-        return Err(input_error(joint.py(), function, &name, problem).into());
-    };
-    let items: Vec<Bound<'_, PyAny>> = items.collect::<PyResult<_>>()?;
+    let items = items(function, &name, &format!("a list: expected {N} numbers"), &value, 1024)?;
     if items.len() != N {
         let problem = format!("has the wrong length: expected {N}, got {}", items.len());
         return Err(input_error(joint.py(), function, &name, problem).into());
@@ -281,11 +277,13 @@ fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow, Fai
         return Ok(DhRow { kind, a: get("a")?, alpha: get("alpha")?, d: get("d")?, theta: get("theta")?, phi });
     }
     let name = format!("rows[{i}]");
-    let (shape, x) = numbers(function, &name, row)?;
-    if shape != [4] {
-        let problem = format!("has the wrong shape: expected (4,) (a, alpha, d, theta) or a dict, got {}", shown(&shape));
+    let looked = Looked::at(function, &name, row)?;
+    if looked.shape != [4] {
+        let shape = &looked.shape;
+        let problem = format!("has the wrong shape: expected (4,) (a, alpha, d, theta) or a dict, got {}", shown(shape));
         return Err(input_error(py, function, &name, problem).into());
     }
+    let (shape, x) = looked.values()?;
     require_finite(py, function, &name, &shape, &x)?;
     Ok(DhRow { kind: JointKind::Revolute, a: x[0], alpha: x[1], d: x[2], theta: x[3], phi: [0.0; 10] })
 }
@@ -395,13 +393,9 @@ impl Arm {
     }
 }
 
+/// The most joints of a list.
+const MOST_JOINTS: usize = 1 << 24;
+
 fn as_list<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Failure> {
-    let refuse =
-        || input_error(value.py(), function, name, format!("is not a list: expected one entry per joint, got {}", value.get_type()));
-    if value.is_instance_of::<PyDict>() || value.extract::<String>().is_ok() {
-        return Err(refuse().into());
-    }
-    let list: Bound<'py, PyList> =
-        value.try_iter().and_then(|items| PyList::new(value.py(), items.collect::<PyResult<Vec<_>>>()?)).map_err(|_| refuse())?;
-    Ok(list.iter().collect())
+    items(function, name, "a list: expected one entry per joint", value, MOST_JOINTS)
 }

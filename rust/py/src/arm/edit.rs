@@ -1,7 +1,7 @@
 //! Arms made from arms, and an arm as URDF.
 
 use super::Arm;
-use crate::arrays::{name, number, numbers, shown, text, three, vector};
+use crate::arrays::{Axis, Form, name, number, numbers, text, three, vector};
 use crate::errors::{Failure, entry, input_error};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -143,11 +143,7 @@ impl Arm {
             let (mass, com) = (number(NAME, "mass", mass)?, three(NAME, "com", com)?);
             let mut about = [[0.0; 3]; 3];
             if let Some(inertia) = inertia {
-                let (shape, values) = numbers(NAME, "inertia", inertia)?;
-                if shape != [3, 3] {
-                    let problem = format!("has the wrong shape: expected (3, 3), got {}", shown(&shape));
-                    return Err(input_error(py, NAME, "inertia", problem).into());
-                }
+                let (_, values) = numbers(NAME, "inertia", inertia, &[Form(&[Axis::Is(3), Axis::Is(3)])])?;
                 about = std::array::from_fn(|i| std::array::from_fn(|j| values[3 * i + j]));
             }
             Ok(self.model.tree(NAME)?.with_payload(frame, mass, com, about)?.into())

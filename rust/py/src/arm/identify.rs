@@ -1,7 +1,7 @@
 //! Base parameters, physical consistency and identification: arrays in, the classes of `armlet.identification` out.
 
 use super::Arm;
-use crate::arrays::{any_vector, flag_or_false, index_of, integers, new_array, number, numbers, require_finite, shown, vector};
+use crate::arrays::{Looked, any_vector, copied, flag_or_false, index_of, number, owned, require_finite, shown, taken, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
@@ -15,21 +15,14 @@ fn made<'py>(py: Python<'py>, class: &str, fields: &Bound<'py, PyDict>) -> PyRes
     py.import("armlet.identification")?.getattr(class)?.call((), Some(fields))
 }
 
-fn array<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
-    new_array(py, shape, |out| {
-        out.copy_from_slice(values);
-        Ok(())
-    })
-}
-
 fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: bool, friction: bool) -> Result<Bound<'py, PyAny>, Failure> {
     let py = arm.py();
     let (b, p) = (found.count(), found.names.len());
     let fields = PyDict::new(py);
     fields.set_item("arm", arm)?;
     let columns: Vec<i64> = found.independent.columns.iter().map(|&j| j as i64).collect();
-    fields.set_item("columns", integers(py, &[b], columns)?)?;
-    fields.set_item("projection", array(py, &[b, p], &found.independent.projection)?)?;
+    fields.set_item("columns", taken(py, &[b], columns)?)?;
+    fields.set_item("projection", copied(py, &[b, p], &found.independent.projection)?)?;
     fields.set_item("names", PyTuple::new(py, &found.names)?)?;
     fields.set_item("grouping", PyTuple::new(py, found.grouping())?)?;
     fields.set_item("unseen", PyTuple::new(py, found.unseen())?)?;
@@ -110,7 +103,7 @@ impl Arm {
             let fields = PyDict::new(py);
             fields.set_item("joints", PyTuple::new(py, self.model.joint_names())?)?;
             let values: Vec<f64> = bodies.iter().flat_map(|body| body.eigenvalues).collect();
-            fields.set_item("eigenvalues", array(py, &[bodies.len(), 4], &values)?)?;
+            fields.set_item("eigenvalues", copied(py, &[bodies.len(), 4], &values)?)?;
             fields.set_item("problems", PyTuple::new(py, bodies.iter().map(|body| body.problem.as_str()))?)?;
             Ok(made(py, "ParameterReport", &fields)?)
         })
@@ -188,15 +181,17 @@ impl Arm {
             let n = arm.n();
             let mut shape: Option<Vec<usize>> = None;
             let mut record = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {
-                let (given, values) = numbers(NAME, name, value)?;
+                let looked = Looked::at(NAME, name, value)?;
+                let given = looked.shape.clone();
                 if given.len() < 2 || given.last() != Some(&n) || shape.as_ref().is_some_and(|first| *first != given) {
                     let wanted = shape.as_ref().map_or(format!("(samples, {n})"), |first| shown(first));
                     let problem = format!("has the wrong shape: expected {wanted}, got {}", shown(&given));
                     return Err(input_error(py, NAME, name, problem).into());
                 }
+                let (given, values) = looked.values()?;
                 require_finite(py, NAME, name, &given, &values)?;
                 shape = Some(given);
-                Ok(values.into_owned())
+                owned(values)
             };
             let [q, v, a, tau] = [record("q", q)?, record("v", v)?, record("a", a)?, record("tau", tau)?];
             let noise = noise.map(|noise| vector(NAME, "noise", noise, n)).transpose()?;
@@ -206,14 +201,14 @@ impl Arm {
             let (b, p) = (found.base.count(), found.base.names.len());
             let fields = PyDict::new(py);
             fields.set_item("base", base_object(slf, &found.base, armature, friction)?)?;
-            fields.set_item("values", array(py, &[b], &found.values)?)?;
-            fields.set_item("deviations", array(py, &[b], &found.deviations)?)?;
-            fields.set_item("covariance", array(py, &[b, b], &found.covariance)?)?;
+            fields.set_item("values", copied(py, &[b], &found.values)?)?;
+            fields.set_item("deviations", copied(py, &[b], &found.deviations)?)?;
+            fields.set_item("covariance", copied(py, &[b, b], &found.covariance)?)?;
             fields.set_item("rank", found.rank)?;
             fields.set_item("condition", found.condition)?;
-            fields.set_item("singular_values", array(py, &[b], &found.singular_values)?)?;
-            fields.set_item("residuals", array(py, &[n], &found.residuals)?)?;
-            fields.set_item("parameters", array(py, &[p], &found.parameters)?)?;
+            fields.set_item("singular_values", copied(py, &[b], &found.singular_values)?)?;
+            fields.set_item("residuals", copied(py, &[n], &found.residuals)?)?;
+            fields.set_item("parameters", copied(py, &[p], &found.parameters)?)?;
             Ok(made(py, "Identification", &fields)?)
         })
     }
@@ -242,7 +237,7 @@ fn projected<'py>(
     let (length, floor) = (positive(NAME, "length", length, LENGTH)?, positive(NAME, "floor", floor, FLOOR)?);
     let projected = consistency::project_parameters(pi, length, floor)?;
     match projected.iter().position(|x| !x.is_finite()) {
-        None => array(py, &[pi.len()], &projected),
+        None => copied(py, &[pi.len()], &projected),
         Some(k) => {
             Err(Error::input("pi", format!("overflows: expected moderate numbers (first bad index {})", index_of(&[pi.len()], k))).into())
         }

@@ -1,9 +1,9 @@
 //! Arguments that are not arrays: a number, a flag, a name, an object.
 
-use super::numbers;
+use super::Looked;
 use crate::errors::{Failure, input_error};
 use pyo3::prelude::*;
-use pyo3::types::{PyFloat, PyString};
+use pyo3::types::{PyBool, PyFloat, PyString};
 
 /// What was given, for a message: its type, and the value where it is short.
 fn given(value: &Bound<'_, PyAny>) -> String {
@@ -17,8 +17,8 @@ pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f6
     if let Ok(number) = value.cast::<PyFloat>() {
         return Ok(number.value());
     }
-    match numbers(function, name, value) {
-        Ok((shape, values)) if shape.is_empty() => Ok(values[0]),
+    match Looked::at(function, name, value) {
+        Ok(looked) if looked.shape.is_empty() => Ok(looked.values()?.1[0]),
         Err(Failure::Python(error)) if !error.is_instance_of::<pyo3::exceptions::PyValueError>(value.py()) => Err(error.into()),
         _ => Err(input_error(value.py(), function, name, format!("is not a number: expected a real number, got {}", given(value))).into()),
     }
@@ -31,12 +31,30 @@ pub fn optional_number(function: &str, name: &str, value: Option<&Bound<'_, PyAn
 
 /// An integer of at least one.
 pub fn count(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
-    match value.extract::<usize>() {
-        Ok(count) if count > 0 && !value.is_instance_of::<pyo3::types::PyBool>() => Ok(count),
-        _ => {
-            let problem = format!("is not a positive integer: expected an integer >= 1, got {}", given(value));
-            Err(input_error(value.py(), function, name, problem).into())
-        }
+    let problem = || format!("is not a positive integer: expected an integer >= 1, got {}", given(value));
+    Ok(integer(value).filter(|&count| count > 0).ok_or_else(|| input_error(value.py(), function, name, problem()))?)
+}
+
+/// An integer of at least zero.
+pub fn whole(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    let problem = || format!("is not a count: expected an integer >= 0, got {}", given(value));
+    Ok(integer(value).ok_or_else(|| input_error(value.py(), function, name, problem()))?)
+}
+
+/// An integer of at least zero, numpy's too; not a boolean.
+fn integer(value: &Bound<'_, PyAny>) -> Option<usize> {
+    value.extract::<usize>().ok().filter(|_| !value.is_instance_of::<PyBool>())
+}
+
+/// An integer, numpy's too; not a boolean. One beyond 64 bits is as far out as one can be.
+pub fn signed(value: &Bound<'_, PyAny>) -> Option<isize> {
+    if value.is_instance_of::<PyBool>() {
+        return None;
+    }
+    match value.extract::<isize>() {
+        Ok(integer) => Some(integer),
+        Err(error) if error.is_instance_of::<pyo3::exceptions::PyOverflowError>(value.py()) => Some(isize::MAX),
+        Err(_) => None,
     }
 }
 

@@ -3,8 +3,8 @@
 //! A decreasing span runs on the time `s = -t`: `dy/ds = -f(-s, y)`. The first exception is kept and the slope is NaN from then on,
 //! so that the method ends at once without calling Python again.
 
-use crate::arrays::{Lent, numbers, of_shape, shown};
-use crate::errors::{Failure, input_error, to_python};
+use crate::arrays::{Axis, Form, Lent, SCALAR, numbers, of_shape};
+use crate::errors::{Failure, to_python};
 use armlet_core::integrate::{Differentiable, System};
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -167,11 +167,9 @@ fn with_state<'py>(
 /// Anything that numpy takes for `n` numbers.
 fn slow(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
     const WHAT: &str = "f(t, y)";
-    let (shape, values) = numbers(function, WHAT, value).map_err(|failure| python(py, function, failure))?;
-    if values.len() != out.len() || shape.len() > 1 {
-        let problem = format!("has the wrong shape: expected ({},), got {}", out.len(), shown(&shape));
-        return Err(input_error(py, function, WHAT, problem));
-    }
+    let forms = [Form(&[Axis::Is(out.len())]), SCALAR];
+    let forms = if out.len() == 1 { &forms[..] } else { &forms[..1] };
+    let (_, values) = numbers(function, WHAT, value, forms).map_err(|failure| python(py, function, failure))?;
     out.copy_from_slice(&values);
     Ok(())
 }
@@ -185,10 +183,8 @@ pub fn python(py: Python<'_>, function: &str, failure: Failure) -> PyErr {
 
 /// `jac(t, y)` as `(n, n)` numbers.
 pub fn matrix(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, out: &mut [f64], n: usize) -> PyResult<()> {
-    let (shape, values) = numbers(function, "jac", value).map_err(|failure| python(py, function, failure))?;
-    if shape != [n, n] {
-        return Err(input_error(py, function, "jac", format!("has the wrong shape: expected ({n}, {n}), got {}", shown(&shape))));
-    }
+    let form = Form(&[Axis::Is(n), Axis::Is(n)]);
+    let (_, values) = numbers(function, "jac", value, &[form]).map_err(|failure| python(py, function, failure))?;
     out.copy_from_slice(&values);
     Ok(())
 }

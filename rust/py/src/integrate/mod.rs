@@ -5,7 +5,7 @@ mod stepper;
 
 pub use stepper::Stepper;
 
-use crate::arrays::{flag, new_array, number, numbers, optional_number, require_finite, shown, text};
+use crate::arrays::{Axis, Form, SCALAR, any_vector, flag, new_array, number, numbers, optional_number, require_finite, spread, text};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::integrate::events::Event;
 use armlet_core::integrate::solve::{Recorder, Request, node, solve};
@@ -74,13 +74,9 @@ impl Settings {
         if !(rtol >= least && rtol < f64::INFINITY) {
             return Err(refuse("rtol", format!("is too small: expected a finite number >= {least:.2e}, got {rtol}")));
         }
-        let (shape, values) = numbers(function, "atol", atol)?;
+        let (shape, values) = numbers(function, "atol", atol, &[SCALAR, Form(&[Axis::Is(n)])])?;
         require_finite(py, function, "atol", &shape, &values)?;
-        let atol = match shape.as_slice() {
-            [] => vec![values[0]; n],
-            [rows] if *rows == n => values.into_owned(),
-            _ => return Err(refuse("atol", format!("has the wrong shape: expected a scalar or ({n},), got {}", shown(&shape)))),
-        };
+        let atol = spread(&shape, values, n)?;
         if let Some(i) = atol.iter().position(|&x| !(x >= 0.0)) {
             return Err(refuse("atol", format!("is negative: expected numbers >= 0, got {} (first bad index {i})", atol[i])));
         }
@@ -144,13 +140,12 @@ fn fixed<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(method: M, 
 
 /// `y0`: a finite vector, at least one number.
 fn initial_state(function: &str, name: &str, y0: &Bound<'_, PyAny>) -> Result<Vec<f64>, Failure> {
-    let (shape, values) = numbers(function, name, y0)?;
-    if shape.len() != 1 || shape[0] == 0 {
-        let problem = format!("has the wrong shape: expected (n,) with n >= 1, got {}", shown(&shape));
-        return Err(input_error(y0.py(), function, name, problem).into());
+    let py = y0.py();
+    let y0 = any_vector(function, name, y0)?;
+    if y0.is_empty() {
+        return Err(input_error(py, function, name, "has the wrong shape: expected (n,) with n >= 1, got (0,)").into());
     }
-    require_finite(y0.py(), function, name, &shape, &values)?;
-    Ok(values.into_owned())
+    Ok(y0)
 }
 
 /// What `jac=` is: None, a matrix or a callable.

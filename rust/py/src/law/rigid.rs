@@ -1,7 +1,7 @@
 //! Laws of rigid arms.
 
 use super::{Given, Law};
-use crate::arrays::{numbers, shown};
+use crate::arrays::{Looked, WHATEVER, numbers, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec, Projection};
 use armlet_core::motion::Motion;
@@ -45,7 +45,8 @@ fn base_of<'py>(given: &mut Given<'py>, base: &Bound<'py, PyAny>, p: usize) -> R
     let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected what arm.base_parameters() returns, or None");
     let field = |name: &str| base.getattr(name).map_err(|_| refused());
     let columns: Vec<usize> = field("columns")?.call_method0("tolist")?.extract().map_err(|_| refused())?;
-    let (shape, projection) = numbers("Adaptive", "base", &field("projection")?).map(|(shape, values)| (shape, values.into_owned()))?;
+    let (shape, projection) =
+        numbers("Adaptive", "base", &field("projection")?, &[WHATEVER]).map(|(shape, values)| (shape, values.into_owned()))?;
     if shape != [columns.len(), p] {
         let problem =
             format!("is of another arm or has columns of friction: expected a projection ({}, {p}), got {}", columns.len(), shown(&shape));
@@ -60,7 +61,7 @@ const LENGTH: f64 = 0.1;
 
 /// A mass, or the parameters of the least bodies.
 fn least_bodies<'py>(given: &mut Given<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
-    if numbers("Adaptive", "projection", projection)?.0.is_empty() {
+    if Looked::at("Adaptive", "projection", projection)?.shape.is_empty() {
         let mass = given.number("projection", projection)?;
         return Ok(Projection::of_mass(p, mass, LENGTH)?);
     }

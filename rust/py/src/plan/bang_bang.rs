@@ -1,12 +1,13 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
 use super::{NAMES, Problem, again, float, part, problem, scalar, symmetric, truth};
-use crate::arrays::{index_of, new_array, new_flags, shown, written_arrays};
+use crate::arrays::{copied, index_of, items, new_array, shown, signed, written_arrays};
 use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
 use armlet_core::plan::{self, Bind as Core};
+use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
 
@@ -287,6 +288,9 @@ pub struct BangBangBatch {
 /// Problems solved between two looks at the keyboard: some milliseconds.
 const CHUNK: usize = 1 << 16;
 
+/// The most axes of an index: those of numpy's arrays.
+const MOST_AXES: usize = 64;
+
 /// A refused problem of a batch, with its index.
 fn refused(py: Python<'_>, function: &str, shape: &[usize], i: usize, error: Error) -> Failure {
     match error {
@@ -321,7 +325,7 @@ impl BangBangBatch {
         .map(Bound::unbind);
         let solved = flags[0].iter().filter(|&&f| f).count();
         let [feasible, hold_start, hold_end] = flags;
-        let flag = |x: Vec<bool>| Ok::<_, Failure>(new_flags(py, shape, &x)?.unbind());
+        let flag = |x: Vec<bool>| Ok::<_, Failure>(copied(py, shape, &x)?.unbind());
         Ok(BangBangBatch {
             feasible: flag(feasible)?,
             hold_start: flag(hold_start)?,
@@ -361,15 +365,23 @@ impl BangBangBatch {
 
     /// The report of one problem: its index in C order, or one index for each axis.
     fn __getitem__(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<BangBangReport> {
-        let parts: Vec<isize> = index.extract().or_else(|_| index.extract().map(|i| vec![i]))?;
-        let shape: &[usize] = if parts.len() == 1 { &[self.problems.count] } else { &self.problems.shape };
-        let mut flat = Some(0).filter(|_| parts.len() == shape.len());
-        for (&i, &n) in parts.iter().zip(shape) {
-            let inside = if i < 0 { i + n as isize } else { i };
-            flat = flat.filter(|_| inside >= 0 && inside < n as isize).map(|k| k * n + inside as usize);
-        }
-        let flat = flat.ok_or_else(|| pyo3::exceptions::PyIndexError::new_err(format!("index {index} outside shape {shape:?}")))?;
-        entry(py, "BangBangBatch", || Ok(self.report(flat)?))
+        entry(py, "BangBangBatch", || {
+            let what = "an index: expected an integer, or one for each axis";
+            let parts = match index.cast::<PyTuple>() {
+                Ok(parts) => items("BangBangBatch", "index", what, parts, MOST_AXES)?,
+                Err(_) => vec![index.clone()],
+            };
+            let shape: &[usize] = if parts.len() == 1 { &[self.problems.count] } else { &self.problems.shape };
+            let mut flat = Some(0).filter(|_| parts.len() == shape.len());
+            for (part, &n) in parts.iter().zip(shape) {
+                let i = signed(part)
+                    .ok_or_else(|| input_error(py, "BangBangBatch", "index", format!("is not {what}, got {}", part.get_type())))?;
+                let inside = if i < 0 { i.saturating_add_unsigned(n) } else { i };
+                flat = flat.filter(|_| inside >= 0 && inside < n as isize).map(|k| k * n + inside as usize);
+            }
+            let outside = || PyIndexError::new_err(format!("BangBangBatch: index is out of range: expected one in shape {}", shown(shape)));
+            Ok(self.report(flat.ok_or_else(outside)?)?)
+        })
     }
 
     fn __repr__(&self) -> String {

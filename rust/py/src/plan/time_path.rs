@@ -2,7 +2,9 @@
 
 use super::timed_path::TimedPath;
 use crate::arm::{Arm, Model};
-use crate::arrays::{count, number, numbers, object, require_finite, shown, text, vector};
+use crate::arrays::{
+    Axis, Form, Looked, SCALAR, count, items, number, numbers, object, require_finite, shown, spread, text, vector, whole,
+};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use armlet_core::motion::{Ends, Path};
@@ -18,34 +20,21 @@ const MOST_SAMPLES: usize = 1_000_000;
 
 /// `(n,)` from a scalar or `(n,)`.
 fn limit(name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
-    let (shape, values) = numbers(NAME, name, value)?;
+    let (shape, values) = numbers(NAME, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
     require_finite(value.py(), NAME, name, &shape, &values)?;
-    match shape.as_slice() {
-        [] => Ok(vec![values[0]; n]),
-        [rows] if *rows == n => Ok(values.into_owned()),
-        _ => {
-            Err(input_error(value.py(), NAME, name, format!("has the wrong shape: expected a number or ({n},), got {}", shown(&shape)))
-                .into())
-        }
-    }
+    spread(&shape, values, n)
 }
 
 /// Lower and upper limits from a scalar or `(n,)`, symmetric, or from `(n, 2)`.
 fn torque(value: &Bound<'_, PyAny>, n: usize) -> Result<(Vec<f64>, Vec<f64>), Failure> {
     let py = value.py();
-    let (shape, values) = numbers(NAME, "tau_max", value)?;
+    let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Is(2)])];
+    let (shape, values) = numbers(NAME, "tau_max", value, &forms)?;
     require_finite(py, NAME, "tau_max", &shape, &values)?;
-    let upper = match shape.as_slice() {
-        [] => vec![values[0]; n],
-        [rows] if *rows == n => values.into_owned(),
-        [rows, 2] if *rows == n => {
-            return Ok((values.chunks_exact(2).map(|row| row[0]).collect(), values.chunks_exact(2).map(|row| row[1]).collect()));
-        }
-        _ => {
-            let problem = format!("has the wrong shape: expected a number, ({n},) or ({n}, 2), got {}", shown(&shape));
-            return Err(input_error(py, NAME, "tau_max", problem).into());
-        }
-    };
+    if shape.len() == 2 {
+        return Ok((values.chunks_exact(2).map(|row| row[0]).collect(), values.chunks_exact(2).map(|row| row[1]).collect()));
+    }
+    let upper = spread(&shape, values, n)?;
     if let Some(k) = upper.iter().position(|x| !(*x > 0.0)) {
         let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {k})") };
         return Err(input_error(py, NAME, "tau_max", format!("is not positive: expected numbers > 0, got {}{at}", upper[k])).into());
@@ -89,11 +78,13 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
         }
         parts = given.len();
         for (column, value) in columns.iter_mut().zip(&given) {
-            let (shape, values) = numbers(NAME, "path", value)?;
-            if shape != [n] {
-                let problem = format!("returns the wrong shape: expected ({n},) or three of ({n},), got {} at s = {at}", shown(&shape));
+            let looked = Looked::at(NAME, "path", value)?;
+            if looked.shape != [n] {
+                let shape = shown(&looked.shape);
+                let problem = format!("returns the wrong shape: expected ({n},) or three of ({n},), got {shape} at s = {at}");
                 return Err(input_error(py, NAME, "path", problem).into());
             }
+            let (_, values) = looked.values()?;
             if let Some(j) = values.iter().position(|x| !x.is_finite()) {
                 let problem = format!("is not finite: expected finite numbers, got {} at s = {at} (first bad index {j})", values[j]);
                 return Err(input_error(py, NAME, "path", problem).into());
@@ -206,18 +197,14 @@ pub fn time_path<'py>(
             if samples.is_some() {
                 return Err(input_error(py, NAME, "samples", "is not used: expected None for waypoints").into());
             }
-            let (shape, q) = numbers(NAME, "path", path)?;
-            if shape.len() != 2 || shape[1] != n {
-                return Err(input_error(py, NAME, "path", format!("has the wrong shape: expected (K, {n}), got {}", shown(&shape))).into());
-            }
+            let (shape, q) = numbers(NAME, "path", path, &[Form(&[Axis::Any("K"), Axis::Is(n)])])?;
             require_finite(py, NAME, "path", &shape, &q)?;
             let knots = knots.map(|value| vector(NAME, "knots", value, shape[0])).transpose()?;
             Path::waypoints(&q, n, knots.as_deref(), ends(spline, Ends::Natural)?)?
         };
         if let Some(value) = stops {
-            for stop in value.try_iter()? {
-                let stop = stop?;
-                let k = stop.extract::<usize>().ok().and_then(|k| knot.get(k).copied());
+            for stop in items(NAME, "stops", "a list: expected indices of waypoints", value, knot.len())? {
+                let k = whole(NAME, "stops", &stop).ok().and_then(|k| knot.get(k).copied());
                 let problem = || format!("is out of range: expected indices of waypoints below {}, got {stop}", knot.len());
                 options.stops.push(k.ok_or_else(|| input_error(py, NAME, "stops", problem()))?);
             }

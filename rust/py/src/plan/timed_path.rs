@@ -1,6 +1,6 @@
 //! The motion that `armlet.time_path` gives, and its pickling.
 
-use crate::arrays::{index_of, new_array, numbers};
+use crate::arrays::{WHATEVER, index_of, new_array, numbers, owned};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
 use crate::seal::{Sealed, seal_call};
@@ -47,13 +47,13 @@ impl TimedPath {
         write: impl Fn(f64, &mut [f64]),
     ) -> Result<Triple<'py>, Failure> {
         let py = x.py();
-        let (mut shape, values) = numbers(function, name, x)?;
+        let (mut shape, values) = numbers(function, name, x, &[WHATEVER])?;
         if let Some(k) = values.iter().position(|x| !x.is_finite()) {
             let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&shape, k)) };
             return Err(input_error(py, function, name, format!("is not finite: expected finite numbers, got {}{at}", values[k])).into());
         }
         let n = self.core.dof();
-        let mut all = vec![0.0; 3 * n * values.len()];
+        let mut all = armlet_core::memory::zeros((3 * n).saturating_mul(values.len()))?;
         for (x, row) in values.iter().zip(all.chunks_exact_mut(3 * n)) {
             write(*x, row);
         }
@@ -131,7 +131,7 @@ impl TimedPath {
             let path = self.core.path();
             let (n, knots) = (path.dof(), path.knots());
             let (first, last) = (knots[0], knots[knots.len() - 1]);
-            if let Some(k) = numbers(NAME, "s", s)?.1.iter().position(|s| s.is_finite() && !(first..=last).contains(s)) {
+            if let Some(k) = numbers(NAME, "s", s, &[WHATEVER])?.1.iter().position(|s| s.is_finite() && !(first..=last).contains(s)) {
                 let problem = format!("is not on the path: expected {first} to {last} (first bad index {k})");
                 return Err(input_error(s.py(), NAME, "s", problem).into());
             }
@@ -232,7 +232,7 @@ pub fn _restore_time_path<'py>(
     entry(py, NAME, || {
         let mut arrays = Vec::new();
         for part in &parts {
-            arrays.push(numbers(NAME, "parts", part)?.1.into_owned());
+            arrays.push(owned(numbers(NAME, "parts", part, &[WHATEVER])?.1)?);
         }
         let [knots, coefficients, end, s, x, bend, t, u] =
             <[Vec<f64>; 8]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected eight arrays"))?;

@@ -1,7 +1,7 @@
 //! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
 
 use super::{Problem, again, float, part, scalar, single, truth};
-use crate::arrays::{new_array, numbers, require_finite};
+use crate::arrays::{WHATEVER, new_array, numbers, require_finite};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
@@ -104,7 +104,7 @@ impl TorqueOptimum {
             }
             return Ok(out.try_into().expect("four numbers"));
         }
-        let (shape, times) = numbers(function, "t", t)?;
+        let (shape, times) = numbers(function, "t", t, &[WHATEVER])?;
         require_finite(py, function, "t", &shape, &times)?;
         let samples: Vec<_> = times.iter().map(|&t| profile.at(t)).collect();
         let part = |k: usize| {

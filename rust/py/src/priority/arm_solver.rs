@@ -1,10 +1,12 @@
 //! `armlet.PrioritySolver.for_arm`: joint angles and task velocities in, joint velocities out.
 
 use super::diagnosis::fields;
-use super::solution::{copied, residual_list, status_member};
+use super::solution::{residual_list, status_member};
 use super::stack::{Keywords, items, per_joint};
 use crate::arm::Arm;
-use crate::arrays::{integers, new_array, new_vector, numbers, object, of_shape, out_of_shape, out_slice, require_finite, shown, vector};
+use crate::arrays::{
+    Axis, Form, copied, new_array, new_vector, numbers, object, of_shape, out_of_shape, out_slice, require_finite, shown, taken, vector,
+};
 use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::listen;
@@ -147,17 +149,13 @@ impl ArmPrioritySolver {
         let mut parts = Vec::with_capacity(velocities.len());
         for (i, (velocity, &m)) in velocities.iter().zip(&self.rows).enumerate() {
             let name = format!("velocities[{i}]");
-            let (mut shape, values) = numbers(SOLVE, &name, velocity)?;
-            if shape.last() != Some(&m) {
-                let problem = format!("has the wrong shape: expected (..., {m}), got {}", shown(&shape));
-                return Err(input_error(py, SOLVE, &name, problem).into());
-            }
+            let (mut shape, values) = numbers(SOLVE, &name, velocity, &[Form(&[Axis::Leading, Axis::Is(m)])])?;
             require_finite(py, SOLVE, &name, &shape, &values)?;
             shape.pop();
             parts.push((shape, values));
         }
-        require_all_finite(SOLVE, ["q"], [q])?;
         let given = broadcast(SOLVE, ["q"], [q], [self.n])?;
+        require_all_finite(SOLVE, ["q"], [q])?;
         let mut shapes: Vec<Vec<usize>> = parts.iter().map(|(shape, _)| shape.clone()).collect();
         shapes.push(given.shape.clone());
         let lead = crate::broadcast::common_shape(&shapes).ok_or_else(|| {
@@ -335,7 +333,7 @@ impl ArmPrioritySolver {
     #[getter]
     fn ranks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let ranks: Vec<i64> = self.state().solver().ranks().iter().map(|&r| r as i64).collect();
-        let array = integers(py, &[ranks.len()], ranks)?;
+        let array = taken(py, &[ranks.len()], ranks)?;
         array.call_method0("tolist")
     }
 

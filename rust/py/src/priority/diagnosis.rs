@@ -1,8 +1,7 @@
 //! `armlet._core.diagnose_priority`, the fields of `armlet.PriorityDiagnosis`; and `armlet.velocity_bounds`.
 
-use super::solution::copied;
 use super::stack::{Stack, items, per_joint};
-use crate::arrays::{any_vector, new_vector, shown};
+use crate::arrays::{any_vector, copied, new_vector, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::priority::{Diagnosis, diagnose, velocity_bounds as core_bounds};
 use pyo3::prelude::*;

@@ -1,7 +1,7 @@
 //! `armlet.solve_priority` and its answer, for one stack or for a batch of stacks.
 
 use super::stack::{Keywords, Stack, items};
-use crate::arrays::{integers, new_array, of_shape};
+use crate::arrays::{copied, of_shape, taken};
 use crate::errors::{Failure, entry};
 use crate::interrupts::listen;
 use crate::seal::{Sealed, seal};
@@ -55,14 +55,6 @@ pub fn status_member(py: Python<'_>, status: Status) -> PyResult<Py<PyAny>> {
         Status::ALL.iter().map(|s| Ok(class.call1((s.code(),))?.unbind())).collect::<PyResult<Vec<_>>>()
     })?;
     Ok(members[status.code() as usize].clone_ref(py))
-}
-
-/// A copy of these numbers as an array.
-pub fn copied<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
-    new_array(py, shape, |out| {
-        out.copy_from_slice(values);
-        Ok(())
-    })
 }
 
 /// The residuals of the last solve as a list of vectors.
@@ -250,13 +242,12 @@ fn batch(py: Python<'_>, solver: Core, stack: Stack) -> Result<PrioritySolution,
         }
     }
     let shape = |last: &[usize]| -> Vec<usize> { stack.lead.iter().chain(last).copied().collect() };
-    let residuals =
-        stack.rows.iter().zip(residuals).map(|(m, r)| Ok(integers(py, &shape(&[*m]), r)?)).collect::<Result<Vec<_>, Failure>>()?;
+    let residuals = stack.rows.iter().zip(residuals).map(|(m, r)| Ok(taken(py, &shape(&[*m]), r)?)).collect::<Result<Vec<_>, Failure>>()?;
     Ok(PrioritySolution {
-        v: integers(py, &shape(&[stack.n]), v)?.unbind(),
+        v: taken(py, &shape(&[stack.n]), v)?.unbind(),
         residuals: PyList::new(py, residuals)?.into_any().unbind(),
-        ranks: integers(py, &shape(&[levels]), ranks)?.unbind(),
-        scales: integers(py, &shape(&[levels]), scales)?.unbind(),
-        status: integers(py, &stack.lead, status)?.unbind(),
+        ranks: taken(py, &shape(&[levels]), ranks)?.unbind(),
+        scales: taken(py, &shape(&[levels]), scales)?.unbind(),
+        status: taken(py, &stack.lead, status)?.unbind(),
     })
 }

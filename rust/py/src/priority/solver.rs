@@ -1,9 +1,9 @@
 //! `armlet.PrioritySolver`: buffers built once, then solves without allocation in the core.
 
 use super::arm_solver::{ArmPrioritySolver, for_arm};
-use super::solution::{copied, residual_list, status_member};
-use super::stack::{Keywords, Stack, items, per_joint, require_size};
-use crate::arrays::{count, new_vector, of_shape, out_slice, shown};
+use super::solution::{residual_list, status_member};
+use super::stack::{Keywords, MOST_LEVELS, Stack, items, per_joint, require_size};
+use crate::arrays::{self, copied, count, new_vector, of_shape, out_slice, shown, whole};
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::priority::{DEFAULT_ROUNDING, Options, PrioritySolver as Core};
@@ -273,8 +273,12 @@ impl PrioritySolver {
 
 /// Rows of each level: integers of at least zero.
 fn row_counts(function: &str, rows: &Bound<'_, PyAny>) -> Result<Vec<usize>, Failure> {
-    rows.extract::<Vec<usize>>().map_err(|_| {
-        let got = rows.repr().map(|text| text.to_string()).unwrap_or_default();
-        input_error(rows.py(), function, "rows", format!("is not a list of sizes: expected integers >= 0, one per level, got {got}")).into()
-    })
+    let what = "a list of sizes: expected integers >= 0, one per level";
+    let sizes = arrays::items(function, "rows", what, rows, MOST_LEVELS)?;
+    sizes
+        .iter()
+        .map(|size| {
+            whole(function, "rows", size).map_err(|_| input_error(rows.py(), function, "rows", format!("is not {what}, got {size}")).into())
+        })
+        .collect()
 }

@@ -1,28 +1,18 @@
 //! Levels in: lists of Jacobians `(..., rows_i, n)` and task velocities `(..., rows_i)`, checked and broadcast over their leading axes.
 
-use crate::arrays::{numbers, require_finite, shown};
+use crate::arrays::{self, Axis, Form, Looked, SCALAR, numbers, require_finite, shown, spread};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
 use armlet_core::priority::{Method, Options};
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyTuple};
 use std::borrow::Cow;
+
+/// Sizes of a solver are at most this: the buffers grow with `(n + rows)^2`.
+pub const MOST_LEVELS: usize = 4096;
 
 /// The entries of a list, tuple or other iterable of arrays, one per level.
 pub fn items<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Failure> {
-    if let Ok(list) = value.cast::<PyList>() {
-        return Ok(list.iter().collect());
-    }
-    if let Ok(tuple) = value.cast::<PyTuple>() {
-        return Ok(tuple.iter().collect());
-    }
-    match value.try_iter() {
-        Ok(entries) => Ok(entries.collect::<PyResult<Vec<_>>>()?),
-        Err(_) => {
-            let problem = format!("is not a list of arrays: expected one per level, got {}", value.get_type());
-            Err(input_error(value.py(), function, name, problem).into())
-        }
-    }
+    arrays::items(function, name, "a list of arrays: expected one per level", value, MOST_LEVELS)
 }
 
 /// One array of one level: elements, leading axes, elements per row of the batch.
@@ -80,36 +70,33 @@ impl<'a> Stack<'a> {
         let (mut blocks, mut commands, mut rows) = (Vec::new(), Vec::new(), Vec::new());
         for (i, jacobian) in jacobians.iter().enumerate() {
             let name = format!("{}[{i}]", names[0]);
-            let (shape, values) = numbers(function, &name, jacobian)?;
-            let &[ref lead @ .., m, columns] = shape.as_slice() else {
-                return Err(refuse(&name, format!("has the wrong shape: expected (..., rows, n), got {}", shown(&shape))));
-            };
+            let looked = Looked::at(function, &name, jacobian)?.of(&[Form(&[Axis::Leading, Axis::Any("rows"), Axis::Any("n")])])?;
+            let (lead, [m, columns]) = looked.shape.split_last_chunk().map(|(lead, last)| (lead.to_vec(), *last)).unwrap_or_default();
             if i == 0 {
                 n = columns;
                 if n == 0 {
-                    return Err(refuse(&name, format!("has no columns: expected at least one joint, got {}", shown(&shape))));
+                    return Err(refuse(&name, format!("has no columns: expected at least one joint, got {}", shown(&looked.shape))));
                 }
             }
             if columns != n {
                 return Err(refuse(&name, format!("has the wrong number of columns: expected {n}, got {columns}")));
             }
             rows.push(m);
-            blocks.push(Part { values, lead: lead.to_vec(), width: m * n, shape });
+            require_size(py, function, n, &rows)?;
+            let (shape, values) = looked.values()?;
+            blocks.push(Part { values, lead, width: m * n, shape });
         }
         for (i, velocity) in velocities.unwrap_or_default().iter().enumerate() {
             let name = format!("{}[{i}]", names[1]);
-            let (shape, values) = numbers(function, &name, velocity)?;
-            match shape.as_slice() {
-                [lead @ .., m] if *m == rows[i] => commands.push(Part { values, lead: lead.to_vec(), width: rows[i], shape }),
-                _ => {
-                    let leading = if blocks[i].lead.is_empty() { "" } else { "..., " };
-                    let comma = if leading.is_empty() { "," } else { "" };
-                    let problem = format!("has the wrong shape: expected ({leading}{}{comma}), got {}", rows[i], shown(&shape));
-                    return Err(refuse(&name, problem));
-                }
+            let looked = Looked::at(function, &name, velocity)?;
+            if looked.shape.last() != Some(&rows[i]) {
+                // Without leading axes at the Jacobian none are expected here.
+                let form = if blocks[i].lead.is_empty() { &[Axis::Is(rows[i])][..] } else { &[Axis::Leading, Axis::Is(rows[i])] };
+                return Err(looked.of_another_shape(&[Form(form)]));
             }
+            let (shape, values) = looked.values()?;
+            commands.push(Part { values, lead: shape[..shape.len() - 1].to_vec(), width: rows[i], shape });
         }
-        require_size(py, function, n, &rows)?;
         let leads: Vec<Vec<usize>> = blocks.iter().chain(&commands).map(|part| part.lead.clone()).collect();
         let lead = common_shape(&leads).ok_or_else(|| {
             let all = leads.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
@@ -161,13 +148,12 @@ impl<'a> Stack<'a> {
     }
 }
 
-/// The buffers grow with `(n + rows)^2`: a transposed array must not ask for all the memory there is.
+/// A transposed array must not ask for all the memory there is.
 pub fn require_size(py: Python<'_>, function: &str, n: usize, rows: &[usize]) -> Result<(), Failure> {
-    const MOST: usize = 4096;
     let total = rows.iter().fold(0usize, |sum, m| sum.saturating_add(*m));
     for (name, size) in [("n", n), ("rows", total)] {
-        if size > MOST {
-            return Err(input_error(py, function, name, format!("is too large: expected at most {MOST}, got {size}")).into());
+        if size > MOST_LEVELS {
+            return Err(input_error(py, function, name, format!("is too large: expected at most {MOST_LEVELS}, got {size}")).into());
         }
     }
     Ok(())
@@ -175,15 +161,8 @@ pub fn require_size(py: Python<'_>, function: &str, n: usize, rows: &[usize]) ->
 
 /// A number for all joints or one per joint; infinities pass, the core refuses NaN.
 pub fn per_joint(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
-    let (shape, values) = numbers(function, name, value)?;
-    match shape.as_slice() {
-        [] => Ok(vec![values[0]; n]),
-        [m] if *m == n => Ok(values.into_owned()),
-        _ => {
-            let problem = format!("has the wrong shape: expected a number or ({n},), got {}", shown(&shape));
-            Err(input_error(value.py(), function, name, problem).into())
-        }
-    }
+    let (shape, values) = numbers(function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
+    spread(&shape, values, n)
 }
 
 /// The keywords that every solver takes, as they come.
@@ -206,19 +185,10 @@ impl Keywords<'_, '_> {
     pub fn options(&self, function: &str, n: usize, levels: usize) -> Result<Options, Failure> {
         let mut options = Options { rounding: self.rounding, ..Options::new(Method::from_name(self.method)?) };
         if let Some(eps) = self.eps {
-            let (shape, values) = numbers(function, "eps", eps)?;
-            if !(shape.is_empty() || shape == [levels]) {
-                let problem = format!("has the wrong shape: expected a number or ({levels},), got {}", shown(&shape));
-                return Err(input_error(eps.py(), function, "eps", problem).into());
-            }
-            options.eps = Some(if shape.is_empty() { vec![values[0]; levels] } else { values.into_owned() });
+            options.eps = Some(per_joint(function, "eps", eps, levels)?);
         }
         if let Some(weight) = self.weight {
-            let (shape, values) = numbers(function, "weight", weight)?;
-            if shape != [n, n] {
-                let problem = format!("has the wrong shape: expected ({n}, {n}), got {}", shown(&shape));
-                return Err(input_error(weight.py(), function, "weight", problem).into());
-            }
+            let (shape, values) = numbers(function, "weight", weight, &[Form(&[Axis::Is(n), Axis::Is(n)])])?;
             require_finite(weight.py(), function, "weight", &shape, &values)?;
             options.weight = Some(values.into_owned());
         }

@@ -4,9 +4,10 @@ mod kinds;
 
 pub use kinds::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask};
 
-use crate::arrays::{numbers, require_finite, shown, text};
+use crate::arrays::{Axis, Form, Looked, SCALAR, items, numbers, owned, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
+use crate::priority::MOST_LEVELS;
 use crate::seal::{Sealed, seal_new};
 use armlet_core::arm::Arm;
 use armlet_core::error::Error;
@@ -73,12 +74,13 @@ struct Common<'a, 'py> {
 }
 
 fn raw(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Raw, Failure> {
-    let (shape, values) = numbers(function, name, value)?;
-    require_finite(value.py(), function, name, &shape, &values)?;
-    if shape.len() > 2 || (shape.len() == 2 && shape[0] != shape[1]) {
-        let problem = format!("has the wrong shape: expected a scalar, (rows,) or (rows, rows), got {}", shown(&shape));
-        return Err(input_error(value.py(), function, name, problem).into());
+    let forms = [SCALAR, Form(&[Axis::Any("rows")]), Form(&[Axis::Any("rows"), Axis::Any("rows")])];
+    let looked = Looked::at(function, name, value)?.of(&forms)?;
+    if looked.shape.len() == 2 && looked.shape[0] != looked.shape[1] {
+        return Err(looked.of_another_shape(&forms));
     }
+    let (shape, values) = looked.values()?;
+    require_finite(value.py(), function, name, &shape, &values)?;
     if let Some(&k) = values.iter().find(|&&k| k < 0.0).filter(|_| shape.len() < 2) {
         return Err(input_error(value.py(), function, name, format!("is negative: expected >= 0, got {k}")).into());
     }
@@ -119,32 +121,32 @@ impl Common<'_, '_> {
         let target = match given {
             None => None,
             Some(given) => {
-                arguments.push(("target", kept(given)?));
-                Some(match given.cast::<Motion>() {
+                let target = match given.cast::<Motion>() {
                     Ok(motion) => motion.get().core.clone(),
                     Err(_) => {
-                        let (shape, values) = numbers(self.name, "target", given)?;
+                        let (shape, values) = numbers(self.name, "target", given, &[Form(&[Axis::Any("rows")])])?;
                         require_finite(given.py(), self.name, "target", &shape, &values)?;
-                        if shape.len() != 1 {
-                            let problem = format!("has the wrong shape: expected a Motion or (rows,), got {}", shown(&shape));
-                            return Err(input_error(given.py(), self.name, "target", problem).into());
-                        }
-                        CoreMotion::Hold(values.into_owned())
+                        CoreMotion::Hold(owned(values)?)
                     }
-                })
+                };
+                // Copied once its shape is known to be right.
+                arguments.push(("target", kept(given)?));
+                Some(target)
             }
         };
         let gain = match self.gain {
             Some(gain) => {
+                let read = raw(self.name, "gain", gain)?;
                 arguments.push(("gain", kept(gain)?));
-                raw(self.name, "gain", gain)?
+                read
             }
             None => Raw { shape: Vec::new(), values: vec![1.0] },
         };
         let damping = match self.damping {
             Some(damping) => {
+                let read = raw(self.name, "damping", damping)?;
                 arguments.push(("damping", kept(damping)?));
-                Some(raw(self.name, "damping", damping)?)
+                Some(read)
             }
             None => None,
         };
@@ -188,6 +190,9 @@ impl Task {
     }
 }
 
+/// The most names of joints in a list.
+const MOST_NAMES: usize = 1 << 20;
+
 /// Read a list of tasks, and what `of` makes of each; problems name the task.
 pub fn each<T>(function: &str, tasks: &Bound<'_, PyAny>, of: impl Fn(&Task) -> Result<T, Error>) -> Result<(Py<PyTuple>, Vec<T>), Failure> {
     let py = tasks.py();
@@ -195,10 +200,7 @@ pub fn each<T>(function: &str, tasks: &Bound<'_, PyAny>, of: impl Fn(&Task) -> R
     if tasks.is_instance_of::<Task>() {
         return Err(refuse("tasks", "is a single task: expected a list of tasks, the highest first".into()));
     }
-    let Ok(items) = tasks.try_iter() else {
-        return Err(refuse("tasks", format!("is not a list: expected tasks, the highest first, got {}", tasks.get_type())));
-    };
-    let items = items.collect::<PyResult<Vec<_>>>()?;
+    let items = items(function, "tasks", "a list: expected tasks, the highest first", tasks, MOST_LEVELS)?;
     if items.is_empty() {
         return Err(refuse("tasks", "is empty: expected at least one task, got 0".into()));
     }
@@ -222,11 +224,8 @@ fn names(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Vec<
     if value.is_instance_of::<PyString>() {
         return Err(input_error(value.py(), function, "joints", "is a single name: expected a list of names").into());
     }
-    let Ok(items) = value.try_iter() else {
-        let problem = format!("is not a list of names: expected strings, got {}", value.get_type());
-        return Err(input_error(value.py(), function, "joints", problem).into());
-    };
-    Ok(Some(items.map(|item| text(function, "joints", &item?)).collect::<Result<_, _>>()?))
+    let items = items(function, "joints", "a list of names: expected strings", value, MOST_NAMES)?;
+    Ok(Some(items.iter().map(|item| text(function, "joints", item)).collect::<Result<_, _>>()?))
 }
 
 fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<String, Failure> {

@@ -1,0 +1,60 @@
+//! The same validation for the Python layer.
+
+use super::read::Looked;
+use super::sequence::items;
+use super::shape::{Axis, Form, WHATEVER};
+use super::single::{name as text, whole};
+use super::write::copied;
+use crate::errors::{Failure, entry};
+use pyo3::prelude::*;
+use pyo3::types::{PyString, PyTuple};
+
+/// The most axes of an array.
+const MOST_AXES: usize = 64;
+
+/// An array argument as float64, checked as every array argument is: the array itself where it is one already, else a copy.
+///
+/// Args:
+///     function, name: who takes it and what it is called, for the refusal.
+///     value: anything.
+///     shapes: what it may be: tuples of lengths, of names where any length will do, and of "..." for leading axes. None given: any.
+///
+/// Raises:
+///     InputError: `value` is no array of real numbers, or has another shape.
+///
+/// >>> from armlet import _core
+/// >>> _core.numbers("f", "x", [1, 2], (2,), ("K", 2))
+/// array([1., 2.])
+#[pyfunction]
+#[pyo3(signature = (function, name, value, *shapes))]
+pub fn numbers<'py>(
+    function: &Bound<'py, PyAny>,
+    name: &Bound<'py, PyAny>,
+    value: &Bound<'py, PyAny>,
+    shapes: &Bound<'py, PyTuple>,
+) -> PyResult<Bound<'py, PyAny>> {
+    const NAME: &str = "numbers";
+    let py = value.py();
+    entry(py, NAME, || {
+        let (function, name) = (text(NAME, "function", function)?, text(NAME, "name", name)?);
+        let shapes: Vec<Vec<Bound<'py, PyAny>>> =
+            shapes.iter().map(|shape| items(NAME, "shapes", "a shape: expected a tuple", &shape, MOST_AXES)).collect::<Result<_, _>>()?;
+        let axes: Vec<Vec<Axis<'_>>> =
+            shapes.iter().map(|shape| shape.iter().map(axis).collect::<Result<_, _>>()).collect::<Result<_, Failure>>()?;
+        let forms: Vec<Form<'_>> = if axes.is_empty() { vec![WHATEVER] } else { axes.iter().map(|axes| Form(axes)).collect() };
+        let looked = Looked::at(function, name, value)?.of(&forms)?;
+        if looked.is_in_place() {
+            return Ok(value.clone());
+        }
+        let (shape, values) = looked.values()?;
+        copied(py, &shape, &values)
+    })
+}
+
+fn axis<'a>(given: &'a Bound<'_, PyAny>) -> Result<Axis<'a>, Failure> {
+    if !given.is_instance_of::<PyString>() {
+        return Ok(Axis::Is(whole("numbers", "shapes", given)?));
+    }
+    let name = text("numbers", "shapes", given)?;
+    Ok(if name == "..." { Axis::Leading } else { Axis::Any(name) })
+}

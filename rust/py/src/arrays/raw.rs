@@ -1,0 +1,256 @@
+//! The memory of arrays, and the only `unsafe` of this crate.
+//!
+//! A C-contiguous, aligned float64 array is read in place, without the borrow tracking of `PyReadonlyArray`,
+//! which costs a global lock per array.
+
+use crate::errors::{Failure, input_error};
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
+use pyo3::prelude::*;
+use std::ffi::c_int;
+use std::ptr::null_mut;
+
+use super::read::require_unmasked;
+use super::shape::{elements, shown};
+
+/// The elements of a C-contiguous, aligned array, in place.
+pub fn in_place<'a, T: Element>(array: &'a Bound<'_, PyArrayDyn<T>>) -> Option<&'a [T]> {
+    // SAFETY: the GIL is held while the slice is used (callers copy before they release it), so no Python code
+    // can write to or free the array meanwhile; contiguity and alignment are checked, and `Bound` keeps it alive.
+    unsafe {
+        let flags = (*array.as_array_ptr()).fields.flags;
+        let wanted = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;
+        if flags & wanted != wanted {
+            return None;
+        }
+        if array.len() == 0 {
+            return Some(&[]);
+        }
+        Some(std::slice::from_raw_parts(array.data(), array.len()))
+    }
+}
+
+/// The elements of a C-contiguous, aligned float64 array of exactly this shape, in place; None for anything else.
+///
+/// For hot reads: `numbers` takes what this leaves.
+#[inline]
+pub fn of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a [f64]> {
+    // SAFETY: the pointer is compared, not followed.
+    of_class(value, shape, unsafe { npyffi::get_type_object(value.py(), npyffi::NpyTypes::PyArray_Type) })
+}
+
+/// Vectors of these lengths, each as for `of_shape`.
+#[inline]
+pub fn of_lengths<'a, const K: usize>(values: [&'a Bound<'_, PyAny>; K], lengths: [usize; K]) -> Option<[&'a [f64]; K]> {
+    let mut all: [&[f64]; K] = [&[]; K];
+    if K > 0 {
+        // SAFETY: the pointer is compared, not followed.
+        let class = unsafe { npyffi::get_type_object(values[0].py(), npyffi::NpyTypes::PyArray_Type) };
+        for k in 0..K {
+            all[k] = of_class(values[k], &[lengths[k]], class)?;
+        }
+    }
+    Some(all)
+}
+
+/// As `of_shape`; `class` is numpy's array type.
+#[inline(always)]
+fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::ffi::PyTypeObject) -> Option<&'a [f64]> {
+    let flags = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;
+    // SAFETY: an object of exactly numpy's array type has these fields, its descriptor too; otherwise as for `in_place`.
+    unsafe {
+        if pyo3::ffi::Py_TYPE(value.as_ptr()) != class {
+            return None;
+        }
+        let array = &(*value.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
+        let kind = &(*array.descr).fields;
+        let native = kind.type_num == npyffi::NPY_TYPES::NPY_DOUBLE as i32 && kind.byteorder as u8 == b'=';
+        if !native || array.flags & flags != flags || array.nd as usize != shape.len() {
+            return None;
+        }
+        let mut length = 1;
+        for (k, &n) in shape.iter().enumerate() {
+            if *array.dimensions.add(k) != n as isize {
+                return None;
+            }
+            length *= n;
+        }
+        Some(if length == 0 { &[] } else { std::slice::from_raw_parts(array.data.cast::<f64>(), length) })
+    }
+}
+
+/// The elements of a caller's `out=` array, writeable and otherwise as for `of_shape`; None for what `out_slice` refuses or copies.
+///
+/// For hot writes: that no input overlaps is the caller's to know.
+#[inline]
+#[allow(clippy::mut_from_ref)]
+pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a mut [f64]> {
+    let length = of_shape(value, shape)?.len();
+    // SAFETY: `of_shape` has seen that this is an array with such elements; the GIL is held while they are written.
+    unsafe {
+        let array = &(*value.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
+        if length == 0 || array.flags & npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
+            return None;
+        }
+        Some(std::slice::from_raw_parts_mut(array.data.cast::<f64>(), length))
+    }
+}
+
+/// What arrays of the extension hold. All bits zero are an element of each.
+pub trait Bits: Copy {
+    const TYPE: npyffi::NPY_TYPES;
+    /// Whether any bits are an element.
+    const ANY_BITS: bool = true;
+}
+
+impl Bits for f64 {
+    const TYPE: npyffi::NPY_TYPES = npyffi::NPY_TYPES::NPY_DOUBLE;
+}
+
+impl Bits for bool {
+    const TYPE: npyffi::NPY_TYPES = npyffi::NPY_TYPES::NPY_BOOL;
+    const ANY_BITS: bool = false;
+}
+
+/// A new array of numbers or of truth values, all zero or, unless `zeroed`, of whatever was in the memory, and written by `fill`.
+pub fn made<'py, T: Bits>(
+    py: Python<'py>,
+    shape: &[usize],
+    zeroed: bool,
+    fill: impl FnOnce(&mut [T]) -> Result<(), Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    let count = elements(shape)?;
+    let (api, axes, dims) = (&npyffi::PY_ARRAY_API, shape.len() as c_int, shape.as_ptr().cast_mut().cast());
+    let number = T::TYPE as c_int;
+    // What fits in a cache is zeroed by hand, quicker than by the system. Truth values are never left as they were: not all bits are one.
+    let zeroed = zeroed || !T::ANY_BITS;
+    let by_system = zeroed && count > 1024;
+    // SAFETY: the shape is that many sizes, read and not kept; what numpy has no memory for is null and a MemoryError.
+    let array = unsafe {
+        let array = if by_system {
+            api.PyArray_Zeros(py, axes, dims, api.PyArray_DescrFromType(py, number), 0)
+        } else {
+            let class = npyffi::get_type_object(py, npyffi::NpyTypes::PyArray_Type);
+            api.PyArray_New(py, class, axes, dims, number, null_mut(), null_mut(), 0, 0, null_mut())
+        };
+        Bound::from_owned_ptr_or_err(py, array)?
+    };
+    if count > 0 {
+        // SAFETY: contiguous, aligned, nobody else has seen the array yet, and its bits are zero or an element whatever they are.
+        let out = unsafe {
+            let array = &(*array.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
+            if zeroed && !by_system {
+                std::ptr::write_bytes(array.data.cast::<T>(), 0, count);
+            }
+            std::slice::from_raw_parts_mut(array.data.cast::<T>(), count)
+        };
+        fill(out)?;
+    } else {
+        fill(&mut [])?;
+    }
+    Ok(array)
+}
+
+/// Overwrite an array that `new_array` made and Python may hold too: of the same length, contiguous.
+pub fn overwrite(array: &Bound<'_, PyAny>, values: &[f64]) -> Result<(), Failure> {
+    let array = array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?;
+    assert!(array.len() == values.len() && array.is_c_contiguous(), "an array of the extension's own");
+    // SAFETY: the elements are those checked above; the GIL is held and no other borrow is alive here.
+    unsafe { std::slice::from_raw_parts_mut(array.data(), values.len()) }.copy_from_slice(values);
+    Ok(())
+}
+
+/// A vector of the extension's own that callables are given one after another: written anew only while nobody else can see it.
+#[derive(Default)]
+pub struct Lent(Option<Py<PyArray1<f64>>>);
+
+impl Lent {
+    /// An array that holds `values`.
+    pub fn array<'py>(&mut self, py: Python<'py>, values: &[f64]) -> Bound<'py, PyAny> {
+        if let Some(kept) = &self.0
+            && unseen(kept.bind(py), values.len())
+        {
+            // SAFETY: contiguous, aligned and of this length, and nobody else holds it or knows where it is.
+            unsafe { std::slice::from_raw_parts_mut(kept.bind(py).data(), values.len()) }.copy_from_slice(values);
+        } else {
+            self.0 = Some(PyArray1::from_slice(py, values).unbind());
+        }
+        match &self.0 {
+            Some(kept) => kept.bind(py).clone().into_any(),
+            None => unreachable!("just kept"),
+        }
+    }
+}
+
+/// Whether an array of `n` numbers is as it was made and held by its owner alone.
+fn unseen(array: &Bound<'_, PyArray1<f64>>, n: usize) -> bool {
+    use npyffi::flags::{NPY_ARRAY_ALIGNED, NPY_ARRAY_C_CONTIGUOUS, NPY_ARRAY_OWNDATA, NPY_ARRAY_WRITEABLE};
+    let wanted = NPY_ARRAY_C_CONTIGUOUS | NPY_ARRAY_ALIGNED | NPY_ARRAY_OWNDATA | NPY_ARRAY_WRITEABLE;
+    // SAFETY: reads of a live array's own fields, with the GIL held. A callable may have changed its shape, its type or its flags.
+    unsafe {
+        let fields = &(*array.as_array_ptr()).fields;
+        pyo3::ffi::Py_REFCNT(array.as_ptr()) == 1
+            && fields.weakreflist.is_null()
+            && fields.base.is_null()
+            && fields.flags & wanted == wanted
+            && fields.nd == 1
+            && *fields.dimensions == n as npyffi::npy_intp
+            && array.cast::<PyArrayDyn<f64>>().is_ok()
+    }
+}
+
+/// The elements of a caller's `out=` array of the wanted shape, refused where writing it would be wrong.
+// The array owns its elements and Python shares it freely: `&Bound` is all that ever stands for one.
+#[allow(clippy::mut_from_ref)]
+pub fn out_slice<'a>(
+    function: &str,
+    value: &'a Bound<'_, PyAny>,
+    shape: &[usize],
+    inputs: &[&Bound<'_, PyAny>],
+) -> Result<&'a mut [f64], Failure> {
+    let py = value.py();
+    let refuse = |problem: String| -> Failure { input_error(py, function, "out", problem).into() };
+    if require_unmasked(value).is_err() {
+        return Err(refuse(format!("is a masked array: expected a float64 array of shape {}", shown(shape))));
+    }
+    let Ok(array) = value.cast::<PyArrayDyn<f64>>() else {
+        return Err(refuse(format!("is not a float64 array: expected shape {}, got {}", shown(shape), value.get_type())));
+    };
+    if array.shape() != shape {
+        return Err(refuse(format!("has the wrong shape: expected {}, got {}", shown(shape), shown(array.shape()))));
+    }
+    if in_place(array).is_none() {
+        return Err(refuse("is not C-contiguous: expected a C-contiguous array".into()));
+    }
+    // SAFETY: the flags are read under the GIL.
+    if unsafe { (*array.as_array_ptr()).fields.flags } & npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
+        return Err(refuse("is read-only: expected a writeable array".into()));
+    }
+    for input in inputs {
+        let Ok(input) = input.cast::<PyArrayDyn<f64>>() else { continue };
+        // SAFETY: pointers are compared, not followed.
+        if unsafe { overlaps(array, input) } {
+            return Err(refuse("overlaps an argument: expected an array of its own".into()));
+        }
+    }
+    // SAFETY: contiguous, aligned, writeable, apart from the inputs, and the GIL is held while it is written.
+    Ok(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })
+}
+
+/// Whether the memory that two arrays span has an address in common.
+///
+/// # Safety
+/// Both arrays must be alive; nothing is read through their pointers.
+unsafe fn overlaps(a: &Bound<'_, PyArrayDyn<f64>>, b: &Bound<'_, PyArrayDyn<f64>>) -> bool {
+    let span = |x: &Bound<'_, PyArrayDyn<f64>>| {
+        let start = x.data() as isize;
+        let (mut low, mut high) = (start, start + 8);
+        for (&n, &stride) in x.shape().iter().zip(x.strides()) {
+            let reach = (n as isize - 1).max(0) * stride;
+            low += reach.min(0);
+            high += reach.max(0);
+        }
+        (low, high)
+    };
+    let ((a0, a1), (b0, b1)) = (span(a), span(b));
+    !a.is_empty() && !b.is_empty() && a0 < b1 && b0 < a1
+}

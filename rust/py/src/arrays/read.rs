@@ -1,0 +1,315 @@
+//! The one way of an array argument into this crate: its kind, dimensions and shape are checked before anything is copied.
+//!
+//! A C-contiguous, aligned float64 array is read in place. Lists, integers, float32, strided, reversed, Fortran and
+//! read-only arrays are copied. Masked, complex, object, boolean and string arrays are refused, and so are integers
+//! that float64 does not represent. Sequences are asked for their length first: see `sequence`.
+
+use super::raw::in_place;
+use super::sequence;
+use super::shape::{Axis, Form, expected, index_of, require_finite, shown};
+use crate::errors::{Failure, input_error};
+use armlet_core::memory;
+use numpy::{Element, PyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyFloat, PyInt, PyList, PyMemoryView, PyString, PyTuple};
+use std::borrow::Cow;
+
+/// A shape, and the elements in C order.
+pub type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
+
+/// Numbers of any of these forms.
+pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>, forms: &[Form<'_>]) -> Converted<'a> {
+    Looked::at(function, name, value)?.of(forms)?.values()
+}
+
+/// A finite vector of length `n`, copied.
+pub fn vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
+    finite(function, name, value, &[Form(&[Axis::Is(n)])])
+}
+
+/// Three finite numbers, zero where none are given.
+pub fn three(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<[f64; 3], Failure> {
+    let Some(value) = value else { return Ok([0.0; 3]) };
+    let values = vector(function, name, value, 3)?;
+    Ok([values[0], values[1], values[2]])
+}
+
+/// A finite vector of any length, copied.
+pub fn any_vector(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Failure> {
+    finite(function, name, value, &[Form(&[Axis::Any("n")])])
+}
+
+fn finite(function: &str, name: &str, value: &Bound<'_, PyAny>, forms: &[Form<'_>]) -> Result<Vec<f64>, Failure> {
+    let (shape, values) = numbers(function, name, value, forms)?;
+    require_finite(value.py(), function, name, &shape, &values)?;
+    owned(values)
+}
+
+/// The numbers as a vector; what there is no memory for is an error.
+pub fn owned(values: Cow<'_, [f64]>) -> Result<Vec<f64>, Failure> {
+    match values {
+        Cow::Borrowed(values) => Ok(memory::copied(values)?),
+        Cow::Owned(values) => Ok(values),
+    }
+}
+
+/// `n` numbers from a single one, or the `n` there are.
+pub fn spread(shape: &[usize], values: Cow<'_, [f64]>, n: usize) -> Result<Vec<f64>, Failure> {
+    if shape.is_empty() { Ok(memory::filled(n, values[0])?) } else { owned(values) }
+}
+
+/// An array argument whose kind and shape are known and whose elements nobody has read yet.
+pub struct Looked<'n, 'a, 'py> {
+    function: &'n str,
+    name: &'n str,
+    value: &'a Bound<'py, PyAny>,
+    pub shape: Vec<usize>,
+    source: Source<'py>,
+}
+
+enum Source<'py> {
+    Number(f64),
+    InPlace,
+    Array(Bound<'py, PyAny>),
+    Sequence,
+}
+
+impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
+    pub fn at(function: &'n str, name: &'n str, value: &'a Bound<'py, PyAny>) -> Result<Self, Failure> {
+        let (shape, source) = kind(value).map_err(|wrong| wrong.refusal(value.py(), function, name, ""))?;
+        Ok(Looked { function, name, value, shape, source })
+    }
+
+    /// The same, if its shape is one of these.
+    pub fn of(self, forms: &[Form<'_>]) -> Result<Self, Failure> {
+        if forms.iter().any(|form| form.fits(&self.shape)) { Ok(self) } else { Err(self.of_another_shape(forms)) }
+    }
+
+    /// The refusal of a shape that is none of these.
+    pub fn of_another_shape(&self, forms: &[Form<'_>]) -> Failure {
+        let problem = format!("has the wrong shape: expected {}, got {}", expected(forms), shown(&self.shape));
+        input_error(self.value.py(), self.function, self.name, problem).into()
+    }
+
+    /// Whether the argument is an array that can be read as it is.
+    pub fn is_in_place(&self) -> bool {
+        matches!(self.source, Source::InPlace)
+    }
+
+    /// The elements, read once the shape is accepted.
+    pub fn values(self) -> Converted<'a> {
+        let (function, name, value) = (self.function, self.name, self.value);
+        let values = match self.source {
+            Source::Number(x) => Cow::Owned(vec![x]),
+            Source::InPlace => Cow::Borrowed(value.cast::<PyArrayDyn<f64>>().ok().and_then(in_place).unwrap_or_default()),
+            Source::Array(array) => {
+                let mut out = memory::room(super::elements(&self.shape)?)?;
+                copy(&array, &mut out).map_err(|(wrong, k)| {
+                    let at = if self.shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&self.shape, k)) };
+                    wrong.refusal(value.py(), function, name, &at)
+                })?;
+                Cow::Owned(out)
+            }
+            Source::Sequence => {
+                let mut out = memory::room(super::elements(&self.shape)?)?;
+                sequence::fill(value, &self.shape, &mut out).map_err(|wrong| {
+                    let at = index_of(&self.shape, out.len());
+                    wrong.refusal(value.py(), function, name, &format!(" (first bad index {at})"))
+                })?;
+                Cow::Owned(out)
+            }
+        };
+        Ok((self.shape, values))
+    }
+}
+
+/// Why something is no array of numbers.
+pub enum Wrong {
+    /// What was got.
+    Kind(String),
+    /// An integer between two numbers of float64.
+    Inexact(String),
+    Failure(Failure),
+}
+
+impl From<PyErr> for Wrong {
+    fn from(error: PyErr) -> Self {
+        Wrong::Failure(error.into())
+    }
+}
+
+impl From<Failure> for Wrong {
+    fn from(failure: Failure) -> Self {
+        Wrong::Failure(failure)
+    }
+}
+
+impl Wrong {
+    fn refusal(self, py: Python<'_>, function: &str, name: &str, at: &str) -> Failure {
+        let problem = match self {
+            Wrong::Kind(got) => format!("is not an array of real numbers: expected float64, got {got}{at}"),
+            Wrong::Inexact(got) => format!("is not exact in float64: expected real numbers that float64 represents, got {got}{at}"),
+            Wrong::Failure(failure) => return failure,
+        };
+        input_error(py, function, name, problem).into()
+    }
+}
+
+/// What kind of array this is, and its shape.
+fn kind<'py>(value: &Bound<'py, PyAny>) -> Result<(Vec<usize>, Source<'py>), Wrong> {
+    if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
+        && in_place(array).is_some()
+    {
+        require_unmasked(value)?;
+        return Ok((array.shape().to_vec(), Source::InPlace));
+    }
+    if let Some(x) = real(value)? {
+        return Ok((Vec::new(), Source::Number(x)));
+    }
+    if value.cast_exact::<PyList>().is_ok() || value.cast_exact::<PyTuple>().is_ok() {
+        return Ok((sequence::shape(value, 0)?, Source::Sequence));
+    }
+    if let Some(array) = array_of(value)? {
+        return Ok((array.getattr("shape")?.extract()?, Source::Array(array)));
+    }
+    if sequence::is_sequence(value) {
+        return Ok((sequence::shape(value, 0)?, Source::Sequence));
+    }
+    Err(Wrong::Kind(object(value)))
+}
+
+/// A number of Python's own, or None of something else. Booleans, complex numbers and texts are refused.
+pub fn real(value: &Bound<'_, PyAny>) -> Result<Option<f64>, Wrong> {
+    if let Ok(x) = value.cast::<PyFloat>() {
+        return Ok(Some(x.value()));
+    }
+    if value.is_instance_of::<PyBool>() {
+        return Err(Wrong::Kind("bool".into()));
+    }
+    let Ok(integer) = value.cast::<PyInt>() else { return Ok(None) };
+    if let Ok(x) = integer.extract::<i64>() {
+        return exact(x).map(Some).ok_or_else(|| Wrong::Inexact(x.to_string()));
+    }
+    // Beyond 64 bits: numbers that float64 represents, such as 10**20, are few.
+    let same = |x: &f64| PyFloat::new(value.py(), *x).as_any().eq(value).unwrap_or(false);
+    match integer.extract::<f64>().ok().filter(same) {
+        Some(x) => Ok(Some(x)),
+        None => Err(Wrong::Inexact("a large integer".into())),
+    }
+}
+
+/// The shape of one entry of a sequence.
+pub fn shape_of(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong> {
+    if real(value)?.is_some() {
+        return Ok(Vec::new());
+    }
+    if let Some(array) = array_of(value)? {
+        return Ok(array.getattr("shape")?.extract()?);
+    }
+    if sequence::is_sequence(value) {
+        return sequence::shape(value, depth);
+    }
+    Err(Wrong::Kind(object(value)))
+}
+
+/// The array that something is or stands for, of integers or floating-point numbers; None of what is a list of Python objects.
+pub fn array_of<'py>(value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAny>>, Wrong> {
+    let py = value.py();
+    if value.is_instance_of::<PyString>() || value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyByteArray>() {
+        return Err(Wrong::Kind(type_name(value)));
+    }
+    if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() || value.is_instance_of::<PyDict>() || value.is_none() {
+        return Ok(None);
+    }
+    let protocols = ["__array__", "__array_interface__", "__array_struct__"];
+    if !protocols.iter().any(|name| value.hasattr(*name).unwrap_or(false)) && PyMemoryView::from(value).is_err() {
+        return Ok(None);
+    }
+    require_unmasked(value)?;
+    let array = match numpy_function(py, "asarray")?.call1((value,)) {
+        Ok(array) => array,
+        Err(error) if error.is_instance_of::<pyo3::exceptions::PyValueError>(py) => return Err(Wrong::Kind(object(value))),
+        Err(error) => return Err(error.into()),
+    };
+    let dtype = array.getattr("dtype")?;
+    let kind: String = dtype.getattr("kind")?.extract()?;
+    if !matches!(kind.as_str(), "i" | "u" | "f") {
+        return Err(Wrong::Kind(dtype.str()?.to_string()));
+    }
+    Ok(Some(array))
+}
+
+/// Append the elements of an array of integers or floating-point numbers; the index of the first that float64 does not represent.
+pub fn copy(array: &Bound<'_, PyAny>, out: &mut Vec<f64>) -> Result<(), (Wrong, usize)> {
+    let failed = |error: PyErr| (Wrong::from(error), 0);
+    let py = array.py();
+    let dtype = array.getattr("dtype").map_err(failed)?;
+    let kind: String = dtype.getattr("kind").and_then(|kind| kind.extract()).map_err(failed)?;
+    let size: usize = dtype.getattr("itemsize").and_then(|size| size.extract()).map_err(failed)?;
+    let to = match kind.as_str() {
+        "i" if size > 4 => "int64",
+        "u" if size > 4 => "uint64",
+        _ => "float64",
+    };
+    let order = pyo3::types::PyDict::new(py);
+    order.set_item("order", "C").map_err(failed)?;
+    // A fresh array is aligned as well as contiguous, which `ascontiguousarray` does not promise.
+    let array = numpy_function(py, "array").and_then(|function| function.call((array, to), Some(&order))).map_err(failed)?;
+    let start = out.len();
+    match to {
+        "int64" => integers::<i64>(&array, out, exact),
+        "uint64" => integers::<u64>(&array, out, |x| exact_unsigned(x)),
+        _ => {
+            let array = array.cast::<PyArrayDyn<f64>>().ok().and_then(in_place);
+            out.extend_from_slice(array.ok_or_else(|| (Wrong::Kind("an array that numpy could not copy".into()), 0))?);
+            Ok(())
+        }
+    }
+    .map_err(|wrong| (wrong, out.len() - start))
+}
+
+fn integers<T: Element + Copy + std::fmt::Display>(
+    array: &Bound<'_, PyAny>,
+    out: &mut Vec<f64>,
+    number: impl Fn(T) -> Option<f64>,
+) -> Result<(), Wrong> {
+    let array = array.cast::<PyArrayDyn<T>>().ok().and_then(in_place);
+    for &x in array.ok_or_else(|| Wrong::Kind("an array that numpy could not copy".into()))? {
+        out.push(number(x).ok_or_else(|| Wrong::Inexact(x.to_string()))?);
+    }
+    Ok(())
+}
+
+fn exact(x: i64) -> Option<f64> {
+    let y = x as f64;
+    (y as i128 == i128::from(x)).then_some(y)
+}
+
+fn exact_unsigned(x: u64) -> Option<f64> {
+    let y = x as f64;
+    (y as i128 == i128::from(x)).then_some(y)
+}
+
+/// Refuse a masked array: its data mean nothing where it is masked.
+pub fn require_unmasked(value: &Bound<'_, PyAny>) -> Result<(), Wrong> {
+    static MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let py = value.py();
+    let class = MASKED.get_or_try_init(py, || PyResult::Ok(py.import("numpy.ma")?.getattr("MaskedArray")?.unbind()))?;
+    if value.is_instance(class.bind(py))? { Err(Wrong::Kind("a masked array".into())) } else { Ok(()) }
+}
+
+fn numpy_function<'py>(py: Python<'py>, name: &'static str) -> PyResult<Bound<'py, PyAny>> {
+    static NUMPY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let numpy = NUMPY.get_or_try_init(py, || PyResult::Ok(py.import("numpy")?.into_any().unbind()))?;
+    numpy.bind(py).getattr(name)
+}
+
+/// What numpy would make of something that is no number, and its class.
+pub fn object(value: &Bound<'_, PyAny>) -> String {
+    format!("object ({})", type_name(value))
+}
+
+fn type_name(value: &Bound<'_, PyAny>) -> String {
+    value.get_type().name().map(|name| name.to_string()).unwrap_or_default()
+}

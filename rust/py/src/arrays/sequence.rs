@@ -1,0 +1,157 @@
+//! Lists, tuples and what else has a length and entries. The length is asked first and no more entries are read than it says;
+//! Ctrl-C is answered between entries.
+
+use super::read::{Wrong, array_of, copy, object, real, shape_of};
+use super::shape::shown;
+use crate::errors::{Failure, input_error};
+use armlet_core::memory;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyFloat, PyIterator, PyList, PyMapping, PyString, PyTuple};
+
+/// The longest sequence that makes its entries when it is asked for them. A list of that length exists already.
+const MOST: usize = 1 << 28;
+/// The most entries of what does not know its own length.
+const MOST_UNSIZED: usize = 1 << 20;
+/// Levels of lists in lists.
+const DEEPEST: usize = 16;
+/// Entries between two looks for Ctrl-C.
+const POLL: usize = 1 << 14;
+
+/// Something with a length and entries by number, such as a list, a range or a deque.
+pub fn is_sequence(value: &Bound<'_, PyAny>) -> bool {
+    if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+        return true;
+    }
+    let text_or_table = value.is_instance_of::<PyString>() || value.is_instance_of::<PyDict>() || value.cast::<PyMapping>().is_ok();
+    !text_or_table && value.hasattr("__len__").unwrap_or(false) && value.hasattr("__getitem__").unwrap_or(false)
+}
+
+/// The length that a sequence states.
+fn length(value: &Bound<'_, PyAny>) -> Result<usize, Wrong> {
+    let py = value.py();
+    let n = match value.len() {
+        Ok(n) => n,
+        Err(error) if error.is_instance_of::<pyo3::exceptions::PyOverflowError>(py) => usize::MAX,
+        Err(error) if error.is_instance_of::<pyo3::exceptions::PyValueError>(py) => {
+            return Err(Wrong::Kind("a sequence of negative length".into()));
+        }
+        Err(error) => return Err(error.into()),
+    };
+    if n > MOST && !value.is_instance_of::<PyList>() && !value.is_instance_of::<PyTuple>() {
+        let got = if n == usize::MAX { "more".to_string() } else { n.to_string() };
+        return Err(Wrong::Kind(format!("a sequence of {got} entries, where {MOST} are the most")));
+    }
+    Ok(n)
+}
+
+/// The shape that a sequence claims by its length and its first entry.
+pub fn shape(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong> {
+    if depth == DEEPEST {
+        return Err(Wrong::Kind(format!("lists nested deeper than {DEEPEST}")));
+    }
+    let n = length(value)?;
+    let mut shape = vec![n];
+    if n > 0 {
+        shape.extend(shape_of(&value.get_item(0)?, depth + 1)?);
+    }
+    Ok(shape)
+}
+
+/// Append the entries of a sequence that claimed `shape`.
+pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Result<(), Wrong> {
+    let ragged = |got: String| Wrong::Kind(format!("rows of different lengths, {got}"));
+    let Some((&n, rest)) = shape.split_first() else {
+        // A number, or an array without axes.
+        if let Some(x) = real(value)? {
+            out.push(x);
+            return Ok(());
+        }
+        return match array_of(value)? {
+            Some(array) if array.getattr("ndim")?.extract::<usize>()? == 0 => copy(&array, out).map_err(|(wrong, _)| wrong),
+            Some(_) => Err(ragged("an array among numbers".into())),
+            None if is_sequence(value) => Err(ragged("a list among numbers".into())),
+            None => Err(Wrong::Kind(object(value))),
+        };
+    };
+    if let Some(array) = array_of(value)? {
+        let got: Vec<usize> = array.getattr("shape")?.extract()?;
+        if got != shape {
+            return Err(ragged(format!("{} and {}", shown(shape), shown(&got))));
+        }
+        let start = out.len();
+        return copy(&array, out).map_err(|(wrong, k)| {
+            out.truncate(start + k);
+            wrong
+        });
+    }
+    if real(value)?.is_some() {
+        return Err(ragged("a number among lists".into()));
+    }
+    if !is_sequence(value) {
+        return Err(Wrong::Kind(object(value)));
+    }
+    let got = length(value)?;
+    if got != n {
+        return Err(ragged(format!("{n} and {got}")));
+    }
+    let list = value.cast_exact::<PyList>().ok();
+    for i in 0..n {
+        if i % POLL == POLL - 1 {
+            value.py().check_signals()?;
+        }
+        // A list may be shortened meanwhile by the entries' own code: that is an IndexError.
+        let item = match list {
+            Some(list) => list.get_item(i)?,
+            None => value.get_item(i)?,
+        };
+        match item.cast::<PyFloat>() {
+            Ok(x) if rest.is_empty() => out.push(x.value()),
+            _ => fill(&item, rest, out)?,
+        }
+    }
+    Ok(())
+}
+
+/// The entries of a list, a tuple or another iterable of objects, at most `most`. `what` it is not, for the refusal:
+/// "a list of names: expected strings".
+pub fn items<'py>(
+    function: &str,
+    name: &str,
+    what: &str,
+    value: &Bound<'py, PyAny>,
+    most: usize,
+) -> Result<Vec<Bound<'py, PyAny>>, Failure> {
+    let py = value.py();
+    let refuse = |problem: String| -> Failure { input_error(py, function, name, problem).into() };
+    let not_a_list = || refuse(format!("is not {what}, got {}", value.get_type()));
+    let too_long = |got: String| refuse(format!("is too long: expected at most {most} entries, got {got}"));
+    if value.is_instance_of::<PyString>() || value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyDict>() {
+        return Err(not_a_list());
+    }
+    let n = match value.hasattr("__len__")? {
+        true => Some(length(value).map_err(|wrong| match wrong {
+            Wrong::Failure(failure) => failure,
+            Wrong::Kind(got) | Wrong::Inexact(got) => too_long(got),
+        })?),
+        false => None,
+    };
+    if let Some(n) = n.filter(|&n| n > most) {
+        return Err(too_long(n.to_string()));
+    }
+    let entries = PyIterator::from_object(value).map_err(|_| not_a_list())?;
+    let most = n.unwrap_or(most.min(MOST_UNSIZED));
+    let mut out = memory::room(n.unwrap_or(0))?;
+    for entry in entries {
+        if out.len() == most {
+            return Err(too_long("more".into()));
+        }
+        if out.len() % POLL == POLL - 1 {
+            py.check_signals()?;
+        }
+        if out.len() == out.capacity() {
+            memory::more(&mut out, (most / 8).clamp(16, POLL))?;
+        }
+        out.push(entry?);
+    }
+    Ok(out)
+}

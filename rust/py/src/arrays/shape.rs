@@ -1,0 +1,118 @@
+//! Shapes: what an argument must have, their sizes, how they read, and refusals that name an index.
+
+use crate::errors::{Failure, input_error};
+use armlet_core::error::{Error, all_finite};
+use pyo3::prelude::*;
+
+/// One axis of a shape that an argument may have.
+#[derive(Clone, Copy)]
+pub enum Axis<'a> {
+    /// Of this length.
+    Is(usize),
+    /// Of any length; its name is for the refusal.
+    Any(&'a str),
+    /// Any number of axes; only the first may be it.
+    Leading,
+}
+
+/// A shape that an argument may have: `Form(&[])` is a single number.
+#[derive(Clone, Copy)]
+pub struct Form<'a>(pub &'a [Axis<'a>]);
+
+/// A single number.
+pub const SCALAR: Form<'static> = Form(&[]);
+/// Whatever the shape.
+pub const WHATEVER: Form<'static> = Form(&[Axis::Leading]);
+
+impl Form<'_> {
+    pub fn fits(self, shape: &[usize]) -> bool {
+        let (axes, shape) = match self.0 {
+            [Axis::Leading, axes @ ..] if shape.len() >= axes.len() => (axes, &shape[shape.len() - axes.len()..]),
+            axes => (axes, shape),
+        };
+        axes.len() == shape.len() && axes.iter().zip(shape).all(|(axis, n)| !matches!(axis, Axis::Is(m) if m != n))
+    }
+}
+
+/// How forms read: `a scalar, (3,) or (3, 3)`.
+pub fn expected(forms: &[Form<'_>]) -> String {
+    let words: Vec<String> = forms.iter().map(|form| form.to_string()).collect();
+    match words.as_slice() {
+        [] => "nothing".into(),
+        [one] => one.clone(),
+        [most @ .., last] => format!("{} or {last}", most.join(", ")),
+    }
+}
+
+impl std::fmt::Display for Form<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.0.is_empty() {
+            return f.write_str("a scalar");
+        }
+        let words: Vec<String> = self
+            .0
+            .iter()
+            .map(|axis| match axis {
+                Axis::Is(n) => n.to_string(),
+                Axis::Any(name) => (*name).to_string(),
+                Axis::Leading => "...".to_string(),
+            })
+            .collect();
+        write!(f, "({}{})", words.join(", "), if words.len() == 1 { "," } else { "" })
+    }
+}
+
+/// The number of elements of an array of this shape; more than memory can address is a `MemoryError`.
+pub fn elements(shape: &[usize]) -> Result<usize, Failure> {
+    if let Some(bytes) = shape.iter().try_fold(8_usize, |bytes, &n| bytes.checked_mul(n))
+        && bytes <= isize::MAX as usize
+    {
+        return Ok(bytes / 8);
+    }
+    let bytes = shape.iter().fold(8_u128, |bytes, &n| bytes.saturating_mul(n as u128));
+    if bytes > isize::MAX as u128 { Err(Error::Memory { bytes }.into()) } else { Ok(bytes as usize / 8) }
+}
+
+/// The row and column, or whatever the indices are, of element `k` of an array of this shape.
+pub fn index_of(shape: &[usize], mut k: usize) -> String {
+    let mut index = vec![0; shape.len()];
+    for (i, &n) in index.iter_mut().zip(shape).rev() {
+        *i = k % n;
+        k /= n;
+    }
+    match index.as_slice() {
+        [i] => i.to_string(),
+        many => format!("({})", many.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// Refuse numbers that are not finite.
+pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize], values: &[f64]) -> Result<(), Failure> {
+    if all_finite(values) {
+        return Ok(());
+    }
+    match values.iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(k) if shape.is_empty() => {
+            Err(input_error(py, function, name, format!("is not finite: expected a finite number, got {}", values[k])).into())
+        }
+        Some(k) => {
+            let index = index_of(shape, k);
+            Err(input_error(
+                py,
+                function,
+                name,
+                format!("is not finite: expected finite numbers, got {} (first bad index {index})", values[k]),
+            )
+            .into())
+        }
+    }
+}
+
+/// How a shape reads in Python: `(3,)`, `(2, 7)`.
+pub fn shown(shape: &[usize]) -> String {
+    match shape {
+        [n] => format!("({n},)"),
+        many => format!("({})", many.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}

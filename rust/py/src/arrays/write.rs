@@ -1,0 +1,59 @@
+//! Arrays out: new, C-contiguous and owned; those there is no memory for are a `MemoryError`.
+
+use super::raw::{Bits, made, out_of_shape};
+use crate::errors::Failure;
+use numpy::{Element, PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+
+/// A new array of this shape with these values, of float64 or bool.
+pub fn copied<'py, T: Bits>(py: Python<'py>, shape: &[usize], values: &[T]) -> Result<Bound<'py, PyAny>, Failure> {
+    made(py, shape, false, |out| {
+        out.copy_from_slice(values);
+        Ok(())
+    })
+}
+
+/// A new array of this shape that takes these values over.
+pub fn taken<'py, T: Element>(py: Python<'py>, shape: &[usize], values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
+    Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
+}
+
+/// A new array of this shape, zero but for what `fill` writes.
+pub fn new_array<'py>(
+    py: Python<'py>,
+    shape: &[usize],
+    fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    made(py, shape, true, fill)
+}
+
+/// A new array of this shape, every number of it written by `fill`: what was in the memory before would show. Zeroing an array
+/// that is written once anyway costs a pass over memory.
+pub fn written_array<'py>(
+    py: Python<'py>,
+    shape: &[usize],
+    fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    made(py, shape, false, fill)
+}
+
+/// Several of them, written together.
+pub fn written_arrays<'py, const N: usize>(
+    py: Python<'py>,
+    shape: &[usize],
+    fill: impl FnOnce([&mut [f64]; N]) -> Result<(), Failure>,
+) -> Result<[Bound<'py, PyAny>; N], Failure> {
+    let arrays = (0..N).map(|_| written_array(py, shape, |_| Ok(()))).collect::<Result<Vec<_>, _>>()?;
+    let arrays: [_; N] = arrays.try_into().unwrap_or_else(|_| unreachable!("as many as were made"));
+    fill(arrays.each_ref().map(|array| out_of_shape(array, shape).unwrap_or_default()))?;
+    Ok(arrays)
+}
+
+/// A new vector, filled by `fill`.
+pub fn new_vector<'py>(
+    py: Python<'py>,
+    n: usize,
+    fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    new_array(py, &[n], fill)
+}
