@@ -23,7 +23,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-peers test-sweep-kill test-stacks test-paths test-browser check bench docs audit wheels lock clean tools
+.PHONY: help demo test test-latency test-peers test-sweep-kill test-stacks test-paths test-browser check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
@@ -63,6 +63,10 @@ test-paths: $(BUILD)/installed $(BUILD)/requirements ## the planners on 10,000,0
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_RANDOM_PATHS=$(CASES) ARMLET_RANDOM_LINKS=$(CASES) ARMLET_RANDOM_JOBS="$${JOBS:-$$(nproc)}" \
 		$(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/laws/test_random_plans.py $(PYTEST)
+
+SIGNALS ?= 100
+test-latency: $(BUILD)/installed ## Ctrl-C within 100 ms and the interpreter lock within 50 ms, in a table by call (SIGNALS=): 40 minutes
+	$(PY) benches/latency.py --trials $(SIGNALS) $(LATENCY)
 
 test-browser: $(BUILD)/installed $(BUILD)/requirements ## armlet lab and view in a browser without a window; pictures in build/browser
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/browser.txt -c requirements/test.txt

@@ -51,7 +51,12 @@ def report(cases: list[Case], verdicts: list[Verdict], busy: float, as_markdown:
 def finish(section: str, text: str, into_readme: bool) -> None:
     """Print the figures and, where they are asked for there, put them between the marks of `section` in README.md."""
     if into_readme:
-        path, marks = HERE / "README.md", (f"<!-- {section}: begin -->", f"<!-- {section}: end -->")
-        before, rest = path.read_text().split(marks[0])
-        path.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{rest.split(marks[1])[1]}")
+        write_figures(section, text)
     print(text)
+
+
+def write_figures(section: str, text: str) -> None:
+    """Put the figures between the marks of `section` in README.md."""
+    path, marks = HERE / "README.md", (f"<!-- {section}: begin -->", f"<!-- {section}: end -->")
+    before, rest = path.read_text().split(marks[0])
+    path.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{rest.split(marks[1])[1]}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,6 +46,10 @@ LONG = {
     ),
     "base_parameters": ("many = al.planar_arm(np.ones(60))", "many.base_parameters()"),
     "equilibrium": ("", "al.equilibrium(al.RigidArm(arm), law, q0=np.full(7, 0.3))"),
+    "project_parameters": (
+        "pi = np.tile([-1.0, 0, 0, 0, 1, 0, 1, 0, 0, 1], 10**5); pi[:10] = [1, 0, 0, 0, 1, 0, 1, 0, 0, 1]",
+        "al.project_parameters(pi)",
+    ),
     "smallest_reduced_inertia": ("b = rng.uniform(0.1, 1.0, 10**5)", "al.smallest_reduced_inertia(b, 1e4, 1e-3)"),
 }
 
@@ -56,6 +61,37 @@ def test_ctrl_c_ends_a_long_call(name: str, interrupted: Callable[[str], tuple[l
     assert words == ["interrupted"]
     # Every 20 ms the call looks for a signal; the rest is what a busy machine may add to an unoptimised build.
     assert waited < 1.5
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda x: x,
+        np.asfortranarray,
+        lambda x: x[::-1].copy()[::-1],
+        lambda x: x.astype(np.int64),
+        lambda x: x.astype(np.uint8),
+        lambda x: x.tolist(),
+        lambda x: x[None, :, :].repeat(2, axis=0)[:, ::2, :],
+    ],
+)
+def test_large_arrays_are_read_whole(form: Callable[[np.ndarray], Any]) -> None:
+    """More numbers than one piece holds, and not a multiple of it."""
+    q = np.random.default_rng(1).integers(0, 4, (40_001, 2)).astype(float)
+    arm = al.planar_pr(2.0, 0.5, 1.0)
+    given = form(q)
+    whole = np.ascontiguousarray(np.asarray(given, float))
+    M = arm.mass_matrix(given)
+    assert M.shape == (*whole.shape, 2)
+    np.testing.assert_array_equal(M[..., 0, 1], M[..., 1, 0])
+    np.testing.assert_allclose(M[..., 0, 1], 0.5 * np.cos(whole[..., 1]), rtol=1e-15, atol=1e-15)  # one product and one cosine
+
+
+def test_an_integer_that_is_not_exact_is_named_in_a_later_piece() -> None:
+    q = np.zeros((1, 100_000), np.int64)
+    q[0, 70_001] = 2**53 + 1
+    with pytest.raises(al.InputError, match=r"first bad index \(0, 70001\)"):
+        al.planar_arm(np.ones(100_000)).bias(q, np.zeros((1, 100_000)))
 
 
 def longest_gap(call: Callable[[], object]) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 //! What a caller did wrong, or what a solver could not do. Outcomes of a run are data: see `status`.
 
+use crate::interrupt::look;
 use crate::status::Status;
 
 /// The errors of the core. The binding maps each variant to its Python class and puts the name of the
@@ -32,8 +33,22 @@ impl Error {
     }
 }
 
-/// Whether all are finite, without a branch per number.
+/// Numbers that are read between two looks whether to stop.
+const PIECE: usize = 1 << 16;
+
+/// Whether all are finite.
 pub fn all_finite(values: &[f64]) -> bool {
+    if values.len() <= PIECE {
+        return few_finite(values);
+    }
+    values.chunks(PIECE).all(|piece| {
+        look();
+        few_finite(piece)
+    })
+}
+
+/// Without a branch per number.
+fn few_finite(values: &[f64]) -> bool {
     // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
     let mut zeros = [0.0; 8];
     let (blocks, rest) = values.as_chunks::<8>();

@@ -52,8 +52,13 @@ pub fn look() {
     });
     // Called without the borrow: what it runs may start interruptible work too.
     if poll.map_or_else(|stop| stop, |poll| poll()) {
-        resume_unwind(Box::new(Interrupted));
+        interrupt();
     }
+}
+
+/// Unwind to [`interruptible`] now: for work that was told to stop by others than its watch. Only to be called within it.
+pub fn interrupt() -> ! {
+    resume_unwind(Box::new(Interrupted))
 }
 
 /// Puts the watch of before back, however the work ends.

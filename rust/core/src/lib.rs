@@ -2,9 +2,9 @@
 //! integrators, and the loops that close them. Knows no Python.
 //!
 //! The layers, lowest first; a module uses only those before it (checked by `tests/api/test_layering.py`):
-//! `error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
+//! `interrupt -> error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
-//! `integrate` over `error, status, scalar, linalg` alone; `interrupt` and `parallel` know threads, `memory` sizes, and none knows robots.
+//! `integrate` over `error, status, scalar, linalg` alone; `parallel` knows threads, `memory` sizes, and none knows robots.
 
 #[cfg(not(test))]
 pub mod analysis;

@@ -1,6 +1,10 @@
 //! Memory of a size that a caller decides: what cannot be had is an error, never the end of the process.
 
 use crate::error::{Error, Result};
+use crate::interrupt::look;
+
+/// Elements that are written between two looks whether to stop: the first touch of a page takes long.
+const PIECE: usize = 1 << 14;
 
 /// An empty vector with room for `n` elements.
 pub fn room<T>(n: usize) -> Result<Vec<T>> {
@@ -18,7 +22,10 @@ pub fn more<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
 /// `n` copies of `value`.
 pub fn filled<T: Clone>(n: usize, value: T) -> Result<Vec<T>> {
     let mut out = room(n)?;
-    out.resize(n, value);
+    while out.len() < n {
+        look();
+        out.resize((out.len() + PIECE).min(n), value.clone());
+    }
     Ok(out)
 }
 
@@ -30,14 +37,22 @@ pub fn zeros(n: usize) -> Result<Vec<f64>> {
 /// A copy.
 pub fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>> {
     let mut out = room(values.len())?;
-    out.extend_from_slice(values);
+    for piece in values.chunks(PIECE) {
+        look();
+        out.extend_from_slice(piece);
+    }
     Ok(out)
 }
 
 /// The elements of an iterator that knows how many it has.
 pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> {
     let mut out = room(values.len())?;
-    out.extend(values);
+    for (k, value) in values.enumerate() {
+        if k % PIECE == PIECE - 1 {
+            look();
+        }
+        out.push(value);
+    }
     Ok(out)
 }
 

@@ -3,8 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::interrupt::{Interrupted, SLICE, Watch, interruptible};
-use rayon::iter::{IndexedParallelIterator, ParallelIterator};
-use rayon::slice::ParallelSliceMut;
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -118,19 +117,27 @@ pub fn rows<R: Send>(
     work: impl Fn(usize, usize, &mut [f64]) -> R + Sync,
 ) -> std::result::Result<Vec<R>, Interrupted> {
     let chunk = chunk.max(1);
-    let part = |stop: &Arc<AtomicBool>, i: usize, rows: &mut [f64]| {
-        let (first, count) = (i * chunk, rows.len() / length.max(1));
+    let parts = out.chunks_mut((length * chunk).max(1)).enumerate().collect();
+    pieces(threads, poll, parts, |(i, rows): (usize, &mut [f64])| work(i * chunk, i * chunk + rows.len() / length.max(1), rows))
+}
+
+/// `work` on each of these parts; what it said of each, in order.
+pub fn pieces<P: Send, R: Send>(
+    threads: usize,
+    poll: &mut dyn FnMut() -> bool,
+    parts: Vec<P>,
+    work: impl Fn(P) -> R + Sync,
+) -> std::result::Result<Vec<R>, Interrupted> {
+    let one = |stop: &Arc<AtomicBool>, part: P| {
         if stop.load(Ordering::Relaxed) {
             return Err(Interrupted);
         }
-        interruptible(Watch::Flag(stop.clone()), || work(first, first + count, rows))
+        interruptible(Watch::Flag(stop.clone()), || work(part))
     };
-    let width = (length * chunk).max(1);
     if threads == 1 {
-        return on_worker(poll, |stop| out.chunks_mut(width).enumerate().map(|(i, rows)| part(stop, i, rows)).collect());
+        return on_worker(poll, |stop| parts.into_iter().map(|part| one(stop, part)).collect());
     }
-    let pieces = out.len().div_ceil(width);
-    run(threads, pieces, poll, |stop| out.par_chunks_mut(width).enumerate().with_max_len(1).map(|(i, rows)| part(stop, i, rows)).collect())
+    run(threads, parts.len(), poll, |stop| parts.into_par_iter().with_max_len(1).map(|part| one(stop, part)).collect())
 }
 
 #[cfg(test)]

@@ -2,10 +2,15 @@
 
 use crate::arrays::{Axis, Converted, Form, Looked, WHATEVER, elements, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
-use armlet_core::error::Error;
+use crate::interrupts::long;
+use armlet_core::error::{Error, Result as CoreResult};
+use armlet_core::interrupt::look;
 use pyo3::prelude::*;
 use pyo3::types::PyFloat;
 use std::borrow::Cow;
+
+/// Rows that are copied between two looks whether to stop.
+const LOOK: usize = 1 << 12;
 
 /// Arguments of a pure function, broadcast over their leading axes.
 pub struct Broadcast<'a, const K: usize> {
@@ -26,7 +31,25 @@ impl<const K: usize> Broadcast<'_, K> {
     }
 }
 
-impl<const K: usize> Broadcast<'_, K> {
+impl<'a, const K: usize> Broadcast<'a, K> {
+    /// Rows `first..last` of argument `k`, each written out.
+    pub fn rows(&self, k: usize, first: usize, last: usize) -> Cow<'_, [f64]> {
+        let (values, width) = &self.rows[k];
+        if values.len() == *width && self.count != 1 {
+            return Cow::Owned(values.repeat(last - first));
+        }
+        Cow::Borrowed(&values[first * width..last * width])
+    }
+
+    /// Copies that other threads cannot change.
+    pub fn owned(self) -> Result<Broadcast<'static, K>, Failure> {
+        let mut rows: [(Cow<'static, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), 0));
+        for (to, (values, width)) in rows.iter_mut().zip(self.rows) {
+            *to = (Cow::Owned(owned(values)?), width);
+        }
+        Ok(Broadcast { shape: self.shape, count: self.count, rows })
+    }
+
     /// All rows of argument `k`, each written out.
     pub fn all(&self, k: usize) -> Cow<'_, [f64]> {
         let (values, width) = &self.rows[k];
@@ -71,7 +94,9 @@ pub fn broadcast<'a, const K: usize>(
     for k in 0..K {
         let single = shapes[k].iter().product::<usize>() == 1;
         if shapes[k] != shape && !single {
-            rows[k].0 = Cow::Owned(stretch(&shapes[k], &shape, &rows[k].0, widths[k])?);
+            // Other threads may write to the caller's array while this is done.
+            let own = rows[k].0.to_vec();
+            rows[k].0 = Cow::Owned(long(values[k].py(), || stretch(&shapes[k], &shape, &own, widths[k]))?);
         }
     }
     Ok(Broadcast { shape, count, rows })
@@ -96,14 +121,17 @@ pub fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
 }
 
 /// Repeat the rows of an array of leading axes `from` into leading axes `to`.
-pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Result<Vec<f64>, Failure> {
-    let count = elements(to)?;
+pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> CoreResult<Vec<f64>> {
+    let count = to.iter().try_fold(1_usize, |count, &n| count.checked_mul(n)).unwrap_or(usize::MAX);
     let skip = to.len() - from.len();
     let mut out = Vec::new();
     let bytes = count as u128 * width as u128 * 8;
     out.try_reserve_exact(count.saturating_mul(width)).map_err(|_| Error::Memory { bytes })?;
     let mut index = vec![0; to.len()];
-    for _ in 0..count {
+    for i in 0..count {
+        if i % LOOK == 0 {
+            look();
+        }
         let row = from.iter().zip(&index[skip..]).fold(0, |row, (&n, &i)| row * n + if n == 1 { 0 } else { i });
         out.extend_from_slice(&data[row * width..(row + 1) * width]);
         for axis in (0..to.len()).rev() {
@@ -158,7 +186,7 @@ pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound
     })?;
     for k in 0..K {
         if shapes[k] != shape && columns[k].len() != 1 {
-            columns[k] = stretch(&shapes[k], &shape, &columns[k], 1)?;
+            columns[k] = long(values[k].py(), || stretch(&shapes[k], &shape, &columns[k], 1))?;
         }
     }
     Ok(Columns { count: shape.iter().product(), shape, columns })

@@ -82,8 +82,8 @@ pub fn keep(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).get_or_insert(error);
 }
 
-/// What was raised inside a run, or by Ctrl-C.
-pub fn raise(signal: Option<PyErr>, raised: &Raised) -> Result<(), Failure> {
+/// What was raised inside a run.
+pub fn raise(raised: &Raised) -> Result<(), Failure> {
     let inside = raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
-    signal.or(inside).map_or(Ok(()), |error| Err(Failure::Python(error)))
+    inside.map_or(Ok(()), |error| Err(Failure::Python(error)))
 }

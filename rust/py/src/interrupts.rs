@@ -2,34 +2,67 @@
 
 use crate::errors::Failure;
 use armlet_core::error::Result as CoreResult;
-use armlet_core::interrupt::{Interrupted, Watch, interruptible};
+use armlet_core::interrupt::{Interrupted, SLICE, Watch, interruptible};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use std::cell::RefCell;
+use std::time::Instant;
 
 thread_local! {
     /// What a signal's handler raised on this thread, until the call that it interrupted passes it on.
     static SIGNAL: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
-/// Look for Ctrl-C: what it raised is kept, and the work is told to stop.
-pub fn listen(signal: &mut Option<PyErr>) -> impl FnMut() -> bool + '_ {
-    move || {
-        if signal.is_none() {
-            *signal = Python::attach(|py| py.check_signals()).err();
-        }
-        signal.is_some()
-    }
-}
-
-fn signalled() -> bool {
+/// Whether a signal has come: what its handler raised is kept for `long`.
+pub fn signalled() -> bool {
     Python::attach(|py| py.check_signals()).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
 
-/// Work without the GIL on this thread, ended by Ctrl-C where it looks.
+/// Work without the GIL on this thread, ended by Ctrl-C where it looks, or where it asks [`signalled`] itself.
 pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
-    match py.detach(|| interruptible(Watch::Poll(signalled), work)) {
-        Ok(result) => Ok(result?),
-        Err(Interrupted) => Err(SIGNAL.take().unwrap_or_else(|| PyKeyboardInterrupt::new_err(())).into()),
+    let result = py.detach(|| interruptible(Watch::Poll(signalled), work));
+    match (SIGNAL.take(), result) {
+        (Some(signal), _) => Err(signal.into()),
+        (None, Ok(result)) => Ok(result?),
+        (None, Err(Interrupted)) => Err(PyKeyboardInterrupt::new_err(()).into()),
     }
+}
+
+/// Whoever waits for the GIL is handed it, and Ctrl-C is heard.
+pub fn pause(py: Python<'_>) -> PyResult<()> {
+    py.detach(|| ());
+    py.check_signals()
+}
+
+/// For loops that need the GIL: every 20 ms other threads get it for a moment, and Ctrl-C is heard.
+pub struct Breaks {
+    next: Instant,
+}
+
+impl Breaks {
+    pub fn new() -> Self {
+        Breaks { next: Instant::now() + SLICE }
+    }
+
+    /// To be called after every 1 us to 1 ms of work.
+    pub fn pause(&mut self, py: Python<'_>) -> PyResult<()> {
+        if Instant::now() >= self.next {
+            pause(py)?;
+            self.next = Instant::now() + SLICE;
+        }
+        Ok(())
+    }
+}
+
+/// What `read` makes of each of these objects, with pauses.
+pub fn paused<'py, T>(
+    list: &[Bound<'py, PyAny>],
+    read: impl Fn(usize, &Bound<'py, PyAny>) -> Result<T, Failure>,
+) -> Result<Vec<T>, Failure> {
+    let mut breaks = Breaks::new();
+    let one = |(i, item): (usize, &Bound<'py, PyAny>)| {
+        breaks.pause(item.py())?;
+        read(i, item)
+    };
+    list.iter().enumerate().map(one).collect()
 }

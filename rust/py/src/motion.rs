@@ -1,7 +1,10 @@
 //! `armlet.Motion` and its members.
 
-use crate::arrays::{Axis, Form, SCALAR, any_vector, new_vector, number, numbers, optional_number, require_finite, spread, vector};
+use crate::arrays::{
+    Axis, Form, SCALAR, any_vector, copied, new_vector, number, numbers, optional_number, owned, require_finite, spread, vector,
+};
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::long;
 use crate::seal::{Sealed, seal_new};
 use armlet_core::motion::{self, Motion as Core};
 use pyo3::prelude::*;
@@ -75,15 +78,6 @@ impl Motion {
     }
 }
 
-fn kept<'py>(py: Python<'py>, values: &[f64], shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
-    entry(py, "Motion", || {
-        crate::arrays::new_array(py, shape, |out| {
-            out.copy_from_slice(values);
-            Ok(())
-        })
-    })
-}
-
 /// Stay at `q`, `(n,)`.
 ///
 /// >>> import armlet as al
@@ -98,8 +92,8 @@ impl Hold {
     fn new(py: Python<'_>, q: &Bound<'_, PyAny>) -> PyResult<PyClassInitializer<Self>> {
         entry(py, "Hold", || {
             let q = any_vector("Hold", "q", q)?;
-            let arguments = vec![("q", kept(py, &q, &[q.len()])?)];
-            Ok(PyClassInitializer::from(Motion::new(Core::hold(q)?, arguments)).add_subclass(Hold))
+            let arguments = vec![("q", copied(py, &[q.len()], &q)?)];
+            Ok(PyClassInitializer::from(Motion::new(long(py, || Core::hold(q))?, arguments)).add_subclass(Hold))
         })
     }
 }
@@ -145,7 +139,7 @@ impl Sinusoid {
                 parts.push(terms("Sinusoid", name, value, n)?);
             }
             let count = parts.iter().map(|(terms, _)| *terms).max().unwrap_or(1);
-            let mut arguments = vec![("offset", kept(py, &offset, &[n])?)];
+            let mut arguments = vec![("offset", copied(py, &[n], &offset)?)];
             for (k, (name, value)) in named.into_iter().enumerate() {
                 if parts[k].0 == 1 && count > 1 {
                     parts[k].1 = parts[k].1.iter().flat_map(|&x| std::iter::repeat_n(x, count)).collect();
@@ -155,10 +149,10 @@ impl Sinusoid {
                     let problem = format!("has the wrong number of terms: expected {count}, got {}", parts[k].0);
                     return Err(input_error(value.py(), "Sinusoid", name, problem).into());
                 }
-                arguments.push((name, kept(py, &parts[k].1, &[n, count])?));
+                arguments.push((name, copied(py, &[n, count], &parts[k].1)?));
             }
             let [(_, amplitude), (_, frequency), (_, phase)] = <[_; 3]>::try_from(parts).expect("three parts");
-            let core = motion::Sinusoid::new(offset, count, amplitude, frequency, phase)?;
+            let core = long(py, || motion::Sinusoid::new(offset, count, amplitude, frequency, phase))?;
             Ok(PyClassInitializer::from(Motion::new(Core::Sinusoid(core), arguments)).add_subclass(Sinusoid))
         })
     }
@@ -188,7 +182,7 @@ macro_rules! rest_to_rest {
                     let n = q0.len();
                     let q1 = vector(NAME, "q1", q1, n)?;
                     let seconds = duration.into_pyobject(py).map_err(PyErr::from)?.into_any();
-                    let arguments = vec![("q0", kept(py, &q0, &[n])?), ("q1", kept(py, &q1, &[n])?), ("duration", seconds)];
+                    let arguments = vec![("q0", copied(py, &[n], &q0)?), ("q1", copied(py, &[n], &q1)?), ("duration", seconds)];
                     let core = motion::$name::new(q0, q1, duration)?;
                     Ok(PyClassInitializer::from(Motion::new(Core::$name(core), arguments)).add_subclass($name))
                 })
@@ -234,16 +228,17 @@ impl Table {
                 columns.push(values);
             }
             let n = knots[1];
-            let rows = (0..knots[0]).flat_map(|k| columns.iter().flat_map(move |c| c[k * n..(k + 1) * n].to_vec())).collect();
             let kept_number = |x: f64| -> Result<Bound<'_, PyAny>, Failure> { Ok(x.into_pyobject(py).map_err(PyErr::from)?.into_any()) };
             let arguments = vec![
                 ("dt", kept_number(dt)?),
-                ("q", kept(py, &columns[0], &knots)?),
-                ("v", kept(py, &columns[1], &knots)?),
-                ("a", kept(py, &columns[2], &knots)?),
+                ("q", copied(py, &knots, &columns[0])?),
+                ("v", copied(py, &knots, &columns[1])?),
+                ("a", copied(py, &knots, &columns[2])?),
                 ("start", kept_number(start)?),
             ];
-            Ok(PyClassInitializer::from(Motion::new(Core::Table(motion::Table::new(start, dt, n, rows)?), arguments)).add_subclass(Table))
+            let columns: Vec<Vec<f64>> = columns.into_iter().map(owned).collect::<Result<_, _>>()?;
+            let core = long(py, || motion::Table::of_columns(start, dt, n, [&columns[0], &columns[1], &columns[2]]))?;
+            Ok(PyClassInitializer::from(Motion::new(Core::Table(core), arguments)).add_subclass(Table))
         })
     }
 }

@@ -5,7 +5,7 @@ use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
 use crate::force::{self, Raised, raise};
-use crate::interrupts::listen;
+use crate::interrupts::{long, signalled};
 use crate::keywords::{Keywords, MOST_ROWS, law_of};
 use crate::law::Law;
 use crate::plant::Plant;
@@ -106,13 +106,9 @@ pub fn simulate<'py>(
         warn_of_sampling(py, NAME, &problem)?;
         let dense = given.get("dense")?.map_or(Ok(false), |dense| flag(NAME, "dense", &dense))?;
         let mut asked = event::asked(plant, given.get("events")?, dense, &raised)?;
-        let mut signal = None;
-        let run = {
-            let mut interrupted = listen(&mut signal);
-            let mut poll = || force::failed(&raised) || interrupted();
-            py.detach(|| core::simulate_asked(&problem, &core::Poller::new(&mut poll), asked.as_mut()))?
-        };
-        raise(signal, &raised)?;
+        let mut poll = || force::failed(&raised) || signalled();
+        let run = long(py, || core::simulate_asked(&problem, &core::Poller::new(&mut poll), asked.as_mut()))?;
+        raise(&raised)?;
         let (k, p) = (run.t.len(), law.initial_state().len());
         let fields = PyDict::new(py);
         put(&fields, "t", run.t, &[k])?;
@@ -178,12 +174,8 @@ pub fn simulate_batch<'py>(
         let p = laws[0].initial_state().len();
         let problem = Problem { plants, laws, x0, forces: forces.iter().collect(), force_frame, options };
         warn_of_sampling(py, NAME, &problem)?;
-        let mut signal = None;
-        let batch = {
-            let mut poll = listen(&mut signal);
-            py.detach(|| core::simulate_batch(&problem, keep, threads, &mut poll))?
-        };
-        raise(signal, &raised)?;
+        let batch = long(py, || core::simulate_batch(&problem, keep, threads, &mut signalled))?;
+        raise(&raised)?;
         let k = batch.t.len();
         let fields = PyDict::new(py);
         put(&fields, "t", batch.t, &[k])?;

@@ -171,7 +171,7 @@ impl Simulator {
                 None if self.has_law => self.stepping().step(None),
                 None => return Err(input_error(py, "Simulator.step", "tau", "is missing: expected (n,), since there is no law").into()),
             }
-            raise(None, &self.raised)?;
+            raise(&self.raised)?;
             self.show(py)
         })
     }

@@ -2,6 +2,7 @@
 
 use super::{Arm, Frame, Joint, JointKind, Limits};
 use crate::error::{Error, Result, finite};
+use crate::interrupt::look;
 use crate::spatial::{Inertia, Placement, V3};
 use std::collections::HashSet;
 
@@ -64,6 +65,7 @@ impl Arm {
         let mut place: Vec<(Option<usize>, Placement)> = vec![(None, Placement::IDENTITY); list.len()];
         let mut names = HashSet::new();
         for i in depth_first(&parents) {
+            look();
             let item = &list[i];
             let (body, base) = parents[i].map_or((None, Placement::IDENTITY), |p| place[p]);
             let at = |what: &str| format!("joints[{i}].{what}");

@@ -5,6 +5,7 @@
 //! model. Geometry is the same in all lanes; inertial parameters may differ from lane to lane.
 
 use super::Arm;
+use crate::interrupt::look;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, M3, PARAMETERS, Placement, QuarterTurn, Sym3, V3};
 
@@ -76,6 +77,7 @@ impl Tree<f64> {
             .iter()
             .enumerate()
             .map(|(i, joint)| {
+                look();
                 let back = parent_turn(joint.parent);
                 let rotation = back.times(joint.placement.rotation).times(turns[i]);
                 let (translation, revolute) = (back.apply(joint.placement.translation), joint.kind.is_angle());

@@ -1,6 +1,7 @@
 //! The maps of `priority` on an arm for many rows of joint angles: kinematics and solution one row per lane.
 
 use super::ArmSolver;
+use crate::interrupt::look;
 use crate::kinematics::TaskStack;
 use crate::priority::{Group, Stacks};
 use crate::scalar::rows::{read_rows, write_rows};
@@ -35,6 +36,7 @@ impl ArmLanes {
             None => declined.extend(0..status.len()),
         }
         for &row in declined.iter() {
+            look();
             let command = if velocities.len() == m { velocities } else { &velocities[row * m..(row + 1) * m] };
             let v = &mut v[row * n..(row + 1) * n];
             match single.solve(&q[row * n..(row + 1) * n], command) {

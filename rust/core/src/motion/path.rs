@@ -10,6 +10,10 @@
 //! last but one waypoint). A table of `q, q', q''` is joined by the quintic that takes all three at both ends of a piece.
 
 use crate::error::{Error, Result, finite};
+use crate::interrupt::look;
+
+/// Knots between two looks whether to stop.
+const LOOK: usize = 1 << 10;
 
 /// Coefficients per piece and joint.
 pub const TERMS: usize = 6;
@@ -71,6 +75,9 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
     let last = k - 1;
     let mut upper = vec![0.0; k];
     for i in 0..k {
+        if i % LOOK == 0 {
+            look();
+        }
         let (low, diagonal, up) = match (i, ends) {
             (0, Ends::Clamped) => (0.0, 1.0, 0.0),
             (0, Ends::Natural) => (0.0, 2.0, 1.0),
@@ -119,6 +126,9 @@ impl Path {
         finite("path", &d)?;
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
         for p in 0..s.len() - 1 {
+            if p % LOOK == 0 {
+                look();
+            }
             let h = s[p + 1] - s[p];
             for j in 0..n {
                 let (q0, step) = (q[p * n + j], q[(p + 1) * n + j] - q[p * n + j]);
@@ -192,6 +202,9 @@ impl Path {
         }
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
         for p in 0..s.len() - 1 {
+            if p % LOOK == 0 {
+                look();
+            }
             let h = s[p + 1] - s[p];
             for j in 0..n {
                 let (i, k) = (p * n + j, (p + 1) * n + j);

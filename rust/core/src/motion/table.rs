@@ -3,10 +3,13 @@
 //! On a knot interval with `x = (t - t_k)/dt`, the quintic that takes `q, v, a` at both ends.
 
 use crate::error::{Error, Result, finite, positive};
+use crate::interrupt::look;
 use crate::scalar::Real;
 use crate::scalar::trig::ROUND;
 use std::sync::Arc;
 
+/// Knots that are read between two looks whether to stop.
+const LOOK: usize = 1 << 10;
 /// A time this close to a knot, in intervals, is that knot.
 const ON_KNOT: f64 = 1e-9;
 
@@ -31,6 +34,35 @@ impl Table {
             return Err(Error::input("q", "is empty: expected at least one knot and one joint"));
         }
         Ok(Table { start, dt, rate: 1.0 / dt, dof, knots: rows.len() / (3 * dof), rows: rows.into() })
+    }
+
+    /// `q, v, a` are `(K, n)` each.
+    pub fn of_columns(start: f64, dt: f64, dof: usize, columns: [&[f64]; 3]) -> Result<Self> {
+        for (name, column) in ["q", "v", "a"].into_iter().zip(columns) {
+            finite(name, column)?;
+            if column.len() != columns[0].len() {
+                return Err(Error::input(name, format!("has the wrong size: expected {}, got {}", columns[0].len(), column.len())));
+            }
+        }
+        positive("dt", dt)?;
+        finite("start", &[start])?;
+        if dof == 0 || columns[0].is_empty() || !columns[0].len().is_multiple_of(dof) {
+            return Err(Error::input("q", "is empty: expected at least one knot and one joint"));
+        }
+        let knots = columns[0].len() / dof;
+        let (mut knot, mut at) = (0, 0);
+        let mut next = |_| {
+            let x = columns[at / dof][knot * dof + at % dof];
+            at += 1;
+            if at == 3 * dof {
+                (knot, at) = (knot + 1, 0);
+                if knot % LOOK == 0 {
+                    look();
+                }
+            }
+            x
+        };
+        Ok(Table { start, dt, rate: 1.0 / dt, dof, knots, rows: (0..3 * dof * knots).map(&mut next).collect() })
     }
 
     pub fn dof(&self) -> usize {

@@ -6,6 +6,7 @@ use super::metric::Metric;
 use super::regular::{Asked, Lanewise, MOST_JOINTS_IN_LANES, Room, regular, regular_ranks};
 use super::solver::PrioritySolver;
 use crate::error::Result;
+use crate::interrupt::look;
 use crate::scalar::rows::{read_rows, write_rows};
 use crate::scalar::{Kernel, Real, Task, run_lanes};
 use crate::status::Status;
@@ -141,6 +142,7 @@ impl LaneSolver {
             answers.status.fill(Status::Success.code());
         }
         for &i in declined.iter() {
+            look();
             let ended = solve_one(single, given, first + i);
             let sound = ended.is_ok();
             let or_nan = |x: f64| if sound { x } else { f64::NAN };

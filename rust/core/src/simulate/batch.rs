@@ -12,6 +12,7 @@ use super::problem::{Division, Ended, Fixed, Problem};
 use super::sink::Sink;
 use crate::dynamics::Planar2R;
 use crate::error::{Error, Result};
+use crate::interrupt::look;
 use crate::motion::{Motion, Table};
 use crate::parallel;
 use crate::scalar::{Real, Task, run_lanes, run_scalar, run_wide_lanes};
@@ -25,6 +26,9 @@ pub enum Keep {
     All,
     Final,
 }
+
+/// Numbers that are made between two looks whether to stop.
+const PIECE: usize = 1 << 16;
 
 /// Largest table of a shared motion, in bytes: it has to live in the cache to pay.
 const LARGEST_TABLE: usize = 8 << 20;
@@ -210,7 +214,11 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
         let mut out = Vec::new();
         let len = runs.checked_mul(records).and_then(|n| n.checked_mul(width)).ok_or(Error::Memory { bytes })?;
         out.try_reserve_exact(len).map_err(|_| Error::Memory { bytes })?;
-        out.resize(len, f64::NAN);
+        // In pieces: the first touch of much memory takes long.
+        while out.len() < len {
+            look();
+            out.resize((out.len() + PIECE).min(len), f64::NAN);
+        }
         Ok(out)
     };
     let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0), problem.watches_storage()) } else { &[] };
@@ -305,6 +313,7 @@ fn tabulate(problem: &Problem, division: &Division) -> Option<Motion> {
     }
     let mut samples = vec![0.0; rows * width];
     for (k, row) in samples.chunks_exact_mut(width).enumerate() {
+        look();
         motion.sample(0.5 * schedule.dt * k as f64, row);
     }
     Table::new(0.0, 0.5 * schedule.dt, motion.dof(), samples).ok().map(Motion::Table)

@@ -1,6 +1,7 @@
 //! Prioritised velocities for many rows, in lanes and threads: every row has the bits of a solve by itself, whatever rows share a lane
 //! group, a chunk or a thread with it.
 
+use crate::interrupt::{Watch, interruptible};
 use crate::law::{ArmLanes, ArmSolver};
 use crate::parallel;
 use crate::priority::{LaneSolver, PrioritySolver, StackAnswers, StackRows};
@@ -91,8 +92,7 @@ fn each<P: Send, L>(
     if parts.len() * CHUNK < FEW || threads < 2 {
         let mut own = solver();
         for (k, part) in parts.into_iter().enumerate() {
-            // A chunk is a fraction of a millisecond: the clock is not asked after each.
-            if k % 16 == 15 && poll() {
+            if k > 0 && poll() {
                 return true;
             }
             work(&mut own, part);
@@ -113,8 +113,9 @@ fn each<P: Send, L>(
         }
         shares.into_par_iter().with_max_len(1).for_each_init(&solver, |own, share| {
             for part in share {
-                if !stop.load(Ordering::Relaxed) {
-                    work(own, part);
+                // A solver that was interrupted is not used again: the others stop too.
+                if stop.load(Ordering::Relaxed) || interruptible(Watch::Flag(stop.clone()), || work(own, part)).is_err() {
+                    break;
                 }
             }
         });

@@ -1,6 +1,7 @@
 //! The times of a run: its steps, what is recorded, where it restarts.
 
 use crate::error::{Error, Result, finite, positive};
+use crate::interrupt::look;
 
 /// A time this close to a step's end, in steps, is that end.
 const ON_GRID: f64 = 1e-9;
@@ -8,6 +9,9 @@ const ON_GRID: f64 = 1e-9;
 const MAX_STEPS: f64 = 1e12;
 /// What one record takes at least: its place in the schedule, time, state, input and monitors of a small arm.
 const BYTES_PER_RECORD: u128 = 160;
+
+/// Records that are placed between two looks whether to stop.
+const LOOK: usize = 1 << 12;
 
 /// What is recorded.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,7 +80,14 @@ impl Schedule {
                 require_memory(steps as u128 / *every as u128)?;
                 let last = if steps.is_multiple_of(*every) { None } else { Some(steps) };
                 let on_grid = (0..=steps).step_by(*every).chain(last);
-                schedule.records = on_grid.map(|step| Record { step, offset: 0.0, t: schedule.time(step) }).collect();
+                let record = |step| Record { step, offset: 0.0, t: schedule.time(step) };
+                let looked = |(k, step)| {
+                    if k % LOOK == 0 {
+                        look();
+                    }
+                    record(step)
+                };
+                schedule.records = on_grid.enumerate().map(looked).collect();
             }
             Times::At(t_eval) => {
                 require_times(t_eval, t_end)?;

@@ -3,7 +3,7 @@
 use super::{Arm, Model};
 use crate::arrays::{Looked, any_vector, items, name, number as scalar, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::long;
+use crate::interrupts::{long, paused};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::PlanarPr;
@@ -140,7 +140,7 @@ pub fn planar_arm(
             None => vec![0.0, -9.81],
         };
         let (masses, coms, inertias) = (masses.as_deref(), coms.as_deref(), inertias.as_deref());
-        Ok(core::Arm::planar(&lengths, masses, coms, inertias, [gravity[0], gravity[1]])?.into())
+        long(py, || Ok(core::Arm::planar(&lengths, masses, coms, inertias, [gravity[0], gravity[1]])?.into()))
     })
 }
 
@@ -356,8 +356,9 @@ impl Arm {
         const NAME: &str = "Arm.from_chain";
         entry(py, NAME, || {
             let list = as_list(NAME, "joints", joints)?;
-            let list = list.iter().enumerate().map(|(i, joint)| chain_joint(NAME, joint, i)).collect::<Result<Vec<_>, _>>()?;
-            Ok(core::Arm::from_chain(&list, gravity3(NAME, gravity)?)?.into())
+            let list = paused(&list, |i, joint| chain_joint(NAME, joint, i))?;
+            let gravity = gravity3(NAME, gravity)?;
+            long(py, || Ok(core::Arm::from_chain(&list, gravity)?.into()))
         })
     }
 
@@ -380,8 +381,9 @@ impl Arm {
         entry(py, NAME, || {
             let convention = Convention::parse(convention.map_or(Ok("standard"), |given| name(NAME, "convention", given))?)?;
             let list = as_list(NAME, "rows", rows)?;
-            let list = list.iter().enumerate().map(|(i, row)| dh_row(NAME, row, i)).collect::<Result<Vec<_>, _>>()?;
-            Ok(core::Arm::from_dh(&list, convention, gravity3(NAME, gravity)?)?.into())
+            let list = paused(&list, |i, row| dh_row(NAME, row, i))?;
+            let gravity = gravity3(NAME, gravity)?;
+            long(py, || Ok(core::Arm::from_dh(&list, convention, gravity)?.into()))
         })
     }
 

@@ -1,99 +1,17 @@
 //! The analytic derivatives of inverse and forward dynamics, and the linearisation that they make.
 
 use super::Arm;
-use crate::arrays::{flag_or_false, new_array, out_slice};
-use crate::broadcast::Broadcast;
-use crate::errors::{Failure, entry, input_error};
+use crate::arrays::flag_or_false;
+use crate::errors::entry;
 use armlet_core::analysis::linearisation::state_matrices;
 use armlet_core::dynamics::{Quantity, Query};
-use armlet_core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 /// Arrays to return, or the caller's own.
 type Outs<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
-/// That many zeros, or an error that says how much memory they need.
-fn room(count: usize, width: usize) -> Result<Vec<f64>, Failure> {
-    let bytes = 8 * count as u128 * width as u128;
-    let mut out = Vec::new();
-    let length = count.checked_mul(width).ok_or(Error::Memory { bytes })?;
-    out.try_reserve_exact(length).map_err(|_| Error::Memory { bytes })?;
-    out.resize(length, 0.0);
-    Ok(out)
-}
-
 impl Arm {
-    /// The answers of each configuration, `trailing` numbers, one after the other, and the leading axes.
-    pub(super) fn flat<const K: usize>(
-        &self,
-        function: &str,
-        names: [&str; K],
-        values: [&Bound<'_, PyAny>; K],
-        query: &Query,
-        trailing: &[usize],
-    ) -> Result<(Vec<usize>, Vec<f64>), Failure> {
-        let inputs: Broadcast<K> = self.arguments(function, names, values)?;
-        let full: Vec<usize> = inputs.shape.iter().chain(trailing).copied().collect();
-        let mut flat = room(inputs.count, trailing.iter().product())?;
-        self.fill(function, names, values, query, &inputs, &full, &mut flat)?;
-        Ok((inputs.shape, flat))
-    }
-
-    /// The rows `(3 n, n)` of each configuration, one after the other, and the leading axes.
-    fn slopes<const K: usize>(
-        &self,
-        function: &str,
-        names: [&str; K],
-        values: [&Bound<'_, PyAny>; K],
-        query: &Query,
-    ) -> Result<(Vec<usize>, Vec<f64>), Failure> {
-        self.flat(function, names, values, query, &[3 * self.n(), self.n()])
-    }
-
-    /// `K` arrays of the shapes `leading + trailing[k]`, filled by `fill`; the caller's own where `outs` gives them.
-    pub(super) fn several<'py, const K: usize>(
-        py: Python<'py>,
-        function: &str,
-        values: &[&Bound<'py, PyAny>],
-        leading: &[usize],
-        trailing: [&[usize]; K],
-        outs: Outs<'_, 'py>,
-        fill: impl Fn(usize, &mut [f64]),
-    ) -> Result<Bound<'py, PyTuple>, Failure> {
-        let shapes = trailing.map(|last| leading.iter().chain(last).copied().collect::<Vec<usize>>());
-        let given: Option<Vec<Bound<'py, PyAny>>> = match outs {
-            None => None,
-            Some(outs) => match outs.cast::<PyTuple>() {
-                Ok(outs) if outs.len() == K => Some(outs.iter().collect()),
-                _ => {
-                    return Err(input_error(
-                        py,
-                        function,
-                        "out",
-                        format!("is not a tuple of {K} arrays: expected one array for each result"),
-                    )
-                    .into());
-                }
-            },
-        };
-        let mut all = Vec::with_capacity(K);
-        for (k, shape) in shapes.iter().enumerate() {
-            all.push(match &given {
-                None => new_array(py, shape, |data| {
-                    fill(k, data);
-                    Ok(())
-                })?,
-                Some(given) => {
-                    let others: Vec<&Bound<'py, PyAny>> = values.iter().copied().chain(&given[..k]).collect();
-                    fill(k, out_slice(function, &given[k], shape, &others)?);
-                    given[k].clone()
-                }
-            });
-        }
-        Ok(PyTuple::new(py, all)?)
-    }
-
     fn three<'py>(
         &self,
         function: &str,
@@ -105,11 +23,10 @@ impl Arm {
         let py = values[0].py();
         entry(py, function, || {
             let query = Query { friction: flag_or_false(function, "friction", friction)?, ..quantity.into() };
-            let (leading, flat) = self.slopes(function, ["q", "v", third], values, &query)?;
             let square = self.n() * self.n();
-            Self::several(py, function, &values, &leading, [&[self.n(); 2]; 3], out, |k, data| {
-                for (rows, to) in flat.chunks_exact((3 * square).max(1)).zip(data.chunks_exact_mut(square.max(1))) {
-                    to.copy_from_slice(&rows[k * square..(k + 1) * square]);
+            self.apart(function, ["q", "v", third], values, &query, [&[self.n(); 2]; 3], out, |slopes, to: [&mut [f64]; 3]| {
+                for (from, to) in slopes.chunks_exact(square.max(1)).zip(to) {
+                    to.copy_from_slice(from);
                 }
             })
         })
@@ -215,15 +132,9 @@ impl Arm {
         let (py, values) = (q.py(), [q, v, tau]);
         entry(py, NAME, || {
             let query = Query { friction: flag_or_false(NAME, "friction", friction)?, ..Quantity::ForwardDynamicsDerivatives.into() };
-            let (leading, flat) = self.slopes(NAME, ["q", "v", "tau"], values, &query)?;
             let n = self.n();
-            let (mut a, mut b) = (room(flat.len() / 3, 4)?, room(flat.len() / 3, 2)?);
-            let square = (n * n).max(1);
-            for ((rows, a), b) in flat.chunks_exact(3 * square).zip(a.chunks_exact_mut(4 * square)).zip(b.chunks_exact_mut(2 * square)) {
-                state_matrices(n, rows, a, b);
-            }
-            Self::several(py, NAME, &values, &leading, [&[2 * n, 2 * n], &[2 * n, n]], out, |k, data| {
-                data.copy_from_slice(if k == 0 { &a } else { &b });
+            self.apart(NAME, ["q", "v", "tau"], values, &query, [&[2 * n, 2 * n], &[2 * n, n]], out, |slopes, [a, b]| {
+                state_matrices(n, slopes, a, b);
             })
         })
     }

@@ -222,11 +222,8 @@ impl Arm {
         let (py, values) = (q.py(), [q, v]);
         entry(py, "energy", || {
             let query = Quantity::Energy.into();
-            let (leading, both) = self.flat("energy", ["q", "v"], values, &query, &[2])?;
-            Self::several(py, "energy", &values, &leading, [&[], &[]], out, |k, data| {
-                for (pair, to) in both.chunks_exact(2).zip(data) {
-                    *to = pair[k];
-                }
+            self.apart("energy", ["q", "v"], values, &query, [&[], &[]], out, |both, [kinetic, potential]| {
+                (kinetic[0], potential[0]) = (both[0], both[1]);
             })
         })
     }

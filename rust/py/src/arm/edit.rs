@@ -3,6 +3,7 @@
 use super::Arm;
 use crate::arrays::{Axis, Form, name, number, numbers, text, three, vector};
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::long;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -24,7 +25,7 @@ impl Arm {
         const NAME: &str = "Arm.with_parameters";
         entry(py, NAME, || {
             let pi = vector(NAME, "pi", pi, self.model.parameters().len())?;
-            Ok(Arm { model: self.model.with_parameters(&pi)? })
+            long(py, || Ok(Arm { model: self.model.with_parameters(&pi)? }))
         })
     }
 
@@ -58,7 +59,7 @@ impl Arm {
             let read = |name: &str, value: Option<&Bound<'_, PyAny>>| value.map(|value| vector(NAME, name, value, tree.n())).transpose();
             let (armature, damping) = (read("armature", armature)?, read("damping", damping)?);
             let friction = read("friction", friction)?;
-            Ok(tree.with_drives(armature.as_deref(), damping.as_deref(), friction.as_deref())?.into())
+            long(py, || Ok(tree.with_drives(armature.as_deref(), damping.as_deref(), friction.as_deref())?.into()))
         })
     }
 
@@ -77,7 +78,7 @@ impl Arm {
         const NAME: &str = "Arm.with_gravity";
         entry(py, NAME, || {
             let g = vector(NAME, "gravity", gravity, 3)?;
-            Ok(self.model.tree(NAME)?.with_gravity([g[0], g[1], g[2]])?.into())
+            long(py, || Ok(self.model.tree(NAME)?.with_gravity([g[0], g[1], g[2]])?.into()))
         })
     }
 
@@ -109,7 +110,7 @@ impl Arm {
         entry(py, NAME, || {
             let (name, parent) = (text(NAME, "name", name)?, text(NAME, "parent", parent)?);
             let (xyz, rpy) = (three(NAME, "xyz", xyz)?, three(NAME, "rpy", rpy)?);
-            Ok(self.model.tree(NAME)?.with_frame(&name, &parent, rpy, xyz)?.into())
+            long(py, || Ok(self.model.tree(NAME)?.with_frame(&name, &parent, rpy, xyz)?.into()))
         })
     }
 
@@ -146,7 +147,7 @@ impl Arm {
                 let (_, values) = numbers(NAME, "inertia", inertia, &[Form(&[Axis::Is(3), Axis::Is(3)])])?;
                 about = std::array::from_fn(|i| std::array::from_fn(|j| values[3 * i + j]));
             }
-            Ok(self.model.tree(NAME)?.with_payload(frame, mass, com, about)?.into())
+            long(py, || Ok(self.model.tree(NAME)?.with_payload(frame, mass, com, about)?.into()))
         })
     }
 
@@ -177,7 +178,7 @@ impl Arm {
                 })
                 .collect::<Result<_, Failure>>()?;
             let named: Vec<(&str, f64)> = named.iter().map(|(joint, value)| (joint.as_str(), *value)).collect();
-            Ok(self.model.tree(NAME)?.locked(&named)?.into())
+            long(py, || Ok(self.model.tree(NAME)?.locked(&named)?.into()))
         })
     }
 
@@ -198,7 +199,7 @@ impl Arm {
     fn to_urdf(&self, py: Python<'_>) -> PyResult<(String, Vec<String>)> {
         const NAME: &str = "Arm.to_urdf";
         entry(py, NAME, || {
-            let written = self.model.tree(NAME)?.to_urdf();
+            let written = long(py, || Ok(self.model.tree(NAME)?.to_urdf()))?;
             Ok((written.text, written.report))
         })
     }

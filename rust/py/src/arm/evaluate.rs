@@ -4,11 +4,13 @@ use super::Arm;
 use crate::arrays::{flag_or_false, index_of, name, of_lengths, of_shape, out_of_shape, out_slice, written_array};
 use crate::broadcast::{Broadcast, broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::listen;
+use crate::interrupts::{long, signalled};
 use armlet_core::dynamics::{Quantity, Query};
 use armlet_core::error::Error;
-use armlet_core::parallel;
+use armlet_core::interrupt::interrupt;
+use armlet_core::{memory, parallel};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 /// Work that is worth giving up the GIL for, ns: the arguments are then copied, and threads share it.
 const LONG: f64 = 1e6;
@@ -34,9 +36,9 @@ impl Arm {
             let (dims, axes) = self.model.shape(&query);
             let full: Vec<usize> = inputs.shape.iter().chain(&dims[..axes]).copied().collect();
             match out {
-                None => written_array(py, &full, |data| self.fill(function, names, values, &query, &inputs, &full, data)),
+                None => written_array(py, &full, |data| self.fill(function, names, values, &query, inputs, &full, data)),
                 Some(out) => {
-                    self.fill(function, names, values, &query, &inputs, &full, out_slice(function, out, &full, &values)?)?;
+                    self.fill(function, names, values, &query, inputs, &full, out_slice(function, out, &full, &values)?)?;
                     Ok(out.clone())
                 }
             }
@@ -83,61 +85,137 @@ impl Arm {
     }
 
     /// Fill `data`, of the shape `full`; finite numbers or an error.
-    pub(super) fn fill<const K: usize>(
+    fn fill<const K: usize>(
         &self,
         function: &str,
         names: [&str; K],
         values: [&Bound<'_, PyAny>; K],
         query: &Query,
-        inputs: &Broadcast<K>,
+        inputs: Broadcast<K>,
         full: &[usize],
         data: &mut [f64],
     ) -> Result<(), Failure> {
-        match self.compute(query, inputs, data) {
-            Ok(true) => return Ok(()),
-            Ok(false) => {}
-            // The core looks at every number once; which argument's it was is worth a second look only now.
-            Err(Failure::Core(error)) => return require_all_finite(function, names, values).and(Err(error.into())),
-            Err(interrupt) => return Err(interrupt),
+        let (py, length) = (values[0].py(), data.len() / inputs.count.max(1));
+        let all = &mut *data;
+        let parts = move |chunk: usize| {
+            let all = all;
+            all.chunks_mut((length * chunk).max(1)).enumerate().map(|(i, rows)| (i * chunk, rows)).collect()
+        };
+        let work = |inputs: &Broadcast<K>, (first, rows): (usize, &mut [f64])| {
+            self.rows(query, inputs, first, first + rows.len() / length.max(1), rows)
+        };
+        if self.share(py, query, inputs, parts, work).map_err(|failure| whose(failure, function, names, values))? {
+            return Ok(());
         }
-        // Finite arguments can still overflow, or meet a mass matrix that has no inverse.
-        let Some(k) = data.iter().position(|x| !x.is_finite()) else { return Ok(()) };
-        let at = if full.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(full, k)) };
-        let problem = format!("give a result that is not finite: expected finite numbers, got {}{at}", data[k]);
-        Python::attach(|py| Err(input_error(py, function, &names.join(", "), problem).into()))
+        match data.iter().position(|x| !x.is_finite()) {
+            None => Ok(()),
+            Some(k) => Err(not_finite(py, function, names, full, k, data[k])),
+        }
     }
 
-    fn compute<const K: usize>(&self, query: &Query, inputs: &Broadcast<K>, data: &mut [f64]) -> Result<bool, Failure> {
+    /// Arrays of the shapes `leading + trailing[m]`, or the caller's own: `scatter` puts the numbers of a configuration there.
+    pub(super) fn apart<'py, const K: usize, const M: usize>(
+        &self,
+        function: &str,
+        names: [&str; K],
+        values: [&Bound<'py, PyAny>; K],
+        query: &Query,
+        trailing: [&[usize]; M],
+        outs: Option<&Bound<'py, PyAny>>,
+        scatter: impl Fn(&[f64], [&mut [f64]; M]) + Sync,
+    ) -> Result<Bound<'py, PyTuple>, Failure> {
+        let py = values[0].py();
+        let inputs = self.arguments(function, names, values)?;
+        let leading = inputs.shape.clone();
+        let shapes = trailing.map(|last| leading.iter().chain(last).copied().collect::<Vec<usize>>());
+        let arrays = targets(py, function, &shapes, outs)?;
+        let mut slices: [&mut [f64]; M] = std::array::from_fn(|_| Default::default());
+        for m in 0..M {
+            let others: Vec<&Bound<'py, PyAny>> = values.iter().copied().chain(&arrays[..m]).collect();
+            slices[m] = match outs {
+                None => out_of_shape(&arrays[m], &shapes[m]).unwrap_or_default(),
+                Some(_) => out_slice(function, &arrays[m], &shapes[m], &others)?,
+            };
+        }
+        let (dims, axes) = self.model.shape(query);
+        let (length, lengths) = (dims[..axes].iter().product::<usize>(), trailing.map(|last| last.iter().product::<usize>()));
         let count = inputs.count;
-        if count == 1 {
+        let all = slices.each_mut().map(|slice| &mut **slice);
+        let parts = move |chunk: usize| {
+            let mut rest = all;
+            let cut = |first: usize| {
+                let size = chunk.min(count - first);
+                let heads: [&mut [f64]; M] = std::array::from_fn(|m| rest[m].split_off_mut(..size * lengths[m]).unwrap_or_default());
+                (first, size, heads)
+            };
+            (0..count).step_by(chunk.max(1)).map(cut).collect()
+        };
+        let work = |inputs: &Broadcast<K>, (first, size, mut heads): (usize, usize, [&mut [f64]; M])| {
+            let mut numbers = memory::zeros(size.saturating_mul(length))?;
+            let sound = self.rows(query, inputs, first, first + size, &mut numbers)?;
+            for (i, numbers) in numbers.chunks_exact(length.max(1)).enumerate() {
+                let mut m = 0;
+                scatter(
+                    numbers,
+                    heads.each_mut().map(|head| {
+                        m += 1;
+                        &mut head[i * lengths[m - 1]..(i + 1) * lengths[m - 1]]
+                    }),
+                );
+            }
+            Ok(sound)
+        };
+        if !self.share(py, query, inputs, parts, work).map_err(|failure| whose(failure, function, names, values))? {
+            for (slice, length) in slices.iter().zip(lengths) {
+                if let Some(k) = slice.iter().position(|x| !x.is_finite()) {
+                    return Err(not_finite(py, function, names, &leading, k / length, slice[k]));
+                }
+            }
+        }
+        Ok(PyTuple::new(py, arrays)?)
+    }
+
+    /// Configurations `first..last` into `out`.
+    fn rows<const K: usize>(
+        &self,
+        query: &Query,
+        inputs: &Broadcast<K>,
+        first: usize,
+        last: usize,
+        out: &mut [f64],
+    ) -> Result<bool, Error> {
+        if inputs.count == 1 {
             let rows: [&[f64]; K] = std::array::from_fn(|k| inputs.row(k, 0));
-            return Ok(self.model.one(query, &rows, data)?);
+            return self.model.one(query, &rows, out);
         }
-        let all: [_; K] = std::array::from_fn(|k| inputs.all(k));
-        let rows: [&[f64]; K] = std::array::from_fn(|k| &*all[k]);
-        let work = query.nanoseconds(self.n());
-        if work * (count as f64) < LONG {
-            return Ok(self.model.rows(query, &rows, count, 0, count, data)?);
+        let rows: [_; K] = std::array::from_fn(|k| inputs.rows(k, first, last));
+        let rows: [&[f64]; K] = std::array::from_fn(|k| &*rows[k]);
+        self.model.rows(query, &rows, last - first, 0, last - first, out)
+    }
+
+    /// `work` on all `parts` of at most so many configurations, and whether all of the answer is finite. Long work is shared by threads
+    /// and given up on Ctrl-C; it is then done on a copy of the inputs, since other threads may write to the caller's arrays. Who reads
+    /// `out=` meanwhile sees rows of before and of now, as with numpy's own functions.
+    fn share<'a, const K: usize, P: Send>(
+        &self,
+        py: Python<'_>,
+        query: &Query,
+        inputs: Broadcast<'a, K>,
+        parts: impl FnOnce(usize) -> Vec<P> + Send,
+        work: impl Fn(&Broadcast<K>, P) -> Result<bool, Error> + Sync,
+    ) -> Result<bool, Failure> {
+        let each = query.nanoseconds(self.n());
+        if each * (inputs.count as f64) < LONG {
+            return Ok(parts(inputs.count.max(1)).into_iter().try_fold(true, |all, part| work(&inputs, part).map(|sound| all && sound))?);
         }
-        // Copied: other threads may write to the caller's arrays once the GIL is given up. Who reads `out=` meanwhile sees rows of before
-        // and of now, as with numpy's own functions.
-        let own: [Vec<f64>; K] = std::array::from_fn(|k| rows[k].to_vec());
-        let rows: [&[f64]; K] = std::array::from_fn(|k| own[k].as_slice());
-        let mut signal = None;
-        let mut poll = listen(&mut signal);
-        let sizes = (data.len() / count, (PIECE / work) as usize / 16 * 16 + 16);
-        let said = Python::attach(|py| {
-            py.detach(|| {
-                let piece = |first: usize, last: usize, part: &mut [f64]| self.model.rows(query, &rows, count, first, last, part);
-                parallel::rows(parallel::default_threads(), &mut poll, sizes, data, piece)
-            })
-        });
-        drop(poll);
-        match (signal, said) {
-            (Some(signal), _) => Err(Failure::Python(signal)),
-            (None, Err(_)) => Ok(true),
-            (None, Ok(said)) => Ok(said.into_iter().try_fold(true, |all, sound| sound.map(|sound| all && sound))?),
-        }
+        let inputs = inputs.owned()?;
+        let chunk = (PIECE / each) as usize / 16 * 16 + 16;
+        let said = long(py, || {
+            let said = parallel::pieces(parallel::default_threads(), &mut signalled, parts(chunk), |part| work(&inputs, part));
+            drop(inputs);
+            said.unwrap_or_else(|_| interrupt()).into_iter().collect::<Result<Vec<bool>, Error>>()
+        })?;
+        Ok(said.into_iter().all(|sound| sound))
     }
 
     pub(super) fn framed<'py, const K: usize>(
@@ -184,5 +262,39 @@ impl Arm {
     ) -> PyResult<Bound<'py, PyAny>> {
         entry(q.py(), function, || Ok(self.model.tree(function).map(|_| ())?))?;
         self.evaluate(function, ["q"], [q], quantity.into(), out)
+    }
+}
+
+/// The core looks at every number once; which argument's it was is worth a second look only now.
+fn whose<const K: usize>(failure: Failure, function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Failure {
+    match failure {
+        Failure::Core(error) => require_all_finite(function, names, values).err().unwrap_or(error.into()),
+        interrupt => interrupt,
+    }
+}
+
+/// Finite arguments can still overflow, or meet a mass matrix that has no inverse.
+fn not_finite<const K: usize>(py: Python<'_>, function: &str, names: [&str; K], shape: &[usize], k: usize, x: f64) -> Failure {
+    let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(shape, k)) };
+    let problem = format!("give a result that is not finite: expected finite numbers, got {x}{at}");
+    input_error(py, function, &names.join(", "), problem).into()
+}
+
+/// New arrays of these shapes, or the caller's own, whose shapes are not looked at yet.
+fn targets<'py, const M: usize>(
+    py: Python<'py>,
+    function: &str,
+    shapes: &[Vec<usize>; M],
+    outs: Option<&Bound<'py, PyAny>>,
+) -> Result<Vec<Bound<'py, PyAny>>, Failure> {
+    match outs {
+        None => shapes.iter().map(|shape| written_array(py, shape, |_| Ok(()))).collect(),
+        Some(outs) => match outs.cast::<PyTuple>() {
+            Ok(outs) if outs.len() == M => Ok(outs.iter().collect()),
+            _ => {
+                let problem = format!("is not a tuple of {M} arrays: expected one array for each result");
+                Err(input_error(py, function, "out", problem).into())
+            }
+        },
     }
 }

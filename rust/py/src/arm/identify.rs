@@ -99,7 +99,7 @@ impl Arm {
                 Some(pi) => vector(NAME, "pi", pi, 10 * tree.n())?,
                 None => tree.parameters(),
             };
-            let bodies = consistency::check_parameters(&pi)?;
+            let bodies = long(py, || consistency::check_parameters(&pi))?;
             let fields = PyDict::new(py);
             fields.set_item("joints", PyTuple::new(py, self.model.joint_names())?)?;
             let values: Vec<f64> = bodies.iter().flat_map(|body| body.eigenvalues).collect();
@@ -235,7 +235,7 @@ fn projected<'py>(
 ) -> Result<Bound<'py, PyAny>, Failure> {
     const NAME: &str = "project_parameters";
     let (length, floor) = (positive(NAME, "length", length, LENGTH)?, positive(NAME, "floor", floor, FLOOR)?);
-    let projected = consistency::project_parameters(pi, length, floor)?;
+    let projected = long(py, || consistency::project_parameters(pi, length, floor))?;
     match projected.iter().position(|x| !x.is_finite()) {
         None => copied(py, &[pi.len()], &projected),
         Some(k) => {

@@ -1,5 +1,6 @@
 //! Arrays in and out: the one place where numbers cross the boundary.
 
+mod pieces;
 pub mod python;
 mod raw;
 mod read;

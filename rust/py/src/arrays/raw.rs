@@ -96,7 +96,7 @@ pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<
 }
 
 /// What arrays of the extension hold. All bits zero are an element of each.
-pub trait Bits: Copy {
+pub trait Bits: Send + Sync + Copy {
     const TYPE: npyffi::NPY_TYPES;
     /// Whether any bits are an element.
     const ANY_BITS: bool = true;

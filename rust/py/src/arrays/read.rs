@@ -4,15 +4,17 @@
 //! read-only arrays are copied. Masked, complex, object, boolean and string arrays are refused, and so are integers
 //! that float64 does not represent. Sequences are asked for their length first: see `sequence`.
 
+use super::pieces::{self, PIECE};
 use super::raw::in_place;
 use super::sequence;
 use super::shape::{Axis, Form, expected, index_of, require_finite, shown};
 use crate::errors::{Failure, input_error};
+use crate::interrupts::pause;
 use armlet_core::memory;
 use numpy::{Element, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyFloat, PyInt, PyList, PyMemoryView, PyString, PyTuple};
+use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyFloat, PyInt, PyList, PyMemoryView, PySlice, PyString, PyTuple};
 use std::borrow::Cow;
 
 /// A shape, and the elements in C order.
@@ -102,7 +104,11 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
         let (function, name, value) = (self.function, self.name, self.value);
         let values = match self.source {
             Source::Number(x) => Cow::Owned(vec![x]),
-            Source::InPlace => Cow::Borrowed(value.cast::<PyArrayDyn<f64>>().ok().and_then(in_place).unwrap_or_default()),
+            Source::InPlace => match value.cast::<PyArrayDyn<f64>>() {
+                // Long arrays are for long work, which needs a copy of its own.
+                Ok(array) if array.len() > PIECE => Cow::Owned(pieces::read(function, name, array)?),
+                array => Cow::Borrowed(array.ok().and_then(in_place).unwrap_or_default()),
+            },
             Source::Array(array) => {
                 let mut out = memory::room(super::elements(&self.shape)?)?;
                 copy(&array, &mut out).map_err(|(wrong, k)| {
@@ -244,6 +250,21 @@ pub fn array_of<'py>(value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAn
 pub fn copy(array: &Bound<'_, PyAny>, out: &mut Vec<f64>) -> Result<(), (Wrong, usize)> {
     let failed = |error: PyErr| (Wrong::from(error), 0);
     let py = array.py();
+    let shape: Vec<usize> = array.getattr("shape").and_then(|shape| shape.extract()).map_err(failed)?;
+    let row = shape.iter().skip(1).product::<usize>().max(1);
+    if shape.first().is_some_and(|&rows| rows.saturating_mul(row) > PIECE) {
+        // Row by row, or some rows at a time: numpy does not look for signals.
+        let start = out.len();
+        for first in (0..shape[0]).step_by((PIECE / row).max(1)) {
+            let last = (first + (PIECE / row).max(1)).min(shape[0]);
+            let before = out.len() - start;
+            let rows = array.get_item(PySlice::new(py, first as isize, last as isize, 1));
+            let rows = rows.and_then(|rows| pause(py).map(|()| rows)).map_err(|error| (Wrong::from(error), before))?;
+            copy(&if last - first == 1 { rows.get_item(0).map_err(failed)? } else { rows }, out)
+                .map_err(|(wrong, k)| (wrong, before + k))?;
+        }
+        return Ok(());
+    }
     let dtype = array.getattr("dtype").map_err(failed)?;
     let kind: String = dtype.getattr("kind").and_then(|kind| kind.extract()).map_err(failed)?;
     let size: usize = dtype.getattr("itemsize").and_then(|size| size.extract()).map_err(failed)?;

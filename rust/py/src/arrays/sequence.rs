@@ -4,6 +4,7 @@
 use super::read::{Wrong, array_of, copy, object, real, shape_of};
 use super::shape::shown;
 use crate::errors::{Failure, input_error};
+use crate::interrupts::pause;
 use armlet_core::memory;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyFloat, PyIterator, PyList, PyMapping, PyString, PyTuple};
@@ -15,7 +16,7 @@ const MOST_UNSIZED: usize = 1 << 20;
 /// Levels of lists in lists.
 const DEEPEST: usize = 16;
 /// Entries between two looks for Ctrl-C.
-const POLL: usize = 1 << 14;
+const POLL: usize = 1 << 12;
 
 /// Something with a length and entries by number, such as a list, a range or a deque.
 pub fn is_sequence(value: &Bound<'_, PyAny>) -> bool {
@@ -97,7 +98,7 @@ pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Re
     let list = value.cast_exact::<PyList>().ok();
     for i in 0..n {
         if i % POLL == POLL - 1 {
-            value.py().check_signals()?;
+            pause(value.py())?;
         }
         // A list may be shortened meanwhile by the entries' own code: that is an IndexError.
         let item = match list {
@@ -146,7 +147,7 @@ pub fn items<'py>(
             return Err(too_long("more".into()));
         }
         if out.len() % POLL == POLL - 1 {
-            py.check_signals()?;
+            pause(py)?;
         }
         if out.len() == out.capacity() {
             memory::more(&mut out, (most / 8).clamp(16, POLL))?;

@@ -1,7 +1,8 @@
 //! Shapes: what an argument must have, their sizes, how they read, and refusals that name an index.
 
+use super::pieces;
 use crate::errors::{Failure, input_error};
-use armlet_core::error::{Error, all_finite};
+use armlet_core::error::Error;
 use pyo3::prelude::*;
 
 /// One axis of a shape that an argument may have.
@@ -88,7 +89,7 @@ pub fn index_of(shape: &[usize], mut k: usize) -> String {
 
 /// Refuse numbers that are not finite.
 pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize], values: &[f64]) -> Result<(), Failure> {
-    if all_finite(values) {
+    if pieces::all_finite(py, values)? {
         return Ok(());
     }
     match values.iter().position(|x| !x.is_finite()) {

@@ -1,5 +1,6 @@
 //! Arrays out: new, C-contiguous and owned; those there is no memory for are a `MemoryError`.
 
+use super::pieces;
 use super::raw::{Bits, made, out_of_shape};
 use crate::errors::Failure;
 use numpy::{Element, PyArray1, PyArrayMethods};
@@ -7,10 +8,7 @@ use pyo3::prelude::*;
 
 /// A new array of this shape with these values, of float64 or bool.
 pub fn copied<'py, T: Bits>(py: Python<'py>, shape: &[usize], values: &[T]) -> Result<Bound<'py, PyAny>, Failure> {
-    made(py, shape, false, |out| {
-        out.copy_from_slice(values);
-        Ok(())
-    })
+    made(py, shape, false, |out| pieces::copy(py, values, out))
 }
 
 /// A new array of this shape that takes these values over.

@@ -4,8 +4,10 @@ use super::{NAMES, Problem, again, float, part, problem, scalar, symmetric, trut
 use crate::arrays::{copied, index_of, items, new_array, shown, signed, written_arrays};
 use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::{Breaks, long};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
+use armlet_core::interrupt::look;
 use armlet_core::plan::{self, Bind as Core};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
@@ -286,7 +288,7 @@ pub struct BangBangBatch {
 }
 
 /// Problems solved between two looks at the keyboard: some milliseconds.
-const CHUNK: usize = 1 << 16;
+const CHUNK: usize = 1 << 13;
 
 /// The most axes of an index: those of numpy's arrays.
 const MOST_AXES: usize = 64;
@@ -311,15 +313,20 @@ impl BangBangBatch {
             if column.len() == 1 { &column[..] } else { &column[start..end] }
         };
         let [t_min, t_max, a_min, a_max] = written_arrays(py, shape, |mut times| {
-            for start in (0..n).step_by(CHUNK) {
-                let end = n.min(start + CHUNK);
-                // The planner's order: the lower bound first.
-                let columns = [0, 1, 2, 3, 5, 4].map(|k| column(k, start, end));
-                let (numbers, flags) = (times.each_mut().map(|x| &mut x[start..end]), flags.each_mut().map(|x| &mut x[start..end]));
-                py.detach(|| plan::bang_bang_times(columns, plan::BangBangTimes { numbers, flags }))
-                    .map_err(|(i, error)| refused(py, "bang_bang_time", shape, start + i, error))?;
-                py.check_signals()?;
-            }
+            let solved = long(py, || {
+                for start in (0..n).step_by(CHUNK) {
+                    look();
+                    let end = n.min(start + CHUNK);
+                    // The planner's order: the lower bound first.
+                    let columns = [0, 1, 2, 3, 5, 4].map(|k| column(k, start, end));
+                    let (numbers, flags) = (times.each_mut().map(|x| &mut x[start..end]), flags.each_mut().map(|x| &mut x[start..end]));
+                    if let Err((i, error)) = plan::bang_bang_times(columns, plan::BangBangTimes { numbers, flags }) {
+                        return Ok(Err((start + i, error)));
+                    }
+                }
+                Ok(Ok(()))
+            })?;
+            solved.map_err(|(i, error)| refused(py, "bang_bang_time", shape, i, error))?;
             Ok(())
         })?
         .map(Bound::unbind);
@@ -357,8 +364,15 @@ impl BangBangBatch {
     #[getter]
     fn reason<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "BangBangBatch.reason", || {
-            let words = (0..self.problems.count).map(|i| Ok(self.report(i)?.reason())).collect::<Result<Vec<_>, Error>>()?;
-            let words = py.import("numpy")?.call_method1("array", (words, PyString::new(py, "str")))?;
+            let numpy = py.import("numpy")?;
+            let mut breaks = Breaks::new();
+            let parts = (0..self.problems.count.max(1)).step_by(CHUNK).map(|first| {
+                breaks.pause(py)?;
+                let last = (first + CHUNK).min(self.problems.count);
+                let words = (first..last).map(|i| Ok(self.report(i)?.reason())).collect::<Result<Vec<_>, Error>>()?;
+                Ok(numpy.call_method1("array", (words, PyString::new(py, "str")))?)
+            });
+            let words = numpy.call_method1("concatenate", (parts.collect::<Result<Vec<_>, Failure>>()?,))?;
             Ok(words.call_method1("reshape", (PyTuple::new(py, &self.problems.shape)?,))?)
         })
     }

@@ -1,10 +1,12 @@
 //! The motion that `armlet.time_path` gives, and its pickling.
 
-use crate::arrays::{WHATEVER, index_of, new_array, numbers, owned};
+use crate::arrays::{WHATEVER, copied, index_of, numbers, owned, written_arrays};
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::long;
 use crate::motion::Motion;
 use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
+use armlet_core::interrupt::look;
 use armlet_core::motion::{Motion as Core, Path, TimedPath as CorePath};
 use armlet_core::plan::TimePath;
 use armlet_core::status::Status;
@@ -35,6 +37,9 @@ pub struct TimedPath {
 }
 
 /// Three arrays.
+/// Times between two looks whether to stop.
+const LOOK: usize = 256;
+
 type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 impl TimedPath {
@@ -44,7 +49,7 @@ impl TimedPath {
         function: &str,
         name: &str,
         x: &Bound<'py, PyAny>,
-        write: impl Fn(f64, &mut [f64]),
+        write: impl Fn(f64, &mut [f64]) + Sync,
     ) -> Result<Triple<'py>, Failure> {
         let py = x.py();
         let (mut shape, values) = numbers(function, name, x, &[WHATEVER])?;
@@ -53,20 +58,26 @@ impl TimedPath {
             return Err(input_error(py, function, name, format!("is not finite: expected finite numbers, got {}{at}", values[k])).into());
         }
         let n = self.core.dof();
-        let mut all = armlet_core::memory::zeros((3 * n).saturating_mul(values.len()))?;
-        for (x, row) in values.iter().zip(all.chunks_exact_mut(3 * n)) {
-            write(*x, row);
-        }
         shape.push(n);
-        let part = |k: usize| {
-            new_array(py, &shape, |out| {
-                for (out, row) in out.chunks_exact_mut(n).zip(all.chunks_exact(3 * n)) {
-                    out.copy_from_slice(&row[k * n..(k + 1) * n]);
+        // Other threads may write to the caller's array meanwhile.
+        let values = values.into_owned();
+        let [q, v, a] = written_arrays(py, &shape, |[q, v, a]| {
+            long(py, || {
+                let mut row = vec![0.0; 3 * n];
+                let outs = q.chunks_exact_mut(n).zip(v.chunks_exact_mut(n)).zip(a.chunks_exact_mut(n));
+                for (i, (x, ((q, v), a))) in values.iter().zip(outs).enumerate() {
+                    if i % LOOK == 0 {
+                        look();
+                    }
+                    write(*x, &mut row);
+                    q.copy_from_slice(&row[..n]);
+                    v.copy_from_slice(&row[n..2 * n]);
+                    a.copy_from_slice(&row[2 * n..]);
                 }
                 Ok(())
             })
-        };
-        Ok((part(0)?, part(1)?, part(2)?))
+        })?;
+        Ok((q, v, a))
     }
 
     /// What the planner answered.
@@ -99,12 +110,7 @@ impl TimedPath {
 }
 
 fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
-    entry(py, "TimedPath", || {
-        new_array(py, &[values.len()], |out| {
-            out.copy_from_slice(values);
-            Ok(())
-        })
-    })
+    entry(py, "TimedPath", || copied(py, &[values.len()], values))
 }
 
 #[pymethods]

@@ -1,12 +1,13 @@
 //! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
 
 use super::{Problem, again, float, part, scalar, single, truth};
-use crate::arrays::{WHATEVER, new_array, numbers, require_finite};
+use crate::arrays::{WHATEVER, numbers, owned, require_finite, written_arrays};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
+use armlet_core::interrupt::look;
 use armlet_core::plan::{self, TorqueProfile};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -75,6 +76,9 @@ pub struct TorqueOptimum {
     profiles: [OnceLock<Option<TorqueProfile>>; 2],
 }
 
+/// Times between two looks whether to stop.
+const LOOK: usize = 256;
+
 impl TorqueOptimum {
     pub fn solve(problem: Problem, friction: [f64; 2]) -> Result<Self, Error> {
         let [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min] = problem;
@@ -106,16 +110,22 @@ impl TorqueOptimum {
         }
         let (shape, times) = numbers(function, "t", t, &[WHATEVER])?;
         require_finite(py, function, "t", &shape, &times)?;
-        let samples: Vec<_> = times.iter().map(|&t| profile.at(t)).collect();
-        let part = |k: usize| {
-            new_array(py, &shape, |out| {
-                for (x, s) in out.iter_mut().zip(&samples) {
-                    *x = [s.q, s.v, s.a, s.tau][k];
+        // Other threads may write to the caller's array meanwhile.
+        let times = owned(times)?;
+        written_arrays(py, &shape, |mut outs: [&mut [f64]; 4]| {
+            long(py, || {
+                for (i, &t) in times.iter().enumerate() {
+                    if i % LOOK == 0 {
+                        look();
+                    }
+                    let s = profile.at(t);
+                    for (out, x) in outs.iter_mut().zip([s.q, s.v, s.a, s.tau]) {
+                        out[i] = x;
+                    }
                 }
                 Ok(())
             })
-        };
-        Ok([part(0)?, part(1)?, part(2)?, part(3)?])
+        })
     }
 }
 

@@ -9,9 +9,11 @@ use crate::arrays::{
 };
 use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::listen;
+use crate::interrupts::{long, signalled};
 use crate::seal::{Sealed, seal_call};
 use crate::task::each;
+use armlet_core::error::Error;
+use armlet_core::interrupt::{interrupt, look};
 use armlet_core::law::{ArmSolver as Core, with_limits};
 use armlet_core::simulate::{default_threads, solve_rows};
 use armlet_core::status::Status;
@@ -41,8 +43,8 @@ pub struct ArmPrioritySolver {
 /// Levels that are read without a buffer of their own.
 const MOST: usize = 8;
 
-/// Batches of fewer rows than this are solved under the GIL: a fraction of a millisecond.
-const FEW: usize = 512;
+/// Rows that are copied between two looks whether to stop.
+const LOOK: usize = 1 << 12;
 
 const SOLVE: &str = "ArmPrioritySolver.solve";
 
@@ -163,58 +165,65 @@ impl ArmPrioritySolver {
             input_error(py, SOLVE, "q, velocities", format!("do not broadcast: expected leading axes that agree, got {all}"))
         })?;
         let rows = count(&lead);
-        let angles = if given.shape == lead {
-            given.all(0).into_owned()
-        } else {
-            crate::broadcast::stretch(&given.shape, &lead, &given.all(0), self.n)?
-        };
         let one = parts.iter().all(|(shape, _)| count(shape) == 1);
         let commands = if one { 1 } else { rows };
-        let mut stacked = vec![0.0; commands * total];
-        let mut at = 0;
-        for ((shape, values), &m) in parts.iter().zip(&self.rows) {
-            let values = if one || *shape == lead { values.clone() } else { crate::broadcast::stretch(shape, &lead, values, m)?.into() };
-            for row in 0..commands {
-                stacked[row * total + at..row * total + at + m].copy_from_slice(&values[row * m..(row + 1) * m]);
+        // Copied: other threads may write to the caller's arrays.
+        let (shape, angles) = (given.shape.clone(), given.all(0).into_owned());
+        let parts: Vec<(Vec<usize>, Vec<f64>)> = parts.into_iter().map(|(shape, values)| (shape, values.into_owned())).collect();
+        let inputs = || -> Result<(Vec<f64>, Vec<f64>), Error> {
+            let angles = if shape == lead { angles } else { crate::broadcast::stretch(&shape, &lead, &angles, self.n)? };
+            let mut stacked = vec![0.0; commands * total];
+            let mut at = 0;
+            for ((shape, values), &m) in parts.into_iter().zip(&self.rows) {
+                let values = if one || shape == lead { values } else { crate::broadcast::stretch(&shape, &lead, &values, m)? };
+                for row in 0..commands {
+                    if row % LOOK == 0 {
+                        look();
+                    }
+                    stacked[row * total + at..row * total + at + m].copy_from_slice(&values[row * m..(row + 1) * m]);
+                }
+                at += m;
             }
-            at += m;
-        }
+            Ok((angles, stacked))
+        };
         let shape: Vec<usize> = lead.iter().copied().chain([self.n]).collect();
         match out {
-            None => new_array(py, &shape, |v| self.fill(py, &angles, &stacked, v, lead.is_empty(), true)),
+            None => new_array(py, &shape, |v| self.fill(py, inputs, v, lead.is_empty(), true)),
             Some(out) => {
-                let inputs: Vec<&Bound<'_, PyAny>> = std::iter::once(q).chain(velocities).collect();
-                self.fill(py, &angles, &stacked, out_slice(SOLVE, out, &shape, &inputs)?, lead.is_empty(), false)?;
+                let given: Vec<&Bound<'_, PyAny>> = std::iter::once(q).chain(velocities).collect();
+                self.fill(py, inputs, out_slice(SOLVE, out, &shape, &given)?, lead.is_empty(), false)?;
                 Ok(out.clone())
             }
         }
     }
 
     /// All rows into `v`, which `private` says nobody else can see.
-    fn fill(&self, py: Python<'_>, q: &[f64], velocities: &[f64], v: &mut [f64], one: bool, private: bool) -> Result<(), Failure> {
+    fn fill(
+        &self,
+        py: Python<'_>,
+        inputs: impl FnOnce() -> Result<(Vec<f64>, Vec<f64>), Error> + Send,
+        v: &mut [f64],
+        one: bool,
+        private: bool,
+    ) -> Result<(), Failure> {
         if one {
+            let (q, velocities) = inputs()?;
             let core = &mut *self.state();
-            core.solve(q, velocities)?;
+            core.solve(&q, &velocities)?;
             v.copy_from_slice(core.solver().v());
             return Ok(());
         }
         let solver = self.state().clone();
-        let mut status = vec![Status::Success; v.len() / self.n];
-        if status.len() < FEW {
-            solve_rows(&solver, q, velocities, v, &mut status, 1, &mut || false);
-            return Ok(());
-        }
         let mut fresh = if private { Vec::new() } else { vec![0.0; v.len()] };
-        let mut signal = None;
-        let mut poll = listen(&mut signal);
-        py.detach(|| {
-            let target: &mut [f64] = if private { v } else { &mut fresh };
-            solve_rows(&solver, q, velocities, target, &mut status, default_threads(), &mut poll)
-        });
-        drop(poll);
-        if let Some(error) = signal {
-            return Err(error.into());
-        }
+        let target: &mut [f64] = if private { v } else { &mut fresh };
+        long(py, || {
+            let (q, velocities) = inputs()?;
+            let mut status = vec![Status::Success; target.len() / self.n];
+            if solve_rows(&solver, &q, &velocities, target, &mut status, default_threads(), &mut signalled) {
+                interrupt();
+            }
+            Ok(())
+        })?;
         if !private {
             v.copy_from_slice(&fresh);
         }

@@ -3,9 +3,11 @@
 use super::stack::{Keywords, Stack, items};
 use crate::arrays::{copied, of_shape, taken};
 use crate::errors::{Failure, entry};
-use crate::interrupts::listen;
+use crate::interrupts::{long, signalled};
 use crate::seal::{Sealed, seal};
 use armlet_core::error::Error;
+use armlet_core::interrupt::interrupt;
+use armlet_core::memory;
 use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core, StackAnswers, StackRows};
 use armlet_core::simulate::{default_threads, solve_stacks};
 use armlet_core::status::Status;
@@ -204,43 +206,29 @@ fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result
     Ok(solution)
 }
 
-/// Batches of fewer rows than this are solved under the GIL: a fraction of a millisecond.
-const FEW: usize = 512;
-
 fn batch(py: Python<'_>, solver: Core, stack: Stack) -> Result<PrioritySolution, Failure> {
     let (count, levels) = (stack.count, stack.rows.len());
-    let room = |width: usize| -> Result<Vec<f64>, Failure> {
-        let mut values = Vec::new();
-        let bytes = count as u128 * width as u128 * 8;
-        values.try_reserve_exact(count.saturating_mul(width)).map_err(|_| Error::Memory { bytes })?;
-        values.resize(count * width, 0.0);
-        Ok(values)
-    };
-    let mut residuals = stack.rows.iter().map(|m| room(*m)).collect::<Result<Vec<_>, _>>()?;
-    let (mut v, mut scales) = (room(stack.n)?, room(levels)?);
-    let (mut ranks, mut status) = (vec![0; count * levels], vec![0; count]);
-    // Copied where other threads get to run: they may write to the caller's arrays.
-    let stack = if count < FEW { stack } else { stack.owned() };
-    let (jacobians, velocities): (Vec<&[f64]>, Vec<&[f64]>) = (0..levels).map(|i| stack.level(i)).unzip();
-    let given = StackRows { jacobians: &jacobians, velocities: &velocities };
-    let answers = StackAnswers {
-        v: &mut v,
-        residuals: residuals.iter_mut().map(Vec::as_mut_slice).collect(),
-        ranks: &mut ranks,
-        scales: &mut scales,
-        status: &mut status,
-    };
-    if count < FEW {
-        solve_stacks(&solver, &given, answers, 1, &mut || false);
-    } else {
-        let mut signal = None;
-        let mut poll = listen(&mut signal);
-        py.detach(|| solve_stacks(&solver, &given, answers, default_threads(), &mut poll));
-        drop(poll);
-        if let Some(error) = signal {
-            return Err(error.into());
+    // Copied: other threads may write to the caller's arrays.
+    let stack = stack.owned();
+    let (v, residuals, ranks, scales, status) = long(py, || {
+        let room = |width: usize| memory::zeros(count.saturating_mul(width));
+        let mut residuals = stack.rows.iter().map(|m| room(*m)).collect::<Result<Vec<_>, _>>()?;
+        let (mut v, mut scales) = (room(stack.n)?, room(levels)?);
+        let (mut ranks, mut status) = (memory::filled(count.saturating_mul(levels), 0)?, memory::filled(count, 0)?);
+        let (jacobians, velocities): (Vec<&[f64]>, Vec<&[f64]>) = (0..levels).map(|i| stack.level(i)).unzip();
+        let given = StackRows { jacobians: &jacobians, velocities: &velocities };
+        let answers = StackAnswers {
+            v: &mut v,
+            residuals: residuals.iter_mut().map(Vec::as_mut_slice).collect(),
+            ranks: &mut ranks,
+            scales: &mut scales,
+            status: &mut status,
+        };
+        if solve_stacks(&solver, &given, answers, default_threads(), &mut signalled) {
+            interrupt();
         }
-    }
+        Ok((v, residuals, ranks, scales, status))
+    })?;
     let shape = |last: &[usize]| -> Vec<usize> { stack.lead.iter().chain(last).copied().collect() };
     let residuals = stack.rows.iter().zip(residuals).map(|(m, r)| Ok(taken(py, &shape(&[*m]), r)?)).collect::<Result<Vec<_>, Failure>>()?;
     Ok(PrioritySolution {

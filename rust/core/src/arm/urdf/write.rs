@@ -2,6 +2,7 @@
 
 use super::element::negative_moment;
 use crate::arm::{Arm, Frame, Joint, JointKind, STANDARD_GRAVITY, listed};
+use crate::interrupt::look;
 use crate::spatial::{Inertia, PARAMETERS, Placement, V3};
 use std::collections::HashSet;
 use std::fmt::Write;
@@ -50,6 +51,7 @@ impl Arm {
         let mut out = String::new();
         let _ = writeln!(out, "<?xml version=\"1.0\"?>\n<robot name=\"{}\">", escaped(&self.name));
         for (s, name) in names.iter().enumerate() {
+            look();
             if own[s].is_none() {
                 let parameters = s.checked_sub(1).map(|b| &self.joints[b].parameters);
                 link(&mut out, name, parameters, &mut report);
@@ -59,6 +61,7 @@ impl Arm {
             }
         }
         for (k, frame) in self.frames.iter().enumerate() {
+            look();
             let s = slot(frame.body);
             if own[s] != Some(k) {
                 link(&mut out, &frame.name, None, &mut report);

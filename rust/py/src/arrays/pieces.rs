@@ -1,0 +1,48 @@
+//! Large arrays in pieces: between two of them others get the interpreter lock, and Ctrl-C is heard. The first touch of a new page of
+//! memory takes a quarter of a microsecond and more, so that even a copy can take long.
+
+use super::raw::in_place;
+use crate::errors::{Failure, input_error};
+use crate::interrupts::{long, pause};
+use armlet_core::interrupt::look;
+use armlet_core::{error, memory};
+use numpy::{PyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+/// Numbers of a piece: half a megabyte.
+pub const PIECE: usize = 1 << 16;
+
+/// `from` into `to`, which nobody else can see yet; nobody else can write to `from`.
+pub fn copy<T: Copy + Send + Sync>(py: Python<'_>, from: &[T], to: &mut [T]) -> Result<(), Failure> {
+    if from.len() <= PIECE {
+        to.copy_from_slice(from);
+        return Ok(());
+    }
+    long(py, || {
+        for (to, from) in to.chunks_mut(PIECE).zip(from.chunks(PIECE)) {
+            look();
+            to.copy_from_slice(from);
+        }
+        Ok(())
+    })
+}
+
+/// The numbers of a large array that can be read in place. Each piece is looked up again: others may have run since the last one.
+pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> Result<Vec<f64>, Failure> {
+    let (py, count) = (array.py(), array.len());
+    let mut values = memory::room(count)?;
+    while values.len() < count {
+        let Some(all) = in_place(array).filter(|all| all.len() == count) else {
+            let problem = "was changed while it was read: expected an array that keeps its size and layout";
+            return Err(input_error(py, function, name, problem).into());
+        };
+        values.extend_from_slice(&all[values.len()..(values.len() + PIECE).min(count)]);
+        pause(py)?;
+    }
+    Ok(values)
+}
+
+/// Whether all are finite.
+pub fn all_finite(py: Python<'_>, values: &[f64]) -> Result<bool, Failure> {
+    if values.len() <= PIECE { Ok(error::all_finite(values)) } else { long(py, || Ok(error::all_finite(values))) }
+}
