@@ -32,7 +32,11 @@ REFUSED = {
     "axis NaN": (robot(joint(axis="0 0 nan")), 4, "not finite"),
     "negative mass": (robot(joint(), LINK.replace('value="1"', 'value="-1"')), 3, "mass of link l1 is negative"),
     "no mass": (robot(joint(), LINK.replace('<mass value="1"/>', "")), 3, "without mass"),
-    "overflow": (robot(joint(), LINK.replace('value="1"', 'value="1e300"').replace("0.1 0 0", "1e10 0 0")), 4, "overflow"),
+    "mass too large": (robot(joint(), LINK.replace('value="1"', 'value="1.1e9"')), 3, "mass of link l1 is implausible"),
+    "centre too far": (robot(joint(), LINK.replace("0.1 0 0", "1e20 0 0")), 3, "xyz of origin is implausible: expected at most 1e6 m"),
+    "joint too far": (robot(joint('\n<origin xyz="0 0 1e20"/>')), 5, "xyz of origin is implausible"),
+    "axis too short": (robot(joint(axis="0 0 1e-200")), 4, "axis of joint j1 is implausible"),
+    "axis too long": (robot(joint(axis="0 0 1e308")), 4, "axis of joint j1 is implausible"),
     "floating": (robot(joint(kind="floating")), 4, "has the type floating"),
     "planar": (robot(joint(kind="planar")), 4, "has the type planar"),
     "xacro": (robot("<xacro:property/>" + joint()), 4, "xacro robot.xacro > robot.urdf"),
@@ -70,6 +74,10 @@ REPORTED = {
     "negative damping": (robot(joint('<dynamics damping="-1"/>')), "line 4: joint j1 has negative damping: -1"),
     "no inertial": (robot(joint(), '<link name="l1"/>'), "zero mass: the bodies moved by j1"),
     "meshes": (robot(joint(), '<link name="l1"><visual/></link>'), "dropped: visual of link (1, first in line 3)"),
+    "singular": (
+        robot(joint(), '<link name="l1"/>'),
+        "mass matrix not positive definite at 8 of 8 sampled configurations: joints j1",
+    ),
     "no rigid body": (robot(joint(), LINK.replace('ixx="0.1"', 'ixx="9"')), "line 3: inertia of link l1 is no rigid body's"),
 }
 
@@ -93,8 +101,10 @@ def test_spellings_of_one_robot_are_one_arm(tmp_path: Path) -> None:
         path,
         robot("<!-- <joint> -->" + joint()),
         robot(joint(axis="0 0 7")),
-        robot(joint(axis="+0 -0 1e-320")),
-        robot(joint(axis="0 0 1e308")),
+        robot(joint(axis="+0 -0 1e-6")),
+        robot(joint(axis="0 0 1e6")),
+        "\n<?xml version='1.0'?>\n" + robot(joint()),
+        "<!-- mine -->\n<?xml version='1.0' encoding='utf-8'?>\n" + robot(joint()),
     ]
     for other in given:
         arm = al.load_urdf(other)
@@ -350,3 +360,16 @@ def test_flags_of_laws_and_plants_of_the_wrong_kind() -> None:
             al.Adaptive(ROBOT, al.Hold(ZERO), 1.0, 1.0, 1.0, natural=value)  # type: ignore[arg-type]
         with pytest.raises(al.InputError, match=r"RigidArm: friction is not a flag: expected True or False, got"):
             al.RigidArm(ROBOT, friction=value)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["a\0b", "\x1b[31mred", "\ufffe"])
+def test_names_that_no_file_can_hold_are_refused(name: str) -> None:
+    arm = al.planar_arm([0.5, 0.4])
+    joint = {"type": "R", "axis": [0, 0, 1], "name": name}
+    for make in (lambda: arm.with_frame(name, "link2"), lambda: al.Arm.from_chain([joint])):
+        with pytest.raises(al.InputError, match=r"name.* holds (a control character|the character NUL)"):
+            make()
+    # And a frame that is asked for by such a name is not found, or said to hold what no name does.
+    for ask in (lambda: arm.position([0.0, 0.0], name), lambda: al.RigidArm(arm, wall=al.Wall(name, [0, 0, 0], [1, 0, 0], stiffness=1.0))):
+        with pytest.raises(al.InputError, match=r"NUL|unknown"):
+            ask()

@@ -1,6 +1,6 @@
 //! Arms from lists of joints.
 
-use super::{Arm, Frame, Joint, JointKind, Limits};
+use super::{Arm, Frame, Joint, JointKind, Limits, writable};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::spatial::{Inertia, Placement, V3};
@@ -77,6 +77,7 @@ impl Arm {
             }
             let placement = base.then(&Placement::from_rpy(item.rpy, item.xyz));
             let name = item.name.clone().unwrap_or_else(|| format!("joint{}", i + 1));
+            writable(&at("name"), &name)?;
             let frame = Frame { name: format!("link{}", i + 1), body, placement, joint: Some(name.clone()) };
             match item.kind {
                 JointType::Fixed => {

@@ -1,7 +1,7 @@
 //! Arms made from arms: payload, tool frames, locked joints, sub-chains.
 
 use super::urdf::negative_moment;
-use super::{Arm, Frame, JointKind};
+use super::{Arm, Frame, JointKind, writable};
 use crate::error::{Error, Result, finite};
 use crate::spatial::{Inertia, M3, Placement, Sym3, V3};
 
@@ -10,6 +10,7 @@ impl Arm {
     pub fn with_frame(&self, name: &str, parent: &str, rpy: [f64; 3], xyz: [f64; 3]) -> Result<Arm> {
         finite("rpy", &rpy)?;
         finite("xyz", &xyz)?;
+        writable("name", name)?;
         let at = self.frames[self.frame_index(parent)?].clone();
         if self.frame_names().any(|known| known == name) {
             return Err(Error::input("name", format!("is taken: expected a new frame name, got {name}")));

@@ -126,6 +126,15 @@ impl Arm {
     }
 }
 
+/// Refuse a new name that no file can hold: XML has no control characters, and much that reads names ends them at NUL.
+pub(crate) fn writable(argument: &str, name: &str) -> Result<()> {
+    let bad = |c: char| (c < ' ' && !matches!(c, '\t' | '\n' | '\r')) || matches!(c, '\u{fffe}' | '\u{ffff}');
+    match name.chars().find(|c| bad(*c)) {
+        None => Ok(()),
+        Some(c) => Err(Error::input(argument, format!("holds a control character: expected text, got U+{:04X} in {name:?}", c as u32))),
+    }
+}
+
 fn index_of<'a>(mut names: impl Iterator<Item = &'a str>, name: &str) -> Option<usize> {
     names.position(|known| known == name)
 }

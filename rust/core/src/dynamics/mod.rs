@@ -10,6 +10,7 @@ mod arm_at;
 mod closed_form;
 pub mod coriolis;
 pub mod crba;
+mod definite;
 pub mod derivatives;
 pub mod energy;
 #[cfg(not(test))]
@@ -30,6 +31,7 @@ mod tree;
 pub mod workspace;
 
 pub use arm_at::ArmAt;
+pub use definite::indefinite;
 #[cfg(not(test))]
 pub use evaluate::{Evaluator, LaneEvaluator};
 pub use model::{AnyArm, Model};

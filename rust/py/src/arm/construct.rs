@@ -6,7 +6,7 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, paused};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
-use armlet_core::dynamics::PlanarPr;
+use armlet_core::dynamics::{PlanarPr, indefinite};
 use armlet_core::spatial::{M3, Placement, V3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -59,10 +59,10 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 ///     root, tip: links between which a sub-chain is taken (keyword only).
 ///
 /// The order of `q` is depth first, siblings in file order; frames are the link names. Meshes are never opened.
-/// What looks odd, and what armlet does not keep, is listed in `arm.report`.
+/// What looks odd, and what armlet does not keep, is listed in `arm.report`, also where the mass matrix is not positive definite.
 ///
 /// Raises:
-///     ModelError: the model is not well formed; `.file` and `.line` say where.
+///     ModelError: the model is not well formed, or a number is implausible; `.file` and `.line` say where.
 ///     InputError: an argument is wrong.
 ///
 /// >>> import armlet as al
@@ -91,11 +91,12 @@ pub fn load_urdf(
         };
         // No path holds a bracket; what is wrong with a text that does is for the XML parser to say.
         long(py, || {
-            let arm = if text.contains('<') {
+            let mut arm = if text.contains('<') {
                 core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
             } else {
                 core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?
             };
+            arm.report.extend(indefinite(&arm));
             Ok(arm.into())
         })
     })

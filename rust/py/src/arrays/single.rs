@@ -77,6 +77,10 @@ pub fn text(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Stri
 /// A text, in place.
 pub fn name<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Result<&'a str, Failure> {
     match value.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
+        // Much that reads names ends them there: two names would be one.
+        Some(text) if text.contains('\0') => {
+            Err(input_error(value.py(), function, name, format!("holds the character NUL: expected a name, got {text:?}")).into())
+        }
         Some(text) => Ok(text),
         None => Err(input_error(value.py(), function, name, format!("is not a name: expected a string, got {}", given(value))).into()),
     }

@@ -54,7 +54,6 @@ pub fn arm(source: &Source, robot: Robot, gravity: [f64; 3], root: Option<&str>,
             }
         }
     }
-    overflow(source, &robot, &arm)?;
     cut.reverse();
     let massless = arm.joints.iter().filter(|joint| joint.parameters[0] == 0.0).map(|joint| joint.name.as_str()).collect();
     let kept: Vec<String> = [
@@ -79,16 +78,6 @@ fn moving(joint: &UrdfJoint, parent: Option<usize>, placement: Placement) -> Joi
         friction: joint.friction,
         ..Joint::new(joint.name.clone(), kind, parent, placement, joint.axis)
     }
-}
-
-/// Finite numbers whose products are not: refused here, so that an arm is finite once built.
-fn overflow(source: &Source, robot: &Robot, arm: &Arm) -> Result<()> {
-    let finite = |p: &Placement| p.translation.0.iter().chain(p.rotation.0.iter().flat_map(|c| c.0.iter())).all(|x| x.is_finite());
-    let bad = arm.joints.iter().find(|j| !finite(&j.placement) || !j.parameters.iter().all(|x| x.is_finite())).map(|j| j.name.as_str());
-    let name = bad.or_else(|| arm.frames.iter().find(|f| !finite(&f.placement)).map(|f| f.name.as_str()));
-    let Some(name) = name else { return Ok(()) };
-    let line = robot.joints.iter().find(|j| j.name == name || j.child == name).map_or(1, |j| j.line);
-    Err(source.error(line, format!("{name} has lengths or inertias too large: their products overflow")))
 }
 
 struct LinkTree<'r> {

@@ -1,5 +1,6 @@
 //! From XML elements to numbers: links and joints of the file, with the lines they stand on.
 
+use super::plausible::{ANGLE, Bound, DRIVE, INERTIA, LENGTH, MASS, axis_problem};
 use super::{Source, XACRO};
 use crate::arm::build::unit;
 use crate::arm::{JointKind, Limits};
@@ -144,10 +145,18 @@ impl Reader<'_> {
         node.attribute(attribute).map(|text| self.numbers(node, attribute, text)).transpose()
     }
 
+    /// Refuse values beyond their bound; `what` names them.
+    fn plausible(&self, node: Node, what: impl FnOnce() -> String, bound: Bound, values: &[f64]) -> Result<()> {
+        bound.problem(values).map_or(Ok(()), |problem| Err(self.error(node, format!("{} {problem}", what()))))
+    }
+
     fn placement(&mut self, node: Option<Node>) -> Result<Placement> {
         let Some(node) = node else { return Ok(Placement::IDENTITY) };
         let rpy = self.vector(node, "rpy")?.unwrap_or_default();
-        let mut placement = Placement::from_rpy(rpy, self.vector(node, "xyz")?.unwrap_or_default());
+        let xyz = self.vector(node, "xyz")?.unwrap_or_default();
+        self.plausible(node, || "rpy of origin".into(), ANGLE, &rpy)?;
+        self.plausible(node, || "xyz of origin".into(), LENGTH, &xyz)?;
+        let mut placement = Placement::from_rpy(rpy, xyz);
         let rounded: [f64; 9] = std::array::from_fn(|k| placement.rotation.0[k % 3][k / 3]);
         if let Some(r) = self.exact(node, "rotation", rounded, [1.0; 9], "rpy")? {
             placement.rotation = M3(std::array::from_fn(|c| V3([r[c], r[3 + c], r[6 + c]])));
@@ -206,6 +215,7 @@ impl Reader<'_> {
         if mass < 0.0 {
             return Err(self.error(mass_node, format!("mass of link {link} is negative: got {mass}")));
         }
+        self.plausible(mass_node, || format!("mass of link {link}"), MASS, &[mass])?;
         let Some(node) = inertia else { return Err(self.error(node, format!("link {link} has an inertial without inertia"))) };
         let entry = |name: &str, needed: bool| match self.number(node, name)? {
             Some(x) => Ok(x),
@@ -220,6 +230,7 @@ impl Reader<'_> {
             entry("iyz", false)?,
             entry("izz", true)?,
         ]);
+        self.plausible(node, || format!("inertia of link {link}"), INERTIA, &moments.0)?;
         if mass == 0.0 {
             self.warn(node, format!("link {link} has zero mass"));
         }
@@ -288,7 +299,13 @@ impl Reader<'_> {
         let Some(kind) = kind else { return Ok(out) };
         if let Some(axis) = axis {
             let given = self.vector(axis, "xyz")?.unwrap_or(out.axis);
-            out.axis = unit("axis", given).map_err(|_| self.error(axis, format!("axis of joint {} is zero", out.name)))?;
+            if given == [0.0; 3] {
+                return Err(self.error(axis, format!("axis of joint {} is zero", out.name)));
+            }
+            if let Some(problem) = axis_problem(&given) {
+                return Err(self.error(axis, format!("axis of joint {} {problem}", out.name)));
+            }
+            out.axis = unit("axis", given)?;
         }
         if let Some(limit) = limit {
             out.limits = self.limits(limit, kind, &out.name)?;
@@ -296,6 +313,7 @@ impl Reader<'_> {
         if let Some(node) = dynamics {
             for (what, value) in [("armature", &mut out.armature), ("damping", &mut out.damping), ("friction", &mut out.friction)] {
                 *value = self.number(node, what)?.unwrap_or(0.0);
+                self.plausible(node, || format!("{what} of joint {}", out.name), DRIVE, &[*value])?;
                 if *value < 0.0 {
                     let problem = format!("joint {} has negative {what}: {value}", out.name);
                     self.warn(node, problem);

@@ -6,11 +6,15 @@
 //! `rotation` of `<origin>` and `parameters` of `<inertial>` (extensions too), which the reader takes where they say the same as the rest:
 //! what is written and read again is the same arm to the bit, and a number changed by hand still counts.
 //!
+//! Numbers that no machine has are refused (`plausible`), since the dynamics of such an arm would be rounding alone.
+//!
 //! Reading is linear in the size of the file and never recurses: what could make the XML parser slow (many
 //! attributes in one tag, many namespaces, deep nesting) is refused by a scan of the text beforehand.
 
 mod assemble;
+mod declaration;
 mod element;
+mod plausible;
 mod write;
 
 pub(super) use element::negative_moment;
@@ -57,6 +61,7 @@ impl Arm {
         crate::error::finite("gravity", &gravity)?;
         let source = Source::new(file, text);
         scan(&source, text)?;
+        let text = &*declaration::forgiven(text);
         let options = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
         let document = roxmltree::Document::parse_with_options(text, options).map_err(|e| {
             let hint = if matches!(&e, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro") { XACRO } else { "" };

@@ -1,6 +1,7 @@
 //! An arm as URDF. Reading it back gives the same arm to the bit: where `c = h / m` or the angles round, what they stand for is added.
 
 use super::element::negative_moment;
+use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
 use crate::arm::{Arm, Frame, Joint, JointKind, STANDARD_GRAVITY, listed};
 use crate::interrupt::look;
 use crate::spatial::{Inertia, PARAMETERS, Placement, V3};
@@ -56,7 +57,7 @@ impl Arm {
                 let parameters = s.checked_sub(1).map(|b| &self.joints[b].parameters);
                 link(&mut out, name, parameters, &mut report);
                 if s > 0 {
-                    moving(&mut out, &self.joints[s - 1], name, &names);
+                    moving(&mut out, &self.joints[s - 1], name, &names, &mut report);
                 }
             }
         }
@@ -66,11 +67,11 @@ impl Arm {
             if own[s] != Some(k) {
                 link(&mut out, &frame.name, None, &mut report);
                 let joint = frame.joint.clone().unwrap_or_else(|| fresh(format!("{}_fixed", frame.name)));
-                fixed(&mut out, &joint, frame, &names[s]);
+                fixed(&mut out, &joint, frame, &names[s], &mut report);
             } else {
                 link(&mut out, &frame.name, frame.body.map(|b| &self.joints[b].parameters), &mut report);
                 if let Some(b) = frame.body {
-                    moving(&mut out, &self.joints[b], &frame.name, &names);
+                    moving(&mut out, &self.joints[b], &frame.name, &names, &mut report);
                 }
             }
         }
@@ -88,8 +89,19 @@ impl Arm {
     }
 }
 
-fn moving(out: &mut String, joint: &Joint, child: &str, names: &[String]) {
+/// Say of an origin that a reader would refuse.
+fn far(joint: &str, placement: &Placement, report: &mut Vec<String>) {
+    if LENGTH.problem(&placement.translation.0).is_some() {
+        report.push(format!("joint {joint} is implausibly far away: armlet refuses its origin"));
+    }
+}
+
+fn moving(out: &mut String, joint: &Joint, child: &str, names: &[String], report: &mut Vec<String>) {
     let parent = &names[joint.parent.map_or(0, |p| p + 1)];
+    if DRIVE.problem(&[joint.damping, joint.friction, joint.armature]).is_some() {
+        report.push(format!("joint {} has no possible drive: armlet refuses its damping, friction or armature", joint.name));
+    }
+    far(&joint.name, &joint.placement, report);
     let _ = writeln!(out, "  <joint name=\"{}\" type=\"{}\">", escaped(&joint.name), joint.kind.name());
     ends(out, parent, child, &joint.placement);
     let _ = writeln!(out, "    <axis xyz=\"{}\"/>", numbers(&joint.axis));
@@ -112,7 +124,8 @@ fn attributes<'a>(out: &mut String, element: &str, list: impl Iterator<Item = (&
     }
 }
 
-fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str) {
+fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str, report: &mut Vec<String>) {
+    far(name, &frame.placement, report);
     let _ = writeln!(out, "  <joint name=\"{}\" type=\"fixed\">", escaped(name));
     ends(out, parent, &frame.name, &frame.placement);
     out.push_str("  </joint>\n");
@@ -140,7 +153,8 @@ fn link(out: &mut String, name: &str, parameters: Option<&[f64; 10]>, report: &m
         report.push(format!("dropped: the first moment of link {name}, which has no mass"));
     }
     let com = com.unwrap_or(V3([0.0; 3]));
-    if inertia.mass < 0.0 || negative_moment(&i, inertia.mass, com).is_some() {
+    let beyond = MASS.problem(&[inertia.mass]).or(INERTIA.problem(&i.0)).or(LENGTH.problem(&com.0)).is_some();
+    if beyond || inertia.mass < 0.0 || negative_moment(&i, inertia.mass, com).is_some() {
         report.push(format!("link {name} is no possible body: readers, armlet included, refuse its mass or inertia"));
     }
     let [xx, xy, yy, xz, yz, zz] = i.0;

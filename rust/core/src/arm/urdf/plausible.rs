@@ -1,0 +1,36 @@
+//! Bounds on the numbers of a robot's file. Beyond them a number is a slip (a lost exponent, a wrong unit), and the dynamics lose
+//! their digits. They leave room for every machine: a crane, a ship, a gantry whose model is in millimetres.
+
+/// What a number measures, and how large it may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bound {
+    pub most: f64,
+    pub unit: &'static str,
+}
+
+pub const LENGTH: Bound = Bound { most: 1e6, unit: "m" };
+pub const ANGLE: Bound = Bound { most: 1e6, unit: "rad" };
+pub const MASS: Bound = Bound { most: 1e9, unit: "kg" };
+pub const INERTIA: Bound = Bound { most: 1e15, unit: "kg m^2" };
+/// Armature, damping and Coulomb friction.
+pub const DRIVE: Bound = Bound { most: 1e15, unit: "in SI units" };
+/// Shortest and longest vector that names an axis.
+pub const AXIS: [f64; 2] = [1e-6, 1e6];
+
+impl Bound {
+    /// What is wrong with the first value beyond the bound.
+    pub fn problem(&self, values: &[f64]) -> Option<String> {
+        let beyond = values.iter().find(|x| !(x.abs() <= self.most))?;
+        Some(format!("is implausible: expected at most {:e} {}, got {beyond:e}", self.most, self.unit))
+    }
+}
+
+/// What is wrong with the length of an axis, none of whose entries need be plausible.
+pub fn axis_problem(axis: &[f64; 3]) -> Option<String> {
+    let length = axis.iter().fold(0.0, |sum: f64, x| sum.hypot(*x));
+    let [least, most] = AXIS;
+    if (least..=most).contains(&length) {
+        return None;
+    }
+    Some(format!("is implausible: expected a vector of a length from {least:e} to {most:e}, got {length:e}"))
+}
