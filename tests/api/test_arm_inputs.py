@@ -93,7 +93,7 @@ def test_what_is_odd_is_kept_and_reported(name: str) -> None:
 
 def test_spellings_of_one_robot_are_one_arm(tmp_path: Path) -> None:
     plain = al.load_urdf(robot(joint()))
-    path = tmp_path / "robot with a space.urdf"
+    path = tmp_path / "robot with a space and <brackets>.urdf"
     path.write_bytes(b"\xef\xbb\xbf" + robot(joint()).replace("\n", "\r\n").encode())
     given: list[Any] = [
         "\ufeff" + robot(joint()),

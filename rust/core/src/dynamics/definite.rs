@@ -11,6 +11,8 @@ use std::f64::consts::PI;
 
 /// Configurations that are looked at: zero, and others drawn inside the limits.
 const SAMPLES: usize = 8;
+/// Joints times configurations that may be looked at, so that a chain of thousands of links loads no slower for it.
+const WORK: usize = 20_000;
 /// `D_i` below this share of its scale is what rounding leaves of zero.
 const ROUNDING: f64 = 1e-12;
 
@@ -19,7 +21,8 @@ pub fn indefinite(arm: &Arm) -> Option<String> {
     let tree = Tree::<f64>::new(arm);
     let mut ws = Workspace::new(&tree);
     let (mut bad, mut count) = (vec![false; arm.n()], 0);
-    for sample in 0..SAMPLES {
+    let samples = (WORK / arm.n().max(1)).clamp(1, SAMPLES);
+    for sample in 0..samples {
         let q: Vec<f64> = (0..arm.n()).map(|i| drawn(arm, i, sample)).collect();
         let found = free_joints(&tree, &mut ws, &q);
         count += usize::from(found.iter().any(|free| *free));
@@ -29,7 +32,7 @@ pub fn indefinite(arm: &Arm) -> Option<String> {
     }
     let names: Vec<&str> = arm.joint_names().zip(&bad).filter(|(_, bad)| **bad).map(|(name, _)| name).collect();
     let joints = listed(&names);
-    (count > 0).then(|| format!("mass matrix not positive definite at {count} of {SAMPLES} sampled configurations: joints {joints}"))
+    (count > 0).then(|| format!("mass matrix not positive definite at {count} of {samples} sampled configurations: joints {joints}"))
 }
 
 /// The joints that move no inertia, those that they carry being free.

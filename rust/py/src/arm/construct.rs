@@ -9,7 +9,7 @@ use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint
 use armlet_core::dynamics::{PlanarPr, indefinite};
 use armlet_core::spatial::{M3, Placement, V3};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 use std::path::Path;
 
 /// The PR robot on a horizontal plane, `M = [[A, B cos q2], [B cos q2, C]]`, with parameters `(A, B, C)`.
@@ -89,9 +89,10 @@ pub fn load_urdf(
                 input_error(py, NAME, "path_or_xml", problem)
             })?,
         };
-        // No path holds a bracket; what is wrong with a text that does is for the XML parser to say.
+        // A string with a bracket is no path; what is wrong with such a text is for the XML parser to say.
+        let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
         long(py, || {
-            let mut arm = if text.contains('<') {
+            let mut arm = if is_xml {
                 core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
             } else {
                 core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?
