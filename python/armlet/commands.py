@@ -166,13 +166,13 @@ def _sweep(args: argparse.Namespace) -> int:
 def _view(args: argparse.Namespace) -> int:
     from .live.view import view
 
-    return view(args.urdf, args.host, args.port)
+    return view(args.urdf, args.host, args.port, args.package)
 
 
 def _lab(args: argparse.Namespace) -> int:
     from .live.lab import lab
 
-    return lab(args.urdf, args.frame, args.host, args.port)
+    return lab(args.urdf, args.frame, args.host, args.port, args.package)
 
 
 def _count(text: str) -> int:
@@ -221,5 +221,8 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     lab.set_defaults(run=_lab)
 
     for page in (view, lab):
+        page.add_argument(
+            "--package", type=Path, action="append", default=[], metavar="DIR", help="another folder of meshes; may be repeated"
+        )
         page.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1, this machine alone)")
         page.add_argument("--port", type=int, default=8080, help="port to listen at, 0 for any free one (default: 8080)")

@@ -5,24 +5,30 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import socket
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from markdown_it import MarkdownIt
 
 import armlet as al
+from armlet import live
 from armlet.live.lab import LabPage
 from armlet.live.model import Lab
+from armlet.live.origin import refuses_strangers
 from armlet.live.scene import mesh_of, quaternion
 from armlet.live.server import address, close_server, open_server, serve
 from armlet.live.shapes import Shape, between
 from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Priority, Robot
 from armlet.live.view import ViewPage, roll_pitch_yaw
+from armlet.live.words import escaped, plain
 
 
 @pytest.fixture
@@ -78,15 +84,16 @@ def test_controls_reach_the_model(server: Any) -> None:
     page.model.reset()
     page.frame(0.016)
     assert np.allclose(page.gizmos["x_d"].position, page.model.system.targets["x_d"])
-    assert "running" in page.summary() and "real-time factor" in page.summary()
+    assert page.text.shown.startswith("running, t = ") and "real-time factor" in page.text.shown
     page.model.paused = True
-    assert page.summary().startswith("paused")
+    assert page.summary()[0][1].startswith("paused")
     page.model.set("joint_stiffness", 2e4)
     page.model.set("share", 1e-5)
     page.model.paused = False
     for _ in range(60):
         page.frame(0.016)
-    assert page.summary().startswith("**DIVERGED**") and "turn them back and reset" in page.summary()
+    assert page.text.shown.startswith("DIVERGED, t = ") and "turn them back and reset" in page.text.shown
+    assert page.text.handle.content.startswith("**DIVERGED**")
 
 
 def test_view_shows_where_its_sliders_are(server: Any) -> None:
@@ -101,9 +108,9 @@ def test_view_shows_where_its_sliders_are(server: Any) -> None:
         pose = np.asarray(arm.pose(page.q, frame))
         assert np.allclose(handle.position, pose[:3, 3]) and np.allclose(handle.wxyz, quaternion(pose[:3, :3]))
     x, y, z = arm.position(page.q, "right_hand")
-    assert page.text.content.startswith(f"right_hand at ({x:.3f}, {y:.3f}, {z:.3f}) m")
+    assert page.text.shown.startswith(f"right_hand at ({x:.3f}, {y:.3f}, {z:.3f}) m")
     # The pose, not the position alone: the angles that are shown give the rotation back.
-    shown = re.search(r"roll, pitch, yaw = \((.+)\) rad", page.text.content)
+    shown = re.search(r"roll, pitch, yaw = \((.+)\) rad", page.text.shown)
     assert shown is not None
     R = al.load_urdf(frame_at(shown.group(1))).pose([0.0], "tip")[:3, :3]
     # Three digits: half a thousandth of a radian per angle.
@@ -129,7 +136,7 @@ def test_the_tip_is_shown_first(server: Any) -> None:
                                        '<child link="old_base"/></joint></robot>')  # fmt: skip
     arm = al.load_urdf(source)
     assert arm.frame_names[-1] == "old_base"
-    assert ViewPage(server, arm, source, "r").text.content.startswith("tip at ")
+    assert ViewPage(server, arm, source, "r").text.shown.startswith("tip at ")
     assert Robot(source, "r").frame == "tip"
 
 
@@ -202,3 +209,69 @@ def test_serving_ends_with_ctrl_c(server: Any, capsys: pytest.CaptureFixture[str
     assert serve(server, frame, 0.01) == 0
     assert capsys.readouterr().out == f"armlet: {where} (Ctrl-C ends it)\n"
     assert where.startswith("http://127.0.0.1:") and max(given) <= 0.1
+
+
+HOSTILE = (
+    "<iframe srcdoc='<script>parent.hit=1</script>'></iframe>",
+    "<img src=x onerror=alert(1)>",
+    "[x](javascript:alert(1)) ![y](http://host/y.png) http://host www.host.org",
+    "**bold** `code` # title | a | b | &lt;b&gt; \\<b> <!-- x --> $x$ ~~no~~",
+    "1. one\n\n- two\n\n    code\n\n<b>\u202eover\x00\x1b[31m",
+)
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_are_shown_and_not_obeyed(name: str) -> None:
+    """A CommonMark reader finds one paragraph of text and nothing else."""
+    for text, strong in ((escaped(name), False), (f"**{escaped(name)}**{escaped(': ' + name)}", True)):
+        tokens = MarkdownIt("gfm-like", {"linkify": False}).parse(text)
+        assert [token.type for token in tokens] == ["paragraph_open", "inline", "paragraph_close"]
+        kinds = {token.type for token in tokens[1].children}
+        assert kinds <= {"text", "text_special"} | ({"strong_open", "strong_close"} if strong else set())
+        shown = "".join(token.content for token in tokens[1].children)
+        assert shown == (plain(name) + ": " + plain(name) if strong else plain(name))
+    assert plain(name).isprintable()
+
+
+def test_markdown_is_written_in_one_file() -> None:
+    folder = Path(live.__file__).parent
+    given = {path.name for path in folder.rglob("*.py") if re.search(r"add_markdown|add_html|_icon_html", path.read_text(encoding="utf-8"))}
+    assert given == {"words.py"}
+
+
+def answer(port: int, **headers: str) -> str:
+    """The first line that the server answers to a handshake with these headers."""
+    usual = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": 22 * "A" + "=="}
+    lines = [f"{name}: {value}" for name, value in ({"Host": f"127.0.0.1:{port}"} | usual | headers).items()]
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as asking:
+        asking.sendall("\r\n".join(["GET / HTTP/1.1", *lines, "", ""]).encode())
+        return asking.recv(200).decode().partition("\r\n")[0]
+
+
+def test_pages_of_other_sites_are_refused(server: Any) -> None:
+    port = server.get_port()
+    assert refuses_strangers("127.0.0.1", port)
+    own = {"Origin": f"http://127.0.0.1:{port}", "Sec-WebSocket-Protocol": f"viser-v{importlib.import_module('viser').__version__}"}
+    assert answer(port, **own) == "HTTP/1.1 101 Switching Protocols"
+    assert answer(port) == "HTTP/1.1 101 Switching Protocols"  # a program, not a page
+    assert answer(port, Host=f"localhost:{port}", Origin=f"http://localhost:{port}").endswith("101 Switching Protocols")
+    others = [f"http://127.0.0.1:{port + 1}", f"http://localhost:{port}", "http://127.0.0.1"]
+    for origin in ("http://evil.example", "null", "file://", "x", *others):
+        assert answer(port, Origin=origin) == "HTTP/1.1 403 Forbidden", origin
+    # A name that its owner's DNS points here.
+    assert answer(port, Host=f"evil.example:{port}", Origin=f"http://evil.example:{port}") == "HTTP/1.1 403 Forbidden"
+    assert answer(port, Host="evil.example", Upgrade="none") == "HTTP/1.1 403 Forbidden"
+    assert answer(port, Upgrade="none") == "HTTP/1.1 200 OK"
+    import websockets.asyncio.server as plain_server
+
+    assert plain_server.serve.__module__ == "websockets.asyncio.server"
+
+
+def test_a_server_that_lets_strangers_in_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """As with a viser that starts its server by another door."""
+    monkeypatch.setattr("armlet.live.server.own_pages_only", lambda host: nullcontext())
+    open_page = open_server("view", "127.0.0.1", 0)
+    try:
+        assert "lets pages of other sites connect" in capsys.readouterr().err
+    finally:
+        close_server(open_page)

@@ -9,7 +9,7 @@ import pytest
 
 import armlet as al
 from armlet.live.shapes import between, planar_links
-from armlet.live.urdf import find_mesh, read_shapes
+from armlet.live.urdf import find_mesh, missing_line, read_shapes
 
 JOINT = """<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>
 <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>"""
@@ -22,7 +22,7 @@ def robot(visual: str) -> str:
 
 
 def of_arm(text: str | Path) -> list:  # type: ignore[type-arg]
-    return [shape for shape in read_shapes(text, al.load_urdf(text)) if shape.frame == "arm"]
+    return [shape for shape in read_shapes(text, al.load_urdf(text)).shapes if shape.frame == "arm"]
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_geometry_of_the_file(geometry: str, kind: str, size: tuple[float, ...])
     assert np.abs(shape.pose - expected).max() < 1e-15
     # Beside real geometry the end of a chain has no ball.
     whole = fixed.replace("</inertial>", f"</inertial><visual><geometry>{geometry}</geometry></visual>", 1)
-    assert [made.frame for made in read_shapes(whole, al.load_urdf(whole)) if made.kind != "capsule"] == ["arm"]
+    assert [made.frame for made in read_shapes(whole, al.load_urdf(whole)).shapes if made.kind != "capsule"] == ["arm"]
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_geometry_of_the_file(geometry: str, kind: str, size: tuple[float, ...])
 )
 def test_plain_links_stand_for_the_rest(visual: str) -> None:
     text = robot(visual)
-    shapes = read_shapes(text, al.load_urdf(text))
+    shapes = read_shapes(text, al.load_urdf(text)).shapes
     assert [(shape.frame, shape.kind) for shape in shapes] == [("base", "capsule"), ("arm", "sphere")]
     # From the base to the joint, 0.4 m up.
     assert shapes[0].size[1] == pytest.approx(0.4) and shapes[0].pose[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
@@ -83,35 +83,90 @@ def test_what_it_collides_with_comes_second() -> None:
 
 def test_text_that_only_one_parser_reads() -> None:
     arm = al.load_urdf(robot(""))
-    assert read_shapes("<robot><link></robot>", arm) == []
+    assert read_shapes("<robot><link></robot>", arm) == ([], ())
 
 
-def test_meshes_are_found(tmp_path: Path) -> None:
-    """Beside the file, below it, or in the package that a folder above it is."""
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package in its usual form, with a mesh in it and one outside."""
     package = tmp_path / "my_robot"
-    (package / "meshes").mkdir(parents=True)
-    (package / "urdf").mkdir()
-    mesh = package / "meshes" / "arm.STL"
-    mesh.write_bytes(b"solid\nendsolid\n")
+    for folder in ("meshes", "urdf/beside", "urdf/my_robot"):
+        (package / folder).mkdir(parents=True)
+    for place in ("meshes/arm.STL", "urdf/own.stl", "urdf/beside/near.stl", "urdf/my_robot/named.stl", "../out.stl"):
+        (package / place).write_bytes(b"solid\nendsolid\n")
     (package / "meshes" / "secret.txt").write_text("not a mesh")
+    return package
+
+
+def test_meshes_are_found(package: Path) -> None:
+    """In the folder of the file, or in a package that is given."""
+    urdf = package / "urdf"
+    for name in ("own.stl", "./own.stl", "beside/../own.stl", f"file://{urdf}/own.stl", f"{urdf}/own.stl", "package://my_robot/own.stl"):
+        found = find_mesh(name, [urdf])
+        assert found is not None and found.samefile(urdf / "own.stl"), name
+    assert find_mesh("package://any/beside/near.stl", [urdf]) == (urdf / "beside" / "near.stl").resolve()
+    assert find_mesh("model://my_robot/named.stl", [urdf]) == (urdf / "my_robot" / "named.stl").resolve()
+    mesh = package / "meshes" / "arm.STL"
     for name in ("package://my_robot/meshes/arm.STL", "model://my_robot/meshes/arm.STL", "../meshes/arm.STL", f"file://{mesh}"):
-        found = find_mesh(name, package / "urdf")
-        assert found is not None and found.samefile(mesh), name
-    for name in ("", "package://", "package://my_robot/meshes/none.stl", "../meshes/secret.txt", "http://host/arm.stl", "arm.stl"):
-        assert find_mesh(name, package / "urdf") is None, name
-    file = package / "urdf" / "r.urdf"
+        assert find_mesh(name, [urdf]) is None, name
+        for given in ([urdf, package], [urdf, package.parent]):
+            found = find_mesh(name, given)
+            assert found is not None and found.samefile(mesh), name
+    file = urdf / "r.urdf"
     file.write_text(
         robot('<visual><geometry><mesh filename="package://my_robot/meshes/arm.STL" scale="0.001 0.001 0.001"/></geometry></visual>')
     )
-    (shape,) = of_arm(file)
+    arm = al.load_urdf(file)
+    (shape,) = [shape for shape in read_shapes(file, arm, [package]).shapes if shape.frame == "arm"]
     assert (shape.kind, shape.size) == ("mesh", (0.001, 0.001, 0.001)) and Path(shape.path).samefile(mesh)
+    looks = read_shapes(file, arm)
+    assert looks.missing == ("package://my_robot/meshes/arm.STL",) and all(shape.kind != "mesh" for shape in looks.shapes)
+    assert "--package" in missing_line(looks.missing) and missing_line(()) == ""
+
+
+def test_meshes_outside_are_not_opened(package: Path) -> None:
+    """Neither by .., nor by an absolute path, nor as file://, nor by a link; no name makes the search fail."""
+    urdf, out = package / "urdf", package.parent / "out.stl"
+    (urdf / "link.stl").symlink_to(out)
+    (urdf / "round.stl").symlink_to(urdf / "round.stl")
+    (urdf / "up").symlink_to(package.parent)
+    (urdf / "twin.stl").symlink_to(urdf / "own.stl")
+    (urdf / "folder.stl").mkdir()
+    names = ["../../out.stl", str(out), f"file://{out}", "link.stl", "up/out.stl", "package://../../out.stl", "package://x/../../out.stl"]
+    names += [
+        f"package://x/{out}",
+        f"package://{out}",
+        "file://../../out.stl",
+        "beside/../../../out.stl",
+        "package://my_robot/../../../out.stl",
+    ]
+    names += ["", "package://", "file://", "../meshes/secret.txt", "http://host/own.stl", "none.stl", "round.stl", "folder.stl", "a\0b.stl"]
+    names += ["x" * 5000 + ".stl", "package:/own.stl", "package://x"]
+    for name in names:
+        for given in ([urdf], [urdf, package / "meshes"]):
+            assert find_mesh(name, given) is None, name
+    found = find_mesh("twin.stl", [urdf])
+    assert found is not None and found.samefile(urdf / "own.stl")
+    # A text has no folder.
+    visual = f'<visual><geometry><mesh filename="{urdf}/own.stl"/></geometry></visual>'
+    text = robot(visual)
+    assert read_shapes(text, al.load_urdf(text)).missing == (f"{urdf}/own.stl",)
+
+
+def test_a_late_declaration_does_not_hide_the_looks(tmp_path: Path) -> None:
+    text = robot('<visual><geometry><sphere radius="0.07"/></geometry></visual>')
+    for before in ("", "\n", "<!-- mine -->\n", "\ufeff"):
+        for given in (before + '<?xml version="1.0" encoding="utf-8"?>' + text, tmp_path / "r.urdf"):
+            if isinstance(given, Path):
+                given.write_text(before + '<?xml version="1.0" encoding="utf-8"?>' + text, encoding="utf-8")
+            assert [shape.kind for shape in of_arm(given)] == ["sphere"], repr(before)
 
 
 @pytest.mark.parametrize("name", ["planar_2r", "planar_pr", "macro_micro_4r", "six_axis", "seven_axis", "two_arms"])
 def test_every_moving_link_is_drawn(name: str) -> None:
     text = al.example_urdf(name)
     arm = al.load_urdf(text)
-    shapes = read_shapes(text, arm)
+    shapes = read_shapes(text, arm).shapes
     assert {shape.frame for shape in shapes} == set(arm.frame_names)
     # Every capsule ends at the origin of another frame, where the joint between is at zero or turns.
     q = np.where([kind == "prismatic" for kind in arm.joint_types], 0.0, 0.3)

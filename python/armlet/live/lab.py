@@ -8,6 +8,7 @@ What is drawn is drawn by that thread alone, so that no handle is written to aft
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ from .model import FRAME, WINDOW, Lab
 from .scene import ArmScene
 from .server import Server, open_server, serve
 from .systems import AdaptivePR, Choice, Control, Elastic, MinimumTime, Plot, Priority, Robot
+from .urdf import missing_line
+from .words import Words
 
 __all__ = ["LabPage", "lab"]
 
@@ -30,12 +33,12 @@ SCALES = {"x": {"time": False, "range": (-WINDOW, 0.0)}, "y": {"range": {"min": 
 AXES = ({"label": "t - now (s)", "size": 36, "labelSize": 18}, {"size": 56})
 
 
-def lab(urdf: Path | None, frame: str | None, host: str, port: int) -> int:
+def lab(urdf: Path | None, frame: str | None, host: str, port: int, packages: Sequence[Path] = ()) -> int:
     """Serve the laboratory until Ctrl-C, with the robot of a file among its systems; the exit code."""
     if urdf is None:
         robot = Robot(al.example_urdf("seven_axis"), "Robot of seven axes", frame)
     else:
-        robot = Robot(urdf, urdf.stem, frame)
+        robot = Robot(urdf, urdf.stem, frame, packages)
     systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), robot]
     # Who brings a robot wants to see it.
     model = Lab(systems if urdf is None else [robot, *systems[:-1]])
@@ -51,7 +54,7 @@ class LabPage:
         self._count = 0
         self._asked: str | None = None
         gui = server.gui
-        self.text = gui.add_markdown("")
+        self.text = Words(gui)
         menu = self.menu = gui.add_dropdown("system", tuple(model.systems), initial_value=model.system.title)
         pause = gui.add_button("Pause")
         reset = gui.add_button("Reset")
@@ -177,20 +180,17 @@ class LabPage:
                 if len(t):
                     handle.data = (t - t[-1], *curves)
         if self._count % TEXT_EVERY == 0:
-            self.text.content = self.summary()
+            self.text.show(*self.summary())
         self._count += 1
 
-    def summary(self) -> str:
-        """How the loop fares, in markdown."""
+    def summary(self) -> list[str | tuple[str, str]]:
+        """How the loop fares, in paragraphs."""
         model = self.model
-        state = "paused" if model.paused else "running"
-        if model.status is not al.Status.SUCCESS:
-            state = f"**{model.status.name}**"
-        lines = [f"{state}, t = {model.t:.2f} s, real-time factor {model.pace:.2f}, pull {np.linalg.norm(model.force):.1f} N"]
-        if model.message:
-            lines.append(f"*{model.message}*")
+        state = ("", "paused" if model.paused else "running") if model.status is al.Status.SUCCESS else (model.status.name, "")
+        numbers = f", t = {model.t:.2f} s, real-time factor {model.pace:.2f}, pull {np.linalg.norm(model.force):.1f} N"
         takes = "Drag a link to pull it, a" if model.system.takes_force else "Drag a"
-        return "\n\n".join([*lines, f"{takes} coloured handle to move a target, the ground to turn the view."])
+        hint = f"{takes} coloured handle to move a target, the ground to turn the view."
+        return [(state[0], state[1] + numbers), model.message, missing_line(model.system.missing), hint]
 
 
 def shown(control: Control, value: float | str) -> Any:

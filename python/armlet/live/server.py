@@ -6,11 +6,13 @@ import contextlib
 import importlib
 import io
 import socket
+import sys
 import time
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from ..errors import InputError
+from .origin import own_pages_only, refuses_strangers
 
 __all__ = ["Server", "address", "close_server", "load_viser", "open_server", "serve"]
 
@@ -49,8 +51,10 @@ def open_server(command: str, host: str, port: int) -> Server:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{command}: {host}:{port} cannot be listened at: {reason}") from None
     # It greets and takes leave on stdout; armlet prints the address itself.
-    with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()), own_pages_only(host):
         server = viser.ViserServer(host=host, port=port, label=f"armlet {command}", verbose=False)
+    if not refuses_strangers(host, server.get_port()):
+        print(f"armlet: {command}: this viser lets pages of other sites connect: open none that you do not trust", file=sys.stderr)
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
     return server

@@ -2,14 +2,18 @@
 
     X_LS = (R(rpy), xyz) of <origin>, R = Rz(yaw) Ry(pitch) Rx(roll), in the frame of the link
 
-Looks never stop a robot from being shown: what cannot be read is drawn as if it were not there.
+Looks never stop a robot from being shown: what cannot be read is drawn as if it were not there. A file names its meshes, and a stranger
+may have written it: only files inside the folder of the URDF, or of a package that the user gives, are opened, links followed.
 """
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,19 +22,41 @@ import armlet as al
 
 from .shapes import BLUE, ORANGE, Array, Colour, Shape, between
 
-__all__ = ["find_mesh", "read_shapes"]
+__all__ = ["Looks", "find_mesh", "missing_line", "read_shapes"]
 
 # What trimesh reads; Collada with a reader of its own.
 ENDINGS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", *([".dae"] if find_spec("collada") else []))
 
 
-def read_shapes(source: str | Path, arm: al.Arm) -> list[Shape]:
-    """What to draw at each frame of an arm that `al.load_urdf(source)` gave."""
-    text, folder = _text(source)
+# A mesh of more bytes is not opened.
+MOST_BYTES = 1 << 28
+DECLARATION = re.compile(r"<\?xml\s.*?\?>", re.DOTALL)
+
+
+class Looks(NamedTuple):
+    """What is drawn of a robot, and the names of the meshes that are not."""
+
+    shapes: list[Shape]
+    missing: tuple[str, ...]
+
+
+def missing_line(missing: Sequence[str]) -> str:
+    """What a page says of meshes that are not drawn; nothing where there are none."""
+    if not missing:
+        return ""
+    first = missing[0] if len(missing[0]) <= 80 else f"{missing[0][:77]}..."
+    return f"{len(missing)} meshes are not drawn, {first} first: they are not in the folder of the file, nor in one given by --package"
+
+
+def read_shapes(source: str | Path, arm: al.Arm, packages: Sequence[Path] = ()) -> Looks:
+    """What to draw at each frame of an arm that `al.load_urdf(source)` gave, with meshes of its folder and of `packages` alone."""
+    text, folders = _text(source, packages)
     try:
-        robot = ElementTree.fromstring(text)
+        # A text needs no declaration, and one after a comment is none to this parser.
+        robot = ElementTree.fromstring(DECLARATION.sub("", text, count=1))
     except ElementTree.ParseError:  # the arm was read by another parser
-        return []
+        return Looks([], ())
+    missing: dict[str, None] = {}
     colours = {name: rgb for material in robot.findall("material") if (name := material.get("name")) and (rgb := _rgb(material))}
     frames = set(arm.frame_names)
     skeleton = _skeleton(robot, arm)
@@ -42,20 +68,21 @@ def read_shapes(source: str | Path, arm: al.Arm) -> list[Shape]:
             continue
         # Where no visual can be drawn, what it collides with often can: meshes of a simpler kind.
         for tag in ("visual", "collision"):
-            seen = [shape for looks in link.findall(tag) if (shape := _visual(looks, name, folder, colours))]
+            seen = [shape for looks in link.findall(tag) if (shape := _visual(looks, name, folders, colours, missing))]
             if seen:
                 break
         shapes += seen
         plain += [] if seen else skeleton[name]
     # A ball marks the end of a plain chain; beside real geometry it would be a thing that is not there.
-    return shapes + [shape for shape in plain if not shapes or shape.kind == "capsule"]
+    return Looks(shapes + [shape for shape in plain if not shapes or shape.kind == "capsule"], tuple(missing))
 
 
-def _text(source: str | Path) -> tuple[str | bytes, Path]:
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return source, Path()
+def _text(source: str | Path, packages: Sequence[Path]) -> tuple[str, list[Path]]:
+    """The text, and the folders whose meshes it may name."""
+    if isinstance(source, str) and "<" in source:  # as `al.load_urdf` tells a text from a path
+        return source, [*packages]
     path = Path(source)
-    return path.read_bytes(), path.resolve().parent
+    return path.read_text(encoding="utf-8-sig"), [path.resolve().parent, *packages]
 
 
 def _skeleton(robot: ElementTree.Element, arm: al.Arm) -> dict[str, list[Shape]]:
@@ -79,7 +106,9 @@ def _name(joint: ElementTree.Element, tag: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _visual(visual: ElementTree.Element, frame: str, folder: Path, colours: dict[str, Colour]) -> Shape | None:
+def _visual(
+    visual: ElementTree.Element, frame: str, folders: Sequence[Path], colours: dict[str, Colour], missing: dict[str, None]
+) -> Shape | None:
     """The shape of a <visual> or <collision>; None where it is not known or its mesh is not found."""
     geometry = visual.find("geometry/*")
     if geometry is None:
@@ -93,8 +122,11 @@ def _visual(visual: ElementTree.Element, frame: str, folder: Path, colours: dict
         size = _numbers(geometry.get("radius"), 1)
     elif kind == "mesh":
         size = _numbers(geometry.get("scale", "1 1 1"), 3)
-        found = find_mesh(geometry.get("filename", ""), folder)
+        name = geometry.get("filename", "")
+        found = find_mesh(name, folders)
         path = "" if found is None else str(found)
+        if found is None and name:
+            missing[name] = None
     else:
         return None
     if not size or (kind == "mesh" and not path) or (kind != "mesh" and min(size) <= 0.0):
@@ -104,18 +136,33 @@ def _visual(visual: ElementTree.Element, frame: str, folder: Path, colours: dict
     return Shape(frame, kind, size, _origin(visual), colour or (190, 193, 198), path)
 
 
-def find_mesh(name: str, folder: Path) -> Path | None:
-    """The file of a mesh: beside the URDF, or of a package named by one of the folders above it."""
-    package = name.startswith(("package://", "model://"))
-    path = name.split("://", 1)[1] if "://" in name else name
-    candidates = [folder / path]
-    if package:
-        inside = path.partition("/")[2]
-        for above in [folder, *folder.parents]:
-            candidates += [above / path] + ([above / inside] if inside else [])
-    if name.startswith("file://") and Path(path).is_absolute():
-        candidates = [Path(path)]
-    return next((file for file in candidates if file.suffix.lower() in ENDINGS and file.is_file()), None)
+def find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
+    """The file of a mesh: inside the first of `folders`, that of the URDF, or inside another; None where it is in none.
+
+    `package://name/rest` is `rest` in a folder called `name`, or `name/rest` or `rest` beside the URDF.
+    """
+    scheme, separator, path = name.partition("://")
+    if separator and scheme not in ("package", "model", "file"):
+        return None
+    wanted: list[tuple[Path, str]] = []
+    if scheme in ("package", "model") and separator:
+        package, _, rest = path.partition("/")
+        for k, folder in enumerate(folders):
+            wanted += [(folder, path)] + ([(folder, rest)] if k == 0 or folder.resolve().name == package else [])
+    else:
+        wanted = [(folder, path if separator else name) for folder in folders[:1]]
+    roots = [folder.resolve() for folder in folders]
+    return next((file for folder, rest in wanted if (file := _inside(folder / rest, roots)) is not None), None)
+
+
+def _inside(path: Path, roots: Sequence[Path]) -> Path | None:
+    """The file that `path` leads to, links followed, where that is a mesh inside one of `roots`."""
+    try:
+        file = path.resolve(strict=True)
+        known = file.suffix.lower() in ENDINGS and file.is_file() and file.stat().st_size <= MOST_BYTES
+    except (OSError, ValueError, RuntimeError):  # not there, NUL in its name, links in a circle
+        return None
+    return file if known and any(file.is_relative_to(root) for root in roots) else None
 
 
 def _origin(element: ElementTree.Element) -> Array:

@@ -7,6 +7,7 @@ A page is drawn when something has moved, and only then.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +19,18 @@ from .scene import ArmScene
 from .server import Server, open_server, serve
 from .shapes import Array
 from .systems.robot import middle
-from .urdf import read_shapes
+from .urdf import missing_line, read_shapes
+from .words import Words
 
 __all__ = ["ViewPage", "roll_pitch_yaw", "view"]
 
 PERIOD = 0.033  # s
 
 
-def view(urdf: Path, host: str, port: int) -> int:
-    """Serve a robot until Ctrl-C; the exit code."""
+def view(urdf: Path, host: str, port: int, packages: Sequence[Path] = ()) -> int:
+    """Serve a robot until Ctrl-C, its meshes from its folder and those of `packages`; the exit code."""
     arm = al.load_urdf(urdf)
-    page = ViewPage(open_server("view", host, port), arm, urdf, urdf.name)
+    page = ViewPage(open_server("view", host, port), arm, urdf, urdf.name, packages)
     return serve(page.server, lambda _: page.frame(), PERIOD)
 
 
@@ -44,16 +46,17 @@ def roll_pitch_yaw(R: Array) -> tuple[float, float, float]:
 class ViewPage:
     """The page of a robot."""
 
-    def __init__(self, server: Server, arm: al.Arm, source: str | Path, title: str) -> None:
+    def __init__(self, server: Server, arm: al.Arm, source: str | Path, title: str, packages: Sequence[Path] = ()) -> None:
         self.server, self.arm = server, arm
         self.start = middle(arm)
         reach = max(float(np.linalg.norm(arm.position(self.start, frame))) for frame in arm.frame_names)
-        self.scene = ArmScene(server, read_shapes(source, arm), np.eye(3), max(reach, 0.05))
+        looks = read_shapes(source, arm, packages)
+        self.scene = ArmScene(server, looks.shapes, np.eye(3), max(reach, 0.05))
         gui = server.gui
-        gui.add_markdown(f"**{title}**: {arm.n} joints, {len(arm.frame_names)} frames")
+        Words(gui, (title, f": {arm.n} joints, {len(arm.frame_names)} frames"), missing_line(looks.missing))
         self._axes = gui.add_checkbox("show frames", False)
         self._frame = gui.add_dropdown("frame", arm.frame_names, initial_value=arm.tip_frame or arm.frame_names[-1])
-        self.text = gui.add_markdown("")
+        self.text = Words(gui)
         reset = gui.add_button("Reset")
         with gui.add_folder("Joints (rad, m)"):
             self.sliders = [self._slider(i) for i in range(arm.n)]
@@ -96,4 +99,4 @@ class ViewPage:
         roll, pitch, yaw = roll_pitch_yaw(pose[:3, :3])
         load = ", ".join(f"{tau:.2f}" for tau in np.round(self.arm.gravity(q), 2) + 0.0)
         turned = f"roll, pitch, yaw = ({roll:.3f}, {pitch:.3f}, {yaw:.3f}) rad"
-        self.text.content = f"{self._frame.value} at ({x:.3f}, {y:.3f}, {z:.3f}) m\n\n{turned}\n\ngravity g(q) = ({load}) N m, N"
+        self.text.show(f"{self._frame.value} at ({x:.3f}, {y:.3f}, {z:.3f}) m", turned, f"gravity g(q) = ({load}) N m, N")

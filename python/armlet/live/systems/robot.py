@@ -7,6 +7,7 @@ The joints that reach the target come from inverse kinematics, the nearest to th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ class Robot(System):
     )
     planar = False
 
-    def __init__(self, source: str | Path, title: str, frame: str | None = None) -> None:
+    def __init__(self, source: str | Path, title: str, frame: str | None = None, packages: Sequence[Path] = ()) -> None:
         self.arm = al.load_urdf(source)
         if self.arm.n == 0:
             raise al.InputError(f"lab: {title} has no joints: expected a robot that moves")
@@ -52,7 +53,8 @@ class Robot(System):
         self.inertia = np.diag(self.arm.mass_matrix(self.q0)).copy()
         self.targets = {"tip": np.asarray(self.arm.position(self.q0, self.frame))}
         self.goal, self.answered = self.q0, self.targets["tip"]
-        self.shapes = read_shapes(source, self.arm)
+        looks = read_shapes(source, self.arm, packages)
+        self.shapes, self.missing = looks.shapes, looks.missing
         curves = tuple(self.arm.joint_names)
         self.plots = (
             Plot("joint error (rad, m)", curves),

@@ -123,6 +123,7 @@ class System(ABC):
     rotation: Array = np.eye(3)  # from the axes of the arm to those of the scene
     planar: bool = True  # targets stay in the x-y plane of the arm
     takes_force: bool = True
+    missing: tuple[str, ...] = ()  # meshes of the robot's file that are not drawn
     note: str = ""  # what the system has to say about its present plan
 
     @abstractmethod

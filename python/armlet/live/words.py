@@ -1,0 +1,45 @@
+"""Text on a page. Names come from files, and viser's markdown renders raw HTML: only this file gives it markdown.
+
+    page = strong + plain,   both with every mark of markdown and HTML escaped
+
+Labels, options and titles of viser are plain text: they need no escape.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+__all__ = ["Words", "escaped", "plain"]
+
+# All of ASCII's punctuation: markdown takes a backslash before any of it, and shows the mark itself [CommonMark 2.4].
+MARKS = re.compile(r"([!-/:-@\[-`{-~])")
+
+
+def plain(text: str) -> str:
+    """`text` in one line; what does not print, controls and overrides of the direction among it, is replaced."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
+
+
+def escaped(text: str) -> str:
+    """The markdown that shows `plain(text)`: no mark keeps a meaning."""
+    return MARKS.sub(r"\\\1", plain(text))
+
+
+class Words:
+    """Paragraphs on a page, each a text, or a strong text and the rest.
+
+    Attributes:
+        shown: what a reader sees, a line per paragraph.
+    """
+
+    def __init__(self, gui: Any, *paragraphs: str | tuple[str, str]) -> None:
+        self.shown = ""
+        self.handle = gui.add_markdown("")
+        self.show(*paragraphs)
+
+    def show(self, *paragraphs: str | tuple[str, str]) -> None:
+        """Replace what stands there; an empty text is no paragraph."""
+        pairs = [("", part) if isinstance(part, str) else part for part in paragraphs if part]
+        self.shown = "\n".join(plain(strong + rest) for strong, rest in pairs)
+        self.handle.content = "\n\n".join((f"**{escaped(strong)}**" if strong else "") + escaped(rest) for strong, rest in pairs)
