@@ -14,6 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from .arguments import one_line
 from .commands import register
 from .errors import ArmletError
 
@@ -92,10 +93,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (ArmletError, OSError, MemoryError, ImportError) as error:
         print(f"armlet: {_line(error)}", file=sys.stderr)
         return 2
+    except Exception as error:
+        # A fault of armlet: its kind is worth more to who reports it than a traceback to who reads it.
+        print(f"armlet: internal error, please report it: {type(error).__name__}: {_line(error)}", file=sys.stderr)
+        return 2
 
 
 def _line(error: BaseException) -> str:
     """An error in one line; of the system's errors the file and what is wrong with it, without their number."""
     if isinstance(error, OSError) and error.strerror:
-        return (f"{error.filename}: " if error.filename else "output: ") + error.strerror.lower()
-    return " ".join(str(error).split()) or type(error).__name__
+        return one_line((f"{error.filename}: " if error.filename else "output: ") + error.strerror.lower())
+    return one_line(str(error)) or type(error).__name__

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .arguments import one_line
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def _run(args: argparse.Namespace) -> int:
     scenario = Scenario.load(args.scenario)
     _prepare(args)
     run = scenario.run()
-    print(scenario.data.get("title", args.scenario.stem))
+    print(one_line(scenario.data.get("title", args.scenario.stem)))
     print(run)
     metrics = run.metrics()
     print(metrics)
@@ -63,9 +64,11 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
     if args.plot:
         from matplotlib.figure import Figure
 
+        from .figures import literal
+
         figure = Figure()
         run.plot(figure)
-        figure.suptitle(scenario.data.get("title", ""))
+        figure.suptitle(literal(scenario.data.get("title", "")), usetex=False)
         write_whole(stem.with_suffix(".png"), lambda file: figure.savefig(file, dpi=150, format="png"))
         written.append(stem.with_suffix(".png"))
     return written
@@ -90,12 +93,12 @@ def _check(args: argparse.Namespace) -> int:
         except InputError as error:
             problems = [str(error).removeprefix(f"{args.scenario}: ")]
     for problem in problems:
-        print(f"{args.scenario}: {problem}", file=sys.stderr)
+        print(one_line(f"{args.scenario}: {problem}"), file=sys.stderr)
     if not problems:
         first, *more = scenario.summary().splitlines()
         print(f"{args.scenario}: is a scenario: {first}" + (f"; a sweep of {cells} runs" if cells else ""))
         for line in more:
-            print(f"  {line}")
+            print(f"  {one_line(line)}")
     return 2 if problems else 0
 
 
@@ -104,9 +107,9 @@ def _check_robot(path: Path) -> int:
 
     arm = _core.load_urdf(path)
     print(arm)
-    print(f"frames: {', '.join(arm.frame_names)}")
+    print(one_line(f"frames: {', '.join(arm.frame_names)}"))
     for line in arm.report:
-        print(line)
+        print(one_line(line))
     return 0
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import instance, shown
+from .border import border
 from .errors import InputError
-from .figures import COLOURS, require, sheet
+from .figures import COLOURS, literal, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,6 +23,7 @@ __all__ = ["compare"]
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 
 
+@border
 def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Figure | None = None) -> NDArray[Any]:
     """Draw error (or position, where a run follows nothing) and input of several runs, joint by joint; returns the axes as an array.
 
@@ -33,12 +36,20 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
         InputError: no runs, runs of different arms, or not one label per run.
         ImportError: matplotlib is not installed.
     """
-    given = list(runs)
+    from .run import Run
+
+    if isinstance(runs, Run) or not isinstance(runs, Iterable):
+        raise InputError(f"compare: runs is of the wrong type: expected a list of runs, got {shown(runs)}")
+    given = [instance("compare", f"runs[{i}]", run, Run, "a run of simulate") for i, run in enumerate(runs)]
     if not given:
         raise InputError("compare: runs is empty: expected at least one run")
     if any(run.units != given[0].units for run in given):
         raise InputError(f"compare: runs are of different arms: expected joints in {given[0].units}, got {[run.units for run in given]}")
-    names = [f"{i + 1}: {run.law_name}" for i, run in enumerate(given)] if labels is None else [str(label) for label in labels]
+    names = (
+        [f"{i + 1}: {run.law_name}" for i, run in enumerate(given)]
+        if labels is None
+        else [instance("compare", f"labels[{i}]", label, str, "a text") for i, label in enumerate(labels)]
+    )
     if len(names) != len(given):
         raise InputError(f"compare: labels do not match the runs: expected {len(given)}, got {len(names)}")
     require("compare")
@@ -60,12 +71,14 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
             lines.append(line)
         for j, unit in enumerate(given[0].units):
             axes[0, j].set_title(f"Joint {j + 1}")
-            axes[0, j].set_ylabel(f"{'error' if by_error else 'position'} ({unit})")
+            axes[0, j].set_ylabel(f"{'error' if by_error else 'position'} ({literal(unit)})")
             if with_tau:
-                axes[1, j].set_ylabel(f"input ({given[0].input_units[j]})")
+                axes[1, j].set_ylabel(f"input ({literal(given[0].input_units[j])})")
             axes[-1, j].set_xlabel("time (s)")
         # Outside the axes, where it covers no data.
-        figure.legend(lines, names, loc="outside upper center", ncols=min(4, len(names)))
+        figure.legend(
+            lines, names if labels is not None else [literal(name) for name in names], loc="outside upper center", ncols=min(4, len(names))
+        )
     result: NDArray[Any] = axes
     return result
 

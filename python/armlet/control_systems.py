@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._core import Arm, ElasticArm, Law, Plant, RigidArm, VelocityArm
+from .border import border
 from .errors import InputError
 from .simulation import simulate
 
@@ -32,6 +33,7 @@ Array: TypeAlias = NDArray[np.float64]
 STEP = 1e-3
 
 
+@border
 def to_control(
     plant: Plant | Arm, law: Law | None = None, x0: ArrayLike | None = None, *, t: float = 0.0, u0: ArrayLike | None = None
 ) -> Any:

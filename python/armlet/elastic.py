@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .border import border
 
 __all__ = ["ElasticLimits", "Equilibrium", "elastic_limits", "equilibrium"]
 
@@ -64,6 +65,7 @@ class ElasticLimits:
     reduced_inertia_min: Array | None = None
 
 
+@border
 def equilibrium(
     plant: _core.Plant, law: _core.Law, force: ArrayLike | None = None, *, q0: ArrayLike, force_frame: str | None = None
 ) -> Equilibrium:
@@ -95,6 +97,7 @@ def equilibrium(
     return Equilibrium(**_core.equilibrium(plant, law, force, q0, force_frame))
 
 
+@border
 def elastic_limits(
     plant: _core.ElasticArm,
     law: _core.Law,

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import count, number, shown
+from .border import bordered
 from .errors import InputError
 
 __all__ = ["Event", "Events", "JointStops", "State"]
@@ -19,6 +21,7 @@ Array: TypeAlias = NDArray[np.float64]
 MOST_EVENTS = 4096
 
 
+@bordered
 @dataclass(frozen=True)
 class JointStops:
     """Joint stops of a plant: beyond a limit a joint meets a spring and a damper, `tau = max(0, k d + c d_dot)` away from it.
@@ -55,6 +58,7 @@ def _plain(function: str, name: str, value: ArrayLike) -> Any:
     return tuple(values) if isinstance(values, list) else values
 
 
+@bordered
 @dataclass(frozen=True)
 class Event:
     """A zero crossing to be located in a run: `simulate(..., events=[al.Event.joint(0, 0.5, stop=True)])`.
@@ -80,12 +84,17 @@ class Event:
     name: str = ""
 
     def __post_init__(self) -> None:
+        for field in ("kind", "name"):
+            if not isinstance(getattr(self, field), str):
+                raise InputError(f"Event: {field} is not a text: expected such as 'joint', got {shown(getattr(self, field))}")
+        if not isinstance(self.arguments, tuple):
+            raise InputError(f"Event: arguments is of the wrong type: expected a tuple, got {shown(self.arguments)}")
         if not self.name:
-            object.__setattr__(self, "name", f"{self.kind}({', '.join(str(a) for a in self.arguments[:1])})")
-        if not np.isfinite(self.direction) or int(self.stop) != self.stop or self.stop < 0:
-            got = f"{self.direction!r} and {self.stop!r}"
-            raise InputError(f"Event: direction or stop is bad: expected a finite number and a count >= 0, got {got}")
-        object.__setattr__(self, "stop", int(self.stop))
+            first = ", ".join(a if isinstance(a, str) else shown(a) for a in self.arguments[:1])
+            object.__setattr__(self, "name", f"{self.kind}({first})")
+        if not np.isfinite(number("Event", "direction", self.direction)):
+            raise InputError(f"Event: direction is not finite: expected a number, got {shown(self.direction)}")
+        object.__setattr__(self, "stop", count("Event", "stop", self.stop))
 
     @classmethod
     def joint(cls, joint: int | str, value: float, **keywords: Any) -> Event:
@@ -110,8 +119,8 @@ class Event:
     @classmethod
     def joint_stop(cls, joint: int | str, side: Literal["lower", "upper"], **keywords: Any) -> Event:
         """The plant's stop of joint `joint` is met (rising) or left (falling): the depth beyond the limit."""
-        if side not in ("lower", "upper"):
-            raise InputError(f"Event.joint_stop: side is unknown: expected one of lower, upper, got {side!r}")
+        if not isinstance(side, str) or side not in ("lower", "upper"):
+            raise InputError(f"Event.joint_stop: side is unknown: expected one of lower, upper, got {shown(side)}")
         return cls("joint_stop", (joint, side), **keywords)
 
     @classmethod
@@ -141,6 +150,7 @@ def watched(events: Event | Callable[..., float] | Sequence[Event | Callable[...
     return given  # type: ignore[return-value]  # each is an Event by now
 
 
+@bordered
 @dataclass(frozen=True, eq=False)
 class Events:
     """The crossings found in a run, in order of time.
@@ -165,10 +175,10 @@ class Events:
 
     def of(self, event: int | str) -> Events:
         """The crossings of one event, by index or name."""
-        if event in self.names:
+        if isinstance(event, str) and event in self.names:
             event = self.names.index(event)
         if not isinstance(event, int) or not 0 <= event < len(self.names):
-            raise InputError(f"Events.of: event is unknown: expected an index or one of {', '.join(self.names)}, got {event!r}")
+            raise InputError(f"Events.of: event is unknown: expected an index or one of {', '.join(self.names)}, got {shown(event)}")
         rows = self.which == event
         parts = (None if part is None else part[rows] for part in (self.q, self.v, self.theta, self.theta_dot))
         return Events(self.t[rows], self.which[rows], self.names, *parts)  # type: ignore[arg-type]  # the first is an array

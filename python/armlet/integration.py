@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .border import border, bordered
 from .errors import InputError, SolveError
 from .status import Status
 
@@ -17,6 +18,7 @@ __all__ = ["DenseOutput", "Integration", "integrate"]
 Array: TypeAlias = NDArray[np.float64]
 
 
+@bordered
 class DenseOutput:
     """The solution between the steps: `dense(t)` is `(n,)` for a number `t` and `(K, n)` for times of shape `(K,)`.
 
@@ -51,6 +53,7 @@ class DenseOutput:
         return out[0] if times.ndim == 0 else out
 
 
+@bordered
 class Integration:
     """What `integrate` returns.
 
@@ -111,6 +114,7 @@ def _events(events: object) -> list[tuple[Callable[..., Any], float, int]]:
     return found
 
 
+@border
 def integrate(
     f: Callable[..., ArrayLike],
     t_span: tuple[float, float],

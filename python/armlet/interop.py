@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from . import mujoco_reading
 from ._core import Arm, _restore_tree
+from .border import border
 from .errors import InputError
 from .verification import Verification, verify
 
@@ -94,6 +95,7 @@ def _expect(model: Any, function: str, kind: str, attribute: str) -> None:
         raise InputError(f"{function}: model is of another type: expected a {kind}, got {type(model).__name__}")
 
 
+@border
 def from_pinocchio(model: Any) -> Arm:
     """The arm of a `pinocchio.Model`: fixed base; revolute, unbounded and prismatic joints, any axes, any tree.
 
@@ -172,6 +174,7 @@ def _bound(value: float, sign: float) -> float:
     return sign * np.inf if not abs(value) < 1e300 else float(value)
 
 
+@border
 def from_mujoco(model: Any) -> Arm:
     """The arm of a `mujoco.MjModel`: hinges and slides, any tree, bodies with several joints too.
 

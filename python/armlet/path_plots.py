@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._core import Arm, TimedPath
 from .errors import InputError
-from .figures import COLOURS, require, sheet
+from .figures import COLOURS, literal, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +78,7 @@ class PathTiming:
             self._torques(axes[0, 0], axes[0, 1], t, s, tau)
             self._phase_plane(axes[1, 0])
             self._speeds(axes[1, 1], t, v)
-            names = self.arm.joint_names
+            names = [literal(name) for name in self.arm.joint_names]
             handles = axes[0, 0].get_lines()[: len(names)]
             figure.legend(handles, names, loc="outside upper center", ncols=len(names), frameon=False)
         result: Array = axes

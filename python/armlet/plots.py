@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .figures import COLOURS, require, sheet
+from .figures import COLOURS, literal, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,11 +73,11 @@ def _lines(ax: Axes, t: NDArray[Any], values: NDArray[Any], labels: list[str], *
 def _joints(symbol: str, units: tuple[str, ...]) -> list[str]:
     """Legend texts; joints of different kinds carry their own unit."""
     mixed = len(set(units)) > 1
-    return [rf"${symbol}_{{{i + 1}}}$" + (f" ({unit})" if mixed else "") for i, unit in enumerate(units)]
+    return [rf"${symbol}_{{{i + 1}}}$" + (f" ({literal(unit)})" if mixed else "") for i, unit in enumerate(units)]
 
 
 def _axis(name: str, units: tuple[str, ...]) -> str:
-    return f"{name} ({', '.join(dict.fromkeys(units))})"
+    return f"{name} ({literal(', '.join(dict.fromkeys(units)))})"
 
 
 def _legend(ax: Axes, columns: int | None = None) -> None:

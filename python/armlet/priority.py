@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .border import border
 
 __all__ = ["PriorityDiagnosis", "diagnose_priority"]
 
@@ -55,6 +56,7 @@ class PriorityDiagnosis:
         return self.text
 
 
+@border
 def diagnose_priority(
     jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike] | None = None, rounding: float = 8 * float(np.finfo(np.float64).eps)
 ) -> PriorityDiagnosis:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._core import TimedPath, _restore_time_path
+from .border import border
 from .errors import InputError, SolveError
 from .status import Status
 
@@ -51,6 +52,7 @@ def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Arra
     return array
 
 
+@border
 def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, j_max: ArrayLike) -> TimedPath:
     """The fastest motion from rest at `q0` to rest at `q1` in which all joints arrive together, each inside its limits.
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .border import bordered
 from .errors import InputError
 from .events import Events, State
 from .integration import DenseOutput
@@ -210,6 +211,7 @@ def _sampled(motion: Any, t: Array, n: int) -> tuple[Array, ...]:
     return tuple(np.array([sample[i] for sample in samples], dtype=np.float64).reshape(len(t), n) for i in range(3))
 
 
+@bordered
 class Run(_Recorded):
     """One simulated run.
 
@@ -310,6 +312,7 @@ class Run(_Recorded):
         return text + ")"
 
 
+@bordered
 class BatchRun(_Recorded):
     """B runs side by side: the fields of `Run` with B before the time axis; `batch[i]` is one `Run`.
 

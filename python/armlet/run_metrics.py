@@ -31,6 +31,9 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
+from .arguments import instance, number
+from .border import border, bordered
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -46,6 +49,7 @@ PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations")
 ALL = (*PER_JOINT, *PER_TASK, *PER_RUN)
 
 
+@bordered
 class Metrics(dict[str, Array]):
     """Metrics by name: (n,), (tasks,) or a number for a run, (B, n), (B, tasks) or (B,) for a batch.
 
@@ -97,6 +101,7 @@ def _shown(value: float, unit: str) -> str:
     return "-" if np.isnan(value) else f"{value:.6g}" + (f" {unit}" if unit != "1" else "")
 
 
+@border
 def metrics(
     run: Run | BatchRun,
     *,
@@ -131,6 +136,10 @@ def metrics(
     >>> float(found["error_peak"][0]), float(found["settling_time"].round(2)), float(found["overshoot"][0])
     (1.0, 0.58, 0.0)
     """
+    from .run import BatchRun, Run
+
+    instance("metrics", "run", run, (Run, BatchRun), "a run of simulate or simulate_batch")
+    settle, tolerance = number("metrics", "settle", settle), number("metrics", "tolerance", tolerance)
     if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
         if "error_rms" in run.stats and reference is None and band is None and frame is None:
             # A batch that kept its metrics has them among its stats.
@@ -141,9 +150,8 @@ def metrics(
     desired = run.reference()
     q_d, v_d = (None, None) if desired is None else desired
     if reference is not None:
-        q_d, v_d = np.asarray(reference, dtype=np.float64), None
-        if q_d.shape[-1:] != (n,) or (q_d.ndim > 1 and q_d.shape[-2] != q.shape[-2]):
-            raise InputError(f"metrics: reference has the wrong shape: expected ({n},) or (K, {n}), got {q_d.shape}")
+        shapes = dict.fromkeys([(n,), q.shape[-2:], q.shape])
+        q_d, v_d = _core.numbers("metrics", "reference", reference, *shapes), None
     bad = np.asarray(~np.isfinite(q).all(axis=(-2, -1)))
     found: dict[str, Array] = {}
     per_joint, per_run = (*q.shape[:-2], n), q.shape[:-2]
@@ -213,7 +221,7 @@ def _overshoot(q: Array, q_d: Array, v_d: Array | None) -> Array:
 
 def _band(band: ArrayLike | None, settle: float, peak: Array, units: tuple[str, ...]) -> Array:
     if band is not None:
-        return np.broadcast_to(np.asarray(band, dtype=np.float64), peak.shape)
+        return np.broadcast_to(_core.numbers("metrics", "band", band, (), (peak.shape[-1],)), peak.shape)
     result = np.empty_like(peak)
     for unit in set(units):
         same = [i for i, each in enumerate(units) if each == unit]

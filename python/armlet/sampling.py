@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 
+from .arguments import instance, shown
 from .errors import InputError
 
 __all__ = ["Sampling", "TorqueSensor"]
@@ -88,6 +89,8 @@ class Sampling(_Effects):
             got = type(self.torque_sensor).__name__
             raise InputError(f"Sampling: torque_sensor is of the wrong type: expected a TorqueSensor or None, got {got}")
         for name in ("noise", "resolution"):
-            unknown = [key for key in getattr(self, name) if key not in CHANNELS]
+            given = instance("Sampling", name, getattr(self, name), Mapping, "numbers by quantity, such as {'q': 1e-3}")
+            unknown = [key for key in given if not isinstance(key, str) or key not in CHANNELS]
             if unknown:
-                raise InputError(f"Sampling: {name} has an unknown quantity: expected some of {', '.join(CHANNELS)}, got {unknown[0]!r}")
+                names = ", ".join(CHANNELS)
+                raise InputError(f"Sampling: {name} has an unknown quantity: expected some of {names}, got {shown(unknown[0])}")

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .arguments import shown
+from .border import border
 from .errors import InputError
 from .status import Status
 
@@ -19,6 +21,7 @@ __all__ = ["scipy_method"]
 ADAPTIVE = ("dopri5", "dop853", "radau5", "rodas4")
 
 
+@border
 def scipy_method(name: str) -> Any:
     """A class for `solve_ivp(method=...)`: the steps, the polynomials and the Jacobians are armlet's, the loop is scipy's.
 
@@ -38,8 +41,8 @@ def scipy_method(name: str) -> Any:
     >>> float(solution.y[0, -1].round(7))
     0.3678794
     """
-    if name not in ADAPTIVE:
-        raise InputError(f"scipy_method: name is unknown: expected one of {', '.join(ADAPTIVE)}, got {name!r}")
+    if not isinstance(name, str) or name not in ADAPTIVE:
+        raise InputError(f"scipy_method: name is unknown: expected one of {', '.join(ADAPTIVE)}, got {shown(name)}")
     return _method(name)
 
 

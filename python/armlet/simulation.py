@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence, Sized
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import instance
 from .batches import forces_of_runs, in_pieces
+from .border import border
 from .errors import SolveError
 from .events import Event, Events, watched
 from .integration import DenseOutput
@@ -21,6 +24,7 @@ __all__ = ["simulate", "simulate_batch"]
 Force: TypeAlias = ArrayLike | Sequence[tuple[float, ArrayLike]] | Callable[[float], ArrayLike] | None
 
 
+@border
 def simulate(
     plant: _core.Plant,
     law: _core.Law | Callable[..., ArrayLike],
@@ -88,6 +92,7 @@ def simulate(
     >>> run.q.shape
     (2001, 2)
     """
+    instance("simulate", "throw", throw, (bool, np.bool_), "True or False")
     keywords = locals()  # a dictionary of its own; the plant, the law and q0 among it are not asked for
     keywords["events"] = asked = watched(events)
     fields = _core.simulate(plant, law, q0, keywords)
@@ -104,6 +109,7 @@ def simulate(
     return run
 
 
+@border
 def simulate_batch(
     plant: _core.Plant | Sequence[_core.Plant],
     law: _core.Law | Sequence[_core.Law],

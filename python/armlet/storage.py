@@ -8,6 +8,7 @@ is the SHA-256 of all bytes before it, so that damage is noticed before anything
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -21,6 +22,8 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import file_path
+from .border import border
 from .errors import FormatError
 from .events import Events
 from .run import SERIES, BatchRun, Run
@@ -64,7 +67,7 @@ def unpack(file: IO[bytes]) -> tuple[dict[str, NDArray[Any]], bool]:
     end = file.seek(0, os.SEEK_END)
     start = max(end - SEALED, 0)
     file.seek(start)
-    tail = file.read()
+    tail = file.read(SEALED)
     sealed = tail.startswith(SEAL)
     if sealed and tail[len(SEAL) :] != _digest_of(file, start):
         raise FormatError("is damaged: its checksum does not match")
@@ -126,7 +129,10 @@ def save(run: _Recorded, path: str | PathLike[str]) -> None:
 
 def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
     """Call `write(file)` on a temporary file beside `path` and rename it to `path`: never half a file, never the old one lost."""
-    target = os.path.abspath(os.fspath(path))
+    target = os.path.abspath(file_path("save", path))
+    if os.path.exists(target) and not os.path.isfile(target):
+        # A renamed file would take the place of a device or a pipe, for everybody.
+        raise OSError(errno.EINVAL, "is not a regular file", target)
     try:
         handle, scratch = tempfile.mkstemp(dir=os.path.dirname(target), prefix=".armlet-")
     except OSError as error:
@@ -157,6 +163,7 @@ def folder_for(path: Path) -> Path:
     return path
 
 
+@border
 def load(path: str | PathLike[str]) -> Run | BatchRun:
     """Read a run that `run.save` wrote.
 
@@ -164,7 +171,7 @@ def load(path: str | PathLike[str]) -> Run | BatchRun:
         FormatError: the file is no run of armlet, is damaged or cut short, or was written by a newer version.
         OSError: the file cannot be read.
     """
-    name = os.fspath(path)
+    name = file_path("load", path)
 
     def fault(problem: str) -> FormatError:
         return FormatError(f"load: {name} {problem}")

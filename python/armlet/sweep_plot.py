@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
-from .figures import COLOURS, require, sheet
+from .figures import COLOURS, literal, require, sheet
 from .status import Status
 
 if TYPE_CHECKING:
@@ -45,14 +45,14 @@ def plot(table: SweepTable, quantity: str | None = None, fig: Figure | None = No
         size = float(np.clip(3e4 / len(x), 2.0, 25.0))
         if len(varied) == 1:
             ax.scatter(x[good], value[good], s=size, color=COLOURS[0])
-            ax.set(xlabel=f"{varied[0]} (SI)", ylabel=f"{quantity} (SI)", yscale=_scale(value[good]))
+            ax.set(xlabel=f"{literal(varied[0])} (SI)", ylabel=f"{literal(quantity)} (SI)", yscale=_scale(value[good]))
             failed = np.full(np.sum(~good), np.nanmax(value[good], initial=0.0))
         else:
             points = ax.scatter(
                 x[good], table[varied[1]][good], c=value[good], s=size, cmap="viridis", norm=_scale(value[good]), rasterized=True
             )
-            figure.colorbar(points, ax=ax, label=f"{quantity} (SI)")
-            ax.set(xlabel=f"{varied[0]} (SI)", ylabel=f"{varied[1]} (SI)", yscale=_scale(table[varied[1]]))
+            figure.colorbar(points, ax=ax, label=f"{literal(quantity)} (SI)")
+            ax.set(xlabel=f"{literal(varied[0])} (SI)", ylabel=f"{literal(varied[1])} (SI)", yscale=_scale(table[varied[1]]))
             failed = table[varied[1]][~good]
         ax.set_xscale(_scale(x))
         if len(failed):

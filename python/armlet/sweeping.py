@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .border import border, bordered
 from .cells import Cells, columns
 from .errors import ArmletError, InputError, SolveError
 from .orphans import leave_with
@@ -45,6 +46,7 @@ STATES = ("q0", "v0", "theta0", "theta_dot0")
 Columns = dict[str, NDArray[Any]]
 
 
+@bordered
 class SweepTable(dict[str, NDArray[Any]]):
     """One row per cell: columns by name, first `cell`, then what varied, `status` (numbers of `armlet.Status`) and the metrics."""
 
@@ -91,6 +93,7 @@ class SweepTable(dict[str, NDArray[Any]]):
     __repr__ = __str__
 
 
+@border
 def sweep(
     scenario: Scenario | str | PathLike[str],
     vary: Mapping[str, Any] | None = None,

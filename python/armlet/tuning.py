@@ -17,6 +17,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .border import border
 from .cells import MOST, Cells, columns, drawn
 from .errors import InputError
 from .scenario import Scenario
@@ -75,6 +76,7 @@ class _Given(Cells):
         return self.rows[i]
 
 
+@border
 def tune(
     scenario: Scenario | str | PathLike[str],
     vary: Mapping[str, Any],

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import mujoco_reading
 from ._core import Arm
+from .border import border
 from .errors import InputError
 
 _Array = NDArray[np.float64]
@@ -231,6 +232,7 @@ def _peer(arm: Arm, model: Any) -> Peer:
     raise InputError(f"verify: against is of the wrong type: expected a pinocchio.Model or a mujoco.MjModel, got {type(model).__name__}")
 
 
+@border
 def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: float = 1e-10) -> Verification:
     """Compare an arm with a `pinocchio.Model` or a `mujoco.MjModel`: poses, Jacobians, `M`, `C`, `g`, inverse and forward dynamics.
 

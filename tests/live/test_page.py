@@ -20,6 +20,7 @@ from markdown_it import MarkdownIt
 
 import armlet as al
 from armlet import live
+from armlet.arguments import one_line
 from armlet.live.lab import LabPage
 from armlet.live.model import Lab
 from armlet.live.origin import refuses_strangers
@@ -28,7 +29,7 @@ from armlet.live.server import address, close_server, open_server, serve
 from armlet.live.shapes import Shape, between
 from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Priority, Robot
 from armlet.live.view import ViewPage, roll_pitch_yaw
-from armlet.live.words import escaped, plain
+from armlet.live.words import escaped
 
 
 @pytest.fixture
@@ -229,8 +230,8 @@ def test_names_are_shown_and_not_obeyed(name: str) -> None:
         kinds = {token.type for token in tokens[1].children}
         assert kinds <= {"text", "text_special"} | ({"strong_open", "strong_close"} if strong else set())
         shown = "".join(token.content for token in tokens[1].children)
-        assert shown == (plain(name) + ": " + plain(name) if strong else plain(name))
-    assert plain(name).isprintable()
+        assert shown == (one_line(name) + ": " + one_line(name) if strong else one_line(name))
+    assert one_line(name).isprintable()
 
 
 def test_markdown_is_written_in_one_file() -> None:

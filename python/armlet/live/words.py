@@ -10,20 +10,17 @@ from __future__ import annotations
 import re
 from typing import Any
 
-__all__ = ["Words", "escaped", "plain"]
+from ..arguments import one_line
+
+__all__ = ["Words", "escaped"]
 
 # All of ASCII's punctuation: markdown takes a backslash before any of it, and shows the mark itself [CommonMark 2.4].
 MARKS = re.compile(r"([!-/:-@\[-`{-~])")
 
 
-def plain(text: str) -> str:
-    """`text` in one line; what does not print, controls and overrides of the direction among it, is replaced."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
-
-
 def escaped(text: str) -> str:
-    """The markdown that shows `plain(text)`: no mark keeps a meaning."""
-    return MARKS.sub(r"\\\1", plain(text))
+    """The markdown that shows `one_line(text)`: no mark keeps a meaning."""
+    return MARKS.sub(r"\\\1", one_line(text))
 
 
 class Words:
@@ -41,5 +38,5 @@ class Words:
     def show(self, *paragraphs: str | tuple[str, str]) -> None:
         """Replace what stands there; an empty text is no paragraph."""
         pairs = [("", part) if isinstance(part, str) else part for part in paragraphs if part]
-        self.shown = "\n".join(plain(strong + rest) for strong, rest in pairs)
+        self.shown = "\n".join(one_line(strong + rest) for strong, rest in pairs)
         self.handle.content = "\n\n".join((f"**{escaped(strong)}**" if strong else "") + escaped(rest) for strong, rest in pairs)

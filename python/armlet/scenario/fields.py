@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..arguments import shown as quoted
+
 __all__ = ["Entries", "Field", "Flag", "Integer", "Items", "Keyed", "Kind", "Numbers", "OneOf", "Table", "Text", "Values", "shown"]
 
 
@@ -21,8 +23,7 @@ def shown(value: object) -> str:
         return str(value).lower()
     if isinstance(value, Mapping):
         return f"a table with the keys {', '.join(map(str, value))}" if value else "an empty table"
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return quoted(value)
 
 
 def _number(value: object) -> bool:

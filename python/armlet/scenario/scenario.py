@@ -10,11 +10,13 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .. import _core
+from ..arguments import file_path, instance, require_shallow, shown
+from ..border import bordered
 from ..errors import InputError, ModelError, SolveError
 from .fields import Kind, OneOf
 from .tables import KNOWN, LAWS, SCENARIO, arguments
@@ -42,6 +44,7 @@ class Built(NamedTuple):
     arguments: dict[str, Any]
 
 
+@bordered
 @dataclass(frozen=True, eq=True)
 class Scenario:
     """Arm, plant, motion, law and run as plain tables, as a scenario file holds them.
@@ -71,6 +74,9 @@ class Scenario:
     name: str = "scenario"
 
     def __post_init__(self) -> None:
+        file_path("Scenario", self.folder)
+        instance("Scenario", "name", self.name, str, "a text")
+        _require_tables("Scenario", self.data)
         problems = list(self.problems(self.data))
         if problems:
             more = f" (and {len(problems) - 1} more: `armlet check` lists them)" if len(problems) > 1 else ""
@@ -84,13 +90,15 @@ class Scenario:
             InputError: it is not TOML, or not a scenario.
             OSError: the file cannot be read.
         """
-        file = Path(path)
-        return cls(read(file), str(file.parent), fspath(path))
+        name = file_path("Scenario.load", path)
+        file = Path(name)
+        return cls(read(file), str(file.parent), name)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], folder: str | PathLike[str] = ".") -> Scenario:
         """A scenario from its tables, copied, arrays turned into lists."""
-        return cls(_plain(data), fspath(folder))
+        _require_tables("Scenario.from_dict", data)
+        return cls(_plain(data), file_path("Scenario.from_dict", folder))
 
     @staticmethod
     def problems(data: Mapping[str, Any]) -> Iterator[str]:
@@ -178,6 +186,7 @@ class Scenario:
         Raises:
             InputError: a path leads nowhere, or the new value is not allowed there.
         """
+        instance("Scenario.replace", "changes", changes, Mapping, "values by path, such as {'law.kp': 30.0}")
         data = _plain(self.data)
         for path, value in changes.items():
             change(data, path, value)
@@ -189,7 +198,7 @@ class Scenario:
         for table in ("arm", "model"):
             path = data.get(table, {}).pop("path", None)
             if path is not None:
-                data[table]["xml"] = (Path(self.folder) / path).read_text(encoding="utf-8")
+                data[table]["xml"] = _text(Path(self.folder) / path)
         return Scenario(data, self.folder, self.name)
 
 
@@ -197,10 +206,34 @@ def read(file: Path) -> dict[str, Any]:
     """The tables of a TOML file; InputError names the line of a fault."""
     import tomllib
 
+    text = _text(file)
     try:
-        return tomllib.loads(file.read_bytes().decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(text)
+    # An integer of thousands of digits is a ValueError, thousands of brackets a RecursionError.
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: is not TOML: {error}") from None
+
+
+# More than a scenario with the text of its robot inside.
+MOST_BYTES = 32 << 20
+
+
+def _text(file: Path) -> str:
+    """The text of a file that is not too large; a device without an end is."""
+    with file.open("rb") as stream:
+        content = stream.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise InputError(f"{file}: is too large: expected at most {MOST_BYTES} bytes")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file}: is not TOML, which is UTF-8 text: {error}") from None
+
+
+def _require_tables(function: str, data: object) -> None:
+    """Refuse what is no table of a sane depth, before anything recurses into it."""
+    instance(function, "data", data, Mapping, "tables by name, such as {'arm': ..}")
+    require_shallow(function, "data", data)
 
 
 def _make(kind: Kind, table: str, values: Mapping[str, Any], parts: Mapping[str, Any]) -> Any:
@@ -273,6 +306,9 @@ def _kinds(table: str) -> str:
 
 def change(data: dict[str, Any], path: str, value: Any) -> None:
     """Set one entry of the tables `data` by its path, such as `law.kd[1]`."""
+    if not isinstance(path, str):
+        raise InputError(f"scenario: {shown(path)} is not a path: expected one like law.kp or run.q0[1]")
+    require_shallow("scenario", path, value)
     steps: list[Any] = [name or int(index) for name, index in STEP.findall(path)]
     rebuilt = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
     place: Any = data

@@ -1,0 +1,74 @@
+"""What may leave armlet: its own errors, TypeError, MemoryError, OSError; ImportError of an extra that is not installed.
+
+Arguments are checked by those who take them. What they overlook, a ValueError of numpy or an AttributeError of a stranger's object, is a
+fault of armlet, and `border` turns it into an `InternalError`, as the extension does with a panic. What the caller's own functions raise
+passes: a law in Python may fail in its own way.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import wraps
+from types import TracebackType
+from typing import Any, ParamSpec, TypeVar
+
+from .errors import ArmletError, InternalError
+
+__all__ = ["border", "bordered"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+C = TypeVar("C", bound=type)
+
+PASS = (ArmletError, TypeError, MemoryError, OSError, ImportError, Warning)
+# Packages whose errors are answers to what armlet asked of them.
+OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pandas", "pyarrow", "xarray", "control"}
+
+
+def border(function: Callable[P, R]) -> Callable[P, R]:
+    """`function`, from which no foreign error comes."""
+    name = function.__qualname__.removesuffix(".__init__").removesuffix(".__post_init__")
+
+    @wraps(function)
+    def inside(*arguments: P.args, **keywords: P.kwargs) -> R:
+        try:
+            return function(*arguments, **keywords)
+        except PASS:
+            raise
+        except Exception as error:
+            if _of_the_caller(error.__traceback__):
+                raise
+            message = f"{name}: internal error, please report it: {type(error).__name__}: {_words(error)}"
+            raise InternalError(message) from error
+
+    return inside
+
+
+def bordered(kind: C) -> C:
+    """`border` for the methods of a class that have names without an underscore, and for what makes its objects."""
+    for name, value in list(vars(kind).items()):
+        if name.startswith("_") and name not in ("__init__", "__post_init__"):
+            continue
+        if isinstance(value, classmethod | staticmethod):
+            setattr(kind, name, type(value)(border(value.__func__)))
+        elif callable(value) and not isinstance(value, type):
+            setattr(kind, name, border(value))
+    return kind
+
+
+def _of_the_caller(trace: TracebackType | None) -> bool:
+    """Whether code of neither armlet nor a package that it asks was running."""
+    while trace is not None:
+        package = str(trace.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
+        if package not in OURS:
+            return True
+        trace = trace.tb_next
+    return False
+
+
+def _words(error: Any) -> str:
+    try:
+        return " ".join(str(error).split())[:500]
+    except Exception:  # an error that cannot be shown
+        return "without words"

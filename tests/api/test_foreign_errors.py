@@ -1,0 +1,219 @@
+"""Whatever is given, what is raised is an ArmletError, TypeError, MemoryError or OSError; the command line prints no traceback."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import cli
+from armlet.border import border
+from armlet.scenario import scenario as reading
+
+ALLOWED = (al.ArmletError, TypeError, MemoryError, OSError)
+PR = al.planar_pr(2.0, 0.5, 0.5)
+PLANT, LAW = al.RigidArm(PR), al.ComputedTorque(PR, al.Hold([1.0, 0.0]), 100.0, 20.0)
+RUN = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, dt=1e-3)
+EVENTS = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, method="dopri5", events=[al.Event.joint(0, 1e-4)]).events
+TABLES: dict[str, Any] = {
+    "arm": {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5},
+    "motion": {"kind": "Hold", "q": [1.0, 0.0]},
+    "law": {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0},
+    "run": {"q0": [0.0, 0.0], "t_end": 0.002, "dt": 1e-3},
+}
+SCENARIO = al.Scenario(TABLES)
+
+
+def nested(make: Callable[[Any], Any], levels: int = 5000) -> Any:
+    inner: Any = 1.0
+    for _ in range(levels):
+        inner = make(inner)
+    return inner
+
+
+DICTS, LISTS = nested(lambda inner: {"a": inner}), nested(lambda inner: [inner])
+CIRCLE: dict[str, Any] = {}
+CIRCLE["arm"] = CIRCLE
+NUMBERS: list[Any] = [0, -1, 1.0, float("nan"), float("inf"), 10**400, -(2**70), True, 1e-320]
+TEXTS: list[Any] = ["", "x", "a\0b", "\ud800", "law.kp", b"x"]
+LISTED: list[Any] = [[], [None], ["x"], [[]], [1, [2]], (), {}, {"a": 1}, {1: 2}, {"a": {"b": None}}, set(), DICTS, LISTS, CIRCLE]
+ARRAYS: list[Any] = [np.zeros(0), np.zeros(2), np.zeros((2, 2)), np.array("x"), np.array([1j, 2]), np.array([None, None])]
+OBJECTS: list[Any] = [None, object(), len, slice(None), ..., PR, LAW, RUN, np.ma.masked_array([1.0, 2.0], [True, False])]
+JUNK = [*NUMBERS, *TEXTS, *LISTED, *ARRAYS, *OBJECTS]
+
+#: Calls with one argument that is anything.
+CALLS: dict[str, Callable[[Any], Any]] = {
+    "metrics": al.metrics,
+    "metrics(reference)": lambda x: al.metrics(RUN, reference=x),
+    "metrics(band)": lambda x: al.metrics(RUN, band=x),
+    "metrics(settle)": lambda x: al.metrics(RUN, settle=x),
+    "metrics(tolerance)": lambda x: al.metrics(RUN, tolerance=x),
+    "metrics(frame)": lambda x: al.metrics(RUN, frame=x),
+    "compare": al.compare,
+    "compare([..])": lambda x: al.compare([x]),
+    "compare(labels)": lambda x: al.compare([RUN], x),
+    "compare(fig)": lambda x: al.compare([RUN], fig=x),
+    "Scenario": al.Scenario,
+    "Scenario(folder)": lambda x: al.Scenario(TABLES, x),
+    "Scenario(name)": lambda x: al.Scenario(TABLES, ".", x),
+    "Scenario.load": al.Scenario.load,
+    "Scenario.from_dict": al.Scenario.from_dict,
+    "Scenario.replace": SCENARIO.replace,
+    "Scenario.replace({..: })": lambda x: SCENARIO.replace({x: 1.0}),
+    "Scenario.replace({: ..})": lambda x: SCENARIO.replace({"law.kp": x}),
+    "Event": lambda x: al.Event(x, (0, 0.1)),
+    "Event(arguments)": lambda x: al.Event("joint", x),
+    "Event.joint": lambda x: al.Event.joint(x, 0.5),
+    "Event.joint(value)": lambda x: al.Event.joint(0, x),
+    "Event.joint(stop)": lambda x: al.Event.joint(0, 0.5, stop=x),
+    "Event.joint(direction)": lambda x: al.Event.joint(0, 0.5, direction=x),
+    "Event.joint(name)": lambda x: al.Event.joint(0, 0.5, name=x),
+    "Event.plane": lambda x: al.Event.plane(x, [0, 0, 0], [1, 0, 0]),
+    "Event.plane(point)": lambda x: al.Event.plane("link2", x, [1, 0, 0]),
+    "Event.joint_stop": lambda x: al.Event.joint_stop(0, x),
+    "Event.function": al.Event.function,
+    "Events.of": lambda x: EVENTS.of(x),
+    "JointStops": al.JointStops,
+    "JointStops(lower)": lambda x: al.JointStops(1.0, lower=x),
+    "Sampling": lambda x: al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.002, dt=1e-3, sample_time=al.Sampling(x)),
+    "Sampling(noise)": lambda x: al.Sampling(1e-3, noise=x),
+    "simulate(events)": lambda x: al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.002, method="dopri5", events=x),
+    "simulate(events=[..])": lambda x: al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.002, method="dopri5", events=[x]),
+    "simulate(plant)": lambda x: al.simulate(x, LAW, [0.0, 0.0], t_end=0.002, dt=1e-3),
+    "simulate(q0)": lambda x: al.simulate(PLANT, LAW, x, t_end=0.002, dt=1e-3),
+    "simulate(throw)": lambda x: al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.002, dt=1e-3, throw=x),
+    "simulate(sample_time)": lambda x: al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.002, dt=1e-3, sample_time=x),
+    "load": al.load,
+    "Run.metrics": lambda x: RUN.metrics(reference=x),
+    "Run.plot": RUN.plot,
+    "sweep": al.sweep,
+    "tune": lambda x: al.tune(x, {"law.kp": (1.0, 50.0)}),
+    "verify": lambda x: al.verify(PR, against=x),
+    "from_mujoco": al.from_mujoco,
+    "equilibrium": lambda x: al.equilibrium(PLANT, LAW, x, q0=[0.0, 0.0]),
+    "scipy_method": al.scipy_method,
+    "diagnose_priority": lambda x: al.diagnose_priority(x, [np.zeros(1)]),
+    "point_to_point": lambda x: al.point_to_point(x, [1.0], [1.0], [1.0], [1.0]),
+    "load_urdf": al.load_urdf,
+}
+
+
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
+@pytest.mark.filterwarnings("ignore")
+def test_junk_raises_errors_of_armlet(call: Callable[[Any], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for junk in JUNK:
+        try:
+            call(junk)
+        except (*ALLOWED, ImportError) as error:
+            assert not isinstance(error, al.InternalError), (str(error), type(junk))
+            assert len(str(error)) < 2000
+
+
+@pytest.mark.parametrize("folder", ["a\0b", "\ud800\ud801", 3, None])
+def test_paths_that_are_none(folder: Any) -> None:
+    for call in (al.load, al.Scenario.load, RUN.save, RUN.to_csv):
+        with pytest.raises(al.InputError, match="path"):
+            call(folder)
+
+
+def test_a_fault_of_armlet_is_an_internal_error() -> None:
+    @border
+    def faulty(f: Callable[[], Any]) -> Any:
+        return f() if callable(f) else {}["key"]
+
+    def users() -> Any:
+        raise LookupError("mine")
+
+    with pytest.raises(al.InternalError, match=r"faulty: internal error, please report it: KeyError: 'key'") as caught:
+        _ours_faulty()
+    assert isinstance(caught.value.__cause__, KeyError)
+    # What a function of the caller raises is the caller's.
+    for name in ("simulate", "integrate"):
+        with pytest.raises(LookupError, match="mine"):
+            if name == "simulate":
+                al.simulate(PLANT, lambda t, q, v: users(), [0.0, 0.0], t_end=0.01, dt=1e-3, sample_time=1e-3)
+            else:
+                al.integrate(lambda t, y: users(), (0.0, 1.0), [1.0])
+    assert al.metrics.__name__ == "metrics" and "band" in str(__import__("inspect").signature(al.metrics))
+    with pytest.raises(LookupError, match="mine"):
+        faulty(users)
+
+
+def _ours_faulty() -> Any:
+    """A function that lives in armlet as far as its border can tell."""
+    space: dict[str, Any] = {"__name__": "armlet.somewhere"}
+    exec("def faulty():\n    return {}['key']", space)
+    return border(space["faulty"])()
+
+
+FILES = {
+    "brackets": b"a = " + b"[" * 20_000,
+    "tables": b"a = " + b"{a=" * 20_000,
+    "keys": b"a" + b".a" * 20_000 + b" = 1",
+    "digits": b"a = " + b"9" * 100_000,
+    "bytes": b"\xff\xfe\0",
+    "nul": b"a = 1\n\0",
+    "empty": b"",
+    "deep but whole": b"[run]\nq0 = " + b"[" * 900 + b"]" * 900,
+    "not tables": b"arm = 1\nlaw = 2\nrun = 3\n",
+}
+
+
+@pytest.mark.parametrize("command", ["run", "check", "sweep"])
+@pytest.mark.parametrize("content", FILES.values(), ids=FILES.keys())
+def test_no_traceback_from_the_command_line(command: str, content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "s.toml"
+    file.write_bytes(content)
+    more = ["--out", str(tmp_path / "out")] if command == "sweep" else []
+    assert cli.main([command, str(file), *more]) == 2
+    printed = capsys.readouterr().err
+    assert printed and "Traceback" not in printed and "internal error" not in printed
+    assert command == "check" or printed.count("\n") == 1
+
+
+def test_files_without_an_end_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    large = tmp_path / "large"
+    with large.open("wb") as file:
+        file.truncate(reading.MOST_BYTES + 1)
+    for source in [large, *(path for path in [Path("/dev/zero")] if path.is_char_device())]:
+        for line in (["run", str(source)], ["check", str(source)], ["sweep", str(source), "--out", str(tmp_path / "out")]):
+            assert cli.main(line) == 2
+            assert capsys.readouterr().err == f"armlet: {source}: is too large: expected at most {reading.MOST_BYTES} bytes\n"
+        link = tmp_path / f"{source.name}.urdf"
+        link.symlink_to(source)
+        for line in (["check", str(link)], ["view", str(link), "--port", "0"]):
+            assert cli.main(line) == 2 and "too large" in capsys.readouterr().err
+        with pytest.raises(al.FormatError):
+            al.load(source)
+        law = {"kind": "PDGravity", "target": [0.0], "kp": 1.0, "kd": 1.0}
+        tables = {"arm": {"kind": "urdf", "path": str(source)}, "law": law, "run": TABLES["run"]}
+        with pytest.raises(al.InputError, match="too large"):
+            al.Scenario(tables).standalone()
+
+
+def test_only_files_are_replaced(tmp_path: Path) -> None:
+    """A result is renamed to its place: a pipe or a device there would be lost, /dev/null to the whole machine."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    (tmp_path / "link").symlink_to(pipe)
+    for path in (pipe, tmp_path / "link"):
+        for save in (RUN.save, RUN.to_csv):
+            with pytest.raises(OSError, match="not a regular file"):
+                save(path)
+    assert pipe.is_fifo() and sorted(p.name for p in tmp_path.iterdir()) == ["link", "pipe"]
+
+
+def test_the_process_itself_ends_in_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_bytes(FILES["brackets"])
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run([sys.executable, "-m", "armlet", "run", str(file)], capture_output=True, text=True, timeout=120, env=environment)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.startswith(f"armlet: {file}: is not TOML")
