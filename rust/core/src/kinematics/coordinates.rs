@@ -85,23 +85,13 @@ impl Coordinates {
     #[inline(always)]
     fn turn_error<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], target: &[S]) -> V3<S> {
         let (r, _) = frame_pose(tree, poses, trig, q, self.frame);
-        let desired = |lane: usize| {
-            let mut vector = [0.0; 3];
-            for (k, &row) in self.rows.iter().enumerate() {
-                if row > 2 {
-                    vector[row - 3] = target[k].lane(lane);
-                }
-            }
-            rotation_exp(vector)
-        };
-        let mut r_d = crate::spatial::M3::zero();
-        let lanes: [_; 32] = std::array::from_fn(|lane| if lane < S::LANES { desired(lane) } else { crate::spatial::M3::IDENTITY });
-        for c in 0..3 {
-            for k in 0..3 {
-                r_d.0[c].0[k] = S::from_lanes(|lane| lanes[lane].0[c].0[k]);
+        let mut vector = [S::zero(); 3];
+        for (k, &row) in self.rows.iter().enumerate() {
+            if row > 2 {
+                vector[row - 3] = target[k];
             }
         }
-        rotation_log(&r_d.times(r.transpose()))
+        rotation_log(&rotation_exp(vector).times(r.transpose()))
     }
 
     /// The same rows of `dJ/dt` `(m, n)`; `full` has room for `(6, n)`.

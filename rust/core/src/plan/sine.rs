@@ -115,7 +115,8 @@ pub fn sine<S: Real>(x: S) -> Sine<S> {
     if !S::any(far) {
         return near;
     }
-    Sine { sin: S::select(far, x.map(f64::sin), near.sin), quarter: S::select(far, x.map(|x| (x * FRAC_2_PI).floor()), near.quarter) }
+    let each = |f: fn(f64) -> f64| S::from_lanes(|lane| f(x.lane(lane)));
+    Sine { sin: S::select(far, each(f64::sin), near.sin), quarter: S::select(far, each(|x| (x * FRAC_2_PI).floor()), near.quarter) }
 }
 
 /// Whether the whole turns of `quarter + shift` are more at `b` than at `a`.

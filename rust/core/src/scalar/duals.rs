@@ -158,6 +158,14 @@ impl<V: Real> Real for Duals<V> {
         (Duals::new(s, self.rates * Self::spread(c)), Duals::new(c, self.rates * Self::spread(-s)))
     }
     #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        let square = x.value.mul_add(x.value, self.value * self.value);
+        let across = x.rates.neg_mul_add(Self::spread(self.value), self.rates * Self::spread(x.value));
+        // At the origin the angle has no slope; along nothing it does not move even there.
+        let nothing = across.abs().lt(V::splat(f64::MIN_POSITIVE));
+        Duals::new(self.value.atan2(x.value), V::select(nothing, V::zero(), across / Self::spread(square)))
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> bool {
         self.lane(0) < other.lane(0)
     }
@@ -190,7 +198,7 @@ mod tests {
         let mut y = s.mul_add(x[2], c / root) - x[1].recip() + x[0].neg_mul_add(c, s).abs();
         y *= x[0].max(x[2]).min(S::splat(10.0));
         y -= -x[1];
-        y
+        y + (x[0] * x[2]).atan2(x[1])
     }
 
     /// Every rate is the single dual's along that direction, to rounding of a dozen operations.
@@ -212,5 +220,6 @@ mod tests {
     fn the_root_of_zero_has_no_rate_along_nothing() {
         let root = Dual8::seed(0.0, 3).sqrt();
         assert_eq!((root.rate(0), root.rate(3)), (0.0, f64::INFINITY));
+        assert_eq!(Dual8::splat(0.0).atan2(Dual8::splat(0.0)).rate(0), 0.0);
     }
 }

@@ -89,11 +89,8 @@ pub trait Real:
         self.sin_cos()
     }
 
-    /// The angle of the point `(x, self)`, lane by lane through the library function: for orientation errors, not for hot loops.
-    #[inline(always)]
-    fn atan2(self, x: Self) -> Self {
-        Self::from_lanes(|i| self.lane(i).atan2(x.lane(i)))
-    }
+    /// The angle of the point `(x, self)`, through the library function: for orientation errors, not for hot loops.
+    fn atan2(self, x: Self) -> Self;
 
     /// `self < other`, lane by lane; false where either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
@@ -142,12 +139,6 @@ pub trait Real:
     #[inline(always)]
     fn clamped(self, low: Self, high: Self) -> Self {
         Self::select(high.lt(self), high, Self::select(self.lt(low), low, self))
-    }
-
-    /// `f` of every lane: for set-up and rare paths, not for a control step.
-    #[inline(always)]
-    fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        Self::from_lanes(|i| f(self.lane(i)))
     }
 }
 

@@ -35,6 +35,7 @@ pub use crate::parallel::default_threads;
 pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
 pub use event::{Event, Found, Signal, What};
 pub use force::{Force, Wrench};
+pub use general::{Twins, twins};
 pub use priority_batch::{solve_rows, solve_stacks};
 pub use problem::{Method, Options, Problem};
 pub use sampling::{CHANNELS, Sampling};

@@ -1,0 +1,260 @@
+//! The derivatives of every closed loop by dual numbers, against central differences of order 6 of the same loop on plain numbers.
+
+use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
+use armlet_core::dynamics::Model;
+use armlet_core::integrate::{Differentiable, System};
+use armlet_core::kinematics::Coordinates;
+use armlet_core::law::{
+    Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, ElasticImpedanceSpec, Gain, JointImpedanceSpec, LawSpec,
+    MotorPdSpec, PdGravitySpec, Projection, ReductionSpec, StateFeedbackSpec,
+};
+use armlet_core::motion::{Motion, Sinusoid};
+use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, Wall};
+use armlet_core::scalar::Array8;
+use armlet_core::simulate::{Force, Method, Options, Problem, Times, Twins, twins};
+use armlet_core::spatial::{rotation_exp, rotation_log};
+use std::sync::Arc;
+
+const N: usize = 6;
+const FRAME: &str = "flange";
+/// The instant at which the derivatives are taken, s.
+const T: f64 = 0.3;
+/// Steps of the differences in a state or in time. Their truncation is some 1e-17 of a seventh derivative, their rounding 2e-16 / H.
+const H: f64 = 2e-3;
+/// In a parameter: the rate of an estimate is bent at a boundary that a longer step may cross, and is a polynomial of low degree.
+const H_PARAMETER: f64 = 1e-5;
+
+fn six_axis() -> Model {
+    Model::Tree(Arc::new(Arm::from_urdf(example_urdf("six_axis").unwrap(), "six_axis", STANDARD_GRAVITY, None, None).unwrap()))
+}
+
+/// Spread over its range, the same every time.
+fn numbers(n: usize, offset: f64, scale: f64) -> Vec<f64> {
+    (0..n).map(|i| offset + scale * (1.0 + 2.3 * i as f64).sin()).collect()
+}
+
+fn gain(n: usize, scale: f64) -> Gain {
+    Gain::diagonal("gain", (0..n).map(|i| scale * (1.0 + 0.1 * i as f64)).collect()).unwrap()
+}
+
+/// Not diagonal.
+fn full(n: usize, scale: f64) -> Gain {
+    Gain::full("gain", n, (0..n * n).map(|k| if k / n == k % n { scale } else { 0.05 * scale }).collect()).unwrap()
+}
+
+fn moving(offset: Vec<f64>) -> Motion {
+    let n = offset.len();
+    Motion::Sinusoid(Sinusoid::new(offset, 1, vec![0.2; n], numbers(n, 1.5, 0.5), numbers(n, 0.0, 1.0)).unwrap())
+}
+
+/// Rows of the flange's pose at `q`: `[p; log R]`, turned by `turn` in world axes.
+fn pose(model: &Model, q: &[f64], turn: [f64; 3]) -> Vec<f64> {
+    let coordinates = Coordinates::new(model.tree("arm").unwrap(), FRAME, "xyz rx ry rz").unwrap();
+    // The error to the base's own pose is the pose itself, backwards.
+    let (mut e, mut j) = (vec![0.0; N], vec![0.0; N * N]);
+    model.at(q).error_and_jacobian(&coordinates, &[0.0; N], &mut e, &mut j);
+    let vector = rotation_log(&rotation_exp(turn).times(rotation_exp([-e[3], -e[4], -e[5]])));
+    [[-e[0], -e[1], -e[2]], vector.0].concat()
+}
+
+struct Case {
+    name: String,
+    plant: PlantSpec,
+    law: LawSpec,
+    force: Option<Force>,
+    tau_max: Option<Vec<f64>>,
+}
+
+fn case(name: &str, plant: PlantSpec, law: LawSpec) -> Case {
+    Case { name: name.into(), plant, law, force: None, tau_max: None }
+}
+
+fn cartesian(model: &Model, target: Motion, axes: &str) -> CartesianImpedanceSpec {
+    let m = target.dof();
+    CartesianImpedanceSpec::new(model.clone(), target, full(m, 400.0), full(m, 40.0), FRAME, axes).unwrap()
+}
+
+/// A law of every kind that has derivatives, and every part of a plant; `at`: where the arm is.
+fn cases(at: &[f64]) -> Vec<Case> {
+    let model = six_axis();
+    let rigid = || PlantSpec::Rigid(RigidSpec::new(model.clone()));
+    let q_d = numbers(N, 0.1, 0.4);
+    let mut all = Vec::new();
+
+    // Orientation: no error, less than the series of the logarithm takes, and every size up to nearly half a turn.
+    for angle in [0.0, 1e-9, 1e-5, 1e-3, 0.1, 1.0, 3.0] {
+        let target = Motion::Hold(pose(&model, at, [0.36 * angle, -0.48 * angle, 0.8 * angle]));
+        all.push(case(
+            &format!("CartesianImpedance, {angle} rad off"),
+            rigid(),
+            LawSpec::CartesianImpedance(cartesian(&model, target, "xyz rx ry rz")),
+        ));
+    }
+    let (pose, first) = (pose(&model, at, [0.1, 0.2, -0.1]), |m: usize| (0..m).map(|_| 0.0).collect::<Vec<f64>>());
+    for (target, axes) in
+        [(pose.clone(), "xyz rx ry rz"), (pose[3..].to_vec(), "rx ry rz"), (vec![0.3, pose[5]], "x rz"), (first(3), "rx ry rz")]
+    {
+        let law = cartesian(&model, moving(target), axes);
+        all.push(case(&format!("CartesianImpedance, moving {axes}"), rigid(), LawSpec::CartesianImpedance(law)));
+    }
+
+    let pd = PdGravitySpec::new(model.clone(), q_d.clone(), full(N, 100.0), gain(N, 20.0)).unwrap();
+    all.push(case("PDGravity", rigid(), LawSpec::PdGravity(pd.clone())));
+    let limit = Some(vec![3.0, 500.0, 500.0, 500.0, 1e-3, 500.0]);
+    all.push(Case { tau_max: limit, ..case("PDGravity, saturated", rigid(), LawSpec::PdGravity(pd.clone())) });
+    let computed = ComputedTorqueSpec::new(model.clone(), moving(q_d.clone()), full(N, 100.0), gain(N, 20.0)).unwrap();
+    all.push(case("ComputedTorque", rigid(), LawSpec::ComputedTorque(computed.clone())));
+
+    let truth = model.parameters();
+    let p = truth.len();
+    let adaptive = |adaptation: Adaptation, estimate: Option<Vec<f64>>| {
+        AdaptiveSpec::new(model.clone(), moving(q_d.clone()), gain(N, 60.0), full(N, 20.0), adaptation, None, estimate).unwrap()
+    };
+    let euclidean = || Adaptation::Euclidean(gain(p, 0.5));
+    let estimate: Vec<f64> = truth.iter().map(|x| 1.1 * x).collect();
+    all.push(case("Adaptive", rigid(), LawSpec::Adaptive(adaptive(euclidean(), Some(estimate.clone())))));
+    all.push(case("Adaptive from nothing", rigid(), LawSpec::Adaptive(adaptive(euclidean(), None))));
+    let natural = Adaptation::Natural(vec![0.1; p / 10]);
+    all.push(case("Adaptive, natural", rigid(), LawSpec::Adaptive(adaptive(natural, Some(estimate.clone())))));
+    let least: Vec<f64> = truth.iter().map(|x| 0.2 * x).collect();
+    let projected = adaptive(euclidean(), Some(estimate)).projected(Projection::new(p, &least).unwrap()).unwrap();
+    all.push(case("Adaptive, projected", rigid(), LawSpec::Adaptive(projected)));
+
+    // A wall a hand's breadth above the flange, stops on either side of the joints, friction.
+    let frame = model.tree("arm").unwrap().frame_index(FRAME).unwrap();
+    let wall = Wall::new(frame, [pose[0], pose[1], pose[2] + 0.1], [0.1, 0.0, 1.0], 5e3, 30.0).unwrap();
+    let bound = |by: f64| at.iter().enumerate().map(|(i, q)| q + by * if i % 2 == 0 { 1.0 } else { -1.0 }).collect::<Vec<f64>>();
+    let upper: Vec<f64> = bound(-0.05).iter().zip(at).map(|(a, q)| a.max(q - 0.05)).collect();
+    let stops = Stops::new(vec![-7.0; N], upper, vec![2e3; N], vec![5.0; N]).unwrap();
+    let touching = RigidSpec { friction: true, wall: Some(wall.clone()), stops: Some(stops.clone()), ..RigidSpec::new(model.clone()) };
+    all.push(case("ComputedTorque in contact", PlantSpec::Rigid(touching), LawSpec::ComputedTorque(computed)));
+    let push = Force::Signal(Arc::new(|t: f64| Some([5.0 * (3.0 * t).sin(), 1.0, t, 0.1, t * t, -0.2])));
+    all.push(Case { force: Some(push), ..case("PDGravity pushed", rigid(), LawSpec::PdGravity(pd.clone())) });
+
+    let spring = || full(N, 1e4);
+    let elastic = || ElasticSpec::new(model.clone(), spring(), gain(N, 0.5), None, None, None).unwrap();
+    let lossy = ElasticSpec::new(model.clone(), spring(), gain(N, 0.5), Some(vec![2.0; N]), Some(vec![1.0; N]), Some(wall)).unwrap();
+    let reduction = |relative: bool| ReductionSpec::new(N, spring(), gain(N, 0.5), gain(N, 0.01), None, 0.7, relative).unwrap();
+    for (relative, plant) in [(false, elastic()), (true, lossy.with_stops(Some(stops)))] {
+        for (target, what) in [(Motion::Hold(pose.clone()), "held"), (moving(pose.clone()), "moving")] {
+            let law = ElasticImpedanceSpec { outer: cartesian(&model, target, "xyz rx ry rz"), inner: reduction(relative) };
+            all.push(case(
+                &format!("ElasticImpedance, {what}, {relative}"),
+                PlantSpec::Elastic(plant.clone()),
+                LawSpec::ElasticImpedance(law),
+            ));
+        }
+    }
+    let joint = JointImpedanceSpec { outer: pd, inner: reduction(true) };
+    all.push(case("JointImpedance", PlantSpec::Elastic(elastic()), LawSpec::JointImpedance(joint)));
+    for online in [false, true] {
+        let law = MotorPdSpec::new(model.clone(), &q_d, full(N, 500.0), gain(N, 20.0), spring(), online).unwrap();
+        all.push(case(&format!("MotorPD, {online}"), PlantSpec::Elastic(elastic()), LawSpec::MotorPd(law)));
+    }
+    let gains = [full(N, 500.0), gain(N, 20.0), gain(N, 2.0), gain(N, 0.01)];
+    let law = StateFeedbackSpec::new(model.clone(), &q_d, gains, spring()).unwrap();
+    all.push(case("StateFeedback", PlantSpec::Elastic(elastic()), LawSpec::StateFeedback(law)));
+    all
+}
+
+/// The largest part of a row's error in the size of the row, of `df/dx` and of `df/dt`.
+fn worst(loops: &mut Twins<'static, Array8<false>>, x: &[f64], states: usize) -> (f64, f64) {
+    let n = x.len();
+    let mut u = loops.system.instant();
+    let (mut dx, mut j, mut dft) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n]);
+    loops.anchor(x);
+    loops.input(T, &mut u);
+    loops.linearise(T, &u, x, &mut dx, &mut j);
+    loops.time_derivative(T, &u, x, &mut dft);
+    let mut f = |t: f64, x: &[f64]| {
+        let (mut u, mut dx) = (loops.system.instant(), vec![0.0; n]);
+        loops.anchor(x);
+        loops.input(t, &mut u);
+        loops.rhs(&u, x, &mut dx);
+        dx
+    };
+    let mut difference = |h: f64, along: &mut dyn FnMut(f64) -> (f64, Vec<f64>)| {
+        let mut sum = vec![0.0; n];
+        for (k, weight) in [(1.0, 45.0), (2.0, -9.0), (3.0, 1.0)] {
+            for sign in [1.0, -1.0] {
+                let (t, x) = along(sign * k * h);
+                sum.iter_mut().zip(f(t, &x)).for_each(|(sum, f)| *sum += sign * weight * f / (60.0 * h));
+            }
+        }
+        sum
+    };
+    let columns: Vec<Vec<f64>> = (0..n)
+        .map(|c| {
+            difference(if c < states { H } else { H_PARAMETER }, &mut |by| {
+                let mut moved = x.to_vec();
+                moved[c] += by;
+                (T, moved)
+            })
+        })
+        .collect();
+    let by_time = difference(H, &mut |by| (T + by, x.to_vec()));
+    let (mut in_state, mut in_time) = (0.0f64, 0.0f64);
+    for i in 0..n {
+        let size = columns.iter().fold(1.0 + dx[i].abs(), |most, column| most.max(column[i].abs()));
+        (0..n).for_each(|c| in_state = in_state.max((j[i * n + c] - columns[c][i]).abs() / size));
+        in_time = in_time.max((dft[i] - by_time[i]).abs() / (size + by_time[i].abs()));
+    }
+    (in_state, in_time)
+}
+
+/// Rounding of the differences is 1e-13 of a row, and cancellation in a loop may raise it a hundredfold; a lost term is 1e-3 or more. A
+/// desired acceleration moves at a rate that the loop itself differences, to 1e-6.
+#[test]
+fn duals_are_the_derivatives_of_every_loop() {
+    let at = numbers(N, 0.2, 0.7);
+    let (mut seen, mut wrong) = ([false; 9], Vec::new());
+    for Case { name, plant, law, force, tau_max } in cases(&at) {
+        let kind = match &law {
+            LawSpec::Adaptive(_) => 0,
+            LawSpec::ComputedTorque(_) => 1,
+            LawSpec::PdGravity(_) => 2,
+            LawSpec::CartesianImpedance(_) => 3,
+            LawSpec::ElasticImpedance(_) => 4,
+            LawSpec::JointImpedance(_) => 5,
+            LawSpec::MotorPd(_) => 6,
+            LawSpec::StateFeedback(_) => 7,
+            // Without derivatives: implicit methods refuse them.
+            LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) | LawSpec::External(_) => 8,
+        };
+        seen[kind] = true;
+        for still in [true, false] {
+            let rates = |phase: f64| if still { vec![0.0; N] } else { numbers(N, phase, 0.6) };
+            let mut x0 = [at.clone(), rates(0.3)].concat();
+            if matches!(plant, PlantSpec::Elastic(_)) {
+                x0.extend(at.iter().zip(numbers(N, 0.0, 1e-3)).map(|(q, d)| q + d).chain(rates(0.4)));
+            }
+            // Coulomb friction has no derivative at rest, and a contact that is left none where it lets go.
+            if still && name.contains("contact") {
+                continue;
+            }
+            let options = Options {
+                t_end: 1.0,
+                dt: None,
+                method: Method::Rodas4,
+                rtol: 1e-6,
+                atol: 1e-9,
+                sampling: None,
+                times: Times::Every(1),
+                tau_max: tau_max.clone(),
+                monitors: true,
+            };
+            let forces = force.iter().collect::<Vec<_>>();
+            let frame = (!forces.is_empty()).then_some(6);
+            let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces, force_frame: frame, options };
+            problem.validate().unwrap_or_else(|error| panic!("{name}: {error}"));
+            let (mut loops, x) = twins::<Array8<false>>(&problem, 0);
+            let (in_state, in_time) = worst(&mut loops, &x, plant.states());
+            // NaN is wrong as well.
+            if !(in_state < 1e-10 && in_time < 1e-6) {
+                wrong.push(format!("{name}, still: {still}: df/dx by {in_state:.1e}, df/dt by {in_time:.1e}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert_eq!(seen, [true, true, true, true, true, true, true, true, false]);
+}
