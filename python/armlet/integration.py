@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .border import border, bordered
 from .errors import InputError, SolveError
-from .status import Status
+from .status import Status, advice_on_run
 
 __all__ = ["DenseOutput", "Integration", "integrate"]
 
@@ -197,6 +197,7 @@ def integrate(
     )
     result = Integration(fields, float(t0))
     if throw and not result.success:
-        message = f"integrate: the run ended at t = {result.ended:.9g}: {result.status.name.lower()}: {result.status.advice}"
+        advice = advice_on_run(result.status, method, rtol, atol, result.stats)
+        message = f"integrate: the run ended at t = {result.ended:.9g}: {result.status.name.lower()}: {advice}"
         raise SolveError(message, result.status, result.ended, result)
     return result

@@ -17,7 +17,7 @@ from .events import Event, Events, watched
 from .integration import DenseOutput
 from .run import BatchRun, Run
 from .sampling import Sampling
-from .status import Status
+from .status import Status, advice_on_run
 
 __all__ = ["simulate", "simulate_batch"]
 
@@ -104,7 +104,8 @@ def simulate(
         fields["dense"] = DenseOutput(0.0, *polynomials), states
     run = Run(fields, law=law, plant=plant)
     if throw and run.status not in (Status.SUCCESS, Status.EVENT):
-        message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {run.status.advice}"
+        advice = advice_on_run(run.status, method, rtol, atol, run.stats)
+        message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}"
         raise SolveError(message, run.status, ended, run)
     return run
 

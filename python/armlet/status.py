@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
 
 __all__ = ["Status"]
@@ -22,6 +23,7 @@ class Status(IntEnum):
     DEGRADED = 6
     INFEASIBLE = 7
     STALLED = 8
+    EXCESS_ACCURACY = 9
 
     @property
     def advice(self) -> str:
@@ -34,16 +36,41 @@ _ADVICE = {
     Status.SUCCESS: "the run reached its end",
     Status.DIVERGED: "the state stopped being finite: reduce dt or the gains, or use an adaptive method",
     Status.STEP_UNDERFLOW: (
-        "the step fell below the resolution of time: the problem is singular or stiff here, or its input switches; try a stiff method, "
-        "looser tolerances, or where the input switches a fixed step or a sample time"
+        "the step fell below the resolution of time: the problem is singular here, or its input switches; try looser tolerances, or "
+        "where the input switches a fixed step or a sample time"
     ),
-    Status.MAX_STEPS: "the cap on steps was reached: the problem may be stiff; try a stiff method, looser tolerances or a shorter span",
+    Status.MAX_STEPS: "the cap on steps was reached: try looser tolerances or a shorter span",
     Status.INTERRUPTED: "the run was interrupted by the caller",
     Status.EVENT: "an event ended the run",
     Status.DEGRADED: "part of the command was given up: see the residuals",
     Status.INFEASIBLE: "no answer exists: see the reason",
     Status.STALLED: (
         "the steps collapsed and would never reach the end: where the input switches (a target out of reach, a bound) take a fixed step "
-        "or a sample time; where the problem is stiff a stiff method"
+        "or a sample time; else try looser tolerances"
+    ),
+    Status.EXCESS_ACCURACY: (
+        "the tolerances are below what rounding in double precision leaves of the error estimate: take looser rtol and atol"
     ),
 }
+
+# An explicit method may end so on a stiff problem.
+_MAY_BE_STIFF = {Status.STEP_UNDERFLOW, Status.MAX_STEPS, Status.STALLED}
+
+
+def advice_on_run(status: Status, method: str, rtol: object, atol: object, stats: Mapping[str, float]) -> str:
+    """`status.advice`, and what the run's method and tolerances add to it."""
+    advice = status.advice
+    if status in _MAY_BE_STIFF and method in ("dopri5", "dop853"):
+        return f"{advice}; where the problem is stiff take radau5 or rodas4"
+    coarsen = stats.get("coarsen")
+    if coarsen is None:
+        return advice
+    if isinstance(rtol, (int, float)) and isinstance(atol, (int, float)):
+        return f"{advice}: expected at least rtol = {_up(coarsen * rtol)} and atol = {_up(coarsen * atol)}, got {rtol:g} and {atol:g}"
+    return f"{advice}: expected at least {_up(coarsen)} times these"
+
+
+def _up(x: float) -> str:
+    """A positive number with one digit, rounded up."""
+    digit, exponent = f"{x:.15e}".split("e")
+    return f"{-(-float(digit) // 1):.0f}e{int(exponent)}" if x else "0"

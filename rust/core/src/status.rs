@@ -22,10 +22,12 @@ pub enum Status {
     Infeasible = 7,
     /// The adaptive step collapsed: at its pace the rest would take more than the cap on steps.
     Stalled = 8,
+    /// The tolerances are below what rounding leaves of an implicit method's error estimate.
+    ExcessAccuracy = 9,
 }
 
 impl Status {
-    pub const ALL: [Status; 9] = [
+    pub const ALL: [Status; 10] = [
         Status::Success,
         Status::Diverged,
         Status::StepUnderflow,
@@ -35,6 +37,7 @@ impl Status {
         Status::Degraded,
         Status::Infeasible,
         Status::Stalled,
+        Status::ExcessAccuracy,
     ];
 
     /// The name used in Python (`al.Status.DIVERGED` is "diverged").
@@ -49,6 +52,7 @@ impl Status {
             Status::Degraded => "degraded",
             Status::Infeasible => "infeasible",
             Status::Stalled => "stalled",
+            Status::ExcessAccuracy => "excess_accuracy",
         }
     }
 
@@ -58,19 +62,20 @@ impl Status {
             Status::Success => "the run reached its end",
             Status::Diverged => "the state stopped being finite: reduce dt or the gains, or use an adaptive method",
             Status::StepUnderflow => {
-                "the step fell below the resolution of time: the problem is singular or stiff here, or its input switches; try a stiff method, looser \
-                 tolerances, or where the input switches a fixed step or a sample time"
+                "the step fell below the resolution of time: the problem is singular here, or its input switches; try looser tolerances, or \
+                 where the input switches a fixed step or a sample time"
             }
-            Status::MaxSteps => {
-                "the cap on steps was reached: the problem may be stiff; try a stiff method, looser tolerances or a shorter span"
-            }
+            Status::MaxSteps => "the cap on steps was reached: try looser tolerances or a shorter span",
             Status::Interrupted => "the run was interrupted by the caller",
             Status::Event => "an event ended the run",
             Status::Degraded => "part of the command was given up: see the residuals",
             Status::Infeasible => "no answer exists: see the reason",
             Status::Stalled => {
                 "the steps collapsed and would never reach the end: where the input switches (a target out of reach, a bound) take a fixed step \
-                 or a sample time; where the problem is stiff a stiff method"
+                 or a sample time; else try looser tolerances"
+            }
+            Status::ExcessAccuracy => {
+                "the tolerances are below what rounding in double precision leaves of the error estimate: take looser rtol and atol"
             }
         }
     }

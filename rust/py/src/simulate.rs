@@ -126,6 +126,9 @@ pub fn simulate<'py>(
         stats.set_item("evaluations", run.evaluations)?;
         stats.set_item("steps", run.steps)?;
         stats.set_item("rejections", run.rejections)?;
+        if run.coarsen > 0.0 {
+            stats.set_item("coarsen", run.coarsen)?;
+        }
         fields.set_item("stats", stats)?;
         if let Some(asked) = asked {
             event::answer(&fields, plant, p, asked)?;

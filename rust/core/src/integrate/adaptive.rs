@@ -13,7 +13,7 @@ use crate::status::Status;
 pub const MAX_STEPS: u64 = 10_000_000;
 
 /// Work done so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
     pub evaluations: u64,
     /// Accepted steps.
@@ -22,6 +22,8 @@ pub struct Work {
     /// Of an implicit method: evaluations of the Jacobian, and decompositions of real or complex matrices.
     pub jacobians: u64,
     pub factorisations: u64,
+    /// Of a run that ended with [`Status::ExcessAccuracy`]: times this both tolerances can be met; else zero.
+    pub coarsen: f64,
 }
 
 /// The error allowed per step.

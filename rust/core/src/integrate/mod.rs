@@ -15,9 +15,11 @@ mod linearised;
 mod pace;
 mod patience;
 mod radau5;
+mod radau5_tableau;
 mod rk4;
 mod rodas4;
 mod ros2;
+mod rounding;
 mod semi_implicit;
 pub mod solve;
 

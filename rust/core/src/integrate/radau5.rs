@@ -10,39 +10,21 @@
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
 use super::pace::{Pace, finite, paced};
+use super::radau5_tableau::{C, COMPLEX_POLE, E, P, REAL_POLE, T, T_INVERSE, poles, transform};
+use super::rounding::{Rounding, add_product, two_sum};
 use super::{Buffer, Differentiable};
 use crate::linalg::Pairs;
 use crate::linalg::lu::Complex;
 use crate::scalar::Real;
 use crate::status::Status;
 
-const ROOT6: f64 = 2.449489742783178;
-const C: [f64; 3] = [(4.0 - ROOT6) / 10.0, (4.0 + ROOT6) / 10.0, 1.0];
-const E: [f64; 3] = [(-13.0 - 7.0 * ROOT6) / 3.0, (-13.0 + 7.0 * ROOT6) / 3.0, -1.0 / 3.0];
-/// The eigenvalues of `A^-1`: `3 + 9^(1/3) - 3^(1/3)`, and `3 + (3^(1/3) - 9^(1/3))/2 -+ i (3^(5/6) + 3^(7/6))/2`.
-const REAL_POLE: f64 = 3.637834252744496;
-const COMPLEX_POLE: (f64, f64) = (2.681082873627752, -3.0504301992474105);
-const T: [[f64; 3]; 3] = [
-    [0.09443876248897524, -0.14125529502095421, 0.03002919410514742],
-    [0.25021312296533332, 0.20412935229379994, -0.38294211275726192],
-    [1.0, 1.0, 0.0],
-];
-const T_INVERSE: [[f64; 3]; 3] = [
-    [4.17871859155190428, 0.32768282076106237, 0.52337644549944951],
-    [-4.17871859155190428, -0.32768282076106237, 0.47662355450055044],
-    [0.50287263494578682, -2.57192694985560522, 0.59603920482822492],
-];
-/// `x(t_old + s h) = x_old + sum_i z_i (P_i0 s + P_i1 s^2 + P_i2 s^3)`
-const P: [[f64; 3]; 3] = [
-    [13.0 / 3.0 + 7.0 * ROOT6 / 3.0, -23.0 / 3.0 - 22.0 * ROOT6 / 3.0, 10.0 / 3.0 + 5.0 * ROOT6],
-    [13.0 / 3.0 - 7.0 * ROOT6 / 3.0, -23.0 / 3.0 + 22.0 * ROOT6 / 3.0, 10.0 / 3.0 - 5.0 * ROOT6],
-    [1.0 / 3.0, -8.0 / 3.0, 10.0 / 3.0],
-];
 const ITERATIONS: usize = 6;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 10.0;
 /// A step that would grow less keeps its length, and with it the decompositions.
 const WORTHWHILE: f64 = 1.2;
+/// Rounding of the error estimate in units of that of one slope, `|(1, e A)|`.
+const GAIN: f64 = 2.0;
 /// Contraction of Newton above which the Jacobian is renewed after an accepted step.
 const SLOW: f64 = 1e-3;
 
@@ -60,6 +42,7 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     x: B,
     x_old: B,
     u: U,
+    rounding: Rounding<B>,
     jacobian: Vec<S>,
     real: Vec<S>,
     complex: Vec<Complex<S>>,
@@ -86,11 +69,6 @@ struct Newton {
     rate: f64,
 }
 
-/// The shifts of the two systems for a step `h`.
-fn poles<S: Real>(h: f64) -> (S, Complex<S>) {
-    (S::splat(REAL_POLE / h), Complex(S::splat(COMPLEX_POLE.0 / h), S::splat(COMPLEX_POLE.1 / h)))
-}
-
 impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     pub fn new(tolerance: A, state: B, input: U) -> Self {
         let n = state.as_ref().len();
@@ -109,6 +87,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
             error: state.clone(),
             x_old: state.clone(),
             real_work: state.clone(),
+            rounding: Rounding::new(state.clone()),
             x: state,
             u: input,
             jacobian: vec![S::zero(); n * n],
@@ -132,8 +111,16 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         system.linearise(t, &self.u, x, self.slope.as_mut(), &mut self.jacobian);
         self.pace.work.evaluations += 1;
         self.pace.work.jacobians += 1;
+        self.compensate_slope();
         self.current = true;
         self.h_factored = f64::NAN;
+    }
+
+    /// The slope of the state itself from that of its rounded numbers.
+    fn compensate_slope(&mut self) {
+        if self.rounding.compensated {
+            add_product(&self.jacobian, self.rounding.rest.as_ref(), self.slope.as_mut());
+        }
     }
 
     /// Decompose both matrices for a step `h`.
@@ -156,18 +143,6 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         sum
     }
 
-    /// `out = M in` over the three stages.
-    fn transform(m: &[[f64; 3]; 3], from: &[B; 3], to: &mut [B; 3]) {
-        for i in 0..3 {
-            let out = to[i].as_mut();
-            for c in 0..out.len() {
-                let sum = S::splat(m[i][0]) * from[0].as_ref()[c];
-                let sum = S::splat(m[i][1]).mul_add(from[1].as_ref()[c], sum);
-                out[c] = S::splat(m[i][2]).mul_add(from[2].as_ref()[c], sum);
-            }
-        }
-    }
-
     /// The stages' start, from the last polynomial.
     fn start(&mut self, h: f64) {
         let h_old = self.pace.t - self.pace.t_old;
@@ -181,7 +156,41 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
                 };
             }
         }
-        Self::transform(&T_INVERSE, &self.z, &mut self.w);
+        transform(&T_INVERSE, &self.z, &mut self.w);
+    }
+
+    /// `y = x + z_i`.
+    fn place(&mut self, i: usize) {
+        let (x, y, z, rest) = (self.x.as_ref(), self.y.as_mut(), self.z[i].as_ref(), self.rounding.rest.as_ref());
+        if self.rounding.compensated {
+            for c in 0..x.len() {
+                y[c] = z[c] + rest[c];
+            }
+            self.rounding.place(x, y);
+        } else {
+            for c in 0..x.len() {
+                y[c] = x[c] + z[c];
+            }
+        }
+    }
+
+    /// After a step of `h` was rejected: whether rounding is the reason.
+    fn rejected<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Result<(), Status> {
+        // Without a decomposition for this step nothing can be said.
+        if !self.rounding.rejected() || self.h_factored != h {
+            return Ok(());
+        }
+        let (n, pairs, (pole, _)) = (self.x.as_ref().len(), system.pairs(), poles::<S>(h));
+        let (j, lu, pivots, work) = (&self.jacobian, &self.real, &self.real_pivots, self.real_work.as_mut());
+        let solve = |b: &mut [S]| pairs.solve(n, pole, j, lu, pivots, b, work);
+        let [dy, ..] = &mut self.f;
+        let known = (&self.x, &self.slope, &j[..]);
+        let finest = (GAIN, self.newton_tolerance);
+        if let Some(left) = self.rounding.look(system, &mut self.pace, known, (&mut self.y, dy), &mut self.u, finest, solve)? {
+            // Newton's increments cannot fall below rounding.
+            self.newton_tolerance = self.newton_tolerance.max(4.0 * left);
+        }
+        Ok(())
     }
 
     /// Solve the stages of a step `h`, from `z` and `w`.
@@ -190,13 +199,13 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         let (mut rate, mut norm_old) = (f64::NAN, f64::NAN);
         for k in 0..ITERATIONS {
             for i in 0..3 {
-                let (x, y) = (self.x.as_ref(), self.y.as_mut());
-                for c in 0..n {
-                    y[c] = x[c] + self.z[i].as_ref()[c];
-                }
+                self.place(i);
                 system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
                 system.rhs(&self.u, self.y.as_ref(), self.f[i].as_mut());
                 self.pace.work.evaluations += 1;
+                if self.rounding.compensated {
+                    add_product(&self.jacobian, self.rounding.lost.as_ref(), self.f[i].as_mut());
+                }
                 if !finite(self.f[i].as_ref()) {
                     return Newton { converged: false, iterations: k + 1, rate };
                 }
@@ -230,7 +239,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
                 self.w[1].as_mut()[c] += self.pair[c].0;
                 self.w[2].as_mut()[c] += self.pair[c].1;
             }
-            Self::transform(&T, &self.w, &mut self.z);
+            transform(&T, &self.w, &mut self.z);
             if norm == 0.0 || rate / (1.0 - rate) * norm < self.newton_tolerance {
                 return Newton { converged: true, iterations: k + 1, rate };
             }
@@ -279,6 +288,7 @@ where
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.pace.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
+        self.rounding.begin();
         (self.warm, self.last) = (false, None);
         system.anchor(self.x.as_ref());
         self.linearise(system);
@@ -317,26 +327,31 @@ where
             let newton = self.newton(system, h);
             if !newton.converged {
                 if self.current {
-                    self.pace.reject(0.5 * h, !finite(self.f[0].as_ref()) || !finite(self.f[1].as_ref()) || !finite(self.f[2].as_ref()));
+                    let blown = !self.f.iter().all(|f| finite(f.as_ref()));
+                    self.pace.reject(0.5 * h, blown);
+                    if !blown {
+                        self.rejected(system, h)?;
+                    }
                 } else {
                     self.linearise(system);
                 }
                 continue;
             }
-            for c in 0..self.x.as_ref().len() {
-                self.y.as_mut()[c] = self.x.as_ref()[c] + self.z[2].as_ref()[c];
-            }
+            self.place(2);
             self.f[0].clone_from(&self.slope);
             let mut error = self.estimate(system.pairs(), h);
             if rejected && error > 1.0 {
                 // The stiff components of the first estimate do not tell: filter it once more.
-                let (x, y) = (self.x.as_ref(), self.f[1].as_mut());
+                let (x, filtered, rest) = (self.x.as_ref(), self.error.as_ref(), self.rounding.rest.as_ref());
+                let [slope, at, lost] = &mut self.f;
                 for c in 0..x.len() {
-                    y[c] = x[c] + self.error.as_ref()[c];
+                    (at.as_mut()[c], lost.as_mut()[c]) = two_sum(x[c], filtered[c] + rest[c]);
                 }
                 system.input(self.pace.input_time(self.pace.t), &mut self.u);
-                let [slope, at, _] = &mut self.f;
                 system.rhs(&self.u, at.as_ref(), slope.as_mut());
+                if self.rounding.compensated {
+                    add_product(&self.jacobian, lost.as_ref(), slope.as_mut());
+                }
                 self.pace.work.evaluations += 1;
                 error = self.estimate(system.pairs(), h);
             }
@@ -345,6 +360,9 @@ where
                 let blown = !error.is_finite();
                 self.pace.reject(h * if blown { SHRINK } else { (safety * self.predict(h, error)).max(SHRINK) }, blown);
                 rejected = true;
+                if !blown {
+                    self.rejected(system, h)?;
+                }
                 continue;
             }
             let renew = newton.iterations > 2 && newton.rate > SLOW;
@@ -359,6 +377,7 @@ where
             std::mem::swap(&mut self.x, &mut self.y);
             std::mem::swap(&mut self.z_old, &mut self.z);
             self.warm = true;
+            self.rounding.accepted();
             if renew {
                 self.linearise(system);
             } else {
@@ -366,6 +385,7 @@ where
                 system.input(self.pace.input_time(self.pace.t), &mut self.u);
                 system.rhs(&self.u, self.x.as_ref(), self.slope.as_mut());
                 self.pace.work.evaluations += 1;
+                self.compensate_slope();
             }
             return Ok(self.pace.done());
         }

@@ -7,6 +7,7 @@
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
 use super::pace::{Control, Pace, finite, paced};
+use super::rounding::{Rounding, add_product, two_sum};
 use super::{Buffer, Differentiable};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -39,6 +40,8 @@ const DENSE: [[f64; 5]; 2] = [
     [10.12623508344586, -7.487995877610167, -34.80091861555747, -7.992771707568823, 1.025137723295662],
     [-0.6762803392801253, 6.087714651680015, 16.43084320892478, 24.76722511418386, -6.594389125716872],
 ];
+/// Rounding of `u_6` in units of that of one slope, `|row 6 of (I - g c)^-1|`: from 1 where `J` outweighs `1/h` to 11 where it is nothing.
+const GAIN: f64 = 5.0;
 const CONTROL: Control = Control { safety: 0.9, alpha: 0.25, beta: 0.0, shrink: 0.2, grow: 6.0 };
 
 /// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for any other.
@@ -56,6 +59,7 @@ pub struct Rodas4<B, M, P, U, T = Tolerance> {
     work: B,
     u: U,
     start: U,
+    rounding: Rounding<B>,
     /// Whether slope and Jacobian belong to `x`.
     linear: bool,
     chatter: Chatter<B>,
@@ -73,6 +77,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
             y: state.clone(),
             x: state.clone(),
             x_old: state.clone(),
+            rounding: Rounding::new(state.clone()),
             work: state,
             jacobian: matrix.clone(),
             lu: matrix,
@@ -99,6 +104,9 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         if !system.autonomous() {
             system.time_derivative(t, &self.start, x, self.dft.as_mut());
         }
+        if self.rounding.compensated {
+            add_product(self.jacobian.as_ref(), self.rounding.rest.as_ref(), self.slope.as_mut());
+        }
         self.pace.work.evaluations += 1;
         self.pace.work.jacobians += 1;
         self.linear = true;
@@ -115,7 +123,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         P: AsMut<[usize]>,
     {
         let (n, pairs, s) = (self.x.as_ref().len(), system.pairs(), S::splat(1.0 / (GAMMA * h)));
-        let moves = !system.autonomous();
+        let (moves, compensated) = (!system.autonomous(), self.rounding.compensated);
         let (jacobian, lu, pivots) = (self.jacobian.as_ref(), self.lu.as_mut(), self.pivots.as_mut());
         self.pace.work.factorisations += 1;
         if !pairs.decompose(n, s, jacobian, lu, pivots, || system.stopped()) {
@@ -128,15 +136,21 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
                 stage.copy_from_slice(&self.slope.as_ref()[..n]);
             } else {
                 for c in 0..n {
-                    let mut sum = x[c];
+                    let mut sum = if compensated { self.rounding.rest.as_ref()[c] } else { x[c] };
                     for j in 0..i {
                         sum = S::splat(A[i][j]).mul_add(done[j].as_ref()[c], sum);
                     }
                     y[c] = sum;
                 }
+                if compensated {
+                    self.rounding.place(x, y);
+                }
                 system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
                 system.rhs(&self.u, y, stage);
                 self.pace.work.evaluations += 1;
+                if compensated {
+                    add_product(jacobian, &self.rounding.lost.as_ref()[..n], stage);
+                }
                 for c in 0..n {
                     let mut sum = S::zero();
                     for j in 0..i {
@@ -154,13 +168,38 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
             pairs.solve(n, s, jacobian, lu, pivots, stage, self.work.as_mut());
         }
         let (y, error) = (self.y.as_mut(), self.stages[5].as_ref());
-        for c in 0..n {
-            y[c] += error[c];
+        if compensated {
+            let lost = self.rounding.lost.as_mut();
+            for c in 0..n {
+                (y[c], lost[c]) = two_sum(y[c], lost[c] + error[c]);
+            }
+        } else {
+            for c in 0..n {
+                y[c] += error[c];
+            }
         }
         if !finite(self.y.as_ref()) {
             return f64::NAN;
         }
         self.pace.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
+    }
+
+    /// After a step of `h` was rejected: whether rounding is the reason.
+    #[cold]
+    fn look<S, F>(&mut self, system: &mut F, h: f64) -> Result<(), Status>
+    where
+        S: Real,
+        F: Differentiable<S, Input = U>,
+        B: Buffer<S>,
+        M: Buffer<S>,
+        P: AsMut<[usize]>,
+    {
+        let (n, pairs, s) = (self.x.as_ref().len(), system.pairs(), S::splat(1.0 / (GAMMA * h)));
+        let (jacobian, lu, pivots) = (self.jacobian.as_ref(), self.lu.as_ref(), self.pivots.as_mut());
+        let ([.., dy], work) = (&mut self.stages, self.work.as_mut());
+        let solve = |b: &mut [S]| pairs.solve(n, s, jacobian, lu, pivots, b, work);
+        let known = (&self.x, &self.slope, jacobian);
+        self.rounding.look(system, &mut self.pace, known, (&mut self.y, dy), &mut self.u, (GAIN, 1.0), solve).map(|_| ())
     }
 }
 
@@ -180,6 +219,7 @@ where
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.pace.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
+        self.rounding.begin();
         self.linearise::<S, F>(system);
         if !finite(self.x.as_ref()) || !finite(self.slope.as_ref()) {
             return Err(Status::Diverged);
@@ -211,7 +251,11 @@ where
                 std::mem::swap(&mut self.x_old, &mut self.x);
                 std::mem::swap(&mut self.x, &mut self.y);
                 self.linear = false;
+                self.rounding.accepted();
                 return Ok(self.pace.done());
+            }
+            if self.rounding.rejected() && error.is_finite() {
+                self.look::<S, F>(system, h)?;
             }
         }
     }

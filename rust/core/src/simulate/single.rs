@@ -35,6 +35,8 @@ pub struct Run {
     pub evaluations: u64,
     pub steps: u64,
     pub rejections: u64,
+    /// See [`crate::integrate::Work::coarsen`].
+    pub coarsen: f64,
 }
 
 struct Rows<'a> {
@@ -136,6 +138,7 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
         Ended::Adaptive(outcome) => {
             (run.status, run.ended) = (outcome.status, outcome.t);
             (run.evaluations, run.steps, run.rejections) = (outcome.work.evaluations, outcome.work.steps, outcome.work.rejections);
+            run.coarsen = outcome.work.coarsen;
         }
     }
     Ok(run)

@@ -327,5 +327,8 @@ fn stats<'py>(py: Python<'py>, work: Work, evaluations: u64) -> PyResult<Bound<'
     stats.set_item("rejections", work.rejections)?;
     stats.set_item("jacobians", work.jacobians)?;
     stats.set_item("factorisations", work.factorisations)?;
+    if work.coarsen > 0.0 {
+        stats.set_item("coarsen", work.coarsen)?;
+    }
     Ok(stats)
 }

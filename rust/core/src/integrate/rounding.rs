@@ -1,0 +1,209 @@
+//! Rounding in implicit methods at tight tolerances.
+//!
+//! A state `x` is stored to `eps |x|`, so that a stiff slope is known to `eps |J| |x|` alone, and the error estimate of a step `h` to
+//! `(s I - J)^-1 eps |J| |x|`, `s ~ 1/h`: it rises as the step falls. Below it no step is short enough. Two remedies, in this order:
+//!
+//! 1. compensated states: the state is `x + rest`, and where a stage `x + z` is rounded to `y`, `f(x + z) = f(y) + J (x + z - y)`. The
+//!    difference is known exactly (Knuth's sum), and `J` to far more digits than it needs. What remains is the rounding of `f` itself.
+//! 2. where that is above the tolerance as well, the run ends: with [`Status::ExcessAccuracy`], and with the tolerance that can be met.
+
+use super::adaptive::Accuracy;
+use super::pace::Pace;
+use super::{Buffer, System};
+use crate::scalar::Real;
+use crate::status::Status;
+
+/// What a rejected attempt adds to the strain; an accepted one takes one away. Above `MOST` rounding is looked at: after five rejections in
+/// a row, or 30 attempts of which a third are rejected.
+const REJECTED: u32 = 4;
+const MOST: u32 = 20;
+/// The part of what a method has to resolve above which rounding is noted.
+const NOTED: f64 = 0.05;
+/// Rounding of the error estimate, in units of the tolerance, that no step-size controller stands.
+const EXCESS: f64 = 0.3;
+/// A tolerance that can be met all along a run is this times the rounding measured at one state, were that state so much smaller: rates
+/// fall towards rest, the rounding of positions does not.
+const MARGIN: f64 = 30.0;
+const AT_REST: f64 = 1e-3;
+
+#[derive(Clone, Debug)]
+pub(super) struct Rounding<B> {
+    /// Whether states are compensated.
+    pub compensated: bool,
+    /// What the state is more than `x`.
+    pub rest: B,
+    /// What the last argument of `f` is more than its rounded numbers.
+    pub lost: B,
+    strain: u32,
+    looks: u64,
+}
+
+/// `a + b` rounded, and what that loses.
+#[inline(always)]
+pub(super) fn two_sum<S: Real>(a: S, b: S) -> (S, S) {
+    let sum = a + b;
+    let part = sum - a;
+    (sum, (a - (sum - part)) + (b - part))
+}
+
+/// Up or down, for component `c` of look `k`: without a pattern, such as one in which a position moves with its motor (splitmix64).
+fn coin(k: u64, c: u64) -> bool {
+    let mut z = (k << 32 | c).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z ^ (z >> 31)) & 1 == 0
+}
+
+/// `y += J x`, `J` row-major.
+#[inline(always)]
+pub(super) fn add_product<S: Real>(j: &[S], x: &[S], y: &mut [S]) {
+    let n = x.len();
+    for (y, row) in y.iter_mut().zip(j.chunks_exact(n)) {
+        for c in 0..n {
+            *y = row[c].mul_add(x[c], *y);
+        }
+    }
+}
+
+impl<B> Rounding<B> {
+    #[inline(always)]
+    pub fn new(state: B) -> Self
+    where
+        B: Clone,
+    {
+        Rounding { compensated: false, rest: state.clone(), lost: state, strain: 0, looks: 0 }
+    }
+
+    /// A segment begins: its state is exactly the numbers given.
+    #[inline(always)]
+    pub fn begin<S: Real>(&mut self)
+    where
+        B: Buffer<S>,
+    {
+        self.rest.as_mut().fill(S::zero());
+    }
+
+    /// `y` and `lost` of `x + z`, where `z` stands in `y` and already holds `rest`.
+    #[inline(always)]
+    pub fn place<S: Real>(&mut self, x: &[S], y: &mut [S])
+    where
+        B: Buffer<S>,
+    {
+        let lost = self.lost.as_mut();
+        for c in 0..x.len() {
+            (y[c], lost[c]) = two_sum(x[c], y[c]);
+        }
+    }
+
+    /// The step is taken: what its last sum lost is the state's.
+    #[inline(always)]
+    pub fn accepted(&mut self) {
+        self.strain = self.strain.saturating_sub(1);
+        if self.compensated {
+            std::mem::swap(&mut self.rest, &mut self.lost);
+        }
+    }
+
+    /// The step is rejected; whether rounding is to be looked at.
+    #[inline(always)]
+    pub fn rejected(&mut self) -> bool {
+        self.strain += REJECTED;
+        if self.strain < MOST {
+            return false;
+        }
+        self.strain = 0;
+        true
+    }
+
+    /// Measure what rounding leaves of the error estimate at `x`, whose slope is known: the same state is written in other numbers. `solve`
+    /// is the method's `(s I - J)^-1`, `gain` its rounding in units of that of one slope, `finest` what the method resolves in units of the
+    /// tolerance. `y` and `dy` are scratch. States are compensated from now on if that is in question; what is left then, if anything, is
+    /// returned.
+    #[cold]
+    pub fn look<S, F, A>(
+        &mut self,
+        system: &mut F,
+        pace: &mut Pace<A>,
+        (x, slope, j): (&B, &B, &[S]),
+        (y, dy): (&mut B, &mut B),
+        u: &mut F::Input,
+        (gain, finest): (f64, f64),
+        solve: impl FnOnce(&mut [S]),
+    ) -> Result<Option<f64>, Status>
+    where
+        S: Real,
+        F: System<S>,
+        B: Buffer<S>,
+        A: Accuracy,
+    {
+        self.looks += 1;
+        let (x, n) = (x.as_ref(), x.as_ref().len());
+        for c in 0..n {
+            let by = if coin(self.looks, c as u64) { 2.0 } else { -2.0 } * f64::EPSILON;
+            y.as_mut()[c] = S::splat(by).mul_add(x[c], x[c]);
+            self.lost.as_mut()[c] = (x[c] - y.as_ref()[c]) + self.rest.as_ref()[c];
+        }
+        system.input(pace.input_time(pace.t), u);
+        system.rhs(u, y.as_ref(), dy.as_mut());
+        pace.work.evaluations += 1;
+        if self.compensated {
+            add_product(j, self.lost.as_ref(), dy.as_mut());
+        }
+        for c in 0..n {
+            dy.as_mut()[c] = dy.as_ref()[c] - slope.as_ref()[c];
+        }
+        solve(dy.as_mut());
+        let left = gain * pace.norm(x, x, |c| dy.as_ref()[c]);
+        if left < NOTED * finest {
+            return Ok(None);
+        }
+        if !self.compensated {
+            self.compensated = true;
+            return Ok(None);
+        }
+        if left < EXCESS {
+            return Ok(Some(left));
+        }
+        for c in 0..n {
+            y.as_mut()[c] = S::splat(AT_REST) * x[c];
+        }
+        pace.work.coarsen = MARGIN * gain * pace.norm(y.as_ref(), y.as_ref(), |c| dy.as_ref()[c]);
+        Err(Status::ExcessAccuracy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sum_and_what_it_loses_are_the_exact_sum() {
+        for (a, b) in [(1.0, 1e-17), (1e-17, 1.0), (0.1, 0.2), (-1.6, 1e-3), (3.0, -3.0), (0.0, 5.0)] {
+            let (sum, lost) = two_sum(a, b);
+            assert_eq!(sum, a + b);
+            // In integers of 2^-110 the sums of these are exact.
+            let whole = |x: f64| (x * 2f64.powi(110)) as i128;
+            assert_eq!(whole(sum) + whole(lost), whole(a) + whole(b), "{a} {b}");
+        }
+        assert_eq!(two_sum(1.0, 1e-17), (1.0, 1e-17));
+    }
+
+    #[test]
+    fn five_rejections_in_a_row_or_a_third_of_all_are_a_strain() {
+        let attempts = |accepted: usize| {
+            let mut rounding = Rounding::new(vec![0.0f64; 1]);
+            (1..200).find(|k| {
+                if k % (accepted + 1) == 0 {
+                    rounding.rejected()
+                } else {
+                    rounding.accepted();
+                    false
+                }
+            })
+        };
+        assert_eq!(attempts(0), Some(5));
+        assert!(attempts(2).unwrap() <= 30);
+        // One in five is what a step-size controller may do.
+        assert_eq!(attempts(4), None);
+    }
+}
