@@ -62,7 +62,8 @@ class Integration:
         y: the states, (K, n); time is the first axis.
         status: how it ended (`armlet.Status`): SUCCESS, or EVENT where an event ended it.
         ended: the time reached.
-        stats: evaluations of f (those for differences included), steps, rejections, jacobians, factorisations.
+        stats: evaluations of f (those for differences included), steps, rejections, jacobians, factorisations; where the status is
+            EXCESS_ACCURACY `coarsen`: times this both tolerances can be met.
         t_events, y_events: per event the times (m,) and states (m, n) of its crossings.
         dense: the solution between the steps, where `dense_output=True` asked for it.
     """

@@ -222,7 +222,8 @@ class Run(_Recorded):
         estimate: the law's parameter estimate, (K, p); None for laws without one.
         theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad, rad/s; else None.
         status: how the run ended (`armlet.Status`), with advice.
-        stats: what it cost: counts of steps, evaluations, rejections.
+        stats: what it cost: counts of steps, evaluations, rejections; where the status is EXCESS_ACCURACY `coarsen`: times this both
+            tolerances can be met.
         monitors: the identities that were watched, by name, each (K,).
         events: the crossings of the events asked for (`armlet.Events`); None where none were.
     """
