@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from inspect import unwrap
 
 import pytest
 
@@ -29,6 +30,6 @@ def test_no_arm_is_made_of_what_is_no_model(name: str) -> None:
 
 def test_scipy_is_asked_for_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "scipy.integrate", None)
-    al.scipy_method.__globals__["_method"].cache_clear()
+    unwrap(al.scipy_method).__globals__["_method"].cache_clear()
     with pytest.raises(ImportError, match="scipy_method: scipy is not installed: pip install scipy"):
         al.scipy_method("dopri5")

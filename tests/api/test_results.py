@@ -66,7 +66,7 @@ def test_options() -> None:
     assert np.isnan(run.metrics(band=1e-9)["settling_time"])
     assert run.metrics(settle=0.5)["settling_time"] < run.metrics()["settling_time"]
     assert run.metrics(reference=[0.0, 0.0])["error_final"][1] == 0.5
-    with pytest.raises(al.InputError, match=r"reference has the wrong shape: expected \(2,\) or \(K, 2\), got \(3,\)"):
+    with pytest.raises(al.InputError, match=r"reference has the wrong shape: expected \(2,\) or \(10001, 2\), got \(3,\)"):
         run.metrics(reference=[0.0, 0.0, 0.0])
 
 
