@@ -1,10 +1,12 @@
 //! What the extension is.
 
 use armlet_core::simulate;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 /// How the extension was built and what it chose at run time.
+#[entered]
 #[pyfunction]
 pub fn build_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     use armlet_core::scalar;
@@ -19,6 +21,7 @@ pub fn build_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 }
 
 /// Code, name and advice of every status.
+#[entered]
 #[pyfunction]
 pub fn statuses(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     use armlet_core::status::Status;

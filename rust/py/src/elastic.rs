@@ -14,6 +14,7 @@ use armlet_core::law::LawSpec;
 use armlet_core::linalg::ratio_damping;
 use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{Force, Problem, Wrench};
+use armlet_macros::entered;
 use numpy::{Complex64, PyArray1};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
@@ -69,6 +70,7 @@ fn put_eigenvalues(fields: &Bound<'_, PyDict>, values: &[(f64, f64)]) -> Result<
 }
 
 /// The fields of `armlet.Equilibrium`.
+#[entered]
 #[pyfunction]
 pub fn equilibrium<'py>(
     py: Python<'py>,
@@ -105,6 +107,7 @@ pub fn equilibrium<'py>(
 }
 
 /// The fields of `armlet.ElasticLimits`.
+#[entered]
 #[pyfunction]
 pub fn elastic_limits<'py>(
     py: Python<'py>,
@@ -195,6 +198,7 @@ fn each<'py, const K: usize>(
 /// >>> import armlet as al
 /// >>> al.smallest_reduced_inertia(0.4, 800.0, [0.0005, 0.001, 0.002]).round(6)
 /// array([0.0002  , 0.0008  , 0.003204])
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (motor_inertia, joint_stiffness, sample_time, *, damping_ratio=None, sensor_bandwidth=None))]
 pub fn smallest_reduced_inertia<'py>(
@@ -237,6 +241,7 @@ pub fn smallest_reduced_inertia<'py>(
 /// >>> import armlet as al
 /// >>> float(al.stiffness_limit(1.0, 800.0, 0.02, 20.0))
 /// 2660.0
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (mass, joint_stiffness, reduced_inertia, damping, *, motor_damping=None))]
 pub fn stiffness_limit<'py>(
@@ -287,6 +292,7 @@ pub fn stiffness_limit<'py>(
 /// >>> al.damping_from_ratio([[2.0, 0.0], [0.0, 0.5]], [[200.0, 0.0], [0.0, 50.0]], 0.7)
 /// array([[28.,  0.],
 ///        [ 0.,  7.]])
+#[entered]
 #[pyfunction]
 pub fn damping_from_ratio<'py>(
     inertia: &Bound<'py, PyAny>,

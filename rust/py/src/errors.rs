@@ -43,18 +43,23 @@ pub fn format_error(py: Python<'_>, message: &str) -> PyErr {
     raise(py, "FormatError", (message,))
 }
 
-/// Run the body of an entry point: errors are mapped, a panic becomes an `InternalError`.
+/// Run the body of an entry point: a panic becomes an `InternalError`. `#[entered]` puts every entry point here.
+pub fn caught<T>(function: &str, body: impl FnOnce() -> PyResult<T>) -> PyResult<T> {
+    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+        let message = format!("{function}: internal error, please report it: {}", text.unwrap_or("no message"));
+        Err(Python::attach(|py| raise(py, "InternalError", (message,))))
+    })
+}
+
+/// The same for a body that fails with core errors too, which are mapped.
 pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T, Failure>) -> PyResult<T> {
-    match catch_unwind(AssertUnwindSafe(body)) {
-        Ok(Ok(value)) => Ok(value),
-        Ok(Err(Failure::Core(error))) => Err(to_python(py, function, error)),
-        Ok(Err(Failure::Python(error))) => Err(error),
-        Err(panic) => {
-            let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
-            let message = format!("{function}: internal error, please report it: {}", text.unwrap_or("no message"));
-            Err(raise(py, "InternalError", (message,)))
-        }
-    }
+    caught(function, || {
+        body().map_err(|failure| match failure {
+            Failure::Core(error) => to_python(py, function, error),
+            Failure::Python(error) => error,
+        })
+    })
 }
 
 /// What an entry point may fail with.

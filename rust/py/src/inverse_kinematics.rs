@@ -9,6 +9,7 @@ use crate::seal::{Sealed, seal};
 use crate::task::each;
 use armlet_core::analysis::inverse_kinematics::{Search, inverse_kinematics as core};
 use armlet_core::priority::Method;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -28,6 +29,7 @@ pub struct InverseKinematics {
     pub status: Py<PyAny>,
 }
 
+#[entered]
 #[pymethods]
 impl InverseKinematics {
     #[new]
@@ -90,6 +92,7 @@ const NAME: &str = "inverse_kinematics";
 /// >>> found = al.inverse_kinematics(arm, [al.Task("link3", "xy", [0.6, 0.5])], [0.1, 0.2, 0.3])
 /// >>> found.status, arm.position(found.q, "link3").round(9)
 /// (<Status.SUCCESS: 0>, array([0.6, 0.5, 0. ]))
+#[entered]
 #[pyfunction]
 #[pyo3(
     signature = (arm, tasks, q0, *, method="clamp", eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None,

@@ -7,6 +7,7 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::seal::{Sealed, seal_new};
 use armlet_core::motion::{self, Motion as Core};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -24,6 +25,7 @@ impl Motion {
     }
 }
 
+#[entered]
 #[pymethods]
 impl Motion {
     /// Number of joints.
@@ -86,6 +88,7 @@ impl Motion {
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct Hold;
 
+#[entered]
 #[pymethods]
 impl Hold {
     #[new]
@@ -120,6 +123,7 @@ fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Resu
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct Sinusoid;
 
+#[entered]
 #[pymethods]
 impl Sinusoid {
     #[new]
@@ -170,6 +174,7 @@ macro_rules! rest_to_rest {
         #[pyclass(frozen, extends = Motion, module = "armlet")]
         pub struct $name;
 
+        #[entered]
         #[pymethods]
         impl $name {
             #[new]
@@ -202,6 +207,7 @@ rest_to_rest!(BangBang, "Rest to rest with the symmetric bang-bang acceleration 
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct Table;
 
+#[entered]
 #[pymethods]
 impl Table {
     #[new]

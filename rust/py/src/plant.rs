@@ -6,6 +6,7 @@ use crate::errors::{Failure, entry};
 use crate::given::{Given, call, shown_as};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -25,6 +26,7 @@ impl Given<'_> {
     }
 }
 
+#[entered]
 #[pymethods]
 impl Plant {
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
@@ -64,6 +66,7 @@ pub struct Wall {
 /// Frame, point and normal.
 type Placed = (String, [f64; 3], [f64; 3]);
 
+#[entered]
 #[pymethods]
 impl Wall {
     #[new]
@@ -136,6 +139,7 @@ fn stops<'py>(given: &mut Given<'py>, function: &'static str, stops: Option<&Bou
 #[pyclass(frozen, extends = Plant, module = "armlet")]
 pub struct RigidArm;
 
+#[entered]
 #[pymethods]
 impl RigidArm {
     #[new]
@@ -169,6 +173,7 @@ impl RigidArm {
 #[pyclass(frozen, extends = Plant, module = "armlet")]
 pub struct VelocityArm;
 
+#[entered]
 #[pymethods]
 impl VelocityArm {
     #[new]
@@ -205,6 +210,7 @@ impl VelocityArm {
 #[pyclass(frozen, extends = Plant, module = "armlet")]
 pub struct ElasticArm;
 
+#[entered]
 #[pymethods]
 impl ElasticArm {
     #[new]

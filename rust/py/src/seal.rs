@@ -4,6 +4,7 @@
 //! `FormatError` and never another object. It detects damage, not intent: unpickle only what you trust.
 
 use crate::errors::format_error;
+use armlet_macros::entered;
 use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
@@ -42,6 +43,7 @@ fn digest<'py>(body: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyBytes>> {
 }
 
 /// An object from the payload of its pickle; `FormatError` where the payload is damaged or of another version.
+#[entered]
 #[pyfunction]
 pub fn _restore<'py>(payload: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = payload.py();

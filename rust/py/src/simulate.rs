@@ -13,6 +13,7 @@ use armlet_core::law::LawSpec;
 use armlet_core::parallel;
 use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{self as core, Force, Keep, Problem};
+use armlet_macros::entered;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -83,6 +84,7 @@ fn put_series(
 }
 
 /// One run as a dictionary of its fields; keywords as `armlet.simulate` documents them.
+#[entered]
 #[pyfunction]
 pub fn simulate<'py>(
     py: Python<'py>,
@@ -138,6 +140,7 @@ pub fn simulate<'py>(
 }
 
 /// A batch as a dictionary of its fields; keywords as `armlet.simulate_batch` documents them.
+#[entered]
 #[pyfunction]
 pub fn simulate_batch<'py>(
     py: Python<'py>,

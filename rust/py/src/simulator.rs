@@ -10,6 +10,7 @@ use crate::seal::{Sealed, seal_call};
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{Problem, Stepping, stepper};
+use armlet_macros::entered;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -70,6 +71,7 @@ pub struct Simulator {
 
 const NAME: &str = "Simulator";
 
+#[entered]
 #[pymethods]
 impl Simulator {
     #[new]
@@ -206,7 +208,7 @@ impl Simulator {
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);
-        state.set_item("t", self.t())?;
+        state.set_item("t", self.t()?)?;
         let some = [("theta", &self.theta), ("theta_dot", &self.theta_dot), ("estimate", &self.estimate)];
         let all = [("q", &self.q), ("v", &self.v), ("tau", &self.tau)];
         for (name, array) in all.into_iter().chain(some.into_iter().filter_map(|(name, array)| Some((name, array.as_ref()?)))) {
@@ -218,7 +220,7 @@ impl Simulator {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let law = self.made_of.bind(py).get_item(1)?;
         let law = if self.has_law { law.get_type().name()?.to_string() } else { "no law".into() };
-        Ok(format!("Simulator({law}, n={}, t={} s, dt={} s)", self.plant.n(), self.t(), self.dt))
+        Ok(format!("Simulator({law}, n={}, t={} s, dt={} s)", self.plant.n(), self.t()?, self.dt))
     }
 
     /// Made anew and taken to where this one is.
@@ -252,6 +254,7 @@ impl Simulator {
 }
 
 /// A pickled Simulator: what it was made of, its steps, state and input.
+#[entered]
 #[pyfunction]
 pub fn _restore_simulator(
     py: Python<'_>,

@@ -8,6 +8,7 @@ use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::{PlanarPr, indefinite};
 use armlet_core::spatial::{M3, Placement, V3};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use std::path::Path;
@@ -28,6 +29,7 @@ use std::path::Path;
 /// >>> al.planar_pr(2.0, 0.5, 0.5).mass_matrix([0.0, 0.0])
 /// array([[2. , 0.5],
 ///        [0.5, 0.5]])
+#[entered]
 #[pyfunction]
 #[pyo3(name = "planar_pr", signature = (A, B, C))]
 #[allow(non_snake_case)]
@@ -40,6 +42,7 @@ pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: 
 }
 
 /// Any finite parameters: what pickling and `with_parameters` made need not be a possible robot.
+#[entered]
 #[pyfunction]
 pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
     Arm { model: Model::PlanarPr(PlanarPr::with_parameters(pi)) }
@@ -68,6 +71,7 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 /// >>> import armlet as al
 /// >>> al.load_urdf(al.example_urdf("planar_2r")).n
 /// 2
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (path_or_xml, *, gravity=None, root=None, tip=None))]
 pub fn load_urdf(
@@ -104,6 +108,7 @@ pub fn load_urdf(
 }
 
 /// The text of one of the package's own URDFs; a wrong name is answered with the names there are.
+#[entered]
 #[pyfunction]
 pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'static str> {
     const NAME: &str = "example_urdf";
@@ -122,6 +127,7 @@ pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'stati
 /// >>> import armlet as al
 /// >>> al.planar_arm([1.0, 1.0]).position([0.0, 0.0], "link2")
 /// array([2., 0., 0.])
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (lengths, *, masses=None, coms=None, inertias=None, gravity=None))]
 pub fn planar_arm(
@@ -157,6 +163,7 @@ pub fn planar_arm(
 /// >>> import armlet as al
 /// >>> float(al.pendulum(1.0, 2.0).gravity([1.5707963267948966])[0])
 /// 2.0
+#[entered]
 #[pyfunction]
 pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bound<'_, PyAny>) -> PyResult<Arm> {
     const NAME: &str = "pendulum";
@@ -314,6 +321,7 @@ fn tree_state(arm: &core::Arm) -> TreeState {
 }
 
 /// An arm from what its pickle stores.
+#[entered]
 #[pyfunction]
 pub fn _restore_tree(py: Python<'_>, state: TreeState) -> PyResult<Arm> {
     entry(py, "_restore_tree", || {
@@ -338,6 +346,7 @@ pub fn _restore_tree(py: Python<'_>, state: TreeState) -> PyResult<Arm> {
     })
 }
 
+#[entered]
 #[pymethods]
 impl Arm {
     /// An arm from a list of joints, each a dict.

@@ -5,6 +5,7 @@ use crate::arrays::flag_or_false;
 use crate::errors::entry;
 use armlet_core::analysis::linearisation::state_matrices;
 use armlet_core::dynamics::{Quantity, Query};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -23,8 +24,8 @@ impl Arm {
         let py = values[0].py();
         entry(py, function, || {
             let query = Query { friction: flag_or_false(function, "friction", friction)?, ..quantity.into() };
-            let square = self.n() * self.n();
-            self.apart(function, ["q", "v", third], values, &query, [&[self.n(); 2]; 3], out, |slopes, to: [&mut [f64]; 3]| {
+            let square = self.model.n() * self.model.n();
+            self.apart(function, ["q", "v", third], values, &query, [&[self.model.n(); 2]; 3], out, |slopes, to: [&mut [f64]; 3]| {
                 for (from, to) in slopes.chunks_exact(square.max(1)).zip(to) {
                     to.copy_from_slice(from);
                 }
@@ -33,6 +34,7 @@ impl Arm {
     }
 }
 
+#[entered]
 #[pymethods]
 impl Arm {
     /// The derivatives of inverse dynamics, `d tau / d q`, `d tau / d v` and `d tau / d a = M`.
@@ -132,7 +134,7 @@ impl Arm {
         let (py, values) = (q.py(), [q, v, tau]);
         entry(py, NAME, || {
             let query = Query { friction: flag_or_false(NAME, "friction", friction)?, ..Quantity::ForwardDynamicsDerivatives.into() };
-            let n = self.n();
+            let n = self.model.n();
             self.apart(NAME, ["q", "v", "tau"], values, &query, [&[2 * n, 2 * n], &[2 * n, n]], out, |slopes, [a, b]| {
                 state_matrices(n, slopes, a, b);
             })

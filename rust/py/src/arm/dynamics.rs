@@ -4,9 +4,11 @@ use super::Arm;
 use crate::arrays::flag_or_false;
 use crate::errors::entry;
 use armlet_core::dynamics::{Quantity, Query};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
+#[entered]
 #[pymethods]
 impl Arm {
     /// The mass matrix `M(q)`, `(..., n, n)`, the rotors' inertia (armature) on its diagonal included.

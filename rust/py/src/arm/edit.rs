@@ -4,9 +4,11 @@ use super::Arm;
 use crate::arrays::{Axis, Form, name, number, numbers, text, three, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+#[entered]
 #[pymethods]
 impl Arm {
     /// The same arm with other inertial parameters; any finite numbers.

@@ -52,7 +52,7 @@ impl Arm {
         names: [&str; K],
         values: [&'a Bound<'_, PyAny>; K],
     ) -> Result<Broadcast<'a, K>, Failure> {
-        broadcast(function, names, values, std::array::from_fn(|k| if names[k] == "wrench" { 6 } else { self.n() }))
+        broadcast(function, names, values, std::array::from_fn(|k| if names[k] == "wrench" { 6 } else { self.model.n() }))
     }
 
     /// One configuration in float64 vectors; None for anything else, errors included, which the general way words.
@@ -62,7 +62,7 @@ impl Arm {
         query: &Query,
         out: Option<&Bound<'py, PyAny>>,
     ) -> Option<Bound<'py, PyAny>> {
-        let n = self.n();
+        let n = self.model.n();
         let mut lengths = [n; K];
         for (k, length) in lengths.iter_mut().enumerate() {
             *length = query.input_length(k, n);
@@ -204,7 +204,7 @@ impl Arm {
         parts: impl FnOnce(usize) -> Vec<P> + Send,
         work: impl Fn(&Broadcast<K>, P) -> Result<bool, Error> + Sync,
     ) -> Result<bool, Failure> {
-        let each = query.nanoseconds(self.n());
+        let each = query.nanoseconds(self.model.n());
         if each * (inputs.count as f64) < LONG {
             return Ok(parts(inputs.count.max(1)).into_iter().try_fold(true, |all, part| work(&inputs, part).map(|sound| all && sound))?);
         }

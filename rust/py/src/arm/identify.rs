@@ -7,6 +7,7 @@ use crate::interrupts::long;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
 use armlet_core::analysis::{consistency, identification};
 use armlet_core::error::Error;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -33,6 +34,7 @@ fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: boo
     Ok(made(py, "BaseParameters", &fields)?)
 }
 
+#[entered]
 #[pymethods]
 impl Arm {
     /// The base parameters: the fewest combinations of inertial parameters that the arm's motion shows.
@@ -265,6 +267,7 @@ fn projected<'py>(
 /// >>> pi[9] = -1.0
 /// >>> arm.check_parameters(pi).consistent, arm.check_parameters(al.project_parameters(pi)).consistent
 /// (False, True)
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (pi, *, length=None, floor=None))]
 pub fn project_parameters<'py>(

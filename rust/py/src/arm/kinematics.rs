@@ -2,8 +2,10 @@
 
 use super::Arm;
 use armlet_core::dynamics::Quantity;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 
+#[entered]
 #[pymethods]
 impl Arm {
     /// The pose `X_WF` of a frame, `(..., 4, 4)`: a homogeneous transform, lengths in m.

@@ -15,6 +15,7 @@ pub use model::Model;
 
 use crate::arrays::new_array;
 use crate::errors::entry;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -36,6 +37,7 @@ impl Arm {
     }
 }
 
+#[entered]
 #[pymethods]
 impl Arm {
     /// Number of joints.

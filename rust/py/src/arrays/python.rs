@@ -6,6 +6,7 @@ use super::shape::{Axis, Form, WHATEVER};
 use super::single::{name as text, whole};
 use super::write::copied;
 use crate::errors::{Failure, entry};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
 
@@ -25,6 +26,7 @@ const MOST_AXES: usize = 64;
 /// >>> from armlet import _core
 /// >>> _core.numbers("f", "x", [1, 2], (2,), ("K", 2))
 /// array([1., 2.])
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (function, name, value, *shapes))]
 pub fn numbers<'py>(

@@ -5,13 +5,16 @@ mod stepper;
 
 pub use stepper::Stepper;
 
-use crate::arrays::{Axis, Form, SCALAR, any_vector, flag, new_array, number, numbers, optional_number, require_finite, spread, text};
+use crate::arrays::{
+    Axis, Form, SCALAR, any_vector, flag, items, new_array, number, numbers, optional_number, require_finite, spread, text,
+};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::integrate::events::Event;
 use armlet_core::integrate::solve::{Recorder, Request, node, solve};
 use armlet_core::integrate::{
     Adaptive, Dop853, Dopri5, Euler, FixedStep, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, Steps, Tolerances, Work,
 };
+use armlet_macros::entered;
 use field::{Field, Jacobian};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -138,6 +141,9 @@ fn fixed<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(method: M, 
     Box::new(Steps::new(method, h, Work::default(), y, 0.0))
 }
 
+/// The most events of a run.
+const MOST_EVENTS: usize = 4096;
+
 /// `y0`: a finite vector, at least one number.
 fn initial_state(function: &str, name: &str, y0: &Bound<'_, PyAny>) -> Result<Vec<f64>, Failure> {
     let py = y0.py();
@@ -222,6 +228,7 @@ fn filled<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound
 }
 
 /// One run of `f` as a dictionary of its fields.
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (f, t0, t1, y0, method, rtol, atol, dt, t_eval, dense, events, jac, args, max_step, first_step, positions, lists))]
 pub fn integrate<'py>(
@@ -236,7 +243,7 @@ pub fn integrate<'py>(
     dt: Option<&Bound<'py, PyAny>>,
     t_eval: Option<&Bound<'py, PyAny>>,
     dense: &Bound<'py, PyAny>,
-    events: Vec<(Bound<'py, PyAny>, f64, usize)>,
+    events: &Bound<'py, PyAny>,
     jac: Option<&Bound<'py, PyAny>>,
     args: &Bound<'py, PyTuple>,
     max_step: Option<&Bound<'py, PyAny>>,
@@ -246,6 +253,8 @@ pub fn integrate<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "integrate";
     entry(py, NAME, || {
+        let events = items(NAME, "events", "a list: expected tuples (g, direction, stop_after)", events, MOST_EVENTS)?;
+        let events = events.iter().map(|event| event.extract()).collect::<PyResult<Vec<(Bound<'py, PyAny>, f64, usize)>>>()?;
         if !f.is_callable() {
             let kind = f.get_type().name()?;
             return Err(input_error(py, NAME, "f", format!("is not callable: expected f(t, y), got {kind}")).into());

@@ -5,6 +5,7 @@ use super::{Method, Settings, filled, initial_state, jacobian};
 use crate::arrays::{number, require_finite};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::integrate::solve::node;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 
 /// An initial-value problem under way.
@@ -15,6 +16,7 @@ pub struct Stepper {
     direction: f64,
 }
 
+#[entered]
 #[pymethods]
 impl Stepper {
     #[new]

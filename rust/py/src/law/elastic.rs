@@ -6,6 +6,7 @@ use armlet_core::law::{
     CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, LawSpec, MotorPdSpec, PdGravitySpec, ReductionSpec, StateFeedbackSpec,
 };
 use armlet_core::motion::Motion;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 
 /// The inner loop's arguments.
@@ -97,6 +98,7 @@ fn cartesian<'py>(
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct ElasticImpedance;
 
+#[entered]
 #[pymethods]
 impl ElasticImpedance {
     #[new]
@@ -152,6 +154,7 @@ impl ElasticImpedance {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct ElasticTracking;
 
+#[entered]
 #[pymethods]
 impl ElasticTracking {
     #[new]
@@ -209,6 +212,7 @@ impl ElasticTracking {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct JointImpedance;
 
+#[entered]
 #[pymethods]
 impl JointImpedance {
     #[new]
@@ -271,6 +275,7 @@ impl JointImpedance {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct MotorPD;
 
+#[entered]
 #[pymethods]
 impl MotorPD {
     #[new]
@@ -326,6 +331,7 @@ impl MotorPD {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct StateFeedback;
 
+#[entered]
 #[pymethods]
 impl StateFeedback {
     #[new]

@@ -16,6 +16,7 @@ use crate::seal::{Sealed, seal_new};
 use armlet_core::error::all_finite;
 use armlet_core::law::{LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyList, PyTuple};
 use std::sync::Mutex;
@@ -99,6 +100,7 @@ fn by_level<'py>(py: Python<'py>, rows: &[usize], shape: &[usize], values: &[f64
     Ok(PyList::new(py, parts)?)
 }
 
+#[entered]
 #[pymethods]
 impl Law {
     /// The plant's input `(n,)` at time `t` in s, position `q` and velocity `v`, `(n,)`.

@@ -7,6 +7,7 @@ use crate::priority::{Keywords, per_joint};
 use crate::task::each;
 use armlet_core::law::{GivenLimits, LawSpec, Level, PriorityAccelerationSpec, PriorityVelocitySpec};
 use armlet_core::priority::Options;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 
 /// Keywords of both laws by name, those not given `None`.
@@ -83,6 +84,7 @@ impl<'py> Given<'py> {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct PriorityVelocity;
 
+#[entered]
 #[pymethods]
 impl PriorityVelocity {
     #[new]
@@ -136,6 +138,7 @@ impl PriorityVelocity {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct PriorityAcceleration;
 
+#[entered]
 #[pymethods]
 impl PriorityAcceleration {
     #[new]

@@ -5,6 +5,7 @@ use crate::arrays::{Looked, WHATEVER, numbers, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec, Projection};
 use armlet_core::motion::Motion;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 
 /// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
@@ -68,6 +69,7 @@ fn least_bodies<'py>(given: &mut Given<'py>, projection: &Bound<'py, PyAny>, p: 
     Ok(Projection::new(p, &given.vector("projection", projection, p)?)?)
 }
 
+#[entered]
 #[pymethods]
 impl Adaptive {
     #[new]
@@ -132,6 +134,7 @@ impl Adaptive {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct ComputedTorque;
 
+#[entered]
 #[pymethods]
 impl ComputedTorque {
     #[new]
@@ -174,6 +177,7 @@ impl ComputedTorque {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct PDGravity;
 
+#[entered]
 #[pymethods]
 impl PDGravity {
     #[new]
@@ -221,6 +225,7 @@ impl PDGravity {
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct CartesianImpedance;
 
+#[entered]
 #[pymethods]
 impl CartesianImpedance {
     #[new]

@@ -9,6 +9,7 @@ use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
 use armlet_core::interrupt::look;
 use armlet_core::plan::{self, Bind as Core};
+use armlet_macros::entered;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
@@ -40,6 +41,7 @@ use pyo3::types::{PyString, PyTuple};
 /// (True, 3.544908, 5.013257)
 /// >>> al.bang_bang_time(-math.pi / 2, math.pi / 2, 1.0, 2.5, 1.0).reason[:60]
 /// 'tau_max at theta = 0.000000 rad (phase1:switch) needs a slow'
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None))]
 pub fn bang_bang_time<'py>(
@@ -89,6 +91,13 @@ impl BangBangReport {
     }
 }
 
+impl BangBangReport {
+    fn why(&self) -> String {
+        if self.core.feasible { String::new() } else { self.core.reason().to_string() }
+    }
+}
+
+#[entered]
 #[pymethods]
 impl BangBangReport {
     /// Whether some duration obeys the limits.
@@ -136,7 +145,7 @@ impl BangBangReport {
     /// Why no duration works: the limits, where they bind, and the missing torque; empty if feasible.
     #[getter]
     fn reason(&self) -> String {
-        if self.core.feasible { String::new() } else { self.core.reason().to_string() }
+        self.why()
     }
 
     /// The limit that decides `t_min`.
@@ -180,7 +189,7 @@ impl BangBangReport {
             float(c.a_max),
             truth(c.hold_start),
             truth(c.hold_end),
-            self.reason()
+            self.why()
         )
     }
 
@@ -201,6 +210,7 @@ pub struct Bind {
     field: &'static str,
 }
 
+#[entered]
 #[pymethods]
 impl Bind {
     /// `"tau_min"` or `"tau_max"`.
@@ -352,6 +362,7 @@ impl BangBangBatch {
     }
 }
 
+#[entered]
 #[pymethods]
 impl BangBangBatch {
     /// The shape that the arguments broadcast to.
@@ -369,7 +380,7 @@ impl BangBangBatch {
             let parts = (0..self.problems.count.max(1)).step_by(CHUNK).map(|first| {
                 breaks.pause(py)?;
                 let last = (first + CHUNK).min(self.problems.count);
-                let words = (first..last).map(|i| Ok(self.report(i)?.reason())).collect::<Result<Vec<_>, Error>>()?;
+                let words = (first..last).map(|i| Ok(self.report(i)?.why())).collect::<Result<Vec<_>, Error>>()?;
                 Ok(numpy.call_method1("array", (words, PyString::new(py, "str")))?)
             });
             let words = numpy.call_method1("concatenate", (parts.collect::<Result<Vec<_>, Failure>>()?,))?;

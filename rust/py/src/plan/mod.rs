@@ -9,6 +9,7 @@ pub mod torque;
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal, seal_call};
+use armlet_macros::entered;
 use bang_bang::bang_bang_time;
 use profiles::ProfileReport;
 use pyo3::prelude::*;
@@ -96,6 +97,7 @@ pub fn part<'py, T>(py: Python<'py>, owner: &Py<T>, name: &str) -> PyResult<Seal
 }
 
 /// A result again from the function that gave it and the numbers it was given.
+#[entered]
 #[pyfunction]
 pub fn _restore_plan<'py>(py: Python<'py>, function: &str, arguments: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {
     let all: Vec<Bound<'py, PyAny>> = arguments.iter().collect();

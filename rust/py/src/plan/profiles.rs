@@ -5,6 +5,7 @@ use crate::errors::entry;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::plan;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 
 /// The shortest and the longest duration of the trapezoidal-speed motion, rest to rest, under torque limits.
@@ -28,6 +29,7 @@ use pyo3::prelude::*;
 /// >>> r = al.trapezoid_time(0.0, 1.0, 1.0, 0.5, 1.0, ramp=0.25)
 /// >>> r.feasible, round(r.t_min, 4)
 /// (True, 2.4116)
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None, ramp=None))]
 pub fn trapezoid_time<'py>(
@@ -67,6 +69,7 @@ pub fn trapezoid_time<'py>(
 /// >>> r = al.minimum_jerk_time(0.0, 1.0, 1.0, 0.0, 1.0)
 /// >>> r.feasible, round(r.t_min**2, 6)
 /// (True, 5.773503)
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None))]
 pub fn minimum_jerk_time<'py>(
@@ -105,6 +108,7 @@ impl ProfileReport {
     }
 }
 
+#[entered]
 #[pymethods]
 impl ProfileReport {
     /// Whether some duration obeys the limits.

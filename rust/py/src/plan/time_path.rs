@@ -9,6 +9,7 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{self, Friction, Mover, PathLimits, TimePathOptions};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::Arc;
@@ -136,6 +137,7 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
 /// >>> q, v, a = p(0.25)
 /// >>> [round(float(x), 6) for x in (q[0], v[0], a[0])]
 /// [0.125, 1.0, 4.0]
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None, torque_rate=None))]
 pub fn time_path<'py>(

@@ -1,6 +1,6 @@
 //! The motion that `armlet.time_path` gives, and its pickling.
 
-use crate::arrays::{WHATEVER, copied, index_of, numbers, owned, written_arrays};
+use crate::arrays::{WHATEVER, copied, index_of, items, numbers, owned, written_arrays};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::motion::Motion;
@@ -10,6 +10,7 @@ use armlet_core::interrupt::look;
 use armlet_core::motion::{Motion as Core, Path, TimedPath as CorePath};
 use armlet_core::plan::TimePath;
 use armlet_core::status::Status;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::Arc;
@@ -113,6 +114,7 @@ fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
     entry(py, "TimedPath", || copied(py, &[values.len()], values))
 }
 
+#[entered]
 #[pymethods]
 impl TimedPath {
     /// `q, v, a` at time `t` in s: each `(n,)` for a number, `(..., n)` for an array of times.
@@ -227,17 +229,18 @@ impl TimedPath {
 type Told = (String, usize, String, f64, String, f64, f64);
 
 /// A `TimedPath` from what its pickle holds.
+#[entered]
 #[pyfunction]
 pub fn _restore_time_path<'py>(
     py: Python<'py>,
-    parts: Vec<Bound<'py, PyAny>>,
+    parts: &Bound<'py, PyAny>,
     margin: f64,
     why: Option<Told>,
 ) -> PyResult<Bound<'py, TimedPath>> {
     const NAME: &str = "_restore_time_path";
     entry(py, NAME, || {
         let mut arrays = Vec::new();
-        for part in &parts {
+        for part in &items(NAME, "parts", "a list: expected eight arrays", parts, 8)? {
             arrays.push(owned(numbers(NAME, "parts", part, &[WHATEVER])?.1)?);
         }
         let [knots, coefficients, end, s, x, bend, t, u] =

@@ -9,6 +9,7 @@ use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::interrupt::look;
 use armlet_core::plan::{self, TorqueProfile};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::OnceLock;
@@ -44,6 +45,7 @@ use std::sync::OnceLock;
 /// >>> q, v, a, tau = o.profile(0.0)
 /// >>> tau
 /// -1.02
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None, viscous=None, coulomb=None))]
 pub fn torque_optimal_time<'py>(
@@ -129,6 +131,7 @@ impl TorqueOptimum {
     }
 }
 
+#[entered]
 #[pymethods]
 impl TorqueOptimum {
     /// Whether the monotone motion exists.
@@ -196,18 +199,18 @@ impl TorqueOptimum {
         entry(py, "TorqueOptimum.monotone_profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.monotone_profile", 1, t)?)?))
     }
 
-    fn __repr__(slf: &Bound<'_, Self>) -> String {
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
         let core = &slf.get().core;
-        format!(
+        Ok(format!(
             "TorqueOptimum(feasible={}, t={}, theta_switch={}, t_switch={}, certified_global={}, best={}, reason={:?})",
             truth(core.feasible),
             float(core.t),
             float(core.theta_switch),
             float(core.t_switch),
             truth(core.certified_global),
-            Self::best(slf).__repr__(),
-            slf.get().reason()
-        )
+            Self::best(slf)?.__repr__()?,
+            slf.get().reason()?
+        ))
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
@@ -226,6 +229,7 @@ pub struct Best {
     owner: Py<TorqueOptimum>,
 }
 
+#[entered]
 #[pymethods]
 impl Best {
     /// `"monotone"`, `"back-swing"` (-, +, -), `"overshoot"` (+, -, +), or `"none found"`; signs are those towards the goal.

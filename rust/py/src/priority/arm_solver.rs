@@ -17,6 +17,7 @@ use armlet_core::interrupt::{interrupt, look};
 use armlet_core::law::{ArmSolver as Core, with_limits};
 use armlet_core::simulate::{default_threads, solve_rows};
 use armlet_core::status::Status;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -69,6 +70,7 @@ pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywo
 }
 
 /// Make one anew: for pickling.
+#[entered]
 #[pyfunction]
 pub fn _restore_arm_solver(
     py: Python<'_>,
@@ -231,6 +233,7 @@ impl ArmPrioritySolver {
     }
 }
 
+#[entered]
 #[pymethods]
 impl ArmPrioritySolver {
     /// Joint velocities `(..., n)` at `q` `(..., n)` for one `(..., rows_i)` task velocity per level, written to `out` if given.
@@ -356,7 +359,7 @@ impl ArmPrioritySolver {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let arm = self.arm.bind(py).repr()?.to_string();
         let arm = arm.lines().next().unwrap_or_default().to_string();
-        Ok(format!("PrioritySolver.for_arm({arm}, {}, method='{}')", PyList::new(py, self.tasks.bind(py).iter())?.repr()?, self.method()))
+        Ok(format!("PrioritySolver.for_arm({arm}, {}, method='{}')", PyList::new(py, self.tasks.bind(py).iter())?.repr()?, self.method()?))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {

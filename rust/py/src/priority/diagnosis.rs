@@ -4,10 +4,12 @@ use super::stack::{Stack, items, per_joint};
 use crate::arrays::{any_vector, copied, new_vector, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::priority::{Diagnosis, diagnose, velocity_bounds as core_bounds};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 /// The fields of a diagnosis by name.
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (jacobians, rhs, rounding))]
 pub fn diagnose_priority<'py>(
@@ -81,6 +83,7 @@ pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>,
 /// >>> import armlet as al
 /// >>> al.velocity_bounds([0.0, 1.0], -1.0, 1.0, 2.0, dt=0.01)
 /// (array([-2., -2.]), array([2., 0.]))
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (q, q_min, q_max, v_max, *, dt, a_max=None))]
 pub fn velocity_bounds<'py>(

@@ -11,6 +11,7 @@ use armlet_core::memory;
 use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core, StackAnswers, StackRows};
 use armlet_core::simulate::{default_threads, solve_stacks};
 use armlet_core::status::Status;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple};
@@ -31,6 +32,7 @@ pub struct PrioritySolution {
     pub status: Py<PyAny>,
 }
 
+#[entered]
 #[pymethods]
 impl PrioritySolution {
     #[new]
@@ -130,6 +132,7 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 /// array([1., 2.])
 /// >>> sol.status
 /// <Status.SUCCESS: 0>
+#[entered]
 #[pyfunction]
 #[pyo3(signature = (jacobians, velocities, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None))]
 pub fn solve_priority<'py>(

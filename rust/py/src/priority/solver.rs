@@ -7,6 +7,7 @@ use crate::arrays::{self, copied, count, new_vector, of_shape, out_slice, shown,
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::priority::{DEFAULT_ROUNDING, Options, PrioritySolver as Core};
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -79,6 +80,7 @@ impl PrioritySolver {
     }
 }
 
+#[entered]
 #[pymethods]
 impl PrioritySolver {
     #[new]
@@ -251,7 +253,7 @@ impl PrioritySolver {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        Ok(format!("PrioritySolver({}, {}, method={:?})", self.n, PyList::new(py, &self.counts)?.repr()?, self.method()))
+        Ok(format!("PrioritySolver({}, {}, method={:?})", self.n, PyList::new(py, &self.counts)?.repr()?, self.method()?))
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Arguments<'py>> {

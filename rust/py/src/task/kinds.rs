@@ -4,6 +4,7 @@ use super::{Blueprint, Common, Task, axes_of, names};
 use crate::arrays::{number, text, vector};
 use crate::errors::entry;
 use armlet_core::error::Error;
+use armlet_macros::entered;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 
@@ -21,6 +22,7 @@ use pyo3::prelude::*;
 #[pyclass(frozen, extends = Task, module = "armlet")]
 pub struct PostureTask;
 
+#[entered]
 #[pymethods]
 impl PostureTask {
     #[new]
@@ -60,6 +62,7 @@ impl PostureTask {
 #[pyclass(frozen, extends = Task, module = "armlet")]
 pub struct CentreOfMassTask;
 
+#[entered]
 #[pymethods]
 impl CentreOfMassTask {
     #[new]
@@ -99,6 +102,7 @@ impl CentreOfMassTask {
 #[pyclass(frozen, extends = Task, module = "armlet")]
 pub struct AxisTask;
 
+#[entered]
 #[pymethods]
 impl AxisTask {
     #[new]
@@ -141,6 +145,7 @@ impl AxisTask {
 #[pyclass(frozen, extends = Task, module = "armlet")]
 pub struct RelativeTask;
 
+#[entered]
 #[pymethods]
 impl RelativeTask {
     #[new]
@@ -182,6 +187,7 @@ impl RelativeTask {
 #[pyclass(frozen, extends = Task, module = "armlet")]
 pub struct JointLimitTask;
 
+#[entered]
 #[pymethods]
 impl JointLimitTask {
     #[new]

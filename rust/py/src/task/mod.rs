@@ -15,6 +15,7 @@ use armlet_core::kinematics::TaskFunction;
 use armlet_core::kinematics::coordinates::parse_axes;
 use armlet_core::law::{Gain, Level};
 use armlet_core::motion::Motion as CoreMotion;
+use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
@@ -234,6 +235,7 @@ fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<String, Failure> {
     Ok(axes)
 }
 
+#[entered]
 #[pymethods]
 impl Task {
     #[new]

@@ -1,0 +1,130 @@
+//! `#[entered]`: the bodies of entry points run inside `errors::caught`, where a panic becomes an `InternalError`.
+
+use proc_macro2::TokenStream;
+use quote::quote;
+use syn::{Block, Expr, ImplItem, Item, ReturnType, Signature, Stmt, Type, parse_quote};
+
+/// Run the body of this function, or of every function of this `impl`, inside `errors::caught`.
+///
+/// It stands above `#[pymethods]` and `#[pyfunction]`, so that pyo3 sees the changed functions: what returned `T` returns `PyResult<T>`.
+/// A body that is one call of `errors::entry` is inside already and stays as it is.
+#[proc_macro_attribute]
+pub fn entered(_: proc_macro::TokenStream, item: proc_macro::TokenStream) -> proc_macro::TokenStream {
+    expand(item.into()).unwrap_or_else(|error| error.to_compile_error()).into()
+}
+
+fn expand(item: TokenStream) -> syn::Result<TokenStream> {
+    match syn::parse2(item)? {
+        Item::Fn(mut function) => {
+            let name = function.sig.ident.to_string();
+            enter(&mut function.sig, &mut function.block, &name);
+            Ok(quote!(#function))
+        }
+        Item::Impl(mut methods) => {
+            let class = match &*methods.self_ty {
+                Type::Path(path) => path.path.segments.last().map(|segment| segment.ident.to_string()).unwrap_or_default(),
+                _ => String::new(),
+            };
+            for item in &mut methods.items {
+                if let ImplItem::Fn(method) = item {
+                    let name = format!("{class}.{}", method.sig.ident);
+                    enter(&mut method.sig, &mut method.block, &name);
+                }
+            }
+            Ok(quote!(#methods))
+        }
+        other => Err(syn::Error::new_spanned(other, "entered: expected a function or an impl")),
+    }
+}
+
+fn enter(signature: &mut Signature, body: &mut Block, name: &str) {
+    if is_entry(body) {
+        return;
+    }
+    let results = match &signature.output {
+        ReturnType::Type(_, output) => is_result(output),
+        ReturnType::Default => false,
+    };
+    *body = if results {
+        parse_quote!({ crate::errors::caught(#name, move || #body) })
+    } else {
+        parse_quote!({ crate::errors::caught(#name, move || ::pyo3::PyResult::Ok((move || #body)())) })
+    };
+    if !results {
+        signature.output = match &signature.output {
+            ReturnType::Type(_, output) => parse_quote!(-> ::pyo3::PyResult<#output>),
+            ReturnType::Default => parse_quote!(-> ::pyo3::PyResult<()>),
+        };
+    }
+}
+
+fn is_result(output: &Type) -> bool {
+    matches!(output, Type::Path(path) if path.path.segments.last().is_some_and(|segment| segment.ident == "PyResult"))
+}
+
+/// Whether a body is constants, a `let py = x.py();` at most, and one call of `entry`.
+fn is_entry(body: &Block) -> bool {
+    let Some((Stmt::Expr(Expr::Call(call), None), before)) = body.stmts.split_last() else { return false };
+    let harmless = |statement: &Stmt| match statement {
+        Stmt::Item(Item::Const(_)) => true,
+        Stmt::Local(local) => local
+            .init
+            .as_ref()
+            .is_some_and(|init| matches!(&*init.expr, Expr::MethodCall(call) if call.method == "py" && call.args.is_empty())),
+        _ => false,
+    };
+    matches!(&*call.func, Expr::Path(path) if path.path.is_ident("entry")) && before.iter().all(harmless)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn expanded(item: TokenStream) -> String {
+        expand(item).expect("well formed").to_string().replace(' ', "")
+    }
+
+    #[test]
+    fn every_method_of_an_impl_is_caught() {
+        let text = expanded(quote! {
+            impl Arm {
+                #[getter]
+                fn n(&self) -> usize { self.n }
+                fn __len__(&self) -> PyResult<usize> { Ok(self.n) }
+                fn reset(&self) { self.clear(); }
+            }
+        });
+        assert!(text.contains(r#"fnn(&self)->::pyo3::PyResult<usize>{crate::errors::caught("Arm.n",move||"#), "{text}");
+        assert!(text.contains(r#"fn__len__(&self)->PyResult<usize>{crate::errors::caught("Arm.__len__",move||{Ok(self.n)})}"#), "{text}");
+        assert!(text.contains(r#"fnreset(&self)->::pyo3::PyResult<()>{crate::errors::caught("Arm.reset""#), "{text}");
+    }
+
+    #[test]
+    fn a_body_that_is_an_entry_stays_as_it_is() {
+        let entry = quote!(
+            fn f(x: &Bound<'_, PyAny>) -> PyResult<f64> {
+                const NAME: &str = "f";
+                let py = x.py();
+                entry(py, NAME, || Ok(1.0))
+            }
+        );
+        assert_eq!(expanded(entry.clone()), entry.to_string().replace(' ', ""));
+        let text = expanded(quote!(
+            fn f(x: f64) -> PyResult<f64> {
+                let y = risky(x);
+                entry(py, NAME, || Ok(y))
+            }
+        ));
+        assert!(text.contains("caught"), "{text}");
+    }
+
+    #[test]
+    fn other_items_are_refused() {
+        assert!(
+            expand(quote!(
+                struct Arm;
+            ))
+            .is_err()
+        );
+    }
+}
