@@ -4,10 +4,11 @@
 //! `FormatError` and never another object. It detects damage, not intent: unpickle only what you trust.
 
 use crate::errors::format_error;
+use crate::interrupts::pause;
 use armlet_macros::entered;
 use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyTuple};
+use pyo3::types::{PyBytes, PyDict, PyMemoryView, PySlice, PyTuple};
 
 /// What `__reduce__` returns: `_restore` and the payload.
 pub type Sealed<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
@@ -22,8 +23,12 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     let py = make.py();
     let keywords = keywords.unwrap_or_else(|| PyDict::new(py));
     let body = py.import("pickle")?.call_method1("dumps", ((make, arguments, keywords), PROTOCOL))?.cast_into::<PyBytes>()?;
-    let digest = digest(body.as_any())?;
-    let payload = PyBytes::new(py, &[digest.as_bytes(), body.as_bytes()].concat());
+    let digest = digest(&body)?;
+    let payload = PyBytes::new_with(py, DIGEST + body.as_bytes().len(), |payload| {
+        payload[..DIGEST].copy_from_slice(digest.as_bytes());
+        payload[DIGEST..].copy_from_slice(body.as_bytes());
+        Ok(())
+    })?;
     Ok((py.import("armlet._core")?.getattr("_restore")?, (payload,)))
 }
 
@@ -38,8 +43,16 @@ pub fn seal_call<'py>(py: Python<'py>, function: &str, arguments: Bound<'py, PyT
     seal(&py.import("armlet._core")?.getattr(function)?, arguments, None)
 }
 
-fn digest<'py>(body: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyBytes>> {
-    Ok(body.py().import("hashlib")?.call_method1("sha256", (body,))?.call_method0("digest")?.cast_into::<PyBytes>()?)
+/// Of a megabyte at a time: `hashlib` does not look for signals.
+fn digest<'py>(body: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>> {
+    const PIECE: usize = 1 << 20;
+    let py = body.py();
+    let (hash, view) = (py.import("hashlib")?.call_method0("sha256")?, PyMemoryView::from(body)?);
+    for first in (0..body.as_bytes().len()).step_by(PIECE) {
+        hash.call_method1("update", (view.get_item(PySlice::new(py, first as isize, (first + PIECE) as isize, 1))?,))?;
+        pause(py)?;
+    }
+    Ok(hash.call_method0("digest")?.cast_into::<PyBytes>()?)
 }
 
 /// An object from the payload of its pickle; `FormatError` where the payload is damaged or of another version.
@@ -51,7 +64,7 @@ pub fn _restore<'py>(payload: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>>
     let payload = payload.cast::<PyBytes>().map_err(|_| damaged())?.as_bytes();
     let Some((stored, body)) = payload.split_at_checked(DIGEST) else { return Err(damaged()) };
     let body = PyBytes::new(py, body);
-    if digest(body.as_any())?.as_bytes() != stored {
+    if digest(&body)?.as_bytes() != stored {
         return Err(damaged());
     }
     let made = (|| {

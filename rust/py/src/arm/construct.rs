@@ -3,14 +3,14 @@
 use super::{Arm, Model};
 use crate::arrays::{Looked, any_vector, items, name, number as scalar, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::{long, paused};
+use crate::interrupts::{Breaks, long, paused};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::{PlanarPr, indefinite};
 use armlet_core::spatial::{M3, Placement, V3};
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyDict, PyList, PyString};
 use std::path::Path;
 
 /// The PR robot on a horizontal plane, `M = [[A, B cos q2], [B cos q2, C]]`, with parameters `(A, B, C)`.
@@ -300,7 +300,7 @@ fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow, Fai
 /// What a joint and a frame are in a pickle: plain tuples.
 type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10]);
 type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
-type TreeState = (String, Vec<JointState>, Vec<FrameState>, [f64; 3], Vec<String>);
+type TreeState<'py> = (String, Bound<'py, PyList>, Bound<'py, PyList>, [f64; 3], Vec<String>);
 
 fn stored(p: &Placement) -> [[f64; 3]; 4] {
     let M3([a, b, c]) = p.rotation;
@@ -311,24 +311,32 @@ fn placed([a, b, c, t]: [[f64; 3]; 4]) -> Placement {
     Placement { rotation: M3([V3(a), V3(b), V3(c)]), translation: V3(t) }
 }
 
-fn tree_state(arm: &core::Arm) -> TreeState {
-    let joint = |j: &Joint| {
+fn tree_state<'py>(py: Python<'py>, arm: &core::Arm) -> PyResult<TreeState<'py>> {
+    let (joints, frames, mut breaks) = (PyList::empty(py), PyList::empty(py), Breaks::new());
+    for j in &arm.joints {
+        breaks.pause(py)?;
         let drive = [j.limits.lower, j.limits.upper, j.limits.velocity, j.limits.effort, j.armature, j.damping, j.friction];
-        (j.name.clone(), j.kind.name().to_string(), j.parent, stored(&j.placement), j.axis, drive, j.parameters)
-    };
-    let frame = |f: &Frame| (f.name.clone(), f.body, stored(&f.placement), f.joint.clone());
-    (arm.name.clone(), arm.joints.iter().map(joint).collect(), arm.frames.iter().map(frame).collect(), arm.gravity, arm.report.clone())
+        let joint: JointState = (j.name.clone(), j.kind.name().to_string(), j.parent, stored(&j.placement), j.axis, drive, j.parameters);
+        joints.append(joint)?;
+    }
+    for f in &arm.frames {
+        breaks.pause(py)?;
+        let frame: FrameState = (f.name.clone(), f.body, stored(&f.placement), f.joint.clone());
+        frames.append(frame)?;
+    }
+    Ok((arm.name.clone(), joints, frames, arm.gravity, arm.report.clone()))
 }
 
 /// An arm from what its pickle stores.
 #[entered]
 #[pyfunction]
-pub fn _restore_tree(py: Python<'_>, state: TreeState) -> PyResult<Arm> {
+pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
     entry(py, "_restore_tree", || {
         let (name, joints, frames, gravity, report) = state;
         let count = joints.len();
         let damaged = || Failure::from(armlet_core::error::Error::Format("the stored arm is damaged".into()));
-        let joint = |(i, (name, kind, parent, placement, axis, drive, parameters)): (usize, JointState)| {
+        let joint = |i: usize, state: &Bound<'_, PyAny>| {
+            let (name, kind, parent, placement, axis, drive, parameters): JointState = state.extract()?;
             let Some(JointType::Moving(kind)) = JointType::parse(&kind) else { return Err(damaged()) };
             if parent.is_some_and(|p| p >= i) {
                 return Err(damaged());
@@ -337,12 +345,13 @@ pub fn _restore_tree(py: Python<'_>, state: TreeState) -> PyResult<Arm> {
             let limits = Limits { lower, upper, velocity, effort };
             Ok(Joint { name, kind, parent, placement: placed(placement), axis, limits, armature, damping, friction, parameters })
         };
-        let joints = joints.into_iter().enumerate().map(joint).collect::<Result<Vec<_>, Failure>>()?;
-        let frame = |(name, body, placement, joint): FrameState| {
+        let joints = paused(&joints.iter().collect::<Vec<_>>(), joint)?;
+        let frame = |_: usize, state: &Bound<'_, PyAny>| {
+            let (name, body, placement, joint): FrameState = state.extract()?;
             if body.is_some_and(|b| b >= count) { Err(damaged()) } else { Ok(Frame { name, body, placement: placed(placement), joint }) }
         };
-        let frames = frames.into_iter().map(frame).collect::<Result<Vec<_>, Failure>>()?;
-        Ok(core::Arm { name, joints, frames, gravity, report }.into())
+        let frames = paused(&frames.iter().collect::<Vec<_>>(), frame)?;
+        long(py, || Ok(core::Arm { name, joints, frames, gravity, report }.into()))
     })
 }
 
@@ -401,7 +410,7 @@ impl Arm {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         match &self.model {
             Model::PlanarPr(arm) => seal_call(py, "_restore_planar_pr", (arm.parameter_array(),).into_pyobject(py)?),
-            Model::Tree(tree) => seal_call(py, "_restore_tree", (tree_state(&tree.arm),).into_pyobject(py)?),
+            Model::Tree(tree) => seal_call(py, "_restore_tree", (tree_state(py, &tree.arm)?,).into_pyobject(py)?),
         }
     }
 }
