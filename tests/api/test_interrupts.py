@@ -119,4 +119,5 @@ def test_other_threads_run_while_a_model_is_read() -> None:
     space: dict[str, str] = {}
     exec(CHAIN, space)
     took, gap = longest_gap(lambda: al.load_urdf(space["text"]))
-    assert gap < 0.5 * took
+    # An optimised build reads it within the time that a busy machine may take for a turn of a thread.
+    assert gap < max(0.5 * took, 0.1)
