@@ -31,7 +31,7 @@ def plot(table: SweepTable, quantity: str | None = None, fig: Figure | None = No
     names = list(table)
     at = names.index("status")
     varied = [name for name in names[1:at] if table[name].dtype.kind in "if"]
-    metrics = names[at + 1 :]
+    metrics = [name for name in names[at + 1 :] if name != "error"]
     if not varied or not metrics:
         raise InputError("SweepTable.plot: there is nothing to draw: expected a number that varies, and a metric")
     quantity = metrics[0] if quantity is None else quantity

@@ -6,11 +6,8 @@ Cells go to the executor in chunks, a chunk runs as one batch, and the client wr
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import suppress
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,15 +18,13 @@ from numpy.typing import NDArray
 from . import _core
 from .border import border, bordered
 from .cells import Cells, columns
-from .errors import ArmletError, InputError, SolveError
-from .orphans import leave_with
+from .errors import InputError
 from .run import _pandas
-from .sampling import Sampling
 from .scenario import Scenario
-from .scenario.tables import ADAPTIVE_METHODS
-from .simulation import simulate_batch
 from .status import Status
+from .sweep_chunk import Chunk, Columns, joined, of_cell
 from .sweep_store import Store
+from .sweep_workers import results
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,17 +33,16 @@ if TYPE_CHECKING:
 
 __all__ = ["SweepTable", "sweep"]
 
-# Chunks in the executor's hands at a time, so that a million cells do not wait in memory.
-AHEAD = 64
 # Records of one chunk, all rows together: some 100 MB.
 RECORDS = 1_000_000
-STATES = ("q0", "v0", "theta0", "theta_dot0")
-Columns = dict[str, NDArray[Any]]
 
 
 @bordered
 class SweepTable(dict[str, NDArray[Any]]):
-    """One row per cell: columns by name, first `cell`, then what varied, `status` (numbers of `armlet.Status`) and the metrics."""
+    """One row per cell: columns by name, first `cell`, then what varied, `status` (numbers of `armlet.Status`) and the metrics.
+
+    Where a cell raised or its worker died, a last column `error` has the text, empty for the other cells.
+    """
 
     def to_pandas(self) -> pd.DataFrame:
         """The same as a pandas table, indexed by `cell`."""
@@ -82,6 +76,10 @@ class SweepTable(dict[str, NDArray[Any]]):
         status = self.get("status", np.empty(0))  # the candidates of a search have none
         ended = ", ".join(f"{np.sum(status == each)} {each.name.lower()}" for each in Status if np.any(status == each))
         head = f"{self.rows} runs: {ended}" if ended else f"{self.rows} rows"
+        errors = self.get("error", np.empty(0, dtype=str))
+        if np.any(errors != ""):
+            first = int(np.argmax(errors != ""))
+            head += f"\n{np.sum(errors != '')} cells have an error; cell {self['cell'][first]}: {errors[first]}"
         lines = [head, f"{'column':<28} {'least':>12} {'median':>12} {'largest':>12}"]
         for name, values in self.items():
             if name not in ("cell", "status") and values.dtype.kind == "f":
@@ -127,11 +125,13 @@ def sweep(
         **metrics: for `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`.
 
     Returns:
-        The table; a run that failed has its status and NaN.
+        The table; a run that failed has its status and NaN. A cell that raises, or whose worker dies in it, is tried three times at most;
+        then it has `Status.INTERRUPTED`, NaN and its error in the column `error`, and the sweep goes on.
 
     Raises:
-        InputError: the scenario, a cell or `vary` is not what it should be, or `out` holds another sweep.
-        SolveError: a worker died; finished chunks are in `out`.
+        InputError: the scenario, the first or the last cell, or `vary` is not what it should be, or `out` holds another sweep.
+        SolveError: the executor's workers died, and it is neither a `ProcessPoolExecutor`, which is replaced, nor Dask's, which replaces
+            its own; or new workers cannot start. Finished chunks are in `out`.
 
     >>> import armlet as al
     >>> law = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}
@@ -163,8 +163,9 @@ def sweep(
         else:
             done[start] = kept
     finished = sum(len(kept["cell"]) for kept in done.values())
-    jobs = ((start, (bare, cells, start, min(start + chunk, len(cells)), threads, metrics)) for start in missing)
-    for start, result in _results(jobs, executor, out):
+    each = threads if executor is None else threads or 1
+    chunks = (Chunk(bare, cells, start, min(start + chunk, len(cells)), each, metrics) for start in missing)
+    for start, result in results(chunks, executor, out):
         if store:
             store.write(start, result)
         done[start] = result
@@ -173,8 +174,7 @@ def sweep(
             progress(finished, len(cells))
     if store:
         store.tidy()
-    parts = [done[start] for start in sorted(done)]
-    return SweepTable({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+    return SweepTable(joined([done[start] for start in sorted(done)]))
 
 
 def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: int | None = None, seed: int | None = None) -> Cells:
@@ -195,17 +195,8 @@ def rehearse(scenario: Scenario, cells: Cells) -> None:
     """
     ends = sorted({0, len(cells) - 1})
     for i in ends:
-        _of_cell(i, cells[i], lambda changes: scenario.replace(changes).check())
+        of_cell(i, cells[i], lambda changes: scenario.replace(changes).check())
     columns([cells[i] for i in ends])
-
-
-def _of_cell(i: int, changes: Mapping[str, Any], make: Callable[[Mapping[str, Any]], Any]) -> Any:
-    """`make(changes)`, with the number and the values of the cell in the message of what it raises."""
-    try:
-        return make(changes)
-    except ArmletError as error:
-        shown = ", ".join(f"{path} = {value}" for path, value in changes.items())
-        raise InputError(f"sweep: cell {i} ({shown}): {error}") from None
 
 
 def _chunk_size(run: Mapping[str, Any]) -> int:
@@ -221,87 +212,3 @@ def _chunk_size(run: Mapping[str, Any]) -> int:
 
 def _plain(values: Mapping[str, Any]) -> Any:
     return json.loads(json.dumps({key: np.asarray(value).tolist() for key, value in values.items()}))
-
-
-Job = tuple[Scenario, Cells, int, int, int | None, Mapping[str, Any]]
-
-
-def _results(jobs: Iterator[tuple[int, Job]], executor: Executor | None, out: Any) -> Iterator[tuple[int, Columns]]:
-    """Results as they come; at most AHEAD chunks wait at the executor."""
-    if executor is None:
-        for start, job in jobs:
-            yield start, run_chunk(*job)
-        return
-    waiting: dict[Future[Columns], int] = {}
-    more = True
-    try:
-        while True:
-            while more and len(waiting) < AHEAD:
-                following = next(jobs, None)
-                more = following is not None
-                if following is not None:
-                    start, job = following
-                    waiting[executor.submit(_serve, os.getpid(), *job[:4], job[4] or 1, job[5])] = start
-            if not waiting:
-                return
-            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                yield waiting.pop(future), future.result()
-    except BrokenExecutor as error:
-        again = f"the same call goes on from what is in {out}" if out is not None else "with out= it could have gone on"
-        raise SolveError(f"sweep: a worker died: {again} ({error})", Status.INTERRUPTED) from error
-    finally:
-        for future in waiting:
-            with suppress(Exception):
-                future.cancel()
-
-
-def _serve(client: int, *job: Any) -> Columns:
-    leave_with(client)
-    return run_chunk(*job)
-
-
-def run_chunk(scenario: Scenario, cells: Cells, start: int, stop: int, threads: int | None, metrics: Mapping[str, Any]) -> Columns:
-    """The rows of the cells from `start` to `stop`: what a worker does."""
-    made: dict[str, Any] = {}
-
-    def build(changes: Mapping[str, Any]) -> tuple[Scenario, Any]:
-        one = scenario.replace(changes)
-        return one, one._build(made)
-
-    values = [cells[i] for i in range(start, stop)]
-    groups: dict[tuple[Any, ...], list[tuple[int, Any]]] = {}
-    for row, changes in enumerate(values):
-        one, built = _of_cell(start + row, changes, build)
-        options = {key: value for key, value in one.data["run"].items() if key not in STATES}
-        sampled = isinstance(options.get("sample_time"), Mapping)
-        kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, repr(options))
-        # Row j of a batch has the seed s + j: only neighbours share a batch where that seed is used.
-        place = row - len(groups.get((*kind, 0), ())) if sampled else 0
-        key = next((k for k in groups if k[:-1] == kind and groups[k][-1][0] == row - 1), (*kind, row)) if sampled else (*kind, place)
-        groups.setdefault(key, []).append((row, built))
-    found: dict[str, NDArray[Any]] = {}
-    status = np.zeros(stop - start, dtype=np.int32)
-    for members in groups.values():
-        index = [row for row, _ in members]
-        batch = _batch(members, start, cells, threads)
-        part = batch.metrics(**metrics).columns()
-        if found and set(part) != set(found):
-            raise InputError("sweep: cells have different metrics: expected one number of joints and one kind of plant in all cells")
-        for name, column in part.items():
-            found.setdefault(name, np.full(stop - start, np.nan))[index] = column
-        status[index] = batch.status
-    table: Columns = {"cell": np.arange(start, stop)}
-    return table | columns(values) | {"status": status} | found
-
-
-def _batch(members: list[tuple[int, Any]], start: int, cells: Cells, threads: int | None) -> Any:
-    given = dict(members[0][1].arguments)
-    for name in STATES:
-        if name in given:
-            given[name] = np.array([built.arguments[name] for _, built in members], dtype=np.float64)
-    if given.get("method", "rk4") in ADAPTIVE_METHODS and given.get("t_eval") is None:
-        given["t_eval"] = np.linspace(0.0, given["t_end"], 1001)
-    if isinstance(given.get("sample_time"), Sampling):
-        given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
-    plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
-    return simulate_batch(plants, laws, **given, threads=threads)

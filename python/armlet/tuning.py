@@ -22,7 +22,8 @@ from .cells import MOST, Cells, columns, drawn
 from .errors import InputError
 from .scenario import Scenario
 from .status import Status
-from .sweeping import SweepTable, run_chunk
+from .sweep_chunk import run_chunk
+from .sweeping import SweepTable
 
 __all__ = ["Tuning", "tune"]
 
@@ -153,7 +154,7 @@ def tune(
     def run(rows: list[dict[str, Any]]) -> Array:
         """The costs of these candidates."""
         cells = _Given({}, None, seed, [row | condition for row in rows for condition in conditions])
-        table = SweepTable(run_chunk(bare, cells, 0, len(cells), threads, metrics))
+        table = SweepTable(run_chunk(bare, cells, 0, len(cells), threads, metrics, strict=True))
         each = _costs(table, cost).reshape(len(rows), len(conditions))
         found: Array = each.max(axis=1) if by == "worst" else each.mean(axis=1)
         tried.extend(rows)

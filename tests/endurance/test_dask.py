@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from distributed import Client, LocalCluster
+import sweep_saboteur
+from distributed import Client, LocalCluster, Worker, WorkerPlugin
 from test_sweep import DRAWS, SCENARIO, same
+from test_sweep_faults import VARY, check, tries
 
 import armlet as al
 
@@ -55,3 +57,24 @@ def test_killed_workers(wanted: al.SweepTable, tmp_path: Path) -> None:
         assert calls == [8 * (k + 1) for k in range(30)]  # no row lost, none twice
     print(f"dask: {TRIALS} sweeps equal bit for bit, a worker of two killed in each")
     assert len(killed) == TRIALS
+
+
+class Saboteur(WorkerPlugin):
+    """Workers that abort at a bad cell, those that take their place too."""
+
+    def __init__(self, log: str) -> None:
+        self.log = log
+
+    def setup(self, worker: Worker) -> None:
+        sweep_saboteur.sabotage("abort", self.log)
+
+
+def test_a_cell_that_aborts(tmp_path: Path) -> None:
+    """Dask would start it four times, and the chunk again; here it is started three times at most, then recorded."""
+    wanted = al.sweep(SCENARIO, VARY)
+    log = tmp_path / "log"
+    with cluster(2) as own, Client(own) as client:
+        client.register_plugin(Saboteur(str(log)))
+        table = al.sweep(SCENARIO, VARY, chunk=4, executor=client.get_executor())
+    check(table, wanted, "the worker's process died, 3 times")
+    assert set(tries(log)) == {"0.3", "0.7"} and max(tries(log).values()) <= 3
