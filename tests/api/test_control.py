@@ -147,3 +147,21 @@ def test_without_python_control_one_line() -> None:
     code = f"import sys; sys.modules['control'] = None\nimport armlet as al\n{call}"
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "to_control: python-control is not installed: pip install 'armlet[control]'\n"
+
+
+DRY = ARM.with_drives(damping=[0.8, 0.5], friction=[1.5, 1.0])
+
+
+@pytest.mark.parametrize("law", [None, PD], ids=["arm", "loop"])
+def test_friction_is_in_the_linear_system(law: al.Law | None) -> None:
+    """In motion, where Coulomb friction is flat and viscous friction is not: the slope of the nonlinear system, 0.8 N m s/rad and all."""
+    plant, x = al.RigidArm(DRY, friction=True), np.array([0.3, 1.0, 0.6, -0.7])
+    u = np.zeros(2) if law else DRY.bias(x[:2], x[2:], friction=True)
+    linear = al.to_control(plant, law, x)
+    theirs = al.to_control(plant, law).linearize(x, u)
+    # One-sided differences of step 1e-6, as above.
+    np.testing.assert_allclose(linear.A, theirs.A, rtol=0.0, atol=3e-5 * np.abs(theirs.A).max())
+    np.testing.assert_allclose(linear.B, theirs.B, rtol=0.0, atol=3e-5 * np.abs(theirs.B).max())
+    without = al.to_control(al.RigidArm(DRY), law, x)
+    viscous = np.linalg.solve(DRY.mass_matrix(x[:2]), np.diag([0.8, 0.5]))
+    np.testing.assert_allclose((without.A - linear.A)[2:, 2:], viscous, rtol=0.0, atol=1e-9 * np.abs(viscous).max())

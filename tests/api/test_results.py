@@ -202,3 +202,93 @@ def test_animate(tmp_path: Path) -> None:
     with pytest.raises(al.InputError, match=r"fps is out of range: expected a number in \(0, 50\], got 0"):
         run.animate(tmp_path / "c.gif", fps=0)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.gif", "b.gif", "run.npz"]
+
+
+ONLY = {"q_min": [-9.0, -9.0], "q_max": [9.0, 9.0], "v_max": [9.0, 9.0], "effort": [9.0, 9.0]}
+
+
+def outside(*, name: str, joint: int, value: float, law: str = "PDGravity", **limits: list[float]) -> float:
+    """The time outside limits of a run at zero, in which one quantity of one joint is `value` from 2 s to 5 s."""
+    fields: dict[str, Any] = {each: np.zeros((len(T), 2)) for each in ("q", "v", "tau")}
+    fields[name][(T >= 2.0) & (T < 5.0), joint] = value
+    stated = {each: np.array(numbers) for each, numbers in (ONLY | limits).items()}
+    return float(made(**fields, limits=stated, law_name=law).metrics()["time_outside_limits"])
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("name", ["q", "v", "tau"])
+def test_every_limit_has_two_sides(name: str, joint: int) -> None:
+    """Position, speed and effort, up and down, of either joint: 3 s of 10, at records of 1 ms. On the limit is inside."""
+    for value in (9.5, -9.5):
+        assert outside(name=name, joint=joint, value=value) == pytest.approx(3.0, abs=1e-9)
+    for value in (9.0, -9.0):
+        assert outside(name=name, joint=joint, value=value) == 0.0
+
+
+def test_the_input_of_a_velocity_plant_is_compared_with_speeds() -> None:
+    """Its input is a velocity: `v_max` is its limit, whatever the arm states for its efforts."""
+    command: dict[str, Any] = {"name": "tau", "joint": 1, "v_max": [2.0, 2.0], "effort": [0.1, 0.1]}
+    assert outside(**command, value=1.0, law="PriorityVelocity") == 0.0
+    assert outside(**command, value=1.0) == pytest.approx(3.0, abs=1e-9)
+    fast: dict[str, Any] = {"name": "tau", "joint": 0, "v_max": [2.0, 2.0], "effort": [9.0, 9.0]}
+    assert outside(**fast, value=-3.0, law="PriorityVelocity") == pytest.approx(3.0, abs=1e-9)
+    assert outside(**fast, value=-3.0) == 0.0
+
+
+def test_the_settling_band_is_shared_by_joints_of_one_unit() -> None:
+    """q1 errs by 1 at most, so that the band is 0.02 for both: 0.015 of q2 for good is inside it, and alone in its unit it is not."""
+    q = made().q.copy()
+    q[:, 1] = 0.5 + 0.015
+    alone = made().metrics()["settling_time"]
+    assert made(q=q).metrics()["settling_time"] == alone
+    assert np.isnan(made(q=q, units=("rad", "m")).metrics()["settling_time"])
+    # A band per joint is that joint's: 0.01 rad is too narrow for q2.
+    assert np.isnan(made(q=q).metrics(band=[0.02, 0.01])["settling_time"])
+    assert made(q=q).metrics(band=[0.02, 0.02])["settling_time"] == alone
+
+
+def test_a_mirrored_run_comes_to_the_same() -> None:
+    """With every sign changed, of the state, the input, the target, the limits and the balances: the same numbers."""
+    one = made()
+    wave = np.sin(T)
+    balances = {"energy_balance": 1e-5 * wave, "lyapunov_balance": 2e-6 * wave + 1e-6, "skewness": 3e-6 * wave + 1e-6}
+    held = {"energy": np.ones(len(T)), "lyapunov": np.linspace(1.0, 0.5, len(T))}
+    limits = one.limits
+    assert limits is not None
+    flipped = limits | {"q_min": -limits["q_max"], "q_max": -limits["q_min"]}
+    fields = {name: -getattr(one, name) for name in ("q", "v", "tau", "target")}
+    mirrored = made(**fields, limits=flipped, monitors=held | {name: -values for name, values in balances.items()})
+    found = mirrored.metrics()
+    for name, values in made(monitors=held | balances).metrics().items():
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+    assert 0 < found["monitor_violations"] < 3 * len(T) and found["overshoot"][0] > 0.3 and found["time_outside_limits"] > 0.1
+
+
+def test_metrics_know_no_scale_and_no_start() -> None:
+    """Times that start later, energies in other units, and rows of a batch with clocks of their own: the same numbers."""
+    monitors = {"lyapunov": 2.0 + np.cos(T), "lyapunov_balance": 1e-6 * np.sin(T)}
+    monitors |= {"energy": np.ones(len(T)), "energy_balance": 2e-6 * np.sin(T)}
+    wanted = made(monitors=monitors).metrics()
+    assert 0 < wanted["monitor_violations"] < 2 * len(T)
+    for scale in (2.0**-20, 2.0**20):
+        scaled = made(monitors={name: scale * values for name, values in monitors.items()}).metrics()
+        assert scaled["monitor_violations"] == wanted["monitor_violations"]
+    later = made(t=T + 4.0).metrics()
+    for name in ("error_rms", "settling_time", "time_outside_limits", "tau_rms"):
+        np.testing.assert_allclose(later[name], wanted[name], rtol=1e-11, err_msg=name)
+    run = made()
+    fields = {name: np.stack([getattr(run, name)] * 2) for name in ("q", "v", "tau")}
+    batch = BatchRun(fields | {"t": np.stack([T, 2.0 * T]), "target": run.target, "limits": run.limits, "law_name": "PDGravity"}).metrics()
+    for name, times in (("error_rms", 1.0), ("tau_rms", 1.0), ("settling_time", 2.0), ("time_outside_limits", 2.0)):
+        np.testing.assert_allclose(batch[name][0], wanted[name], rtol=1e-12, err_msg=name)
+        np.testing.assert_allclose(batch[name][1], times * wanted[name], rtol=1e-12, err_msg=name)
+
+
+def test_a_reference_that_still_moves_has_no_overshoot() -> None:
+    run = made()
+    q_d = np.stack([T / 10.0, 0.5 + 0.0 * T], 1)
+    for speed, known in ((0.1, False), (0.0, True)):
+        v_d = np.stack([speed + 0.0 * T, 0.0 * T], 1)
+        found = made(desired=(q_d, v_d, 0.0 * v_d), target=None, law_name="ComputedTorque").metrics()
+        assert np.isfinite(found["overshoot"][0]) == known and np.isnan(found["overshoot"][1]) and np.isfinite(found["error_rms"]).all()
+    assert run.metrics()["overshoot"][0] > 0.0

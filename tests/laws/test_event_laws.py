@@ -228,3 +228,30 @@ def test_events_are_saved_with_the_run(tmp_path: Path) -> None:
         assert other.events.names == run.events.names and other.events.theta is None
         np.testing.assert_array_equal(other.events.t, run.events.t)
         np.testing.assert_array_equal(other.events.v, run.events.v)
+
+
+def test_a_function_may_carry_direction_and_terminal() -> None:
+    """As scipy writes them. The swing rises through 0.4 twice in 3 s, and falls through it twice: steps of pi/5 from 0.4 rad on."""
+
+    def crossing(**marks: Any) -> Any:
+        def level(t: float, q: Any, v: Any) -> float:
+            return float(q[0] - 0.4)
+
+        vars(level).update(marks)
+        return level
+
+    every = swing(events=[crossing()])
+    assert every.status is al.Status.SUCCESS and every.events is not None
+    times = every.events.t
+    assert len(times) >= 4 and np.all(swing_exact(times) - 0.4 < 1e-8)
+    for terminal in (True, 1, 2, 3):
+        run = swing(events=[crossing(terminal=terminal)])
+        assert run.status is al.Status.EVENT and run.events is not None and len(run.events) == int(terminal)
+        np.testing.assert_allclose(run.t[-1], times[int(terminal) - 1], rtol=0.0, atol=1e-9)
+    for direction, first in ((1.0, 0), (-1.0, 1)):
+        run = swing(events=[crossing(direction=direction)])
+        assert run.status is al.Status.SUCCESS and run.events is not None
+        np.testing.assert_allclose(run.events.t, times[first::2], rtol=0.0, atol=1e-9)
+    run = swing(events=[crossing(direction=-1.0, terminal=True)])
+    assert run.status is al.Status.EVENT
+    np.testing.assert_allclose(run.t[-1], times[1], rtol=0.0, atol=1e-9)
