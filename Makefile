@@ -23,7 +23,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-latency test-peers test-sweep-kill test-stacks test-paths test-browser check bench docs audit wheels lock clean tools
+.PHONY: help demo test test-latency test-peers test-sweep-kill test-stacks test-paths test-browser test-mutants fuzz check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
@@ -73,6 +73,15 @@ test-browser: $(BUILD)/installed $(BUILD)/requirements ## armlet lab and view in
 	@sh tools/browser.sh $(PY)
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/browser $(PYTEST)
+
+test-mutants: $(BUILD)/requirements ## bugs on purpose in a copy of the sources: how many the fast tests notice (half an hour)
+	@$(PY) tools/mutants
+
+SECONDS ?= 60
+SEED ?= 1
+fuzz: $(BUILD)/installed $(BUILD)/requirements ## random calls of the whole public API in child processes (SECONDS=, SEED=): none may panic, hang or end them
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && $(VENV)/bin/python $(ROOT)/tools/fuzz --seconds "$(SECONDS)" --seed "$(SEED)"
 
 check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types alone
 	@$(MAKE) --no-print-directory lint LINT=required

@@ -1,0 +1,105 @@
+"""The tools that look for what tests miss: the fuzz knows the whole interface and every kind of fault; a bug goes in where it belongs."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+import armlet as al
+
+TOOLS = Path(__file__).resolve().parents[2] / "tools"
+
+
+def tool(path: str, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A module of a tool, whose neighbours it imports by name."""
+    file = TOOLS / path
+    monkeypatch.syspath_prepend(str(file.parent))
+    name = f"tool_{file.parent.name}_{file.stem}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, name, module)  # dataclasses look there
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_fuzz_calls_all_that_is_public(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every function, every class with a method or a constructor; every parameter has plausible values, not odd ones alone."""
+    signatures = tool("fuzz/signatures.py", monkeypatch)
+    targets = signatures.targets()
+    names = {target.owner or target.name for target in targets}
+    plain = {name for name in al.__all__ if callable(getattr(al, name)) and not issubclass_of_exception(getattr(al, name))}
+    # The rest is made by armlet and has fields alone.
+    assert plain - names <= signatures.RESULTS
+    assert {"Arm.bias", "simulate", "BangBangBatch.__getitem__", "Run.metrics", "Arm.from_dh", "Law.__call__"} <= {t.path for t in targets}
+    values = tool("fuzz/values.py", monkeypatch).Values(Random(1))
+    unknown = {
+        f"{target.path}({parameter.name})"
+        for target in targets
+        for parameter in target.parameters
+        if values.by_name(target.path, parameter.name) is None and values.by_type(parameter.annotation) is None
+    }
+    assert unknown <= {"Run.animate(arm)", "Event(arguments)"}
+
+
+def issubclass_of_exception(thing: object) -> bool:
+    return inspect.isclass(thing) and issubclass(thing, Exception)
+
+
+def test_a_call_of_the_fuzz_is_its_seed_and_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    signatures, calls = tool("fuzz/signatures.py", monkeypatch), tool("fuzz/calls.py", monkeypatch)
+    targets = signatures.targets()
+    made = [str(calls.call(targets, 3, number)) for number in range(300)]
+    assert made == [str(calls.call(targets, 3, number)) for number in range(300)]
+    assert len(set(made)) > 250 and made != [str(calls.call(targets, 4, number)) for number in range(300)]
+    for text in made:
+        compile(text, "call", "exec")
+
+
+@pytest.mark.parametrize(
+    ("argument", "body", "kind"),
+    [
+        ("[1.0]", "result = a0[0] / 0.0", "foreign exception"),
+        ("[1.0]", "raise al.InternalError('x')", "panic"),
+        ("[1.0]", "raise type('PanicException', (BaseException,), {})('x')", "panic"),
+        ("[1.0]", "a0[0] = 2.0; result = None", "changed input"),
+        ("np.zeros(3)", "a0[1] = 2.0; result = None", "changed input"),
+        ("{'a': [np.zeros(3)]}", "a0['a'][0][1] = 2.0; result = None", "changed input"),
+        ("[1.0]", "result = sum(i for i in range(10**6))", "slow"),
+        ("[1.0]", "raise al.ModelError('x')", None),
+        ("[1.0]", "raise TypeError('x')", None),
+        ("[1.0]", "result = np.add(a0, 1.0)", None),
+    ],
+)
+def test_the_fuzz_knows_a_fault(argument: str, body: str, kind: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    child, calls = tool("fuzz/child.py", monkeypatch), tool("fuzz/calls.py", monkeypatch)
+    found = child.run(calls.Call("made up", "", (("a0", argument, True),), body), 1e-3 if kind == "slow" else 60.0)
+    assert (found and found[0]) == kind, found
+
+
+def test_the_fuzz_runs() -> None:
+    """Twenty calls in a child process, whatever they come to: the report counts them, and a fault is printed with its snippet."""
+    command = [sys.executable, str(TOOLS / "fuzz"), "--seed", "1", "--calls", "20"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode in (0, 1) and "fuzz: seed 1: 20 calls of " in done.stdout, done.stderr
+    assert ("== " in done.stdout) == (done.returncode == 1)
+
+
+def test_a_bug_is_put_in_once_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    mutants = tool("mutants/__main__.py", monkeypatch)
+    assert mutants.insert("y = a + b;", "a + b", "a - b", 7, "crate", False) == "y = (if crate::mutant(7) { a - b } else { a + b });"
+    assert mutants.insert("x += 1;", "x += 1;", "", 2, "armlet_core", True) == "if armlet_core::mutant(2) {  } else { x += 1; }"
+    for source in ("y = a - b;", "y = a + b; z = a + b;"):
+        with pytest.raises(ValueError, match="expected the text once, got"):
+            mutants.insert(source, "a + b", "a - b", 7, "crate", False)
+    listed = mutants.mutants()
+    assert len(listed) >= 40 and all({"file", "text", "bug", "what", "tests"} <= set(bug) for bug in listed)
+    assert len({bug["what"] for bug in listed}) == len(listed)
+    assert {bug["file"].split("/")[0] for bug in listed} == {"core", "py"}

@@ -1,0 +1,376 @@
+"""Arguments as Python source: plausible ones by the parameter's name and type, and odd ones. All randomness comes from one generator."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+
+from signatures import Parameter
+from tables import ARMS, METHODS, ODD, SCENARIO
+
+
+class Values:
+    """Sources of arguments for one call, all for one arm."""
+
+    def __init__(self, chance: random.Random) -> None:
+        self.chance = chance
+        self.arm, self.n, self.frame = chance.choice(ARMS)
+        self.rows = chance.choice([1, 1, 2, 3])
+        self.method = ""
+
+    # Numbers and arrays.
+
+    def number(self, low: float = -2.0, high: float = 2.0) -> str:
+        return self.chance.choice([repr(round(self.chance.uniform(low, high), 3))] * 6 + ["0.0", repr(low), repr(high)])
+
+    def positive(self, low: float = 0.1, high: float = 50.0) -> str:
+        return repr(round(self.chance.uniform(low, high), 4))
+
+    def count(self, high: int = 5) -> str:
+        return repr(self.chance.randint(0, high))
+
+    def vector(self, n: int, low: float = -2.0, high: float = 2.0, batch: bool = False) -> str:
+        row = f"[{', '.join(self.number(low, high) for _ in range(n))}]"
+        if batch and self.chance.random() < 0.3:
+            row = f"[{', '.join([row] * self.rows)}]"
+        return self.chance.choice([row, f"np.array({row})", f"np.array({row})", f"np.array({row}, dtype=np.float32)", f"tuple({row})"])
+
+    def matrix(self, rows: int, columns: int, low: float = -2.0, high: float = 2.0) -> str:
+        return f"np.array([{', '.join('[' + ', '.join(self.number(low, high) for _ in range(columns)) + ']' for _ in range(rows))}])"
+
+    def gain(self, n: int | None = None) -> str:
+        n = self.n if n is None else n
+        return self.chance.choice([self.positive(), self.vector(n, 1.0, 50.0), f"np.diag({self.vector(n, 1.0, 50.0)})"])
+
+    def text(self, *names: str) -> str:
+        return repr(self.chance.choice(names))
+
+    def odd(self) -> str:
+        return self.chance.choice(ODD)
+
+    # What armlet's own classes are made of.
+
+    def motion(self) -> str:
+        q0, q1 = self.vector(self.n), self.vector(self.n)
+        return self.chance.choice(
+            [
+                f"al.Hold({q0})",
+                f"al.Quintic({q0}, {q1}, {self.positive(0.1, 2.0)})",
+                f"al.BangBang({q0}, {q1}, {self.positive(0.1, 2.0)})",
+                f"al.Sinusoid({q0}, {q1}, {self.vector(self.n)}, {self.vector(self.n)})",
+            ]
+        )
+
+    def plant(self) -> str:
+        elastic = f"al.ElasticArm({self.arm}, {self.vector(self.n, 100.0, 1e4)}, {self.vector(self.n, 0.1, 1.0)})"
+        wall = f"wall=al.Wall('{self.frame}', [0.5, 0.0, 0.0], [1.0, 0.0, 0.0], stiffness=1e3)" if self.frame else "friction=True"
+        stops = "stops=al.JointStops(1e3, 1.0, lower=-1.0, upper=1.0)"
+        return self.chance.choice(
+            [f"al.RigidArm({self.arm})"] * 3
+            + [f"al.RigidArm({self.arm}, {wall})", f"al.RigidArm({self.arm}, {stops})", elastic, f"al.VelocityArm({self.arm})"]
+        )
+
+    def law(self) -> str:
+        n, arm = self.n, self.arm
+        rigid = [
+            f"al.ComputedTorque({arm}, {self.motion()}, {self.gain()}, {self.gain()})",
+            f"al.PDGravity({arm}, {self.vector(n)}, {self.gain()}, {self.gain()})",
+            f"al.Adaptive({arm}, {self.motion()}, {self.gain()}, {self.gain()}, {self.positive()})",
+            f"al.MotorPD({arm}, {self.vector(n)}, 500.0, 20.0, {self.vector(n, 100.0, 1e4)})",
+            f"al.JointImpedance({arm}, {self.vector(n)}, {self.gain()}, {self.gain()}, {self.vector(n, 100.0, 1e4)}, 0.5, 0.2)",
+        ]
+        if self.frame:
+            rigid.append(f"al.CartesianImpedance({arm}, [0.3, 0.2], 100.0, 10.0, frame='{self.frame}', axes='xy')")
+            rigid.append(f"al.PriorityVelocity({arm}, {self.tasks()})")
+        return self.chance.choice(rigid)
+
+    def task(self) -> str:
+        made = [
+            f"al.PostureTask({self.vector(self.n)}, {self.positive()})",
+            "al.JointLimitTask(1.0, 0.1)",
+            "al.CentreOfMassTask('x', [0.2], 1.0)",
+        ]
+        if self.frame:
+            made += [
+                f"al.Task('{self.frame}', 'xy', [0.4, 0.1], 2.0)",
+                f"al.AxisTask('{self.frame}', [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1.0)",
+            ]
+        return self.chance.choice(made)
+
+    def tasks(self) -> str:
+        return f"[{', '.join(self.task() for _ in range(self.chance.randint(1, 3)))}]"
+
+    def loop(self) -> str:
+        return f"al.RigidArm({self.arm}), al.ComputedTorque({self.arm}, al.Hold({[0.1] * self.n}), 50.0, 10.0), {[0.0] * self.n}"
+
+    def single(self) -> str:
+        how = self.chance.choice(["dt=5e-3", "method='dopri5', dense=True, events=[al.Event.joint(0, 0.001)]"])
+        return f"al.simulate({self.loop()}, t_end=0.02, {how})"
+
+    def batch(self) -> str:
+        return f"al.simulate_batch({self.loop().rpartition('[')[0]}{[[0.0] * self.n] * 2}, t_end=0.02, dt=5e-3)"
+
+    def limits(self) -> str:
+        zero = [0.0] * self.n
+        law = f"al.JointImpedance({self.arm}, {zero}, 100.0, 10.0, 1e4, 0.5, 0.2)"
+        return f"al.elastic_limits(al.ElasticArm({self.arm}, 1e4, 0.5), {law}, q0={zero})"
+
+    def run(self) -> str:
+        return self.chance.choice([self.single, self.single, self.batch])()
+
+    def scenario(self) -> str:
+        return f"al.Scenario({SCENARIO!r})"
+
+    def sampling(self) -> str:
+        sensor = ", torque_sensor=al.TorqueSensor(noise=0.1)" if self.chance.random() < 0.2 else ""
+        return f"al.Sampling(5e-3, delay=1e-3, noise={{'v': 0.01}}, seed={self.count()}{sensor})"
+
+    def instance(self, owner: str) -> str:
+        """An object of a class, for its methods."""
+        link = f"{self.number()}, {self.number()}, 1.2, 5.0, {self.positive(1.0, 20.0)}"
+        made: dict[str, Callable[[], str]] = {
+            "Arm": lambda: self.arm,
+            "Law": self.law,
+            "Motion": self.motion,
+            "Plant": self.plant,
+            "Task": self.task,
+            "Run": self.single,
+            "BatchRun": self.batch,
+            "Scenario": self.scenario,
+            "SweepTable": lambda: f"al.sweep({self.scenario()}, {{'law.gamma': [1.0, 2.0]}})",
+            "Metrics": lambda: f"al.metrics({self.run()})",
+            "Simulator": lambda: f"al.Simulator({self.loop()}, dt=1e-3)",
+            "PrioritySolver": lambda: f"al.PrioritySolver({self.n}, [1], method='clamp')",
+            "ArmPrioritySolver": lambda: f"al.PrioritySolver.for_arm({self.arm}, {self.tasks()})",
+            "PrioritySolution": lambda: f"al.solve_priority([np.eye({self.n})[:1]], [[0.5]])",
+            "PriorityDiagnosis": lambda: f"al.diagnose_priority([np.eye({self.n})[:1]])",
+            "BangBangReport": lambda: f"al.bang_bang_time({link})",
+            "BangBangBatch": lambda: f"al.bang_bang_time([0.0, 0.5], [1.0, 1.5], 1.2, 5.0, {self.positive(1.0, 20.0)})",
+            "ProfileReport": lambda: f"al.{self.chance.choice(['trapezoid_time', 'minimum_jerk_time'])}({link})",
+            "TorqueOptimum": lambda: f"al.torque_optimal_time({link})",
+            "TimedPath": lambda: f"al.point_to_point({[0.0] * self.n}, {self.vector(self.n, 0.5, 1.0)}, 1.0, 2.0, 10.0)",
+            "InverseKinematics": lambda: f"al.inverse_kinematics({self.arm}, {self.tasks()}, {[0.1] * self.n}, max_iterations=20)",
+            "BaseParameters": lambda: f"{self.arm}.base_parameters()",
+            "ParameterReport": lambda: f"{self.arm}.check_parameters()",
+            "Identification": lambda: f"{self.arm}.identify(*(np.random.default_rng(i).normal(size=(40, {self.n})) for i in range(4)))",
+            "Integration": lambda: "al.integrate(lambda t, y: -y, (0.0, 1.0), [1.0, 2.0], dense_output=True)",
+            "DenseOutput": lambda: "al.integrate(lambda t, y: -y, (0.0, 1.0), [1.0, 2.0], dense_output=True).dense",
+            "Events": lambda: f"al.simulate({self.loop()}, t_end=0.1, method='dopri5', events=[al.Event.joint(0, 0.01)]).events",
+            "State": lambda: f"al.simulate({self.loop()}, t_end=0.1, method='dopri5', dense=True).sample(0.05)",
+            "Equilibrium": lambda: f"al.equilibrium({self.loop().rpartition('[')[0]}q0={[0.0] * self.n})",
+            "ElasticLimits": self.limits,
+            "Event": lambda: "al.Event.joint(0, 0.5)",
+            "JointStops": lambda: "al.JointStops(1.0)",
+            "Sampling": self.sampling,
+            "TorqueSensor": lambda: "al.TorqueSensor()",
+            "Status": lambda: "al.Status.SUCCESS",
+            "Tuning": lambda: f"al.tune({self.scenario()}, {{'law.gamma': [1.0, 5.0]}}, 'error_rms1', candidates=4, generations=1)",
+            "Wall": lambda: "al.Wall('link2', [0.5, 0.0, 0.0], [1.0, 0.0, 0.0], stiffness=1e3)",
+            "RigidArm": lambda: f"al.RigidArm({self.arm})",
+        }
+        return made[owner]() if owner in made else f"al.{owner}"
+
+    # One argument.
+
+    def argument(self, target: str, parameter: Parameter) -> str:
+        """A plausible value of a parameter, by its name first, then by its type."""
+        made = self.by_name(target, parameter.name) or self.by_type(parameter.annotation)
+        return made if made is not None else self.odd()
+
+    def by_name(self, target: str, name: str) -> str | None:
+        n, chance = self.n, self.chance
+        joints = {"q", "v", "a", "tau", "v_r", "a_r", "q0", "q1", "v0", "theta0", "theta_dot0", "theta", "theta_dot", "target", "phase"}
+        if target in {"integrate", "scipy_method"}:
+            return self.of_integrate(name)
+        if target.endswith("_time") and name in {"theta0", "thetaf"}:
+            return self.number() if chance.random() < 0.8 else self.vector(2)
+        if name == "target" and "Task" in target:
+            return self.vector({"PostureTask": n, "AxisTask": 3}.get(target, 2))
+        if name == "target" and target in {"ElasticTracking"}:
+            return self.motion()
+        if name == "target" and target in {"CartesianImpedance", "ElasticImpedance"}:
+            return self.vector(2)
+        if name == "q0" and target == "simulate_batch":
+            return self.matrix(self.rows, n)
+        if name in {"q", "v", "a", "tau"} and target.endswith(("identify", "Table")):
+            return f"np.random.default_rng({self.count()}).normal(size=({self.count(60)}, {n}))"
+        if name in joints:
+            return self.vector(n, batch=target.startswith("Arm."))
+        if name in {"stiffness", "damping"} and target in {"CartesianImpedance", "ElasticImpedance", "ElasticTracking"}:
+            return self.gain(2)
+        plain: dict[str, Callable[[], str]] = {
+            "kp": self.gain,
+            "kd": self.gain,
+            "kt": self.gain,
+            "ks": self.gain,
+            "gamma": self.positive,
+            "stiffness": self.gain,
+            "damping": self.gain,
+            "joint_stiffness": lambda: self.vector(n, 100.0, 1e4),
+            "motor_inertia": lambda: self.vector(n, 0.1, 1.0),
+            "reduced_inertia": lambda: self.vector(n, 0.05, 0.5),
+            "joint_damping": self.positive,
+            "motor_friction": lambda: self.vector(n, 0.0, 1.0),
+            "frame": lambda: repr(self.frame or "link1"),
+            "parent": lambda: repr(self.frame or "link1"),
+            "reference": lambda: repr("base" if target == "RelativeTask" else self.frame),
+            "force_frame": lambda: chance.choice(["None", repr(self.frame)]),
+            "wrench_frame": lambda: repr(self.frame),
+            "wrench": lambda: self.vector(6),
+            "force": lambda: chance.choice([self.vector(2), self.vector(3), f"[(0.0, {self.vector(2)}), (0.01, {self.vector(2)})]"]),
+            "axes": lambda: self.text("xy", "x", "xyz", "xyz rx ry rz", "rx"),
+            "axis": lambda: self.vector(3),
+            "spline": lambda: self.text("cubic", "quintic", "natural", "linear"),
+            "convention": lambda: self.text("standard", "modified"),
+            "side": lambda: self.text("lower", "upper"),
+            "keep": lambda: self.text("all", "final", "metrics"),
+            "by": lambda: self.text("worst", "mean"),
+            "method": self.of_method(target),
+            "t_end": lambda: self.positive(0.0, 0.05),
+            "dt": lambda: self.positive(1e-3, 1e-2),
+            "duration": lambda: self.positive(0.05, 3.0),
+            "t": lambda: self.number(0.0, 1.0),
+            "t_eval": lambda: "np.linspace(0.0, 0.01, 5)",
+            "sample_time": lambda: chance.choice([self.positive(1e-3, 1e-2), self.sampling()]),
+            "period": lambda: self.positive(1e-3, 1e-2),
+            "rtol": lambda: self.positive(1e-9, 1e-3),
+            "atol": lambda: self.positive(1e-9, 1e-3),
+            "record_every": self.count,
+            "threads": lambda: self.text("1", "2").strip("'"),
+            "draws": self.count,
+            "chunk": self.count,
+            "candidates": lambda: "4",
+            "generations": lambda: "1",
+            "samples": lambda: self.count(60),
+            "grid": lambda: self.count(60),
+            "seed": self.count,
+            "restarts": self.count,
+            "max_iterations": lambda: self.count(30),
+            "tau_max": lambda: self.vector(n, 1.0, 50.0) if not target.endswith("_time") else self.positive(0.0, 20.0),
+            "v_max": lambda: self.vector(n, 0.5, 5.0),
+            "a_max": lambda: self.vector(n, 0.5, 5.0),
+            "j_max": lambda: self.vector(n, 0.5, 50.0),
+            "v_min": lambda: self.vector(n, -5.0, -0.5),
+            "q_min": lambda: self.vector(n, -5.0, -0.5),
+            "q_max": lambda: self.vector(n, 0.5, 5.0),
+            "torque_rate": lambda: self.vector(n, 10.0, 500.0),
+            "knots": lambda: "np.linspace(0.0, 1.0, 4)",
+            "stops": lambda: "[1]" if target == "time_path" else "al.JointStops(1e3, 1.0, lower=-1.0, upper=1.0)",
+            "lengths": lambda: self.vector(n, 0.1, 1.0),
+            "masses": lambda: self.vector(n, 0.1, 1.0),
+            "coms": lambda: self.vector(n, 0.1, 1.0),
+            "inertias": lambda: self.vector(n, 0.1, 1.0),
+            "gravity": lambda: self.vector(chance.choice([2, 3])),
+            "joints": lambda: self.of_joints(target),
+            "rows": lambda: "[1, 1]" if target == "PrioritySolver" else f"[[0.1, 0.2, 0.3, {self.number()}]] * {n}",
+            "jacobians": lambda: f"[{self.matrix(1, n)}]{'' if target == 'PrioritySolver.solve' else ' * 2'}",
+            "velocities": lambda: "[[0.5], [0.2]]" if target == "solve_priority" else "[[0.5]]",
+            "rhs": lambda: "[[0.5], [0.2]]",
+            "tasks": self.tasks,
+            "pi": lambda: f"{self.arm}.parameters * {self.positive(0.5, 1.5)}",
+            "path": lambda: self.matrix(4, n) if target == "time_path" else "'out.bin'",
+            "path_or_xml": lambda: f"al.example_urdf({self.text('planar_2r', 'six_axis', 'two_arms')})",
+            "name": lambda: self.text("planar_2r", "six_axis", "tool", "error_rms", "dopri5"),
+            "vary": lambda: self.text("{'law.gamma': [1.0, 2.0]}", "{'run.q0[0]': {'linspace': [0.0, 0.2, 3]}}").strip('"'),
+            "over": lambda: "{'arm.A': [1.5, 2.5]}",
+            "cost": lambda: self.text("error_rms1", "settling_time"),
+            "data": lambda: repr(SCENARIO),
+            "changes": lambda: "{'law.gamma': 3.0}",
+            "out": lambda: self.of_out(target),
+            "events": lambda: chance.choice(["[al.Event.joint(0, 0.01)]", "lambda t, q, v: q[0] - 0.01"]),
+            "runs": lambda: f"[{self.run()}]",
+            "run": self.run,
+            "progress": lambda: "lambda done, total: None",
+            "fig": lambda: "Figure()",
+            "executor": lambda: "None",
+            "index": lambda: self.count(2),
+            "other": lambda: chance.choice([self.arm, "None", "3"]),
+            "against": self.odd,
+            "model": self.odd,
+            "keywords": lambda: "",
+            "metrics": lambda: "",
+            "normal": lambda: self.vector(3),
+            "point": lambda: self.vector(3),
+            "value": self.number,
+            "joint": lambda: self.count(n - 1),
+            "g": lambda: "lambda t, q, v: q[0]",
+            "kind": lambda: self.text("joint", "speed", "plane", "contact"),
+            "noise": lambda: "{'v': 0.01}" if target == "Sampling" else self.positive(0.0, 0.1),
+            "resolution": lambda: "{'q': 1e-4}" if target == "Sampling" else self.positive(0.0, 0.1),
+            "x0": lambda: self.vector(n),
+            "u0": lambda: self.vector(n),
+            "inertia": lambda: "np.eye(3) * 0.1" if target == "Arm.with_payload" else self.positive(0.5, 3.0),
+            "state": lambda: self.vector(3),
+            "s": lambda: self.vector(3, 0.0, 1.0),
+            "ramp": lambda: self.positive(0.01, 0.5),
+            "animate": lambda: "",
+        }
+        return plain[name]() if name in plain else None
+
+    def of_method(self, target: str) -> Callable[[], str]:
+        if target.startswith("simulate") or target == "Simulator":
+            return lambda: self.text(*METHODS["fixed"], *METHODS["adaptive"])
+        return lambda: self.text(*METHODS["priority"])
+
+    def of_joints(self, target: str) -> str:
+        if target == "Arm.locked":
+            return "{'joint1': 0.5}"
+        if target == "Arm.from_chain":
+            return '[{"type": "R", "axis": [0, 0, 1], "rpy": [0, 0, 0], "xyz": [0.1, 0, 0], "phi": [1, .1, 0, 0, .2, 0, 0, .2, 0, .2]}] * 2'
+        return "['joint1']"
+
+    def of_out(self, target: str) -> str:
+        if target == "sweep":
+            return "'out'"
+        if target == "simulate_batch":
+            return f"{{'q': np.zeros(({self.rows}, 3, {self.n}))}}"
+        if target == "Arm.linearize":
+            return f"(np.zeros((2 * {self.n}, 2 * {self.n})), np.zeros((2 * {self.n}, {self.n})))"
+        if target.endswith("derivatives"):
+            return f"tuple(np.zeros(({self.n}, {self.n})) for _ in range(3))"
+        shape = self.chance.choice([f"({self.n},)", f"({self.n}, {self.n})", f"(6, {self.n})", "(3,)", "(4, 4)"])
+        return f"np.zeros({shape})"
+
+    def of_integrate(self, name: str) -> str | None:
+        plain = {
+            "f": lambda: self.chance.choice(["lambda t, y: -np.asarray(y)", "lambda t, y: [y[1], -y[0]]", "lambda t, y: np.zeros(7)"]),
+            "t_span": lambda: f"(0.0, {self.positive(0.01, 1.0)})",
+            "y0": lambda: self.vector(2),
+            "method": lambda: self.text(*METHODS["fixed"], *METHODS["adaptive"]),
+            "dt": lambda: self.positive(1e-3, 1e-1),
+            "rtol": lambda: self.positive(1e-9, 1e-3),
+            "atol": lambda: self.positive(1e-9, 1e-3),
+            "jac": lambda: self.chance.choice(["np.array([[-1.0, 0.0], [0.0, -1.0]])", "lambda t, y: -np.eye(2)"]),
+            "args": lambda: "()",
+            "max_step": lambda: self.positive(0.01, 1.0),
+            "first_step": lambda: self.positive(1e-4, 1e-2),
+            "t_eval": lambda: "np.linspace(0.0, 0.01, 5)",
+            "events": lambda: "lambda t, y: y[0] - 0.5",
+            "positions": lambda: self.text("0", "1").strip("'"),
+            "name": lambda: self.text(*METHODS["adaptive"]),
+        }
+        return plain[name]() if name in plain else None
+
+    def by_type(self, annotation: str) -> str | None:
+        words: list[tuple[str, Callable[[], str]]] = [
+            ("Iterable[Task]", self.tasks),
+            ("Sequence[Run]", lambda: f"[{self.run()}]"),
+            ("Scenario", self.scenario),
+            ("BatchRun", self.run),
+            ("Motion", self.motion),
+            ("Law", self.law),
+            ("Plant", self.plant),
+            ("ElasticArm", self.plant),
+            ("Wall", lambda: self.instance("Wall")),
+            ("BaseParameters", lambda: self.instance("BaseParameters")),
+            ("TorqueSensor", lambda: self.instance("TorqueSensor")),
+            ("Arm", lambda: self.arm),
+            ("Callable", lambda: "lambda *a: 0.0"),
+            ("bool", lambda: self.text("True", "False").strip("'")),
+            ("ArrayLike", lambda: self.chance.choice([self.vector(self.n), self.vector(3), self.positive()])),
+            ("float", self.positive),
+            ("_Number", self.positive),
+            ("int", self.count),
+            ("str", lambda: self.text("x", "link1", "joint1")),
+        ]
+        return next((make() for word, make in words if word in annotation), None)

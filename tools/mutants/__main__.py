@@ -1,0 +1,184 @@
+"""`make test-mutants`: whether the fast tests notice bugs. Each bug of mutants.toml is put into a copy of the sources behind a switch.
+
+The copy is built once, unoptimised; the environment variable ARMLET_MUTANT selects the bug, 0 is none. For each bug the tests that
+are named beside it run first, then the rest, until one fails. A bug that no test notices survives: the exit code is 1 where more
+than 1 in 20 do, or one survives that `KNOWN` gives no reason for. A text of mutants.toml that does not stand in its file exactly once
+ends the run.
+
+    python tools/mutants                       all
+    python tools/mutants --only 3 17           these
+    python tools/mutants --keep                without building again
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / "build" / "mutants"
+COPY = BUILD / "sources"
+#: What is copied, of the sources and of what the tests read.
+PARTS = ("rust", "python", "tests", "docs", "examples", "tools", "Cargo.toml", "Cargo.lock", ".cargo", "pyproject.toml", "README.md")
+OTHERS = ("Makefile", "CHANGELOG.md", "CONTRIBUTING.md", "RELEASING.md", "LICENSE", "CITATION.cff", "clippy.toml", "rustfmt.toml")
+#: Tests of seconds, unoptimised, in this order; the last compares bits and notices almost everything.
+PYTEST = (
+    "parity", "oracles", "laws/test_adaptive_laws.py", "laws/test_arm_derivatives.py", "laws/test_elastic_laws.py",
+    "laws/test_equilibrium_laws.py", "laws/test_event_laws.py", "laws/test_identification.py", "laws/test_integrate_laws.py",
+    "laws/test_loop_laws.py", "laws/test_mintime_laws.py", "laws/test_priority_limits.py", "laws/test_task_laws.py",
+    "laws/test_time_path_laws.py", "laws/test_torque_sensor_laws.py", "api/test_arm_batches.py", "api/test_batches.py",
+    "api/test_run.py", "api/test_bit_hashes.py",
+)  # fmt: skip
+REST = ("lib", "suite", *PYTEST)
+#: Bugs that no fast test can notice, by what they are, and why.
+KNOWN: dict[str, str] = {}
+LEAST = 0.95
+SWITCH = '''
+/// Whether bug `n` of tools/mutants is switched on.
+#[allow(missing_docs)]
+pub fn mutant(n: u32) -> bool {
+    use std::sync::atomic::{AtomicU32, Ordering};
+    static CHOSEN: AtomicU32 = AtomicU32::new(u32::MAX);
+    let mut chosen = CHOSEN.load(Ordering::Relaxed);
+    if chosen == u32::MAX {
+        chosen = std::env::var("ARMLET_MUTANT").ok().and_then(|text| text.parse().ok()).unwrap_or(0);
+        CHOSEN.store(chosen, Ordering::Relaxed);
+    }
+    chosen == n
+}
+'''
+
+
+def mutants() -> list[dict[str, Any]]:
+    return tomllib.loads((Path(__file__).parent / "mutants.toml").read_text())["mutant"]
+
+
+def insert(source: str, text: str, bug: str, number: int, crate: str, statement: bool) -> str:
+    """The source with the bug behind its switch.
+
+    Raises:
+        ValueError: the text does not occur exactly once.
+    """
+    found = source.count(text)
+    if found != 1:
+        raise ValueError(f"expected the text once, got {found} times: {text}")
+    switched = f"if {crate}::mutant({number}) {{ {bug} }} else {{ {text} }}"
+    return source.replace(text, switched if statement else f"({switched})")
+
+
+def copy(bugs: list[dict[str, Any]]) -> None:
+    """The sources with all bugs, in build/mutants/sources; files that are as before keep their times."""
+    faults = []
+    sources: dict[str, str] = {}
+    for number, bug in enumerate(bugs, 1):
+        file = bug["file"]
+        before = sources.get(file) or (ROOT / "rust" / file).read_text()
+        crate = "crate" if file.startswith("core") else "armlet_core"
+        try:
+            sources[file] = insert(before, bug["text"], bug["bug"], number, crate, bug.get("statement", False))
+        except ValueError as error:
+            faults.append(f"mutant {number}, rust/{file}: {error}")
+    if faults:
+        sys.exit("\n".join(faults))
+    sources["core/src/lib.rs"] = (sources.get("core/src/lib.rs") or (ROOT / "rust/core/src/lib.rs").read_text()) + SWITCH
+    shutil.rmtree(COPY, ignore_errors=True)
+    skip = shutil.ignore_patterns("*.so", "__pycache__", "target", "_build", "auto_examples")
+    for name in (*PARTS, *OTHERS):
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, COPY / name, ignore=skip)
+        elif (ROOT / name).exists():
+            COPY.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, COPY / name)
+    for file, source in sources.items():
+        (COPY / "rust" / file).write_text(source)
+
+
+def cargo(*arguments: str) -> list[dict[str, Any]]:
+    environment = os.environ | {"CARGO_TARGET_DIR": str(BUILD / "target"), "RUSTFLAGS": "-Awarnings"}
+    command = ["cargo", *arguments, "--locked", "--message-format=json-render-diagnostics"]
+    done = subprocess.run(command, cwd=COPY, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def build() -> dict[str, str]:
+    """The test binaries by name; the extension goes where Python finds it."""
+    made = cargo("test", "--no-run", "--package", "armlet-core", "--lib", "--test", "suite")
+    names = {"armlet_core": "lib", "suite": "suite"}
+    binaries = {names[m["target"]["name"]]: m["executable"] for m in made if m.get("executable") and m["target"]["name"] in names}
+    made = cargo("build", "--package", "armlet-py", "--features", "pyo3/extension-module")
+    libraries = [file for m in made if m["reason"] == "compiler-artifact" for file in m["filenames"] if Path(file).stem == "lib_core"]
+    shutil.copy2(libraries[-1], COPY / "python/armlet/_core.abi3.so")
+    (BUILD / "binaries.json").write_text(json.dumps(binaries))
+    return binaries
+
+
+def passes(binaries: dict[str, str], unit: str, number: int, timeout: float) -> tuple[bool, str]:
+    """Whether a unit of tests passes with a bug switched on, and the name of the first that does not."""
+    environment = os.environ | {"ARMLET_MUTANT": str(number), "RUST_MIN_STACK": "268435456", "PYTHONPATH": str(COPY / "python")}
+    kind, _, names = unit.partition(" ")
+    if kind in binaries:
+        command, where = [binaries[kind], *names.split(), "--test-threads", "2"], COPY / "rust/core"
+    else:
+        options = ["-c", str(COPY / "pyproject.toml"), "--rootdir", str(COPY), "-x", "-q", "-p", "no:cacheprovider", "--tb=no"]
+        command, where = [sys.executable, "-m", "pytest", *options, str(COPY / "tests" / unit)], COPY
+    try:
+        done = subprocess.run(command, cwd=where, env=environment, capture_output=True, text=True, timeout=timeout, check=False)
+    except subprocess.TimeoutExpired:
+        return False, "(a hang)"
+    if done.returncode == 0:
+        return True, ""
+    lines = done.stdout.splitlines()
+    failed = [line.split()[1] for line in lines if line.startswith(("FAILED ", "ERROR ")) or line.endswith("... FAILED")]
+    return False, (failed or ["(the process ended)"])[0].removeprefix("tests/")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="mutants", description="bugs on purpose, and whether the tests notice")
+    parser.add_argument("--only", type=int, nargs="+", help="numbers of mutants, from 1")
+    parser.add_argument("--keep", action="store_true", help="the copy as it was built before")
+    given = parser.parse_args()
+    bugs = mutants()
+    if given.keep:
+        binaries = json.loads((BUILD / "binaries.json").read_text())
+    else:
+        copy(bugs)
+        begun = time.monotonic()
+        binaries = build()
+        print(f"built {len(bugs)} bugs in {time.monotonic() - begun:.0f} s", flush=True)
+    seconds: dict[str, float] = {}
+    for unit in REST:
+        begun = time.monotonic()
+        whole, name = passes(binaries, unit, 0, 1800.0)
+        seconds[unit] = time.monotonic() - begun
+        print(f"without a bug: {unit}: {seconds[unit]:.0f} s", flush=True)
+        if not whole:
+            sys.exit(f"{unit} fails without a bug: {name}")
+    killed, alive = [], []
+    for number, bug in enumerate(bugs, 1):
+        if given.only and number not in given.only:
+            continue
+        begun = time.monotonic()
+        for unit in dict.fromkeys((*bug["tests"], *REST)):
+            whole, name = passes(binaries, unit, number, 60.0 + 10.0 * seconds.get(unit, 60.0))
+            if not whole:
+                break
+        (alive if whole else killed).append(bug)
+        verdict = "SURVIVES" if whole else f"noticed by {unit}: {name}"
+        print(f"{number:3} {bug['file']}: {bug['what']}: {verdict} ({time.monotonic() - begun:.0f} s)", flush=True)
+    total = len(killed) + len(alive)
+    print(f"\n{len(killed)} of {total} bugs noticed")
+    for bug in alive:
+        print(f"survives: {bug['file']}: {bug['what']}: {KNOWN.get(bug['what'], 'no reason known')}")
+    return int(len(killed) < LEAST * total or any(bug["what"] not in KNOWN for bug in alive))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
