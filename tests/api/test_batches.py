@@ -36,10 +36,11 @@ def test_metrics_alone_are_those_of_the_records(monkeypatch: pytest.MonkeyPatch)
 def test_pieces_are_the_batch(monkeypatch: pytest.MonkeyPatch) -> None:
     sampling = al.Sampling(2e-3, noise={"v": 0.01}, seed=3)
     laws = [al.ComputedTorque(ARM, al.Hold([0.1, 0.2]), kp=50.0 + i, kd=20.0) for i in range(150)]
+    plants = [al.RigidArm(al.planar_pr(2.0 + 0.01 * i, 0.5, 0.5)) for i in range(150)]
     options = OPTIONS | {"sample_time": sampling, "v0": Q0[::-1]}
-    whole = al.simulate_batch(PLANT, laws, Q0, **options)
+    whole = al.simulate_batch(plants, laws, Q0, **options)
     monkeypatch.setattr(batches, "PIECE", 1)
-    pieces = al.simulate_batch(PLANT, laws, Q0, progress=lambda done, runs: None, **options)
+    pieces = al.simulate_batch(plants, laws, Q0, progress=lambda done, runs: None, **options)
     np.testing.assert_array_equal(pieces.q, whole.q)
     np.testing.assert_array_equal(pieces.monitors["energy"], whole.monitors["energy"])
     np.testing.assert_array_equal(pieces.stats["ended"], whole.stats["ended"])
