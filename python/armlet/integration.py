@@ -62,8 +62,8 @@ class Integration:
         y: the states, (K, n); time is the first axis.
         status: how it ended (`armlet.Status`): SUCCESS, or EVENT where an event ended it.
         ended: the time reached.
-        stats: evaluations of f (those for differences included), steps, rejections, jacobians, factorisations; where the status is
-            EXCESS_ACCURACY `coarsen`: times this both tolerances can be met.
+        stats: evaluations of f (those for differences included), steps, rejections, jacobians (none of a constant one), factorisations;
+            where the status is EXCESS_ACCURACY `coarsen`: times this both tolerances can be met.
         t_events, y_events: per event the times (m,) and states (m, n) of its crossings.
         dense: the solution between the steps, where `dense_output=True` asked for it.
     """
@@ -122,40 +122,47 @@ def integrate(
     y0: ArrayLike,
     *,
     method: str = "dopri5",
-    rtol: float = 1e-8,
+    rtol: ArrayLike = 1e-8,
     atol: ArrayLike = 1e-10,
     dt: float | None = None,
     t_eval: ArrayLike | None = None,
     dense_output: bool = False,
     events: Callable[..., float] | Sequence[Callable[..., float]] | None = None,
-    jac: Callable[..., ArrayLike] | ArrayLike | None = None,
+    jac: Callable[..., Any] | ArrayLike | None = None,
+    jac_sparsity: ArrayLike | None = None,
     args: tuple[Any, ...] = (),
     max_step: float | None = None,
     first_step: float | None = None,
     positions: int = 0,
     lists: bool = False,
+    vectorized: bool = False,
     throw: bool = True,
 ) -> Integration:
     """Solve `y' = f(t, y)`, `y(t0) = y0`, from `t0` to `t1`, in either direction of time.
 
     Args:
         f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats (the quickest for a few states).
-        t_span: start and end.
+        t_span: start and end. The end may be infinite where a terminal event ends the run and the method is adaptive.
         y0: initial state, (n,).
         method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5"
             and "rodas4" for stiff problems.
-        rtol, atol: relative and absolute error allowed per step; atol a number or (n,).
+        rtol, atol: relative and absolute error allowed per step, each a number or (n,); rtol >= 2.22e-14.
         dt: the step of a fixed-step method; a last shorter step ends a span that is not a multiple of it.
         t_eval: record exactly these times, in the order of the span; None records every step.
         dense_output: keep the polynomials of the steps: `result.dense(t)`.
         events: functions g(t, y, *args) -> float whose zero crossings are located to rounding. The attribute `direction` of a function
             chooses rising (> 0) or falling (< 0) crossings, along the run; `terminal` ends the run at that many crossings (True: one).
-        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n). None differences f: forward for "radau5" and
-            "ros2", which correct themselves, central for "rodas4", whose order rests on it. "rodas4" and "ros2" also difference f in time.
+        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n); sparse matrices are made dense. None
+            differences f: forward for "radau5" and "ros2", which correct themselves, central for "rodas4", whose order rests on it.
+            "rodas4" and "ros2" also difference f in time.
+        jac_sparsity: (n, n), zero where df/dy is: differences then take one evaluation of f for a group of columns that share no row
+            [CurtisPowellReid1974]. Without effect where jac is given.
         args: further arguments of f, jac and events.
-        max_step, first_step: limit of the steps and the first of them, for adaptive methods.
+        max_step, first_step: limit of the steps and the first of them, for adaptive methods; first_step is not longer than the span.
         positions: for "semi_implicit", how many: y = [q, v, rest] with q and v of that length and q' = v.
         lists: hand y to f, jac and events as a list of floats: two to four times as quick as an array for a few states.
+        vectorized: f takes states as columns, y (n, k), and returns their slopes, (n, k): all differences of a Jacobian are then one call.
+            jac and events still take y (n,).
         throw: raise where the run does not reach its end; False returns what there is, with its status.
 
     Returns:
@@ -190,11 +197,13 @@ def integrate(
         dense_output,
         _events(events),
         jac,
+        jac_sparsity,
         tuple(args),
         max_step,
         first_step,
         positions,
         lists,
+        vectorized,
     )
     result = Integration(fields, float(t0))
     if throw and not result.success:

@@ -199,7 +199,7 @@ class TestRuns:
         ({"t_span": (0.0, np.inf)}, "integrate: t_span is not finite"),
         ({"y0": [1.0, np.nan]}, r"integrate: y0 is not finite: expected finite numbers, got NaN \(first bad index 1\)"),
         ({"y0": 1.0}, "integrate: y0 has the wrong shape"),
-        ({"y0": []}, "integrate: y0 has the wrong shape"),
+        ({"y0": [[]]}, "integrate: y0 has the wrong shape"),
         ({"y0": [1.0, 2j]}, "integrate: y0 is not an array of real numbers"),
         ({"method": "RK45"}, "integrate: method is unknown: expected one of euler, semi_implicit, rk4"),
         ({"method": "rk4"}, "integrate: dt is missing"),
@@ -210,7 +210,7 @@ class TestRuns:
         ({"method": "semi_implicit", "dt": 0.1, "positions": 2}, "integrate: positions is 2 of 2 components"),
         ({"positions": -1}, "integrate: positions is not a count"),
         ({"rtol": 0.0}, "integrate: rtol is too small"),
-        ({"rtol": np.nan}, "integrate: rtol is too small"),
+        ({"rtol": np.nan}, "integrate: rtol is not finite"),
         ({"atol": -1.0}, "integrate: atol is negative"),
         ({"atol": [1.0, 1.0, 1.0]}, "integrate: atol has the wrong shape"),
         ({"max_step": 0.0}, "integrate: max_step is not positive"),
@@ -252,7 +252,9 @@ class TestScipyMethod:
             times = np.linspace(0.0, end, 41)
             assert ours.dense is not None
             np.testing.assert_allclose(theirs.sol(times).T, ours.dense(times), rtol=0, atol=1e-13)
-            assert theirs.nfev >= ours.stats["evaluations"] - 100 and theirs.nlu == ours.stats["factorisations"]
+            # scipy does not count what differences take, nor does it locate the end of a dense output twice.
+            assert theirs.nfev <= ours.stats["evaluations"] and theirs.nlu == ours.stats["factorisations"]
+            assert theirs.njev == ours.stats["jacobians"]
 
     def test_events_and_options(self, method: str) -> None:
         solution = solve_ivp(oscillator, (0.0, 5.0), [1.0, 0.0], method=al.scipy_method(method), events=lambda t, y: y[0], max_step=0.1)

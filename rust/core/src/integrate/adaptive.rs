@@ -1,6 +1,6 @@
 //! What every adaptive method does: steps of its own choice from `t` towards `t_end`, each with an error estimate
 //!
-//! `error = sqrt(1/m sum ((x - x_embedded)_i / (atol_i + rtol max(|x_i|, |x_new_i|)))^2)`, accepted below 1,
+//! `error = sqrt(1/m sum ((x - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`, accepted below 1,
 //!
 //! and a polynomial over the last step (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
 //! sections II.4 to II.6).
@@ -30,14 +30,10 @@ pub struct Work {
 pub trait Accuracy {
     /// The first so many components count, at least one; others follow (quadratures).
     fn controlled(&self) -> usize;
+    /// The smallest relative error.
     fn rtol(&self) -> f64;
-    fn atol(&self, i: usize) -> f64;
-
-    /// The error allowed in component `i`, of magnitude `x`.
-    #[inline(always)]
-    fn scale(&self, i: usize, x: f64) -> f64 {
-        self.atol(i) + self.rtol() * x
-    }
+    /// The error allowed in component `i`, of magnitude `x`: `atol_i + rtol_i x`.
+    fn scale(&self, i: usize, x: f64) -> f64;
 }
 
 /// The relative and absolute error allowed per step, over the first `controlled` components of the state.
@@ -58,15 +54,15 @@ impl Accuracy for Tolerance {
         self.rtol
     }
     #[inline(always)]
-    fn atol(&self, _: usize) -> f64 {
-        self.atol
+    fn scale(&self, _: usize, x: f64) -> f64 {
+        self.atol + self.rtol * x
     }
 }
 
-/// A tolerance with an absolute error of each component's own.
+/// The relative and absolute error allowed per step in each component.
 #[derive(Clone, Debug)]
 pub struct Tolerances {
-    pub rtol: f64,
+    pub rtol: Vec<f64>,
     pub atol: Vec<f64>,
 }
 
@@ -75,10 +71,10 @@ impl Accuracy for Tolerances {
         self.atol.len()
     }
     fn rtol(&self) -> f64 {
-        self.rtol
+        self.rtol.iter().copied().fold(f64::INFINITY, f64::min)
     }
-    fn atol(&self, i: usize) -> f64 {
-        self.atol[i]
+    fn scale(&self, i: usize, x: f64) -> f64 {
+        self.atol[i] + self.rtol[i] * x
     }
 }
 

@@ -5,6 +5,7 @@
 
 pub mod adaptive;
 mod chatter;
+mod columns;
 mod dop853;
 mod dop853_tableau;
 mod dopri5;
@@ -24,6 +25,7 @@ mod semi_implicit;
 pub mod solve;
 
 pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
+pub use columns::column_groups;
 pub use dop853::Dop853;
 pub use dopri5::Dopri5;
 pub use euler::Euler;

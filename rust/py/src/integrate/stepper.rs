@@ -1,8 +1,11 @@
 //! One method on one callable, a step at a time: what `scipy_method` builds its `OdeSolver` on.
 
 use super::field::Field;
-use super::{Method, Settings, filled, initial_state, jacobian};
-use crate::arrays::{number, require_finite};
+use super::filled;
+use super::jacobian::Jacobian;
+use super::settings::{Method, Settings};
+use super::slope::{Slope, States};
+use crate::arrays::{any_vector, flag, number, require_finite};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::integrate::solve::node;
 use armlet_macros::entered;
@@ -20,7 +23,7 @@ pub struct Stepper {
 #[pymethods]
 impl Stepper {
     #[new]
-    #[pyo3(signature = (f, t0, y0, t_bound, method, rtol, atol, max_step, first_step, jac))]
+    #[pyo3(signature = (f, t0, y0, t_bound, method, rtol, atol, max_step, first_step, jac, jac_sparsity, vectorized))]
     fn new<'py>(
         f: &Bound<'py, PyAny>,
         t0: &Bound<'py, PyAny>,
@@ -32,23 +35,30 @@ impl Stepper {
         max_step: Option<&Bound<'py, PyAny>>,
         first_step: Option<&Bound<'py, PyAny>>,
         jac: Option<&Bound<'py, PyAny>>,
+        jac_sparsity: Option<&Bound<'py, PyAny>>,
+        vectorized: &Bound<'py, PyAny>,
     ) -> PyResult<Self> {
         const NAME: &str = "scipy_method";
         let py = f.py();
         entry(py, NAME, || {
             let span = [number(NAME, "t0", t0)?, number(NAME, "t_bound", t_bound)?];
-            require_finite(py, NAME, "t_bound", &[2], &span)?;
-            let y0 = initial_state(NAME, "y0", y0)?;
+            require_finite(py, NAME, "t0", &[], &span[..1])?;
+            if span[1].is_nan() {
+                return Err(input_error(py, NAME, "t_bound", "is not a time: expected a number or infinity, got nan").into());
+            }
+            let states = if flag(NAME, "vectorized", vectorized)? { States::Columns } else { States::Array };
+            let y0 = any_vector(NAME, "y0", y0)?;
             let n = y0.len();
-            let settings = Settings::new(NAME, n, method, rtol, atol, None, max_step, first_step)?;
-            settings.require_room(py, NAME, 0.0, n)?;
             let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
-            let jacobian = jacobian(NAME, jac, n, settings.central())?;
-            let mut field = Field::new(NAME, f.clone().unbind(), None, false, jacobian, direction, 0, n);
+            let (start, end) = (direction * span[0], direction * span[1]);
+            let settings = Settings::new(NAME, n, method, rtol, atol, None, max_step, first_step, end - start)?;
+            settings.require_room(py, NAME, 0.0, n, states)?;
+            let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, &settings)?;
+            let slope = Slope::new(NAME, f.clone().unbind(), None, states, direction);
+            let mut field = Field::new(slope, jacobian, (start, end), 0, n);
             let mut method = settings.method(NAME, py, &field, y0, 0)?;
-            let end = direction * span[1];
-            let begun = method.begin(&mut field, direction * span[0], end, end);
-            if let Some(error) = field.error.take() {
+            let begun = method.begin(&mut field, start, end, end);
+            if let Some(error) = field.slope.error.take() {
                 return Err(Failure::Python(error));
             }
             if begun.is_err() {
@@ -63,7 +73,7 @@ impl Stepper {
     fn step(&mut self, py: Python<'_>) -> PyResult<i32> {
         entry(py, "scipy_method", || {
             let result = self.method.step(&mut self.field);
-            if let Some(error) = self.field.error.take() {
+            if let Some(error) = self.field.slope.error.take() {
                 return Err(Failure::Python(error));
             }
             Ok(result.err().map_or(0, |status| status.code()))
@@ -92,20 +102,21 @@ impl Stepper {
                 self.method.interpolate(&mut self.field, s, &mut at);
                 values.extend_from_slice(&at);
             }
-            if let Some(error) = self.field.error.take() {
+            if let Some(error) = self.field.slope.error.take() {
                 return Err(Failure::Python(error));
             }
             filled(py, &[degree + 1, n], &values)
         })
     }
 
+    /// Evaluations of `f` without those for differences, as scipy counts them.
     #[getter]
     fn evaluations(&self) -> u64 {
-        self.field.evaluations
+        self.field.slope.evaluations - self.field.differenced
     }
     #[getter]
     fn jacobians(&self) -> u64 {
-        self.method.work().jacobians
+        self.field.jacobians
     }
     #[getter]
     fn factorisations(&self) -> u64 {

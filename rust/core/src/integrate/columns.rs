@@ -1,0 +1,47 @@
+//! Columns of a sparse Jacobian that one difference of `f` finds together: no two columns of a group share a row
+//! (Curtis, Powell and Reid 1974). Each column in turn joins the first group in which its rows are free.
+
+/// The groups of the columns of an `(n, n)` row-major pattern. Columns without a row belong to none.
+pub fn column_groups(pattern: &[bool], n: usize) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let mut taken: Vec<Vec<bool>> = Vec::new();
+    for column in 0..n {
+        let rows: Vec<usize> = (0..n).filter(|&row| pattern[row * n + column]).collect();
+        if rows.is_empty() {
+            continue;
+        }
+        let free = taken.iter().position(|taken| rows.iter().all(|&row| !taken[row]));
+        let group = free.unwrap_or_else(|| {
+            groups.push(Vec::new());
+            taken.push(vec![false; n]);
+            groups.len() - 1
+        });
+        groups[group].push(column);
+        for row in rows {
+            taken[group][row] = true;
+        }
+    }
+    groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_of_a_band_fall_into_three_groups() {
+        let n = 8_usize;
+        let band: Vec<bool> = (0..n * n).map(|k| (k / n).abs_diff(k % n) <= 1).collect();
+        assert_eq!(column_groups(&band, n), [vec![0, 3, 6], vec![1, 4, 7], vec![2, 5]]);
+    }
+
+    #[test]
+    fn a_full_row_parts_all_columns_and_an_empty_column_is_left_out() {
+        let n = 3_usize;
+        let mut pattern = vec![true, true, false, false, true, false, false, false, false];
+        assert_eq!(column_groups(&pattern, n), [vec![0], vec![1]]);
+        pattern.fill(false);
+        assert!(column_groups(&pattern, n).is_empty());
+        assert!(column_groups(&[], 0).is_empty());
+    }
+}

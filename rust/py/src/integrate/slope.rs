@@ -1,0 +1,157 @@
+//! The right-hand side: calls of `f(t, y, *args)`, which may take one state or a column for each of several.
+//!
+//! The first exception is kept and the slope is NaN from then on, so that the method ends at once without calling Python again.
+
+use crate::arrays::{Axis, Form, Lent, SCALAR, numbers, of_shape};
+use crate::errors::{Failure, to_python};
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyFloat, PyList, PyTuple};
+
+/// How a state is handed to Python.
+#[derive(Clone, Copy, PartialEq)]
+pub enum States {
+    /// `(n,)`
+    Array,
+    /// A list of floats.
+    List,
+    /// `f` takes `(n, k)`, a state in each column; its Jacobian and events take `(n,)`.
+    Columns,
+}
+
+pub struct Slope {
+    /// Name of the entry point, for messages.
+    pub function: &'static str,
+    f: Py<PyAny>,
+    /// Further arguments of `f`.
+    pub arguments: Option<Py<PyTuple>>,
+    pub states: States,
+    lent: Lent,
+    /// -1 where the span decreases: the method runs on `s = -t`, `dy/ds = -f(-s, y)`.
+    pub direction: f64,
+    pub error: Option<PyErr>,
+    /// States at which `f` was evaluated.
+    pub evaluations: u64,
+}
+
+impl Slope {
+    pub fn new(function: &'static str, f: Py<PyAny>, arguments: Option<Py<PyTuple>>, states: States, direction: f64) -> Self {
+        Slope { function, f, arguments, states, lent: Lent::default(), direction, error: None, evaluations: 0 }
+    }
+
+    /// The slopes at time `s` and the `columns` states of `y`, `(n, columns)` row-major, on the time that runs forward.
+    pub fn at(&mut self, s: f64, y: &[f64], columns: usize, out: &mut [f64]) {
+        if self.error.is_some() {
+            out.fill(f64::NAN);
+            return;
+        }
+        self.evaluations += columns as u64;
+        let t = self.direction * s;
+        let result = Python::attach(|py| {
+            let shape = [y.len() / columns.max(1), columns];
+            let y = match self.states {
+                States::Array => self.lent.array(py, y),
+                States::List => list(py, y)?,
+                States::Columns => PyArray1::from_slice(py, y).reshape(shape)?.into_any(),
+            };
+            let value = with_state(py, self.f.bind(py), self.arguments.as_ref(), t, y)?;
+            read(py, self.function, &value, self.states, shape, out)
+        });
+        if let Err(error) = result {
+            self.error = Some(error);
+            out.fill(f64::NAN);
+        } else if self.direction < 0.0 {
+            for x in out {
+                *x = -*x;
+            }
+        }
+    }
+
+    /// `callable(t, y, *arguments)` of one state, as Jacobians and events take it.
+    pub fn beside<'py>(&self, py: Python<'py>, callable: &Bound<'py, PyAny>, s: f64, y: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+        with(py, callable, self.arguments.as_ref(), self.states, self.direction * s, y)
+    }
+}
+
+/// What `f` returned, into `out`.
+fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States, shape: [usize; 2], out: &mut [f64]) -> PyResult<()> {
+    let single = shape[1] == 1;
+    let found = if states == States::Columns { of_shape(value, &shape) } else { None };
+    if let Some(slice) = found.or_else(|| if single { of_shape(value, &shape[..1]) } else { None }) {
+        out.copy_from_slice(slice);
+        return Ok(());
+    }
+    if single
+        && let Ok(list) = value.cast_exact::<PyList>()
+        && list.len() == out.len()
+        && list.iter().zip(out.iter_mut()).all(|(item, out)| item.cast::<PyFloat>().map(|x| *out = x.value()).is_ok())
+    {
+        return Ok(());
+    }
+    if single
+        && let Ok(tuple) = value.cast_exact::<PyTuple>()
+        && tuple.len() == out.len()
+        && tuple.iter_borrowed().zip(out.iter_mut()).all(|(item, out)| item.cast::<PyFloat>().map(|x| *out = x.value()).is_ok())
+    {
+        return Ok(());
+    }
+    slow(py, function, value, states, shape, out)
+}
+
+/// `callable(t, y, *arguments)` with a state of its own.
+pub fn with<'py>(
+    py: Python<'py>,
+    callable: &Bound<'py, PyAny>,
+    arguments: Option<&Py<PyTuple>>,
+    states: States,
+    t: f64,
+    y: &[f64],
+) -> PyResult<Bound<'py, PyAny>> {
+    let y = if states == States::List { list(py, y)? } else { PyArray1::from_slice(py, y).into_any() };
+    with_state(py, callable, arguments, t, y)
+}
+
+/// A fresh list each time: the callable may keep it.
+fn list<'py>(py: Python<'py>, y: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+    Ok(PyList::new(py, y)?.into_any())
+}
+
+fn with_state<'py>(
+    py: Python<'py>,
+    f: &Bound<'py, PyAny>,
+    arguments: Option<&Py<PyTuple>>,
+    t: f64,
+    y: Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    match arguments {
+        None => f.call1((t, y)),
+        Some(more) => {
+            let first = (t, y).into_pyobject(py)?;
+            let all = first.as_any().add(more.bind(py))?;
+            f.call1(all.cast_into::<PyTuple>()?)
+        }
+    }
+}
+
+/// Anything that numpy takes for the numbers.
+fn slow(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States, expected: [usize; 2], out: &mut [f64]) -> PyResult<()> {
+    const WHAT: &str = "f(t, y)";
+    let (one, columns) = (Form(&[Axis::Is(expected[0])]), Form(&[Axis::Is(expected[0]), Axis::Is(expected[1])]));
+    let single = expected[1] == 1;
+    let forms: &[Form<'_>] = match states {
+        States::Columns if single => &[columns, one],
+        States::Columns => &[columns],
+        _ if expected[0] == 1 => &[one, SCALAR],
+        _ => &[one],
+    };
+    let (_, values) = numbers(function, WHAT, value, forms).map_err(|failure| python(py, function, failure))?;
+    out.copy_from_slice(&values);
+    Ok(())
+}
+
+pub fn python(py: Python<'_>, function: &str, failure: Failure) -> PyErr {
+    match failure {
+        Failure::Core(error) => to_python(py, function, error),
+        Failure::Python(error) => error,
+    }
+}
