@@ -23,7 +23,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-latency test-peers test-sweep-kill test-stacks test-paths test-browser test-mutants fuzz check bench docs audit wheels lock clean tools
+.PHONY: help demo test test-latency test-peers test-sweep-kill test-stacks test-paths test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
@@ -82,6 +82,10 @@ SEED ?= 1
 fuzz: $(BUILD)/installed $(BUILD)/requirements ## random calls of the whole public API in child processes (SECONDS=, SEED=): none may panic, hang or end them
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && $(VENV)/bin/python $(ROOT)/tools/fuzz --seconds "$(SECONDS)" --seed "$(SEED)"
+
+test-scipy: $(BUILD)/installed $(BUILD)/requirements ## scipy's own tests of solve_ivp on armlet's methods: the count, and each exception
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && $(PY) $(ROOT)/tools/scipy_suite.py
 
 check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types alone
 	@$(MAKE) --no-print-directory lint LINT=required
