@@ -264,7 +264,7 @@ class TestAsAClass:
     def test_complex_states_are_refused_by_name(self, method: str) -> None:
         with pytest.raises(ValueError, match="`y0` is complex"):
             solve_ivp(linear, (0.0, 1.0), [1.0j, 0.0], method=al.scipy_method(method))
-        with pytest.raises(al.InputError, match="y0 is not an array of real numbers: expected float64, got .*complex"):
+        with pytest.raises(al.InputError, match=r"y0 is not an array of real numbers: expected float64, got .*complex"):
             al.integrate(linear, (0.0, 1.0), [1.0j, 0.0], method=method)
 
     def test_polynomials_go_on_beyond_their_steps(self, method: str) -> None:
@@ -301,3 +301,12 @@ def test_names_that_are_no_names() -> None:
     for name in ([], {}, None, 3):
         with pytest.raises(al.InputError, match="name is unknown"):
             al.scipy_method(name)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "euler", "rk4"])
+def test_explicit_methods_take_systems_whose_jacobian_fits_into_no_memory(method: str) -> None:
+    options: dict[str, Any] = {"method": method, "max_step": 1e-3} if method in ADAPTIVE else {"method": method, "dt": 1e-3}
+    run = al.integrate(lambda t, y: -y, (0.0, 1e-3), np.ones(10**6), **options)
+    assert run.success and run.y.shape == (2, 10**6)
+    if method in ADAPTIVE:
+        assert al.scipy_method(method)(lambda t, y: -y, 0.0, np.ones(10**6), 1e-3).step() is None
