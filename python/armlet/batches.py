@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .balances import warn_of_balances
 from .errors import InputError
 from .run import SERIES, BatchRun
 from .run_metrics import metrics
@@ -53,6 +54,7 @@ def in_pieces(
     keywords: dict[str, Any],
     progress: Callable[[int, int], object] | None,
     out: Mapping[str, NDArray[Any]] | None,
+    undisturbed: bool,
 ) -> BatchRun:
     """The batch of `simulate_batch`, some runs at a time; with keep="metrics" each piece is summed up before the next one starts."""
     start = np.asarray(q0)
@@ -84,6 +86,7 @@ def in_pieces(
         fields = _core.simulate_batch(plants, laws, start[first:last] if rows else q0, own)
         fields["stats"] = {"ended": fields.pop("ended")}
         piece = BatchRun(fields, law=laws, plant=plants)
+        warn_of_balances("simulate_batch", piece.monitors, piece.status == Status.SUCCESS, undisturbed)
         pieces.append(_summed(piece) if summed else piece)
         if out is not None:
             _write(out, pieces[-1], first, last)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,11 @@ def _run(args: argparse.Namespace) -> int:
 
     scenario = Scenario.load(args.scenario)
     _prepare(args)
-    run = scenario.run()
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        run = scenario.run()
+    for warning in warned:
+        print(one_line(f"armlet: warning: {warning.message}"), file=sys.stderr)
     print(one_line(scenario.data.get("title", args.scenario.stem)))
     print(run)
     metrics = run.metrics()

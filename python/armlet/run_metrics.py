@@ -17,9 +17,12 @@ position_error_final
 tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|; of an arm under velocity control rad/s or m/s
 time_outside_limits    s               how long any joint is beyond its position, velocity or effort limits; NaN if unknown
 monitor_violations     1               records at which an identity of theory does not hold: see `metrics`
+energy_error           1               largest |energy_balance| as a fraction of the largest energy stored or exchanged; NaN without it
+completed              1               1 for a run that reached its end or an event that stops it, else 0
 =====================  ==============  ====================================================================================
 
-The settling time and the last two are one number per run. A law without a reference in joint space (`Run.desired() is None`, and none
+The settling time and the last four are one number per run. A run that did not reach its end has the last of them alone: what its first
+part was like says nothing of the loop. A law without a reference in joint space (`Run.desired() is None`, and none
 given) has no error: its error, overshoot and settling time are NaN.
 """
 
@@ -33,8 +36,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .arguments import instance, number
+from .balances import energy_error
 from .border import border, bordered
 from .errors import InputError
+from .status import Status
 
 if TYPE_CHECKING:
     from .run import BatchRun, Run
@@ -45,7 +50,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "tau_peak")
 PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
-PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations")
+PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations", "energy_error", "completed")
 ALL = (*PER_JOINT, *PER_TASK, *PER_RUN)
 
 
@@ -67,7 +72,7 @@ class Metrics(dict[str, Array]):
         """The unit of a metric, that of joint number `joint` where joints differ."""
         if name in ("settling_time", "time_outside_limits"):
             return "s"
-        if name in ("overshoot", "monitor_violations"):
+        if name in ("overshoot", "monitor_violations", "energy_error", "completed"):
             return "1"
         if name in PER_TASK:
             return "m"
@@ -152,7 +157,8 @@ def metrics(
     if reference is not None:
         shapes = dict.fromkeys([(n,), q.shape[-2:], q.shape])
         q_d, v_d = _core.numbers("metrics", "reference", reference, *shapes), None
-    bad = np.asarray(~np.isfinite(q).all(axis=(-2, -1)))
+    completed = np.isin(np.asarray(run.status), (Status.SUCCESS, Status.EVENT))
+    bad = np.asarray(~np.isfinite(q).all(axis=(-2, -1)) | ~completed)
     found: dict[str, Array] = {}
     per_joint, per_run = (*q.shape[:-2], n), q.shape[:-2]
     weights = _weights(t)
@@ -177,9 +183,12 @@ def metrics(
             found["tau_peak"] = np.abs(run.tau).max(axis=-2)
         found["time_outside_limits"] = _outside(run, t)
         found["monitor_violations"] = _violations(run.monitors, tolerance, per_run)
+        missing = energy_error(run.monitors)
+        found["energy_error"] = np.full(per_run, np.nan) if missing is None else missing
     for name, values in found.items():
-        # A run that has stopped being finite has no metrics, whatever its first part was like.
+        # A run that did not reach its end has no metrics, whatever its first part was like.
         found[name] = np.where(bad[..., None] if values.ndim > np.ndim(bad) else bad, np.nan, values)
+    found["completed"] = completed.astype(np.float64)
     return Metrics({name: found[name] for name in ALL if name in found}, run.units, run.input_units)
 
 

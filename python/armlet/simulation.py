@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .arguments import instance
+from .balances import warn_of_balances
 from .batches import forces_of_runs, in_pieces
 from .border import border
 from .errors import SolveError
@@ -36,8 +37,8 @@ def simulate(
     theta0: ArrayLike | None = None,
     theta_dot0: ArrayLike | None = None,
     method: str = "rk4",
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
+    rtol: float | None = None,
+    atol: float | None = None,
     sample_time: float | Sampling | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
@@ -45,6 +46,7 @@ def simulate(
     force_frame: str | None = None,
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
+    state_limit: float = 1e6,
     events: Event | Callable[..., float] | Sequence[Event | Callable[..., float]] | None = None,
     dense: bool = False,
     throw: bool = True,
@@ -57,13 +59,15 @@ def simulate(
             `law(t, q, v, theta, theta_dot)` for an ElasticArm), which is Python inside the loop, asked once per sample: slow.
         q0: initial position, (n,), rad or m.
         t_end: length of the run, s.
-        dt: step of a fixed-step method, s; a last shorter step ends a run that is not a multiple of it.
+        dt: step of a fixed-step method, s; a last shorter step ends a run that is not a multiple of it. None for an adaptive method; with
+            a fixed-step method and a `sample_time` None is that time.
         v0: initial velocity, (n,); zero if None.
         theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,); None: the springs carry gravity, the motors
             move with the links.
         method: "euler", "semi_implicit", "rk4", "ros2" (fixed steps, need `dt`; ros2 is implicit and L-stable) or "dopri5", "dop853",
             "radau5", "rodas4" (adaptive, `rtol` and `atol`; the last two are implicit, for stiff plants).
-        rtol, atol: relative and absolute error allowed per step of an adaptive method.
+        rtol, atol: relative and absolute error allowed per step of an adaptive method; None: 1e-8 and 1e-10, and always None for a
+            fixed-step method.
         sample_time: None evaluates the law inside every stage; a period in s holds its output that long, as a real controller does; a
             `Sampling` adds delay, jitter, noise, quantisation, joint-torque sensors and a rate limit.
         record_every: record the start and every so many steps, and the end.
@@ -72,7 +76,9 @@ def simulate(
             frame, N or N m. A callable is Python inside the loop, and slow.
         force_frame: the frame at which the force acts instead; then it is (3,), or (6,) as [f; m], in world axes.
         tau_max: the input saturates at this magnitude, scalar or (n,), N m or N.
-        monitors: integrate and record the identities that theory promises: see `Run.monitors`.
+        monitors: integrate and record the identities that theory promises: see `Run.monitors`. A monitor that is not finite ends the run.
+        state_limit: a position or velocity of the plant (links and motors) beyond this ends the run with `Status.DIVERGED`, rad or m and
+            per second; `math.inf` for no limit.
         events: zero crossings to be located in a run of an adaptive method: `Event`s, or functions `g(t, q, v)`, which are Python inside
             the loop; `Run.events` has them. One that stops the run ends it with `Status.EVENT`.
         dense: keep the polynomial of every step of an adaptive method: `run.sample(t)` is the state at any time.
@@ -84,6 +90,10 @@ def simulate(
     Raises:
         InputError: an argument is not what it should be.
         SolveError: the run did not reach its end; `.status`, `.t` and `.partial` say how, when and what there is.
+
+    Warns:
+        UserWarning: the energy balance misses more than a tenth of the energy turned over, or the Lyapunov function of a law that acts at
+            every instant rises tenfold: the steps are too coarse for the loop. `metrics(run)["energy_error"]` is that fraction.
 
     >>> import armlet as al
     >>> arm = al.planar_pr(2.0, 0.5, 0.5)
@@ -107,6 +117,8 @@ def simulate(
         advice = advice_on_run(run.status, method, rtol, atol, run.stats)
         message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}"
         raise SolveError(message, run.status, ended, run)
+    undisturbed = sample_time is None and tau_max is None and force is None
+    warn_of_balances("simulate", run.monitors, np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
     return run
 
 
@@ -122,8 +134,8 @@ def simulate_batch(
     theta0: ArrayLike | None = None,
     theta_dot0: ArrayLike | None = None,
     method: str = "rk4",
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
+    rtol: float | None = None,
+    atol: float | None = None,
     sample_time: float | Sampling | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
@@ -131,6 +143,7 @@ def simulate_batch(
     force_frame: str | None = None,
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
+    state_limit: float = 1e6,
     threads: int | None = None,
     keep: Literal["all", "final", "metrics"] = "all",
     progress: Callable[[int, int], object] | None = None,
@@ -138,8 +151,9 @@ def simulate_batch(
 ) -> BatchRun:
     """Run B closed loops side by side, in lanes and threads; the fields are those of a run with a leading axis B.
 
-    A run that fails does not raise: `status` has one entry per run, its rows are NaN from the fault on, and the other runs keep their
-    bits. The same inputs give the same bits for every number of threads.
+    A run that fails or passes `state_limit` does not raise: `status` has one entry per run, its rows are NaN from the fault on, and the
+    other runs keep their bits. One warning names how many runs have balances that do not close. The same inputs give the same bits for
+    every number of threads.
 
     Args:
         plant, law: one for all runs, or a list with one per run.
@@ -172,8 +186,11 @@ def simulate_batch(
     laws = list(law) if isinstance(law, Sequence) else law
     if force is not None:
         keywords["force"] = forces_of_runs(force, len(q0) if isinstance(q0, Sized) else 0)
+    undisturbed = sample_time is None and tau_max is None and force is None
     if keep == "metrics" or progress is not None or out is not None:
-        return in_pieces(plants, laws, q0, keywords, progress, out)
+        return in_pieces(plants, laws, q0, keywords, progress, out, undisturbed)
     fields = _core.simulate_batch(plants, laws, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended")}
-    return BatchRun(fields, law=laws, plant=plants)
+    batch = BatchRun(fields, law=laws, plant=plants)
+    warn_of_balances("simulate_batch", batch.monitors, batch.status == Status.SUCCESS, undisturbed)
+    return batch

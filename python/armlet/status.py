@@ -34,7 +34,7 @@ class Status(IntEnum):
 # The texts of rust/core/src/status.rs; a test compares the two.
 _ADVICE = {
     Status.SUCCESS: "the run reached its end",
-    Status.DIVERGED: "the state stopped being finite: reduce dt or the gains, or use an adaptive method",
+    Status.DIVERGED: "the state stopped being finite or passed state_limit: reduce dt or the gains, or use an adaptive method",
     Status.STEP_UNDERFLOW: (
         "the step fell below the resolution of time: the problem is singular here, or its input switches; try looser tolerances, or "
         "where the input switches a fixed step or a sample time"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .balances import quiet
 from .cells import Cells, columns
 from .errors import ArmletError, InputError
 from .run import BatchRun
@@ -157,7 +158,8 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None) -> B
     if isinstance(given.get("sample_time"), Sampling):
         given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
     plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
-    return simulate_batch(plants, laws, **given, threads=threads)
+    with quiet():  # the table has a column of it
+        return simulate_batch(plants, laws, **given, threads=threads)
 
 
 def joined(parts: Sequence[Columns]) -> Columns:

@@ -91,6 +91,7 @@ def test_a_run_that_stopped_being_finite() -> None:
     q = made().q.copy()
     q[5000:] = np.nan
     found = made(q=q, status=1).metrics()
+    assert found.pop("completed") == 0.0
     assert all(np.isnan(values).all() for values in found.values())
 
 

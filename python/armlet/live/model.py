@@ -175,15 +175,15 @@ class Lab:
             sim = self._sim
             if sim is None:
                 return 0
-            for _ in range(steps):
-                sim.step()
-            state = State.of(sim, self._since)
-            if not state.finite():
-                self.status = al.Status.DIVERGED
+            try:
+                for _ in range(steps):
+                    sim.step()
+            except al.SolveError as error:
+                self.status = error.status or al.Status.DIVERGED
                 why = "the loop is unstable, or these constants are too fast for a step of 1 ms"
                 self.message = f"diverged after t = {self._state.t:.2f} s: {why}; turn them back and reset"
                 return steps
-            self._state = state
+            state = self._state = State.of(sim, self._since)
             points = self.system.sample(sim, state, self.values, self.targets)
             self.curves.append([state.t, *(value for panel in points for value in panel)])
             while self.curves[0][0] < state.t - WINDOW:

@@ -241,6 +241,7 @@ RUN = Table(
         "force_frame": TEXT,
         "tau_max": Numbers(depth=1, low=0.0, strict=True),
         "monitors": Flag(),
+        "state_limit": POSITIVE,
     },
     ("q0", "t_end"),
 )

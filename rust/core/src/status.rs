@@ -6,7 +6,7 @@
 pub enum Status {
     #[default]
     Success = 0,
-    /// The state or its derivative stopped being finite.
+    /// The state, its derivative or a monitor stopped being finite, or the state passed the limit that the caller set.
     Diverged = 1,
     /// The adaptive step fell below what the time variable can resolve.
     StepUnderflow = 2,
@@ -60,7 +60,7 @@ impl Status {
     pub fn advice(self) -> &'static str {
         match self {
             Status::Success => "the run reached its end",
-            Status::Diverged => "the state stopped being finite: reduce dt or the gains, or use an adaptive method",
+            Status::Diverged => "the state stopped being finite or passed state_limit: reduce dt or the gains, or use an adaptive method",
             Status::StepUnderflow => {
                 "the step fell below the resolution of time: the problem is singular here, or its input switches; try looser tolerances, or \
                  where the input switches a fixed step or a sample time"

@@ -1,6 +1,7 @@
 //! Core errors to Python classes, and panics to `InternalError`: no panic crosses the boundary.
 
 use armlet_core::error::Error;
+use armlet_core::status::Status;
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -41,6 +42,11 @@ pub fn input_error(py: Python<'_>, function: &str, argument: &str, problem: impl
 /// A `FormatError`: stored data is not what it claims to be.
 pub fn format_error(py: Python<'_>, message: &str) -> PyErr {
     raise(py, "FormatError", (message,))
+}
+
+/// A `SolveError` with what was reached.
+pub fn solve_error(py: Python<'_>, message: String, status: Status, t: f64, partial: Py<PyAny>) -> PyErr {
+    raise(py, "SolveError", (message, status.code(), t, partial))
 }
 
 /// Run the body of an entry point: a panic becomes an `InternalError`. `#[entered]` puts every entry point here.

@@ -37,6 +37,11 @@ fn rows_of(value: &Bound<'_, PyAny>, law: Option<&[usize]>) -> Vec<usize> {
     }
 }
 
+/// A constant force, as [`force`] reads one.
+pub fn constant_force(function: &str, value: &Bound<'_, PyAny>, rows: Option<&[usize]>) -> Result<Wrench, Failure> {
+    wrench(function, value, &rows_of(value, rows))
+}
+
 /// A force whose entries are the law's `rows`; `None`: (3,) or (6,) in world axes.
 pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[usize]>, raised: &Raised) -> Result<Force, Failure> {
     if value.is_callable() {
@@ -55,7 +60,7 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
     let is_steps = (value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>())
         && value.get_item(0).is_ok_and(|first| first.is_instance_of::<PyTuple>() || first.is_instance_of::<PyList>());
     if !is_steps {
-        return Ok(Force::steps(vec![0.0], vec![wrench(function, value, &rows_of(value, rows))?])?);
+        return Ok(Force::steps(vec![0.0], vec![constant_force(function, value, rows)?])?);
     }
     let (mut starts, mut values) = (Vec::new(), Vec::new());
     for (i, step) in items(function, "force", "made of pairs: expected [(t_start, F), ...]", value, MOST_STEPS)?.iter().enumerate() {

@@ -20,6 +20,9 @@ use std::sync::Arc;
 /// The most rows of a batch that a list gives one by one.
 pub const MOST_ROWS: usize = 1 << 28;
 const A_LAW: &str = "a law such as Adaptive";
+/// The error allowed per step of an adaptive method where the caller says nothing.
+const RTOL: f64 = 1e-8;
+const ATOL: f64 = 1e-10;
 
 /// How to run it, as Python gives it: keyword by keyword.
 pub struct Keywords<'py> {
@@ -91,17 +94,33 @@ impl<'py> Keywords<'py> {
             Some(t_eval) => Times::At(any_vector(function, "t_eval", &t_eval)?),
             None => Times::Every(every),
         };
+        let method = Method::from_name(&text(function, "method", &self.required("method")?)?)?;
+        self.require_unused(method)?;
         Ok(Options {
-            method: Method::from_name(&text(function, "method", &self.required("method")?)?)?,
+            method,
             t_end: self.number("t_end")?,
             dt: self.optional_number("dt")?,
-            rtol: self.number("rtol")?,
-            atol: self.number("atol")?,
+            rtol: self.optional_number("rtol")?.unwrap_or(RTOL),
+            atol: self.optional_number("atol")?.unwrap_or(ATOL),
             sampling: self.sampling(n)?,
             times,
             tau_max: self.per_joint("tau_max", n)?,
             monitors: flag(self.function, "monitors", &self.required("monitors")?)?,
+            state_limit: self.optional_number("state_limit")?.unwrap_or(core::DEFAULT_STATE_LIMIT),
         })
+    }
+
+    /// Refuse what the caller gave and the method would not look at.
+    fn require_unused(&self, method: Method) -> Result<(), Failure> {
+        let (unused, steps): (&[&str], _) =
+            if method.is_adaptive() { (&["dt"], "chooses its steps itself") } else { (&["rtol", "atol"], "takes fixed steps") };
+        for name in unused {
+            if let Some(value) = self.get(name)? {
+                let problem = format!("is not used: expected None for {}, which {steps}, got {}", method.name(), value.repr()?);
+                return Err(input_error(value.py(), self.function, name, problem).into());
+            }
+        }
+        Ok(())
     }
 
     /// Initial states of the plants, `(rows, states)`: `q0, v0, theta0, theta_dot0` are `(n,)` for one run, `(B, n)` for a batch.

@@ -131,6 +131,13 @@ pub fn simulate<'py>(
         if run.coarsen > 0.0 {
             stats.set_item("coarsen", run.coarsen)?;
         }
+        let o = &problem.options;
+        if o.method.is_adaptive() {
+            stats.set_item("rtol", o.rtol)?;
+            stats.set_item("atol", o.atol)?;
+        } else {
+            stats.set_item("dt", o.grid())?;
+        }
         fields.set_item("stats", stats)?;
         if let Some(asked) = asked {
             event::answer(&fields, plant, p, asked)?;

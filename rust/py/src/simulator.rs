@@ -1,15 +1,16 @@
 //! `armlet.Simulator`: a loop stepped by hand, its state in arrays that stay the same objects.
 
-use crate::arrays::{new_array, object, of_shape, overwrite, vector};
-use crate::errors::{Failure, entry, input_error};
-use crate::force::Raised;
-use crate::force::raise;
+use crate::arrays::{new_array, object, of_shape, overwrite, require_finite, vector};
+use crate::errors::{Failure, entry, input_error, solve_error};
+use crate::force::{Raised, constant_force, raise};
 use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
+use crate::priority::status_member;
 use crate::seal::{Sealed, seal_call};
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
-use armlet_core::simulate::{Problem, Stepping, stepper};
+use armlet_core::simulate::{Force, Problem, Stepping, Wrench, stepper};
+use armlet_core::status::Status;
 use armlet_macros::entered;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -27,11 +28,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 ///     law: what controls it; None where every step is given its input.
 ///     q0: initial position, `(n,)`, rad or m.
 ///     dt: the step, s (keyword only).
-///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max: as for `simulate`; the method takes fixed
-///         steps: "euler", "semi_implicit", "rk4" or "ros2" (keyword only).
+///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max, state_limit: as for `simulate`; the method takes
+///         fixed steps: "euler", "semi_implicit", "rk4" or "ros2" (keyword only). With `force_frame` alone `step(force=)` pushes there.
+///
+/// `status` is `Status.SUCCESS` until a step diverges: the state is then not finite, or beyond `state_limit`. Such a step raises and is
+/// not taken: the arrays keep the state before it, and every further step raises, too, until `set_state` or `reset`.
 ///
 /// Raises:
 ///     InputError: an argument is not what it should be.
+///     SolveError: of `step`, where it diverges; `.partial` is the `state` before it.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.pendulum(1.0, 5.0)
@@ -49,6 +54,8 @@ pub struct Simulator {
     start: Vec<f64>,
     raised: Raised,
     has_law: bool,
+    /// Where a push of a step can act, if anywhere: the rows of the law's coordinates, or all of a frame's.
+    pushed: Option<Option<Vec<usize>>>,
     /// What it was made of: plant, law, q0 and the keywords.
     made_of: Py<PyTuple>,
     /// The state and the input as the core gives them.
@@ -90,7 +97,8 @@ impl Simulator {
             };
             let made_of = (plant, law, q0, keywords.copy()?);
             let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
-            const KNOWN: [&str; 9] = ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max"];
+            const KNOWN: [&str; 10] =
+                ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max", "state_limit"];
             for key in keywords.keys() {
                 let key = key.to_string();
                 if !KNOWN.contains(&key.as_str()) {
@@ -98,9 +106,6 @@ impl Simulator {
                 }
             }
             for (name, value) in [("record_every", 1), ("t_end", 0)] {
-                keywords.set_item(name, value)?;
-            }
-            for (name, value) in [("rtol", 1e-8), ("atol", 1e-10)] {
                 keywords.set_item(name, value)?;
             }
             keywords.set_item("monitors", false)?;
@@ -123,6 +128,11 @@ impl Simulator {
             let (force, force_frame) = given.force(&plant, &law, &raised)?;
             let start: Vec<f64> = x0.iter().chain(law.initial_state()).copied().collect();
             let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: force.iter().collect(), force_frame, options };
+            // A frame where a later push may act: the law's own, or the one that is named.
+            let rows = if given.get("force_frame")?.is_some() { None } else { law.coordinates().map(|at| at.rows.clone()) };
+            let pushed = given.get("force_frame")?.is_some() || rows.is_some();
+            let none = Force::steps(vec![0.0], vec![[0.0; 6]])?;
+            let problem = if pushed && force.is_none() { Problem { forces: vec![&none], ..problem } } else { problem };
             let stepping = stepper(&problem)?;
             // Arrays of the caller's may change later.
             let own = py.import("copy")?.call_method1("deepcopy", ((made_of.2, made_of.3),))?;
@@ -135,6 +145,7 @@ impl Simulator {
                 dt,
                 raised,
                 has_law,
+                pushed: pushed.then_some(rows),
                 made_of,
                 x: vec![0.0; start.len()],
                 input: vec![0.0; n],
@@ -154,26 +165,60 @@ impl Simulator {
     }
 
     /// Advance by `dt`: under `tau` `(n,)`, held for the step, or under the law.
-    #[pyo3(signature = (tau=None))]
-    fn step(&mut self, py: Python<'_>, tau: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
-        entry(py, "Simulator.step", || {
-            match tau {
+    ///
+    /// Args:
+    ///     tau: the plant's input, `(n,)`, N m or N; None: the law's.
+    ///     force: external force during this step alone, in place of the one of the constructor: in the law's axes at its frame, or at
+    ///         `force_frame`, (3,), or (6,) as [f; m], in world axes, N, N m (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: an argument is not what it should be.
+    ///     SolveError: the step diverges; it is not taken.
+    #[pyo3(signature = (tau=None, *, force=None))]
+    fn step(&mut self, py: Python<'_>, tau: Option<&Bound<'_, PyAny>>, force: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        const NAME: &str = "Simulator.step";
+        entry(py, NAME, || {
+            let push = force.map(|force| self.wrench(force)).transpose()?;
+            let status = match tau {
                 Some(tau) => {
                     let n = self.given.len();
                     match of_shape(tau, &[n]) {
                         Some(values) => self.given.copy_from_slice(values),
-                        None => self.given.copy_from_slice(&vector("Simulator.step", "tau", tau, n)?),
+                        None => self.given.copy_from_slice(&vector(NAME, "tau", tau, n)?),
                     }
                     if let Some(i) = self.given.iter().position(|x| !x.is_finite()) {
                         let problem = format!("is not finite: expected finite numbers, got {} (first bad index {i})", self.given[i]);
-                        return Err(input_error(py, "Simulator.step", "tau", problem).into());
+                        return Err(input_error(py, NAME, "tau", problem).into());
                     }
-                    self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).step(Some(&self.given));
+                    self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).step(Some(&self.given), push.as_ref())
                 }
-                None if self.has_law => self.stepping().step(None),
-                None => return Err(input_error(py, "Simulator.step", "tau", "is missing: expected (n,), since there is no law").into()),
-            }
+                None if self.has_law => self.stepping().step(None, push.as_ref()),
+                None => return Err(input_error(py, NAME, "tau", "is missing: expected (n,), since there is no law").into()),
+            };
             raise(&self.raised)?;
+            self.show(py)?;
+            if status == Status::Success { Ok(()) } else { Err(self.ended(py, status)?) }
+        })
+    }
+
+    /// How it fares: `Status.SUCCESS`, or `Status.DIVERGED` since a step that was not taken.
+    #[getter]
+    fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        status_member(py, self.stepping.lock().unwrap_or_else(PoisonError::into_inner).status())
+    }
+
+    /// Go on from `q` and `v`, `(n,)`, at the present time; motors of elastic arms are put as `simulate` puts them at the start, and
+    /// the law's own state stays.
+    fn set_state(&mut self, py: Python<'_>, q: &Bound<'_, PyAny>, v: &Bound<'_, PyAny>) -> PyResult<()> {
+        const NAME: &str = "Simulator.set_state";
+        entry(py, NAME, || {
+            let n = self.plant.n();
+            let (q, v) = (finite_vector(NAME, "q", q, n)?, finite_vector(NAME, "v", v, n)?);
+            let v = if self.plant.kind() == PlantKind::Velocity { Vec::new() } else { v };
+            let state = self.plant.initial_state(&q, &v, None, None);
+            let mut x = self.x.clone();
+            x[..state.len()].copy_from_slice(&state);
+            self.stepping().put(&x);
             self.show(py)
         })
     }
@@ -186,7 +231,7 @@ impl Simulator {
             let mut start = self.start.clone();
             if q0.is_some() || v0.is_some() {
                 let read = |name, value: Option<&Bound<'_, PyAny>>, from: &[f64]| {
-                    value.map_or_else(|| Ok(from.to_vec()), |value| vector("Simulator.reset", name, value, n))
+                    value.map_or_else(|| Ok(from.to_vec()), |value| finite_vector("Simulator.reset", name, value, n))
                 };
                 let q = read("q0", q0, &self.start[..n])?;
                 let v = if self.plant.kind() == PlantKind::Velocity { Vec::new() } else { read("v0", v0, &self.start[n..2 * n])? };
@@ -277,6 +322,23 @@ pub fn _restore_simulator(
 }
 
 impl Simulator {
+    /// The force of one step.
+    fn wrench(&self, force: &Bound<'_, PyAny>) -> Result<Wrench, Failure> {
+        const NAME: &str = "Simulator.step";
+        let Some(rows) = &self.pushed else {
+            let problem = "has no frame to act at: expected a Simulator with a force_frame, or with a law that has a frame";
+            return Err(input_error(force.py(), NAME, "force", problem).into());
+        };
+        constant_force(NAME, force, rows.as_deref())
+    }
+
+    /// What a step that was not taken raises.
+    fn ended(&self, py: Python<'_>, status: Status) -> Result<Failure, Failure> {
+        let t = self.t()?;
+        let message = format!("Simulator.step: the step from t = {t} s on diverges: {}", status.advice());
+        Ok(solve_error(py, message, status, t, self.state(py)?.into_any().unbind()).into())
+    }
+
     fn stepping(&mut self) -> &mut dyn Stepping {
         self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).as_mut()
     }
@@ -298,6 +360,13 @@ impl Simulator {
         }
         Ok(())
     }
+}
+
+/// `(n,)` finite numbers.
+fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
+    let values = vector(function, name, value, n)?;
+    require_finite(value.py(), function, name, &[n], &values)?;
+    Ok(values)
 }
 
 /// No law: every step is given its input.

@@ -95,11 +95,6 @@ class State:
         parts = sim.state
         return State(since + parts.pop("t"), **{name: value for name, value in parts.items() if name != "tau"})
 
-    def finite(self, bound: float = 1e6) -> bool:
-        """Whether every part is a number below `bound`: past it nothing can be drawn, and NaN is a few steps away."""
-        parts = (self.q, self.v, self.theta, self.theta_dot, self.estimate)
-        return all(part is None or bool(np.all(np.abs(part) < bound)) for part in parts)
-
 
 @dataclass(frozen=True)
 class Force:

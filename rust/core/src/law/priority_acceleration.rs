@@ -148,6 +148,16 @@ pub struct PriorityAcceleration {
 }
 
 impl PriorityAcceleration {
+    /// The norms of the error and of the residual of each level as of the last evaluation, in turn: m or rad, m/s^2 or rad/s^2.
+    pub fn norms(&self, out: &mut [f64]) {
+        let mut at = 0;
+        for (pair, m) in out.chunks_exact_mut(2).zip(self.stack.rows()) {
+            let norm = |x: &[f64]| x[at..at + m].iter().map(|x| x * x).sum::<f64>().sqrt();
+            (pair[0], pair[1]) = (norm(&self.e), norm(self.solver.residuals()));
+            at += m;
+        }
+    }
+
     fn command(&mut self) -> Result<()> {
         let PriorityAcceleration {
             stack,

@@ -1,5 +1,6 @@
 //! A run of an adaptive method: segments between jumps and samples, records by dense output.
 
+use super::bound::Bound;
 use super::schedule::{Times, require_times};
 use super::stop::Stop;
 use super::watcher::{Cut, Unwatched, Watcher};
@@ -19,6 +20,8 @@ pub struct Segments {
     /// Jumps of the input strictly inside the run, increasing.
     pub breaks: Vec<f64>,
     pub clock: Clock,
+    /// What the state must keep to.
+    pub bound: Bound,
 }
 
 /// When a sampled law is asked.
@@ -33,14 +36,14 @@ pub enum Clock {
 }
 
 impl Segments {
-    pub fn new(t_end: f64, times: Times, breaks: &[f64], clock: Clock) -> Result<Self> {
+    pub fn new(t_end: f64, times: Times, breaks: &[f64], clock: Clock, bound: Bound) -> Result<Self> {
         match &times {
             Times::At(t_eval) => require_times(t_eval, t_end)?,
             Times::Every(0) => return Err(crate::error::Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
             Times::Every(_) => {}
         }
         let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
-        Ok(Segments { t_end, times, breaks, clock })
+        Ok(Segments { t_end, times, breaks, clock, bound })
     }
 
     /// The same run with more breaks.
@@ -127,6 +130,9 @@ where
     let mut switch_at: Option<f64> = None;
     // Whether this piece begins inside a segment.
     let mut inside = false;
+    if !segments.bound.holds(method.x().as_ref()) {
+        return outcome(Status::Diverged, t, method);
+    }
     if watch.active()
         && let Err(status) = watch.begin(system, t, method.x())
     {
@@ -200,6 +206,9 @@ where
                     Ok(Some(Cut::End(cut))) => (reached, ends) = (cut, true),
                     Ok(None) => {}
                 }
+            }
+            if !ends && !segments.bound.holds(method.x().as_ref()) {
+                return outcome(Status::Diverged, reached, method);
             }
             if watch.active() {
                 watch.keep(system, method, reached);

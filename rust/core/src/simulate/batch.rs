@@ -11,7 +11,7 @@ use super::planar_pr::Group;
 use super::problem::{Division, Ended, Fixed, Problem};
 use super::sink::Sink;
 use crate::dynamics::Planar2R;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, all_finite};
 use crate::interrupt::look;
 use crate::motion::{Motion, Table};
 use crate::parallel;
@@ -67,13 +67,22 @@ struct Rows<'a> {
     status: &'a mut [Status],
     ended: &'a mut [f64],
     values: Vec<f64>,
+    /// When a monitor of each run stopped being finite.
+    faults: Vec<f64>,
 }
 
 impl Sink for Rows<'_> {
     fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]) {
         // The spare lanes of a group that is not full have no rows.
-        if lane >= self.status.len() {
+        if lane >= self.status.len() || self.faults[lane].is_finite() {
             return;
+        }
+        if let Some(check) = self.checks.get_mut(lane) {
+            check.evaluate(t, x, &mut self.values);
+            if !all_finite(&self.values) {
+                self.faults[lane] = t;
+                return;
+            }
         }
         let at = lane * self.records + i;
         let parts = self.columns.split(x, tau);
@@ -88,11 +97,8 @@ impl Sink for Rows<'_> {
         for (to, from) in rows {
             to[from.len() * at..from.len() * (at + 1)].copy_from_slice(from);
         }
-        if let Some(check) = self.checks.get_mut(lane) {
-            check.evaluate(t, x, &mut self.values);
-            for (series, &value) in self.monitors.iter_mut().zip(&self.values) {
-                series[at] = value;
-            }
+        for (series, &value) in self.monitors.iter_mut().zip(&self.values) {
+            series[at] = value;
         }
     }
 }
@@ -264,6 +270,7 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
             values: vec![0.0; monitors.len()],
             monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
             checks: Vec::new(),
+            faults: vec![f64::INFINITY; status.len()],
             status,
             ended,
         })
@@ -286,14 +293,16 @@ impl Rows<'_> {
             Ended::Fixed(faults) if faults.interrupted => true,
             Ended::Fixed(faults) => {
                 for (lane, (status, ended)) in self.status.iter_mut().zip(self.ended.iter_mut()).enumerate() {
-                    let fault = faults.at[lane];
+                    let fault = faults.at[lane].min(self.faults[lane]);
                     *status = if fault.is_finite() { Status::Diverged } else { Status::Success };
                     *ended = fault.min(t_end);
                 }
                 false
             }
             Ended::Adaptive(outcome) => {
-                (self.status[0], self.ended[0]) = (outcome.status, outcome.t);
+                let fault = self.faults[0];
+                let ended = if fault <= outcome.t { (Status::Diverged, fault) } else { (outcome.status, outcome.t) };
+                (self.status[0], self.ended[0]) = ended;
                 outcome.status == Status::Interrupted
             }
         }

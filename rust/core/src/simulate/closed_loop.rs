@@ -3,7 +3,7 @@
 //! The quadratures are the two integrals that the identities need: what the law dissipates, and the power put into the
 //! stored energy. Where the law has a storage function of its own: what it takes of the power from outside, and its rate.
 
-use super::force::Force;
+use super::force::{Force, Wrench};
 use super::sampler::Sampler;
 use crate::integrate::{DualSystem, System};
 use crate::law::Law;
@@ -27,6 +27,8 @@ pub struct Exogenous<S> {
 pub struct World<'a> {
     motions: Vec<Vec<Cow<'a, Motion>>>,
     forces: Vec<Cow<'a, Force>>,
+    /// What acts in place of the forces.
+    pushed: Option<Wrench>,
     /// A sample per lane, of the widest motion.
     rows: Vec<f64>,
     lanes: usize,
@@ -50,7 +52,7 @@ impl<'a> World<'a> {
         let width = motions.iter().map(|motions| 3 * motions[0].dof()).sum();
         let widest = motions.iter().map(|motions| 3 * motions[0].dof()).max().unwrap_or(0);
         let forces = forces.into_iter().map(Cow::Borrowed).collect();
-        World { motions, forces, rows: vec![0.0; widest * lanes], lanes, width }
+        World { motions, forces, pushed: None, rows: vec![0.0; widest * lanes], lanes, width }
     }
 
     /// The same world with motions and forces of its own.
@@ -58,6 +60,7 @@ impl<'a> World<'a> {
         World {
             motions: self.motions.into_iter().map(|lanes| lanes.into_iter().map(|m| Cow::Owned(m.into_owned())).collect()).collect(),
             forces: self.forces.into_iter().map(|force| Cow::Owned(force.into_owned())).collect(),
+            pushed: self.pushed,
             rows: self.rows,
             lanes: self.lanes,
             width: self.width,
@@ -93,10 +96,11 @@ impl<'a> World<'a> {
             }
             at += width;
         }
-        match self.forces.as_slice() {
-            [] => {}
-            [force] => u.wrench = spread(&force.at(t)),
-            forces => {
+        match (&self.pushed, self.forces.as_slice()) {
+            (Some(wrench), _) => u.wrench = spread(wrench),
+            (None, []) => {}
+            (None, [force]) => u.wrench = spread(&force.at(t)),
+            (None, forces) => {
                 for (lane, force) in forces.iter().enumerate().take(self.lanes) {
                     self.rows_of_wrench(lane, force.at(t), u);
                 }
@@ -242,6 +246,11 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     /// Hold every contact of the plant as it is said to be.
     pub fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.plant.hold(contacts);
+    }
+
+    /// Let this wrench act in place of the forces there are; `None` gives them back.
+    pub fn push(&mut self, wrench: Option<&Wrench>) {
+        self.world.pushed = wrench.copied();
     }
 
     /// Start anew at `t = 0`.

@@ -1,8 +1,9 @@
-//! A fixed-step run: steps in short blocks, each checked once for a number that is not finite.
+//! A fixed-step run: steps in short blocks, each checked once for a number that is not finite or beyond the bound of the state.
 //!
 //! A faulty block is run again from its start, step by step, to find the time of each lane's fault; that lane
 //! is NaN from there on, and its neighbours repeat the same operations, so they keep their bits.
 
+use super::bound::Bound;
 use super::schedule::Schedule;
 use super::stop::Stop;
 use crate::integrate::{Buffer, FixedStep, System};
@@ -46,8 +47,9 @@ where
     B: Buffer<S>,
 {
     let mut faults = Faults { at: vec![f64::INFINITY; S::LANES], interrupted: false, steps: 0 };
-    if any_not_finite(x.as_ref()) {
-        x = note_faults(&mut faults.at, x, 0.0);
+    let bound = schedule.bound;
+    if !bound.holds(x.as_ref()) {
+        x = note_faults(&mut faults.at, x, bound, 0.0);
     }
     let (mut step, mut i, mut next_break) = (0, 0, 0);
     // Where the run stands while `x` is ahead of it, at a record between two steps.
@@ -89,11 +91,11 @@ where
                     method.restart();
                 }
                 one_step(system, method, schedule, k, offset, &mut next_break, &mut x);
-                if careful && any_not_finite(x.as_ref()) {
-                    x = note_faults(&mut faults.at, x, schedule.time(k + 1));
+                if careful && !bound.holds(x.as_ref()) {
+                    x = note_faults(&mut faults.at, x, bound, schedule.time(k + 1));
                 }
             }
-            if careful || offset > 0.0 || !any_not_finite(x.as_ref()) || all_known(&faults.at, x.clone()) {
+            if careful || offset > 0.0 || bound.holds(x.as_ref()) || all_known(&faults.at, x.clone(), bound) {
                 break;
             }
             careful = true;
@@ -159,19 +161,19 @@ where
     }
 }
 
-/// Whether every lane that is not finite is known to be so.
+/// Whether every lane at fault is known to be so.
 #[cold]
 #[inline(never)]
-fn all_known<S: Real, B: Buffer<S>>(at: &[f64], x: B) -> bool {
-    (0..S::LANES).all(|lane| at[lane].is_finite() || x.as_ref().iter().all(|x| x.lane(lane).is_finite()))
+fn all_known<S: Real, B: Buffer<S>>(at: &[f64], x: B, bound: Bound) -> bool {
+    (0..S::LANES).all(|lane| at[lane].is_finite() || bound.holds_lane(x.as_ref(), lane))
 }
 
-/// Note the lanes that stopped being finite by time `t` and make them NaN throughout.
+/// Note the lanes that stopped being finite or passed the bound by time `t` and make them NaN throughout.
 #[cold]
 #[inline(never)]
-fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], mut x: B, t: f64) -> B {
+fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], mut x: B, bound: Bound, t: f64) -> B {
     for lane in 0..S::LANES {
-        if at[lane].is_finite() || x.as_ref().iter().all(|x| x.lane(lane).is_finite()) {
+        if at[lane].is_finite() || bound.holds_lane(x.as_ref(), lane) {
             continue;
         }
         at[lane] = t;
@@ -180,14 +182,4 @@ fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], mut x: B, t: f64) -> B {
         }
     }
     x
-}
-
-#[inline(always)]
-fn any_not_finite<S: Real>(x: &[S]) -> bool {
-    let mut zero = S::zero();
-    for &value in x {
-        zero = value.mul_add(S::zero(), zero);
-    }
-    // Zero times a finite number is zero, and NaN otherwise; a NaN is below nothing.
-    !S::all(zero.lt(S::splat(1.0)))
 }

@@ -3,6 +3,7 @@
 use super::adaptive_steps;
 use super::closed_loop::{ClosedLoop, Closing, Exogenous, World};
 use super::fixed_steps::{self, Record};
+use super::force::Wrench;
 use super::problem::{Division, Ended, Fixed, Method, Problem};
 use super::sampler::Sampler;
 use super::sink::Sink;
@@ -41,6 +42,8 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn rewind(&mut self);
     /// Hold every contact of the plant as it is said to be.
     fn hold_contacts(&mut self, contacts: &[Touch]);
+    /// Let this wrench act in place of the forces there are; `None` gives them back.
+    fn push(&mut self, wrench: Option<&Wrench>);
 }
 
 impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
@@ -59,6 +62,9 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         ClosedLoop::hold_contacts(self, contacts);
     }
+    fn push(&mut self, wrench: Option<&Wrench>) {
+        ClosedLoop::push(self, wrench);
+    }
 }
 
 /// A loop with its twin on dual numbers.
@@ -75,6 +81,10 @@ impl<V: Real> Watched<V::One> for Twins<'_, V> {
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.system.hold_contacts(contacts);
         self.twin.hold_contacts(contacts);
+    }
+    fn push(&mut self, wrench: Option<&Wrench>) {
+        self.system.push(wrench);
+        self.twin.push(wrench);
     }
     #[inline(always)]
     fn drive(&mut self, tau: Option<&[V::One]>, held: bool) {

@@ -3,6 +3,7 @@
 
 mod adaptive_steps;
 mod batch;
+mod bound;
 mod closed_loop;
 mod columns;
 mod elastic_2r;
@@ -33,6 +34,7 @@ mod watching;
 
 pub use crate::parallel::default_threads;
 pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
+pub use bound::DEFAULT_STATE_LIMIT;
 pub use event::{Event, Found, Signal, What};
 pub use force::{Force, Wrench};
 pub use general::{Twins, twins};

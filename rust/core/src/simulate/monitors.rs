@@ -12,13 +12,16 @@
 
 use super::elastic_monitor::TorqueError;
 use crate::dynamics::ArmAt;
-use crate::law::{AdaptiveSpec, Law, LawSpec, PriorityVelocity};
+use crate::law::{AdaptiveSpec, Law, LawSpec, PriorityAcceleration, PriorityVelocity};
 use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::Dual;
 
-/// Norms of the error and of the residual of each level of priority.
-const LEVELS: [&str; 16] = [
+/// The energy of a rigid plant, then norms of the error and of the residual of each level of priority.
+const ENERGY_AND_LEVELS: [&str; 19] = [
+    "skewness",
+    "energy",
+    "energy_balance",
     "error_1",
     "residual_1",
     "error_2",
@@ -37,13 +40,17 @@ const LEVELS: [&str; 16] = [
     "residual_8",
 ];
 
+/// Monitors of every rigid plant.
+const ENERGY: usize = 3;
+
 /// The names of a loop's monitors, in the order of [`Monitor::evaluate`].
 pub fn names(law: &LawSpec, storage: bool) -> &'static [&'static str] {
     match law {
         _ if storage => &["skewness", "energy", "energy_balance", "torque_error", "passivity"],
         _ if law.reduction().is_some() => &["skewness", "energy", "energy_balance", "torque_error"],
         LawSpec::Adaptive(_) => &["skewness", "energy", "energy_balance", "lyapunov", "lyapunov_balance"],
-        LawSpec::PriorityVelocity(law) => &LEVELS[..(2 * law.levels.len()).min(LEVELS.len())],
+        LawSpec::PriorityVelocity(law) => &ENERGY_AND_LEVELS[ENERGY..ENERGY_AND_LEVELS.len().min(ENERGY + 2 * law.levels.len())],
+        LawSpec::PriorityAcceleration(law) => &ENERGY_AND_LEVELS[..ENERGY_AND_LEVELS.len().min(ENERGY + 2 * law.levels.len())],
         _ if law.plant() == PlantKind::Velocity => &[],
         _ => &["skewness", "energy", "energy_balance"],
     }
@@ -110,8 +117,12 @@ impl<'a> Monitor<'a> {
         }
         let n = self.moving_q.len();
         self.arm.move_to(&x[..n]);
+        let (out, of_levels) = out.split_at_mut(out.len() - self.levels.as_ref().map_or(0, |levels| levels.monitors(out.len())));
         if let Some(levels) = &mut self.levels {
-            return levels.evaluate(t, self.arm.trig(), &x[..n], out);
+            levels.evaluate(t, self.arm.trig(), &x[..self.plant.states()], of_levels);
+        }
+        if out.is_empty() {
+            return;
         }
         let (q, v) = (&x[..n], &x[n..2 * n]);
         let (plant, quadratures) = (&x[..self.plant.states()], &x[x.len() - 2..]);
@@ -171,23 +182,45 @@ impl<'a> Monitor<'a> {
 
 /// A law of tasks in priority, asked again at the records.
 struct Levels {
-    law: PriorityVelocity,
+    law: Engine,
     motions: Vec<Motion>,
     desired: Vec<f64>,
     u: Vec<f64>,
 }
 
+enum Engine {
+    Velocity(Box<PriorityVelocity>),
+    Acceleration(Box<PriorityAcceleration>),
+}
+
 impl Levels {
     fn of(law: &LawSpec) -> Option<Self> {
-        let LawSpec::PriorityVelocity(spec) = law else { return None };
-        let motions: Vec<Motion> = spec.levels.iter().map(|level| level.target.clone()).collect();
+        let engine = match law {
+            LawSpec::PriorityVelocity(spec) => Engine::Velocity(Box::new(spec.engine())),
+            LawSpec::PriorityAcceleration(spec) => Engine::Acceleration(Box::new(spec.engine())),
+            _ => return None,
+        };
+        let motions: Vec<Motion> = law.motions().into_iter().cloned().collect();
         let (n, width) = (law.model().n(), motions.iter().map(|motion| 3 * motion.dof()).sum());
-        Some(Levels { law: spec.engine(), motions, desired: vec![0.0; width], u: vec![0.0; n] })
+        Some(Levels { law: engine, motions, desired: vec![0.0; width], u: vec![0.0; n] })
     }
 
-    fn evaluate(&mut self, t: f64, trig: &[(f64, f64)], q: &[f64], out: &mut [f64]) {
+    /// How many of a loop's `all` monitors are norms of levels.
+    fn monitors(&self, all: usize) -> usize {
+        if matches!(self.law, Engine::Velocity(_)) { all } else { all - ENERGY }
+    }
+
+    fn evaluate(&mut self, t: f64, trig: &[(f64, f64)], x: &[f64], out: &mut [f64]) {
         sample_all(&self.motions, t, &mut self.desired);
-        self.law.evaluate(&self.desired, trig, q, &[], &mut self.u, &mut []);
-        self.law.norms(out);
+        match &mut self.law {
+            Engine::Velocity(law) => {
+                law.evaluate(&self.desired, trig, x, &[], &mut self.u, &mut []);
+                law.norms(out);
+            }
+            Engine::Acceleration(law) => {
+                law.evaluate(&self.desired, trig, x, &[], &mut self.u, &mut []);
+                law.norms(out);
+            }
+        }
     }
 }

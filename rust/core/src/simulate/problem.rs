@@ -1,6 +1,7 @@
 //! What is to be run, validated.
 
 use super::adaptive_steps::{Clock, Outcome, Segments};
+use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
 use super::general::{General, Implicit};
@@ -84,6 +85,8 @@ pub struct Options {
     /// Largest |tau| per joint, `(n,)`.
     pub tau_max: Option<Vec<f64>>,
     pub monitors: bool,
+    /// Positions and velocities of the plant beyond this end the run, rad or m and per second; infinite for none.
+    pub state_limit: f64,
 }
 
 impl Options {
@@ -301,6 +304,10 @@ impl<'a> Problem<'a> {
             self.validate_motor_loops(sampling.period)?;
             self.validate_torque_sensor(sampling)?;
         }
+        if !(o.state_limit > 0.0) {
+            return Err(Error::input("state_limit", format!("is not positive: expected > 0, got {}", o.state_limit)));
+        }
+        let bound = Bound::new(self.plants[0].states(), o.state_limit);
         let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
         breaks.extend(self.forces.iter().flat_map(|force| force.breaks()));
         breaks.sort_by(f64::total_cmp);
@@ -323,12 +330,12 @@ impl<'a> Problem<'a> {
                 Some(sampling) if sampling.is_plain() => Clock::Every(sampling.period),
                 Some(_) => Clock::Breaks,
             };
-            return Ok(Division::Adaptive(Segments::new(o.t_end, o.times.clone(), &breaks, clock)?));
+            return Ok(Division::Adaptive(Segments::new(o.t_end, o.times.clone(), &breaks, clock, bound)?));
         }
         let Some(dt) = o.dt.or(o.sampling.as_ref().map(|sampling| sampling.period)) else {
             return Err(Error::input("dt", "is missing: expected a step in seconds for a fixed-step method, got None"));
         };
-        let schedule = Schedule::new(dt, o.t_end, &o.times, &breaks)?;
+        let schedule = Schedule::new(dt, o.t_end, &o.times, &breaks, bound)?;
         let steps = |name: &str, duration: f64, least: f64| {
             let ratio = duration / dt;
             if ratio.round() < least || (ratio - ratio.round()).abs() > 1e-9 * ratio.max(1.0) {

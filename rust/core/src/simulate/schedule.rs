@@ -1,5 +1,6 @@
 //! The times of a run: its steps, what is recorded, where it restarts.
 
+use super::bound::Bound;
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
 
@@ -62,10 +63,12 @@ pub struct Schedule {
     pub records: Vec<Record>,
     /// Times of jumps strictly inside the run, increasing.
     pub breaks: Vec<f64>,
+    /// What the state must keep to.
+    pub bound: Bound,
 }
 
 impl Schedule {
-    pub fn new(dt: f64, t_end: f64, times: &Times, breaks: &[f64]) -> Result<Self> {
+    pub fn new(dt: f64, t_end: f64, times: &Times, breaks: &[f64], bound: Bound) -> Result<Self> {
         positive("dt", dt)?;
         let exact = t_end / dt;
         if exact > MAX_STEPS {
@@ -73,7 +76,7 @@ impl Schedule {
         }
         // A last step shorter than the rest ends a run whose length is not a multiple of dt.
         let steps = (exact - ON_GRID * exact.max(1.0)).ceil().max(0.0) as usize;
-        let mut schedule = Schedule { dt, t_end, steps, records: Vec::new(), breaks: Vec::new() };
+        let mut schedule = Schedule { dt, t_end, steps, records: Vec::new(), breaks: Vec::new(), bound };
         match times {
             Times::Every(0) => return Err(Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
             Times::Every(every) => {

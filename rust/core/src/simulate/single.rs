@@ -9,7 +9,7 @@ use super::problem::{Division, Ended, Problem};
 use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::Asked;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, all_finite};
 use crate::plant::PlantKind;
 use crate::scalar::run_scalar;
 use crate::status::Status;
@@ -44,10 +44,22 @@ struct Rows<'a> {
     columns: Columns,
     monitor: Option<Monitor<'a>>,
     values: Vec<f64>,
+    /// When a monitor stopped being finite.
+    fault: f64,
 }
 
 impl Sink for Rows<'_> {
     fn record(&mut self, _: usize, _: usize, t: f64, x: &[f64], tau: &[f64]) {
+        if self.fault.is_finite() {
+            return;
+        }
+        if let Some(monitor) = &mut self.monitor {
+            monitor.evaluate(t, x, &mut self.values);
+            if !all_finite(&self.values) {
+                self.fault = t;
+                return;
+            }
+        }
         let run = &mut *self.run;
         run.t.push(t);
         let parts = self.columns.split(x, tau);
@@ -57,11 +69,8 @@ impl Sink for Rows<'_> {
         run.theta.extend_from_slice(parts.theta);
         run.theta_dot.extend_from_slice(parts.theta_dot);
         run.z.extend_from_slice(parts.z);
-        if let Some(monitor) = &mut self.monitor {
-            monitor.evaluate(t, x, &mut self.values);
-            for ((_, series), &value) in run.monitors.iter_mut().zip(&self.values) {
-                series.push(value);
-            }
+        for ((_, series), &value) in run.monitors.iter_mut().zip(&self.values) {
+            series.push(value);
         }
     }
 }
@@ -105,7 +114,7 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
     run.monitors = names.iter().map(|&name| (name, Vec::new())).collect();
     let monitor = problem.options.monitors.then(|| Monitor::new(problem.plant(0), problem.law(0), problem.watches_storage()));
     let values = vec![0.0; names.len()];
-    let mut sink = Rows { run: &mut run, columns, monitor, values };
+    let mut sink = Rows { run: &mut run, columns, monitor, values, fault: f64::INFINITY };
     if let Division::Fixed(fixed) = &division {
         sink.reserve(fixed.schedule.records.len());
     }
@@ -121,12 +130,14 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
             None => Division::run_single(General { problem, division, first: 0, stop, sink: &mut sink, asked }),
         },
     };
+    let fault = sink.fault;
     match ended {
         Ended::Fixed(faults) => {
             run.steps = faults.steps;
             run.evaluations = problem.options.method.evaluations_per_step() * faults.steps;
-            run.ended = faults.at[0].min(problem.options.t_end);
-            run.status = match (faults.interrupted, faults.at[0].is_finite()) {
+            let fault = faults.at[0].min(fault);
+            run.ended = fault.min(problem.options.t_end);
+            run.status = match (faults.interrupted, fault.is_finite()) {
                 (true, _) => Status::Interrupted,
                 (_, true) => Status::Diverged,
                 _ => Status::Success,
@@ -136,7 +147,7 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
             }
         }
         Ended::Adaptive(outcome) => {
-            (run.status, run.ended) = (outcome.status, outcome.t);
+            (run.status, run.ended) = if fault <= outcome.t { (Status::Diverged, fault) } else { (outcome.status, outcome.t) };
             (run.evaluations, run.steps, run.rejections) = (outcome.work.evaluations, outcome.work.steps, outcome.work.rejections);
             run.coarsen = outcome.work.coarsen;
         }

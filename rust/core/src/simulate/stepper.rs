@@ -1,6 +1,8 @@
 //! A loop stepped by hand: one step of fixed size per call, the input from the law or from the caller.
 
+use super::bound::Bound;
 use super::closed_loop::Exogenous;
+use super::force::Wrench;
 use super::general::{Twins, Watched, close, twins};
 use super::problem::{Method, Problem};
 use super::sampling::Sampling;
@@ -8,15 +10,21 @@ use crate::error::{Error, Result};
 use crate::integrate::{Euler, FixedStep, Rk4, Ros2, SemiImplicit};
 use crate::law::LawSpec;
 use crate::scalar::{Kernel, Real, Task, run_lanes, run_scalar};
+use crate::status::Status;
 
 /// What a stepped loop does, on whatever number it runs.
 pub trait Stepping: Send {
-    /// Advance by one step under `tau` `(n,)`, or under the law where there is none.
-    fn step(&mut self, tau: Option<&[f64]>);
+    /// Advance by one step under `tau` `(n,)`, or under the law where there is none, and under the wrench `push` in place of the
+    /// problem's force. A step that diverges is not taken: the state stays, and so does the status until a new state is given.
+    fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status;
     /// The plant's state and the law's, `(states + p,)`, into `x`; the input of the last step into `tau`.
     fn read(&self, x: &mut [f64], tau: &mut [f64]);
     /// Start anew at `t = 0` from `x`, `(states + p,)`.
     fn reset(&mut self, x: &[f64]);
+    /// Go on at the present time from `x`, `(states + p,)`.
+    fn put(&mut self, x: &[f64]);
+    /// How it fares: `Success`, or `Diverged`.
+    fn status(&self) -> Status;
     /// The number of steps taken.
     fn steps(&self) -> u64;
     /// Whether [`Stepping::resume`] goes on from here to the bit: between two samples that takes more than the state and the input.
@@ -38,10 +46,15 @@ struct Stepper<R, S, F, M> {
     plain: bool,
     simple: bool,
     steps: u64,
+    /// The state at the start of the last step.
+    before: Vec<S>,
+    bound: Bound,
+    status: Status,
+    pushed: bool,
     region: std::marker::PhantomData<R>,
 }
 
-struct Step<'a, R, S, F, M>(&'a mut Stepper<R, S, F, M>, Option<&'a [f64]>);
+struct Step<'a, R, S, F, M>(&'a mut Stepper<R, S, F, M>, Option<&'a [f64]>, Option<&'a Wrench>);
 
 impl<R, S, F, M> Kernel for Step<'_, R, S, F, M>
 where
@@ -49,10 +62,20 @@ where
     F: Watched<S>,
     M: FixedStep<S, F, Vec<S>>,
 {
-    type Output = ();
+    type Output = Status;
     #[inline(always)]
-    fn run(self) {
-        let Step(stepper, tau) = self;
+    fn run(self) -> Status {
+        let Step(stepper, tau, push) = self;
+        if stepper.status != Status::Success {
+            return stepper.status;
+        }
+        stepper.before.copy_from_slice(&stepper.x);
+        if push.is_some() || stepper.pushed {
+            // The force jumps.
+            stepper.closed.push(push);
+            stepper.method.restart();
+            stepper.pushed = push.is_some();
+        }
         let (t, end) = (stepper.steps as f64 * stepper.dt, (stepper.steps + 1) as f64 * stepper.dt);
         match tau {
             Some(tau) => {
@@ -72,7 +95,14 @@ where
             }
         }
         stepper.method.step(&mut stepper.closed, t, stepper.dt, end, &mut stepper.x);
-        stepper.steps += 1;
+        if stepper.bound.holds(&stepper.x) {
+            stepper.steps += 1;
+        } else {
+            stepper.x.copy_from_slice(&stepper.before);
+            stepper.method.restart();
+            stepper.status = Status::Diverged;
+        }
+        stepper.status
     }
 }
 
@@ -83,8 +113,8 @@ where
     F: Watched<S> + Send,
     M: FixedStep<S, F, Vec<S>> + Send,
 {
-    fn step(&mut self, tau: Option<&[f64]>) {
-        R::enter(Step(self, tau));
+    fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status {
+        R::enter(Step(self, tau, push))
     }
 
     fn read(&self, x: &mut [f64], tau: &mut [f64]) {
@@ -97,13 +127,22 @@ where
     }
 
     fn reset(&mut self, x: &[f64]) {
+        self.put(x);
+        self.tau.fill(S::zero());
+        self.steps = 0;
+        self.closed.rewind();
+    }
+
+    fn put(&mut self, x: &[f64]) {
         for (to, &from) in self.x.iter_mut().zip(x) {
             *to = S::splat(from);
         }
-        self.tau.fill(S::zero());
-        self.steps = 0;
         self.method.restart();
-        self.closed.rewind();
+        self.status = if self.bound.holds(&self.x) { Status::Success } else { Status::Diverged };
+    }
+
+    fn status(&self) -> Status {
+        self.status
     }
 
     fn steps(&self) -> u64 {
@@ -146,6 +185,8 @@ where
     M: FixedStep<S, F, Vec<S>> + Send + 'static,
 {
     let o = &problem.options;
+    let bound = Bound::new(problem.plant(0).states(), o.state_limit);
+    let status = if bound.holds(&x) { Status::Success } else { Status::Diverged };
     let hold = o.sampling.as_ref().map_or(0, |sampling| if sampling.is_plain() { (sampling.period / o.grid()).round() as u64 } else { 1 });
     let tau = vec![S::zero(); problem.plant(0).n()];
     let plain = o.sampling.as_ref().is_none_or(Sampling::is_plain);
@@ -153,6 +194,10 @@ where
     Box::new(Stepper::<R, S, F, M> {
         closed,
         method,
+        before: x.clone(),
+        bound,
+        status,
+        pushed: false,
         x,
         tau,
         dt: o.grid(),

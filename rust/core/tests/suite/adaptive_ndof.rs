@@ -5,7 +5,7 @@ use armlet_core::dynamics::Model;
 use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{PlantSpec, RigidSpec};
-use armlet_core::simulate::{Keep, Method, Options, Problem, Times, simulate, simulate_batch};
+use armlet_core::simulate::{DEFAULT_STATE_LIMIT, Keep, Method, Options, Problem, Times, simulate, simulate_batch};
 use armlet_core::status::Status;
 use serde_json::Value;
 use std::sync::Arc;
@@ -46,6 +46,7 @@ fn trajectories() {
             times: Times::At(times.clone()),
             tau_max: None,
             monitors: true,
+            state_limit: DEFAULT_STATE_LIMIT,
         };
         let x0 = plant.initial_state(&numbers(&input["q0"]), &numbers(&input["qd0"]), None, None);
         let mut problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options };

@@ -4,7 +4,7 @@ use armlet_core::dynamics::{Dynamics, Model, PlanarPr};
 use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
 use armlet_core::motion::{Motion, Quintic, Sinusoid};
 use armlet_core::plant::{PlantSpec, RigidSpec};
-use armlet_core::simulate::{Keep, Method, Options, Problem, Sampling, Times, simulate, simulate_batch};
+use armlet_core::simulate::{DEFAULT_STATE_LIMIT, Keep, Method, Options, Problem, Sampling, Times, simulate, simulate_batch};
 use armlet_core::status::Status;
 use serde_json::Value;
 use std::sync::atomic::AtomicBool;
@@ -88,6 +88,7 @@ impl Case {
             times,
             tau_max: None,
             monitors: true,
+            state_limit: DEFAULT_STATE_LIMIT,
         };
         let x0 = self.plant.initial_state(&self.q0, &self.v0, None, None);
         Problem { plants: vec![&self.plant], laws: vec![&self.law], x0, forces: Vec::new(), force_frame: None, options }

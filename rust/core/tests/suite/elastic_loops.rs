@@ -5,7 +5,7 @@ use armlet_core::dynamics::Model;
 use armlet_core::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, Gain, LawSpec, ReductionSpec};
 use armlet_core::motion::Motion;
 use armlet_core::plant::{ElasticSpec, PlantSpec};
-use armlet_core::simulate::{Force, Keep, Method, Options, Problem, Run, Times, simulate, simulate_batch};
+use armlet_core::simulate::{DEFAULT_STATE_LIMIT, Force, Keep, Method, Options, Problem, Run, Times, simulate, simulate_batch};
 use armlet_core::status::Status;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -38,6 +38,7 @@ fn run(relative: bool, method: Method, monitors: bool, own: bool) -> Run {
         times: Times::At(vec![0.1, 0.3]),
         tau_max: None,
         monitors,
+        state_limit: DEFAULT_STATE_LIMIT,
     };
     let x0 = vec![-0.5, 1.6, 0.8, -1.1, -0.499, 1.601, 0.9, -1.0];
     let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![&force], force_frame: None, options };
@@ -121,6 +122,7 @@ fn batches_are_monitored_in_lanes() {
         times: Times::Every(1000),
         tau_max: None,
         monitors: true,
+        state_limit: DEFAULT_STATE_LIMIT,
     };
     let x0 = vec![-0.5, 1.6, 0.8, -1.1, -0.499, 1.601, 0.9, -1.0];
     let mut problem = Problem { plants: vec![&plant], laws: vec![&law], x0: x0.clone(), forces: vec![&force], force_frame: None, options };

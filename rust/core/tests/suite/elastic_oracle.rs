@@ -8,7 +8,7 @@ use armlet_core::dynamics::{Model, Planar2R};
 use armlet_core::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, Gain, LawSpec, ReductionSpec};
 use armlet_core::motion::Motion;
 use armlet_core::plant::{ElasticSpec, PlantSpec};
-use armlet_core::simulate::{Force, Keep, Method, Options, Problem, Times, simulate, simulate_batch};
+use armlet_core::simulate::{DEFAULT_STATE_LIMIT, Force, Keep, Method, Options, Problem, Times, simulate, simulate_batch};
 use armlet_core::status::Status;
 use serde_json::Value;
 use std::sync::Arc;
@@ -108,6 +108,7 @@ fn trajectories() {
                 times: Times::At(times.clone()),
                 tau_max: None,
                 monitors,
+                state_limit: DEFAULT_STATE_LIMIT,
             };
             let x0 = x0.clone();
             let mut problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![&force], force_frame: None, options };

@@ -10,7 +10,7 @@ use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::sensors::TorqueSensor;
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec};
 use armlet_core::priority::Options as Maps;
-use armlet_core::simulate::{Force, Method, Options, Problem, Sampling, Times, simulate};
+use armlet_core::simulate::{DEFAULT_STATE_LIMIT, Force, Method, Options, Problem, Sampling, Times, simulate};
 use armlet_core::status::Status;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -35,6 +35,7 @@ fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: 
         times: Times::At(vec![t_end]),
         tau_max: Some(vec![1e4; n]),
         monitors: true,
+        state_limit: DEFAULT_STATE_LIMIT,
     };
     let x0 = plant.initial_state(&vec![0.2; n], &vec![0.0; n], None, None);
     let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.into_iter().collect(), force_frame: None, options };

@@ -7,7 +7,7 @@ use armlet_core::law::{ComputedTorqueSpec, Gain, LawSpec};
 use armlet_core::motion::Motion;
 use armlet_core::plant::unilateral::push;
 use armlet_core::plant::{PlantSpec, RigidSpec, Stop, Stops, Touch};
-use armlet_core::simulate::{Asked, Event, Method, Options, Polynomials, Problem, Run, Times, What, simulate_asked};
+use armlet_core::simulate::{Asked, DEFAULT_STATE_LIMIT, Event, Method, Options, Polynomials, Problem, Run, Times, What, simulate_asked};
 use armlet_core::status::Status;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -64,6 +64,7 @@ fn thrown(damping: f64, method: Method, asked: Option<&mut Asked>) -> Run {
         times: Times::Every(1),
         tau_max: None,
         monitors: true,
+        state_limit: DEFAULT_STATE_LIMIT,
     };
     let x0 = plant.initial_state(&[0.0], &[2.0], None, None);
     let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options };

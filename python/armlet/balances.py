@@ -1,0 +1,96 @@
+"""Balances of energy and of Lyapunov functions that do not close: what tells a run apart from nonsense with finite numbers.
+
+    E(t) - E(0) - int P dt = 0,   V1(0) - V1(t) - int s'Kd s dt = 0
+
+hold for the loop, so what is left of them is the error of the method. A run of coarse steps can leave as much as there is energy.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["energy_error", "quiet", "warn_of_balances"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+#: The part of the energy that may be missing without a warning. Steps that are just fine enough leave 1e-2 or less.
+MOST_ENERGY = 0.1
+#: J: less than this is the rounding of an arm at rest.
+LEAST_ENERGY = 1e-6
+#: How often its first value a Lyapunov function reaches that theory says never rises.
+MOST_RISE = 10.0
+
+
+_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """No warnings in this thread, for callers that report balances in another way."""
+    token = _QUIET.set(True)
+    try:
+        yield
+    finally:
+        _QUIET.reset(token)
+
+
+def energy_error(monitors: Mapping[str, Array]) -> Array | None:
+    """The largest `energy_balance` as a fraction of the largest energy stored or exchanged, `()` or `(B,)`; None where it is not known."""
+    if "energy_balance" not in monitors or not monitors["energy_balance"].shape[-1]:
+        return None
+    energy, balance = monitors["energy"], monitors["energy_balance"]
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        exchanged = energy - energy[..., :1] - balance
+        most, missing = np.maximum(_largest(energy), _largest(exchanged)), _largest(balance)
+        return np.where(missing > 0.0, missing / np.where(missing > 0.0, most, 1.0), missing)
+
+
+def warn_of_balances(caller: str, monitors: Mapping[str, Array], ended: Any, undisturbed: bool) -> None:
+    """Warn where a run that ended well leaves more of a balance open than an accurate one can.
+
+    `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the Lyapunov function has to fall, since the law acts
+    at every instant, without bounds and forces.
+    """
+    if _QUIET.get():
+        return
+    found: list[tuple[str, NDArray[np.bool_], str]] = []
+    error = energy_error(monitors)
+    if error is not None:
+        missing = _largest(monitors["energy_balance"])
+        bad = np.asarray(ended & (error > MOST_ENERGY) & (missing > LEAST_ENERGY))
+        text = f"{missing[bad].max():.2g} J are missing, {error[bad].max():.2g} of the energy turned over" if bad.any() else ""
+        found.append(("energy balance", bad, text))
+    if undisturbed and "lyapunov_balance" in monitors and monitors["lyapunov"].shape[-1]:
+        value, balance = monitors["lyapunov"], monitors["lyapunov_balance"]
+        with np.errstate(invalid="ignore", over="ignore"):
+            rise = np.nan_to_num(value).max(axis=-1) / np.where(value[..., 0] > 0.0, value[..., 0], np.inf)
+            bad = np.asarray(ended & (rise > MOST_RISE) & (_largest(balance) > 0.1 * np.nan_to_num(value).max(axis=-1)))
+        text = f"the Lyapunov function rises {rise[bad].max():.2g} times, and never should" if bad.any() else ""
+        found.append(("Lyapunov balance", bad, text))
+    for name, bad, text in found:
+        if bad.any():
+            runs = f" in {bad.sum()} of {bad.size} runs (first bad index {int(np.argmax(bad))})" if bad.ndim else ""
+            series = name.lower().replace(" ", "_")
+            advice = f'the steps are too coarse for this loop: reduce dt, or use an adaptive method (monitors["{series}"])'
+            warnings.warn(f"{caller}: the {name} does not close{runs}: {text}; {advice}", UserWarning, stacklevel=_callers())
+
+
+def _callers() -> int:
+    """The stack level, for `warnings.warn` of the function that asks, of the first caller outside this package."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and str(frame.f_globals.get("__name__", "")).partition(".")[0] == "armlet":
+        level, frame = level + 1, frame.f_back
+    return level
+
+
+def _largest(values: Array) -> Array:
+    result: Array = np.abs(np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)).max(axis=-1)
+    return result

@@ -1,0 +1,41 @@
+//! The bound of a state: `|q_i|, |v_i| <= limit` for the positions and velocities of a plant, links and motors alike.
+//!
+//! A state far beyond what a robot does is nonsense long before it stops being finite, as coarse steps of a stiff loop make it.
+
+use crate::scalar::Real;
+
+/// rad, m, rad/s or m/s: a million, a hundred thousand turns.
+pub const DEFAULT_STATE_LIMIT: f64 = 1e6;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bound {
+    /// States of the plant, with which a loop's state begins.
+    states: usize,
+    /// The first number beyond the limit.
+    beyond: f64,
+}
+
+impl Bound {
+    pub fn new(states: usize, limit: f64) -> Self {
+        Bound { states, beyond: limit.next_up() }
+    }
+
+    /// Whether every lane of `x` is finite and within the bound.
+    #[inline(always)]
+    pub fn holds<S: Real>(&self, x: &[S]) -> bool {
+        let (mut zero, mut largest) = (S::zero(), S::zero());
+        for (i, &value) in x.iter().enumerate() {
+            zero = value.mul_add(S::zero(), zero);
+            if i < self.states {
+                largest = largest.max(value.abs());
+            }
+        }
+        // Zero times a finite number is zero, and NaN otherwise; a NaN is below nothing.
+        S::all(zero.lt(S::splat(1.0))) && S::all(largest.lt(S::splat(self.beyond)))
+    }
+
+    /// The same of one lane.
+    pub fn holds_lane<S: Real>(&self, x: &[S], lane: usize) -> bool {
+        x.iter().all(|x| x.lane(lane).is_finite()) && x.iter().take(self.states).all(|x| x.lane(lane).abs() < self.beyond)
+    }
+}
