@@ -147,7 +147,7 @@ impl<'py> Keywords<'py> {
         let [v, theta, theta_dot] = &rest;
         let zero = vec![0.0; n];
         let part = |values: &'_ Option<Vec<f64>>, row: usize| values.as_ref().map(|values| values[row * n..(row + 1) * n].to_vec());
-        let mut x0 = Vec::with_capacity(rows * plants[0].states());
+        let mut x0 = armlet_core::memory::room(rows.saturating_mul(plants[0].states()))?;
         for row in 0..rows {
             let plant = plants[if plants.len() == 1 { 0 } else { row.min(plants.len() - 1) }];
             let v = part(v, row).unwrap_or_else(|| zero.clone());

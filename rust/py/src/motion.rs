@@ -41,7 +41,7 @@ impl Motion {
             let t = number("Motion", "t", t)?;
             require_finite(py, "Motion", "t", &[], &[t])?;
             let n = self.core.dof();
-            let mut all = vec![0.0; 3 * n];
+            let mut all = armlet_core::memory::zeros(3 * n)?;
             self.core.sample(t, &mut all);
             let part = |k: usize| {
                 new_vector(py, n, |out| {

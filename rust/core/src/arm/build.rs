@@ -3,6 +3,7 @@
 use super::{Arm, Frame, Joint, JointKind, Limits, writable};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
+use crate::memory;
 use crate::spatial::{Inertia, Placement, V3};
 use std::collections::HashSet;
 
@@ -51,6 +52,14 @@ impl ChainJoint {
     }
 }
 
+/// What a joint takes in an arm and in the model made of it, about, with its names.
+const BYTES_PER_JOINT: usize = 4096;
+
+/// Refuse more joints than memory holds, before the first of their many small parts is made.
+pub fn require_room(joints: usize) -> Result<()> {
+    memory::require(joints.saturating_mul(BYTES_PER_JOINT))
+}
+
 impl Arm {
     /// An arm from a list of joints. Frames `"link1"`.. are the body frames (one per list entry, fixed ones
     /// included). `q` is in list order made depth first.
@@ -59,6 +68,7 @@ impl Arm {
         if list.is_empty() {
             return Err(Error::input("joints", "is empty: expected at least one joint, got none"));
         }
+        require_room(list.len())?;
         let parents = parents_of(list)?;
         let mut arm = Arm { name: "chain".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         // Of each list entry: the joint that carries it and its placement in that joint's body frame.

@@ -3,6 +3,7 @@
 //! Standard: `T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)`; modified (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)`.
 //! `q` is added to `theta` of a revolute row and to `d` of a prismatic one.
 
+use super::build::require_room;
 use super::{Arm, ChainJoint, Frame, Joint, JointKind, JointType};
 use crate::error::{Error, Result, finite};
 use crate::spatial::{Inertia, M3, Placement, V3};
@@ -44,6 +45,7 @@ impl Arm {
         if rows.is_empty() {
             return Err(Error::input("rows", "is empty: expected at least one row, got none"));
         }
+        require_room(rows.len())?;
         let mut arm = Arm { name: "dh".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         let mut before = Placement::IDENTITY;
         for (i, row) in rows.iter().enumerate() {
@@ -80,6 +82,7 @@ impl Arm {
         inertias: Option<&[f64]>,
         gravity: [f64; 2],
     ) -> Result<Arm> {
+        require_room(lengths.len())?;
         for (what, values) in [("lengths", Some(lengths)), ("masses", masses), ("coms", coms), ("inertias", inertias)] {
             let Some(values) = values else { continue };
             if values.len() != lengths.len() {

@@ -10,6 +10,7 @@ use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::Asked;
 use crate::error::{Error, Result, all_finite};
+use crate::memory::{self, append};
 use crate::plant::PlantKind;
 use crate::scalar::run_scalar;
 use crate::status::Status;
@@ -46,11 +47,13 @@ struct Rows<'a> {
     values: Vec<f64>,
     /// When a monitor stopped being finite.
     fault: f64,
+    /// Why no more is recorded: the memory is full.
+    full: Result<()>,
 }
 
 impl Sink for Rows<'_> {
     fn record(&mut self, _: usize, _: usize, t: f64, x: &[f64], tau: &[f64]) {
-        if self.fault.is_finite() {
+        if self.fault.is_finite() || self.full.is_err() {
             return;
         }
         if let Some(monitor) = &mut self.monitor {
@@ -60,37 +63,43 @@ impl Sink for Rows<'_> {
                 return;
             }
         }
-        let run = &mut *self.run;
-        run.t.push(t);
-        let parts = self.columns.split(x, tau);
-        run.q.extend_from_slice(parts.q);
-        run.v.extend_from_slice(parts.v);
-        run.tau.extend_from_slice(tau);
-        run.theta.extend_from_slice(parts.theta);
-        run.theta_dot.extend_from_slice(parts.theta_dot);
-        run.z.extend_from_slice(parts.z);
-        for ((_, series), &value) in run.monitors.iter_mut().zip(&self.values) {
-            series.push(value);
-        }
+        self.full = self.keep(t, x, tau);
     }
 }
 
 impl Rows<'_> {
-    fn reserve(&mut self, records: usize) {
+    fn reserve(&mut self, records: usize) -> Result<()> {
         let Columns { kind, n, p } = self.columns;
         let run = &mut *self.run;
-        run.t.reserve_exact(records);
+        memory::more(&mut run.t, records)?;
         for series in [&mut run.q, &mut run.v, &mut run.tau] {
-            series.reserve_exact(n * records);
+            memory::more(series, n * records)?;
         }
         if kind == PlantKind::Elastic {
-            run.theta.reserve_exact(n * records);
-            run.theta_dot.reserve_exact(n * records);
+            memory::more(&mut run.theta, n * records)?;
+            memory::more(&mut run.theta_dot, n * records)?;
         }
-        run.z.reserve_exact(p * records);
+        memory::more(&mut run.z, p * records)?;
         for (_, series) in &mut run.monitors {
-            series.reserve_exact(records);
+            memory::more(series, records)?;
         }
+        Ok(())
+    }
+
+    fn keep(&mut self, t: f64, x: &[f64], tau: &[f64]) -> Result<()> {
+        let run = &mut *self.run;
+        let parts = self.columns.split(x, tau);
+        append(&mut run.t, &[t])?;
+        append(&mut run.q, parts.q)?;
+        append(&mut run.v, parts.v)?;
+        append(&mut run.tau, tau)?;
+        append(&mut run.theta, parts.theta)?;
+        append(&mut run.theta_dot, parts.theta_dot)?;
+        append(&mut run.z, parts.z)?;
+        for ((_, series), &value) in run.monitors.iter_mut().zip(&self.values) {
+            append(series, &[value])?;
+        }
+        Ok(())
     }
 }
 
@@ -114,9 +123,9 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
     run.monitors = names.iter().map(|&name| (name, Vec::new())).collect();
     let monitor = problem.options.monitors.then(|| Monitor::new(problem.plant(0), problem.law(0), problem.watches_storage()));
     let values = vec![0.0; names.len()];
-    let mut sink = Rows { run: &mut run, columns, monitor, values, fault: f64::INFINITY };
+    let mut sink = Rows { run: &mut run, columns, monitor, values, fault: f64::INFINITY, full: Ok(()) };
     if let Division::Fixed(fixed) = &division {
-        sink.reserve(fixed.schedule.records.len());
+        sink.reserve(fixed.schedule.records.len())?;
     }
     let ended = match &division {
         Division::Fixed(fixed) if problem.is_planar_pr() => {
@@ -130,7 +139,8 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
             None => Division::run_single(General { problem, division, first: 0, stop, sink: &mut sink, asked }),
         },
     };
-    let fault = sink.fault;
+    let (fault, full) = (sink.fault, sink.full);
+    full?;
     match ended {
         Ended::Fixed(faults) => {
             run.steps = faults.steps;

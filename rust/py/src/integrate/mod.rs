@@ -10,9 +10,11 @@ pub use stepper::Stepper;
 
 use crate::arrays::{any_vector, flag, items, new_array, number, require_finite};
 use crate::errors::{Failure, entry, input_error};
+use armlet_core::error::Result as CoreResult;
 use armlet_core::integrate::Work;
 use armlet_core::integrate::events::Event;
 use armlet_core::integrate::solve::{Recorder, Request, node, solve};
+use armlet_core::memory::append;
 use armlet_macros::entered;
 use field::Field;
 use jacobian::Jacobian;
@@ -48,28 +50,34 @@ struct Rows<'a, 'py> {
     nodes: Vec<f64>,
     ends: Vec<f64>,
     stop: &'a mut Option<PyErr>,
+    /// Why no more is recorded: the memory is full. It ends the run.
+    full: CoreResult<()>,
 }
 
 impl Recorder for Rows<'_, '_> {
     fn state(&mut self, t: f64, x: &[f64]) {
-        self.t.push(self.direction * t);
-        self.y.extend_from_slice(x);
+        if self.full.is_ok() {
+            self.full = append(&mut self.t, &[self.direction * t]).and_then(|()| append(&mut self.y, x));
+        }
     }
     fn event(&mut self, index: usize, t: f64, x: &[f64]) {
         let (times, states) = &mut self.crossings[index];
-        times.push(self.direction * t);
-        states.extend_from_slice(x);
+        if self.full.is_ok() {
+            self.full = append(times, &[self.direction * t]).and_then(|()| append(states, x));
+        }
     }
     fn node(&mut self, t: f64, x: &[f64]) {
         let t = self.direction * t;
-        if self.ends.last() != Some(&t) {
-            self.ends.push(t);
+        if self.full.is_ok() && self.ends.last() != Some(&t) {
+            self.full = append(&mut self.ends, &[t]);
         }
-        self.nodes.extend_from_slice(x);
+        if self.full.is_ok() {
+            self.full = append(&mut self.nodes, x);
+        }
     }
     fn interrupted(&mut self) -> bool {
         *self.stop = self.py.check_signals().err();
-        self.stop.is_some()
+        self.stop.is_some() || self.full.is_err()
     }
 }
 
@@ -176,12 +184,19 @@ pub fn integrate<'py>(
             nodes: Vec::new(),
             ends: Vec::new(),
             stop: &mut stop,
+            full: Ok(()),
         };
         let ended = solve(&mut field, &mut *method, (s0, s1), &request, &mut value, &mut rows);
+<<<<<<< HEAD
         let Rows { t, y, crossings, nodes, ends, .. } = rows;
         if let Some(error) = field.slope.error.take().or(raised).or(stop) {
+=======
+        let Rows { t, y, crossings, nodes, ends, full, .. } = rows;
+        if let Some(error) = field.error.take().or(raised).or(stop) {
+>>>>>>> 032d5f7 (Raise MemoryError for records of runs and arms of many links that do not fit in memory)
             return Err(Failure::Python(error));
         }
+        full?;
         let fields = PyDict::new(py);
         fields.set_item("t", filled(py, &[t.len()], &t)?)?;
         fields.set_item("y", filled(py, &[t.len(), n], &y)?)?;

@@ -8,6 +8,7 @@ use crate::interrupts::{Breaks, long};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
 use armlet_core::interrupt::look;
+use armlet_core::memory;
 use armlet_core::plan::{self, Bind as Core};
 use armlet_macros::entered;
 use pyo3::exceptions::PyIndexError;
@@ -317,7 +318,7 @@ impl BangBangBatch {
     fn solve(py: Python<'_>, problems: Columns<6>) -> Result<Self, Failure> {
         let n = problems.count;
         let shape = &problems.shape;
-        let mut flags: [Vec<bool>; 3] = std::array::from_fn(|_| vec![false; n]);
+        let mut flags: [Vec<bool>; 3] = [memory::filled(n, false)?, memory::filled(n, false)?, memory::filled(n, false)?];
         let column = |k: usize, start: usize, end: usize| {
             let column = &problems.columns[k];
             if column.len() == 1 { &column[..] } else { &column[start..end] }

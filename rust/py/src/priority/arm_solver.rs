@@ -15,6 +15,7 @@ use crate::task::each;
 use armlet_core::error::Error;
 use armlet_core::interrupt::{interrupt, look};
 use armlet_core::law::{ArmSolver as Core, with_limits};
+use armlet_core::memory;
 use armlet_core::simulate::{default_threads, solve_rows};
 use armlet_core::status::Status;
 use armlet_macros::entered;
@@ -174,7 +175,7 @@ impl ArmPrioritySolver {
         let parts: Vec<(Vec<usize>, Vec<f64>)> = parts.into_iter().map(|(shape, values)| (shape, values.into_owned())).collect();
         let inputs = || -> Result<(Vec<f64>, Vec<f64>), Error> {
             let angles = if shape == lead { angles } else { crate::broadcast::stretch(&shape, &lead, &angles, self.n)? };
-            let mut stacked = vec![0.0; commands * total];
+            let mut stacked = memory::zeros(commands * total)?;
             let mut at = 0;
             for ((shape, values), &m) in parts.into_iter().zip(&self.rows) {
                 let values = if one || shape == lead { values } else { crate::broadcast::stretch(&shape, &lead, &values, m)? };
@@ -216,11 +217,11 @@ impl ArmPrioritySolver {
             return Ok(());
         }
         let solver = self.state().clone();
-        let mut fresh = if private { Vec::new() } else { vec![0.0; v.len()] };
+        let mut fresh = if private { Vec::new() } else { memory::zeros(v.len())? };
         let target: &mut [f64] = if private { v } else { &mut fresh };
         long(py, || {
             let (q, velocities) = inputs()?;
-            let mut status = vec![Status::Success; target.len() / self.n];
+            let mut status = memory::filled(target.len() / self.n, Status::Success)?;
             if solve_rows(&solver, &q, &velocities, target, &mut status, default_threads(), &mut signalled) {
                 interrupt();
             }
