@@ -174,9 +174,8 @@ pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound
     let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
     let mut columns: [Vec<f64>; K] = std::array::from_fn(|_| Vec::new());
     for k in 0..K {
-        let (shape, data) = match value_or_array(function, names[k], values[k])? {
-            (shape, data) => (shape, owned(data)?),
-        };
+        let (shape, data) = value_or_array(function, names[k], values[k])?;
+        let data = owned(data)?;
         require_finite(values[k].py(), function, names[k], &shape, &data)?;
         (shapes[k], columns[k]) = (shape, data);
     }

@@ -280,7 +280,7 @@ pub fn copy(array: &Bound<'_, PyAny>, out: &mut Vec<f64>) -> Result<(), (Wrong, 
     let start = out.len();
     match to {
         "int64" => integers::<i64>(&array, out, exact),
-        "uint64" => integers::<u64>(&array, out, |x| exact_unsigned(x)),
+        "uint64" => integers::<u64>(&array, out, exact_unsigned),
         _ => {
             let array = array.cast::<PyArrayDyn<f64>>().ok().and_then(in_place);
             out.extend_from_slice(array.ok_or_else(|| (Wrong::Kind("an array that numpy could not copy".into()), 0))?);

@@ -187,13 +187,8 @@ pub fn integrate<'py>(
             full: Ok(()),
         };
         let ended = solve(&mut field, &mut *method, (s0, s1), &request, &mut value, &mut rows);
-<<<<<<< HEAD
-        let Rows { t, y, crossings, nodes, ends, .. } = rows;
-        if let Some(error) = field.slope.error.take().or(raised).or(stop) {
-=======
         let Rows { t, y, crossings, nodes, ends, full, .. } = rows;
-        if let Some(error) = field.error.take().or(raised).or(stop) {
->>>>>>> 032d5f7 (Raise MemoryError for records of runs and arms of many links that do not fit in memory)
+        if let Some(error) = field.slope.error.take().or(raised).or(stop) {
             return Err(Failure::Python(error));
         }
         full?;
