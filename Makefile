@@ -23,10 +23,10 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-latency test-peers test-sweep-kill test-stacks test-paths test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
+.PHONY: help demo test test-aarch64 test-latency test-peers test-sweep-kill test-stacks test-paths test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
 
 demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of checks, figures in out/
 	@$(PY) -m armlet demo --out "$(OUT)"
@@ -51,6 +51,11 @@ test-sweep-kill: $(BUILD)/installed $(BUILD)/requirements ## sweeps whose worker
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_KILL_TRIALS=$(TRIALS) $(PY) -m pytest -rP -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
 		$(ROOT)/tests/api/test_sweep.py $(ROOT)/tests/api/test_sweep_disk.py $(ROOT)/tests/endurance $(PYTEST)
+
+test-aarch64: tools ## machine code for aarch64 in an emulator (Debian's gcc-aarch64-linux-gnu and qemu-user)
+	@rm -rf $(BUILD)/aarch64 && mkdir -p $(BUILD)/aarch64
+	ARMLET_HARNESS="$(BUILD)/aarch64" cargo test --locked --package armlet-core --lib trace::
+	@sh tools/aarch64.sh "$(BUILD)/aarch64"
 
 STACKS ?= 1000000
 test-stacks: $(BUILD)/installed $(BUILD)/requirements ## the disturbance laws of task priority on 1,000,000 random stacks (STACKS=): minutes

@@ -29,3 +29,4 @@ pub mod scalar;
 pub mod simulate;
 pub mod spatial;
 pub mod status;
+pub mod trace;

@@ -55,6 +55,11 @@ pub trait Real:
     fn splat(x: f64) -> Self;
     /// `f(i)` in lane `i`.
     fn from_lanes(f: impl FnMut(usize) -> f64) -> Self;
+    /// A number of an arm in lane `i`, of which a loop may hold several copies: in its plant and in its law.
+    #[inline(always)]
+    fn parameter(f: impl FnMut(usize) -> f64) -> Self {
+        Self::from_lanes(f)
+    }
     /// The number in lane `i`.
     fn lane(self, i: usize) -> f64;
 

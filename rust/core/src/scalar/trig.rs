@@ -11,11 +11,11 @@ use super::{Kernel, Real};
 /// Largest |x| for which the three-part reduction is exact enough.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;
 
-pub(super) const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
+pub(crate) const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
 /// 1.5 * 2^52: adding it rounds to an integer and leaves that integer in the low bits.
 pub const ROUND: f64 = 6_755_399_441_055_744.0;
-pub(super) const PIO2: [f64; 3] = [1.570_796_326_734_125_614_17, 6.077_100_506_303_965_976_60e-11, 2.022_266_248_795_950_631_54e-21];
-pub(super) const SIN: [f64; 6] = [
+pub(crate) const PIO2: [f64; 3] = [1.570_796_326_734_125_614_17, 6.077_100_506_303_965_976_60e-11, 2.022_266_248_795_950_631_54e-21];
+pub(crate) const SIN: [f64; 6] = [
     1.589_690_995_211_550_102_21e-10,
     -2.505_076_025_340_686_341_95e-8,
     2.755_731_370_707_006_767_89e-6,
@@ -23,7 +23,7 @@ pub(super) const SIN: [f64; 6] = [
     8.333_333_333_322_489_461_24e-3,
     -1.666_666_666_666_663_243_48e-1,
 ];
-pub(super) const COS: [f64; 6] = [
+pub(crate) const COS: [f64; 6] = [
     -1.135_964_755_778_819_482_65e-11,
     2.087_572_321_298_174_827_90e-9,
     -2.755_731_435_139_066_330_35e-7,

@@ -1,0 +1,272 @@
+//! Encoder of aarch64 machine code (NEON) for straight-line programs of numbers: two lanes, or one number.
+//! Source: Arm Architecture Reference Manual for A-profile, chapter C7 (SIMD and floating-point instructions).
+//!
+//! An instruction is a word of 32 bits: a pattern with the registers `d` in bits 0 to 4, `n` in 5 to 9 and `m` in
+//! 16 to 20. Only loads and stores reach memory, so that operands in memory pass through a scratch register.
+//! The frame is in x0, the constants are in x1. Bits beyond the first number are anything in scalar code.
+
+use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
+
+/// Machine code in the making.
+pub struct Assembler {
+    form: Form,
+    bytes: Vec<u8>,
+}
+
+/// Scratch for a mask or a sum, and for an operand that comes from memory.
+const SCRATCH: u8 = 30;
+const FETCHED: u8 = 31;
+/// The register x9 holds offsets that fit no instruction.
+const OFFSET: u8 = 9;
+const STACK: u8 = 31;
+
+// Instructions on numbers: packed, scalar.
+const FADD: [u32; 2] = [0x4E60_D400, 0x1E60_2800];
+const FSUB: [u32; 2] = [0x4EE0_D400, 0x1E60_3800];
+const FMUL: [u32; 2] = [0x6E60_DC00, 0x1E60_0800];
+const FDIV: [u32; 2] = [0x6E60_FC00, 0x1E60_1800];
+const FSQRT: [u32; 2] = [0x6EE1_F800, 0x1E61_C000];
+/// `n > m`: all ones, else zeros.
+const FCMGT: [u32; 2] = [0x6EE0_E400, 0x7EE0_E400];
+
+// Packed only: `-n`, `d + n m`, `d - n m`.
+const FNEG: u32 = 0x6EE0_F800;
+const FMLA: u32 = 0x4E60_CC00;
+const FMLS: u32 = 0x4EE0_CC00;
+
+// Scalar only, with the addend in bits 10 to 14: `a + n m`, `a - n m`, `-a - n m`, `n m - a`.
+const FMADD: u32 = 0x1F40_0000;
+const FMSUB: u32 = 0x1F40_8000;
+const FNMADD: u32 = 0x1F60_0000;
+const FNMSUB: u32 = 0x1F60_8000;
+
+// On all bits of a register. BIC is `n & !m`. By the bits of `d`: BSL takes `n` or `m`. By the bits of `m`: BIT takes
+// `n` where they are one, BIF where they are zero; other bits of `d` stay.
+const AND: u32 = 0x4E20_1C00;
+const BIC: u32 = 0x4E60_1C00;
+const ORR: u32 = 0x4EA0_1C00;
+const EOR: u32 = 0x6E20_1C00;
+const BSL: u32 = 0x6E60_1C00;
+const BIT: u32 = 0x6EA0_1C00;
+const BIF: u32 = 0x6EE0_1C00;
+/// All ones in lanes that are negative integers.
+const CMLT: u32 = 0x4EE0_A800;
+/// `n << s`, with `64 + s` in bits 16 to 22.
+const SHL: u32 = 0x4F00_5400;
+/// The first lane in both lanes.
+const DUP: u32 = 0x4E08_0400;
+
+/// A load and a store, of 16 or of 8 bytes: with an offset counted in operands (bits 10 to 21), with one of nine bits
+/// in bytes (bits 12 to 20), and with one in a register (bits 16 to 20).
+struct Access {
+    size: i32,
+    scaled: u32,
+    unscaled: u32,
+    register: u32,
+}
+
+const LOAD: [Access; 2] = [
+    Access { size: 16, scaled: 0x3DC0_0000, unscaled: 0x3CC0_0000, register: 0x3CE0_6800 },
+    Access { size: 8, scaled: 0xFD40_0000, unscaled: 0xFC40_0000, register: 0xFC60_6800 },
+];
+const STORE: [Access; 2] = [
+    Access { size: 16, scaled: 0x3D80_0000, unscaled: 0x3C80_0000, register: 0x3CA0_6800 },
+    Access { size: 8, scaled: 0xFD00_0000, unscaled: 0xFC00_0000, register: 0xFC20_6800 },
+];
+
+impl Assemble for Assembler {
+    fn new(form: Form) -> Self {
+        assert!(form.set == Set::Neon, "aarch64 has NEON, got {:?}", form.set);
+        Assembler { form, bytes: Vec::new() }
+    }
+
+    fn finish(self) -> Vec<u8> {
+        self.bytes
+    }
+
+    fn binary(&mut self, op: Binary, dst: u8, a: u8, b: Source) {
+        let b = self.fetch(b);
+        match op {
+            Binary::Add => self.number(FADD, dst, a, b),
+            Binary::Sub => self.number(FSUB, dst, a, b),
+            Binary::Mul => self.number(FMUL, dst, a, b),
+            Binary::Div => self.number(FDIV, dst, a, b),
+            Binary::And => self.word(AND, dst, a, b),
+            Binary::AndNot => self.word(BIC, dst, b, a),
+            Binary::Or => self.word(ORR, dst, a, b),
+            Binary::Xor => self.word(EOR, dst, a, b),
+            // The instructions FMIN and FMAX treat NaN and zeros otherwise.
+            Binary::Min => self.choose(dst, a, b, [b, a]),
+            Binary::Max => self.choose(dst, a, b, [a, b]),
+        }
+    }
+
+    fn fused(&mut self, product: Product, order: Order, dst: u8, a: u8, b: Source) {
+        let b = self.fetch(b);
+        let (x, y, z) = match order {
+            Order::P231 => (a, b, dst),
+            Order::P213 => (a, dst, b),
+            Order::P132 => (dst, b, a),
+        };
+        if !self.form.packed {
+            let word = match product {
+                Product::Add => FMADD,
+                Product::Sub => FNMSUB,
+                Product::NegAdd => FMSUB,
+                Product::NegSub => FNMADD,
+            };
+            return self.word(word | u32::from(z) << 10, dst, x, y);
+        }
+        let (word, negative) = match product {
+            Product::Add => (FMLA, false),
+            Product::Sub => (FMLA, true),
+            Product::NegAdd => (FMLS, false),
+            Product::NegSub => (FMLS, true),
+        };
+        // The sum grows in place, unless `dst` is a factor that would be overwritten first.
+        let sum = match z {
+            _ if dst == z && !(negative && (dst == x || dst == y)) => dst,
+            FETCHED => FETCHED,
+            _ => SCRATCH,
+        };
+        if negative {
+            self.word(FNEG, sum, z, 0);
+        } else {
+            self.copy(sum, z);
+        }
+        self.word(word, sum, x, y);
+        self.copy(dst, sum);
+    }
+
+    fn sqrt(&mut self, dst: u8, a: Source) {
+        let a = self.fetch(a);
+        self.number(FSQRT, dst, a, 0);
+    }
+
+    fn load(&mut self, dst: u8, from: Source) {
+        match from {
+            Source::Register(from) => self.copy(dst, from),
+            Source::Slot(base, offset) => self.access(&LOAD[usize::from(!self.form.packed)], dst, base, offset),
+            Source::Spread(base, offset) => {
+                self.access(&LOAD[1], dst, base, offset);
+                if self.form.packed {
+                    self.word(DUP, dst, dst, 0);
+                }
+            }
+        }
+    }
+
+    fn store(&mut self, base: Base, offset: i32, from: u8) {
+        self.access(&STORE[usize::from(!self.form.packed)], from, base, offset);
+    }
+
+    fn less(&mut self, dst: u8, a: u8, b: Source) {
+        let b = self.fetch(b);
+        self.number(FCMGT, dst, b, a);
+    }
+
+    fn select(&mut self, dst: u8, mask: u8, yes: u8, no: u8) {
+        if dst == no {
+            self.word(BIT, dst, yes, mask);
+        } else if dst == yes && dst != mask {
+            self.word(BIF, dst, no, mask);
+        } else {
+            self.copy(dst, mask);
+            self.word(BSL, dst, yes, no);
+        }
+    }
+
+    fn sign_mask(&mut self, dst: u8, a: u8) {
+        self.word(CMLT, dst, a, 0);
+    }
+
+    fn shift_left(&mut self, dst: u8, a: u8, bits: u8) {
+        debug_assert!(bits < 64);
+        self.word(SHL | u32::from(64 + bits) << 16, dst, a, 0);
+    }
+
+    /// The low halves of v8 to v15 belong to the caller, on every system.
+    fn enter(&mut self, _: Convention) {
+        // stp d8, d9, [sp, -64]!; stp d10, d11, [sp, 16]; ..
+        self.pair(0x6D80_0000, 8, -8);
+        (1..4).for_each(|i| self.pair(0x6D00_0000, 8 + 2 * i, 2 * i as i32));
+    }
+
+    fn leave(&mut self, _: Convention) {
+        // ldp d14, d15, [sp, 48]; ..; ldp d8, d9, [sp], 64
+        (1..4).rev().for_each(|i| self.pair(0x6D40_0000, 8 + 2 * i, 2 * i as i32));
+        self.pair(0x6CC0_0000, 8, 8);
+    }
+
+    fn ret(&mut self) {
+        self.push(0xD65F_03C0);
+    }
+}
+
+impl Assembler {
+    fn push(&mut self, word: u32) {
+        self.bytes.extend(word.to_le_bytes());
+    }
+
+    fn word(&mut self, pattern: u32, d: u8, n: u8, m: u8) {
+        debug_assert!(d < 32 && n < 32 && m < 32);
+        self.push(pattern | u32::from(m) << 16 | u32::from(n) << 5 | u32::from(d));
+    }
+
+    fn number(&mut self, patterns: [u32; 2], d: u8, n: u8, m: u8) {
+        self.word(patterns[usize::from(!self.form.packed)], d, n, m);
+    }
+
+    fn copy(&mut self, dst: u8, from: u8) {
+        if dst != from {
+            self.word(ORR, dst, from, from);
+        }
+    }
+
+    /// `dst = a` where `greater[0] > greater[1]`, else `b`.
+    fn choose(&mut self, dst: u8, a: u8, b: u8, greater: [u8; 2]) {
+        let mask = if dst == a || dst == b { SCRATCH } else { dst };
+        self.number(FCMGT, mask, greater[0], greater[1]);
+        self.select(dst, mask, a, b);
+    }
+
+    /// The register of an operand; one that comes from memory is loaded.
+    fn fetch(&mut self, source: Source) -> u8 {
+        if let Source::Register(register) = source {
+            return register;
+        }
+        self.load(FETCHED, source);
+        FETCHED
+    }
+
+    /// Load or store with the shortest form that holds the offset.
+    fn access(&mut self, access: &Access, register: u8, base: Base, offset: i32) {
+        let base = match base {
+            Base::Frame => 0,
+            Base::Constants => 1,
+        };
+        if offset % access.size == 0 && (0..4096).contains(&(offset / access.size)) {
+            self.word(access.scaled | ((offset / access.size) as u32) << 10, register, base, 0);
+        } else if (-256..256).contains(&offset) {
+            self.word(access.unscaled | (offset as u32 & 0x1FF) << 12, register, base, 0);
+        } else {
+            let [low, high] = [offset as u32 & 0xFFFF, offset as u32 >> 16];
+            // movz: the low half, zeros above. movn: the same with ones above. movk: the next half, others stay.
+            let (start, rest) = if offset < 0 { (0x9280_0000 | (!low & 0xFFFF) << 5, 0xFFFF) } else { (0xD280_0000 | low << 5, 0) };
+            self.word(start, OFFSET, 0, 0);
+            if high != rest {
+                self.word(0xF2A0_0000 | high << 5, OFFSET, 0, 0);
+            }
+            self.word(access.register, register, base, OFFSET);
+        }
+    }
+
+    /// Store or load `first` and the register after it at the stack pointer plus `offset` times 8 bytes.
+    fn pair(&mut self, pattern: u32, first: u8, offset: i32) {
+        self.word(pattern | (offset as u32 & 0x7F) << 15 | u32::from(first + 1) << 10, first, STACK, 0);
+    }
+}
+
+#[cfg(test)]
+#[path = "aarch64_tests.rs"]
+mod tests;

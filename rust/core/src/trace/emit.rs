@@ -1,0 +1,322 @@
+//! From a straight-line program to machine code: registers by furthest next use (Belady 1966), one instruction after another.
+//!
+//! A value that no register has room for moves to a slot of the frame behind the program's own. Inputs and constants are read from
+//! memory where an instruction can and the value is not read again soon.
+
+use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
+use super::lifetimes::{Lifetimes, NEVER};
+use super::straight::{Instruction, Straight};
+
+/// A value that is read again within so many instructions is worth a register.
+const SOON: u32 = 24;
+
+/// Machine code with what it needs beside the frame.
+pub struct Emitted {
+    pub bytes: Vec<u8>,
+    /// The numbers that the code reads behind its second argument.
+    pub constants: Vec<f64>,
+    /// Slots of a frame that it runs on.
+    pub slots: usize,
+}
+
+/// Emit `program` for `form`; values that leave the registers go to slots from `first` on.
+pub fn emit<A: Assemble>(program: &Straight, form: Form, first: usize) -> Emitted {
+    let lifetimes = Lifetimes::of(program);
+    let values = program.instructions.len();
+    let mut emitter: Emitter<A> = Emitter {
+        program,
+        lifetimes: &lifetimes,
+        form,
+        assembler: A::new(form),
+        register: vec![None; values],
+        spill: vec![None; values],
+        holder: vec![None; form.registers()],
+        free_slots: Vec::new(),
+        leaving: Vec::new(),
+        slots: first as u32,
+        constant: vec![None; values],
+        constants: Vec::new(),
+        at: 0,
+    };
+    emitter.run();
+    Emitted { slots: emitter.slots as usize, constants: emitter.constants, bytes: emitter.assembler.finish() }
+}
+
+struct Emitter<'a, A> {
+    program: &'a Straight,
+    lifetimes: &'a Lifetimes,
+    form: Form,
+    assembler: A,
+    /// Where each value is: in a register, in a slot, or both.
+    register: Vec<Option<u8>>,
+    spill: Vec<Option<u32>>,
+    /// The value in each register.
+    holder: Vec<Option<u32>>,
+    free_slots: Vec<u32>,
+    /// Slots that are free once the instruction is there, which may still read them.
+    leaving: Vec<u32>,
+    slots: u32,
+    /// The place of each constant that is used, in numbers.
+    constant: Vec<Option<u32>>,
+    constants: Vec<f64>,
+    /// The position of the instruction that is emitted.
+    at: u32,
+}
+
+impl<A: Assemble> Emitter<'_, A> {
+    fn run(&mut self) {
+        self.assembler.enter(Convention::HERE);
+        let lifetimes = self.lifetimes;
+        let mut early = lifetimes.early.iter().peekable();
+        for (at, &i) in lifetimes.order.iter().enumerate() {
+            self.at = at as u32;
+            let to = self.instruction(self.program.instructions[i as usize]);
+            (self.register[i as usize], self.holder[to as usize]) = (Some(to), Some(i));
+            while let Some((_, slot)) = early.next_if(|(position, _)| *position == self.at) {
+                self.assembler.store(Base::Frame, self.offset(*slot), to);
+            }
+            self.release([i, i, i]);
+            self.free_slots.append(&mut self.leaving);
+        }
+        self.at = lifetimes.order.len() as u32;
+        for &(slot, value) in &lifetimes.late {
+            let from = self.obtain(value, [value; 3]);
+            self.assembler.store(Base::Frame, self.offset(slot), from);
+        }
+        self.assembler.leave(Convention::HERE);
+        self.assembler.ret();
+    }
+
+    fn offset(&self, slot: u32) -> i32 {
+        slot as i32 * self.form.width() as i32
+    }
+
+    fn dies(&self, value: u32) -> bool {
+        self.lifetimes.next_read(value, self.at + 1) == NEVER
+    }
+
+    /// Free what the values that are read for the last time occupy.
+    fn release(&mut self, values: [u32; 3]) {
+        for value in values {
+            if self.dies(value) {
+                if let Some(register) = self.register[value as usize].take() {
+                    self.holder[register as usize] = None;
+                }
+                if let Some(slot) = self.spill[value as usize].take() {
+                    self.leaving.push(slot);
+                }
+            }
+        }
+    }
+
+    /// Where a value is in memory; `None` for one that is in a register alone.
+    fn memory(&mut self, value: u32) -> Option<Source> {
+        if let Some(slot) = self.spill[value as usize] {
+            return Some(Source::Slot(Base::Frame, self.offset(slot)));
+        }
+        match self.program.instructions[value as usize] {
+            Instruction::Input(slot) => Some(Source::Slot(Base::Frame, self.offset(slot))),
+            Instruction::Const(bits) => Some(self.constant(value, f64::from_bits(bits))),
+            _ => None,
+        }
+    }
+
+    /// AVX-512 spreads one number over the lanes as it reads it; elsewhere the constants stand in every lane.
+    fn constant(&mut self, value: u32, x: f64) -> Source {
+        let spreads = self.form.packed && self.form.set == Set::Avx512;
+        let copies = if spreads { 1 } else { self.form.lanes() };
+        let constants = &mut self.constants;
+        let place = *self.constant[value as usize].get_or_insert_with(|| {
+            constants.extend(std::iter::repeat_n(x, copies));
+            (constants.len() - copies) as u32
+        });
+        if spreads { Source::Spread(Base::Constants, 8 * place as i32) } else { Source::Slot(Base::Constants, 8 * place as i32) }
+    }
+
+    /// A register for a new value; `keep` are the values that have to stay in theirs.
+    fn take(&mut self, keep: [u32; 3]) -> u8 {
+        if let Some(free) = self.holder.iter().position(Option::is_none) {
+            return free as u8;
+        }
+        let (mut furthest, mut best) = (0, 0);
+        for (register, holder) in self.holder.iter().enumerate() {
+            let Some(value) = holder.filter(|value| !keep.contains(value)) else { continue };
+            // Of two that are read equally late, the one that needs no store.
+            let in_memory = self.spill[value as usize].is_some() || self.program.instructions[value as usize].is_leaf();
+            let score = 2 * u64::from(self.lifetimes.next_read(value, self.at)) + u64::from(in_memory) + 1;
+            if score > furthest {
+                (furthest, best) = (score, register);
+            }
+        }
+        if let Some(value) = self.holder[best].take() {
+            self.register[value as usize] = None;
+            if self.memory(value).is_none() {
+                let slot = self.free_slots.pop().unwrap_or(self.slots);
+                self.slots = self.slots.max(slot + 1);
+                self.spill[value as usize] = Some(slot);
+                self.assembler.store(Base::Frame, self.offset(slot), best as u8);
+            }
+        }
+        best as u8
+    }
+
+    /// The value in a register.
+    fn obtain(&mut self, value: u32, keep: [u32; 3]) -> u8 {
+        if let Some(register) = self.register[value as usize] {
+            return register;
+        }
+        let register = self.take(keep);
+        if let Some(source) = self.memory(value) {
+            self.assembler.load(register, source);
+        }
+        (self.register[value as usize], self.holder[register as usize]) = (Some(register), Some(value));
+        register
+    }
+
+    /// The value as the last operand of an instruction: from memory, unless it is worth a register.
+    fn operand(&mut self, value: u32, keep: [u32; 3]) -> Source {
+        if self.register[value as usize].is_none() {
+            let next = self.lifetimes.next_read(value, self.at + 1);
+            if (next == NEVER || next - self.at > SOON)
+                && let Some(source) = self.memory(value)
+            {
+                return source;
+            }
+        }
+        Source::Register(self.obtain(value, keep))
+    }
+
+    /// The register of the result of an instruction whose first operand is `a`, in `from`, and whose operands are `keep`. SSE2 works
+    /// on its first operand, which is copied unless it dies.
+    fn result(&mut self, a: u32, from: u8, keep: [u32; 3]) -> u8 {
+        if self.form.set > Set::Sse2 {
+            self.release(keep);
+            return self.take(keep);
+        }
+        if self.dies(a) {
+            self.release(keep);
+            return from;
+        }
+        let to = self.take(keep);
+        self.assembler.load(to, Source::Register(from));
+        self.release(keep);
+        to
+    }
+
+    fn instruction(&mut self, instruction: Instruction) -> u8 {
+        use Instruction::*;
+        match instruction {
+            Input(_) | Const(_) => unreachable!("leaves are not computed"),
+            Add(a, b) => self.commuting(Binary::Add, a, b),
+            Mul(a, b) => self.commuting(Binary::Mul, a, b),
+            And(a, b) => self.commuting(Binary::And, a, b),
+            Xor(a, b) => self.commuting(Binary::Xor, a, b),
+            Sub(a, b) => self.binary(Binary::Sub, a, b),
+            Div(a, b) => self.binary(Binary::Div, a, b),
+            AndNot(a, b) => self.binary(Binary::AndNot, a, b),
+            // The instruction gives its second operand unless the first one is beyond it.
+            Max(a, b) => self.binary(Binary::Max, b, a),
+            Min(a, b) => self.binary(Binary::Min, b, a),
+            Fma(a, b, c) => self.fused(Product::Add, a, b, c),
+            Fms(a, b, c) => self.fused(Product::Sub, a, b, c),
+            Fnma(a, b, c) => self.fused(Product::NegAdd, a, b, c),
+            Less(a, b) => {
+                let (from, source) = self.pair(a, b, false);
+                let to = self.result(a, from, [a, b, b]);
+                self.assembler.less(to, from_or(to, from, self.form), source);
+                to
+            }
+            Sqrt(a) => {
+                let source = self.operand(a, [a; 3]);
+                self.release([a; 3]);
+                let to = self.take([a; 3]);
+                self.assembler.sqrt(to, source);
+                to
+            }
+            Signs(a) => {
+                let from = self.obtain(a, [a; 3]);
+                self.release([a; 3]);
+                let to = self.take([a; 3]);
+                self.assembler.sign_mask(to, from);
+                to
+            }
+            Shift(a, by) => {
+                let from = self.obtain(a, [a; 3]);
+                let to = self.result(a, from, [a; 3]);
+                self.assembler.shift_left(to, from_or(to, from, self.form), by);
+                to
+            }
+            Select(mask, yes, no) => {
+                let keep = [mask, yes, no];
+                let registers = keep.map(|value| self.obtain(value, keep));
+                self.release(keep);
+                let to = self.take(keep);
+                self.assembler.select(to, registers[0], registers[1], registers[2]);
+                to
+            }
+        }
+    }
+
+    /// The operands of an instruction: the first in a register.
+    fn pair(&mut self, a: u32, b: u32, logic: bool) -> (u8, Source) {
+        let keep = [a, b, b];
+        let from = self.obtain(a, keep);
+        // Logic on single numbers has no operand in memory of their size.
+        let source = if logic && !self.form.packed { Source::Register(self.obtain(b, keep)) } else { self.operand(b, keep) };
+        (from, source)
+    }
+
+    fn binary(&mut self, op: Binary, a: u32, b: u32) -> u8 {
+        let (from, source) = self.pair(a, b, op.is_logic());
+        let to = self.result(a, from, [a, b, b]);
+        self.assembler.binary(op, to, from_or(to, from, self.form), source);
+        to
+    }
+
+    fn commuting(&mut self, op: Binary, a: u32, b: u32) -> u8 {
+        let swap = self.register[a as usize].is_none() && self.register[b as usize].is_some();
+        if swap { self.binary(op, b, a) } else { self.binary(op, a, b) }
+    }
+
+    /// `a b` and `c`: into the register of an operand that dies, if there is one.
+    fn fused(&mut self, product: Product, a: u32, b: u32, c: u32) -> u8 {
+        let keep = [a, b, c];
+        let ends = |this: &Self, value: u32| {
+            this.register[value as usize].is_some() && this.dies(value) && keep.iter().filter(|&&other| other == value).count() == 1
+        };
+        if ends(self, c) {
+            let (a, b) = if self.register[a as usize].is_none() && self.register[b as usize].is_some() { (b, a) } else { (a, b) };
+            let from = self.obtain(a, keep);
+            let source = self.operand(b, keep);
+            let to = self.obtain(c, keep);
+            self.assembler.fused(product, Order::P231, to, from, source);
+            self.release(keep);
+            return to;
+        }
+        for (dying, other) in [(a, b), (b, a)] {
+            if ends(self, dying) {
+                let from = self.obtain(other, keep);
+                let source = self.operand(c, keep);
+                let to = self.obtain(dying, keep);
+                self.assembler.fused(product, Order::P213, to, from, source);
+                self.release(keep);
+                return to;
+            }
+        }
+        let (from, second) = (self.obtain(a, keep), self.obtain(b, keep));
+        let third = match self.register[c as usize] {
+            Some(register) => Source::Register(register),
+            None => self.memory(c).unwrap_or(Source::Register(from)),
+        };
+        let to = self.take(keep);
+        self.assembler.load(to, third);
+        self.assembler.fused(product, Order::P231, to, from, Source::Register(second));
+        self.release(keep);
+        to
+    }
+}
+
+/// The first operand's register: SSE2 has it in the result's.
+fn from_or(to: u8, from: u8, form: Form) -> u8 {
+    if form.set == Set::Sse2 { to } else { from }
+}

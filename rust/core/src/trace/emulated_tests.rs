@@ -1,0 +1,33 @@
+//! Random programs for NEON, which `make test-aarch64` runs in an emulator.
+
+use super::aarch64::Assembler;
+use super::emit::emit;
+use super::frame::Frame;
+use super::harness::{self, Cases};
+use super::instruction::{Form, Set};
+use super::portable::Portable;
+use super::tests::{Random, random_program};
+
+/// Portable evaluation gives the numbers that the emulator must find.
+#[test]
+fn neon_programs_are_written_for_the_emulator() {
+    let mut random = Random(0xfedc_ba98_7654_3211);
+    let (mut cases, mut spilling) = (Cases::default(), 0);
+    for trial in 0..300 {
+        let form = Form { set: Set::Neon, packed: trial % 2 == 0 };
+        let (inputs, length, back) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
+        let program = random_program(&mut random, inputs, length, back, true);
+        let (emitted, portable) = (emit::<Assembler>(&program, form, inputs + 8), Portable::new(&program, inputs + 8));
+        let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots, form.lanes()));
+        portable.prepare(&mut expected);
+        for k in 0..inputs * form.lanes() {
+            let x = random.number();
+            (frame.numbers_mut()[k], expected.numbers_mut()[k]) = (x, x);
+        }
+        portable.run(&mut expected);
+        spilling += usize::from(emitted.slots > inputs + 8);
+        cases.add(&emitted.bytes, frame.numbers(), &emitted.constants, &expected.numbers()[..(inputs + 8) * form.lanes()]);
+    }
+    assert!(cases.len() == 300 && spilling > 50, "{spilling} programs of 300 spill");
+    harness::write("programs.s", &cases.finish());
+}

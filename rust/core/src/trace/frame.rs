@@ -1,0 +1,46 @@
+//! The memory of a program: slots of one number per lane, side by side.
+
+/// One cache line, so that every slot of lanes is aligned.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+struct Line([f64; 8]);
+
+/// `slots` numbers for each of `lanes` runs: slot after slot, lane after lane.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    lines: Vec<Line>,
+    lanes: usize,
+}
+
+impl Frame {
+    /// A frame of zeros.
+    pub fn new(slots: usize, lanes: usize) -> Self {
+        Frame { lines: vec![Line([0.0; 8]); (slots * lanes).div_ceil(8)], lanes }
+    }
+
+    pub fn lanes(&self) -> usize {
+        self.lanes
+    }
+
+    /// All numbers; those of slot `s` begin at `s` times the number of lanes.
+    pub fn numbers(&self) -> &[f64] {
+        // SAFETY: a line is eight numbers without padding.
+        unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), 8 * self.lines.len()) }
+    }
+
+    pub fn numbers_mut(&mut self) -> &mut [f64] {
+        // SAFETY: as in `numbers`.
+        unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), 8 * self.lines.len()) }
+    }
+
+    /// The numbers of slot `slot`, one per lane.
+    pub fn slot_mut(&mut self, slot: usize) -> &mut [f64] {
+        let lanes = self.lanes;
+        &mut self.numbers_mut()[slot * lanes..(slot + 1) * lanes]
+    }
+
+    /// The same number in all lanes of a slot.
+    pub fn fill(&mut self, slot: usize, x: f64) {
+        self.slot_mut(slot).fill(x);
+    }
+}

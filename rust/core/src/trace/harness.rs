@@ -1,0 +1,48 @@
+//! Files for `make test-aarch64`: machine code with memory before and after, linked to a C program that runs it.
+
+use std::fmt::Write;
+
+/// Write a file into the folder that `ARMLET_HARNESS` names; nothing without it.
+pub fn write(name: &str, content: &(impl AsRef<[u8]> + ?Sized)) {
+    if let Some(folder) = std::env::var_os("ARMLET_HARNESS") {
+        std::fs::write(std::path::Path::new(&folder).join(name), content).unwrap();
+    }
+}
+
+/// Assembler text of cases: functions in `.text`, numbers in `.data`, and the table `cases` of what belongs together.
+#[derive(Default)]
+pub struct Cases {
+    code: String,
+    data: String,
+    table: String,
+    len: usize,
+}
+
+impl Cases {
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// A function, the memory that it gets, and what it must leave at the start of the frame: the same bits, or any NaN for NaN.
+    pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], expected: &[f64]) {
+        assert!(code.len().is_multiple_of(4) && expected.len() <= frame.len());
+        let i = self.len;
+        self.len += 1;
+        writeln!(self.code, "code{i}:").unwrap();
+        for word in code.chunks(4) {
+            writeln!(self.code, ".word 0x{:08x}", u32::from_le_bytes(word.try_into().unwrap())).unwrap();
+        }
+        for (name, numbers) in [("frame", frame), ("constants", constants), ("expected", expected)] {
+            writeln!(self.data, ".balign 64\n{name}{i}:").unwrap();
+            for number in numbers {
+                writeln!(self.data, ".quad 0x{:x}", number.to_bits()).unwrap();
+            }
+        }
+        writeln!(self.table, ".quad code{i}, frame{i}, constants{i}, expected{i}, {}", expected.len()).unwrap();
+    }
+
+    pub fn finish(self) -> String {
+        let Cases { code, data, table, len } = self;
+        format!(".text\n{code}.data\n{data}.global cases, count\n.balign 8\ncases:\n{table}count: .quad {len}\n")
+    }
+}

@@ -1,0 +1,192 @@
+//! Executable memory: pages are written first and made executable then, never both at once.
+//!
+//! Systems and their rules:
+//! - Linux, Windows, the BSDs, macOS on Intel: an anonymous mapping changes from writable to executable (mprotect,
+//!   VirtualProtect).
+//! - macOS on Apple silicon: a mapping with MAP_JIT, which each thread sees as writable or as executable. A process with the
+//!   hardened runtime requires the entitlement `com.apple.security.cs.allow-jit` for it.
+//! - A system that forbids new executable pages (hardened runtime, SELinux `execmem`, PaX, prctl PR_SET_MDWE): [`Code::new`]
+//!   returns the system's error.
+//!
+//! Not covered: the hardened runtime on Intel, where the call succeeds and the process ends at the first instruction; iOS;
+//! unwinding and debugging through the code, which has no unwind tables. The parts for Apple silicon and for Windows on
+//! aarch64 are compiled by no test.
+//!
+//! On aarch64 the instruction cache does not follow writes, so that it is flushed before the first run.
+
+use std::io::{Error, ErrorKind, Result};
+
+#[cfg(all(target_os = "macos", target_arch = "aarch64"))]
+#[path = "memory_apple.rs"]
+mod pages;
+
+#[cfg(not(all(target_os = "macos", target_arch = "aarch64")))]
+mod pages {
+    pub use memmap2::Mmap as Pages;
+    use memmap2::MmapMut;
+
+    /// Executable pages that start with `bytes`.
+    pub fn executable(bytes: &[u8]) -> std::io::Result<Pages> {
+        let mut pages = MmapMut::map_anon(bytes.len())?;
+        pages[..bytes.len()].copy_from_slice(bytes);
+        let pages = pages.make_exec()?;
+        super::flush(pages.as_ptr(), bytes.len());
+        Ok(pages)
+    }
+}
+
+/// Machine code of one function `extern "C" fn(*mut f64, *const f64)` in executable, read-only memory.
+pub struct Code(pages::Pages);
+
+impl Code {
+    /// Copy machine code into memory that is executable afterwards.
+    ///
+    /// # Errors
+    /// Empty code, no memory left, or a system that refuses executable pages.
+    pub fn new(bytes: &[u8]) -> Result<Code> {
+        if bytes.is_empty() {
+            return Err(Error::new(ErrorKind::InvalidInput, "no machine code"));
+        }
+        pages::executable(bytes).map(Code)
+    }
+
+    /// Where the machine code starts.
+    pub fn address(&self) -> *const u8 {
+        self.0.as_ptr()
+    }
+
+    /// Call the function.
+    ///
+    /// # Safety
+    /// The bytes are machine code of this processor, of a function of that signature, and its instruction set is
+    /// there. `frame` and `constants` are valid and aligned for every slot that the code reads or writes.
+    pub unsafe fn run(&self, frame: *mut f64, constants: *const f64) {
+        // SAFETY: the mapping lives as long as `self`, it is executable, and the caller vouches for its content.
+        unsafe {
+            let function: extern "C" fn(*mut f64, *const f64) = std::mem::transmute(self.address());
+            function(frame, constants);
+        }
+    }
+}
+
+/// Make written instructions visible to the instruction fetch. x86-64 needs nothing.
+#[cfg(not(target_arch = "aarch64"))]
+fn flush(_: *const u8, _: usize) {}
+
+/// Make written instructions visible to the instruction fetch.
+#[cfg(all(target_arch = "aarch64", target_vendor = "apple"))]
+fn flush(start: *const u8, bytes: usize) {
+    unsafe extern "C" {
+        fn sys_icache_invalidate(start: *const core::ffi::c_void, bytes: usize);
+    }
+    // SAFETY: a function of the system library, on a range that is mapped.
+    unsafe { sys_icache_invalidate(start.cast(), bytes) }
+}
+
+/// Make written instructions visible to the instruction fetch.
+#[cfg(all(target_arch = "aarch64", windows))]
+fn flush(start: *const u8, bytes: usize) {
+    use core::ffi::c_void;
+    unsafe extern "system" {
+        fn GetCurrentProcess() -> *mut c_void;
+        fn FlushInstructionCache(process: *mut c_void, start: *const c_void, bytes: usize) -> i32;
+    }
+    // SAFETY: functions of kernel32, on a range that is mapped.
+    unsafe { FlushInstructionCache(GetCurrentProcess(), start.cast(), bytes) };
+}
+
+/// Make written instructions visible to the instruction fetch: data lines out to the level that both caches share,
+/// then the instruction lines are dropped (Arm Architecture Reference Manual, B2.4.4).
+#[cfg(all(target_arch = "aarch64", not(target_vendor = "apple"), not(windows)))]
+fn flush(start: *const u8, bytes: usize) {
+    use core::arch::asm;
+    let (start, end) = (start as usize, start as usize + bytes);
+    // SAFETY: reads the sizes of the cache lines, and cleans lines of a range that is mapped.
+    unsafe {
+        let sizes: usize;
+        asm!("mrs {}, ctr_el0", out(reg) sizes, options(nomem, nostack));
+        let lines = |bytes: usize| (start & !(bytes - 1)..end).step_by(bytes);
+        for line in lines(4 << (sizes >> 16 & 15)) {
+            asm!("dc cvau, {}", in(reg) line, options(nostack));
+        }
+        asm!("dsb ish", options(nostack));
+        for line in lines(4 << (sizes & 15)) {
+            asm!("ic ivau, {}", in(reg) line, options(nostack));
+        }
+        asm!("dsb ish", "isb", options(nostack));
+    }
+}
+
+#[cfg(all(test, unix, any(target_arch = "x86_64", target_arch = "aarch64")))]
+mod tests {
+    use super::*;
+
+    /// movsd xmm0, [rdi]; addsd xmm0, [rsi]; movsd [rdi], xmm0; ret
+    #[cfg(target_arch = "x86_64")]
+    const SUM: [u8; 13] = [0xF2, 0x0F, 0x10, 0x07, 0xF2, 0x0F, 0x58, 0x06, 0xF2, 0x0F, 0x11, 0x07, 0xC3];
+
+    /// ldr d0, [x0]; ldr d1, [x1]; fadd d0, d0, d1; str d0, [x0]; ret
+    #[cfg(target_arch = "aarch64")]
+    #[rustfmt::skip]
+    const SUM: [u8; 20] = [
+        0x00, 0x00, 0x40, 0xFD, 0x21, 0x00, 0x40, 0xFD, 0x00, 0x28, 0x61, 0x1E, 0x00, 0x00, 0x00, 0xFD, 0xC0, 0x03, 0x5F, 0xD6,
+    ];
+
+    #[test]
+    fn runs_code() {
+        let code = Code::new(&SUM).unwrap();
+        let mut frame = [1.5];
+        // SAFETY: code that reads and writes one number of each argument.
+        unsafe { code.run(frame.as_mut_ptr(), [2.0].as_ptr()) };
+        assert_eq!(frame, [3.5]);
+    }
+
+    #[test]
+    fn refuses_empty_code() {
+        assert_eq!(Code::new(&[]).err().unwrap().kind(), ErrorKind::InvalidInput);
+    }
+
+    /// A child process gives up the right to make pages executable (Linux 6.3), as a hardened system does.
+    /// Not on aarch64: there the right would be that of an emulator, which cannot do without it.
+    #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+    #[test]
+    fn returns_the_refusal_of_the_system() {
+        const NAME: &str = "trace::memory::tests::returns_the_refusal_of_the_system";
+        const CHILD: &str = "ARMLET_TEST_REFUSED_CODE";
+        unsafe extern "C" {
+            fn prctl(option: i32, argument: u64, _: u64, _: u64, _: u64) -> i32;
+        }
+        const PR_SET_MDWE: i32 = 65;
+        if std::env::var_os(CHILD).is_some() {
+            // SAFETY: changes what this process may do, and no memory.
+            let given_up = unsafe { prctl(PR_SET_MDWE, 1, 0, 0, 0) } == 0;
+            // A kernel without this right cannot refuse.
+            assert_eq!(Code::new(&SUM).is_err(), given_up);
+            return;
+        }
+        let child = std::process::Command::new(std::env::current_exe().unwrap()).args(["--exact", NAME]).env(CHILD, "1").output().unwrap();
+        let output = String::from_utf8_lossy(&child.stdout);
+        assert!(child.status.success() && output.contains("1 passed"), "{output}");
+    }
+
+    #[test]
+    fn goes_between_threads() {
+        fn shared<T: Send + Sync>() {}
+        shared::<Code>();
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn is_never_writable_and_executable() {
+        let code = Code::new(&SUM.repeat(1000)).unwrap();
+        let address = code.address() as usize;
+        let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
+        let rights = |line: &str| {
+            let (range, rest) = line.split_once(' ').unwrap();
+            let (start, end) = range.split_once('-').unwrap();
+            let hex = |text| usize::from_str_radix(text, 16).unwrap();
+            (hex(start)..hex(end)).contains(&address).then(|| rest[..4].to_owned())
+        };
+        assert_eq!(maps.lines().find_map(rights).as_deref(), Some("r-xp"));
+    }
+}

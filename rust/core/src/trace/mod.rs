@@ -1,0 +1,39 @@
+//! From a recorded computation to a program: a loop is recorded once with the number [`Sym`], simplified, lowered to straight-line
+//! instructions of one instruction set, and run for one run or for many lanes.
+//!
+//! `sym`, `tape`: recording and folding. `straight`: lowering. `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code.
+//! `portable`: the same bits without it. `frame`: the memory a program runs on. `program`: all of it behind one door.
+
+#[cfg(any(test, target_arch = "aarch64"))]
+pub mod aarch64;
+#[cfg(test)]
+mod checks;
+pub mod emit;
+#[cfg(test)]
+mod emulated_tests;
+pub mod frame;
+#[cfg(test)]
+mod harness;
+pub mod instruction;
+mod lifetimes;
+pub mod memory;
+mod portable;
+pub mod program;
+pub mod segments;
+#[cfg(test)]
+mod simulator;
+pub mod straight;
+pub mod sym;
+pub mod tape;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod trials;
+#[cfg(any(test, not(target_arch = "aarch64")))]
+pub mod x86;
+
+pub use frame::Frame;
+pub use program::{Engine, Program, Room, engine, form};
+pub use segments::Cut;
+pub use straight::{Part, Places};
+pub use sym::{Recording, Sym};

@@ -1,0 +1,154 @@
+//! A program: a recorded computation that runs on frames, as machine code where the system allows it.
+//!
+//! The two ways give the same bits. `ARMLET_PROGRAMS=portable` chooses the second one.
+
+#[cfg(target_arch = "aarch64")]
+use super::aarch64::Assembler;
+use super::emit::emit;
+use super::frame::Frame;
+use super::instruction::{Form, Set};
+use super::memory::Code;
+use super::portable::Portable;
+use super::straight::{Part, Straight, lower};
+#[cfg(not(target_arch = "aarch64"))]
+use super::x86::Assembler;
+use crate::scalar::lanes::{Isa, isa};
+use std::sync::OnceLock;
+
+/// Whether machine code for this processor can be emitted.
+const HAS_EMITTER: bool = cfg!(any(target_arch = "x86_64", target_arch = "aarch64"));
+
+/// How programs run here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Engine {
+    /// As machine code.
+    Machine,
+    /// Instruction by instruction.
+    Portable,
+}
+
+impl Engine {
+    pub fn name(self) -> &'static str {
+        match self {
+            Engine::Machine => "machine",
+            Engine::Portable => "portable",
+        }
+    }
+}
+
+/// How programs run in this process: asked of the environment and of the system once.
+pub fn engine() -> Engine {
+    static ENGINE: OnceLock<Engine> = OnceLock::new();
+    *ENGINE.get_or_init(|| {
+        let portable = std::env::var("ARMLET_PROGRAMS").is_ok_and(|value| value == "portable");
+        let machine = HAS_EMITTER && !portable && Code::new(&[0; 4]).is_ok();
+        if machine { Engine::Machine } else { Engine::Portable }
+    })
+}
+
+/// The form of code for one run or for lanes on this machine.
+pub fn form(packed: bool) -> Form {
+    let set = match isa() {
+        _ if cfg!(target_arch = "aarch64") => Set::Neon,
+        Isa::Baseline => Set::Sse2,
+        Isa::Avx2 => Set::Avx2,
+        Isa::Avx512 => Set::Avx512,
+    };
+    Form { set, packed }
+}
+
+/// Where a program finds room in a frame.
+#[derive(Clone, Copy)]
+pub struct Room {
+    /// The slot for the largest angle of all runs of the program.
+    pub reach: u32,
+    /// The first slot that nothing else uses.
+    pub free: usize,
+}
+
+enum Way {
+    Machine { code: Code, constants: Frame },
+    Portable(Portable),
+}
+
+/// A straight-line computation on the slots of a frame.
+pub struct Program {
+    way: Way,
+    form: Form,
+    slots: usize,
+    operations: usize,
+    turns: bool,
+}
+
+impl Program {
+    /// The program of a part of a recording, whose input `k` is in slot `k`.
+    pub fn new(part: Part, room: Room, form: Form, engine: Engine) -> Self {
+        Program::of(&lower(part, room.reach, form.set > Set::Sse2), room.free, form, engine)
+    }
+
+    /// The program of instructions that are lowered for the set of `form`; its own values are in slots from `free` on.
+    pub fn of(straight: &Straight, free: usize, form: Form, engine: Engine) -> Self {
+        let (operations, turns) = (straight.operations(), straight.reach.is_some());
+        if let Some((code, constants, slots)) = machine(straight, free, form, engine) {
+            return Program { way: Way::Machine { code, constants }, form, slots, operations, turns };
+        }
+        let portable = Portable::new(straight, free);
+        Program { slots: portable.slots(), way: Way::Portable(portable), form, operations, turns }
+    }
+
+    /// Slots of a frame that it runs on.
+    pub fn slots(&self) -> usize {
+        self.slots
+    }
+
+    /// Operations of one run of it.
+    pub fn operations(&self) -> usize {
+        self.operations
+    }
+
+    /// Whether it takes sines: then its results are valid while the reach is below the limit of `scalar::trig`.
+    pub fn turns(&self) -> bool {
+        self.turns
+    }
+
+    /// How it runs.
+    pub fn engine(&self) -> Engine {
+        match self.way {
+            Way::Machine { .. } => Engine::Machine,
+            Way::Portable(_) => Engine::Portable,
+        }
+    }
+
+    /// Write what the program needs into a new frame.
+    pub fn prepare(&self, frame: &mut Frame) {
+        if let Way::Portable(portable) = &self.way {
+            portable.prepare(frame);
+        }
+    }
+
+    /// Run on a frame that was prepared.
+    #[inline]
+    pub fn run(&self, frame: &mut Frame) {
+        assert!(
+            frame.lanes() == self.form.lanes() && frame.numbers().len() >= self.slots * frame.lanes(),
+            "the frame is of another program"
+        );
+        match &self.way {
+            // SAFETY: code of an instruction set that the machine has, on the frame and constants that it was emitted for: every
+            // slot is below `slots`, and frames are aligned to 64 bytes.
+            Way::Machine { code, constants } => unsafe { code.run(frame.numbers_mut().as_mut_ptr(), constants.numbers().as_ptr()) },
+            Way::Portable(portable) => portable.run(frame),
+        }
+    }
+}
+
+/// Machine code with its constants and slots; `None` where the system refuses it or it is not asked for.
+fn machine(straight: &Straight, free: usize, form: Form, engine: Engine) -> Option<(Code, Frame, usize)> {
+    if engine == Engine::Portable || !HAS_EMITTER {
+        return None;
+    }
+    let emitted = emit::<Assembler>(straight, form, free);
+    let mut constants = Frame::new(emitted.constants.len().max(1), 1);
+    constants.numbers_mut()[..emitted.constants.len()].copy_from_slice(&emitted.constants);
+    Some((Code::new(&emitted.bytes).ok()?, constants, emitted.slots))
+}

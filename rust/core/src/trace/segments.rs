@@ -1,0 +1,36 @@
+//! A recording in segments: long computations are cut where the same part comes again, which is then a program of its own.
+//!
+//! A value that a later segment reads goes to a slot of the frame.
+
+use super::straight::{Part, Places};
+use super::tape::Op;
+
+/// The end of a segment.
+pub struct Cut {
+    /// The number of entries recorded so far.
+    pub end: u32,
+    /// What it leaves behind: `(slot, entry)`.
+    pub outputs: Vec<(u32, u32)>,
+}
+
+/// Give each value that crosses a cut a slot, from `free` on, and add it to the outputs of its segment. The slots, and the first one
+/// behind them.
+pub fn join(ops: &[Op], cuts: &mut [Cut], free: u32) -> (Places, u32) {
+    let (mut places, mut next) = (Places::default(), free);
+    for k in (0..cuts.len()).rev() {
+        let start = if k > 0 { cuts[k - 1].end } else { 0 };
+        let crossing: Vec<u32> = places.keys().copied().filter(|&entry| (start..cuts[k].end).contains(&entry)).collect();
+        for entry in crossing {
+            cuts[k].outputs.push((places[&entry], entry));
+        }
+        cuts[k].outputs.sort_unstable();
+        let before = Part { ops, start, outputs: &cuts[k].outputs, places: &places }.uses().1;
+        for entry in before {
+            places.entry(entry).or_insert_with(|| {
+                next += 1;
+                next - 1
+            });
+        }
+    }
+    (places, next)
+}

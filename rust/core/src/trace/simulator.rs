@@ -1,0 +1,223 @@
+//! An interpreter of the x86-64 instructions that the encoder emits, bit by bit as processors run them.
+//!
+//! It runs AVX-512 code on processors without AVX-512. It knows the conventions of programs (frame in rdi, constants
+//! in rsi, return at the end), reads and writes nothing outside them, and panics at any other instruction.
+//! What a NaN becomes follows Intel's manual, volume 1, 4.8.3.5: the first operand that is NaN, made quiet.
+
+use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
+
+const LANES: usize = 8;
+type Lanes = [u64; LANES];
+
+struct Machine<'a> {
+    registers: [Lanes; 32],
+    /// One bit per lane.
+    k1: u8,
+    frame: &'a mut [f64],
+    constants: &'a [f64],
+}
+
+/// Run machine code of a program until it returns.
+///
+/// # Panics
+/// On an instruction that the encoder does not emit, on a slot outside the frame and the constants or one that is not
+/// aligned, and at the end of code that does not return.
+pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64]) {
+    // Registers hold anything at the start.
+    let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);
+    let mut machine = Machine { registers, k1: 0x5A, frame, constants };
+    for instruction in Decoder::new(64, code, DecoderOptions::NONE) {
+        if instruction.mnemonic() == Mnemonic::Ret {
+            return;
+        }
+        machine.run(&instruction);
+    }
+    panic!("the code does not return");
+}
+
+impl Machine<'_> {
+    fn run(&mut self, i: &Instruction) {
+        use Mnemonic::{Add, Mov, Pop, Push, Sub};
+        if matches!(i.mnemonic(), Push | Pop | Mov | Add | Sub) || i.memory_base() == Register::RSP {
+            // Win64 code keeps the caller's registers. There is no caller here.
+            return;
+        }
+        let name = format!("{:?}", i.mnemonic()).to_lowercase();
+        if name == "vzeroupper" {
+            return self.registers[..16].iter_mut().for_each(|r| r[2..].fill(0));
+        }
+        let (vex, name) = name.strip_prefix('v').map_or((false, name.as_str()), |name| (true, name));
+        let scalar = name.ends_with("sd") && name != "broadcastsd";
+        let operands = i.op_count() - u32::from(i.op_kind(i.op_count() - 1) == OpKind::Immediate8);
+        let first = i.op_register(0);
+        // Instructions to and from k1 have their width in the other register.
+        let wide = if first == Register::None || first == Register::K1 { i.op_register(1) } else { first };
+        let lanes = if scalar { 1 } else { wide.size() / 8 };
+        if first == Register::None {
+            assert!(matches!(name, "movaps" | "movapd" | "movsd"), "{name}");
+            return self.store(i, lanes);
+        }
+        let a = if operands < 2 { [0; LANES] } else { self.read(i, operands - 2, lanes) };
+        let b = self.read(i, operands - 1, lanes);
+        let stem = name.strip_suffix(if scalar { "sd" } else { "pd" }).unwrap_or(name);
+        let value: Lanes = match stem {
+            "add" | "sub" | "mul" | "div" | "min" | "max" => zip(a, b, |a, b| arithmetic(stem, a, b)),
+            "sqrt" => b.map(|b| chosen(f64::from_bits(b).sqrt(), &[b])),
+            "and" | "andps" => zip(a, b, |a, b| a & b),
+            "andn" | "andnps" => zip(a, b, |a, b| !a & b),
+            "or" | "orps" => zip(a, b, |a, b| a | b),
+            "xor" | "xorps" => zip(a, b, |a, b| a ^ b),
+            "mova" | "movaps" | "mov" | "broadcastsd" => b,
+            "cmp" => {
+                assert_eq!(i.immediate8(), if vex { 0x11 } else { 0x01 });
+                let less = zip(a, b, |a, b| if f64::from_bits(a) < f64::from_bits(b) { u64::MAX } else { 0 });
+                if first == Register::K1 {
+                    self.k1 = (0..lanes).map(|lane| ((less[lane] & 1) as u8) << lane).sum();
+                    return;
+                }
+                less
+            }
+            "pmovm2q" => std::array::from_fn(|lane| if self.k1 >> lane & 1 == 1 { u64::MAX } else { 0 }),
+            "pmovq2m" => {
+                self.k1 = (0..lanes).map(|lane| ((b[lane] >> 63) as u8) << lane).sum();
+                return;
+            }
+            "blendm" => {
+                assert_eq!(i.op_mask(), Register::K1);
+                std::array::from_fn(|lane| if self.k1 >> lane & 1 == 1 { b[lane] } else { a[lane] })
+            }
+            "blendv" => {
+                let no = self.read(i, 1, lanes);
+                std::array::from_fn(|lane| if b[lane] >> 63 == 1 { a[lane] } else { no[lane] })
+            }
+            "unpckl" => [a[0], b[0], 0, 0, 0, 0, 0, 0],
+            "pshufd" => b.map(|b| quads(b, i.immediate8())),
+            "psrad" => {
+                let shift = |half: u64| u64::from((half as u32 as i32 >> i.immediate8()) as u32);
+                self.read(i, 0, lanes).map(|a| shift(a >> 32) << 32 | shift(a))
+            }
+            "psllq" => b.map(|b| b << i.immediate8()),
+            _ if stem.starts_with('f') => {
+                let d = self.read(i, 0, lanes);
+                std::array::from_fn(|lane| fused(stem, d[lane], a[lane], b[lane]))
+            }
+            _ => panic!("{name} is not simulated"),
+        };
+        self.write(i, first, vex, scalar, lanes, value);
+    }
+
+    /// The lanes of an operand; zeros for k1, which is read by name. Lanes that the instruction does not read are zero.
+    fn read(&self, i: &Instruction, operand: u32, lanes: usize) -> Lanes {
+        if i.op_kind(operand) == OpKind::Register && i.op_register(operand) == Register::K1 {
+            return [0; LANES];
+        }
+        if i.op_kind(operand) == OpKind::Register {
+            return self.registers[number(i.op_register(operand))];
+        }
+        let one = i.is_broadcast() || i.mnemonic() == Mnemonic::Vbroadcastsd;
+        let (constants, at) = place(i, if one { 1 } else { lanes });
+        let from: &[f64] = if constants { self.constants } else { self.frame };
+        if one {
+            return [from[at].to_bits(); LANES];
+        }
+        let from = &from[at..at + lanes];
+        std::array::from_fn(|lane| from.get(lane).map_or(0, |x| x.to_bits()))
+    }
+
+    fn store(&mut self, i: &Instruction, lanes: usize) {
+        let (constants, at) = place(i, lanes);
+        assert!(!constants, "a store to the constants");
+        let from = self.registers[number(i.op_register(1))];
+        let to = &mut self.frame[at..at + lanes];
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = f64::from_bits(from));
+    }
+
+    /// The rest of a register: legacy code leaves it, AVX code clears what is beyond its width, and scalar code takes
+    /// the second number from its first operand, except that a load clears it.
+    fn write(&mut self, i: &Instruction, to: Register, vex: bool, scalar: bool, lanes: usize, value: Lanes) {
+        let second = self.registers[number(if vex && i.op_count() > 2 { i.op_register(1) } else { to })][1];
+        let register = &mut self.registers[number(to)];
+        if vex {
+            register.fill(0);
+        }
+        register[..lanes].copy_from_slice(&value[..lanes]);
+        if scalar {
+            let load = matches!(i.mnemonic(), Mnemonic::Movsd | Mnemonic::Vmovsd);
+            register[1] = if load { 0 } else { second };
+        }
+    }
+}
+
+fn number(register: Register) -> usize {
+    assert!(register.is_vector_register(), "{register:?}");
+    register.number()
+}
+
+/// Whether an operand is a constant, and its index there.
+fn place(i: &Instruction, lanes: usize) -> (bool, usize) {
+    let constants = match i.memory_base() {
+        Register::RDI => false,
+        Register::RSI => true,
+        base => panic!("an address relative to {base:?}"),
+    };
+    assert_eq!((i.memory_index(), i.memory_size().size()), (Register::None, 8 * lanes), "{:?}", i.mnemonic());
+    let offset = i.memory_displacement64() as i64;
+    assert!(offset >= 0 && offset % (8 * lanes as i64) == 0, "{:?}: no slot at {offset}", i.mnemonic());
+    (constants, offset as usize / 8)
+}
+
+fn zip(a: Lanes, b: Lanes, f: impl Fn(u64, u64) -> u64) -> Lanes {
+    std::array::from_fn(|lane| f(a[lane], b[lane]))
+}
+
+/// The bits of a result: of the first operand that is NaN, else of the standard NaN of x86-64, which is negative.
+fn chosen(result: f64, operands: &[u64]) -> u64 {
+    const QUIET: u64 = 1 << 51;
+    match operands.iter().find(|&&x| f64::from_bits(x).is_nan()) {
+        _ if !result.is_nan() => result.to_bits(),
+        Some(x) => x | QUIET,
+        None => 0xFFF8_0000_0000_0000,
+    }
+}
+
+fn arithmetic(name: &str, x: u64, y: u64) -> u64 {
+    let (a, b) = (f64::from_bits(x), f64::from_bits(y));
+    match name {
+        "min" => return if a < b { x } else { y },
+        "max" => return if a > b { x } else { y },
+        _ => {}
+    }
+    let result = match name {
+        "add" => a + b,
+        "sub" => a - b,
+        "mul" => a * b,
+        _ => a / b,
+    };
+    chosen(result, &[x, y])
+}
+
+/// `name` is a name as `fnmadd213`; the digits name the operands that are factors, and the one that is added.
+fn fused(name: &str, d: u64, a: u64, b: u64) -> u64 {
+    let digits = &name[name.len() - 3..];
+    let [x, y, z] = match digits {
+        "132" => [d, b, a],
+        "213" => [a, d, b],
+        "231" => [a, b, d],
+        _ => panic!("{name}"),
+    };
+    let [fx, fy, fz] = [x, y, z].map(f64::from_bits);
+    let result = match &name[..name.len() - 3] {
+        "fmadd" => fx.mul_add(fy, fz),
+        "fmsub" => fx.mul_add(fy, -fz),
+        "fnmadd" => (-fx).mul_add(fy, fz),
+        "fnmsub" => (-fx).mul_add(fy, -fz),
+        _ => panic!("{name}"),
+    };
+    chosen(result, &[x, y, z])
+}
+
+/// Halves of a number of 128 bits permuted alike in both numbers: each takes its upper half twice.
+fn quads(number: u64, order: u8) -> u64 {
+    assert_eq!(order, 0xF5);
+    number >> 32 << 32 | number >> 32
+}

@@ -1,0 +1,192 @@
+//! The number that records: an implementation of [`Real`] that writes down what is computed with it.
+//!
+//! A computation runs in two phases. In the *set-up* (plants, laws and arms are built) every number that may differ between
+//! runs arrives through [`Real::from_lanes`] and becomes an input, unless it is 0, 1 or -1: those belong to the structure and are
+//! folded. In the *evaluation* the inputs are declared by [`input`], and what a caller gives by [`Real::splat`] is a constant.
+//!
+//! `Sym` reports two lanes, so that code for one lane, which may branch on its value, is not taken. Code that still reads the value
+//! of a lane fails the recording: [`Recording::failed`].
+
+use super::tape::{Op, Tape};
+use crate::scalar::{Kernel, Real};
+use std::cell::RefCell;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+thread_local! {
+    static TAPE: RefCell<Tape> = RefCell::new(Tape::new());
+}
+
+fn on_tape<T>(f: impl FnOnce(&mut Tape) -> T) -> T {
+    TAPE.with(|tape| f(&mut tape.borrow_mut()))
+}
+
+/// A recorded value: its index on the tape of this thread. The default is the constant zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Sym(u32);
+
+/// What one recording left behind.
+pub struct Recording {
+    pub ops: Vec<Op>,
+    /// The values of the inputs that the set-up declared, which come first.
+    pub values: Vec<f64>,
+    /// The entries of all numbers of the set-up: runs that share them, and all that is not a number, share the program.
+    pub structure: Vec<u32>,
+    /// Whether the code read or branched on a value, so that the recording is not valid.
+    pub failed: bool,
+}
+
+/// Start a new recording on this thread, in its set-up.
+pub fn begin() {
+    on_tape(|tape| *tape = Tape::new());
+}
+
+/// End the set-up; how many inputs it declared.
+pub fn end_set_up() -> usize {
+    on_tape(|tape| {
+        tape.set_up = false;
+        tape.values.len()
+    })
+}
+
+/// A new input of the evaluation.
+pub fn input() -> Sym {
+    on_tape(|tape| Sym(tape.new_input()))
+}
+
+/// The number of entries and of inputs recorded so far.
+pub fn recorded() -> (u32, u32) {
+    on_tape(|tape| (tape.ops.len() as u32, tape.inputs))
+}
+
+/// Take the recording of this thread.
+pub fn finish() -> Recording {
+    let tape = on_tape(|tape| std::mem::replace(tape, Tape::new()));
+    Recording { ops: tape.ops, values: tape.values, structure: tape.structure, failed: tape.failed }
+}
+
+impl Sym {
+    /// Its index among the operations of the recording.
+    pub fn index(self) -> u32 {
+        self.0
+    }
+}
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $assign:ident, $assign_method:ident) => {
+        impl $trait for Sym {
+            type Output = Sym;
+            fn $method(self, other: Sym) -> Sym {
+                on_tape(|tape| Sym(tape.$method(self.0, other.0)))
+            }
+        }
+        impl $assign for Sym {
+            fn $assign_method(&mut self, other: Sym) {
+                *self = $trait::$method(*self, other);
+            }
+        }
+    };
+}
+operator!(Add, add, AddAssign, add_assign);
+operator!(Sub, sub, SubAssign, sub_assign);
+operator!(Mul, mul, MulAssign, mul_assign);
+
+impl Div for Sym {
+    type Output = Sym;
+    fn div(self, other: Sym) -> Sym {
+        on_tape(|tape| Sym(tape.div(self.0, other.0)))
+    }
+}
+
+impl Neg for Sym {
+    type Output = Sym;
+    fn neg(self) -> Sym {
+        on_tape(|tape| Sym(tape.neg(self.0)))
+    }
+}
+
+impl Real for Sym {
+    type Mask = Sym;
+    type One = Sym;
+    const LANES: usize = 2;
+
+    fn splat(x: f64) -> Sym {
+        on_tape(|tape| Sym(tape.constant(x)))
+    }
+    fn from_lanes(mut f: impl FnMut(usize) -> f64) -> Sym {
+        let (x, y) = (f(0), f(1));
+        on_tape(|tape| {
+            tape.failed |= x.to_bits() != y.to_bits();
+            Sym(if tape.set_up { tape.given(x) } else { tape.constant(x) })
+        })
+    }
+    fn parameter(mut f: impl FnMut(usize) -> f64) -> Sym {
+        let x = f(0);
+        on_tape(|tape| Sym(tape.shared(x)))
+    }
+    fn lane(self, _: usize) -> f64 {
+        on_tape(|tape| {
+            let value = tape.value(self.0);
+            tape.failed |= value.is_none();
+            value.unwrap_or(f64::NAN)
+        })
+    }
+    fn mul_add(self, b: Sym, c: Sym) -> Sym {
+        on_tape(|tape| Sym(tape.fma(self.0, b.0, c.0)))
+    }
+    fn neg_mul_add(self, b: Sym, c: Sym) -> Sym {
+        on_tape(|tape| Sym(tape.fnma(self.0, b.0, c.0)))
+    }
+    fn recip(self) -> Sym {
+        Sym::splat(1.0) / self
+    }
+    fn sqrt(self) -> Sym {
+        on_tape(|tape| Sym(tape.unary(self.0, f64::sqrt, Op::Sqrt)))
+    }
+    fn abs(self) -> Sym {
+        on_tape(|tape| Sym(tape.unary(self.0, f64::abs, Op::Abs)))
+    }
+    fn max(self, other: Sym) -> Sym {
+        on_tape(|tape| Sym(tape.extreme(self.0, other.0, |x, y| if x < y { y } else { x }, Op::Max)))
+    }
+    fn min(self, other: Sym) -> Sym {
+        on_tape(|tape| Sym(tape.extreme(self.0, other.0, |x, y| if y < x { y } else { x }, Op::Min)))
+    }
+    fn sin_cos(self) -> (Sym, Sym) {
+        on_tape(|tape| match tape.value(self.0) {
+            Some(x) => {
+                let (s, c) = x.sin_cos();
+                (Sym(tape.constant(s)), Sym(tape.constant(c)))
+            }
+            None => (Sym(tape.push(Op::Sin(self.0))), Sym(tape.push(Op::Cos(self.0)))),
+        })
+    }
+    /// Not recorded yet: a loop that takes it runs directly.
+    fn atan2(self, x: Sym) -> Sym {
+        Sym::splat(self.lane(0).atan2(x.lane(0)))
+    }
+    fn lt(self, other: Sym) -> Sym {
+        on_tape(|tape| match (tape.value(self.0), tape.value(other.0)) {
+            (Some(x), Some(y)) => Sym(tape.constant(f64::from(u8::from(x < y)))),
+            _ => Sym(tape.push(Op::Less(self.0, other.0))),
+        })
+    }
+    fn select(mask: Sym, yes: Sym, no: Sym) -> Sym {
+        on_tape(|tape| match tape.value(mask.0) {
+            Some(x) if x != 0.0 => yes,
+            Some(_) => no,
+            None if yes == no => yes,
+            None => Sym(tape.push(Op::Select(mask.0, yes.0, no.0))),
+        })
+    }
+    /// What is not known may hold in some lane.
+    fn any(mask: Sym) -> bool {
+        on_tape(|tape| tape.value(mask.0).is_none_or(|x| x != 0.0))
+    }
+    /// What is not known may fail in some lane.
+    fn all(mask: Sym) -> bool {
+        on_tape(|tape| tape.value(mask.0).is_some_and(|x| x != 0.0))
+    }
+    fn enter<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run()
+    }
+}

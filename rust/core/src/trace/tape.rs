@@ -1,0 +1,275 @@
+//! A tape of operations that simplifies while it is written: constants, zeros and ones are folded, equal operations are one.
+//!
+//! Folding keeps the value of a finite computation: `0 x`, `1 x`, `x + 0`, `-(-x)`, `a + (-b)`; nothing is reassociated.
+
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// One operation on earlier entries of the tape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Op {
+    /// The bits of a number.
+    Const(u64),
+    Input(u32),
+    Add(u32, u32),
+    Sub(u32, u32),
+    Mul(u32, u32),
+    Div(u32, u32),
+    Neg(u32),
+    /// `a b + c`
+    Fma(u32, u32, u32),
+    /// `c - a b`
+    Fnma(u32, u32, u32),
+    Sqrt(u32),
+    Abs(u32),
+    /// `b` where `a < b`, else `a`.
+    Max(u32, u32),
+    /// `b` where `b < a`, else `a`.
+    Min(u32, u32),
+    Sin(u32),
+    Cos(u32),
+    /// A mask: `a < b`.
+    Less(u32, u32),
+    /// The second where the mask, the first, holds; else the third.
+    Select(u32, u32, u32),
+}
+
+impl Op {
+    /// The entries that it reads.
+    pub fn operands(self) -> impl Iterator<Item = u32> {
+        let (count, all) = match self {
+            Op::Const(_) | Op::Input(_) => (0, [0; 3]),
+            Op::Neg(a) | Op::Sqrt(a) | Op::Abs(a) | Op::Sin(a) | Op::Cos(a) => (1, [a, 0, 0]),
+            Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) | Op::Max(a, b) | Op::Min(a, b) | Op::Less(a, b) => {
+                (2, [a, b, 0])
+            }
+            Op::Fma(a, b, c) | Op::Fnma(a, b, c) | Op::Select(a, b, c) => (3, [a, b, c]),
+        };
+        all.into_iter().take(count)
+    }
+}
+
+/// A multiplicative hash (Knuth): the keys are small and not from an adversary.
+#[derive(Default)]
+pub struct Multiplicative(u64);
+
+impl Hasher for Multiplicative {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.write_u64(u64::from(byte));
+        }
+    }
+    fn write_u64(&mut self, x: u64) {
+        self.0 = (self.0.rotate_left(5) ^ x).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    }
+    fn write_u32(&mut self, x: u32) {
+        self.write_u64(u64::from(x));
+    }
+    fn write_isize(&mut self, x: isize) {
+        self.write_u64(x as u64);
+    }
+}
+
+/// The index of a key that is there already.
+pub type Memo<K> = HashMap<K, u32, BuildHasherDefault<Multiplicative>>;
+
+pub(super) struct Tape {
+    pub ops: Vec<Op>,
+    memo: Memo<Op>,
+    /// The inputs of the set-up by value, where they may be shared.
+    by_value: Memo<u64>,
+    pub values: Vec<f64>,
+    /// The entry of each number of the set-up: what tells structures apart.
+    pub structure: Vec<u32>,
+    pub inputs: u32,
+    pub set_up: bool,
+    pub failed: bool,
+}
+
+impl Tape {
+    /// An empty tape: entry 0 is the constant zero.
+    pub fn new() -> Self {
+        let mut tape = Tape {
+            ops: Vec::new(),
+            memo: Memo::default(),
+            by_value: Memo::default(),
+            values: Vec::new(),
+            structure: Vec::new(),
+            inputs: 0,
+            set_up: true,
+            failed: false,
+        };
+        tape.push(Op::Const(0));
+        tape
+    }
+
+    pub fn push(&mut self, op: Op) -> u32 {
+        let ops = &mut self.ops;
+        *self.memo.entry(op).or_insert_with(|| {
+            ops.push(op);
+            ops.len() as u32 - 1
+        })
+    }
+
+    /// A constant; both zeros are one.
+    pub fn constant(&mut self, x: f64) -> u32 {
+        self.push(Op::Const(if x == 0.0 { 0 } else { x.to_bits() }))
+    }
+
+    pub fn new_input(&mut self) -> u32 {
+        self.inputs += 1;
+        self.push(Op::Input(self.inputs - 1))
+    }
+
+    /// A number of the set-up: an input, unless it is 0, 1 or -1 and belongs to the structure.
+    pub fn given(&mut self, x: f64) -> u32 {
+        let entry = if x == 0.0 || x.abs() == 1.0 {
+            self.constant(x)
+        } else {
+            self.values.push(x);
+            self.new_input()
+        };
+        self.structure.push(entry);
+        entry
+    }
+
+    /// A number of the set-up that is the same input wherever it has the same value.
+    pub fn shared(&mut self, x: f64) -> u32 {
+        if let Some(&known) = self.by_value.get(&x.to_bits()) {
+            self.structure.push(known);
+            return known;
+        }
+        let new = self.given(x);
+        self.by_value.insert(x.to_bits(), new);
+        new
+    }
+
+    /// The value of a constant.
+    pub fn value(&self, a: u32) -> Option<f64> {
+        if let Op::Const(bits) = self.ops[a as usize] { Some(f64::from_bits(bits)) } else { None }
+    }
+
+    fn negated(&self, a: u32) -> Option<u32> {
+        if let Op::Neg(x) = self.ops[a as usize] { Some(x) } else { None }
+    }
+
+    pub fn unary(&mut self, a: u32, f: fn(f64) -> f64, op: fn(u32) -> Op) -> u32 {
+        match self.value(a) {
+            Some(x) => self.constant(f(x)),
+            None => self.push(op(a)),
+        }
+    }
+
+    pub fn extreme(&mut self, a: u32, b: u32, f: fn(f64, f64) -> f64, op: fn(u32, u32) -> Op) -> u32 {
+        match (self.value(a), self.value(b)) {
+            (Some(x), Some(y)) => self.constant(f(x, y)),
+            _ if a == b => a,
+            _ => self.push(op(a, b)),
+        }
+    }
+
+    pub fn neg(&mut self, a: u32) -> u32 {
+        match (self.value(a), self.negated(a)) {
+            (Some(x), _) => self.constant(-x),
+            (_, Some(b)) => b,
+            _ => self.push(Op::Neg(a)),
+        }
+    }
+
+    pub fn add(&mut self, a: u32, b: u32) -> u32 {
+        match (self.value(a), self.value(b)) {
+            (Some(x), Some(y)) => return self.constant(x + y),
+            (Some(0.0), _) => return b,
+            (_, Some(0.0)) => return a,
+            _ => {}
+        }
+        match (self.negated(a), self.negated(b)) {
+            (_, Some(b)) => self.sub(a, b),
+            (Some(a), None) => self.sub(b, a),
+            _ => self.push(Op::Add(a.min(b), a.max(b))),
+        }
+    }
+
+    pub fn sub(&mut self, a: u32, b: u32) -> u32 {
+        match (self.value(a), self.value(b)) {
+            (Some(x), Some(y)) => return self.constant(x - y),
+            (Some(0.0), _) => return self.neg(b),
+            (_, Some(0.0)) => return a,
+            _ => {}
+        }
+        if let Some(b) = self.negated(b) {
+            return self.add(a, b);
+        }
+        self.push(Op::Sub(a, b))
+    }
+
+    /// The product where a factor is 0, 1 or -1, or both are known.
+    fn trivial_product(&mut self, a: u32, b: u32) -> Option<u32> {
+        match (self.value(a), self.value(b)) {
+            (Some(x), Some(y)) => Some(self.constant(x * y)),
+            (Some(0.0), _) | (_, Some(0.0)) => Some(0),
+            (Some(1.0), _) => Some(b),
+            (_, Some(1.0)) => Some(a),
+            (Some(-1.0), _) => Some(self.neg(b)),
+            (_, Some(-1.0)) => Some(self.neg(a)),
+            _ => None,
+        }
+    }
+
+    pub fn mul(&mut self, a: u32, b: u32) -> u32 {
+        if let Some(product) = self.trivial_product(a, b) {
+            return product;
+        }
+        match (self.negated(a), self.negated(b)) {
+            (Some(a), Some(b)) => self.mul(a, b),
+            (Some(x), None) => {
+                let product = self.mul(x, b);
+                self.neg(product)
+            }
+            (None, Some(y)) => {
+                let product = self.mul(a, y);
+                self.neg(product)
+            }
+            _ => self.push(Op::Mul(a.min(b), a.max(b))),
+        }
+    }
+
+    pub fn fma(&mut self, a: u32, b: u32, c: u32) -> u32 {
+        if let Some(product) = self.trivial_product(a, b) {
+            return self.add(product, c);
+        }
+        if self.value(c) == Some(0.0) {
+            return self.mul(a, b);
+        }
+        match (self.negated(a), self.negated(b)) {
+            (Some(a), Some(b)) => self.fma(a, b, c),
+            (Some(a), None) => self.fnma(a, b, c),
+            (None, Some(b)) => self.fnma(a, b, c),
+            _ => self.push(Op::Fma(a.min(b), a.max(b), c)),
+        }
+    }
+
+    pub fn fnma(&mut self, a: u32, b: u32, c: u32) -> u32 {
+        if let Some(product) = self.trivial_product(a, b) {
+            return self.sub(c, product);
+        }
+        match (self.negated(a), self.negated(b)) {
+            (Some(a), Some(b)) => self.fnma(a, b, c),
+            (Some(a), None) => self.fma(a, b, c),
+            (None, Some(b)) => self.fma(a, b, c),
+            _ => self.push(Op::Fnma(a.min(b), a.max(b), c)),
+        }
+    }
+
+    pub fn div(&mut self, a: u32, b: u32) -> u32 {
+        match (self.value(a), self.value(b)) {
+            (Some(x), Some(y)) => self.constant(x / y),
+            (Some(0.0), _) => 0,
+            (_, Some(1.0)) => a,
+            _ => self.push(Op::Div(a, b)),
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Encoded operations, run on the instruction sets of this processor, against plain Rust.
+
+use super::super::checks::{Operation, Random};
+use super::super::memory::Code;
+use super::super::simulator::simulate;
+use super::super::trials::{Memory, SIZE, SLOTS, between_files, trials};
+use super::*;
+
+const SETS: [Set; 3] = [Set::Sse2, Set::Avx2, Set::Avx512];
+
+fn forms() -> impl Iterator<Item = Form> {
+    SETS.into_iter().flat_map(|set| [true, false].map(|packed| Form { set, packed }))
+}
+
+/// The forms that this processor runs.
+fn available() -> impl Iterator<Item = Form> {
+    forms().filter(|form| match form.set {
+        Set::Sse2 => true,
+        Set::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+        Set::Avx512 => is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") && is_x86_feature_detected!("avx512vl"),
+        Set::Neon => false,
+    })
+}
+
+/// Run the code of a program on this processor.
+fn native(code: &[u8], frame: &mut [f64], constants: &[f64]) {
+    let code = Code::new(code).unwrap();
+    // SAFETY: the tests emit code for this processor, and both memories hold all slots that they name.
+    unsafe { code.run(frame.as_mut_ptr(), constants.as_ptr()) };
+}
+
+/// Single operations change the registers and the frame as plain Rust does, and nothing else.
+fn agrees_with_rust(form: Form, run: impl Fn(&[u8], &mut [f64], &[f64])) {
+    for trial in trials::<Assembler>(form, 2_000, 1) {
+        let (mut frame, constants) = (Memory(trial.frame), Memory(trial.constants));
+        run(&trial.code, &mut frame.0, &constants.0);
+        trial.check(&frame.0);
+    }
+}
+
+#[test]
+fn operations_on_this_processor_agree_with_rust() {
+    available().for_each(|form| agrees_with_rust(form, native));
+}
+
+#[test]
+fn simulated_operations_agree_with_rust() {
+    forms().for_each(|form| agrees_with_rust(form, simulate));
+}
+
+/// Same bits after long sequences, NaN included.
+#[test]
+fn simulator_agrees_with_this_processor() {
+    let mut random = Random(2);
+    for form in available() {
+        for _ in 0..200 {
+            let operations: Vec<_> = (0..random.below(60)).map(|_| random.operation(form, form.registers(), SLOTS)).collect();
+            let code = between_files::<Assembler>(form, &operations);
+            let (mut frame, mut constants) = (Memory([0.0; SIZE]), Memory([0.0; SIZE]));
+            frame.0.iter_mut().chain(&mut constants.0).for_each(|x| *x = random.number());
+            let mut simulated = Memory(frame.0);
+            native(&code, &mut frame.0, &constants.0);
+            simulate(&code, &mut simulated.0, &constants.0);
+            let differ = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
+            assert_eq!(frame.0.iter().zip(&simulated.0).position(differ), None, "{form:?} {operations:#?}");
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "no slot at 4")]
+fn simulator_refuses_slots_that_are_not_aligned() {
+    let code = between_files::<Assembler>(Form { set: Set::Avx512, packed: true }, &[Operation::Load(0, Source::Slot(Base::Frame, 4))]);
+    simulate(&code, &mut [0.0; SIZE], &[]);
+}
+
+#[test]
+#[should_panic(expected = "does not return")]
+fn simulator_refuses_code_without_end() {
+    simulate(&[], &mut [], &[]);
+}
+
+/// Code for Win64 that overwrites every register, called by that convention: the compiler relies on xmm6 to xmm15.
+#[test]
+fn win64_code_keeps_the_callers_registers() {
+    for form in available() {
+        let mut code = Assembler::new(form);
+        code.enter(Convention::Win64);
+        code.load(0, Source::Slot(Base::Frame, 0));
+        (1..form.registers() as u8).for_each(|r| code.load(r, Source::Slot(Base::Constants, 0)));
+        code.binary(Binary::Add, 0, 0, Source::Register(form.registers() as u8 - 1));
+        code.store(Base::Frame, 0, 0);
+        code.leave(Convention::Win64);
+        code.ret();
+        let code = Code::new(&code.finish()).unwrap();
+        let (mut frame, constants) = (Memory([2.0; SIZE]), Memory([3.0; SIZE]));
+        // SAFETY: a function of this type by its `enter` and `leave`; the memories hold the slots.
+        let function: extern "win64" fn(*mut f64, *const f64) = unsafe { std::mem::transmute(code.address()) };
+        let kept = calls(function, frame.0.as_mut_ptr(), constants.0.as_ptr());
+        assert_eq!(kept, [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from), "{form:?}");
+        assert_eq!(frame.0[..form.lanes()], [5.0; 8][..form.lanes()]);
+        assert!(frame.0[form.lanes()..].iter().all(|&x| x == 2.0));
+    }
+}
+
+/// Fill xmm6 to xmm15, call, and read them.
+fn calls(function: extern "win64" fn(*mut f64, *const f64), frame: *mut f64, constants: *const f64) -> [f64; 10] {
+    let values = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from);
+    let mut kept = [0.0; 10];
+    let (mut rdi, mut rsi) = (1u64, 2u64);
+    // SAFETY: all registers that the convention lets the function change are declared; the stack is aligned and
+    // has the 32 bytes that the convention gives to the function.
+    unsafe {
+        std::arch::asm!(
+            "push rbp", "mov rbp, rsp", "and rsp, -16", "sub rsp, 32",
+            "movsd xmm6, [r12]", "movsd xmm7, [r12+8]", "movsd xmm8, [r12+16]", "movsd xmm9, [r12+24]", "movsd xmm10, [r12+32]",
+            "movsd xmm11, [r12+40]", "movsd xmm12, [r12+48]", "movsd xmm13, [r12+56]", "movsd xmm14, [r12+64]", "movsd xmm15, [r12+72]",
+            "call rax",
+            "movsd [r13], xmm6", "movsd [r13+8], xmm7", "movsd [r13+16], xmm8", "movsd [r13+24], xmm9", "movsd [r13+32], xmm10",
+            "movsd [r13+40], xmm11", "movsd [r13+48], xmm12", "movsd [r13+56], xmm13", "movsd [r13+64], xmm14", "movsd [r13+72], xmm15",
+            "mov rsp, rbp", "pop rbp",
+            in("r12") values.as_ptr(), in("r13") kept.as_mut_ptr(), in("rax") function,
+            inout("rdi") rdi, inout("rsi") rsi, in("rcx") frame, in("rdx") constants,
+            clobber_abi("win64"), out("xmm6") _, out("xmm7") _, out("xmm8") _, out("xmm9") _, out("xmm10") _, out("xmm11") _,
+            out("xmm12") _, out("xmm13") _, out("xmm14") _, out("xmm15") _,
+        );
+    }
+    assert_eq!((rdi, rsi), (1, 2));
+    kept
+}
