@@ -84,7 +84,7 @@ def in_pieces(
         plants = plant[first:last] if isinstance(plant, list) and len(plant) > 1 else plant
         laws = law[first:last] if isinstance(law, list) and len(law) > 1 else law
         fields = _core.simulate_batch(plants, laws, start[first:last] if rows else q0, own)
-        fields["stats"] = {"ended": fields.pop("ended")}
+        fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
         piece = BatchRun(fields, law=laws, plant=plants)
         warn_of_balances("simulate_batch", piece.monitors, piece.status == Status.SUCCESS, undisturbed)
         pieces.append(_summed(piece) if summed else piece)
@@ -152,5 +152,6 @@ def _joined(pieces: Sequence[BatchRun], law: Any, plant: Any) -> BatchRun:
     fields: dict[str, Any] = {name: together([getattr(p, name) for p in pieces]) for name in SERIES if getattr(first, name) is not None}
     fields |= {"t": first.t, "status": together([p.status for p in pieces])}
     fields["monitors"] = {name: together([p.monitors[name] for p in pieces]) for name in first.monitors}
-    fields["stats"] = {name: together([p.stats[name] for p in pieces]) for name in first.stats}
+    stats = {name: [p.stats[name] for p in pieces] for name in first.stats}
+    fields["stats"] = {name: together(values) if np.ndim(values[0]) else values[0] for name, values in stats.items()}
     return BatchRun(fields, law=law, plant=plant)

@@ -190,7 +190,7 @@ def simulate_batch(
     if keep == "metrics" or progress is not None or out is not None:
         return in_pieces(plants, laws, q0, keywords, progress, out, undisturbed)
     fields = _core.simulate_batch(plants, laws, q0, keywords)
-    fields["stats"] = {"ended": fields.pop("ended")}
+    fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
     batch = BatchRun(fields, law=laws, plant=plants)
     warn_of_balances("simulate_batch", batch.monitors, batch.status == Status.SUCCESS, undisturbed)
     return batch

@@ -16,6 +16,7 @@ pub fn build_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     info.set_item("instruction_set", scalar::isa().name())?;
     info.set_item("best_instruction_set", scalar::Isa::best().name())?;
     info.set_item("lanes", simulate::lanes())?;
+    info.set_item("programs", armlet_core::trace::engine().name())?;
     info.set_item("threads", simulate::default_threads())?;
     Ok(info)
 }

@@ -128,6 +128,7 @@ pub fn simulate<'py>(
         stats.set_item("evaluations", run.evaluations)?;
         stats.set_item("steps", run.steps)?;
         stats.set_item("rejections", run.rejections)?;
+        stats.set_item("engine", run.engine)?;
         if run.coarsen > 0.0 {
             stats.set_item("coarsen", run.coarsen)?;
         }
@@ -209,6 +210,7 @@ pub fn simulate_batch<'py>(
         let status: Vec<i64> = batch.status.iter().map(|s| i64::from(s.code())).collect();
         fields.set_item("status", PyArray1::from_vec(py, status))?;
         put(&fields, "ended", batch.ended, &[rows])?;
+        fields.set_item("engine", batch.engine)?;
         Ok(fields)
     })
 }

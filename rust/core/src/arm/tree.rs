@@ -8,6 +8,7 @@ use super::Arm;
 use crate::interrupt::look;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, M3, PARAMETERS, Placement, QuarterTurn, Sym3, V3};
+use std::sync::Arc;
 
 /// The parent of a body that hangs on the fixed base.
 pub const BASE: usize = usize::MAX;
@@ -114,26 +115,38 @@ impl Tree<f64> {
 
     /// The same in every lane.
     pub fn lift<S: Real>(&self) -> Tree<S> {
-        let lift = |body: &Body<f64>| {
-            let Inertia { mass, moment, inertia } = body.inertia;
-            Body {
-                inertia: Inertia { mass: S::splat(mass), moment: moment.lift(), inertia: Sym3(inertia.0.map(S::splat)) },
-                second_moment: Sym3(body.second_moment.0.map(S::splat)),
-                parent: body.parent,
-                end: body.end,
-                forks: body.forks,
-                revolute: body.revolute,
-                rotation: body.rotation,
-                quarter: body.quarter,
-                translation: body.translation,
-                concentric: body.concentric,
-                turn: body.turn,
-                armature: body.armature,
-                damping: body.damping,
-                friction: body.friction,
-            }
+        Tree::lanes(std::slice::from_ref(self))
+    }
+
+    /// Tree `of[i]` in lane `i`, or the only one in every lane: they differ in their inertial parameters alone.
+    fn lanes<S: Real>(of: &[Self]) -> Tree<S> {
+        let first = &of[0];
+        let number = |f: &dyn Fn(&Self) -> f64| S::parameter(|lane| f(&of[lane.min(of.len() - 1)]));
+        let lane = |i: usize, body: &Body<f64>| Body {
+            inertia: Inertia {
+                mass: number(&|tree| tree.bodies[i].inertia.mass),
+                moment: V3(std::array::from_fn(|k| number(&|tree| tree.bodies[i].inertia.moment.0[k]))),
+                inertia: Sym3(std::array::from_fn(|k| number(&|tree| tree.bodies[i].inertia.inertia.0[k]))),
+            },
+            second_moment: Sym3(std::array::from_fn(|k| number(&|tree| tree.bodies[i].second_moment.0[k]))),
+            parent: body.parent,
+            end: body.end,
+            forks: body.forks,
+            revolute: body.revolute,
+            rotation: body.rotation,
+            quarter: body.quarter,
+            translation: body.translation,
+            concentric: body.concentric,
+            turn: body.turn,
+            armature: body.armature,
+            damping: body.damping,
+            friction: body.friction,
         };
-        Tree { bodies: self.bodies.iter().map(lift).collect(), frames: self.frames.clone(), gravity: self.gravity }
+        Tree {
+            bodies: first.bodies.iter().enumerate().map(|(i, body)| lane(i, body)).collect(),
+            frames: first.frames.clone(),
+            gravity: first.gravity,
+        }
     }
 }
 
@@ -141,6 +154,13 @@ impl<S: Real> Tree<S> {
     /// The arm with the same parameters in every lane. Compiled in `f64`, so that every number starts from the same bits.
     pub fn new(arm: &Arm) -> Self {
         Tree::compile(arm).lift()
+    }
+
+    /// Arm `of(lane)` in each lane; all have the same geometry.
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Arc<Arm>) -> Self {
+        let shared = (1..S::LANES).all(|lane| Arc::ptr_eq(of(lane), of(0)));
+        let compiled: Vec<Tree<f64>> = (0..if shared { 1 } else { S::LANES }).map(|lane| Tree::compile(of(lane))).collect();
+        Tree::lanes(&compiled)
     }
 
     /// Inertial parameters, `(10 n,)` in SPEC order in the body frames of the model, lane by lane.

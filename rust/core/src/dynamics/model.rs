@@ -116,15 +116,10 @@ impl<S: Real> AnyArm<S> {
                 Model::PlanarPr(arm) => *arm,
                 Model::Tree(_) => *first,
             })),
-            Model::Tree(arm) => {
-                let mut tree = Tree::new(arm);
-                if (1..S::LANES).any(|i| !std::ptr::eq(of(i), of(0))) {
-                    let rows: Vec<Vec<f64>> = (0..S::LANES).map(|i| of(i).parameters()).collect();
-                    let pi: Vec<S> = (0..rows[0].len()).map(|k| S::from_lanes(|i| rows[i][k])).collect();
-                    tree.set_parameters(&pi);
-                }
-                AnyArm::Tree(tree)
-            }
+            Model::Tree(first) => AnyArm::Tree(Tree::from_lanes(|i| match of(i) {
+                Model::Tree(arm) => arm,
+                Model::PlanarPr(_) => first,
+            })),
         }
     }
 

@@ -1,6 +1,6 @@
 //! The explicit Euler method, order 1: `x += h f(t, x)`.
 
-use super::{Buffer, FixedStep, System};
+use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
 
 pub struct Euler<B, U> {
@@ -18,14 +18,27 @@ impl<B: Clone, U: Clone> Euler<B, U> {
 impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Euler<B, F::Input> {
     #[inline(always)]
     fn step(&mut self, system: &mut F, t: f64, h: f64, _end: f64, x: &mut B) {
-        let (x, k) = (x.as_mut(), self.k.as_mut());
-        system.anchor(x);
+        system.anchor(x.as_ref());
         system.input(t, &mut self.u);
-        system.rhs(&self.u, x, k);
-        for i in 0..x.len() {
-            x[i] = S::splat(h).mul_add(k[i], x[i]);
-        }
+        self.advance(system, S::splat(h), x);
     }
 
     fn restart(&mut self) {}
+}
+
+impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for Euler<B, F::Input> {
+    const INSTANTS: &'static [f64] = &[0.0];
+
+    fn input(&mut self, _: usize) -> &mut F::Input {
+        &mut self.u
+    }
+
+    #[inline(always)]
+    fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
+        let (x, k) = (x.as_mut(), self.k.as_mut());
+        system.rhs(&self.u, x, k);
+        for i in 0..x.len() {
+            x[i] = h.mul_add(k[i], x[i]);
+        }
+    }
 }

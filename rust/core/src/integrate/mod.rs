@@ -108,6 +108,17 @@ pub trait Differentiable<S: Real>: System<S> {
     }
 }
 
+/// The arithmetic of a step apart from its clock: the inputs are there, and the step may differ between lanes.
+pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
+    /// The instants of the inputs, as parts of the step, increasing.
+    const INSTANTS: &'static [f64];
+
+    /// The input at instant `k`.
+    fn input(&mut self, k: usize) -> &mut F::Input;
+    /// Advance `x` by `h` with these inputs.
+    fn advance(&mut self, system: &mut F, h: S, x: &mut B);
+}
+
 /// Where a state lives: an array for small closed-form systems, the heap for any other.
 pub trait Buffer<S>: Clone + AsRef<[S]> + AsMut<[S]> {}
 impl<S, B: Clone + AsRef<[S]> + AsMut<[S]>> Buffer<S> for B {}

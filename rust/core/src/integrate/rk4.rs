@@ -3,7 +3,7 @@
 //! `k1 = f(t, x)`, `k2 = f(t + h/2, x + h/2 k1)`, `k3 = f(t + h/2, x + h/2 k2)`, `k4 = f(t + h, x + h k3)`,
 //! `x += h/6 (k1 + 2 k2 + 2 k3 + k4)`. The input is taken three times, and the end's serves the next step.
 
-use super::{Buffer, FixedStep, System};
+use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
 
 pub struct Rk4<B, U> {
@@ -30,14 +30,14 @@ impl<B: Clone, U: Clone> Rk4<B, U> {
 impl<B, U> Rk4<B, U> {
     /// The four slopes from `x`: the last in `k`, `k1 + 2 k2 + 2 k3` in `sum`.
     #[inline(always)]
-    fn stages<const NEAR: bool, S, F>(&mut self, system: &mut F, h: f64, x: &[S])
+    fn stages<const NEAR: bool, S, F>(&mut self, system: &mut F, h: S, x: &[S])
     where
         S: Real,
         F: System<S, Input = U>,
         B: Buffer<S>,
     {
         let (k, y, sum) = (self.k.as_mut(), self.y.as_mut(), self.sum.as_mut());
-        let (half, full, two) = (S::splat(0.5 * h), S::splat(h), S::splat(2.0));
+        let (half, full, two) = (S::splat(0.5) * h, h, S::splat(2.0));
         if NEAR {
             system.anchor_near(x)
         } else {
@@ -60,6 +60,18 @@ impl<B, U> Rk4<B, U> {
         }
         slope::<NEAR, S, F>(system, &self.end, y, k);
     }
+
+    /// `x += sixth (k1 + 2 k2 + 2 k3 + k4)`.
+    #[inline(always)]
+    fn combine<S: Real>(&self, sixth: S, x: &mut [S])
+    where
+        B: Buffer<S>,
+    {
+        let (k, sum) = (self.k.as_ref(), self.sum.as_ref());
+        for i in 0..x.len() {
+            x[i] = sixth.mul_add(sum[i] + k[i], x[i]);
+        }
+    }
 }
 
 #[inline(always)]
@@ -81,20 +93,35 @@ impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Rk4<B, F::Input
 
         // Most steps stay near their start: what each stage would ask of that is asked once, at the end.
         if !self.strays {
-            self.stages::<true, S, F>(system, h, x.as_ref());
+            self.stages::<true, S, F>(system, S::splat(h), x.as_ref());
             self.strays = system.strayed();
         }
         if self.strays {
-            self.stages::<false, S, F>(system, h, x.as_ref());
+            self.stages::<false, S, F>(system, S::splat(h), x.as_ref());
             self.strays = system.strayed();
         }
-        let (x, k, sum, sixth) = (x.as_mut(), self.k.as_ref(), self.sum.as_ref(), S::splat(h / 6.0));
-        for i in 0..x.len() {
-            x[i] = sixth.mul_add(sum[i] + k[i], x[i]);
-        }
+        self.combine(S::splat(h / 6.0), x.as_mut());
     }
 
     fn restart(&mut self) {
         self.end_time = f64::NAN;
+    }
+}
+
+impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for Rk4<B, F::Input> {
+    const INSTANTS: &'static [f64] = &[0.0, 0.5, 1.0];
+
+    fn input(&mut self, k: usize) -> &mut F::Input {
+        match k {
+            0 => &mut self.start,
+            1 => &mut self.middle,
+            _ => &mut self.end,
+        }
+    }
+
+    #[inline(always)]
+    fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
+        self.stages::<false, S, F>(system, h, x.as_ref());
+        self.combine(h / S::splat(6.0), x.as_mut());
     }
 }

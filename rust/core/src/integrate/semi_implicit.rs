@@ -4,7 +4,7 @@
 //!
 //! The system says which component is the rate of which: [`System::rate_of`].
 
-use super::{Buffer, FixedStep, System};
+use super::{Advance, Buffer, FixedStep, System};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
@@ -43,21 +43,35 @@ impl<B: Clone, U: Clone> SemiImplicit<B, U> {
 impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for SemiImplicit<B, F::Input> {
     #[inline(always)]
     fn step(&mut self, system: &mut F, t: f64, h: f64, _end: f64, x: &mut B) {
-        let (x, k) = (x.as_mut(), self.k.as_mut());
-        system.anchor(x);
+        system.anchor(x.as_ref());
         system.input(t, &mut self.u);
+        self.advance(system, S::splat(h), x);
+    }
+
+    fn restart(&mut self) {}
+}
+
+impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for SemiImplicit<B, F::Input> {
+    const INSTANTS: &'static [f64] = &[0.0];
+
+    fn input(&mut self, _: usize) -> &mut F::Input {
+        &mut self.u
+    }
+
+    #[inline(always)]
+    fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
+        let (x, k) = (x.as_mut(), self.k.as_mut());
         system.rhs(&self.u, x, k);
         // The positions' own slopes are the old velocities.
         for &(position, _) in &self.pairs {
             k[position] = S::zero();
         }
         for i in 0..x.len() {
-            x[i] = S::splat(h).mul_add(k[i], x[i]);
+            x[i] = h.mul_add(k[i], x[i]);
         }
+        let signed = S::splat(self.sign) * h;
         for &(position, rate) in &self.pairs {
-            x[position] = S::splat(self.sign * h).mul_add(x[rate], x[position]);
+            x[position] = signed.mul_add(x[rate], x[position]);
         }
     }
-
-    fn restart(&mut self) {}
 }

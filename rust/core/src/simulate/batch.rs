@@ -9,6 +9,7 @@ use super::general::General;
 use super::monitors::{self, Monitor};
 use super::planar_pr::Group;
 use super::problem::{Division, Ended, Fixed, Problem};
+use super::programs::{self, Structures};
 use super::sink::Sink;
 use crate::dynamics::Planar2R;
 use crate::error::{Error, Result, all_finite};
@@ -49,6 +50,8 @@ pub struct BatchRuns {
     /// When each run ended.
     pub ended: Vec<f64>,
     pub interrupted: bool,
+    /// How the runs were computed: "machine", "portable" or "direct".
+    pub engine: &'static str,
 }
 
 /// The rows of one group.
@@ -121,6 +124,8 @@ pub fn lanes() -> usize {
 /// The loop a batch runs in, and how many runs that takes side by side.
 #[derive(Clone, Copy, PartialEq)]
 enum Loop {
+    /// As programs, whatever the arm.
+    Programs,
     PlanarPr,
     Elastic2R(Planar2R),
     Lanes,
@@ -128,12 +133,13 @@ enum Loop {
 }
 
 impl Loop {
-    fn of(problem: &Problem) -> Self {
+    fn of(problem: &Problem, programs: bool) -> Self {
         if let Some(arm) = problem.elastic_2r() {
             return Loop::Elastic2R(arm);
         }
         match (problem.is_planar_pr(), problem.fits_lanes()) {
             (true, _) => Loop::PlanarPr,
+            _ if programs => Loop::Programs,
             (false, true) => Loop::Lanes,
             (false, false) => Loop::Single,
         }
@@ -143,6 +149,7 @@ impl Loop {
         match self {
             _ if adaptive => 1,
             Loop::PlanarPr => lanes(),
+            Loop::Programs => programs::Lanes::LANES,
             Loop::Lanes | Loop::Elastic2R(_) => run_lanes(CountLanes),
             Loop::Single => 1,
         }
@@ -170,7 +177,9 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     if runs == 0 {
         return Ok(out);
     }
-    let route = Loop::of(&problem);
+    let structures = Structures::of(&problem, &division, true);
+    out.engine = structures.as_ref().map_or("direct", |structures| structures.engine().name());
+    let route = Loop::of(&problem, structures.is_some());
     let lanes = route.width(problem.options.method.is_adaptive());
     let tabulated = if route == Loop::PlanarPr { tabulate(&problem, &division) } else { None };
     let mut groups = split(&problem, &mut out, lanes);
@@ -183,6 +192,11 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
             }
             rows.watch(first);
             match (&division, route) {
+                (division @ Division::Fixed(fixed), Loop::Programs) => {
+                    let group = General { problem, division, first, stop, sink: &mut *rows, asked: None };
+                    let ended = structures.as_ref().map(|structures| programs::run::<programs::Lanes>(structures, group, fixed));
+                    ended.is_none_or(|ended| rows.finish(&ended, problem.options.t_end))
+                }
                 (Division::Fixed(fixed), Loop::PlanarPr) => {
                     let tabulated = tabulated.as_ref();
                     let faults = run_wide_lanes(Group { problem, division: fixed, tabulated, first, stop, sink: &mut *rows });
@@ -240,6 +254,7 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
         status: vec![Status::Interrupted; runs],
         ended: vec![0.0; runs],
         interrupted: false,
+        engine: "direct",
         t,
     })
 }

@@ -78,7 +78,7 @@ impl<'a> World<'a> {
     }
 
     #[inline(never)]
-    fn sample<S: Real>(&mut self, t: f64, u: &mut Exogenous<S>) {
+    pub fn sample<S: Real>(&mut self, t: f64, u: &mut Exogenous<S>) {
         u.t = t;
         let mut at = 0;
         for motions in &self.motions {
@@ -132,6 +132,8 @@ pub struct ClosedLoop<'a, S: Real> {
     law: Box<dyn Law<S> + Send>,
     world: World<'a>,
     closing: Closing<'a>,
+    /// The limits of the input; empty without any.
+    limits: Vec<S>,
     /// The clock of a controller that is late or sees badly; `None` for a perfect one.
     sampler: Option<Sampler<S>>,
     /// Size of the plant's state, and which joints are angles.
@@ -159,11 +161,13 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         let n = angles.len();
         let (anchors, trig) = (vec![Angle::default(); n], vec![(S::zero(), S::splat(1.0)); n]);
         let now = world.instant();
+        let limits = closing.tau_max.iter().flat_map(|limit| limit.iter()).map(|&limit| S::from_lanes(|_| limit)).collect();
         ClosedLoop {
             plant,
             law,
             world,
             closing,
+            limits,
             sampler,
             states,
             angles,
@@ -184,6 +188,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             law: self.law,
             world: self.world.into_owned(),
             closing: Closing { tau_max: tau_max.map(|limit| Cow::Owned(limit.into_owned())), held, monitored, storage },
+            limits: self.limits,
             sampler: self.sampler,
             states: self.states,
             angles: self.angles,
@@ -225,10 +230,8 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
 
     #[inline(always)]
     fn saturate(&mut self) {
-        if let Some(limit) = &self.closing.tau_max {
-            for (tau, &limit) in self.tau.iter_mut().zip(limit.iter()) {
-                *tau = tau.clamped(S::splat(-limit), S::splat(limit));
-            }
+        for (tau, &limit) in self.tau.iter_mut().zip(&self.limits) {
+            *tau = tau.clamped(-limit, limit);
         }
     }
 
@@ -240,6 +243,54 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             self.tau.copy_from_slice(tau);
             self.saturate();
             self.dz.fill(S::zero());
+        }
+    }
+
+    /// Hold the input `tau` and the rate `dz` of the law from now on.
+    pub fn hold_input(&mut self, tau: &[S], dz: &[S]) {
+        self.closing.held = true;
+        self.tau.copy_from_slice(tau);
+        self.dz.copy_from_slice(dz);
+    }
+
+    /// The rate of the law's state, as of the last evaluation.
+    pub fn law_rate(&self) -> &[S] {
+        &self.dz
+    }
+
+    /// The sines and cosines of the joints at state `x`, in full.
+    pub fn turn_to(&mut self, x: &[S]) {
+        for (i, trig) in self.trig.iter_mut().enumerate() {
+            if self.angles[i] {
+                *trig = x[i].sin_cos();
+            }
+        }
+    }
+
+    /// The law's input `tau` and rate at state `x`, for sines and cosines that are there.
+    #[inline(always)]
+    pub fn answer(&mut self, u: &Exogenous<S>, x: &[S]) {
+        let (measured, z) = x.split_at(self.states);
+        self.control(&u.desired, measured, &z[..self.dz.len()]);
+    }
+
+    /// The rates `dx` of state `x`, for sines and cosines that are there.
+    #[inline(always)]
+    pub fn rates(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
+        if !self.closing.held {
+            self.answer(u, x);
+        }
+        let states = self.states;
+        let power = self.plant.rates(&self.trig, &x[..states], &self.tau, &u.wrench, &mut dx[..states]);
+        let p = self.dz.len();
+        dx[states..states + p].copy_from_slice(&self.dz);
+        if self.closing.monitored {
+            (dx[states + p], dx[states + p + 1]) = if self.closing.storage {
+                let stored = self.law.storage_rate(&x[..states], power.outside);
+                (power.outside - stored, stored)
+            } else {
+                (self.law.dissipation(), power.input + power.outside)
+            };
         }
     }
 
@@ -351,22 +402,7 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
                 *trig = rotate(&self.anchors[i], x[i]);
             }
         }
-        if !self.closing.held {
-            let (measured, z) = x.split_at(self.states);
-            self.control(&u.desired, measured, &z[..self.dz.len()]);
-        }
-        let states = self.states;
-        let power = self.plant.rates(&self.trig, &x[..states], &self.tau, &u.wrench, &mut dx[..states]);
-        let p = self.dz.len();
-        dx[states..states + p].copy_from_slice(&self.dz);
-        if self.closing.monitored {
-            (dx[states + p], dx[states + p + 1]) = if self.closing.storage {
-                let stored = self.law.storage_rate(&x[..states], power.outside);
-                (power.outside - stored, stored)
-            } else {
-                (self.law.dissipation(), power.input + power.outside)
-            };
-        }
+        self.rates(u, x, dx);
     }
 }
 

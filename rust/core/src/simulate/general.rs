@@ -133,8 +133,9 @@ impl<'a> General<'a> {
         Recorder { sink, times, x: vec![0.0; size], tau: vec![0.0; n] }
     }
 
+    /// Fixed steps of `closed` by `method`.
     #[inline(always)]
-    fn fixed<S, F, M>(self, fixed: &Fixed, mut closed: F, x: Vec<S>, mut method: M) -> Ended
+    pub fn fixed<S, F, M>(self, fixed: &Fixed, closed: &mut F, x: Vec<S>, mut method: M) -> Ended
     where
         S: Real,
         F: Watched<S>,
@@ -142,7 +143,7 @@ impl<'a> General<'a> {
     {
         let times = |i: usize| fixed.schedule.records[i].t;
         let mut recorder = Self::recorder(self.sink, &times, x.len(), self.problem.plant(0).n());
-        Ended::Fixed(fixed_steps::run(&mut closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
+        Ended::Fixed(fixed_steps::run(closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
     }
 
     #[inline(always)]
@@ -179,21 +180,21 @@ impl Task for General<'_> {
 
     #[inline(always)]
     fn run<S: Real>(self) -> Ended {
-        let (closed, x) = close::<S>(self.problem, self.first);
+        let (mut closed, x) = close::<S>(self.problem, self.first);
         let (u, size) = (closed.instant(), x.len());
         match self.division {
             Division::Fixed(fixed) => match self.problem.options.method {
                 Method::Euler => {
                     let method = Euler::new(x.clone(), u);
-                    self.fixed(fixed, closed, x, method)
+                    self.fixed(fixed, &mut closed, x, method)
                 }
                 Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
-                    Ok(method) => self.fixed(fixed, closed, x, method),
+                    Ok(method) => self.fixed(fixed, &mut closed, x, method),
                     Err(_) => unreachable!("plants without velocities were refused"),
                 },
                 _ => {
                     let method = Rk4::new(x.clone(), u);
-                    self.fixed(fixed, closed, x, method)
+                    self.fixed(fixed, &mut closed, x, method)
                 }
             },
             Division::Adaptive(segments) => {
@@ -218,11 +219,11 @@ impl Task for Implicit<'_> {
         let (u, size) = (closed.instant(), x.len());
         let (matrix, pivots) = (vec![V::One::zero(); size * size], vec![0usize; size]);
         let (tolerance, instants) = (general.problem.tolerance(closed.controlled()), closed.instants(general.problem.options.t_end));
-        let twins: Twins<V> = twin(closed, general.problem, general.first);
+        let mut twins: Twins<V> = twin(closed, general.problem, general.first);
         match (general.division, general.problem.options.method) {
             (Division::Fixed(fixed), _) => {
                 let method = Ros2::new(x.clone(), matrix, pivots, u);
-                general.fixed(fixed, twins, x, method)
+                general.fixed(fixed, &mut twins, x, method)
             }
             (_, Method::Radau5) => general.adaptive(twins, size, &instants, Radau5::new(tolerance, x, u)),
             _ => general.adaptive(twins, size, &instants, Rodas4::new(tolerance, x, matrix, pivots, u)),
@@ -251,10 +252,19 @@ pub fn twins<V: Real>(problem: &Problem, first: usize) -> (Twins<'static, V>, Ve
 pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
     let last = problem.runs() - 1;
     let run = |lane: usize| (first + lane).min(last);
+    (assemble(problem, run), start(problem, run))
+}
+
+/// The desired motions and forces of the runs `run(lane)`.
+pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usize) -> World<'a> {
+    World::new(lanes, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)))
+}
+
+/// The loop of the runs `run(lane)`.
+pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize + Copy) -> ClosedLoop<'a, S> {
     let o = &problem.options;
     let plant = PlantSpec::build::<S>(|lane| problem.plant(run(lane)), problem.force_frame());
     let law = LawSpec::build::<S>(|lane| problem.law(run(lane)));
-    let world = World::new(S::LANES, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)));
     let closing = Closing {
         tau_max: o.tau_max.as_deref().map(Cow::Borrowed),
         held: o.sampling.is_some(),
@@ -262,21 +272,28 @@ pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a,
         storage: problem.watches_storage(),
     };
     let spec = problem.plant(run(0));
-    let (states, p) = (spec.states(), problem.law(run(0)).initial_state().len());
+    let sizes = (spec.states(), problem.law(run(0)).initial_state().len(), spec.model().angles());
+    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes)
+}
+
+/// The clock of the controllers of the runs `run(lane)`; `None` for a perfect one.
+pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
+    let (o, plant) = (&problem.options, problem.plant(run(0)));
     // A law from outside may remember: it is asked once per sample, however often that is looked at.
     let asked_once = matches!(problem.law(run(0)), LawSpec::External(_));
-    let sampler = o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || asked_once).map(|sampling| {
+    let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len());
+    o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || asked_once).map(|sampling| {
         let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
         let sensing = TorqueSensing::of(problem, sampling, run);
-        Sampler::new(sampling.clone(), seeds, o.grid(), (states, spec.n(), p), sensing)
-    });
-    let closed = ClosedLoop::new(plant, law, world, closing, sampler, (states, p, spec.model().angles()));
-    let mut x = vec![S::zero(); closed.size()];
-    for (k, x) in x.iter_mut().enumerate().take(states) {
-        *x = S::from_lanes(|lane| problem.x0[run(lane) * states + k]);
-    }
-    for k in 0..p {
-        x[states + k] = S::from_lanes(|lane| problem.law(run(lane)).initial_state()[k]);
-    }
-    (closed, x)
+        Sampler::new(sampling.clone(), seeds, o.grid(), sizes, sensing)
+    })
+}
+
+/// The state of the runs `run(lane)` at the start.
+pub fn start<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize) -> Vec<S> {
+    let (states, p) = (problem.plant(0).states(), problem.law(0).initial_state().len());
+    let of_plant = (0..states).map(|k| S::from_lanes(|lane| problem.x0[run(lane) * states + k]));
+    let of_law = (0..p).map(|k| S::from_lanes(|lane| problem.law(run(lane)).initial_state()[k]));
+    let quadratures = if problem.options.monitors { 2 } else { 0 };
+    of_plant.chain(of_law).chain((0..quadratures).map(|_| S::zero())).collect()
 }

@@ -187,6 +187,11 @@ impl<'a> Problem<'a> {
             && self.laws.iter().all(|l| std::ptr::eq(*l, law) || l.same_shape(law))
     }
 
+    /// Whether a loop is written for the arm of this problem.
+    pub fn has_own_loop(&self) -> bool {
+        self.is_planar_pr() || self.elastic_2r().is_some()
+    }
+
     /// The closed-form arm under the laws that have loops of their own, monomorphised through.
     pub fn is_planar_pr(&self) -> bool {
         let plant = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(RigidSpec { model: Model::PlanarPr(_), stops: None, .. }));

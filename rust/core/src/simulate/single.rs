@@ -6,6 +6,7 @@ use super::general::General;
 use super::monitors::{self, Monitor};
 use super::planar_pr::Group;
 use super::problem::{Division, Ended, Problem};
+use super::programs::{self, Structures};
 use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::Asked;
@@ -36,6 +37,8 @@ pub struct Run {
     pub evaluations: u64,
     pub steps: u64,
     pub rejections: u64,
+    /// How it was computed: "machine", "portable" or "direct".
+    pub engine: &'static str,
     /// See [`crate::integrate::Work::coarsen`].
     pub coarsen: f64,
 }
@@ -52,7 +55,12 @@ struct Rows<'a> {
 }
 
 impl Sink for Rows<'_> {
-    fn record(&mut self, _: usize, _: usize, t: f64, x: &[f64], tau: &[f64]) {
+    fn record(&mut self, i: usize, _: usize, t: f64, x: &[f64], tau: &[f64]) {
+        // A run that starts anew writes over what it recorded.
+        if i < self.run.t.len() || i == 0 {
+            (self.fault, self.full) = (f64::INFINITY, Ok(()));
+            self.run.truncate(i);
+        }
         if self.fault.is_finite() || self.full.is_err() {
             return;
         }
@@ -127,7 +135,12 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
     if let Division::Fixed(fixed) = &division {
         sink.reserve(fixed.schedule.records.len())?;
     }
+    let structures = Structures::of(problem, &division, false);
+    let engine = structures.as_ref().map_or("direct", |structures| structures.engine().name());
     let ended = match &division {
+        Division::Fixed(fixed) if let Some(structures) = &structures => {
+            programs::run::<f64>(structures, General { problem, division: &division, first: 0, stop, sink: &mut sink, asked }, fixed)
+        }
         Division::Fixed(fixed) if problem.is_planar_pr() => {
             Ended::Fixed(run_scalar(Group { problem, division: fixed, tabulated: None, first: 0, stop, sink: &mut sink }))
         }
@@ -141,6 +154,7 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
     };
     let (fault, full) = (sink.fault, sink.full);
     full?;
+    run.engine = engine;
     match ended {
         Ended::Fixed(faults) => {
             run.steps = faults.steps;
@@ -168,7 +182,15 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
 impl Run {
     /// Drop the records from the fault on.
     fn keep_before(&mut self, t: f64) {
-        let (k, records) = (self.t.iter().position(|&s| s >= t).unwrap_or(self.t.len()), self.t.len().max(1));
+        self.truncate(self.t.iter().position(|&s| s >= t).unwrap_or(self.t.len()));
+    }
+
+    /// Keep the first `k` records.
+    fn truncate(&mut self, k: usize) {
+        if k >= self.t.len() {
+            return;
+        }
+        let records = self.t.len();
         self.t.truncate(k);
         for series in [&mut self.q, &mut self.v, &mut self.tau, &mut self.theta, &mut self.theta_dot, &mut self.z] {
             series.truncate(series.len() / records * k);

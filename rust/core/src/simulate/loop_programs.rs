@@ -1,0 +1,167 @@
+//! The programs of a recorded loop, made once and kept for the next run of the same structure.
+
+use super::recorded::Layout;
+use crate::trace::tape::Op;
+use crate::trace::{Cut, Engine, Frame, Part, Places, Program, Room, engine, form, segments};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+
+/// Loops whose programs are kept.
+const KEPT: usize = 64;
+
+/// Which entries of a recording are the results.
+pub struct Tracing {
+    /// The law's input and rate.
+    pub law: Vec<u32>,
+    /// The rates of a stage, where a step runs them as a program of their own.
+    pub rates: Option<Vec<u32>>,
+    /// The cuts of the step, before each stage, and the next state.
+    pub cuts: Vec<Cut>,
+    pub next: Vec<u32>,
+}
+
+/// The programs of one structure.
+pub struct Programs {
+    /// From the state and the input at the first instant to the law's input and rate.
+    law: Program,
+    step: Step,
+}
+
+/// From the state, the inputs and `h` to the next state.
+enum Step {
+    Whole(Program),
+    /// Before, between and after the stages; the rates of a stage.
+    Stages {
+        segments: Vec<Program>,
+        rates: Program,
+        /// Their slots and number; those of every stage follow.
+        first: usize,
+        count: usize,
+    },
+}
+
+impl Programs {
+    fn all(&self) -> impl Iterator<Item = &Program> {
+        let (parts, rates) = match &self.step {
+            Step::Whole(program) => (std::slice::from_ref(program), None),
+            Step::Stages { segments, rates, .. } => (segments.as_slice(), Some(rates)),
+        };
+        parts.iter().chain(rates).chain([&self.law])
+    }
+
+    /// Slots of a frame that they run on.
+    pub fn slots(&self) -> usize {
+        self.all().map(Program::slots).max().unwrap_or(0)
+    }
+
+    /// Write what they need into a new frame.
+    pub fn prepare(&self, frame: &mut Frame) {
+        self.all().for_each(|program| program.prepare(frame));
+    }
+
+    /// How they run.
+    pub fn engine(&self) -> Engine {
+        self.law.engine()
+    }
+
+    /// The law's input and rate at the state and input of the frame.
+    pub fn answer(&self, frame: &mut Frame) {
+        self.law.run(frame);
+    }
+
+    /// The next state from the state, inputs and `h` of the frame.
+    pub fn advance(&self, frame: &mut Frame) {
+        match &self.step {
+            Step::Whole(program) => program.run(frame),
+            Step::Stages { segments, rates, first, count } => {
+                let lanes = frame.lanes();
+                for (k, segment) in segments.iter().enumerate() {
+                    segment.run(frame);
+                    if k + 1 < segments.len() {
+                        rates.run(frame);
+                        let (from, to) = (first * lanes, (first + (k + 1) * count) * lanes);
+                        frame.numbers_mut().copy_within(from..from + count * lanes, to);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What the programs of a loop were made from.
+struct Key {
+    ops: Vec<Op>,
+    layout: Layout,
+    law: Vec<u32>,
+    next: Vec<u32>,
+    lanes: bool,
+}
+
+impl Key {
+    fn is(&self, ops: &[Op], layout: &Layout, tracing: &Tracing, lanes: bool) -> bool {
+        self.lanes == lanes && self.layout == *layout && self.law == tracing.law && self.next == tracing.next && self.ops == ops
+    }
+}
+
+type Known = VecDeque<(Key, Arc<Programs>)>;
+
+static KNOWN: Mutex<Known> = Mutex::new(VecDeque::new());
+
+/// The loops that are known, unless another thread looks at them. Never waits: a process that was forked while another thread of its
+/// parent held the lock would wait for ever.
+fn known() -> Option<MutexGuard<'static, Known>> {
+    match KNOWN.try_lock() {
+        Ok(known) => Some(known),
+        Err(TryLockError::Poisoned(poisoned)) => Some(PoisonError::into_inner(poisoned)),
+        Err(TryLockError::WouldBlock) => None,
+    }
+}
+
+/// The programs of a recording: those that are there, or new ones. The ones used last are kept.
+pub fn of(ops: Vec<Op>, layout: &Layout, tracing: Tracing, lanes: bool) -> Arc<Programs> {
+    let found = known().and_then(|mut known| {
+        let at = known.iter().position(|(key, _)| key.is(&ops, layout, &tracing, lanes))?;
+        let entry = known.remove(at)?;
+        let programs = entry.1.clone();
+        known.push_back(entry);
+        Some(programs)
+    });
+    if let Some(programs) = found {
+        return programs;
+    }
+    let (law, next) = (tracing.law.clone(), tracing.next.clone());
+    let programs = Arc::new(make(&ops, layout, tracing, lanes));
+    if let Some(mut known) = known() {
+        known.push_back((Key { ops, layout: layout.clone(), law, next, lanes }, programs.clone()));
+        while known.len() > KEPT {
+            known.pop_front();
+        }
+    }
+    programs
+}
+
+fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Programs {
+    let (form, engine, reach) = (form(lanes), engine(), layout.reach() as u32);
+    let to = |first: usize, entries: &[u32]| entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect::<Vec<_>>();
+    let mut cuts = tracing.cuts;
+    cuts.push(Cut { end: ops.len() as u32, outputs: to(layout.next(), &tracing.next) });
+    let (places, mut free) = segments::join(ops, &mut cuts, layout.slots() as u32);
+    let mut program = |start: u32, outputs: &[(u32, u32)], places: &Places| {
+        let made = Program::new(Part { ops, start, outputs, places }, Room { reach, free: free as usize }, form, engine);
+        free = made.slots() as u32;
+        made
+    };
+    let none = Places::default();
+    let mut starts: Vec<u32> = cuts.iter().map(|cut| cut.end).collect();
+    starts.insert(0, 0);
+    let mut segments: Vec<Program> = cuts.iter().zip(&starts).map(|(cut, &start)| program(start, &cut.outputs, &places)).collect();
+    let law = program(0, &to(layout.tau(), &tracing.law), &none);
+    let step = match tracing.rates {
+        Some(rates) => {
+            let rates = program(0, &to(layout.rates(), &rates), &none);
+            Step::Stages { segments, rates, first: layout.rates(), count: layout.states }
+        }
+        None => Step::Whole(segments.remove(0)),
+    };
+    Programs { law, step }
+}

@@ -1,0 +1,236 @@
+//! A recorded loop behind the interface of a loop, and its step behind that of a method: the driver of fixed steps runs both as any
+//! other.
+
+use super::closed_loop::{Exogenous, World};
+use super::force::Wrench;
+use super::general::Watched;
+use super::recorded::{Layout, Recorded};
+use super::sampler::Sampler;
+use crate::integrate::{FixedStep, System};
+use crate::plant::Touch;
+use crate::scalar::Real;
+use crate::scalar::trig::REDUCTION_LIMIT;
+use crate::trace::{Frame, form};
+use std::sync::Arc;
+
+/// Lanes of the widest number that a loop runs on.
+const MOST_LANES: usize = 8;
+
+/// The loop of one run (`f64`) or of several side by side, of one structure.
+pub struct ProgramLoop<'a, S: Real> {
+    recorded: Arc<Recorded>,
+    world: World<'a>,
+    /// Side by side the lanes of `S`, as many in each as the code has.
+    frames: Vec<Frame>,
+    now: Exogenous<S>,
+    held: bool,
+    /// The clock of a controller that is late or sees badly; `None` for a perfect one.
+    sampler: Option<Sampler<S>>,
+    tau: Vec<S>,
+    dz: Vec<S>,
+    /// What acts while another answer is worked out.
+    acting: (Vec<S>, Vec<S>),
+    /// The state as the controller sees it.
+    seen: Vec<S>,
+}
+
+impl<'a, S: Real> ProgramLoop<'a, S> {
+    /// The loop of runs whose set-ups have the numbers `given(lane)`.
+    pub fn new<'b>(
+        recorded: Arc<Recorded>,
+        world: World<'a>,
+        held: bool,
+        sampler: Option<Sampler<S>>,
+        given: impl Fn(usize) -> &'b [f64],
+    ) -> Self {
+        let lanes = form(S::LANES > 1).lanes();
+        let programs = &recorded.programs;
+        let slots = programs.slots();
+        let frame = |first: usize| {
+            let mut frame = Frame::new(slots, lanes);
+            programs.prepare(&mut frame);
+            for lane in 0..lanes {
+                for (slot, &x) in given(first + lane).iter().enumerate() {
+                    frame.slot_mut(slot)[lane] = x;
+                }
+            }
+            frame
+        };
+        let frames = (0..S::LANES).step_by(lanes).map(frame).collect();
+        let (n, p) = (recorded.layout.inputs, recorded.layout.law_states);
+        let now = world.instant();
+        let answer = (vec![S::zero(); n], vec![S::zero(); p]);
+        ProgramLoop {
+            frames,
+            now,
+            held,
+            sampler,
+            tau: answer.0.clone(),
+            dz: answer.1.clone(),
+            acting: answer,
+            seen: vec![S::zero(); recorded.layout.states],
+            recorded,
+            world,
+        }
+    }
+
+    /// Whether lane `lane` turned by an angle for which the programs' sines are not made.
+    pub fn strayed(&self, lane: usize) -> bool {
+        let (lanes, reach) = (self.frames[0].lanes(), self.recorded.layout.reach());
+        !(self.frames[lane / lanes].numbers()[reach * lanes + lane % lanes] < REDUCTION_LIMIT)
+    }
+
+    /// The law at state `x = [plant, law, ..]` and time `t`, into `self.tau` and the frames.
+    fn observe(&mut self, t: f64, x: &[S]) {
+        let recorded = self.recorded.clone();
+        let layout = &recorded.layout;
+        self.world.sample(t, &mut self.now);
+        write_instant(&mut self.frames, layout, 0, &self.now);
+        write(&mut self.frames, layout.state(), x);
+        for frame in &mut self.frames {
+            recorded.programs.answer(frame);
+        }
+        read(&self.frames, layout.tau(), &mut self.tau);
+        read(&self.frames, layout.law_rate(), &mut self.dz);
+    }
+}
+
+/// The exogenous input of instant `k`.
+fn write_instant<S: Real>(frames: &mut [Frame], layout: &Layout, k: usize, u: &Exogenous<S>) {
+    write(frames, layout.instant(k), &u.desired);
+    write(frames, layout.instant(k) + layout.desired, &u.wrench[..layout.wrench]);
+}
+
+/// `values` into the slots from `first` on.
+fn write<S: Real>(frames: &mut [Frame], first: usize, values: &[S]) {
+    let lanes = frames[0].lanes();
+    let mut row = [0.0; MOST_LANES];
+    for (k, value) in values.iter().enumerate() {
+        value.store(&mut row[..S::LANES]);
+        for (frame, row) in frames.iter_mut().zip(row.chunks_exact(lanes)) {
+            frame.numbers_mut()[(first + k) * lanes..][..lanes].copy_from_slice(row);
+        }
+    }
+}
+
+/// The slots from `first` on into `values`.
+fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
+    let lanes = frames[0].lanes();
+    let mut row = [0.0; MOST_LANES];
+    for (k, value) in values.iter_mut().enumerate() {
+        for (frame, row) in frames.iter().zip(row.chunks_exact_mut(lanes)) {
+            row.copy_from_slice(&frame.numbers()[(first + k) * lanes..][..lanes]);
+        }
+        *value = S::load(&row[..S::LANES]);
+    }
+}
+
+impl<S: Real> ProgramLoop<'_, S> {
+    /// A sample of a controller with a clock of its own.
+    fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
+        let (n, p) = (self.tau.len(), self.dz.len());
+        let states = self.recorded.plant_states();
+        let (mut tau, mut dz) = std::mem::take(&mut self.acting);
+        let mut seen = std::mem::take(&mut self.seen);
+        seen.copy_from_slice(x);
+        let law = |measured: &[S], tau: &mut [S], dz: &mut [S]| {
+            seen[..states].copy_from_slice(measured);
+            self.observe(t, &seen);
+            tau.copy_from_slice(&self.tau);
+            dz.copy_from_slice(&self.dz);
+        };
+        sampler.run(t, &x[..states], n, law, &mut tau, &mut dz);
+        self.seen = seen;
+        let layout = &self.recorded.layout;
+        write(&mut self.frames, layout.tau(), &tau[..n]);
+        write(&mut self.frames, layout.law_rate(), &dz[..p]);
+        self.tau.copy_from_slice(&tau);
+        self.dz.copy_from_slice(&dz);
+        self.acting = (tau, dz);
+    }
+}
+
+impl<S: Real> System<S> for ProgramLoop<'_, S> {
+    type Input = Exogenous<S>;
+
+    fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
+        self.world.sample(t, u);
+    }
+    fn sample(&mut self, t: f64, x: &[S]) {
+        if let Some(mut sampler) = self.sampler.take() {
+            self.sample_by(&mut sampler, t, x);
+            self.sampler = Some(sampler);
+        } else if self.held {
+            self.observe(t, x);
+        }
+    }
+    fn anchor(&mut self, _: &[S]) {}
+    fn rhs(&mut self, _: &Exogenous<S>, _: &[S], _: &mut [S]) {
+        unreachable!("a recorded loop advances by whole steps")
+    }
+    fn held(&self) -> Option<(&[S], &[S])> {
+        self.held.then_some((&self.tau, &self.dz))
+    }
+}
+
+impl<S: Real> Watched<S> for ProgramLoop<'_, S> {
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
+        if !self.held {
+            self.observe(t, x);
+        }
+        &self.tau
+    }
+    fn drive(&mut self, _: Option<&[S]>, held: bool) {
+        self.held = held;
+    }
+    fn rewind(&mut self) {
+        if let Some(sampler) = &mut self.sampler {
+            sampler.forget();
+        }
+    }
+    fn hold_contacts(&mut self, _: &[Touch]) {}
+    fn push(&mut self, _: Option<&Wrench>) {}
+}
+
+/// One step as a program.
+pub struct ProgramStep<S: Real> {
+    /// The inputs of the instants of a step.
+    instants: Vec<Exogenous<S>>,
+    /// The time of the last of them, NaN when it is not that of the next step's first.
+    end_time: f64,
+}
+
+impl<S: Real> ProgramStep<S> {
+    pub fn new(closed: &ProgramLoop<S>) -> Self {
+        ProgramStep { instants: vec![closed.now.clone(); closed.recorded.layout.instants.len()], end_time: f64::NAN }
+    }
+}
+
+impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
+    fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
+        let recorded = system.recorded.clone();
+        let layout = &recorded.layout;
+        let last = self.instants.len() - 1;
+        let known = self.end_time == t && last > 0;
+        if known {
+            self.instants.swap(0, last);
+        }
+        for (k, (&part, u)) in layout.instants.iter().zip(&mut self.instants).enumerate() {
+            if k > 0 || !known {
+                system.world.sample(if part == 1.0 { end } else { t + part * h }, u);
+            }
+            write_instant(&mut system.frames, layout, k, u);
+        }
+        self.end_time = end;
+        write(&mut system.frames, layout.state(), x);
+        for frame in &mut system.frames {
+            frame.fill(layout.step(), h);
+            recorded.programs.advance(frame);
+        }
+        read(&system.frames, layout.next(), x);
+    }
+
+    fn restart(&mut self) {
+        self.end_time = f64::NAN;
+    }
+}

@@ -1,0 +1,131 @@
+//! Runs as programs: the structures of their loops, and groups of rows.
+//!
+//! Rows are grouped by structure, so that the program of a row, and with it its bits, depends on that row alone. A row whose angles
+//! leave the range of the programs' sines is run again directly.
+
+use super::fixed_steps::Faults;
+use super::general::{General, sampler, start, world};
+use super::problem::{Division, Ended, Fixed, Problem};
+use super::program_loop::{ProgramLoop, ProgramStep};
+use super::recorded::{self, Given, Recorded};
+use super::sink::Sink;
+use crate::scalar::{Array8, Real, run_scalar};
+use crate::trace::Engine;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Steps below which a run is done sooner than its program is made. Not a matter of the rows of a batch, whose bits would then depend on
+/// their number.
+const SHORT: usize = 100;
+
+/// Runs side by side.
+pub type Lanes = Array8<false>;
+
+/// The structures of the runs of a problem, recorded as they appear.
+pub struct Structures {
+    known: Mutex<Vec<Arc<Recorded>>>,
+    /// The numbers of every run's set-up, where they are the same.
+    shared: Option<Given>,
+    lanes: bool,
+}
+
+impl Structures {
+    /// Those of a problem whose loops run as programs; `None` for any other. `lanes`: for runs side by side.
+    pub fn of(problem: &Problem, division: &Division, lanes: bool) -> Option<Self> {
+        let Division::Fixed(fixed) = division else { return None };
+        // Samples that are late by chance are late together in lanes.
+        let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
+        if fixed.schedule.steps < SHORT || late || problem.has_own_loop() || !recorded::is_recordable(problem) {
+            return None;
+        }
+        let (first, given) = recorded::record(problem, 0, lanes)?;
+        let shared = problem.plants.len() == 1 && problem.laws.len() == 1;
+        Some(Structures { known: Mutex::new(vec![Arc::new(first)]), shared: shared.then_some(given), lanes })
+    }
+
+    /// How the programs run.
+    pub fn engine(&self) -> Engine {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)[0].engine()
+    }
+
+    /// The structure of run `run`, and the numbers of its set-up; `None` where its code branches on data.
+    fn of_run(&self, problem: &Problem, run: usize) -> Option<(Arc<Recorded>, Vec<f64>)> {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(given) = &self.shared {
+            return Some((known[0].clone(), given.values.clone()));
+        }
+        let given = recorded::given(problem, run);
+        if let Some(recorded) = known.iter().find(|recorded| recorded.fits(problem, run, &given)) {
+            return Some((recorded.clone(), given.values));
+        }
+        let (recorded, given) = recorded::record(problem, run, self.lanes)?;
+        known.push(Arc::new(recorded));
+        known.last().map(|recorded| (recorded.clone(), given.values))
+    }
+}
+
+/// The records of some lanes of a group.
+struct Chosen<'a> {
+    sink: &'a mut dyn Sink,
+    /// Which lane of the group each lane is; `None` where its records are not wanted.
+    lanes: Vec<Option<usize>>,
+}
+
+impl Sink for Chosen<'_> {
+    fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]) {
+        if let Some(lane) = self.lanes[lane] {
+            self.sink.record(i, lane, t, x, tau);
+        }
+    }
+}
+
+/// The runs of a group, `S::LANES` from its first one on, by fixed steps.
+pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> Ended {
+    let General { problem, division, first, stop, sink, .. } = group;
+    let last = problem.runs() - 1;
+    let at = |lane: usize| (first + lane).min(last);
+    let rows: Vec<Option<(Arc<Recorded>, Vec<f64>)>> = (0..S::LANES).map(|lane| structures.of_run(problem, at(lane))).collect();
+    let mut faults = Faults { at: vec![f64::INFINITY; S::LANES], interrupted: false, steps: 0 };
+    let mut left: Vec<usize> = (0..S::LANES).collect();
+    while let Some(&lead) = left.first() {
+        let Some((recorded, own)) = &rows[lead] else {
+            left.remove(0);
+            direct(General { problem, division, first, stop, sink: &mut *sink, asked: None }, at(lead), lead, &mut faults);
+            continue;
+        };
+        let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
+        let mut lanes = vec![None; S::LANES];
+        left.iter().filter(|&&lane| same(lane).is_some()).for_each(|&lane| lanes[lane] = Some(lane));
+        let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
+        let held = problem.options.sampling.is_some();
+        let mut closed = ProgramLoop::<S>::new(recorded.clone(), world(problem, S::LANES, at), held, sampler(problem, at), given);
+        let method = ProgramStep::new(&closed);
+        let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
+        let group = General { problem, division, first, stop, sink: &mut chosen, asked: None };
+        let Ended::Fixed(found) = group.fixed(fixed, &mut closed, start::<S>(problem, at), method) else { unreachable!("steps are fixed") };
+        faults.interrupted |= found.interrupted;
+        faults.steps = found.steps;
+        for lane in lanes.into_iter().flatten() {
+            faults.at[lane] = found.at[lane];
+            if closed.strayed(lane) && !faults.interrupted {
+                direct(General { problem, division, first, stop, sink: &mut *sink, asked: None }, at(lane), lane, &mut faults);
+            }
+        }
+        left.retain(|&lane| same(lane).is_none());
+        if faults.interrupted {
+            break;
+        }
+    }
+    Ended::Fixed(faults)
+}
+
+/// Run `run`, lane `lane` of a group, without a program.
+fn direct(group: General, run: usize, lane: usize, faults: &mut Faults) {
+    let General { problem, division, stop, sink, .. } = group;
+    let mut chosen = Chosen { sink, lanes: vec![Some(lane)] };
+    let alone = General { problem, division, first: run, stop, sink: &mut chosen, asked: None };
+    if let Ended::Fixed(found) = run_scalar(alone) {
+        faults.at[lane] = found.at[0];
+        faults.interrupted |= found.interrupted;
+        faults.steps = found.steps;
+    }
+}

@@ -1,0 +1,247 @@
+//! A closed loop, recorded: one step of its method, its rates and its law alone, once per structure.
+//!
+//! The frame of its programs holds, slot after slot: the numbers of the run's set-up (parameters, gains, targets, limits), the
+//! exogenous input at each instant of the step, the state, the step `h`, the input and the rate of the law, what the parts of a step
+//! hand to one another, the next state and the largest angle that was turned by. Rows with the same structure share the programs: the
+//! same zeros and ones among their numbers.
+//!
+//! A small loop is recorded as a whole step. Of a large one the rates are a program of their own, which every stage runs: the code of
+//! a whole step would not fit the processor's cache of instructions.
+
+use super::closed_loop::{ClosedLoop, Exogenous};
+use super::force::Force;
+use super::general::assemble;
+use super::loop_programs::{self, Programs, Tracing};
+use super::problem::{Method, Problem};
+use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
+use crate::linalg::Pairs;
+use crate::scalar::Real;
+use crate::trace::{Cut, Engine, Sym, sym};
+use std::sync::Arc;
+
+/// Operations of the rates beyond which a step runs them as a program of their own.
+const LARGE: u32 = 700;
+
+/// Where the quantities of a loop are in a frame, in slots.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// The numbers of the set-up come first.
+    pub given: usize,
+    /// Numbers of the desired motions at one instant, and of the wrench behind them: none without a force.
+    pub desired: usize,
+    pub wrench: usize,
+    /// The instants of a step at which the exogenous input is taken, as parts of the step.
+    pub instants: &'static [f64],
+    pub states: usize,
+    pub inputs: usize,
+    pub law_states: usize,
+    /// All inputs of the programs: what follows is written by them alone.
+    pub all_inputs: usize,
+}
+
+impl Layout {
+    pub fn instant(&self, k: usize) -> usize {
+        self.given + k * (self.desired + self.wrench)
+    }
+    pub fn state(&self) -> usize {
+        self.instant(self.instants.len())
+    }
+    pub fn step(&self) -> usize {
+        self.state() + self.states
+    }
+    pub fn tau(&self) -> usize {
+        self.step() + 1
+    }
+    pub fn law_rate(&self) -> usize {
+        self.tau() + self.inputs
+    }
+    /// The state and the exogenous input of a stage.
+    pub fn stage(&self) -> usize {
+        self.law_rate() + self.law_states
+    }
+    pub fn stage_input(&self) -> usize {
+        self.stage() + self.states
+    }
+    /// The rates of a stage; those of every stage follow.
+    pub fn rates(&self) -> usize {
+        self.stage_input() + self.desired + self.wrench
+    }
+    pub fn next(&self) -> usize {
+        self.all_inputs
+    }
+    pub fn reach(&self) -> usize {
+        self.next() + self.states
+    }
+    pub fn slots(&self) -> usize {
+        self.reach() + 1
+    }
+}
+
+/// A loop of one structure, recorded.
+pub struct Recorded {
+    pub layout: Layout,
+    pub programs: Arc<Programs>,
+    /// The run that was recorded, and the entries of its set-up.
+    run: usize,
+    plant_states: usize,
+    structure: Vec<u32>,
+}
+
+/// The numbers of one run's set-up.
+pub struct Given {
+    pub values: Vec<f64>,
+    structure: Vec<u32>,
+}
+
+impl Recorded {
+    /// Whether run `run` of the same problem, with these numbers, has this structure.
+    pub fn fits(&self, problem: &Problem, run: usize, given: &Given) -> bool {
+        let (plant, law) = (problem.plant(run), problem.law(run));
+        self.structure == given.structure && problem.plant(self.run).same_shape(plant) && problem.law(self.run).same_shape(law)
+    }
+
+    /// Numbers of the plant's state, with which the state begins.
+    pub fn plant_states(&self) -> usize {
+        self.plant_states
+    }
+
+    /// How the programs run.
+    pub fn engine(&self) -> Engine {
+        self.programs.engine()
+    }
+}
+
+/// Whether the loops of a problem may run as programs: fixed explicit steps, a law without a branch on data.
+pub fn is_recordable(problem: &Problem) -> bool {
+    matches!(problem.options.method, Method::Euler | Method::SemiImplicit | Method::Rk4)
+        && !problem.law(0).is_scalar()
+        && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
+}
+
+/// The numbers of the set-up of run `run`.
+pub fn given(problem: &Problem, run: usize) -> Given {
+    sym::begin();
+    let closed: ClosedLoop<Sym> = assemble(problem, |_| run);
+    drop(closed);
+    let recording = sym::finish();
+    Given { values: recording.values, structure: recording.structure }
+}
+
+/// Record the loop of run `run` for one run or for lanes; `None` where its code branches on data.
+pub fn record(problem: &Problem, run: usize, lanes: bool) -> Option<(Recorded, Given)> {
+    sym::begin();
+    let closed: ClosedLoop<Sym> = assemble(problem, |_| run);
+    let given = sym::end_set_up();
+    let method = problem.options.method;
+    let instants = match method {
+        Method::Rk4 => <Rk4<Vec<Sym>, Exogenous<Sym>> as Advance<Sym, RecordedLoop, Vec<Sym>>>::INSTANTS,
+        _ => <Euler<Vec<Sym>, Exogenous<Sym>> as Advance<Sym, RecordedLoop, Vec<Sym>>>::INSTANTS,
+    };
+    let mut layout = Layout {
+        given,
+        desired: closed.instant().desired.len(),
+        wrench: if problem.forces.is_empty() { 0 } else { 6 },
+        instants,
+        states: closed.size(),
+        inputs: closed.tau.len(),
+        law_states: closed.law_rate().len(),
+        all_inputs: 0,
+    };
+    let tracing = trace(closed, method, &layout)?;
+    layout.all_inputs = sym::recorded().1 as usize;
+    let recording = sym::finish();
+    if recording.failed {
+        return None;
+    }
+    let programs = loop_programs::of(recording.ops, &layout, tracing, lanes);
+    let structure = recording.structure.clone();
+    let plant_states = problem.plant(run).states();
+    Some((Recorded { layout, programs, run, plant_states, structure }, Given { values: recording.values, structure: recording.structure }))
+}
+
+/// Record the law, the rates and the step; `None` for a method that is not recorded.
+fn trace(closed: ClosedLoop<Sym>, method: Method, layout: &Layout) -> Option<Tracing> {
+    let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
+    let instant = || {
+        let (desired, mut wrench) = (inputs(layout.desired), [Sym::zero(); 6]);
+        wrench[..layout.wrench].copy_from_slice(&inputs(layout.wrench));
+        Exogenous { t: 0.0, desired, wrench }
+    };
+    let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| instant()).collect();
+    let (x, h) = (inputs(layout.states), sym::input());
+    let (tau, dz) = (inputs(layout.inputs), inputs(layout.law_states));
+    let (stage, stage_input) = (inputs(layout.states), instant());
+    let mut rates = inputs(layout.states);
+    let mut closed = RecordedLoop { closed, layout, cuts: None };
+    closed.closed.turn_to(&x);
+    closed.closed.answer(&u[0], &x);
+    let law = closed.closed.tau.iter().chain(closed.closed.law_rate()).map(|value| value.index()).collect();
+    if closed.closed.held().is_some() {
+        closed.closed.hold_input(&tau, &dz);
+    }
+    let before = sym::recorded().0;
+    closed.rhs(&stage_input, &stage, &mut rates);
+    if sym::recorded().0 - before > LARGE {
+        closed.cuts = Some(Vec::new());
+    }
+    let (state, first) = (x.clone(), u[0].clone());
+    let (next, cuts) = match method {
+        Method::Euler => advance(Euler::new(state, first), closed, u, h, x),
+        Method::SemiImplicit => advance(SemiImplicit::new(&closed, state, first).ok()?, closed, u, h, x),
+        Method::Rk4 => advance(Rk4::new(state, first), closed, u, h, x),
+        Method::Ros2 | Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4 => return None,
+    };
+    let rates = cuts.is_some().then(|| rates.into_iter().map(Sym::index).collect());
+    Some(Tracing { law, rates, cuts: cuts.unwrap_or_default(), next })
+}
+
+/// The entries of the next state, and the cuts of a step in parts.
+fn advance<'a, M>(
+    mut method: M,
+    mut closed: RecordedLoop<'a>,
+    u: Vec<Exogenous<Sym>>,
+    h: Sym,
+    mut x: Vec<Sym>,
+) -> (Vec<u32>, Option<Vec<Cut>>)
+where
+    M: Advance<Sym, RecordedLoop<'a>, Vec<Sym>>,
+{
+    for (k, u) in u.into_iter().enumerate() {
+        *method.input(k) = u;
+    }
+    method.advance(&mut closed, h, &mut x);
+    (x.into_iter().map(Sym::index).collect(), closed.cuts)
+}
+
+/// A loop whose evaluations are written down.
+struct RecordedLoop<'a> {
+    closed: ClosedLoop<'a, Sym>,
+    layout: &'a Layout,
+    /// Where a step runs the rates as a program of their own.
+    cuts: Option<Vec<Cut>>,
+}
+
+impl System<Sym> for RecordedLoop<'_> {
+    type Input = Exogenous<Sym>;
+    /// The inputs are there.
+    fn input(&mut self, _: f64, _: &mut Exogenous<Sym>) {}
+    fn anchor(&mut self, _: &[Sym]) {}
+    fn rhs(&mut self, u: &Exogenous<Sym>, x: &[Sym], dx: &mut [Sym]) {
+        let Some(cuts) = &mut self.cuts else {
+            self.closed.turn_to(x);
+            self.closed.rates(u, x, dx);
+            return;
+        };
+        let input = u.desired.iter().chain(&u.wrench[..self.layout.wrench]);
+        let of = |first: usize, values: &mut dyn Iterator<Item = &Sym>| {
+            values.enumerate().map(|(k, value)| ((first + k) as u32, value.index())).collect::<Vec<_>>()
+        };
+        let mut outputs = of(self.layout.stage(), &mut x.iter());
+        outputs.extend(of(self.layout.stage_input(), &mut input.into_iter()));
+        cuts.push(Cut { end: sym::recorded().0, outputs });
+        dx.fill_with(sym::input);
+    }
+    fn pairs(&self) -> Pairs {
+        self.closed.pairs()
+    }
+}
