@@ -242,6 +242,7 @@ fn duals_are_the_derivatives_of_every_loop() {
                 times: Times::Every(1),
                 tau_max: tau_max.clone(),
                 monitors: true,
+                state_limit: f64::INFINITY,
             };
             let forces = force.iter().collect::<Vec<_>>();
             let frame = (!forces.is_empty()).then_some(6);
