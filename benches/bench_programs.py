@@ -1,0 +1,95 @@
+"""Loops as programs beside the same loops run directly, on arms of two to seven joints; answers compared first.
+
+A run of 99 steps is still direct, one of 2,000 is a program: each side counts its start.
+
+    python -P benches/bench_programs.py              the table
+    python -P benches/bench_programs.py --readme     the same, written into benches/README.md
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import armlet as al
+
+sys.path.insert(0, str(Path(__file__).parent))
+import reporting
+import timing
+from timing import Case
+
+DT, ROWS = 1e-3, 256
+DIRECT, PROGRAM, BATCH = 99, 2000, 200
+ARMS = {
+    "planar 2R": al.planar_arm([0.5] * 2),
+    "planar 4R": al.planar_arm([0.5] * 4),
+    "six axes": al.load_urdf(al.example_urdf("six_axis")),
+    "seven axes": al.load_urdf(al.example_urdf("seven_axis")),
+}
+
+
+def laws(arm: al.Arm) -> dict[str, Any]:
+    n, frame = arm.n, arm.frame_names[-1]
+    motion = al.Sinusoid([0.1] * n, [0.2] * n, [1.0 + 0.1 * i for i in range(n)], [0.0] * n)
+    inertia = np.diag(arm.mass_matrix(np.full(n, 0.1)))
+    target = arm.position(np.full(n, 0.1), frame)[:2]
+    return {
+        "computed torque": al.ComputedTorque(arm, motion, kp=50.0, kd=10.0),
+        "PD": al.PDGravity(arm, np.full(n, 0.1), kp=50.0 * inertia, kd=10.0 * inertia),
+        "adaptive": al.Adaptive(arm, motion, kp=50.0 * inertia, kd=10.0 * inertia, gamma=0.01 * float(inertia.min())),
+        "impedance": al.CartesianImpedance(arm, target, [300.0, 300.0], [60.0, 60.0], frame=frame, axes="xy"),
+    }
+
+
+def loops() -> Iterator[tuple[str, al.RigidArm, Any]]:
+    for name, arm in ARMS.items():
+        for law, made in laws(arm).items():
+            yield f"{name}, {law}", al.RigidArm(arm), made
+
+
+def require_equal(name: str, plant: al.RigidArm, law: Any) -> None:
+    """The first 90 steps of a program and of a direct run, to rounding."""
+    q0 = np.full(plant.arm.n, 0.15)
+    program = al.simulate(plant, law, q0, t_end=0.18, dt=DT, record_every=90, monitors=False)
+    direct = al.simulate(plant, law, q0, t_end=0.09, dt=DT, record_every=90, monitors=False)
+    assert program.stats["engine"] != "direct" and direct.stats["engine"] == "direct", name
+    assert np.abs(program.q[1] - direct.q[1]).max() < 1e-11, name
+
+
+def cases_of(name: str, plant: al.RigidArm, law: Any) -> list[Case]:
+    q0 = np.full(plant.arm.n, 0.15)
+    rows = q0 + np.linspace(0.0, 0.01, ROWS)[:, None]
+
+    def one(steps: int) -> Any:
+        return al.simulate(plant, law, q0, t_end=steps * DT, dt=DT, monitors=False, record_every=steps)
+
+    def batch(steps: int) -> Any:
+        return al.simulate_batch(plant, law, rows, t_end=steps * DT, dt=DT, monitors=False, keep="final", threads=1)
+
+    alone, many = f"{name}: ns per step of one run", f"{name}: ns per run and step, {ROWS} runs"
+    return [
+        Case(alone, f"program, {name}", lambda: one(PROGRAM), PROGRAM),
+        Case(alone, f"direct, {name}", lambda: [one(DIRECT) for _ in range(10)], 10 * DIRECT, against=f"program, {name}"),
+        Case(many, f"program in lanes, {name}", lambda: batch(BATCH), BATCH * ROWS),
+        Case(many, f"direct in lanes, {name}", lambda: batch(DIRECT), DIRECT * ROWS, against=f"program in lanes, {name}"),
+    ]
+
+
+def main() -> None:
+    options = reporting.arguments("loops as programs beside the same loops run directly").parse_args()
+    reporting.require_release("bench_programs")
+    share = timing.busy()
+    cases: list[Case] = []
+    for name, plant, law in loops():
+        require_equal(name, plant, law)
+        cases += cases_of(name, plant, law)
+    timing.measure(cases, options.rounds, options.core, lambda text: None)
+    reporting.finish("programs", reporting.report(cases, [], share, options.markdown or options.readme), options.readme)
+
+
+if __name__ == "__main__":
+    main()
