@@ -197,7 +197,9 @@ class TestSimulator:
         with pytest.raises(al.SolveError) as stepped:
             for _ in range(1000):
                 sim.step()
-        assert stepped.value.t == pytest.approx(caught.value.t - 2e-2) and np.array_equal(sim.q, caught.value.partial.q[-1])
+        assert stepped.value.t == pytest.approx(caught.value.t - 2e-2)
+        # The loop that records and the one that is stepped by hand differ by rounding.
+        assert np.abs(sim.q - caught.value.partial.q[-1]).max() < 1e-12
 
     @pytest.mark.parametrize("method", ["rk4", "euler", "semi_implicit", "ros2"])
     def test_a_force_of_one_step(self, method: str) -> None:

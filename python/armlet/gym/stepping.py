@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Plant, RigidArm, Simulator
-from ..errors import InputError
+from ..errors import InputError, SolveError
+from ..status import Status
 
 __all__ = ["Lanes", "OneByOne", "Stepper", "stepper"]
 
@@ -88,13 +89,17 @@ class Lanes:
 class OneByOne:
     def __init__(self, plant: Plant, rows: int, dt: float, steps: int) -> None:
         self.steps = steps
-        self.loops = [Simulator(plant, None, np.zeros(plant.arm.n), dt=dt) for _ in range(rows)]
+        # Without a limit of the state, as `Lanes`: the limits are the environment's.
+        self.loops = [Simulator(plant, None, np.zeros(plant.arm.n), dt=dt, state_limit=np.inf) for _ in range(rows)]
         self.q, self.v = np.zeros((2, rows, plant.arm.n))
 
     def step(self, tau: Array) -> None:
         for loop, own in zip(self.loops, tau, strict=True):
-            for _ in range(self.steps):
-                loop.step(own)
+            try:
+                for _ in range(self.steps):
+                    loop.step(own)
+            except SolveError:
+                continue  # the loop keeps its status until the row is reset
         self._read(range(len(self.loops)))
 
     def reset(self, rows: NDArray[np.int64], q: Array, v: Array) -> None:
@@ -104,4 +109,5 @@ class OneByOne:
 
     def _read(self, rows: NDArray[np.int64] | range) -> None:
         for row in rows:
-            self.q[row], self.v[row] = self.loops[row].q, self.loops[row].v
+            loop = self.loops[row]
+            self.q[row], self.v[row] = (loop.q, loop.v) if loop.status is Status.SUCCESS else (np.nan, np.nan)

@@ -94,7 +94,7 @@ impl<'py> Keywords<'py> {
             Some(t_eval) => Times::At(any_vector(function, "t_eval", &t_eval)?),
             None => Times::Every(every),
         };
-        let method = Method::from_name(&text(function, "method", &self.required("method")?)?)?;
+        let method = self.method()?;
         self.require_unused(method)?;
         Ok(Options {
             method,
@@ -108,6 +108,10 @@ impl<'py> Keywords<'py> {
             monitors: flag(self.function, "monitors", &self.required("monitors")?)?,
             state_limit: self.optional_number("state_limit")?.unwrap_or(core::DEFAULT_STATE_LIMIT),
         })
+    }
+
+    pub fn method(&self) -> Result<Method, Failure> {
+        Ok(Method::from_name(&text(self.function, "method", &self.required("method")?)?)?)
     }
 
     /// Refuse what the caller gave and the method would not look at.

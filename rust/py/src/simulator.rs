@@ -9,7 +9,7 @@ use crate::priority::status_member;
 use crate::seal::{Sealed, seal_call};
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
-use armlet_core::simulate::{Force, Problem, Stepping, Wrench, stepper};
+use armlet_core::simulate::{Force, Problem, Stepping, Wrench, require_fixed_steps, stepper};
 use armlet_core::status::Status;
 use armlet_macros::entered;
 use pyo3::exceptions::PyTypeError;
@@ -122,6 +122,7 @@ impl Simulator {
             }
             let n = plant.n();
             given.required("dt")?;
+            require_fixed_steps(given.method()?)?;
             let options = given.options(n)?;
             let dt = options.dt.unwrap_or_default();
             let (_, x0) = given.initial_states(&[&plant], q0, false)?;

@@ -47,6 +47,6 @@ pub use problem::{Method, Options, Problem};
 pub use sampling::{CHANNELS, Sampling};
 pub use schedule::Times;
 pub use single::{Run, simulate, simulate_asked};
-pub use stepper::{Stepping, stepper};
+pub use stepper::{Stepping, require_fixed_steps, stepper};
 pub use stop::{Poller, Stop};
 pub use watching::{Asked, Polynomials};

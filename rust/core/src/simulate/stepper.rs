@@ -163,13 +163,19 @@ where
     }
 }
 
+/// Refuse a method that can't be stepped by hand.
+pub fn require_fixed_steps(method: Method) -> Result<()> {
+    if method.is_adaptive() {
+        let problem = format!("chooses its own steps: expected one of euler, semi_implicit, rk4, ros2, got {}", method.name());
+        return Err(Error::input("method", problem));
+    }
+    Ok(())
+}
+
 /// The one run of a problem, to be stepped by hand. Monitors are left out: their integrals would be the caller's to read.
 pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     let o = &problem.options;
-    if o.method.is_adaptive() {
-        let problem = format!("chooses its own steps: expected one of euler, semi_implicit, rk4, ros2, got {}", o.method.name());
-        return Err(Error::input("method", problem));
-    }
+    require_fixed_steps(o.method)?;
     problem.validate()?;
     Ok(if o.method == Method::Ros2 { run_lanes(Implicit(problem)) } else { run_scalar(Explicit(problem)) })
 }
