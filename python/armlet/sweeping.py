@@ -24,7 +24,6 @@ from .scenario import Scenario
 from .status import Status
 from .sweep_chunk import Chunk, Columns, joined, of_cell
 from .sweep_store import Store
-from .sweep_workers import results
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -165,6 +164,8 @@ def sweep(
     finished = sum(len(kept["cell"]) for kept in done.values())
     each = threads if executor is None else threads or 1
     chunks = (Chunk(bare, cells, start, min(start + chunk, len(cells)), each, metrics) for start in missing)
+    from .sweep_workers import results  # process pools take a while to import
+
     for start, result in results(chunks, executor, out):
         if store:
             store.write(start, result)
