@@ -128,6 +128,11 @@ pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` from `t` to `t + h`. `end` is the time at which the input at the end is taken: `t + h`, or
     /// just before it where the input jumps there.
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B);
+    /// Advance `x` by `count` steps of `h` from the time `first h` on, all at once; false where the method only knows single steps.
+    #[inline(always)]
+    fn stride(&mut self, _system: &mut F, _first: usize, _count: usize, _h: f64, _x: &mut B) -> bool {
+        false
+    }
     /// Forget what was kept of the previous step: the input or the state has jumped.
     fn restart(&mut self);
 }

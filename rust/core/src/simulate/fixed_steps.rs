@@ -85,15 +85,22 @@ where
         first_break = next_break;
         let mut careful = false;
         loop {
-            for k in step..to {
+            let mut k = step;
+            while k < to {
                 if hold != 0 && k.is_multiple_of(hold) {
                     system.sample(schedule.time(k), x.as_ref());
                     method.restart();
+                }
+                let smooth = if careful || offset > 0.0 { 0 } else { smooth_steps(schedule, k, to, hold, next_break) };
+                if smooth > 0 && method.stride(system, k, smooth, schedule.dt, &mut x) {
+                    k += smooth;
+                    continue;
                 }
                 one_step(system, method, schedule, k, offset, &mut next_break, &mut x);
                 if careful && !bound.holds(x.as_ref()) {
                     x = note_faults(&mut faults.at, x, bound, schedule.time(k + 1));
                 }
+                k += 1;
             }
             if careful || offset > 0.0 || bound.holds(x.as_ref()) || all_known(&faults.at, x.clone(), bound) {
                 break;
@@ -120,6 +127,20 @@ fn block(step: usize, hold: usize) -> usize {
     }
     let inside = step % hold;
     if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
+}
+
+/// How many steps of equal size from `step` on, at most to `to`, have no sample and no jump of the input between them.
+#[inline(always)]
+fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
+    // The last step may be shorter; a jump at the end of a step belongs to it.
+    let mut end = to.min(schedule.steps - 1);
+    if hold != 0 {
+        end = end.min(step - step % hold + hold);
+    }
+    if let Some(jump) = schedule.breaks.get(next_break) {
+        end = end.min(((jump / schedule.dt) as usize).saturating_sub(1));
+    }
+    end.saturating_sub(step)
 }
 
 /// One step, or the part `offset` of it, in pieces where the input jumps inside it or at its end, each piece

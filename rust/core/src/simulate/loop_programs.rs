@@ -2,7 +2,7 @@
 
 use super::recorded::Layout;
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Frame, Part, Places, Program, Room, engine, form, segments};
+use crate::trace::{Cut, Engine, Frame, Part, Places, Program, Room, Stream, engine, form, segments};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
@@ -69,20 +69,21 @@ impl Programs {
         self.law.run(frame);
     }
 
-    /// The next state from the state, inputs and `h` of the frame.
+    /// The program that repeats whole steps along a stream of inputs; `None` for a loop whose step is in parts.
+    pub fn whole(&self) -> Option<&Program> {
+        if let Step::Whole(program) = &self.step { Some(program) } else { None }
+    }
+
+    /// The state after one step in parts, from the state, inputs and `h` of the frame.
     pub fn advance(&self, frame: &mut Frame) {
-        match &self.step {
-            Step::Whole(program) => program.run(frame),
-            Step::Stages { segments, rates, first, count } => {
-                let lanes = frame.lanes();
-                for (k, segment) in segments.iter().enumerate() {
-                    segment.run(frame);
-                    if k + 1 < segments.len() {
-                        rates.run(frame);
-                        let (from, to) = (first * lanes, (first + (k + 1) * count) * lanes);
-                        frame.numbers_mut().copy_within(from..from + count * lanes, to);
-                    }
-                }
+        let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
+        let lanes = frame.lanes();
+        for (k, segment) in segments.iter().enumerate() {
+            segment.run(frame);
+            if k + 1 < segments.len() {
+                rates.run(frame);
+                let (from, to) = (first * lanes, (first + (k + 1) * count) * lanes);
+                frame.numbers_mut().copy_within(from..from + count * lanes, to);
             }
         }
     }
@@ -144,21 +145,30 @@ fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Programs 
     let (form, engine, reach) = (form(lanes), engine(), layout.reach() as u32);
     let to = |first: usize, entries: &[u32]| entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect::<Vec<_>>();
     let mut cuts = tracing.cuts;
-    cuts.push(Cut { end: ops.len() as u32, outputs: to(layout.next(), &tracing.next) });
+    cuts.push(Cut { end: ops.len() as u32, outputs: to(layout.state(), &tracing.next) });
     let (places, mut free) = segments::join(ops, &mut cuts, layout.slots() as u32);
-    let mut program = |start: u32, outputs: &[(u32, u32)], places: &Places| {
-        let made = Program::new(Part { ops, start, outputs, places }, Room { reach, free: free as usize }, form, engine);
+    let width = layout.exogenous() as u32;
+    let stream = Stream {
+        first: layout.instant(0) as u32,
+        count: width * layout.instants.len() as u32,
+        advance: width * layout.new_instants() as u32,
+        spread: layout.shared,
+    };
+    let repeats = tracing.rates.is_none();
+    let mut program = |start: u32, outputs: &[(u32, u32)], places: &Places, stream: Option<Stream>| {
+        let made = Program::new(Part { ops, start, outputs, places }, stream, Room { reach, free: free as usize }, form, engine);
         free = made.slots() as u32;
         made
     };
     let none = Places::default();
     let mut starts: Vec<u32> = cuts.iter().map(|cut| cut.end).collect();
     starts.insert(0, 0);
-    let mut segments: Vec<Program> = cuts.iter().zip(&starts).map(|(cut, &start)| program(start, &cut.outputs, &places)).collect();
-    let law = program(0, &to(layout.tau(), &tracing.law), &none);
+    let mut segments: Vec<Program> =
+        cuts.iter().zip(&starts).map(|(cut, &start)| program(start, &cut.outputs, &places, repeats.then_some(stream))).collect();
+    let law = program(0, &to(layout.tau(), &tracing.law), &none, None);
     let step = match tracing.rates {
         Some(rates) => {
-            let rates = program(0, &to(layout.rates(), &rates), &none);
+            let rates = program(0, &to(layout.rates(), &rates), &none, None);
             Step::Stages { segments, rates, first: layout.rates(), count: layout.states }
         }
         None => Step::Whole(segments.remove(0)),

@@ -10,7 +10,7 @@ use crate::integrate::{FixedStep, System};
 use crate::plant::Touch;
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::trace::{Frame, form};
+use crate::trace::{Frame, Program, form};
 use std::sync::Arc;
 
 /// Lanes of the widest number that a loop runs on.
@@ -192,42 +192,117 @@ impl<S: Real> Watched<S> for ProgramLoop<'_, S> {
     fn push(&mut self, _: Option<&Wrench>) {}
 }
 
-/// One step as a program.
+/// Steps that a stream has room for.
+const TURNS: usize = 32;
+
+/// Steps as a program.
 pub struct ProgramStep<S: Real> {
-    /// The inputs of the instants of a step.
-    instants: Vec<Exogenous<S>>,
-    /// The time of the last of them, NaN when it is not that of the next step's first.
+    now: Exogenous<S>,
+    /// The exogenous inputs of some steps: one stream for all frames, or one for each.
+    streams: Vec<Frame>,
+    /// The time of the last instant that is there, NaN when it is not the next step's first; and its place.
     end_time: f64,
+    end: usize,
 }
 
 impl<S: Real> ProgramStep<S> {
     pub fn new(closed: &ProgramLoop<S>) -> Self {
-        ProgramStep { instants: vec![closed.now.clone(); closed.recorded.layout.instants.len()], end_time: f64::NAN }
+        let layout = &closed.recorded.layout;
+        let slots = layout.exogenous() * (layout.new_instants() * TURNS + layout.instants.len());
+        let stream = |lanes: usize| Frame::new(slots, lanes);
+        let streams = if layout.shared { vec![stream(1)] } else { closed.frames.iter().map(|frame| stream(frame.lanes())).collect() };
+        ProgramStep { now: closed.now.clone(), streams, end_time: f64::NAN, end: 0 }
+    }
+
+    /// The exogenous inputs of the step `[t, end]` of size `h` as the step `turn` of the streams.
+    fn fill(&mut self, layout: &Layout, world: &mut World, turn: usize, t: f64, h: f64, end: f64) {
+        let first = turn * layout.new_instants();
+        for (k, &part) in layout.instants.iter().enumerate() {
+            if k == 0 && self.end_time == t {
+                self.copy(layout, self.end, first);
+            } else {
+                world.sample(if part == 1.0 { end } else { t + part * h }, &mut self.now);
+                self.write(layout, first + k);
+            }
+        }
+        (self.end_time, self.end) = (if layout.ends_at_last() { end } else { f64::NAN }, first + layout.instants.len() - 1);
+    }
+
+    /// One instant of the streams to another place.
+    fn copy(&mut self, layout: &Layout, from: usize, to: usize) {
+        for stream in self.streams.iter_mut().filter(|_| from != to) {
+            let size = layout.exogenous() * stream.lanes();
+            stream.numbers_mut().copy_within(from * size..(from + 1) * size, to * size);
+        }
+    }
+
+    /// What was sampled into the streams, as instant `at`.
+    fn write(&mut self, layout: &Layout, at: usize) {
+        let first = at * layout.exogenous();
+        let values = self.now.desired.iter().chain(&self.now.wrench[..layout.wrench]);
+        if layout.shared {
+            let to = &mut self.streams[0].numbers_mut()[first..];
+            to.iter_mut().zip(values).for_each(|(to, value)| *to = value.lane(0));
+        } else {
+            write(&mut self.streams, first, &self.now.desired);
+            write(&mut self.streams, first + layout.desired, &self.now.wrench[..layout.wrench]);
+        }
+    }
+
+    /// Run `turns` steps of `h` along the streams.
+    fn run(&mut self, system: &mut ProgramLoop<S>, program: &Program, h: f64, turns: usize, x: &mut [S]) {
+        let (state, step) = (system.recorded.layout.state(), system.recorded.layout.step());
+        write(&mut system.frames, state, x);
+        for (k, frame) in system.frames.iter_mut().enumerate() {
+            frame.fill(step, h);
+            program.run_along(frame, self.streams[k.min(self.streams.len() - 1)].numbers(), turns);
+        }
+        read(&system.frames, state, x);
     }
 }
 
 impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
     fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
         let recorded = system.recorded.clone();
+        self.fill(&recorded.layout, &mut system.world, 0, t, h, end);
+        if let Some(program) = recorded.programs.whole() {
+            return self.run(system, program, h, 1, x);
+        }
         let layout = &recorded.layout;
-        let last = self.instants.len() - 1;
-        let known = self.end_time == t && last > 0;
-        if known {
-            self.instants.swap(0, last);
-        }
-        for (k, (&part, u)) in layout.instants.iter().zip(&mut self.instants).enumerate() {
-            if k > 0 || !known {
-                system.world.sample(if part == 1.0 { end } else { t + part * h }, u);
+        for k in 0..layout.instants.len() {
+            for (f, frame) in system.frames.iter_mut().enumerate() {
+                let stream = &self.streams[f.min(self.streams.len() - 1)];
+                let (first, size) = (layout.instant(k), layout.exogenous());
+                for slot in 0..size {
+                    let from = &stream.numbers()[(k * size + slot) * stream.lanes()..][..stream.lanes()];
+                    let to = frame.slot_mut(first + slot);
+                    if layout.shared { to.fill(from[0]) } else { to.copy_from_slice(from) }
+                }
             }
-            write_instant(&mut system.frames, layout, k, u);
         }
-        self.end_time = end;
         write(&mut system.frames, layout.state(), x);
         for frame in &mut system.frames {
             frame.fill(layout.step(), h);
             recorded.programs.advance(frame);
         }
-        read(&system.frames, layout.next(), x);
+        read(&system.frames, layout.state(), x);
+    }
+
+    fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
+        let recorded = system.recorded.clone();
+        let Some(program) = recorded.programs.whole() else { return false };
+        let time = |step: usize| step as f64 * h;
+        let mut done = 0;
+        while done < count {
+            let turns = (count - done).min(TURNS);
+            for turn in 0..turns {
+                let step = first + done + turn;
+                self.fill(&recorded.layout, &mut system.world, turn, time(step), h, time(step + 1));
+            }
+            self.run(system, program, h, turns, x);
+            done += turns;
+        }
+        true
     }
 
     fn restart(&mut self) {

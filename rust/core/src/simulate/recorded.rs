@@ -1,11 +1,11 @@
 //! A closed loop, recorded: one step of its method, its rates and its law alone, once per structure.
 //!
 //! The frame of its programs holds, slot after slot: the numbers of the run's set-up (parameters, gains, targets, limits), the
-//! exogenous input at each instant of the step, the state, the step `h`, the input and the rate of the law, what the parts of a step
-//! hand to one another, the next state and the largest angle that was turned by. Rows with the same structure share the programs: the
+//! exogenous input at each instant of the step, the state, which a step replaces by the next one, the step `h`, the input and the rate
+//! of the law, what the parts of a step hand to one another, and the largest angle that was turned by. Rows with the same structure share the programs: the
 //! same zeros and ones among their numbers.
 //!
-//! A small loop is recorded as a whole step. Of a large one the rates are a program of their own, which every stage runs: the code of
+//! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. Of a large one the rates are a program of their own, which every stage runs: the code of
 //! a whole step would not fit the processor's cache of instructions.
 
 use super::closed_loop::{ClosedLoop, Exogenous};
@@ -35,13 +35,15 @@ pub struct Layout {
     pub states: usize,
     pub inputs: usize,
     pub law_states: usize,
-    /// All inputs of the programs: what follows is written by them alone.
+    /// All inputs of the programs.
     pub all_inputs: usize,
+    /// The exogenous input is the same for all lanes.
+    pub shared: bool,
 }
 
 impl Layout {
     pub fn instant(&self, k: usize) -> usize {
-        self.given + k * (self.desired + self.wrench)
+        self.given + k * self.exogenous()
     }
     pub fn state(&self) -> usize {
         self.instant(self.instants.len())
@@ -64,13 +66,23 @@ impl Layout {
     }
     /// The rates of a stage; those of every stage follow.
     pub fn rates(&self) -> usize {
-        self.stage_input() + self.desired + self.wrench
+        self.stage_input() + self.exogenous()
     }
-    pub fn next(&self) -> usize {
+    /// The largest angle: the first slot that is no input.
+    pub fn reach(&self) -> usize {
         self.all_inputs
     }
-    pub fn reach(&self) -> usize {
-        self.next() + self.states
+    /// Numbers of the exogenous input at one instant.
+    pub fn exogenous(&self) -> usize {
+        self.desired + self.wrench
+    }
+    /// Instants that a step does not have in common with the one before it.
+    pub fn new_instants(&self) -> usize {
+        self.instants.len() - usize::from(self.ends_at_last())
+    }
+    /// Whether the last instant of a step is the first one of the next.
+    pub fn ends_at_last(&self) -> bool {
+        self.instants.len() > 1 && self.instants.last() == Some(&1.0)
     }
     pub fn slots(&self) -> usize {
         self.reach() + 1
@@ -129,6 +141,7 @@ pub fn given(problem: &Problem, run: usize) -> Given {
 
 /// Record the loop of run `run` for one run or for lanes; `None` where its code branches on data.
 pub fn record(problem: &Problem, run: usize, lanes: bool) -> Option<(Recorded, Given)> {
+    let shared = problem.laws.len() == 1 && problem.forces.len() <= 1;
     sym::begin();
     let closed: ClosedLoop<Sym> = assemble(problem, |_| run);
     let given = sym::end_set_up();
@@ -146,6 +159,7 @@ pub fn record(problem: &Problem, run: usize, lanes: bool) -> Option<(Recorded, G
         inputs: closed.tau.len(),
         law_states: closed.law_rate().len(),
         all_inputs: 0,
+        shared,
     };
     let tracing = trace(closed, method, &layout)?;
     layout.all_inputs = sym::recorded().1 as usize;

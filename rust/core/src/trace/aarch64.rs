@@ -3,7 +3,7 @@
 //!
 //! An instruction is a word of 32 bits: a pattern with the registers `d` in bits 0 to 4, `n` in 5 to 9 and `m` in
 //! 16 to 20. Only loads and stores reach memory, so that operands in memory pass through a scratch register.
-//! The frame is in x0, the constants are in x1. Bits beyond the first number are anything in scalar code.
+//! The frame is in x0, the constants are in x1, the stream is in x2, the turns left are in x3. Bits beyond the first number are anything in scalar code.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
@@ -192,6 +192,21 @@ impl Assemble for Assembler {
         (1..4).for_each(|i| self.pair(0x6D00_0000, 8 + 2 * i, 2 * i as i32));
     }
 
+    fn here(&self) -> usize {
+        self.bytes.len()
+    }
+
+    fn again(&mut self, start: usize, advance: u32) {
+        // add x2, x2, #high, lsl #12; add x2, x2, #low; subs x3, x3, #1; b.ne start
+        debug_assert!(advance < 1 << 24);
+        self.push(0x9140_0042 | advance >> 12 << 10);
+        self.push(0x9100_0042 | (advance & 0xFFF) << 10);
+        self.push(0xF100_0463);
+        let back = (start as i32 - self.bytes.len() as i32) / 4;
+        debug_assert!(back >= -(1 << 18));
+        self.push(0x5400_0001 | (back as u32 & 0x7_FFFF) << 5);
+    }
+
     fn leave(&mut self, _: Convention) {
         // ldp d14, d15, [sp, 48]; ..; ldp d8, d9, [sp], 64
         (1..4).rev().for_each(|i| self.pair(0x6D40_0000, 8 + 2 * i, 2 * i as i32));
@@ -244,6 +259,7 @@ impl Assembler {
         let base = match base {
             Base::Frame => 0,
             Base::Constants => 1,
+            Base::Stream => 2,
         };
         if offset % access.size == 0 && (0..4096).contains(&(offset / access.size)) {
             self.word(access.scaled | ((offset / access.size) as u32) << 10, register, base, 0);

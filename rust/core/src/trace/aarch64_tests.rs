@@ -231,7 +231,9 @@ fn encoded() -> (Vec<String>, Vec<u8>) {
     }
     let enter = ["stp d8, d9, [sp, #-64]!", "stp d10, d11, [sp, #16]", "stp d12, d13, [sp, #32]", "stp d14, d15, [sp, #48]"];
     let leave = ["ldp d14, d15, [sp, #48]", "ldp d12, d13, [sp, #32]", "ldp d10, d11, [sp, #16]", "ldp d8, d9, [sp], #64", "ret"];
+    lines.extend(["add x2, x2, #2, lsl #12", "add x2, x2, #128", "subs x3, x3, #1", "b.ne .-12"].map(String::from));
     lines.extend([&enter[..], &leave].concat().into_iter().map(String::from));
+    bytes.extend(assembled(forms()[0], |code| code.again(0, 2 * 4096 + 128)));
     bytes.extend(assembled(forms()[0], |code| {
         code.enter(Convention::SystemV);
         code.leave(Convention::SystemV);
@@ -243,7 +245,7 @@ fn encoded() -> (Vec<String>, Vec<u8>) {
 /// Every instruction once, with the word that the GNU assembler writes. `make test-aarch64` compares all.
 #[test]
 fn words_are_those_of_the_assembler() {
-    let known: [(&str, u32); 50] = [
+    let known: [(&str, u32); 53] = [
         ("fadd v29.2d, v16.2d, v8.2d", 0x4E68_D61D),
         ("fsub v29.2d, v16.2d, v8.2d", 0x4EE8_D61D),
         ("fmul v29.2d, v16.2d, v8.2d", 0x6E68_DE1D),
@@ -294,6 +296,9 @@ fn words_are_those_of_the_assembler() {
         ("ldp d14, d15, [sp, #48]", 0x6D43_3FEE),
         ("ldp d8, d9, [sp], #64", 0x6CC4_27E8),
         ("ret", 0xD65F_03C0),
+        ("add x2, x2, #128", 0x9102_0042),
+        ("subs x3, x3, #1", 0xF100_0463),
+        ("b.ne .-12", 0x54FF_FFA1),
     ];
     let (lines, bytes) = encoded();
     assert_eq!(bytes.len(), 4 * lines.len());
@@ -320,10 +325,10 @@ fn operations_agree_with_rust() {
                 use super::super::{memory::Code, trials::Memory};
                 let (mut frame, constants) = (Memory(trial.frame), Memory(trial.constants));
                 // SAFETY: code for this processor; both memories hold all slots that it names.
-                unsafe { Code::new(&trial.code).unwrap().run(frame.0.as_mut_ptr(), constants.0.as_ptr()) };
+                unsafe { Code::new(&trial.code).unwrap().run(frame.0.as_mut_ptr(), constants.0.as_ptr(), std::ptr::null(), 1) };
                 trial.check(&frame.0);
             }
-            cases.add(&trial.code, &trial.frame, &trial.constants, &trial.expected);
+            cases.add(&trial.code, &trial.frame, &trial.constants, (&[], 1), &trial.expected);
         }
     }
     assert_eq!(cases.len(), 4_000);

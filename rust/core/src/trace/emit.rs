@@ -66,6 +66,7 @@ struct Emitter<'a, A> {
 impl<A: Assemble> Emitter<'_, A> {
     fn run(&mut self) {
         self.assembler.enter(Convention::HERE);
+        let start = self.assembler.here();
         let lifetimes = self.lifetimes;
         let mut early = lifetimes.early.iter().peekable();
         for (at, &i) in lifetimes.order.iter().enumerate() {
@@ -82,6 +83,10 @@ impl<A: Assemble> Emitter<'_, A> {
         for &(slot, value) in &lifetimes.late {
             let from = self.obtain(value, [value; 3]);
             self.assembler.store(Base::Frame, self.offset(slot), from);
+        }
+        if let Some(stream) = self.program.stream {
+            let width = if stream.spread { 8 } else { self.form.width() as u32 };
+            self.assembler.again(start, stream.advance * width);
         }
         self.assembler.leave(Convention::HERE);
         self.assembler.ret();
@@ -115,15 +120,29 @@ impl<A: Assemble> Emitter<'_, A> {
             return Some(Source::Slot(Base::Frame, self.offset(slot)));
         }
         match self.program.instructions[value as usize] {
-            Instruction::Input(slot) => Some(Source::Slot(Base::Frame, self.offset(slot))),
+            Instruction::Input(slot) => Some(self.input(slot)),
             Instruction::Const(bits) => Some(self.constant(value, f64::from_bits(bits))),
             _ => None,
         }
     }
 
-    /// AVX-512 spreads one number over the lanes as it reads it; elsewhere the constants stand in every lane.
+    /// Where an input is.
+    fn input(&self, slot: u32) -> Source {
+        match self.program.stream.and_then(|stream| Some((stream.spread, stream.place(slot)?))) {
+            None => Source::Slot(Base::Frame, self.offset(slot)),
+            Some((false, place)) => Source::Slot(Base::Stream, self.offset(place)),
+            Some((true, place)) => Source::Spread(Base::Stream, 8 * place as i32),
+        }
+    }
+
+    /// Whether an instruction spreads one number over the lanes as it reads it: AVX-512, and code of one lane.
+    fn spreads(&self) -> bool {
+        !self.form.packed || self.form.set == Set::Avx512
+    }
+
+    /// Where instructions can't spread a number the constants stand in every lane.
     fn constant(&mut self, value: u32, x: f64) -> Source {
-        let spreads = self.form.packed && self.form.set == Set::Avx512;
+        let spreads = self.form.packed && self.spreads();
         let copies = if spreads { 1 } else { self.form.lanes() };
         let constants = &mut self.constants;
         let place = *self.constant[value as usize].get_or_insert_with(|| {
@@ -179,6 +198,7 @@ impl<A: Assemble> Emitter<'_, A> {
             let next = self.lifetimes.next_read(value, self.at + 1);
             if (next == NEVER || next - self.at > SOON)
                 && let Some(source) = self.memory(value)
+                && (self.spreads() || !matches!(source, Source::Spread(..)))
             {
                 return source;
             }
@@ -220,6 +240,7 @@ impl<A: Assemble> Emitter<'_, A> {
             Fma(a, b, c) => self.fused(Product::Add, a, b, c),
             Fms(a, b, c) => self.fused(Product::Sub, a, b, c),
             Fnma(a, b, c) => self.fused(Product::NegAdd, a, b, c),
+            Fnms(a, b, c) => self.fused(Product::NegSub, a, b, c),
             Less(a, b) => {
                 let (from, source) = self.pair(a, b, false);
                 let to = self.result(a, from, [a, b, b]);

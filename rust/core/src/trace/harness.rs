@@ -23,8 +23,9 @@ impl Cases {
         self.len
     }
 
-    /// A function, the memory that it gets, and what it must leave at the start of the frame: the same bits, or any NaN for NaN.
-    pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], expected: &[f64]) {
+    /// A function, the memory that it gets, its turns along the stream, and what it must leave at the start of the frame: the same
+    /// bits, or any NaN for NaN.
+    pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], (stream, turns): (&[f64], usize), expected: &[f64]) {
         assert!(code.len().is_multiple_of(4) && expected.len() <= frame.len());
         let i = self.len;
         self.len += 1;
@@ -32,13 +33,13 @@ impl Cases {
         for word in code.chunks(4) {
             writeln!(self.code, ".word 0x{:08x}", u32::from_le_bytes(word.try_into().unwrap())).unwrap();
         }
-        for (name, numbers) in [("frame", frame), ("constants", constants), ("expected", expected)] {
+        for (name, numbers) in [("frame", frame), ("constants", constants), ("stream", stream), ("expected", expected)] {
             writeln!(self.data, ".balign 64\n{name}{i}:").unwrap();
             for number in numbers {
                 writeln!(self.data, ".quad 0x{:x}", number.to_bits()).unwrap();
             }
         }
-        writeln!(self.table, ".quad code{i}, frame{i}, constants{i}, expected{i}, {}", expected.len()).unwrap();
+        writeln!(self.table, ".quad code{i}, frame{i}, constants{i}, stream{i}, {turns}, expected{i}, {}", expected.len()).unwrap();
     }
 
     pub fn finish(self) -> String {

@@ -1,7 +1,7 @@
 //! The operations of straight-line machine code and their operands, for every instruction set.
 //!
-//! A register holds one *slot*: one number per lane. Code reads and writes slots relative to two addresses, its
-//! arguments: the frame (inputs, outputs, spilled registers) and the constants.
+//! A register holds one *slot*: one number per lane. Code reads and writes slots relative to addresses, its first
+//! arguments: the frame (inputs, outputs, spilled registers), the constants, and the stream of a program that repeats itself.
 
 /// An instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -62,6 +62,8 @@ pub enum Base {
     Frame,
     /// The second argument.
     Constants,
+    /// The third argument, which moves on from turn to turn: the fourth is the number of turns.
+    Stream,
 }
 
 /// An operand.
@@ -172,6 +174,12 @@ pub trait Assemble {
 
     /// First of all: bring the arguments to their registers, and save what belongs to the caller.
     fn enter(&mut self, convention: Convention);
+
+    /// The place of the next instruction, for [`again`](Self::again).
+    fn here(&self) -> usize;
+
+    /// Move the stream on by `advance` bytes, and go back to `start` unless this was the last turn.
+    fn again(&mut self, start: usize, advance: u32);
 
     /// Just before [`ret`](Self::ret): give back what [`enter`](Self::enter) saved.
     fn leave(&mut self, convention: Convention);

@@ -35,7 +35,10 @@ mod pages {
     }
 }
 
-/// Machine code of one function `extern "C" fn(*mut f64, *const f64)` in executable, read-only memory.
+/// The type of the machine code: frame, constants, stream and turns.
+pub type Function = extern "C" fn(*mut f64, *const f64, *const f64, usize);
+
+/// Machine code of one [`Function`] in executable, read-only memory.
 pub struct Code(pages::Pages);
 
 impl Code {
@@ -59,12 +62,12 @@ impl Code {
     ///
     /// # Safety
     /// The bytes are machine code of this processor, of a function of that signature, and its instruction set is
-    /// there. `frame` and `constants` are valid and aligned for every slot that the code reads or writes.
-    pub unsafe fn run(&self, frame: *mut f64, constants: *const f64) {
+    /// there. `frame`, `constants` and `stream` are valid and aligned for every slot that the code reads or writes in so many turns.
+    pub unsafe fn run(&self, frame: *mut f64, constants: *const f64, stream: *const f64, turns: usize) {
         // SAFETY: the mapping lives as long as `self`, it is executable, and the caller vouches for its content.
         unsafe {
-            let function: extern "C" fn(*mut f64, *const f64) = std::mem::transmute(self.address());
-            function(frame, constants);
+            let function: Function = std::mem::transmute(self.address());
+            function(frame, constants, stream, turns);
         }
     }
 }
@@ -137,7 +140,7 @@ mod tests {
         let code = Code::new(&SUM).unwrap();
         let mut frame = [1.5];
         // SAFETY: code that reads and writes one number of each argument.
-        unsafe { code.run(frame.as_mut_ptr(), [2.0].as_ptr()) };
+        unsafe { code.run(frame.as_mut_ptr(), [2.0].as_ptr(), std::ptr::null(), 1) };
         assert_eq!(frame, [3.5]);
     }
 

@@ -1,7 +1,7 @@
 //! From a recorded computation to a program: a loop is recorded once with the number [`Sym`], simplified, lowered to straight-line
 //! instructions of one instruction set, and run for one run or for many lanes.
 //!
-//! `sym`, `tape`: recording and folding. `straight`: lowering. `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code.
+//! `sym`, `tape`: recording and folding. `straight`, `lower`: straight-line instructions. `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code.
 //! `portable`: the same bits without it. `frame`: the memory a program runs on. `program`: all of it behind one door.
 
 #[cfg(any(test, target_arch = "aarch64"))]
@@ -16,7 +16,10 @@ pub mod frame;
 mod harness;
 pub mod instruction;
 mod lifetimes;
+mod lower;
 pub mod memory;
+#[cfg(any(test, not(target_arch = "aarch64")))]
+mod opcode;
 mod portable;
 pub mod program;
 pub mod segments;
@@ -35,5 +38,5 @@ pub mod x86;
 pub use frame::Frame;
 pub use program::{Engine, Program, Room, engine, form};
 pub use segments::Cut;
-pub use straight::{Part, Places};
+pub use straight::{Part, Places, Stream};
 pub use sym::{Recording, Sym};

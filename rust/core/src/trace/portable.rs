@@ -5,7 +5,7 @@
 
 use super::frame::Frame;
 use super::lifetimes::{Lifetimes, NEVER};
-use super::straight::{Instruction, Straight};
+use super::straight::{Instruction, Straight, Stream};
 use crate::scalar::lanes::{Isa, isa};
 
 /// An instruction on slots; which one is in `what`, as that of the values.
@@ -23,6 +23,7 @@ pub struct Portable {
     copies: Vec<(u32, u32)>,
     /// `(slot, number)`
     constants: Vec<(u32, f64)>,
+    stream: Option<Stream>,
     slots: usize,
 }
 
@@ -66,7 +67,7 @@ impl Portable {
             }
         }
         let copies = lifetimes.late.iter().map(|&(slot, value)| (place[value as usize], slot)).collect();
-        Portable { steps, copies, constants, slots: next as usize }
+        Portable { steps, copies, constants, stream: program.stream, slots: next as usize }
     }
 
     /// Slots of a frame that it runs on.
@@ -81,11 +82,25 @@ impl Portable {
         }
     }
 
-    /// Run on a frame that was prepared.
-    pub fn run(&self, frame: &mut Frame) {
+    /// Run on a frame that was prepared, `turns` times along the stream.
+    pub fn run(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
+        assert!(frame.numbers().len() >= self.slots * frame.lanes(), "the frame has too few slots");
+        for turn in 0..turns {
+            if let Some(inputs) = &self.stream {
+                let width = if inputs.spread { 1 } else { frame.lanes() };
+                let from = stream[inputs.advance as usize * turn * width..].chunks_exact(width);
+                for (slot, from) in (inputs.first..inputs.first + inputs.count).zip(from) {
+                    let to = frame.slot_mut(slot as usize);
+                    if inputs.spread { to.fill(from[0]) } else { to.copy_from_slice(from) }
+                }
+            }
+            self.turn(frame);
+        }
+    }
+
+    fn turn(&self, frame: &mut Frame) {
         let lanes = frame.lanes();
         let numbers = frame.numbers_mut();
-        assert!(numbers.len() >= self.slots * lanes, "the frame has too few slots");
         match (lanes, isa() >= Isa::Avx2) {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the machine was seen to have AVX2 and FMA.
@@ -143,6 +158,7 @@ fn evaluate<const L: usize>(what: Instruction, slots: &[[f64; L]]) -> [f64; L] {
         Fma(a, b, c) => fused(at(a), at(b), at(c)),
         Fms(a, b, c) => fused(at(a), at(b), at(c).map(|x| -x)),
         Fnma(a, b, c) => fused(at(a).map(|x| -x), at(b), at(c)),
+        Fnms(a, b, c) => fused(at(a).map(|x| -x), at(b), at(c).map(|x| -x)),
         Sqrt(a) => at(a).map(f64::sqrt),
         Less(a, b) => each(at(a), at(b), |x, y| mask(x < y)),
         Signs(a) => at(a).map(|x| mask(x.is_sign_negative())),

@@ -7,9 +7,10 @@ use super::aarch64::Assembler;
 use super::emit::emit;
 use super::frame::Frame;
 use super::instruction::{Form, Set};
+use super::lower::lower;
 use super::memory::Code;
 use super::portable::Portable;
-use super::straight::{Part, Straight, lower};
+use super::straight::{Part, Straight, Stream};
 #[cfg(not(target_arch = "aarch64"))]
 use super::x86::Assembler;
 use crate::scalar::lanes::{Isa, isa};
@@ -78,22 +79,24 @@ pub struct Program {
     slots: usize,
     operations: usize,
     turns: bool,
+    stream: Option<Stream>,
 }
 
 impl Program {
-    /// The program of a part of a recording, whose input `k` is in slot `k`.
-    pub fn new(part: Part, room: Room, form: Form, engine: Engine) -> Self {
-        Program::of(&lower(part, room.reach, form.set > Set::Sse2), room.free, form, engine)
+    /// The program of a part of a recording, whose input `k` is in slot `k` unless it comes along a stream.
+    pub fn new(part: Part, stream: Option<Stream>, room: Room, form: Form, engine: Engine) -> Self {
+        let straight = Straight { stream, ..lower(part, room.reach, form.set > Set::Sse2) };
+        Program::of(&straight, room.free, form, engine)
     }
 
     /// The program of instructions that are lowered for the set of `form`; its own values are in slots from `free` on.
     pub fn of(straight: &Straight, free: usize, form: Form, engine: Engine) -> Self {
-        let (operations, turns) = (straight.operations(), straight.reach.is_some());
+        let (operations, turns, stream) = (straight.operations(), straight.reach.is_some(), straight.stream);
         if let Some((code, constants, slots)) = machine(straight, free, form, engine) {
-            return Program { way: Way::Machine { code, constants }, form, slots, operations, turns };
+            return Program { way: Way::Machine { code, constants }, form, slots, operations, turns, stream };
         }
         let portable = Portable::new(straight, free);
-        Program { slots: portable.slots(), way: Way::Portable(portable), form, operations, turns }
+        Program { slots: portable.slots(), way: Way::Portable(portable), form, operations, turns, stream }
     }
 
     /// Slots of a frame that it runs on.
@@ -126,18 +129,37 @@ impl Program {
         }
     }
 
-    /// Run on a frame that was prepared.
+    /// Run once on a frame that was prepared.
     #[inline]
     pub fn run(&self, frame: &mut Frame) {
+        assert!(self.stream.is_none(), "the program has a stream");
+        self.repeat(frame, &[], 1);
+    }
+
+    /// Run `turns` times along its stream: slot after slot as in a frame, of one number each where that is spread over the lanes.
+    pub fn run_along(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
+        let Some(inputs) = self.stream else { unreachable!("the program has no stream") };
+        let lanes = if inputs.spread { 1 } else { self.form.lanes() };
+        assert!(
+            turns > 0 && stream.len() >= inputs.slots(turns) * lanes && stream.as_ptr().addr().is_multiple_of(8 * lanes),
+            "the stream is of another program"
+        );
+        self.repeat(frame, stream, turns);
+    }
+
+    #[inline]
+    fn repeat(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
         assert!(
             frame.lanes() == self.form.lanes() && frame.numbers().len() >= self.slots * frame.lanes(),
             "the frame is of another program"
         );
         match &self.way {
             // SAFETY: code of an instruction set that the machine has, on the frame and constants that it was emitted for: every
-            // slot is below `slots`, and frames are aligned to 64 bytes.
-            Way::Machine { code, constants } => unsafe { code.run(frame.numbers_mut().as_mut_ptr(), constants.numbers().as_ptr()) },
-            Way::Portable(portable) => portable.run(frame),
+            // slot is below `slots`, frames are aligned to 64 bytes, and the stream was seen to be long enough and aligned.
+            Way::Machine { code, constants } => unsafe {
+                code.run(frame.numbers_mut().as_mut_ptr(), constants.numbers().as_ptr(), stream.as_ptr(), turns);
+            },
+            Way::Portable(portable) => portable.run(frame, stream, turns),
         }
     }
 }

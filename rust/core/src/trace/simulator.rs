@@ -1,9 +1,10 @@
 //! An interpreter of the x86-64 instructions that the encoder emits, bit by bit as processors run them.
 //!
 //! It runs AVX-512 code on processors without AVX-512. It knows the conventions of programs (frame in rdi, constants
-//! in rsi, return at the end), reads and writes nothing outside them, and panics at any other instruction.
+//! in rsi, stream in rdx, turns in rcx, return at the end), reads and writes nothing outside them, and panics at any other instruction.
 //! What a NaN becomes follows Intel's manual, volume 1, 4.8.3.5: the first operand that is NaN, made quiet.
 
+use super::instruction::Base;
 use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
 
 const LANES: usize = 8;
@@ -15,6 +16,9 @@ struct Machine<'a> {
     k1: u8,
     frame: &'a mut [f64],
     constants: &'a [f64],
+    /// What is left of it, and of the turns.
+    stream: &'a [f64],
+    turns: usize,
 }
 
 /// Run machine code of a program until it returns.
@@ -22,15 +26,29 @@ struct Machine<'a> {
 /// # Panics
 /// On an instruction that the encoder does not emit, on a slot outside the frame and the constants or one that is not
 /// aligned, and at the end of code that does not return.
-pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64]) {
+pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64], turns: usize) {
     // Registers hold anything at the start.
     let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);
-    let mut machine = Machine { registers, k1: 0x5A, frame, constants };
-    for instruction in Decoder::new(64, code, DecoderOptions::NONE) {
-        if instruction.mnemonic() == Mnemonic::Ret {
-            return;
+    let mut machine = Machine { registers, k1: 0x5A, frame, constants, stream, turns };
+    let mut decoder = Decoder::new(64, code, DecoderOptions::NONE);
+    while decoder.can_decode() {
+        let instruction = decoder.decode();
+        match (instruction.mnemonic(), instruction.op_register(0)) {
+            (Mnemonic::Ret, _) => return,
+            (Mnemonic::Add, Register::RDX) => {
+                let bytes = instruction.immediate(1) as usize;
+                assert_eq!(bytes % 8, 0);
+                machine.stream = &machine.stream[(bytes / 8).min(machine.stream.len())..];
+            }
+            (Mnemonic::Dec, Register::RCX) => machine.turns -= 1,
+            (Mnemonic::Jne, _) if machine.turns == 0 => {}
+            (Mnemonic::Jne, _) => {
+                let to = instruction.near_branch64();
+                decoder.set_position(to as usize).unwrap();
+                decoder.set_ip(to);
+            }
+            _ => machine.run(&instruction),
         }
-        machine.run(&instruction);
     }
     panic!("the code does not return");
 }
@@ -115,8 +133,12 @@ impl Machine<'_> {
             return self.registers[number(i.op_register(operand))];
         }
         let one = i.is_broadcast() || i.mnemonic() == Mnemonic::Vbroadcastsd;
-        let (constants, at) = place(i, if one { 1 } else { lanes });
-        let from: &[f64] = if constants { self.constants } else { self.frame };
+        let (base, at) = place(i, if one { 1 } else { lanes });
+        let from: &[f64] = match base {
+            Base::Frame => self.frame,
+            Base::Constants => self.constants,
+            Base::Stream => self.stream,
+        };
         if one {
             return [from[at].to_bits(); LANES];
         }
@@ -125,8 +147,8 @@ impl Machine<'_> {
     }
 
     fn store(&mut self, i: &Instruction, lanes: usize) {
-        let (constants, at) = place(i, lanes);
-        assert!(!constants, "a store to the constants");
+        let (base, at) = place(i, lanes);
+        assert_eq!(base, Base::Frame, "a store elsewhere than to the frame");
         let from = self.registers[number(i.op_register(1))];
         let to = &mut self.frame[at..at + lanes];
         to.iter_mut().zip(from).for_each(|(to, from)| *to = f64::from_bits(from));
@@ -153,17 +175,18 @@ fn number(register: Register) -> usize {
     register.number()
 }
 
-/// Whether an operand is a constant, and its index there.
-fn place(i: &Instruction, lanes: usize) -> (bool, usize) {
-    let constants = match i.memory_base() {
-        Register::RDI => false,
-        Register::RSI => true,
+/// What an operand is relative to, and its index there.
+fn place(i: &Instruction, lanes: usize) -> (Base, usize) {
+    let base = match i.memory_base() {
+        Register::RDI => Base::Frame,
+        Register::RSI => Base::Constants,
+        Register::RDX => Base::Stream,
         base => panic!("an address relative to {base:?}"),
     };
     assert_eq!((i.memory_index(), i.memory_size().size()), (Register::None, 8 * lanes), "{:?}", i.mnemonic());
     let offset = i.memory_displacement64() as i64;
     assert!(offset >= 0 && offset % (8 * lanes as i64) == 0, "{:?}: no slot at {offset}", i.mnemonic());
-    (constants, offset as usize / 8)
+    (base, offset as usize / 8)
 }
 
 fn zip(a: Lanes, b: Lanes, f: impl Fn(u64, u64) -> u64) -> Lanes {

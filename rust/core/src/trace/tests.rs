@@ -5,7 +5,7 @@ use super::frame::Frame;
 use super::instruction::{Form, Set};
 use super::program::{Engine, Program, Room};
 use super::simulator::simulate;
-use super::straight::{Instruction, Part, Places, Straight};
+use super::straight::{Instruction, Part, Places, Straight, Stream};
 use super::sym::{self, Sym};
 use crate::scalar::Real;
 use crate::scalar::lanes::{Isa, isa};
@@ -36,6 +36,36 @@ fn forms() -> Vec<Form> {
     sets.iter().flat_map(|&set| [true, false].map(|packed| Form { set, packed })).collect()
 }
 
+/// Let some inputs from the third on come along a stream, in half of all programs; the stream of so many turns, in lines of a cache.
+pub fn random_stream(random: &mut Random, program: &mut Straight, inputs: usize, lanes: usize, turns: usize) -> Frame {
+    if inputs < 4 || random.below(2) == 0 {
+        return Frame::new(0, 1);
+    }
+    let first = 2 + random.below(inputs - 3);
+    let count = 1 + random.below(inputs - first);
+    let stream = Stream { first: first as u32, count: count as u32, advance: random.below(count + 2) as u32, spread: random.below(2) == 0 };
+    program.stream = Some(stream);
+    let mut numbers = Frame::new(stream.slots(turns), if stream.spread { 1 } else { lanes });
+    numbers.numbers_mut().iter_mut().for_each(|x| *x = random.number());
+    numbers
+}
+
+/// Run a program, along its stream if it has one.
+fn run(program: &Program, frame: &mut Frame, stream: &Frame, turns: usize) {
+    if stream.numbers().is_empty() {
+        program.run(frame);
+    } else {
+        program.run_along(frame, stream.numbers(), turns);
+    }
+}
+
+/// The slots of a stream in the frame are nobody's: only portable evaluation writes them.
+pub fn forget_stream(stream: Option<Stream>, frame: &mut Frame) {
+    if let Some(Stream { first, count, .. }) = stream {
+        (first..first + count).for_each(|slot| frame.fill(slot as usize, 0.0));
+    }
+}
+
 /// A program of `length` instructions that reach back at most `back` values, with `inputs` inputs.
 pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: usize, fused: bool) -> Straight {
     use Instruction::*;
@@ -51,7 +81,7 @@ pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: u
         let mut any = || numbers[n - 1 - random.below(back.min(n))];
         let (a, b, c) = (any(), any(), any());
         let mask = masks.last().copied();
-        match random.below(17) {
+        match random.below(18) {
             0 => instructions.push(Add(a, b)),
             1 => instructions.push(Sub(a, b)),
             2 | 3 => instructions.push(Mul(a, b)),
@@ -66,6 +96,7 @@ pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: u
             9 if fused => instructions.push(Fma(a, b, c)),
             10 if fused => instructions.push(Fms(a, b, c)),
             11 if fused => instructions.push(Fnma(a, b, c)),
+            17 if fused => instructions.push(Fnms(a, b, c)),
             12 => {
                 instructions.push(Less(a, b));
                 masks.push(i);
@@ -97,7 +128,7 @@ pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: u
     let tail: Vec<u32> = numbers.iter().rev().take(6).copied().collect();
     let mut outputs: Vec<(u32, u32)> = tail.iter().enumerate().map(|(k, &value)| (inputs as u32 + k as u32, value)).collect();
     outputs.extend([(0, tail[0]), (1, tail[2]), (inputs as u32 + 6, 2), (inputs as u32 + 7, inputs as u32)]);
-    Straight { instructions, outputs, reach: None }
+    Straight { instructions, outputs, reach: None, stream: None }
 }
 
 #[test]
@@ -106,15 +137,19 @@ fn machine_code_and_portable_evaluation_give_the_same_bits() {
     for form in forms() {
         for trial in 0..400 {
             let (inputs, length, back) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
-            let program = random_program(&mut random, inputs, length, back, form.set > Set::Sse2);
+            let mut program = random_program(&mut random, inputs, length, back, form.set > Set::Sse2);
+            let turns = 1 + random.below(5);
+            let stream = random_stream(&mut random, &mut program, inputs, form.lanes(), turns);
             let [machine, portable] = [Engine::Machine, Engine::Portable].map(|engine| Program::of(&program, inputs + 8, form, engine));
+            let program_stream = program.stream;
             assert_eq!((machine.engine(), portable.engine()), (Engine::Machine, Engine::Portable));
             let given: Vec<f64> = (0..inputs * form.lanes()).map(|_| random.number()).collect();
             let mut results = [&machine, &portable].map(|program| {
                 let mut frame = Frame::new(program.slots(), form.lanes());
                 program.prepare(&mut frame);
                 frame.numbers_mut()[..given.len()].copy_from_slice(&given);
-                program.run(&mut frame);
+                run(program, &mut frame, &stream, turns);
+                forget_stream(program_stream, &mut frame);
                 frame.numbers()[..(inputs + 8) * form.lanes()].iter().map(|x| x.to_bits()).collect::<Vec<_>>()
             });
             let portable = results[1].clone();
@@ -133,7 +168,9 @@ fn interpreted_machine_code_gives_the_bits_of_portable_evaluation() {
     for form in [Set::Sse2, Set::Avx2, Set::Avx512].into_iter().flat_map(|set| [true, false].map(|packed| Form { set, packed })) {
         for trial in 0..25 {
             let (inputs, length, back) = (3 + random.below(40), 20 + random.below(500), 2 + random.below(200));
-            let program = random_program(&mut random, inputs, length, back, form.set > Set::Sse2);
+            let mut program = random_program(&mut random, inputs, length, back, form.set > Set::Sse2);
+            let turns = 1 + random.below(5);
+            let stream = random_stream(&mut random, &mut program, inputs, form.lanes(), turns);
             let emitted = emit::<super::x86::Assembler>(&program, form, inputs + 8);
             let portable = Program::of(&program, inputs + 8, form, Engine::Portable);
             let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots, form.lanes()));
@@ -142,8 +179,9 @@ fn interpreted_machine_code_gives_the_bits_of_portable_evaluation() {
                 let x = random.number();
                 (frame.numbers_mut()[k], expected.numbers_mut()[k]) = (x, x);
             }
-            simulate(&emitted.bytes, frame.numbers_mut(), &emitted.constants);
-            portable.run(&mut expected);
+            simulate(&emitted.bytes, frame.numbers_mut(), &emitted.constants, stream.numbers(), turns);
+            run(&portable, &mut expected, &stream, turns);
+            [&mut frame, &mut expected].into_iter().for_each(|frame| forget_stream(program.stream, frame));
             for k in 0..(inputs + 8) * form.lanes() {
                 assert_eq!(frame.numbers()[k].to_bits(), expected.numbers()[k].to_bits(), "{form:?}, trial {trial}, number {k}");
             }
@@ -174,7 +212,7 @@ fn a_recording_computes_what_was_recorded() {
     let values: Vec<(u32, u32)> = outputs.iter().enumerate().map(|(k, y)| (6 + k as u32, y.index())).collect();
     for form in forms() {
         let part = Part { ops: &recording.ops, start: 0, outputs: &values, places: &Places::default() };
-        let program = Program::new(part, Room { reach: 11, free: 12 }, form, Engine::Machine);
+        let program = Program::new(part, None, Room { reach: 11, free: 12 }, form, Engine::Machine);
         let mut frame = Frame::new(program.slots(), form.lanes());
         for _ in 0..200 {
             frame.fill(0, 3.0);

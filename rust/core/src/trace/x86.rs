@@ -3,7 +3,9 @@
 //!
 //! An instruction is a prefix, an opcode, a ModRM byte (`mode reg rm`) and, for memory, a displacement. The prefix
 //! extends registers beyond 8 and names the first operand of three. Of several encodings the shortest is taken.
-//! The frame is in rdi, the constants are in rsi.
+//! The frame is in rdi, the constants are in rsi, the stream is in rdx, the turns left are in rcx.
+
+use super::opcode::{Map, Opcode, Operand, Prefix, opcode};
 
 pub use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
@@ -13,48 +15,7 @@ pub struct Assembler {
     bytes: Vec<u8>,
 }
 
-/// What precedes the opcode in legacy code: nothing, 66, F3, F2. VEX and EVEX hold the index.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Prefix {
-    None,
-    P66,
-    F3,
-    F2,
-}
-
-/// The opcode's table.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Map {
-    M0F = 1,
-    M0F38 = 2,
-    M0F3A = 3,
-}
-
-#[derive(Clone, Copy)]
-struct Opcode {
-    prefix: Prefix,
-    map: Map,
-    byte: u8,
-    /// The W bit in VEX. In EVEX it is always one here: elements of 64 bits.
-    wide: bool,
-    /// EVEX: required (true), impossible (false), or taken where it is needed or shorter.
-    evex: Option<bool>,
-    /// Whether lanes are taken by the mask register k1.
-    blend: bool,
-    /// Whether the instruction reads one number for all lanes by its nature.
-    broadcast: bool,
-    /// A byte after the displacement.
-    immediate: Option<u8>,
-}
-
-/// The operand in `rm`.
-#[derive(Clone, Copy)]
-enum Operand {
-    Register(u8),
-    /// Base register, displacement, and whether one number is read for all lanes.
-    Memory(u8, i32, bool),
-}
-
+const RDX: u8 = 2;
 const RSP: u8 = 4;
 const RSI: u8 = 6;
 const RDI: u8 = 7;
@@ -66,25 +27,11 @@ const SCRATCH: u8 = 15;
 const SAVED: [u8; 10] = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 const STACK: i32 = 16 * SAVED.len() as i32 + 8;
 
-const fn opcode(prefix: Prefix, map: Map, byte: u8) -> Opcode {
-    Opcode { prefix, map, byte, wide: false, evex: None, blend: false, broadcast: false, immediate: None }
-}
-
-impl Opcode {
-    fn with(self, immediate: u8) -> Self {
-        Opcode { immediate: Some(immediate), ..self }
-    }
-
-    /// An instruction of AVX-512 alone, in the table 0F38.
-    const fn masked(prefix: Prefix, byte: u8) -> Self {
-        Opcode { evex: Some(true), ..opcode(prefix, Map::M0F38, byte) }
-    }
-}
-
 fn address(base: Base) -> u8 {
     match base {
         Base::Frame => RDI,
         Base::Constants => RSI,
+        Base::Stream => RDX,
     }
 }
 
@@ -227,11 +174,24 @@ impl Assemble for Assembler {
 
     fn enter(&mut self, convention: Convention) {
         if convention == Convention::Win64 {
-            // push rdi; push rsi; mov rdi, rcx; mov rsi, rdx; sub rsp, STACK
-            self.bytes.extend([0x57, 0x56, 0x48, 0x89, 0xCF, 0x48, 0x89, 0xD6, 0x48, 0x81, 0xEC]);
+            // push rdi; push rsi; mov rdi, rcx; mov rsi, rdx; mov rdx, r8; mov rcx, r9; sub rsp, STACK
+            self.bytes.extend([0x57, 0x56, 0x48, 0x89, 0xCF, 0x48, 0x89, 0xD6, 0x4C, 0x89, 0xC2, 0x4C, 0x89, 0xC9, 0x48, 0x81, 0xEC]);
             self.bytes.extend(STACK.to_le_bytes());
             self.saved(0x29);
         }
+    }
+
+    fn here(&self) -> usize {
+        self.bytes.len()
+    }
+
+    fn again(&mut self, start: usize, advance: u32) {
+        // add rdx, advance; dec rcx; jnz start
+        self.bytes.extend([0x48, 0x81, 0xC2]);
+        self.bytes.extend(advance.to_le_bytes());
+        self.bytes.extend([0x48, 0xFF, 0xC9, 0x0F, 0x85]);
+        let back = start as i32 - (self.bytes.len() as i32 + 4);
+        self.bytes.extend(back.to_le_bytes());
     }
 
     fn leave(&mut self, convention: Convention) {

@@ -26,7 +26,7 @@ fn available() -> impl Iterator<Item = Form> {
 fn native(code: &[u8], frame: &mut [f64], constants: &[f64]) {
     let code = Code::new(code).unwrap();
     // SAFETY: the tests emit code for this processor, and both memories hold all slots that they name.
-    unsafe { code.run(frame.as_mut_ptr(), constants.as_ptr()) };
+    unsafe { code.run(frame.as_mut_ptr(), constants.as_ptr(), std::ptr::null(), 1) };
 }
 
 /// Single operations change the registers and the frame as plain Rust does, and nothing else.
@@ -45,7 +45,7 @@ fn operations_on_this_processor_agree_with_rust() {
 
 #[test]
 fn simulated_operations_agree_with_rust() {
-    forms().for_each(|form| agrees_with_rust(form, simulate));
+    forms().for_each(|form| agrees_with_rust(form, |code, frame, constants| simulate(code, frame, constants, &[], 1)));
 }
 
 /// Same bits after long sequences, NaN included.
@@ -60,7 +60,7 @@ fn simulator_agrees_with_this_processor() {
             frame.0.iter_mut().chain(&mut constants.0).for_each(|x| *x = random.number());
             let mut simulated = Memory(frame.0);
             native(&code, &mut frame.0, &constants.0);
-            simulate(&code, &mut simulated.0, &constants.0);
+            simulate(&code, &mut simulated.0, &constants.0, &[], 1);
             let differ = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
             assert_eq!(frame.0.iter().zip(&simulated.0).position(differ), None, "{form:?} {operations:#?}");
         }
@@ -71,13 +71,13 @@ fn simulator_agrees_with_this_processor() {
 #[should_panic(expected = "no slot at 4")]
 fn simulator_refuses_slots_that_are_not_aligned() {
     let code = between_files::<Assembler>(Form { set: Set::Avx512, packed: true }, &[Operation::Load(0, Source::Slot(Base::Frame, 4))]);
-    simulate(&code, &mut [0.0; SIZE], &[]);
+    simulate(&code, &mut [0.0; SIZE], &[], &[], 1);
 }
 
 #[test]
 #[should_panic(expected = "does not return")]
 fn simulator_refuses_code_without_end() {
-    simulate(&[], &mut [], &[]);
+    simulate(&[], &mut [], &[], &[], 1);
 }
 
 /// Code for Win64 that overwrites every register, called by that convention: the compiler relies on xmm6 to xmm15.
@@ -88,23 +88,31 @@ fn win64_code_keeps_the_callers_registers() {
         code.enter(Convention::Win64);
         code.load(0, Source::Slot(Base::Frame, 0));
         (1..form.registers() as u8).for_each(|r| code.load(r, Source::Slot(Base::Constants, 0)));
+        let start = code.here();
         code.binary(Binary::Add, 0, 0, Source::Register(form.registers() as u8 - 1));
+        code.load(1, Source::Spread(Base::Stream, 0));
+        code.binary(Binary::Add, 0, 0, Source::Register(1));
         code.store(Base::Frame, 0, 0);
+        code.again(start, 8);
         code.leave(Convention::Win64);
         code.ret();
         let code = Code::new(&code.finish()).unwrap();
-        let (mut frame, constants) = (Memory([2.0; SIZE]), Memory([3.0; SIZE]));
+        let (mut frame, constants, mut stream) = (Memory([2.0; SIZE]), Memory([3.0; SIZE]), Memory([0.0; SIZE]));
+        (stream.0[0], stream.0[1]) = (10.0, 20.0);
         // SAFETY: a function of this type by its `enter` and `leave`; the memories hold the slots.
-        let function: extern "win64" fn(*mut f64, *const f64) = unsafe { std::mem::transmute(code.address()) };
-        let kept = calls(function, frame.0.as_mut_ptr(), constants.0.as_ptr());
+        let function: Windows = unsafe { std::mem::transmute(code.address()) };
+        let kept = calls(function, frame.0.as_mut_ptr(), constants.0.as_ptr(), stream.0.as_ptr());
         assert_eq!(kept, [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from), "{form:?}");
-        assert_eq!(frame.0[..form.lanes()], [5.0; 8][..form.lanes()]);
+        // Two turns: constants are added, then what the stream has for each.
+        assert_eq!(frame.0[..form.lanes()], [2.0 + 2.0 * 3.0 + 10.0 + 20.0; 8][..form.lanes()]);
         assert!(frame.0[form.lanes()..].iter().all(|&x| x == 2.0));
     }
 }
 
-/// Fill xmm6 to xmm15, call, and read them.
-fn calls(function: extern "win64" fn(*mut f64, *const f64), frame: *mut f64, constants: *const f64) -> [f64; 10] {
+type Windows = extern "win64" fn(*mut f64, *const f64, *const f64, usize);
+
+/// Fill xmm6 to xmm15, call with two turns, and read them.
+fn calls(function: Windows, frame: *mut f64, constants: *const f64, stream: *const f64) -> [f64; 10] {
     let values = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from);
     let mut kept = [0.0; 10];
     let (mut rdi, mut rsi) = (1u64, 2u64);
@@ -120,7 +128,7 @@ fn calls(function: extern "win64" fn(*mut f64, *const f64), frame: *mut f64, con
             "movsd [r13+40], xmm11", "movsd [r13+48], xmm12", "movsd [r13+56], xmm13", "movsd [r13+64], xmm14", "movsd [r13+72], xmm15",
             "mov rsp, rbp", "pop rbp",
             in("r12") values.as_ptr(), in("r13") kept.as_mut_ptr(), in("rax") function,
-            inout("rdi") rdi, inout("rsi") rsi, in("rcx") frame, in("rdx") constants,
+            inout("rdi") rdi, inout("rsi") rsi, in("rcx") frame, in("rdx") constants, in("r8") stream, in("r9") 2usize,
             clobber_abi("win64"), out("xmm6") _, out("xmm7") _, out("xmm8") _, out("xmm9") _, out("xmm10") _, out("xmm11") _,
             out("xmm12") _, out("xmm13") _, out("xmm14") _, out("xmm15") _,
         );

@@ -310,7 +310,7 @@ fn encodes_masks_and_shifts() {
 fn saves_registers_for_win64() {
     for form in forms() {
         let name = if form.set == Set::Sse2 { "movaps" } else { "vmovapd" };
-        let start = ["push rdi", "push rsi", "mov rdi,rcx", "mov rsi,rdx", "sub rsp,168"].map(String::from);
+        let start = ["push rdi", "push rsi", "mov rdi,rcx", "mov rsi,rdx", "mov rdx,r8", "mov rcx,r9", "sub rsp,168"].map(String::from);
         let end = ["add rsp,168", "pop rsi", "pop rdi"].map(String::from);
         let stores = (0..10).map(|i| format!("{name} [rsp{:+}]:16,xmm{}", 16 * i, 6 + i));
         let loads = (0..10).map(|i| format!("{name} xmm{},[rsp{:+}]:16", 6 + i, 16 * i));

@@ -5,9 +5,11 @@
 #include <string.h>
 
 struct entry {
-    void (*code)(double *, const double *);
+    void (*code)(double *, const double *, const double *, uint64_t);
     double *frame;
     const double *constants;
+    const double *stream;
+    uint64_t turns;
     const double *expected;
     uint64_t length;
 };
@@ -24,9 +26,11 @@ static int run(const struct entry *entry) {
     register double r12 __asm__("d12") = 12, r13 __asm__("d13") = 13, r14 __asm__("d14") = 14, r15 __asm__("d15") = 15;
     register double *frame __asm__("x0") = entry->frame;
     register const double *constants __asm__("x1") = entry->constants;
-    register void (*code)(double *, const double *) __asm__("x10") = entry->code;
+    register const double *stream __asm__("x2") = entry->stream;
+    register uint64_t turns __asm__("x3") = entry->turns;
+    register void (*code)(double *, const double *, const double *, uint64_t) __asm__("x10") = entry->code;
     __asm__ volatile("blr %[code]"
-                     : "+r"(frame), "+r"(constants), [code] "+r"(code), "+w"(r8), "+w"(r9), "+w"(r10), "+w"(r11), "+w"(r12), "+w"(r13),
+                     : "+r"(frame), "+r"(constants), "+r"(stream), "+r"(turns), [code] "+r"(code), "+w"(r8), "+w"(r9), "+w"(r10), "+w"(r11), "+w"(r12), "+w"(r13),
                        "+w"(r14), "+w"(r15)
                      :
                      : "x9", "x30", "memory", "cc", "v0", "v1", "v2", "v3", "v4", "v5", "v6", "v7", "v16", "v17", "v18", "v19", "v20",
