@@ -34,7 +34,7 @@ BELOW = {
     "kinematics": {"arm"},
     "dynamics": {"kinematics"},
     "plant": {"dynamics"},
-    "priority": {"linalg"},
+    "priority": {"linalg", "trace"},
     "motion": {"scalar"},
     "law": {"plant", "priority", "motion"},
     "plan": {"motion", "dynamics"},

@@ -106,8 +106,12 @@ arm = al.load_urdf(al.example_urdf("six_axis"))
 law = al.ComputedTorque(arm, al.Quintic(np.zeros(6), np.full(6, 0.4), 0.1), 100.0, 20.0)
 run = al.simulate(al.RigidArm(arm), law, np.linspace(0.1, -0.2, 6), t_end=0.15, dt=1e-3)
 batch = al.simulate_batch(al.RigidArm(arm), law, np.linspace(np.zeros(6), np.full(6, 0.3), 11), t_end=0.15, dt=1e-3)
+q = np.linspace(np.full(6, -0.7), np.full(6, 0.9), 50)
+J = arm.jacobian(q, "flange")
+v = al.solve_priority([J[:, :3], J[:, 3:5]], [[0.1, 0.2, 0.3], [0.4, 0.5]]).v
+w = al.PrioritySolver.for_arm(arm, [al.Task("flange", "xyz"), al.Task("flange", "rx")]).solve(q, [[0.1, 0.2, 0.3], [0.4]])
 print(run.stats["engine"], batch.stats["engine"], al.build_info()["programs"])
-print((run.q.tobytes() + run.tau.tobytes() + batch.q.tobytes() + batch.tau.tobytes()).hex())
+print(b"".join(x.tobytes() for x in (run.q, run.tau, batch.q, batch.tau, v, w)).hex())
 """
 
 

@@ -1,5 +1,6 @@
 //! The maps of `priority` on an arm: `v` solves `J_i(q) v = v_i` for the tasks of an arm, kinematics included.
 
+use super::arm_batch::Kept;
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::kinematics::{TaskFunction, TaskStack};
@@ -14,6 +15,8 @@ pub struct ArmSolver {
     /// The same tasks on the number that this machine is quicker with.
     fused: Option<Box<FusedTasks>>,
     solver: PrioritySolver,
+    /// For many rows, once it is there.
+    program: Kept,
 }
 
 #[derive(Clone, Debug)]
@@ -60,7 +63,7 @@ impl ArmSolver {
             let (n, none) = (arm.n(), Fused(0.0));
             Box::new(FusedTasks { stack: stack.lift(), q: zeros(n), trig: vec![(none, none); n], jacobian: zeros(total * n) })
         });
-        Ok(ArmSolver { stack, fused, solver })
+        Ok(ArmSolver { stack, fused, solver, program: Kept::default() })
     }
 
     pub fn n(&self) -> usize {
@@ -80,6 +83,10 @@ impl ArmSolver {
         &self.stack
     }
 
+    pub(super) fn kept(&self) -> &Kept {
+        &self.program
+    }
+
     pub fn solver(&self) -> &PrioritySolver {
         &self.solver
     }
@@ -91,7 +98,7 @@ impl ArmSolver {
     /// Place the arm at `q` `(n,)` and fill in the Jacobians; the task velocities go into what is returned, `(sum rows,)`.
     #[inline]
     pub fn prepare(&mut self, q: &[f64]) -> Result<&mut [f64]> {
-        let ArmSolver { stack, fused, solver } = self;
+        let ArmSolver { stack, fused, solver, .. } = self;
         let rounding = jacobians(stack, fused, q, solver.inputs().0);
         solver.set_rounding(rounding)?;
         Ok(solver.inputs().1)

@@ -4,7 +4,7 @@
 
 mod adaptation;
 mod adaptive;
-mod arm_lanes;
+mod arm_batch;
 mod arm_solver;
 mod cartesian_impedance;
 mod computed_torque;
@@ -25,7 +25,7 @@ mod sampled_reduction;
 pub use crate::linalg::gain::Gain;
 pub use adaptation::{Adaptation, AnyAdaptive, Base};
 pub use adaptive::{Adaptive, AdaptiveSpec};
-pub use arm_lanes::ArmLanes;
+pub use arm_batch::ArmBatch;
 pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};

@@ -1,150 +1,129 @@
-//! The arithmetic of `regular` on rows of a compiled length: Householder reflections of a row (`J_E = L Q`), the least squares of a level with
-//! more rows than freedom, and `|T^-1|_F` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
+//! The arithmetic of `regular`: Householder reflections of a row (`J_E = L Q`), the least squares of a level with more rows than freedom,
+//! and `|T^-1|_F` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
 
-use super::regular::Given;
 use crate::scalar::Real;
 
 /// `L`, the reflectors, the reciprocals of the diagonal and the coordinates `y`.
-pub(super) struct Factor<S, const N: usize> {
-    pub l: [[S; N]; N],
-    pub h: [[S; N]; N],
-    pub beta: [S; N],
-    inverse: [S; N],
-    pub y: [S; N],
+#[derive(Debug, Clone)]
+pub(super) struct Factor<S> {
+    n: usize,
+    /// `(fit, n)`
+    pub l: Vec<S>,
+    /// Row `at` is zero before `at`.
+    w: Vec<S>,
+    beta: Vec<S>,
+    inverse: Vec<S>,
+    products: Vec<S>,
+    pub y: Vec<S>,
 }
 
-impl<S: Real, const N: usize> Factor<S, N> {
-    #[inline(always)]
-    pub fn new() -> Self {
-        let zero = S::zero();
-        Factor { l: [[zero; N]; N], h: [[zero; N]; N], beta: [zero; N], inverse: [zero; N], y: [zero; N] }
+impl<S: Real> Factor<S> {
+    /// For `fit <= n` rows.
+    pub fn new(n: usize, fit: usize) -> Self {
+        let zeros = |k: usize| vec![S::zero(); k];
+        let (l, w) = (zeros(fit * n), zeros(fit * n));
+        Factor { n, l, w, beta: zeros(fit), inverse: zeros(fit), products: zeros(fit), y: zeros(n) }
+    }
+
+    fn fit(&self) -> usize {
+        self.beta.len()
     }
 
     /// Reduce row `at` by a reflection, apply it to the rows below, and substitute forward.
     #[inline(always)]
-    pub fn eliminate(&mut self, at: usize, fit: usize, given: &impl Given<S>) {
-        if at >= fit {
-            return;
-        }
-        let x0 = self.l[at][at];
-        if at + 1 == N {
-            self.inverse[at] = S::splat(1.0) / x0;
+    pub fn eliminate(&mut self, at: usize, command: S) {
+        let Factor { n, l, w, beta, inverse, products, y } = self;
+        let n = *n;
+        let (above, below) = l.split_at_mut((at + 1) * n);
+        let row = &above[at * n..];
+        let x0 = row[at];
+        if at + 1 == n {
+            inverse[at] = S::splat(1.0) / x0;
         } else {
-            // A reflector of full length with leading zeros: `w = x - alpha e1`, `alpha = -sign(x0) |x|`.
-            let mut w = self.l[at];
-            w[..at].fill(S::zero());
-            let last = if N == 4 { N } else { fit };
+            // `w = x - alpha e1`, `alpha = -sign(x0) |x|`.
+            let w = &mut w[at * n + at..(at + 1) * n];
+            w.copy_from_slice(&row[at..]);
             // w'y = x'y - alpha y1: the products do not wait for the norm.
-            let mut products = [S::zero(); N];
-            for r in at + 1..last {
-                products[r] = product(at, N, &w, &self.l[r]);
+            for (product_of, row) in products.iter_mut().zip(below.chunks_exact(n)) {
+                *product_of = product(w, &row[at..]);
             }
-            let norm2 = product(at, N, &w, &w);
-            let norm = norm2.sqrt();
+            let norm = product(w, w).sqrt();
             let reach = norm + x0.abs();
             let negative = x0.lt(S::zero());
-            w[at] = S::select(negative, -reach, reach);
+            w[0] = S::select(negative, -reach, reach);
             let minus_alpha = S::select(negative, -norm, norm);
             // A row of zeros gives NaN, which declines in the end.
-            let beta = S::splat(1.0) / (norm * reach);
+            beta[at] = S::splat(1.0) / (norm * reach);
             // 1/alpha without a second division.
-            let inverse = beta * reach;
-            self.inverse[at] = S::select(negative, inverse, -inverse);
-            for r in at + 1..last {
-                let s = -beta * minus_alpha.mul_add(self.l[r][at], products[r]);
-                add(at, s, &w, &mut self.l[r]);
+            let size = beta[at] * reach;
+            inverse[at] = S::select(negative, size, -size);
+            for (&product_of, row) in products.iter().zip(below.chunks_exact_mut(n)) {
+                add(-beta[at] * minus_alpha.mul_add(row[at], product_of), w, &mut row[at..]);
             }
-            self.beta[at] = beta;
-            self.h[at] = w;
         }
-        let mut row = self.l[at];
-        row[at..].fill(S::zero());
-        self.y[at] = (given.command(at) - product(0, at, &row, &self.y)) * self.inverse[at];
+        y[at] = (command - product(&row[..at], &y[..at])) * inverse[at];
     }
 
-    /// Apply reflection `at` to the coordinates; the last row of a square `L` has none.
+    /// `x <- x H_at`, for a row or for coordinates; the last row of a square `L` has no reflection.
     #[inline(always)]
-    pub fn back(&mut self, at: usize, fit: usize) {
-        if at < fit && at + 1 < N {
-            reflect(at, &self.h[at], self.beta[at], &mut self.y);
+    fn reflect(&self, at: usize, x: &mut [S]) {
+        if at + 1 < self.n {
+            let w = &self.w[at * self.n + at..(at + 1) * self.n];
+            add(-self.beta[at] * product(w, &x[at..]), w, &mut x[at..]);
         }
+    }
+
+    /// A row that is not reduced, in the coordinates of `L`.
+    #[inline(always)]
+    pub fn turn(&self, row: &mut [S]) {
+        (0..self.fit()).for_each(|at| self.reflect(at, row));
+    }
+
+    /// `v = Q' y`.
+    #[inline(always)]
+    pub fn turn_back(&self, v: &mut [S]) {
+        v.copy_from_slice(&self.y);
+        (0..self.fit()).rev().for_each(|at| self.reflect(at, v));
     }
 
     /// `|T^-1|_F^2` of the diagonal block of `m` rows from `used` on.
     #[inline(always)]
     pub fn inverse_norm2(&self, used: usize, m: usize, z: &mut [S]) -> S {
-        let d = |i: usize| self.inverse[used + i];
-        let t = |i: usize, j: usize| self.l[used + i][used + j];
-        match m {
-            1 => d(0) * d(0),
-            2 => {
-                let x = t(1, 0) * d(0) * d(1);
-                x.mul_add(x, d(1).mul_add(d(1), d(0) * d(0)))
-            }
-            3 => {
-                let (x, y) = (t(1, 0) * d(0) * d(1), t(2, 1) * d(1) * d(2));
-                let z = t(2, 1).neg_mul_add(x, t(2, 0) * d(0)) * d(2);
-                let diagonal = d(2).mul_add(d(2), d(1).mul_add(d(1), d(0) * d(0)));
-                z.mul_add(z, y.mul_add(y, x.mul_add(x, diagonal)))
-            }
-            _ => inverse_norm2(m, z, |i, j| if i == j { d(i) } else { t(i, j) }),
-        }
+        inverse_norm2(m, z, |i, j| if i == j { self.inverse[used + i] } else { self.l[(used + i) * self.n + used + j] })
     }
 }
 
-/// `y <- (I - beta w w') y`, where `w` is zero before `at`.
+/// A level with more rows than the free directions: least squares by a QR factorisation of its free columns, those from `used` on.
 #[inline(always)]
-pub(super) fn reflect<S: Real, const N: usize>(at: usize, w: &[S; N], beta: S, y: &mut [S; N]) {
-    add(at, -beta * product(at, N, w, y), w, y);
-}
-
-/// `y += s w`, where `w` is zero before `at`.
-#[inline(always)]
-fn add<S: Real, const N: usize>(at: usize, s: S, w: &[S; N], y: &mut [S; N]) {
-    for c in if S::LANES > 1 { at } else { 0 }..N {
-        y[c] = s.mul_add(w[c], y[c]);
-    }
-}
-
-/// A level with more rows than the `k` free directions: least squares by a QR factorisation of its free columns.
-#[inline(always)]
-pub(super) fn tall<S: Real, const N: usize>(
-    rows: &mut [[S; N]],
-    given: &impl Given<S>,
-    used: usize,
-    k: usize,
-    y: &mut [S; N],
-    r: &mut [S],
-    z: &mut [S],
-) -> S {
-    let m = rows.len();
+pub(super) fn tall<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut [S], r: &mut [S], z: &mut [S]) -> S {
+    let (n, m) = (y.len(), command.len());
     let zero = S::zero();
-    for i in 0..m {
-        r[i] = (0..used).fold(given.command(used + i), |rest, c| rows[i][c].neg_mul_add(y[c], rest));
+    for (i, row) in rows.chunks_exact(n).enumerate() {
+        r[i] = (0..used).fold(command[i], |rest, c| row[c].neg_mul_add(y[c], rest));
     }
-    for a in 0..k {
+    for a in 0..n - used {
         let col = used + a;
-        let x0 = rows[a][col];
-        let norm = rows[a..].iter().fold(zero, |sum, row| row[col].mul_add(row[col], sum)).sqrt();
+        let x0 = rows[a * n + col];
+        let norm = (a..m).fold(zero, |sum, i| rows[i * n + col].mul_add(rows[i * n + col], sum)).sqrt();
         let reach = norm + x0.abs();
         let negative = x0.lt(zero);
         let beta = S::splat(1.0) / (norm * reach);
-        rows[a][col] = S::select(negative, -reach, reach);
-        for c in col + 1..used + k {
-            let s = -beta * rows[a..].iter().fold(zero, |sum, row| row[col].mul_add(row[c], sum));
-            rows[a..].iter_mut().for_each(|row| row[c] = s.mul_add(row[col], row[c]));
+        rows[a * n + col] = S::select(negative, -reach, reach);
+        for c in col + 1..n {
+            let s = -beta * (a..m).fold(zero, |sum, i| rows[i * n + col].mul_add(rows[i * n + c], sum));
+            (a..m).for_each(|i| rows[i * n + c] = s.mul_add(rows[i * n + col], rows[i * n + c]));
         }
-        let s = -beta * rows[a..].iter().zip(&r[a..m]).fold(zero, |sum, (row, r)| row[col].mul_add(*r, sum));
-        rows[a..].iter().zip(&mut r[a..m]).for_each(|(row, r)| *r = s.mul_add(row[col], *r));
+        let s = -beta * (a..m).fold(zero, |sum, i| rows[i * n + col].mul_add(r[i], sum));
+        (a..m).for_each(|i| r[i] = s.mul_add(rows[i * n + col], r[i]));
         let inverse = beta * reach;
-        rows[a][col] = S::select(negative, inverse, -inverse);
+        rows[a * n + col] = S::select(negative, inverse, -inverse);
     }
-    for a in (0..k).rev() {
-        let rest = (a + 1..k).fold(r[a], |rest, b| rows[a][used + b].neg_mul_add(y[used + b], rest));
-        y[used + a] = rest * rows[a][used + a];
+    for a in (0..n - used).rev() {
+        let rest = (used + a + 1..n).fold(r[a], |rest, c| rows[a * n + c].neg_mul_add(y[c], rest));
+        y[used + a] = rest * rows[a * n + used + a];
     }
     // The norm of the inverse is that of the transposed triangle.
-    inverse_norm2(k, z, |i, j| rows[j][used + i])
+    inverse_norm2(n - used, z, |i, j| rows[j * n + used + i])
 }
 
 /// `|T^-1|_F^2` of a lower triangle whose diagonal is given by its reciprocals.
@@ -162,26 +141,23 @@ fn inverse_norm2<S: Real>(m: usize, z: &mut [S], t: impl Fn(usize, usize) -> S) 
     sum
 }
 
-/// Scalar product of what is not zero, from `from` to `to`, in two chains, which two-wide registers hold. A single number takes the zeros
-/// along, because full rows fit registers.
+/// `y += s w`
 #[inline(always)]
-pub(super) fn product<S: Real, const N: usize>(from: usize, to: usize, a: &[S; N], b: &[S; N]) -> S {
+fn add<S: Real>(s: S, w: &[S], y: &mut [S]) {
+    for (y, &w) in y.iter_mut().zip(w) {
+        *y = s.mul_add(w, *y);
+    }
+}
+
+/// Scalar product, in two chains.
+#[inline(always)]
+pub(super) fn product<S: Real>(a: &[S], b: &[S]) -> S {
     let (mut even, mut odd) = (S::zero(), S::zero());
-    if S::LANES == 1 {
-        for i in 0..N / 2 {
-            even = a[2 * i].mul_add(b[2 * i], even);
-            odd = a[2 * i + 1].mul_add(b[2 * i + 1], odd);
-        }
-        if N % 2 == 1 {
-            even = a[N - 1].mul_add(b[N - 1], even);
-        }
-    } else {
-        for i in from..to {
-            if i % 2 == 0 {
-                even = a[i].mul_add(b[i], even);
-            } else {
-                odd = a[i].mul_add(b[i], odd);
-            }
+    for (i, (&a, &b)) in a.iter().zip(b).enumerate() {
+        if i % 2 == 0 {
+            even = a.mul_add(b, even);
+        } else {
+            odd = a.mul_add(b, odd);
         }
     }
     even + odd

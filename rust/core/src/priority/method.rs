@@ -30,6 +30,11 @@ pub enum Method {
 impl Method {
     pub const ALL: [Method; 5] = [Method::Exact, Method::Clamp, Method::Damped, Method::Chiaverini, Method::Sns];
 
+    /// Whether it is equation (5) away from singularities, and then solved without a branch.
+    pub fn has_regular_route(self) -> bool {
+        matches!(self, Method::Exact | Method::Clamp | Method::Damped)
+    }
+
     /// The name used in Python.
     pub fn name(self) -> &'static str {
         match self {

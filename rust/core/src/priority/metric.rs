@@ -7,9 +7,9 @@ use crate::scalar::Real;
 
 /// The Cholesky factor `L`, row-major, lower.
 #[derive(Debug, Clone)]
-pub struct Metric {
+pub struct Metric<S = f64> {
     n: usize,
-    l: Vec<f64>,
+    l: Vec<S>,
 }
 
 impl Metric {
@@ -50,28 +50,35 @@ impl Metric {
         Ok(Metric { n, l })
     }
 
-    /// `x <- x L^-T` for a row of a Jacobian, that is `L x' = row'`.
-    #[inline(always)]
-    pub fn row<S: Real>(&self, x: &mut [S]) {
-        for i in 0..self.n {
-            let rest = (0..i).fold(x[i], |rest, k| S::splat(self.l[i * self.n + k]).neg_mul_add(x[k], rest));
-            x[i] = rest / S::splat(self.l[i * self.n + i]);
-        }
-    }
-
-    /// `y -> v = L^-T y`, in place.
-    #[inline(always)]
-    pub fn velocity<S: Real>(&self, y: &mut [S]) {
-        for i in (0..self.n).rev() {
-            let rest = (i + 1..self.n).fold(y[i], |rest, k| S::splat(self.l[k * self.n + i]).neg_mul_add(y[k], rest));
-            y[i] = rest / S::splat(self.l[i * self.n + i]);
-        }
+    /// The same on another number.
+    pub fn lift<S: Real>(&self) -> Metric<S> {
+        Metric { n: self.n, l: self.l.iter().map(|&x| S::from_lanes(|_| x)).collect() }
     }
 
     /// `v -> y = L' v`, in place.
     pub fn coordinates(&self, v: &mut [f64]) {
         for i in 0..self.n {
             v[i] = (i..self.n).map(|k| self.l[k * self.n + i] * v[k]).sum();
+        }
+    }
+}
+
+impl<S: Real> Metric<S> {
+    /// `x <- x L^-T` for a row of a Jacobian, that is `L x' = row'`.
+    #[inline(always)]
+    pub fn row(&self, x: &mut [S]) {
+        for i in 0..self.n {
+            let rest = (0..i).fold(x[i], |rest, k| self.l[i * self.n + k].neg_mul_add(x[k], rest));
+            x[i] = rest / self.l[i * self.n + i];
+        }
+    }
+
+    /// `y -> v = L^-T y`, in place.
+    #[inline(always)]
+    pub fn velocity(&self, y: &mut [S]) {
+        for i in (0..self.n).rev() {
+            let rest = (i + 1..self.n).fold(y[i], |rest, k| self.l[k * self.n + i].neg_mul_add(y[k], rest));
+            y[i] = rest / self.l[i * self.n + i];
         }
     }
 }

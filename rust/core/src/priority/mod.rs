@@ -6,11 +6,12 @@
 //! can be commanded at all, and why not. Derivation, limits and a table of the methods: `docs/priority.md`.
 //!
 //! Three layers: `regular` solves (5) by one LQ factorisation where it can prove that every singular value is large;
-//! `levels` is the general recursion over singular values; `sns` adds bounds. `lanes` runs batches through the first. `solver` owns the buffers and chooses.
+//! `levels` is the general recursion over singular values; `sns` adds bounds. `batch` runs many stacks through the program of the first. `solver`
+//! owns the buffers and chooses.
 
+mod batch;
 mod bounds;
 mod diagnose;
-mod lanes;
 mod levels;
 mod lq;
 mod method;
@@ -20,8 +21,9 @@ mod sns;
 mod solver;
 mod workspace;
 
+pub use batch::{FEW, StackAnswers, StackBatch, StackRows};
 pub use bounds::{joint_velocity_bounds, velocity_bounds};
 pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
-pub use lanes::{Group, LaneSolver, StackAnswers, StackRows, Stacks};
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
+pub use regular::Regular;
 pub use solver::{PrioritySolver, Solution, solve_priority};

@@ -6,136 +6,168 @@
 //! smallest singular value of `J_i N_{i-1}` from below, and must reach `eps_i` (`clamp`, `damped`) or pass the rank rule with
 //! six digits to spare (`exact`). Otherwise it declines, having decided nothing, and `levels` takes over.
 //!
-//! One source for a single stack and for one stack per lane: nothing here branches on the numbers, and no sum or quotient is taken in
-//! another order, so a lane and a single solve of the same instruction set agree to the bit.
+//! One source for a single stack and for a recording: nothing here branches on the numbers, so that the program of a recording and a
+//! direct solve of the same instruction set agree to the bit.
 
-use super::lq::{Factor, product, reflect, tall};
-use super::method::DEFAULT_EPS;
+use super::lq::{Factor, product, tall};
+use super::method::{DEFAULT_EPS, Method};
 use super::metric::Metric;
 use super::workspace::TAME;
-use crate::scalar::{Kernel, Real};
+use crate::scalar::{Fused, Isa, Kernel, Real, isa};
 
 /// `exact` takes this route only for relative singular values above it, where forward substitution loses no digits that count.
 const EXACT_FLOOR: f64 = 1e-6;
 
-/// Joints beyond which the route is not compiled.
-pub(super) const MOST_JOINTS: usize = 32;
-
-/// Joints beyond which it is not compiled for lanes: the factor would leave the nearest cache.
-pub(super) const MOST_JOINTS_IN_LANES: usize = 8;
-
-/// What a solve is asked besides the stack.
-pub(super) struct Asked<'a> {
-    pub n: usize,
-    pub rows: &'a [usize],
-    pub eps: Option<&'a [f64]>,
-    pub metric: Option<&'a Metric>,
-    pub exact: bool,
-}
-
-/// The stack `(sum rows, n)` and its command `(sum rows,)`.
-pub(super) trait Given<S> {
-    /// Row `r` of the Jacobians, filled up with zeros.
-    fn row<const N: usize>(&self, r: usize, n: usize) -> [S; N];
-    fn command(&self, r: usize) -> S;
-}
-
-/// Plain numbers, the same in every lane.
-pub(super) struct Plain<'a> {
-    pub jacobian: &'a [f64],
-    pub command: &'a [f64],
-}
-
-impl<S: Real> Given<S> for Plain<'_> {
-    #[inline(always)]
-    fn row<const N: usize>(&self, r: usize, n: usize) -> [S; N] {
-        padded(&self.jacobian[r * n..(r + 1) * n], S::splat)
-    }
-    #[inline(always)]
-    fn command(&self, r: usize) -> S {
-        S::splat(self.command[r])
-    }
-}
-
-/// One stack per lane.
-pub(super) struct Lanewise<'a, S> {
-    pub jacobian: &'a [S],
-    pub command: &'a [S],
-}
-
-impl<S: Real> Given<S> for Lanewise<'_, S> {
-    #[inline(always)]
-    fn row<const N: usize>(&self, r: usize, n: usize) -> [S; N] {
-        padded(&self.jacobian[r * n..(r + 1) * n], |x| x)
-    }
-    #[inline(always)]
-    fn command(&self, r: usize) -> S {
-        self.command[r]
-    }
-}
-
-/// A row of a compiled length. Zero columns up to the next size change nothing.
-#[inline(always)]
-fn padded<T: Copy, S: Real, const N: usize>(given: &[T], as_real: impl Fn(T) -> S) -> [S; N] {
-    if let Ok(given) = <&[T; N]>::try_from(given) {
-        return given.map(as_real);
-    }
-    let mut row = [S::zero(); N];
-    row.iter_mut().zip(given).for_each(|(to, &from)| *to = as_real(from));
-    row
-}
-
-/// Buffers of the route.
+/// The route for stacks of one size, with its buffers.
 #[derive(Debug, Clone)]
-pub(super) struct Room<S> {
-    /// The answer: joint velocities `(n,)` and residuals `(sum rows,)`.
-    pub v: Vec<S>,
-    pub residual: Vec<S>,
+pub struct Regular<S> {
+    n: usize,
+    rows: Vec<usize>,
+    /// Levels that fit into the freedom left: their rows come first and are rows of `L`.
+    fitting: usize,
+    exact: bool,
+    /// Squares of the thresholds, where they are given.
+    eps2: Option<Vec<S>>,
+    metric: Option<Metric<S>>,
+    factor: Factor<S>,
+    /// The rows of the level that does not fit, where freedom is left for it.
+    tall: Vec<S>,
     /// Squares of the largest row norm and of the Frobenius norm of each level.
     most2: Vec<S>,
     norm2: Vec<S>,
-    /// Rows that do not fit into the freedom, padded to a compiled length.
-    tail: Vec<S>,
     r: Vec<S>,
     z: Vec<S>,
+    /// The answer: joint velocities `(n,)` and residuals `(sum rows,)`.
+    pub v: Vec<S>,
+    pub residual: Vec<S>,
 }
 
-impl<S: Real> Room<S> {
-    pub fn new(n: usize, rows: &[usize]) -> Self {
-        let (fit, _) = fitting(n, rows);
+impl<S: Real> Regular<S> {
+    /// For levels of these sizes, thresholds and metric; `None` for a method that does not take this route.
+    pub fn new(n: usize, rows: &[usize], method: Method, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
+        if !method.has_regular_route() {
+            return None;
+        }
+        let (mut fit, mut fitting) = (0, 0);
+        while fitting < rows.len() && fit + rows[fitting] <= n {
+            fit += rows[fitting];
+            fitting += 1;
+        }
+        let behind = if fit < n { rows.get(fitting).copied().unwrap_or(0) } else { 0 };
         let most = rows.iter().copied().max().unwrap_or(0).max(n);
         let zeros = |k: usize| vec![S::zero(); k];
-        let behind = rows.iter().sum::<usize>() - fit;
-        Room {
-            v: zeros(n),
-            residual: zeros(rows.iter().sum()),
+        let mut route = Regular {
+            n,
+            rows: rows.to_vec(),
+            fitting,
+            exact: method == Method::Exact,
+            eps2: None,
+            metric: metric.map(Metric::lift),
+            factor: Factor::new(n, fit),
+            tall: zeros(behind * n),
             most2: zeros(rows.len()),
             norm2: zeros(rows.len()),
-            tail: zeros(if n <= MOST_JOINTS { behind * compiled(n) } else { 0 }),
             r: zeros(most),
             z: zeros(most),
+            v: zeros(n),
+            residual: zeros(rows.iter().sum()),
+        };
+        if let Some(eps) = eps {
+            route.set_eps(eps);
+        }
+        Some(route)
+    }
+
+    pub fn set_eps(&mut self, eps: &[f64]) {
+        self.eps2 = Some(eps.iter().map(|eps| S::from_lanes(|_| eps * eps)).collect());
+    }
+
+    /// Solve into `v` and `residual` for the stack `(sum rows, n)` and its command; one where the route stands, zero where some level is
+    /// not provably regular or some number is not tame.
+    #[inline(always)]
+    pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S {
+        self.load(jacobian);
+        self.factor.y.fill(S::zero());
+        let fit = self.rows[..self.fitting].iter().sum::<usize>();
+        for at in 0..fit {
+            self.factor.eliminate(at, command[at]);
+        }
+        let stands = self.judge(rounding, command);
+        let Regular { n, metric, factor, v, residual, .. } = self;
+        factor.turn_back(v);
+        if let Some(metric) = metric {
+            metric.velocity(v);
+        }
+        // What is not finite compares with nothing.
+        let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
+        residual.iter_mut().zip(jacobian.chunks_exact(*n)).zip(command).fold(stands, |stands, ((residual, row), &command)| {
+            *residual = command - product(row, v);
+            S::select(residual.abs().lt(infinity), stands, zero)
+        })
+    }
+
+    /// The stack in the coordinates of the metric, and the norms of its levels.
+    #[inline(always)]
+    fn load(&mut self, jacobian: &[S]) {
+        let Regular { n, rows, fitting, metric, factor, tall, most2, norm2, .. } = self;
+        let (n, fit) = (*n, factor.l.len());
+        let mut at = 0;
+        for (i, &m) in rows.iter().enumerate().take(*fitting + 1) {
+            let level = if i < *fitting { &mut factor.l[at..at + m * n] } else { &mut tall[..] };
+            debug_assert!(i < *fitting || at == fit, "the level that does not fit comes behind those that do");
+            let (mut most, mut sum) = (S::zero(), S::zero());
+            for (row, given) in level.chunks_exact_mut(n).zip(jacobian[at..].chunks_exact(n)) {
+                row.copy_from_slice(given);
+                if let Some(metric) = metric {
+                    metric.row(row);
+                }
+                let row2 = product(row, row);
+                most = S::select(most.lt(row2), row2, most);
+                sum += row2;
+            }
+            (most2[i], norm2[i]) = (most, sum);
+            at += m * n;
         }
     }
-}
 
-/// The row length that `n <= MOST_JOINTS` joints are solved at.
-fn compiled(n: usize) -> usize {
-    [2, 3, 4, 6, 7, 8, 12].into_iter().find(|&size| n <= size).unwrap_or(MOST_JOINTS)
-}
-
-/// Rows and number of the levels that fit into the freedom left; their rows come first and are rows of a square `L`.
-#[inline(always)]
-fn fitting(n: usize, rows: &[usize]) -> (usize, usize) {
-    let (mut fit, mut levels) = (0, 0);
-    while levels < rows.len() && fit + rows[levels] <= n {
-        fit += rows[levels];
-        levels += 1;
+    /// Whether every level is regular, with the coordinates of the level that does not fit.
+    #[inline(always)]
+    fn judge(&mut self, rounding: S, command: &[S]) -> S {
+        let Regular { n, rows, fitting, exact, eps2, factor, tall: behind, most2, norm2, r, z, .. } = self;
+        let (one, zero) = (S::splat(1.0), S::zero());
+        let (mut stands, mut used, mut condition) = (one, 0, one);
+        for (i, &m) in rows.iter().enumerate() {
+            let p = m.min(*n - used);
+            // A level without rows or freedom decides nothing, so that it cannot change the route of the levels above it.
+            if p == 0 {
+                continue;
+            }
+            let norm2 = norm2[i];
+            stands = S::select(S::splat(TAME.start).lt(norm2), S::select(norm2.lt(S::splat(TAME.end)), stands, zero), zero);
+            let inverse2 = if i < *fitting {
+                factor.inverse_norm2(used, m, z)
+            } else {
+                behind.chunks_exact_mut(*n).for_each(|row| factor.turn(row));
+                tall(behind, &command[used..used + m], used, &mut factor.y, r, z)
+            };
+            used += p;
+            let excess = if *exact {
+                let relative2 = inverse2 * norm2;
+                let floor = S::splat(EXACT_FLOOR).max(rounding * condition);
+                condition *= relative2.sqrt();
+                relative2 * floor * floor
+            } else {
+                inverse2 * eps2.as_ref().map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2[i], |eps2| eps2[i])
+            };
+            // NaN fails every comparison and declines.
+            stands = S::select(one.lt(excess), zero, S::select(excess.lt(S::splat(2.0)), stands, zero));
+        }
+        stands
     }
-    (fit, levels)
 }
 
-/// Directions that every level realises on this route.
-pub(super) fn regular_ranks<'a>(n: usize, rows: &'a [usize]) -> impl Iterator<Item = usize> + 'a {
+/// Directions of every level that are realised where the route stands.
+pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = usize> {
     rows.iter().scan(n, |free, &m| {
         let p = m.min(*free);
         *free -= p;
@@ -143,124 +175,70 @@ pub(super) fn regular_ranks<'a>(n: usize, rows: &'a [usize]) -> impl Iterator<It
     })
 }
 
-/// Solve into the room; false where some level is not provably regular or some number is not tame.
-#[inline(always)]
-pub(super) fn regular<S: Real, const N: usize>(asked: &Asked, rounding: S, given: &impl Given<S>, room: &mut Room<S>) -> S::Mask {
-    let (n, rows) = (asked.n, asked.rows);
-    let (fit, levels) = fitting(n, rows);
-    let zero = S::zero();
-    let mut f = Factor::<S, N>::new();
-    let Room { v, residual, most2, norm2, tail, r: rest, z } = room;
-    let (tail, _) = tail.as_chunks_mut::<N>();
-    let mut at = 0;
-    for (i, &m) in rows.iter().enumerate() {
-        let (mut most, mut sum) = (zero, zero);
-        for r in at..at + m {
-            let mut row = given.row::<N>(r, n);
-            if let Some(metric) = asked.metric {
-                metric.row(&mut row[..n]);
-            }
-            let row2 = product(0, N, &row, &row);
-            most = S::select(most.lt(row2), row2, most);
-            sum += row2;
-            if r < fit {
-                f.l[r] = row;
-            } else {
-                tail[r - fit] = row;
-            }
-        }
-        (most2[i], norm2[i]) = (most, sum);
-        at += m;
-    }
-    if N == 4 {
-        // Written out, so that the indices are constants for the smallest redundant arms.
-        f.eliminate(0, fit, given);
-        f.eliminate(1, fit, given);
-        f.eliminate(2, fit, given);
-        f.eliminate(3, fit, given);
-    } else {
-        (0..fit).for_each(|at| f.eliminate(at, fit, given));
-    }
-    let behind = rows.iter().sum::<usize>() - fit;
-    for at in 0..fit {
-        tail[..behind].iter_mut().for_each(|row| reflect(at, &f.h[at], f.beta[at], row));
-    }
-    // One where the route stands, zero where it does not. NaN fails every comparison and declines.
-    let one = S::splat(1.0);
-    let (mut stands, mut used, mut condition) = (one, 0, one);
-    for (i, &m) in rows.iter().enumerate() {
-        let p = m.min(n - used);
-        // A level without rows or freedom decides nothing, so that it cannot change the route of the levels above it.
-        if p == 0 {
-            continue;
-        }
-        let norm2 = norm2[i];
-        stands = S::select(S::splat(TAME.start).lt(norm2), S::select(norm2.lt(S::splat(TAME.end)), stands, zero), zero);
-        let inverse2 = if i < levels { f.inverse_norm2(used, m, z) } else { tall(&mut tail[..m], given, fit, p, &mut f.y, rest, z) };
-        used += p;
-        let excess = if asked.exact {
-            let relative2 = inverse2 * norm2;
-            let floor = S::splat(EXACT_FLOOR).max(rounding * condition);
-            condition *= relative2.sqrt();
-            relative2 * floor * floor
-        } else {
-            let eps2 = asked.eps.map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2[i], |eps| S::splat(eps[i] * eps[i]));
-            inverse2 * eps2
-        };
-        stands = S::select(one.lt(excess), zero, S::select(excess.lt(S::splat(2.0)), stands, zero));
-        if !S::any(zero.lt(stands)) {
-            return zero.lt(stands);
-        }
-    }
-    if N == 4 {
-        f.back(3, fit);
-        f.back(2, fit);
-        f.back(1, fit);
-        f.back(0, fit);
-    } else {
-        (0..fit).rev().for_each(|at| f.back(at, fit));
-    }
-    let mut y = f.y;
-    if let Some(metric) = asked.metric {
-        metric.velocity(&mut y[..n]);
-    }
-    match <&mut [S; N]>::try_from(&mut v[..]) {
-        Ok(v) => *v = y,
-        Err(_) => v.copy_from_slice(&y[..n]),
-    }
-    let mut sound = zero;
-    for (r, residual) in residual.iter_mut().enumerate() {
-        *residual = given.command(r) - product(0, N, &given.row::<N>(r, n), &y);
-        sound = residual.mul_add(zero, sound);
-    }
-    S::select(sound.lt(one), zero, one).lt(stands)
+/// The route on the number of this machine.
+#[derive(Debug, Clone)]
+pub(super) enum Single {
+    Baseline(Regular<f64>),
+    Fused { route: Regular<Fused>, jacobian: Vec<Fused>, command: Vec<Fused> },
 }
 
-/// A solve compiled for one row length, in the region of its number.
-struct Single<'a, S, const N: usize> {
-    asked: Asked<'a>,
+impl Single {
+    /// As [`Regular::new`].
+    pub fn new(n: usize, rows: &[usize], method: Method, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
+        let total = rows.iter().sum::<usize>();
+        Some(match isa() {
+            Isa::Baseline => Single::Baseline(Regular::new(n, rows, method, eps, metric)?),
+            Isa::Avx2 | Isa::Avx512 => {
+                let (jacobian, command) = (vec![Fused::zero(); total * n], vec![Fused::zero(); total]);
+                Single::Fused { route: Regular::new(n, rows, method, eps, metric)?, jacobian, command }
+            }
+        })
+    }
+
+    pub fn set_eps(&mut self, eps: &[f64]) {
+        match self {
+            Single::Baseline(route) => route.set_eps(eps),
+            Single::Fused { route, .. } => route.set_eps(eps),
+        }
+    }
+
+    /// Solve into `v` and `residual`; false where the route declines.
+    pub fn solve(&mut self, rounding: f64, jacobian: &[f64], command: &[f64], v: &mut [f64], residual: &mut [f64]) -> bool {
+        match self {
+            Single::Baseline(route) => {
+                let stands = route.solve(rounding, jacobian, command) == 1.0;
+                v.copy_from_slice(&route.v);
+                residual.copy_from_slice(&route.residual);
+                stands
+            }
+            Single::Fused { route, jacobian: j, command: c } => {
+                Fused::enter(OnFused { route, j, c, rounding, jacobian, command, v, residual })
+            }
+        }
+    }
+}
+
+/// A solve in the region of its number.
+struct OnFused<'a> {
+    route: &'a mut Regular<Fused>,
+    j: &'a mut [Fused],
+    c: &'a mut [Fused],
     rounding: f64,
-    given: Plain<'a>,
-    room: &'a mut Room<S>,
+    jacobian: &'a [f64],
+    command: &'a [f64],
+    v: &'a mut [f64],
+    residual: &'a mut [f64],
 }
 
-impl<S: Real, const N: usize> Kernel for Single<'_, S, N> {
+impl Kernel for OnFused<'_> {
     type Output = bool;
     #[inline(always)]
     fn run(self) -> bool {
-        S::all(regular::<S, N>(&self.asked, S::splat(self.rounding), &self.given, self.room))
+        self.j.iter_mut().zip(self.jacobian).for_each(|(to, &from)| *to = Fused(from));
+        self.c.iter_mut().zip(self.command).for_each(|(to, &from)| *to = Fused(from));
+        let stands = self.route.solve(Fused(self.rounding), self.j, self.c);
+        self.v.iter_mut().zip(&self.route.v).for_each(|(to, from)| *to = from.0);
+        self.residual.iter_mut().zip(&self.route.residual).for_each(|(to, from)| *to = from.0);
+        stands.0 == 1.0
     }
-}
-
-/// One stack; false where the route declines.
-pub(super) fn single<S: Real>(asked: Asked, rounding: f64, given: Plain, room: &mut Room<S>) -> bool {
-    macro_rules! of_length {
-        ($($n:literal)*) => {
-            match compiled(asked.n) {
-                $($n => S::enter(Single::<S, $n> { asked, rounding, given, room }),)*
-                _ => S::enter(Single::<S, MOST_JOINTS> { asked, rounding, given, room }),
-            }
-        };
-    }
-    of_length!(2 3 4 6 7 8 12)
 }

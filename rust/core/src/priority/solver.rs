@@ -5,10 +5,12 @@
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
 use super::metric::Metric;
+use super::regular::{Regular, Single};
 use super::sns::Saturation;
 use super::workspace::{TAME, Workspace};
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::{dot, largest};
+use crate::scalar::Real;
 use crate::status::Status;
 
 /// Prioritised inverse kinematics for `n` joints and levels of fixed sizes; `solve` does not allocate.
@@ -56,6 +58,7 @@ impl PrioritySolver {
         if let Some(weight) = &options.weight {
             work.metric = Some(Metric::new(weight, n)?);
         }
+        work.regular = Single::new(n, rows, options.method, work.eps.as_deref(), work.metric.as_ref());
         let saturation = (options.method == Method::Sns).then(|| Saturation::new(n));
         let mut solver = PrioritySolver { method: options.method, work, saturation, status: Status::Success };
         solver.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
@@ -95,8 +98,14 @@ impl PrioritySolver {
         self.work.rounding
     }
 
-    pub(super) fn thresholds_and_metric(&self) -> (Option<&[f64]>, Option<&Metric>) {
-        (self.work.eps.as_deref(), self.work.metric.as_ref())
+    /// Thresholds of each level, where they are given.
+    pub fn eps(&self) -> Option<&[f64]> {
+        self.work.eps.as_deref()
+    }
+
+    /// The route without a branch, for stacks away from singularities, on another number; `None` where the method has none.
+    pub fn regular<S: Real>(&self) -> Option<Regular<S>> {
+        Regular::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
     }
 
     /// Relative error of the entries of the next Jacobians, `8 eps (1 + sum|q|)` when an arm made them.
@@ -117,6 +126,9 @@ impl PrioritySolver {
         match &mut self.work.eps {
             Some(own) => own.copy_from_slice(eps),
             None => self.work.eps = Some(eps.to_vec()),
+        }
+        if let Some(regular) = &mut self.work.regular {
+            regular.set_eps(eps);
         }
         Ok(())
     }
@@ -192,17 +204,16 @@ impl PrioritySolver {
 
     /// Solve for what stands in `inputs`.
     pub fn run(&mut self) -> Result<Status> {
-        let w = &mut self.work;
-        let regular = match self.method {
-            Method::Exact => w.solve_regular(true),
-            Method::Clamp | Method::Damped => w.solve_regular(false),
-            Method::Chiaverini | Method::Sns => false,
-        };
-        if regular {
-            w.lost.fill(false);
+        if self.work.solve_regular() {
+            self.work.lost.fill(false);
             self.status = Status::Success;
             return Ok(self.status);
         }
+        self.run_singular()
+    }
+
+    /// The same by singular values alone: for a stack of which the regular route is known to decline.
+    pub fn run_singular(&mut self) -> Result<Status> {
         self.prepare()?;
         let w = &mut self.work;
         match self.method {

@@ -1,28 +1,11 @@
 //! The buffers of a solve: allocated once, sized by the number of joints and the rows of each level.
 
 use super::metric::Metric;
-use super::regular::{Asked, MOST_JOINTS, Plain, Room, regular_ranks, single};
+use super::regular::{Single, regular_ranks};
 use crate::linalg::svd::Svd;
-use crate::scalar::{Fused, Isa, Real, isa};
 
 /// Squares of a level's norm outside this range send it through scaling by a power of two.
 pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
-
-/// The regular route on the number of this machine.
-#[derive(Debug, Clone)]
-enum Regular {
-    Baseline(Room<f64>),
-    Fused(Room<Fused>),
-}
-
-impl Regular {
-    fn new(n: usize, rows: &[usize]) -> Self {
-        match isa() {
-            Isa::Baseline => Regular::Baseline(Room::new(n, rows)),
-            Isa::Avx2 | Isa::Avx512 => Regular::Fused(Room::new(n, rows)),
-        }
-    }
-}
 
 #[derive(Debug, Clone)]
 pub(super) struct Workspace {
@@ -53,8 +36,8 @@ pub(super) struct Workspace {
     pub r: Vec<f64>,
     pub t: Vec<f64>,
     pub z: Vec<f64>,
-    /// Buffers of the regular route.
-    regular: Regular,
+    /// The regular route, for methods that take it.
+    pub regular: Option<Single>,
     /// The answer in metric coordinates.
     pub y: Vec<f64>,
     /// Results.
@@ -96,7 +79,7 @@ impl Workspace {
             r: vec![0.0; most],
             t: vec![0.0; most * n],
             z: vec![0.0; most],
-            regular: Regular::new(n, rows),
+            regular: None,
             y: vec![0.0; n],
             v: vec![0.0; n],
             residual: vec![0.0; total],
@@ -111,24 +94,9 @@ impl Workspace {
     }
 
     /// Solve into `v`, `residual` and `ranks`; false if some level is not provably regular or some number is not tame.
-    pub fn solve_regular(&mut self, exact: bool) -> bool {
-        if self.n > MOST_JOINTS {
-            return false;
-        }
-        let Workspace { n, rows, jacobian, command, metric, eps, rounding, v, residual, ranks, .. } = self;
-        let asked = Asked { n: *n, rows, eps: eps.as_deref(), metric: metric.as_ref(), exact };
-        let given = Plain { jacobian, command };
-        fn answer<S: Real>(stands: bool, room: &Room<S>, v: &mut [f64], residual: &mut [f64]) -> bool {
-            if stands {
-                v.iter_mut().zip(&room.v).for_each(|(to, from)| *to = from.lane(0));
-                residual.iter_mut().zip(&room.residual).for_each(|(to, from)| *to = from.lane(0));
-            }
-            stands
-        }
-        let stands = match &mut self.regular {
-            Regular::Baseline(room) => answer(single(asked, *rounding, given, room), room, v, residual),
-            Regular::Fused(room) => answer(single(asked, *rounding, given, room), room, v, residual),
-        };
+    pub fn solve_regular(&mut self) -> bool {
+        let Workspace { n, rows, regular, jacobian, command, rounding, v, residual, ranks, .. } = self;
+        let stands = regular.as_mut().is_some_and(|regular| regular.solve(*rounding, jacobian, command, v, residual));
         if stands {
             ranks.iter_mut().zip(regular_ranks(*n, rows)).for_each(|(to, rank)| *to = rank);
         }

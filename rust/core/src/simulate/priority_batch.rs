@@ -1,10 +1,10 @@
-//! Prioritised velocities for many rows, in lanes and threads: every row has the bits of a solve by itself, whatever rows share a lane
+//! Prioritised velocities for many rows, in threads: every row has the bits of a solve by itself, whatever rows share a lane
 //! group, a chunk or a thread with it.
 
 use crate::interrupt::{Watch, interruptible};
-use crate::law::{ArmLanes, ArmSolver};
+use crate::law::{ArmBatch, ArmSolver};
 use crate::parallel;
-use crate::priority::{LaneSolver, PrioritySolver, StackAnswers, StackRows};
+use crate::priority::{PrioritySolver, StackAnswers, StackBatch, StackRows};
 use crate::status::Status;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -27,17 +27,17 @@ pub fn solve_rows(
     poll: &mut dyn FnMut() -> bool,
 ) -> bool {
     let (n, m) = (solver.n(), solver.rows().iter().sum::<usize>());
-    let shared = velocities.len() == m;
+    let (shared, batch) = (velocities.len() == m, ArmBatch::new(solver, status.len()));
     let parts = v.chunks_mut(CHUNK * n).zip(status.chunks_mut(CHUNK)).enumerate().collect::<Vec<_>>();
     each(
         parts,
         threads,
         poll,
-        || ArmLanes::new(solver),
-        |lanes, (k, (v, status))| {
+        || batch.clone(),
+        |batch, (k, (v, status))| {
             let (first, last) = (k * CHUNK, k * CHUNK + status.len());
             let command = if shared { velocities } else { &velocities[first * m..last * m] };
-            lanes.solve(&q[first * n..last * n], command, v, status);
+            batch.solve(&q[first * n..last * n], command, v, status);
         },
     )
 }
@@ -63,13 +63,14 @@ pub fn solve_stacks(
         };
         parts.push((first, part));
     }
+    let batch = StackBatch::new(solver, count);
     each(
         parts,
         threads,
         poll,
-        || LaneSolver::new(solver),
-        |lanes, (first, mut part)| {
-            lanes.solve(given, first, first + part.status.len(), &mut part);
+        || batch.clone(),
+        |batch, (first, mut part)| {
+            batch.solve(given, first, first + part.status.len(), &mut part);
         },
     )
 }

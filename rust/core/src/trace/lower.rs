@@ -9,8 +9,9 @@ use super::tape::{Memo, Op};
 use crate::scalar::trig;
 
 /// Lower a part of a recording; `fused`: the target has fused multiply-add. Input `k` is in slot `k`.
-/// Where angles occur, `reach_slot` receives the largest magnitude of them and of what it holds.
-pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
+/// `contract`: products are fused with sums where nothing else reads them. Without it each operation rounds as it was recorded, so that
+/// the bits are those of direct evaluation. Where angles occur, `reach_slot` receives the largest magnitude of them and of what it holds.
+pub fn lower(part: Part, reach_slot: u32, fused: bool, contract: bool) -> Straight {
     let Part { ops, outputs, .. } = part;
     let mut lowering = Lowering {
         part,
@@ -20,6 +21,7 @@ pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
         turns: Vec::new(),
         constants: Memo::default(),
         fused,
+        contract: fused && contract,
         out: Straight::default(),
     };
     lowering.entries();
@@ -50,6 +52,7 @@ struct Lowering<'a> {
     turns: Vec<u32>,
     constants: Memo<u64>,
     fused: bool,
+    contract: bool,
     out: Straight,
 }
 
@@ -97,7 +100,7 @@ impl Lowering<'_> {
     /// The factors of entry `a`, if it is a product that one entry alone reads and that is therefore fused with it.
     fn product(&self, a: u32) -> Option<(u32, u32)> {
         match self.ops[a as usize] {
-            Op::Mul(x, y) if self.fused && self.uses[a as usize] == 1 && !self.part.is_before(a) => Some((x, y)),
+            Op::Mul(x, y) if self.contract && self.uses[a as usize] == 1 && !self.part.is_before(a) => Some((x, y)),
             _ => None,
         }
     }

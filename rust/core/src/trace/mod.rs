@@ -2,7 +2,8 @@
 //! instructions of one instruction set, and run for one run or for many lanes.
 //!
 //! `sym`, `tape`: recording and folding. `straight`, `lower`: straight-line instructions. `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code.
-//! `portable`: the same bits without it. `frame`: the memory a program runs on. `program`: all of it behind one door.
+//! `portable`: the same bits without it. `frame`: the memory a program runs on; `rows`: the caller's rows to it and back. `function`:
+//! functions of numbers that are kept. `program`: all of it behind one door.
 
 #[cfg(any(test, target_arch = "aarch64"))]
 pub mod aarch64;
@@ -12,6 +13,7 @@ pub mod emit;
 #[cfg(test)]
 mod emulated_tests;
 pub mod frame;
+pub mod function;
 #[cfg(test)]
 mod harness;
 pub mod instruction;
@@ -22,6 +24,7 @@ pub mod memory;
 mod opcode;
 mod portable;
 pub mod program;
+pub mod rows;
 pub mod segments;
 #[cfg(test)]
 mod simulator;
@@ -36,6 +39,7 @@ mod trials;
 pub mod x86;
 
 pub use frame::Frame;
+pub use function::Evaluation;
 pub use program::{Engine, Program, Room, engine, form};
 pub use segments::Cut;
 pub use straight::{Part, Places, Stream};

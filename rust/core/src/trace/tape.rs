@@ -219,6 +219,14 @@ impl Tape {
         }
     }
 
+    /// As `trivial_product`, where a sum with it rounds as the fused operation does.
+    fn exact_product(&mut self, a: u32, b: u32) -> Option<u32> {
+        match (self.value(a), self.value(b)) {
+            (Some(x), Some(y)) if x.mul_add(y, -(x * y)) != 0.0 => None,
+            _ => self.trivial_product(a, b),
+        }
+    }
+
     pub fn mul(&mut self, a: u32, b: u32) -> u32 {
         if let Some(product) = self.trivial_product(a, b) {
             return product;
@@ -238,7 +246,7 @@ impl Tape {
     }
 
     pub fn fma(&mut self, a: u32, b: u32, c: u32) -> u32 {
-        if let Some(product) = self.trivial_product(a, b) {
+        if let Some(product) = self.exact_product(a, b) {
             return self.add(product, c);
         }
         if self.value(c) == Some(0.0) {
@@ -253,7 +261,7 @@ impl Tape {
     }
 
     pub fn fnma(&mut self, a: u32, b: u32, c: u32) -> u32 {
-        if let Some(product) = self.trivial_product(a, b) {
+        if let Some(product) = self.exact_product(a, b) {
             return self.sub(c, product);
         }
         match (self.negated(a), self.negated(b)) {

@@ -1,0 +1,103 @@
+//! The maps of `priority` on an arm for many rows of joint angles: kinematics and solution as one program, one row per lane.
+
+use super::ArmSolver;
+use crate::interrupt::look;
+use crate::priority::FEW;
+use crate::status::Status;
+use crate::trace::{Evaluation, Sym};
+use std::sync::{Arc, Mutex};
+
+/// Solves many rows on the calling thread; its buffers last. Every row has the bits and the status of [`ArmSolver::solve`] of the same
+/// instruction set.
+#[derive(Clone)]
+pub struct ArmBatch {
+    program: Option<Evaluation>,
+    single: ArmSolver,
+    declined: Vec<usize>,
+}
+
+/// The program of a solver, and the thresholds it was made with.
+type Made = Option<(Option<Vec<f64>>, Option<Evaluation>)>;
+
+/// Room for the program of a solver, shared by its copies.
+pub(super) type Kept = Arc<Mutex<Made>>;
+
+/// The program of a solver that has made it already, or a new one. Never waits: a process that was forked while another thread of its
+/// parent held the lock would wait for ever.
+fn program(solver: &ArmSolver) -> Option<Evaluation> {
+    let eps = solver.solver().eps();
+    let mut kept = solver.kept().try_lock().ok();
+    if let Some(Some((made_with, program))) = kept.as_deref()
+        && made_with.as_deref() == eps
+    {
+        return program.clone();
+    }
+    let program = recorded(solver);
+    if let Some(kept) = &mut kept {
+        **kept = Some((eps.map(<[f64]>::to_vec), program.clone()));
+    }
+    program
+}
+
+/// From the angles and the command to the velocities.
+fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
+    let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
+    solver.solver().recorded(
+        n + total,
+        false,
+        || solver.stack().lift::<Sym>(),
+        |mut tasks, inputs| {
+            let (q, command) = inputs.split_at(n);
+            let mut jacobian = vec![Sym::default(); total * n];
+            tasks.place(q);
+            tasks.jacobians(&mut jacobian);
+            (tasks.rounding(), jacobian, command.to_vec())
+        },
+    )
+}
+
+impl ArmBatch {
+    /// Of the tasks and with the options of `solver`, for so many rows.
+    pub fn new(solver: &ArmSolver, rows: usize) -> Self {
+        let program = if rows < FEW { None } else { program(solver) };
+        ArmBatch { program, single: solver.clone(), declined: Vec::new() }
+    }
+
+    /// `q` `(rows, n)`, `velocities` `(rows, m)` or one `(m,)` for all; answers into `v` `(rows, n)` and `status` `(rows,)`. A row that
+    /// fails is NaN with `Status::Diverged`.
+    pub fn solve(&mut self, q: &[f64], velocities: &[f64], v: &mut [f64], status: &mut [Status]) {
+        let ArmBatch { program, single, declined } = self;
+        let (n, m) = (single.n(), single.rows().iter().sum::<usize>());
+        declined.clear();
+        if let Some(program) = program {
+            status.fill(Status::Success);
+            let lanes = program.lanes();
+            for at in (0..status.len()).step_by(lanes) {
+                program.read(0, q, n, at);
+                program.read(n, velocities, m, at);
+                program.run();
+                let end = (at + lanes).min(status.len());
+                program.write(1, n, &mut v[at * n..end * n]);
+                let stands = program.output(0);
+                declined.extend((at..end).filter(|row| !(stands[row - at] == 1.0 && program.is_near(row - at))));
+            }
+        } else {
+            declined.extend(0..status.len());
+        }
+        for &row in declined.iter() {
+            look();
+            let command = if velocities.len() == m { velocities } else { &velocities[row * m..(row + 1) * m] };
+            let v = &mut v[row * n..(row + 1) * n];
+            match single.solve(&q[row * n..(row + 1) * n], command) {
+                Ok(ended) => {
+                    status[row] = ended;
+                    v.copy_from_slice(single.solver().v());
+                }
+                Err(_) => {
+                    status[row] = Status::Diverged;
+                    v.fill(f64::NAN);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Many stacks of the same sizes: (5) by the program of `regular`, one stack per lane. A stack where that route declines is left to the
+//! recursion over singular values, alone, so that every row has the bits, ranks and status of a single solve, whatever its neighbours are.
+
+use super::regular::regular_ranks;
+use super::solver::PrioritySolver;
+use crate::error::Result;
+use crate::interrupt::look;
+use crate::status::Status;
+use crate::trace::Sym;
+use crate::trace::function::{Evaluation, record};
+
+/// What there may be to compute for a program: beyond, its code leaves the caches, and stacks are solved one by one.
+const MOST: usize = 12_000;
+
+/// Fewer rows than this are solved one by one, with the same bits, before a program is there.
+pub const FEW: usize = 32;
+
+impl PrioritySolver {
+    /// The regular route for lanes as a function of what `stack` makes, from so many inputs: rounding, Jacobians and command. The answer:
+    /// one where it stands and zero where it declines, `v` and, if wanted, the residuals. `None` where there is no such route.
+    pub fn recorded<T>(
+        &self,
+        inputs: usize,
+        residuals: bool,
+        set_up: impl FnOnce() -> T,
+        stack: impl FnOnce(T, &[Sym]) -> (Sym, Vec<Sym>, Vec<Sym>),
+    ) -> Option<Evaluation> {
+        let size = self.n() * self.n() * self.rows().iter().sum::<usize>();
+        if !self.method().has_regular_route() || size > MOST {
+            return None;
+        }
+        let set_up = || (self.regular::<Sym>(), set_up());
+        record(true, inputs, set_up, |(route, made), inputs| {
+            let Some(mut route) = route else { return Vec::new() };
+            let (rounding, jacobian, command) = stack(made, inputs);
+            let stands = route.solve(rounding, &jacobian, &command);
+            let rest = if residuals { &route.residual[..] } else { &[] };
+            [&[stands], &route.v[..], rest].concat()
+        })
+    }
+}
+
+/// A batch of stacks from plain matrices: per level Jacobians `(count, rows_i, n)` and velocities `(count, rows_i)`, row-major, or one of
+/// them for all rows.
+#[derive(Clone, Copy)]
+pub struct StackRows<'a> {
+    pub jacobians: &'a [&'a [f64]],
+    pub velocities: &'a [&'a [f64]],
+}
+
+/// The answers of some rows: `v` `(count, n)`, per level residuals `(count, rows_i)`, `ranks` and `scales` `(count, levels)`,
+/// `status` `(count,)` by code. A row that fails is NaN with `Status::Diverged` and ranks of zero.
+pub struct StackAnswers<'a> {
+    pub v: &'a mut [f64],
+    pub residuals: Vec<&'a mut [f64]>,
+    pub ranks: &'a mut [i64],
+    pub scales: &'a mut [f64],
+    pub status: &'a mut [i32],
+}
+
+/// Solves batches of stacks on the calling thread; its buffers last.
+#[derive(Clone)]
+pub struct StackBatch {
+    program: Option<Evaluation>,
+    single: PrioritySolver,
+    ranks: Vec<i64>,
+    declined: Vec<usize>,
+}
+
+impl StackBatch {
+    /// With the sizes and options of `solver`, for so many rows.
+    pub fn new(solver: &PrioritySolver, rows: usize) -> Self {
+        let total = solver.rows().iter().sum::<usize>();
+        let n = solver.n();
+        let stack = |(), inputs: &[Sym]| {
+            let (jacobian, rest) = inputs.split_at(total * n);
+            (rest[total], jacobian.to_vec(), rest[..total].to_vec())
+        };
+        let mut program = if rows < FEW { None } else { solver.recorded(total * (n + 1) + 1, true, || (), stack) };
+        if let Some(program) = &mut program {
+            program.inputs(total * (n + 1), 1).fill(solver.rounding());
+        }
+        let ranks = regular_ranks(n, solver.rows()).map(|rank| rank as i64).collect();
+        StackBatch { program, single: solver.clone(), ranks, declined: Vec::new() }
+    }
+
+    /// Solve rows `first..last` of the batch.
+    pub fn solve(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
+        let count = last - first;
+        self.declined.clear();
+        if self.program.is_some() {
+            self.run(given, first, last, answers);
+        } else {
+            self.declined.extend(0..count);
+        }
+        if self.declined.len() < count {
+            answers.ranks.chunks_exact_mut(self.ranks.len()).for_each(|ranks| ranks.copy_from_slice(&self.ranks));
+            answers.scales.fill(1.0);
+            answers.status.fill(Status::Success.code());
+        }
+        let StackBatch { program, single, declined, .. } = self;
+        let (n, levels) = (single.n(), single.rows().len());
+        for &i in declined.iter() {
+            look();
+            let ended = solve_one(single, given, first + i, program.is_some());
+            let sound = ended.is_ok();
+            let or_nan = |x: f64| if sound { x } else { f64::NAN };
+            answers.status[i] = ended.unwrap_or(Status::Diverged).code();
+            answers.v[i * n..(i + 1) * n].iter_mut().zip(single.v()).for_each(|(to, x)| *to = or_nan(*x));
+            for (level, residual) in answers.residuals.iter_mut().enumerate() {
+                let m = single.rows()[level];
+                residual[i * m..(i + 1) * m].iter_mut().zip(single.residual(level)).for_each(|(to, x)| *to = or_nan(*x));
+                answers.ranks[i * levels + level] = if sound { single.ranks()[level] as i64 } else { 0 };
+                answers.scales[i * levels + level] = or_nan(single.scales()[level]);
+            }
+        }
+    }
+
+    /// All rows by the program; those that it declines are noted.
+    fn run(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
+        let StackBatch { program, single, declined, .. } = self;
+        let Some(program) = program else { return };
+        let (n, lanes, count) = (single.n(), program.lanes(), last - first);
+        for at in (0..count).step_by(lanes) {
+            let (mut to, mut residual) = (0, 1 + n);
+            for (level, &m) in single.rows().iter().enumerate() {
+                program.read(to, given.jacobians[level], m * n, first + at);
+                to += m * n;
+            }
+            for (level, &m) in single.rows().iter().enumerate() {
+                program.read(to, given.velocities[level], m, first + at);
+                to += m;
+            }
+            program.run();
+            let end = (at + lanes).min(count);
+            program.write(1, n, &mut answers.v[at * n..end * n]);
+            for (answer, &m) in answers.residuals.iter_mut().zip(single.rows()) {
+                program.write(residual, m, &mut answer[at * m..end * m]);
+                residual += m;
+            }
+            declined.extend((at..end).zip(program.output(0)).filter(|(_, stands)| **stands != 1.0).map(|(row, _)| row));
+        }
+    }
+}
+
+/// Row `i` of the batch by itself; by singular values alone where the regular route has declined it.
+fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, singular: bool) -> Result<Status> {
+    let (n, levels) = (solver.n(), solver.rows().len());
+    let (mut at, mut to) = (0, 0);
+    for level in 0..levels {
+        let m = solver.rows()[level];
+        let (jacobian, command) = solver.inputs();
+        jacobian[at..at + m * n].copy_from_slice(row(given.jacobians[level], m * n, i));
+        command[to..to + m].copy_from_slice(row(given.velocities[level], m, i));
+        at += m * n;
+        to += m;
+    }
+    if singular { solver.run_singular() } else { solver.run() }
+}
+
+/// Row `i` of values with rows of this width, or the only one.
+fn row(values: &[f64], width: usize, i: usize) -> &[f64] {
+    let i = if values.len() == width { 0 } else { i };
+    &values[i * width..(i + 1) * width]
+}

@@ -1,0 +1,235 @@
+//! A recorded function of numbers: a program that is made once per structure and kept.
+//!
+//! Its frame holds, slot after slot: the numbers of the set-up, the inputs, the largest angle that was turned by, and the answer. The
+//! program rounds as direct evaluation does: both give the same bits.
+
+use super::frame::Frame;
+use super::program::{Program, Room, engine, form};
+use super::rows;
+use super::straight::{Part, Places};
+use super::sym::{self, Sym};
+use super::tape::Op;
+use crate::scalar::trig::REDUCTION_LIMIT;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+
+/// Functions that are kept, and operations of all of them.
+const KEPT: usize = 64;
+const KEPT_OPERATIONS: usize = 1 << 20;
+
+/// One structure.
+struct Function {
+    ops: Vec<Op>,
+    answer: Vec<u32>,
+    program: Program,
+    layout: Layout,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+struct Layout {
+    given: usize,
+    inputs: usize,
+    lanes: bool,
+}
+
+impl Layout {
+    fn reach(self) -> usize {
+        self.given + self.inputs
+    }
+    fn answer(self) -> usize {
+        self.reach() + 1
+    }
+}
+
+/// A function with the numbers of its set-up, on a frame of its own: for one run or for as many as there are lanes.
+#[derive(Clone)]
+pub struct Evaluation {
+    function: Arc<Function>,
+    frame: Frame,
+}
+
+impl std::fmt::Debug for Evaluation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Evaluation({} operations)", self.function.program.operations())
+    }
+}
+
+/// Record `answer` of what `set_up` makes and of so many inputs, for one run or for lanes; `None` where the code branches on data.
+pub fn record<T>(lanes: bool, inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Evaluation> {
+    sym::begin();
+    let made = set_up();
+    let layout = Layout { given: sym::end_set_up(), inputs, lanes };
+    let inputs: Vec<Sym> = (0..inputs).map(|_| sym::input()).collect();
+    let answer = answer(made, &inputs).into_iter().map(Sym::index).collect();
+    let recording = sym::finish();
+    if recording.failed {
+        return None;
+    }
+    Some(Evaluation::new(Function::of(recording.ops, answer, layout), &recording.values))
+}
+
+impl Evaluation {
+    fn new(function: Arc<Function>, given: &[f64]) -> Self {
+        let Function { ops, answer, program, layout } = &*function;
+        let mut frame = Frame::new(program.slots().max(layout.answer() + answer.len()), form(layout.lanes).lanes());
+        program.prepare(&mut frame);
+        for (slot, &x) in given.iter().enumerate() {
+            frame.fill(slot, x);
+        }
+        // What is known is no output of the program.
+        for (k, &entry) in answer.iter().enumerate() {
+            if let Op::Const(bits) = ops[entry as usize] {
+                frame.fill(layout.answer() + k, f64::from_bits(bits));
+            }
+        }
+        Evaluation { function, frame }
+    }
+
+    pub fn lanes(&self) -> usize {
+        self.frame.lanes()
+    }
+
+    /// Operations of one run.
+    pub fn operations(&self) -> usize {
+        self.function.program.operations()
+    }
+
+    /// Rows `at..` of `given` to the inputs from `first` on, a row per lane; lanes beyond the last row repeat it.
+    pub fn read(&mut self, first: usize, given: &[f64], width: usize, at: usize) {
+        rows::read(&mut self.frame, self.function.layout.given + first, given, width, at);
+    }
+
+    /// The inputs from `first` on, of all lanes.
+    pub fn inputs(&mut self, first: usize, count: usize) -> &mut [f64] {
+        let (slot, lanes) = (self.function.layout.given + first, self.lanes());
+        &mut self.frame.numbers_mut()[slot * lanes..(slot + count) * lanes]
+    }
+
+    /// The answer at the inputs that are there.
+    #[inline]
+    pub fn run(&mut self) {
+        let Function { program, layout, .. } = &*self.function;
+        if program.turns() {
+            self.frame.fill(layout.reach(), 0.0);
+        }
+        program.run(&mut self.frame);
+    }
+
+    /// Number `k` of the answer in every lane.
+    pub fn output(&self, k: usize) -> &[f64] {
+        self.outputs(k, 1)
+    }
+
+    /// `count` numbers of the answer from `first` on, of all lanes.
+    pub fn outputs(&self, first: usize, count: usize) -> &[f64] {
+        let (slot, lanes) = (self.function.layout.answer() + first, self.lanes());
+        &self.frame.numbers()[slot * lanes..(slot + count) * lanes]
+    }
+
+    /// `length` numbers of the answer from `first` on as rows of `out`: of at most as many as there are lanes.
+    pub fn write(&self, first: usize, length: usize, out: &mut [f64]) {
+        if length > 0 {
+            rows::write(&self.frame, self.function.layout.answer() + first, length, out);
+        }
+    }
+
+    /// Whether lane `lane` turned by angles for which there are sines.
+    pub fn is_near(&self, lane: usize) -> bool {
+        let at = self.function.layout.reach() * self.lanes() + lane;
+        self.frame.numbers()[at] < REDUCTION_LIMIT
+    }
+}
+
+static KNOWN: Mutex<VecDeque<Arc<Function>>> = Mutex::new(VecDeque::new());
+
+/// The functions that are known, unless another thread looks at them. Never waits: a process that was forked while another thread of its
+/// parent held the lock would wait for ever.
+fn known() -> Option<MutexGuard<'static, VecDeque<Arc<Function>>>> {
+    match KNOWN.try_lock() {
+        Ok(known) => Some(known),
+        Err(TryLockError::Poisoned(poisoned)) => Some(PoisonError::into_inner(poisoned)),
+        Err(TryLockError::WouldBlock) => None,
+    }
+}
+
+impl Function {
+    /// The function of a recording: one that is there, or a new one. Those used last are kept.
+    fn of(ops: Vec<Op>, answer: Vec<u32>, layout: Layout) -> Arc<Function> {
+        let found = known().and_then(|mut known| {
+            let at = known.iter().position(|known| known.layout == layout && known.answer == answer && known.ops == ops)?;
+            let function = known.remove(at)?;
+            known.push_back(function.clone());
+            Some(function)
+        });
+        if let Some(found) = found {
+            return found;
+        }
+        let function = Arc::new(Function::new(ops, answer, layout));
+        if let Some(mut known) = known() {
+            known.push_back(function.clone());
+            while known.len() > KEPT || known.iter().map(|function| function.ops.len()).sum::<usize>() > KEPT_OPERATIONS {
+                known.pop_front();
+            }
+        }
+        function
+    }
+
+    fn new(ops: Vec<Op>, answer: Vec<u32>, layout: Layout) -> Self {
+        let is_known = |entry: u32| matches!(ops[entry as usize], Op::Const(_));
+        let slots = (layout.answer() as u32..).zip(answer.iter().copied());
+        let outputs: Vec<(u32, u32)> = slots.filter(|&(_, entry)| !is_known(entry)).collect();
+        let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &Places::default() };
+        let room = Room { reach: layout.reach() as u32, free: layout.answer() + answer.len() };
+        let program = Program::as_recorded(part, room, form(layout.lanes), engine());
+        Function { program, ops, answer, layout }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scalar::Real;
+
+    /// `[sin(k x) y, 3, x]`, with `k` from the set-up.
+    fn function(k: f64, lanes: bool) -> Option<Evaluation> {
+        record(lanes, 2, || Sym::from_lanes(|_| k), |k, xy| vec![(k * xy[0]).sin_cos().0 * xy[1], Sym::splat(3.0), xy[0]])
+    }
+
+    #[test]
+    fn a_function_answers_row_by_row() {
+        for lanes in [false, true] {
+            let mut f = function(0.7, lanes).expect("it does not branch");
+            let rows: Vec<f64> = (0..22).map(|i| if i == 6 { 2e6 } else { 0.3 * f64::from(i) - 1.0 }).collect();
+            let mut out = vec![0.0; 33];
+            for at in (0..11).step_by(f.lanes()) {
+                f.read(0, &rows, 2, at);
+                f.run();
+                let end = (at + f.lanes()).min(11);
+                f.write(0, 3, &mut out[3 * at..3 * end]);
+                for lane in 0..f.lanes().min(11 - at) {
+                    assert_eq!(f.is_near(lane), at + lane != 3, "the reach is that of each run alone");
+                }
+            }
+            for (i, (xy, answer)) in rows.chunks_exact(2).zip(out.chunks_exact(3)).enumerate().filter(|(i, _)| *i != 3) {
+                assert!((answer[0] - (0.7 * xy[0]).sin() * xy[1]).abs() < 1e-14, "{i}");
+                assert_eq!(answer[1..], [3.0, xy[0]]);
+            }
+        }
+    }
+
+    #[test]
+    fn one_structure_has_one_program_and_few_are_kept() {
+        let (first, second) = (function(0.2, true).expect("recorded"), function(0.3, true).expect("recorded"));
+        assert!(Arc::ptr_eq(&first.function, &second.function));
+        assert!(!Arc::ptr_eq(&first.function, &function(1.0, true).expect("recorded").function), "a one is structure");
+        for k in 0..2 * KEPT {
+            record(false, 1, || (), |(), x| vec![x[0] + Sym::splat(k as f64 + 0.5)]).expect("recorded");
+        }
+        assert!(known().is_some_and(|known| known.len() <= KEPT));
+    }
+
+    #[test]
+    fn code_that_reads_a_value_is_no_function() {
+        assert!(record(true, 1, || (), |(), x| vec![Sym::splat(x[0].lane(0))]).is_none());
+    }
+}

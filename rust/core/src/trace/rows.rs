@@ -1,0 +1,157 @@
+//! Rows of the caller's arrays, one run each, to the lanes of a frame and back: transposes, four by four where the processor has AVX2.
+
+use super::frame::Frame;
+use crate::scalar::lanes::{Isa, isa};
+
+/// Rows `at..` of `given`, `width` numbers each, to the slots from `first` on, a row per lane; lanes beyond the last row repeat it.
+pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: usize) {
+    if width == 0 {
+        return;
+    }
+    let (lanes, last) = (frame.lanes(), given.len() / width - 1);
+    let to = &mut frame.numbers_mut()[first * lanes..(first + width) * lanes];
+    #[cfg(target_arch = "x86_64")]
+    if width >= 4 && lanes.is_multiple_of(4) && isa() >= Isa::Avx2 {
+        for lane in (0..lanes).step_by(4) {
+            let rows = [0, 1, 2, 3].map(|k| &given[(at + lane + k).min(last) * width..][..width]);
+            // SAFETY: the processor has AVX2.
+            unsafe { avx2::read_four(rows, lane, lanes, to) };
+        }
+        return;
+    }
+    for lane in 0..lanes {
+        let row = &given[(at + lane).min(last) * width..][..width];
+        for (k, &x) in row.iter().enumerate() {
+            to[k * lanes + lane] = x;
+        }
+    }
+}
+
+/// The `length` slots from `first` on as rows of `out`, as many as it has room for; whether every number is finite. No zero is negative.
+pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> bool {
+    let lanes = frame.lanes();
+    let from = &frame.numbers()[first * lanes..(first + length) * lanes];
+    let mut sound = true;
+    for (group, rows) in out[..].chunks_mut(4 * length).enumerate() {
+        #[cfg(target_arch = "x86_64")]
+        if length >= 4 && rows.len() == 4 * length && lanes.is_multiple_of(4) && isa() >= Isa::Avx2 {
+            // SAFETY: the processor has AVX2.
+            sound &= unsafe { avx2::write_four(from, 4 * group, lanes, length, rows) };
+            continue;
+        }
+        for (lane, row) in rows.chunks_exact_mut(length).enumerate() {
+            for (k, to) in row.iter_mut().enumerate() {
+                *to = from[k * lanes + 4 * group + lane] + 0.0;
+                sound &= to.is_finite();
+            }
+        }
+    }
+    sound
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use std::arch::x86_64::*;
+
+    /// Two numbers at `low`, and two at `high` above them.
+    ///
+    /// # Safety
+    /// They can be read.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    unsafe fn pairs(low: *const f64, high: *const f64) -> __m256d {
+        // SAFETY: the caller's.
+        unsafe { _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(_mm_loadu_pd(low)), _mm_loadu_pd(high)) }
+    }
+
+    /// The columns of four rows of four numbers.
+    ///
+    /// # Safety
+    /// They can be read.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    unsafe fn columns(rows: [*const f64; 4]) -> [__m256d; 4] {
+        let [a, b, c, d] = rows;
+        // SAFETY: the caller's.
+        let (left, right) = unsafe { ([pairs(a, c), pairs(b, d)], [pairs(a.add(2), c.add(2)), pairs(b.add(2), d.add(2))]) };
+        [
+            _mm256_unpacklo_pd(left[0], left[1]),
+            _mm256_unpackhi_pd(left[0], left[1]),
+            _mm256_unpacklo_pd(right[0], right[1]),
+            _mm256_unpackhi_pd(right[0], right[1]),
+        ]
+    }
+
+    /// Four rows of at least four numbers to lanes `lane..lane + 4` of slots of `lanes`.
+    #[target_feature(enable = "avx2")]
+    pub fn read_four(rows: [&[f64]; 4], lane: usize, lanes: usize, to: &mut [f64]) {
+        let width = rows[0].len();
+        assert!(width >= 4 && rows.iter().all(|row| row.len() == width) && lane + 4 <= lanes && to.len() == width * lanes);
+        for k in (0..width).step_by(4) {
+            // The last block overlaps the one before.
+            let k = k.min(width - 4);
+            // SAFETY: four numbers of each row from `k` on, and four lanes of the slots from `k` on.
+            unsafe {
+                for (i, column) in columns(rows.map(|row| row.as_ptr().add(k))).into_iter().enumerate() {
+                    _mm256_storeu_pd(to.as_mut_ptr().add((k + i) * lanes + lane), column);
+                }
+            }
+        }
+    }
+
+    /// Lanes `lane..lane + 4` of at least four slots of `lanes` to four rows; whether every number is finite.
+    #[target_feature(enable = "avx2")]
+    pub fn write_four(from: &[f64], lane: usize, lanes: usize, length: usize, out: &mut [f64]) -> bool {
+        assert!(length >= 4 && lane + 4 <= lanes && from.len() == length * lanes && out.len() == 4 * length);
+        let zero = _mm256_setzero_pd();
+        // Zero, or NaN once a number was not finite.
+        let mut zeros = [zero; 4];
+        for k in (0..length).step_by(4) {
+            // The last block overlaps the one before.
+            let k = k.min(length - 4);
+            // SAFETY: four lanes of the slots from `k` on, and four numbers of each row from `k` on.
+            unsafe {
+                let slot = |i: usize| from.as_ptr().add((k + i) * lanes + lane);
+                for (i, row) in columns([slot(0), slot(1), slot(2), slot(3)]).into_iter().enumerate() {
+                    let row = _mm256_add_pd(row, zero);
+                    zeros[i] = _mm256_add_pd(zeros[i], _mm256_mul_pd(row, zero));
+                    _mm256_storeu_pd(out.as_mut_ptr().add(i * length + k), row);
+                }
+            }
+        }
+        let all = _mm256_add_pd(_mm256_add_pd(zeros[0], zeros[1]), _mm256_add_pd(zeros[2], zeros[3]));
+        _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_EQ_OQ>(all, zero)) == 15
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_pass_through_frames() {
+        // Fewer rows than lanes, rests, rows shorter than a block.
+        for lanes in [1, 2, 4, 8] {
+            for (width, count) in [(1, 9), (3, 8), (4, 7), (5, 1), (7, 12), (8, 16), (49, 5)] {
+                for bad in [None, Some(0), Some(count * width - 1)] {
+                    let mut given: Vec<f64> = (0..count * width).map(|k| k as f64 + 0.5).collect();
+                    given[width / 2] = -0.0;
+                    if let Some(k) = bad {
+                        given[k] = f64::NEG_INFINITY;
+                    }
+                    let (mut out, mut sound) = (vec![f64::NAN; count * width], true);
+                    let mut frame = Frame::new(width + 3, lanes);
+                    for at in (0..count).step_by(lanes) {
+                        read(&mut frame, 2, &given, width, at);
+                        let rows = lanes.min(count - at);
+                        sound &= write(&frame, 2, width, &mut out[at * width..][..rows * width]);
+                    }
+                    let same = out.iter().zip(&given).all(|(x, y)| x.to_bits() == (y + 0.0).to_bits());
+                    assert!(same, "{lanes} {width} {count}: {out:?}");
+                    assert_eq!(sound, bad.is_none(), "{lanes} {width} {count} {bad:?}");
+                    assert!(frame.numbers()[..2 * lanes].iter().all(|x| *x == 0.0), "slots before the first are left alone");
+                }
+            }
+        }
+    }
+}
