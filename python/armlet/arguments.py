@@ -6,15 +6,31 @@ Messages read `function: name what is wrong: expected .., got ..`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from os import PathLike, fspath
-from typing import TypeVar
+from reprlib import Repr
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import InputError
 
-__all__ = ["count", "file_path", "instance", "number", "one_line", "require_shallow", "shown"]
+__all__ = [
+    "choice",
+    "count",
+    "file_path",
+    "finite",
+    "instance",
+    "integer",
+    "number",
+    "one_line",
+    "positive",
+    "require_shallow",
+    "shown",
+    "text",
+]
 
 T = TypeVar("T")
 
@@ -29,11 +45,33 @@ def one_line(text: str) -> str:
 
 def shown(value: object) -> str:
     """A value as a message quotes it: short, in one line, whatever it is."""
+    if isinstance(value, np.ndarray) and value.size > 100:
+        return f"an array {value.shape} of {value.dtype}"
     try:
-        text = " ".join(repr(value).split())
-    except Exception:  # thousands of levels, or an object that cannot show itself
+        words = " ".join(_SHORT.repr(value).split())
+    except Exception:  # an object that cannot show itself
         return f"an object of type {type(value).__name__}"
-    return text if len(text) <= 60 else text[:57] + "..."
+    return words if len(words) <= 60 else words[:57] + "..."
+
+
+class _Short(Repr):
+    """What is too long or too deep for a message is not written out first."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 8
+        self.maxlist = self.maxtuple = self.maxdict = self.maxset = self.maxfrozenset = self.maxarray = self.maxdeque = 30
+        self.maxstring = self.maxother = self.maxlong = 80
+
+    def repr_dict(self, x: dict[Any, Any], level: int) -> str:
+        """In the order of the table, which need not have one of its keys."""
+        if level <= 0 and x:
+            return "{...}"
+        parts = [f"{self.repr1(key, level - 1)}: {self.repr1(part, level - 1)}" for key, part in islice(x.items(), self.maxdict)]
+        return "{" + ", ".join(parts + ["..."] * (len(x) > self.maxdict)) + "}"
+
+
+_SHORT = _Short()
 
 
 def number(function: str, name: str, value: object) -> float:
@@ -47,6 +85,46 @@ def number(function: str, name: str, value: object) -> float:
         return float(value)  # type: ignore[arg-type]  # a number by now
     except OverflowError:
         raise InputError(f"{function}: {name} is too large: expected a number that a float can hold, got {shown(value)}") from None
+
+
+def positive(function: str, name: str, value: object, most: float = math.inf) -> float:
+    """A number in (0, most]; infinity where `most` is."""
+    x = number(function, name, value)
+    if not 0.0 < x <= most:
+        raise InputError(f"{function}: {name} is out of range: expected a number in (0, {most:g}], got {shown(value)}")
+    return x
+
+
+def integer(function: str, name: str, value: object, least: int = 0) -> int:
+    """An integer >= `least`; numpy's too, but neither True nor 1.0."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < least:  # type: ignore[operator]  # an integer by now
+        raise InputError(f"{function}: {name} is not a count: expected an integer >= {least}, got {shown(value)}")
+    return int(value)  # type: ignore[call-overload,no-any-return]
+
+
+def finite(function: str, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Numbers that `_core.numbers` took, all of them finite."""
+    if not np.isfinite(values).all():
+        at = np.argwhere(~np.isfinite(values))[0].tolist()
+        where = f" (first bad index {at[0] if len(at) == 1 else tuple(at)})" if at else ""
+        raise InputError(f"{function}: {name} is not finite: expected finite numbers, got {values[tuple(at)]}{where}")
+    return values
+
+
+def text(function: str, name: str, value: object) -> str:
+    """A text that the interfaces of a system take."""
+    if not isinstance(value, str):
+        raise InputError(f"{function}: {name} is not a text: expected a string, got {shown(value)}")
+    return value
+
+
+def choice(function: str, name: str, value: object, known: Iterable[str]) -> str:
+    """One of the texts `known`."""
+    known = list(known)
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"{function}: {name} is unknown: expected one of {', '.join(known)}, got {shown(value)}")
+    return value
 
 
 def count(function: str, name: str, value: object) -> int:

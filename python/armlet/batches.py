@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import choice, finite, instance
 from .balances import warn_of_balances
 from .errors import InputError
 from .run import SERIES, BatchRun
@@ -24,6 +25,7 @@ PIECE = 1 << 26
 LEAST = 64
 #: Pieces that a batch with rows of the caller's is cut into, at least.
 PARTS = 32
+STATES = ("v0", "theta0", "theta_dot0")
 
 
 def forces_of_runs(force: Any, rows: int) -> Any:
@@ -34,17 +36,17 @@ def forces_of_runs(force: Any, rows: int) -> Any:
         return [list(steps) for steps in force] if _is_nested(force) else force
     if depth != 2:
         return force
-    values = np.asarray(force, dtype=np.float64)
-    if len(values) != rows:
-        raise InputError(f"simulate_batch: force has the wrong number of rows: expected {rows}, got {len(values)}")
-    if not np.all(np.isfinite(values)):
-        at = np.argwhere(~np.isfinite(values))[0].tolist()
-        raise InputError(f"simulate_batch: force is not finite: expected finite numbers, got {values[tuple(at)]} (first bad index {at})")
+    values = finite("simulate_batch", "force", _core.numbers("simulate_batch", "force", force, (rows, "k")))
     return [[(0.0, row)] for row in values]
 
 
 def _is_nested(force: Any) -> bool:
-    return isinstance(force, list | tuple) and isinstance(force[0], list | tuple) and isinstance(force[0][0], list | tuple)
+    """Whether it is a list of lists of steps."""
+    for _ in range(2):
+        if not isinstance(force, list | tuple) or not force:
+            return False
+        force = force[0]
+    return isinstance(force, list | tuple)
 
 
 def in_pieces(
@@ -57,14 +59,21 @@ def in_pieces(
     undisturbed: bool,
 ) -> BatchRun:
     """The batch of `simulate_batch`, some runs at a time; with keep="metrics" each piece is summed up before the next one starts."""
-    start = np.asarray(q0)
-    rows = len(start) if start.ndim == 2 else 0
+    start = _core.numbers("simulate_batch", "q0", q0, ("B", "n"))
+    rows = len(start)
     summed = keywords["keep"] == "metrics"
     if summed:
         keywords = keywords | {"keep": "all"}
     for name, value in (("plant", plant), ("law", law)):
         if isinstance(value, list) and len(value) not in (1, rows):
             raise InputError(f"simulate_batch: {name} has the wrong number of entries: expected 1 or {rows}, got {len(value)}")
+    for name in STATES:
+        if keywords.get(name) is not None:
+            keywords |= {name: _core.numbers("simulate_batch", name, keywords[name], start.shape)}
+    nested = _is_nested(keywords.get("force"))
+    # A batch of no runs is refused for whatever the whole one is refused for.
+    none = keywords | {name: _part(keywords.get(name), 0, 0) for name in STATES} | ({"force": None} if nested else {})
+    _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
     size = _runs_per_piece(plant, keywords)
     # What is kept of each run, at the least: refused before the first piece instead of after hours.
     np.empty((rows, 2 * (plant[0] if isinstance(plant, list) else plant).arm.n))
@@ -75,15 +84,15 @@ def in_pieces(
     pieces: list[BatchRun] = []
     for first in range(0, max(rows, 1), size):
         last = min(first + size, rows)
-        own = keywords | {name: _part(keywords.get(name), first, last) for name in ("v0", "theta0", "theta_dot0")}
-        if _is_nested(own.get("force")):
+        own = keywords | {name: _part(keywords.get(name), first, last) for name in STATES}
+        if nested:
             own["force"] = own["force"][first:last]
         if isinstance(own["sample_time"], Sampling):
             # Row i of the whole batch has seed + i.
             own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
         plants = plant[first:last] if isinstance(plant, list) and len(plant) > 1 else plant
         laws = law[first:last] if isinstance(law, list) and len(law) > 1 else law
-        fields = _core.simulate_batch(plants, laws, start[first:last] if rows else q0, own)
+        fields = _core.simulate_batch(plants, laws, start[first:last], own)
         fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
         piece = BatchRun(fields, law=laws, plant=plants)
         warn_of_balances("simulate_batch", piece.monitors, piece.status == Status.SUCCESS, undisturbed)
@@ -110,11 +119,12 @@ def _runs_per_piece(plant: Any, keywords: dict[str, Any]) -> int:
 
 def _require_rows(out: Mapping[str, NDArray[Any]], rows: int) -> None:
     """Refuse what can't take the rows, and mark them all as not finished."""
+    instance("simulate_batch", "out", out, Mapping, "a table of arrays by name")
     for name, array in out.items():
-        if name not in (*SERIES, "status"):
-            raise InputError(f"simulate_batch: out has an unknown name: expected some of {', '.join(SERIES)}, status, got {name!r}")
+        choice("simulate_batch", "a name of out", name, (*SERIES, "status"))
         wanted = "integers" if name == "status" else "float64"
-        fits = isinstance(array, np.ndarray) and array.shape[:1] == (rows,) and array.flags.writeable
+        plain = isinstance(array, np.ndarray) and not isinstance(array, np.ma.MaskedArray)
+        fits = plain and array.shape[:1] == (rows,) and array.flags.writeable
         if not fits or (array.dtype.kind != "i" if name == "status" else array.dtype != np.float64):
             got = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
             raise InputError(f'simulate_batch: out["{name}"] is not fit: expected a writeable array ({rows}, ..) of {wanted}, got {got}')
@@ -130,8 +140,8 @@ def _write(out: Mapping[str, NDArray[Any]], piece: BatchRun, first: int, last: i
         array[first:last] = values
 
 
-def _part(value: ArrayLike | None, first: int, last: int) -> Any:
-    return None if value is None else np.asarray(value)[first:last]
+def _part(value: NDArray[np.float64] | None, first: int, last: int) -> NDArray[np.float64] | None:
+    return None if value is None else value[first:last]
 
 
 def _summed(piece: BatchRun) -> BatchRun:

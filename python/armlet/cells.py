@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import instance, integer, require_shallow, shown, text
 from .errors import InputError
 
 __all__ = ["MOST", "Cells", "columns", "drawn"]
@@ -45,16 +46,17 @@ class Cells:
     @staticmethod
     def of(vary: Mapping[str, Any], draws: int | None, seed: int) -> Cells:
         """Check, and write lists out."""
-        for name, value, low in (("draws", draws, 1), ("seed", seed, 0)):
-            if value is not None and (not isinstance(value, int | np.integer) or isinstance(value, bool) or value < low):
-                raise InputError(f"sweep: {name} is no count: expected an integer >= {low}, got {value!r}")
-        if seed >= 2**31:
-            raise InputError(f"sweep: seed is too large: expected an integer < 2**31, got {seed}")
+        instance("sweep", "vary", vary, Mapping, "a table of values by path")
+        draws = None if draws is None else integer("sweep", "draws", draws, 1)
+        if integer("sweep", "seed", seed) >= 2**31:
+            raise InputError(f"sweep: seed is too large: expected an integer < 2**31, got {shown(seed)}")
         if not vary:
             raise InputError("sweep: vary is empty: expected at least one path with its values")
         if draws is not None and draws > MOST_CELLS:
-            raise InputError(f"sweep: draws is too large: expected at most {MOST_CELLS:,}, got {draws}")
-        cells = Cells({str(path): _listed(path, spec, draws) for path, spec in vary.items()}, draws, int(seed))
+            raise InputError(f"sweep: draws is too large: expected at most {MOST_CELLS:,}, got {shown(draws)}")
+        paths = [text("sweep", "vary", path) for path in vary]
+        require_shallow("sweep", "vary", vary)
+        cells = Cells({path: _listed(path, vary[path], draws) for path in paths}, draws, int(seed))
         if cells.count > MOST_CELLS:
             raise InputError(f"sweep: vary has too many combinations: expected at most {MOST_CELLS:,} cells, got {cells.count}")
         return cells
@@ -82,7 +84,7 @@ class Cells:
 
 def _listed(path: str, spec: Any, draws: int | None) -> Any:
     def fault(expected: str) -> InputError:
-        return InputError(f'sweep: $.sweep.vary."{path}": expected {expected}, got {spec!r}')
+        return InputError(f'sweep: $.sweep.vary."{path}": expected {expected}, got {shown(spec)}')
 
     if not isinstance(spec, Mapping):
         values = spec.tolist() if hasattr(spec, "tolist") else spec

@@ -20,7 +20,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
 from ._core import Arm, ElasticArm, Law, Plant, RigidArm, VelocityArm
+from .arguments import finite, number
 from .border import border
 from .errors import InputError
 from .simulation import simulate
@@ -86,7 +88,7 @@ def to_control(
         )
     if law is not None and u0 is not None:
         raise InputError("to_control: u0 is given with a law: expected None, since the law has the input")
-    return control.StateSpace(*loop.linear(t, loop.state(x0), u0), **names, name=f"{loop.name}, linear")
+    return control.StateSpace(*loop.linear(number("to_control", "t", t), loop.state(x0), u0), **names, name=f"{loop.name}, linear")
 
 
 def _arm(value: Any) -> Arm:
@@ -160,10 +162,8 @@ class _Loop:
 
     def state(self, x0: ArrayLike) -> Array:
         """All states from `q` at rest, or as they are given."""
-        given, n = np.asarray(x0, dtype=np.float64), self.n
-        if given.shape not in ((n,), (self.m + self.p,)) or not np.isfinite(given).all():
-            wanted = f"({n},) or ({self.m + self.p},) finite numbers"
-            raise InputError(f"to_control: x0 has the wrong shape or is not finite: expected {wanted}, got {given}")
+        n = self.n
+        given = finite("to_control", "x0", _core.numbers("to_control", "x0", x0, *dict.fromkeys([(n,), (self.m + self.p,)])))
         if len(given) == self.m + self.p:
             return given
         x = np.zeros(self.m + self.p)
@@ -177,9 +177,7 @@ class _Loop:
 
     def linear(self, t: float, x: Array, u0: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
         n, m = self.n, self.m
-        u = np.zeros(n) if u0 is None else np.asarray(u0, dtype=np.float64)
-        if u.shape != (n,) or not np.isfinite(u).all():
-            raise InputError(f"to_control: u0 has the wrong shape or is not finite: expected ({n},) finite numbers, got {u}")
+        u = np.zeros(n) if u0 is None else finite("to_control", "u0", _core.numbers("to_control", "u0", u0, (n,)))
         if self.law is not None:
             u = self._law(t, x)[0]
         elif u0 is None and not self.velocity:

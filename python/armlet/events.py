@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import count, number, shown
+from .arguments import choice, count, instance, number, shown, text
 from .border import bordered
 from .errors import InputError
 
@@ -58,6 +58,15 @@ def _plain(function: str, name: str, value: ArrayLike) -> Any:
     return tuple(values) if isinstance(values, list) else values
 
 
+def _argument(i: int, value: Any) -> Any:
+    """An argument of an event that compares, prints and pickles: a name, a number, numbers or a function."""
+    if isinstance(value, str) or callable(value):
+        return value
+    plain = _plain("Event", f"arguments[{i}]", value)
+    # Joints are counted: 1.0 is none.
+    return value if isinstance(value, int | np.integer) else plain
+
+
 @bordered
 @dataclass(frozen=True)
 class Event:
@@ -84,11 +93,9 @@ class Event:
     name: str = ""
 
     def __post_init__(self) -> None:
-        for field in ("kind", "name"):
-            if not isinstance(getattr(self, field), str):
-                raise InputError(f"Event: {field} is not a text: expected such as 'joint', got {shown(getattr(self, field))}")
-        if not isinstance(self.arguments, tuple):
-            raise InputError(f"Event: arguments is of the wrong type: expected a tuple, got {shown(self.arguments)}")
+        text("Event", "kind", self.kind), text("Event", "name", self.name)
+        instance("Event", "arguments", self.arguments, tuple, "a tuple")
+        object.__setattr__(self, "arguments", tuple(_argument(i, each) for i, each in enumerate(self.arguments)))
         if not self.name:
             first = ", ".join(a if isinstance(a, str) else shown(a) for a in self.arguments[:1])
             object.__setattr__(self, "name", f"{self.kind}({first})")
@@ -119,9 +126,7 @@ class Event:
     @classmethod
     def joint_stop(cls, joint: int | str, side: Literal["lower", "upper"], **keywords: Any) -> Event:
         """The plant's stop of joint `joint` is met (rising) or left (falling): the depth beyond the limit."""
-        if not isinstance(side, str) or side not in ("lower", "upper"):
-            raise InputError(f"Event.joint_stop: side is unknown: expected one of lower, upper, got {shown(side)}")
-        return cls("joint_stop", (joint, side), **keywords)
+        return cls("joint_stop", (joint, choice("Event.joint_stop", "side", side, ("lower", "upper"))), **keywords)
 
     @classmethod
     def function(cls, g: Callable[..., float], **keywords: Any) -> Event:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .arguments import count, integer, number, shown
 from .border import border, bordered
 from .errors import InputError, SolveError
 from .status import Status, advice_on_run
@@ -35,11 +36,11 @@ class DenseOutput:
         self._weights = weights
 
     def __call__(self, t: ArrayLike) -> Array:
-        times = np.asarray(t, dtype=np.float64)
+        times = _core.numbers("DenseOutput", "t", t, (), ("K",))
         flat = np.atleast_1d(times)
         low, high = min(self.t[0], self.t[-1]), max(self.t[0], self.t[-1])
-        if flat.ndim != 1 or not np.all((flat >= low) & (flat <= high)):
-            raise InputError(f"DenseOutput: t is not in the run: expected times from {low} to {high}, got {times!r}")
+        if not np.all((flat >= low) & (flat <= high)):
+            raise InputError(f"DenseOutput: t is not in the run: expected times from {low} to {high}, got {shown(t)}")
         if self.t.size == 1:
             raise InputError("DenseOutput: t is not in the run: expected a run of at least one step, got none")
         sign = 1.0 if self.t[-1] >= self.t[0] else -1.0
@@ -101,17 +102,17 @@ def _events(events: object) -> list[tuple[Callable[..., Any], float, int]]:
     for k, event in enumerate(given):
         if not callable(event):
             raise InputError(f"integrate: events is not callable: expected g(t, y), got {type(event).__name__} (first bad index {k})")
-        direction, terminal = getattr(event, "direction", 0), getattr(event, "terminal", False)
-        bad = (
-            "integrate: events has a bad direction or terminal: expected a finite number and a count >= 0, "
-            f"got {direction!r}, {terminal!r} (first bad index {k})"
-        )
+        direction, terminal = getattr(event, "direction", 0.0), getattr(event, "terminal", False)
         try:
-            found.append((event, float(direction), int(terminal)))
-        except (TypeError, ValueError):
-            raise InputError(bad) from None
-        if not np.isfinite(found[-1][1]) or found[-1][2] < 0:
-            raise InputError(bad)
+            found.append((event, number("integrate", "direction", direction), count("integrate", "terminal", terminal)))
+            fine = np.isfinite(found[-1][1])
+        except InputError:
+            fine = False
+        if not fine:
+            raise InputError(
+                "integrate: events has a bad direction or terminal: expected a finite number and a count >= 0, "
+                f"got {shown(direction)}, {shown(terminal)} (first bad index {k})"
+            )
     return found
 
 
@@ -181,9 +182,8 @@ def integrate(
     try:
         t0, t1 = t_span
     except (TypeError, ValueError):
-        raise InputError(f"integrate: t_span is not a pair: expected (start, end), got {t_span!r}") from None
-    if isinstance(positions, bool) or not isinstance(positions, int) or positions < 0:
-        raise InputError(f"integrate: positions is not a count: expected an integer >= 0, got {positions!r}")
+        raise InputError(f"integrate: t_span is not a pair: expected (start, end), got {shown(t_span)}") from None
+    positions = integer("integrate", "positions", positions)
     fields = _core.integrate(
         f,
         t0,

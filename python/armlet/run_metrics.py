@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import instance, number
+from .arguments import choice, instance, integer, number
 from .balances import energy_error
 from .border import border, bordered
 from .errors import InputError
@@ -69,7 +69,14 @@ class Metrics(dict[str, Array]):
         self.units, self.input_units = units, input_units
 
     def unit(self, name: str, joint: int = 0) -> str:
-        """The unit of a metric, that of joint number `joint` where joints differ."""
+        """The unit of a metric, that of joint number `joint` where joints differ.
+
+        Raises:
+            InputError: there is no such metric, or no such joint.
+        """
+        choice("Metrics.unit", "name", name, ALL)
+        if integer("Metrics.unit", "joint", joint) >= len(self.units):
+            raise InputError(f"Metrics.unit: joint is out of range: expected 0..{len(self.units) - 1}, got {joint}")
         if name in ("settling_time", "time_outside_limits"):
             return "s"
         if name in ("overshoot", "monitor_violations", "energy_error", "completed"):

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
+from types import NoneType
 
-from .arguments import instance, shown
+from . import _core
+from .arguments import instance, integer, number, shown
+from .border import bordered
 from .errors import InputError
 
 __all__ = ["Sampling", "TorqueSensor"]
@@ -14,6 +17,7 @@ __all__ = ["Sampling", "TorqueSensor"]
 CHANNELS = ("q", "v", "theta", "theta_dot")
 
 
+@bordered
 @dataclass(frozen=True, kw_only=True)
 class TorqueSensor:
     """The joint-torque sensors of an elastic arm in a sampled loop, `Sampling(torque_sensor=...)`.
@@ -30,7 +34,8 @@ class TorqueSensor:
         bandwidth: `w_c` of the first-order filter, rad/s; none if infinite.
 
     Raises:
-        InputError: where it is used: a number is of the wrong sign or not finite, the plant has no elastic joints.
+        InputError: an argument is no number; where it is used: a number is of the wrong sign or not finite, the plant has no elastic
+            joints.
 
     >>> import armlet as al
     >>> al.Sampling(1e-3, torque_sensor=al.TorqueSensor(noise=0.1, bandwidth=2000.0)).torque_sensor.noise
@@ -41,6 +46,12 @@ class TorqueSensor:
     bias: float | Sequence[float] = 0.0
     resolution: float = 0.0
     bandwidth: float = inf
+
+    def __post_init__(self) -> None:
+        for name in ("noise", "resolution", "bandwidth"):
+            object.__setattr__(self, name, number("TorqueSensor", name, getattr(self, name)))
+        bias = _core.numbers("TorqueSensor", "bias", self.bias, (), ("n",)).tolist()
+        object.__setattr__(self, "bias", tuple(bias) if isinstance(bias, list) else bias)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +66,7 @@ class _Effects:
     seed: int = 0
 
 
+@bordered
 @dataclass(frozen=True)
 class Sampling(_Effects):
     """How a law is sampled, in place of a plain `sample_time`.
@@ -75,7 +87,7 @@ class Sampling(_Effects):
         seed: integer >= 0.
 
     Raises:
-        InputError: a quantity's name is unknown; the rest is checked where it is used.
+        InputError: an argument is no number, a quantity's name is unknown; the rest is checked where it is used.
 
     >>> import armlet as al
     >>> al.Sampling(1e-3, delay=5e-4, noise={"v": 0.01}, seed=3).delay
@@ -85,12 +97,15 @@ class Sampling(_Effects):
     period: float
 
     def __post_init__(self) -> None:
-        if self.torque_sensor is not None and not isinstance(self.torque_sensor, TorqueSensor):
-            got = type(self.torque_sensor).__name__
-            raise InputError(f"Sampling: torque_sensor is of the wrong type: expected a TorqueSensor or None, got {got}")
+        instance("Sampling", "torque_sensor", self.torque_sensor, (TorqueSensor, NoneType), "a TorqueSensor or None")
+        for name in ("period", "delay", "jitter", "rate_limit"):
+            object.__setattr__(self, name, number("Sampling", name, getattr(self, name)))
+        for name in ("sensor_delay", "seed"):
+            object.__setattr__(self, name, integer("Sampling", name, getattr(self, name)))
         for name in ("noise", "resolution"):
             given = instance("Sampling", name, getattr(self, name), Mapping, "numbers by quantity, such as {'q': 1e-3}")
             unknown = [key for key in given if not isinstance(key, str) or key not in CHANNELS]
             if unknown:
                 names = ", ".join(CHANNELS)
                 raise InputError(f"Sampling: {name} has an unknown quantity: expected some of {names}, got {shown(unknown[0])}")
+            object.__setattr__(self, name, {key: number("Sampling", f"{name}[{key!r}]", x) for key, x in given.items()})

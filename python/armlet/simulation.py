@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import instance
+from .arguments import choice, instance, shown
 from .balances import warn_of_balances
 from .batches import forces_of_runs, in_pieces
 from .border import border
-from .errors import SolveError
+from .errors import InputError, SolveError
 from .events import Event, Events, watched
 from .integration import DenseOutput
 from .run import BatchRun, Run
@@ -187,6 +187,9 @@ def simulate_batch(
     if force is not None:
         keywords["force"] = forces_of_runs(force, len(q0) if isinstance(q0, Sized) else 0)
     undisturbed = sample_time is None and tau_max is None and force is None
+    choice("simulate_batch", "keep", keep, ("all", "final", "metrics"))
+    if progress is not None and not callable(progress):
+        raise InputError(f"simulate_batch: progress is not callable: expected a function or None, got {shown(progress)}")
     if keep == "metrics" or progress is not None or out is not None:
         return in_pieces(plants, laws, q0, keywords, progress, out, undisturbed)
     fields = _core.simulate_batch(plants, laws, q0, keywords)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import choice
 from .errors import InputError
 from .figures import COLOURS, literal, require, sheet
 from .status import Status
@@ -34,9 +35,7 @@ def plot(table: SweepTable, quantity: str | None = None, fig: Figure | None = No
     metrics = [name for name in names[at + 1 :] if name != "error"]
     if not varied or not metrics:
         raise InputError("SweepTable.plot: there is nothing to draw: expected a number that varies, and a metric")
-    quantity = metrics[0] if quantity is None else quantity
-    if quantity not in metrics:
-        raise InputError(f"SweepTable.plot: quantity is unknown: expected one of {', '.join(metrics)}, got {quantity!r}")
+    quantity = metrics[0] if quantity is None else choice("SweepTable.plot", "quantity", quantity, metrics)
     # A figure that is given keeps its size and layout.
     with sheet(fig, (6.4, 4.6) if fig is None else None) as figure:
         ax: Axes = figure.subplots()

@@ -5,7 +5,6 @@ Cells go to the executor in chunks, a chunk runs as one batch, and the client wr
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from os import PathLike
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .arguments import choice, integer, shown
 from .border import border, bordered
 from .cells import Cells, columns
 from .errors import InputError
@@ -34,6 +34,8 @@ __all__ = ["SweepTable", "sweep"]
 
 # Records of one chunk, all rows together: some 100 MB.
 RECORDS = 1_000_000
+# What `armlet.metrics` takes beside the run.
+METRICS = ("reference", "band", "settle", "tolerance", "frame")
 
 
 @bordered
@@ -121,7 +123,7 @@ def sweep(
         chunk: cells per chunk; None: up to 256, fewer where runs are long.
         threads: per chunk; None: 1 with an executor, else as `simulate_batch`.
         progress: called with the numbers of finished and of all cells.
-        **metrics: for `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`.
+        **metrics: for `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`.
 
     Returns:
         The table; a run that failed has its status and NaN. A cell that raises, or whose worker dies in it, is tried three times at most;
@@ -143,14 +145,16 @@ def sweep(
     whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
     stated = whole.data.get("sweep", {})
     cells = cells_of(whole, vary, draws, seed)
-    chunk = chunk or stated.get("chunk") or _chunk_size(whole.data["run"])
-    if not isinstance(chunk, int) or chunk < 1:
-        raise InputError(f"sweep: chunk is no count: expected an integer >= 1, got {chunk!r}")
+    given = stated.get("chunk") if chunk is None else chunk
+    chunk = _chunk_size(whole.data["run"]) if given is None else integer("sweep", "chunk", given, 1)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise InputError(f"sweep: executor is of the wrong type: expected one of concurrent.futures or None, got {shown(executor)}")
+    metrics = metrics_arguments("sweep", metrics)
     bare = Scenario({name: table for name, table in whole.standalone().data.items() if name != "sweep"}, whole.folder, whole.name)
     rehearse(bare, cells)
     store = None
     if out is not None:
-        what = {"scenario": bare.data, "vary": cells.vary, "draws": cells.draws, "seed": cells.seed, "metrics": _plain(metrics)}
+        what = {"scenario": bare.data, "vary": cells.vary, "draws": cells.draws, "seed": cells.seed, "metrics": metrics}
         store = Store(Path(out), what | {"armlet": _core.__version__}, chunk)
         chunk = store.chunk
     done: dict[int, Columns] = {}
@@ -211,5 +215,9 @@ def _chunk_size(run: Mapping[str, Any]) -> int:
     return int(min(256, max(8, RECORDS // (records + 1) // 8 * 8)))
 
 
-def _plain(values: Mapping[str, Any]) -> Any:
-    return json.loads(json.dumps({key: np.asarray(value).tolist() for key, value in values.items()}))
+def metrics_arguments(function: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """The keywords for `armlet.metrics` as numbers and lists, that a store can hold."""
+    for name in given:
+        choice(function, "metrics", name, METRICS)
+    plain = {name: given[name] if given[name] is None or name == "frame" else _core.numbers(function, name, given[name]) for name in given}
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in plain.items()}

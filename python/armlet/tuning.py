@@ -17,13 +17,15 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
+from .arguments import choice, integer, number, shown
 from .border import border
 from .cells import MOST, Cells, columns, drawn
 from .errors import InputError
 from .scenario import Scenario
 from .status import Status
 from .sweep_chunk import run_chunk
-from .sweeping import SweepTable
+from .sweeping import SweepTable, metrics_arguments
 
 __all__ = ["Tuning", "tune"]
 
@@ -133,15 +135,16 @@ def tune(
         raise ImportError("tune: scipy is not installed: pip install 'armlet[tune]'") from None
     whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
     bare = Scenario({name: table for name, table in whole.data.items() if name != "sweep"}, whole.folder, whole.name)
-    for name, value, least in (("candidates", candidates, 5), ("generations", generations, 0)):
-        if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise InputError(f"tune: {name} is no count: expected an integer >= {least}, got {value!r}")
-    if by not in ("worst", "mean"):
-        raise InputError(f"tune: by is unknown: expected 'worst' or 'mean', got {by!r}")
+    candidates, generations = integer("tune", "candidates", candidates, 5), integer("tune", "generations", generations)
+    choice("tune", "by", by, ("worst", "mean"))
+    tolerance = number("tune", "tolerance", tolerance)
+    if not isinstance(cost, str) and not callable(cost):
+        raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")
+    metrics = metrics_arguments("tune", metrics)
     space = Cells.of(vary, 1, seed).vary
     for path, spec in space.items():
         if not isinstance(spec, Mapping) or "normal" in spec:
-            raise InputError(f'tune: vary."{path}" is no range: expected a table with uniform or log_uniform, got {vary[path]!r}')
+            raise InputError(f'tune: vary."{path}" is no range: expected a table with uniform or log_uniform, got {shown(vary[path])}')
     grid = None if over is None else Cells.of(over, None, seed)
     runs = candidates * (1 if grid is None else grid.count)
     if runs > MOST:
@@ -204,11 +207,9 @@ def _costs(table: SweepTable, cost: str | Callable[[SweepTable], ArrayLike]) -> 
     if isinstance(cost, str):
         if cost not in table or table[cost].dtype.kind != "f":
             known = ", ".join(name for name, column in table.items() if column.dtype.kind == "f")
-            raise InputError(f"tune: cost is no metric: expected one of {known}, got {cost!r}")
+            raise InputError(f"tune: cost is no metric: expected one of {known}, got {shown(cost)}")
         values = table[cost]
     else:
-        values = np.asarray(cost(table), dtype=np.float64)
-        if values.shape != (table.rows,):
-            raise InputError(f"tune: cost returned the wrong shape: expected ({table.rows},), got {values.shape}")
+        values = _core.numbers("tune", "cost", cost(table), (table.rows,))
     good = np.isfinite(values) & (table["status"] == Status.SUCCESS)
     return np.where(good, values, FAILED)

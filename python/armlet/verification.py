@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import mujoco_reading
 from ._core import Arm
+from .arguments import instance, integer, number
 from .border import border
 from .errors import InputError
 
@@ -224,7 +225,8 @@ class _MuJoCo:
 
 
 def _peer(arm: Arm, model: Any) -> Peer:
-    library = type(model).__module__.split(".")[0]
+    module = getattr(type(model), "__module__", "")
+    library = module.split(".")[0] if isinstance(module, str) else ""
     if library == "pinocchio":
         return _Pinocchio(arm, model)
     if library == "mujoco":
@@ -252,6 +254,8 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
         InputError: `against` is of another type, or lacks a joint of the arm.
         ImportError: the library is not installed.
     """
+    instance("verify", "arm", arm, Arm, "an Arm")
+    samples, seed, rtol = integer("verify", "samples", samples, 1), integer("verify", "seed", seed), number("verify", "rtol", rtol)
     peer = _peer(arm, against)
     frames = [name for name in peer.frames() if name in arm.frame_names]
     worst: dict[str, tuple[float, str, str]] = {}

@@ -75,9 +75,9 @@ def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.M
             np.testing.assert_array_equal(batch.q[i, -1], al.simulate(plant, law, q0[i], force=one, **options).q[-1])
     assert np.ptp(batch.q[:, -1], axis=0).min() > 1e-3
     for bad, message in (
-        (constant[:5], "force has the wrong number of rows: expected 70, got 5"),
+        (constant[:5], r"force has the wrong shape: expected \(70, k\), got \(5, 3\)"),
         (steps[:5], "force has the wrong number of entries"),
-        (np.where(constant == constant[3, 1], np.nan, constant), r"force is not finite: .*first bad index \[3, 1\]"),
+        (np.where(constant == constant[3, 1], np.nan, constant), r"force is not finite: .*first bad index \(3, 1\)"),
         ([lambda t: [0.0, 0.0, 0.0]] * 70, "force"),
     ):
         with pytest.raises(al.InputError, match=f"^simulate_batch: {message}"):
@@ -110,7 +110,7 @@ def test_finished_rows_are_kept_in_the_arrays_of_the_caller() -> None:
     readonly = np.zeros_like(q)
     readonly.flags.writeable = False
     for out, message in (
-        ({"x": q}, "out has an unknown name"),
+        ({"x": q}, "a name of out is unknown"),
         ({"q": q[:5]}, r'out\["q"\] is not fit'),
         ({"q": q.astype(np.float32)}, r'out\["q"\] is not fit'),
         ({"q": readonly}, r'out\["q"\] is not fit'),

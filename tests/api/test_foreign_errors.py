@@ -21,6 +21,7 @@ ALLOWED = (al.ArmletError, TypeError, MemoryError, OSError)
 PR = al.planar_pr(2.0, 0.5, 0.5)
 PLANT, LAW = al.RigidArm(PR), al.ComputedTorque(PR, al.Hold([1.0, 0.0]), 100.0, 20.0)
 RUN = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, dt=1e-3)
+DENSE = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, method="dopri5", dense=True)
 EVENTS = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, method="dopri5", events=[al.Event.joint(0, 1e-4)]).events
 TABLES: dict[str, Any] = {
     "arm": {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5},
@@ -29,6 +30,37 @@ TABLES: dict[str, Any] = {
     "run": {"q0": [0.0, 0.0], "t_end": 0.002, "dt": 1e-3},
 }
 SCENARIO = al.Scenario(TABLES)
+TABLE = al.sweep(SCENARIO, {"law.kp": [50.0, 100.0]})
+METRICS = al.metrics(RUN)
+SPAN: dict[str, Any] = {"t_end": 0.002, "dt": 1e-3}
+
+
+class Shrinking:
+    """A sequence that claims more entries than it has."""
+
+    def __len__(self) -> int:
+        return 3
+
+    def __getitem__(self, index: int) -> float:
+        if index:
+            raise IndexError(index)
+        return 1.0
+
+
+class Nameless(type):
+    """Classes that do not say where they are from."""
+
+    def __getattribute__(cls, name: str) -> Any:
+        if name == "__module__":
+            raise AttributeError(name)
+        return super().__getattribute__(name)
+
+
+class Stranger(metaclass=Nameless):
+    """What shows itself to nobody."""
+
+    def __repr__(self) -> str:
+        raise LookupError("mine")
 
 
 def nested(make: Callable[[Any], Any], levels: int = 5000) -> Any:
@@ -45,8 +77,9 @@ NUMBERS: list[Any] = [0, -1, 1.0, float("nan"), float("inf"), 10**400, -(2**70),
 TEXTS: list[Any] = ["", "x", "a\0b", "\ud800", "law.kp", b"x"]
 LISTED: list[Any] = [[], [None], ["x"], [[]], [1, [2]], (), {}, {"a": 1}, {1: 2}, {"a": {"b": None}}, set(), DICTS, LISTS, CIRCLE]
 ARRAYS: list[Any] = [np.zeros(0), np.zeros(2), np.zeros((2, 2)), np.array("x"), np.array([1j, 2]), np.array([None, None])]
-OBJECTS: list[Any] = [None, object(), len, slice(None), ..., PR, LAW, RUN, np.ma.masked_array([1.0, 2.0], [True, False])]
-JUNK = [*NUMBERS, *TEXTS, *LISTED, *ARRAYS, *OBJECTS]
+OBJECTS: list[Any] = [Shrinking(), Stranger(), None, object(), len, slice(None), ..., PR, LAW, RUN]
+MASKED = [np.ma.masked_array([1.0, 2.0], [True, False])]
+JUNK = [*NUMBERS, *TEXTS, *LISTED, *ARRAYS, *OBJECTS, *MASKED]
 
 #: Calls with one argument that is anything.
 CALLS: dict[str, Callable[[Any], Any]] = {
@@ -102,6 +135,68 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "diagnose_priority": lambda x: al.diagnose_priority(x, [np.zeros(1)]),
     "point_to_point": lambda x: al.point_to_point(x, [1.0], [1.0], [1.0], [1.0]),
     "load_urdf": al.load_urdf,
+    "Metrics.unit": METRICS.unit,
+    "Metrics.unit(joint)": lambda x: METRICS.unit("error_rms", x),
+    "Run.animate(arm)": lambda x: RUN.animate("a.gif", x),
+    "Run.animate(fps)": lambda x: RUN.animate("a.gif", fps=x),
+    "Run.animate(size)": lambda x: RUN.animate("a.gif", size=x),
+    "Run.sample": DENSE.sample,
+    "DenseOutput": lambda x: DENSE._dense[0](x) if DENSE._dense else None,
+    "SweepTable.plot": TABLE.plot,
+    "sweep(vary)": lambda x: al.sweep(SCENARIO, x),
+    "sweep(vary={..: })": lambda x: al.sweep(SCENARIO, {x: [1.0]}),
+    "sweep(vary={: ..})": lambda x: al.sweep(SCENARIO, {"law.kp": x}),
+    "sweep(draws)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, draws=x),
+    "sweep(seed)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, seed=x),
+    "sweep(chunk)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, chunk=x),
+    "sweep(executor)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, executor=x),
+    "sweep(band)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, band=x),
+    "tune(vary)": lambda x: al.tune(SCENARIO, x, "error_rms1"),
+    "tune(cost)": lambda x: al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, x, candidates=5, generations=0),
+    "tune(by)": lambda x: al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", by=x, candidates=5, generations=0),
+    "tune(tolerance)": lambda x: al.tune(
+        SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", tolerance=x, candidates=5, generations=0
+    ),
+    "verify(samples)": lambda x: al.verify(PR, against=None, samples=x),
+    "to_control(x0)": lambda x: al.to_control(PLANT, LAW, x),
+    "to_control(t)": lambda x: al.to_control(PLANT, LAW, [0.0, 0.0], t=x),
+    "to_control(u0)": lambda x: al.to_control(PLANT, None, [0.0, 0.0], u0=x),
+    "simulate_batch(plant)": lambda x: al.simulate_batch(x, LAW, np.zeros((2, 2)), keep="metrics", **SPAN),
+    "simulate_batch(law)": lambda x: al.simulate_batch(PLANT, x, np.zeros((2, 2)), keep="metrics", **SPAN),
+    "simulate_batch(q0)": lambda x: al.simulate_batch(PLANT, LAW, x, keep="metrics", **SPAN),
+    "simulate_batch(v0)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), v0=x, keep="metrics", **SPAN),
+    "simulate_batch(theta0)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), theta0=x, keep="metrics", **SPAN),
+    "simulate_batch(force)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), force=x, keep="metrics", **SPAN),
+    "simulate_batch(keep)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), keep=x, **SPAN),
+    "simulate_batch(progress)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), progress=x, **SPAN) if x is not len else None,
+    "simulate_batch(out)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), out=x, **SPAN),
+    "simulate_batch(out={..: })": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), out={"q": x}, **SPAN),
+    "simulate_batch(record_every)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), record_every=x, keep="metrics", **SPAN),
+    "simulate_batch(t_end)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), t_end=x, dt=1.0, keep="metrics", state_limit=1.0),
+    "simulate_batch(dt)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), t_end=1e-9, dt=x, keep="metrics"),
+    "simulate_batch(sample_time)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), sample_time=x, keep="metrics", **SPAN),
+    "simulate_batch(t_eval)": lambda x: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), t_eval=x, keep="metrics", **SPAN),
+    "integrate(t_span)": lambda x: al.integrate(lambda t, y: -y, x, [1.0]),
+    "integrate(t_span=(0, ..))": lambda x: al.integrate(lambda t, y: -y, (0.0, x), [1.0], method="euler", dt=1e-3),
+    "integrate(positions)": lambda x: al.integrate(lambda t, y: -y, (0.0, 1e-3), [1.0], positions=x),
+    "integrate(events)": lambda x: al.integrate(lambda t, y: -y, (0.0, 1e-3), [1.0], events=x) if x is not len else None,
+    "Sampling(period)": al.Sampling,
+    "Sampling(delay)": lambda x: al.Sampling(1e-3, delay=x),
+    "Sampling(noise={..})": lambda x: al.Sampling(1e-3, noise={"q": x}),
+    "Sampling(seed)": lambda x: al.Sampling(1e-3, seed=x),
+    "Sampling(torque_sensor)": lambda x: al.Sampling(1e-3, torque_sensor=x),
+    "TorqueSensor(noise)": lambda x: al.TorqueSensor(noise=x),
+    "TorqueSensor(bias)": lambda x: al.TorqueSensor(bias=x),
+    "Event(arguments=(..))": lambda x: al.Event("joint", (x, x)) if x is not len else None,
+    "velocity_bounds(dt)": lambda x: al.velocity_bounds([0.0], [-1.0], [1.0], [1.0], dt=x),
+    "PrioritySolver.set_rounding": lambda x: al.PrioritySolver(2, [1]).set_rounding(x),
+    "solve_priority(method)": lambda x: al.solve_priority([[[1.0, 0.0]]], [[1.0]], method=x),
+    "solve_priority(rounding)": lambda x: al.solve_priority([[[1.0, 0.0]]], [[1.0]], rounding=x),
+    "diagnose_priority(rounding)": lambda x: al.diagnose_priority([[[1.0, 0.0]]], rounding=x),
+    "Hold": al.Hold,
+    "planar_arm(coms)": lambda x: al.planar_arm([1.0, 1.0], x),
+    "Task(gain)": lambda x: al.Task("link1", "xy", gain=x),
+    "bang_bang_time": lambda x: al.bang_bang_time(0.0, x, 1.0, 1.0, 10.0),
 }
 
 
@@ -111,7 +206,9 @@ def test_junk_raises_errors_of_armlet(call: Callable[[Any], Any], tmp_path: Path
     monkeypatch.chdir(tmp_path)
     for junk in JUNK:
         try:
-            call(junk)
+            # What shows itself is shown in time.
+            shown = call(junk)
+            assert isinstance(shown, dict | np.ndarray) or isinstance(repr(shown), str)
         except (*ALLOWED, ImportError) as error:
             assert not isinstance(error, al.InternalError), (str(error), type(junk))
             assert len(str(error)) < 2000

@@ -89,12 +89,12 @@ def test_failed_runs_cost_most() -> None:
         ({"law.kd": {"uniform": [2.0, 1.0]}}, "error_rms1", {}, "expected low <= high"),
         ({"law.kx": {"uniform": [1.0, 2.0]}}, "error_rms1", {}, "unknown key 'kx'"),
         (DAMPING, "error_rms3", {}, "tune: cost is no metric: expected one of"),
-        (DAMPING, lambda table: 1.0, {}, r"tune: cost returned the wrong shape: expected \(8,\), got \(\)"),
-        (DAMPING, "error_rms1", {"candidates": 4}, "candidates is no count: expected an integer >= 5, got 4"),
-        (DAMPING, "error_rms1", {"generations": 1.5}, "generations is no count"),
-        (DAMPING, "error_rms1", {"by": "best"}, "by is unknown: expected 'worst' or 'mean'"),
+        (DAMPING, lambda table: 1.0, {}, r"tune: cost has the wrong shape: expected \(8,\), got \(\)"),
+        (DAMPING, "error_rms1", {"candidates": 4}, "candidates is not a count: expected an integer >= 5, got 4"),
+        (DAMPING, "error_rms1", {"generations": 1.5}, "generations is not a count"),
+        (DAMPING, "error_rms1", {"by": "best"}, "by is unknown: expected one of worst, mean"),
         (DAMPING, "error_rms1", {"over": {"arm.A": {"uniform": [1.0, 2.0]}}}, "uniform is random"),
-        (DAMPING, "error_rms1", {"seed": -1}, "seed is no count"),
+        (DAMPING, "error_rms1", {"seed": -1}, "seed is not a count"),
     ],
 )
 def test_refusals(vary: Any, cost: Any, options: dict[str, Any], message: str) -> None:

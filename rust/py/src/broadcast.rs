@@ -1,10 +1,11 @@
 //! Arguments that go together row by row: leading axes broadcast as numpy's do, and columns of numbers or arrays.
 
-use crate::arrays::{Axis, Converted, Form, Looked, WHATEVER, elements, numbers, owned, require_finite, shown};
+use crate::arrays::{Axis, Form, Looked, WHATEVER, elements, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use armlet_core::error::{Error, Result as CoreResult};
 use armlet_core::interrupt::look;
+use armlet_core::memory;
 use pyo3::prelude::*;
 use pyo3::types::PyFloat;
 use std::borrow::Cow;
@@ -169,32 +170,37 @@ impl<const K: usize> Columns<K> {
     }
 }
 
-/// Finite arguments of any shape, broadcast like numpy does.
-pub fn columns<const K: usize>(function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Result<Columns<K>, Failure> {
+/// Finite arguments of any shape, broadcast like numpy does, whose answers take `answer` bytes each. What cannot be held is refused
+/// before anything is copied.
+pub fn columns<const K: usize>(
+    function: &str,
+    names: [&str; K],
+    values: [&Bound<'_, PyAny>; K],
+    answer: usize,
+) -> Result<Columns<K>, Failure> {
     let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
     let mut columns: [Vec<f64>; K] = std::array::from_fn(|_| Vec::new());
     for k in 0..K {
-        let (shape, data) = value_or_array(function, names[k], values[k])?;
-        let data = owned(data)?;
-        require_finite(values[k].py(), function, names[k], &shape, &data)?;
-        (shapes[k], columns[k]) = (shape, data);
+        shapes[k] = Looked::at(function, names[k], values[k])?.shape;
     }
     let shape = common_shape(&shapes).ok_or_else(|| {
         let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
         input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected shapes that agree, got {all}"))
     })?;
+    let long_ones = shapes.iter().filter(|shape| elements(shape).is_ok_and(|n| n != 1)).count();
+    memory::require(elements(&shape)?.saturating_mul(8 * long_ones + answer))?;
     for k in 0..K {
+        let (read, data) = numbers(function, names[k], values[k], &[WHATEVER])?;
+        // The caller's objects may answer differently when they are asked again.
+        if read != shapes[k] {
+            let problem = format!("changes its shape: expected {}, got {}", shown(&shapes[k]), shown(&read));
+            return Err(input_error(values[k].py(), function, names[k], problem).into());
+        }
+        columns[k] = owned(data)?;
+        require_finite(values[k].py(), function, names[k], &read, &columns[k])?;
         if shapes[k] != shape && columns[k].len() != 1 {
             columns[k] = long(values[k].py(), || stretch(&shapes[k], &shape, &columns[k], 1))?;
         }
     }
     Ok(Columns { count: shape.iter().product(), shape, columns })
-}
-
-/// A number, written as an array without axes, or an array.
-fn value_or_array<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Converted<'a> {
-    match number_or_array(function, name, value)? {
-        Some(x) => Ok((vec![], Cow::Owned(vec![x]))),
-        None => numbers(function, name, value, &[WHATEVER]),
-    }
 }

@@ -4,7 +4,7 @@ use crate::arm::Arm;
 use crate::arrays::{Axis, Form, SCALAR, copied, flag, number, numbers, object, owned, vector, whole};
 use crate::errors::entry;
 use crate::interrupts::long;
-use crate::priority::{residual_list, status_member};
+use crate::priority::{method_name, residual_list, status_member};
 use crate::seal::{Sealed, seal};
 use crate::task::each;
 use armlet_core::analysis::inverse_kinematics::{Search, inverse_kinematics as core};
@@ -95,7 +95,7 @@ const NAME: &str = "inverse_kinematics";
 #[entered]
 #[pyfunction]
 #[pyo3(
-    signature = (arm, tasks, q0, *, method="clamp", eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None,
+    signature = (arm, tasks, q0, *, method=None, eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None,
                  limits=None),
     text_signature = "(arm, tasks, q0, *, method='clamp', eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, \
                       step_max=None, limits=True)"
@@ -105,7 +105,7 @@ pub fn inverse_kinematics<'py>(
     arm: &Bound<'py, PyAny>,
     tasks: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
-    method: &str,
+    method: Option<&Bound<'py, PyAny>>,
     eps: Option<&Bound<'py, PyAny>>,
     tolerance: Option<&Bound<'py, PyAny>>,
     max_iterations: Option<&Bound<'py, PyAny>>,
@@ -135,7 +135,7 @@ pub fn inverse_kinematics<'py>(
             seed: seed.map_or(Ok(plain.seed), |x| whole(NAME, "seed", x).map(|x| x as u64))?,
             step_max: step_max.map_or(Ok(plain.step_max), |x| number(NAME, "step_max", x))?,
             limits: limits.map_or(Ok(plain.limits), |x| flag(NAME, "limits", x))?,
-            method: Method::from_name(method)?,
+            method: Method::from_name(method_name(NAME, method)?)?,
             eps,
         };
         let rows: Vec<usize> = goals.iter().map(|(function, _)| function.rows()).collect();

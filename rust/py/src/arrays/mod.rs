@@ -10,7 +10,7 @@ mod single;
 mod write;
 
 pub use raw::{Lent, of_lengths, of_shape, out_of_shape, out_slice, overwrite};
-pub use read::{Converted, Looked, any_vector, numbers, owned, spread, three, vector};
+pub use read::{Looked, any_vector, numbers, owned, spread, three, vector};
 pub use sequence::items;
 pub use shape::{Axis, Form, SCALAR, WHATEVER, elements, index_of, require_finite, shown};
 pub use single::{count, flag, flag_or_false, name, number, object, optional_number, signed, text, whole};

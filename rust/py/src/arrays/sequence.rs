@@ -45,6 +45,19 @@ fn length(value: &Bound<'_, PyAny>) -> Result<usize, Wrong> {
     Ok(n)
 }
 
+/// Entry `i` of a sequence that claims more than `i` entries.
+fn entry<'py>(value: &Bound<'py, PyAny>, i: usize) -> Result<Bound<'py, PyAny>, Wrong> {
+    value.get_item(i).map_err(|error| absent(value, error))
+}
+
+/// A sequence may state too large a length, or a list be shortened by the code of its own entries.
+fn absent(value: &Bound<'_, PyAny>, error: PyErr) -> Wrong {
+    if error.is_instance_of::<pyo3::exceptions::PyLookupError>(value.py()) {
+        return Wrong::Kind("a sequence with fewer entries than its length".into());
+    }
+    error.into()
+}
+
 /// The shape that a sequence claims by its length and its first entry.
 pub fn shape(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong> {
     if depth == DEEPEST {
@@ -53,7 +66,7 @@ pub fn shape(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong
     let n = length(value)?;
     let mut shape = vec![n];
     if n > 0 {
-        shape.extend(shape_of(&value.get_item(0)?, depth + 1)?);
+        shape.extend(shape_of(&entry(value, 0)?, depth + 1)?);
     }
     Ok(shape)
 }
@@ -100,10 +113,9 @@ pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Re
         if i % POLL == POLL - 1 {
             pause(value.py())?;
         }
-        // A list may be shortened meanwhile by the entries' own code: that is an IndexError.
         let item = match list {
-            Some(list) => list.get_item(i)?,
-            None => value.get_item(i)?,
+            Some(list) => list.get_item(i).map_err(|error| absent(value, error))?,
+            None => entry(value, i)?,
         };
         match item.cast::<PyFloat>() {
             Ok(x) if rest.is_empty() => out.push(x.value()),

@@ -8,7 +8,7 @@ mod stepper;
 
 pub use stepper::Stepper;
 
-use crate::arrays::{any_vector, flag, items, new_array, number, require_finite};
+use crate::arrays::{any_vector, flag, items, new_array, number, require_finite, whole};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::Result as CoreResult;
 use armlet_core::integrate::Work;
@@ -115,18 +115,23 @@ pub fn integrate<'py>(
     args: &Bound<'py, PyTuple>,
     max_step: Option<&Bound<'py, PyAny>>,
     first_step: Option<&Bound<'py, PyAny>>,
-    positions: usize,
+    positions: &Bound<'py, PyAny>,
     lists: &Bound<'py, PyAny>,
     vectorized: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "integrate";
     entry(py, NAME, || {
         let events = items(NAME, "events", "a list: expected tuples (g, direction, stop_after)", events, MOST_EVENTS)?;
-        let events = events.iter().map(|event| event.extract()).collect::<PyResult<Vec<(Bound<'py, PyAny>, f64, usize)>>>()?;
+        let events = events.iter().map(|event| -> Result<(Bound<'py, PyAny>, f64, usize), Failure> {
+            let (g, direction, stop_after): (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>) = event.extract()?;
+            Ok((g, number(NAME, "events", &direction)?, whole(NAME, "events", &stop_after)?))
+        });
+        let events = events.collect::<Result<Vec<_>, _>>()?;
         if !f.is_callable() {
             let kind = f.get_type().name()?;
             return Err(input_error(py, NAME, "f", format!("is not callable: expected f(t, y), got {kind}")).into());
         }
+        let positions = whole(NAME, "positions", positions)?;
         let span = [number(NAME, "t_span", t0)?, number(NAME, "t_span", t1)?];
         // The end may be at infinity where an event ends the run.
         let ends = events.iter().any(|(_, _, stop_after)| *stop_after > 0);

@@ -3,7 +3,7 @@
 use super::{Given, Law};
 use crate::arrays::optional_number;
 use crate::errors::{Failure, entry};
-use crate::priority::{Keywords, per_joint};
+use crate::priority::{Keywords, method_name, per_joint};
 use crate::task::each;
 use armlet_core::law::{GivenLimits, LawSpec, Level, PriorityAccelerationSpec, PriorityVelocitySpec};
 use armlet_core::priority::Options;
@@ -19,10 +19,11 @@ impl<'py> Given<'py> {
         &mut self,
         function: &str,
         tasks: &Bound<'py, PyAny>,
-        method: &str,
+        method: Option<&Bound<'py, PyAny>>,
         eps: Option<&Bound<'py, PyAny>>,
         limits: &[Keyword<'_, 'py>],
     ) -> Result<(Vec<Level>, Options, GivenLimits), Failure> {
+        let method = method_name(function, method)?;
         let model = self.model();
         let arm = model.tree("arm")?;
         let (kept, levels) = each(function, tasks, |task| task.level(arm))?;
@@ -88,11 +89,14 @@ pub struct PriorityVelocity;
 #[pymethods]
 impl PriorityVelocity {
     #[new]
-    #[pyo3(signature = (arm, tasks, method="clamp", eps=None, *, v_min=None, v_max=None, q_min=None, q_max=None, a_max=None, horizon=None))]
+    #[pyo3(
+        signature = (arm, tasks, method=None, eps=None, *, v_min=None, v_max=None, q_min=None, q_max=None, a_max=None, horizon=None),
+        text_signature = "(arm, tasks, method='clamp', eps=None, *, v_min=None, v_max=None, q_min=None, q_max=None, a_max=None, horizon=None)"
+    )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         tasks: &Bound<'py, PyAny>,
-        method: &str,
+        method: Option<&Bound<'py, PyAny>>,
         eps: Option<&Bound<'py, PyAny>>,
         v_min: Option<&Bound<'py, PyAny>>,
         v_max: Option<&Bound<'py, PyAny>>,
@@ -142,13 +146,17 @@ pub struct PriorityAcceleration;
 #[pymethods]
 impl PriorityAcceleration {
     #[new]
-    #[pyo3(signature = (
-        arm, tasks, method="clamp", eps=None, *, joint_damping=None, a_max=None, v_min=None, v_max=None, q_min=None, q_max=None, horizon=None
-    ))]
+    #[pyo3(
+        signature = (
+            arm, tasks, method=None, eps=None, *, joint_damping=None, a_max=None, v_min=None, v_max=None, q_min=None, q_max=None, horizon=None
+        ),
+        text_signature = "(arm, tasks, method='clamp', eps=None, *, joint_damping=None, a_max=None, v_min=None, v_max=None, q_min=None, \
+                          q_max=None, horizon=None)"
+    )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         tasks: &Bound<'py, PyAny>,
-        method: &str,
+        method: Option<&Bound<'py, PyAny>>,
         eps: Option<&Bound<'py, PyAny>>,
         joint_damping: Option<&Bound<'py, PyAny>>,
         a_max: Option<&Bound<'py, PyAny>>,

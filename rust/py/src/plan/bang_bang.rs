@@ -61,12 +61,20 @@ pub fn bang_bang_time<'py>(
             Some(p) => Ok(Bound::new(py, BangBangReport::solve(p)?)?.into_any()),
             None => {
                 // Symmetric limits borrow tau_max's array; its sign is turned below.
-                let mut c = columns(NAME, NAMES, [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.unwrap_or(tau_max)])?;
+                let mut c = columns(NAME, NAMES, [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.unwrap_or(tau_max)], ANSWER)?;
                 if tau_min.is_none() {
-                    for &x in &c.columns[4] {
-                        symmetric(py, NAME, x)?;
-                    }
-                    c.columns[5].iter_mut().for_each(|x| *x = -*x);
+                    let [.., most, least] = &mut c.columns;
+                    let bad = long(py, || {
+                        for (most, least) in most.chunks(CHUNK).zip(least.chunks_mut(CHUNK)) {
+                            look();
+                            if let Some(&bad) = most.iter().find(|&&x| x <= 0.0) {
+                                return Ok(Some(bad));
+                            }
+                            least.iter_mut().for_each(|x| *x = -*x);
+                        }
+                        Ok(None)
+                    })?;
+                    bad.map_or(Ok(0.0), |bad| symmetric(py, NAME, bad))?;
                 }
                 Ok(Bound::new(py, BangBangBatch::solve(py, c)?)?.into_any())
             }
@@ -300,6 +308,9 @@ pub struct BangBangBatch {
 
 /// Problems solved between two looks at the keyboard: some milliseconds.
 const CHUNK: usize = 1 << 13;
+
+/// Bytes of an answer: four numbers, and three flags that are copied once.
+const ANSWER: usize = 4 * 8 + 3 * 2;
 
 /// The most axes of an index: those of numpy's arrays.
 const MOST_AXES: usize = 64;

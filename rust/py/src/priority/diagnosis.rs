@@ -1,7 +1,7 @@
 //! `armlet._core.diagnose_priority`, the fields of `armlet.PriorityDiagnosis`; and `armlet.velocity_bounds`.
 
 use super::stack::{Stack, items, per_joint};
-use crate::arrays::{any_vector, copied, new_vector, shown};
+use crate::arrays::{any_vector, copied, new_vector, number, optional_number, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::priority::{Diagnosis, diagnose, velocity_bounds as core_bounds};
 use armlet_macros::entered;
@@ -16,10 +16,11 @@ pub fn diagnose_priority<'py>(
     py: Python<'py>,
     jacobians: &Bound<'py, PyAny>,
     rhs: Option<&Bound<'py, PyAny>>,
-    rounding: Option<f64>,
+    rounding: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "diagnose_priority";
     entry(py, NAME, || {
+        let rounding = optional_number(NAME, "rounding", rounding)?;
         let jacobians = items(NAME, "jacobians", jacobians)?;
         let rhs = rhs.map(|rhs| items(NAME, "rhs", rhs)).transpose()?;
         let stack = Stack::read(py, NAME, ["jacobians", "rhs"], &jacobians, rhs.as_deref())?;
@@ -92,13 +93,13 @@ pub fn velocity_bounds<'py>(
     q_min: &Bound<'py, PyAny>,
     q_max: &Bound<'py, PyAny>,
     v_max: &Bound<'py, PyAny>,
-    dt: f64,
+    dt: &Bound<'py, PyAny>,
     a_max: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     const NAME: &str = "velocity_bounds";
     entry(py, NAME, || {
         let q = any_vector(NAME, "q", q)?;
-        let n = q.len();
+        let (n, dt) = (q.len(), number(NAME, "dt", dt)?);
         let (q_min, q_max, v_max) =
             (per_joint(NAME, "q_min", q_min, n)?, per_joint(NAME, "q_max", q_max, n)?, per_joint(NAME, "v_max", v_max, n)?);
         let a_max = a_max.map_or_else(|| Ok(vec![f64::INFINITY; n]), |a| per_joint(NAME, "a_max", a, n))?;

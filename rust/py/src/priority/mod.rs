@@ -12,4 +12,4 @@ pub use arm_solver::{_restore_arm_solver, ArmPrioritySolver};
 pub use diagnosis::{diagnose_priority, velocity_bounds};
 pub use solution::{PrioritySolution, residual_list, solve_priority, status_member};
 pub use solver::PrioritySolver;
-pub use stack::{Keywords, MOST_LEVELS, per_joint};
+pub use stack::{Keywords, MOST_LEVELS, method_name, per_joint};

@@ -1,7 +1,7 @@
 //! `armlet.solve_priority` and its answer, for one stack or for a batch of stacks.
 
-use super::stack::{Keywords, Stack, items};
-use crate::arrays::{copied, of_shape, taken};
+use super::stack::{Keywords, Stack, items, method_name};
+use crate::arrays::{copied, of_shape, optional_number, taken};
 use crate::errors::{Failure, entry};
 use crate::interrupts::{long, signalled};
 use crate::seal::{Sealed, seal};
@@ -134,14 +134,17 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 /// <Status.SUCCESS: 0>
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (jacobians, velocities, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None))]
+#[pyo3(
+    signature = (jacobians, velocities, *, method=None, eps=None, rounding=None, weight=None, v_min=None, v_max=None),
+    text_signature = "(jacobians, velocities, *, method='clamp', eps=None, rounding=None, weight=None, v_min=None, v_max=None)"
+)]
 pub fn solve_priority<'py>(
     py: Python<'py>,
     jacobians: &Bound<'py, PyAny>,
     velocities: &Bound<'py, PyAny>,
-    method: &str,
+    method: Option<&Bound<'py, PyAny>>,
     eps: Option<&Bound<'py, PyAny>>,
-    rounding: Option<f64>,
+    rounding: Option<&Bound<'py, PyAny>>,
     weight: Option<&Bound<'py, PyAny>>,
     v_min: Option<&Bound<'py, PyAny>>,
     v_max: Option<&Bound<'py, PyAny>>,
@@ -149,6 +152,7 @@ pub fn solve_priority<'py>(
     const NAME: &str = "solve_priority";
     entry(py, NAME, || {
         let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
+        let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
         let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
         if let Some(solver) = again(&jacobians, &velocities, &keywords) {
             let solution = answer(py, &solver);

@@ -2,8 +2,8 @@
 
 use super::arm_solver::{ArmPrioritySolver, for_arm};
 use super::solution::{residual_list, status_member};
-use super::stack::{Keywords, MOST_LEVELS, Stack, items, per_joint, require_size};
-use crate::arrays::{self, copied, count, new_vector, of_shape, out_slice, shown, whole};
+use super::stack::{Keywords, MOST_LEVELS, Stack, items, method_name, per_joint, require_size};
+use crate::arrays::{self, copied, count, new_vector, number, of_shape, optional_number, out_slice, shown, whole};
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::priority::{DEFAULT_ROUNDING, Options, PrioritySolver as Core};
@@ -84,14 +84,17 @@ impl PrioritySolver {
 #[pymethods]
 impl PrioritySolver {
     #[new]
-    #[pyo3(signature = (n, rows, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None))]
+    #[pyo3(
+        signature = (n, rows, *, method=None, eps=None, rounding=None, weight=None, v_min=None, v_max=None),
+        text_signature = "(n, rows, *, method='clamp', eps=None, rounding=None, weight=None, v_min=None, v_max=None)"
+    )]
     fn new(
         py: Python<'_>,
         n: &Bound<'_, PyAny>,
         rows: &Bound<'_, PyAny>,
-        method: &str,
+        method: Option<&Bound<'_, PyAny>>,
         eps: Option<&Bound<'_, PyAny>>,
-        rounding: Option<f64>,
+        rounding: Option<&Bound<'_, PyAny>>,
         weight: Option<&Bound<'_, PyAny>>,
         v_min: Option<&Bound<'_, PyAny>>,
         v_max: Option<&Bound<'_, PyAny>>,
@@ -100,6 +103,7 @@ impl PrioritySolver {
         entry(py, NAME, || {
             let (n, rows) = (count(NAME, "n", n)?, row_counts(NAME, rows)?);
             require_size(py, NAME, n, &rows)?;
+            let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
             let options = Keywords { method, eps, rounding, weight, v_min, v_max }.options(NAME, n, rows.len())?;
             let core = Core::new(n, &rows, &options)?;
             Ok(PrioritySolver { n, counts: rows, state: Mutex::new(State { core, options }) })
@@ -119,17 +123,24 @@ impl PrioritySolver {
     /// >>> solver.solve([0.0, 1.5707963267948966, 1.5707963267948966, 0.0], [[1.0, 1.0], [1.0, 1.0]]).round(12)
     /// array([ 1. , -2. ,  0.8,  0.4])
     #[staticmethod]
-    #[pyo3(signature = (arm, tasks, *, method="clamp", eps=None, weight=None, v_min=None, v_max=None))]
+    #[pyo3(
+        signature = (arm, tasks, *, method=None, eps=None, weight=None, v_min=None, v_max=None),
+        text_signature = "(arm, tasks, *, method='clamp', eps=None, weight=None, v_min=None, v_max=None)"
+    )]
     fn for_arm<'py>(
         arm: &Bound<'py, PyAny>,
         tasks: &Bound<'py, PyAny>,
-        method: &str,
+        method: Option<&Bound<'py, PyAny>>,
         eps: Option<&Bound<'py, PyAny>>,
         weight: Option<&Bound<'py, PyAny>>,
         v_min: Option<&Bound<'py, PyAny>>,
         v_max: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<ArmPrioritySolver> {
-        entry(arm.py(), "PrioritySolver.for_arm", || for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max }))
+        const NAME: &str = "PrioritySolver.for_arm";
+        entry(arm.py(), NAME, || {
+            let method = method_name(NAME, method)?;
+            for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max })
+        })
     }
 
     /// Joint velocities `(n,)` for one `(rows_i, n)` Jacobian and one `(rows_i,)` task velocity per level, written to `out` if given.
@@ -182,8 +193,10 @@ impl PrioritySolver {
     }
 
     /// The relative error of the entries of the next Jacobians: `8 eps (1 + sum|q|)` where joint angles made them.
-    fn set_rounding(&self, py: Python<'_>, rounding: f64) -> PyResult<()> {
-        entry(py, "PrioritySolver.set_rounding", || {
+    fn set_rounding(&self, py: Python<'_>, rounding: &Bound<'_, PyAny>) -> PyResult<()> {
+        const NAME: &str = "PrioritySolver.set_rounding";
+        entry(py, NAME, || {
+            let rounding = number(NAME, "rounding", rounding)?;
             let state = &mut *self.state();
             state.core.set_rounding(rounding)?;
             state.options.rounding = Some(rounding);

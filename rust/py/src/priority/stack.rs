@@ -165,6 +165,12 @@ pub fn per_joint(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize)
     spread(&shape, values, n)
 }
 
+/// The name of the method, "clamp" where none is given.
+#[inline]
+pub fn method_name<'a>(function: &str, given: Option<&'a Bound<'_, PyAny>>) -> Result<&'a str, Failure> {
+    given.map_or(Ok("clamp"), |method| arrays::name(function, "method", method))
+}
+
 /// The keywords that every solver takes, as they come.
 #[derive(Clone, Copy)]
 pub struct Keywords<'a, 'py> {
