@@ -17,6 +17,9 @@ import armlet as al
 
 ARM = al.load_urdf(al.example_urdf("seven_axis"))
 
+# Those that this processor has.
+SETS = ("baseline", "avx2", "avx512")[: 1 + ("baseline", "avx2", "avx512").index(al.build_info()["best_instruction_set"])]
+
 # Over a millisecond of work each, with a last group of lanes that is not full.
 DIGEST = """
     import hashlib, numpy as np, armlet as al
@@ -49,6 +52,37 @@ def test_a_long_call_gives_the_same_bits_as_short_ones() -> None:
     out = np.full_like(whole, np.nan)
     assert ARM.inverse_dynamics(q, v, a, out=out) is out
     np.testing.assert_array_equal(whole, out)
+
+
+# A batch that runs as programs against the same configurations one by one; an angle beyond the range of their sines among them.
+ALONE = """
+    import numpy as np, armlet as al
+    arm = al.load_urdf(al.example_urdf("six_axis"))
+    q, v, a = np.random.default_rng(3).uniform(-2.0, 2.0, (3, 300, arm.n))
+    q[17, 2] = 3e6
+    frame = arm.frame_names[-1]
+    calls = [(arm.mass_matrix, q), (arm.forward_dynamics, q, v, a), (arm.regressor, q, v, a, v), (lambda q: arm.jacobian(q, frame), q),
+             (lambda *x: np.stack(arm.inverse_dynamics_derivatives(*x), -3), q, v, a)]
+    for call, *x in calls:
+        rows = call(*x)
+        assert np.array_equal(rows.view(np.uint64), np.stack([call(*row) for row in zip(*x)]).view(np.uint64))
+    print(al.build_info()["programs"], al.build_info()["instruction_set"])
+"""
+
+
+@pytest.mark.parametrize("programs", ["machine", "portable"])
+@pytest.mark.parametrize("isa", ["baseline", "avx2", "avx512"])
+def test_a_row_of_a_program_has_the_bits_of_a_single_call(isa: str, programs: str) -> None:
+    environment = os.environ | {"ARMLET_ISA": isa, "ARMLET_PROGRAMS": programs}
+    command = [sys.executable, "-P", "-c", textwrap.dedent(ALONE)]
+    done = subprocess.run(command, env=environment, check=False, capture_output=True, text=True)
+    if isa not in SETS:  # a processor without it says so
+        assert done.returncode != 0
+        assert isa in done.stderr
+        return
+    assert done.returncode == 0, done.stderr
+    used = programs if al.build_info()["programs"] == "machine" else "portable"
+    assert done.stdout.split() == [used, isa]
 
 
 def test_a_bad_row_of_a_long_call_is_named() -> None:

@@ -32,7 +32,7 @@ BELOW = {
     "spatial": {"linalg"},
     "arm": {"spatial"},
     "kinematics": {"arm"},
-    "dynamics": {"kinematics"},
+    "dynamics": {"kinematics", "trace"},
     "plant": {"dynamics"},
     "priority": {"linalg", "trace"},
     "motion": {"scalar"},
@@ -40,7 +40,7 @@ BELOW = {
     "plan": {"motion", "dynamics"},
     "integrate": {"linalg"},
     "analysis": {"law", "integrate"},
-    "simulate": {"law", "integrate", "parallel", "trace"},
+    "simulate": {"law", "integrate", "parallel"},
 }
 
 

@@ -3,7 +3,7 @@
 //!
 //! The layers, lowest first; a module uses only those before it (checked by `tests/api/test_layering.py`):
 //! `interrupt -> error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
-//! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `dynamics -> plan`, and
+//! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `scalar -> trace -> dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone; `parallel` knows threads, `memory` sizes, and none knows robots.
 
 #[cfg(not(test))]

@@ -45,7 +45,7 @@ impl Model {
             }
             Model::Tree(arm) => {
                 let count = states[0].len() / arm.n().max(1);
-                arm.evaluate(query, &states, count, 0, count, out).map(drop)
+                arm.evaluate(query, &states, count, out).map(drop)
             }
         }
     }

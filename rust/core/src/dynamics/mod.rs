@@ -15,6 +15,8 @@ pub mod derivatives;
 pub mod energy;
 #[cfg(not(test))]
 mod evaluate;
+#[cfg(not(test))]
+mod functions;
 mod hinge;
 mod model;
 pub mod newton_euler;
@@ -24,16 +26,18 @@ mod planar_pr;
 mod quantities;
 #[cfg(not(test))]
 mod query;
-pub mod regressor;
 #[cfg(not(test))]
-mod regressor_rows;
+mod recorded;
+pub mod regressor;
 mod tree;
 pub mod workspace;
 
 pub use arm_at::ArmAt;
 pub use definite::indefinite;
 #[cfg(not(test))]
-pub use evaluate::{Evaluator, LaneEvaluator};
+pub use evaluate::Evaluator;
+#[cfg(not(test))]
+pub use functions::Functions;
 pub use model::{AnyArm, Model};
 pub use planar_2r::Planar2R;
 pub use planar_pr::PlanarPr;

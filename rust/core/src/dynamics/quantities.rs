@@ -71,8 +71,9 @@ impl Compute for MassMatrix {
         let mut zero = S::zero();
         crba::mass_matrix_entries(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], |i, j, x| {
             zero = x.mul_add(S::zero(), zero);
-            out[i * n + j] = x.lane(0);
-            out[j * n + i] = x.lane(0);
+            // No zero is negative, as in `write_one`.
+            out[i * n + j] = x.lane(0) + 0.0;
+            out[j * n + i] = x.lane(0) + 0.0;
         });
         S::all(zero.lt(S::splat(1.0)))
     }

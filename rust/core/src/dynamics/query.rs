@@ -123,16 +123,33 @@ impl Query {
         fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
     }
 
+    /// About how many operations one configuration takes, zeros and common terms aside.
+    pub(super) fn operations(&self, n: usize) -> f64 {
+        use Quantity::*;
+        let joint = match self.quantity {
+            ForwardDynamics | ForwardDynamicsDerivatives => 350.0,
+            CoriolisMatrix | InverseDynamicsDerivatives => 200.0,
+            _ => 130.0,
+        };
+        let pair = match self.quantity {
+            MassMatrix => 10.0,
+            CoriolisMatrix => 25.0,
+            Regressor => 30.0,
+            InverseDynamicsDerivatives | ForwardDynamicsDerivatives => 55.0,
+            _ => 0.0,
+        };
+        let solved = if self.quantity == ForwardDynamicsDerivatives { 3.5 } else { 0.0 };
+        let n = n as f64;
+        n * (joint + n * (pair + n * solved))
+    }
+
     /// About how long one of many configurations takes on this machine, ns: good enough to choose how to run them.
     pub fn nanoseconds(&self, n: usize) -> f64 {
-        let (joints, numbers) = (n as f64, self.length(n) as f64);
-        let singly = matches!(self.quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives);
-        let in_lanes = if singly { 100.0 * joints + 10.0 * numbers } else { 8.0 * joints + 0.3 * numbers };
         let slower = match isa() {
             Isa::Baseline => 4.0,
             Isa::Avx2 => 2.0,
             Isa::Avx512 => 1.0,
         };
-        10.0 + slower * in_lanes
+        10.0 + slower * (0.05 * self.operations(n) + 0.1 * self.length(n) as f64)
     }
 }

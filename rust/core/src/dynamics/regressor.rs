@@ -101,24 +101,6 @@ fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>)
     Spatial { linear, angular }
 }
 
-/// Where the blocks of a regressor go: ten numbers for every joint and every body that it carries. The others are zero in every state.
-pub trait Blocks<S> {
-    fn put(&mut self, joint: usize, body: usize, block: &[S; PARAMETERS]);
-}
-
-/// Rows of this length in one array.
-struct Matrix<'a, S> {
-    y: &'a mut [S],
-    width: usize,
-}
-
-impl<S: Real> Blocks<S> for Matrix<'_, S> {
-    #[inline(always)]
-    fn put(&mut self, joint: usize, body: usize, block: &[S; PARAMETERS]) {
-        self.y[joint * self.width + PARAMETERS * body..][..PARAMETERS].copy_from_slice(block);
-    }
-}
-
 /// `Y`, `(n, width)` row-major with `width >= 10 n`; columns beyond the inertial parameters are zero.
 #[inline(always)]
 pub fn regressor<S: Real>(
@@ -137,7 +119,8 @@ pub fn regressor<S: Real>(
     regressor_on_zeros(tree, width, links, fields, trig, q, v, vr, ar, y);
 }
 
-/// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state.
+/// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state. Joint by joint, each
+/// from its own body outwards.
 #[inline(always)]
 pub fn regressor_on_zeros<S: Real>(
     tree: &Tree<S>,
@@ -151,23 +134,10 @@ pub fn regressor_on_zeros<S: Real>(
     ar: &[S],
     y: &mut [S],
 ) {
-    regressor_blocks(tree, links, fields, trig, q, v, vr, ar, &mut Matrix { y, width });
-}
-
-/// The blocks of `Y` that do not vanish, joint by joint, each from its own body outwards.
-#[inline(always)]
-pub(super) fn regressor_blocks<S: Real>(
-    tree: &Tree<S>,
-    links: &mut [Link<S>],
-    fields: &mut [Field<S>],
-    trig: &[(S, S)],
-    q: &[S],
-    v: &[S],
-    vr: &[S],
-    ar: &[S],
-    to: &mut impl Blocks<S>,
-) {
     let n = tree.n();
+    let mut put = |joint: usize, body: usize, block: &[S; PARAMETERS]| {
+        y[joint * width + PARAMETERS * body..][..PARAMETERS].copy_from_slice(block);
+    };
     let mut motion = Motion::default();
     for i in 0..n {
         let body = &tree.bodies[i];
@@ -193,7 +163,7 @@ pub(super) fn regressor_blocks<S: Real>(
         } else {
             fields[j].coefficients(V3::zero(), turned(&tree.bodies[j], twist.angular))
         };
-        to.put(j, j, &own);
+        put(j, j, &own);
         for i in j + 1..end {
             let body = &tree.bodies[i];
             if body.parent + 1 != i {
@@ -208,7 +178,7 @@ pub(super) fn regressor_blocks<S: Real>(
             } else {
                 fields[i].along(turned(body, twist.linear))
             };
-            to.put(j, i, &block);
+            put(j, i, &block);
         }
     }
 }

@@ -59,19 +59,19 @@ pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     bad == [0; 4]
 }
 
-/// Single numbers as one row, of as many; whether all of them are finite.
+/// Single numbers as one row, of as many; whether all of them are finite. No zero is negative: programs keep no signs of zeros.
 #[inline(always)]
 pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (values.as_chunks::<4>(), out.as_chunks_mut::<4>());
     let mut bad = [0; 4];
     for (to, from) in to_fours.iter_mut().zip(fours) {
         for k in 0..4 {
-            to[k] = from[k].lane(0);
+            to[k] = from[k].lane(0) + 0.0;
             bad[k] |= infinite(to[k]);
         }
     }
     for k in 0..to_rest.len().min(rest.len()).min(3) {
-        to_rest[k] = rest[k].lane(0);
+        to_rest[k] = rest[k].lane(0) + 0.0;
         bad[k] |= infinite(to_rest[k]);
     }
     bad == [0; 4]

@@ -126,11 +126,10 @@ impl Evaluation {
         &self.frame.numbers()[slot * lanes..(slot + count) * lanes]
     }
 
-    /// `length` numbers of the answer from `first` on as rows of `out`: of at most as many as there are lanes.
-    pub fn write(&self, first: usize, length: usize, out: &mut [f64]) {
-        if length > 0 {
-            rows::write(&self.frame, self.function.layout.answer() + first, length, out);
-        }
+    /// `length` numbers of the answer from `first` on as rows of `out`: of at most as many as there are lanes. Whether
+    /// every number is finite.
+    pub fn write(&self, first: usize, length: usize, out: &mut [f64]) -> bool {
+        length == 0 || rows::write(&self.frame, self.function.layout.answer() + first, length, out)
     }
 
     /// Whether lane `lane` turned by angles for which there are sines.
@@ -142,11 +141,11 @@ impl Evaluation {
 
 static KNOWN: Mutex<VecDeque<Arc<Function>>> = Mutex::new(VecDeque::new());
 
-/// The functions that are known, unless another thread looks at them. Never waits: a process that was forked while another thread of its
-/// parent held the lock would wait for ever.
-fn known() -> Option<MutexGuard<'static, VecDeque<Arc<Function>>>> {
-    match KNOWN.try_lock() {
-        Ok(known) => Some(known),
+/// What a lock guards, if no other thread holds it. Never waits: a process that was forked while another thread of its parent held the
+/// lock would wait for ever.
+pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
+    match mutex.try_lock() {
+        Ok(guard) => Some(guard),
         Err(TryLockError::Poisoned(poisoned)) => Some(PoisonError::into_inner(poisoned)),
         Err(TryLockError::WouldBlock) => None,
     }
@@ -155,7 +154,7 @@ fn known() -> Option<MutexGuard<'static, VecDeque<Arc<Function>>>> {
 impl Function {
     /// The function of a recording: one that is there, or a new one. Those used last are kept.
     fn of(ops: Vec<Op>, answer: Vec<u32>, layout: Layout) -> Arc<Function> {
-        let found = known().and_then(|mut known| {
+        let found = free(&KNOWN).and_then(|mut known| {
             let at = known.iter().position(|known| known.layout == layout && known.answer == answer && known.ops == ops)?;
             let function = known.remove(at)?;
             known.push_back(function.clone());
@@ -165,7 +164,7 @@ impl Function {
             return found;
         }
         let function = Arc::new(Function::new(ops, answer, layout));
-        if let Some(mut known) = known() {
+        if let Some(mut known) = free(&KNOWN) {
             known.push_back(function.clone());
             while known.len() > KEPT || known.iter().map(|function| function.ops.len()).sum::<usize>() > KEPT_OPERATIONS {
                 known.pop_front();
@@ -225,7 +224,7 @@ mod tests {
         for k in 0..2 * KEPT {
             record(false, 1, || (), |(), x| vec![x[0] + Sym::splat(k as f64 + 0.5)]).expect("recorded");
         }
-        assert!(known().is_some_and(|known| known.len() <= KEPT));
+        assert!(free(&KNOWN).is_some_and(|known| known.len() <= KEPT));
     }
 
     #[test]

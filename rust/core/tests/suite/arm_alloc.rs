@@ -1,27 +1,9 @@
 //! Nothing allocates between the making of an evaluator and its end.
 
 use crate::arm_common::{Rng, random_tree};
+use crate::arm_functions::ALL;
 use crate::counting::counted;
-use armlet_core::dynamics::{Evaluator, Quantity, Query};
-
-const ALL: [Quantity; 16] = [
-    Quantity::MassMatrix,
-    Quantity::CoriolisMatrix,
-    Quantity::Gravity,
-    Quantity::Bias,
-    Quantity::InverseDynamics,
-    Quantity::ForwardDynamics,
-    Quantity::Regressor,
-    Quantity::Energy,
-    Quantity::Pose,
-    Quantity::Position,
-    Quantity::Jacobian,
-    Quantity::JacobianDot,
-    Quantity::Com,
-    Quantity::ComJacobian,
-    Quantity::InverseDynamicsDerivatives,
-    Quantity::ForwardDynamicsDerivatives,
-];
+use armlet_core::dynamics::{Evaluator, Query};
 
 #[test]
 fn evaluation_does_not_allocate() {

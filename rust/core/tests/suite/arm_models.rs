@@ -212,24 +212,6 @@ fn evaluator_options() {
     close("tau = ID - J' F", &tau, &want, 1e-13, 1.0);
     let back = ask(&arm, Query { wrench: Some(frame), ..Quantity::ForwardDynamics.into() }, &[&q, &v, &tau, &wrench]);
     close("forward with a wrench", &back, &a, 1e-9, 1.0);
-    // Rows in lanes: the single answer to rounding, and the same bits however the rows are cut.
-    let count = 21;
-    let many: Vec<Vec<f64>> = (0..4).map(|_| rng.vector(n * count, 1.5)).collect();
-    let inputs: Vec<&[f64]> = many.iter().map(Vec::as_slice).collect();
-    for (friction, armature) in [(false, false), (true, false), (false, true), (true, true)] {
-        let query = Query { friction, armature, ..Quantity::Regressor.into() };
-        let (rows, columns) = query.shape(n);
-        let length = rows * columns;
-        let mut all = vec![f64::NAN; count * length];
-        arm.evaluate(&query, &inputs, count, 0, count, &mut all).unwrap();
-        let mut cut = vec![f64::NAN; 6 * length];
-        arm.evaluate(&query, &inputs, count, 5, 11, &mut cut).unwrap();
-        assert_eq!(cut, all[5 * length..11 * length]);
-        for row in 0..count {
-            let one: Vec<&[f64]> = many.iter().map(|x| &x[row * n..][..n]).collect();
-            close("row", &all[row * length..][..length], &ask(&arm, query, &one), 1e-13, 1.0);
-        }
-    }
     let mut evaluator = Evaluator::new(&arm);
     let mut out = [0.0; 36];
     refused(evaluator.one(&Quantity::MassMatrix.into(), &[&q[..5]], &mut out), "q", "expected 6, got 5");
@@ -237,5 +219,4 @@ fn evaluator_options() {
     refused(evaluator.one(&Quantity::MassMatrix.into(), &[&q, &v], &mut out), "inputs", "expected 1 (q), got 2");
     refused(evaluator.one(&Query { frame: 99, ..Quantity::Jacobian.into() }, &[&q], &mut out), "frame", "out of range");
     refused(evaluator.one(&Quantity::Gravity.into(), &[&[0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0]], &mut out[..6]), "q", "first bad index 2");
-    refused(arm.evaluate(&Quantity::Gravity.into(), &[&q], 1, 1, 0, &mut out[..6]), "rows", "out of range");
 }

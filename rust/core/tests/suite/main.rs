@@ -4,6 +4,7 @@ mod adaptive_ndof;
 mod adaptive_pr;
 mod arm_alloc;
 mod arm_common;
+mod arm_functions;
 mod arm_laws;
 mod arm_models;
 mod arm_oracle;

@@ -410,7 +410,7 @@ impl Arm {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         match &self.model {
             Model::PlanarPr(arm) => seal_call(py, "_restore_planar_pr", (arm.parameter_array(),).into_pyobject(py)?),
-            Model::Tree(tree) => seal_call(py, "_restore_tree", (tree_state(py, &tree.arm)?,).into_pyobject(py)?),
+            Model::Tree(tree) => seal_call(py, "_restore_tree", (tree_state(py, tree.arm())?,).into_pyobject(py)?),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! From Python arrays to Python arrays: one configuration without a detour, many in lanes, many more in threads.
+//! From Python arrays to Python arrays: one configuration without a detour, many by a program, many more in threads.
 
 use super::Arm;
 use crate::arrays::{flag_or_false, index_of, name, of_lengths, of_shape, out_of_shape, out_slice, written_array};
@@ -190,7 +190,7 @@ impl Arm {
         }
         let rows: [_; K] = std::array::from_fn(|k| inputs.rows(k, first, last));
         let rows: [&[f64]; K] = std::array::from_fn(|k| &*rows[k]);
-        self.model.rows(query, &rows, last - first, 0, last - first, out)
+        self.model.rows(query, &rows, last - first, out)
     }
 
     /// `work` on all `parts` of at most so many configurations, and whether all of the answer is finite. Long work is shared by threads
@@ -204,13 +204,16 @@ impl Arm {
         parts: impl FnOnce(usize) -> Vec<P> + Send,
         work: impl Fn(&Broadcast<K>, P) -> Result<bool, Error> + Sync,
     ) -> Result<bool, Failure> {
-        let each = query.nanoseconds(self.model.n());
-        if each * (inputs.count as f64) < LONG {
-            return Ok(parts(inputs.count.max(1)).into_iter().try_fold(true, |all, part| work(&inputs, part).map(|sound| all && sound))?);
+        let (each, count) = (query.nanoseconds(self.model.n()), inputs.count);
+        let prepare = || if count > 1 { self.model.prepare(query, count) } else { Ok(()) };
+        if each * (count as f64) < LONG && !self.model.is_due(query, count) {
+            prepare()?;
+            return Ok(parts(count.max(1)).into_iter().try_fold(true, |all, part| work(&inputs, part).map(|sound| all && sound))?);
         }
         let inputs = inputs.owned()?;
         let chunk = (PIECE / each) as usize / 16 * 16 + 16;
         let said = long(py, || {
+            prepare()?;
             let said = parallel::pieces(parallel::default_threads(), &mut signalled, parts(chunk), |part| work(&inputs, part));
             drop(inputs);
             said.unwrap_or_else(|_| interrupt()).into_iter().collect::<Result<Vec<bool>, Error>>()

@@ -83,7 +83,7 @@ impl Arm {
         let Model::Tree(tree) = &self.model else { return Ok(None) };
         entry(py, "Arm.gravity_vector", || {
             new_array(py, &[3], |out| {
-                out.copy_from_slice(&tree.arm.gravity);
+                out.copy_from_slice(&tree.arm().gravity);
                 Ok(())
             })
         })

@@ -1,28 +1,20 @@
 //! The model behind `armlet.Arm`: a closed-form arm or a tree, with one way to ask either.
 
 use armlet_core::arm::{Arm as Tree, JointKind};
-use armlet_core::dynamics::{Evaluator, LaneEvaluator, PlanarPr, Quantity, Query};
+use armlet_core::dynamics::{Functions, PlanarPr, Quantity, Query};
 use armlet_core::error::{Error, Result, all_finite, finite};
-use std::sync::{Arc, Mutex};
-
-/// A tree with the evaluators of single and of batched calls, which keep their buffers between them.
-pub struct TreeModel {
-    pub arm: Arc<Tree>,
-    evaluator: Mutex<Evaluator>,
-    /// Made with the first batch.
-    lanes: Mutex<Option<LaneEvaluator>>,
-}
+use std::sync::Arc;
 
 pub enum Model {
     PlanarPr(PlanarPr<f64>),
-    Tree(Box<TreeModel>),
+    Tree(Box<Functions>),
 }
 
 impl PartialEq for Model {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (Model::PlanarPr(a), Model::PlanarPr(b)) => a == b,
-            (Model::Tree(a), Model::Tree(b)) => a.arm == b.arm,
+            (Model::Tree(a), Model::Tree(b)) => a.arm() == b.arm(),
             _ => false,
         }
     }
@@ -30,9 +22,7 @@ impl PartialEq for Model {
 
 impl From<Tree> for super::Arm {
     fn from(arm: Tree) -> Self {
-        let evaluator = Mutex::new(Evaluator::new(&arm));
-        let arm = Arc::new(arm);
-        super::Arm { model: Model::Tree(Box::new(TreeModel { arm, evaluator, lanes: Mutex::new(None) })) }
+        super::Arm { model: Model::Tree(Box::new(Functions::new(Arc::new(arm)))) }
     }
 }
 
@@ -40,7 +30,7 @@ impl Model {
     /// The tree, or an error that says what this arm lacks.
     pub fn tree(&self, function: &str) -> Result<&Tree> {
         match self {
-            Model::Tree(tree) => Ok(&tree.arm),
+            Model::Tree(tree) => Ok(tree.arm()),
             Model::PlanarPr(_) => {
                 let name = function.rsplit('.').next().unwrap_or(function);
                 Err(Error::input("arm", format!("has no links: expected an arm with a kinematic model for {name}, got planar_pr")))
@@ -52,49 +42,49 @@ impl Model {
     pub fn core(&self) -> armlet_core::dynamics::Model {
         match self {
             Model::PlanarPr(arm) => armlet_core::dynamics::Model::PlanarPr(*arm),
-            Model::Tree(tree) => armlet_core::dynamics::Model::Tree(tree.arm.clone()),
+            Model::Tree(tree) => armlet_core::dynamics::Model::Tree(tree.arm().clone()),
         }
     }
 
     pub fn n(&self) -> usize {
         match self {
             Model::PlanarPr(_) => 2,
-            Model::Tree(tree) => tree.arm.n(),
+            Model::Tree(tree) => tree.arm().n(),
         }
     }
 
     pub fn joint_names(&self) -> Vec<String> {
         match self {
             Model::PlanarPr(_) => vec!["p1".into(), "r2".into()],
-            Model::Tree(tree) => tree.arm.joint_names().map(String::from).collect(),
+            Model::Tree(tree) => tree.arm().joint_names().map(String::from).collect(),
         }
     }
 
     pub fn joint_types(&self) -> Vec<String> {
         match self {
             Model::PlanarPr(_) => vec!["prismatic".into(), "revolute".into()],
-            Model::Tree(tree) => tree.arm.joints.iter().map(|joint| joint.kind.name().to_string()).collect(),
+            Model::Tree(tree) => tree.arm().joints.iter().map(|joint| joint.kind.name().to_string()).collect(),
         }
     }
 
     pub fn frame_names(&self) -> Vec<String> {
         match self {
             Model::PlanarPr(_) => Vec::new(),
-            Model::Tree(tree) => tree.arm.frame_names().map(String::from).collect(),
+            Model::Tree(tree) => tree.arm().frame_names().map(String::from).collect(),
         }
     }
 
     pub fn tip_frame(&self) -> Option<String> {
         match self {
             Model::PlanarPr(_) => None,
-            Model::Tree(tree) => tree.arm.tip_frame().map(|frame| tree.arm.frames[frame].name.clone()),
+            Model::Tree(tree) => tree.arm().tip_frame().map(|frame| tree.arm().frames[frame].name.clone()),
         }
     }
 
     pub fn report(&self) -> &[String] {
         match self {
             Model::PlanarPr(_) => &[],
-            Model::Tree(tree) => &tree.arm.report,
+            Model::Tree(tree) => &tree.arm().report,
         }
     }
 
@@ -104,28 +94,28 @@ impl Model {
                 "frame",
                 format!("is unknown: expected one of (), got {name:?}: planar_pr is given by its dynamics alone"),
             )),
-            Model::Tree(tree) => tree.arm.frame_index(name),
+            Model::Tree(tree) => tree.arm().frame_index(name),
         }
     }
 
     pub fn parameters(&self) -> Vec<f64> {
         match self {
             Model::PlanarPr(arm) => arm.parameter_array().to_vec(),
-            Model::Tree(tree) => tree.arm.parameters(),
+            Model::Tree(tree) => tree.arm().parameters(),
         }
     }
 
     pub fn with_parameters(&self, pi: &[f64]) -> Result<Model> {
         match self {
             Model::PlanarPr(_) => Ok(Model::PlanarPr(PlanarPr::with_parameters([pi[0], pi[1], pi[2]]))),
-            Model::Tree(tree) => Ok(super::Arm::from(tree.arm.with_parameters(pi)?).model),
+            Model::Tree(tree) => Ok(super::Arm::from(tree.arm().with_parameters(pi)?).model),
         }
     }
 
     /// Limits and drives of the joints, by name.
     pub fn limits(&self) -> Vec<(&'static str, Vec<f64>)> {
         let Model::Tree(tree) = self else { return Vec::new() };
-        let joints = &tree.arm.joints;
+        let joints = &tree.arm().joints;
         let of = |get: &dyn Fn(&armlet_core::arm::Joint) -> f64| joints.iter().map(get).collect::<Vec<f64>>();
         vec![
             ("q_min", of(&|j| j.limits.lower)),
@@ -161,23 +151,31 @@ impl Model {
                 arm.evaluate(query, inputs, out)?;
                 Ok(all_finite(out))
             }
-            Model::Tree(tree) => match tree.evaluator.try_lock() {
-                Ok(mut evaluator) => evaluator.one(query, inputs, out),
-                // Another thread is in the buffers: a set of one's own is the price.
-                Err(_) => Evaluator::new(&tree.arm).one(query, inputs, out),
-            },
+            Model::Tree(tree) => tree.one(query, inputs, out),
         }
     }
 
-    /// Configurations `first..last` of `count`, all of the arguments and the rows of the answer written out in full.
-    /// Whether every number of the answer is finite.
-    pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, first: usize, last: usize, out: &mut [f64]) -> Result<bool> {
+    /// Whether [`Model::prepare`] takes milliseconds.
+    pub fn is_due(&self, query: &Query, count: usize) -> bool {
+        matches!(self, Model::Tree(tree) if tree.is_due(query, count))
+    }
+
+    /// Make ready for `count` more rows of a query.
+    pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
+        match self {
+            Model::PlanarPr(_) => Ok(()),
+            Model::Tree(tree) => tree.prepare(query, count),
+        }
+    }
+
+    /// `count` configurations, the arguments and the rows of the answer written out in full. Whether every number of the answer is finite.
+    pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         match self {
             Model::PlanarPr(arm) => {
                 inputs.iter().zip(query.inputs()).try_for_each(|(x, name)| finite(name, x))?;
-                let width = out.len() / (last - first).max(1);
+                let width = out.len() / count.max(1);
                 let mut sound = true;
-                for (i, row) in (first..last).zip(out.chunks_exact_mut(width.max(1))) {
+                for (i, row) in out.chunks_exact_mut(width.max(1)).enumerate() {
                     let mut one: [&[f64]; 4] = [&[]; 4];
                     for (row, all) in one.iter_mut().zip(inputs) {
                         *row = &all[2 * i..2 * i + 2];
@@ -187,10 +185,7 @@ impl Model {
                 }
                 Ok(sound)
             }
-            Model::Tree(tree) => match tree.lanes.try_lock() {
-                Ok(mut lanes) => lanes.get_or_insert_with(|| LaneEvaluator::new(&tree.arm)).rows(query, inputs, count, first, last, out),
-                Err(_) => tree.arm.evaluate(query, inputs, count, first, last, out),
-            },
+            Model::Tree(tree) => tree.rows(query, inputs, count, out),
         }
     }
 
@@ -201,7 +196,7 @@ impl Model {
                 let [a, b, c] = arm.parameter_array();
                 return format!("planar_pr(A={a}, B={b}, C={c})");
             }
-            Model::Tree(tree) => &tree.arm,
+            Model::Tree(tree) => tree.arm(),
         };
         let mut text = format!("Arm {:?}: {} joints, {} frames, gravity {:?}", tree.name, tree.n(), tree.frames.len(), tree.gravity);
         let wide = tree.joint_names().map(str::len).max().unwrap_or(0).max(5);

@@ -1,0 +1,118 @@
+//! The functions of an arm, for any number of threads: one configuration directly, many by the program of the function.
+//!
+//! Both ways give the same bits, so that which one runs is a matter of time alone. A program takes some 1 ms to make; it is made once
+//! as many rows of one query were asked for as repay it.
+
+use super::Query;
+use super::evaluate::{Evaluator, check};
+use super::recorded::ArmFunction;
+use crate::arm::Arm;
+use crate::error::Result;
+use crate::trace::function::free;
+use std::sync::{Arc, Mutex};
+
+/// Rows of a query after which its program is made.
+const WORTH: usize = 256;
+
+/// Queries of one arm whose programs are kept.
+const KEPT: usize = 64;
+
+/// Operations beyond which a program would take more than a second to make.
+const LONG: f64 = 600_000.0;
+
+/// A query, and how it is answered for many rows.
+struct Known {
+    query: Query,
+    /// Rows that were asked for before the program was there.
+    rows: usize,
+    function: Option<Arc<ArmFunction>>,
+}
+
+pub struct Functions {
+    arm: Arc<Arm>,
+    single: Mutex<Evaluator>,
+    /// Those used last come last.
+    known: Mutex<Vec<Known>>,
+}
+
+impl Functions {
+    pub fn new(arm: Arc<Arm>) -> Self {
+        Functions { single: Mutex::new(Evaluator::new(&arm)), known: Mutex::default(), arm }
+    }
+
+    pub fn arm(&self) -> &Arc<Arm> {
+        &self.arm
+    }
+
+    /// As [`Evaluator::one`].
+    pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
+        match free(&self.single) {
+            Some(mut single) => single.one(query, inputs, out),
+            // Another thread is in the buffers: a set of one's own is the price.
+            None => Evaluator::new(&self.arm).one(query, inputs, out),
+        }
+    }
+
+    /// Whether [`Functions::prepare`] would make a program now, which takes milliseconds.
+    pub fn is_due(&self, query: &Query, count: usize) -> bool {
+        let waiting = |known: &Known| if known.function.is_some() { usize::MAX } else { known.rows };
+        let Some(known) = free(&self.known) else { return false };
+        let rows = known.iter().find(|known| known.query == *query).map_or(0, waiting);
+        rows < usize::MAX && rows + count >= WORTH && query.operations(self.arm.n()) <= LONG
+    }
+
+    /// Make ready for `count` more rows: the program of the query, where it is repaid.
+    pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
+        let due = self.is_due(query, count);
+        let function = if due { Some(Arc::new(ArmFunction::new(&self.arm, query)?)) } else { None };
+        let Some(mut all) = free(&self.known) else { return Ok(()) };
+        let mut known = match all.iter().position(|known| known.query == *query) {
+            Some(at) => all.remove(at),
+            None => Known { query: *query, rows: 0, function: None },
+        };
+        known.rows = known.rows.saturating_add(count);
+        known.function = known.function.or(function);
+        all.push(known);
+        if all.len() > KEPT {
+            all.remove(0);
+        }
+        Ok(())
+    }
+
+    /// Every configuration of the inputs, written out in full, to the rows of `out`. Whether every number of the answer is finite. How
+    /// rows are divided into calls does not change their bits.
+    pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
+        let (n, length) = (self.arm.n(), query.length(self.arm.n()));
+        check(query, inputs, count, n, self.arm.frames.len(), out.len())?;
+        if out.is_empty() {
+            return Ok(true);
+        }
+        let (mut own, mut sound) = (None, true);
+        let mut direct = |i: usize, out: &mut [f64]| {
+            let mut row: [&[f64]; 4] = [&[]; 4];
+            for (k, given) in inputs.iter().enumerate() {
+                let width = query.input_length(k, n);
+                row[k] = &given[i * width..][..width];
+            }
+            let single: &mut Evaluator = own.get_or_insert_with(|| Evaluator::sized(&self.arm, false));
+            sound &= single.one(query, &row[..inputs.len()], out)?;
+            Ok(())
+        };
+        let function = free(&self.known).and_then(|known| known.iter().find(|known| known.query == *query)?.function.clone());
+        match function {
+            Some(function) => function.rows(inputs, out, direct)?,
+            None => out.chunks_exact_mut(length).enumerate().try_for_each(|(i, out)| direct(i, out))?,
+        }
+        Ok(sound)
+    }
+}
+
+impl Arm {
+    /// As [`Functions::rows`], for once.
+    pub fn evaluate(self: &Arc<Self>, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
+        let single = Mutex::new(Evaluator::sized(self, false));
+        let functions = Functions { arm: self.clone(), single, known: Mutex::default() };
+        functions.prepare(query, count)?;
+        functions.rows(query, inputs, count, out)
+    }
+}
