@@ -72,6 +72,9 @@ where
             self.twin.hold(input, rate);
         }
     }
+    fn held(&self) -> Option<(&[S], &[S])> {
+        self.system.held()
+    }
     #[inline(always)]
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.system.rate_of(i)

@@ -10,6 +10,7 @@ use super::monitors::{self, Monitor};
 use super::planar_pr::Group;
 use super::problem::{Division, Ended, Fixed, Problem};
 use super::programs::{self, Structures};
+use super::rates_programs::Rates;
 use super::sink::Sink;
 use crate::dynamics::Planar2R;
 use crate::error::{Error, Result, all_finite};
@@ -178,7 +179,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
         return Ok(out);
     }
     let structures = Structures::of(&problem, &division, true);
-    out.engine = structures.as_ref().map_or("direct", |structures| structures.engine().name());
+    let rates = Rates::of(&problem);
     let route = Loop::of(&problem, structures.is_some());
     let lanes = route.width(problem.options.method.is_adaptive());
     let tabulated = if route == Loop::PlanarPr { tabulate(&problem, &division) } else { None };
@@ -193,7 +194,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
             rows.watch(first);
             match (&division, route) {
                 (division @ Division::Fixed(fixed), Loop::Programs) => {
-                    let group = General { problem, division, first, stop, sink: &mut *rows, asked: None };
+                    let group = General { problem, division, first, stop, sink: &mut *rows, asked: None, rates: None };
                     let ended = structures.as_ref().map(|structures| programs::run::<programs::Lanes>(structures, group, fixed));
                     ended.is_none_or(|ended| rows.finish(&ended, problem.options.t_end))
                 }
@@ -212,8 +213,8 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
                     rows.finish(&ended, problem.options.t_end)
                 }
                 (division, route) => {
-                    let group = General { problem, division, first, stop, sink: &mut *rows, asked: None };
-                    let ended = if route == Loop::Lanes { run_lanes(group) } else { Division::run_single(group) };
+                    let group = General { problem, division, first, stop, sink: &mut *rows, asked: None, rates: rates.as_ref() };
+                    let ended = if route == Loop::Lanes { run_lanes(group) } else { group.run_single() };
                     rows.finish(&ended, problem.options.t_end)
                 }
             }
@@ -221,6 +222,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
         groups.iter_mut().collect::<Vec<_>>().into_par_iter().enumerate().with_max_len(1).map(go).reduce(|| false, |a, b| a | b)
     });
     drop(groups);
+    out.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine().name());
     out.interrupted = interrupted;
     Ok(out)
 }

@@ -14,6 +14,10 @@ use crate::scalar::trig::{Angle, rotate};
 use crate::scalar::{Duals, Real, spread};
 use std::borrow::Cow;
 
+/// The step of time over which the desired acceleration is differenced, s: what it leaves out of a Jacobian of second order
+/// in it is far below an error of a step.
+const JERK_STEP: f64 = 1e-6;
+
 /// What the world tells the loop at one instant.
 #[derive(Clone)]
 pub struct Exogenous<S> {
@@ -294,6 +298,32 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
+    /// Whether the exogenous input never moves.
+    pub fn autonomous(&self) -> bool {
+        let still = |motions: &Vec<Cow<Motion>>| matches!(*motions[0], Motion::Hold(_));
+        (self.closing.held || self.world.motions.iter().all(still)) && !self.world.smooth_force()
+    }
+
+    /// The exogenous input at `t`, and the rate at which it moves.
+    pub fn drift(&mut self, t: f64, u: &mut Exogenous<S>, u_dot: &mut Exogenous<S>) {
+        self.world.sample(t, u);
+        self.world.sample(t + JERK_STEP, u_dot);
+        let slope = |from: S, to: S| (to - from) / S::splat(JERK_STEP);
+        let mut at = 0;
+        for motions in &self.world.motions {
+            let m = motions[0].dof();
+            for i in at..at + m {
+                u_dot.desired[i + 2 * m] = slope(u.desired[i + 2 * m], u_dot.desired[i + 2 * m]);
+                (u_dot.desired[i], u_dot.desired[i + m]) = (u.desired[i + m], u.desired[i + 2 * m]);
+            }
+            at += 3 * m;
+        }
+        for (rate, &from) in u_dot.wrench.iter_mut().zip(&u.wrench) {
+            // A force in steps does not move between its jumps.
+            *rate = if self.world.smooth_force() { slope(from, *rate) } else { S::zero() };
+        }
+    }
+
     /// Hold every contact of the plant as it is said to be.
     pub fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.plant.hold(contacts);
@@ -406,35 +436,15 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
     }
 }
 
-/// The step of time over which the desired acceleration is differenced, s: what it leaves out of a Jacobian of second order
-/// in it is far below an error of a step.
-const JERK_STEP: f64 = 1e-6;
-
 impl<V: Real> DualSystem<V> for ClosedLoop<'_, Duals<V>> {
     fn moving_input(&mut self, t: f64, u: &mut Exogenous<Duals<V>>) {
-        self.world.sample(t, u);
-        let mut after = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [Duals::default(); 6] });
-        self.world.sample(t + JERK_STEP, &mut after);
-        let still = V::zero();
-        let mut at = 0;
-        for motions in &self.world.motions {
-            let m = motions[0].dof();
-            for i in at..at + m {
-                let jerk = (after.desired[i + 2 * m].value.lane(0) - u.desired[i + 2 * m].value.lane(0)) / JERK_STEP;
-                let (v, a) = (u.desired[i + m].value.lane(0), u.desired[i + 2 * m].value.lane(0));
-                for (k, rate) in [(i, v), (i + m, a), (i + 2 * m, jerk)] {
-                    u.desired[k] = Duals::new(u.desired[k].value, V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 }));
-                }
-            }
-            at += 3 * m;
+        let mut moving = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [Duals::default(); 6] });
+        self.drift(t, u, &mut moving);
+        let along = |rate: f64| V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 });
+        for (u, rate) in u.desired.iter_mut().zip(&moving.desired).chain(u.wrench.iter_mut().zip(&moving.wrench)) {
+            u.rates = along(rate.lane(0));
         }
-        for k in 0..6 {
-            let rate = (after.wrench[k].value.lane(0) - u.wrench[k].value.lane(0)) / JERK_STEP;
-            // A force in steps does not move between its jumps.
-            let rate = if self.world.smooth_force() { rate } else { 0.0 };
-            u.wrench[k] = Duals::new(u.wrench[k].value, still + V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 }));
-        }
-        self.now = after;
+        self.now = moving;
     }
 
     fn hold(&mut self, input: &[V::One], rate: &[V::One]) {
@@ -444,8 +454,7 @@ impl<V: Real> DualSystem<V> for ClosedLoop<'_, Duals<V>> {
     }
 
     fn autonomous(&self) -> bool {
-        let still = |motions: &Vec<Cow<Motion>>| matches!(*motions[0], Motion::Hold(_));
-        (self.closing.held || self.world.motions.iter().all(still)) && !self.world.smooth_force()
+        ClosedLoop::autonomous(self)
     }
 
     fn leading(&self, _: usize) -> usize {

@@ -5,6 +5,8 @@ use super::closed_loop::{ClosedLoop, Closing, Exogenous, World};
 use super::fixed_steps::{self, Record};
 use super::force::Wrench;
 use super::problem::{Division, Ended, Fixed, Method, Problem};
+use super::rates_loop::{RatesLoop, Source};
+use super::rates_programs::Rates;
 use super::sampler::Sampler;
 use super::sink::Sink;
 use super::stop::Stop;
@@ -15,7 +17,7 @@ use crate::integrate::{
 };
 use crate::law::LawSpec;
 use crate::plant::{PlantSpec, Touch};
-use crate::scalar::{Duals, Real, Task};
+use crate::scalar::{Array8, Dual8, Real, Task, run_scalar};
 use std::borrow::Cow;
 
 /// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes), by an explicit method.
@@ -27,10 +29,12 @@ pub struct General<'a> {
     pub sink: &'a mut dyn Sink,
     /// What is wanted besides the records.
     pub asked: Option<&'a mut Asked>,
+    /// The programs of rates, where runs may take them.
+    pub rates: Option<&'a Rates>,
 }
 
-/// The run `first` of a problem by an implicit method: on one number, with its derivatives in the lanes of the task's.
-pub struct Implicit<'a>(pub General<'a>);
+/// The run `first` of a problem by an adaptive explicit method.
+pub struct Explicit<'a>(pub General<'a>);
 
 /// A loop that can be recorded.
 pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
@@ -68,11 +72,10 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
 }
 
 /// A loop with its twin on dual numbers.
-pub type Twins<'a, V> = Linearised<ClosedLoop<'a, <V as Real>::One>, ClosedLoop<'a, Duals<V>>, V, Vec<Duals<V>>, Exogenous<Duals<V>>>;
+pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual8>, Array8<false>, Vec<Dual8>, Exogenous<Dual8>>;
 
-impl<V: Real> Watched<V::One> for Twins<'_, V> {
-    #[inline(always)]
-    fn input_at(&mut self, t: f64, x: &[V::One]) -> &[V::One] {
+impl Watched<f64> for Twins<'_> {
+    fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
         self.system.input_at(t, x)
     }
     fn rewind(&mut self) {
@@ -86,13 +89,21 @@ impl<V: Real> Watched<V::One> for Twins<'_, V> {
         self.system.push(wrench);
         self.twin.push(wrench);
     }
-    #[inline(always)]
-    fn drive(&mut self, tau: Option<&[V::One]>, held: bool) {
+    fn drive(&mut self, tau: Option<&[f64]>, held: bool) {
         self.system.drive(tau, held);
         self.twin.take_over(None, held || tau.is_some());
         if let Some((input, rate)) = self.system.held() {
             self.twin.hold(input, rate);
         }
+    }
+}
+
+impl Twins<'_> {
+    /// The same loop with motions, forces and limits of its own.
+    pub fn into_owned(self) -> Twins<'static> {
+        let (closed, twin) = (self.system.into_owned(), self.twin.into_owned());
+        let (state, input) = (vec![Dual8::zero(); closed.size()], twin.instant());
+        Linearised::new(closed, twin, state, input)
     }
 }
 
@@ -180,69 +191,81 @@ impl Task for General<'_> {
 
     #[inline(always)]
     fn run<S: Real>(self) -> Ended {
+        let Division::Fixed(fixed) = self.division else { unreachable!("steps are fixed") };
         let (mut closed, x) = close::<S>(self.problem, self.first);
-        let (u, size) = (closed.instant(), x.len());
-        match self.division {
-            Division::Fixed(fixed) => match self.problem.options.method {
-                Method::Euler => {
-                    let method = Euler::new(x.clone(), u);
-                    self.fixed(fixed, &mut closed, x, method)
-                }
-                Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
-                    Ok(method) => self.fixed(fixed, &mut closed, x, method),
-                    Err(_) => unreachable!("plants without velocities were refused"),
-                },
-                _ => {
-                    let method = Rk4::new(x.clone(), u);
-                    self.fixed(fixed, &mut closed, x, method)
-                }
+        let u = closed.instant();
+        match self.problem.options.method {
+            Method::Euler => {
+                let method = Euler::new(x.clone(), u);
+                self.fixed(fixed, &mut closed, x, method)
+            }
+            Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
+                Ok(method) => self.fixed(fixed, &mut closed, x, method),
+                Err(_) => unreachable!("plants without velocities were refused"),
             },
-            Division::Adaptive(segments) => {
-                let (tolerance, instants) = (self.problem.tolerance(closed.controlled()), closed.instants(segments.t_end));
-                if self.problem.options.method == Method::Dopri5 {
-                    self.adaptive(closed, size, &instants, Dopri5::new(tolerance, x, u))
-                } else {
-                    self.adaptive(closed, size, &instants, Dop853::new(tolerance, x, u))
-                }
+            _ => {
+                let method = Rk4::new(x.clone(), u);
+                self.fixed(fixed, &mut closed, x, method)
             }
         }
     }
 }
 
-impl Task for Implicit<'_> {
+impl Task for Explicit<'_> {
     type Output = Ended;
 
     #[inline(always)]
-    fn run<V: Real>(self) -> Ended {
+    fn run<S: Real>(self) -> Ended {
         let general = self.0;
-        let (closed, x) = close::<V::One>(general.problem, general.first);
-        let (u, size) = (closed.instant(), x.len());
-        let (matrix, pivots) = (vec![V::One::zero(); size * size], vec![0usize; size]);
-        let (tolerance, instants) = (general.problem.tolerance(closed.controlled()), closed.instants(general.problem.options.t_end));
-        let mut twins: Twins<V> = twin(closed, general.problem, general.first);
-        match (general.division, general.problem.options.method) {
-            (Division::Fixed(fixed), _) => {
-                let method = Ros2::new(x.clone(), matrix, pivots, u);
-                general.fixed(fixed, &mut twins, x, method)
-            }
-            (_, Method::Radau5) => general.adaptive(twins, size, &instants, Radau5::new(tolerance, x, u)),
-            _ => general.adaptive(twins, size, &instants, Rodas4::new(tolerance, x, matrix, pivots, u)),
+        let (closed, x) = close::<S>(general.problem, general.first);
+        let (u, size, options) = (closed.instant(), x.len(), &general.problem.options);
+        let (tolerance, instants) = (general.problem.tolerance(closed.controlled()), closed.instants(options.t_end));
+        let closed = RatesLoop::later(closed, general.source());
+        match options.method {
+            Method::Dopri5 => general.adaptive(closed, size, &instants, Dopri5::new(tolerance, x, u)),
+            _ => general.adaptive(closed, size, &instants, Dop853::new(tolerance, x, u)),
         }
     }
 }
 
-/// A loop with its twin on dual numbers.
-fn twin<'a, V: Real>(closed: ClosedLoop<'a, V::One>, problem: &'a Problem<'a>, first: usize) -> Twins<'a, V> {
-    let (twin, moving) = close::<Duals<V>>(problem, first);
-    let input = twin.instant();
-    Linearised::new(closed, twin, moving, input)
+impl<'a> General<'a> {
+    /// Run the one run `first`, by whatever the method needs.
+    pub fn run_single(self) -> Ended {
+        match self.division {
+            _ if self.problem.options.method.is_implicit() => self.implicit(),
+            Division::Fixed(_) => run_scalar(self),
+            Division::Adaptive(_) => run_scalar(Explicit(self)),
+        }
+    }
+
+    /// The run `first` by an implicit method.
+    fn implicit(self) -> Ended {
+        let options = &self.problem.options;
+        let (twins, x) = twins(self.problem, self.first);
+        let (u, n) = (twins.system.instant(), x.len());
+        let (matrix, pivots) = (vec![0.0; n * n], vec![0usize; n]);
+        let (tolerance, instants) = (self.problem.tolerance(twins.system.controlled()), twins.system.instants(options.t_end));
+        let mut closed = RatesLoop::later(twins, self.source());
+        match (self.division, options.method) {
+            (Division::Fixed(fixed), _) => {
+                let method = Ros2::new(x.clone(), matrix, pivots, u);
+                self.fixed(fixed, &mut closed, x, method)
+            }
+            (_, Method::Radau5) => self.adaptive(closed, n, &instants, Radau5::new(tolerance, x, u)),
+            _ => self.adaptive(closed, n, &instants, Rodas4::new(tolerance, x, matrix, pivots, u)),
+        }
+    }
+
+    /// Where the run `first` finds its programs.
+    fn source(&self) -> Option<Source<'a>> {
+        self.rates.map(|rates| Source { rates, problem: self.problem, run: self.first })
+    }
 }
 
-/// The loop of run `first` with its twin, both with motions and forces of their own, and its state at the start.
-pub fn twins<V: Real>(problem: &Problem, first: usize) -> (Twins<'static, V>, Vec<V::One>) {
-    let (closed, x) = close::<V::One>(problem, first);
-    let (twin, moving) = close::<Duals<V>>(problem, first);
-    let (closed, twin) = (closed.into_owned(), twin.into_owned());
+/// The loop of run `first` with its twin, and its state at the start.
+pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
+    let (closed, x) = close::<f64>(problem, first);
+    let (twin, moving) = close::<Dual8>(problem, first);
     let input = twin.instant();
     (Linearised::new(closed, twin, moving, input), x)
 }

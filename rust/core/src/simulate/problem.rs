@@ -4,14 +4,12 @@ use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
-use super::general::{General, Implicit};
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
 use crate::law::{Adaptation, LawSpec};
 use crate::plant::{PlantKind, PlantSpec, RigidSpec};
-use crate::scalar::{run_lanes, run_scalar};
 
 /// The numerical method of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,13 +114,6 @@ pub struct Problem<'a> {
 pub enum Division {
     Fixed(Fixed),
     Adaptive(Segments),
-}
-
-impl Division {
-    /// Run the one run `group` starts with, by whatever the method needs.
-    pub fn run_single(group: General) -> Ended {
-        if group.problem.options.method.is_implicit() { run_lanes(Implicit(group)) } else { run_scalar(group) }
-    }
 }
 
 /// How a group of lanes ended, by the way time was divided.

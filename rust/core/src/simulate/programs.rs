@@ -89,7 +89,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
     while let Some(&lead) = left.first() {
         let Some((recorded, own)) = &rows[lead] else {
             left.remove(0);
-            direct(General { problem, division, first, stop, sink: &mut *sink, asked: None }, at(lead), lead, &mut faults);
+            direct(General { problem, division, first, stop, sink: &mut *sink, asked: None, rates: None }, at(lead), lead, &mut faults);
             continue;
         };
         let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
@@ -100,14 +100,14 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let mut closed = ProgramLoop::<S>::new(recorded.clone(), world(problem, S::LANES, at), held, sampler(problem, at), given);
         let method = ProgramStep::new(&closed);
         let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
-        let group = General { problem, division, first, stop, sink: &mut chosen, asked: None };
+        let group = General { problem, division, first, stop, sink: &mut chosen, asked: None, rates: None };
         let Ended::Fixed(found) = group.fixed(fixed, &mut closed, start::<S>(problem, at), method) else { unreachable!("steps are fixed") };
         faults.interrupted |= found.interrupted;
         faults.steps = found.steps;
         for lane in lanes.into_iter().flatten() {
             faults.at[lane] = found.at[lane];
             if closed.strayed(lane) && !faults.interrupted {
-                direct(General { problem, division, first, stop, sink: &mut *sink, asked: None }, at(lane), lane, &mut faults);
+                direct(General { problem, division, first, stop, sink: &mut *sink, asked: None, rates: None }, at(lane), lane, &mut faults);
             }
         }
         left.retain(|&lane| same(lane).is_none());
@@ -122,7 +122,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
 fn direct(group: General, run: usize, lane: usize, faults: &mut Faults) {
     let General { problem, division, stop, sink, .. } = group;
     let mut chosen = Chosen { sink, lanes: vec![Some(lane)] };
-    let alone = General { problem, division, first: run, stop, sink: &mut chosen, asked: None };
+    let alone = General { problem, division, first: run, stop, sink: &mut chosen, asked: None, rates: None };
     if let Ended::Fixed(found) = run_scalar(alone) {
         faults.at[lane] = found.at[0];
         faults.interrupted |= found.interrupted;

@@ -102,7 +102,7 @@ pub struct Recorded {
 /// The numbers of one run's set-up.
 pub struct Given {
     pub values: Vec<f64>,
-    structure: Vec<u32>,
+    pub structure: Vec<u32>,
 }
 
 impl Recorded {

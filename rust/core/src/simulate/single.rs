@@ -7,6 +7,7 @@ use super::monitors::{self, Monitor};
 use super::planar_pr::Group;
 use super::problem::{Division, Ended, Problem};
 use super::programs::{self, Structures};
+use super::rates_programs::Rates;
 use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::Asked;
@@ -136,11 +137,13 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
         sink.reserve(fixed.schedule.records.len())?;
     }
     let structures = Structures::of(problem, &division, false);
-    let engine = structures.as_ref().map_or("direct", |structures| structures.engine().name());
+    let rates = Rates::of(problem);
     let ended = match &division {
-        Division::Fixed(fixed) if let Some(structures) = &structures => {
-            programs::run::<f64>(structures, General { problem, division: &division, first: 0, stop, sink: &mut sink, asked }, fixed)
-        }
+        Division::Fixed(fixed) if let Some(structures) = &structures => programs::run::<f64>(
+            structures,
+            General { problem, division: &division, first: 0, stop, sink: &mut sink, asked, rates: None },
+            fixed,
+        ),
         Division::Fixed(fixed) if problem.is_planar_pr() => {
             Ended::Fixed(run_scalar(Group { problem, division: fixed, tabulated: None, first: 0, stop, sink: &mut sink }))
         }
@@ -149,12 +152,12 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
         }
         division => match problem.elastic_2r().filter(|_| asked.is_none()) {
             Some(arm) => Elastic2R { problem, arm, division, first: 0, stop, sink: &mut sink }.run_single(),
-            None => Division::run_single(General { problem, division, first: 0, stop, sink: &mut sink, asked }),
+            None => General { problem, division, first: 0, stop, sink: &mut sink, asked, rates: rates.as_ref() }.run_single(),
         },
     };
     let (fault, full) = (sink.fault, sink.full);
     full?;
-    run.engine = engine;
+    run.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine().name());
     match ended {
         Ended::Fixed(faults) => {
             run.steps = faults.steps;

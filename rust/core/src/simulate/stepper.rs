@@ -3,13 +3,14 @@
 use super::bound::Bound;
 use super::closed_loop::Exogenous;
 use super::force::Wrench;
-use super::general::{Twins, Watched, close, twins};
+use super::general::{Watched, close};
 use super::problem::{Method, Problem};
+use super::rates_loop::recorded_loop;
 use super::sampling::Sampling;
 use crate::error::{Error, Result};
 use crate::integrate::{Euler, FixedStep, Rk4, Ros2, SemiImplicit};
 use crate::law::LawSpec;
-use crate::scalar::{Kernel, Real, Task, run_lanes, run_scalar};
+use crate::scalar::{Kernel, Real, Task, run_scalar};
 use crate::status::Status;
 
 /// What a stepped loop does, on whatever number it runs.
@@ -177,11 +178,10 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     let o = &problem.options;
     require_fixed_steps(o.method)?;
     problem.validate()?;
-    Ok(if o.method == Method::Ros2 { run_lanes(Implicit(problem)) } else { run_scalar(Explicit(problem)) })
+    Ok(if o.method == Method::Ros2 { implicit(problem) } else { run_scalar(Explicit(problem)) })
 }
 
 struct Explicit<'a>(&'a Problem<'a>);
-struct Implicit<'a>(&'a Problem<'a>);
 
 fn boxed<R, S, F, M>(problem: &Problem, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping>
 where
@@ -239,14 +239,9 @@ impl Task for Explicit<'_> {
     }
 }
 
-impl Task for Implicit<'_> {
-    type Output = Box<dyn Stepping>;
-
-    fn run<V: Real>(self) -> Box<dyn Stepping> {
-        let (twins, x): (Twins<'static, V>, Vec<V::One>) = twins(self.0, 0);
-        let u = twins.system.instant();
-        let matrix = vec![V::One::zero(); x.len() * x.len()];
-        let method = Ros2::new(x.clone(), matrix, vec![0usize; x.len()], u);
-        boxed::<V, V::One, _, _>(self.0, twins, x, method)
-    }
+fn implicit(problem: &Problem) -> Box<dyn Stepping> {
+    let (closed, x) = recorded_loop(problem);
+    let (u, n) = (closed.instant(), x.len());
+    let method = Ros2::new(x.clone(), vec![0.0; n * n], vec![0usize; n], u);
+    boxed::<f64, f64, _, _>(problem, closed, x, method)
 }

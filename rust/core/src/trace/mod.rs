@@ -1,14 +1,18 @@
 //! From a recorded computation to a program: a loop is recorded once with the number [`Sym`], simplified, lowered to straight-line
 //! instructions of one instruction set, and run for one run or for many lanes.
 //!
-//! `sym`, `tape`: recording and folding. `straight`, `lower`: straight-line instructions. `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code.
-//! `portable`: the same bits without it. `frame`: the memory a program runs on; `rows`: the caller's rows to it and back. `function`:
-//! functions of numbers that are kept. `program`: all of it behind one door.
+//! `sym`, `tape`: recording and folding. `differentiate`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
+//! `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without it. `frame`: the memory a program
+//! runs on; `rows`: the caller's rows to it and back. `function`: functions of numbers that are kept. `program`: all of it behind one
+//! door.
 
 #[cfg(any(test, target_arch = "aarch64"))]
 pub mod aarch64;
 #[cfg(test)]
 mod checks;
+pub mod differentiate;
+#[cfg(test)]
+mod differentiate_tests;
 pub mod emit;
 #[cfg(test)]
 mod emulated_tests;

@@ -165,18 +165,10 @@ impl Real for Sym {
         Sym::splat(self.lane(0).atan2(x.lane(0)))
     }
     fn lt(self, other: Sym) -> Sym {
-        on_tape(|tape| match (tape.value(self.0), tape.value(other.0)) {
-            (Some(x), Some(y)) => Sym(tape.constant(f64::from(u8::from(x < y)))),
-            _ => Sym(tape.push(Op::Less(self.0, other.0))),
-        })
+        on_tape(|tape| Sym(tape.less(self.0, other.0)))
     }
     fn select(mask: Sym, yes: Sym, no: Sym) -> Sym {
-        on_tape(|tape| match tape.value(mask.0) {
-            Some(x) if x != 0.0 => yes,
-            Some(_) => no,
-            None if yes == no => yes,
-            None => Sym(tape.push(Op::Select(mask.0, yes.0, no.0))),
-        })
+        on_tape(|tape| Sym(tape.select(mask.0, yes.0, no.0)))
     }
     /// What is not known may hold in some lane.
     fn any(mask: Sym) -> bool {

@@ -106,6 +106,12 @@ impl Tape {
         tape
     }
 
+    /// The tape of a recording, to be continued after its set-up.
+    pub fn resume(ops: Vec<Op>, inputs: u32) -> Self {
+        let memo = ops.iter().enumerate().map(|(i, &op)| (op, i as u32)).collect();
+        Tape { ops, memo, inputs, set_up: false, ..Tape::new() }
+    }
+
     pub fn push(&mut self, op: Op) -> u32 {
         let ops = &mut self.ops;
         *self.memo.entry(op).or_insert_with(|| {
@@ -278,6 +284,22 @@ impl Tape {
             (Some(0.0), _) => 0,
             (_, Some(1.0)) => a,
             _ => self.push(Op::Div(a, b)),
+        }
+    }
+
+    pub fn less(&mut self, a: u32, b: u32) -> u32 {
+        match (self.value(a), self.value(b)) {
+            (Some(x), Some(y)) => self.constant(f64::from(u8::from(x < y))),
+            _ => self.push(Op::Less(a, b)),
+        }
+    }
+
+    pub fn select(&mut self, mask: u32, yes: u32, no: u32) -> u32 {
+        match self.value(mask) {
+            Some(x) if x != 0.0 => yes,
+            Some(_) => no,
+            None if yes == no => yes,
+            None => self.push(Op::Select(mask, yes, no)),
         }
     }
 }

@@ -105,7 +105,12 @@ fn steps_allocate_nothing() {
         for &method in methods {
             for sample in [None, Some(0.002)] {
                 // Accelerations held for 2 ms before a target out of reach end far away sooner or later: rounding decides when.
-                let steps = if *what == "accelerations in priority" && sample.is_some() { [20, 60] } else { [100, 1000] };
+                let steps = match method {
+                    _ if *what == "accelerations in priority" && sample.is_some() => [20, 60],
+                    // Both take programs on their way.
+                    Method::Dop853 => [1000, 2000],
+                    _ => [100, 1000],
+                };
                 // The first run makes the programs of the loop.
                 allocations(plant, law, *force, method, sample, steps[1]);
                 let [few, many] = steps.map(|steps| allocations(plant, law, *force, method, sample, steps));

@@ -1,0 +1,185 @@
+//! A closed loop whose rates and derivatives run as programs, behind the interface of a loop.
+//!
+//! A run starts directly, because many runs end before a program is made. After a fixed amount of work it takes programs. How much work
+//! is the same for every run, so the bits of a run depend on that run alone. A loop that turns by an angle for which the programs'
+//! sines are not made goes on directly, from the very evaluation in which that happens.
+
+use super::closed_loop::Exogenous;
+use super::force::Wrench;
+use super::general::{Twins, Watched, twins};
+use super::problem::Problem;
+use super::rates_programs::{Rates, record_both};
+use super::running_rates::Running;
+use crate::integrate::{Differentiable, System};
+use crate::linalg::Pairs;
+use crate::plant::Touch;
+use crate::scalar::Real;
+
+/// Evaluations of the rates, a column of a Jacobian counted as one, after which a run takes programs.
+const WAIT: usize = 200;
+
+/// Where the programs of a run come from.
+pub struct Source<'a> {
+    pub rates: &'a Rates,
+    pub problem: &'a Problem<'a>,
+    pub run: usize,
+}
+
+/// A loop that takes programs; `D` is the same loop computed directly.
+pub struct RatesLoop<'a, S: Real, D> {
+    pub direct: D,
+    source: Option<Source<'a>>,
+    /// Evaluations so far.
+    work: usize,
+    /// The programs under the law, and under a held input.
+    running: [Option<Running<S>>; 2],
+}
+
+impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
+    /// A loop that takes programs later, where there is a source.
+    pub fn later(direct: D, source: Option<Source<'a>>) -> Self {
+        RatesLoop { direct, source, work: 0, running: [None, None] }
+    }
+
+    /// Whether the rates run as programs.
+    pub fn is_running(&self) -> bool {
+        self.running[self.which()].is_some()
+    }
+
+    fn which(&self) -> usize {
+        usize::from(self.direct.held().is_some())
+    }
+
+    /// Write what is held into the frames.
+    fn hold(&mut self) {
+        if let (Some((tau, dz)), [_, Some(running)]) = (self.direct.held(), &mut self.running) {
+            running.hold(tau, dz);
+        }
+    }
+
+    /// Take programs if it is time.
+    fn take(&mut self) {
+        if self.work < WAIT {
+            return;
+        }
+        if let Some(Source { rates, problem, run }) = self.source.take() {
+            let which = self.which();
+            self.running[which] = rates.of_run(problem, run).map(|(recorded, values)| Running::new(recorded, &values));
+            self.hold();
+        }
+    }
+
+    /// Go on directly from state `x`.
+    fn leave(&mut self, x: &[S]) {
+        (self.running, self.source) = ([None, None], None);
+        self.direct.anchor(x);
+    }
+}
+
+/// A loop that is solved for by an implicit method.
+pub type Solved<'a> = RatesLoop<'a, f64, Twins<'a>>;
+
+/// The loop of the one run of a problem with an implicit method, and its state at the start. It has programs from the start, if its
+/// code has no branch on data.
+pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
+    let (twins, x) = twins(problem, 0);
+    let running = record_both(problem).map(|recorded| recorded.map(|recorded| Running::new(recorded.clone(), &recorded.values)));
+    let mut closed = RatesLoop { direct: twins.into_owned(), source: None, work: 0, running };
+    closed.hold();
+    (closed, x)
+}
+
+impl Solved<'_> {
+    /// Room for the exogenous input of one instant.
+    pub fn instant(&self) -> Exogenous<f64> {
+        self.direct.system.instant()
+    }
+}
+
+impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
+    type Input = Exogenous<S>;
+
+    fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
+        self.direct.input(t, u);
+    }
+    fn anchor(&mut self, x: &[S]) {
+        self.take();
+        if !self.is_running() {
+            self.direct.anchor(x);
+        }
+    }
+    fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
+        let which = self.which();
+        if let Some(running) = &mut self.running[which] {
+            if running.rates(u, x, dx) {
+                return;
+            }
+            self.leave(x);
+        }
+        self.work += 1;
+        self.direct.rhs(u, x, dx);
+    }
+    fn chatter_budget(&self) -> u64 {
+        self.direct.chatter_budget()
+    }
+    fn sample(&mut self, t: f64, x: &[S]) {
+        self.direct.sample(t, x);
+        self.hold();
+    }
+    fn held(&self) -> Option<(&[S], &[S])> {
+        self.direct.held()
+    }
+    fn rate_of(&self, i: usize) -> Option<usize> {
+        self.direct.rate_of(i)
+    }
+    fn pairs(&self) -> Pairs {
+        self.direct.pairs()
+    }
+}
+
+impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
+        self.direct.input_at(t, x)
+    }
+    fn drive(&mut self, tau: Option<&[S]>, held: bool) {
+        self.direct.drive(tau, held);
+        self.hold();
+    }
+    fn rewind(&mut self) {
+        self.direct.rewind();
+    }
+    fn hold_contacts(&mut self, contacts: &[Touch]) {
+        self.direct.hold_contacts(contacts);
+    }
+    fn push(&mut self, wrench: Option<&Wrench>) {
+        self.direct.push(wrench);
+    }
+}
+
+impl Differentiable<f64> for Solved<'_> {
+    fn linearise(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+        let which = self.which();
+        if let Some(running) = &mut self.running[which] {
+            if running.is_moving() {
+                let [u, u_dot] = running.instants();
+                self.direct.system.drift(t, u, u_dot);
+            }
+            if running.linearise(u, x, dx, j) {
+                return;
+            }
+            self.leave(x);
+        }
+        self.work += self.direct.system.controlled();
+        self.direct.linearise(t, u, x, dx, j);
+    }
+    fn time_derivative(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dft: &mut [f64]) {
+        let which = self.which();
+        match &self.running[which] {
+            Some(running) => dft.copy_from_slice(running.time_derivative()),
+            None => self.direct.time_derivative(t, u, x, dft),
+        }
+    }
+    fn autonomous(&self) -> bool {
+        self.direct.autonomous()
+    }
+}

@@ -1,0 +1,275 @@
+//! The rates of a closed loop and their derivatives as programs, for methods that choose their steps or solve for them.
+//!
+//! The rates are a program for one run. The derivatives run in lanes, one direction per lane: a first program computes the rates and
+//! all values that the derivatives read, and then, for as many passes as there are directions, a second one computes
+//! `x_dot -> f'(x) x_dot`. The states of the law have a program apart: few operations depend on them, and they can be many.
+
+use super::closed_loop::{ClosedLoop, Exogenous};
+use super::general::assemble;
+use super::kept::Kept;
+use super::problem::{Method, Problem};
+use super::recorded::{self, Given};
+use crate::scalar::Real;
+use crate::trace::differentiate::Differentiation;
+use crate::trace::tape::Op;
+use crate::trace::{Cut, Part, Places, Program, Room, Sym, engine, form, segments, sym};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Where the quantities of a loop are in a frame, in slots: the numbers of the set-up, then these.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slots {
+    pub given: usize,
+    /// Numbers of the desired motions and of the wrench: none without a force.
+    pub desired: usize,
+    pub wrench: usize,
+    /// States of the plant, of the law, and of the quadratures behind them.
+    pub plant: usize,
+    pub law: usize,
+    pub quadratures: usize,
+    /// The plant's inputs.
+    pub inputs: usize,
+}
+
+impl Slots {
+    pub fn wrench(&self) -> usize {
+        self.given + self.desired
+    }
+    pub fn state(&self) -> usize {
+        self.wrench() + self.wrench
+    }
+    pub fn states(&self) -> usize {
+        self.plant + self.law + self.quadratures
+    }
+    /// The input and the rate of the law, where they are held.
+    pub fn tau(&self) -> usize {
+        self.state() + self.states()
+    }
+    pub fn law_rate(&self) -> usize {
+        self.tau() + self.inputs
+    }
+    /// Behind all inputs: the rates of one run.
+    pub fn rates(&self) -> usize {
+        self.law_rate() + self.law
+    }
+    /// The largest angle of one run.
+    pub fn reach(&self) -> usize {
+        self.rates() + self.states()
+    }
+}
+
+/// The derivatives of the rates, in lanes.
+pub struct Derivatives {
+    /// The rates, and what the derivatives read.
+    pub values: Program,
+    /// Along the plant's states and the exogenous input; along the law's states.
+    pub plant: Program,
+    pub law: Option<Program>,
+    /// Slots of the directions, and of the results.
+    pub along_plant: usize,
+    pub along_law: usize,
+    /// Whether the exogenous input moves: its rates are behind those of the plant's states.
+    pub moves: bool,
+    pub rates: usize,
+    pub derivatives: usize,
+    pub reach: usize,
+}
+
+impl Derivatives {
+    /// Slots of a frame that they run on.
+    pub fn slots(&self) -> usize {
+        self.all().map(Program::slots).max().unwrap_or(0)
+    }
+
+    pub fn all(&self) -> impl Iterator<Item = &Program> {
+        [&self.values, &self.plant].into_iter().chain(&self.law)
+    }
+}
+
+/// The programs of one structure.
+pub struct RatesPrograms {
+    pub rates: Program,
+    pub derivatives: Option<Derivatives>,
+}
+
+/// What the programs are made from.
+#[derive(PartialEq)]
+struct Key {
+    ops: Vec<Op>,
+    /// The entries of the rates.
+    rates: Vec<u32>,
+    slots: Slots,
+    wanted: Wanted,
+}
+
+/// Which derivatives are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    Rates,
+    /// Along the states.
+    States,
+    /// Along the states and in time.
+    Time,
+}
+
+impl Wanted {
+    fn of(method: Method, autonomous: bool) -> Self {
+        match method {
+            Method::Radau5 => Wanted::States,
+            Method::Ros2 | Method::Rodas4 if autonomous => Wanted::States,
+            Method::Ros2 | Method::Rodas4 => Wanted::Time,
+            _ => Wanted::Rates,
+        }
+    }
+}
+
+static KNOWN: Kept<Key, RatesPrograms> = Kept::new();
+
+/// The rates of a loop of one structure, recorded.
+pub struct RecordedRates {
+    pub slots: Slots,
+    pub programs: Arc<RatesPrograms>,
+    run: usize,
+    /// The numbers of its set-up, and their entries.
+    pub values: Vec<f64>,
+    structure: Vec<u32>,
+}
+
+/// Whether the method of a problem takes rates, of loops that may be recorded.
+fn is_recordable(problem: &Problem) -> bool {
+    let method = problem.options.method;
+    // An adaptive method holds every contact as it is within a step.
+    let free = !method.is_adaptive() || problem.plants.iter().all(|plant| plant.is_free());
+    (method.is_adaptive() || method.is_implicit()) && free && !problem.law(0).is_scalar()
+}
+
+/// The rates of the one run of a problem, under its law (not where that is sampled) and under a held input.
+pub fn record_both(problem: &Problem) -> [Option<Arc<RecordedRates>>; 2] {
+    let sampled = problem.options.sampling.is_some();
+    [false, true].map(|held| (is_recordable(problem) && (held || !sampled)).then(|| record(problem, 0, held).map(Arc::new)).flatten())
+}
+
+/// Record the rates of run `run`, under a held input or under the law; `None` where the code branches on data.
+pub fn record(problem: &Problem, run: usize, held: bool) -> Option<RecordedRates> {
+    sym::begin();
+    let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run);
+    let given = sym::end_set_up();
+    let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
+    let (plant, law) = (problem.plant(run).states(), closed.law_rate().len());
+    let slots = Slots {
+        given,
+        desired: closed.instant().desired.len(),
+        wrench: if problem.forces.is_empty() { 0 } else { 6 },
+        plant,
+        law,
+        quadratures: closed.size() - plant - law,
+        inputs: closed.tau.len(),
+    };
+    let (desired, mut wrench) = (inputs(slots.desired), [Sym::zero(); 6]);
+    wrench[..slots.wrench].copy_from_slice(&inputs(slots.wrench));
+    let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.law));
+    if held {
+        closed.hold_input(&tau, &dz);
+    }
+    closed.turn_to(&x);
+    let mut dx = x.clone();
+    closed.rates(&Exogenous { t: 0.0, desired, wrench }, &x, &mut dx);
+    let wanted = Wanted::of(problem.options.method, closed.autonomous());
+    drop(closed);
+    let recording = sym::finish();
+    if recording.failed {
+        return None;
+    }
+    let rates = dx.into_iter().map(Sym::index).collect();
+    let programs = KNOWN.of(Key { ops: recording.ops, rates, slots: slots.clone(), wanted }, make);
+    Some(RecordedRates { slots, programs, run, values: recording.values, structure: recording.structure })
+}
+
+/// `(slot, entry)` from slot `first` on.
+fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
+    entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect()
+}
+
+fn make(key: &Key) -> RatesPrograms {
+    let (slots, engine, none) = (&key.slots, engine(), Places::default());
+    let part = Part { ops: &key.ops, start: 0, outputs: &to(slots.rates(), &key.rates), places: &none };
+    let reach = slots.reach();
+    let rates = Program::new(part, None, Room { reach: reach as u32, free: reach + 1 }, form(false), engine);
+    RatesPrograms { rates, derivatives: (key.wanted != Wanted::Rates).then(|| differentiate(key)) }
+}
+
+fn differentiate(key: &Key) -> Derivatives {
+    let (slots, moves) = (&key.slots, key.wanted == Wanted::Time);
+    let entries = |first: usize, count: usize| first as u32..(first + count) as u32;
+    let mut moving: Vec<u32> = entries(slots.state(), slots.plant).collect();
+    if moves {
+        moving.extend(entries(slots.given, slots.desired + slots.wrench));
+    }
+    let law: Vec<u32> = entries(slots.state() + slots.plant, slots.law).collect();
+    let inputs = slots.rates();
+    let along_law = inputs + moving.len();
+    let rates = along_law + law.len();
+    let derivatives = rates + slots.states();
+    let reach = derivatives + slots.states();
+    let mut work = Differentiation::new(key.ops.clone(), inputs);
+    let mut cuts = vec![Cut { end: work.length(), outputs: to(rates, &key.rates) }];
+    for moving in [&moving, &law] {
+        let outputs = to(derivatives, &work.along(moving, &key.rates));
+        cuts.push(Cut { end: work.length(), outputs });
+    }
+    let bent = cuts[2].outputs.iter().any(|&(_, entry)| entry != 0);
+    let ops = work.finish();
+    let (places, mut free) = segments::join(&ops, &mut cuts, reach as u32 + 1);
+    let mut start = 0;
+    let mut program = |cut: &Cut| {
+        let part = Part { ops: &ops, start, outputs: &cut.outputs, places: &places };
+        let made = Program::new(part, None, Room { reach: reach as u32, free: free as usize }, form(true), engine());
+        (start, free) = (cut.end, made.slots() as u32);
+        made
+    };
+    let [values, plant, law] = [program(&cuts[0]), program(&cuts[1]), program(&cuts[2])];
+    Derivatives { values, plant, law: bent.then_some(law), along_plant: inputs, along_law, moves, rates, derivatives, reach }
+}
+
+/// The rates of the runs of a problem, recorded when a run first wants them.
+pub struct Rates {
+    known: Mutex<Vec<Arc<RecordedRates>>>,
+    used: AtomicBool,
+}
+
+impl Rates {
+    /// For problems whose method takes rates; `None` where no loop of them can be recorded.
+    pub fn of(problem: &Problem) -> Option<Self> {
+        is_recordable(problem).then(|| Rates { known: Mutex::default(), used: AtomicBool::new(false) })
+    }
+
+    /// How the runs were computed.
+    pub fn engine(&self) -> &'static str {
+        if self.used.load(Ordering::Relaxed) { engine().name() } else { "direct" }
+    }
+
+    /// The structure of run `run`, and the numbers of its set-up; `None` where its code branches on data.
+    pub fn of_run(&self, problem: &Problem, run: usize) -> Option<(Arc<RecordedRates>, Vec<f64>)> {
+        let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let first = known().first().cloned();
+        let found = match first {
+            Some(first) if problem.plants.len() == 1 && problem.laws.len() == 1 => Some((first.clone(), first.values.clone())),
+            None => None,
+            Some(_) => {
+                let Given { values, structure } = recorded::given(problem, run);
+                let (plant, law) = (problem.plant(run), problem.law(run));
+                let fits = |known: &&Arc<RecordedRates>| {
+                    known.structure == structure && problem.plant(known.run).same_shape(plant) && problem.law(known.run).same_shape(law)
+                };
+                known().iter().find(fits).cloned().map(|known| (known, values))
+            }
+        };
+        let found = found.or_else(|| {
+            let recorded = Arc::new(record(problem, run, problem.options.sampling.is_some())?);
+            known().push(recorded.clone());
+            Some((recorded.clone(), recorded.values.clone()))
+        });
+        self.used.fetch_or(found.is_some(), Ordering::Relaxed);
+        found
+    }
+}

@@ -1,0 +1,134 @@
+//! The programs of the rates of one run, on their frames.
+
+use super::closed_loop::Exogenous;
+use super::rates_programs::{RatesPrograms, RecordedRates};
+use crate::scalar::Real;
+use crate::scalar::trig::REDUCTION_LIMIT;
+use crate::trace::{Frame, Program, form};
+use std::sync::Arc;
+
+pub struct Running<S> {
+    recorded: Arc<RecordedRates>,
+    frame: Frame,
+    /// The frame of the derivatives.
+    lanes: Option<Frame>,
+    /// The exogenous input and its rate at the state that is linearised about.
+    instants: [Exogenous<S>; 2],
+    /// The derivative in time at that state.
+    dft: Vec<S>,
+}
+
+impl<S: Real> Running<S> {
+    /// For a run whose set-up has the numbers `values`.
+    pub fn new(recorded: Arc<RecordedRates>, values: &[f64]) -> Self {
+        let (slots, programs) = (&recorded.slots, &recorded.programs);
+        let frame = |slots: usize, lanes: usize, programs: &mut dyn Iterator<Item = &Program>| {
+            let mut frame = Frame::new(slots, lanes);
+            programs.for_each(|program| program.prepare(&mut frame));
+            values.iter().enumerate().for_each(|(slot, &x)| frame.fill(slot, x));
+            frame
+        };
+        let still = Exogenous { t: f64::NAN, desired: vec![S::zero(); slots.desired], wrench: [S::zero(); 6] };
+        let single = frame(programs.rates.slots(), 1, &mut std::iter::once(&programs.rates));
+        let lanes = programs.derivatives.as_ref().map(|all| frame(all.slots(), form(true).lanes(), &mut all.all()));
+        Running { frame: single, lanes, instants: [still.clone(), still], dft: vec![S::zero(); slots.states()], recorded }
+    }
+
+    /// Hold the input `tau` and the rate `dz` of the law.
+    pub fn hold(&mut self, tau: &[S], dz: &[S]) {
+        let slots = &self.recorded.slots;
+        for frame in [&mut self.frame].into_iter().chain(&mut self.lanes) {
+            write(frame, slots.tau(), tau);
+            write(frame, slots.law_rate(), dz);
+        }
+    }
+
+    /// The rates of state `x` into `dx`; whether they are valid.
+    pub fn rates(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) -> bool {
+        let RecordedRates { slots, programs, .. } = &*self.recorded;
+        let frame = &mut self.frame;
+        write(frame, slots.given, &u.desired);
+        write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
+        write(frame, slots.state(), x);
+        programs.rates.run(frame);
+        read(frame, slots.rates(), 0, dx.iter_mut());
+        frame.numbers()[slots.reach()] < REDUCTION_LIMIT
+    }
+
+    /// Whether [`Running::linearise`] takes the rate of the exogenous input.
+    pub fn is_moving(&self) -> bool {
+        self.recorded.programs.derivatives.as_ref().is_some_and(|derivatives| derivatives.moves)
+    }
+
+    /// Room for the exogenous input and its rate.
+    pub fn instants(&mut self) -> &mut [Exogenous<S>; 2] {
+        &mut self.instants
+    }
+
+    /// The rates of state `x` into `dx`, their derivatives along the state into `j`, `(n, n)`, and that in time into
+    /// [`Running::time_derivative`]; whether they are valid.
+    pub fn linearise(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S], j: &mut [S]) -> bool {
+        let RecordedRates { slots, programs, .. } = &*self.recorded;
+        let (RatesPrograms { derivatives: Some(all), .. }, Some(frame)) = (&**programs, &mut self.lanes) else { return false };
+        write(frame, slots.given, &u.desired);
+        write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
+        write(frame, slots.state(), x);
+        all.values.run(frame);
+        read(frame, all.rates, 0, dx.iter_mut());
+        if !(frame.slot_mut(all.reach)[0] < REDUCTION_LIMIT) {
+            return false;
+        }
+        let n = x.len();
+        j.fill(S::zero());
+        let [_, u_dot] = &self.instants;
+        let drift = || u_dot.desired.iter().chain(&u_dot.wrench[..slots.wrench]);
+        // One direction per lane; the last one of the plant's is time.
+        let mut along = |program: &Program, seeds: usize, column: usize, count: usize, moves: bool| {
+            let directions = count + usize::from(moves);
+            for first in (0..directions).step_by(frame.lanes()) {
+                let width = frame.lanes().min(directions - first);
+                for (lane, k) in (first..first + width).enumerate() {
+                    if k < count {
+                        frame.slot_mut(seeds + k)[lane] = 1.0;
+                    } else {
+                        drift().enumerate().for_each(|(i, rate)| frame.slot_mut(seeds + count + i)[lane] = rate.lane(0));
+                    }
+                }
+                program.run(frame);
+                for (lane, k) in (first..first + width).enumerate() {
+                    if k < count {
+                        frame.fill(seeds + k, 0.0);
+                        read(frame, all.derivatives, lane, j[column + k..].iter_mut().step_by(n));
+                    } else {
+                        (0..drift().count()).for_each(|i| frame.fill(seeds + count + i, 0.0));
+                        read(frame, all.derivatives, lane, self.dft.iter_mut());
+                    }
+                }
+            }
+        };
+        along(&all.plant, all.along_plant, 0, slots.plant, all.moves);
+        if let Some(law) = &all.law {
+            along(law, all.along_law, slots.plant, slots.law, false);
+        }
+        true
+    }
+
+    /// The derivative in time where the rates were linearised last.
+    pub fn time_derivative(&self) -> &[S] {
+        &self.dft
+    }
+}
+
+/// `values` into all lanes of the slots from `first` on.
+fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
+    let lanes = frame.lanes();
+    let slots = frame.numbers_mut()[first * lanes..].chunks_exact_mut(lanes);
+    slots.zip(values).for_each(|(slot, value)| slot.fill(value.lane(0)));
+}
+
+/// Lane `lane` of the slots from `first` on into `values`.
+fn read<'a, S: Real>(frame: &Frame, first: usize, lane: usize, values: impl Iterator<Item = &'a mut S>) {
+    let lanes = frame.lanes();
+    let slots = frame.numbers()[first * lanes + lane..].iter().step_by(lanes);
+    slots.zip(values).for_each(|(&from, to)| *to = S::splat(from));
+}

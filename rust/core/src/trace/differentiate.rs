@@ -1,0 +1,127 @@
+//! Derivatives of a recorded computation along one direction (forward mode, Griewank and Walther 2008, section 3.1).
+//!
+//! From `y = f(x)` and the direction `x_dot` of its inputs, `y_dot = f'(x) x_dot`. The operations of `y_dot` follow those of `y`. What
+//! does not depend on a direction has the derivative zero, and folding removes all operations on it.
+//! At a corner the derivative is that of the branch taken, as of `scalar::Dual`.
+
+use super::tape::{Op, Tape};
+
+/// A recording that is being differentiated.
+pub struct Differentiation {
+    tape: Tape,
+    /// The length of the recording.
+    length: usize,
+}
+
+impl Differentiation {
+    /// Of a recording with `inputs` inputs.
+    pub fn new(ops: Vec<Op>, inputs: usize) -> Self {
+        Differentiation { length: ops.len(), tape: Tape::resume(ops, inputs as u32) }
+    }
+
+    /// The derivatives of the entries `outputs` along a direction: new inputs, in the order of `moving`, are the rates of the inputs
+    /// `moving`. The rates of all other inputs are zero.
+    pub fn along(&mut self, moving: &[u32], outputs: &[u32]) -> Vec<u32> {
+        let mut rates = vec![0; self.length];
+        for &input in moving {
+            let rate = self.tape.new_input();
+            let entry = self.tape.push(Op::Input(input)) as usize;
+            if entry < self.length {
+                rates[entry] = rate;
+            }
+        }
+        let needed = self.needed(outputs);
+        for i in (0..self.length).filter(|&i| needed[i]) {
+            if !matches!(self.tape.ops[i], Op::Input(_)) {
+                rates[i] = self.rate(i as u32, &rates);
+            }
+        }
+        outputs.iter().map(|&output| rates[output as usize]).collect()
+    }
+
+    /// The number of entries so far.
+    pub fn length(&self) -> u32 {
+        self.tape.ops.len() as u32
+    }
+
+    /// The recording and what was added to it.
+    pub fn finish(self) -> Vec<Op> {
+        self.tape.ops
+    }
+
+    /// The entries that `outputs` depend on.
+    fn needed(&self, outputs: &[u32]) -> Vec<bool> {
+        let mut needed = vec![false; self.length];
+        outputs.iter().for_each(|&output| needed[output as usize] = true);
+        for i in (0..self.length).rev() {
+            if needed[i] {
+                self.tape.ops[i].operands().for_each(|a| needed[a as usize] = true);
+            }
+        }
+        needed
+    }
+
+    /// The derivative of entry `i` from those of its operands.
+    fn rate(&mut self, i: u32, rates: &[u32]) -> u32 {
+        let (at, tape) = (|a: u32| rates[a as usize], &mut self.tape);
+        let op = tape.ops[i as usize];
+        if op.operands().all(|a| at(a) == 0) {
+            return 0;
+        }
+        match op {
+            // A mask does not move.
+            Op::Const(_) | Op::Input(_) | Op::Less(..) => 0,
+            Op::Add(a, b) => tape.add(at(a), at(b)),
+            Op::Sub(a, b) => tape.sub(at(a), at(b)),
+            Op::Neg(a) => tape.neg(at(a)),
+            Op::Mul(a, b) => {
+                let second = tape.mul(at(b), a);
+                tape.fma(at(a), b, second)
+            }
+            Op::Fma(a, b, c) => {
+                let sum = tape.fma(at(b), a, at(c));
+                tape.fma(at(a), b, sum)
+            }
+            Op::Fnma(a, b, c) => {
+                let sum = tape.fnma(at(b), a, at(c));
+                tape.fnma(at(a), b, sum)
+            }
+            Op::Div(a, b) => {
+                let one = tape.constant(1.0);
+                let inverse = tape.div(one, b);
+                let sum = tape.fnma(at(b), i, at(a));
+                tape.mul(sum, inverse)
+            }
+            Op::Sqrt(a) => {
+                // Zero rates stay zero where the slope is infinite.
+                let (half, least) = (tape.constant(0.5), tape.constant(f64::MIN_POSITIVE));
+                let slope = tape.div(half, i);
+                let size = tape.unary(at(a), f64::abs, Op::Abs);
+                let (nothing, rate) = (tape.less(size, least), tape.mul(at(a), slope));
+                tape.select(nothing, 0, rate)
+            }
+            Op::Abs(a) => {
+                let (below, other) = (tape.less(a, 0), tape.neg(at(a)));
+                tape.select(below, other, at(a))
+            }
+            Op::Max(a, b) => {
+                let below = tape.less(a, b);
+                tape.select(below, at(b), at(a))
+            }
+            Op::Min(a, b) => {
+                let below = tape.less(b, a);
+                tape.select(below, at(b), at(a))
+            }
+            Op::Sin(a) => {
+                let cosine = tape.push(Op::Cos(a));
+                tape.mul(at(a), cosine)
+            }
+            Op::Cos(a) => {
+                let sine = tape.push(Op::Sin(a));
+                let rate = tape.mul(at(a), sine);
+                tape.neg(rate)
+            }
+            Op::Select(mask, yes, no) => tape.select(mask, at(yes), at(no)),
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Derivatives of recordings against dual numbers: operation by operation, at corners, and of random recordings.
+
+use super::differentiate::Differentiation;
+use super::sym::{self, Sym};
+use super::tape::{Op, Tape};
+use super::tests::Random;
+use crate::scalar::{Dual, Real};
+
+/// The values of all entries.
+fn values<S: Real>(ops: &[Op], inputs: &[S]) -> Vec<S> {
+    let (zero, one) = (S::zero(), S::splat(1.0));
+    let mut all: Vec<S> = Vec::new();
+    for &op in ops {
+        let at = |a: u32| all[a as usize];
+        let value = match op {
+            Op::Const(bits) => S::splat(f64::from_bits(bits)),
+            Op::Input(k) => inputs[k as usize],
+            Op::Add(a, b) => at(a) + at(b),
+            Op::Sub(a, b) => at(a) - at(b),
+            Op::Mul(a, b) => at(a) * at(b),
+            Op::Div(a, b) => at(a) / at(b),
+            Op::Neg(a) => -at(a),
+            Op::Fma(a, b, c) => at(a).mul_add(at(b), at(c)),
+            Op::Fnma(a, b, c) => at(a).neg_mul_add(at(b), at(c)),
+            Op::Sqrt(a) => at(a).sqrt(),
+            Op::Abs(a) => at(a).abs(),
+            Op::Max(a, b) => at(a).max(at(b)),
+            Op::Min(a, b) => at(a).min(at(b)),
+            Op::Sin(a) => at(a).sin_cos().0,
+            Op::Cos(a) => at(a).sin_cos().1,
+            Op::Less(a, b) => S::select(at(a).lt(at(b)), one, zero),
+            Op::Select(mask, yes, no) => S::select(zero.lt(at(mask)), at(yes), at(no)),
+        };
+        all.push(value);
+    }
+    all
+}
+
+/// The values and rates of `outputs` at `x` along `x_dot`: by differentiation, and by dual numbers.
+fn both(ops: &[Op], outputs: &[u32], x: &[f64], x_dot: &[f64]) -> Vec<(f64, Dual)> {
+    let mut differentiation = Differentiation::new(ops.to_vec(), x.len());
+    let rates = differentiation.along(&(0..x.len() as u32).collect::<Vec<_>>(), outputs);
+    let got = values(&differentiation.finish(), &[x, x_dot].concat());
+    let duals: Vec<Dual> = x.iter().zip(x_dot).map(|(&x, &rate)| Dual::new(x, rate)).collect();
+    let expected = values(ops, &duals);
+    outputs.iter().zip(rates).map(|(&y, rate)| (got[rate as usize], expected[y as usize])).collect()
+}
+
+/// A function of two numbers, recorded, at `x` along `x_dot`.
+fn pair(f: impl Fn(Sym, Sym) -> Sym, x: [f64; 2], x_dot: [f64; 2]) -> (f64, f64) {
+    sym::begin();
+    sym::end_set_up();
+    let y = f(sym::input(), sym::input());
+    let (got, expected) = both(&sym::finish().ops, &[y.index()], &x, &x_dot)[0];
+    (got, expected.rate)
+}
+
+#[test]
+fn every_operation_has_its_derivative() {
+    let (a, b) = (0.7f64, -1.3f64);
+    let (da, db) = (0.9f64, 0.4f64);
+    type Operation = fn(Sym, Sym) -> Sym;
+    let cases: [(Operation, f64); 16] = [
+        (|a, b| a + b, da + db),
+        (|a, b| a - b, da - db),
+        (|a, b| a * b, da * b + a * db),
+        (|a, _| a * a, 2.0 * a * da),
+        (|a, b| a / b, (da * b - a * db) / (b * b)),
+        (|a, _| a.recip(), -da / (a * a)),
+        (|_, b| -b, -db),
+        (|a, b| a.mul_add(b, b), da * b + a * db + db),
+        (|a, b| a.neg_mul_add(b, a), da - da * b - a * db),
+        (|a, _| a.sqrt(), 0.5 * da / a.sqrt()),
+        (|_, b| b.abs(), -db),
+        (|a, b| a.max(b), da),
+        (|a, b| a.min(b), db),
+        (|a, _| a.sin_cos().0, a.cos() * da),
+        (|_, b| b.sin_cos().1, -b.sin() * db),
+        (|a, b| Sym::select(a.lt(b), a, b), db),
+    ];
+    for (k, (operation, expected)) in cases.into_iter().enumerate() {
+        let (got, dual) = pair(operation, [a, b], [da, db]);
+        // A few roundings of numbers below 2.
+        assert!((got - expected).abs() < 4e-16 * (1.0 + expected.abs()), "{k}: {got} {expected}");
+        assert!((dual - expected).abs() < 4e-16 * (1.0 + expected.abs()), "{k}: {dual} {expected}");
+    }
+}
+
+#[test]
+fn corners_are_those_of_dual_numbers() {
+    let same = |f: fn(Sym, Sym) -> Sym, x: [f64; 2], x_dot: [f64; 2]| {
+        let (got, expected) = pair(f, x, x_dot);
+        assert!(got == expected || got.is_nan() && expected.is_nan(), "{x:?} {x_dot:?}: {got} {expected}");
+        got
+    };
+    assert_eq!(same(|a, _| a.sqrt(), [0.0, 0.0], [0.0, 1.0]), 0.0, "the root of zero does not move along nothing");
+    assert_eq!(same(|a, _| a.sqrt(), [0.0, 0.0], [1.0, 0.0]), f64::INFINITY);
+    assert_eq!(same(|a, _| a.abs(), [0.0, 0.0], [1.0, 0.0]), 1.0);
+    // The first one where both are the same.
+    assert_eq!(same(|a, b| a.max(b), [1.0, 1.0], [2.0, 3.0]), 2.0);
+    assert_eq!(same(|a, b| a.min(b), [1.0, 1.0], [2.0, 3.0]), 2.0);
+    assert_eq!(same(|a, b| Sym::select(a.lt(b), a, b), [1.0, 1.0], [2.0, 3.0]), 3.0);
+}
+
+/// A random recording with three inputs, in which no number grows far.
+fn random(random: &mut Random) -> (Vec<Op>, Vec<u32>) {
+    let mut tape = Tape::new();
+    tape.set_up = false;
+    let mut known: Vec<u32> = (0..3).map(|_| tape.new_input()).collect();
+    known.push(tape.constant(0.75));
+    for _ in 0..40 {
+        let mut any = || known[known.len() - 1 - random.below(known.len().min(12))];
+        let (a, b, c) = (any(), any(), any());
+        let new = match random.below(12) {
+            0 => tape.add(a, b),
+            1 => tape.sub(a, b),
+            2 => tape.mul(a, b),
+            3 => tape.fma(a, b, c),
+            4 => tape.fnma(a, b, c),
+            5 => {
+                let (square, one) = (tape.mul(b, b), tape.constant(1.0));
+                let below = tape.add(square, one);
+                tape.div(a, below)
+            }
+            6 => {
+                let size = tape.unary(a, f64::abs, Op::Abs);
+                tape.unary(size, f64::sqrt, Op::Sqrt)
+            }
+            7 => tape.extreme(a, b, f64::max, Op::Max),
+            8 => tape.extreme(a, b, f64::min, Op::Min),
+            9 => {
+                let mask = tape.less(a, b);
+                tape.select(mask, c, a)
+            }
+            10 => tape.neg(a),
+            _ => tape.unary(a, f64::sin, Op::Sin),
+        };
+        let two = tape.constant(2.0);
+        let turned = tape.mul(two, new);
+        known.push(tape.unary(turned, f64::sin, Op::Sin));
+        known.push(tape.unary(turned, f64::cos, Op::Cos));
+    }
+    let outputs = known.split_off(known.len() - 6);
+    (tape.ops, outputs)
+}
+
+#[test]
+fn derivatives_of_random_recordings_are_those_of_dual_numbers() {
+    let mut numbers = Random(5);
+    let mut most = 0.0f64;
+    for trial in 0..300 {
+        let (ops, outputs) = random(&mut numbers);
+        let mut three = || (0..3).map(|_| numbers.number()).collect::<Vec<f64>>();
+        let (x, x_dot) = (three(), three());
+        for (k, (got, expected)) in both(&ops, &outputs, &x, &x_dot).into_iter().enumerate() {
+            most = most.max(expected.rate.abs());
+            // Rounding of some hundred operations, of numbers that may cancel.
+            assert!((got - expected.rate).abs() <= 1e-11 * (1.0 + expected.rate.abs()), "{trial} {k}: {got} {}", expected.rate);
+        }
+    }
+    assert!(most > 1.0, "the outputs move: {most}");
+}
+
+#[test]
+fn what_does_not_move_costs_nothing() {
+    sym::begin();
+    sym::end_set_up();
+    let (a, b) = (sym::input(), sym::input());
+    let still = (a * a + Sym::splat(2.0)).sqrt().sin_cos().0;
+    let y = still.mul_add(b, a);
+    let ops = sym::finish().ops;
+    let mut differentiation = Differentiation::new(ops.clone(), 2);
+    let rates = differentiation.along(&[1], &[y.index(), still.index()]);
+    assert_eq!(rates[1], 0);
+    // The rate of b and one product.
+    assert_eq!(differentiation.length() as usize, ops.len() + 2);
+}
