@@ -112,26 +112,6 @@ pub trait Real:
         }
     }
 
-    /// What eight values hold in lane `i` to `to[i stride..]`, lane after lane.
-    #[inline(always)]
-    fn to_rows(block: &[Self; 8], to: &mut [f64], stride: usize) {
-        for lane in 0..Self::LANES {
-            to[lane * stride..][..8].copy_from_slice(&std::array::from_fn::<f64, 8, _>(|k| block[k].lane(lane)));
-        }
-    }
-    /// What two values hold in lane `i` to `to[i stride..]`, lane after lane.
-    #[inline(always)]
-    fn two_to_rows(two: [Self; 2], to: &mut [f64], stride: usize) {
-        for lane in 0..Self::LANES {
-            to[lane * stride..][..2].copy_from_slice(&[two[0].lane(lane), two[1].lane(lane)]);
-        }
-    }
-    /// Eight values from `from[i stride..]` for every lane `i`: the inverse of [`Real::to_rows`].
-    #[inline(always)]
-    fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {
-        std::array::from_fn(|k| Self::from_lanes(|lane| from[lane * stride + k]))
-    }
-
     /// Run `kernel` compiled for the instruction set of this number.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
 

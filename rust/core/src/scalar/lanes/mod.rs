@@ -92,19 +92,6 @@ pub fn isa_request() -> Result<Option<Isa>, String> {
     }
 }
 
-/// Ask for the line of memory at this place, which need not be there.
-#[inline(always)]
-pub fn prefetch(at: *const f64) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a hint; nothing is read, and no address is wrong.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = at;
-}
-
 /// Run `kernel` compiled for AVX2 + FMA. The caller has checked [`isa`].
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]

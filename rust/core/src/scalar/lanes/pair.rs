@@ -132,26 +132,6 @@ impl<V: Real> Real for Pair<V> {
         V::all(mask.0) & V::all(mask.1)
     }
     #[inline(always)]
-    fn to_rows(block: &[Self; 8], to: &mut [f64], stride: usize) {
-        let [a, b, c, d, e, f, g, h] = *block;
-        V::to_rows(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0], to, stride);
-        V::to_rows(&[a.1, b.1, c.1, d.1, e.1, f.1, g.1, h.1], &mut to[V::LANES * stride..], stride);
-    }
-    #[inline(always)]
-    fn two_to_rows([a, b]: [Self; 2], to: &mut [f64], stride: usize) {
-        V::two_to_rows([a.0, b.0], to, stride);
-        V::two_to_rows([a.1, b.1], &mut to[V::LANES * stride..], stride);
-    }
-    #[inline(always)]
-    fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {
-        let (first, second) = (V::of_rows(from, stride), V::of_rows(&from[V::LANES * stride..], stride));
-        let mut both = [Pair(first[0], second[0]); 8];
-        for k in 1..8 {
-            both[k] = Pair(first[k], second[k]);
-        }
-        both
-    }
-    #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
         V::enter(kernel)
     }

@@ -3,7 +3,7 @@
 //! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the target has them.
 
 use super::super::{Kernel, Real, trig};
-use super::vector::{rows_fit, sin_cos_near, vector};
+use super::vector::{sin_cos_near, vector};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -73,23 +73,6 @@ fn sign_of_bit_1(quadrant: __m128d) -> __m128d {
 #[inline(always)]
 fn next(quadrant: __m128d) -> __m128d {
     unsafe { _mm_castsi128_pd(_mm_add_epi64(_mm_castpd_si128(quadrant), _mm_set1_epi64x(1))) }
-}
-
-#[inline(always)]
-fn transpose_out(x: &[Sse2; 8]) -> [[f64; 8]; 2] {
-    let x = x.map(|x| to_array(x.0));
-    std::array::from_fn(|lane| std::array::from_fn(|k| x[k][lane]))
-}
-
-#[inline(always)]
-fn transpose_two(a: __m128d, b: __m128d) -> [[f64; 2]; 2] {
-    let (a, b) = (to_array(a), to_array(b));
-    [[a[0], b[0]], [a[1], b[1]]]
-}
-
-#[inline(always)]
-fn transpose_in(rows: [[f64; 8]; 2]) -> [__m128d; 8] {
-    std::array::from_fn(|k| from_array([rows[0][k], rows[1][k]]))
 }
 
 #[inline(always)]

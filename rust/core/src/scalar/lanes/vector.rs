@@ -2,8 +2,7 @@
 //! intrinsics, so that each instruction set's file holds only what is its own.
 
 /// A vector of `$lanes` doubles in `$register`. `$own` names what the file writes by hand: `fma` and `fnma`
-/// (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`, `select`, `bits` (a mask, one bit per lane), `transpose_out` and
-/// `transpose_in` (eight values to a row of eight numbers per lane, and back), `transpose_two` (two to a pair per lane) and `enter`.
+/// (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`, `select`, `bits` (a mask, one bit per lane) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident) => {
@@ -157,35 +156,6 @@ macro_rules! vector {
                 bits(mask) == (1 << $lanes) - 1
             }
             #[inline(always)]
-            fn to_rows(block: &[Self; 8], to: &mut [f64], stride: usize) {
-                let rows = transpose_out(block);
-                rows_fit::<8>(to.len(), stride, $lanes);
-                for lane in 0..$lanes {
-                    // SAFETY: eight numbers at the last of these places lie within the slice.
-                    unsafe { to.as_mut_ptr().add(lane * stride).cast::<[f64; 8]>().write_unaligned(rows[lane]) }
-                }
-            }
-            #[inline(always)]
-            fn two_to_rows([a, b]: [Self; 2], to: &mut [f64], stride: usize) {
-                let pairs = transpose_two(a.0, b.0);
-                rows_fit::<2>(to.len(), stride, $lanes);
-                for lane in 0..$lanes {
-                    // SAFETY: two numbers at the last of these places lie within the slice.
-                    unsafe { to.as_mut_ptr().add(lane * stride).cast::<[f64; 2]>().write_unaligned(pairs[lane]) }
-                }
-            }
-            #[inline(always)]
-            fn of_rows(from: &[f64], stride: usize) -> [Self; 8] {
-                rows_fit::<8>(from.len(), stride, $lanes);
-                let mut rows = [[0.0; 8]; $lanes];
-                for lane in 0..$lanes {
-                    // SAFETY: eight numbers at the last of these places lie within the slice.
-                    rows[lane] = unsafe { from.as_ptr().add(lane * stride).cast::<[f64; 8]>().read_unaligned() };
-                }
-                let [a, b, c, d, e, f, g, h] = transpose_in(rows);
-                [$name(a), $name(b), $name(c), $name(d), $name(e), $name(f), $name(g), $name(h)]
-            }
-            #[inline(always)]
             fn enter<K: Kernel>(kernel: K) -> K::Output {
                 enter(kernel)
             }
@@ -208,12 +178,6 @@ macro_rules! vector {
     };
 }
 pub(super) use vector;
-
-/// Whether a slice has room for so many numbers at `stride` times every lane.
-#[inline(always)]
-pub(super) fn rows_fit<const NUMBERS: usize>(length: usize, stride: usize, lanes: usize) {
-    assert!(length >= NUMBERS && stride <= (length - NUMBERS) / (lanes - 1), "rows beyond the slice");
-}
 
 /// Sine and cosine within the range of the reduction, without a branch, from the register operations of the
 /// file it is used in; see [`super::super::trig`] for the method.
