@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Sized
 from dataclasses import replace
 from typing import Any
 
@@ -30,11 +30,11 @@ STATES = ("v0", "theta0", "theta_dot0")
 
 def forces_of_runs(force: Any, rows: int) -> Any:
     """`force` as `[[(t_start, F), ...], ...]` where it has one entry per run, `(B, k)` or such a list; else as it is."""
-    try:
-        depth = np.ndim(force)
-    except ValueError:  # steps: a time and a vector side by side
-        return [list(steps) for steps in force] if _is_nested(force) else force
-    if depth != 2:
+    if _is_nested(force):
+        return [list(steps) if isinstance(steps, list | tuple) else steps for steps in force]
+    rows_of_numbers = isinstance(force, list | tuple) and bool(force) and isinstance(force[0], list | tuple | np.ndarray)
+    # A step is a time and a vector side by side.
+    if not (all(not isinstance(x, Sized) for x in force[0]) if rows_of_numbers else getattr(force, "ndim", 0) == 2):
         return force
     values = finite("simulate_batch", "force", _core.numbers("simulate_batch", "force", force, (rows, "k")))
     return [[(0.0, row)] for row in values]
@@ -59,7 +59,9 @@ def in_pieces(
     undisturbed: bool,
 ) -> BatchRun:
     """The batch of `simulate_batch`, some runs at a time; with keep="metrics" each piece is summed up before the next one starts."""
-    start = _core.numbers("simulate_batch", "q0", q0, ("B", "n"))
+    one = plant[0] if isinstance(plant, list) and plant else plant
+    n = instance("simulate_batch", "plant", one, _core.Plant, "a plant such as RigidArm, or a list of them").arm.n
+    start = _core.numbers("simulate_batch", "q0", q0, ("B", n))
     rows = len(start)
     summed = keywords["keep"] == "metrics"
     if summed:
@@ -74,9 +76,9 @@ def in_pieces(
     # A batch of no runs is refused for whatever the whole one is refused for.
     none = keywords | {name: _part(keywords.get(name), 0, 0) for name in STATES} | ({"force": None} if nested else {})
     _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
-    size = _runs_per_piece(plant, keywords)
+    size = _runs_per_piece(n, keywords)
     # What is kept of each run, at the least: refused before the first piece instead of after hours.
-    np.empty((rows, 2 * (plant[0] if isinstance(plant, list) else plant).arm.n))
+    np.empty((rows, 2 * n))
     if out is not None:
         _require_rows(out, rows)
         # What Ctrl-C may cost.
@@ -104,8 +106,7 @@ def in_pieces(
     return pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
 
 
-def _runs_per_piece(plant: Any, keywords: dict[str, Any]) -> int:
-    n = (plant[0] if isinstance(plant, list) else plant).arm.n
+def _runs_per_piece(n: int, keywords: dict[str, Any]) -> int:
     records = 1.0
     if keywords["keep"] == "all":
         if keywords["t_eval"] is not None:

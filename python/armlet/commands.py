@@ -9,7 +9,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import one_line
+from .arguments import one_line, shown
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -183,9 +183,14 @@ def _lab(args: argparse.Namespace) -> int:
     return lab(args.urdf, args.frame, args.host, args.port, args.package)
 
 
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected an integer >= 1, got {text!r}")
+# Processes of a sweep on one machine.
+MOST_WORKERS = 1024
+
+
+def _workers(text: str) -> int:
+    # A longer one is no integer that Python reads.
+    if not (text.isascii() and text.isdecimal()) or len(text) > 9 or not 1 <= int(text) <= MOST_WORKERS:
+        raise argparse.ArgumentTypeError(f"expected an integer from 1 to {MOST_WORKERS}, got {shown(text)}")
     return int(text)
 
 
@@ -213,7 +218,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     sweep.add_argument("scenario", type=Path, metavar="FILE.toml")
     sweep.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder that collects the results")
     sweep.add_argument("--plot", action="store_true", help="draw the first metric over what varied, into DIR")
-    sweep.add_argument("--workers", type=_count, metavar="N", help="processes (default: the threads of this one)")
+    sweep.add_argument("--workers", type=_workers, metavar="N", help="processes (default: the threads of this one)")
     sweep.set_defaults(run=_sweep)
 
     schema = commands.add_parser("schema", help="print the JSON schema of scenario files, for editors")

@@ -222,7 +222,7 @@ class _Loop:
 
 
 def _matrix(value: ArrayLike, n: int) -> Array:
-    given = np.asarray(value, dtype=np.float64)
+    given = _core.numbers("to_control", "plant", value)
     return given if given.ndim == 2 else np.diag(np.broadcast_to(given, (n,)))
 
 

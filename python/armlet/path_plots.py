@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
 from ._core import Arm, TimedPath
 from .errors import InputError
 from .figures import COLOURS, literal, require, sheet
@@ -34,7 +35,7 @@ def _bounds(limit: ArrayLike | None, n: int) -> tuple[Array, Array]:
     """Lower and upper limits `(n,)` from a number, `(n,)` or `(n, 2)`; infinite where there are none."""
     if limit is None:
         return np.full(n, -np.inf), np.full(n, np.inf)
-    values = np.asarray(limit, dtype=np.float64)
+    values = _core.numbers("PathTiming", "a limit", limit, (), (n,), (n, 2))
     if values.ndim == 2:
         return values[:, 0], values[:, 1]
     upper = np.broadcast_to(values, (n,))
@@ -74,7 +75,7 @@ class PathTiming:
             axes = figure.subplots(2, 2)
             t, s = self._samples()
             q, v, a = self.motion(t)
-            tau = self.arm.inverse_dynamics(q, v, a) + np.asarray(self.viscous) * v
+            tau = self.arm.inverse_dynamics(q, v, a) + _core.numbers("PathTiming", "viscous", self.viscous, (), (v.shape[-1],)) * v
             self._torques(axes[0, 0], axes[0, 1], t, s, tau)
             self._phase_plane(axes[1, 0])
             self._speeds(axes[1, 1], t, v)
@@ -126,7 +127,7 @@ class PathTiming:
         B = arm.inverse_dynamics(q, slope, bend) - g
         least, most = np.full((np.size(r), np.size(s)), -np.inf), np.full((np.size(r), np.size(s)), np.inf)
         speed = np.asarray(r, dtype=np.float64)[:, None]
-        rows = [(A, B, g, np.asarray(self.viscous) * slope, _bounds(self.tau_max, n))]
+        rows = [(A, B, g, _core.numbers("PathTiming", "viscous", self.viscous, (), (n,)) * slope, _bounds(self.tau_max, n))]
         rows.append((slope, bend, np.zeros_like(q), np.zeros_like(q), _bounds(self.a_max, n)))
         for alpha, beta, rest, rub, (low, high) in rows:
             for j in range(n):

@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
 from ._core import TimedPath, _restore_time_path
+from .arguments import finite
 from .border import border
 from .errors import InputError, SolveError
 from .status import Status
@@ -33,23 +35,14 @@ _CAPS = (1e6, 1e9, 1e12), (1e4, 1e6, 1e8), (1e3, 1e4, 1e5)
 
 def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Array:
     """`(n,)` from numbers, or from one number where `n` is known."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        array = np.asarray(None)
-    wanted = "(n,)" if n is None else f"({n},)" if not positive else f"a number or ({n},)"
-    if array.dtype.kind not in "iuf":
-        raise InputError(f"{_NAME}: {name} is of the wrong type: expected {wanted} numbers, got {type(value).__name__}")
-    if n is not None and positive and array.ndim == 0:
-        array = np.full(n, float(array))
-    if array.ndim != 1 or array.size == 0 or (n is not None and array.size != n):
-        raise InputError(f"{_NAME}: {name} has the wrong shape: expected {wanted}, got {array.shape}")
-    array = array.astype(np.float64)
-    for k, x in enumerate(array):
-        if not np.isfinite(x) or (positive and x <= 0.0):
-            what = "is not finite: expected finite numbers" if not np.isfinite(x) else "is not positive: expected numbers > 0"
-            raise InputError(f"{_NAME}: {name} {what}, got {x} (first bad index {k})")
-    return array
+    shapes: tuple[tuple[int | str, ...], ...] = (("n",),) if n is None else ((n,),) if not positive else ((), (n,))
+    array = finite(_NAME, name, _core.numbers(_NAME, name, value, *shapes))
+    if n is None and not array.size:
+        raise InputError(f"{_NAME}: {name} has the wrong shape: expected at least one joint, got {array.shape}")
+    if positive and not (array > 0.0).all():
+        k = int(np.argmax(np.atleast_1d(array) <= 0.0))
+        raise InputError(f"{_NAME}: {name} is not positive: expected numbers > 0, got {array.flat[k]} (first bad index {k})")
+    return np.full(n, float(array)) if n is not None and array.ndim == 0 else array.copy()
 
 
 @border

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
 from .border import bordered
 from .errors import InputError
 from .events import Events, State
@@ -58,12 +59,13 @@ class _Recorded:
 
     def __init__(self, fields: Mapping[str, Any], law: Any = None, motion: Any = None, plant: Any = None) -> None:
         given = dict(fields)
-        t = np.asarray(given.pop("t"), dtype=np.float64)
+        who = type(self).__name__
+        t = _core.numbers(who, "t", given.pop("t"))
         self.t = t if t.ndim else t.reshape(1)
         for name in SERIES:
             value = given.pop(name) if name in ("q", "v") else given.pop(name, None)
-            setattr(self, name, None if value is None else np.asarray(value, dtype=np.float64))
-        self.monitors = {name: np.asarray(value, dtype=np.float64) for name, value in (given.pop("monitors", None) or {}).items()}
+            setattr(self, name, None if value is None else _core.numbers(who, name, value))
+        self.monitors = {name: _core.numbers(who, name, value) for name, value in (given.pop("monitors", None) or {}).items()}
         self.stats = dict(given.pop("stats", None) or {})
         laws, plants = _rows(law), _rows(plant)
         self.law_name = given.pop("law_name", None) or ("" if law is None else type(laws[0]).__name__)
@@ -78,7 +80,7 @@ class _Recorded:
         # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
         stated = {name: given.pop(name, None) for name in ("parameters", "target", "limits", "units")}
         if stated["parameters"] is not None:
-            stated["parameters"] = np.asarray(stated["parameters"], dtype=np.float64)
+            stated["parameters"] = _core.numbers(who, "parameters", stated["parameters"])
         if stated["units"]:
             stated["units"] = tuple(stated["units"])
         self.__dict__.update((name, value) for name, value in stated.items() if value is not None and len(value))

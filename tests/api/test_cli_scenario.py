@@ -239,6 +239,10 @@ def test_sweep(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "$.sweep: is missing" in one_line(capsys)
     with pytest.raises(SystemExit):
         cli.main(["sweep", str(file), "--out", "x", "--workers", "0"])
+    for many in ("1025", "9" * 5000, "\u0663", "-1"):
+        with pytest.raises(SystemExit):
+            cli.main(["sweep", str(file), "--out", "x", f"--workers={many}"])
+        assert "expected an integer from 1 to 1024" in capsys.readouterr().err
 
 
 def test_schema(capsys: pytest.CaptureFixture[str]) -> None:

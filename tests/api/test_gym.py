@@ -191,8 +191,8 @@ def test_actions_beyond_the_limit_are_the_limit() -> None:
     [
         ([0.1, np.nan], r"step: action is not finite: expected finite numbers, got nan \(first bad index \(0, 1\)\)"),
         ([np.inf, 0.0], r"step: action is not finite"),
-        ([0.1], r"step: action has the wrong shape: expected \(1, 2\), got \(1, 1\)"),
-        (["a", "b"], r"step: action is no array of numbers"),
+        ([0.1], r"step: action has the wrong shape: expected (\(2,\), got \(1,\)|\(1, 2\), got \(1, 1\))"),
+        (["a", "b"], r"step: action is not an array of real numbers"),
     ],
 )
 def test_bad_actions(action: Any, message: str) -> None:
@@ -231,7 +231,7 @@ def test_refusals_of_tasks_and_vectors() -> None:
         Reach(axes="xq")
     with pytest.raises(al.InputError, match="scale is out of range"):
         Reach(scale=0.0)
-    with pytest.raises(al.InputError, match="num_envs is no count"):
+    with pytest.raises(al.InputError, match="num_envs is not a count"):
         ArmVectorEnv(0)
     with pytest.raises(al.InputError, match="autoreset_mode is unknown: expected one of NextStep, SameStep, Disabled"):
         ArmVectorEnv(2, autoreset_mode="x")

@@ -13,6 +13,8 @@ import pytest
 from pr_loops import ARM, LAW, PLANT, adaptive, batch, run
 
 import armlet as al
+from armlet import path_plots
+from armlet.gym import ArmEnv, Reach
 
 CHAIN = al.planar_arm([1.0, 1.0])
 TIP = al.Task("link2", "xy")
@@ -28,6 +30,12 @@ def still(t: float, y: Any) -> Any:
 def pushed(force: Any) -> al.Run:
     law = al.PDGravity(CHAIN, Q, 1.0, 1.0)
     return al.simulate(al.RigidArm(CHAIN), law, Q, t_end=0.01, dt=1e-3, force=force, force_frame="link2")
+
+
+def environment() -> ArmEnv:
+    env = ArmEnv()
+    env.reset(seed=0)
+    return env
 
 
 # Every way of an array into the extension, and into the Python layer over it.
@@ -85,6 +93,23 @@ ENTRIES: dict[str, Callable[[Any], Any]] = {
     "events": lambda x: run(events=x),
     "integrate": lambda x: al.integrate(still, (0.0, 1.0), x, method="rk4", dt=0.1),
     "integrate atol": lambda x: al.integrate(still, (0.0, 1.0), Q, method="dopri5", atol=x),
+    "DenseOutput": lambda x: al.integrate(still, (0.0, 1.0), Q, dense_output=True).dense(x),  # type: ignore[misc]
+    "metrics reference": lambda x: al.metrics(batch(), reference=x),
+    "metrics band": lambda x: al.metrics(batch(), band=x),
+    "pieces q0": lambda x: batch(q0=x, keep="metrics"),
+    "pieces v0": lambda x: batch(v0=x, keep="metrics"),
+    "forces of runs": lambda x: batch(force=x, keep="metrics"),
+    "to_control x0": lambda x: al.to_control(al.RigidArm(CHAIN), None, x),
+    "to_control u0": lambda x: al.to_control(al.RigidArm(CHAIN), None, Q, u0=x),
+    "point_to_point": lambda x: al.point_to_point(x, Q, 1.0, 1.0, 1.0),
+    "point_to_point limits": lambda x: al.point_to_point(Q, V * 2, x, 1.0, 1.0),
+    "gym action": lambda x: environment().step(x),
+    "gym limits": lambda x: ArmEnv(tau_max=x),
+    "gym range": lambda x: ArmEnv(q_limit=(x, 1.0)),
+    "gym task": lambda x: ArmEnv(task=Reach(axes="xy", q0=x)),
+    "path figure": lambda x: path_plots._bounds(x, 2),
+    "Run": lambda x: al.Run({"t": [0.0, 1.0], "q": x, "v": x}),
+    "sensor": lambda x: al.TorqueSensor(bias=x),
     "integrate f": lambda x: al.integrate(lambda t, y: x, (0.0, 1.0), Q, method="rk4", dt=0.1),
 }
 
@@ -155,7 +180,10 @@ HOSTILE: dict[str, Callable[[], Any]] = {
 # What these arguments are meant to take.
 MEANT = {
     # Any shape is one of many problems, or of many times.
-    *(("wrong shape, seen at once", entry) for entry in ("bang_bang_time", "torque_optimal_time", "path times", "elastic_limits", "Table")),
+    *(
+        ("wrong shape, seen at once", entry)
+        for entry in ("bang_bang_time", "torque_optimal_time", "path times", "elastic_limits", "Table", "Run")
+    ),
 }
 
 

@@ -243,3 +243,83 @@ def test_nothing_falls_back_to_the_reference() -> None:
     assert outside
     naming = [p.name for p in outside if re.search(r"^\s*(from|import)\b.*\breference\b", p.read_text(), re.MULTILINE)]
     assert naming in ([], ["__init__.py"])  # `al.reference` may be named as a submodule, for `al.reference.x` to read well
+
+
+# Not the caller's, or no float64: flags and statuses, what scipy and other libraries hand on, a law's own target, axes of a figure.
+READ_BY_NUMPY = {
+    ("gym/vector.py", "_mask"),
+    ("scipy_method.py", "_call_impl"),
+    ("path_plots.py", "room"),
+    ("run.py", "_set_status"),
+    ("task_errors.py", "at"),
+    ("verification.py", "_array"),
+}
+CALLERS = ("ArrayLike", "Any", "object")
+
+
+def raw_reads(source: str) -> set[tuple[str, str]]:
+    """Functions that give numpy a parameter or a field that may be any array-like, and its name: a masked array would lose its mask."""
+    found: set[tuple[str, str]] = set()
+
+    def annotated(node: ast.expr | None) -> bool:
+        return node is not None and any(isinstance(part, ast.Name) and part.id in CALLERS for part in ast.walk(node))
+
+    def visit(node: ast.AST, names: set[str], function: str) -> None:
+        if isinstance(node, ast.ClassDef):
+            fields = {
+                f"self.{n.target.id}"
+                for n in node.body
+                if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name) and annotated(n.annotation)
+            }
+            names = names | fields
+        if isinstance(node, ast.FunctionDef | ast.Lambda):
+            arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            names = (names - {a.arg for a in arguments}) | {a.arg for a in arguments if annotated(a.annotation)}
+            function = getattr(node, "name", function)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and isinstance(node.func.value, ast.Name):
+            given = [ast.unparse(part) for part in node.args[:1]]
+            if node.func.value.id == "np" and node.func.attr in CONVERTERS and given and given[0] in names:
+                found.add((function, given[0]))
+        for child in ast.iter_child_nodes(node):
+            visit(child, names, function)
+
+    visit(ast.parse(source), set(), "")
+    return found
+
+
+CONVERTERS = {
+    "array",
+    "asarray",
+    "asanyarray",
+    "ascontiguousarray",
+    "atleast_1d",
+    "atleast_2d",
+    "stack",
+    "ndim",
+    "size",
+    "shape",
+    "broadcast_to",
+}
+
+
+def test_arrays_of_the_caller_are_read_in_one_place() -> None:
+    """`_core.numbers` reads them, which refuses masked arrays; `armlet.reference` is a second derivation with its own ways."""
+    own = [path for path in sources(PACKAGE, "*.py") if path.relative_to(PACKAGE).parts[0] not in ("reference", "demo")]
+    strays = {(str(p.relative_to(PACKAGE)), function, name) for p in own for function, name in raw_reads(p.read_text(encoding="utf-8"))}
+    assert {stray for stray in strays if stray[:2] not in READ_BY_NUMPY} == set()
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("def f(x: ArrayLike | None, n: int):\n    return np.asarray(x), np.array(n)", {("f", "x")}),
+        (
+            "class A:\n    x: ArrayLike\n    def g(self, y: Any):\n        return np.asarray(self.x) + np.ndim(y)",
+            {("g", "self.x"), ("g", "y")},
+        ),
+        ("def f(x: ArrayLike):\n    y = numbers(x)\n    return np.asarray(y)", set()),
+        ("def f(x: Array):\n    return np.asarray(x)", set()),
+    ],
+)
+def test_raw_reads_are_seen(source: str, expected: set[tuple[str, str]]) -> None:
+    assert raw_reads(source) == expected

@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
+from .. import _core
 from .._core import Arm, Plant
 from ..scenario import Scenario
 from .rows import Rows
@@ -100,7 +101,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         """Hold `action`, (n,), for one period; entries beyond 1 are taken as 1."""
         if not self._ready:
             raise ResetNeeded("ArmEnv.step: the run has not begun, or has ended: expected a call of reset before")
-        reward, terminated, truncated, info = self._rows.step(np.expand_dims(np.asarray(action), 0))
+        reward, terminated, truncated, info = self._rows.step(_core.numbers("step", "action", action, self._rows.actions.shape)[None])
         self._ready = not (terminated[0] or truncated[0])
         told = {name: bool(values[0]) for name, values in info.items()}
         return self._rows.observe()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), told

@@ -14,7 +14,9 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
+from .. import _core
 from .._core import Arm, Plant, RigidArm, planar_arm
+from ..arguments import finite, number, shown
 from ..errors import InputError
 from ..scenario import Scenario
 from .stepping import stepper
@@ -65,16 +67,16 @@ class Rows:
         # One task may be given to several environments, each of which prepares it for its arm.
         self.task = Reach() if task is None else copy.copy(task)
         limits = arm.limits or {}
-        self.tau_max = _positive("tau_max", _either(tau_max, limits.get("effort"), None, arm.n), arm.n)
-        self.v_limit = _positive("v_limit", _either(v_limit, limits.get("v_max"), 20.0, arm.n), arm.n)
-        low, high = (_either(None, limits.get(name), sign * 2.0 * np.pi, arm.n) for name, sign in (("q_min", -1), ("q_max", 1)))
+        self.tau_max = _positive("tau_max", _either("tau_max", tau_max, limits.get("effort"), None, arm.n), arm.n)
+        self.v_limit = _positive("v_limit", _either("v_limit", v_limit, limits.get("v_max"), 20.0, arm.n), arm.n)
+        low, high = (_either(name, None, limits.get(name), sign * 2.0 * np.pi, arm.n) for name, sign in (("q_min", -1), ("q_max", 1)))
         if q_limit is not None:
-            low, high = (np.broadcast_to(np.asarray(side, dtype=np.float64), (arm.n,)) for side in _pair(q_limit))
+            low, high = (np.broadcast_to(_core.numbers("ArmEnv", "q_limit", side, (), (arm.n,)), (arm.n,)) for side in _pair(q_limit))
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
             raise InputError(f"ArmEnv: q_limit is no range: expected finite low < high, got {low}, {high}")
         self.q_limit = (low, high)
-        self.dt = 2e-3 if dt is None else float(dt)
-        self.period, self.horizon = float(period), 5.0 if horizon is None else float(horizon)
+        self.dt = 2e-3 if dt is None else number("ArmEnv", "dt", dt)
+        self.period, self.horizon = number("ArmEnv", "period", period), 5.0 if horizon is None else number("ArmEnv", "horizon", horizon)
         self.steps = _whole("period", self.period, "dt", self.dt)
         self.length = _whole("horizon", self.horizon, "period", self.period)
         self.task.prepare(arm, self.q_limit, self.v_limit, self.period, self.length)
@@ -125,24 +127,15 @@ class Rows:
         return self.task.error(np.minimum(self.k, self.length), self.states.q, self.states.v, self.goal)
 
     def _checked(self, action: ArrayLike) -> Array:
-        try:
-            given = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputError(f"step: action is no array of numbers: expected numbers, got {type(action).__name__}") from None
-        wanted = self.states.q.shape
-        if given.shape != wanted:
-            raise InputError(f"step: action has the wrong shape: expected {wanted}, got {given.shape}")
-        if not np.isfinite(given).all():
-            first = tuple(int(i) for i in np.argwhere(~np.isfinite(given))[0])
-            raise InputError(f"step: action is not finite: expected finite numbers, got {given[first]} (first bad index {first})")
-        return given
+        # One environment takes (n,), whose row is given here.
+        return finite("step", "action", _core.numbers("step", "action", action, self.states.q.shape))
 
 
-def _either(given: ArrayLike | None, stated: Any, default: float | None, n: int) -> Array:
+def _either(name: str, given: ArrayLike | None, stated: Any, default: float | None, n: int) -> Array:
     """What is given, else what the model states where that is finite, else the default, as (n,)."""
     if given is not None:
-        return np.broadcast_to(np.asarray(given, dtype=np.float64), (n,))
-    known = np.full(n, np.inf) if stated is None else np.asarray(stated, dtype=np.float64)
+        return np.broadcast_to(_core.numbers("ArmEnv", name, given, (), (n,)), (n,))
+    known: Array = np.full(n, np.inf) if stated is None else stated
     if default is None and not np.isfinite(known).all():
         raise InputError("ArmEnv: tau_max is missing: expected a number or (n,), since the arm states no finite effort")
     return known if default is None else np.where(np.isfinite(known), known, default)
@@ -156,7 +149,7 @@ def _positive(name: str, values: Array, n: int) -> Array:
 
 def _pair(q_limit: Any) -> tuple[Any, Any]:
     if not isinstance(q_limit, tuple | list) or len(q_limit) != 2:
-        raise InputError(f"ArmEnv: q_limit is no pair: expected (low, high), a number or (n,) each, got {q_limit!r}")
+        raise InputError(f"ArmEnv: q_limit is no pair: expected (low, high), a number or (n,) each, got {shown(q_limit)}")
     return q_limit[0], q_limit[1]
 
 

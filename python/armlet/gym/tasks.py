@@ -12,7 +12,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import _core
 from .._core import Arm, Motion
+from ..arguments import finite, number, shown
 from ..errors import InputError
 
 __all__ = ["Reach", "Task", "Track"]
@@ -32,6 +34,7 @@ class Task:
 
     def __init__(self, *, q0: ArrayLike | None = None, spread: float = 0.1, scale: float = 0.1, effort: float = 0.0) -> None:
         for name, value in (("spread", spread), ("scale", scale), ("effort", effort)):
+            value = number(type(self).__name__, name, value)
             if not (np.isfinite(value) and value >= 0.0) or (name == "scale" and value == 0.0):
                 raise InputError(f"{type(self).__name__}: {name} is out of range: expected a finite number >= 0, got {value}")
         self.q0, self.spread, self.scale, self.effort = q0, spread, scale, effort
@@ -40,9 +43,8 @@ class Task:
         """Learn the arm, the bounds of its state, the time between actions, s, and how many a run has."""
         self.arm, self.q_limit, self.v_limit, self.period, self.steps = arm, q_limit, v_limit, period, steps
         middle = (q_limit[0] + q_limit[1]) / 2
-        self.centre = middle if self.q0 is None else np.asarray(self.q0, dtype=np.float64)
-        if self.centre.shape != (arm.n,) or not np.isfinite(self.centre).all():
-            raise InputError(f"{type(self).__name__}: q0 has the wrong shape or is not finite: expected ({arm.n},), got {self.centre}")
+        name = type(self).__name__
+        self.centre = middle if self.q0 is None else finite(name, "q0", _core.numbers(name, "q0", self.q0, (arm.n,)))
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
         """Initial position and velocity, (n,), and the goal of one run, any fixed number of numbers."""
@@ -95,7 +97,7 @@ class Reach(Task):
     ) -> None:
         super().__init__(**common)
         if not axes or set(axes) - set("xyz") or len(set(axes)) < len(axes):
-            raise InputError(f'Reach: axes are unknown: expected some of "xyz", got {axes!r}')
+            raise InputError(f'Reach: axes are unknown: expected some of "xyz", got {shown(axes)}')
         self.frame, self.axes, self.spread_of_targets, self.within, self.at_rest = frame, axes, reach, within, at_rest
         self.rows = ["xyz".index(axis) for axis in axes]
 

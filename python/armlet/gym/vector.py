@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import Arm, Plant
+from ..arguments import shown
 from ..errors import InputError
 from ..scenario import Scenario
 from .rows import Rows
@@ -62,12 +63,12 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         if not isinstance(num_envs, int | np.integer) or num_envs < 1:
-            raise InputError(f"ArmVectorEnv: num_envs is no count: expected an integer >= 1, got {num_envs!r}")
+            raise InputError(f"ArmVectorEnv: num_envs is not a count: expected an integer >= 1, got {shown(num_envs)}")
         try:
             self._mode = AutoresetMode(autoreset_mode)
         except ValueError:
             names = ", ".join(mode.value for mode in AutoresetMode)
-            raise InputError(f"ArmVectorEnv: autoreset_mode is unknown: expected one of {names}, got {autoreset_mode!r}") from None
+            raise InputError(f"ArmVectorEnv: autoreset_mode is unknown: expected one of {names}, got {shown(autoreset_mode)}") from None
         options = {"tau_max": tau_max, "dt": dt, "period": period, "horizon": horizon, "q_limit": q_limit, "v_limit": v_limit}
         self.num_envs = int(num_envs)
         self._rows = Rows(self.num_envs, plant, task, **options)  # type: ignore[arg-type]  # as declared above
@@ -134,9 +135,9 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     def _mask(self, given: Any) -> Flags:
         if given is None:
             return np.ones(self.num_envs, dtype=np.bool_)
-        mask = np.asarray(given)
+        mask: Flags = np.zeros(0, dtype=np.bool_) if isinstance(given, np.ma.MaskedArray) else np.asarray(given)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
             raise InputError(
-                f"ArmVectorEnv.reset: reset_mask is no mask: expected ({self.num_envs},) booleans, one at least True, got {given!r}"
+                f"ArmVectorEnv.reset: reset_mask is no mask: expected ({self.num_envs},) booleans, one at least True, got {shown(given)}"
             )
         return mask

@@ -30,6 +30,11 @@ FRAME = 0.016  # s between two frames, and between two points of the curves
 MOST_STEPS = 200
 
 
+def _point(given: ArrayLike) -> Array:
+    """A point of the page, (3,), m."""
+    return al._core.numbers("lab", "point", given, (3,))
+
+
 class Lab:
     """A choice of systems, one of them running.
 
@@ -88,8 +93,8 @@ class Lab:
     def drag(self, name: str, point: ArrayLike) -> None:
         """Move a target, (3,), m, in the axes of the arm; what is not finite is ignored, as a gizmo seen edge-on may give it."""
         with self._lock:
-            moved = np.array(point, dtype=np.float64)
-            if name in self.targets and moved.shape == (3,) and np.all(np.isfinite(moved)):
+            moved = _point(point).copy()
+            if name in self.targets and np.all(np.isfinite(moved)):
                 if self.system.planar:
                     moved[2] = 0.0
                 self.targets[name] = moved
@@ -101,15 +106,15 @@ class Lab:
             # A hand may still hold what has just left the page.
             if frame not in self.system.arm.frame_names:
                 return
-            pose = np.asarray(self.system.arm.pose(self._state.q, frame))
-            held = pose[:3, :3].T @ (np.asarray(point, dtype=np.float64) - pose[:3, 3])
+            pose, at = self.system.arm.pose(self._state.q, frame), _point(point)
+            held = pose[:3, :3].T @ (at - pose[:3, 3])
             if self.system.takes_force and np.all(np.isfinite(held)):
-                self._grip = frame, held, np.asarray(point, dtype=np.float64), 0.0
+                self._grip = frame, held, at, 0.0
 
     def pull(self, point: ArrayLike, stiffness: float) -> None:
         """Pull what is held towards `point`, (3,), m, by a spring of `stiffness` N/m."""
         with self._lock:
-            to = np.asarray(point, dtype=np.float64)
+            to = _point(point)
             if self._grip is not None and np.all(np.isfinite(to)):
                 self._grip = (*self._grip[:2], to, float(stiffness))
                 self._changed = True

@@ -11,7 +11,7 @@ use pyo3::types::PyFloat;
 use std::borrow::Cow;
 
 /// Rows that are copied between two looks whether to stop.
-const LOOK: usize = 1 << 12;
+pub const LOOK: usize = 1 << 12;
 
 /// Arguments of a pure function, broadcast over their leading axes.
 pub struct Broadcast<'a, const K: usize> {
@@ -51,13 +51,9 @@ impl<'a, const K: usize> Broadcast<'a, K> {
         Ok(Broadcast { shape: self.shape, count: self.count, rows })
     }
 
-    /// All rows of argument `k`, each written out.
-    pub fn all(&self, k: usize) -> Cow<'_, [f64]> {
-        let (values, width) = &self.rows[k];
-        if values.len() == *width && self.count != 1 {
-            return Cow::Owned(values.repeat(self.count));
-        }
-        Cow::Borrowed(values)
+    /// The rows of argument `k` as they were given, copied.
+    pub fn given(&self, k: usize) -> Result<Vec<f64>, Failure> {
+        Ok(memory::copied(&self.rows[k].0)?)
     }
 }
 
@@ -96,7 +92,7 @@ pub fn broadcast<'a, const K: usize>(
         let single = shapes[k].iter().product::<usize>() == 1;
         if shapes[k] != shape && !single {
             // Other threads may write to the caller's array while this is done.
-            let own = rows[k].0.to_vec();
+            let own = memory::copied(&rows[k].0)?;
             rows[k].0 = Cow::Owned(long(values[k].py(), || stretch(&shapes[k], &shape, &own, widths[k]))?);
         }
     }
@@ -170,12 +166,16 @@ impl<const K: usize> Columns<K> {
     }
 }
 
-/// Finite arguments of any shape, broadcast like numpy does, whose answers take `answer` bytes each. What cannot be held is refused
-/// before anything is copied.
+/// What refuses numbers that a function does not take, by function, name and shape.
+pub type Check = fn(Python<'_>, &str, &str, &[usize], &[f64]) -> Result<(), Failure>;
+
+/// Arguments of any shape that pass `check`, broadcast like numpy does, whose answers take `answer` bytes each. What cannot be held is
+/// refused before anything is copied.
 pub fn columns<const K: usize>(
     function: &str,
     names: [&str; K],
     values: [&Bound<'_, PyAny>; K],
+    check: Check,
     answer: usize,
 ) -> Result<Columns<K>, Failure> {
     let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
@@ -197,7 +197,7 @@ pub fn columns<const K: usize>(
             return Err(input_error(values[k].py(), function, names[k], problem).into());
         }
         columns[k] = owned(data)?;
-        require_finite(values[k].py(), function, names[k], &read, &columns[k])?;
+        check(values[k].py(), function, names[k], &read, &columns[k])?;
         if shapes[k] != shape && columns[k].len() != 1 {
             columns[k] = long(values[k].py(), || stretch(&shapes[k], &shape, &columns[k], 1))?;
         }

@@ -1,7 +1,7 @@
 //! `armlet.equilibrium`, `armlet.elastic_limits` and the limits by numbers; the warning of a coarse sample time.
 
-use crate::arrays::{Looked, WHATEVER, new_array, number, numbers, object, optional_number, shown, text, vector};
-use crate::broadcast::{common_shape, stretch};
+use crate::arrays::{Looked, new_array, number, object, optional_number, text, vector};
+use crate::broadcast::{LOOK, columns};
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised};
 use crate::interrupts::long;
@@ -142,6 +142,18 @@ pub fn elastic_limits<'py>(
     })
 }
 
+/// Infinity is a limit that is not there.
+fn require_no_nan(py: Python<'_>, function: &str, name: &str, _: &[usize], values: &[f64]) -> Result<(), Failure> {
+    let place = long(py, || {
+        Ok(values.chunks(LOOK).enumerate().find_map(|(piece, values)| {
+            look();
+            values.iter().position(|x| x.is_nan()).map(|k| piece * LOOK + k)
+        }))
+    })?;
+    let refuse = |k| input_error(py, function, name, format!("is not a number: expected numbers, got NaN (first bad index {k})"));
+    place.map_or(Ok(()), |k| Err(refuse(k).into()))
+}
+
 /// `f` of every entry of the arguments, broadcast together.
 fn each<'py, const K: usize>(
     py: Python<'py>,
@@ -150,27 +162,12 @@ fn each<'py, const K: usize>(
     values: [&Bound<'py, PyAny>; K],
     f: impl Fn([f64; K]) -> CoreResult<f64> + Sync,
 ) -> Result<Bound<'py, PyAny>, Failure> {
-    let mut shapes = Vec::with_capacity(K);
-    let mut data = Vec::with_capacity(K);
-    for (name, value) in names.iter().zip(values) {
-        let (shape, entries) = numbers(function, name, value, &[WHATEVER])?;
-        if let Some(k) = entries.iter().position(|x| x.is_nan()) {
-            return Err(input_error(py, function, name, format!("is not a number: expected numbers, got NaN (first bad index {k})")).into());
-        }
-        shapes.push(shape);
-        data.push(entries);
-    }
-    let Some(shape) = common_shape(&shapes) else {
-        let shapes: Vec<String> = shapes.iter().map(|s| shown(s)).collect();
-        let problem = format!("does not broadcast with the others: expected shapes that fit together, got {}", shapes.join(", "));
-        return Err(input_error(py, function, names[0], problem).into());
-    };
-    let columns: Vec<Vec<f64>> = shapes.iter().zip(&data).map(|(from, data)| stretch(from, &shape, data, 1)).collect::<Result<_, _>>()?;
-    new_array(py, &shape, |out| {
+    let problems = columns(function, names, values, require_no_nan, size_of::<f64>())?;
+    new_array(py, &problems.shape, |out| {
         long(py, || {
             for (i, out) in out.iter_mut().enumerate() {
                 look();
-                *out = f(std::array::from_fn(|k| columns[k][i]))?;
+                *out = f(problems.row(i))?;
             }
             Ok(())
         })

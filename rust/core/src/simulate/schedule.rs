@@ -3,6 +3,7 @@
 use super::bound::Bound;
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
+use crate::memory;
 
 /// A time this close to a step's end, in steps, is that end.
 const ON_GRID: f64 = 1e-9;
@@ -94,7 +95,7 @@ impl Schedule {
             }
             Times::At(t_eval) => {
                 require_times(t_eval, t_end)?;
-                schedule.records = t_eval.iter().map(|&t| schedule.locate(t)).collect();
+                schedule.records = memory::collected(t_eval.iter().map(|&t| schedule.locate(t)))?;
             }
         }
         schedule.breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();

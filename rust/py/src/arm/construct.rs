@@ -11,6 +11,7 @@ use armlet_core::spatial::{M3, Placement, V3};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// The PR robot on a horizontal plane, `M = [[A, B cos q2], [B cos q2, C]]`, with parameters `(A, B, C)`.
@@ -86,9 +87,10 @@ pub fn load_urdf(
         let root = root.map(|root| name(NAME, "root", root)).transpose()?;
         let tip = tip.map(|tip| name(NAME, "tip", tip)).transpose()?;
         let gravity = gravity3(NAME, gravity)?;
-        let text: String = match path_or_xml.extract::<String>() {
-            Ok(text) => text,
-            Err(_) => path_or_xml.call_method0("__fspath__").and_then(|path| path.extract()).map_err(|_| {
+        // In place: a model as text may be large.
+        let text: Cow<'_, str> = match path_or_xml.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
+            Some(text) => text.into(),
+            None => path_or_xml.call_method0("__fspath__").and_then(|path| path.extract::<String>()).map(Cow::Owned).map_err(|_| {
                 let problem = format!("is of the wrong type: expected a path or a string of XML, got {}", path_or_xml.get_type());
                 input_error(py, NAME, "path_or_xml", problem)
             })?,
@@ -99,7 +101,7 @@ pub fn load_urdf(
             let mut arm = if is_xml {
                 core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
             } else {
-                core::Arm::load_urdf(Path::new(&text), gravity, root, tip)?
+                core::Arm::load_urdf(Path::new(&*text), gravity, root, tip)?
             };
             arm.report.extend(indefinite(&arm));
             Ok(arm.into())

@@ -1,7 +1,7 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
 use super::{NAMES, Problem, again, float, part, problem, scalar, symmetric, truth};
-use crate::arrays::{copied, index_of, items, new_array, shown, signed, written_arrays};
+use crate::arrays::{copied, index_of, items, new_array, require_finite, shown, signed, written_arrays};
 use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{Breaks, long};
@@ -61,7 +61,13 @@ pub fn bang_bang_time<'py>(
             Some(p) => Ok(Bound::new(py, BangBangReport::solve(p)?)?.into_any()),
             None => {
                 // Symmetric limits borrow tau_max's array; its sign is turned below.
-                let mut c = columns(NAME, NAMES, [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.unwrap_or(tau_max)], ANSWER)?;
+                let mut c = columns(
+                    NAME,
+                    NAMES,
+                    [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.unwrap_or(tau_max)],
+                    require_finite,
+                    ANSWER,
+                )?;
                 if tau_min.is_none() {
                     let [.., most, least] = &mut c.columns;
                     let bad = long(py, || {

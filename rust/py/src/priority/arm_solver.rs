@@ -5,7 +5,8 @@ use super::solution::{residual_list, status_member};
 use super::stack::{Keywords, items, per_joint};
 use crate::arm::Arm;
 use crate::arrays::{
-    Axis, Form, copied, new_array, new_vector, numbers, object, of_shape, out_of_shape, out_slice, require_finite, shown, taken, vector,
+    Axis, Form, copied, new_array, new_vector, numbers, object, of_shape, out_of_shape, out_slice, owned, require_finite, shown, taken,
+    vector,
 };
 use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::{Failure, entry, input_error};
@@ -171,8 +172,8 @@ impl ArmPrioritySolver {
         let one = parts.iter().all(|(shape, _)| count(shape) == 1);
         let commands = if one { 1 } else { rows };
         // Copied: other threads may write to the caller's arrays.
-        let (shape, angles) = (given.shape.clone(), given.all(0).into_owned());
-        let parts: Vec<(Vec<usize>, Vec<f64>)> = parts.into_iter().map(|(shape, values)| (shape, values.into_owned())).collect();
+        let (shape, angles) = (given.shape.clone(), given.given(0)?);
+        let parts = parts.into_iter().map(|(shape, values)| Ok((shape, owned(values)?))).collect::<Result<Vec<_>, Failure>>()?;
         let inputs = || -> Result<(Vec<f64>, Vec<f64>), Error> {
             let angles = if shape == lead { angles } else { crate::broadcast::stretch(&shape, &lead, &angles, self.n)? };
             let mut stacked = memory::zeros(commands * total)?;

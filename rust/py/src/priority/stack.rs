@@ -3,6 +3,8 @@
 use crate::arrays::{self, Axis, Form, Looked, SCALAR, numbers, require_finite, shown, spread};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
+use crate::interrupts::long;
+use armlet_core::memory;
 use armlet_core::priority::{Method, Options};
 use pyo3::prelude::*;
 use std::borrow::Cow;
@@ -105,7 +107,9 @@ impl<'a> Stack<'a> {
         let count = lead.iter().product();
         for part in blocks.iter_mut().chain(&mut commands) {
             if part.lead != lead && part.lead.iter().product::<usize>() != 1 {
-                part.values = Cow::Owned(stretch(&part.lead, &lead, &part.values, part.width)?);
+                // Other threads may write to the caller's array while this is done.
+                let own = memory::copied(&part.values)?;
+                part.values = Cow::Owned(long(py, || stretch(&part.lead, &lead, &own, part.width))?);
             }
         }
         Ok(Stack { n, rows, lead, count, jacobians: blocks, velocities: commands, names })

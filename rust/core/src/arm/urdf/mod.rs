@@ -23,6 +23,7 @@ pub use write::Written;
 use super::Arm;
 use crate::error::{Error, Result};
 use crate::interrupt::look;
+use crate::memory;
 use std::io::Read;
 use std::path::Path;
 
@@ -30,6 +31,8 @@ use std::path::Path;
 pub const MAX_BYTES: usize = 16 << 20;
 /// Deepest nesting of elements.
 pub const MAX_DEPTH: usize = 100;
+/// What an element takes in the document, in the model read from it and in the arm, about.
+const BYTES_PER_ELEMENT: usize = 1 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_NAMESPACES: usize = 64;
 const MAX_NODES: u32 = 1_000_000;
@@ -59,6 +62,10 @@ impl Arm {
     /// base (gravity is then in its axes), `tip` keeps only the joints between the two.
     pub fn from_urdf(text: &str, file: &str, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
         crate::error::finite("gravity", &gravity)?;
+        if text.len() > MAX_BYTES {
+            return Err(Source::new(file, "").error(1, too_large()));
+        }
+        memory::require(text.bytes().filter(|&byte| byte == b'<').count().saturating_mul(BYTES_PER_ELEMENT))?;
         let source = Source::new(file, text);
         scan(&source, text)?;
         let text = &*declaration::forgiven(text);
@@ -101,9 +108,6 @@ fn too_large() -> String {
 /// Sizes that a robot never needs and a parser suffers from. Counts without understanding: comments and quoted
 /// text are skipped, anything malformed is left to the parser.
 fn scan(source: &Source, text: &str) -> Result<()> {
-    if text.len() > MAX_BYTES {
-        return Err(source.error(1, too_large()));
-    }
     if let Some((at, _)) = text.match_indices("xmlns").nth(MAX_NAMESPACES) {
         return Err(source.error(source.line(at), format!("declares too many namespaces: expected at most {MAX_NAMESPACES}")));
     }
