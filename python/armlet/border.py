@@ -22,6 +22,8 @@ R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
 PASS = (ArmletError, TypeError, MemoryError, OSError, ImportError, Warning)
+# Packages whose interfaces armlet keeps, with their errors.
+THEIRS = {"gymnasium"}
 # Packages whose errors are answers to what armlet asked of them.
 OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pandas", "pyarrow", "xarray", "control"}
 
@@ -37,7 +39,7 @@ def border(function: Callable[P, R]) -> Callable[P, R]:
         except PASS:
             raise
         except Exception as error:
-            if _of_the_caller(error.__traceback__):
+            if type(error).__module__.partition(".")[0] in THEIRS or _of_the_caller(error.__traceback__):
                 raise
             message = f"{name}: internal error, please report it: {type(error).__name__}: {_words(error)}"
             raise InternalError(message) from error
@@ -46,11 +48,14 @@ def border(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def bordered(kind: C) -> C:
-    """`border` for the methods of a class that have names without an underscore, and for what makes its objects."""
+    """`border` for the methods and properties of a class that have names without an underscore, for its calls, and for what makes its
+    objects."""
     for name, value in list(vars(kind).items()):
-        if name.startswith("_") and name not in ("__init__", "__post_init__"):
+        if name.startswith("_") and name not in ("__init__", "__post_init__", "__call__"):
             continue
-        if isinstance(value, classmethod | staticmethod):
+        if isinstance(value, property) and value.fget is not None:
+            setattr(kind, name, property(border(value.fget), value.fset, value.fdel, value.__doc__))
+        elif isinstance(value, classmethod | staticmethod):
             setattr(kind, name, type(value)(border(value.__func__)))
         elif callable(value) and not isinstance(value, type):
             setattr(kind, name, border(value))

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .border import border
+from .border import border, bordered
+from .pickling import sealed
 
 __all__ = ["ElasticLimits", "Equilibrium", "elastic_limits", "equilibrium"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 
+@bordered
+@sealed
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
     """A pose of rest under a constant force.
@@ -44,6 +47,8 @@ class Equilibrium:
     wall_force: Array | None = None
 
 
+@bordered
+@sealed
 @dataclass(frozen=True, eq=False)
 class ElasticLimits:
     """How far the control of elastic joints can be taken at one rest.

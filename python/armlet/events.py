@@ -13,6 +13,7 @@ from . import _core
 from .arguments import choice, count, instance, number, shown, text
 from .border import bordered
 from .errors import InputError
+from .pickling import sealed
 
 __all__ = ["Event", "Events", "JointStops", "State"]
 
@@ -22,6 +23,7 @@ MOST_EVENTS = 4096
 
 
 @bordered
+@sealed
 @dataclass(frozen=True)
 class JointStops:
     """Joint stops of a plant: beyond a limit a joint meets a spring and a damper, `tau = max(0, k d + c d_dot)` away from it.
@@ -68,6 +70,7 @@ def _argument(i: int, value: Any) -> Any:
 
 
 @bordered
+@sealed
 @dataclass(frozen=True)
 class Event:
     """A zero crossing to be located in a run: `simulate(..., events=[al.Event.joint(0, 0.5, stop=True)])`.
@@ -156,6 +159,7 @@ def watched(events: Event | Callable[..., float] | Sequence[Event | Callable[...
 
 
 @bordered
+@sealed
 @dataclass(frozen=True, eq=False)
 class Events:
     """The crossings found in a run, in order of time.
@@ -189,6 +193,8 @@ class Events:
         return Events(self.t[rows], self.which[rows], self.names, *parts)  # type: ignore[arg-type]  # the first is an array
 
 
+@bordered
+@sealed
 class State(NamedTuple):
     """The state of a run at some times: (n,) each at one time, (K, n) at K of them; None where there is no such."""
 

@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .border import bordered
+from .pickling import sealed
+
 if TYPE_CHECKING:
     from ._core import Arm
 
 _Array = NDArray[np.float64]
 
 
+@bordered
+@sealed
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
     """The fewest combinations of inertial parameters that the motion of an arm shows: `Y pi = Y_b (P pi)`.
@@ -77,6 +82,8 @@ class BaseParameters:
         return f"<BaseParameters: {self.count} of {len(self.names)}>"
 
 
+@bordered
+@sealed
 @dataclass(frozen=True, eq=False)
 class ParameterReport:
     """Whether every body of a parameter vector is physically possible: its 4 x 4 pseudo-inertia positive definite.
@@ -121,6 +128,8 @@ class ParameterReport:
         return f"<ParameterReport: {len(self.inconsistent)} of {len(self.joints)} bodies impossible>"
 
 
+@bordered
+@sealed
 @dataclass(frozen=True, eq=False)
 class Identification:
     """The base parameters that a record of motion and torque shows, with their standard deviations."""

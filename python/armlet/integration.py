@@ -12,6 +12,7 @@ from . import _core
 from .arguments import count, integer, number, shown
 from .border import border, bordered
 from .errors import InputError, SolveError
+from .pickling import sealed
 from .status import Status, advice_on_run
 
 __all__ = ["DenseOutput", "Integration", "integrate"]
@@ -20,6 +21,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 @bordered
+@sealed
 class DenseOutput:
     """The solution between the steps: `dense(t)` is `(n,)` for a number `t` and `(K, n)` for times of shape `(K,)`.
 
@@ -53,8 +55,12 @@ class DenseOutput:
         out: Array = np.einsum("kd,kdn->kn", terms, self._nodes[step]) / terms.sum(axis=1, keepdims=True)
         return out[0] if times.ndim == 0 else out
 
+    def __repr__(self) -> str:
+        return f"DenseOutput(t={self.t[0]:g}..{self.t[-1]:g}, n={self._nodes.shape[-1]}, {self.t.size - 1} steps)"
+
 
 @bordered
+@sealed
 class Integration:
     """What `integrate` returns.
 

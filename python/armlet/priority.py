@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .border import border
+from .border import border, bordered
+from .pickling import sealed
 
 __all__ = ["PriorityDiagnosis", "diagnose_priority"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 
+@bordered
+@sealed
 @dataclass(frozen=True, eq=False)
 class PriorityDiagnosis:
     """Ranks, singular values and lost directions of a stack of levels; `str()` says it in one sentence.

@@ -183,7 +183,7 @@ class _Recorded:
         save(self, path)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self._items() | {"events": self.events, "dense": self._dense},)
+        return _core._seal(type(self), (self._items() | {"events": self.events, "dense": self._dense},))
 
     def _table(self, row: tuple[Any, ...] = ()) -> dict[str, Array]:
         """Columns over time: q1.., v1.., tau1.., the recorded states and the monitors."""

@@ -29,7 +29,7 @@ given) has no error: its error, overshoot and settling time are NaN.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -95,8 +95,8 @@ class Metrics(dict[str, Array]):
                 table[name] = values
         return table
 
-    def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (dict(self), self.units, self.input_units)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _core._seal(type(self), (dict(self), self.units, self.input_units))
 
     def __str__(self) -> str:
         lines = []

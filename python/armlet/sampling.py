@@ -11,6 +11,7 @@ from . import _core
 from .arguments import instance, integer, number, shown
 from .border import bordered
 from .errors import InputError
+from .pickling import sealed
 
 __all__ = ["Sampling", "TorqueSensor"]
 
@@ -18,6 +19,7 @@ CHANNELS = ("q", "v", "theta", "theta_dot")
 
 
 @bordered
+@sealed
 @dataclass(frozen=True, kw_only=True)
 class TorqueSensor:
     """The joint-torque sensors of an elastic arm in a sampled loop, `Sampling(torque_sensor=...)`.
@@ -67,6 +69,7 @@ class _Effects:
 
 
 @bordered
+@sealed
 @dataclass(frozen=True)
 class Sampling(_Effects):
     """How a law is sampled, in place of a plain `sample_time`.

@@ -19,6 +19,7 @@ from .arguments import choice, integer, shown
 from .border import border, bordered
 from .cells import Cells, columns
 from .errors import InputError
+from .pickling import sealed
 from .run import _pandas
 from .scenario import Scenario
 from .status import Status
@@ -39,6 +40,7 @@ METRICS = ("reference", "band", "settle", "tolerance", "frame")
 
 
 @bordered
+@sealed
 class SweepTable(dict[str, NDArray[Any]]):
     """One row per cell: columns by name, first `cell`, then what varied, `status` (numbers of `armlet.Status`) and the metrics.
 

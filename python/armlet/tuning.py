@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .arguments import choice, integer, number, shown
-from .border import border
+from .border import border, bordered
 from .cells import MOST, Cells, columns, drawn
 from .errors import InputError
+from .pickling import sealed
 from .scenario import Scenario
 from .status import Status
 from .sweep_chunk import run_chunk
@@ -35,6 +36,8 @@ Array: TypeAlias = NDArray[np.float64]
 FAILED = 1e30
 
 
+@bordered
+@sealed
 @dataclass(frozen=True, eq=False)
 class Tuning:
     """What `tune` found.

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from . import mujoco_reading
 from ._core import Arm
 from .arguments import instance, integer, number
-from .border import border
+from .border import border, bordered
 from .errors import InputError
+from .pickling import sealed
 
 _Array = NDArray[np.float64]
 
@@ -31,6 +32,8 @@ class Row:
     agrees: bool
 
 
+@bordered
+@sealed
 @dataclass(frozen=True)
 class Verification:
     """Where an arm and a model of another library differ. `str()` is a table; true where all numbers agree."""

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import armlet as al
-from armlet import cli
+from armlet import cli, gym, scenario
 from armlet.border import border
 from armlet.scenario import scenario as reading
 
@@ -314,3 +316,39 @@ def test_the_process_itself_ends_in_one_line(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     done = subprocess.run([sys.executable, "-m", "armlet", "run", str(file)], capture_output=True, text=True, timeout=120, env=environment)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.startswith(f"armlet: {file}: is not TOML")
+
+
+def open_doors(module: Any, names: list[str]) -> set[str]:
+    """Public functions and methods that are written in Python and lie before no border."""
+    found: set[str] = set()
+    for name in names:
+        thing = getattr(module, name)
+        where = getattr(thing, "__module__", "") or ""
+        if not where.startswith("armlet.") or where.startswith("armlet._core") or not callable(thing):
+            continue
+        if not isinstance(thing, type):
+            found |= set() if hasattr(thing, "__wrapped__") else {name}
+            continue
+        if issubclass(thing, Exception | int):
+            continue
+        for part, value in vars(thing).items():
+            plain = (
+                value.__func__ if isinstance(value, classmethod | staticmethod) else value.fget if isinstance(value, property) else value
+            )
+            if (part.startswith("_") and part not in ("__call__", "__post_init__")) or not inspect.isfunction(plain):
+                continue
+            found |= set() if hasattr(plain, "__wrapped__") else {f"{name}.{part}"}
+    return found
+
+
+def test_all_that_is_public_lies_before_the_border() -> None:
+    """Every function, and every method and property of every class, that is written in Python; demo and reference are programs."""
+    assert open_doors(al, al.__all__) == set()
+    assert open_doors(gym, gym.__all__) == set()
+    assert open_doors(scenario, scenario.__all__) == set()
+
+
+def test_an_open_door_is_seen() -> None:
+    space: dict[str, Any] = {"__name__": "armlet.somewhere"}
+    exec("class A:\n    def f(self): ...\n    @property\n    def p(self): ...\ndef g(): ...", space)
+    assert open_doors(SimpleNamespace(**{name: space[name] for name in ("A", "g")}), ["A", "g"]) == {"A.f", "A.p", "g"}

@@ -78,7 +78,46 @@ THINGS: dict[str, Any] = {
     "Best": al.torque_optimal_time(*LINK).best,
     "Simulator": simulator(),
 }
-each = pytest.mark.parametrize("thing", THINGS.values(), ids=THINGS.keys())
+SCENARIO = al.Scenario(
+    {
+        "arm": {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5},
+        "motion": {"kind": "Hold", "q": [1.0, 0.0]},
+        "law": {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0},
+        "run": {"q0": [0.0, 0.0], "t_end": 0.002, "dt": 1e-3},
+    }
+)
+RUN = al.simulate(
+    al.RigidArm(TREE), al.PDGravity(TREE, [0.3, 0.3], 40.0, 20.0), [0.0, 0.0], t_end=0.01, method="dopri5", dense=True,
+    events=[al.Event.joint(0, 1e-4)],
+)  # fmt: skip
+ODE = al.integrate(lambda t, y: -y, (0.0, 1.0), [1.0], dense_output=True)
+DRIVEN = np.random.default_rng(1).normal(size=(4, 30, 2))
+#: Of the classes that are written in Python.
+PYTHON: dict[str, Any] = {
+    "Run": RUN,
+    "BatchRun": al.simulate_batch(al.RigidArm(PR), THINGS["ComputedTorque"], np.zeros((2, 2)), t_end=0.01, dt=1e-3),
+    "Metrics": RUN.metrics(),
+    "Event": al.Event.plane("link2", [0.6, 0.0, 0.0], [1.0, 0.0, 0.0], direction=1),
+    "Events": RUN.events,
+    "State": RUN.sample(0.005),
+    "JointStops": al.JointStops(1e3, lower=-1.0, upper=1.0),
+    "Sampling": al.Sampling(1e-3, noise={"q": 1e-3}, torque_sensor=al.TorqueSensor(bias=[0.1, 0.2])),
+    "TorqueSensor": al.TorqueSensor(bias=[0.1, 0.2]),
+    "Scenario": SCENARIO,
+    "SweepTable": al.sweep(SCENARIO, {"law.kp": [50.0, 100.0]}),
+    "Tuning": al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", candidates=5, generations=0),
+    "Verification": al.Verification((), ("none",)),
+    "Integration": ODE,
+    "DenseOutput": ODE.dense,
+    "PriorityDiagnosis": al.diagnose_priority([np.ones((1, 2))]),
+    "Equilibrium": al.equilibrium(al.RigidArm(TREE), THINGS["PDGravity"], q0=[0.1, 0.1]),
+    "ElasticLimits": al.elastic_limits(THINGS["ElasticArm"], THINGS["ElasticImpedance"], q0=[0.3, 1.0]),
+    "BaseParameters": TREE.base_parameters(),
+    "ParameterReport": TREE.check_parameters(TREE.parameters),
+    "Identification": TREE.identify(*DRIVEN),
+}
+EVERY = THINGS | PYTHON
+each = pytest.mark.parametrize("thing", EVERY.values(), ids=EVERY.keys())
 
 
 def payload(thing: Any) -> tuple[bytes, range]:
@@ -95,6 +134,10 @@ def test_every_class_that_pickles_is_here() -> None:
     classes = {name for name, value in vars(_core).items() if isinstance(value, type)}
     listed = {type(thing).__name__ for thing in THINGS.values()}
     assert classes - listed == {"Law", "Motion", "Plant", "Stepper"}
+    public = {name for name in al.__all__ if isinstance(getattr(al, name), type) and getattr(al, name).__module__ != "armlet._core"}
+    listed = {type(thing).__name__ for thing in EVERY.values()}
+    # Errors are made of texts, a status is a number.
+    assert {name for name in public - listed if not issubclass(getattr(al, name), Exception)} == {"Law", "Motion", "Plant", "Status"}
 
 
 @each

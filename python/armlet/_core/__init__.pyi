@@ -4,6 +4,7 @@ from .arms import Arm as Arm
 from .arms import _restore as _restore
 from .arms import _restore_planar_pr as _restore_planar_pr
 from .arms import _restore_tree as _restore_tree
+from .arms import _seal as _seal
 from .arms import example_urdf as example_urdf
 from .arms import load_urdf as load_urdf
 from .arms import pendulum as pendulum
@@ -129,6 +130,7 @@ __all__ = [
     "_restore_simulator",
     "_restore_time_path",
     "_restore_tree",
+    "_seal",
     "bang_bang_time",
     "build_info",
     "damping_from_ratio",

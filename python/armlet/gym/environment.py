@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from .._core import Arm, Plant
+from ..border import bordered
 from ..scenario import Scenario
 from .rows import Rows
 from .tasks import Task
@@ -20,6 +21,7 @@ __all__ = ["ArmEnv"]
 Array: TypeAlias = NDArray[np.float64]
 
 
+@bordered
 class ArmEnv(gymnasium.Env[Array, Array]):
     """An arm under torques of yours, stepped natively by a `Simulator`.
 

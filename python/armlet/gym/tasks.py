@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from .._core import Arm, Motion
 from ..arguments import finite, number, shown
+from ..border import bordered
 from ..errors import InputError
 
 __all__ = ["Reach", "Task", "Track"]
@@ -22,6 +23,7 @@ __all__ = ["Reach", "Task", "Track"]
 Array: TypeAlias = NDArray[np.float64]
 
 
+@bordered
 class Task:
     """Derive from it for a task of your own; each environment calls `prepare` once.
 
@@ -73,6 +75,7 @@ class Task:
         return rng.uniform(low, np.maximum(low, high))
 
 
+@bordered
 class Reach(Task):
     """Go to a target: the position that a frame has at a random configuration, so that it can be reached.
 
@@ -126,6 +129,7 @@ class Reach(Task):
         return np.asarray(near & (np.abs(v).max(axis=-1) <= self.at_rest), dtype=np.bool_)
 
 
+@bordered
 class Track(Task):
     """Follow a motion of the joints, from near its start.
 

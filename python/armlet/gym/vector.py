@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import Arm, Plant
 from ..arguments import shown
+from ..border import bordered
 from ..errors import InputError
 from ..scenario import Scenario
 from .rows import Rows
@@ -24,6 +25,7 @@ Array: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
 
 
+@bordered
 class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     """`num_envs` arms that are stepped at once, in lanes and threads: what `SyncVectorEnv` of that many `ArmEnv` does, faster.
 

@@ -18,6 +18,7 @@ from .. import _core
 from ..arguments import file_path, instance, require_shallow, shown
 from ..border import bordered
 from ..errors import InputError, ModelError, SolveError
+from ..pickling import sealed
 from .fields import Kind, OneOf
 from .tables import KNOWN, LAWS, SCENARIO, arguments
 
@@ -45,6 +46,7 @@ class Built(NamedTuple):
 
 
 @bordered
+@sealed
 @dataclass(frozen=True, eq=True)
 class Scenario:
     """Arm, plant, motion, law and run as plain tables, as a scenario file holds them.

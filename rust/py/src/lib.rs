@@ -70,7 +70,7 @@ mod _core {
         _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
     };
     #[pymodule_export]
-    use super::seal::_restore;
+    use super::seal::{_restore, _seal};
     #[pymodule_export]
     use super::simulate::{simulate, simulate_batch};
 

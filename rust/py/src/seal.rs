@@ -32,6 +32,13 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     Ok((py.import("armlet._core")?.getattr("_restore")?, (payload,)))
 }
 
+/// What `__reduce__` of a class in Python returns: the pickle of `make(*arguments)`.
+#[entered]
+#[pyfunction]
+pub fn _seal<'py>(make: &Bound<'py, PyAny>, arguments: &Bound<'py, PyTuple>) -> PyResult<Sealed<'py>> {
+    seal(make, arguments.clone(), None)
+}
+
 /// The pickle of an object that its class makes from `__getnewargs_ex__`.
 pub fn seal_new<'py>(object: &Bound<'py, PyAny>) -> PyResult<Sealed<'py>> {
     let (arguments, keywords): (Bound<'_, PyTuple>, Bound<'_, PyDict>) = object.call_method0("__getnewargs_ex__")?.extract()?;
