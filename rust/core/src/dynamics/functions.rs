@@ -8,7 +8,7 @@ use super::evaluate::{Evaluator, check};
 use super::recorded::ArmFunction;
 use crate::arm::Arm;
 use crate::error::Result;
-use crate::trace::function::free;
+use crate::trace::kept::free;
 use std::sync::{Arc, Mutex};
 
 /// Rows of a query after which its program is made.

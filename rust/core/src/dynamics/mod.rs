@@ -20,7 +20,6 @@ mod functions;
 mod hinge;
 mod model;
 pub mod newton_euler;
-mod planar_2r;
 mod planar_pr;
 #[cfg(not(test))]
 mod quantities;
@@ -39,7 +38,6 @@ pub use evaluate::Evaluator;
 #[cfg(not(test))]
 pub use functions::Functions;
 pub use model::{AnyArm, Model};
-pub use planar_2r::Planar2R;
 pub use planar_pr::PlanarPr;
 #[cfg(not(test))]
 pub use query::{Quantity, Query};

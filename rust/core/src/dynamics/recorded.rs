@@ -6,7 +6,8 @@ use super::Query;
 use super::evaluate::Engine;
 use crate::arm::Arm;
 use crate::error::Result;
-use crate::trace::function::{Evaluation, free, record};
+use crate::trace::function::{Evaluation, record};
+use crate::trace::kept::free;
 use std::sync::Mutex;
 
 pub(super) struct ArmFunction {

@@ -37,6 +37,24 @@ impl Motion {
         Ok(Motion::Hold(q))
     }
 
+    /// Whether it is the same motion, for sure: large ones are compared by where their numbers are.
+    pub fn is_same(&self, other: &Motion) -> bool {
+        match (self, other) {
+            (Motion::Table(a), Motion::Table(b)) => a.is_same(b),
+            (Motion::TimedPath(a), Motion::TimedPath(b)) => a.is_same(b),
+            _ => std::ptr::eq(self, other) || self == other,
+        }
+    }
+
+    /// Numbers that it holds, about.
+    pub fn numbers(&self) -> usize {
+        match self {
+            Motion::Table(table) => table.numbers(),
+            Motion::TimedPath(path) => path.numbers(),
+            Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Quintic(_) | Motion::BangBang(_) => 10 * self.dof(),
+        }
+    }
+
     /// Number of joints `n`.
     pub fn dof(&self) -> usize {
         match self {

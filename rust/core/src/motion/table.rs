@@ -25,6 +25,14 @@ pub struct Table {
 }
 
 impl Table {
+    pub(super) fn is_same(&self, other: &Table) -> bool {
+        Arc::ptr_eq(&self.rows, &other.rows) && (self.start, self.dt) == (other.start, other.dt)
+    }
+
+    pub(super) fn numbers(&self) -> usize {
+        self.rows.len()
+    }
+
     /// `rows` is `(K, 3 n)`: `[q, v, a]` per knot, row-major, `K >= 1`.
     pub fn new(start: f64, dt: f64, dof: usize, rows: Vec<f64>) -> Result<Self> {
         positive("dt", dt)?;

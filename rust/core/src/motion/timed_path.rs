@@ -71,6 +71,14 @@ fn waves(z: f64) -> (f64, f64, f64) {
 }
 
 impl TimedPath {
+    pub(super) fn is_same(&self, other: &TimedPath) -> bool {
+        Arc::ptr_eq(&self.path, &other.path) && Arc::ptr_eq(&self.x, &other.x)
+    }
+
+    pub(super) fn numbers(&self) -> usize {
+        10 * self.x.len()
+    }
+
     /// `x = (ds/dt)^2` at the path positions `s`, both `(N + 1,)`, and the slopes `b` of `u`, `(N,)`; every knot of the path is one
     /// of the positions.
     pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, bend: Vec<f64>) -> Result<Self> {

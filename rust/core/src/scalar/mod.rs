@@ -190,26 +190,10 @@ pub fn run_lanes<T: Task>(task: T) -> T::Output {
     }
 }
 
-/// Run `task` on two interleaved registers of lanes, which hides latency (small closed-form arms).
-#[cfg(target_arch = "x86_64")]
-pub fn run_wide_lanes<T: Task>(task: T) -> T::Output {
-    match isa() {
-        Isa::Baseline => on::<lanes::Pair<lanes::Sse2>, T>(task),
-        Isa::Avx2 => on::<lanes::Pair<lanes::Avx2>, T>(task),
-        Isa::Avx512 => on::<lanes::Pair<lanes::Avx512>, T>(task),
-    }
-}
-
 /// Run `task` on eight lanes left to the compiler's vectoriser.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn run_lanes<T: Task>(task: T) -> T::Output {
     on::<Array8<false>, T>(task)
-}
-
-/// Run `task` on eight lanes left to the compiler's vectoriser.
-#[cfg(not(target_arch = "x86_64"))]
-pub fn run_wide_lanes<T: Task>(task: T) -> T::Output {
-    run_lanes(task)
 }
 
 /// Work on one number and on duals over it: a stiff method and its Jacobians. `run` must be `#[inline(always)]`; its numbers are

@@ -3,7 +3,7 @@
 use super::bound::Bound;
 use super::schedule::{Times, require_times};
 use super::stop::Stop;
-use super::watcher::{Cut, Unwatched, Watcher};
+use super::watcher::{Cut, Watcher};
 use crate::error::Result;
 use crate::integrate::{Adaptive, Buffer, System, Work};
 use crate::scalar::Real;
@@ -91,21 +91,9 @@ pub struct Outcome {
     pub work: Work,
 }
 
-/// Run `system` from `method.x`; `record(t, system, x)` is called for every record.
+/// Run `system` from `method.x`, with somebody who looks at every step; `record(t, system, x)` is called for every record.
 #[inline(always)]
-pub fn run<S, F, B, M>(system: &mut F, method: &mut M, segments: &Segments, stop: &dyn Stop, record: impl FnMut(f64, &mut F, &B)) -> Outcome
-where
-    S: Real,
-    F: System<S>,
-    B: Buffer<S>,
-    M: Adaptive<S, F, B>,
-{
-    run_watched(system, method, segments, stop, &mut Unwatched, record)
-}
-
-/// As [`run`], with somebody who looks at every step.
-#[inline(always)]
-pub fn run_watched<S, F, B, M, W>(
+pub fn run<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,
     segments: &Segments,

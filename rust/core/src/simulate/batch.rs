@@ -4,20 +4,16 @@
 //! A group that is not full repeats its last run in the spare lanes.
 
 use super::columns::Columns;
-use super::elastic_2r::Elastic2R;
 use super::general::General;
 use super::monitors::{self, Monitor};
-use super::planar_pr::Group;
-use super::problem::{Division, Ended, Fixed, Problem};
+use super::problem::{Division, Ended, Problem};
 use super::programs::{self, Structures};
 use super::rates_programs::Rates;
 use super::sink::Sink;
-use crate::dynamics::Planar2R;
 use crate::error::{Error, Result, all_finite};
 use crate::interrupt::look;
-use crate::motion::{Motion, Table};
 use crate::parallel;
-use crate::scalar::{Real, Task, run_lanes, run_scalar, run_wide_lanes};
+use crate::scalar::Real;
 use crate::status::Status;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -31,9 +27,6 @@ pub enum Keep {
 
 /// Numbers that are made between two looks whether to stop.
 const PIECE: usize = 1 << 16;
-
-/// Largest table of a shared motion, in bytes: it has to live in the cache to pay.
-const LARGEST_TABLE: usize = 8 << 20;
 
 /// The records of a batch; arrays are row-major, `(B, K, ..)`.
 #[derive(Clone, Debug, Default)]
@@ -107,54 +100,9 @@ impl Sink for Rows<'_> {
     }
 }
 
-/// The number of lanes that a group has, asked of the route itself.
-struct CountLanes;
-impl Task for CountLanes {
-    type Output = usize;
-    #[inline(always)]
-    fn run<S: Real>(self) -> usize {
-        S::LANES
-    }
-}
-
-/// How many runs a batch of a closed-form arm takes side by side.
+/// How many runs a batch takes side by side.
 pub fn lanes() -> usize {
-    run_wide_lanes(CountLanes)
-}
-
-/// The loop a batch runs in, and how many runs that takes side by side.
-#[derive(Clone, Copy, PartialEq)]
-enum Loop {
-    /// As programs, whatever the arm.
-    Programs,
-    PlanarPr,
-    Elastic2R(Planar2R),
-    Lanes,
-    Single,
-}
-
-impl Loop {
-    fn of(problem: &Problem, programs: bool) -> Self {
-        if let Some(arm) = problem.elastic_2r() {
-            return Loop::Elastic2R(arm);
-        }
-        match (problem.is_planar_pr(), problem.fits_lanes()) {
-            (true, _) => Loop::PlanarPr,
-            _ if programs => Loop::Programs,
-            (false, true) => Loop::Lanes,
-            (false, false) => Loop::Single,
-        }
-    }
-
-    fn width(self, adaptive: bool) -> usize {
-        match self {
-            _ if adaptive => 1,
-            Loop::PlanarPr => lanes(),
-            Loop::Programs => programs::Lanes::LANES,
-            Loop::Lanes | Loop::Elastic2R(_) => run_lanes(CountLanes),
-            Loop::Single => 1,
-        }
-    }
+    programs::Lanes::LANES
 }
 
 /// Run every run of `problem` on `threads` threads. `poll` is asked every 20 ms whether to stop.
@@ -180,9 +128,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     }
     let structures = Structures::of(&problem, &division, true);
     let rates = Rates::of(&problem);
-    let route = Loop::of(&problem, structures.is_some());
-    let lanes = route.width(problem.options.method.is_adaptive());
-    let tabulated = if route == Loop::PlanarPr { tabulate(&problem, &division) } else { None };
+    let lanes = if structures.is_some() { lanes() } else { 1 };
     let mut groups = split(&problem, &mut out, lanes);
     let interrupted = parallel::run(threads, groups.len(), poll, |stop| {
         let stop: &AtomicBool = stop;
@@ -192,32 +138,12 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
                 return true;
             }
             rows.watch(first);
-            match (&division, route) {
-                (division @ Division::Fixed(fixed), Loop::Programs) => {
-                    let group = General { problem, division, first, stop, sink: &mut *rows, asked: None, rates: None };
-                    let ended = structures.as_ref().map(|structures| programs::run::<programs::Lanes>(structures, group, fixed));
-                    ended.is_none_or(|ended| rows.finish(&ended, problem.options.t_end))
-                }
-                (Division::Fixed(fixed), Loop::PlanarPr) => {
-                    let tabulated = tabulated.as_ref();
-                    let faults = run_wide_lanes(Group { problem, division: fixed, tabulated, first, stop, sink: &mut *rows });
-                    rows.finish(&Ended::Fixed(faults), problem.options.t_end)
-                }
-                (Division::Adaptive(segments), Loop::PlanarPr) => {
-                    let outcome = run_scalar(Group { problem, division: segments, tabulated: None, first, stop, sink: &mut *rows });
-                    rows.finish(&Ended::Adaptive(outcome), problem.options.t_end)
-                }
-                (division, Loop::Elastic2R(arm)) => {
-                    let group = Elastic2R { problem, arm, division, first, stop, sink: &mut *rows };
-                    let ended = if matches!(division, Division::Fixed(_)) { run_lanes(group) } else { group.run_single() };
-                    rows.finish(&ended, problem.options.t_end)
-                }
-                (division, route) => {
-                    let group = General { problem, division, first, stop, sink: &mut *rows, asked: None, rates: rates.as_ref() };
-                    let ended = if route == Loop::Lanes { run_lanes(group) } else { group.run_single() };
-                    rows.finish(&ended, problem.options.t_end)
-                }
-            }
+            let group = General { problem, division: &division, first, stop, sink: &mut *rows, asked: None, rates: rates.as_ref() };
+            let ended = match (&division, &structures) {
+                (Division::Fixed(fixed), Some(structures)) => programs::run::<programs::Lanes>(structures, group, fixed),
+                _ => group.run_single(),
+            };
+            rows.finish(&ended, problem.options.t_end)
         };
         groups.iter_mut().collect::<Vec<_>>().into_par_iter().enumerate().with_max_len(1).map(go).reduce(|| false, |a, b| a | b)
     });
@@ -324,23 +250,4 @@ impl Rows<'_> {
             }
         }
     }
-}
-
-/// The motion of all runs, sampled in advance at the stage times: worth it when many lanes share it.
-fn tabulate(problem: &Problem, division: &Division) -> Option<Motion> {
-    let Division::Fixed(Fixed { schedule, .. }) = division else { return None };
-    let motion = problem.law(0).motions()[0];
-    let shared = problem.laws.len() == 1;
-    let regular = schedule.on_grid() && schedule.breaks.is_empty() && schedule.is_end(schedule.steps as f64 * schedule.dt, schedule.t_end);
-    let rows = 2 * schedule.steps + 1;
-    let width = 3 * motion.dof();
-    if !shared || !regular || matches!(motion, Motion::Hold(_) | Motion::Table(_)) || rows * width * 8 > LARGEST_TABLE {
-        return None;
-    }
-    let mut samples = vec![0.0; rows * width];
-    for (k, row) in samples.chunks_exact_mut(width).enumerate() {
-        look();
-        motion.sample(0.5 * schedule.dt * k as f64, row);
-    }
-    Table::new(0.0, 0.5 * schedule.dt, motion.dof(), samples).ok().map(Motion::Table)
 }

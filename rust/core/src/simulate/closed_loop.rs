@@ -45,7 +45,7 @@ impl<'a> World<'a> {
         let per_lane: Vec<Vec<&Motion>> = (0..lanes).map(motions).collect();
         let gather = |k: usize| {
             let column: Vec<&Motion> = per_lane.iter().map(|motions| motions[k]).collect();
-            if column.iter().all(|&m| std::ptr::eq(m, column[0])) { vec![column[0]] } else { column }
+            if column.iter().all(|m| m.is_same(column[0])) { vec![column[0]] } else { column }
         };
         let motions: Vec<Vec<&Motion>> = (0..per_lane[0].len()).map(gather).collect();
         let motions: Vec<Vec<Cow<Motion>>> = motions.into_iter().map(|lanes| lanes.into_iter().map(Cow::Borrowed).collect()).collect();

@@ -176,7 +176,7 @@ impl<'a> General<'a> {
             recorder.write(i, t, x, tau);
             i += 1;
         };
-        Ended::Adaptive(adaptive_steps::run_watched(&mut closed, &mut method, &segments, self.stop, &mut watch, record))
+        Ended::Adaptive(adaptive_steps::run(&mut closed, &mut method, &segments, self.stop, &mut watch, record))
     }
 }
 
@@ -275,7 +275,7 @@ pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
 pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
     let last = problem.runs() - 1;
     let run = |lane: usize| (first + lane).min(last);
-    (assemble(problem, run), start(problem, run))
+    (assemble(problem, run, problem.watches_storage()), start(problem, run))
 }
 
 /// The desired motions and forces of the runs `run(lane)`.
@@ -283,17 +283,12 @@ pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usiz
     World::new(lanes, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)))
 }
 
-/// The loop of the runs `run(lane)`.
-pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize + Copy) -> ClosedLoop<'a, S> {
+/// The loop of the runs `run(lane)`; `storage`: [`Problem::watches_storage`].
+pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize + Copy, storage: bool) -> ClosedLoop<'a, S> {
     let o = &problem.options;
     let plant = PlantSpec::build::<S>(|lane| problem.plant(run(lane)), problem.force_frame());
     let law = LawSpec::build::<S>(|lane| problem.law(run(lane)));
-    let closing = Closing {
-        tau_max: o.tau_max.as_deref().map(Cow::Borrowed),
-        held: o.sampling.is_some(),
-        monitored: o.monitors,
-        storage: problem.watches_storage(),
-    };
+    let closing = Closing { tau_max: o.tau_max.as_deref().map(Cow::Borrowed), held: o.sampling.is_some(), monitored: o.monitors, storage };
     let spec = problem.plant(run(0));
     let sizes = (spec.states(), problem.law(run(0)).initial_state().len(), spec.model().angles());
     ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes)

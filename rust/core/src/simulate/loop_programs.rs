@@ -1,13 +1,8 @@
-//! The programs of a recorded loop, made once and kept for the next run of the same structure.
+//! The programs of a recorded loop.
 
 use super::recorded::Layout;
 use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Frame, Part, Places, Program, Room, Stream, engine, form, segments};
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
-
-/// Loops whose programs are kept.
-const KEPT: usize = 64;
 
 /// Which entries of a recording are the results.
 pub struct Tracing {
@@ -89,59 +84,8 @@ impl Programs {
     }
 }
 
-/// What the programs of a loop were made from.
-struct Key {
-    ops: Vec<Op>,
-    layout: Layout,
-    law: Vec<u32>,
-    next: Vec<u32>,
-    lanes: bool,
-}
-
-impl Key {
-    fn is(&self, ops: &[Op], layout: &Layout, tracing: &Tracing, lanes: bool) -> bool {
-        self.lanes == lanes && self.layout == *layout && self.law == tracing.law && self.next == tracing.next && self.ops == ops
-    }
-}
-
-type Known = VecDeque<(Key, Arc<Programs>)>;
-
-static KNOWN: Mutex<Known> = Mutex::new(VecDeque::new());
-
-/// The loops that are known, unless another thread looks at them. Never waits: a process that was forked while another thread of its
-/// parent held the lock would wait for ever.
-fn known() -> Option<MutexGuard<'static, Known>> {
-    match KNOWN.try_lock() {
-        Ok(known) => Some(known),
-        Err(TryLockError::Poisoned(poisoned)) => Some(PoisonError::into_inner(poisoned)),
-        Err(TryLockError::WouldBlock) => None,
-    }
-}
-
-/// The programs of a recording: those that are there, or new ones. The ones used last are kept.
-pub fn of(ops: Vec<Op>, layout: &Layout, tracing: Tracing, lanes: bool) -> Arc<Programs> {
-    let found = known().and_then(|mut known| {
-        let at = known.iter().position(|(key, _)| key.is(&ops, layout, &tracing, lanes))?;
-        let entry = known.remove(at)?;
-        let programs = entry.1.clone();
-        known.push_back(entry);
-        Some(programs)
-    });
-    if let Some(programs) = found {
-        return programs;
-    }
-    let (law, next) = (tracing.law.clone(), tracing.next.clone());
-    let programs = Arc::new(make(&ops, layout, tracing, lanes));
-    if let Some(mut known) = known() {
-        known.push_back((Key { ops, layout: layout.clone(), law, next, lanes }, programs.clone()));
-        while known.len() > KEPT {
-            known.pop_front();
-        }
-    }
-    programs
-}
-
-fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Programs {
+/// Make the programs of a recording, for one run or for lanes.
+pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Programs {
     let (form, engine, reach) = (form(lanes), engine(), layout.reach() as u32);
     let to = |first: usize, entries: &[u32]| entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect::<Vec<_>>();
     let mut cuts = tracing.cuts;

@@ -8,8 +8,8 @@ use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
-use crate::law::{Adaptation, LawSpec};
-use crate::plant::{PlantKind, PlantSpec, RigidSpec};
+use crate::law::LawSpec;
+use crate::plant::{PlantKind, PlantSpec};
 
 /// The numerical method of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,6 +150,13 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Whether all runs have the same desired motions and forces.
+    pub fn shares_exogenous(&self) -> bool {
+        let first = self.laws[0].motions();
+        let same = |law: &&LawSpec| law.motions().iter().zip(&first).all(|(motion, first)| motion.is_same(first));
+        self.forces.len() <= 1 && self.laws.iter().all(same)
+    }
+
     /// The frame at which the forces of this problem act, if there are any.
     pub fn force_frame(&self) -> Option<usize> {
         if self.forces.is_empty() {
@@ -163,44 +170,6 @@ impl<'a> Problem<'a> {
         let o = &self.options;
         let runs = self.plants.len().max(self.laws.len());
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && (0..runs).all(|run| self.law(run).has_storage(self.plant(run)))
-    }
-
-    /// Whether all runs can go side by side in lanes.
-    pub fn fits_lanes(&self) -> bool {
-        let (plant, law) = (self.plants[0], self.laws[0]);
-        // Samples that are late by chance are late together in lanes.
-        !self.options.method.is_adaptive()
-            && !self.options.method.is_implicit()
-            && self.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0)
-            && !self.forces.iter().any(|force| matches!(force, Force::Signal(_)))
-            && !law.is_scalar()
-            && self.plants.iter().all(|p| std::ptr::eq(*p, plant) || p.same_shape(plant))
-            && self.laws.iter().all(|l| std::ptr::eq(*l, law) || l.same_shape(law))
-    }
-
-    /// Whether a loop is written for the arm of this problem.
-    pub fn has_own_loop(&self) -> bool {
-        self.is_planar_pr() || self.elastic_2r().is_some()
-    }
-
-    /// The closed-form arm under the laws that have loops of their own, monomorphised through.
-    pub fn is_planar_pr(&self) -> bool {
-        let plant = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(RigidSpec { model: Model::PlanarPr(_), stops: None, .. }));
-        let law = |law: &LawSpec| {
-            let own = match law {
-                LawSpec::Adaptive(law) => {
-                    law.base.is_none() && law.projection.is_none() && matches!(law.adaptation, Adaptation::Euclidean(_))
-                }
-                LawSpec::ComputedTorque(_) => true,
-                _ => false,
-            };
-            own && matches!(law.model(), Model::PlanarPr(_))
-        };
-        self.forces.is_empty()
-            && self.options.sampling.as_ref().is_none_or(Sampling::is_plain)
-            && matches!(self.options.method, Method::Rk4 | Method::Dop853)
-            && self.plants.iter().all(|p| plant(p))
-            && self.laws.iter().all(|l| law(l))
     }
 
     /// Refuse plants and laws that do not belong together.

@@ -7,6 +7,7 @@ use super::general::Watched;
 use super::recorded::{Layout, Recorded};
 use super::sampler::Sampler;
 use crate::integrate::{FixedStep, System};
+use crate::interrupt::look;
 use crate::plant::Touch;
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
@@ -32,6 +33,8 @@ pub struct ProgramLoop<'a, S: Real> {
     acting: (Vec<S>, Vec<S>),
     /// The state as the controller sees it.
     seen: Vec<S>,
+    /// The exogenous inputs of all whole steps from the first one on, where somebody sampled them in advance.
+    table: Option<&'a [f64]>,
 }
 
 impl<'a, S: Real> ProgramLoop<'a, S> {
@@ -41,6 +44,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         world: World<'a>,
         held: bool,
         sampler: Option<Sampler<S>>,
+        table: Option<&'a [f64]>,
         given: impl Fn(usize) -> &'b [f64],
     ) -> Self {
         let lanes = form(S::LANES > 1).lanes();
@@ -71,6 +75,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             seen: vec![S::zero(); recorded.layout.states],
             recorded,
             world,
+            table,
         }
     }
 
@@ -195,6 +200,9 @@ impl<S: Real> Watched<S> for ProgramLoop<'_, S> {
 /// Steps that a stream has room for.
 const TURNS: usize = 32;
 
+/// Numbers of the largest table: it has to live in the cache to pay.
+const LARGEST_TABLE: usize = 1 << 20;
+
 /// Steps as a program.
 pub struct ProgramStep<S: Real> {
     now: Exogenous<S>,
@@ -208,10 +216,14 @@ pub struct ProgramStep<S: Real> {
 impl<S: Real> ProgramStep<S> {
     pub fn new(closed: &ProgramLoop<S>) -> Self {
         let layout = &closed.recorded.layout;
-        let slots = layout.exogenous() * (layout.new_instants() * TURNS + layout.instants.len());
-        let stream = |lanes: usize| Frame::new(slots, lanes);
-        let streams = if layout.shared { vec![stream(1)] } else { closed.frames.iter().map(|frame| stream(frame.lanes())).collect() };
-        ProgramStep { now: closed.now.clone(), streams, end_time: f64::NAN, end: 0 }
+        let lanes = if layout.shared { vec![1] } else { closed.frames.iter().map(Frame::lanes).collect() };
+        ProgramStep::with_room(layout, closed.now.clone(), &lanes, TURNS)
+    }
+
+    fn with_room(layout: &Layout, now: Exogenous<S>, lanes: &[usize], turns: usize) -> Self {
+        let slots = layout.exogenous() * (layout.new_instants() * turns + layout.instants.len());
+        let streams = lanes.iter().map(|&lanes| Frame::new(slots, lanes)).collect();
+        ProgramStep { now, streams, end_time: f64::NAN, end: 0 }
     }
 
     /// The exogenous inputs of the step `[t, end]` of size `h` as the step `turn` of the streams.
@@ -250,15 +262,37 @@ impl<S: Real> ProgramStep<S> {
     }
 
     /// Run `turns` steps of `h` along the streams.
-    fn run(&mut self, system: &mut ProgramLoop<S>, program: &Program, h: f64, turns: usize, x: &mut [S]) {
-        let (state, step) = (system.recorded.layout.state(), system.recorded.layout.step());
-        write(&mut system.frames, state, x);
-        for (k, frame) in system.frames.iter_mut().enumerate() {
-            frame.fill(step, h);
-            program.run_along(frame, self.streams[k.min(self.streams.len() - 1)].numbers(), turns);
-        }
-        read(&system.frames, state, x);
+    fn run(&self, system: &mut ProgramLoop<S>, program: &Program, h: f64, turns: usize, x: &mut [S]) {
+        system.run_along(program, |k| self.streams[k.min(self.streams.len() - 1)].numbers(), h, turns, x);
     }
+}
+
+impl<S: Real> ProgramLoop<'_, S> {
+    /// Run `turns` steps of `h`, frame `k` along `stream(k)`.
+    fn run_along<'b>(&mut self, program: &Program, stream: impl Fn(usize) -> &'b [f64], h: f64, turns: usize, x: &mut [S]) {
+        let (state, step) = (self.recorded.layout.state(), self.recorded.layout.step());
+        write(&mut self.frames, state, x);
+        for (k, frame) in self.frames.iter_mut().enumerate() {
+            frame.fill(step, h);
+            program.run_along(frame, stream(k), turns);
+        }
+        read(&self.frames, state, x);
+    }
+}
+
+/// The exogenous inputs of `steps` whole steps of `h`, the same for all runs of a problem: sampled once where many runs share them.
+pub fn tabulate(recorded: &Recorded, mut world: World, steps: usize, h: f64) -> Option<Vec<f64>> {
+    let layout = &recorded.layout;
+    let numbers = layout.exogenous().checked_mul(layout.new_instants())?.checked_mul(steps)?;
+    if !layout.shared || recorded.programs.whole().is_none() || numbers > LARGEST_TABLE {
+        return None;
+    }
+    let mut table = ProgramStep::<f64>::with_room(layout, world.instant(), &[1], steps);
+    for step in 0..steps {
+        look();
+        table.fill(layout, &mut world, step, step as f64 * h, h, (step + 1) as f64 * h);
+    }
+    Some(table.streams[0].numbers().to_vec())
 }
 
 impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
@@ -291,6 +325,11 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
     fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
         let recorded = system.recorded.clone();
         let Some(program) = recorded.programs.whole() else { return false };
+        if let Some(table) = system.table {
+            let from = first * recorded.layout.new_instants() * recorded.layout.exogenous();
+            system.run_along(program, |_| &table[from..], h, count, x);
+            return true;
+        }
         let time = |step: usize| step as f64 * h;
         let mut done = 0;
         while done < count {

@@ -5,16 +5,16 @@
 
 use super::fixed_steps::Faults;
 use super::general::{General, sampler, start, world};
+use super::key::Common;
 use super::problem::{Division, Ended, Fixed, Problem};
-use super::program_loop::{ProgramLoop, ProgramStep};
-use super::recorded::{self, Given, Recorded};
+use super::program_loop::{ProgramLoop, ProgramStep, tabulate};
+use super::recorded::{self, Recorded, Seen};
 use super::sink::Sink;
 use crate::scalar::{Array8, Real, run_scalar};
 use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Steps below which a run is done sooner than its program is made. Not a matter of the rows of a batch, whose bits would then depend on
-/// their number.
+/// Steps below which a run by itself is done sooner than its program is made.
 const SHORT: usize = 100;
 
 /// Runs side by side.
@@ -22,10 +22,14 @@ pub type Lanes = Array8<false>;
 
 /// The structures of the runs of a problem, recorded as they appear.
 pub struct Structures {
-    known: Mutex<Vec<Arc<Recorded>>>,
+    /// Those that appeared so far.
+    seen: Mutex<Vec<Arc<Seen>>>,
     /// The numbers of every run's set-up, where they are the same.
-    shared: Option<Given>,
-    lanes: bool,
+    shared: Option<Vec<f64>>,
+    /// The exogenous inputs of all steps, where all runs of a batch share them.
+    table: Option<Vec<f64>>,
+    common: Common,
+    engine: Engine,
 }
 
 impl Structures {
@@ -34,32 +38,41 @@ impl Structures {
         let Division::Fixed(fixed) = division else { return None };
         // Samples that are late by chance are late together in lanes.
         let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
-        if fixed.schedule.steps < SHORT || late || problem.has_own_loop() || !recorded::is_recordable(problem) {
+        if !lanes && fixed.schedule.steps < SHORT || late || !recorded::is_recordable(problem) {
             return None;
         }
-        let (first, given) = recorded::record(problem, 0, lanes)?;
-        let shared = problem.plants.len() == 1 && problem.laws.len() == 1;
-        Some(Structures { known: Mutex::new(vec![Arc::new(first)]), shared: shared.then_some(given), lanes })
+        let common = Common::of(problem, lanes);
+        let given = recorded::given(problem, 0, common);
+        let seen = recorded::of_run(problem, 0, common, &given);
+        let first = seen.recorded.clone()?;
+        let engine = first.engine();
+        let world = world(problem, 1, |_| 0);
+        let table = if lanes { tabulate(&first, world, fixed.schedule.steps, fixed.schedule.dt) } else { None };
+        let same = problem.plants.len() == 1 && problem.laws.len() == 1;
+        Some(Structures { seen: Mutex::new(vec![seen]), shared: same.then_some(given.values), table, common, engine })
     }
 
     /// How the programs run.
     pub fn engine(&self) -> Engine {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)[0].engine()
+        self.engine
     }
 
     /// The structure of run `run`, and the numbers of its set-up; `None` where its code branches on data.
     fn of_run(&self, problem: &Problem, run: usize) -> Option<(Arc<Recorded>, Vec<f64>)> {
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(given) = &self.shared {
-            return Some((known[0].clone(), given.values.clone()));
+        let seen = || self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(values) = &self.shared {
+            return seen()[0].recorded.clone().map(|recorded| (recorded, values.clone()));
         }
-        let given = recorded::given(problem, run);
-        if let Some(recorded) = known.iter().find(|recorded| recorded.fits(problem, run, &given)) {
-            return Some((recorded.clone(), given.values));
-        }
-        let (recorded, given) = recorded::record(problem, run, self.lanes)?;
-        known.push(Arc::new(recorded));
-        known.last().map(|recorded| (recorded.clone(), given.values))
+        let given = recorded::given(problem, run, self.common);
+        let mut seen = seen();
+        let known = match seen.iter().find(|known| known.fits(problem, run, self.common, &given)) {
+            Some(known) => known.clone(),
+            None => {
+                seen.push(recorded::of_run(problem, run, self.common, &given));
+                seen[seen.len() - 1].clone()
+            }
+        };
+        known.recorded.clone().map(|recorded| (recorded, given.values))
     }
 }
 
@@ -97,7 +110,14 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         left.iter().filter(|&&lane| same(lane).is_some()).for_each(|&lane| lanes[lane] = Some(lane));
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
         let held = problem.options.sampling.is_some();
-        let mut closed = ProgramLoop::<S>::new(recorded.clone(), world(problem, S::LANES, at), held, sampler(problem, at), given);
+        let mut closed = ProgramLoop::<S>::new(
+            recorded.clone(),
+            world(problem, S::LANES, at),
+            held,
+            sampler(problem, at),
+            structures.table.as_deref(),
+            given,
+        );
         let method = ProgramStep::new(&closed);
         let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
         let group = General { problem, division, first, stop, sink: &mut chosen, asked: None, rates: None };

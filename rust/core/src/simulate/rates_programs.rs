@@ -6,11 +6,12 @@
 
 use super::closed_loop::{ClosedLoop, Exogenous};
 use super::general::assemble;
-use super::kept::Kept;
+use super::key::Common;
 use super::problem::{Method, Problem};
 use super::recorded::{self, Given};
 use crate::scalar::Real;
 use crate::trace::differentiate::Differentiation;
+use crate::trace::kept::Kept;
 use crate::trace::tape::Op;
 use crate::trace::{Cut, Part, Places, Program, Room, Sym, engine, form, segments, sym};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -123,7 +124,7 @@ impl Wanted {
     }
 }
 
-static KNOWN: Kept<Key, RatesPrograms> = Kept::new();
+static KNOWN: Kept<(Arc<Key>, Arc<RatesPrograms>)> = Kept::new();
 
 /// The rates of a loop of one structure, recorded.
 pub struct RecordedRates {
@@ -152,7 +153,7 @@ pub fn record_both(problem: &Problem) -> [Option<Arc<RecordedRates>>; 2] {
 /// Record the rates of run `run`, under a held input or under the law; `None` where the code branches on data.
 pub fn record(problem: &Problem, run: usize, held: bool) -> Option<RecordedRates> {
     sym::begin();
-    let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run);
+    let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, problem.watches_storage());
     let given = sym::end_set_up();
     let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
     let (plant, law) = (problem.plant(run).states(), closed.law_rate().len());
@@ -181,7 +182,12 @@ pub fn record(problem: &Problem, run: usize, held: bool) -> Option<RecordedRates
         return None;
     }
     let rates = dx.into_iter().map(Sym::index).collect();
-    let programs = KNOWN.of(Key { ops: recording.ops, rates, slots: slots.clone(), wanted }, make);
+    let key = Key { ops: recording.ops, rates, slots: slots.clone(), wanted };
+    let programs = KNOWN.find(|(known, _)| **known == key).map(|(_, programs)| programs).unwrap_or_else(|| {
+        let programs = Arc::new(make(&key));
+        KNOWN.keep((Arc::new(key), programs.clone()), |_| true);
+        programs
+    });
     Some(RecordedRates { slots, programs, run, values: recording.values, structure: recording.structure })
 }
 
@@ -256,7 +262,7 @@ impl Rates {
             Some(first) if problem.plants.len() == 1 && problem.laws.len() == 1 => Some((first.clone(), first.values.clone())),
             None => None,
             Some(_) => {
-                let Given { values, structure } = recorded::given(problem, run);
+                let Given { values, structure } = recorded::given(problem, run, Common::of(problem, false));
                 let (plant, law) = (problem.plant(run), problem.law(run));
                 let fits = |known: &&Arc<RecordedRates>| {
                     known.structure == structure && problem.plant(known.run).same_shape(plant) && problem.law(known.run).same_shape(law)

@@ -11,11 +11,15 @@
 use super::closed_loop::{ClosedLoop, Exogenous};
 use super::force::Force;
 use super::general::assemble;
+use super::key::{Common, Key};
 use super::loop_programs::{self, Programs, Tracing};
 use super::problem::{Method, Problem};
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
 use crate::linalg::Pairs;
 use crate::scalar::Real;
+use crate::trace::kept::Kept;
+#[cfg(debug_assertions)]
+use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Sym, sym};
 use std::sync::Arc;
 
@@ -92,26 +96,20 @@ impl Layout {
 /// A loop of one structure, recorded.
 pub struct Recorded {
     pub layout: Layout,
-    pub programs: Arc<Programs>,
-    /// The run that was recorded, and the entries of its set-up.
-    run: usize,
+    pub programs: Programs,
     plant_states: usize,
-    structure: Vec<u32>,
+    /// The recording, to check that a loop of the same key has the same one.
+    #[cfg(debug_assertions)]
+    ops: Vec<Op>,
 }
 
-/// The numbers of one run's set-up.
+/// The numbers of one run's set-up, and what tells its structure.
 pub struct Given {
     pub values: Vec<f64>,
     pub structure: Vec<u32>,
 }
 
 impl Recorded {
-    /// Whether run `run` of the same problem, with these numbers, has this structure.
-    pub fn fits(&self, problem: &Problem, run: usize, given: &Given) -> bool {
-        let (plant, law) = (problem.plant(run), problem.law(run));
-        self.structure == given.structure && problem.plant(self.run).same_shape(plant) && problem.law(self.run).same_shape(law)
-    }
-
     /// Numbers of the plant's state, with which the state begins.
     pub fn plant_states(&self) -> usize {
         self.plant_states
@@ -131,19 +129,53 @@ pub fn is_recordable(problem: &Problem) -> bool {
 }
 
 /// The numbers of the set-up of run `run`.
-pub fn given(problem: &Problem, run: usize) -> Given {
+pub fn given(problem: &Problem, run: usize, common: Common) -> Given {
     sym::begin();
-    let closed: ClosedLoop<Sym> = assemble(problem, |_| run);
+    let closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
     drop(closed);
     let recording = sym::finish();
     Given { values: recording.values, structure: recording.structure }
 }
 
-/// Record the loop of run `run` for one run or for lanes; `None` where its code branches on data.
-pub fn record(problem: &Problem, run: usize, lanes: bool) -> Option<(Recorded, Given)> {
-    let shared = problem.laws.len() == 1 && problem.forces.len() <= 1;
+/// A structure that was seen.
+pub struct Seen {
+    key: Key,
+    /// The entries of its set-up.
+    structure: Vec<u32>,
+    /// `None` where its code branches on data.
+    pub recorded: Option<Arc<Recorded>>,
+}
+
+impl Seen {
+    /// Whether run `run` of a problem, whose set-up has these numbers, has this structure.
+    pub fn fits(&self, problem: &Problem, run: usize, common: Common, given: &Given) -> bool {
+        self.structure == given.structure && self.key.is_of(problem, run, common)
+    }
+}
+
+static KNOWN: Kept<Arc<Seen>> = Kept::new();
+
+/// The structure of run `run`: one that is known, or a new recording.
+pub fn of_run(problem: &Problem, run: usize, common: Common, given: &Given) -> Arc<Seen> {
+    if let Some(known) = KNOWN.find(|known| known.fits(problem, run, common, given)) {
+        #[cfg(debug_assertions)]
+        if let Some(recorded) = &known.recorded {
+            assert!(record(problem, run, common).is_some_and(|again| again.ops == recorded.ops), "two loops of one key differ");
+        }
+        return known;
+    }
+    let (key, structure) = (Key::of(problem, run, common), given.structure.clone());
+    let seen = Arc::new(Seen { key, structure, recorded: record(problem, run, common).map(Arc::new) });
+    if seen.key.is_small() {
+        KNOWN.keep(seen.clone(), |_| true);
+    }
+    seen
+}
+
+/// Record the loop of run `run`.
+fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     sym::begin();
-    let closed: ClosedLoop<Sym> = assemble(problem, |_| run);
+    let closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
     let given = sym::end_set_up();
     let method = problem.options.method;
     let instants = match method {
@@ -159,7 +191,7 @@ pub fn record(problem: &Problem, run: usize, lanes: bool) -> Option<(Recorded, G
         inputs: closed.tau.len(),
         law_states: closed.law_rate().len(),
         all_inputs: 0,
-        shared,
+        shared: common.shared,
     };
     let tracing = trace(closed, method, &layout)?;
     layout.all_inputs = sym::recorded().1 as usize;
@@ -167,10 +199,14 @@ pub fn record(problem: &Problem, run: usize, lanes: bool) -> Option<(Recorded, G
     if recording.failed {
         return None;
     }
-    let programs = loop_programs::of(recording.ops, &layout, tracing, lanes);
-    let structure = recording.structure.clone();
-    let plant_states = problem.plant(run).states();
-    Some((Recorded { layout, programs, run, plant_states, structure }, Given { values: recording.values, structure: recording.structure }))
+    let programs = loop_programs::make(&recording.ops, &layout, tracing, common.lanes);
+    Some(Recorded {
+        layout,
+        programs,
+        plant_states: problem.plant(run).states(),
+        #[cfg(debug_assertions)]
+        ops: recording.ops,
+    })
 }
 
 /// Record the law, the rates and the step; `None` for a method that is not recorded.

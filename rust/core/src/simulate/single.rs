@@ -1,10 +1,8 @@
 //! One run, on one number.
 
 use super::columns::Columns;
-use super::elastic_2r::Elastic2R;
 use super::general::General;
 use super::monitors::{self, Monitor};
-use super::planar_pr::Group;
 use super::problem::{Division, Ended, Problem};
 use super::programs::{self, Structures};
 use super::rates_programs::Rates;
@@ -14,7 +12,6 @@ use super::watching::Asked;
 use crate::error::{Error, Result, all_finite};
 use crate::memory::{self, append};
 use crate::plant::PlantKind;
-use crate::scalar::run_scalar;
 use crate::status::Status;
 
 /// The records of one run; arrays are row-major with time first.
@@ -144,16 +141,7 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
             General { problem, division: &division, first: 0, stop, sink: &mut sink, asked, rates: None },
             fixed,
         ),
-        Division::Fixed(fixed) if problem.is_planar_pr() => {
-            Ended::Fixed(run_scalar(Group { problem, division: fixed, tabulated: None, first: 0, stop, sink: &mut sink }))
-        }
-        Division::Adaptive(segments) if asked.is_none() && problem.is_planar_pr() => {
-            Ended::Adaptive(run_scalar(Group { problem, division: segments, tabulated: None, first: 0, stop, sink: &mut sink }))
-        }
-        division => match problem.elastic_2r().filter(|_| asked.is_none()) {
-            Some(arm) => Elastic2R { problem, arm, division, first: 0, stop, sink: &mut sink }.run_single(),
-            None => General { problem, division, first: 0, stop, sink: &mut sink, asked, rates: rates.as_ref() }.run_single(),
-        },
+        division => General { problem, division, first: 0, stop, sink: &mut sink, asked, rates: rates.as_ref() }.run_single(),
     };
     let (fault, full) = (sink.fault, sink.full);
     full?;

@@ -24,25 +24,3 @@ pub trait Watcher<F, B, M> {
     /// The system switches now, at `x`.
     fn switch(&mut self, system: &mut F, x: &B);
 }
-
-/// Nobody.
-pub struct Unwatched;
-
-impl<F, B, M> Watcher<F, B, M> for Unwatched {
-    #[inline(always)]
-    fn active(&self) -> bool {
-        false
-    }
-    #[inline(always)]
-    fn begin(&mut self, _: &mut F, _: f64, _: &B) -> Result<(), Status> {
-        Ok(())
-    }
-    #[inline(always)]
-    fn look(&mut self, _: &mut F, _: &mut M) -> Result<Option<Cut>, Status> {
-        Ok(None)
-    }
-    #[inline(always)]
-    fn keep(&mut self, _: &mut F, _: &mut M, _: f64) {}
-    #[inline(always)]
-    fn switch(&mut self, _: &mut F, _: &B) {}
-}

@@ -4,6 +4,7 @@
 //! program rounds as direct evaluation does: both give the same bits.
 
 use super::frame::Frame;
+use super::kept::Kept;
 use super::program::{Program, Room, engine, form};
 use super::rows;
 use super::straight::{Part, Places};
@@ -11,10 +12,9 @@ use super::sym::{self, Sym};
 use super::tape::Op;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::Arc;
 
-/// Functions that are kept, and operations of all of them.
-const KEPT: usize = 64;
+/// Operations of all functions that are kept.
 const KEPT_OPERATIONS: usize = 1 << 20;
 
 /// One structure.
@@ -139,37 +139,17 @@ impl Evaluation {
     }
 }
 
-static KNOWN: Mutex<VecDeque<Arc<Function>>> = Mutex::new(VecDeque::new());
-
-/// What a lock guards, if no other thread holds it. Never waits: a process that was forked while another thread of its parent held the
-/// lock would wait for ever.
-pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
-    match mutex.try_lock() {
-        Ok(guard) => Some(guard),
-        Err(TryLockError::Poisoned(poisoned)) => Some(PoisonError::into_inner(poisoned)),
-        Err(TryLockError::WouldBlock) => None,
-    }
-}
+static KNOWN: Kept<Arc<Function>> = Kept::new();
 
 impl Function {
     /// The function of a recording: one that is there, or a new one. Those used last are kept.
     fn of(ops: Vec<Op>, answer: Vec<u32>, layout: Layout) -> Arc<Function> {
-        let found = free(&KNOWN).and_then(|mut known| {
-            let at = known.iter().position(|known| known.layout == layout && known.answer == answer && known.ops == ops)?;
-            let function = known.remove(at)?;
-            known.push_back(function.clone());
-            Some(function)
-        });
-        if let Some(found) = found {
+        if let Some(found) = KNOWN.find(|known| known.layout == layout && known.answer == answer && known.ops == ops) {
             return found;
         }
         let function = Arc::new(Function::new(ops, answer, layout));
-        if let Some(mut known) = free(&KNOWN) {
-            known.push_back(function.clone());
-            while known.len() > KEPT || known.iter().map(|function| function.ops.len()).sum::<usize>() > KEPT_OPERATIONS {
-                known.pop_front();
-            }
-        }
+        let fits = |known: &VecDeque<Arc<Function>>| known.iter().map(|function| function.ops.len()).sum::<usize>() <= KEPT_OPERATIONS;
+        KNOWN.keep(function.clone(), fits);
         function
     }
 
@@ -186,6 +166,7 @@ impl Function {
 
 #[cfg(test)]
 mod tests {
+    use super::super::kept::KEPT;
     use super::*;
     use crate::scalar::Real;
 
@@ -224,7 +205,7 @@ mod tests {
         for k in 0..2 * KEPT {
             record(false, 1, || (), |(), x| vec![x[0] + Sym::splat(k as f64 + 0.5)]).expect("recorded");
         }
-        assert!(free(&KNOWN).is_some_and(|known| known.len() <= KEPT));
+        assert!(KNOWN.count() <= KEPT);
     }
 
     #[test]

@@ -21,6 +21,7 @@ pub mod function;
 #[cfg(test)]
 mod harness;
 pub mod instruction;
+pub mod kept;
 mod lifetimes;
 mod lower;
 pub mod memory;

@@ -4,7 +4,7 @@ use crate::arm_common::{numbers, vectors};
 use armlet_core::analysis::elastic_limits::{smallest_reduced_inertia, stiffness_limit, stiffness_scale};
 use armlet_core::analysis::equilibrium::equilibrium;
 use armlet_core::arm::Arm;
-use armlet_core::dynamics::{Model, Planar2R};
+use armlet_core::dynamics::Model;
 use armlet_core::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, Gain, LawSpec, ReductionSpec};
 use armlet_core::motion::Motion;
 use armlet_core::plant::{ElasticSpec, PlantSpec};
@@ -112,9 +112,6 @@ fn trajectories() {
             };
             let x0 = x0.clone();
             let mut problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![&force], force_frame: None, options };
-            // The arm has a loop of its own by all but one of these methods.
-            let own = method != Method::Radau5;
-            assert_eq!(problem.elastic_2r().is_some(), own, "{method:?}");
             let run = simulate(&problem, &AtomicBool::new(false)).unwrap();
             assert_eq!(run.status, Status::Success, "{method:?}");
             for (k, sample) in samples.iter().enumerate() {
@@ -191,23 +188,4 @@ fn limits() {
             assert!((got / want - 1.0).abs() < 1e-6, "{entry} {name}: {got}");
         }
     }
-}
-
-#[test]
-fn a_planar_arm_is_known_for_one() {
-    let (plant, law) = loop_of(&cases(&vectors(FILE), "trajectory")[0]["input"]);
-    let frame = law.coordinates().unwrap().frame;
-    let closed = Planar2R::of(plant.model(), frame).unwrap();
-    close("l", &closed.l, &[0.5, 0.4], 1e-15);
-    // a2 = m2 l1 d2, a3 = I2 + m2 d2^2, a5 = m2 d2 g0, a4 = (m1 d1 + m2 l1) g0.
-    close("a", &closed.a, &[0.0625 + 3.0 * 0.0625 + 0.027 + 2.0 * (0.25 + 0.04), 0.2, 0.107, 1.75 * 9.81, 0.4 * 9.81], 1e-14);
-    // One that leans, one of three joints and one with its frame beside the link are none.
-    let tree = |gravity| Arm::planar(&[0.5, 0.4], None, None, None, gravity).unwrap();
-    let leaning = Model::Tree(Arc::new(tree([1.0, -9.81])));
-    assert!(Planar2R::of(&leaning, 1).is_none());
-    let flat = Model::Tree(Arc::new(tree([0.0, 0.0])));
-    assert!(Planar2R::of(&flat, flat.tree("arm").unwrap().frame_index("link2").unwrap()).is_some());
-    assert!(Planar2R::of(&flat, flat.tree("arm").unwrap().frame_index("link1").unwrap()).is_none_or(|arm| arm.l[1].abs() < 1e-15));
-    let three = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81]).unwrap();
-    assert!(Planar2R::of(&Model::Tree(Arc::new(three)), 1).is_none());
 }

@@ -1,0 +1,69 @@
+//! What a recording of a loop depends on, so that a known structure is told without recording: plants and laws have the same shape,
+//! and the numbers of the set-up have zeros and ones in the same places.
+
+use super::problem::{Method, Problem};
+use crate::law::LawSpec;
+use crate::plant::PlantSpec;
+
+/// Numbers of a motion beyond which its loop is not kept: the key would keep the motion, too.
+const LARGEST_MOTION: usize = 1 << 16;
+
+/// What a recording depends on beside the numbers of the set-up.
+pub struct Key {
+    plant: PlantSpec,
+    law: LawSpec,
+    method: Method,
+    held: bool,
+    monitors: bool,
+    tau_max: Option<Vec<f64>>,
+    force_frame: Option<usize>,
+    common: Common,
+}
+
+/// What the runs of a problem have in common: asked once, since every run has a say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Common {
+    /// Runs side by side, not one.
+    pub lanes: bool,
+    /// All have the same exogenous input.
+    pub shared: bool,
+    /// The energy watched is the law's own storage function.
+    pub storage: bool,
+}
+
+impl Common {
+    pub fn of(problem: &Problem, lanes: bool) -> Self {
+        Common { lanes, shared: problem.shares_exogenous(), storage: problem.watches_storage() }
+    }
+}
+
+impl Key {
+    pub fn of(problem: &Problem, run: usize, common: Common) -> Self {
+        let o = &problem.options;
+        Key {
+            plant: problem.plant(run).clone(),
+            law: problem.law(run).clone(),
+            method: o.method,
+            held: o.sampling.is_some(),
+            monitors: o.monitors,
+            tau_max: o.tau_max.clone(),
+            force_frame: problem.force_frame(),
+            common,
+        }
+    }
+
+    pub fn is_of(&self, problem: &Problem, run: usize, common: Common) -> bool {
+        let (o, plant) = (&problem.options, problem.plant(run));
+        (self.method, self.held, self.monitors, self.common) == (o.method, o.sampling.is_some(), o.monitors, common)
+            && self.force_frame == problem.force_frame()
+            && self.tau_max == o.tau_max
+            && self.plant.same_shape(plant)
+            && self.plant.wall() == plant.wall()
+            && self.law.same_shape(problem.law(run))
+    }
+
+    /// Whether it is worth its memory.
+    pub fn is_small(&self) -> bool {
+        self.law.motions().iter().map(|motion| motion.numbers()).sum::<usize>() <= LARGEST_MOTION
+    }
+}

@@ -1,0 +1,56 @@
+//! What was made from recordings, kept for the next one of the same structure.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+
+/// Entries of every kind that are kept at most.
+pub const KEPT: usize = 64;
+
+/// What a lock guards, if no other thread holds it. Never waits: a process that was forked while another thread of its parent held the
+/// lock would wait for ever.
+pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
+    match mutex.try_lock() {
+        Ok(guard) => Some(guard),
+        Err(TryLockError::Poisoned(poisoned)) => Some(PoisonError::into_inner(poisoned)),
+        Err(TryLockError::WouldBlock) => None,
+    }
+}
+
+/// The entries used last.
+pub struct Kept<T>(Mutex<VecDeque<T>>);
+
+impl<T> Default for Kept<T> {
+    fn default() -> Self {
+        Kept(Mutex::default())
+    }
+}
+
+impl<T: Clone> Kept<T> {
+    pub const fn new() -> Self {
+        Kept(Mutex::new(VecDeque::new()))
+    }
+
+    /// The entry that is looked for, if it is there.
+    pub fn find(&self, is: impl Fn(&T) -> bool) -> Option<T> {
+        let mut entries = free(&self.0)?;
+        let at = entries.iter().position(is)?;
+        let entry = entries.remove(at)?;
+        entries.push_back(entry.clone());
+        Some(entry)
+    }
+
+    /// Keep an entry; the oldest ones go until there are few and they fit.
+    pub fn keep(&self, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
+        let Some(mut entries) = free(&self.0) else { return };
+        entries.push_back(entry);
+        while entries.len() > KEPT || !entries.is_empty() && !fits(&entries) {
+            entries.pop_front();
+        }
+    }
+
+    /// How many there are.
+    #[cfg(test)]
+    pub fn count(&self) -> usize {
+        free(&self.0).map_or(0, |entries| entries.len())
+    }
+}
