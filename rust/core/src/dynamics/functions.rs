@@ -1,18 +1,23 @@
-//! The functions of an arm, for any number of threads: one configuration directly, many by the program of the function.
+//! The functions of an arm, for any number of threads: at first directly, then by the program of the function.
 //!
 //! Both ways give the same bits, so that which one runs is a matter of time alone. A program takes some 1 ms to make; it is made once
-//! as many rows of one query were asked for as repay it.
+//! a query was asked for often enough.
 
 use super::Query;
 use super::evaluate::{Evaluator, check};
-use super::recorded::ArmFunction;
+use super::recorded::{self, ArmFunction, recorded};
 use crate::arm::Arm;
 use crate::error::Result;
+use crate::trace::function::Evaluation;
 use crate::trace::kept::free;
 use std::sync::{Arc, Mutex};
 
 /// Rows of a query after which its program is made.
 const WORTH: usize = 256;
+
+/// Single calls of a query after which its program is made, and operations beyond which that would take more than 1 ms.
+const CALLS: usize = 16;
+const SHORT: f64 = 3_000.0;
 
 /// Queries of one arm whose programs are kept.
 const KEPT: usize = 64;
@@ -28,16 +33,49 @@ struct Known {
     function: Option<Arc<ArmFunction>>,
 }
 
+/// Single calls.
+struct Single {
+    evaluator: Evaluator,
+    /// Each query with its number of calls.
+    asked: Vec<(Query, usize, Option<Evaluation>)>,
+}
+
+impl Single {
+    fn new(evaluator: Evaluator) -> Mutex<Self> {
+        Mutex::new(Single { evaluator, asked: Vec::new() })
+    }
+
+    fn one(&mut self, arm: &Arm, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
+        let n = arm.n();
+        if let Some((_, calls, program)) = self.asked.iter_mut().find(|(asked, ..)| asked == query) {
+            if program.as_mut().is_some_and(|program| recorded::one(program, query, n, inputs, out)) {
+                return Ok(true);
+            }
+            *calls = calls.saturating_add(1);
+            let answer = self.evaluator.one(query, inputs, out)?;
+            if *calls == CALLS && query.operations(n) <= SHORT {
+                *program = Some(recorded(arm, query, false)?);
+            }
+            return Ok(answer);
+        }
+        if self.asked.len() == KEPT {
+            self.asked.remove(0);
+        }
+        self.asked.push((*query, 1, None));
+        self.evaluator.one(query, inputs, out)
+    }
+}
+
 pub struct Functions {
     arm: Arc<Arm>,
-    single: Mutex<Evaluator>,
+    single: Mutex<Single>,
     /// Those used last come last.
     known: Mutex<Vec<Known>>,
 }
 
 impl Functions {
     pub fn new(arm: Arc<Arm>) -> Self {
-        Functions { single: Mutex::new(Evaluator::new(&arm)), known: Mutex::default(), arm }
+        Functions { single: Single::new(Evaluator::new(&arm)), known: Mutex::default(), arm }
     }
 
     pub fn arm(&self) -> &Arc<Arm> {
@@ -47,7 +85,7 @@ impl Functions {
     /// As [`Evaluator::one`].
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match free(&self.single) {
-            Some(mut single) => single.one(query, inputs, out),
+            Some(mut single) => single.one(&self.arm, query, inputs, out),
             // Another thread is in the buffers: a set of one's own is the price.
             None => Evaluator::new(&self.arm).one(query, inputs, out),
         }
@@ -110,7 +148,7 @@ impl Functions {
 impl Arm {
     /// As [`Functions::rows`], for once.
     pub fn evaluate(self: &Arc<Self>, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
-        let single = Mutex::new(Evaluator::sized(self, false));
+        let single = Single::new(Evaluator::sized(self, false));
         let functions = Functions { arm: self.clone(), single, known: Mutex::default() };
         functions.prepare(query, count)?;
         functions.rows(query, inputs, count, out)

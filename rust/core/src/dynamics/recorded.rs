@@ -6,6 +6,7 @@ use super::Query;
 use super::evaluate::Engine;
 use crate::arm::Arm;
 use crate::error::Result;
+use crate::scalar::rows::{read_one, write_one};
 use crate::trace::function::{Evaluation, record};
 use crate::trace::kept::free;
 use std::sync::Mutex;
@@ -19,26 +20,49 @@ pub(super) struct ArmFunction {
     others: Mutex<Vec<Evaluation>>,
 }
 
+fn widths(query: &Query, n: usize) -> Vec<usize> {
+    (0..query.inputs().len()).map(|k| query.input_length(k, n)).collect()
+}
+
+/// A query, recorded now, its program made where its structure is new: for one configuration or for lanes.
+pub(super) fn recorded(arm: &Arm, query: &Query, lanes: bool) -> Result<Evaluation> {
+    let (widths, mut answered) = (widths(query, arm.n()), Ok(()));
+    let answer = |mut engine: Engine<_>, mut inputs: &[_]| {
+        for (input, &width) in engine.inputs.iter_mut().zip(&widths) {
+            let (own, rest) = inputs.split_at(width);
+            input[..width].copy_from_slice(own);
+            inputs = rest;
+        }
+        engine.answer(query).map(<[_]>::to_vec).unwrap_or_else(|error| {
+            answered = Err(error);
+            Vec::new()
+        })
+    };
+    let Some(evaluation) = record(lanes, widths.iter().sum(), || Engine::new(arm, false), answer) else {
+        unreachable!("the code of a quantity does not branch on data")
+    };
+    answered.map(|()| evaluation)
+}
+
+/// One configuration, by a program for one: whether all is as it should be. If not, direct evaluation has the answer.
+pub(super) fn one(evaluation: &mut Evaluation, query: &Query, n: usize, inputs: &[&[f64]], out: &mut [f64]) -> bool {
+    let (mut first, mut sound) = (0, inputs.len() == query.inputs().len() && out.len() == query.length(n));
+    for k in 0..inputs.len().min(query.inputs().len()) {
+        let width = query.input_length(k, n);
+        sound = sound && inputs[k].len() == width && read_one(inputs[k], evaluation.inputs(first, width));
+        first += width;
+    }
+    if !sound {
+        return false;
+    }
+    evaluation.run();
+    evaluation.is_near(0) && write_one(evaluation.outputs(0, out.len()), out)
+}
+
 impl ArmFunction {
-    /// Recorded now, its program made where its structure is new.
     pub fn new(arm: &Arm, query: &Query) -> Result<Self> {
-        let (n, mut answered) = (arm.n(), Ok(()));
-        let widths: Vec<usize> = (0..query.inputs().len()).map(|k| query.input_length(k, n)).collect();
-        let answer = |mut engine: Engine<_>, mut inputs: &[_]| {
-            for (input, &width) in engine.inputs.iter_mut().zip(&widths) {
-                let (own, rest) = inputs.split_at(width);
-                input[..width].copy_from_slice(own);
-                inputs = rest;
-            }
-            engine.answer(query).map(<[_]>::to_vec).unwrap_or_else(|error| {
-                answered = Err(error);
-                Vec::new()
-            })
-        };
-        let Some(first) = record(true, widths.iter().sum(), || Engine::new(arm, false), answer) else {
-            unreachable!("the code of a quantity does not branch on data")
-        };
-        answered.map(|()| ArmFunction { others: Mutex::new(vec![first.clone()]), first, widths, length: query.length(n) })
+        let first = recorded(arm, query, true)?;
+        Ok(ArmFunction { others: Mutex::new(vec![first.clone()]), first, widths: widths(query, arm.n()), length: query.length(arm.n()) })
     }
 
     /// All configurations of the inputs, which are what the query asks for. `direct` answers rows that turn by angles for which programs

@@ -33,6 +33,9 @@ fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|x| x.to_bits()).collect()
 }
 
+/// Single calls after which a query has its program.
+const OFTEN: usize = 20;
+
 /// A planar arm of two joints, six axes of a coordinate each, a chain of `n` joints about turned axes.
 fn chain(n: usize, axes: &[[f64; 3]]) -> Arc<Arm> {
     let joint = |i: usize| {
@@ -199,6 +202,35 @@ fn rows_do_not_allocate_once_their_program_is_there() {
             }
         });
         assert_eq!(count, 0, "{quantity:?}");
+    }
+}
+
+#[test]
+fn single_calls_have_the_same_bits_before_and_after_their_program() {
+    let mut rng = Rng(38);
+    for arm in arms() {
+        for query in queries(&arm) {
+            let mut both = Both::new(&arm, query, OFTEN, &mut rng);
+            let first: Vec<Vec<u64>> = (0..OFTEN).map(|row| bits(&both.alone(row))).collect();
+            let (again, count) = counted(|| both.alone(0));
+            // The vectors of inputs and answer, made above.
+            assert!(count <= 2, "{query:?}: {count} allocations");
+            assert_eq!(bits(&again), first[0]);
+            assert!((1..OFTEN).all(|row| bits(&both.alone(row)) == first[row]), "{} joints, {query:?}", arm.n());
+            // Angles beyond reason, numbers that are not finite and arguments of the wrong length are treated as by the first call.
+            let fresh = Functions::new(arm.clone());
+            for bad in [5e6, f64::INFINITY, 1e308] {
+                both.inputs[0][0] = bad;
+                let inputs: Vec<&[f64]> = both.inputs.iter().enumerate().map(|(k, x)| &x[..both.width(k)]).collect();
+                let ask = |functions: &Functions| {
+                    let mut out = vec![0.0; both.length()];
+                    functions.one(&query, &inputs, &mut out).map(|sound| (sound, bits(&out))).map_err(|error| error.to_string())
+                };
+                let (one, other) = (ask(&fresh), ask(&both.functions));
+                assert_eq!(one, other, "{query:?} {bad}");
+            }
+            assert!(both.functions.one(&query, &[], &mut []).is_err());
+        }
     }
 }
 
