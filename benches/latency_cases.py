@@ -79,6 +79,11 @@ CASES: dict[str, tuple[str, str]] = {
     "torque_optimal_time, friction, ends 3e5 rad apart": ("", "al.torque_optimal_time(0.0, 3e5, 1.0, 1.0, 1.5, viscous=1e-3, coulomb=0.1)"),
     "torque_optimal_time, ends 1e9 rad apart": ("", "al.torque_optimal_time(0.0, 1e9, 1.0, 1.0, 1.001)"),
     "bang_bang_time, 3e6 problems": ("goal = rng.uniform(0.1, 3.0, size(3e6))", "al.bang_bang_time(0.0, goal, 1.0, 1.0, 3.0)"),
+    "bang_bang_time, 1e7 problems of one": ("goal = np.broadcast_to(1.0, size(1e7))", "al.bang_bang_time(0.0, goal, 1.0, 1.0, 3.0)"),
+    "pickle of a BangBangBatch of 3e6": (
+        "batch = al.bang_bang_time(0.0, rng.uniform(0.1, 3.0, size(3e6)), 1.0, 1.0, 3.0)",
+        "pickle.loads(pickle.dumps(batch))",
+    ),
     "bang_bang_time, reasons of 1e5": ("batch = al.bang_bang_time(0.0, rng.uniform(0.1, 3.0, size(1e5)), 1.0, 1.0, 0.9)", "batch.reason"),
     "torque profile at 1e6 times": (
         "o = al.torque_optimal_time(0.0, 1.0, 1.0, 1.0, 3.0, viscous=0.1); t = np.linspace(0.0, o.t, size(1e6))",
@@ -135,5 +140,6 @@ CASES: dict[str, tuple[str, str]] = {
         "law = al.ElasticImpedance(arm, [0.3, 0.2, 0.5], 500.0, 50.0, K, np.full(7, 0.1), np.full(7, 0.05), frame=tip)",
         "al.elastic_limits(plant, law, q0=np.full(7, 0.3))",
     ),
+    "stiffness_limit, 3e6 numbers": ("d = rng.uniform(1.0, 9.0, size(3e6))", "al.stiffness_limit(1.0, 800.0, 0.02, d)"),
     "smallest_reduced_inertia, 3e4 numbers": ("b = rng.uniform(0.1, 1.0, size(3e4))", "al.smallest_reduced_inertia(b, 1e4, 1e-3)"),
 }

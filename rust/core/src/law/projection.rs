@@ -24,6 +24,8 @@ const LAYER: f64 = 0.5;
 const PULL: f64 = 10.0;
 /// Sweeps of Jacobi's method: the fourth leaves rounding of a 4 x 4 matrix, as convergence is quadratic.
 const SWEEPS: usize = 6;
+/// Eigenvalues that differ by less, relative to the matrix, count as one. Rounding of the rates is 1e-16 over this.
+const SAME: f64 = 1e-7;
 /// Parameters of the planar PR.
 const PR: usize = 3;
 
@@ -107,11 +109,17 @@ fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
     least
 }
 
-/// `sum of min(lambda, 0) v v'` over the eigenvalues and vectors of a symmetric matrix, by Jacobi's method.
+/// `f(A)`, `f(l) = min(l, 0)`, of a symmetric matrix: `V G V'`, by Jacobi's method.
+///
+/// With `B = V' A V` nearly diagonal, `G_ii = f(B_ii)` and `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)`, the divided difference
+/// (Daleckii and Krein). The rates of `V` then cancel in those of the result, whatever they are: for equal eigenvalues they are no limit of
+/// anything. They must be bounded, so that what two eigenvalues share is not turned: where both are of one sign the formula is exact.
 #[inline(always)]
 fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut a = *a;
+    let size = a.as_flattened().iter().fold(zero, |sum, &x| x.mul_add(x, sum));
+    let least = size.mul_add(S::splat(SAME * SAME), S::splat(f64::MIN_POSITIVE));
     let mut v: Pseudo<S> = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { one } else { zero }));
     for _ in 0..SWEEPS {
         for p in 0..3 {
@@ -119,7 +127,7 @@ fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
                 let (twice, d) = (a[p][q] + a[p][q], a[q][q] - a[p][p]);
                 // tan of the smaller angle: 2 a_pq / (d + sign(d) sqrt(d^2 + 4 a_pq^2)), zero where there is nothing to turn.
                 let square = d.mul_add(d, twice * twice);
-                let there = S::splat(f64::MIN_POSITIVE).lt(square);
+                let there = least.lt(square);
                 let root = S::select(there, square, one).sqrt();
                 let t = S::select(there, twice / S::select(d.lt(zero), d - root, d + root), zero);
                 let c = one / t.mul_add(t, one).sqrt();
@@ -133,8 +141,21 @@ fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
             }
         }
     }
-    let below: [S; 4] = std::array::from_fn(|k| a[k][k].min(zero));
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..4).fold(zero, |sum, k| (below[k] * v[i.min(j)][k]).mul_add(v[i.max(j)][k], sum))))
+    let mut g = a;
+    for i in 0..4 {
+        g[i][i] = a[i][i].min(zero);
+        for j in 0..i {
+            let (low, high) = (a[i][i].min(a[j][j]), a[i][i].max(a[j][j]));
+            let (some, both) = (low.lt(zero), high.lt(zero));
+            // Of one sign: 1 or 0, whatever the distance is.
+            let apart = S::select(both, one, S::select(some, low - high, one));
+            let share = S::select(both, one, S::select(some, low / apart, zero));
+            g[i][j] = share * a[i][j];
+            g[j][i] = g[i][j];
+        }
+    }
+    let n = product(&product(&v, &g), &transposed(&v));
+    std::array::from_fn(|i| std::array::from_fn(|j| n[i.min(j)][i.max(j)]))
 }
 
 impl Projection {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::linalg::gain::{AnyGain, Gain};
-use crate::scalar::{run_lanes, run_scalar};
+use crate::scalar::{Dual, run_lanes, run_scalar};
 
 /// A heavy core and four corners, and a body that is none.
 const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
@@ -35,6 +35,36 @@ fn negative_parts_of_matrices() {
     assert!(cross.as_flattened().iter().all(|x| x.abs() < 1e-13), "{cross:?}");
     assert!(negative_part(&rest).as_flattened().iter().all(|x| x.abs() < 1e-14));
     assert!((least_pivot(&full) > 0.0) == (n == zero) && least_pivot(&product(&full, &transposed(&full))) > 0.0);
+}
+
+/// The derivative of the negative part along `d`, by dual numbers.
+fn slope(a: &Pseudo<f64>, d: &Pseudo<f64>) -> Pseudo<f64> {
+    let moving: Pseudo<Dual> = std::array::from_fn(|i| std::array::from_fn(|j| Dual::new(a[i][j], d[i][j])));
+    negative_part(&moving).map(|row| row.map(|x| x.rate))
+}
+
+#[test]
+fn derivatives_where_eigenvalues_are_equal() {
+    let d = [[1.0, 2.0, 0.5, -1.0], [2.0, -1.0, 0.3, 0.2], [0.5, 0.3, 0.1, 4.0], [-1.0, 0.2, 4.0, 1e-3]];
+    let diagonal = |x: [f64; 4]| -> Pseudo<f64> { std::array::from_fn(|i| std::array::from_fn(|j| if i == j { x[i] } else { 0.0 })) };
+    // All equal and negative: the derivative is the direction itself; positive: nothing.
+    assert_eq!(slope(&diagonal([-0.5; 4]), &d), d);
+    assert_eq!(slope(&diagonal([0.5; 4]), &d), [[0.0; 4]; 4]);
+    // Two pairs, turned: `V (F o V' D V) V'`, `F` 1 in the negative pair, 0 in the other, 2/5 between -2 and 3.
+    let (c, s) = (0.6, 0.8);
+    let v: Pseudo<f64> = [[c, 0.0, s, 0.0], [0.0, c, 0.0, -s], [-s, 0.0, c, 0.0], [0.0, s, 0.0, c]];
+    let inside = |a: &Pseudo<f64>| product(&product(&transposed(&v), a), &v);
+    let outside = |a: &Pseudo<f64>| product(&product(&v, a), &transposed(&v));
+    let mut expected = inside(&d);
+    for (i, row) in expected.iter_mut().enumerate() {
+        row.iter_mut().enumerate().for_each(|(j, x)| *x *= [1.0, 0.4, 0.0][i / 2 + j / 2]);
+    }
+    let expected = outside(&expected);
+    let found = slope(&outside(&diagonal([-2.0, -2.0, 3.0, 3.0])), &d);
+    for (x, y) in found.as_flattened().iter().zip(expected.as_flattened()) {
+        // Rates of the turned axes are bounded by 1 / SAME, of which rounding is left.
+        assert!((x - y).abs() < 1e-8, "{found:?} {expected:?}");
+    }
 }
 
 #[test]
