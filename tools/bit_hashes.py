@@ -44,6 +44,7 @@ SPRING = al.ElasticImpedance(TWO, [0.6, 0.4], [300.0, 200.0], [40.0, 30.0], 800.
 WALL = al.Wall("link2", point=[0.75, 0.0, 0.0], normal=[-1.0, 0.0, 0.0], stiffness=1e4, damping=50.0)
 PRESS = al.CartesianImpedance(TWO, [0.8, 0.2], [300.0, 300.0], [40.0, 40.0], frame="link2", axes="xy")
 TASKS = [al.Task("link4", "xy", [1.2, 1.0], 5.0), al.Task("link2", "xy", [0.9, 0.8], 5.0)]
+POSE = [al.Task("tcp", "xyz", [0.4, 0.2, 0.5], 40.0), al.Task("tcp", "rx ry rz", [0.1, 3.0, 0.2], 40.0)]
 CLOCK = al.Sampling(5e-3, delay=2e-3, jitter=1e-3, noise={"q": 1e-3, "v": 1e-2}, resolution={"q": 1e-4}, seed=3)
 
 
@@ -104,6 +105,9 @@ BATCHES = {
     "4R priority acceleration": Batch(
         al.RigidArm(FOUR), al.PriorityAcceleration(FOUR, [al.Task("link4", "xy", [1.2, 1.0], 100.0)]), FIXED | {"sample_time": 1e-2}
     ),
+    "4R priority velocity program": Batch(al.VelocityArm(FOUR), al.PriorityVelocity(FOUR, TASKS), PROGRAM),
+    "7 axes priority acceleration program": Batch(al.RigidArm(SEVEN), al.PriorityAcceleration(SEVEN, POSE), PROGRAM),
+    "2R wall program": Batch(al.RigidArm(TWO, wall=WALL), PRESS, PROGRAM),
 }
 
 

@@ -181,13 +181,15 @@ arm = al.load_urdf(al.example_urdf("six_axis"))
 law = al.ComputedTorque(arm, al.Quintic(np.zeros(6), np.full(6, 0.4), 0.1), 100.0, 20.0)
 run = al.simulate(al.RigidArm(arm), law, np.linspace(0.1, -0.2, 6), t_end=0.15, dt=1e-3)
 batch = al.simulate_batch(al.RigidArm(arm), law, np.linspace(np.zeros(6), np.full(6, 0.3), 11), t_end=0.15, dt=1e-3)
+ordered = al.PriorityAcceleration(arm, [al.Task("flange", "xyz", [0.4, 0.2, 0.5], 40.0), al.Task("flange", "rx ry", [0.3, 1.0], 40.0)])
+tasks = al.simulate_batch(al.RigidArm(arm), ordered, np.linspace(np.zeros(6), np.full(6, 0.3), 3), t_end=0.15, dt=1e-3)
 q = np.linspace(np.full(6, -0.7), np.full(6, 0.9), 50)
 J = arm.jacobian(q, "flange")
 v = al.solve_priority([J[:, :3], J[:, 3:5]], [[0.1, 0.2, 0.3], [0.4, 0.5]]).v
 w = al.PrioritySolver.for_arm(arm, [al.Task("flange", "xyz"), al.Task("flange", "rx")]).solve(q, [[0.1, 0.2, 0.3], [0.4]])
 free = [al.simulate(al.RigidArm(arm), law, np.linspace(0.1, -0.2, 6), t_end=1.0, method=method) for method in ("dop853", "rodas4")]
 print(run.stats["engine"], batch.stats["engine"], free[0].stats["engine"], free[1].stats["engine"], al.build_info()["programs"])
-parts = [run.q, run.tau, batch.q, batch.tau, v, w, *(part for run in free for part in (run.q, run.tau))]
+parts = [run.q, run.tau, batch.q, batch.tau, tasks.q, tasks.tau, v, w, *(part for run in free for part in (run.q, run.tau))]
 print(b"".join(part.tobytes() for part in parts).hex())
 """
 

@@ -12,7 +12,7 @@ use crate::interrupt::look;
 use crate::law::{Law, LawSpec};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::linalg::symmetric_eigen;
-use crate::plant::{PlantSpec, Stop, unilateral};
+use crate::plant::{LaneWall, PlantSpec, Stop, unilateral};
 use crate::scalar::{Dual, Real};
 use crate::spatial::V3;
 use crate::status::Status;
@@ -147,7 +147,7 @@ impl<'a, S: Real> Forces<'a, S> {
         let mut push = V3::zero();
         if let Some(wall) = self.rest.plant.wall() {
             let (p, jacobian) = self.arm.jacobian(wall.frame);
-            push = wall.force(p, V3::zero(), None).0;
+            push = LaneWall::new(|_| wall).force(p, V3::zero(), None).0;
             for i in 0..n {
                 for k in 0..3 {
                     self.load[i] = jacobian[k * n + i].neg_mul_add(push[k], self.load[i]);

@@ -14,6 +14,7 @@ use super::Coordinates;
 use super::coordinates::parse_axes;
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
 use crate::spatial::{M3, V3, rotation_exp};
 
 /// What of an arm is controlled.
@@ -176,8 +177,8 @@ fn direction(argument: &str, x: [f64; 3]) -> Result<V3<f64>> {
 }
 
 /// The rotation whose vector has these rows, and zeros elsewhere.
-pub(super) fn desired_rotation(rows: &[usize], target: &[f64]) -> M3<f64> {
-    let mut vector = [0.0; 3];
+pub(super) fn desired_rotation<S: Real>(rows: &[usize], target: &[S]) -> M3<S> {
+    let mut vector = [S::zero(); 3];
     for (&row, &x) in rows.iter().zip(target) {
         if row > 2 {
             vector[row - 3] = x;
@@ -187,9 +188,11 @@ pub(super) fn desired_rotation(rows: &[usize], target: &[f64]) -> M3<f64> {
 }
 
 /// The turn vector that takes the unit vector `a` to `d` the short way; `across` chooses the way from opposite to aligned.
-pub(super) fn turn_between(a: V3<f64>, d: V3<f64>, across: V3<f64>) -> V3<f64> {
+pub(super) fn turn_between<S: Real>(a: V3<S>, d: V3<S>, across: V3<S>) -> V3<S> {
     let (axis, cosine) = (a.cross(d), a.dot(d));
-    let sine = axis.norm();
+    let sine = axis.dot(axis).sqrt();
     let angle = sine.atan2(cosine);
-    if sine > 0.0 { axis.scale(angle / sine) } else { across.scale(angle) }
+    let turns = S::zero().lt(sine);
+    let part = angle / sine;
+    V3(std::array::from_fn(|k| S::select(turns, axis[k] * part, across[k] * angle)))
 }

@@ -3,12 +3,13 @@
 use super::task::{TaskFunction, desired_rotation, turn_between};
 use super::task_stack::{TaskStack, placed};
 use crate::arm::BASE;
+use crate::scalar::Real;
 use crate::spatial::{M3, V3, rotation_log};
 
-impl TaskStack {
+impl<S: Real> TaskStack<S> {
     /// Error `e` and feed-forward velocity `w` of task `k`, `(rows,)` each, for its target `[x_d, x_d', x_d'']`; the feed-forward
     /// acceleration into `a` where it is asked for.
-    pub fn error(&mut self, k: usize, desired: &[f64], e: &mut [f64], w: &mut [f64], a: Option<&mut [f64]>) {
+    pub fn error(&mut self, k: usize, desired: &[S], e: &mut [S], w: &mut [S], a: Option<&mut [S]>) {
         let m = self.functions[k].target_size();
         let (target, rest) = desired.split_at(m);
         let (rate, acceleration) = rest.split_at(m);
@@ -16,7 +17,7 @@ impl TaskStack {
             self.gather_subtrees(false);
         }
         let (tree, poses) = (&self.tree, &self.poses[..]);
-        let pose_error = |rows: &[usize], r: M3<f64>, p: V3<f64>, e: &mut [f64]| {
+        let pose_error = |rows: &[usize], r: M3<S>, p: V3<S>, e: &mut [S]| {
             let turns = rows.iter().any(|&row| row > 2);
             let turn = if turns { rotation_log(&desired_rotation(rows, target).times(r.transpose())) } else { V3::zero() };
             for ((e, &row), &x) in e.iter_mut().zip(rows).zip(target) {
@@ -34,7 +35,7 @@ impl TaskStack {
             }
             TaskFunction::CentreOfMass { rows } => {
                 let top = self.subtrees.iter().zip(&tree.bodies).filter(|(_, body)| body.parent == BASE);
-                let (m, h) = top.fold((0.0, V3::zero()), |(m, h), (s, _)| (m + s.0, h + s.1));
+                let (m, h) = top.fold((S::zero(), V3::zero()), |(m, h), (s, _)| (m + s.0, h + s.1));
                 for ((e, &row), &x) in e.iter_mut().zip(rows).zip(target) {
                     *e = x - h[row] / m;
                 }
@@ -46,24 +47,24 @@ impl TaskStack {
             }
             TaskFunction::JointLimits { joints, lower, upper } => {
                 for (row, &joint) in joints.iter().enumerate() {
-                    e[row] = self.q[joint].max(lower[row]).min(upper[row]) - self.q[joint];
+                    e[row] = self.q[joint].max(S::splat(lower[row])).min(S::splat(upper[row])) - self.q[joint];
                 }
-                w.fill(0.0);
+                w.fill(S::zero());
                 if let Some(a) = a {
-                    a.fill(0.0);
+                    a.fill(S::zero());
                 }
                 return;
             }
             TaskFunction::Axis { frame, axis, across } => {
                 let r = placed(tree, poses, *frame).r;
-                let world = across.map(|b| r.apply(b));
-                let three = |x: &[f64]| V3([x[0], x[1], x[2]]);
+                let world = across.map(|b| r.apply(b.lift()));
+                let three = |x: &[S]| V3([x[0], x[1], x[2]]);
                 let (d, d_dot, d_ddot) = (three(target), three(rate), three(acceleration));
-                let (square, length) = (d.dot(d), d.norm());
-                let turn = turn_between(r.apply(*axis), d.scale(1.0 / length), world[0]);
+                let (one, square) = (S::splat(1.0), d.dot(d));
+                let turn = turn_between(r.apply(axis.lift()), d.scale(one / square.sqrt()), world[0]);
                 // The direction turns at d x d' / |d|^2.
-                let spin = d.cross(d_dot).scale(1.0 / square);
-                let spin_dot = (d.cross(d_ddot) - spin.scale(2.0 * d.dot(d_dot))).scale(1.0 / square);
+                let spin = d.cross(d_dot).scale(one / square);
+                let spin_dot = (d.cross(d_ddot) - spin.scale(S::splat(2.0) * d.dot(d_dot))).scale(one / square);
                 for (row, &b) in world.iter().enumerate() {
                     (e[row], w[row]) = (b.dot(turn), b.dot(spin));
                 }

@@ -115,12 +115,10 @@ impl<S: Real> TaskStack<S> {
         super::place(&self.tree, &self.trig, q, &mut self.poses[..self.needed]);
     }
 
-    /// As [`TaskStack::place`] with the (sin, cos) of the joints known, of the first lane.
+    /// As [`TaskStack::place`] with the (sin, cos) of the joints known.
     #[inline(always)]
-    pub fn place_at<T: Real>(&mut self, q: &[S], trig: &[(T, T)]) {
-        for (to, from) in self.trig.iter_mut().zip(trig) {
-            *to = (S::splat(from.0.lane(0)), S::splat(from.1.lane(0)));
-        }
+    pub fn place_at(&mut self, q: &[S], trig: &[(S, S)]) {
+        self.trig.copy_from_slice(trig);
         self.place_known(q);
     }
 

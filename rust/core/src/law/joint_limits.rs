@@ -108,18 +108,18 @@ impl JointLimits {
         options
     }
 
-    /// Bounds of the joint velocities at `q`; all `(n,)`.
-    pub fn velocities(&self, q: &[f64], lower: &mut [f64], upper: &mut [f64]) {
-        for i in 0..q.len() {
-            (lower[i], upper[i]) = self.velocity(i, q[i], self.horizon, 2.0 * self.a_max[i]);
+    /// Bounds of the joint velocities at joint positions `q(i)`; `(n,)`.
+    pub fn velocities(&self, q: impl Fn(usize) -> f64, lower: &mut [f64], upper: &mut [f64]) {
+        for i in 0..lower.len() {
+            (lower[i], upper[i]) = self.velocity(i, q(i), self.horizon, 2.0 * self.a_max[i]);
         }
     }
 
-    /// Bounds of the joint accelerations at `q` and `v`; all `(n,)`.
-    pub fn accelerations(&self, q: &[f64], v: &[f64], lower: &mut [f64], upper: &mut [f64]) {
-        for i in 0..q.len() {
-            let (slow, fast) = self.velocity(i, q[i], 4.0 * self.horizon, self.a_max[i]);
-            let bound = |to: f64| ((to - v[i]) / self.horizon).clamp(-self.a_max[i], self.a_max[i]);
+    /// Bounds of the joint accelerations at joint positions `q(i)` and velocities `v(i)`; `(n,)`.
+    pub fn accelerations(&self, q: impl Fn(usize) -> f64, v: impl Fn(usize) -> f64, lower: &mut [f64], upper: &mut [f64]) {
+        for i in 0..lower.len() {
+            let (slow, fast) = self.velocity(i, q(i), 4.0 * self.horizon, self.a_max[i]);
+            let bound = |to: f64| ((to - v(i)) / self.horizon).clamp(-self.a_max[i], self.a_max[i]);
             (lower[i], upper[i]) = (bound(slow), bound(fast));
         }
     }

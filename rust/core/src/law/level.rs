@@ -3,8 +3,9 @@
 use crate::arm::Arm;
 use crate::error::{Error, Result};
 use crate::kinematics::{TaskFunction, TaskStack};
-use crate::linalg::gain::{Gain, Multiply};
+use crate::linalg::gain::Gain;
 use crate::motion::Motion;
+use crate::priority::Options;
 use crate::scalar::Real;
 
 /// One level of priority: `v = x_d' + K e`.
@@ -41,8 +42,13 @@ impl Level {
 }
 
 /// The tasks of these levels, placed on an arm.
-pub(crate) fn stack(arm: &Arm, levels: &[Level]) -> TaskStack {
+pub(crate) fn stack<S: Real>(arm: &Arm, levels: &[Level]) -> TaskStack<S> {
     TaskStack::new(arm, levels.iter().map(|level| level.function.clone()).collect())
+}
+
+/// Numbers of the desired motions.
+pub(crate) fn desired_size(levels: &[Level]) -> usize {
+    levels.iter().map(|level| 3 * level.function.target_size()).sum()
 }
 
 /// Refuse a law without tasks.
@@ -50,16 +56,8 @@ pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
     if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
 }
 
-/// The numbers of a loop as plain ones.
-#[inline(always)]
-pub(crate) fn plain<S: Real>(to: &mut [f64], from: &[S]) {
-    for (to, from) in to.iter_mut().zip(from) {
-        *to = from.lane(0);
-    }
-}
-
-/// `y += K x` on plain numbers.
-#[inline(always)]
-pub(crate) fn add_product(gain: &crate::linalg::AnyGain<f64>, x: &[f64], y: &mut [f64]) {
-    gain.add_to(x, y);
+/// Whether both solve the same tasks by the same route: they may differ in targets, gains and thresholds.
+pub(super) fn same_tasks((levels, options): (&[Level], &Options), (others, other): (&[Level], &Options)) -> bool {
+    let given = |options: &Options| (options.method, options.eps.is_some(), options.weight.is_some());
+    levels.iter().map(|level| &level.function).eq(others.iter().map(|level| &level.function)) && given(options) == given(other)
 }

@@ -8,6 +8,7 @@ mod arm_batch;
 mod arm_solver;
 mod cartesian_impedance;
 mod computed_torque;
+mod decided;
 mod elastic_impedance;
 mod evaluator;
 mod external;
@@ -29,6 +30,7 @@ pub use arm_batch::ArmBatch;
 pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
+pub use decided::{Decided, RecordedSolver};
 pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
@@ -36,6 +38,7 @@ pub use inertia_reduction::{Reduction, ReductionSpec};
 pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
 pub use joint_limits::{GivenLimits, HORIZON, JointLimits};
 pub use level::Level;
+use level::same_tasks;
 pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
 pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
@@ -57,6 +60,12 @@ pub trait Law<S: Real> {
 
     /// The time of the samples that follow: for laws that are a function of time itself, asked at samples alone.
     fn at(&mut self, _t: f64) {}
+
+    /// One where the last evaluation is right, zero where it has to be taken directly; `None` for a law that is always right.
+    #[inline(always)]
+    fn stands(&self) -> Option<S> {
+        None
+    }
 
     /// The rate at which the law's Lyapunov function falls, as of the last evaluation; zero without one.
     #[inline(always)]
@@ -264,6 +273,21 @@ impl LawSpec {
         matches!(self, LawSpec::External(_) | LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_))
     }
 
+    /// Whether the law can be recorded: if it decides, then by a route without a branch that says where it does not stand.
+    pub fn is_recordable(&self) -> bool {
+        match self {
+            LawSpec::External(_) => false,
+            LawSpec::PriorityVelocity(law) => law.options.method.has_regular_route(),
+            LawSpec::PriorityAcceleration(law) => law.options.method.has_regular_route(),
+            _ => true,
+        }
+    }
+
+    /// Whether it is then asked whether it stands.
+    pub fn is_guarded(&self) -> bool {
+        self.is_scalar() && self.is_recordable()
+    }
+
     /// Rows of each level of a law of tasks in priority; empty for any other.
     pub fn level_rows(&self) -> Vec<usize> {
         match self {
@@ -297,6 +321,12 @@ impl LawSpec {
             && self.initial_state().len() == other.initial_state().len()
             && match (self, other) {
                 (LawSpec::Adaptive(law), LawSpec::Adaptive(other)) => law.same_shape(other),
+                (LawSpec::PriorityVelocity(law), LawSpec::PriorityVelocity(other)) => {
+                    same_tasks((&law.levels, &law.options), (&other.levels, &other.options))
+                }
+                (LawSpec::PriorityAcceleration(law), LawSpec::PriorityAcceleration(other)) => {
+                    same_tasks((&law.levels, &law.options), (&other.levels, &other.options))
+                }
                 _ => true,
             }
     }
@@ -340,6 +370,10 @@ impl<S: Real, L: Law<S>> Law<S> for OutOfLine<L> {
 
     fn at(&mut self, t: f64) {
         self.0.at(t);
+    }
+
+    fn stands(&self) -> Option<S> {
+        self.0.stands()
     }
 
     #[inline(never)]

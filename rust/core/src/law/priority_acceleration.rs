@@ -4,13 +4,15 @@
 //! left, which stops motions that no task sees; `tau = M a + C v + g`. The map `sns` keeps `a` within bounds that follow from the
 //! limits of the joints at every evaluation: see `joint_limits`.
 
+use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{GivenLimits, JointLimits};
-use super::level::{Level, add_product, plain, require_levels, stack};
+use super::level::{Level, desired_size, require_levels, stack};
 use super::{Definition, Instant, Law, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::TaskStack;
-use crate::linalg::{AnyGain, dot};
+use crate::linalg::AnyGain;
+use crate::linalg::gain::Multiply;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::priority::{Method, Options, PrioritySolver};
@@ -57,10 +59,17 @@ impl PriorityAccelerationSpec {
         PrioritySolver::new(n, &[self.rows(), vec![n]].concat(), &self.options)
     }
 
+    /// The law on plain numbers.
     pub fn engine(&self) -> PriorityAcceleration {
-        let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
+        let Ok(solver) = self.solver() else { unreachable!("refused when the law was made") };
+        self.with(solver)
+    }
+
+    fn with<P: Solve>(&self, solver: P) -> PriorityAcceleration<P> {
+        let Ok(arm) = self.model.tree("arm") else { unreachable!("refused when the law was made") };
         let (n, total) = (self.model.n(), self.rows().iter().sum::<usize>());
         let model = AnyArm::from_lanes(|_| &self.model);
+        let zeros = |k: usize| vec![P::Number::zero(); k];
         PriorityAcceleration {
             stack: stack(arm, &self.levels),
             solver,
@@ -68,17 +77,12 @@ impl PriorityAccelerationSpec {
             arm: model,
             gains: self.levels.iter().map(|level| AnyGain::from_lanes(|_| &level.gain)).collect(),
             dampings: self.levels.iter().map(Level::rate_gain).map(|gain| AnyGain::from_lanes(|_| &gain)).collect(),
-            joint_damping: self.joint_damping,
+            joint_damping: P::Number::from_lanes(|_| self.joint_damping),
             limits: self.limits.clone(),
             bounds: (vec![0.0; n], vec![0.0; n]),
-            q: vec![0.0; n],
-            v: vec![0.0; n],
-            trig: vec![(0.0, 1.0); n],
-            tau: vec![0.0; n],
-            desired: vec![0.0; self.levels.iter().map(|level| 3 * level.function.target_size()).sum()],
-            e: vec![0.0; total],
-            e_dot: vec![0.0; total],
-            rate: vec![0.0; total * n],
+            e: zeros(total),
+            e_dot: zeros(total),
+            rate: zeros(total * n),
         }
     }
 }
@@ -86,7 +90,7 @@ impl PriorityAccelerationSpec {
 impl Definition for PriorityAccelerationSpec {
     const NAME: &'static str = "PriorityAcceleration";
     const PLANT: PlantKind = PlantKind::Rigid;
-    type Lanes<S: Real> = PriorityAcceleration;
+    type Lanes<S: Real> = Decided<PriorityAcceleration, PriorityAcceleration<RecordedSolver>>;
 
     fn model(&self) -> &Model {
         &self.model
@@ -95,8 +99,10 @@ impl Definition for PriorityAccelerationSpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> PriorityAcceleration {
-        of(0).engine()
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
+        let (law, n) = (of(0), of(0).model.n());
+        let recorded = || Some(law.with(RecordedSolver::new(&law.solver().ok()?)?));
+        Decided::new::<S>([desired_size(&law.levels), n, 2 * n], || law.engine(), recorded)
     }
 
     /// As of the velocity law, with `e_dot`, `J_dot` and the acceleration; residuals are of accelerations.
@@ -126,25 +132,20 @@ impl Definition for PriorityAccelerationSpec {
 }
 
 /// The law in a loop; its buffers stay warm between calls.
-pub struct PriorityAcceleration {
-    stack: TaskStack,
-    solver: PrioritySolver,
-    arm: AnyArm<f64>,
-    workspace: Workspace<f64>,
-    gains: Vec<AnyGain<f64>>,
-    dampings: Vec<AnyGain<f64>>,
-    joint_damping: f64,
+pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
+    stack: TaskStack<P::Number>,
+    solver: P,
+    arm: AnyArm<P::Number>,
+    workspace: Workspace<P::Number>,
+    gains: Vec<AnyGain<P::Number>>,
+    dampings: Vec<AnyGain<P::Number>>,
+    joint_damping: P::Number,
     limits: Option<JointLimits>,
     bounds: (Vec<f64>, Vec<f64>),
-    q: Vec<f64>,
-    v: Vec<f64>,
-    trig: Vec<(f64, f64)>,
-    tau: Vec<f64>,
-    desired: Vec<f64>,
-    e: Vec<f64>,
-    e_dot: Vec<f64>,
+    e: Vec<P::Number>,
+    e_dot: Vec<P::Number>,
     /// `dJ/dt`, `(sum rows, n)`.
-    rate: Vec<f64>,
+    rate: Vec<P::Number>,
 }
 
 impl PriorityAcceleration {
@@ -157,24 +158,12 @@ impl PriorityAcceleration {
             at += m;
         }
     }
+}
 
-    fn command(&mut self) -> Result<()> {
-        let PriorityAcceleration {
-            stack,
-            solver,
-            gains,
-            dampings,
-            limits,
-            bounds: (lower, upper),
-            q,
-            v,
-            desired,
-            e,
-            e_dot,
-            rate,
-            joint_damping,
-            ..
-        } = self;
+impl<P: Solve> PriorityAcceleration<P> {
+    fn command(&mut self, desired: &[P::Number], q: &[P::Number], v: &[P::Number]) -> Result<()> {
+        let PriorityAcceleration { stack, solver, gains, dampings, limits, bounds: (lower, upper), e, e_dot, rate, joint_damping, .. } =
+            self;
         let (n, total) = (v.len(), e.len());
         stack.set_moving(v);
         stack.jacobians_dot(rate);
@@ -187,46 +176,56 @@ impl PriorityAcceleration {
             stack.error(k, &desired[from..from + width], e, e_dot, Some(a));
             for i in 0..m {
                 let row = (at + i) * n..(at + i + 1) * n;
-                e_dot[i] -= dot(&jacobian[row.clone()], v);
-                a[i] -= dot(&rate[row], v);
+                e_dot[i] -= product(&jacobian[row.clone()], v);
+                a[i] -= product(&rate[row], v);
             }
-            add_product(&dampings[k], e_dot, a);
-            add_product(&gains[k], e, a);
+            dampings[k].add_to(e_dot, a);
+            gains[k].add_to(e, a);
             at += m;
             from += width;
         }
         let (identity, rest) = (&mut jacobian[total * n..], &mut command[total..]);
-        identity.fill(0.0);
+        identity.fill(P::Number::zero());
         for i in 0..n {
-            identity[i * n + i] = 1.0;
+            identity[i * n + i] = P::Number::splat(1.0);
             rest[i] = -*joint_damping * v[i];
         }
-        if let Some(limits) = limits {
-            limits.accelerations(q, v, lower, upper);
-            solver.set_bounds(lower, upper)?;
-        }
-        solver.set_rounding(stack.rounding())?;
-        solver.run().map(|_| ())
+        solver.solve(stack.rounding(), |solver| match limits {
+            Some(limits) => {
+                limits.accelerations(|i| q[i].lane(0), |i| v[i].lane(0), lower, upper);
+                solver.set_bounds(lower, upper)
+            }
+            None => Ok(()),
+        })
     }
 }
 
-impl<S: Real> Law<S> for PriorityAcceleration {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
-        let n = self.q.len();
-        plain(&mut self.q, &x[..n]);
-        plain(&mut self.v, &x[n..2 * n]);
-        plain(&mut self.desired, desired);
-        for (to, from) in self.trig.iter_mut().zip(trig) {
-            *to = (from.0.lane(0), from.1.lane(0));
-        }
-        self.stack.place_at(&self.q, trig);
-        match self.command() {
+fn product<S: Real>(x: &[S], y: &[S]) -> S {
+    x.iter().zip(y).fold(S::zero(), |sum, (&x, &y)| sum + x * y)
+}
+
+impl<P: Solve> Law<P::Number> for PriorityAcceleration<P> {
+    fn evaluate(
+        &mut self,
+        desired: &[P::Number],
+        trig: &[(P::Number, P::Number)],
+        x: &[P::Number],
+        _: &[P::Number],
+        tau: &mut [P::Number],
+        _: &mut [P::Number],
+    ) {
+        let (q, v) = x.split_at(tau.len());
+        self.stack.place_at(q, trig);
+        match self.command(desired, q, v) {
             Ok(()) => {
-                let PriorityAcceleration { arm, workspace, trig, q, v, solver, tau: torque, .. } = self;
-                arm.inverse_dynamics(workspace, trig, q, v, solver.v(), torque);
-                tau.iter_mut().zip(torque).for_each(|(tau, &mut torque)| *tau = S::splat(torque));
+                let PriorityAcceleration { arm, workspace, solver, .. } = self;
+                arm.inverse_dynamics(workspace, trig, q, v, solver.v(), tau);
             }
-            Err(_) => tau.fill(S::splat(f64::NAN)),
+            Err(_) => tau.fill(P::Number::splat(f64::NAN)),
         }
+    }
+
+    fn stands(&self) -> Option<P::Number> {
+        self.solver.stands()
     }
 }

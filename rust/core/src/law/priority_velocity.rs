@@ -4,16 +4,18 @@
 //!
 //! The map `sns` keeps `u` within bounds that follow from the limits of the joints at every evaluation: see `joint_limits`.
 //!
-//! Ranks are decided on entries that carry a relative error of `8 eps (1 + sum|q|)`. The maps branch on singular values, so
-//! this law runs on one number at a time.
+//! Ranks are decided on entries that carry a relative error of `8 eps (1 + sum|q|)`. The maps branch on singular values, so this law runs on
+//! one number at a time; a recording takes the route for regular stacks and says where it does not stand.
 
+use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{GivenLimits, JointLimits};
-use super::level::{Level, add_product, plain, require_levels, stack};
+use super::level::{Level, desired_size, require_levels, stack};
 use super::{Definition, Instant, Law, Term};
 use crate::dynamics::Model;
 use crate::error::Result;
 use crate::kinematics::TaskStack;
 use crate::linalg::AnyGain;
+use crate::linalg::gain::Multiply;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::priority::{Method, Options, PrioritySolver};
@@ -52,7 +54,12 @@ impl PriorityVelocitySpec {
 
     /// The law on plain numbers.
     pub fn engine(&self) -> PriorityVelocity {
-        let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
+        let Ok(solver) = self.solver() else { unreachable!("refused when the law was made") };
+        self.with(solver)
+    }
+
+    fn with<P: Solve>(&self, solver: P) -> PriorityVelocity<P> {
+        let Ok(arm) = self.model.tree("arm") else { unreachable!("refused when the law was made") };
         let (n, total) = (self.model.n(), self.rows().iter().sum());
         PriorityVelocity {
             stack: stack(arm, &self.levels),
@@ -60,9 +67,7 @@ impl PriorityVelocitySpec {
             gains: self.levels.iter().map(|level| AnyGain::from_lanes(|_| &level.gain)).collect(),
             limits: self.limits.clone(),
             bounds: (vec![0.0; n], vec![0.0; n]),
-            q: vec![0.0; n],
-            desired: vec![0.0; self.levels.iter().map(|level| 3 * level.function.target_size()).sum()],
-            e: vec![0.0; total],
+            e: vec![P::Number::zero(); total],
         }
     }
 }
@@ -82,7 +87,7 @@ pub fn with_limits(model: &Model, mut options: Options) -> Result<Options> {
 impl Definition for PriorityVelocitySpec {
     const NAME: &'static str = "PriorityVelocity";
     const PLANT: PlantKind = PlantKind::Velocity;
-    type Lanes<S: Real> = PriorityVelocity;
+    type Lanes<S: Real> = Decided<PriorityVelocity, PriorityVelocity<RecordedSolver>>;
 
     fn model(&self) -> &Model {
         &self.model
@@ -91,8 +96,10 @@ impl Definition for PriorityVelocitySpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> PriorityVelocity {
-        of(0).engine()
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
+        let (law, n) = (of(0), of(0).model.n());
+        let recorded = || Some(law.with(RecordedSolver::new(&law.solver().ok()?)?));
+        Decided::new::<S>([desired_size(&law.levels), n, n], || law.engine(), recorded)
     }
 
     /// `e`, `J` and the residuals of all levels, one after another, `rows` of each; ranks, the velocity.
@@ -118,15 +125,13 @@ impl Definition for PriorityVelocitySpec {
 }
 
 /// The law in a loop; its buffers stay warm between calls.
-pub struct PriorityVelocity {
-    stack: TaskStack,
-    solver: PrioritySolver,
-    gains: Vec<AnyGain<f64>>,
+pub struct PriorityVelocity<P: Solve = PrioritySolver> {
+    stack: TaskStack<P::Number>,
+    solver: P,
+    gains: Vec<AnyGain<P::Number>>,
     limits: Option<JointLimits>,
     bounds: (Vec<f64>, Vec<f64>),
-    q: Vec<f64>,
-    desired: Vec<f64>,
-    e: Vec<f64>,
+    e: Vec<P::Number>,
 }
 
 impl PriorityVelocity {
@@ -139,9 +144,11 @@ impl PriorityVelocity {
             at += m;
         }
     }
+}
 
-    fn command(&mut self) -> Result<()> {
-        let PriorityVelocity { stack, solver, gains, limits, bounds: (lower, upper), q, desired, e } = self;
+impl<P: Solve> PriorityVelocity<P> {
+    fn command(&mut self, desired: &[P::Number], q: &[P::Number]) -> Result<()> {
+        let PriorityVelocity { stack, solver, gains, limits, bounds: (lower, upper), e } = self;
         let (jacobian, command) = solver.inputs();
         stack.jacobians(jacobian);
         let (mut at, mut from) = (0, 0);
@@ -149,28 +156,39 @@ impl PriorityVelocity {
             let (m, width) = (stack.rows()[k], 3 * stack.functions()[k].target_size());
             let (e, w) = (&mut e[at..at + m], &mut command[at..at + m]);
             stack.error(k, &desired[from..from + width], e, w, None);
-            add_product(gain, e, w);
+            gain.add_to(e, w);
             at += m;
             from += width;
         }
-        if let Some(limits) = limits {
-            limits.velocities(q, lower, upper);
-            solver.set_bounds(lower, upper)?;
-        }
-        solver.set_rounding(stack.rounding())?;
-        solver.run().map(|_| ())
+        solver.solve(stack.rounding(), |solver| match limits {
+            Some(limits) => {
+                limits.velocities(|i| q[i].lane(0), lower, upper);
+                solver.set_bounds(lower, upper)
+            }
+            None => Ok(()),
+        })
     }
 }
 
-impl<S: Real> Law<S> for PriorityVelocity {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
-        plain(&mut self.q, x);
-        plain(&mut self.desired, desired);
-        self.stack.place_at(&self.q, trig);
-        match self.command() {
-            Ok(()) => tau.iter_mut().zip(self.solver.v()).for_each(|(tau, &v)| *tau = S::splat(v)),
+impl<P: Solve> Law<P::Number> for PriorityVelocity<P> {
+    fn evaluate(
+        &mut self,
+        desired: &[P::Number],
+        trig: &[(P::Number, P::Number)],
+        x: &[P::Number],
+        _: &[P::Number],
+        tau: &mut [P::Number],
+        _: &mut [P::Number],
+    ) {
+        self.stack.place_at(x, trig);
+        match self.command(desired, x) {
+            Ok(()) => tau.copy_from_slice(self.solver.v()),
             // The run ends here, with its status.
-            Err(_) => tau.fill(S::splat(f64::NAN)),
+            Err(_) => tau.fill(P::Number::splat(f64::NAN)),
         }
+    }
+
+    fn stands(&self) -> Option<P::Number> {
+        self.solver.stands()
     }
 }

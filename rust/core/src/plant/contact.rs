@@ -39,16 +39,37 @@ impl Wall {
         n.dot(V3(self.point).lift::<S>() - p)
     }
 
-    /// The force on a frame at `p` that moves at `p_dot`, and the power lost in the wall; `held`: see [`push`].
-    #[inline(always)]
-    pub fn force<S: Real>(&self, p: V3<S>, p_dot: V3<S>, held: Option<Touch>) -> (V3<S>, S) {
-        let n = V3(self.normal).lift::<S>();
-        let (force, lost) = push(S::splat(self.stiffness), S::splat(self.damping), self.depth(p), -n.dot(p_dot), held);
-        (n.scale(force), lost)
-    }
-
     /// Energy stored in the wall.
     pub fn energy(&self, p: [f64; 3]) -> f64 {
         stored(self.stiffness, self.depth(V3(p)))
+    }
+}
+
+/// The walls of the lanes, at one frame.
+pub struct LaneWall<S> {
+    pub frame: usize,
+    point: V3<S>,
+    normal: V3<S>,
+    stiffness: S,
+    damping: S,
+}
+
+impl<S: Real> LaneWall<S> {
+    pub fn new<'a>(of: impl Fn(usize) -> &'a Wall) -> Self {
+        LaneWall {
+            frame: of(0).frame,
+            point: V3(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).point[k]))),
+            normal: V3(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).normal[k]))),
+            stiffness: S::from_lanes(|lane| of(lane).stiffness),
+            damping: S::from_lanes(|lane| of(lane).damping),
+        }
+    }
+
+    /// The force on the frame at `p` that moves at `p_dot`, and the power lost in the wall; `held`: see [`push`].
+    #[inline(always)]
+    pub fn force(&self, p: V3<S>, p_dot: V3<S>, held: Option<Touch>) -> (V3<S>, S) {
+        let (depth, rate) = (self.normal.dot(self.point - p), -self.normal.dot(p_dot));
+        let (force, lost) = push(self.stiffness, self.damping, depth, rate, held);
+        (self.normal.scale(force), lost)
     }
 }

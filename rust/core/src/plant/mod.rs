@@ -11,7 +11,7 @@ mod stops;
 pub mod unilateral;
 mod velocity;
 
-pub use contact::Wall;
+pub use contact::{LaneWall, Wall};
 pub use elastic::{Elastic, ElasticSpec};
 pub use rigid::{Rigid, RigidSpec};
 pub use stops::{Stop, Stops};
@@ -168,7 +168,7 @@ impl PlantSpec {
     pub fn same_shape(&self, other: &PlantSpec) -> bool {
         self.kind() == other.kind()
             && self.model().same_geometry(other.model())
-            && self.wall().is_some() == other.wall().is_some()
+            && self.wall().map(|wall| wall.frame) == other.wall().map(|wall| wall.frame)
             && self.stops().into_iter().flat_map(Stops::all).eq(other.stops().into_iter().flat_map(Stops::all))
             && self.friction() == other.friction()
     }

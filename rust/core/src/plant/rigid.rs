@@ -1,5 +1,6 @@
 //! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`, `x = [q, v]`.
 
+use super::contact::LaneWall;
 use super::stops::{LaneStops, Stops};
 use super::{Plant, Power, Touch, Wall};
 use crate::dynamics::energy::friction_torque;
@@ -39,7 +40,7 @@ pub(super) struct Links<S: Real> {
     pub ws: Workspace<S>,
     pub n: usize,
     force_frame: Option<usize>,
-    walls: Option<Vec<Wall>>,
+    wall: Option<LaneWall<S>>,
     stops: Option<LaneStops<S>>,
     /// How the contacts are held, the wall first; empty where they follow the state.
     held: Vec<Touch>,
@@ -57,7 +58,7 @@ impl<S: Real> Links<S> {
     ) -> Self {
         let n = model(0).n();
         let arm = AnyArm::from_lanes(model);
-        let walls = wall(0).map(|first| (0..S::LANES).map(|i| wall(i).unwrap_or(first).clone()).collect());
+        let walls = wall(0).map(|first| LaneWall::new(|i| wall(i).unwrap_or(first)));
         let stops = stops(0).map(|first| LaneStops::new(|i| stops(i).unwrap_or(first)));
         let contacts = usize::from(walls.is_some()) + stops.as_ref().map_or(0, LaneStops::len);
         let used = force_frame.is_some() || wall(0).is_some();
@@ -66,7 +67,7 @@ impl<S: Real> Links<S> {
             arm,
             n,
             force_frame,
-            walls,
+            wall: walls,
             stops,
             held: Vec::with_capacity(contacts),
             jacobian: vec![S::zero(); if used { 6 * n } else { 0 }],
@@ -95,8 +96,8 @@ impl<S: Real> Links<S> {
                 power = torque.mul_add(v[i], power);
             }
         }
-        if let Some(walls) = &self.walls {
-            let p = self.arm.jacobian(&mut self.ws, trig, q, walls[0].frame, &mut self.jacobian);
+        if let Some(wall) = &self.wall {
+            let p = self.arm.jacobian(&mut self.ws, trig, q, wall.frame, &mut self.jacobian);
             let p_dot = V3(std::array::from_fn(|k| {
                 let mut sum = S::zero();
                 for i in 0..self.n {
@@ -105,7 +106,7 @@ impl<S: Real> Links<S> {
                 sum
             }));
             let held = self.held.first().copied();
-            let (f, lost) = if S::LANES == 1 { walls[0].force(p, p_dot, held) } else { each_wall(walls, p, p_dot) };
+            let (f, lost) = wall.force(p, p_dot, held);
             for i in 0..self.n {
                 for k in 0..3 {
                     self.effort[i] = self.jacobian[k * self.n + i].mul_add(f[k], self.effort[i]);
@@ -114,7 +115,7 @@ impl<S: Real> Links<S> {
             power -= lost;
         }
         if let Some(stops) = &self.stops {
-            let held = (!self.held.is_empty()).then(|| &self.held[usize::from(self.walls.is_some())..]);
+            let held = (!self.held.is_empty()).then(|| &self.held[usize::from(self.wall.is_some())..]);
             power -= stops.add(q, v, held, &mut self.effort);
         }
         power
@@ -125,13 +126,6 @@ impl<S: Real> Links<S> {
     pub fn accelerate(&mut self, trig: &[(S, S)], q: &[S], v: &[S], a: &mut [S]) {
         self.arm.forward_dynamics(&mut self.ws, trig, q, v, &self.effort, a);
     }
-}
-
-/// The walls of the lanes, each its own.
-#[inline(never)]
-fn each_wall<S: Real>(walls: &[Wall], p: V3<S>, p_dot: V3<S>) -> (V3<S>, S) {
-    let one = |i: usize| walls[i].force(V3(p.0.map(|x| x.lane(i))), V3(p_dot.0.map(|x| x.lane(i))), None);
-    (V3(std::array::from_fn(|k| S::from_lanes(|i| one(i).0[k]))), S::from_lanes(|i| one(i).1))
 }
 
 /// The plant in a loop.

@@ -134,7 +134,7 @@ impl Real for Dual {
     fn atan2(self, x: Self) -> Self {
         let length = x.value * x.value + self.value * self.value;
         let rate = x.value * self.rate - self.value * x.rate;
-        Dual::new(self.value.atan2(x.value), if rate == 0.0 { 0.0 } else { rate / length })
+        Dual::new(Real::atan2(self.value, x.value), if rate == 0.0 { 0.0 } else { rate / length })
     }
     #[inline(always)]
     fn lt(self, other: Self) -> bool {

@@ -5,6 +5,7 @@
 //! they call on the hot path is `#[inline(always)]`, because the instruction set is that of the function
 //! they end up in: [`Real::enter`] is the only door into a region compiled for AVX2 + FMA or AVX-512.
 
+mod atan;
 pub mod dual;
 pub mod duals;
 pub mod lanes;
@@ -94,8 +95,11 @@ pub trait Real:
         self.sin_cos()
     }
 
-    /// The angle of the point `(x, self)`, through the library function: for orientation errors, not for hot loops.
-    fn atan2(self, x: Self) -> Self;
+    /// The angle of the point `(x, self)` to 1 ulp or so.
+    #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        atan::atan2(self, x)
+    }
 
     /// `self < other`, lane by lane; false where either is NaN.
     fn lt(self, other: Self) -> Self::Mask;

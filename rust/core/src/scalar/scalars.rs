@@ -108,10 +108,6 @@ macro_rules! single_number {
             ($wrap(s), $wrap(c))
         }
         #[inline(always)]
-        fn atan2(self, x: Self) -> Self {
-            $wrap($get(self).atan2($get(x)))
-        }
-        #[inline(always)]
         fn lt(self, other: Self) -> bool {
             $get(self) < $get(other)
         }

@@ -148,6 +148,8 @@ pub struct ClosedLoop<'a, S: Real> {
     /// The plant's input as of the last evaluation.
     pub tau: Vec<S>,
     dz: Vec<S>,
+    /// One as long as every answer of the law since it was set was right, else zero.
+    pub stands: S,
     now: Exogenous<S>,
     /// Room for the answer that acts while another one is worked out.
     acting: (Vec<S>, Vec<S>),
@@ -179,6 +181,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             trig,
             tau: vec![S::zero(); n],
             dz: vec![S::zero(); p],
+            stands: S::splat(1.0),
             now,
             acting: (vec![S::zero(); n], vec![S::zero(); p]),
         }
@@ -200,6 +203,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             trig: self.trig,
             tau: self.tau,
             dz: self.dz,
+            stands: self.stands,
             now: self.now,
             acting: self.acting,
         }
@@ -229,6 +233,9 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     #[inline(always)]
     fn control(&mut self, desired: &[S], measured: &[S], z: &[S]) {
         self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, &mut self.dz);
+        if let Some(stands) = self.law.stands() {
+            self.stands = self.stands.min(stands);
+        }
         self.saturate();
     }
 

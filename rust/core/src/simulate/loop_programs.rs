@@ -6,11 +6,11 @@ use crate::trace::{Cut, Engine, Frame, Part, Places, Program, Room, Stream, engi
 
 /// Which entries of a recording are the results.
 pub struct Tracing {
-    /// The law's input and rate.
+    /// The law's input and rate, and whether they stand.
     pub law: Vec<u32>,
     /// The rates of a stage, where a step runs them as a program of their own.
     pub rates: Option<Vec<u32>>,
-    /// The cuts of the step, before each stage, and the next state.
+    /// The cuts of the step, before each stage, and the next state with whether it stands.
     pub cuts: Vec<Cut>,
     pub next: Vec<u32>,
 }
@@ -89,7 +89,9 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Progr
     let (form, engine, reach) = (form(lanes), engine(), layout.reach() as u32);
     let to = |first: usize, entries: &[u32]| entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect::<Vec<_>>();
     let mut cuts = tracing.cuts;
-    cuts.push(Cut { end: ops.len() as u32, outputs: to(layout.state(), &tracing.next) });
+    let (next, stands) = tracing.next.split_at(layout.states);
+    let outputs = [to(layout.state(), next), to(layout.stands(), stands)].concat();
+    cuts.push(Cut { end: ops.len() as u32, outputs });
     let (places, mut free) = segments::join(ops, &mut cuts, layout.slots() as u32);
     let width = layout.exogenous() as u32;
     let stream = Stream {
@@ -112,8 +114,8 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Progr
     let law = program(0, &to(layout.tau(), &tracing.law), &none, None);
     let step = match tracing.rates {
         Some(rates) => {
-            let rates = program(0, &to(layout.rates(), &rates), &none, None);
-            Step::Stages { segments, rates, first: layout.rates(), count: layout.states }
+            let (first, count) = (layout.rates(), rates.len());
+            Step::Stages { segments, rates: program(0, &to(first, &rates), &none, None), first, count }
         }
         None => Step::Whole(segments.remove(0)),
     };

@@ -22,6 +22,7 @@ mod programs;
 mod rates_loop;
 mod rates_programs;
 mod recorded;
+mod redo;
 mod running_rates;
 mod sampler;
 mod sampling;

@@ -5,6 +5,7 @@ use super::closed_loop::{Exogenous, World};
 use super::force::Wrench;
 use super::general::Watched;
 use super::recorded::{Layout, Recorded};
+use super::redo::Direct;
 use super::sampler::Sampler;
 use crate::integrate::{FixedStep, System};
 use crate::interrupt::look;
@@ -35,6 +36,12 @@ pub struct ProgramLoop<'a, S: Real> {
     seen: Vec<S>,
     /// The exogenous inputs of all whole steps from the first one on, where somebody sampled them in advance.
     table: Option<&'a [f64]>,
+    /// What takes the steps of each lane that the programs decline; empty where they decline none.
+    direct: Vec<Box<dyn Direct + 'a>>,
+    /// The state and the largest angles before what may be declined.
+    before: (Vec<S>, [f64; MOST_LANES]),
+    /// State, input and rate of one lane.
+    row: (Vec<f64>, Vec<f64>, Vec<f64>),
 }
 
 impl<'a, S: Real> ProgramLoop<'a, S> {
@@ -73,6 +80,9 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             dz: answer.1.clone(),
             acting: answer,
             seen: vec![S::zero(); recorded.layout.states],
+            direct: Vec::new(),
+            before: (vec![S::zero(); recorded.layout.states], [0.0; MOST_LANES]),
+            row: (vec![0.0; recorded.layout.states], vec![0.0; n], vec![0.0; p]),
             recorded,
             world,
             table,
@@ -81,8 +91,85 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
 
     /// Whether lane `lane` turned by an angle for which the programs' sines are not made.
     pub fn strayed(&self, lane: usize) -> bool {
-        let (lanes, reach) = (self.frames[0].lanes(), self.recorded.layout.reach());
-        !(self.frames[lane / lanes].numbers()[reach * lanes + lane % lanes] < REDUCTION_LIMIT)
+        !(self.number(self.recorded.layout.reach(), lane) < REDUCTION_LIMIT)
+    }
+
+    /// What a slot holds in a lane.
+    fn number(&self, slot: usize, lane: usize) -> f64 {
+        let lanes = self.frames[0].lanes();
+        self.frames[lane / lanes].numbers()[slot * lanes + lane % lanes]
+    }
+
+    fn set_number(&mut self, slot: usize, lane: usize, x: f64) {
+        let lanes = self.frames[0].lanes();
+        self.frames[lane / lanes].slot_mut(slot)[lane % lanes] = x;
+    }
+
+    /// Let these take what the programs decline, lane by lane.
+    pub fn redo_by(&mut self, direct: Vec<Box<dyn Direct + 'a>>) {
+        self.direct = direct;
+    }
+
+    /// Note the state before something that may be declined.
+    fn remember(&mut self, x: &[S]) {
+        if self.direct.is_empty() {
+            return;
+        }
+        self.before.0.copy_from_slice(x);
+        for lane in 0..S::LANES {
+            self.before.1[lane] = self.number(self.recorded.layout.reach(), lane);
+            self.set_number(self.recorded.layout.stands(), lane, 1.0);
+        }
+    }
+
+    /// Whether a lane was declined. Where the state is no number there is nothing to decide.
+    fn declined(&self, lane: usize) -> bool {
+        !self.direct.is_empty()
+            && self.number(self.recorded.layout.stands(), lane) != 1.0
+            && self.before.0.iter().all(|x| x.lane(lane).is_finite())
+    }
+
+    /// The lane's state before, for what takes it from here; the angles of what was declined do not count.
+    fn back(&mut self, lane: usize) {
+        self.row.0.iter_mut().zip(&self.before.0).for_each(|(to, from)| *to = from.lane(lane));
+        self.set_number(self.recorded.layout.reach(), lane, self.before.1[lane]);
+    }
+
+    /// Take the step `[t, end]` of size `h` again in the lanes that were declined.
+    fn redo(&mut self, t: f64, h: f64, end: f64, x: &mut [S]) {
+        for lane in 0..S::LANES {
+            if !self.declined(lane) {
+                continue;
+            }
+            self.back(lane);
+            let (state, tau, dz) = &mut self.row;
+            tau.iter_mut().zip(&self.tau).for_each(|(to, from)| *to = from.lane(lane));
+            dz.iter_mut().zip(&self.dz).for_each(|(to, from)| *to = from.lane(lane));
+            self.direct[lane].step(t, h, end, self.held.then_some((&*tau, &*dz)), state);
+            for (x, &new) in x.iter_mut().zip(&self.row.0) {
+                let others = *x;
+                *x = S::from_lanes(|i| if i == lane { new } else { others.lane(i) });
+            }
+        }
+    }
+
+    /// Ask the law of the lanes that were declined again.
+    fn answer_again(&mut self, t: f64) {
+        let (first, rate) = (self.recorded.layout.tau(), self.recorded.layout.law_rate());
+        for lane in 0..S::LANES {
+            if !self.declined(lane) {
+                continue;
+            }
+            self.back(lane);
+            let (state, tau, dz) = &mut self.row;
+            self.direct[lane].answer(t, state, tau, dz);
+            for k in 0..self.row.1.len() {
+                self.set_number(first + k, lane, self.row.1[k]);
+            }
+            for k in 0..self.row.2.len() {
+                self.set_number(rate + k, lane, self.row.2[k]);
+            }
+        }
     }
 
     /// The law at state `x = [plant, law, ..]` and time `t`, into `self.tau` and the frames.
@@ -92,9 +179,11 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         self.world.sample(t, &mut self.now);
         write_instant(&mut self.frames, layout, 0, &self.now);
         write(&mut self.frames, layout.state(), x);
+        self.remember(x);
         for frame in &mut self.frames {
             recorded.programs.answer(frame);
         }
+        self.answer_again(t);
         read(&self.frames, layout.tau(), &mut self.tau);
         read(&self.frames, layout.law_rate(), &mut self.dz);
     }
@@ -240,6 +329,11 @@ impl<S: Real> ProgramStep<S> {
         (self.end_time, self.end) = (if layout.ends_at_last() { end } else { f64::NAN }, first + layout.instants.len() - 1);
     }
 
+    /// Forget what is there.
+    fn restart_stream(&mut self) {
+        self.end_time = f64::NAN;
+    }
+
     /// One instant of the streams to another place.
     fn copy(&mut self, layout: &Layout, from: usize, to: usize) {
         for stream in self.streams.iter_mut().filter(|_| from != to) {
@@ -299,8 +393,10 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
     fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
         let recorded = system.recorded.clone();
         self.fill(&recorded.layout, &mut system.world, 0, t, h, end);
+        system.remember(x);
         if let Some(program) = recorded.programs.whole() {
-            return self.run(system, program, h, 1, x);
+            self.run(system, program, h, 1, x);
+            return system.redo(t, h, end, x);
         }
         let layout = &recorded.layout;
         for k in 0..layout.instants.len() {
@@ -320,31 +416,42 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
             recorded.programs.advance(frame);
         }
         read(&system.frames, layout.state(), x);
+        system.redo(t, h, end, x);
     }
 
     fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
         let recorded = system.recorded.clone();
         let Some(program) = recorded.programs.whole() else { return false };
-        if let Some(table) = system.table {
-            let from = first * recorded.layout.new_instants() * recorded.layout.exogenous();
-            system.run_along(program, |_| &table[from..], h, count, x);
-            return true;
-        }
-        let time = |step: usize| step as f64 * h;
-        let mut done = 0;
+        let (table, mut done) = (system.table, 0);
+        let most = if table.is_some() && system.direct.is_empty() { count } else { TURNS };
         while done < count {
-            let turns = (count - done).min(TURNS);
-            for turn in 0..turns {
-                let step = first + done + turn;
-                self.fill(&recorded.layout, &mut system.world, turn, time(step), h, time(step + 1));
+            let (turns, from) = ((count - done).min(most), first + done);
+            system.remember(x);
+            if let Some(table) = table {
+                let from = from * recorded.layout.new_instants() * recorded.layout.exogenous();
+                system.run_along(program, |_| &table[from..], h, turns, x);
+            } else {
+                for turn in 0..turns {
+                    let (t, end) = ((from + turn) as f64 * h, (from + turn + 1) as f64 * h);
+                    self.fill(&recorded.layout, &mut system.world, turn, t, h, end);
+                }
+                self.run(system, program, h, turns, x);
             }
-            self.run(system, program, h, turns, x);
+            if (0..S::LANES).any(|lane| system.declined(lane)) {
+                // One by one from the start: the other lanes take the same steps again.
+                (0..S::LANES).for_each(|lane| system.back(lane));
+                x.copy_from_slice(&system.before.0);
+                self.restart_stream();
+                for step in from..from + turns {
+                    self.step(system, step as f64 * h, h, (step + 1) as f64 * h, x);
+                }
+            }
             done += turns;
         }
         true
     }
 
     fn restart(&mut self) {
-        self.end_time = f64::NAN;
+        self.restart_stream();
     }
 }

@@ -9,6 +9,7 @@ use super::key::Common;
 use super::problem::{Division, Ended, Fixed, Problem};
 use super::program_loop::{ProgramLoop, ProgramStep, tabulate};
 use super::recorded::{self, Recorded, Seen};
+use super::redo;
 use super::sink::Sink;
 use crate::scalar::{Array8, Real, run_scalar};
 use crate::trace::Engine;
@@ -118,6 +119,9 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
             structures.table.as_deref(),
             given,
         );
+        if recorded.layout.guards > 0 {
+            closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, at(lane))).collect());
+        }
         let method = ProgramStep::new(&closed);
         let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
         let group = General { problem, division, first, stop, sink: &mut chosen, asked: None, rates: None };

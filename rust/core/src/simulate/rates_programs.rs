@@ -140,7 +140,7 @@ pub struct RecordedRates {
 fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
     // An adaptive method holds every contact as it is within a step.
-    let free = !method.is_adaptive() || problem.plants.iter().all(|plant| plant.is_free());
+    let free = problem.plants.iter().all(|plant| if method.is_adaptive() { plant.is_free() } else { plant.wall().is_none() });
     (method.is_adaptive() || method.is_implicit()) && free && !problem.law(0).is_scalar()
 }
 

@@ -39,6 +39,8 @@ pub struct Layout {
     pub states: usize,
     pub inputs: usize,
     pub law_states: usize,
+    /// One if the law says whether its answer stands, else none.
+    pub guards: usize,
     /// All inputs of the programs.
     pub all_inputs: usize,
     /// The exogenous input is the same for all lanes.
@@ -61,9 +63,13 @@ impl Layout {
     pub fn law_rate(&self) -> usize {
         self.tau() + self.inputs
     }
+    /// One as long as the law's answers stand, else zero: a step changes it.
+    pub fn stands(&self) -> usize {
+        self.law_rate() + self.law_states
+    }
     /// The state and the exogenous input of a stage.
     pub fn stage(&self) -> usize {
-        self.law_rate() + self.law_states
+        self.stands() + self.guards
     }
     pub fn stage_input(&self) -> usize {
         self.stage() + self.states
@@ -121,10 +127,10 @@ impl Recorded {
     }
 }
 
-/// Whether the loops of a problem may run as programs: fixed explicit steps, a law without a branch on data.
+/// Whether the loops of a problem may run as programs: fixed explicit steps, a law with a route that does not branch on data.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method, Method::Euler | Method::SemiImplicit | Method::Rk4)
-        && !problem.law(0).is_scalar()
+        && problem.law(0).is_recordable()
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
 
@@ -190,6 +196,7 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
         states: closed.size(),
         inputs: closed.tau.len(),
         law_states: closed.law_rate().len(),
+        guards: usize::from(problem.law(run).is_guarded()),
         all_inputs: 0,
         shared: common.shared,
     };
@@ -220,17 +227,24 @@ fn trace(closed: ClosedLoop<Sym>, method: Method, layout: &Layout) -> Option<Tra
     let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| instant()).collect();
     let (x, h) = (inputs(layout.states), sym::input());
     let (tau, dz) = (inputs(layout.inputs), inputs(layout.law_states));
+    let stood = inputs(layout.guards);
     let (stage, stage_input) = (inputs(layout.states), instant());
-    let mut rates = inputs(layout.states);
+    let mut rates = inputs(layout.states + layout.guards);
     let mut closed = RecordedLoop { closed, layout, cuts: None };
     closed.closed.turn_to(&x);
     closed.closed.answer(&u[0], &x);
-    let law = closed.closed.tau.iter().chain(closed.closed.law_rate()).map(|value| value.index()).collect();
+    let mut law: Vec<Sym> = closed.closed.tau.iter().chain(closed.closed.law_rate()).copied().collect();
+    law.extend(stood.iter().map(|_| closed.closed.stands));
     if closed.closed.held().is_some() {
         closed.closed.hold_input(&tau, &dz);
     }
     let before = sym::recorded().0;
-    closed.rhs(&stage_input, &stage, &mut rates);
+    closed.closed.stands = Sym::splat(1.0);
+    closed.rhs(&stage_input, &stage, &mut rates[..layout.states]);
+    rates[layout.states..].fill(closed.closed.stands);
+    if let Some(&stood) = stood.first() {
+        closed.closed.stands = stood;
+    }
     if sym::recorded().0 - before > LARGE {
         closed.cuts = Some(Vec::new());
     }
@@ -241,11 +255,12 @@ fn trace(closed: ClosedLoop<Sym>, method: Method, layout: &Layout) -> Option<Tra
         Method::Rk4 => advance(Rk4::new(state, first), closed, u, h, x),
         Method::Ros2 | Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4 => return None,
     };
-    let rates = cuts.is_some().then(|| rates.into_iter().map(Sym::index).collect());
-    Some(Tracing { law, rates, cuts: cuts.unwrap_or_default(), next })
+    let entries = |values: Vec<Sym>| values.into_iter().map(Sym::index).collect();
+    let rates = cuts.is_some().then(|| entries(rates));
+    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next })
 }
 
-/// The entries of the next state, and the cuts of a step in parts.
+/// The entries of the next state and of whether it stands, and the cuts of a step in parts.
 fn advance<'a, M>(
     mut method: M,
     mut closed: RecordedLoop<'a>,
@@ -260,6 +275,7 @@ where
         *method.input(k) = u;
     }
     method.advance(&mut closed, h, &mut x);
+    x.extend((0..closed.layout.guards).map(|_| closed.closed.stands));
     (x.into_iter().map(Sym::index).collect(), closed.cuts)
 }
 
@@ -290,6 +306,9 @@ impl System<Sym> for RecordedLoop<'_> {
         outputs.extend(of(self.layout.stage_input(), &mut input.into_iter()));
         cuts.push(Cut { end: sym::recorded().0, outputs });
         dx.fill_with(sym::input);
+        for _ in 0..self.layout.guards {
+            self.closed.stands = self.closed.stands.min(sym::input());
+        }
     }
     fn pairs(&self) -> Pairs {
         self.closed.pairs()

@@ -160,10 +160,6 @@ impl Real for Sym {
             None => (Sym(tape.push(Op::Sin(self.0))), Sym(tape.push(Op::Cos(self.0)))),
         })
     }
-    /// Not recorded yet: a loop that takes it runs directly.
-    fn atan2(self, x: Sym) -> Sym {
-        Sym::splat(self.lane(0).atan2(x.lane(0)))
-    }
     fn lt(self, other: Sym) -> Sym {
         on_tape(|tape| Sym(tape.less(self.0, other.0)))
     }

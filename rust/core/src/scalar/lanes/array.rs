@@ -155,10 +155,6 @@ where
         (s, c)
     }
     #[inline(always)]
-    fn atan2(self, x: Self) -> Self {
-        Self::from_lanes(|i| self.lane(i).atan2(x.lane(i)))
-    }
-    #[inline(always)]
     fn lt(self, other: Self) -> [u64; 8] {
         from_fn(|i| if self.0[i] < other.0[i] { u64::MAX } else { 0 })
     }

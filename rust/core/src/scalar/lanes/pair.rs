@@ -112,10 +112,6 @@ impl<V: Real> Real for Pair<V> {
         (Pair(s0, s1), Pair(c0, c1))
     }
     #[inline(always)]
-    fn atan2(self, x: Self) -> Self {
-        Self::from_lanes(|i| self.lane(i).atan2(x.lane(i)))
-    }
-    #[inline(always)]
     fn lt(self, other: Self) -> Self::Mask {
         (self.0.lt(other.0), self.1.lt(other.1))
     }

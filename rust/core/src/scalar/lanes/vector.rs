@@ -136,10 +136,6 @@ macro_rules! vector {
                 ($name(s), $name(c))
             }
             #[inline(always)]
-            fn atan2(self, x: Self) -> Self {
-                Self::from_lanes(|i| self.lane(i).atan2(x.lane(i)))
-            }
-            #[inline(always)]
             fn lt(self, other: Self) -> $mask {
                 lt(self.0, other.0)
             }

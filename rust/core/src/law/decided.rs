@@ -1,0 +1,146 @@
+//! Laws that decide ranks: on plain numbers by every route, or recorded by the regular route alone, which says whether it stands.
+
+use super::Law;
+use crate::error::Result;
+use crate::priority::{PrioritySolver, Regular};
+use crate::scalar::Real;
+use crate::trace::Sym;
+use std::any::Any;
+
+/// A solver of prioritised tasks, as a law sees it.
+pub trait Solve {
+    type Number: Real;
+
+    /// The stacked Jacobians and task velocities, to be filled.
+    fn inputs(&mut self) -> (&mut [Self::Number], &mut [Self::Number]);
+    /// Solve for what was filled in, whose Jacobians have entries with this relative error; within bounds where there are any.
+    fn solve(&mut self, rounding: Self::Number, bounds: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()>;
+    /// The joint velocities found.
+    fn v(&self) -> &[Self::Number];
+    /// One where they are right, zero where another route has to be taken; `None` where they always are.
+    fn stands(&self) -> Option<Self::Number>;
+}
+
+impl Solve for PrioritySolver {
+    type Number = f64;
+
+    fn inputs(&mut self) -> (&mut [f64], &mut [f64]) {
+        PrioritySolver::inputs(self)
+    }
+    fn solve(&mut self, rounding: f64, bounds: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
+        bounds(self)?;
+        self.set_rounding(rounding)?;
+        self.run().map(|_| ())
+    }
+    fn v(&self) -> &[f64] {
+        PrioritySolver::v(self)
+    }
+    fn stands(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// The regular route on recorded numbers.
+pub struct RecordedSolver {
+    route: Regular<Sym>,
+    jacobian: Vec<Sym>,
+    command: Vec<Sym>,
+    stands: Sym,
+}
+
+impl RecordedSolver {
+    /// With the sizes and options of `solver`; `None` where its method has no such route.
+    pub fn new(solver: &PrioritySolver) -> Option<Self> {
+        let total = solver.rows().iter().sum::<usize>();
+        let (jacobian, command) = (vec![Sym::zero(); total * solver.n()], vec![Sym::zero(); total]);
+        Some(RecordedSolver { route: solver.regular()?, jacobian, command, stands: Sym::zero() })
+    }
+}
+
+impl Solve for RecordedSolver {
+    type Number = Sym;
+
+    fn inputs(&mut self) -> (&mut [Sym], &mut [Sym]) {
+        (&mut self.jacobian, &mut self.command)
+    }
+    fn solve(&mut self, rounding: Sym, _: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
+        self.stands = self.route.solve(rounding, &self.jacobian, &self.command);
+        Ok(())
+    }
+    fn v(&self) -> &[Sym] {
+        &self.route.v
+    }
+    fn stands(&self) -> Option<Sym> {
+        Some(self.stands)
+    }
+}
+
+/// One of the two behind the numbers of a loop.
+pub enum Decided<L, R> {
+    Plain(L, Buffers<f64>),
+    Recorded(R, Buffers<Sym>),
+}
+
+/// What a law reads and writes, on its own number.
+pub struct Buffers<T> {
+    desired: Vec<T>,
+    trig: Vec<(T, T)>,
+    x: Vec<T>,
+    tau: Vec<T>,
+}
+
+impl<T: Real> Buffers<T> {
+    fn new([desired, n, states]: [usize; 3]) -> Self {
+        let zeros = |k: usize| vec![T::zero(); k];
+        Buffers { desired: zeros(desired), trig: vec![(T::zero(), T::zero()); n], x: zeros(states), tau: zeros(n) }
+    }
+
+    fn evaluate<S: Real>(
+        &mut self,
+        law: &mut impl Law<T>,
+        (to, back): (impl Fn(S) -> T, impl Fn(T) -> S),
+        (desired, trig, x): (&[S], &[(S, S)], &[S]),
+        tau: &mut [S],
+    ) {
+        self.desired.iter_mut().zip(desired).for_each(|(own, &given)| *own = to(given));
+        self.trig.iter_mut().zip(trig).for_each(|(own, given)| *own = (to(given.0), to(given.1)));
+        self.x.iter_mut().zip(x).for_each(|(own, &given)| *own = to(given));
+        law.evaluate(&self.desired, &self.trig, &self.x, &[], &mut self.tau, &mut []);
+        tau.iter_mut().zip(&self.tau).for_each(|(tau, &own)| *tau = back(own));
+    }
+}
+
+/// A number as another one of the same type.
+fn same<A: Any, B: Any + Copy>(x: A) -> Option<B> {
+    (&x as &dyn Any).downcast_ref().copied()
+}
+
+impl<L, R> Decided<L, R> {
+    /// The law for the number `S`, of so many desired numbers, joints and states.
+    pub fn new<S: Real>(sizes: [usize; 3], plain: impl FnOnce() -> L, recorded: impl FnOnce() -> Option<R>) -> Self {
+        let recorded = if same::<S, Sym>(S::zero()).is_some() { recorded() } else { None };
+        match recorded {
+            Some(law) => Decided::Recorded(law, Buffers::new(sizes)),
+            None => Decided::Plain(plain(), Buffers::new(sizes)),
+        }
+    }
+}
+
+impl<S: Real, L: Law<f64>, R: Law<Sym>> Law<S> for Decided<L, R> {
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+        let given = (desired, trig, x);
+        match self {
+            Decided::Plain(law, buffers) => buffers.evaluate(law, (|x: S| x.lane(0), S::splat), given, tau),
+            Decided::Recorded(law, buffers) => {
+                buffers.evaluate(law, (|x: S| same(x).unwrap_or_default(), |x: Sym| same(x).unwrap_or_default()), given, tau);
+            }
+        }
+    }
+
+    fn stands(&self) -> Option<S> {
+        match self {
+            Decided::Plain(..) => None,
+            Decided::Recorded(law, _) => law.stands().and_then(same),
+        }
+    }
+}
