@@ -47,8 +47,8 @@ def solve(**options: Any) -> al.Integration:
         (lambda: solve(y0=np.broadcast_to(0.0, (3 * 10**6,)), method="rodas4"), MemoryError, "^integrate: "),
         (lambda: solve(y0=np.broadcast_to(0.0, (3 * 10**6,)), method="radau5"), MemoryError, "^integrate: "),
         (lambda: al.time_path(al.planar_pr(2.0, 0.5, 0.5), lambda s: [s, s], tau_max=9.0, samples=10**12), al.InputError, "samples is out"),
-        (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="metrics"), MemoryError, "Unable to allocate"),
-        (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="final", progress=print), MemoryError, "Unable to allocate"),
+        (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="metrics"), MemoryError, "^simulate_batch: "),
+        (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="final", progress=print), MemoryError, "^simulate_batch: "),
     ],
 )
 def test_absurd_sizes(call: Callable[[], object], error: type[Exception], message: str) -> None:

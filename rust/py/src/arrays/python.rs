@@ -5,7 +5,7 @@ use super::sequence::items;
 use super::shape::{Axis, Form, WHATEVER};
 use super::single::{name as text, whole};
 use super::write::copied;
-use crate::errors::{Failure, entry};
+use crate::errors::{Failure, entry, to_python};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
@@ -44,12 +44,19 @@ pub fn numbers<'py>(
         let axes: Vec<Vec<Axis<'_>>> =
             shapes.iter().map(|shape| shape.iter().map(axis).collect::<Result<_, _>>()).collect::<Result<_, Failure>>()?;
         let forms: Vec<Form<'_>> = if axes.is_empty() { vec![WHATEVER] } else { axes.iter().map(|axes| Form(axes)).collect() };
-        let looked = Looked::at(function, name, value)?.of(&forms)?;
-        if looked.is_in_place() {
-            return Ok(value.clone());
-        }
-        let (shape, values) = looked.values()?;
-        copied(py, &shape, &values)
+        let read = || -> Result<Bound<'py, PyAny>, Failure> {
+            let looked = Looked::at(function, name, value)?.of(&forms)?;
+            if looked.is_in_place() {
+                return Ok(value.clone());
+            }
+            let (shape, values) = looked.values()?;
+            copied(py, &shape, &values)
+        };
+        // What does not fit in memory is said in the name of who asked.
+        read().map_err(|failure| match failure {
+            Failure::Core(error) => to_python(py, function, error).into(),
+            failure => failure,
+        })
     })
 }
 
