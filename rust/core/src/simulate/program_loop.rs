@@ -5,7 +5,7 @@ use super::closed_loop::{Exogenous, World};
 use super::force::Wrench;
 use super::general::Watched;
 use super::recorded::{Layout, Recorded};
-use super::redo::Direct;
+use super::redo::Redo;
 use super::sampler::Sampler;
 use crate::integrate::{FixedStep, System};
 use crate::interrupt::look;
@@ -16,32 +16,28 @@ use crate::trace::{Frame, Program, form};
 use std::sync::Arc;
 
 /// Lanes of the widest number that a loop runs on.
-const MOST_LANES: usize = 8;
+pub(super) const MOST_LANES: usize = 8;
 
 /// The loop of one run (`f64`) or of several side by side, of one structure.
 pub struct ProgramLoop<'a, S: Real> {
-    recorded: Arc<Recorded>,
+    pub(super) recorded: Arc<Recorded>,
     world: World<'a>,
     /// Side by side the lanes of `S`, as many in each as the code has.
     frames: Vec<Frame>,
     now: Exogenous<S>,
-    held: bool,
+    pub(super) held: bool,
     /// The clock of a controller that is late or sees badly; `None` for a perfect one.
     sampler: Option<Sampler<S>>,
-    tau: Vec<S>,
-    dz: Vec<S>,
+    pub(super) tau: Vec<S>,
+    pub(super) dz: Vec<S>,
     /// What acts while another answer is worked out.
     acting: (Vec<S>, Vec<S>),
     /// The state as the controller sees it.
     seen: Vec<S>,
     /// The exogenous inputs of all whole steps from the first one on, where somebody sampled them in advance.
     table: Option<&'a [f64]>,
-    /// What takes the steps of each lane that the programs decline; empty where they decline none.
-    direct: Vec<Box<dyn Direct + 'a>>,
-    /// The state and the largest angles before what may be declined.
-    before: (Vec<S>, [f64; MOST_LANES]),
-    /// State, input and rate of one lane.
-    row: (Vec<f64>, Vec<f64>, Vec<f64>),
+    /// What takes the steps that the programs decline.
+    pub(super) redo: Redo<'a, S>,
 }
 
 impl<'a, S: Real> ProgramLoop<'a, S> {
@@ -80,9 +76,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             dz: answer.1.clone(),
             acting: answer,
             seen: vec![S::zero(); recorded.layout.states],
-            direct: Vec::new(),
-            before: (vec![S::zero(); recorded.layout.states], [0.0; MOST_LANES]),
-            row: (vec![0.0; recorded.layout.states], vec![0.0; n], vec![0.0; p]),
+            redo: Redo::new([recorded.layout.states, n, p]),
             recorded,
             world,
             table,
@@ -95,81 +89,14 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
     }
 
     /// What a slot holds in a lane.
-    fn number(&self, slot: usize, lane: usize) -> f64 {
+    pub(super) fn number(&self, slot: usize, lane: usize) -> f64 {
         let lanes = self.frames[0].lanes();
         self.frames[lane / lanes].numbers()[slot * lanes + lane % lanes]
     }
 
-    fn set_number(&mut self, slot: usize, lane: usize, x: f64) {
+    pub(super) fn set_number(&mut self, slot: usize, lane: usize, x: f64) {
         let lanes = self.frames[0].lanes();
         self.frames[lane / lanes].slot_mut(slot)[lane % lanes] = x;
-    }
-
-    /// Let these take what the programs decline, lane by lane.
-    pub fn redo_by(&mut self, direct: Vec<Box<dyn Direct + 'a>>) {
-        self.direct = direct;
-    }
-
-    /// Note the state before something that may be declined.
-    fn remember(&mut self, x: &[S]) {
-        if self.direct.is_empty() {
-            return;
-        }
-        self.before.0.copy_from_slice(x);
-        for lane in 0..S::LANES {
-            self.before.1[lane] = self.number(self.recorded.layout.reach(), lane);
-            self.set_number(self.recorded.layout.stands(), lane, 1.0);
-        }
-    }
-
-    /// Whether a lane was declined. Where the state is no number there is nothing to decide.
-    fn declined(&self, lane: usize) -> bool {
-        !self.direct.is_empty()
-            && self.number(self.recorded.layout.stands(), lane) != 1.0
-            && self.before.0.iter().all(|x| x.lane(lane).is_finite())
-    }
-
-    /// The lane's state before, for what takes it from here; the angles of what was declined do not count.
-    fn back(&mut self, lane: usize) {
-        self.row.0.iter_mut().zip(&self.before.0).for_each(|(to, from)| *to = from.lane(lane));
-        self.set_number(self.recorded.layout.reach(), lane, self.before.1[lane]);
-    }
-
-    /// Take the step `[t, end]` of size `h` again in the lanes that were declined.
-    fn redo(&mut self, t: f64, h: f64, end: f64, x: &mut [S]) {
-        for lane in 0..S::LANES {
-            if !self.declined(lane) {
-                continue;
-            }
-            self.back(lane);
-            let (state, tau, dz) = &mut self.row;
-            tau.iter_mut().zip(&self.tau).for_each(|(to, from)| *to = from.lane(lane));
-            dz.iter_mut().zip(&self.dz).for_each(|(to, from)| *to = from.lane(lane));
-            self.direct[lane].step(t, h, end, self.held.then_some((&*tau, &*dz)), state);
-            for (x, &new) in x.iter_mut().zip(&self.row.0) {
-                let others = *x;
-                *x = S::from_lanes(|i| if i == lane { new } else { others.lane(i) });
-            }
-        }
-    }
-
-    /// Ask the law of the lanes that were declined again.
-    fn answer_again(&mut self, t: f64) {
-        let (first, rate) = (self.recorded.layout.tau(), self.recorded.layout.law_rate());
-        for lane in 0..S::LANES {
-            if !self.declined(lane) {
-                continue;
-            }
-            self.back(lane);
-            let (state, tau, dz) = &mut self.row;
-            self.direct[lane].answer(t, state, tau, dz);
-            for k in 0..self.row.1.len() {
-                self.set_number(first + k, lane, self.row.1[k]);
-            }
-            for k in 0..self.row.2.len() {
-                self.set_number(rate + k, lane, self.row.2[k]);
-            }
-        }
     }
 
     /// The law at state `x = [plant, law, ..]` and time `t`, into `self.tau` and the frames.
@@ -396,7 +323,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
         system.remember(x);
         if let Some(program) = recorded.programs.whole() {
             self.run(system, program, h, 1, x);
-            return system.redo(t, h, end, x);
+            return system.step_again(t, h, end, x);
         }
         let layout = &recorded.layout;
         for k in 0..layout.instants.len() {
@@ -416,14 +343,14 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
             recorded.programs.advance(frame);
         }
         read(&system.frames, layout.state(), x);
-        system.redo(t, h, end, x);
+        system.step_again(t, h, end, x);
     }
 
     fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
         let recorded = system.recorded.clone();
         let Some(program) = recorded.programs.whole() else { return false };
         let (table, mut done) = (system.table, 0);
-        let most = if table.is_some() && system.direct.is_empty() { count } else { TURNS };
+        let most = if table.is_some() && system.redo.is_empty() { count } else { TURNS };
         while done < count {
             let (turns, from) = ((count - done).min(most), first + done);
             system.remember(x);
@@ -440,7 +367,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
             if (0..S::LANES).any(|lane| system.declined(lane)) {
                 // One by one from the start: the other lanes take the same steps again.
                 (0..S::LANES).for_each(|lane| system.back(lane));
-                x.copy_from_slice(&system.before.0);
+                x.copy_from_slice(system.redo.before());
                 self.restart_stream();
                 for step in from..from + turns {
                     self.step(system, step as f64 * h, h, (step + 1) as f64 * h, x);

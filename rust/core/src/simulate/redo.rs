@@ -6,6 +6,7 @@
 use super::closed_loop::{ClosedLoop, Exogenous};
 use super::general::assemble;
 use super::problem::{Method, Problem};
+use super::program_loop::{MOST_LANES, ProgramLoop};
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
 use crate::linalg::Pairs;
 use crate::scalar::{Real, Task, run_scalar};
@@ -103,5 +104,101 @@ impl<'a, S: Real, M: Advance<S, Turned<'a, S>, Vec<S>>> Direct for Steps<'a, S, 
         }
         self.method.advance(&mut self.closed, S::splat(h), &mut self.x);
         store(x, &self.x);
+    }
+}
+
+/// What a loop of programs needs to redo steps.
+pub struct Redo<'a, S> {
+    /// One for each lane; empty where the programs decline nothing.
+    direct: Vec<Box<dyn Direct + 'a>>,
+    /// The state and the largest angles before what may be declined.
+    before: Vec<S>,
+    reach: [f64; MOST_LANES],
+    /// State, input and rate of one lane.
+    row: (Vec<f64>, Vec<f64>, Vec<f64>),
+}
+
+impl<S: Real> Redo<'_, S> {
+    /// Nothing yet, for so many states, inputs and states of the law.
+    pub fn new([states, n, p]: [usize; 3]) -> Self {
+        let row = (vec![0.0; states], vec![0.0; n], vec![0.0; p]);
+        Redo { direct: Vec::new(), before: vec![S::zero(); states], reach: [0.0; MOST_LANES], row }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.direct.is_empty()
+    }
+
+    pub fn before(&self) -> &[S] {
+        &self.before
+    }
+}
+
+impl<'a, S: Real> ProgramLoop<'a, S> {
+    /// Let these take what the programs decline, lane by lane.
+    pub(super) fn redo_by(&mut self, direct: Vec<Box<dyn Direct + 'a>>) {
+        self.redo.direct = direct;
+    }
+
+    /// Note the state before something that may be declined.
+    pub(super) fn remember(&mut self, x: &[S]) {
+        if self.redo.direct.is_empty() {
+            return;
+        }
+        self.redo.before.copy_from_slice(x);
+        for lane in 0..S::LANES {
+            self.redo.reach[lane] = self.number(self.recorded.layout.reach(), lane);
+            self.set_number(self.recorded.layout.stands(), lane, 1.0);
+        }
+    }
+
+    /// Whether a lane was declined. Where the state is no number there is nothing to decide.
+    pub(super) fn declined(&self, lane: usize) -> bool {
+        !self.redo.direct.is_empty()
+            && self.number(self.recorded.layout.stands(), lane) != 1.0
+            && self.redo.before.iter().all(|x| x.lane(lane).is_finite())
+    }
+
+    /// The lane's state before, for what takes it from here; the angles of what was declined do not count.
+    pub(super) fn back(&mut self, lane: usize) {
+        self.redo.row.0.iter_mut().zip(&self.redo.before).for_each(|(to, from)| *to = from.lane(lane));
+        self.set_number(self.recorded.layout.reach(), lane, self.redo.reach[lane]);
+    }
+
+    /// Take the step `[t, end]` of size `h` again in the lanes that were declined.
+    pub(super) fn step_again(&mut self, t: f64, h: f64, end: f64, x: &mut [S]) {
+        for lane in 0..S::LANES {
+            if !self.declined(lane) {
+                continue;
+            }
+            self.back(lane);
+            let (state, tau, dz) = &mut self.redo.row;
+            tau.iter_mut().zip(&self.tau).for_each(|(to, from)| *to = from.lane(lane));
+            dz.iter_mut().zip(&self.dz).for_each(|(to, from)| *to = from.lane(lane));
+            self.redo.direct[lane].step(t, h, end, self.held.then_some((&*tau, &*dz)), state);
+            for (x, &new) in x.iter_mut().zip(&self.redo.row.0) {
+                let others = *x;
+                *x = S::from_lanes(|i| if i == lane { new } else { others.lane(i) });
+            }
+        }
+    }
+
+    /// Ask the law of the lanes that were declined again.
+    pub(super) fn answer_again(&mut self, t: f64) {
+        let (first, rate) = (self.recorded.layout.tau(), self.recorded.layout.law_rate());
+        for lane in 0..S::LANES {
+            if !self.declined(lane) {
+                continue;
+            }
+            self.back(lane);
+            let (state, tau, dz) = &mut self.redo.row;
+            self.redo.direct[lane].answer(t, state, tau, dz);
+            for k in 0..self.redo.row.1.len() {
+                self.set_number(first + k, lane, self.redo.row.1[k]);
+            }
+            for k in 0..self.redo.row.2.len() {
+                self.set_number(rate + k, lane, self.redo.row.2[k]);
+            }
+        }
     }
 }
