@@ -1,6 +1,7 @@
 """Loops as programs beside the same loops run directly, on arms of two to seven joints; answers compared first.
 
-A run of 99 steps is still direct, one of 2,000 is a program: each side counts its start.
+A run of 99 steps is still direct, one of 2,000 is a program: each side counts its start. Adaptive and implicit runs of 20 s take
+programs, and short ones do not.
 
     python -P benches/bench_programs.py              the table
     python -P benches/bench_programs.py --readme     the same, written into benches/README.md
@@ -24,6 +25,7 @@ from timing import Case
 
 DT, ROWS = 1e-3, 256
 DIRECT, PROGRAM, BATCH = 99, 2000, 200
+LONG = 20.0
 ARMS = {
     "planar 2R": al.planar_arm([0.5] * 2),
     "planar 4R": al.planar_arm([0.5] * 4),
@@ -79,6 +81,32 @@ def cases_of(name: str, plant: al.RigidArm, law: Any) -> list[Case]:
     ]
 
 
+def free_cases(name: str, plant: al.Plant, law: Any, method: str) -> list[Case]:
+    q0 = np.full(plant.arm.n, 0.15)
+
+    def one(t_end: float) -> Any:
+        return al.simulate(plant, law, q0, t_end=t_end, method=method, rtol=1e-7, atol=1e-9, t_eval=[t_end], monitors=False)
+
+    short = LONG
+    while one(short).stats["engine"] != "direct":
+        short *= 0.8
+    work = {t_end: one(t_end).stats["evaluations"] for t_end in (short, LONG)}
+    repeats = max(1, work[LONG] // work[short] // 4)
+    group, program = f"{name}, {method}: ns per evaluation of one run", f"program, {name}, {method}"
+    return [
+        Case(group, program, lambda: one(LONG), work[LONG]),
+        Case(group, f"direct, {name}, {method}", lambda: [one(short) for _ in range(repeats)], repeats * work[short], against=program),
+    ]
+
+
+def free_loops() -> Iterator[list[Case]]:
+    for name, plant, law in loops():
+        if name.endswith(("computed torque", "adaptive")):
+            yield free_cases(name, plant, law, "dop853")
+        if name.endswith("computed torque"):
+            yield free_cases(name, plant, law, "rodas4")
+
+
 def main() -> None:
     options = reporting.arguments("loops as programs beside the same loops run directly").parse_args()
     reporting.require_release("bench_programs")
@@ -87,6 +115,8 @@ def main() -> None:
     for name, plant, law in loops():
         require_equal(name, plant, law)
         cases += cases_of(name, plant, law)
+    for more in free_loops():
+        cases += more
     timing.measure(cases, options.rounds, options.core, lambda text: None)
     reporting.finish("programs", reporting.report(cases, [], share, options.markdown or options.readme), options.readme)
 
