@@ -82,6 +82,7 @@ FIXED: dict[str, Any] = {"t_end": 0.1, "dt": 2e-3, "record_every": 10}
 # Steps enough for a loop to run as a program.
 PROGRAM: dict[str, Any] = {"t_end": 0.12, "dt": 1e-3, "record_every": 40}
 FREE: dict[str, Any] = {"t_end": 0.1, "t_eval": [0.0, 0.05, 0.1]}
+LONG: dict[str, Any] = {"t_end": 2.0, "t_eval": [1.0, 2.0]}
 BATCHES = {
     "pr adaptive rk4": Batch(al.RigidArm(PR), ADAPTIVE, FIXED),
     "pr adaptive euler": Batch(al.RigidArm(PR), ADAPTIVE, FIXED | {"method": "euler"}),
@@ -94,6 +95,8 @@ BATCHES = {
     "7 axes computed torque rk4": Batch(al.RigidArm(SEVEN, friction=True), al.ComputedTorque(SEVEN, QUINTIC, 100.0, 20.0), FIXED),
     "7 axes semi-implicit": Batch(al.RigidArm(SEVEN), al.PDGravity(SEVEN, np.zeros(7), 50.0, 20.0), FIXED | {"method": "semi_implicit"}),
     "2R adaptive program": Batch(al.RigidArm(TWO), al.Adaptive(TWO, SINE, 40.0, 20.0, 0.5), PROGRAM),
+    "2R adaptive dop853 program": Batch(al.RigidArm(TWO), al.Adaptive(TWO, SINE, 40.0, 20.0, 0.5), LONG | {"method": "dop853"}),
+    "2R adaptive rodas4 program": Batch(al.RigidArm(TWO), al.Adaptive(TWO, SINE, 40.0, 20.0, 0.5), LONG | {"method": "rodas4"}),
     "7 axes computed torque program": Batch(al.RigidArm(SEVEN, friction=True), al.ComputedTorque(SEVEN, QUINTIC, 100.0, 20.0), PROGRAM),
     "7 axes sampled program": Batch(
         al.RigidArm(SEVEN), al.PDGravity(SEVEN, np.zeros(7), 50.0, 20.0), PROGRAM | {"method": "semi_implicit", "sample_time": 2e-3}

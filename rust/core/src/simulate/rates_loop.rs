@@ -15,8 +15,11 @@ use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::scalar::Real;
 
-/// Evaluations of the rates, a column of a Jacobian counted as one, after which a run takes programs.
-const WAIT: usize = 200;
+/// Evaluations of the rates after which a run takes programs. To record the rates of six axes takes as long as 200 of them, and to make
+/// their program as long as 700.
+const WAIT: usize = 500;
+/// Evaluations that take as long as one column of a Jacobian by dual numbers.
+const PER_COLUMN: usize = 2;
 
 /// Where the programs of a run come from.
 pub struct Source<'a> {
@@ -169,7 +172,7 @@ impl Differentiable<f64> for Solved<'_> {
             }
             self.leave(x);
         }
-        self.work += self.direct.system.controlled();
+        self.work += PER_COLUMN * self.direct.system.controlled();
         self.direct.linearise(t, u, x, dx, j);
     }
     fn time_derivative(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dft: &mut [f64]) {

@@ -51,7 +51,8 @@ impl<S: Real> Running<S> {
         write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
         write(frame, slots.state(), x);
         programs.rates.run(frame);
-        read(frame, slots.rates(), 0, dx.iter_mut());
+        let rates = &frame.numbers()[slots.rates()..][..dx.len()];
+        dx.iter_mut().zip(rates).for_each(|(to, &from)| *to = S::splat(from));
         frame.numbers()[slots.reach()] < REDUCTION_LIMIT
     }
 
@@ -122,8 +123,12 @@ impl<S: Real> Running<S> {
 /// `values` into all lanes of the slots from `first` on.
 fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
     let lanes = frame.lanes();
-    let slots = frame.numbers_mut()[first * lanes..].chunks_exact_mut(lanes);
-    slots.zip(values).for_each(|(slot, value)| slot.fill(value.lane(0)));
+    let slots = &mut frame.numbers_mut()[first * lanes..(first + values.len()) * lanes];
+    if lanes == 1 {
+        slots.iter_mut().zip(values).for_each(|(slot, value)| *slot = value.lane(0));
+    } else {
+        slots.chunks_exact_mut(lanes).zip(values).for_each(|(slot, value)| slot.fill(value.lane(0)));
+    }
 }
 
 /// Lane `lane` of the slots from `first` on into `values`.

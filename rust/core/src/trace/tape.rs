@@ -94,7 +94,7 @@ impl Tape {
     pub fn new() -> Self {
         let mut tape = Tape {
             ops: Vec::new(),
-            memo: Memo::default(),
+            memo: Memo::with_capacity_and_hasher(4096, Default::default()),
             by_value: Memo::default(),
             values: Vec::new(),
             structure: Vec::new(),

@@ -108,7 +108,7 @@ fn steps_allocate_nothing() {
                 let steps = match method {
                     _ if *what == "accelerations in priority" && sample.is_some() => [20, 60],
                     // Both take programs on their way.
-                    Method::Dop853 => [1000, 2000],
+                    Method::Dop853 => [4000, 6000],
                     _ => [100, 1000],
                 };
                 // The first run makes the programs of the loop.

@@ -2,7 +2,7 @@
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::Model;
-use armlet_core::integrate::Differentiable;
+use armlet_core::integrate::{Differentiable, System};
 use armlet_core::kinematics::Coordinates;
 use armlet_core::law::{
     Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, ElasticImpedanceSpec, Gain, JointImpedanceSpec, LawSpec,
@@ -294,4 +294,48 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert_eq!(seen, [true, true, true, true, true, true, true, true, false]);
+}
+
+/// Both the rates and the derivatives leave the programs where an angle is not for their sines, and are those of the loop itself.
+#[test]
+fn a_loop_that_turns_far_goes_on_directly() {
+    let model = six_axis();
+    let plant = PlantSpec::Rigid(RigidSpec::new(model.clone()));
+    let law = LawSpec::PdGravity(PdGravitySpec::new(model, numbers(N, 0.1, 0.4), full(N, 100.0), gain(N, 20.0)).unwrap());
+    let options = Options {
+        t_end: 1.0,
+        dt: None,
+        method: Method::Rodas4,
+        rtol: 1e-6,
+        atol: 1e-9,
+        sampling: None,
+        times: Times::Every(1),
+        tau_max: None,
+        monitors: false,
+        state_limit: f64::INFINITY,
+    };
+    let x0 = [numbers(N, 0.2, 0.7), vec![0.1; N]].concat();
+    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![], force_frame: None, options };
+    for linearise in [false, true] {
+        let (mut closed, mut x): (Solved, _) = recorded_loop(&problem);
+        let u = closed.instant();
+        let (mut dx, mut j) = (vec![0.0; 2 * N], vec![0.0; 4 * N * N]);
+        let (mut expected, mut slope) = (dx.clone(), j.clone());
+        closed.rhs(&u, &x, &mut dx);
+        assert!(closed.is_running());
+        x[3] = 1.0e6 + 0.5;
+        if linearise {
+            closed.linearise(0.0, &u, &x, &mut dx, &mut j);
+        } else {
+            closed.rhs(&u, &x, &mut dx);
+        }
+        assert!(!closed.is_running());
+        closed.direct.anchor(&x);
+        if linearise {
+            closed.direct.linearise(0.0, &u, &x, &mut expected, &mut slope);
+        } else {
+            closed.direct.rhs(&u, &x, &mut expected);
+        }
+        assert_eq!((&dx, &j), (&expected, &slope));
+    }
 }
