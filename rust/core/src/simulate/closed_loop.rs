@@ -76,6 +76,12 @@ impl<'a> World<'a> {
         self.forces.iter().any(|force| matches!(**force, Force::Signal(_)))
     }
 
+    /// Whether it is the same at all times.
+    pub fn is_still(&self) -> bool {
+        let held = |motions: &Vec<Cow<Motion>>| motions.iter().all(|motion| matches!(**motion, Motion::Hold(_)));
+        self.forces.is_empty() && self.pushed.is_none() && self.motions.iter().all(held)
+    }
+
     /// Room for one instant.
     pub fn instant<S: Real>(&self) -> Exogenous<S> {
         Exogenous { t: f64::NAN, desired: vec![S::zero(); self.width], wrench: [S::zero(); 6] }
@@ -109,6 +115,19 @@ impl<'a> World<'a> {
                     self.rows_of_wrench(lane, force.at(t), u);
                 }
             }
+        }
+    }
+
+    /// What all lanes have in common at one instant: the desired motions, and the wrench if there is room for it.
+    pub fn sample_shared(&self, t: f64, row: &mut [f64]) {
+        let mut rest = row;
+        for motions in &self.motions {
+            let (here, behind) = rest.split_at_mut(3 * motions[0].dof());
+            motions[0].sample(t, here);
+            rest = behind;
+        }
+        if let ([force], false) = (self.forces.as_slice(), rest.is_empty()) {
+            rest.copy_from_slice(&force.at(t));
         }
     }
 

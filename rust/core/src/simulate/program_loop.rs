@@ -227,6 +227,8 @@ pub struct ProgramStep<S: Real> {
     /// The time of the last instant that is there, NaN when it is not the next step's first; and its place.
     end_time: f64,
     end: usize,
+    /// Steps of the streams that are there for good, since nothing moves.
+    still: usize,
 }
 
 impl<S: Real> ProgramStep<S> {
@@ -239,20 +241,30 @@ impl<S: Real> ProgramStep<S> {
     fn with_room(layout: &Layout, now: Exogenous<S>, lanes: &[usize], turns: usize) -> Self {
         let slots = layout.exogenous() * (layout.new_instants() * turns + layout.instants.len());
         let streams = lanes.iter().map(|&lanes| Frame::new(slots, lanes)).collect();
-        ProgramStep { now, streams, end_time: f64::NAN, end: 0 }
+        ProgramStep { now, streams, end_time: f64::NAN, end: 0, still: 0 }
     }
 
     /// The exogenous inputs of the step `[t, end]` of size `h` as the step `turn` of the streams.
     fn fill(&mut self, layout: &Layout, world: &mut World, turn: usize, t: f64, h: f64, end: f64) {
+        if turn < self.still {
+            return;
+        }
         let first = turn * layout.new_instants();
         for (k, &part) in layout.instants.iter().enumerate() {
             if k == 0 && self.end_time == t {
                 self.copy(layout, self.end, first);
+                continue;
+            }
+            let (time, at) = (if part == 1.0 { end } else { t + part * h }, (first + k) * layout.exogenous());
+            if layout.shared {
+                world.sample_shared(time, &mut self.streams[0].numbers_mut()[at..at + layout.exogenous()]);
             } else {
-                world.sample(if part == 1.0 { end } else { t + part * h }, &mut self.now);
-                self.write(layout, first + k);
+                world.sample(time, &mut self.now);
+                write(&mut self.streams, at, &self.now.desired);
+                write(&mut self.streams, at + layout.desired, &self.now.wrench[..layout.wrench]);
             }
         }
+        self.still = if world.is_still() { turn + 1 } else { 0 };
         (self.end_time, self.end) = (if layout.ends_at_last() { end } else { f64::NAN }, first + layout.instants.len() - 1);
     }
 
@@ -266,19 +278,6 @@ impl<S: Real> ProgramStep<S> {
         for stream in self.streams.iter_mut().filter(|_| from != to) {
             let size = layout.exogenous() * stream.lanes();
             stream.numbers_mut().copy_within(from * size..(from + 1) * size, to * size);
-        }
-    }
-
-    /// What was sampled into the streams, as instant `at`.
-    fn write(&mut self, layout: &Layout, at: usize) {
-        let first = at * layout.exogenous();
-        let values = self.now.desired.iter().chain(&self.now.wrench[..layout.wrench]);
-        if layout.shared {
-            let to = &mut self.streams[0].numbers_mut()[first..];
-            to.iter_mut().zip(values).for_each(|(to, value)| *to = value.lane(0));
-        } else {
-            write(&mut self.streams, first, &self.now.desired);
-            write(&mut self.streams, first + layout.desired, &self.now.wrench[..layout.wrench]);
         }
     }
 
