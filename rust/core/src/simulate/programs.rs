@@ -8,7 +8,7 @@ use super::general::{General, sampler, start, world};
 use super::key::Common;
 use super::problem::{Division, Ended, Fixed, Problem};
 use super::program_loop::{ProgramLoop, ProgramStep, tabulate};
-use super::recorded::{self, Recorded, Seen};
+use super::recorded::{self, Recorded, SeenLoop};
 use super::redo;
 use super::sink::Sink;
 use crate::scalar::{Array8, Real, run_scalar};
@@ -24,7 +24,7 @@ pub type Lanes = Array8<false>;
 /// The structures of the runs of a problem, recorded as they appear.
 pub struct Structures {
     /// Those that appeared so far.
-    seen: Mutex<Vec<Arc<Seen>>>,
+    seen: Mutex<Vec<Arc<SeenLoop>>>,
     /// The numbers of every run's set-up, where they are the same.
     shared: Option<Vec<f64>>,
     /// The exogenous inputs of all steps, where all runs of a batch share them.

@@ -86,7 +86,7 @@ pub type Solved<'a> = RatesLoop<'a, f64, Twins<'a>>;
 /// code has no branch on data.
 pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
     let (twins, x) = twins(problem, 0);
-    let running = record_both(problem).map(|recorded| recorded.map(|recorded| Running::new(recorded.clone(), &recorded.values)));
+    let running = record_both(problem).map(|rates| rates.map(|(recorded, values)| Running::new(recorded, &values)));
     let mut closed = RatesLoop { direct: twins.into_owned(), source: None, work: 0, running };
     closed.hold();
     (closed, x)

@@ -5,17 +5,19 @@
 //! `x_dot -> f'(x) x_dot`. The states of the law have a program apart: few operations depend on them, and they can be many.
 
 use super::closed_loop::{ClosedLoop, Exogenous};
+use super::force::Force;
 use super::general::assemble;
 use super::key::Common;
 use super::problem::{Method, Problem};
-use super::recorded::{self, Given};
+use super::recorded::{self, Seen};
+use crate::motion::Motion;
 use crate::scalar::Real;
 use crate::trace::differentiate::Differentiation;
 use crate::trace::kept::Kept;
 use crate::trace::tape::Op;
 use crate::trace::{Cut, Part, Places, Program, Room, Sym, engine, form, segments, sym};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// Where the quantities of a loop are in a frame, in slots: the numbers of the set-up, then these.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,16 +95,6 @@ pub struct RatesPrograms {
     pub derivatives: Option<Derivatives>,
 }
 
-/// What the programs are made from.
-#[derive(PartialEq)]
-struct Key {
-    ops: Vec<Op>,
-    /// The entries of the rates.
-    rates: Vec<u32>,
-    slots: Slots,
-    wanted: Wanted,
-}
-
 /// Which derivatives are wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
@@ -114,27 +106,28 @@ pub enum Wanted {
 }
 
 impl Wanted {
-    fn of(method: Method, autonomous: bool) -> Self {
-        match method {
+    fn of(problem: &Problem, run: usize) -> Self {
+        let moves = |force: &&Force| matches!(force, Force::Signal(_));
+        let still = problem.options.sampling.is_some() || problem.law(run).motions().iter().all(|motion| matches!(motion, Motion::Hold(_)));
+        match problem.options.method {
             Method::Radau5 => Wanted::States,
-            Method::Ros2 | Method::Rodas4 if autonomous => Wanted::States,
+            Method::Ros2 | Method::Rodas4 if still && !problem.forces.iter().any(moves) => Wanted::States,
             Method::Ros2 | Method::Rodas4 => Wanted::Time,
             _ => Wanted::Rates,
         }
     }
 }
 
-static KNOWN: Kept<(Arc<Key>, Arc<RatesPrograms>)> = Kept::new();
-
 /// The rates of a loop of one structure, recorded.
 pub struct RecordedRates {
     pub slots: Slots,
-    pub programs: Arc<RatesPrograms>,
-    run: usize,
-    /// The numbers of its set-up, and their entries.
-    pub values: Vec<f64>,
-    structure: Vec<u32>,
+    pub programs: RatesPrograms,
 }
+
+/// Under a held input or under the law, and with which derivatives.
+type SeenRates = Seen<RecordedRates, (bool, Wanted)>;
+
+static KNOWN: Kept<Arc<SeenRates>> = Kept::new();
 
 /// Whether the method of a problem takes rates, of loops that may be recorded.
 fn is_recordable(problem: &Problem) -> bool {
@@ -144,16 +137,28 @@ fn is_recordable(problem: &Problem) -> bool {
     (method.is_adaptive() || method.is_implicit()) && free && !problem.law(0).is_scalar()
 }
 
+/// The rates of a run, and the numbers of its set-up.
+pub type RatesOfRun = (Arc<RecordedRates>, Vec<f64>);
+
 /// The rates of the one run of a problem, under its law (not where that is sampled) and under a held input.
-pub fn record_both(problem: &Problem) -> [Option<Arc<RecordedRates>>; 2] {
+pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
     let sampled = problem.options.sampling.is_some();
-    [false, true].map(|held| (is_recordable(problem) && (held || !sampled)).then(|| record(problem, 0, held).map(Arc::new)).flatten())
+    [false, true]
+        .map(|held| if is_recordable(problem) && (held || !sampled) { of_run(problem, 0, Common::of(problem, false), held) } else { None })
 }
 
-/// Record the rates of run `run`, under a held input or under the law; `None` where the code branches on data.
-pub fn record(problem: &Problem, run: usize, held: bool) -> Option<RecordedRates> {
+/// The rates of run `run`, under a held input or under the law; `None` where the code branches on data.
+fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
+    let (given, wanted) = (recorded::given(problem, run, common), Wanted::of(problem, run));
+    let record = || record(problem, run, common, held, wanted);
+    let seen = Seen::of_run(&KNOWN, (problem, run, common), &given, (held, wanted), record);
+    seen.recorded.clone().map(|recorded| (recorded, given.values))
+}
+
+/// Record the rates of run `run`.
+fn record(problem: &Problem, run: usize, common: Common, held: bool, wanted: Wanted) -> Option<RecordedRates> {
     sym::begin();
-    let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, problem.watches_storage());
+    let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
     let given = sym::end_set_up();
     let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
     let (plant, law) = (problem.plant(run).states(), closed.law_rate().len());
@@ -175,37 +180,32 @@ pub fn record(problem: &Problem, run: usize, held: bool) -> Option<RecordedRates
     closed.turn_to(&x);
     let mut dx = x.clone();
     closed.rates(&Exogenous { t: 0.0, desired, wrench }, &x, &mut dx);
-    let wanted = Wanted::of(problem.options.method, closed.autonomous());
     drop(closed);
     let recording = sym::finish();
     if recording.failed {
         return None;
     }
-    let rates = dx.into_iter().map(Sym::index).collect();
-    let key = Key { ops: recording.ops, rates, slots: slots.clone(), wanted };
-    let programs = KNOWN.find(|(known, _)| **known == key).map(|(_, programs)| programs).unwrap_or_else(|| {
-        let programs = Arc::new(make(&key));
-        KNOWN.keep((Arc::new(key), programs.clone()), |_| true);
-        programs
-    });
-    Some(RecordedRates { slots, programs, run, values: recording.values, structure: recording.structure })
+    let rates: Vec<u32> = dx.into_iter().map(Sym::index).collect();
+    let programs = make(recording.ops, &rates, &slots, wanted);
+    Some(RecordedRates { slots, programs })
 }
-
 /// `(slot, entry)` from slot `first` on.
 fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
     entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect()
 }
 
-fn make(key: &Key) -> RatesPrograms {
-    let (slots, engine, none) = (&key.slots, engine(), Places::default());
-    let part = Part { ops: &key.ops, start: 0, outputs: &to(slots.rates(), &key.rates), places: &none };
+fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: Wanted) -> RatesPrograms {
+    let none = Places::default();
+    let part = Part { ops: &ops, start: 0, outputs: &to(slots.rates(), rates), places: &none };
     let reach = slots.reach();
-    let rates = Program::new(part, None, Room { reach: reach as u32, free: reach + 1 }, form(false), engine);
-    RatesPrograms { rates, derivatives: (key.wanted != Wanted::Rates).then(|| differentiate(key)) }
+    let program = Program::new(part, None, Room { reach: reach as u32, free: reach + 1 }, form(false), engine());
+    RatesPrograms {
+        rates: program,
+        derivatives: (wanted != Wanted::Rates).then(|| differentiate(ops, rates, slots, wanted == Wanted::Time)),
+    }
 }
 
-fn differentiate(key: &Key) -> Derivatives {
-    let (slots, moves) = (&key.slots, key.wanted == Wanted::Time);
+fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool) -> Derivatives {
     let entries = |first: usize, count: usize| first as u32..(first + count) as u32;
     let mut moving: Vec<u32> = entries(slots.state(), slots.plant).collect();
     if moves {
@@ -217,10 +217,10 @@ fn differentiate(key: &Key) -> Derivatives {
     let rates = along_law + law.len();
     let derivatives = rates + slots.states();
     let reach = derivatives + slots.states();
-    let mut work = Differentiation::new(key.ops.clone(), inputs);
-    let mut cuts = vec![Cut { end: work.length(), outputs: to(rates, &key.rates) }];
+    let mut work = Differentiation::new(ops, inputs);
+    let mut cuts = vec![Cut { end: work.length(), outputs: to(rates, of) }];
     for moving in [&moving, &law] {
-        let outputs = to(derivatives, &work.along(moving, &key.rates));
+        let outputs = to(derivatives, &work.along(moving, of));
         cuts.push(Cut { end: work.length(), outputs });
     }
     let bent = cuts[2].outputs.iter().any(|&(_, entry)| entry != 0);
@@ -239,14 +239,17 @@ fn differentiate(key: &Key) -> Derivatives {
 
 /// The rates of the runs of a problem, recorded when a run first wants them.
 pub struct Rates {
-    known: Mutex<Vec<Arc<RecordedRates>>>,
+    common: Common,
+    /// Those of every run, where plants and laws are the same.
+    shared: Option<OnceLock<Option<RatesOfRun>>>,
     used: AtomicBool,
 }
 
 impl Rates {
     /// For problems whose method takes rates; `None` where no loop of them can be recorded.
     pub fn of(problem: &Problem) -> Option<Self> {
-        is_recordable(problem).then(|| Rates { known: Mutex::default(), used: AtomicBool::new(false) })
+        let shared = (problem.plants.len() == 1 && problem.laws.len() == 1).then(OnceLock::new);
+        is_recordable(problem).then(|| Rates { common: Common::of(problem, false), shared, used: AtomicBool::new(false) })
     }
 
     /// How the runs were computed.
@@ -254,27 +257,10 @@ impl Rates {
         if self.used.load(Ordering::Relaxed) { engine().name() } else { "direct" }
     }
 
-    /// The structure of run `run`, and the numbers of its set-up; `None` where its code branches on data.
-    pub fn of_run(&self, problem: &Problem, run: usize) -> Option<(Arc<RecordedRates>, Vec<f64>)> {
-        let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let first = known().first().cloned();
-        let found = match first {
-            Some(first) if problem.plants.len() == 1 && problem.laws.len() == 1 => Some((first.clone(), first.values.clone())),
-            None => None,
-            Some(_) => {
-                let Given { values, structure } = recorded::given(problem, run, Common::of(problem, false));
-                let (plant, law) = (problem.plant(run), problem.law(run));
-                let fits = |known: &&Arc<RecordedRates>| {
-                    known.structure == structure && problem.plant(known.run).same_shape(plant) && problem.law(known.run).same_shape(law)
-                };
-                known().iter().find(fits).cloned().map(|known| (known, values))
-            }
-        };
-        let found = found.or_else(|| {
-            let recorded = Arc::new(record(problem, run, problem.options.sampling.is_some())?);
-            known().push(recorded.clone());
-            Some((recorded.clone(), recorded.values.clone()))
-        });
+    /// The rates of run `run`; `None` where the code branches on data.
+    pub fn of_run(&self, problem: &Problem, run: usize) -> Option<RatesOfRun> {
+        let of_run = || of_run(problem, run, self.common, problem.options.sampling.is_some());
+        let found = self.shared.as_ref().map_or_else(of_run, |shared| shared.get_or_init(of_run).clone());
         self.used.fetch_or(found.is_some(), Ordering::Relaxed);
         found
     }

@@ -143,37 +143,53 @@ pub fn given(problem: &Problem, run: usize, common: Common) -> Given {
     Given { values: recording.values, structure: recording.structure }
 }
 
-/// A structure that was seen.
-pub struct Seen {
+/// A structure that was seen, and what was recorded of it; `tag` tells recordings of one loop apart.
+pub struct Seen<R, T> {
     key: Key,
+    tag: T,
     /// The entries of its set-up.
     structure: Vec<u32>,
     /// `None` where its code branches on data.
-    pub recorded: Option<Arc<Recorded>>,
+    pub recorded: Option<Arc<R>>,
 }
 
-impl Seen {
+impl<R, T: PartialEq> Seen<R, T> {
     /// Whether run `run` of a problem, whose set-up has these numbers, has this structure.
     pub fn fits(&self, problem: &Problem, run: usize, common: Common, given: &Given) -> bool {
         self.structure == given.structure && self.key.is_of(problem, run, common)
     }
+
+    /// The structure of run `run`: one of those that are kept, or a new recording.
+    pub fn of_run(
+        kept: &Kept<Arc<Self>>,
+        (problem, run, common): (&Problem, usize, Common),
+        given: &Given,
+        tag: T,
+        record: impl FnOnce() -> Option<R>,
+    ) -> Arc<Self> {
+        if let Some(seen) = kept.find(|seen| seen.tag == tag && seen.fits(problem, run, common, given)) {
+            return seen;
+        }
+        let (key, structure) = (Key::of(problem, run, common), given.structure.clone());
+        let seen = Arc::new(Seen { key, tag, structure, recorded: record().map(Arc::new) });
+        if seen.key.is_small() {
+            kept.keep(seen.clone(), |_| true);
+        }
+        seen
+    }
 }
 
-static KNOWN: Kept<Arc<Seen>> = Kept::new();
+/// A loop of fixed steps that was seen.
+pub type SeenLoop = Seen<Recorded, ()>;
+
+static KNOWN: Kept<Arc<SeenLoop>> = Kept::new();
 
 /// The structure of run `run`: one that is known, or a new recording.
-pub fn of_run(problem: &Problem, run: usize, common: Common, given: &Given) -> Arc<Seen> {
-    if let Some(known) = KNOWN.find(|known| known.fits(problem, run, common, given)) {
-        #[cfg(debug_assertions)]
-        if let Some(recorded) = &known.recorded {
-            assert!(record(problem, run, common).is_some_and(|again| again.ops == recorded.ops), "two loops of one key differ");
-        }
-        return known;
-    }
-    let (key, structure) = (Key::of(problem, run, common), given.structure.clone());
-    let seen = Arc::new(Seen { key, structure, recorded: record(problem, run, common).map(Arc::new) });
-    if seen.key.is_small() {
-        KNOWN.keep(seen.clone(), |_| true);
+pub fn of_run(problem: &Problem, run: usize, common: Common, given: &Given) -> Arc<SeenLoop> {
+    let seen = Seen::of_run(&KNOWN, (problem, run, common), given, (), || record(problem, run, common));
+    #[cfg(debug_assertions)]
+    if let Some(recorded) = &seen.recorded {
+        assert!(record(problem, run, common).is_some_and(|again| again.ops == recorded.ops), "two loops of one key differ");
     }
     seen
 }

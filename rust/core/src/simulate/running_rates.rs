@@ -70,7 +70,7 @@ impl<S: Real> Running<S> {
     /// [`Running::time_derivative`]; whether they are valid.
     pub fn linearise(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S], j: &mut [S]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;
-        let (RatesPrograms { derivatives: Some(all), .. }, Some(frame)) = (&**programs, &mut self.lanes) else { return false };
+        let (RatesPrograms { derivatives: Some(all), .. }, Some(frame)) = (programs, &mut self.lanes) else { return false };
         write(frame, slots.given, &u.desired);
         write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
         write(frame, slots.state(), x);
