@@ -43,6 +43,7 @@ fn program(solver: &ArmSolver) -> Option<Evaluation> {
 fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
     let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
     solver.solver().recorded(
+        true,
         n + total,
         false,
         || solver.stack().lift::<Sym>(),

@@ -16,10 +16,11 @@ const MOST: usize = 12_000;
 pub const FEW: usize = 32;
 
 impl PrioritySolver {
-    /// The regular route for lanes as a function of what `stack` makes, from so many inputs: rounding, Jacobians and command. The answer:
+    /// The regular route for one row or for lanes as a function of what `stack` makes, from so many inputs: rounding, Jacobians and command. The answer:
     /// one where it stands and zero where it declines, `v` and, if wanted, the residuals. `None` where there is no such route.
     pub fn recorded<T>(
         &self,
+        lanes: bool,
         inputs: usize,
         residuals: bool,
         set_up: impl FnOnce() -> T,
@@ -30,13 +31,25 @@ impl PrioritySolver {
             return None;
         }
         let set_up = || (self.regular::<Sym>(), set_up());
-        record(true, inputs, set_up, |(route, made), inputs| {
+        record(lanes, inputs, set_up, |(route, made), inputs| {
             let Some(mut route) = route else { return Vec::new() };
             let (rounding, jacobian, command) = stack(made, inputs);
             let stands = route.solve(rounding, &jacobian, &command);
             let rest = if residuals { &route.residual[..] } else { &[] };
             [&[stands], &route.v[..], rest].concat()
         })
+    }
+}
+
+impl PrioritySolver {
+    /// The regular route of plain stacks, for one or for lanes: Jacobians, command and rounding to one where it stands, `v` and residuals.
+    pub(super) fn of_stacks(&self, lanes: bool) -> Option<Evaluation> {
+        let (n, total) = (self.n(), self.rows().iter().sum::<usize>());
+        let stack = |(), inputs: &[Sym]| {
+            let (jacobian, rest) = inputs.split_at(total * n);
+            (rest[total], jacobian.to_vec(), rest[..total].to_vec())
+        };
+        self.recorded(lanes, total * (n + 1) + 1, true, || (), stack)
     }
 }
 
@@ -70,13 +83,8 @@ pub struct StackBatch {
 impl StackBatch {
     /// With the sizes and options of `solver`, for so many rows.
     pub fn new(solver: &PrioritySolver, rows: usize) -> Self {
-        let total = solver.rows().iter().sum::<usize>();
-        let n = solver.n();
-        let stack = |(), inputs: &[Sym]| {
-            let (jacobian, rest) = inputs.split_at(total * n);
-            (rest[total], jacobian.to_vec(), rest[..total].to_vec())
-        };
-        let mut program = if rows < FEW { None } else { solver.recorded(total * (n + 1) + 1, true, || (), stack) };
+        let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
+        let mut program = if rows < FEW { None } else { solver.of_stacks(true) };
         if let Some(program) = &mut program {
             program.inputs(total * (n + 1), 1).fill(solver.rounding());
         }

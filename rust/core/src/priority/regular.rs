@@ -14,6 +14,7 @@ use super::method::{DEFAULT_EPS, Method};
 use super::metric::Metric;
 use super::workspace::TAME;
 use crate::scalar::{Fused, Isa, Kernel, Real, isa};
+use crate::trace::Evaluation;
 
 /// `exact` takes this route only for relative singular values above it, where forward substitution loses no digits that count.
 const EXACT_FLOOR: f64 = 1e-6;
@@ -175,9 +176,17 @@ pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = us
     })
 }
 
+/// The route for single stacks.
+#[derive(Debug, Clone)]
+pub(super) struct Single {
+    direct: Direct,
+    /// With the same bits, once somebody made it.
+    program: Option<Evaluation>,
+}
+
 /// The route on the number of this machine.
 #[derive(Debug, Clone)]
-pub(super) enum Single {
+enum Direct {
     Baseline(Regular<f64>),
     Fused { route: Regular<Fused>, jacobian: Vec<Fused>, command: Vec<Fused> },
 }
@@ -186,32 +195,50 @@ impl Single {
     /// As [`Regular::new`].
     pub fn new(n: usize, rows: &[usize], method: Method, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         let total = rows.iter().sum::<usize>();
-        Some(match isa() {
-            Isa::Baseline => Single::Baseline(Regular::new(n, rows, method, eps, metric)?),
+        let direct = match isa() {
+            Isa::Baseline => Direct::Baseline(Regular::new(n, rows, method, eps, metric)?),
             Isa::Avx2 | Isa::Avx512 => {
                 let (jacobian, command) = (vec![Fused::zero(); total * n], vec![Fused::zero(); total]);
-                Single::Fused { route: Regular::new(n, rows, method, eps, metric)?, jacobian, command }
+                Direct::Fused { route: Regular::new(n, rows, method, eps, metric)?, jacobian, command }
             }
-        })
+        };
+        Some(Single { direct, program: None })
     }
 
+    /// Take this program, of [`PrioritySolver::of_stacks`](super::PrioritySolver), from now on.
+    pub fn take(&mut self, program: Option<Evaluation>) {
+        self.program = program;
+    }
+
+    /// The program is of other thresholds.
     pub fn set_eps(&mut self, eps: &[f64]) {
-        match self {
-            Single::Baseline(route) => route.set_eps(eps),
-            Single::Fused { route, .. } => route.set_eps(eps),
+        self.program = None;
+        match &mut self.direct {
+            Direct::Baseline(route) => route.set_eps(eps),
+            Direct::Fused { route, .. } => route.set_eps(eps),
         }
     }
 
     /// Solve into `v` and `residual`; false where the route declines.
     pub fn solve(&mut self, rounding: f64, jacobian: &[f64], command: &[f64], v: &mut [f64], residual: &mut [f64]) -> bool {
-        match self {
-            Single::Baseline(route) => {
+        if let Some(program) = &mut self.program {
+            let (given, rest) = program.inputs(0, jacobian.len() + command.len() + 1).split_at_mut(jacobian.len());
+            given.copy_from_slice(jacobian);
+            rest[..command.len()].copy_from_slice(command);
+            rest[command.len()] = rounding;
+            program.run();
+            v.copy_from_slice(program.outputs(1, v.len()));
+            residual.copy_from_slice(program.outputs(1 + v.len(), residual.len()));
+            return program.output(0) == [1.0];
+        }
+        match &mut self.direct {
+            Direct::Baseline(route) => {
                 let stands = route.solve(rounding, jacobian, command) == 1.0;
                 v.copy_from_slice(&route.v);
                 residual.copy_from_slice(&route.residual);
                 stands
             }
-            Single::Fused { route, jacobian: j, command: c } => {
+            Direct::Fused { route, jacobian: j, command: c } => {
                 Fused::enter(OnFused { route, j, c, rounding, jacobian, command, v, residual })
             }
         }

@@ -20,7 +20,11 @@ pub struct PrioritySolver {
     work: Workspace,
     saturation: Option<Saturation>,
     status: Status,
+    uses: u64,
 }
+
+/// Calls after which a caller is taken for one who calls often.
+const OFTEN: u64 = 16;
 
 /// The answer of `solve_priority`.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,7 +64,7 @@ impl PrioritySolver {
         }
         work.regular = Single::new(n, rows, options.method, work.eps.as_deref(), work.metric.as_ref());
         let saturation = (options.method == Method::Sns).then(|| Saturation::new(n));
-        let mut solver = PrioritySolver { method: options.method, work, saturation, status: Status::Success };
+        let mut solver = PrioritySolver { method: options.method, work, saturation, status: Status::Success, uses: 0 };
         solver.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
         match (&options.v_min, &options.v_max) {
             (None, None) if options.method == Method::Sns => {
@@ -168,6 +172,19 @@ impl PrioritySolver {
     pub fn solve(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<Status> {
         self.load(jacobians, velocities)?;
         self.run()
+    }
+
+    /// Tell that a caller comes again. After some calls a program is made for stacks away from singularities, which takes some
+    /// 0.2 ms: the solves from then on are sooner done, with the same bits.
+    #[inline]
+    pub fn used(&mut self) {
+        self.uses += 1;
+        if self.uses == OFTEN {
+            let program = self.of_stacks(false);
+            if let Some(regular) = &mut self.work.regular {
+                regular.take(program);
+            }
+        }
     }
 
     pub(super) fn workspace(&mut self) -> &mut Workspace {

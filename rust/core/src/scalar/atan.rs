@@ -4,7 +4,7 @@
 //! for all; then fdlibm's polynomial.
 
 use super::Real;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 const ATAN: [f64; 11] = [
     3.333_333_333_333_293_180_27e-1,
@@ -22,7 +22,7 @@ const ATAN: [f64; 11] = [
 
 /// `atan(1/2)` and `atan(1)`, each with what rounding left of it; the same of `pi/2` and `pi`.
 const HALF: [f64; 2] = [4.636_476_090_008_060_935_15e-1, 2.269_877_745_296_168_709_24e-17];
-const ONE: [f64; 2] = [7.853_981_633_974_482_789_99e-1, 3.061_616_997_868_383_017_93e-17];
+const ONE: [f64; 2] = [FRAC_PI_4, 3.061_616_997_868_383_017_93e-17];
 const RIGHT: [f64; 2] = [FRAC_PI_2, 6.123_233_995_736_766_035_87e-17];
 const STRAIGHT: [f64; 2] = [PI, 1.224_646_799_147_353_177_2e-16];
 

@@ -85,6 +85,8 @@ fn alone(b: &Batch, solver: &mut PrioritySolver, count: usize) -> Answers {
         };
         let (j, v) = (part(&b.jacobians, &|m| m * b.n), part(&b.velocities, &|m| m));
         let (j, v): (Vec<&[f64]>, Vec<&[f64]>) = (j.iter().map(Vec::as_slice).collect(), v.iter().map(Vec::as_slice).collect());
+        // After some calls by a program of one lane.
+        solver.used();
         match solver.solve(&j, &v) {
             Ok(status) => {
                 all.v.extend(bits(solver.v()));

@@ -119,6 +119,7 @@ impl ArmPrioritySolver {
                 command[at..at + velocity.len()].copy_from_slice(velocity);
                 at += velocity.len();
             }
+            core.solver_mut().used();
             core.solver_mut().run()?;
             v.copy_from_slice(core.solver().v());
             Ok(())

@@ -186,6 +186,7 @@ fn again(jacobians: &[Bound<'_, PyAny>], velocities: &[Bound<'_, PyAny>], keywor
         v[at..at + m].copy_from_slice(velocity);
         at += m;
     }
+    solver.used();
     solver.run().ok()?;
     Some(solver)
 }

@@ -74,6 +74,7 @@ impl PrioritySolver {
             at += j.len();
             to += v.len();
         }
+        core.used();
         core.run()?;
         out.copy_from_slice(core.v());
         Ok(())
