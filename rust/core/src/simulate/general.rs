@@ -1,7 +1,7 @@
 //! Runs of any plant under any law: one number or lanes, by any method.
 
 use super::adaptive_steps;
-use super::closed_loop::{ClosedLoop, Closing, Exogenous, World};
+use super::closed_loop::{ClosedLoop, Closing};
 use super::fixed_steps::{self, Record};
 use super::force::Wrench;
 use super::problem::{Division, Ended, Fixed, Method, Problem};
@@ -12,6 +12,7 @@ use super::sink::Sink;
 use super::stop::Stop;
 use super::torque_sensing::TorqueSensing;
 use super::watching::{Asked, Watching};
+use super::world::{Exogenous, World};
 use crate::integrate::{
     Adaptive, Dop853, Dopri5, DualSystem, Euler, FixedStep, Linearised, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System, Tolerance,
 };

@@ -35,11 +35,11 @@ mod switching;
 mod torque_sensing;
 mod watcher;
 mod watching;
+mod world;
 
 pub use crate::parallel::default_threads;
 pub use batch::{BatchRuns, Keep, lanes, simulate_batch};
 pub use bound::DEFAULT_STATE_LIMIT;
-pub use closed_loop::Exogenous;
 pub use event::{Event, Found, Signal, What};
 pub use force::{Force, Wrench};
 pub use priority_batch::{solve_rows, solve_stacks};
@@ -51,3 +51,4 @@ pub use single::{Run, simulate, simulate_asked};
 pub use stepper::{Stepping, require_fixed_steps, stepper};
 pub use stop::{Poller, Stop};
 pub use watching::{Asked, Polynomials};
+pub use world::Exogenous;

@@ -1,12 +1,12 @@
 //! A recorded loop behind the interface of a loop, and its step behind that of a method: the driver of fixed steps runs both as any
 //! other.
 
-use super::closed_loop::{Exogenous, World};
 use super::force::Wrench;
 use super::general::Watched;
 use super::recorded::{Layout, Recorded};
 use super::redo::Redo;
 use super::sampler::Sampler;
+use super::world::{Exogenous, World};
 use crate::integrate::{FixedStep, System};
 use crate::interrupt::look;
 use crate::plant::Touch;

@@ -4,12 +4,12 @@
 //! is the same for every run, so the bits of a run depend on that run alone. A loop that turns by an angle for which the programs'
 //! sines are not made goes on directly, from the very evaluation in which that happens.
 
-use super::closed_loop::Exogenous;
 use super::force::Wrench;
 use super::general::{Twins, Watched, twins};
 use super::problem::Problem;
 use super::rates_programs::{Rates, record_both};
 use super::running_rates::Running;
+use super::world::Exogenous;
 use crate::integrate::{Differentiable, System};
 use crate::linalg::Pairs;
 use crate::plant::Touch;

@@ -4,12 +4,13 @@
 //! all values that the derivatives read, and then, for as many passes as there are directions, a second one computes
 //! `x_dot -> f'(x) x_dot`. The states of the law have a program apart: few operations depend on them, and they can be many.
 
-use super::closed_loop::{ClosedLoop, Exogenous};
+use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::general::assemble;
 use super::key::Common;
 use super::problem::{Method, Problem};
 use super::recorded::{self, Seen};
+use super::world::Exogenous;
 use crate::motion::Motion;
 use crate::scalar::Real;
 use crate::trace::differentiate::Differentiation;

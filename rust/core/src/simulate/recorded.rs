@@ -8,12 +8,13 @@
 //! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. Of a large one the rates are a program of their own, which every stage runs: the code of
 //! a whole step would not fit the processor's cache of instructions.
 
-use super::closed_loop::{ClosedLoop, Exogenous};
+use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::general::assemble;
 use super::key::{Common, Key};
 use super::loop_programs::{self, Programs, Tracing};
 use super::problem::{Method, Problem};
+use super::world::Exogenous;
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
 use crate::linalg::Pairs;
 use crate::scalar::Real;

@@ -3,10 +3,11 @@
 //! A law that decides ranks is recorded by its route for regular stacks, which says where it does not stand. Such a step of one run is
 //! taken again from the state before it, by all routes. It starts from that state alone, so that the bits of a run depend on nothing else.
 
-use super::closed_loop::{ClosedLoop, Exogenous};
+use super::closed_loop::ClosedLoop;
 use super::general::assemble;
 use super::problem::{Method, Problem};
 use super::program_loop::{MOST_LANES, ProgramLoop};
+use super::world::Exogenous;
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
 use crate::linalg::Pairs;
 use crate::scalar::{Real, Task, run_scalar};

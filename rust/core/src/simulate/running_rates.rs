@@ -1,7 +1,7 @@
 //! The programs of the rates of one run, on their frames.
 
-use super::closed_loop::Exogenous;
 use super::rates_programs::{RatesPrograms, RecordedRates};
+use super::world::Exogenous;
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Program, form};

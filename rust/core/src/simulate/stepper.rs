@@ -1,12 +1,12 @@
 //! A loop stepped by hand: one step of fixed size per call, the input from the law or from the caller.
 
 use super::bound::Bound;
-use super::closed_loop::Exogenous;
 use super::force::Wrench;
 use super::general::{Watched, close};
 use super::problem::{Method, Problem};
 use super::rates_loop::recorded_loop;
 use super::sampling::Sampling;
+use super::world::Exogenous;
 use crate::error::{Error, Result};
 use crate::integrate::{Euler, FixedStep, Rk4, Ros2, SemiImplicit};
 use crate::law::LawSpec;

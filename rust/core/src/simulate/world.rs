@@ -1,0 +1,160 @@
+//! What comes to a loop from outside: desired motions and applied forces, of one run or of several side by side.
+
+use super::force::{Force, Wrench};
+use crate::motion::{Motion, sample_apart};
+use crate::scalar::{Real, spread};
+use std::borrow::Cow;
+
+/// The step of time over which the desired acceleration is differenced, s: what it leaves out of a Jacobian of second order
+/// in it is far below an error of a step.
+const JERK_STEP: f64 = 1e-6;
+
+/// What the world tells the loop at one instant.
+#[derive(Clone)]
+pub struct Exogenous<S> {
+    pub t: f64,
+    /// The desired motions one after another, `[x_d, x_d', x_d'']` each.
+    pub desired: Vec<S>,
+    pub wrench: [S; 6],
+}
+
+/// Where it comes from: per desired motion one for all lanes, or one per lane; the same of forces.
+pub struct World<'a> {
+    motions: Vec<Vec<Cow<'a, Motion>>>,
+    forces: Vec<Cow<'a, Force>>,
+    /// What acts in place of the forces.
+    pushed: Option<Wrench>,
+    /// A sample per lane, of the widest motion.
+    rows: Vec<f64>,
+    lanes: usize,
+    width: usize,
+}
+
+impl<'a> World<'a> {
+    /// `motions(lane)` and `force(lane)` of each lane.
+    pub fn new(lanes: usize, motions: impl Fn(usize) -> Vec<&'a Motion>, force: impl Fn(usize) -> Option<&'a Force>) -> Self {
+        let per_lane: Vec<Vec<&Motion>> = (0..lanes).map(motions).collect();
+        let gather = |k: usize| {
+            let column: Vec<&Motion> = per_lane.iter().map(|motions| motions[k]).collect();
+            if column.iter().all(|m| m.is_same(column[0])) { vec![column[0]] } else { column }
+        };
+        let motions: Vec<Vec<&Motion>> = (0..per_lane[0].len()).map(gather).collect();
+        let motions: Vec<Vec<Cow<Motion>>> = motions.into_iter().map(|lanes| lanes.into_iter().map(Cow::Borrowed).collect()).collect();
+        let mut forces: Vec<&Force> = (0..lanes).filter_map(force).collect();
+        if forces.iter().all(|&f| std::ptr::eq(f, forces[0])) {
+            forces.truncate(1);
+        }
+        let width = motions.iter().map(|motions| 3 * motions[0].dof()).sum();
+        let widest = motions.iter().map(|motions| 3 * motions[0].dof()).max().unwrap_or(0);
+        let forces = forces.into_iter().map(Cow::Borrowed).collect();
+        World { motions, forces, pushed: None, rows: vec![0.0; widest * lanes], lanes, width }
+    }
+
+    /// The same world with motions and forces of its own.
+    pub fn into_owned(self) -> World<'static> {
+        World {
+            motions: self.motions.into_iter().map(|lanes| lanes.into_iter().map(|m| Cow::Owned(m.into_owned())).collect()).collect(),
+            forces: self.forces.into_iter().map(|force| Cow::Owned(force.into_owned())).collect(),
+            pushed: self.pushed,
+            rows: self.rows,
+            lanes: self.lanes,
+            width: self.width,
+        }
+    }
+
+    /// Whether a force is a function of time, which moves between jumps.
+    pub fn has_smooth_force(&self) -> bool {
+        self.forces.iter().any(|force| matches!(**force, Force::Signal(_)))
+    }
+
+    /// Whether no desired motion moves.
+    pub fn has_targets(&self) -> bool {
+        self.motions.iter().flatten().all(|motion| matches!(**motion, Motion::Hold(_)))
+    }
+
+    /// Whether it is the same at all times.
+    pub fn is_still(&self) -> bool {
+        self.has_targets() && self.forces.is_empty() && self.pushed.is_none()
+    }
+
+    /// Let this wrench act in place of the forces there are; `None` gives them back.
+    pub fn push(&mut self, wrench: Option<&Wrench>) {
+        self.pushed = wrench.copied();
+    }
+
+    /// Room for one instant.
+    pub fn instant<S: Real>(&self) -> Exogenous<S> {
+        Exogenous { t: f64::NAN, desired: vec![S::zero(); self.width], wrench: [S::zero(); 6] }
+    }
+
+    #[inline(never)]
+    pub fn sample<S: Real>(&mut self, t: f64, u: &mut Exogenous<S>) {
+        u.t = t;
+        let mut at = 0;
+        for motions in &self.motions {
+            let width = 3 * motions[0].dof();
+            let out = &mut u.desired[at..at + width];
+            if motions.len() == 1 {
+                sample_apart(&motions[0], t, out);
+            } else {
+                for (motion, row) in motions.iter().zip(self.rows.chunks_exact_mut(width)) {
+                    sample_apart(motion, t, row);
+                }
+                for (k, out) in out.iter_mut().enumerate() {
+                    *out = S::from_lanes(|lane| self.rows[lane * width + k]);
+                }
+            }
+            at += width;
+        }
+        match (&self.pushed, self.forces.as_slice()) {
+            (Some(wrench), _) => u.wrench = spread(wrench),
+            (None, []) => {}
+            (None, [force]) => u.wrench = spread(&force.at(t)),
+            (None, forces) => {
+                for (lane, force) in forces.iter().enumerate().take(self.lanes) {
+                    self.rows_of_wrench(lane, force.at(t), u);
+                }
+            }
+        }
+    }
+
+    /// The exogenous input at `t`, and the rate at which it moves.
+    pub fn drift<S: Real>(&mut self, t: f64, u: &mut Exogenous<S>, u_dot: &mut Exogenous<S>) {
+        self.sample(t, u);
+        self.sample(t + JERK_STEP, u_dot);
+        let slope = |from: S, to: S| (to - from) / S::splat(JERK_STEP);
+        let mut at = 0;
+        for motions in &self.motions {
+            let m = motions[0].dof();
+            for i in at..at + m {
+                u_dot.desired[i + 2 * m] = slope(u.desired[i + 2 * m], u_dot.desired[i + 2 * m]);
+                (u_dot.desired[i], u_dot.desired[i + m]) = (u.desired[i + m], u.desired[i + 2 * m]);
+            }
+            at += 3 * m;
+        }
+        for (rate, &from) in u_dot.wrench.iter_mut().zip(&u.wrench) {
+            // A force in steps does not move between its jumps.
+            *rate = if self.has_smooth_force() { slope(from, *rate) } else { S::zero() };
+        }
+    }
+
+    /// What all lanes have in common at one instant: the desired motions, and the wrench if there is room for it.
+    pub fn sample_shared(&self, t: f64, row: &mut [f64]) {
+        let mut rest = row;
+        for motions in &self.motions {
+            let (here, behind) = rest.split_at_mut(3 * motions[0].dof());
+            motions[0].sample(t, here);
+            rest = behind;
+        }
+        if let ([force], false) = (self.forces.as_slice(), rest.is_empty()) {
+            rest.copy_from_slice(&force.at(t));
+        }
+    }
+
+    fn rows_of_wrench<S: Real>(&self, lane: usize, wrench: [f64; 6], u: &mut Exogenous<S>) {
+        for (to, from) in u.wrench.iter_mut().zip(wrench) {
+            let before = *to;
+            *to = S::from_lanes(|i| if i == lane { from } else { before.lane(i) });
+        }
+    }
+}
