@@ -1,22 +1,22 @@
 //! From a recording to the instructions of one instruction set.
 //!
 //! Lowering removes what no output needs, writes sine and cosine out (`scalar::trig`, the same polynomials), turns negation and
-//! absolute value into bit operations, and chooses fused multiply-add: where the target has it, `a b + c` is one instruction
-//! wherever the product has no other use; elsewhere it is a product and a sum.
+//! absolute value into bit operations, and chooses fused multiply-add: where the target has it, `a b + c` is one instruction,
+//! elsewhere it is a product and a sum. Whether anything else reads the product does not matter: the bits of a result depend on
+//! nothing but the operations that lead to it, so that monitors do not change a run.
 
 use super::straight::{Instruction, Part, Straight};
 use super::tape::{Memo, Op};
 use crate::scalar::trig;
 
 /// Lower a part of a recording; `fused`: the target has fused multiply-add. Input `k` is in slot `k`.
-/// `contract`: products are fused with sums where nothing else reads them. Without it each operation rounds as it was recorded, so that
+/// `contract`: products are fused with sums. Without it each operation rounds as it was recorded, so that
 /// the bits are those of direct evaluation. Where angles occur, `reach_slot` receives the largest magnitude of them and of what it holds.
 pub fn lower(part: Part, reach_slot: u32, fused: bool, contract: bool) -> Straight {
     let Part { ops, outputs, .. } = part;
     let mut lowering = Lowering {
         part,
         ops,
-        uses: part.uses().0,
         known: vec![None; ops.len()],
         turns: Vec::new(),
         constants: Memo::default(),
@@ -45,7 +45,6 @@ pub fn lower(part: Part, reach_slot: u32, fused: bool, contract: bool) -> Straig
 struct Lowering<'a> {
     part: Part<'a>,
     ops: &'a [Op],
-    uses: Vec<u32>,
     /// The value of each entry of the tape, once it is lowered.
     known: Vec<Option<u32>>,
     /// The angles whose sine and cosine are there.
@@ -97,10 +96,10 @@ impl Lowering<'_> {
         }
     }
 
-    /// The factors of entry `a`, if it is a product that one entry alone reads and that is therefore fused with it.
+    /// The factors of entry `a`, if it is a product that is fused with the sum which reads it.
     fn product(&self, a: u32) -> Option<(u32, u32)> {
         match self.ops[a as usize] {
-            Op::Mul(x, y) if self.contract && self.uses[a as usize] == 1 && !self.part.is_before(a) => Some((x, y)),
+            Op::Mul(x, y) if self.contract && !self.part.is_before(a) => Some((x, y)),
             _ => None,
         }
     }

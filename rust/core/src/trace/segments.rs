@@ -24,7 +24,7 @@ pub fn join(ops: &[Op], cuts: &mut [Cut], free: u32) -> (Places, u32) {
             cuts[k].outputs.push((places[&entry], entry));
         }
         cuts[k].outputs.sort_unstable();
-        let before = Part { ops, start, outputs: &cuts[k].outputs, places: &places }.uses().1;
+        let before = Part { ops, start, outputs: &cuts[k].outputs, places: &places }.before();
         for entry in before {
             places.entry(entry).or_insert_with(|| {
                 next += 1;

@@ -147,22 +147,20 @@ impl Part<'_> {
         entry < self.start && !matches!(self.ops[entry as usize], Op::Const(_) | Op::Input(_))
     }
 
-    /// How often each entry is read by entries that an output needs, and those that earlier parts have to compute.
-    pub fn uses(&self) -> (Vec<u32>, Vec<u32>) {
-        let (mut uses, mut before) = (vec![0u32; self.ops.len()], Vec::new());
-        for &(_, value) in self.outputs {
-            uses[value as usize] += 1;
-        }
+    /// The entries that it reads and that earlier parts have to compute.
+    pub fn before(&self) -> Vec<u32> {
+        let (mut needed, mut before) = (vec![false; self.ops.len()], Vec::new());
+        self.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);
         for (i, op) in self.ops.iter().enumerate().rev() {
-            if uses[i] == 0 {
+            if !needed[i] {
                 continue;
             }
             if self.is_before(i as u32) {
                 before.push(i as u32);
             } else {
-                op.operands().for_each(|a| uses[a as usize] += 1);
+                op.operands().for_each(|a| needed[a as usize] = true);
             }
         }
-        (uses, before)
+        before
     }
 }
