@@ -1,6 +1,6 @@
 """Loops as programs beside the same loops run directly, on arms of two to seven joints; answers compared first.
 
-A run of 99 steps is still direct, one of 2,000 is a program: each side counts its start. Batches are programs whatever their length.
+A run of 19 steps is still direct, one of 2,000 is a program: each side counts its start. Batches are programs whatever their length.
 Adaptive and implicit runs of 20 s take programs, and short ones do not.
 
     python -P benches/bench_programs.py              the table
@@ -24,7 +24,7 @@ import timing
 from timing import Case
 
 DT, ROWS = 1e-3, 256
-DIRECT, PROGRAM, BATCH = 99, 2000, 200
+DIRECT, PROGRAM, BATCH = 19, 2000, 200
 LONG = 20.0
 ARMS = {
     "planar 2R": al.planar_arm([0.5] * 2),
@@ -54,10 +54,10 @@ def loops() -> Iterator[tuple[str, al.RigidArm, Any]]:
 
 
 def require_equal(name: str, plant: al.RigidArm, law: Any) -> None:
-    """The first 90 steps of a program and of a direct run, to rounding."""
+    """The first 18 steps of a program and of a direct run, to rounding."""
     q0 = np.full(plant.arm.n, 0.15)
-    program = al.simulate(plant, law, q0, t_end=0.18, dt=DT, record_every=90, monitors=False)
-    direct = al.simulate(plant, law, q0, t_end=0.09, dt=DT, record_every=90, monitors=False)
+    program = al.simulate(plant, law, q0, t_end=0.18, dt=DT, record_every=18, monitors=False)
+    direct = al.simulate(plant, law, q0, t_end=0.018, dt=DT, record_every=18, monitors=False)
     assert program.stats["engine"] != "direct" and direct.stats["engine"] == "direct", name
     assert np.abs(program.q[1] - direct.q[1]).max() < 1e-11, name
 

@@ -23,7 +23,7 @@ const NOTED: f64 = 0.05;
 const EXCESS: f64 = 0.3;
 /// A tolerance that can be met all along a run is this times the rounding measured at one state, were that state so much smaller: rates
 /// fall towards rest, the rounding of positions does not.
-const MARGIN: f64 = 30.0;
+const MARGIN: f64 = 100.0;
 const AT_REST: f64 = 1e-3;
 
 #[derive(Clone, Debug)]

@@ -150,10 +150,18 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Whether the integral of what the law dissipates is watched while its answer is held: programs do not hold it.
+    pub fn watches_held_dissipation(&self) -> bool {
+        self.options.monitors && self.options.sampling.is_some() && matches!(self.law(0), LawSpec::Adaptive(_))
+    }
+
     /// Whether all runs have the same desired motions and forces.
     pub fn shares_exogenous(&self) -> bool {
         let first = self.laws[0].motions();
-        let same = |law: &&LawSpec| law.motions().iter().zip(&first).all(|(motion, first)| motion.is_same(first));
+        let same = |law: &&LawSpec| {
+            let motions = law.motions();
+            motions.len() == first.len() && motions.iter().zip(&first).all(|(motion, first)| motion.is_same(first))
+        };
         self.forces.len() <= 1 && self.laws.iter().all(same)
     }
 

@@ -16,7 +16,7 @@ use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Steps below which a run by itself is done sooner than its program is made.
-const SHORT: usize = 100;
+const SHORT: usize = 20;
 
 /// Runs side by side.
 pub type Lanes = Array8<false>;
@@ -109,23 +109,27 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
         let mut lanes = vec![None; S::LANES];
         left.iter().filter(|&&lane| same(lane).is_some()).for_each(|&lane| lanes[lane] = Some(lane));
+        // Lanes of other structures, whose motions need not even be as many, run as the first one.
+        let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
         let held = problem.options.sampling.is_some();
         let mut closed = ProgramLoop::<S>::new(
             recorded.clone(),
-            world(problem, S::LANES, at),
+            world(problem, S::LANES, row),
             held,
-            sampler(problem, at),
+            sampler(problem, row),
             structures.table.as_deref(),
             given,
         );
         if recorded.layout.guards > 0 {
-            closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, at(lane))).collect());
+            closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, row(lane))).collect());
         }
         let method = ProgramStep::new(&closed);
         let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
         let group = General { problem, division, first, stop, sink: &mut chosen, asked: None, rates: None };
-        let Ended::Fixed(found) = group.fixed(fixed, &mut closed, start::<S>(problem, at), method) else { unreachable!("steps are fixed") };
+        let Ended::Fixed(found) = group.fixed(fixed, &mut closed, start::<S>(problem, row), method) else {
+            unreachable!("steps are fixed")
+        };
         faults.interrupted |= found.interrupted;
         faults.steps = found.steps;
         for lane in lanes.into_iter().flatten() {

@@ -135,7 +135,7 @@ fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
     // An adaptive method holds every contact as it is within a step.
     let free = problem.plants.iter().all(|plant| if method.is_adaptive() { plant.is_free() } else { plant.wall().is_none() });
-    (method.is_adaptive() || method.is_implicit()) && free && !problem.law(0).is_scalar()
+    (method.is_adaptive() || method.is_implicit()) && free && !problem.law(0).is_scalar() && !problem.watches_held_dissipation()
 }
 
 /// The rates of a run, and the numbers of its set-up.

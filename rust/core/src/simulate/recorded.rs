@@ -132,6 +132,7 @@ impl Recorded {
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method, Method::Euler | Method::SemiImplicit | Method::Rk4)
         && problem.law(0).is_recordable()
+        && !problem.watches_held_dissipation()
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
 
