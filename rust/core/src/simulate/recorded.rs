@@ -2,11 +2,11 @@
 //!
 //! The frame of its programs holds, slot after slot: the numbers of the run's set-up (parameters, gains, targets, limits), the
 //! exogenous input at each instant of the step, the state, which a step replaces by the next one, the step `h`, the input and the rate
-//! of the law, what the parts of a step hand to one another, and the largest angle that was turned by. Rows with the same structure share the programs: the
-//! same zeros and ones among their numbers.
+//! of the law, what the parts of a step hand to one another, and the largest angle that was turned by. Rows with the same structure, that
+//! is the same zeros and ones among their numbers, share the programs.
 //!
-//! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. Of a large one the rates are a program of their own, which every stage runs: the code of
-//! a whole step would not fit the processor's cache of instructions.
+//! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. Of a large loop the rates are a
+//! program of their own, which every stage runs: the code of a whole step would not fit the processor's cache of instructions.
 
 use super::closed_loop::ClosedLoop;
 use super::force::Force;
