@@ -49,27 +49,6 @@ pub trait System<S: Real> {
     /// Called with the state at the start of a step: what `rhs` may reuse at nearby states.
     fn anchor(&mut self, x: &[S]);
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
-    /// `anchor` before [`System::rhs_near`], which are sooner done and of the same bits unless [`System::strayed`] says afterwards
-    /// that the state was not what they take it for: near the anchor, and small.
-    #[inline(always)]
-    fn anchor_near(&mut self, x: &[S]) {
-        self.anchor(x);
-    }
-    /// `rhs` at the anchor itself.
-    #[inline(always)]
-    fn rhs_at_anchor(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]) {
-        self.rhs(u, x, dx);
-    }
-    /// `rhs` at a state near the anchor.
-    #[inline(always)]
-    fn rhs_near(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]) {
-        self.rhs(u, x, dx);
-    }
-    /// Whether `anchor_near` or `rhs_near` was given a state that is not for it since the last anchor.
-    #[inline(always)]
-    fn strayed(&self) -> bool {
-        false
-    }
     /// Attempts that an adaptive method may spend along a jump of the slope before the run is given up.
     fn chatter_budget(&self) -> u64 {
         500_000
@@ -117,6 +96,15 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
     fn input(&mut self, k: usize) -> &mut F::Input;
     /// Advance `x` by `h` with these inputs.
     fn advance(&mut self, system: &mut F, h: S, x: &mut B);
+    /// Advance `x` over the step `[t, end]` of size `h`, with all inputs taken anew.
+    #[inline(always)]
+    fn advance_anew(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
+        system.anchor(x.as_ref());
+        for (k, &part) in Self::INSTANTS.iter().enumerate() {
+            system.input(if part == 1.0 { end } else { t + part * h }, self.input(k));
+        }
+        self.advance(system, S::splat(h), x);
+    }
 }
 
 /// Where a state lives: an array for small closed-form systems, the heap for any other.

@@ -42,10 +42,8 @@ impl<B: Clone, U: Clone> SemiImplicit<B, U> {
 
 impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for SemiImplicit<B, F::Input> {
     #[inline(always)]
-    fn step(&mut self, system: &mut F, t: f64, h: f64, _end: f64, x: &mut B) {
-        system.anchor(x.as_ref());
-        system.input(t, &mut self.u);
-        self.advance(system, S::splat(h), x);
+    fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
+        self.advance_anew(system, t, h, end, x);
     }
 
     fn restart(&mut self) {}

@@ -93,23 +93,6 @@ impl<S: Real> Angle<S> {
             *self = Angle::new(q);
         }
     }
-
-    /// The same below [`REDUCTION_LIMIT`]; lanes are not looked at whether they are.
-    #[inline(always)]
-    pub fn move_near(&mut self, q: S) {
-        if S::LANES > 1 {
-            let (sin, cos) = q.sin_cos_near();
-            *self = Angle { q, sin, cos };
-        } else {
-            self.move_to(q);
-        }
-    }
-}
-
-/// A number whose square [`is_small`] only if `q` is below [`REDUCTION_LIMIT`]: one question for that and for the angles turned.
-#[inline(always)]
-pub fn reach<S: Real>(q: S) -> S {
-    q * S::splat(SMALL_ANGLE / REDUCTION_LIMIT * (1.0 + 1e-9))
 }
 
 /// Sine and cosine in a function of its own: a call on a rare path instead of its code at every use.

@@ -100,10 +100,7 @@ impl<'a, S: Real, M: Advance<S, Turned<'a, S>, Vec<S>>> Direct for Steps<'a, S, 
             load(&mut self.dz, dz);
             self.closed.0.hold_input(&self.tau, &self.dz);
         }
-        for (k, &part) in M::INSTANTS.iter().enumerate() {
-            self.closed.0.input(if part == 1.0 { end } else { t + part * h }, self.method.input(k));
-        }
-        self.method.advance(&mut self.closed, S::splat(h), &mut self.x);
+        self.method.advance_anew(&mut self.closed, t, h, end, &mut self.x);
         store(x, &self.x);
     }
 }
