@@ -18,6 +18,7 @@ mod motor_loop;
 mod priority_batch;
 mod problem;
 mod program_loop;
+mod program_step;
 mod programs;
 mod rates_loop;
 mod rates_programs;

@@ -1,5 +1,4 @@
-//! A recorded loop behind the interface of a loop, and its step behind that of a method: the driver of fixed steps runs both as any
-//! other.
+//! A recorded loop behind the interface of a loop: the driver of fixed steps runs it as any other, by [`super::program_step`].
 
 use super::force::Wrench;
 use super::general::Watched;
@@ -7,12 +6,11 @@ use super::recorded::{Layout, Recorded};
 use super::redo::Redo;
 use super::sampler::Sampler;
 use super::world::{Exogenous, World};
-use crate::integrate::{FixedStep, System};
-use crate::interrupt::look;
+use crate::integrate::System;
 use crate::plant::Touch;
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::trace::{Frame, Program, form};
+use crate::trace::{Frame, form};
 use std::sync::Arc;
 
 /// Lanes of the widest number that a loop runs on.
@@ -21,9 +19,9 @@ pub(super) const MOST_LANES: usize = 8;
 /// The loop of one run (`f64`) or of several side by side, of one structure.
 pub struct ProgramLoop<'a, S: Real> {
     pub(super) recorded: Arc<Recorded>,
-    world: World<'a>,
+    pub(super) world: World<'a>,
     /// Side by side the lanes of `S`, as many in each as the code has.
-    frames: Vec<Frame>,
+    pub(super) frames: Vec<Frame>,
     now: Exogenous<S>,
     pub(super) held: bool,
     /// The clock of a controller that is late or sees badly; `None` for a perfect one.
@@ -35,7 +33,7 @@ pub struct ProgramLoop<'a, S: Real> {
     /// The state as the controller sees it.
     seen: Vec<S>,
     /// The exogenous inputs of all whole steps from the first one on, where somebody sampled them in advance.
-    table: Option<&'a [f64]>,
+    pub(super) table: Option<&'a [f64]>,
     /// What takes the steps that the programs decline.
     pub(super) redo: Redo<'a, S>,
 }
@@ -104,7 +102,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         let recorded = self.recorded.clone();
         let layout = &recorded.layout;
         self.world.sample(t, &mut self.now);
-        write_instant(&mut self.frames, layout, 0, &self.now);
+        write_instant(&mut self.frames, layout, layout.instant(0), &self.now);
         write(&mut self.frames, layout.state(), x);
         self.remember(x);
         for frame in &mut self.frames {
@@ -116,10 +114,10 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
     }
 }
 
-/// The exogenous input of instant `k`.
-fn write_instant<S: Real>(frames: &mut [Frame], layout: &Layout, k: usize, u: &Exogenous<S>) {
-    write(frames, layout.instant(k), &u.desired);
-    write(frames, layout.instant(k) + layout.desired, &u.wrench[..layout.wrench]);
+/// The exogenous input of one instant into the slots from `first` on.
+pub(super) fn write_instant<S: Real>(frames: &mut [Frame], layout: &Layout, first: usize, u: &Exogenous<S>) {
+    write(frames, first, &u.desired);
+    write(frames, first + layout.desired, &u.wrench[..layout.wrench]);
 }
 
 /// `values` into the slots from `first` on.
@@ -147,6 +145,17 @@ fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
 }
 
 impl<S: Real> ProgramLoop<'_, S> {
+    /// From state `x` over some steps of `h`, frame `k` as `run` does it.
+    pub(super) fn advance(&mut self, h: f64, x: &mut [S], run: impl Fn(&mut Frame, usize)) {
+        let (state, step) = (self.recorded.layout.state(), self.recorded.layout.step());
+        write(&mut self.frames, state, x);
+        for (k, frame) in self.frames.iter_mut().enumerate() {
+            frame.fill(step, h);
+            run(frame, k);
+        }
+        read(&self.frames, state, x);
+    }
+
     /// A sample of a controller with a clock of its own.
     fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
         let (n, p) = (self.tau.len(), self.dz.len());
@@ -211,173 +220,4 @@ impl<S: Real> Watched<S> for ProgramLoop<'_, S> {
     }
     fn hold_contacts(&mut self, _: &[Touch]) {}
     fn push(&mut self, _: Option<&Wrench>) {}
-}
-
-/// Steps that a stream has room for.
-const TURNS: usize = 32;
-
-/// Numbers of the largest table: it has to live in the cache to pay.
-const LARGEST_TABLE: usize = 1 << 20;
-
-/// Steps as a program.
-pub struct ProgramStep<S: Real> {
-    now: Exogenous<S>,
-    /// The exogenous inputs of some steps: one stream for all frames, or one for each.
-    streams: Vec<Frame>,
-    /// The time of the last instant that is there, NaN when it is not the next step's first; and its place.
-    end_time: f64,
-    end: usize,
-    /// Steps of the streams that are there for good, since nothing moves.
-    still: usize,
-}
-
-impl<S: Real> ProgramStep<S> {
-    pub fn new(closed: &ProgramLoop<S>) -> Self {
-        let layout = &closed.recorded.layout;
-        let lanes = if layout.shared { vec![1] } else { closed.frames.iter().map(Frame::lanes).collect() };
-        ProgramStep::with_room(layout, closed.now.clone(), &lanes, TURNS)
-    }
-
-    fn with_room(layout: &Layout, now: Exogenous<S>, lanes: &[usize], turns: usize) -> Self {
-        let slots = layout.exogenous() * (layout.new_instants() * turns + layout.instants.len());
-        let streams = lanes.iter().map(|&lanes| Frame::new(slots, lanes)).collect();
-        ProgramStep { now, streams, end_time: f64::NAN, end: 0, still: 0 }
-    }
-
-    /// The exogenous inputs of the step `[t, end]` of size `h` as the step `turn` of the streams.
-    fn fill(&mut self, layout: &Layout, world: &mut World, turn: usize, t: f64, h: f64, end: f64) {
-        if turn < self.still {
-            return;
-        }
-        let first = turn * layout.new_instants();
-        for (k, &part) in layout.instants.iter().enumerate() {
-            if k == 0 && self.end_time == t {
-                self.copy(layout, self.end, first);
-                continue;
-            }
-            let (time, at) = (if part == 1.0 { end } else { t + part * h }, (first + k) * layout.exogenous());
-            if layout.shared {
-                world.sample_shared(time, &mut self.streams[0].numbers_mut()[at..at + layout.exogenous()]);
-            } else {
-                world.sample(time, &mut self.now);
-                write(&mut self.streams, at, &self.now.desired);
-                write(&mut self.streams, at + layout.desired, &self.now.wrench[..layout.wrench]);
-            }
-        }
-        self.still = if world.is_still() { turn + 1 } else { 0 };
-        (self.end_time, self.end) = (if layout.ends_at_last() { end } else { f64::NAN }, first + layout.instants.len() - 1);
-    }
-
-    /// Forget what is there.
-    fn restart_stream(&mut self) {
-        self.end_time = f64::NAN;
-    }
-
-    /// One instant of the streams to another place.
-    fn copy(&mut self, layout: &Layout, from: usize, to: usize) {
-        for stream in self.streams.iter_mut().filter(|_| from != to) {
-            let size = layout.exogenous() * stream.lanes();
-            stream.numbers_mut().copy_within(from * size..(from + 1) * size, to * size);
-        }
-    }
-
-    /// Run `turns` steps of `h` along the streams.
-    fn run(&self, system: &mut ProgramLoop<S>, program: &Program, h: f64, turns: usize, x: &mut [S]) {
-        system.run_along(program, |k| self.streams[k.min(self.streams.len() - 1)].numbers(), h, turns, x);
-    }
-}
-
-impl<S: Real> ProgramLoop<'_, S> {
-    /// Run `turns` steps of `h`, frame `k` along `stream(k)`.
-    fn run_along<'b>(&mut self, program: &Program, stream: impl Fn(usize) -> &'b [f64], h: f64, turns: usize, x: &mut [S]) {
-        let (state, step) = (self.recorded.layout.state(), self.recorded.layout.step());
-        write(&mut self.frames, state, x);
-        for (k, frame) in self.frames.iter_mut().enumerate() {
-            frame.fill(step, h);
-            program.run_along(frame, stream(k), turns);
-        }
-        read(&self.frames, state, x);
-    }
-}
-
-/// The exogenous inputs of `steps` whole steps of `h`, the same for all runs of a problem: sampled once where many runs share them.
-pub fn tabulate(recorded: &Recorded, mut world: World, steps: usize, h: f64) -> Option<Vec<f64>> {
-    let layout = &recorded.layout;
-    let numbers = layout.exogenous().checked_mul(layout.new_instants())?.checked_mul(steps)?;
-    if !layout.shared || recorded.programs.whole().is_none() || numbers > LARGEST_TABLE {
-        return None;
-    }
-    let mut table = ProgramStep::<f64>::with_room(layout, world.instant(), &[1], steps);
-    for step in 0..steps {
-        look();
-        table.fill(layout, &mut world, step, step as f64 * h, h, (step + 1) as f64 * h);
-    }
-    Some(table.streams[0].numbers().to_vec())
-}
-
-impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
-    fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
-        let recorded = system.recorded.clone();
-        self.fill(&recorded.layout, &mut system.world, 0, t, h, end);
-        system.remember(x);
-        if let Some(program) = recorded.programs.whole() {
-            self.run(system, program, h, 1, x);
-            return system.step_again(t, h, end, x);
-        }
-        let layout = &recorded.layout;
-        for k in 0..layout.instants.len() {
-            for (f, frame) in system.frames.iter_mut().enumerate() {
-                let stream = &self.streams[f.min(self.streams.len() - 1)];
-                let (first, size) = (layout.instant(k), layout.exogenous());
-                for slot in 0..size {
-                    let from = &stream.numbers()[(k * size + slot) * stream.lanes()..][..stream.lanes()];
-                    let to = frame.slot_mut(first + slot);
-                    if layout.shared { to.fill(from[0]) } else { to.copy_from_slice(from) }
-                }
-            }
-        }
-        write(&mut system.frames, layout.state(), x);
-        for frame in &mut system.frames {
-            frame.fill(layout.step(), h);
-            recorded.programs.advance(frame);
-        }
-        read(&system.frames, layout.state(), x);
-        system.step_again(t, h, end, x);
-    }
-
-    fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
-        let recorded = system.recorded.clone();
-        let Some(program) = recorded.programs.whole() else { return false };
-        let (table, mut done) = (system.table, 0);
-        let most = if table.is_some() && system.redo.is_empty() { count } else { TURNS };
-        while done < count {
-            let (turns, from) = ((count - done).min(most), first + done);
-            system.remember(x);
-            if let Some(table) = table {
-                let from = from * recorded.layout.new_instants() * recorded.layout.exogenous();
-                system.run_along(program, |_| &table[from..], h, turns, x);
-            } else {
-                for turn in 0..turns {
-                    let (t, end) = ((from + turn) as f64 * h, (from + turn + 1) as f64 * h);
-                    self.fill(&recorded.layout, &mut system.world, turn, t, h, end);
-                }
-                self.run(system, program, h, turns, x);
-            }
-            if (0..S::LANES).any(|lane| system.declined(lane)) {
-                // One by one from the start: the other lanes take the same steps again.
-                (0..S::LANES).for_each(|lane| system.back(lane));
-                x.copy_from_slice(system.redo.before());
-                self.restart_stream();
-                for step in from..from + turns {
-                    self.step(system, step as f64 * h, h, (step + 1) as f64 * h, x);
-                }
-            }
-            done += turns;
-        }
-        true
-    }
-
-    fn restart(&mut self) {
-        self.restart_stream();
-    }
 }
