@@ -200,43 +200,5 @@ pub fn run_lanes<T: Task>(task: T) -> T::Output {
     on::<Array8<false>, T>(task)
 }
 
-/// Work on one number and on duals over it: a stiff method and its Jacobians. `run` must be `#[inline(always)]`; its numbers are
-/// `V::One` and [`Duals<V>`].
-pub trait DualTask {
-    type Output;
-    fn run<V: Real>(self) -> Self::Output;
-}
-
-struct OnDuals<V, T>(T, std::marker::PhantomData<V>);
-
-impl<V: Real, T: DualTask> Kernel for OnDuals<V, T> {
-    type Output = T::Output;
-    #[inline(always)]
-    fn run(self) -> T::Output {
-        self.0.run::<V>()
-    }
-}
-
-#[inline(always)]
-fn on_duals<V: Real, T: DualTask>(task: T) -> T::Output {
-    V::enter(OnDuals::<V, T>(task, std::marker::PhantomData))
-}
-
-/// Run `task` with eight rates per dual, by the best route of this machine. That is two AVX2 registers even where AVX-512 is there:
-/// one value and eight rates in a register of their own are half as quick (the step of RODAS on 8 states: 0.73 against 1.08 us).
-#[cfg(target_arch = "x86_64")]
-pub fn run_duals<T: DualTask>(task: T) -> T::Output {
-    match isa() {
-        Isa::Baseline => on_duals::<Array8<false>, T>(task),
-        Isa::Avx2 | Isa::Avx512 => on_duals::<lanes::Pair<lanes::Avx2>, T>(task),
-    }
-}
-
-/// Run `task` with eight rates per dual.
-#[cfg(not(target_arch = "x86_64"))]
-pub fn run_duals<T: DualTask>(task: T) -> T::Output {
-    on_duals::<Array8<false>, T>(task)
-}
-
 #[cfg(test)]
 mod tests;
