@@ -256,18 +256,7 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             if still && name.contains("contact") {
                 continue;
             }
-            let options = Options {
-                t_end: 1.0,
-                dt: None,
-                method: Method::Rodas4,
-                rtol: 1e-6,
-                atol: 1e-9,
-                sampling: None,
-                times: Times::Every(1),
-                tau_max: tau_max.clone(),
-                monitors: true,
-                state_limit: f64::INFINITY,
-            };
+            let options = rodas4(tau_max.clone(), true);
             let forces = force.iter().collect::<Vec<_>>();
             let frame = (!forces.is_empty()).then_some(6);
             let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces, force_frame: frame, options };
@@ -295,13 +284,8 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
     assert_eq!(seen, [true, true, true, true, true, true, true, true, false]);
 }
 
-/// Both the rates and the derivatives leave the programs where an angle is not for their sines, and are those of the loop itself.
-#[test]
-fn a_loop_that_turns_far_goes_on_directly() {
-    let model = six_axis();
-    let plant = PlantSpec::Rigid(RigidSpec::new(model.clone()));
-    let law = LawSpec::PdGravity(PdGravitySpec::new(model, numbers(N, 0.1, 0.4), full(N, 100.0), gain(N, 20.0)).unwrap());
-    let options = Options {
+fn rodas4(tau_max: Option<Vec<f64>>, monitors: bool) -> Options {
+    Options {
         t_end: 1.0,
         dt: None,
         method: Method::Rodas4,
@@ -309,10 +293,19 @@ fn a_loop_that_turns_far_goes_on_directly() {
         atol: 1e-9,
         sampling: None,
         times: Times::Every(1),
-        tau_max: None,
-        monitors: false,
+        tau_max,
+        monitors,
         state_limit: f64::INFINITY,
-    };
+    }
+}
+
+/// Both the rates and the derivatives leave the programs where an angle is not for their sines, and are those of the loop itself.
+#[test]
+fn a_loop_that_turns_far_goes_on_directly() {
+    let model = six_axis();
+    let plant = PlantSpec::Rigid(RigidSpec::new(model.clone()));
+    let law = LawSpec::PdGravity(PdGravitySpec::new(model, numbers(N, 0.1, 0.4), full(N, 100.0), gain(N, 20.0)).unwrap());
+    let options = rodas4(None, false);
     let x0 = [numbers(N, 0.2, 0.7), vec![0.1; N]].concat();
     let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![], force_frame: None, options };
     for linearise in [false, true] {
