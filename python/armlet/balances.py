@@ -12,12 +12,13 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["energy_error", "quiet", "warn_of_balances"]
+__all__ = ["Balances", "energy_error", "quiet", "warn_of_balances"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -27,6 +28,8 @@ MOST_ENERGY = 0.1
 LEAST_ENERGY = 1e-6
 #: How often its first value a Lyapunov function reaches that theory says never rises.
 MOST_RISE = 10.0
+#: The part of the largest Lyapunov function that its balance may miss without a warning.
+MOST_LOST = 0.1
 
 
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
@@ -53,7 +56,40 @@ def energy_error(monitors: Mapping[str, Array]) -> Array | None:
         return np.where(missing > 0.0, missing / np.where(missing > 0.0, most, 1.0), missing)
 
 
-def warn_of_balances(caller: str, monitors: Mapping[str, Array], ended: Any, undisturbed: bool) -> None:
+@dataclass(frozen=True)
+class Balances:
+    """How far the balances of runs are open, `()` or `(B,)` each; NaN where it is not known.
+
+    Attributes:
+        energy_error: see `energy_error`.
+        energy_missing: the largest `energy_balance`, J.
+        rise: the largest Lyapunov function as a multiple of its first value.
+        lyapunov_error: the largest `lyapunov_balance` as a fraction of the largest Lyapunov function.
+    """
+
+    energy_error: Array
+    energy_missing: Array
+    rise: Array
+    lyapunov_error: Array
+
+    @classmethod
+    def of(cls, monitors: Mapping[str, Array]) -> Balances:
+        """Those of recorded monitors."""
+        unknown = np.full((), np.nan)
+        error, missing, rise, lost = unknown, unknown, unknown, unknown
+        found = energy_error(monitors)
+        if found is not None:
+            error, missing = found, _largest(monitors["energy_balance"])
+        if "lyapunov_balance" in monitors and monitors["lyapunov"].shape[-1]:
+            value = monitors["lyapunov"]
+            largest = np.nan_to_num(value).max(axis=-1)
+            with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+                rise = np.asarray(largest / np.where(value[..., 0] > 0.0, value[..., 0], np.inf))
+                lost = np.asarray(_largest(monitors["lyapunov_balance"]) / largest)
+        return cls(error, missing, rise, lost)
+
+
+def warn_of_balances(caller: str, balances: Balances, ended: Any, undisturbed: bool) -> None:
     """Warn where a run that ended well leaves more of a balance open than an accurate one can.
 
     `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the Lyapunov function has to fall, since the law acts
@@ -61,18 +97,12 @@ def warn_of_balances(caller: str, monitors: Mapping[str, Array], ended: Any, und
     """
     if _QUIET.get():
         return
-    found: list[tuple[str, NDArray[np.bool_], str]] = []
-    error = energy_error(monitors)
-    if error is not None:
-        missing = _largest(monitors["energy_balance"])
-        bad = np.asarray(ended & (error > MOST_ENERGY) & (missing > LEAST_ENERGY))
-        text = f"{missing[bad].max():.2g} J are missing, {error[bad].max():.2g} of the energy turned over" if bad.any() else ""
-        found.append(("energy balance", bad, text))
-    if undisturbed and "lyapunov_balance" in monitors and monitors["lyapunov"].shape[-1]:
-        value, balance = monitors["lyapunov"], monitors["lyapunov_balance"]
-        with np.errstate(invalid="ignore", over="ignore"):
-            rise = np.nan_to_num(value).max(axis=-1) / np.where(value[..., 0] > 0.0, value[..., 0], np.inf)
-            bad = np.asarray(ended & (rise > MOST_RISE) & (_largest(balance) > 0.1 * np.nan_to_num(value).max(axis=-1)))
+    error, missing, rise = (np.broadcast_to(x, np.shape(ended)) for x in (balances.energy_error, balances.energy_missing, balances.rise))
+    bad = np.asarray(ended & (error > MOST_ENERGY) & (missing > LEAST_ENERGY))
+    text = f"{missing[bad].max():.2g} J are missing, {error[bad].max():.2g} of the energy turned over" if bad.any() else ""
+    found = [("energy balance", bad, text)]
+    if undisturbed:
+        bad = np.asarray(ended & (rise > MOST_RISE) & (balances.lyapunov_error > MOST_LOST))
         text = f"the Lyapunov function rises {rise[bad].max():.2g} times, and never should" if bad.any() else ""
         found.append(("Lyapunov balance", bad, text))
     for name, bad, text in found:

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import choice, finite, instance
-from .balances import warn_of_balances
+from .arguments import choice, finite, instance, shown
+from .balances import Balances, warn_of_balances
 from .errors import InputError
 from .run import SERIES, BatchRun
-from .run_metrics import metrics
+from .run_metrics import MEASURES, metrics
 from .sampling import Sampling
 from .status import Status
 
-__all__ = ["in_pieces"]
+__all__ = ["batch_of", "forces_of_runs", "in_pieces", "measured_by_records", "require_measures"]
 
 #: Records of one piece, in bytes; a piece has at least LEAST runs.
 PIECE = 1 << 26
@@ -49,6 +49,46 @@ def _is_nested(force: Any) -> bool:
     return isinstance(force, list | tuple)
 
 
+def require_measures(keep: str, given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What `metrics` of a batch states.
+
+    Raises:
+        InputError: it is no table of the arguments of `armlet.metrics`, or nothing is measured.
+    """
+    if given is None:
+        return {}
+    instance("simulate_batch", "metrics", given, Mapping, "a table of arguments of armlet.metrics")
+    if keep != "metrics":
+        raise InputError(f'simulate_batch: metrics is not used: expected None with keep="{keep}", got {shown(given)}')
+    for name in given:
+        choice("simulate_batch", "a name of metrics", name, MEASURES)
+    stated = {name: value for name, value in given.items() if value is not None}
+    if "reference" in stated:
+        stated["reference"] = _core.numbers("simulate_batch", 'metrics["reference"]', stated["reference"])
+    return stated
+
+
+def measured_by_records(keywords: Mapping[str, Any]) -> bool:
+    """Whether the metrics of a batch need its records, for a reference record by record."""
+    return keywords["keep"] == "metrics" and np.ndim(keywords["metrics"].get("reference", 0.0)) > 1
+
+
+def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undisturbed: bool) -> BatchRun:
+    """One batch, with a warning where balances do not close."""
+    fields = _core.simulate_batch(plant, law, q0, keywords)
+    fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
+    found = fields.pop("metrics")
+    if found:
+        rest = (found.pop(name) for name in ("energy_missing", "lyapunov_rise", "lyapunov_error"))
+        balances = Balances(found["energy_error"], *rest)
+        completed = (fields["status"] == Status.SUCCESS).astype(np.float64)
+        fields["stats"] |= found | {"completed": completed}
+    batch = BatchRun(fields, law=law, plant=plant)
+    balances = balances if found else Balances.of(batch.monitors)
+    warn_of_balances("simulate_batch", balances, batch.status == Status.SUCCESS, undisturbed)
+    return batch
+
+
 def in_pieces(
     plant: _core.Plant | list[_core.Plant],
     law: _core.Law | list[_core.Law],
@@ -58,14 +98,15 @@ def in_pieces(
     out: Mapping[str, NDArray[Any]] | None,
     undisturbed: bool,
 ) -> BatchRun:
-    """The batch of `simulate_batch`, some runs at a time; with keep="metrics" each piece is summed up before the next one starts."""
+    """The batch of `simulate_batch`, some runs at a time; where the metrics need the records each piece is summed up before the next."""
     one = plant[0] if isinstance(plant, list) and plant else plant
     n = instance("simulate_batch", "plant", one, _core.Plant, "a plant such as RigidArm, or a list of them").arm.n
     start = _core.numbers("simulate_batch", "q0", q0, ("B", n))
     rows = len(start)
-    summed = keywords["keep"] == "metrics"
+    summed = measured_by_records(keywords)
+    measures = keywords["metrics"]
     if summed:
-        keywords = keywords | {"keep": "all"}
+        keywords = keywords | {"keep": "all", "metrics": {}}
     for name, value in (("plant", plant), ("law", law)):
         if isinstance(value, list) and len(value) not in (1, rows):
             raise InputError(f"simulate_batch: {name} has the wrong number of entries: expected 1 or {rows}, got {len(value)}")
@@ -94,11 +135,8 @@ def in_pieces(
             own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
         plants = plant[first:last] if isinstance(plant, list) and len(plant) > 1 else plant
         laws = law[first:last] if isinstance(law, list) and len(law) > 1 else law
-        fields = _core.simulate_batch(plants, laws, start[first:last], own)
-        fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
-        piece = BatchRun(fields, law=laws, plant=plants)
-        warn_of_balances("simulate_batch", piece.monitors, piece.status == Status.SUCCESS, undisturbed)
-        pieces.append(_summed(piece) if summed else piece)
+        piece = batch_of(plants, laws, start[first:last], own, undisturbed)
+        pieces.append(_summed(piece, measures, first, last) if summed else piece)
         if out is not None:
             _write(out, pieces[-1], first, last)
         if progress is not None:
@@ -145,9 +183,11 @@ def _part(value: NDArray[np.float64] | None, first: int, last: int) -> NDArray[n
     return None if value is None else value[first:last]
 
 
-def _summed(piece: BatchRun) -> BatchRun:
-    """The last record of each run, its metrics among the `stats`."""
-    found = metrics(piece)
+def _summed(piece: BatchRun, measures: Mapping[str, Any], first: int, last: int) -> BatchRun:
+    """The last record of each run, its metrics among the `stats`; the rows of the batch are `first` to `last`."""
+    if np.ndim(measures.get("reference", 0.0)) == 3:
+        measures = {**measures, "reference": measures["reference"][first:last]}
+    found = metrics(piece, **measures)
     fields: dict[str, Any] = {name: getattr(piece, name)[:, -1:] for name in SERIES if getattr(piece, name) is not None}
     fields |= {"t": piece.t[-1:], "status": piece.status, "monitors": {name: values[:, -1:] for name, values in piece.monitors.items()}}
     fields |= {"stats": piece.stats | dict(found), "law_name": piece.law_name, "units": piece.units, "parameters": piece.parameters}

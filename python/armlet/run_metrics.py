@@ -52,6 +52,9 @@ PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "
 PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
 PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations", "energy_error", "completed")
 ALL = (*PER_JOINT, *PER_TASK, *PER_RUN)
+SETTLE, TOLERANCE = 0.02, 1e-6
+#: What `metrics` takes beside the run.
+MEASURES = ("reference", "band", "settle", "tolerance", "frame")
 
 
 @bordered
@@ -119,15 +122,15 @@ def metrics(
     *,
     reference: ArrayLike | None = None,
     band: ArrayLike | None = None,
-    settle: float = 0.02,
-    tolerance: float = 1e-6,
+    settle: float = SETTLE,
+    tolerance: float = TOLERANCE,
     frame: str | None = None,
 ) -> Metrics:
     """Sum a run up, or every run of a batch: errors, settling time, overshoot, torques, limits and monitors.
 
-    A monitor is violated at a record where `lyapunov` has risen since the last by more than `tolerance` of its largest value,
-    where `lyapunov_balance` or `energy_balance` is beyond `tolerance` of the largest Lyapunov function or energy, or `skewness` beyond
-    `tolerance` of 1.
+    A monitor is violated at a record where `lyapunov` has risen since the last by more than `tolerance` of its largest value so far,
+    where `lyapunov_balance` or `energy_balance` is beyond `tolerance` of the largest Lyapunov function or energy so far, or `skewness`
+    beyond `tolerance` of 1. `simulate_batch(keep="metrics")` finds the same numbers while the runs go, without records.
 
     Args:
         run: the run, or the batch.
@@ -153,10 +156,12 @@ def metrics(
     instance("metrics", "run", run, (Run, BatchRun), "a run of simulate or simulate_batch")
     settle, tolerance = number("metrics", "settle", settle), number("metrics", "tolerance", tolerance)
     if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
-        if "error_rms" in run.stats and reference is None and band is None and frame is None:
-            # A batch that kept its metrics has them among its stats.
-            return Metrics({name: run.stats[name] for name in ALL if name in run.stats}, run.units, run.input_units)
-        raise InputError('metrics: run has its last record alone: expected a batch run with keep="all"')
+        if "error_rms" not in run.stats:
+            raise InputError('metrics: run has its last record alone: expected a batch run with keep="all"')
+        if reference is not None or band is not None or frame is not None or (settle, tolerance) != (SETTLE, TOLERANCE):
+            raise InputError('metrics: run kept its metrics alone: expected no other argument, or simulate_batch(metrics={..}) before')
+        # A batch that kept its metrics has them among its stats.
+        return Metrics({name: run.stats[name] for name in ALL if name in run.stats}, run.units, run.input_units)
     q, t = run.q, run.t
     n = q.shape[-1]
     desired = run.reference()
@@ -273,9 +278,14 @@ def _violations(monitors: Mapping[str, Array], tolerance: float, shape: tuple[in
     count = np.zeros(shape)
     for name, scale in (("lyapunov_balance", "lyapunov"), ("energy_balance", "energy"), ("skewness", None)):
         if name in monitors and monitors[name].shape[-1]:
-            size = np.abs(monitors[scale]).max(axis=-1, keepdims=True) if scale is not None and scale in monitors else 1.0
+            size = _largest_so_far(np.abs(monitors[scale])) if scale is not None and scale in monitors else 1.0
             count = count + (~(np.abs(monitors[name]) <= tolerance * size)).sum(axis=-1)
     if "lyapunov" in monitors and monitors["lyapunov"].shape[-1]:
         values = monitors["lyapunov"]
-        count = count + (np.diff(values, axis=-1) > tolerance * values.max(axis=-1, keepdims=True)).sum(axis=-1)
+        count = count + (np.diff(values, axis=-1) > tolerance * _largest_so_far(values)[..., 1:]).sum(axis=-1)
     return np.asarray(count, dtype=np.float64)
+
+
+def _largest_so_far(values: Array) -> Array:
+    result: Array = np.maximum.accumulate(values, axis=-1)
+    return result

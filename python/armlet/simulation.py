@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .arguments import choice, instance, shown
-from .balances import warn_of_balances
-from .batches import forces_of_runs, in_pieces
+from .balances import Balances, warn_of_balances
+from .batches import batch_of, forces_of_runs, in_pieces, measured_by_records, require_measures
 from .border import border
 from .errors import InputError, SolveError
 from .events import Event, Events, watched
@@ -118,7 +118,7 @@ def simulate(
         message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}"
         raise SolveError(message, run.status, ended, run)
     undisturbed = sample_time is None and tau_max is None and force is None
-    warn_of_balances("simulate", run.monitors, np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
+    warn_of_balances("simulate", Balances.of(run.monitors), np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
     return run
 
 
@@ -146,6 +146,7 @@ def simulate_batch(
     state_limit: float = 1e6,
     threads: int | None = None,
     keep: Literal["all", "final", "metrics"] = "all",
+    metrics: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], object] | None = None,
     out: Mapping[str, NDArray[Any]] | None = None,
 ) -> BatchRun:
@@ -161,9 +162,11 @@ def simulate_batch(
         force: one for all runs as for `simulate` (no callable), or one per run: constants (B, k), or a list of B lists
             `[(t_start, F), ...]`.
         threads: worker threads, 1 to 1024; None follows ARMLET_NUM_THREADS, then the cores. No more start than there are groups of runs.
-        t_eval: needed by an adaptive method that keeps "all": its runs step at different times.
-        keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record: then the records of some runs at
-            a time are all the memory it takes, and `batch.metrics()` has the numbers of `armlet.metrics`.
+        t_eval: needed by an adaptive method that keeps "all": its runs step at different times. With keep="metrics" None measures each
+            accepted step.
+        keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record. The metrics are reduced while the
+            runs go, so the memory does not depend on the number of steps; `batch.metrics()` has the numbers of `armlet.metrics`.
+        metrics: with keep="metrics", what `armlet.metrics` takes beside the run: `band`, `settle`, `tolerance`, `reference`, `frame`.
         progress: called as `progress(done, runs)` after every piece of the batch.
         out: arrays of yours by name ("q", "v", "tau", "status", ..) that get the rows piece by piece: after Ctrl-C they hold what was
             finished, and NaN and `Status.INTERRUPTED` elsewhere.
@@ -190,10 +193,7 @@ def simulate_batch(
     choice("simulate_batch", "keep", keep, ("all", "final", "metrics"))
     if progress is not None and not callable(progress):
         raise InputError(f"simulate_batch: progress is not callable: expected a function or None, got {shown(progress)}")
-    if keep == "metrics" or progress is not None or out is not None:
+    keywords["metrics"] = require_measures(keep, metrics)
+    if progress is not None or out is not None or measured_by_records(keywords):
         return in_pieces(plants, laws, q0, keywords, progress, out, undisturbed)
-    fields = _core.simulate_batch(plants, laws, q0, keywords)
-    fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
-    batch = BatchRun(fields, law=laws, plant=plants)
-    warn_of_balances("simulate_batch", batch.monitors, batch.status == Status.SUCCESS, undisturbed)
-    return batch
+    return batch_of(plants, laws, q0, keywords, undisturbed)

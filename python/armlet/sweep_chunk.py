@@ -106,9 +106,9 @@ def run_chunk(
     found: Columns = {}
     status = np.full(stop - start, Status.INTERRUPTED, dtype=np.int32)
     for members in groups.values():
-        for ran, batch in _batches(members, start, cells, threads, None if strict else errors):
+        for ran, batch in _batches(members, start, cells, (threads, metrics), None if strict else errors):
             index = [row for row, _ in ran]
-            part = batch.metrics(**metrics).columns()
+            part = batch.metrics().columns()
             if found and set(part) != set(found):
                 raise InputError("sweep: cells have different metrics: expected one number of joints and one kind of plant in all cells")
             for name, column in part.items():
@@ -124,22 +124,24 @@ def _rows(chunk: Chunk, errors: Mapping[int, str], status: NDArray[np.int32], fo
 
 
 Members = list[tuple[int, Any]]
+#: Threads and arguments of `armlet.metrics`.
+How = tuple[int | None, Mapping[str, Any]]
 
 
 def _batches(
-    members: Members, start: int, cells: Cells, threads: int | None, errors: dict[int, str] | None, tried: int = 1
+    members: Members, start: int, cells: Cells, how: How, errors: dict[int, str] | None, tried: int = 1
 ) -> list[tuple[Members, BatchRun]]:
     """The batch of these cells; where it raises each cell alone, and those that raise alone go to `errors` (None: raise)."""
     try:
-        return [(members, _batch(members, start, cells, threads))]
+        return [(members, _batch(members, start, cells, *how))]
     except Exception as error:
         if errors is None:
             raise
         if len(members) > 1:
-            return [each for member in members for each in _batches([member], start, cells, threads, errors, tried + 1)]
+            return [each for member in members for each in _batches([member], start, cells, how, errors, tried + 1)]
         # What is refused once is refused again.
         if tried < TRIES and not isinstance(error, ArmletError):
-            return _batches(members, start, cells, threads, errors, tried + 1)
+            return _batches(members, start, cells, how, errors, tried + 1)
         errors[members[0][0]] = _text(error)
         return []
 
@@ -148,7 +150,7 @@ def _text(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
 
 
-def _batch(members: Members, start: int, cells: Cells, threads: int | None) -> BatchRun:
+def _batch(members: Members, start: int, cells: Cells, threads: int | None, metrics: Mapping[str, Any]) -> BatchRun:
     given = dict(members[0][1].arguments)
     for name in STATES:
         if name in given:
@@ -159,7 +161,7 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None) -> B
         given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
     plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
     with quiet():  # the table has a column of it
-        return simulate_batch(plants, laws, **given, threads=threads)
+        return simulate_batch(plants, laws, **given, threads=threads, keep="metrics", metrics=metrics)
 
 
 def joined(parts: Sequence[Columns]) -> Columns:

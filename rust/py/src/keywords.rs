@@ -11,7 +11,7 @@ use crate::motion::Motion;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::sensors::TorqueSensor;
 use armlet_core::plant::{PlantKind, PlantSpec};
-use armlet_core::simulate::{self as core, Force, Method, Options, Sampling, Times};
+use armlet_core::simulate::{self as core, Force, Measures, Method, Options, Sampling, Times};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
@@ -108,6 +108,29 @@ impl<'py> Keywords<'py> {
             monitors: flag(self.function, "monitors", &self.required("monitors")?)?,
             state_limit: self.optional_number("state_limit")?.unwrap_or(core::DEFAULT_STATE_LIMIT),
         })
+    }
+
+    /// What runs are summed up by: the arguments of `armlet.metrics` that `metrics` holds.
+    pub fn measures(&self, n: usize) -> Result<Measures, Failure> {
+        let mut measures = Measures::default();
+        let Some(given) = self.get("metrics")? else { return Ok(measures) };
+        let of = |name: &str| -> Result<Option<Bound<'py, PyAny>>, Failure> { Ok(given.get_item(name).ok().filter(|x| !x.is_none())) };
+        let part = |name: &str, forms: &[Form]| -> Result<Option<Vec<f64>>, Failure> {
+            let Some(value) = of(name)? else { return Ok(None) };
+            let (shape, values) = numbers(self.function, &format!("metrics[\"{name}\"]"), &value, forms)?;
+            Ok(Some(spread(&shape, values, n)?))
+        };
+        measures.band = part("band", &[SCALAR, Form(&[Axis::Is(n)])])?;
+        measures.reference = part("reference", &[Form(&[Axis::Is(n)])])?;
+        for (name, to) in [("settle", &mut measures.settle), ("tolerance", &mut measures.tolerance)] {
+            if let Some(value) = of(name)? {
+                *to = number(self.function, &format!("metrics[\"{name}\"]"), &value)?;
+            }
+        }
+        if let Some(frame) = of("frame")? {
+            measures.frame = Some(text(self.function, "metrics[\"frame\"]", &frame)?);
+        }
+        Ok(measures)
     }
 
     pub fn method(&self) -> Result<Method, Failure> {

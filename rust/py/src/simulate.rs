@@ -104,7 +104,8 @@ pub fn simulate<'py>(
         let options = given.options(n)?;
         let (_, x0) = given.initial_states(&[plant], q0, false)?;
         let (force, force_frame) = given.force(plant, law, &raised)?;
-        let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options };
+        let problem =
+            Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options, measures: None };
         warn_of_sampling(py, NAME, &problem)?;
         let dense = given.get("dense")?.map_or(Ok(false), |dense| flag(NAME, "dense", &dense))?;
         let mut asked = event::asked(plant, given.get("events")?, dense, &raised)?;
@@ -162,9 +163,11 @@ pub fn simulate_batch<'py>(
         let plants = several::<Plant>(NAME, "plant", "a plant such as RigidArm, or a list of them", plant)?;
         let laws = several::<Law>(NAME, "law", "a law such as Adaptive, or a list of them", law)?;
         let given = Keywords { function: NAME, keywords: keywords.clone() };
+        let n = plants[0].get().spec.n();
         let keep = match text(NAME, "keep", &given.required("keep")?)?.as_str() {
             "all" => Keep::All,
             "final" => Keep::Final,
+            "metrics" => Keep::Metrics(given.measures(n)?),
             other => {
                 let problem = format!("is unknown: expected one of all, final, metrics, got {other}");
                 return Err(input_error(py, NAME, "keep", problem).into());
@@ -176,7 +179,6 @@ pub fn simulate_batch<'py>(
         };
         let plants: Vec<&PlantSpec> = plants.iter().map(|plant| &plant.get().spec).collect();
         let laws: Vec<&LawSpec> = laws.iter().map(|law| &law.get().spec).collect();
-        let n = plants[0].n();
         let options = given.options(n)?;
         let (rows, x0) = given.initial_states(&plants, q0, true)?;
         let raised = Raised::default();
@@ -186,7 +188,7 @@ pub fn simulate_batch<'py>(
             return Err(input_error(py, NAME, "force", problem).into());
         }
         let p = laws[0].initial_state().len();
-        let problem = Problem { plants, laws, x0, forces: forces.iter().collect(), force_frame, options };
+        let problem = Problem { plants, laws, x0, forces: forces.iter().collect(), force_frame, options, measures: None };
         warn_of_sampling(py, NAME, &problem)?;
         let batch = long(py, || core::simulate_batch(&problem, keep, threads, &mut signalled))?;
         raise(&raised)?;
@@ -207,6 +209,12 @@ pub fn simulate_batch<'py>(
             put(&series, name, values, &[rows, k])?;
         }
         fields.set_item("monitors", series)?;
+        let metrics = PyDict::new(py);
+        for (name, width, values) in batch.metrics {
+            let shape: Vec<usize> = std::iter::once(rows).chain(width).collect();
+            put(&metrics, name, values, &shape)?;
+        }
+        fields.set_item("metrics", metrics)?;
         let status: Vec<i64> = batch.status.iter().map(|s| i64::from(s.code())).collect();
         fields.set_item("status", PyArray1::from_vec(py, status))?;
         put(&fields, "ended", batch.ended, &[rows])?;

@@ -128,7 +128,15 @@ impl Simulator {
             let (_, x0) = given.initial_states(&[&plant], q0, false)?;
             let (force, force_frame) = given.force(&plant, &law, &raised)?;
             let start: Vec<f64> = x0.iter().chain(law.initial_state()).copied().collect();
-            let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: force.iter().collect(), force_frame, options };
+            let problem = Problem {
+                plants: vec![&plant],
+                laws: vec![&law],
+                x0,
+                forces: force.iter().collect(),
+                force_frame,
+                options,
+                measures: None,
+            };
             // A frame where a later push may act: the law's own, or the one that is named.
             let rows = if given.get("force_frame")?.is_some() { None } else { law.coordinates().map(|at| at.rows.clone()) };
             let pushed = given.get("force_frame")?.is_some() || rows.is_some();

@@ -18,21 +18,26 @@ pub struct ArmAt<S: Real = f64> {
 impl Model {
     /// The arm at `q`.
     pub fn at<S: Real>(&self, q: &[S]) -> ArmAt<S> {
-        let arm = AnyArm::from_lanes(|_| self);
-        let n = self.n();
-        let mut at = ArmAt {
-            workspace: arm.workspace(),
-            arm,
-            q: vec![S::zero(); n],
-            trig: vec![(S::zero(), S::splat(1.0)); n],
-            full: vec![S::zero(); 6 * n],
-        };
+        let mut at = ArmAt::of_lanes(|_| self);
         at.move_to(q);
         at
     }
 }
 
 impl<S: Real> ArmAt<S> {
+    /// The arms `of(lane)`, of one geometry, to be moved to a configuration.
+    pub fn of_lanes<'a>(of: impl Fn(usize) -> &'a Model) -> Self {
+        let n = of(0).n();
+        let arm = AnyArm::from_lanes(of);
+        ArmAt {
+            workspace: arm.workspace(),
+            arm,
+            q: vec![S::zero(); n],
+            trig: vec![(S::zero(), S::splat(1.0)); n],
+            full: vec![S::zero(); 6 * n],
+        }
+    }
+
     pub fn move_to(&mut self, q: &[S]) {
         self.q.copy_from_slice(q);
         for (trig, q) in self.trig.iter_mut().zip(q) {
@@ -73,6 +78,11 @@ impl<S: Real> ArmAt<S> {
     /// Kinetic and potential energy.
     pub fn energy(&mut self, v: &[S]) -> (S, S) {
         self.arm.energy(&mut self.workspace, &self.trig, &self.q, v)
+    }
+
+    /// Position of a frame, world axes.
+    pub fn position(&mut self, frame: usize) -> V3<S> {
+        self.arm.position(&mut self.workspace, &self.trig, &self.q, frame)
     }
 
     /// Position of a frame, world axes, and its geometric Jacobian, `(6, n)`.

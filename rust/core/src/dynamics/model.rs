@@ -248,6 +248,23 @@ impl<S: Real> AnyArm<S> {
         }
     }
 
+    /// The position of a frame. A planar PR has no frames: zero.
+    #[inline(never)]
+    pub fn position(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize) -> V3<S> {
+        struct Apart<'a, S: Real>(&'a Tree<S>, &'a mut Workspace<S>, &'a [(S, S)], &'a [S], usize);
+        impl<S: Real> Kernel for Apart<'_, S> {
+            type Output = V3<S>;
+            #[inline(always)]
+            fn run(self) -> V3<S> {
+                kinematics::frame_pose(self.0, &mut self.1.poses, self.2, self.3, self.4).1
+            }
+        }
+        match self {
+            AnyArm::PlanarPr(_) => V3::zero(),
+            AnyArm::Tree(tree) => S::enter(Apart(tree, ws, trig, q, frame)),
+        }
+    }
+
     /// Error `(m,)` and Jacobian `(m, n)` of Cartesian coordinates; `full` has room for `(6, n)`.
     #[inline(never)]
     pub fn error_and_jacobian(

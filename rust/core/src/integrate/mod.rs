@@ -55,6 +55,8 @@ pub trait System<S: Real> {
     }
     /// Called with the state at every sample of a sampled loop: what is held until the next one.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
+    /// Add the state at `t` to what `x` carries behind it of a run that is summed up; `h`: the time to the next step, zero at the end.
+    fn sum_up(&mut self, _t: f64, _h: f64, _x: &mut [S]) {}
     /// What is held since the last sample: the input and the rate of the law; `None` where nothing is.
     fn held(&self) -> Option<(&[S], &[S])> {
         None

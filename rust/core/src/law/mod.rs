@@ -4,6 +4,7 @@
 
 mod adaptation;
 mod adaptive;
+mod aims;
 mod arm_batch;
 mod arm_solver;
 mod cartesian_impedance;
@@ -26,6 +27,7 @@ mod sampled_reduction;
 pub use crate::linalg::gain::Gain;
 pub use adaptation::{Adaptation, AnyAdaptive, Base};
 pub use adaptive::{Adaptive, AdaptiveSpec};
+pub use aims::{Aim, JointReference};
 pub use arm_batch::ArmBatch;
 pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};

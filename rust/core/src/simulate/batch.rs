@@ -5,10 +5,13 @@
 
 use super::columns::Columns;
 use super::general::General;
+use super::measures::{Measures, Plan};
+use super::measuring::Measuring;
 use super::monitors::{self, Monitor};
 use super::problem::{Division, Ended, Problem};
 use super::programs::{self, Structures};
 use super::rates_programs::Rates;
+use super::schedule::Times;
 use super::sink::Sink;
 use crate::error::{Error, Result, all_finite};
 use crate::interrupt::look;
@@ -19,11 +22,17 @@ use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterato
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What a batch keeps of each run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Keep {
     All,
+    /// The last record.
     Final,
+    /// The last record, and the numbers that sum all records up.
+    Metrics(Measures),
 }
+
+/// A quantity of a summary: its name, its width where a run has several numbers, and the numbers, row-major.
+pub type Metric = (&'static str, Option<usize>, Vec<f64>);
 
 /// Numbers that are made between two looks whether to stop.
 const PIECE: usize = 1 << 16;
@@ -40,6 +49,8 @@ pub struct BatchRuns {
     pub theta_dot: Vec<f64>,
     pub z: Vec<f64>,
     pub monitors: Vec<(&'static str, Vec<f64>)>,
+    /// What the runs are summed up by; NaN for one that did not reach its end.
+    pub metrics: Vec<Metric>,
     pub status: Vec<Status>,
     /// When each run ended.
     pub ended: Vec<f64>,
@@ -66,12 +77,22 @@ struct Rows<'a> {
     values: Vec<f64>,
     /// When a monitor of each run stopped being finite.
     faults: Vec<f64>,
+    /// The runs that are summed up, and where their numbers go.
+    summed: Vec<Measuring<'a>>,
+    metrics: Vec<&'a mut [f64]>,
 }
 
 impl Sink for Rows<'_> {
     fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]) {
         // The spare lanes of a group that is not full have no rows.
-        if lane >= self.status.len() || self.faults[lane].is_finite() {
+        if lane >= self.status.len() {
+            return;
+        }
+        if let Some(run) = self.summed.get_mut(lane) {
+            run.record(i, t, x, tau);
+            return;
+        }
+        if self.faults[lane].is_finite() {
             return;
         }
         if let Some(check) = self.checks.get_mut(lane) {
@@ -81,7 +102,19 @@ impl Sink for Rows<'_> {
                 return;
             }
         }
-        let at = lane * self.records + i;
+        self.write(lane * self.records + i, x, tau);
+    }
+
+    fn take(&mut self, lane: usize, kept: &[f64], time: &dyn Fn(usize) -> f64) {
+        if let Some(run) = self.summed.get_mut(lane) {
+            run.take(kept, time);
+        }
+    }
+}
+
+impl Rows<'_> {
+    /// Row `at`, with the monitors in `self.values`.
+    fn write(&mut self, at: usize, x: &[f64], tau: &[f64]) {
         let parts = self.columns.split(x, tau);
         let rows: [(&mut [f64], &[f64]); 6] = [
             (self.q, parts.q),
@@ -109,20 +142,28 @@ pub fn lanes() -> usize {
 pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
     let mut problem = problem.clone();
     let runs = problem.runs();
-    if keep == Keep::Final {
-        problem.options.times = super::Times::At(vec![problem.options.t_end]);
+    match keep {
+        Keep::All => {}
+        Keep::Final => problem.options.times = Times::At(vec![problem.options.t_end]),
+        Keep::Metrics(measures) => problem.measures = Some(measures),
     }
     let division = problem.validate()?;
-    let times = match &division {
-        Division::Fixed(fixed) => fixed.schedule.records.iter().map(|r| r.t).collect(),
-        Division::Adaptive(segments) => match &segments.times {
-            super::Times::At(t) => t.clone(),
-            super::Times::Every(_) => {
+    let times = match (&division, &problem.measures) {
+        (Division::Fixed(fixed), None) => fixed.schedule.record_times()?,
+        (Division::Fixed(fixed), _) => {
+            fixed.schedule.count().checked_sub(1).and_then(|last| fixed.schedule.record(last)).map(|r| r.t).into_iter().collect()
+        }
+        (Division::Adaptive(segments), measures) => match (&segments.times, measures) {
+            (Times::At(t), None) => t.clone(),
+            (Times::At(t), _) => t.last().copied().into_iter().collect(),
+            (Times::Every(_), Some(_)) => vec![problem.options.t_end],
+            (Times::Every(_), None) => {
                 return Err(Error::input("t_eval", "is missing: expected times at which an adaptive batch is recorded, got None"));
             }
         },
     };
-    let mut out = allocate(&problem, times)?;
+    let plans = problem.plans()?;
+    let mut out = allocate(&problem, times, plans.first())?;
     if runs == 0 {
         return Ok(out);
     }
@@ -137,7 +178,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
             if stop.load(Ordering::Relaxed) {
                 return true;
             }
-            rows.watch(first);
+            rows.watch(first, &plans);
             let group = General { problem, division: &division, first, stop, sink: &mut *rows, asked: None, rates: rates.as_ref() };
             let ended = match (&division, &structures) {
                 (Division::Fixed(fixed), Some(structures)) => programs::run::<programs::Lanes>(structures, group, fixed),
@@ -154,10 +195,10 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
 }
 
 /// Room for the records, NaN until written; an error at once where it does not fit.
-fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
+fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<BatchRuns> {
     let (runs, records, columns) = (problem.runs(), t.len(), Columns::of(problem));
     let (n, p) = (columns.n, columns.p);
-    let room = |width: usize| -> Result<Vec<f64>> {
+    let rows = |records: usize, width: usize| -> Result<Vec<f64>> {
         let bytes = runs as u128 * records as u128 * width as u128 * 8;
         let mut out = Vec::new();
         let len = runs.checked_mul(records).and_then(|n| n.checked_mul(width)).ok_or(Error::Memory { bytes })?;
@@ -169,6 +210,9 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
         }
         Ok(out)
     };
+    let room = |width: usize| rows(records, width);
+    let columns_of = plan.map_or_else(Vec::new, Plan::columns);
+    let metrics = columns_of.into_iter().map(|(name, width)| Ok((name, width, rows(1, width.unwrap_or(1))?))).collect::<Result<_>>()?;
     let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0), problem.watches_storage()) } else { &[] };
     let monitors = names.iter().map(|&name| room(1).map(|series| (name, series))).collect::<Result<_>>()?;
     Ok(BatchRuns {
@@ -179,6 +223,7 @@ fn allocate(problem: &Problem, t: Vec<f64>) -> Result<BatchRuns> {
         theta_dot: room(columns.motors())?,
         z: room(p)?,
         monitors,
+        metrics,
         status: vec![Status::Interrupted; runs],
         ended: vec![0.0; runs],
         interrupted: false,
@@ -196,6 +241,7 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
     let (mut theta, mut theta_dot) = (out.theta.chunks_mut(per_group(motors)), out.theta_dot.chunks_mut(per_group(motors)));
     let mut z = out.z.chunks_mut(per_group(columns.p));
     let mut monitors: Vec<_> = out.monitors.iter_mut().map(|(_, series)| series.chunks_mut(per_group(1))).collect();
+    let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
     out.status
         .chunks_mut(lanes)
@@ -214,6 +260,8 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
             monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
             checks: Vec::new(),
             faults: vec![f64::INFINITY; status.len()],
+            summed: Vec::new(),
+            metrics: metrics.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
             status,
             ended,
         })
@@ -222,17 +270,25 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
 
 impl Rows<'_> {
     /// Make the monitors of the group, whose first run is `first`: only now, since each compiles an arm.
-    fn watch(&mut self, first: usize) {
-        if !self.monitors.is_empty() {
-            let (problem, storage) = (self.problem, self.problem.watches_storage());
-            self.checks = (first..first + self.status.len()).map(|i| Monitor::new(problem.plant(i), problem.law(i), storage)).collect();
+    fn watch(&mut self, first: usize, plans: &[Plan]) {
+        let (problem, storage) = (self.problem, self.problem.watches_storage());
+        let runs = first..first + self.status.len();
+        if !plans.is_empty() {
+            let plan = |i: usize| &plans[if plans.len() == 1 { 0 } else { i }];
+            self.summed = runs.map(|i| Measuring::new(problem, i, plan(i), self.monitors.len())).collect();
+        } else if !self.monitors.is_empty() {
+            self.checks = runs.map(|i| Monitor::new(problem.plant(i), problem.law(i), storage)).collect();
         }
     }
 
     /// Note how each run of the group ended; whether it was interrupted.
     fn finish(&mut self, ended: &Ended, t_end: f64) -> bool {
         self.checks = Vec::new();
-        match ended {
+        let mut summed = std::mem::take(&mut self.summed);
+        for (fault, run) in self.faults.iter_mut().zip(&summed) {
+            *fault = run.fault;
+        }
+        let interrupted = match ended {
             Ended::Fixed(faults) if faults.interrupted => true,
             Ended::Fixed(faults) => {
                 for (lane, (status, ended)) in self.status.iter_mut().zip(self.ended.iter_mut()).enumerate() {
@@ -248,6 +304,26 @@ impl Rows<'_> {
                 (self.status[0], self.ended[0]) = ended;
                 outcome.status == Status::Interrupted
             }
+        };
+        for (lane, run) in summed.iter_mut().enumerate() {
+            if self.status[lane] == Status::Success && self.records > 0 {
+                self.write_summary(lane, run);
+            }
+        }
+        interrupted
+    }
+
+    /// The last record of a run and the numbers that sum it up.
+    fn write_summary(&mut self, lane: usize, run: &mut Measuring) {
+        let summary = run.summary();
+        self.values.copy_from_slice(&run.values);
+        self.write(lane * self.records, &run.x, &run.tau);
+        let (rows, mut rest) = (self.status.len(), summary.as_slice());
+        for to in &mut self.metrics {
+            let width = to.len() / rows;
+            let (numbers, behind) = rest.split_at(width);
+            to[lane * width..(lane + 1) * width].copy_from_slice(numbers);
+            rest = behind;
         }
     }
 }

@@ -20,10 +20,10 @@ pub struct Faults {
     pub steps: u64,
 }
 
-/// Who is told of every record. `record` must be `#[inline(always)]`: a call would take the address of the
+/// Who is told of every record, by its number and time. `record` must be `#[inline(always)]`: a call would take the address of the
 /// system, and nothing whose address is taken lives in registers.
 pub trait Record<F, B> {
-    fn record(&mut self, i: usize, system: &mut F, x: &B);
+    fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
 }
 
 /// Run `system` over the schedule from `x`.
@@ -52,16 +52,23 @@ where
         x = note_faults(&mut faults.at, x, bound, 0.0);
     }
     let (mut step, mut i, mut next_break) = (0, 0, 0);
+    let mut next = schedule.record(0);
     // Where the run stands while `x` is ahead of it, at a record between two steps.
     let (mut start, mut first_break, mut ahead) = (x.clone(), 0, false);
     loop {
-        let record_here = i < schedule.records.len() && schedule.records[i].step == step;
-        let offset = if record_here { schedule.records[i].offset } else { 0.0 };
-        if record_here && (offset == 0.0 || ahead) {
+        let here = next.filter(|record| record.step == step);
+        let offset = here.map_or(0.0, |record| record.offset);
+        if let Some(record) = here
+            && (offset == 0.0 || ahead)
+        {
             if hold != 0 && offset == 0.0 && step.is_multiple_of(hold) {
-                system.sample(schedule.records[i].t, x.as_ref());
+                system.sample(record.t, x.as_ref());
             }
-            recorder.record(i, system, &x);
+            if schedule.sums_up && step == schedule.steps {
+                system.sum_up(record.t, 0.0, x.as_mut());
+            }
+            recorder.record(i, record.t, system, &x);
+            next = schedule.record(i + 1);
             i += 1;
             if ahead {
                 // Keep to the run's own path.
@@ -72,14 +79,14 @@ where
             }
             continue;
         }
-        if !record_here && step == schedule.steps {
+        if here.is_none() && step == schedule.steps {
             return faults;
         }
         if stop.requested() {
             faults.interrupted = true;
             return faults;
         }
-        let target = if i < schedule.records.len() { schedule.records[i].step } else { schedule.steps };
+        let target = next.map_or(schedule.steps, |record| record.step);
         let to = if offset > 0.0 { step + 1 } else { target.min(step + block(step, hold)) };
         start.clone_from(&x);
         first_break = next_break;
@@ -95,6 +102,13 @@ where
                 if smooth > 0 && method.stride(system, k, smooth, schedule.dt, &mut x) {
                     k += smooth;
                     continue;
+                }
+                if schedule.sums_up {
+                    let t = schedule.time(k);
+                    system.sum_up(t, schedule.time(k + 1) - t, x.as_mut());
+                    if careful && !bound.holds(x.as_ref()) {
+                        x = note_faults(&mut faults.at, x, bound, t);
+                    }
                 }
                 one_step(system, method, schedule, k, offset, &mut next_break, &mut x);
                 if careful && !bound.holds(x.as_ref()) {
@@ -132,6 +146,10 @@ fn block(step: usize, hold: usize) -> usize {
 /// How many steps of equal size from `step` on, at most to `to`, have no sample and no jump of the input between them.
 #[inline(always)]
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
+    // A run that is summed up starts with a step by itself.
+    if schedule.sums_up && step == 0 {
+        return 0;
+    }
     // The last step may be shorter; a jump at the end of a step belongs to it.
     let mut end = to.min(schedule.steps - 1);
     if hold != 0 {

@@ -111,7 +111,10 @@ impl Twins<'_> {
 /// Records of a lane at a time, from a buffer made once.
 struct Recorder<'a> {
     sink: &'a mut dyn Sink,
-    times: &'a dyn Fn(usize) -> f64,
+    /// The time of each step.
+    time: &'a dyn Fn(usize) -> f64,
+    /// Numbers of the state; what it carries besides is summed up.
+    size: usize,
     x: Vec<f64>,
     tau: Vec<f64>,
 }
@@ -126,23 +129,27 @@ impl Recorder<'_> {
             for (to, from) in self.tau.iter_mut().zip(tau) {
                 *to = from.lane(lane);
             }
-            self.sink.record(i, lane, t, &self.x, &self.tau);
+            let (x, kept) = self.x.split_at(self.size);
+            self.sink.record(i, lane, t, x, &self.tau);
+            if !kept.is_empty() {
+                self.sink.take(lane, kept, self.time);
+            }
         }
     }
 }
 
 impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for Recorder<'_> {
     #[inline(always)]
-    fn record(&mut self, i: usize, closed: &mut F, x: &Vec<S>) {
-        let t = (self.times)(i);
+    fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &Vec<S>) {
         let tau = closed.input_at(t, x);
         self.write(i, t, x, tau);
     }
 }
 
 impl<'a> General<'a> {
-    fn recorder<'b>(sink: &'b mut dyn Sink, times: &'b dyn Fn(usize) -> f64, size: usize, n: usize) -> Recorder<'b> {
-        Recorder { sink, times, x: vec![0.0; size], tau: vec![0.0; n] }
+    /// A recorder of states with `all` numbers.
+    fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> Recorder<'b> {
+        Recorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
     }
 
     /// Fixed steps of `closed` by `method`.
@@ -153,8 +160,8 @@ impl<'a> General<'a> {
         F: Watched<S>,
         M: FixedStep<S, F, Vec<S>>,
     {
-        let times = |i: usize| fixed.schedule.records[i].t;
-        let mut recorder = Self::recorder(self.sink, &times, x.len(), self.problem.plant(0).n());
+        let time = |step: usize| fixed.schedule.time(step);
+        let mut recorder = Self::recorder(self.problem, self.sink, &time, x.len());
         Ended::Fixed(fixed_steps::run(closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
     }
 
@@ -168,7 +175,7 @@ impl<'a> General<'a> {
         let Division::Adaptive(segments) = self.division else { unreachable!("an adaptive method divides time itself") };
         // Each run has its own instants where samples are late by chance.
         let segments = segments.with_breaks(instants);
-        let mut recorder = Self::recorder(self.sink, &|_| 0.0, size, self.problem.plant(0).n());
+        let mut recorder = Self::recorder(self.problem, self.sink, &|_| f64::NAN, size);
         let mut i = 0;
         let kept = size - if self.problem.options.monitors { 2 } else { 0 };
         let mut watch = Watching::new(self.problem.plant(self.first), self.asked, kept, method.x());

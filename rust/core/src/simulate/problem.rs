@@ -4,6 +4,7 @@ use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
+use super::measures::{Measures, Plan};
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
@@ -108,6 +109,8 @@ pub struct Problem<'a> {
     /// Where a force acts; `None`: at the law's own frame.
     pub force_frame: Option<usize>,
     pub options: Options,
+    /// What runs are summed up by while they go.
+    pub measures: Option<Measures>,
 }
 
 /// How time is divided: by fixed steps or by the method.
@@ -140,6 +143,11 @@ impl<'a> Problem<'a> {
 
     pub fn law(&self, run: usize) -> &'a LawSpec {
         self.laws[if self.laws.len() == 1 { 0 } else { run }]
+    }
+
+    /// Numbers of a loop's state: plant, law and quadratures.
+    pub fn state_size(&self) -> usize {
+        self.plant(0).states() + self.law(0).initial_state().len() + if self.options.monitors { 2 } else { 0 }
     }
 
     pub fn force(&self, run: usize) -> Option<&'a Force> {
@@ -178,6 +186,11 @@ impl<'a> Problem<'a> {
         let o = &self.options;
         let runs = self.plants.len().max(self.laws.len());
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && (0..runs).all(|run| self.law(run).has_storage(self.plant(run)))
+    }
+
+    /// What is measured: nothing, the same of all runs, or one plan per run.
+    pub fn plans(&self) -> Result<Vec<Plan>> {
+        self.measures.as_ref().map_or(Ok(Vec::new()), |measures| Plan::all(self, measures))
     }
 
     /// Refuse plants and laws that do not belong together.

@@ -91,6 +91,12 @@ impl Sink for Chosen<'_> {
             self.sink.record(i, lane, t, x, tau);
         }
     }
+
+    fn take(&mut self, lane: usize, kept: &[f64], time: &dyn Fn(usize) -> f64) {
+        if let Some(lane) = self.lanes[lane] {
+            self.sink.take(lane, kept, time);
+        }
+    }
 }
 
 /// The runs of a group, `S::LANES` from its first one on, by fixed steps.

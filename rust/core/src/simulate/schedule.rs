@@ -40,7 +40,7 @@ pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
 
 /// Refuse more records than memory holds, before any is made: one large reservation is refused at once where
 /// many small ones would end the process.
-pub(super) fn require_memory(records: u128) -> Result<()> {
+pub fn require_memory(records: u128) -> Result<()> {
     let bytes = records * BYTES_PER_RECORD;
     let refused = Error::Memory { bytes };
     let Ok(size) = usize::try_from(bytes) else { return Err(refused) };
@@ -55,17 +55,29 @@ pub struct Record {
     pub t: f64,
 }
 
+/// Which records a run has.
+#[derive(Clone, Debug)]
+enum Records {
+    /// The start and every `k`-th step, and the end.
+    Every(usize),
+    /// The start and the end.
+    Ends,
+    At(Vec<Record>),
+}
+
 /// The steps and records of a fixed-step run.
 #[derive(Clone, Debug)]
 pub struct Schedule {
     pub dt: f64,
     pub t_end: f64,
     pub steps: usize,
-    pub records: Vec<Record>,
+    records: Records,
     /// Times of jumps strictly inside the run, increasing.
     pub breaks: Vec<f64>,
     /// What the state must keep to.
     pub bound: Bound,
+    /// Every step is added to a sum that the state carries.
+    pub sums_up: bool,
 }
 
 impl Schedule {
@@ -77,29 +89,58 @@ impl Schedule {
         }
         // A last step shorter than the rest ends a run whose length is not a multiple of dt.
         let steps = (exact - ON_GRID * exact.max(1.0)).ceil().max(0.0) as usize;
-        let mut schedule = Schedule { dt, t_end, steps, records: Vec::new(), breaks: Vec::new(), bound };
-        match times {
+        let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
+        let mut schedule = Schedule { dt, t_end, steps, records: Records::Ends, breaks, bound, sums_up: false };
+        schedule.records = match times {
             Times::Every(0) => return Err(Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
-            Times::Every(every) => {
-                require_memory(steps as u128 / *every as u128)?;
-                let last = if steps.is_multiple_of(*every) { None } else { Some(steps) };
-                let on_grid = (0..=steps).step_by(*every).chain(last);
-                let record = |step| Record { step, offset: 0.0, t: schedule.time(step) };
-                let looked = |(k, step)| {
-                    if k % LOOK == 0 {
-                        look();
-                    }
-                    record(step)
-                };
-                schedule.records = on_grid.enumerate().map(looked).collect();
-            }
+            Times::Every(every) => Records::Every(*every),
             Times::At(t_eval) => {
                 require_times(t_eval, t_end)?;
-                schedule.records = memory::collected(t_eval.iter().map(|&t| schedule.locate(t)))?;
+                Records::At(memory::collected(t_eval.iter().map(|&t| schedule.locate(t)))?)
             }
-        }
-        schedule.breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
+        };
         Ok(schedule)
+    }
+
+    /// The same steps, each added to a sum that the state carries, with records at the start and the end alone.
+    pub fn summing_up(&self) -> Self {
+        Schedule { records: Records::Ends, sums_up: true, ..self.clone() }
+    }
+
+    /// Number of records.
+    pub fn count(&self) -> usize {
+        match &self.records {
+            Records::Every(every) => self.steps / every + 1 + usize::from(!self.steps.is_multiple_of(*every)),
+            Records::Ends => 1 + usize::from(self.steps > 0),
+            Records::At(records) => records.len(),
+        }
+    }
+
+    /// Record `i`; `None` behind the last one.
+    #[inline(always)]
+    pub fn record(&self, i: usize) -> Option<Record> {
+        let on_step = |step: usize| {
+            let step = step.min(self.steps);
+            Record { step, offset: 0.0, t: self.time(step) }
+        };
+        match &self.records {
+            Records::At(records) => records.get(i).copied(),
+            Records::Every(every) => (i * every < self.steps + every).then(|| on_step(i * every)),
+            Records::Ends => (i == 0 || i == 1 && self.steps > 0).then(|| on_step(i * self.steps)),
+        }
+    }
+
+    /// The times of all records.
+    pub fn record_times(&self) -> Result<Vec<f64>> {
+        require_memory(self.count() as u128)?;
+        let mut times = memory::room(self.count())?;
+        for i in 0..self.count() {
+            if i % LOOK == 0 {
+                look();
+            }
+            times.extend(self.record(i).map(|record| record.t));
+        }
+        Ok(times)
     }
 
     /// The time after `step` steps.
@@ -119,9 +160,9 @@ impl Schedule {
         Record { step, offset: t - self.time(step), t }
     }
 
-    /// Whether every record falls on a step.
-    pub fn on_grid(&self) -> bool {
-        self.records.iter().all(|r| r.offset == 0.0)
+    /// Whether every step is recorded.
+    pub fn records_every_step(&self) -> bool {
+        matches!(self.records, Records::Every(1))
     }
 
     /// Whether `t` is, up to rounding, the end of a step that ends at `end`.

@@ -6,6 +6,7 @@ use super::monitors::{self, Monitor};
 use super::problem::{Division, Ended, Problem};
 use super::programs::{self, Structures};
 use super::rates_programs::Rates;
+use super::schedule::require_memory;
 use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::Asked;
@@ -131,7 +132,8 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
     let values = vec![0.0; names.len()];
     let mut sink = Rows { run: &mut run, columns, monitor, values, fault: f64::INFINITY, full: Ok(()) };
     if let Division::Fixed(fixed) = &division {
-        sink.reserve(fixed.schedule.records.len())?;
+        require_memory(fixed.schedule.count() as u128)?;
+        sink.reserve(fixed.schedule.count())?;
     }
     let structures = Structures::of(problem, &division, false);
     let rates = Rates::of(problem);

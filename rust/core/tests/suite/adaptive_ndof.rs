@@ -49,7 +49,8 @@ fn trajectories() {
             state_limit: DEFAULT_STATE_LIMIT,
         };
         let x0 = plant.initial_state(&numbers(&input["q0"]), &numbers(&input["qd0"]), None, None);
-        let mut problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options };
+        let mut problem =
+            Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options, measures: None };
         // RK4 at 0.25 ms errs by less than 1e-8 here, order 8 by less than 1e-12.
         let lanes = simulate_batch(&problem, Keep::All, 1, &mut || false).unwrap();
         let single = simulate(&problem, &AtomicBool::new(false)).unwrap();

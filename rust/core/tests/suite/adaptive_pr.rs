@@ -91,7 +91,7 @@ impl Case {
             state_limit: DEFAULT_STATE_LIMIT,
         };
         let x0 = self.plant.initial_state(&self.q0, &self.v0, None, None);
-        Problem { plants: vec![&self.plant], laws: vec![&self.law], x0, forces: Vec::new(), force_frame: None, options }
+        Problem { plants: vec![&self.plant], laws: vec![&self.law], x0, forces: Vec::new(), force_frame: None, options, measures: None }
     }
 }
 

@@ -41,7 +41,7 @@ fn run(relative: bool, method: Method, monitors: bool, steps: bool) -> Run {
         state_limit: DEFAULT_STATE_LIMIT,
     };
     let x0 = vec![-0.5, 1.6, 0.8, -1.1, -0.499, 1.601, 0.9, -1.0];
-    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![&force], force_frame: None, options };
+    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![&force], force_frame: None, options, measures: None };
     let run = simulate(&problem, &AtomicBool::new(false)).unwrap();
     assert_eq!(run.status, Status::Success);
     run
@@ -124,7 +124,15 @@ fn batches_are_monitored_in_lanes() {
         state_limit: DEFAULT_STATE_LIMIT,
     };
     let x0 = vec![-0.5, 1.6, 0.8, -1.1, -0.499, 1.601, 0.9, -1.0];
-    let mut problem = Problem { plants: vec![&plant], laws: vec![&law], x0: x0.clone(), forces: vec![&force], force_frame: None, options };
+    let mut problem = Problem {
+        plants: vec![&plant],
+        laws: vec![&law],
+        x0: x0.clone(),
+        forces: vec![&force],
+        force_frame: None,
+        options,
+        measures: None,
+    };
     let one = simulate(&problem, &AtomicBool::new(false)).unwrap();
     problem.x0 = x0.repeat(11);
     let many = simulate_batch(&problem, Keep::All, 2, &mut || false).unwrap();

@@ -111,7 +111,8 @@ fn trajectories() {
                 state_limit: DEFAULT_STATE_LIMIT,
             };
             let x0 = x0.clone();
-            let mut problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![&force], force_frame: None, options };
+            let mut problem =
+                Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![&force], force_frame: None, options, measures: None };
             let run = simulate(&problem, &AtomicBool::new(false)).unwrap();
             assert_eq!(run.status, Status::Success, "{method:?}");
             for (k, sample) in samples.iter().enumerate() {

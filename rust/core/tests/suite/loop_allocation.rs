@@ -38,7 +38,15 @@ fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: 
         state_limit: DEFAULT_STATE_LIMIT,
     };
     let x0 = plant.initial_state(&vec![0.2; n], &vec![0.0; n], None, None);
-    let problem = Problem { plants: vec![plant], laws: vec![law], x0, forces: force.into_iter().collect(), force_frame: None, options };
+    let problem = Problem {
+        plants: vec![plant],
+        laws: vec![law],
+        x0,
+        forces: force.into_iter().collect(),
+        force_frame: None,
+        options,
+        measures: None,
+    };
     let stop = AtomicBool::new(false);
     let (run, count) = counted(|| simulate(&problem, &stop).unwrap());
     assert_eq!(run.status, Status::Success, "{}, {method:?}, sampled at {sample:?}: ended at {:?}", law.name(), run.t.last());

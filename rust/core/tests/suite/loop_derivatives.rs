@@ -259,7 +259,7 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             let options = rodas4(tau_max.clone(), true);
             let forces = force.iter().collect::<Vec<_>>();
             let frame = (!forces.is_empty()).then_some(6);
-            let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces, force_frame: frame, options };
+            let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces, force_frame: frame, options, measures: None };
             problem.validate().unwrap_or_else(|error| panic!("{name}: {error}"));
             let (mut closed, mut x): (Solved, _) = recorded_loop(&problem);
             if let Some(estimate) = &estimate {
@@ -307,7 +307,7 @@ fn a_loop_that_turns_far_goes_on_directly() {
     let law = LawSpec::PdGravity(PdGravitySpec::new(model, numbers(N, 0.1, 0.4), full(N, 100.0), gain(N, 20.0)).unwrap());
     let options = rodas4(None, false);
     let x0 = [numbers(N, 0.2, 0.7), vec![0.1; N]].concat();
-    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![], force_frame: None, options };
+    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: vec![], force_frame: None, options, measures: None };
     for linearise in [false, true] {
         let (mut closed, mut x): (Solved, _) = recorded_loop(&problem);
         let u = closed.instant();

@@ -67,7 +67,7 @@ fn thrown(damping: f64, method: Method, asked: Option<&mut Asked>) -> Run {
         state_limit: DEFAULT_STATE_LIMIT,
     };
     let x0 = plant.initial_state(&[0.0], &[2.0], None, None);
-    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options };
+    let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options, measures: None };
     simulate_asked(&problem, &AtomicBool::new(false), asked).unwrap()
 }
 

@@ -1,0 +1,66 @@
+//! What a law is measured by: where it wants the joints, and the positions of frames that it brings to targets.
+
+use super::LawSpec;
+use crate::kinematics::{Coordinates, TaskFunction};
+
+/// Where a law wants the joints.
+#[derive(Clone, Debug, PartialEq)]
+pub enum JointReference {
+    /// Its motion: the first of [`LawSpec::motions`].
+    Motion,
+    /// A fixed position, `(n,)`.
+    Target(Vec<f64>),
+}
+
+/// Rows of a frame's position that a law brings to a target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Aim {
+    pub frame: usize,
+    /// Which of x, y, z.
+    pub rows: Vec<usize>,
+    /// Where the target's rows are in [`LawSpec::desired`].
+    pub places: Vec<usize>,
+}
+
+impl LawSpec {
+    /// Where the law wants the joints; `None` for a law of tasks.
+    pub fn joint_reference(&self) -> Option<JointReference> {
+        match self {
+            LawSpec::Adaptive(_) | LawSpec::ComputedTorque(_) => Some(JointReference::Motion),
+            LawSpec::PdGravity(_) | LawSpec::JointImpedance(_) => {
+                let n = self.model().n();
+                Some(JointReference::Target(self.desired::<f64>(0.0)[..n].to_vec()))
+            }
+            LawSpec::MotorPd(_) | LawSpec::StateFeedback(_) => self.link_target().map(JointReference::Target),
+            LawSpec::CartesianImpedance(_)
+            | LawSpec::ElasticImpedance(_)
+            | LawSpec::PriorityVelocity(_)
+            | LawSpec::PriorityAcceleration(_)
+            | LawSpec::External(_) => None,
+        }
+    }
+
+    /// The tasks of the law that are positions of frames.
+    pub fn aims(&self) -> Vec<Aim> {
+        let levels = match self {
+            LawSpec::PriorityVelocity(law) => &law.levels,
+            LawSpec::PriorityAcceleration(law) => &law.levels,
+            _ => return self.coordinates().and_then(|coordinates| aim(coordinates, 0)).into_iter().collect(),
+        };
+        let (mut aims, mut first) = (Vec::new(), 0);
+        for level in levels {
+            if let TaskFunction::Frame(coordinates) = &level.function {
+                aims.extend(aim(coordinates, first));
+            }
+            first += 3 * level.target.dof();
+        }
+        aims
+    }
+}
+
+/// The rows of position among these coordinates, whose target begins at `first`; `None` where there are none.
+fn aim(coordinates: &Coordinates, first: usize) -> Option<Aim> {
+    let positions = || coordinates.rows.iter().enumerate().filter(|(_, row)| **row < 3);
+    let (rows, places): (Vec<usize>, Vec<usize>) = positions().map(|(place, &row)| (row, first + place)).unzip();
+    (!rows.is_empty()).then_some(Aim { frame: coordinates.frame, rows, places })
+}

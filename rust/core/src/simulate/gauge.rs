@@ -1,0 +1,203 @@
+//! A run summed up while it goes. With the error `e = q_d - q`, twice the weight `w_i = t_{i+1} - t_{i-1}` of record `i` by the
+//! trapezoidal rule, and the largest values so far, of one run or of several side by side:
+//!
+//! `sum w e^2`, `max |e|`, `max q`, the last record with `|e| > settle max |e|`, `sum w |x_d - p|^2`, `sum w tau^2`, `max |tau|`,
+//! the time beyond a limit, `max |E|`, and the records at which `|E(t) - E(0) - int P dt| > tolerance max |E|` or the like.
+//!
+//! The largest error of a unit comes no later than the last record outside of the band, since it is outside itself. So the band "so far"
+//! finds the same last record as the band that is known at the end.
+
+use super::measures::{Plan, Wanted};
+use crate::dynamics::{ArmAt, Model};
+use crate::scalar::Real;
+
+/// What one record shows.
+pub struct Seen<'a, S> {
+    /// The law's desired motions, one after another.
+    pub desired: &'a [S],
+    pub q: &'a [S],
+    pub v: &'a [S],
+    pub tau: &'a [S],
+    pub identities: Identities<S>,
+}
+
+/// What the monitors of a record show; zero for what is not watched.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Identities<S> {
+    pub skewness: S,
+    pub energy: S,
+    pub lyapunov: S,
+    /// The integrals of what the law dissipates and of the power put in.
+    pub quadratures: [S; 2],
+}
+
+pub struct Gauge<S: Real> {
+    pub plan: Plan,
+    settle: S,
+    tolerance: S,
+    target: Vec<S>,
+    band: Vec<S>,
+    /// The arm, and the arm where it should be.
+    arms: Vec<ArmAt<S>>,
+    distances: Vec<S>,
+}
+
+impl<S: Real> Gauge<S> {
+    /// For runs with the plans `of(lane)`, of one structure, and the arms `model(lane)`.
+    pub fn new<'a>(of: impl Fn(usize) -> &'a Plan, model: impl Fn(usize) -> &'a Model) -> Self {
+        let plan = of(0).clone();
+        let numbers =
+            |get: &dyn Fn(&'a Plan) -> &'a [f64]| (0..get(of(0)).len()).map(|i| S::from_lanes(|lane| get(of(lane))[i])).collect::<Vec<S>>();
+        let target = numbers(&|plan| if let Wanted::Target(target) = &plan.wanted { target } else { &[] });
+        let band = numbers(&|plan| plan.band.as_deref().unwrap_or_default());
+        let arms = if plan.frame.is_some() { 2 } else { usize::from(!plan.aims.is_empty()) };
+        Gauge {
+            settle: S::from_lanes(|lane| of(lane).settle),
+            tolerance: S::from_lanes(|lane| of(lane).tolerance),
+            target,
+            band,
+            arms: (0..arms).map(|_| ArmAt::of_lanes(&model)).collect(),
+            distances: vec![S::zero(); plan.distances()],
+            plan,
+        }
+    }
+
+    /// Add a record to what is `kept`; `h`: the time to the next one, zero after the last.
+    pub fn add(&mut self, seen: &Seen<S>, h: S, kept: &mut [S]) {
+        let weight = kept[self.plan.places.since] + h;
+        let count = kept[self.plan.places.count];
+        self.add_errors(seen, weight, count, kept);
+        self.add_distances(seen, weight, kept);
+        self.add_effort(seen, weight, kept);
+        if self.plan.energy {
+            self.add_identities(&seen.identities, count, kept);
+        }
+        kept[self.plan.places.since] = h;
+        kept[self.plan.places.count] = count + S::splat(1.0);
+    }
+
+    fn add_errors(&self, seen: &Seen<S>, weight: S, count: S, kept: &mut [S]) {
+        let (plan, places) = (&self.plan, &self.plan.places);
+        let wanted = match plan.wanted {
+            Wanted::Nothing => return,
+            Wanted::Motion => &seen.desired[..plan.n],
+            Wanted::Target(_) => self.target.as_slice(),
+        };
+        for i in 0..plan.n {
+            let (q, q_d) = (seen.q[i], wanted[i]);
+            let error = q_d - q;
+            let size = error.abs();
+            let at = |range: &std::ops::Range<usize>| range.start + i;
+            kept[at(&places.error)] = (error * weight).mul_add(error, kept[at(&places.error)]);
+            kept[at(&places.error_peak)] = kept[at(&places.error_peak)].max(size);
+            kept[at(&places.error_final)] = size;
+            kept[at(&places.upper)] = kept[at(&places.upper)].max(q);
+            kept[at(&places.lower)] = kept[at(&places.lower)].min(q);
+            kept[at(&places.wanted_upper)] = kept[at(&places.wanted_upper)].max(q_d);
+            kept[at(&places.wanted_lower)] = kept[at(&places.wanted_lower)].min(q_d);
+        }
+        let mut last = kept[places.outside];
+        if self.band.is_empty() {
+            for (unit, joints) in plan.units.iter().enumerate() {
+                let sizes = &kept[places.error_final.clone()];
+                let size = joints[1..].iter().fold(sizes[joints[0]], |most, &i| most.max(sizes[i]));
+                let peak = kept[places.unit_peak.start + unit].max(size);
+                kept[places.unit_peak.start + unit] = peak;
+                last = S::select((self.settle * peak).lt(size), count, last);
+            }
+        } else {
+            for (i, &band) in self.band.iter().enumerate() {
+                last = S::select(band.lt(kept[places.error_final.start + i]), count, last);
+            }
+        }
+        kept[places.outside] = last;
+    }
+
+    fn add_distances(&mut self, seen: &Seen<S>, weight: S, kept: &mut [S]) {
+        let (plan, places) = (&self.plan, &self.plan.places);
+        if plan.distances() == 0 {
+            return;
+        }
+        self.arms[0].move_to(seen.q);
+        for (k, aim) in plan.aims.iter().enumerate() {
+            let p = self.arms[0].position(aim.frame);
+            let mut sum = S::zero();
+            for (&row, &place) in aim.rows.iter().zip(&aim.places) {
+                let apart = seen.desired[place] - p[row];
+                sum = apart.mul_add(apart, sum);
+            }
+            self.distances[k] = sum;
+        }
+        if let Some(frame) = plan.frame {
+            let wanted = if plan.wanted == Wanted::Motion { &seen.desired[..plan.n] } else { self.target.as_slice() };
+            self.arms[1].move_to(wanted);
+            let (p, p_d) = (self.arms[0].position(frame), self.arms[1].position(frame));
+            let apart = p_d - p;
+            self.distances[0] = apart.dot(apart);
+        }
+        for (k, &square) in self.distances.iter().enumerate() {
+            let (sum, peak) = (places.distance.start + k, places.distance_peak.start + k);
+            kept[sum] = weight.mul_add(square, kept[sum]);
+            kept[peak] = kept[peak].max(square);
+            kept[places.distance_final.start + k] = square;
+        }
+    }
+
+    fn add_effort(&self, seen: &Seen<S>, weight: S, kept: &mut [S]) {
+        let (plan, places) = (&self.plan, &self.plan.places);
+        for (i, &tau) in seen.tau.iter().enumerate() {
+            let (sum, peak) = (places.tau.start + i, places.tau_peak.start + i);
+            kept[sum] = (tau * weight).mul_add(tau, kept[sum]);
+            kept[peak] = kept[peak].max(tau.abs());
+        }
+        let Some(bounds) = &plan.bounds else { return };
+        let mut time = S::zero();
+        for i in 0..plan.n {
+            let mut beyond = |below: S, above: S, limit: f64| {
+                if limit.is_finite() {
+                    time = S::select(below.lt(above), weight, time);
+                }
+            };
+            let limit = |values: &[f64]| (S::splat(values[i]), values[i]);
+            let (lower, upper) = (limit(&bounds.lower), limit(&bounds.upper));
+            beyond(seen.q[i], lower.0, lower.1);
+            beyond(upper.0, seen.q[i], upper.1);
+            let (speed, effort) = (limit(&bounds.speed), limit(&bounds.effort));
+            beyond(speed.0, seen.v[i].abs(), speed.1);
+            beyond(effort.0, seen.tau[i].abs(), effort.1);
+        }
+        kept[places.beyond] += time;
+    }
+
+    fn add_identities(&self, seen: &Identities<S>, count: S, kept: &mut [S]) {
+        let places = &self.plan.places;
+        let (zero, one) = (S::zero(), S::splat(1.0));
+        let [dissipated, put_in] = seen.quadratures;
+        let first = |place: usize, value: S, kept: &mut [S]| {
+            kept[place] = S::select(count.lt(one), value, kept[place]);
+            kept[place]
+        };
+        let mut violations = kept[places.violations];
+        let mut break_beyond = |bound: S, size: S| violations += S::select(bound.lt(size), one, zero);
+        let at = places.energy.start;
+        let balance = seen.energy - put_in - first(at, seen.energy - put_in, kept);
+        let mut sum = kept[places.sum] + balance + seen.skewness;
+        kept[at + 1] = kept[at + 1].max(seen.energy.abs());
+        kept[at + 2] = kept[at + 2].max(put_in.abs());
+        kept[at + 3] = kept[at + 3].max(balance.abs());
+        break_beyond(self.tolerance * kept[at + 1], balance.abs());
+        break_beyond(self.tolerance, seen.skewness.abs());
+        if self.plan.lyapunov {
+            let at = places.lyapunov.start;
+            let balance = first(at, seen.lyapunov + dissipated, kept) - seen.lyapunov - dissipated;
+            kept[at + 1] = kept[at + 1].max(seen.lyapunov);
+            break_beyond(self.tolerance * kept[at + 1], balance.abs());
+            break_beyond(self.tolerance * kept[at + 1], seen.lyapunov - kept[at + 2]);
+            kept[at + 2] = seen.lyapunov;
+            kept[at + 3] = kept[at + 3].max(balance.abs());
+            sum += balance;
+        }
+        kept[places.violations] = violations;
+        kept[places.sum] = sum;
+    }
+}

@@ -1,0 +1,234 @@
+//! What is measured of a run, and where each quantity stands among the numbers that the measuring keeps.
+
+use super::problem::Problem;
+use crate::dynamics::Model;
+use crate::error::{Error, Result, finite};
+use crate::law::{Aim, JointReference, LawSpec};
+use crate::plant::PlantKind;
+use std::ops::Range;
+
+/// What the caller wants to know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measures {
+    /// The band of the settling time as a part of the largest error so far of the joints of the same unit.
+    pub settle: f64,
+    /// The band of each joint, `(n,)`, in place of that.
+    pub band: Option<Vec<f64>>,
+    /// Of the monitors, relative.
+    pub tolerance: f64,
+    /// Where the joints should be, `(n,)`, in place of what the law wants.
+    pub reference: Option<Vec<f64>>,
+    /// Measure the position of this frame against where the joints' reference has it, in place of the law's tasks.
+    pub frame: Option<String>,
+}
+
+impl Default for Measures {
+    fn default() -> Self {
+        Measures { settle: 0.02, band: None, tolerance: 1e-6, reference: None, frame: None }
+    }
+}
+
+/// Where the joints' reference comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Wanted {
+    Nothing,
+    /// The first numbers of the law's desired motions.
+    Motion,
+    Target(Vec<f64>),
+}
+
+/// Limits of each joint, `(n,)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bounds {
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+    pub speed: Vec<f64>,
+    pub effort: Vec<f64>,
+}
+
+/// The numbers that measuring keeps from record to record, by name. Those that only the last record needs come last.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    /// The time since the last record, and the number of records.
+    pub since: usize,
+    pub count: usize,
+    /// Of the error: twice the integral of its square, its peak, then the largest and least position and reference.
+    pub error: Range<usize>,
+    pub error_peak: Range<usize>,
+    pub upper: Range<usize>,
+    pub lower: Range<usize>,
+    pub wanted_upper: Range<usize>,
+    pub wanted_lower: Range<usize>,
+    /// The number of the last record outside of the band, and the peak of each unit.
+    pub outside: usize,
+    pub unit_peak: Range<usize>,
+    /// Of the squared distances of frames.
+    pub distance: Range<usize>,
+    pub distance_peak: Range<usize>,
+    pub tau: Range<usize>,
+    pub tau_peak: Range<usize>,
+    /// Twice the time outside of the limits.
+    pub beyond: usize,
+    /// Energy at the first record, then the largest energy, power put in and balance.
+    pub energy: Range<usize>,
+    /// The Lyapunov function at the first record, the largest so far, the last, and the largest balance.
+    pub lyapunov: Range<usize>,
+    pub violations: usize,
+    /// The sum of all monitors: not finite once one of them was not.
+    pub sum: usize,
+    pub error_final: Range<usize>,
+    pub distance_final: Range<usize>,
+    /// How many there are, and how many of them every record needs.
+    pub all: usize,
+    pub lasting: usize,
+}
+
+/// What is measured of the runs of one structure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    pub n: usize,
+    pub wanted: Wanted,
+    pub aims: Vec<Aim>,
+    /// The frame that is measured against the joints' reference.
+    pub frame: Option<usize>,
+    /// The joints of each unit.
+    pub units: Vec<Vec<usize>>,
+    pub band: Option<Vec<f64>>,
+    pub settle: f64,
+    pub tolerance: f64,
+    pub bounds: Option<Bounds>,
+    /// Whether energy and skewness are watched, and the Lyapunov function.
+    pub energy: bool,
+    pub lyapunov: bool,
+    /// The input is the velocity.
+    pub velocity: bool,
+    pub places: Places,
+}
+
+impl Plan {
+    /// What is measured of each run of a problem: one plan for all, or one per run.
+    pub fn all(problem: &Problem, measures: &Measures) -> Result<Vec<Self>> {
+        let aims = same_aims(problem);
+        (0..problem.plants.len().max(problem.laws.len())).map(|run| Plan::of(problem, run, measures, aims)).collect()
+    }
+
+    /// What is measured of run `run` of a problem; `aims`: the law's tasks are.
+    fn of(problem: &Problem, run: usize, measures: &Measures, aims: bool) -> Result<Self> {
+        let (plant, law) = (problem.plant(run), problem.law(run));
+        let n = plant.n();
+        finite("settle", &[measures.settle])?;
+        finite("tolerance", &[measures.tolerance])?;
+        let wanted = match (&measures.reference, law.joint_reference()) {
+            (Some(reference), _) => Wanted::Target(reference.clone()),
+            (None, Some(JointReference::Motion)) => Wanted::Motion,
+            (None, Some(JointReference::Target(target))) => Wanted::Target(target),
+            (None, None) => Wanted::Nothing,
+        };
+        let frame = match &measures.frame {
+            None => None,
+            Some(_) if wanted == Wanted::Nothing => {
+                return Err(Error::input("frame", "is given for a run with no reference of joints: expected None"));
+            }
+            Some(name) => Some(plant.model().tree("frame")?.frame_index(name)?),
+        };
+        let aims = if frame.is_none() && aims { law.aims() } else { Vec::new() };
+        let angles = plant.model().angles();
+        let of_unit = |angle: bool| (0..n).filter(|&i| angles[i] == angle).collect::<Vec<_>>();
+        let units = [of_unit(true), of_unit(false)].into_iter().filter(|joints| !joints.is_empty()).collect();
+        let velocity = plant.kind() == PlantKind::Velocity;
+        let mut plan = Plan {
+            n,
+            wanted,
+            aims,
+            frame,
+            units,
+            // A band that is no number holds nothing, as a negative one.
+            band: measures.band.as_ref().map(|band| band.iter().map(|&band| if band >= 0.0 { band } else { -1.0 }).collect()),
+            settle: measures.settle,
+            tolerance: measures.tolerance,
+            bounds: bounds(plant.model(), velocity),
+            energy: problem.options.monitors && !velocity,
+            lyapunov: problem.options.monitors && matches!(law, LawSpec::Adaptive(_)),
+            velocity,
+            places: Places::default(),
+        };
+        plan.places = plan.place();
+        Ok(plan)
+    }
+
+    /// Frames whose distance is measured.
+    pub fn distances(&self) -> usize {
+        self.aims.len() + usize::from(self.frame.is_some())
+    }
+
+    fn place(&self) -> Places {
+        let mut at = 0;
+        let mut next = |count: usize| {
+            at += count;
+            at - count..at
+        };
+        let n = if self.wanted == Wanted::Nothing { 0 } else { self.n };
+        let (energy, lyapunov) = (usize::from(self.energy), usize::from(self.lyapunov));
+        let mut places = Places {
+            since: next(1).start,
+            count: next(1).start,
+            error: next(n),
+            error_peak: next(n),
+            upper: next(n),
+            lower: next(n),
+            wanted_upper: next(n),
+            wanted_lower: next(n),
+            outside: next(n.min(1)).start,
+            unit_peak: next(if n > 0 && self.band.is_none() { self.units.len() } else { 0 }),
+            distance: next(self.distances()),
+            distance_peak: next(self.distances()),
+            tau: next(self.n),
+            tau_peak: next(self.n),
+            beyond: next(usize::from(self.bounds.is_some())).start,
+            energy: next(4 * energy),
+            lyapunov: next(4 * lyapunov),
+            violations: next(energy).start,
+            sum: next(energy).start,
+            ..Places::default()
+        };
+        places.error_final = next(n);
+        places.distance_final = next(self.distances());
+        places.all = places.distance_final.end;
+        places.lasting = places.error_final.start;
+        places
+    }
+
+    /// The numbers before the first record. All are finite, since a state that is not ends its run.
+    pub fn start(&self) -> Vec<f64> {
+        let mut kept = vec![0.0; self.places.all];
+        for range in [&self.places.upper, &self.places.wanted_upper] {
+            kept[range.clone()].fill(f64::MIN);
+        }
+        for range in [&self.places.lower, &self.places.wanted_lower] {
+            kept[range.clone()].fill(f64::MAX);
+        }
+        if !self.places.error.is_empty() {
+            kept[self.places.outside] = -1.0;
+        }
+        if let Some(largest) = self.places.lyapunov.clone().nth(1) {
+            (kept[largest], kept[largest + 1]) = (f64::MIN, f64::MAX);
+        }
+        kept
+    }
+}
+
+/// Whether all laws have as many tasks of frames, and all arms frames.
+fn same_aims(problem: &Problem) -> bool {
+    let count = problem.law(0).aims().len();
+    problem.laws.iter().all(|law| law.aims().len() == count) && problem.plants.iter().all(|plant| matches!(plant.model(), Model::Tree(_)))
+}
+
+/// The limits that the model states; `None` for a model that states none.
+fn bounds(model: &Model, velocity: bool) -> Option<Bounds> {
+    let Model::Tree(arm) = model else { return None };
+    let of = |get: &dyn Fn(&crate::arm::Joint) -> f64| arm.joints.iter().map(get).collect::<Vec<f64>>();
+    let speed = of(&|joint| joint.limits.velocity);
+    // The input of an arm under velocity control is held against its speed.
+    let effort = if velocity { speed.clone() } else { of(&|joint| joint.limits.effort) };
+    Some(Bounds { lower: of(&|joint| joint.limits.lower), upper: of(&|joint| joint.limits.upper), speed, effort })
+}

@@ -1,0 +1,136 @@
+//! Runs of a batch that are summed up while they go: a sink that keeps no records.
+//!
+//! A record is added when the next one comes, since its weight depends on both of its neighbours. Programs add the records themselves
+//! and hand over what they kept.
+
+use super::columns::Columns;
+use super::gauge::{Gauge, Identities, Seen};
+use super::measures::Plan;
+use super::monitors::Monitor;
+use super::problem::Problem;
+use super::summary::Ends;
+use crate::error::all_finite;
+use crate::law::LawSpec;
+use crate::motion::sample_all;
+
+/// One run that is summed up.
+pub struct Measuring<'a> {
+    law: &'a LawSpec,
+    columns: Columns,
+    gauge: Gauge<f64>,
+    monitor: Option<Monitor<'a>>,
+    /// The monitors of the last record.
+    pub values: Vec<f64>,
+    desired: Vec<f64>,
+    kept: Vec<f64>,
+    /// The last record: its number, time, state and input.
+    count: usize,
+    pub t: f64,
+    pub x: Vec<f64>,
+    pub tau: Vec<f64>,
+    first_time: f64,
+    first: Vec<f64>,
+    settled: Option<f64>,
+    /// When a monitor stopped being finite.
+    pub fault: f64,
+    /// Whether what is kept was handed over.
+    given: bool,
+}
+
+impl<'a> Measuring<'a> {
+    /// `run` of a problem with so many monitors.
+    pub fn new(problem: &'a Problem<'a>, run: usize, plan: &Plan, monitors: usize) -> Self {
+        let (plant, law) = (problem.plant(run), problem.law(run));
+        Measuring {
+            law,
+            columns: Columns::of(problem),
+            gauge: Gauge::new(|_| plan, |_| plant.model()),
+            monitor: (monitors > 0).then(|| Monitor::new(plant, law, problem.watches_storage())),
+            values: vec![0.0; monitors],
+            desired: law.desired(0.0),
+            kept: plan.start(),
+            count: 0,
+            t: f64::NAN,
+            x: vec![0.0; problem.state_size()],
+            tau: vec![0.0; plan.n],
+            first_time: f64::NAN,
+            first: vec![0.0; plan.n],
+            settled: None,
+            fault: f64::INFINITY,
+            given: false,
+        }
+    }
+
+    /// Add the last record; the next one is at `t`.
+    fn add(&mut self, t: f64) {
+        sample_all(self.law.motions(), self.t, &mut self.desired);
+        let plan = &self.gauge.plan;
+        let identities = match self.values.as_slice() {
+            [skewness, energy, ..] if plan.energy => Identities {
+                skewness: *skewness,
+                energy: *energy,
+                lyapunov: if plan.lyapunov { self.values[3] } else { 0.0 },
+                quadratures: [self.x[self.x.len() - 2], self.x[self.x.len() - 1]],
+            },
+            _ => Identities::default(),
+        };
+        let parts = self.columns.split(&self.x, &self.tau);
+        let seen = Seen { desired: &self.desired, q: parts.q, v: parts.v, tau: &self.tau, identities };
+        let outside = plan.places.outside;
+        self.gauge.add(&seen, t - self.t, &mut self.kept);
+        if self.count == 1 {
+            self.settled = Some(self.t);
+        }
+        if !self.gauge.plan.places.error.is_empty() && self.kept[outside] == (self.count - 1) as f64 {
+            self.settled = (t > self.t).then_some(t);
+        }
+    }
+
+    pub fn record(&mut self, i: usize, t: f64, x: &[f64], tau: &[f64]) {
+        if i == 0 {
+            // A run that starts anew.
+            self.kept = self.gauge.plan.start();
+            (self.count, self.fault, self.given) = (0, f64::INFINITY, false);
+            self.first_time = t;
+            let n = self.first.len();
+            self.first.copy_from_slice(&x[..n]);
+        }
+        if self.fault.is_finite() {
+            return;
+        }
+        if self.count > 0 && !self.given {
+            self.add(t);
+        }
+        if let Some(monitor) = &mut self.monitor {
+            monitor.evaluate(t, x, &mut self.values);
+            if !all_finite(&self.values) {
+                self.fault = t;
+                return;
+            }
+        }
+        self.count += 1;
+        self.t = t;
+        self.x.copy_from_slice(x);
+        self.tau.copy_from_slice(tau);
+    }
+
+    /// The numbers kept of a run up to here, which was added up elsewhere; `time(i)`: that of record `i`.
+    pub fn take(&mut self, kept: &[f64], time: &dyn Fn(usize) -> f64) {
+        self.given = true;
+        self.kept.copy_from_slice(kept);
+        let places = &self.gauge.plan.places;
+        let records = kept[places.count];
+        let after = if places.error.is_empty() { 0.0 } else { kept[places.outside] + 1.0 };
+        self.settled = (after < records).then(|| time(after as usize));
+    }
+
+    /// The numbers that sum the run up, of which the last record came.
+    pub fn summary(&mut self) -> Vec<f64> {
+        if !self.given {
+            self.add(self.t);
+        }
+        sample_all(self.law.motions(), self.t, &mut self.desired);
+        let ends = Ends { times: [self.first_time, self.t], settled: self.settled, q: &self.first, desired: &self.desired };
+        self.gauge.plan.summary(&self.kept, &ends)
+    }
+}

@@ -1,0 +1,92 @@
+//! The numbers that sum a run up, from what a [`Gauge`](super::gauge::Gauge) kept of it.
+
+use super::measures::{Plan, Wanted};
+use std::ops::Range;
+
+/// A way from the start to the end of the reference below this, rad or m, has no overshoot; so has an end that moves faster.
+const STILL: f64 = 1e-9;
+
+/// What the summary of a run needs besides the numbers kept.
+pub struct Ends<'a> {
+    /// The times of the first and of the last record.
+    pub times: [f64; 2],
+    /// The time of the record after the last one outside of the band; `None` where there is none.
+    pub settled: Option<f64>,
+    /// Positions at the first record.
+    pub q: &'a [f64],
+    /// The law's desired motions at the last record.
+    pub desired: &'a [f64],
+}
+
+/// A quantity of the summary: its name, and its width where it has one number per joint or frame.
+pub type Column = (&'static str, Option<usize>);
+
+impl Plan {
+    /// The quantities, in the order of [`Plan::summary`].
+    pub fn columns(&self) -> Vec<Column> {
+        let (n, m) = (Some(self.n), Some(self.distances()).filter(|&m| m > 0));
+        let mut columns = vec![("error_rms", n), ("error_peak", n), ("error_final", n), ("overshoot", n), ("tau_rms", n), ("tau_peak", n)];
+        if m.is_some() {
+            columns.extend(["position_error_rms", "position_error_peak", "position_error_final"].map(|name| (name, m)));
+        }
+        let of_runs = ["settling_time", "time_outside_limits", "monitor_violations", "energy_error"];
+        let balances = ["energy_missing", "lyapunov_rise", "lyapunov_error"];
+        columns.extend(of_runs.into_iter().chain(balances).map(|name| (name, None)));
+        columns
+    }
+
+    /// The numbers of all quantities, one after another.
+    pub fn summary(&self, kept: &[f64], ends: &Ends) -> Vec<f64> {
+        let places = &self.places;
+        let [t0, t1] = ends.times;
+        let of = |range: &Range<usize>| kept[range.clone()].iter().copied();
+        // One record alone stands for the whole span.
+        let alone = t1 == t0;
+        let rms = |sum: f64, only: f64| if alone { only } else { (sum / (2.0 * (t1 - t0))).sqrt() };
+        let mut all = Vec::with_capacity(6 * self.n + 3 * self.distances() + 7);
+        if self.wanted == Wanted::Nothing {
+            all.extend(std::iter::repeat_n(f64::NAN, 4 * self.n));
+        } else {
+            all.extend(of(&places.error).zip(of(&places.error_final)).map(|(sum, only)| rms(sum, only)));
+            all.extend(of(&places.error_peak).chain(of(&places.error_final)));
+            all.extend((0..self.n).map(|i| self.overshoot(kept, ends, i)));
+        }
+        all.extend(of(&places.tau).zip(of(&places.tau_peak)).map(|(sum, only)| rms(sum, only)));
+        all.extend(of(&places.tau_peak));
+        all.extend(of(&places.distance).zip(of(&places.distance_final)).map(|(sum, only)| rms(sum, only.sqrt())));
+        all.extend(of(&places.distance_peak).chain(of(&places.distance_final)).map(f64::sqrt));
+        let settling = if self.wanted == Wanted::Nothing { None } else { ends.settled.map(|t| t - t0) };
+        all.push(settling.unwrap_or(f64::NAN));
+        all.push(if self.bounds.is_some() { 0.5 * kept[places.beyond] } else { f64::NAN });
+        all.push(if self.energy { kept[places.violations] } else { 0.0 });
+        let (energy, lyapunov) = (&kept[places.energy.clone()], &kept[places.lyapunov.clone()]);
+        all.push(energy_error(energy).unwrap_or(f64::NAN));
+        all.push(energy.get(3).copied().unwrap_or(f64::NAN));
+        // A function that starts at zero does not rise by a factor.
+        all.push(lyapunov.first().map_or(f64::NAN, |&first| if first > 0.0 { lyapunov[1] / first } else { 0.0 }));
+        all.push(lyapunov.first().map_or(f64::NAN, |_| lyapunov[3] / lyapunov[1]));
+        all
+    }
+
+    /// How far joint `i` passes beyond the farthest point of the reference, as a part of the way to the reference's end.
+    fn overshoot(&self, kept: &[f64], ends: &Ends, i: usize) -> f64 {
+        let places = &self.places;
+        let (end, speed) = match &self.wanted {
+            Wanted::Target(target) => (target[i], 0.0),
+            _ => (ends.desired[i], ends.desired[self.n + i]),
+        };
+        let way = end - ends.q[i];
+        if !(way.abs() > STILL) || speed.abs() > STILL {
+            return f64::NAN;
+        }
+        let at = |range: &Range<usize>| kept[range.start + i];
+        let beyond = if way > 0.0 { at(&places.upper) - at(&places.wanted_upper) } else { at(&places.wanted_lower) - at(&places.lower) };
+        beyond.max(0.0) / way.abs()
+    }
+}
+
+/// The largest balance as a part of the largest energy stored or exchanged; `kept`: see [`super::measures::Places::energy`].
+fn energy_error(kept: &[f64]) -> Option<f64> {
+    let &[_, energy, power, missing] = kept else { return None };
+    Some(if missing > 0.0 { missing / energy.max(power) } else { missing })
+}

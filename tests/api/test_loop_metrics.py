@@ -1,0 +1,200 @@
+"""Metrics reduced while the runs go, against the metrics of the recorded runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+PR = al.planar_pr(2.0, 0.5, 0.5)
+TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+THREE = al.planar_arm([0.4, 0.3, 0.2])
+SIX = al.Arm.from_dh(
+    [(0.1, 1.57, 0.3, 0.0), (0.4, 0.0, 0.0, 0.0), (0.3, 0.0, 0.0, 0.0), (0.0, 1.57, 0.1, 0.0), (0.0, -1.57, 0.1, 0.0), (0.0, 0.0, 0.1, 0.0)]
+)
+LIMITED = al.load_urdf(
+    """<robot name="two"><link name="base"/>
+    <link name="a">
+    <inertial><mass value="2"/><origin xyz="0.2 0 0"/><inertia ixx="0.01" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <link name="b">
+    <inertial><mass value="1"/><origin xyz="0 0 0.1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="turn" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+    <limit lower="-0.3" upper="0.35" velocity="1.5" effort="6"/></joint>
+    <joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0.4 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-0.1" upper="0.2" velocity="0.8" effort="11"/></joint></robot>"""
+)
+RIGID, ELASTIC, VELOCITY = al.RigidArm(TWO), al.ElasticArm(TWO, [900.0, 700.0], 0.4), al.VelocityArm(THREE)
+QUINTIC = al.Quintic([0.0, 0.3], [0.6, 0.9], 0.06)
+SWING = al.Sinusoid([0.3, 0.6], [0.2, 0.1], 9.0, 0.3)
+AT: dict[str, Any] = {"dt": None, "t_eval": np.linspace(0.0, 0.1, 30)}
+TIP: dict[str, Any] = {"frame": "link2", "axes": "xy"}
+
+
+def tasks(frame: str = "link3") -> list[al.Task]:
+    return [al.Task(frame, "xy", [0.5, 0.4], 8.0), al.PostureTask([0.2, 0.3, 0.4], 2.0)]
+
+
+CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
+    "adaptive PR": lambda: (al.RigidArm(PR), al.Adaptive(PR, al.Quintic([0.0, 0.0], [0.4, 0.8], 0.05), 150.0, 20.0, 30.0), {}),
+    "adaptive, full gains": lambda: (RIGID, al.Adaptive(TWO, SWING, [[90.0, 5.0], [5.0, 60.0]], [12.0, 9.0], 0.2), {}),
+    "adaptive, a base set": lambda: (RIGID, al.Adaptive(TWO, SWING, 90.0, 12.0, 0.2, base=TWO.base_parameters()), {}),
+    "computed torque": lambda: (RIGID, al.ComputedTorque(TWO, QUINTIC, 400.0, 40.0), {}),
+    "computed torque, a gain each": lambda: (RIGID, [al.ComputedTorque(TWO, SWING, 300.0 + 20.0 * i, 40.0) for i in range(5)], {}),
+    "computed torque, a motion each": lambda: (RIGID, [al.ComputedTorque(TWO, al.Hold([0.1 * i, 0.5]), 300.0, 40.0) for i in range(5)], {}),
+    "six axes": lambda: (al.RigidArm(SIX), al.ComputedTorque(SIX, al.Hold(np.linspace(0.2, 0.7, 6)), 300.0, 40.0), {"dt": 2e-3}),
+    "limits": lambda: (al.RigidArm(LIMITED), al.PDGravity(LIMITED, [0.3, 0.1], [60.0, 300.0], [2.0, 9.0]), {}),
+    "limits of the input": lambda: (RIGID, al.PDGravity(TWO, [0.5, 0.9], [80.0, 60.0], [10.0, 5.0]), {"tau_max": [20.0, 10.0]}),
+    "cartesian impedance": lambda: (RIGID, al.CartesianImpedance(TWO, [0.6, 0.4], 300.0, 30.0, **TIP), {}),
+    "elastic impedance": lambda: (ELASTIC, al.ElasticImpedance(TWO, [0.6, 0.4], 300.0, 30.0, [900.0, 700.0], 0.4, 0.1, **TIP), {}),
+    "elastic tracking": lambda: (
+        ELASTIC,
+        al.ElasticTracking(TWO, al.Quintic([0.8, 0.2], [0.6, 0.4], 0.05), 300.0, 30.0, 700.0, 0.4, 0.1, **TIP),
+        {},
+    ),
+    "joint impedance": lambda: (ELASTIC, al.JointImpedance(TWO, [0.3, 0.6], 200.0, 20.0, 700.0, 0.4, 0.1), {}),
+    "motor PD": lambda: (ELASTIC, al.MotorPD(TWO, [0.3, 0.6], 300.0, 40.0, 700.0), {}),
+    "state feedback": lambda: (ELASTIC, al.StateFeedback(TWO, [0.3, 0.6], 300.0, 40.0, 1.0, 0.1, 700.0), {}),
+    "priority of velocities": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks()), {}),
+    "priority of accelerations": lambda: (al.RigidArm(THREE), al.PriorityAcceleration(THREE, tasks()), {}),
+    "sampled": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"sample_time": 4e-3}),
+    "sampled at each step": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"sample_time": 1e-3}),
+    "a late sampled controller": lambda: (
+        RIGID,
+        al.ComputedTorque(TWO, SWING, 300.0, 40.0),
+        {"sample_time": al.Sampling(2e-3, delay=1e-3, noise={"v": 0.01}, seed=2)},
+    ),
+    "a sampled adaptive law": lambda: (RIGID, al.Adaptive(TWO, SWING, 90.0, 12.0, 0.2), {"sample_time": 2e-3}),
+    "a force that jumps": lambda: (
+        RIGID,
+        al.PDGravity(TWO, [0.3, 0.6], 60.0, 12.0),
+        {"force": [(0.0, [3.0, 0.0, 0.0]), (0.0305, [0.0, 2.0, 0.0])], "force_frame": "link2"},
+    ),
+    "a wall": lambda: (
+        al.RigidArm(TWO, wall=al.Wall("link2", [0.7, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=2e3, damping=10.0)),
+        al.PDGravity(TWO, [0.2, 0.3], 200.0, 10.0),
+        {},
+    ),
+    "no monitors": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"monitors": False}),
+    "every third step": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"record_every": 3}),
+    "times": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"t_eval": np.linspace(0.0, 0.0917, 40) ** 1.1}),
+    "a last short step": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"t_end": 0.0996}),
+    "one step": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"t_end": 1e-3}),
+    "no step": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"t_end": 0.0}),
+    "euler": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"method": "euler"}),
+    "semi-implicit": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"method": "semi_implicit"}),
+    "ros2": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"method": "ros2"}),
+    "dopri5": lambda: (RIGID, al.ComputedTorque(TWO, SWING, 300.0, 40.0), {"method": "dopri5"} | AT),
+    "radau5": lambda: (ELASTIC, al.MotorPD(TWO, [0.3, 0.6], 300.0, 40.0, 700.0), {"method": "radau5"} | AT),
+}
+MEASURES: tuple[dict[str, Any], ...] = ({}, {"settle": 0.3, "tolerance": 1e-13}, {"band": 0.1})
+
+
+def start(plant: Any) -> np.ndarray[Any, Any]:
+    n = plant.arm.n
+    return np.random.default_rng(5).uniform(-0.1, 0.1, (5, n)) + np.linspace(0.1, 0.4, n)
+
+
+def agree(plant: Any, law: Any, q0: Any, options: dict[str, Any], measures: dict[str, Any]) -> al.BatchRun:
+    whole = al.simulate_batch(plant, law, q0, **options)
+    found = al.simulate_batch(plant, law, q0, keep="metrics", metrics=measures, **options)
+    wanted, metrics = whole.metrics(**measures), found.metrics()
+    assert list(metrics) == list(wanted)
+    for name, values in wanted.items():
+        # Sums of 100 records in another order, and monitors whose products are fused with sums: some 1e-13 of the values; of the largest
+        # energies where they are differences of energies.
+        rtol, atol = (0.0, 1e-12) if name == "energy_error" else (1e-10, 1e-12)
+        if name == "monitor_violations" and "tolerance" in measures:
+            continue  # at the level of rounding it is chance what is beyond
+        np.testing.assert_allclose(metrics[name], values, rtol, atol, err_msg=name)
+    np.testing.assert_array_equal(found.status, whole.status)
+    for name in ("q", "v", "tau", "theta", "theta_dot", "estimate"):
+        last = getattr(whole, name)
+        if last is not None:
+            np.testing.assert_array_equal(getattr(found, name), last[:, -1:], err_msg=name)
+    return found
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+@pytest.mark.filterwarnings("ignore")
+def test_metrics_of_loops_are_those_of_records(case: Callable[[], tuple[Any, Any, dict[str, Any]]]) -> None:
+    plant, law, options = case()
+    for measures in MEASURES:
+        agree(plant, law, start(plant), {"t_end": 0.1, "dt": 1e-3} | options, measures)
+
+
+def test_accepted_steps_of_an_adaptive_method_need_no_times() -> None:
+    law = al.ComputedTorque(TWO, SWING, 300.0, 40.0)
+    batch = al.simulate_batch(RIGID, law, start(RIGID), t_end=0.1, method="dop853", keep="metrics")
+    for i, q0 in enumerate(start(RIGID)):
+        alone = al.simulate(RIGID, law, q0, t_end=0.1, method="dop853").metrics()
+        for name, values in batch.metrics().items():
+            np.testing.assert_allclose(values[i], alone[name], rtol=1e-10, atol=1e-12, err_msg=name)
+
+
+def test_references_frames_and_rows_that_fail() -> None:
+    q0 = start(RIGID)
+    options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3}
+    computed = al.ComputedTorque(TWO, SWING, 300.0, 40.0)
+    for measures in ({"reference": [0.3, 0.5]}, {"frame": "link1"}, {"reference": [0.3, 0.5], "frame": "link2"}, {"band": [0.1, np.nan]}):
+        agree(RIGID, computed, q0, options, measures)
+    impedance = al.CartesianImpedance(TWO, [0.6, 0.4], 300.0, 30.0, **TIP)
+    agree(RIGID, impedance, q0, options, {"reference": [0.3, 0.5]})
+    # Record by record, (K, n) and (B, K, n): such metrics take the records.
+    wanted = np.linspace([0.1, 0.4], [0.3, 0.6], 101)
+    agree(RIGID, impedance, q0, options, {"reference": wanted})
+    agree(RIGID, impedance, q0, options, {"reference": np.stack([wanted + 0.01 * i for i in range(5)])})
+    # One row passes the limit of the state: it is NaN, and the others keep their bits.
+    v0 = np.zeros((5, 2))
+    v0[2] = 30.0
+    found = agree(RIGID, computed, q0, options | {"v0": v0, "state_limit": 29.0}, {})
+    assert found.status.tolist() == [0, 0, int(al.Status.DIVERGED), 0, 0] and np.isnan(found.metrics()["error_rms"][2]).all()
+    assert found.metrics()["completed"].tolist() == [1.0, 1.0, 0.0, 1.0, 1.0]
+    well = al.simulate_batch(RIGID, computed, q0, **options, keep="metrics")
+    np.testing.assert_array_equal(well.metrics()["error_rms"][[0, 1, 3, 4]], found.metrics()["error_rms"][[0, 1, 3, 4]])
+
+
+@pytest.mark.parametrize("case", ["adaptive PR", "six axes", "priority of accelerations", "elastic tracking", "sampled", "ros2"])
+@pytest.mark.filterwarnings("ignore")
+def test_bits_depend_on_the_run_alone(case: str) -> None:
+    plant, law, options = CASES[case]()
+    q0 = np.concatenate([start(plant), start(plant) + 0.05, start(plant) - 0.05])
+    options = {"t_end": 0.1, "dt": 1e-3, "keep": "metrics"} | options
+    whole = al.simulate_batch(plant, law, q0, threads=2, **options)
+    for other, rows in (
+        (al.simulate_batch(plant, law, q0, threads=1, **options), slice(None)),
+        (al.simulate_batch(plant, law, q0[7:8], **options), slice(7, 8)),
+        (al.simulate_batch(plant, law, q0[::-1].copy(), **options), slice(None, None, -1)),
+    ):
+        for name, values in whole.metrics().items():
+            np.testing.assert_array_equal(other.metrics()[name], values[rows], err_msg=name)
+        np.testing.assert_array_equal(other.q, whole.q[rows])
+
+
+def test_what_is_measured_is_refused_where_it_is_wrong() -> None:
+    law = al.ComputedTorque(TWO, SWING, 300.0, 40.0)
+
+    def batch(law: Any = law, **options: Any) -> al.BatchRun:
+        return al.simulate_batch(RIGID, law, start(RIGID), **({"t_end": 0.01, "dt": 1e-3, "keep": "metrics"} | options))
+
+    impedance = al.CartesianImpedance(TWO, [0.6, 0.4], 300.0, 30.0, **TIP)
+    for options, message in (
+        ({"metrics": {"bands": 0.1}}, "a name of metrics is unknown: expected one of reference, band, .*, got 'bands'"),
+        ({"metrics": 3}, "metrics is of the wrong type: expected a table of arguments of armlet.metrics, got 3"),
+        ({"metrics": {}, "keep": "final"}, 'metrics is not used: expected None with keep="final", got {}'),
+        ({"metrics": {"band": [0.1, 0.2, 0.3]}}, r'metrics\["band"\] has the wrong shape'),
+        ({"metrics": {"settle": "much"}}, r'metrics\["settle"\]'),
+        ({"metrics": {"settle": np.inf}}, "settle is not finite"),
+        ({"metrics": {"reference": [0.1, 0.2, 0.3]}}, r'metrics\["reference"\] has the wrong shape: expected \(2,\)'),
+        ({"metrics": {"frame": "link9"}}, "link9"),
+        ({"metrics": {"frame": 3}}, r'metrics\["frame"\]'),
+        ({"metrics": {"frame": "link1"}, "law": impedance}, "frame is given for a run with no reference of joints"),
+    ):
+        with pytest.raises(al.InputError, match=f"^simulate_batch: .*{message}"):
+            batch(**options)
+    with pytest.raises(al.InputError, match="metrics: run kept its metrics alone"):
+        batch().metrics(settle=0.1)
+    assert batch(metrics={"settle": 0.1}).metrics()["settling_time"].shape == (5,)
