@@ -53,6 +53,19 @@ pub struct Tree<S> {
     pub bodies: Vec<Body<S>>,
     pub frames: Vec<TreeFrame>,
     pub gravity: V3<f64>,
+    /// Whether its branches are so short that forward dynamics takes less time by the mass matrix than by articulated bodies.
+    pub is_shallow: bool,
+}
+
+/// The mean number of joints that carry a body up to which forward dynamics takes less time by the mass matrix (`docs/adr/0008`).
+const SHALLOW: f64 = 7.0;
+/// What a joint whose placement is no quarter turn counts more.
+const GENERAL: f64 = 1.25;
+
+/// See [`Tree::is_shallow`]
+fn is_shallow(bodies: &[Body<f64>]) -> bool {
+    let carried = |i: usize, body: &Body<f64>| (body.end - i) as f64 * if body.quarter.is_some() { 1.0 } else { GENERAL };
+    bodies.iter().enumerate().map(|(i, body)| carried(i, body)).sum::<f64>() <= SHALLOW * bodies.len() as f64
 }
 
 impl Tree<f64> {
@@ -73,7 +86,7 @@ impl Tree<f64> {
             }
         }
         debug_assert!((0..ends.len()).all(|i| ends[i] - i == sizes[i]), "the order of joints is not depth first");
-        let bodies = arm
+        let bodies: Vec<Body<f64>> = arm
             .joints
             .iter()
             .enumerate()
@@ -108,7 +121,7 @@ impl Tree<f64> {
                 TreeFrame { body: frame.body.unwrap_or(BASE), placement: back.then(&frame.placement) }
             })
             .collect();
-        let mut tree = Tree { bodies, frames, gravity: V3(arm.gravity) };
+        let mut tree = Tree { is_shallow: is_shallow(&bodies), bodies, frames, gravity: V3(arm.gravity) };
         tree.set_parameters(&arm.parameters());
         tree
     }
@@ -146,6 +159,7 @@ impl Tree<f64> {
             bodies: first.bodies.iter().enumerate().map(|(i, body)| lane(i, body)).collect(),
             frames: first.frames.clone(),
             gravity: first.gravity,
+            is_shallow: first.is_shallow,
         }
     }
 }

@@ -15,6 +15,7 @@ pub mod derivatives;
 pub mod energy;
 #[cfg(not(test))]
 mod evaluate;
+pub mod forward;
 #[cfg(not(test))]
 mod functions;
 mod hinge;

@@ -164,7 +164,9 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
 
     fn workspace(&self) -> Workspace<S> {
         match self {
-            AnyArm::PlanarPr(_) => Workspace::new(&Tree { bodies: Vec::new(), frames: Vec::new(), gravity: V3([0.0; 3]) }),
+            AnyArm::PlanarPr(_) => {
+                Workspace::new(&Tree { bodies: Vec::new(), frames: Vec::new(), gravity: V3([0.0; 3]), is_shallow: false })
+            }
             AnyArm::Tree(tree) => Workspace::new(tree),
         }
     }

@@ -1,7 +1,7 @@
 //! A tree of bodies as [`Dynamics`]: each quantity by its recursion.
 
 use super::workspace::Workspace;
-use super::{Dynamics, aba, coriolis, crba, energy, newton_euler, regressor};
+use super::{Dynamics, aba, coriolis, crba, energy, forward, newton_euler, regressor};
 use crate::arm::Tree;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
@@ -49,7 +49,11 @@ impl<S: Real> Dynamics<S> for Tree<S> {
     }
     #[inline(always)]
     fn forward_dynamics(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
-        aba::forward_dynamics(self, &mut ws.poses, &mut ws.articulated, trig, q, v, tau, a);
+        if self.is_shallow {
+            forward::forward_dynamics(self, ws, trig, q, v, tau, a);
+        } else {
+            aba::forward_dynamics(self, &mut ws.poses, &mut ws.articulated, trig, q, v, tau, a);
+        }
     }
     #[inline(always)]
     fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {

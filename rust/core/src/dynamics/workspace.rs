@@ -95,6 +95,13 @@ pub struct Column<S> {
     pub gamma: V3<S>,
 }
 
+/// The factors of a mass matrix: `L` above the diagonal of `matrix` `(n, n)`, by columns of joints, and the inverse of `D`.
+#[derive(Clone, Debug)]
+pub struct Factors<S> {
+    pub matrix: Vec<S>,
+    pub inverse: Vec<S>,
+}
+
 #[derive(Clone, Debug)]
 pub struct Workspace<S> {
     pub poses: Vec<Pose<S>>,
@@ -103,6 +110,7 @@ pub struct Workspace<S> {
     pub composites: Vec<Composite<S>>,
     pub articulated: Vec<Articulated<S>>,
     pub mass: crba::Composites<S>,
+    pub factors: Factors<S>,
     pub columns: Vec<Column<S>>,
     pub slopes: Vec<Slope<S>>,
     /// Angular velocity of each body and velocity of its origin.
@@ -121,6 +129,7 @@ impl<S: Real> Workspace<S> {
             composites: vec![Composite::default(); n],
             articulated: vec![Articulated::default(); n],
             mass: crba::Composites::new(n),
+            factors: Factors { matrix: vec![S::zero(); if tree.is_shallow { n * n } else { 0 }], inverse: vec![S::zero(); n] },
             columns: vec![Column::default(); n],
             slopes: vec![Slope::default(); n],
             motion: vec![(V3::zero(), V3::zero()); n],
