@@ -22,8 +22,6 @@ impl<S: Real> System<S> for Loop {
     #[inline(always)]
     fn input(&mut self, _: f64, _: &mut ()) {}
     #[inline(always)]
-    fn anchor(&mut self, _: &[S]) {}
-    #[inline(always)]
     fn rhs(&mut self, _: &(), x: &[S], dx: &mut [S]) {
         let k = S::splat;
         let ((s1, c1), (s2, c2)) = (x[0].sin_cos(), x[1].sin_cos());

@@ -6,7 +6,7 @@ use super::{Quantity, Query, Workspace};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::scalar::rows::read_one;
-use crate::scalar::{Fused, Isa, Kernel, Real, isa};
+use crate::scalar::{Fused, Kernel, Real, fuses};
 use crate::spatial::PARAMETERS;
 use std::marker::PhantomData;
 
@@ -160,10 +160,8 @@ impl Evaluator {
 
     /// `eager`: with room for every answer.
     pub(super) fn sized(arm: &Arm, eager: bool) -> Self {
-        let route = match isa() {
-            Isa::Baseline => Route::Baseline(Box::new(Engine::new(arm, eager))),
-            Isa::Avx2 | Isa::Avx512 => Route::Fused(Box::new(Engine::new(arm, eager))),
-        };
+        let route =
+            if fuses() { Route::Fused(Box::new(Engine::new(arm, eager))) } else { Route::Baseline(Box::new(Engine::new(arm, eager))) };
         Evaluator { route, n: arm.n(), frames: arm.frames.len() }
     }
 

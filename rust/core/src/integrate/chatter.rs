@@ -49,7 +49,7 @@ impl<B: Clone> Chatter<B> {
         work.steps + work.rejections >= self.look_at
     }
 
-    /// Before a step from `x`, the anchor of `system`. `u` is scratch.
+    /// Before a step from `x`. `u` is scratch.
     #[cold]
     #[inline(never)]
     pub fn look<S, F, T>(&mut self, system: &mut F, pace: &mut Pace<T>, u: &mut F::Input, x: &B) -> Result<(), Status>

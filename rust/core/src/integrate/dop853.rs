@@ -137,7 +137,6 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         std::mem::swap(&mut self.x, &mut self.x_old);
         self.k.swap(0, 12);
         let t = std::mem::replace(&mut self.pace.t, self.pace.t_old);
-        system.anchor(self.x.as_ref());
         self.stages::<S, F>(system, 13, 16, h);
         for (row, weights) in self.dense.iter_mut().zip(&D) {
             let row = row.as_mut();
@@ -167,7 +166,6 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
         self.x_old.clone_from(&self.x);
         self.dense_ready = false;
         self.u_time = f64::NAN;
-        system.anchor(self.x.as_ref());
         system.input(t, &mut self.u);
         system.rhs(&self.u, self.x.as_ref(), self.k[0].as_mut());
         self.pace.work.evaluations += 1;
@@ -184,7 +182,6 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
         if self.pace.done() {
             return Ok(true);
         }
-        system.anchor(self.x.as_ref());
         if self.chatter.due(&self.pace.work) {
             self.u_time = f64::NAN;
             self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;

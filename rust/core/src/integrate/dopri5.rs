@@ -92,7 +92,6 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.pace.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
-        system.anchor(self.x.as_ref());
         system.input(t, &mut self.u);
         system.rhs(&self.u, self.x.as_ref(), self.k[0].as_mut());
         self.pace.work.evaluations += 1;
@@ -109,7 +108,6 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
         if self.pace.done() {
             return Ok(true);
         }
-        system.anchor(self.x.as_ref());
         if self.chatter.due(&self.pace.work) {
             self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
         }

@@ -70,7 +70,6 @@ where
         self.x_old.clone_from(&self.x);
         self.method.restart();
         system.input(t.min(input_end), &mut self.u);
-        system.anchor(self.x.as_ref());
         system.rhs(&self.u, self.x.as_ref(), self.f.as_mut());
         self.work.evaluations += 1;
         if finite(self.x.as_ref()) && finite(self.f.as_ref()) { Ok(()) } else { Err(Status::Diverged) }
@@ -111,7 +110,6 @@ where
         if !self.dense {
             for (t, x, f) in [(self.t_old, &self.x_old, &mut self.f_old), (self.t, &self.x, &mut self.f)] {
                 system.input(t.min(self.input_end), &mut self.u);
-                system.anchor(x.as_ref());
                 system.rhs(&self.u, x.as_ref(), f.as_mut());
                 self.work.evaluations += 1;
             }

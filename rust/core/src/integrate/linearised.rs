@@ -58,10 +58,6 @@ where
         self.system.input(t, u);
     }
     #[inline(always)]
-    fn anchor(&mut self, x: &[S]) {
-        self.system.anchor(x);
-    }
-    #[inline(always)]
     fn rhs(&mut self, u: &F::Input, x: &[S], dx: &mut [S]) {
         self.system.rhs(u, x, dx);
     }
@@ -110,7 +106,6 @@ where
             for i in 0..n {
                 state[i] = if i >= first && i < first + columns { Duals::seed(x[i], i - first) } else { Duals::new(x[i], V::zero()) };
             }
-            self.twin.anchor(state);
             self.twin.rhs(&self.u, state, slope);
             for i in 0..n {
                 for k in 0..columns {
@@ -131,7 +126,6 @@ where
         for i in 0..n {
             state[i] = Duals::new(x[i], V::zero());
         }
-        self.twin.anchor(state);
         self.twin.rhs(&self.u, state, slope);
         for i in 0..n {
             dft[i] = S::splat(slope[i].rate(0));

@@ -46,8 +46,6 @@ pub trait System<S: Real> {
     type Input: Clone;
 
     fn input(&mut self, t: f64, u: &mut Self::Input);
-    /// Called with the state at the start of a step: what `rhs` may reuse at nearby states.
-    fn anchor(&mut self, x: &[S]);
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
     /// Attempts that an adaptive method may spend along a jump of the slope before the run is given up.
     fn chatter_budget(&self) -> u64 {
@@ -101,7 +99,6 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` over the step `[t, end]` of size `h`, with all inputs taken anew.
     #[inline(always)]
     fn advance_anew(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
-        system.anchor(x.as_ref());
         for (k, &part) in Self::INSTANTS.iter().enumerate() {
             system.input(if part == 1.0 { end } else { t + part * h }, self.input(k));
         }

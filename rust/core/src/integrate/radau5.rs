@@ -290,7 +290,6 @@ where
         self.x_old.clone_from(&self.x);
         self.rounding.begin();
         (self.warm, self.last) = (false, None);
-        system.anchor(self.x.as_ref());
         self.linearise(system);
         if !finite(self.x.as_ref()) || !finite(self.slope.as_ref()) {
             return Err(Status::Diverged);
@@ -307,7 +306,6 @@ where
         if !finite(self.slope.as_ref()) {
             return Err(Status::Diverged);
         }
-        system.anchor(self.x.as_ref());
         if self.chatter.due(&self.pace.work) {
             self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
         }

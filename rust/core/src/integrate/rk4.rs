@@ -59,7 +59,6 @@ impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for Rk4<B, F::Input> 
     fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
         let (x, k, y, sum) = (x.as_mut(), self.k.as_mut(), self.y.as_mut(), self.sum.as_mut());
         let (half, sixth, two) = (S::splat(0.5) * h, h / S::splat(6.0), S::splat(2.0));
-        system.anchor(x);
         system.rhs(&self.start, x, k);
         for i in 0..x.len() {
             sum[i] = k[i];

@@ -98,7 +98,6 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         M: Buffer<S>,
     {
         let (t, x) = (self.pace.t, self.x.as_ref());
-        system.anchor(x);
         system.input(self.pace.input_time(t), &mut self.start);
         system.linearise(t, &self.start, x, self.slope.as_mut(), self.jacobian.as_mut());
         if !system.autonomous() {

@@ -60,7 +60,6 @@ where
         let (gh, s, pairs) = (S::splat(GAMMA * h), S::splat(1.0 / (GAMMA * h)), system.pairs());
         let moves = !system.autonomous();
 
-        system.anchor(x);
         system.input(t, &mut self.u);
         system.linearise(t, &self.u, x, k1, self.jacobian.as_mut());
         if moves {

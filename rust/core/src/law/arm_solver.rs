@@ -5,7 +5,7 @@ use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::priority::{Diagnosis, Options, PrioritySolver, diagnose};
-use crate::scalar::{Fused, FusedLanes, Isa, Kernel, Real, isa};
+use crate::scalar::{Fused, FusedLanes, Kernel, Real, fuses};
 use crate::status::Status;
 
 /// Tasks of one arm with a solver; `solve` does not allocate.
@@ -57,7 +57,7 @@ impl ArmSolver {
         }
         let stack = TaskStack::new(arm, functions);
         let solver = PrioritySolver::new(arm.n(), stack.rows(), options)?;
-        let fused = (isa() != Isa::Baseline).then(|| {
+        let fused = fuses().then(|| {
             let zeros = |k: usize| vec![Fused(0.0); k];
             let total: usize = stack.rows().iter().sum();
             let (n, none) = (arm.n(), Fused(0.0));

@@ -3,7 +3,7 @@
 use super::{Law, LawSpec};
 use crate::motion::{Motion, sample_all};
 use crate::scalar::trig::sin_cos_apart;
-use crate::scalar::{Fused, Isa, Real, isa};
+use crate::scalar::{Fused, Real, fuses};
 
 enum Route {
     Baseline(Engine<f64>),
@@ -27,10 +27,7 @@ pub struct LawEvaluator(Route);
 
 impl LawEvaluator {
     pub fn new(spec: &LawSpec) -> Self {
-        LawEvaluator(match isa() {
-            Isa::Baseline => Route::Baseline(Engine::new(spec)),
-            Isa::Avx2 | Isa::Avx512 => Route::Fused(Engine::new(spec)),
-        })
+        LawEvaluator(if fuses() { Route::Fused(Engine::new(spec)) } else { Route::Baseline(Engine::new(spec)) })
     }
 
     /// The plant's input `(n,)` at time `t`, the parts of the plant's state one after another, and the law's state `z`; `None`: as

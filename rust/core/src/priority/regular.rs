@@ -13,7 +13,7 @@ use super::lq::{Factor, product, tall};
 use super::method::{DEFAULT_EPS, Method};
 use super::metric::Metric;
 use super::workspace::TAME;
-use crate::scalar::{Fused, Isa, Kernel, Real, isa};
+use crate::scalar::{Fused, Kernel, Real, fuses};
 use crate::trace::Evaluation;
 
 /// `exact` takes this route only for relative singular values above it, where forward substitution loses no digits that count.
@@ -195,12 +195,11 @@ impl Single {
     /// As [`Regular::new`].
     pub fn new(n: usize, rows: &[usize], method: Method, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         let total = rows.iter().sum::<usize>();
-        let direct = match isa() {
-            Isa::Baseline => Direct::Baseline(Regular::new(n, rows, method, eps, metric)?),
-            Isa::Avx2 | Isa::Avx512 => {
-                let (jacobian, command) = (vec![Fused::zero(); total * n], vec![Fused::zero(); total]);
-                Direct::Fused { route: Regular::new(n, rows, method, eps, metric)?, jacobian, command }
-            }
+        let direct = if fuses() {
+            let (jacobian, command) = (vec![Fused::zero(); total * n], vec![Fused::zero(); total]);
+            Direct::Fused { route: Regular::new(n, rows, method, eps, metric)?, jacobian, command }
+        } else {
+            Direct::Baseline(Regular::new(n, rows, method, eps, metric)?)
         };
         Some(Single { direct, program: None })
     }

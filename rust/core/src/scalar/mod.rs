@@ -15,7 +15,7 @@ pub mod trig;
 
 pub use dual::Dual;
 pub use duals::{Dual8, Duals};
-pub use lanes::{Array8, Isa, isa};
+pub use lanes::{Array8, Isa, fuses, isa};
 pub use scalars::Fused;
 
 use std::fmt::Debug;
@@ -178,10 +178,7 @@ fn on<S: Real, T: Task>(task: T) -> T::Output {
 
 /// Run `task` on one number, by the best route of this machine.
 pub fn run_scalar<T: Task>(task: T) -> T::Output {
-    match isa() {
-        Isa::Baseline => on::<f64, T>(task),
-        Isa::Avx2 | Isa::Avx512 => on::<Fused, T>(task),
-    }
+    if fuses() { on::<Fused, T>(task) } else { on::<f64, T>(task) }
 }
 
 /// Run `task` on lanes, by the best route of this machine: one register of them, two where registers are short.

@@ -2,7 +2,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::lanes::Avx2;
-use super::lanes::{Isa, enter_avx2, isa};
+use super::lanes::{enter_avx2, fuses};
 use super::{Kernel, Real, trig};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -149,7 +149,7 @@ impl Real for Fused {
     }
     #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
-        assert!(isa() >= Isa::Avx2, "the fused route needs AVX2 and FMA");
+        assert!(fuses(), "the fused route needs AVX2 and FMA");
         enter_avx2(kernel)
     }
 }

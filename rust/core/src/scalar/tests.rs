@@ -1,6 +1,5 @@
 //! Every number against `f64`: the trigonometric functions in and out of range, select, and the fused operations.
 
-use super::trig::{Angle, SMALL_ANGLE, is_small, rotate, rotate_near};
 use super::*;
 
 /// Angles where a reduction goes wrong: zero, the quadrant edges, large, beyond the range, not finite.
@@ -51,33 +50,6 @@ impl Task for SinCos {
             let (s, c) = S::splat(x).sin_cos();
             assert!(ulps_apart(s.lane(0), x.sin()) <= 1.5 && ulps_apart(c.lane(0), x.cos()) <= 1.5, "{x}");
             x += 0.000_913;
-        }
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Rotate;
-impl Task for Rotate {
-    type Output = ();
-    fn run<S: Real>(self) {
-        for from in [0.0, 1.1, -2.7, 40.0] {
-            let angle = Angle::new(S::splat(from));
-            for d in [0.0, 1e-12, 0.01, SMALL_ANGLE * 0.999, SMALL_ANGLE, SMALL_ANGLE * 1.001, 0.5, -3.0] {
-                let (s, c) = rotate(&angle, S::splat(from + d));
-                // Three roundings of numbers below 1.
-                assert!((s.lane(0) - (from + d).sin()).abs() < 4e-16, "{from} {d}");
-                assert!((c.lane(0) - (from + d).cos()).abs() < 4e-16, "{from} {d}");
-            }
-            for d in [0.0, 1e-12, -0.01, SMALL_ANGLE * 0.999] {
-                let q = S::splat(from + d);
-                let ((s, c), square) = rotate_near(&angle, q);
-                let full = rotate(&angle, q);
-                assert!(S::all(is_small(square)));
-                assert_eq!([s, c].map(|x| x.lane(0).to_bits()), [full.0, full.1].map(|x| x.lane(0).to_bits()));
-            }
-            assert!(!S::any(is_small(rotate_near(&angle, S::splat(from + SMALL_ANGLE * 1.001)).1)));
-            let (s, _) = rotate(&angle, S::splat(f64::NAN));
-            assert!(s.lane(0).is_nan());
         }
     }
 }
@@ -153,11 +125,6 @@ fn on_every_number<T: Task + Copy>(task: T) {
 #[test]
 fn sine_and_cosine() {
     on_every_number(SinCos);
-}
-
-#[test]
-fn small_rotation() {
-    on_every_number(Rotate);
 }
 
 #[test]

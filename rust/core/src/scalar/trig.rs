@@ -3,8 +3,6 @@
 //! `x = k pi/2 + r`, with pi/2 split in three parts of 33, 33 and 53 bits so that `k` times the first two is
 //! exact for `|k| < 2^20` (Cody and Waite, fdlibm's split); then minimax polynomials on `|r| <= pi/4`
 //! (fdlibm's coefficients). Beyond that range the library function answers, lane by lane.
-//!
-//! [`rotate`] moves a known sine and cosine by a small angle: a Runge-Kutta step needs one full evaluation.
 
 use super::{Kernel, Real};
 
@@ -63,38 +61,6 @@ pub(super) fn sin_cos_far(x: f64) -> (f64, f64) {
     x.sin_cos()
 }
 
-/// A known sine and cosine: what a step starts from.
-#[derive(Clone, Copy, Debug)]
-pub struct Angle<S> {
-    pub q: S,
-    pub sin: S,
-    pub cos: S,
-}
-
-/// The angle zero.
-impl<S: Real> Default for Angle<S> {
-    #[inline(always)]
-    fn default() -> Self {
-        Angle { q: S::zero(), sin: S::zero(), cos: S::splat(1.0) }
-    }
-}
-
-impl<S: Real> Angle<S> {
-    #[inline(always)]
-    pub fn new(q: S) -> Self {
-        let (sin, cos) = q.sin_cos();
-        Angle { q, sin, cos }
-    }
-
-    /// Anew, unless it is there already: a single run that was just recorded needs no second sine.
-    #[inline(always)]
-    pub fn move_to(&mut self, q: S) {
-        if S::LANES > 1 || q.lane(0).to_bits() != self.q.lane(0).to_bits() {
-            *self = Angle::new(q);
-        }
-    }
-}
-
 /// Sine and cosine in a function of its own: a call on a rare path instead of its code at every use.
 #[inline(never)]
 pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
@@ -107,41 +73,4 @@ pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
         }
     }
     S::enter(SinCos(q))
-}
-
-/// Beyond this angle [`rotate`] evaluates in full. The truncated series err by less than 2^-54 up to here:
-/// d^9/9! = 9.6e-20 for the sine, d^8/8! = 2.3e-17 for the cosine.
-pub const SMALL_ANGLE: f64 = 1.0 / 32.0;
-
-/// Whether an angle of this square is small enough for [`rotate_near`], lane by lane; NaN is not.
-#[inline(always)]
-pub fn is_small<S: Real>(square: S) -> S::Mask {
-    square.lt(S::splat(SMALL_ANGLE * SMALL_ANGLE))
-}
-
-/// Sine and cosine of `q` from those at an angle nearby, and the square of the angle between: it has to be small.
-#[inline(always)]
-pub fn rotate_near<S: Real>(from: &Angle<S>, q: S) -> ((S, S), S) {
-    let k = S::splat;
-    let d = q - from.q;
-    let z = d * d;
-    let sin_d = d * z.mul_add(z.mul_add(z.mul_add(k(-1.0 / 5040.0), k(1.0 / 120.0)), k(-1.0 / 6.0)), k(1.0));
-    let cos_d = z.mul_add(z.mul_add(z.mul_add(k(-1.0 / 720.0), k(1.0 / 24.0)), k(-0.5)), k(1.0));
-    ((from.sin.mul_add(cos_d, from.cos * sin_d), from.sin.neg_mul_add(sin_d, from.cos * cos_d)), z)
-}
-
-/// Sine and cosine of `q` from those at another angle, in full where it is not nearby.
-#[inline(always)]
-pub fn rotate<S: Real>(from: &Angle<S>, q: S) -> (S, S) {
-    let (near, square) = rotate_near(from, q);
-    if S::LANES == 1 {
-        return if S::all(is_small(square)) { near } else { q.sin_cos() };
-    }
-    // Decided lane by lane, so that a run's bits do not depend on its neighbours. NaN takes the full path.
-    let small = is_small(square);
-    if S::all(small) {
-        return near;
-    }
-    let (s, c) = sin_cos_apart(q);
-    (S::select(small, near.0, s), S::select(small, near.1, c))
 }

@@ -10,7 +10,6 @@ use crate::integrate::{DualSystem, System};
 use crate::law::Law;
 use crate::linalg::Pairs;
 use crate::plant::{Plant, Touch};
-use crate::scalar::trig::{Angle, rotate};
 use crate::scalar::{Duals, Real};
 use std::borrow::Cow;
 
@@ -37,7 +36,6 @@ pub struct ClosedLoop<'a, S: Real> {
     /// Size of the plant's state, and which joints are angles.
     states: usize,
     angles: Vec<bool>,
-    anchors: Vec<Angle<S>>,
     trig: Vec<(S, S)>,
     /// The plant's input as of the last evaluation.
     pub tau: Vec<S>,
@@ -59,7 +57,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         (states, p, angles): (usize, usize, Vec<bool>),
     ) -> Self {
         let n = angles.len();
-        let (anchors, trig) = (vec![Angle::default(); n], vec![(S::zero(), S::splat(1.0)); n]);
+        let trig = vec![(S::zero(), S::splat(1.0)); n];
         let now = world.instant();
         let limits = closing.tau_max.iter().flat_map(|limit| limit.iter()).map(|&limit| S::from_lanes(|_| limit)).collect();
         ClosedLoop {
@@ -71,7 +69,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             sampler,
             states,
             angles,
-            anchors,
             trig,
             tau: vec![S::zero(); n],
             dz: vec![S::zero(); p],
@@ -93,7 +90,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             sampler: self.sampler,
             states: self.states,
             angles: self.angles,
-            anchors: self.anchors,
             trig: self.trig,
             tau: self.tau,
             dz: self.dz,
@@ -163,8 +159,13 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         &self.dz
     }
 
-    /// The sines and cosines of the joints at state `x`, in full.
+    /// The sines and cosines of the joints at state `x`.
+    #[inline(always)]
     pub fn turn_to(&mut self, x: &[S]) {
+        let n = self.trig.len();
+        if self.angles.iter().all(|&angle| angle) {
+            return S::sin_cos_each(&x[..n], &mut self.trig);
+        }
         for (i, trig) in self.trig.iter_mut().enumerate() {
             if self.angles[i] {
                 *trig = x[i].sin_cos();
@@ -237,10 +238,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     fn ask(&mut self, t: f64, measured: &[S], z: &[S]) {
         let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [S::zero(); 6] });
         self.world.sample(t, &mut now);
-        self.anchor(measured);
-        for (trig, anchor) in self.trig.iter_mut().zip(&self.anchors) {
-            *trig = (anchor.sin, anchor.cos);
-        }
+        self.turn_to(measured);
         self.law.at(t);
         self.control(&now.desired, measured, z);
         self.now = now;
@@ -290,15 +288,6 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         }
     }
 
-    #[inline(always)]
-    fn anchor(&mut self, x: &[S]) {
-        for (i, anchor) in self.anchors.iter_mut().enumerate() {
-            if self.angles[i] {
-                anchor.move_to(x[i]);
-            }
-        }
-    }
-
     fn held(&self) -> Option<(&[S], &[S])> {
         self.closing.held.then_some((&self.tau, &self.dz))
     }
@@ -312,11 +301,7 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
 
     #[inline(always)]
     fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
-        for (i, trig) in self.trig.iter_mut().enumerate() {
-            if self.angles[i] {
-                *trig = rotate(&self.anchors[i], x[i]);
-            }
-        }
+        self.turn_to(x);
         self.rates(u, x, dx);
     }
 }

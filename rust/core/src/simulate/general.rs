@@ -108,7 +108,7 @@ impl Twins<'_> {
     }
 }
 
-/// Records of a lane at a time, from a buffer made once.
+/// Records of a lane at a time, from a buffer made once. No zero is negative: there alone programs differ from direct evaluation.
 struct Recorder<'a> {
     sink: &'a mut dyn Sink,
     /// The time of each step.
@@ -124,10 +124,10 @@ impl Recorder<'_> {
     fn write<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]) {
         for lane in 0..S::LANES {
             for (to, from) in self.x.iter_mut().zip(x) {
-                *to = from.lane(lane);
+                *to = from.lane(lane) + 0.0;
             }
             for (to, from) in self.tau.iter_mut().zip(tau) {
-                *to = from.lane(lane);
+                *to = from.lane(lane) + 0.0;
             }
             let (x, kept) = self.x.split_at(self.size);
             self.sink.record(i, lane, t, x, &self.tau);
@@ -228,7 +228,7 @@ impl Task for Explicit<'_> {
         let (closed, x) = close::<S>(general.problem, general.first);
         let (u, size, options) = (closed.instant(), x.len(), &general.problem.options);
         let (tolerance, instants) = (general.problem.tolerance(closed.controlled()), closed.instants(options.t_end));
-        let closed = RatesLoop::later(closed, general.source());
+        let closed = RatesLoop::explicit(closed, general.source());
         match options.method {
             Method::Dopri5 => general.adaptive(closed, size, &instants, Dopri5::new(tolerance, x, u)),
             _ => general.adaptive(closed, size, &instants, Dop853::new(tolerance, x, u)),
@@ -253,7 +253,7 @@ impl<'a> General<'a> {
         let (u, n) = (twins.system.instant(), x.len());
         let (matrix, pivots) = (vec![0.0; n * n], vec![0usize; n]);
         let (tolerance, instants) = (self.problem.tolerance(twins.system.controlled()), twins.system.instants(options.t_end));
-        let mut closed = RatesLoop::later(twins, self.source());
+        let mut closed = RatesLoop::implicit(twins, self.source());
         match (self.division, options.method) {
             (Division::Fixed(fixed), _) => {
                 let method = Ros2::new(x.clone(), matrix, pivots, u);

@@ -194,7 +194,6 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
             self.observe(t, x);
         }
     }
-    fn anchor(&mut self, _: &[S]) {}
     fn rhs(&mut self, _: &Exogenous<S>, _: &[S], _: &mut [S]) {
         unreachable!("a recorded loop advances by whole steps")
     }

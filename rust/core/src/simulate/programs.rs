@@ -40,7 +40,9 @@ impl Structures {
         let Division::Fixed(fixed) = division else { return None };
         // Samples that are late by chance are late together in lanes.
         let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
-        if !lanes && fixed.schedule.steps < SHORT || late || !recorded::is_recordable(problem) {
+        // The routes of a law that decides ranks differ in rounding; else the bits are the same directly.
+        let short = !lanes && fixed.schedule.steps < SHORT && !problem.law(0).is_guarded();
+        if short || late || !recorded::is_recordable(problem) {
             return None;
         }
         let common = Common::of(problem, lanes);

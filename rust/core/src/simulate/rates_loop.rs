@@ -1,8 +1,9 @@
 //! A closed loop whose rates and derivatives run as programs, behind the interface of a loop.
 //!
-//! A run starts directly, because many runs end before a program is made. After a fixed amount of work it takes programs. How much work
-//! is the same for every run, so the bits of a run depend on that run alone. A loop that turns by an angle for which the programs'
-//! sines are not made goes on directly, from the very evaluation in which that happens.
+//! A run takes programs at once if they are known. Else it starts directly, because many runs end before a program is made, and has
+//! programs made after a fixed amount of work. The bits are the same either way. Implicit methods have programs made at once: the Jacobian by
+//! dual numbers rounds otherwise. A loop that turns by an angle for which the programs' sines are not made goes on directly, from the
+//! very evaluation in which that happens.
 
 use super::force::Wrench;
 use super::general::{Twins, Watched, twins};
@@ -15,11 +16,9 @@ use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::scalar::Real;
 
-/// Evaluations of the rates after which a run takes programs. To record the rates of six axes takes as long as 200 of them, and to make
-/// their program as long as 700.
+/// Evaluations of the rates after which programs are made for a run by an explicit method. To record the rates of six axes takes as long as 200
+/// of them, and to make their program as long as 700.
 const WAIT: usize = 500;
-/// Evaluations that take as long as one column of a Jacobian by dual numbers.
-const PER_COLUMN: usize = 2;
 
 /// Where the programs of a run come from.
 pub struct Source<'a> {
@@ -34,14 +33,21 @@ pub struct RatesLoop<'a, S: Real, D> {
     source: Option<Source<'a>>,
     /// Evaluations so far.
     work: usize,
+    /// Those after which programs are made.
+    wait: usize,
     /// The programs under the law, and under a held input.
     running: [Option<Running<S>>; 2],
 }
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// A loop that takes programs later, where there is a source.
-    pub fn later(direct: D, source: Option<Source<'a>>) -> Self {
-        RatesLoop { direct, source, work: 0, running: [None, None] }
+    /// The loop of an explicit method, which takes programs where there is a source.
+    pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
+        RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None] }
+    }
+
+    /// The same of an implicit method.
+    pub fn implicit(direct: D, source: Option<Source<'a>>) -> Self {
+        RatesLoop { direct, source, work: 0, wait: 0, running: [None, None] }
     }
 
     /// Whether the rates run as programs.
@@ -60,22 +66,25 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         }
     }
 
-    /// Take programs if it is time.
+    /// Take programs at the start if they are known, and when it is time in any case.
     fn take(&mut self) {
-        if self.work < WAIT {
+        let worth = self.work >= self.wait;
+        if !worth && self.work > 0 {
             return;
         }
-        if let Some(Source { rates, problem, run }) = self.source.take() {
-            let which = self.which();
-            self.running[which] = rates.of_run(problem, run).map(|(recorded, values)| Running::new(recorded, &values));
-            self.hold();
+        let which = self.which();
+        let Some(Source { rates, problem, run }) = &self.source else { return };
+        let found = rates.of_run(problem, *run, worth);
+        if worth || found.is_some() {
+            self.source = None;
         }
+        self.running[which] = found.map(|(recorded, values)| Running::new(recorded, &values));
+        self.hold();
     }
 
-    /// Go on directly from state `x`.
-    fn leave(&mut self, x: &[S]) {
+    /// Go on directly.
+    fn leave(&mut self) {
         (self.running, self.source) = ([None, None], None);
-        self.direct.anchor(x);
     }
 }
 
@@ -87,7 +96,7 @@ pub type Solved<'a> = RatesLoop<'a, f64, Twins<'a>>;
 pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
     let (twins, x) = twins(problem, 0);
     let running = record_both(problem).map(|rates| rates.map(|(recorded, values)| Running::new(recorded, &values)));
-    let mut closed = RatesLoop { direct: twins.into_owned(), source: None, work: 0, running };
+    let mut closed = RatesLoop { running, ..RatesLoop::implicit(twins.into_owned(), None) };
     closed.hold();
     (closed, x)
 }
@@ -105,19 +114,14 @@ impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
     fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
         self.direct.input(t, u);
     }
-    fn anchor(&mut self, x: &[S]) {
-        self.take();
-        if !self.is_running() {
-            self.direct.anchor(x);
-        }
-    }
     fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
+        self.take();
         let which = self.which();
         if let Some(running) = &mut self.running[which] {
             if running.rates(u, x, dx) {
                 return;
             }
-            self.leave(x);
+            self.leave();
         }
         self.work += 1;
         self.direct.rhs(u, x, dx);
@@ -161,6 +165,7 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
 
 impl Differentiable<f64> for Solved<'_> {
     fn linearise(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+        self.take();
         let which = self.which();
         if let Some(running) = &mut self.running[which] {
             if running.is_moving() {
@@ -170,9 +175,8 @@ impl Differentiable<f64> for Solved<'_> {
             if running.linearise(u, x, dx, j) {
                 return;
             }
-            self.leave(x);
+            self.leave();
         }
-        self.work += PER_COLUMN * self.direct.system.controlled();
         self.direct.linearise(t, u, x, dx, j);
     }
     fn time_derivative(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dft: &mut [f64]) {

@@ -156,6 +156,13 @@ fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<R
     seen.recorded.clone().map(|recorded| (recorded, given.values))
 }
 
+/// As [`of_run`], if they are among those that are kept.
+fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
+    let (given, tag) = (recorded::given(problem, run, common), (held, Wanted::of(problem, run)));
+    let seen = KNOWN.find(|seen| seen.tag == tag && seen.fits(problem, run, common, &given))?;
+    seen.recorded.clone().map(|recorded| (recorded, given.values))
+}
+
 /// Record the rates of run `run`.
 fn record(problem: &Problem, run: usize, common: Common, held: bool, wanted: Wanted) -> Option<RecordedRates> {
     sym::begin();
@@ -258,10 +265,15 @@ impl Rates {
         if self.used.load(Ordering::Relaxed) { engine().name() } else { "direct" }
     }
 
-    /// The rates of run `run`; `None` where the code branches on data.
-    pub fn of_run(&self, problem: &Problem, run: usize) -> Option<RatesOfRun> {
-        let of_run = || of_run(problem, run, self.common, problem.options.sampling.is_some());
-        let found = self.shared.as_ref().map_or_else(of_run, |shared| shared.get_or_init(of_run).clone());
+    /// The rates of run `run`, if they are known or it is `worth` to record them; `None` also where the code branches on data.
+    pub fn of_run(&self, problem: &Problem, run: usize, worth: bool) -> Option<RatesOfRun> {
+        let held = problem.options.sampling.is_some();
+        let found = match &self.shared {
+            Some(shared) if worth => shared.get_or_init(|| of_run(problem, run, self.common, held)).clone(),
+            Some(shared) if shared.get().is_some() => shared.get().cloned().flatten(),
+            _ if worth => of_run(problem, run, self.common, held),
+            _ => known(problem, run, self.common, held),
+        };
         self.used.fetch_or(found.is_some(), Ordering::Relaxed);
         found
     }

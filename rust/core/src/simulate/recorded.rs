@@ -148,7 +148,7 @@ pub fn given(problem: &Problem, run: usize, common: Common) -> Given {
 /// A structure that was seen, and what was recorded of it; `tag` tells recordings of one loop apart.
 pub struct Seen<R, T> {
     key: Key,
-    tag: T,
+    pub tag: T,
     /// The entries of its set-up.
     structure: Vec<u32>,
     /// `None` where its code branches on data.
@@ -309,7 +309,6 @@ impl System<Sym> for RecordedLoop<'_> {
     type Input = Exogenous<Sym>;
     /// The inputs are there.
     fn input(&mut self, _: f64, _: &mut Exogenous<Sym>) {}
-    fn anchor(&mut self, _: &[Sym]) {}
     fn rhs(&mut self, u: &Exogenous<Sym>, x: &[Sym], dx: &mut [Sym]) {
         let Some(cuts) = &mut self.cuts else {
             self.closed.turn_to(x);

@@ -7,9 +7,7 @@ use super::closed_loop::ClosedLoop;
 use super::general::assemble;
 use super::problem::{Method, Problem};
 use super::program_loop::{MOST_LANES, ProgramLoop};
-use super::world::Exogenous;
-use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
-use crate::linalg::Pairs;
+use crate::integrate::{Advance, Euler, Rk4, SemiImplicit};
 use crate::scalar::{Real, Task, run_scalar};
 
 /// One run on plain numbers.
@@ -34,8 +32,8 @@ impl<'a> Task for Make<'a> {
     type Output = Box<dyn Direct + 'a>;
     #[inline(always)]
     fn run<S: Real>(self) -> Box<dyn Direct + 'a> {
-        let closed = Turned(assemble::<S>(self.problem, |_| self.run, self.problem.watches_storage()));
-        let (x, u) = (vec![S::zero(); closed.0.size()], closed.0.instant());
+        let closed = assemble::<S>(self.problem, |_| self.run, self.problem.watches_storage());
+        let (x, u) = (vec![S::zero(); closed.size()], closed.instant());
         match (self.problem.options.method, SemiImplicit::new(&closed, x.clone(), u.clone())) {
             (Method::SemiImplicit, Ok(method)) => Box::new(Steps::new(closed, method, x)),
             (Method::Euler, _) => Box::new(Steps::new(closed, Euler::new(x.clone(), u), x)),
@@ -44,26 +42,8 @@ impl<'a> Task for Make<'a> {
     }
 }
 
-/// A loop whose angles are turned by in full at every stage.
-struct Turned<'a, S: Real>(ClosedLoop<'a, S>);
-
-impl<S: Real> System<S> for Turned<'_, S> {
-    type Input = Exogenous<S>;
-    fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
-        self.0.input(t, u);
-    }
-    fn anchor(&mut self, _: &[S]) {}
-    fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
-        self.0.turn_to(x);
-        self.0.rates(u, x, dx);
-    }
-    fn pairs(&self) -> Pairs {
-        self.0.pairs()
-    }
-}
-
 struct Steps<'a, S: Real, M> {
-    closed: Turned<'a, S>,
+    closed: ClosedLoop<'a, S>,
     method: M,
     x: Vec<S>,
     tau: Vec<S>,
@@ -71,8 +51,8 @@ struct Steps<'a, S: Real, M> {
 }
 
 impl<'a, S: Real, M> Steps<'a, S, M> {
-    fn new(closed: Turned<'a, S>, method: M, x: Vec<S>) -> Self {
-        let (tau, dz) = (closed.0.tau.clone(), closed.0.law_rate().to_vec());
+    fn new(closed: ClosedLoop<'a, S>, method: M, x: Vec<S>) -> Self {
+        let (tau, dz) = (closed.tau.clone(), closed.law_rate().to_vec());
         Steps { closed, method, x, tau, dz }
     }
 }
@@ -85,12 +65,12 @@ fn store<S: Real>(to: &mut [f64], from: &[S]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = from.lane(0));
 }
 
-impl<'a, S: Real, M: Advance<S, Turned<'a, S>, Vec<S>>> Direct for Steps<'a, S, M> {
+impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for Steps<'a, S, M> {
     fn answer(&mut self, t: f64, x: &[f64], tau: &mut [f64], dz: &mut [f64]) {
         load(&mut self.x, x);
-        self.closed.0.observe(t, &self.x);
-        store(tau, &self.closed.0.tau);
-        store(dz, self.closed.0.law_rate());
+        self.closed.observe(t, &self.x);
+        store(tau, &self.closed.tau);
+        store(dz, self.closed.law_rate());
     }
 
     fn step(&mut self, t: f64, h: f64, end: f64, held: Option<(&[f64], &[f64])>, x: &mut [f64]) {
@@ -98,7 +78,7 @@ impl<'a, S: Real, M: Advance<S, Turned<'a, S>, Vec<S>>> Direct for Steps<'a, S, 
         if let Some((tau, dz)) = held {
             load(&mut self.tau, tau);
             load(&mut self.dz, dz);
-            self.closed.0.hold_input(&self.tau, &self.dz);
+            self.closed.hold_input(&self.tau, &self.dz);
         }
         self.method.advance_anew(&mut self.closed, t, h, end, &mut self.x);
         store(x, &self.x);

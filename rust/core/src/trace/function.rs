@@ -159,7 +159,7 @@ impl Function {
         let outputs: Vec<(u32, u32)> = slots.filter(|&(_, entry)| !is_known(entry)).collect();
         let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &Places::default() };
         let room = Room { reach: layout.reach() as u32, free: layout.answer() + answer.len() };
-        let program = Program::as_recorded(part, room, form(layout.lanes), engine());
+        let program = Program::new(part, None, room, form(layout.lanes), engine());
         Function { program, ops, answer, layout }
     }
 }

@@ -1,18 +1,16 @@
 //! From a recording to the instructions of one instruction set.
 //!
 //! Lowering removes what no output needs, writes sine and cosine out (`scalar::trig`, the same polynomials), turns negation and
-//! absolute value into bit operations, and chooses fused multiply-add: where the target has it, `a b + c` is one instruction,
-//! elsewhere it is a product and a sum. Whether anything else reads the product does not matter: the bits of a result depend on
-//! nothing but the operations that lead to it, so that monitors do not change a run.
+//! absolute value into bit operations. A fused product is one instruction where the target has it, elsewhere a product and a sum. Nothing
+//! else is fused and nothing is reordered, so the bits are those of direct evaluation on the same instruction set, signs of zeros aside.
 
 use super::straight::{Instruction, Part, Straight};
 use super::tape::{Memo, Op};
 use crate::scalar::trig;
 
 /// Lower a part of a recording; `fused`: the target has fused multiply-add. Input `k` is in slot `k`.
-/// `contract`: products are fused with sums. Without it each operation rounds as it was recorded, so that
-/// the bits are those of direct evaluation. Where angles occur, `reach_slot` receives the largest magnitude of them and of what it holds.
-pub fn lower(part: Part, reach_slot: u32, fused: bool, contract: bool) -> Straight {
+/// Where angles occur, `reach_slot` receives the largest magnitude of them and of what it holds.
+pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
     let Part { ops, outputs, .. } = part;
     let mut lowering = Lowering {
         part,
@@ -21,7 +19,6 @@ pub fn lower(part: Part, reach_slot: u32, fused: bool, contract: bool) -> Straig
         turns: Vec::new(),
         constants: Memo::default(),
         fused,
-        contract: fused && contract,
         out: Straight::default(),
     };
     lowering.entries();
@@ -51,7 +48,6 @@ struct Lowering<'a> {
     turns: Vec<u32>,
     constants: Memo<u64>,
     fused: bool,
-    contract: bool,
     out: Straight,
 }
 
@@ -96,14 +92,6 @@ impl Lowering<'_> {
         }
     }
 
-    /// The factors of entry `a`, if it is a product that is fused with the sum which reads it.
-    fn product(&self, a: u32) -> Option<(u32, u32)> {
-        match self.ops[a as usize] {
-            Op::Mul(x, y) if self.contract && !self.part.is_before(a) => Some((x, y)),
-            _ => None,
-        }
-    }
-
     /// `x` where entry `c` is `-x` and the target adds and subtracts alike in a fused product.
     fn negated(&self, c: u32) -> Option<u32> {
         match self.ops[c as usize] {
@@ -114,13 +102,10 @@ impl Lowering<'_> {
 
     /// The entries whose values `op` reads once it is lowered.
     fn reads(&self, op: Op) -> [Option<u32>; 3] {
-        let fused = match op {
-            Op::Add(a, b) | Op::Sub(a, b) => self.product(b).map(|p| (p, a)).or_else(|| self.product(a).map(|p| (p, b))),
-            Op::Fma(a, b, c) | Op::Fnma(a, b, c) => self.negated(c).map(|x| ((a, b), x)),
-            _ => None,
-        };
-        if let Some(((x, y), other)) = fused {
-            return [Some(x), Some(y), Some(other)];
+        if let Op::Fma(a, b, c) | Op::Fnma(a, b, c) = op
+            && let Some(x) = self.negated(c)
+        {
+            return [Some(a), Some(b), Some(x)];
         }
         let mut operands = op.operands();
         [operands.next(), operands.next(), operands.next()]
@@ -135,16 +120,8 @@ impl Lowering<'_> {
         let lowered = match self.ops[top as usize] {
             Op::Const(bits) => return self.bits(bits),
             Op::Input(slot) => I::Input(slot),
-            Op::Add(a, b) => match (self.product(b), self.product(a)) {
-                (Some((x, y)), _) => I::Fma(self.at(x), self.at(y), self.at(a)),
-                (_, Some((x, y))) => I::Fma(self.at(x), self.at(y), self.at(b)),
-                _ => I::Add(self.at(a), self.at(b)),
-            },
-            Op::Sub(a, b) => match (self.product(b), self.product(a)) {
-                (Some((x, y)), _) => I::Fnma(self.at(x), self.at(y), self.at(a)),
-                (_, Some((x, y))) => I::Fms(self.at(x), self.at(y), self.at(b)),
-                _ => I::Sub(self.at(a), self.at(b)),
-            },
+            Op::Add(a, b) => I::Add(self.at(a), self.at(b)),
+            Op::Sub(a, b) => I::Sub(self.at(a), self.at(b)),
             Op::Mul(a, b) => I::Mul(self.at(a), self.at(b)),
             Op::Div(a, b) => I::Div(self.at(a), self.at(b)),
             Op::Neg(a) => I::Xor(self.at(a), self.constant(-0.0)),

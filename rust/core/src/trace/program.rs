@@ -85,13 +85,8 @@ pub struct Program {
 impl Program {
     /// The program of a part of a recording, whose input `k` is in slot `k` unless it comes along a stream.
     pub fn new(part: Part, stream: Option<Stream>, room: Room, form: Form, engine: Engine) -> Self {
-        let straight = Straight { stream, ..lower(part, room.reach, form.set > Set::Sse2, true) };
+        let straight = Straight { stream, ..lower(part, room.reach, form.set > Set::Sse2) };
         Program::of(&straight, room.free, form, engine)
-    }
-
-    /// As [`Program::new`], with the bits of direct evaluation on the same instruction set, zeros' signs aside.
-    pub fn as_recorded(part: Part, room: Room, form: Form, engine: Engine) -> Self {
-        Program::of(&lower(part, room.reach, form.set > Set::Sse2, false), room.free, form, engine)
     }
 
     /// The program of instructions that are lowered for the set of `form`; its own values are in slots from `free` on.

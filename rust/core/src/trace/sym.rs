@@ -153,11 +153,8 @@ impl Real for Sym {
     }
     fn sin_cos(self) -> (Sym, Sym) {
         on_tape(|tape| match tape.value(self.0) {
-            Some(x) => {
-                let (s, c) = x.sin_cos();
-                (Sym(tape.constant(s)), Sym(tape.constant(c)))
-            }
-            None => (Sym(tape.push(Op::Sin(self.0))), Sym(tape.push(Op::Cos(self.0)))),
+            Some(0.0) => (Sym(tape.constant(0.0)), Sym(tape.constant(1.0))),
+            _ => (Sym(tape.push(Op::Sin(self.0))), Sym(tape.push(Op::Cos(self.0)))),
         })
     }
     fn lt(self, other: Sym) -> Sym {

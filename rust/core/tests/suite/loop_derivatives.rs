@@ -186,13 +186,11 @@ fn worst(
     let n = x.len();
     let mut u = instant.clone();
     let (mut dx, mut j, mut dft) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n]);
-    loops.anchor(x);
     loops.input(T, &mut u);
     loops.linearise(T, &u, x, &mut dx, &mut j);
     loops.time_derivative(T, &u, x, &mut dft);
     let mut f = |t: f64, x: &[f64]| {
         let (mut u, mut dx) = (instant.clone(), vec![0.0; n]);
-        loops.anchor(x);
         loops.input(t, &mut u);
         loops.rhs(&u, x, &mut dx);
         dx
@@ -322,7 +320,6 @@ fn a_loop_that_turns_far_goes_on_directly() {
             closed.rhs(&u, &x, &mut dx);
         }
         assert!(!closed.is_running());
-        closed.direct.anchor(&x);
         if linearise {
             closed.direct.linearise(0.0, &u, &x, &mut expected, &mut slope);
         } else {

@@ -32,7 +32,6 @@ impl System<f64> for Field {
     fn input(&mut self, t: f64, u: &mut f64) {
         *u = t;
     }
-    fn anchor(&mut self, _: &[f64]) {}
     fn rhs(&mut self, t: &f64, x: &[f64], dx: &mut [f64]) {
         self.slope.at(*t, x, 1, dx);
     }

@@ -74,6 +74,12 @@ pub fn isa() -> Isa {
     }
 }
 
+/// Whether products are fused with sums where the source says so: direct evaluation and programs agree on it.
+#[inline(always)]
+pub fn fuses() -> bool {
+    cfg!(target_arch = "aarch64") || isa() >= Isa::Avx2
+}
+
 #[cold]
 fn choose() -> Isa {
     let isa = isa_request().ok().flatten().unwrap_or_else(Isa::best);
@@ -105,6 +111,7 @@ pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
     unsafe { region(kernel) }
 }
 
+/// Run `kernel`: every processor of the target fuses.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
 pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {

@@ -32,7 +32,6 @@ impl<P: Problem, S: Real> System<S> for Of<P> {
     fn input(&mut self, t: f64, u: &mut S) {
         *u = S::splat(t);
     }
-    fn anchor(&mut self, _: &[S]) {}
     fn rhs(&mut self, t: &S, x: &[S], dx: &mut [S]) {
         P::f(*t, x, dx);
     }
