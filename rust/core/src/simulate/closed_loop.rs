@@ -24,6 +24,13 @@ pub struct Closing<'a> {
     pub storage: bool,
 }
 
+impl Closing<'_> {
+    /// Whether the integral of what the law dissipates is watched.
+    pub fn watches_dissipation(&self) -> bool {
+        self.monitored && !self.storage
+    }
+}
+
 pub struct ClosedLoop<'a, S: Real> {
     plant: Box<dyn Plant<S> + Send>,
     law: Box<dyn Law<S> + Send>,
@@ -39,7 +46,10 @@ pub struct ClosedLoop<'a, S: Real> {
     trig: Vec<(S, S)>,
     /// The plant's input as of the last evaluation.
     pub tau: Vec<S>,
+    /// The rate of the law's state, and behind it what the law dissipates where that is watched: all of an answer beside `tau`.
     dz: Vec<S>,
+    /// Size of the law's state.
+    p: usize,
     /// One as long as every answer of the law since it was set was right, else zero.
     pub stands: S,
     now: Exogenous<S>,
@@ -59,6 +69,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         let n = angles.len();
         let trig = vec![(S::zero(), S::splat(1.0)); n];
         let now = world.instant();
+        let answer = p + usize::from(closing.watches_dissipation());
         let limits = closing.tau_max.iter().flat_map(|limit| limit.iter()).map(|&limit| S::from_lanes(|_| limit)).collect();
         ClosedLoop {
             plant,
@@ -71,10 +82,11 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             angles,
             trig,
             tau: vec![S::zero(); n],
-            dz: vec![S::zero(); p],
+            dz: vec![S::zero(); answer],
+            p,
             stands: S::splat(1.0),
             now,
-            acting: (vec![S::zero(); n], vec![S::zero(); p]),
+            acting: (vec![S::zero(); n], vec![S::zero(); answer]),
         }
     }
 
@@ -93,6 +105,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             trig: self.trig,
             tau: self.tau,
             dz: self.dz,
+            p: self.p,
             stands: self.stands,
             now: self.now,
             acting: self.acting,
@@ -101,12 +114,12 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
 
     /// Size of the state with the quadratures.
     pub fn size(&self) -> usize {
-        self.states + self.dz.len() + if self.closing.monitored { 2 } else { 0 }
+        self.states + self.p + if self.closing.monitored { 2 } else { 0 }
     }
 
     /// Components whose error is controlled.
     pub fn controlled(&self) -> usize {
-        self.states + self.dz.len()
+        self.states + self.p
     }
 
     /// The instants of a controller with a clock of its own.
@@ -122,7 +135,11 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     /// The law's answer at the plant state `measured` and its own state `z`, within the limits of the input.
     #[inline(always)]
     fn control(&mut self, desired: &[S], measured: &[S], z: &[S]) {
-        self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, &mut self.dz);
+        let (rate, dissipated) = self.dz.split_at_mut(self.p);
+        self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, rate);
+        if let [dissipated] = dissipated {
+            *dissipated = self.law.dissipation();
+        }
         if let Some(stands) = self.law.stands() {
             self.stands = self.stands.min(stands);
         }
@@ -147,14 +164,14 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Hold the input `tau` and the rate `dz` of the law from now on.
+    /// Hold the answer of the law from now on: the input `tau`, and what [`ClosedLoop::law_rate`] gave.
     pub fn hold_input(&mut self, tau: &[S], dz: &[S]) {
         self.closing.held = true;
         self.tau.copy_from_slice(tau);
         self.dz.copy_from_slice(dz);
     }
 
-    /// The rate of the law's state, as of the last evaluation.
+    /// The rate of the law's state as of the last evaluation, and behind it what the law dissipates where that is watched.
     pub fn law_rate(&self) -> &[S] {
         &self.dz
     }
@@ -177,7 +194,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     #[inline(always)]
     pub fn answer(&mut self, u: &Exogenous<S>, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
-        self.control(&u.desired, measured, &z[..self.dz.len()]);
+        self.control(&u.desired, measured, &z[..self.p]);
     }
 
     /// The rates `dx` of state `x`, for sines and cosines that are there.
@@ -188,14 +205,14 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
         let states = self.states;
         let power = self.plant.rates(&self.trig, &x[..states], &self.tau, &u.wrench, &mut dx[..states]);
-        let p = self.dz.len();
-        dx[states..states + p].copy_from_slice(&self.dz);
+        let p = self.p;
+        dx[states..states + p].copy_from_slice(&self.dz[..p]);
         if self.closing.monitored {
             (dx[states + p], dx[states + p + 1]) = if self.closing.storage {
                 let stored = self.law.storage_rate(&x[..states], power.outside);
                 (power.outside - stored, stored)
             } else {
-                (self.law.dissipation(), power.input + power.outside)
+                (self.dz[p], power.input + power.outside)
             };
         }
     }
@@ -231,7 +248,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     #[inline(always)]
     pub fn observe(&mut self, t: f64, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
-        self.ask(t, measured, &z[..self.dz.len()]);
+        self.ask(t, measured, &z[..self.p]);
     }
 
     #[inline(always)]
@@ -248,7 +265,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     #[inline(never)]
     fn sample_by(&mut self, mut sampler: Sampler<S>, t: f64, x: &[S]) -> Sampler<S> {
         let (plant, z) = x.split_at(self.states);
-        let (n, p) = (self.tau.len(), self.dz.len());
+        let (n, p) = (self.tau.len(), self.p);
         let (mut tau, mut dz) = (std::mem::take(&mut self.acting.0), std::mem::take(&mut self.acting.1));
         let law = |measured: &[S], tau: &mut [S], dz: &mut [S]| {
             self.ask(t, measured, &z[..p]);

@@ -307,7 +307,8 @@ pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) 
     let (o, plant) = (&problem.options, problem.plant(run(0)));
     // A law from outside may remember: it is asked once per sample, however often that is looked at.
     let asked_once = matches!(problem.law(run(0)), LawSpec::External(_));
-    let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len());
+    let dissipated = usize::from(o.monitors && !problem.watches_storage());
+    let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);
     o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || asked_once).map(|sampling| {
         let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
         let sensing = TorqueSensing::of(problem, sampling, run);

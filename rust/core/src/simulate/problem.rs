@@ -158,11 +158,6 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Whether the integral of what the law dissipates is watched while its answer is held: programs do not hold it.
-    pub fn watches_held_dissipation(&self) -> bool {
-        self.options.monitors && self.options.sampling.is_some() && matches!(self.law(0), LawSpec::Adaptive(_))
-    }
-
     /// Whether all runs have the same desired motions and forces.
     pub fn shares_exogenous(&self) -> bool {
         let first = self.laws[0].motions();

@@ -62,7 +62,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             frame
         };
         let frames = (0..S::LANES).step_by(lanes).map(frame).collect();
-        let (n, p) = (recorded.layout.inputs, recorded.layout.law_states);
+        let (n, p) = (recorded.layout.inputs, recorded.layout.answer);
         let now = world.instant();
         let answer = (vec![S::zero(); n], vec![S::zero(); p]);
         ProgramLoop {

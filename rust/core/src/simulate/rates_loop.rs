@@ -91,14 +91,20 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
 /// A loop that is solved for by an implicit method.
 pub type Solved<'a> = RatesLoop<'a, f64, Twins<'a>>;
 
-/// The loop of the one run of a problem with an implicit method, and its state at the start. It has programs from the start, if its
-/// code has no branch on data.
+impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
+    /// The loop of the one run of a problem, to be stepped by hand: it has programs from the start, if its code has no branch on data.
+    pub fn stepped(direct: D, problem: &Problem) -> Self {
+        let running = record_both(problem).map(|rates| rates.map(|(recorded, values)| Running::new(recorded, &values)));
+        let mut closed = RatesLoop { running, ..RatesLoop::implicit(direct, None) };
+        closed.hold();
+        closed
+    }
+}
+
+/// The loop of the one run of a problem with an implicit method, to be stepped by hand, and its state at the start.
 pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
     let (twins, x) = twins(problem, 0);
-    let running = record_both(problem).map(|rates| rates.map(|(recorded, values)| Running::new(recorded, &values)));
-    let mut closed = RatesLoop { running, ..RatesLoop::implicit(twins.into_owned(), None) };
-    closed.hold();
-    (closed, x)
+    (RatesLoop::stepped(twins.into_owned(), problem), x)
 }
 
 impl Solved<'_> {

@@ -12,6 +12,7 @@ use super::problem::{Method, Problem};
 use super::recorded::{self, Seen};
 use super::world::Exogenous;
 use crate::motion::Motion;
+use crate::plant::PlantSpec;
 use crate::scalar::Real;
 use crate::trace::differentiate::Differentiation;
 use crate::trace::kept::Kept;
@@ -31,8 +32,9 @@ pub struct Slots {
     pub plant: usize,
     pub law: usize,
     pub quadratures: usize,
-    /// The plant's inputs.
+    /// The plant's inputs, and what else a law answers.
     pub inputs: usize,
+    pub answer: usize,
 }
 
 impl Slots {
@@ -54,7 +56,7 @@ impl Slots {
     }
     /// Behind all inputs: the rates of one run.
     pub fn rates(&self) -> usize {
-        self.law_rate() + self.law
+        self.law_rate() + self.answer
     }
     /// The largest angle of one run.
     pub fn reach(&self) -> usize {
@@ -130,12 +132,16 @@ type SeenRates = Seen<RecordedRates, (bool, Wanted)>;
 
 static KNOWN: Kept<Arc<SeenRates>> = Kept::new();
 
-/// Whether the method of a problem takes rates, of loops that may be recorded.
+/// Whether the rates of a problem's loops may be recorded.
 fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
     // An adaptive method holds every contact as it is within a step.
-    let free = problem.plants.iter().all(|plant| if method.is_adaptive() { plant.is_free() } else { plant.wall().is_none() });
-    (method.is_adaptive() || method.is_implicit()) && free && !problem.law(0).is_scalar() && !problem.watches_held_dissipation()
+    let free = |plant: &&PlantSpec| match method {
+        _ if method.is_adaptive() => plant.is_free(),
+        _ if method.is_implicit() => plant.wall().is_none(),
+        _ => true,
+    };
+    problem.plants.iter().all(free) && !problem.law(0).is_scalar()
 }
 
 /// The rates of a run, and the numbers of its set-up.
@@ -169,7 +175,7 @@ fn record(problem: &Problem, run: usize, common: Common, held: bool, wanted: Wan
     let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
     let given = sym::end_set_up();
     let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
-    let (plant, law) = (problem.plant(run).states(), closed.law_rate().len());
+    let (plant, law) = (problem.plant(run).states(), problem.law(run).initial_state().len());
     let slots = Slots {
         given,
         desired: closed.instant().desired.len(),
@@ -178,10 +184,11 @@ fn record(problem: &Problem, run: usize, common: Common, held: bool, wanted: Wan
         law,
         quadratures: closed.size() - plant - law,
         inputs: closed.tau.len(),
+        answer: closed.law_rate().len(),
     };
     let (desired, mut wrench) = (inputs(slots.desired), [Sym::zero(); 6]);
     wrench[..slots.wrench].copy_from_slice(&inputs(slots.wrench));
-    let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.law));
+    let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.answer));
     if held {
         closed.hold_input(&tau, &dz);
     }
@@ -257,7 +264,9 @@ impl Rates {
     /// For problems whose method takes rates; `None` where no loop of them can be recorded.
     pub fn of(problem: &Problem) -> Option<Self> {
         let shared = (problem.plants.len() == 1 && problem.laws.len() == 1).then(OnceLock::new);
-        is_recordable(problem).then(|| Rates { common: Common::of(problem, false), shared, used: AtomicBool::new(false) })
+        let method = problem.options.method;
+        let takes = (method.is_adaptive() || method.is_implicit()) && is_recordable(problem);
+        takes.then(|| Rates { common: Common::of(problem, false), shared, used: AtomicBool::new(false) })
     }
 
     /// How the runs were computed.

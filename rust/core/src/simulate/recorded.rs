@@ -39,7 +39,8 @@ pub struct Layout {
     pub instants: &'static [f64],
     pub states: usize,
     pub inputs: usize,
-    pub law_states: usize,
+    /// Numbers of the law's answer beside its input.
+    pub answer: usize,
     /// One if the law says whether its answer stands, else none.
     pub guards: usize,
     /// All inputs of the programs.
@@ -66,7 +67,7 @@ impl Layout {
     }
     /// One as long as the law's answers stand, else zero: a step changes it.
     pub fn stands(&self) -> usize {
-        self.law_rate() + self.law_states
+        self.law_rate() + self.answer
     }
     /// The state and the exogenous input of a stage.
     pub fn stage(&self) -> usize {
@@ -132,7 +133,6 @@ impl Recorded {
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method, Method::Euler | Method::SemiImplicit | Method::Rk4)
         && problem.law(0).is_recordable()
-        && !problem.watches_held_dissipation()
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
 
@@ -213,7 +213,7 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
         instants,
         states: closed.size(),
         inputs: closed.tau.len(),
-        law_states: closed.law_rate().len(),
+        answer: closed.law_rate().len(),
         guards: usize::from(problem.law(run).is_guarded()),
         all_inputs: 0,
         shared: common.shared,
@@ -244,7 +244,7 @@ fn trace(closed: ClosedLoop<Sym>, method: Method, layout: &Layout) -> Option<Tra
     };
     let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| instant()).collect();
     let (x, h) = (inputs(layout.states), sym::input());
-    let (tau, dz) = (inputs(layout.inputs), inputs(layout.law_states));
+    let (tau, dz) = (inputs(layout.inputs), inputs(layout.answer));
     let stood = inputs(layout.guards);
     let (stage, stage_input) = (inputs(layout.states), instant());
     let mut rates = inputs(layout.states + layout.guards);

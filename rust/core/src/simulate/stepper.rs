@@ -4,7 +4,7 @@ use super::bound::Bound;
 use super::force::Wrench;
 use super::general::{Watched, close};
 use super::problem::{Method, Problem};
-use super::rates_loop::recorded_loop;
+use super::rates_loop::{RatesLoop, recorded_loop};
 use super::sampling::Sampling;
 use super::world::Exogenous;
 use crate::error::{Error, Result};
@@ -220,8 +220,8 @@ impl Task for Explicit<'_> {
 
     fn run<S: Real>(self) -> Box<dyn Stepping> {
         let (closed, x) = close::<S>(self.0, 0);
-        let closed = closed.into_owned();
         let u: Exogenous<S> = closed.instant();
+        let closed = RatesLoop::stepped(closed.into_owned(), self.0);
         match self.0.options.method {
             Method::Euler => {
                 let method = Euler::new(x.clone(), u);
