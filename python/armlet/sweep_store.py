@@ -22,7 +22,8 @@ from .storage import digest, pack, unpack, write_whole
 
 __all__ = ["Store"]
 
-FORMAT, VERSION = "armlet sweep", 1
+# The version rises when results change in their last digits: chunks of one sweep have the bits of one release.
+FORMAT, VERSION = "armlet sweep", 2
 Columns = dict[str, NDArray[Any]]
 
 
