@@ -86,7 +86,9 @@ LAWS: dict[str, Callable[[al.Arm, float], Any]] = {
 def test_a_program_is_the_loop(arm: al.Arm, law: str, method: str, held: bool) -> None:
     """Against the same loop with a force that is a function, which runs directly, and that is zero."""
     plant, made, q0 = al.RigidArm(arm), LAWS[law](arm, 0.1), np.linspace(0.1, -0.2, arm.n)
-    options: dict[str, Any] = {"t_end": 0.15, "dt": 1e-3, "record_every": 30, "method": method, "tau_max": 40.0} | ({"sample_time": 5e-3} if held else {})
+    options: dict[str, Any] = {"t_end": 0.15, "dt": 1e-3, "record_every": 30, "method": method, "tau_max": 40.0} | (
+        {"sample_time": 5e-3} if held else {}
+    )
     program = al.simulate(plant, made, q0, **options)
     direct = al.simulate(plant, made, q0, **options, force=lambda t: np.zeros(3), force_frame=arm.frame_names[-1])
     assert (program.stats["engine"], direct.stats["engine"]) == (al.build_info()["programs"], "direct")
