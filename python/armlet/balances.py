@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,7 @@ class Balances:
         return cls(error, missing, rise, lost)
 
 
-def warn_of_balances(caller: str, balances: Balances, ended: Any, undisturbed: bool) -> None:
+def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], undisturbed: bool) -> None:
     """Warn where a run that ended well leaves more of a balance open than an accurate one can.
 
     `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the Lyapunov function has to fall, since the law acts
