@@ -339,21 +339,39 @@ fn root_and_tip_cut_the_tree() {
     assert!(matches!(example("two_arms").sub_chain(Some("left_upper"), Some("head")), Err(Error::Input { .. })));
 }
 
+/// A robot of `n` links in a row.
+fn chain(kind: &str, n: usize) -> String {
+    let mut text = String::from("<robot name='long'>\n<link name='l0'/>\n");
+    for k in 1..n {
+        text += &format!("<link name='l{k}'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1'/></inertial></link>\n");
+        text += &joint(&format!("j{k}"), kind, &format!("l{}", k - 1), &format!("l{k}"), "<origin xyz='0.001 0 0'/>");
+    }
+    text + "</robot>"
+}
+
+/// Sixteen times the links take 16 times as long where each link costs the same, and some 100 times where each looks at all others.
+/// The least of some trials of both is compared: no clock decides, nor what else the machine does.
 #[test]
-fn long_chains_load_within_a_second() {
-    let n = 20_000;
+fn long_chains_take_time_in_proportion() {
+    const SIZES: [usize; 2] = [2_500, 40_000];
+    const MOST: f64 = 40.0;
     for kind in ["revolute", "fixed"] {
-        let mut text = String::from("<robot name='long'>\n<link name='l0'/>\n");
-        for k in 1..n {
-            text += &format!("<link name='l{k}'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1'/></inertial></link>\n");
-            text += &joint(&format!("j{k}"), kind, &format!("l{}", k - 1), &format!("l{k}"), "<origin xyz='0.001 0 0'/>");
-        }
-        let start = Instant::now();
-        let arm = read(&(text + "</robot>")).unwrap();
-        assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
-        assert_eq!((arm.n(), arm.frames.len()), (if kind == "fixed" { 0 } else { n - 1 }, n));
-        if kind == "fixed" {
-            assert!((arm.frames[n - 1].placement.translation[0] - 0.001 * (n - 1) as f64).abs() < 1e-9);
+        let texts = SIZES.map(|n| chain(kind, n));
+        let mut least = [f64::INFINITY; 2];
+        for trial in 0.. {
+            for ((text, n), least) in texts.iter().zip(SIZES).zip(&mut least) {
+                let start = Instant::now();
+                let arm = read(text).unwrap();
+                *least = least.min(start.elapsed().as_secs_f64());
+                assert_eq!((arm.n(), arm.frames.len()), (if kind == "fixed" { 0 } else { n - 1 }, n));
+                if kind == "fixed" {
+                    assert!((arm.frames[n - 1].placement.translation[0] - 0.001 * (n - 1) as f64).abs() < 1e-9);
+                }
+            }
+            if least[1] < MOST * least[0] {
+                break;
+            }
+            assert!(trial < 8, "{kind}: {least:?} s for {SIZES:?} links");
         }
     }
 }
