@@ -33,7 +33,10 @@ def test_velocities_keep_positions_within_limits(sample_time: float | None, brak
     if brake is not None and sample_time is None:
         # Held between samples, the speed is that of the sample's distance.
         room = np.maximum(HIGH - run.q, 0.0)
-        assert (run.v <= np.sqrt(2 * BRAKE * room) + 1e-9).all()
+        fastest = np.sqrt(2 * BRAKE * room)
+        assert (run.v <= fastest + 1e-9).all()
+        # Nor do the brakes act earlier than they must: some speeds are that of the distance, within rounding.
+        assert (np.isclose(run.v, fastest, rtol=1e-9, atol=0.0) & (room > 0.02)).any()
 
 
 @pytest.mark.parametrize("sample_time", [None, 0.02])
