@@ -78,7 +78,8 @@ def number(function: str, name: str, value: object) -> float:
     """A real number, which may be infinite or NaN."""
     real = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
     if isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "iuf":
-        real = True
+        # A masked number is none.
+        real = not isinstance(value, np.ma.MaskedArray)
     if not real:
         raise InputError(f"{function}: {name} is not a number: expected such as 1.0, got {shown(value)}")
     try:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import count, integer, number, shown
+from .arguments import count, instance, integer, number, shown
 from .border import border, bordered
 from .errors import InputError, SolveError
 from .pickling import sealed
@@ -190,6 +190,7 @@ def integrate(
     except (TypeError, ValueError):
         raise InputError(f"integrate: t_span is not a pair: expected (start, end), got {shown(t_span)}") from None
     positions = integer("integrate", "positions", positions)
+    instance("integrate", "throw", throw, (bool, np.bool_), "True or False")
     fields = _core.integrate(
         f,
         t0,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .arguments import choice, integer, shown
+from .arguments import choice, integer, number, shown
 from .border import border, bordered
 from .cells import Cells, columns
 from .errors import InputError
@@ -151,7 +151,11 @@ def sweep(
     chunk = _chunk_size(whole.data["run"]) if given is None else integer("sweep", "chunk", given, 1)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"sweep: executor is of the wrong type: expected one of concurrent.futures or None, got {shown(executor)}")
-    metrics = metrics_arguments("sweep", metrics)
+    if progress is not None and not callable(progress):
+        raise InputError(f"sweep: progress is not callable: expected a function or None, got {shown(progress)}")
+    if threads is not None:
+        threads = integer("sweep", "threads", threads, 1)
+    metrics = metrics_arguments("sweep", metrics, whole)
     bare = Scenario({name: table for name, table in whole.standalone().data.items() if name != "sweep"}, whole.folder, whole.name)
     rehearse(bare, cells)
     store = None
@@ -177,7 +181,7 @@ def sweep(
             store.write(start, result)
         done[start] = result
         finished += len(result["cell"])
-        if progress:
+        if progress is not None:
             progress(finished, len(cells))
     if store:
         store.tidy()
@@ -217,9 +221,17 @@ def _chunk_size(run: Mapping[str, Any]) -> int:
     return int(min(256, max(8, RECORDS // (records + 1) // 8 * 8)))
 
 
-def metrics_arguments(function: str, given: Mapping[str, Any]) -> dict[str, Any]:
+def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
     """The keywords for `armlet.metrics` as numbers and lists, that a store can hold."""
-    for name in given:
+    n = len(scenario.data["run"]["q0"])
+    shapes = {"band": [(), (n,)], "reference": [(n,), ("K", n)]}
+    plain: dict[str, Any] = {}
+    for name, value in given.items():
         choice(function, "metrics", name, METRICS)
-    plain = {name: given[name] if given[name] is None or name == "frame" else _core.numbers(function, name, given[name]) for name in given}
-    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in plain.items()}
+        if value is None or name == "frame":
+            plain[name] = value
+        elif name in shapes:
+            plain[name] = _core.numbers(function, name, value, *shapes[name]).tolist()
+        else:
+            plain[name] = number(function, name, value)
+    return plain

@@ -143,7 +143,7 @@ def tune(
     tolerance = number("tune", "tolerance", tolerance)
     if not isinstance(cost, str) and not callable(cost):
         raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")
-    metrics = metrics_arguments("tune", metrics)
+    metrics = metrics_arguments("tune", metrics, whole)
     space = Cells.of(vary, 1, seed).vary
     for path, spec in space.items():
         if not isinstance(spec, Mapping) or "normal" in spec:

@@ -182,6 +182,27 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "integrate(t_span=(0, ..))": lambda x: al.integrate(lambda t, y: -y, (0.0, x), [1.0], method="euler", dt=1e-3),
     "integrate(positions)": lambda x: al.integrate(lambda t, y: -y, (0.0, 1e-3), [1.0], positions=x),
     "integrate(events)": lambda x: al.integrate(lambda t, y: -y, (0.0, 1e-3), [1.0], events=x) if x is not len else None,
+    "simulate(atol)": lambda x: al.simulate(PLANT, LAW, [0.0, 0.0], atol=x, **SPAN),
+    "Arm.from_chain(type)": lambda x: al.Arm.from_chain([{"type": x}]),
+    "Arm.from_chain({..: })": lambda x: al.Arm.from_chain([{"type": "R", x: 1.0}]),
+    "Arm.from_dh(type)": lambda x: al.Arm.from_dh([{"type": x}]),
+    "integrate(throw)": lambda x: al.integrate(lambda t, y: -y, (0.0, 1e-3), [1.0], throw=x),
+    "sweep(progress)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, progress=x) if x is not len else None,
+    "sweep(threads)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, threads=x),
+    "tune(progress)": lambda x: (
+        al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", progress=x, candidates=5, generations=0)
+        if x is not len
+        else None
+    ),
+    "tune(threads)": lambda x: al.tune(
+        SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", threads=x, candidates=5, generations=0
+    ),
+    "gym.Reach(axes)": lambda x: gym.Reach(axes=x),
+    "gym.Reach(frame)": lambda x: gym.ArmVectorEnv(2, task=gym.Reach(x)),
+    "gym.Reach(reach)": lambda x: gym.ArmVectorEnv(2, task=gym.Reach(reach=x)).reset(),
+    "gym.Reach(within)": lambda x: gym.ArmVectorEnv(2, task=gym.Reach(within=x)).reset(),
+    "gym.Reach(at_rest)": lambda x: gym.ArmVectorEnv(2, task=gym.Reach(at_rest=x)).reset(),
+    "gym.ArmVectorEnv.reset(options)": lambda x: gym.ArmVectorEnv(2).reset(options=x),
     "Sampling(period)": al.Sampling,
     "Sampling(delay)": lambda x: al.Sampling(1e-3, delay=x),
     "Sampling(noise={..})": lambda x: al.Sampling(1e-3, noise={"q": x}),

@@ -39,6 +39,14 @@ def environment() -> ArmEnv:
 
 
 # Every way of an array into the extension, and into the Python layer over it.
+SCENARIO = al.Scenario(
+    {
+        "arm": {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5},
+        "motion": {"kind": "Hold", "q": [1.0, 0.0]},
+        "law": {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0},
+        "run": {"q0": [0.0, 0.0], "t_end": 0.002, "dt": 1e-3},
+    }
+)
 ENTRIES: dict[str, Callable[[Any], Any]] = {
     "mass_matrix": lambda x: ARM.mass_matrix(x),
     "bias": lambda x: ARM.bias(Q, x),
@@ -76,6 +84,9 @@ ENTRIES: dict[str, Callable[[Any], Any]] = {
     "Task target": lambda x: al.Task("link2", "xy", x, 1.0),
     "Task gain": lambda x: al.Task("link2", "xy", Q, x),
     "tasks": lambda x: al.PriorityVelocity(CHAIN, x),
+    "thresholds of tasks": lambda x: al.PriorityVelocity(CHAIN, [al.Task("link2", "xy", [0.5, 0.5])], eps=x),
+    "sweep settle": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, settle=x),
+    "sweep band": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, band=x),
     "inverse_kinematics": lambda x: al.inverse_kinematics(CHAIN, [al.Task("link2", "xy", Q)], x),
     "bang_bang_time": lambda x: al.bang_bang_time(0.0, x, 1.0, 1.0, 1.0),
     "torque_optimal_time": lambda x: al.torque_optimal_time(0.0, x, 1.0, 1.0, 1.0),

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+LINKS = "arm = al.planar_arm(np.ones({n})); z = np.zeros({n})"
 # What is made before the limit, and what is called under it. Sizes are above the room that is left, MiB.
 CASES = {
     "a view of many configurations": ("q = np.broadcast_to(np.zeros(2), (10**7, 2))", "arm.mass_matrix(q)"),
@@ -42,6 +43,42 @@ CASES = {
     "many derivatives": ("q = np.broadcast_to(np.zeros(2), (2 * 10**6, 2))", "arm.forward_dynamics_derivatives(q, q, q)"),
     "many poses": ("q = np.broadcast_to(np.zeros(2), (2 * 10**6, 2))", "arm.pose(q, 'link2')"),
     "many Fortran rows": ("q = np.zeros((10**7, 2), order='F')", "arm.gravity(q)"),
+    "many states of an equation": ("f = lambda t, y: -y; y = np.zeros(4 * 10**6)", "al.integrate(f, (0.0, 1e-3), y, method='dopri5')"),
+    "many states and stages": (
+        "f = lambda t, y: -y; y = np.zeros(2 * 10**6)",
+        "al.integrate(f, (0.0, 1e-3), y, method='dop853', dense_output=True)",
+    ),
+    "many positions": (
+        "f = lambda t, y: -y; y = np.zeros(4 * 10**6)",
+        "al.integrate(f, (0.0, 1e-3), y, method='semi_implicit', positions=2 * 10**6, dt=1e-3)",
+    ),
+    "many states under scipy": (
+        "from scipy.integrate import solve_ivp; f = lambda t, y: -y; y = np.zeros(2 * 10**6); method = al.scipy_method('dop853')",
+        "solve_ivp(f, (0.0, 1e-3), y, method=method)",
+    ),
+    "a table that is copied": ("x = np.zeros((12 * 10**5, 2))", "al.Table(0.1, x, x, x)"),
+    "many terms of a sinusoid": ("o, f = np.zeros(1000), np.ones((1000, 10**4))", "al.Sinusoid(o, 1.0, f, 0.0)"),
+    "a loop of many links": (LINKS.format(n=5000), "al.simulate(al.RigidArm(arm), al.PDGravity(arm, z, 1.0, 1.0), z, t_end=1e-3, dt=1e-3)"),
+    "loops of many links": (
+        LINKS.format(n=3000) + "; q0 = np.zeros((4, 3000)); law = al.ComputedTorque(arm, al.Hold(z), 1.0, 1.0)",
+        "al.simulate_batch(al.RigidArm(arm), law, q0, t_end=1e-3, dt=1e-3)",
+    ),
+    "steps of many links": (LINKS.format(n=5000), "al.Simulator(al.RigidArm(arm), al.PDGravity(arm, z, 1.0, 1.0), z, dt=1e-3)"),
+    "a solver for many joints": ("", "al.PrioritySolver(4000, [4000])"),
+    "a stack of many joints": ("J, v = np.eye(1500), np.zeros(1500)", "al.solve_priority([J], [v])"),
+    "a diagnosis of many joints": ("J = np.eye(1500)", "al.diagnose_priority([J])"),
+    "a search with many joints": (LINKS.format(n=3000), "al.inverse_kinematics(arm, [al.Task('link3000', 'xy', [0.1, 0.1])], z)"),
+    "a law of tasks with many joints": (
+        LINKS.format(n=3000),
+        "al.PriorityAcceleration(arm, [al.Task('link3000', 'xy', [0.1, 0.1], 1.0)])",
+    ),
+    "an equilibrium of many links": (LINKS.format(n=3000), "al.equilibrium(al.RigidArm(arm), al.PDGravity(arm, z, 1.0, 1.0), q0=z)"),
+    "many waypoints": ("w = np.random.default_rng(0).random((10**5, 2))", "al.time_path(arm, w, tau_max=99.0)"),
+    "many last states": ("q0 = np.broadcast_to(np.zeros(2), (10**6, 2))", "al.simulate_batch(plant, law, q0, t_end=1e-3, dt=1e-3, keep='final')"),
+    "many adaptive runs": (
+        "q0 = np.broadcast_to(np.zeros(2), (10**6, 2))",
+        "al.simulate_batch(plant, law, q0, t_end=1e-3, method='dopri5', t_eval=[1e-3])",
+    ),
     "a long index": ("b = al.bang_bang_time(0.0, [1.0, 2.0], 1.0, 1.0, 3.0)", "b[range(10**15)]"),
     "a long list of levels": ("", "al.PrioritySolver(4, range(10**15))"),
 }
@@ -72,3 +109,13 @@ def test_a_large_request_is_an_error(case: str) -> None:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout.strip() == ("InputError" if "range" in call else "MemoryError")
+
+
+def test_without_room_for_a_thread_the_caller_works() -> None:
+    """Eight threads have stacks of 8 MiB and more; what is left is a tenth of that. The rows are the same."""
+    before = "q0 = np.linspace(0.0, 1.0, 128).reshape(64, 2); run = lambda **k: al.simulate_batch(plant, law, q0, t_end=0.1, dt=1e-2, **k).q"
+    call = "print(np.array_equal(run(threads=8), once))"
+    script = SCRIPT.format(before=before + "; once = run(threads=1)", call=call).replace("96 * 2**20", "6 * 2**20")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.strip() == "True"

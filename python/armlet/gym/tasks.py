@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from .._core import Arm, Motion
-from ..arguments import finite, number, shown
+from ..arguments import finite, number, shown, text
 from ..border import bordered
 from ..errors import InputError
 
@@ -99,14 +99,19 @@ class Reach(Task):
         **common: Any,
     ) -> None:
         super().__init__(**common)
+        axes = text("Reach", "axes", axes)
         if not axes or set(axes) - set("xyz") or len(set(axes)) < len(axes):
             raise InputError(f'Reach: axes are unknown: expected some of "xyz", got {shown(axes)}')
-        self.frame, self.axes, self.spread_of_targets, self.within, self.at_rest = frame, axes, reach, within, at_rest
+        for name, value in (("reach", reach), ("within", within), ("at_rest", at_rest)):
+            if not (name == "within" and value is None) and not 0.0 <= number("Reach", name, value) < np.inf:
+                raise InputError(f"Reach: {name} is out of range: expected a finite number >= 0, got {shown(value)}")
+        self.frame = None if frame is None else text("Reach", "frame", frame)
+        self.axes, self.spread_of_targets, self.within, self.at_rest = axes, reach, within, at_rest
         self.rows = ["xyz".index(axis) for axis in axes]
 
     def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
         super().prepare(arm, q_limit, v_limit, period, steps)
-        self.tip = str(self.frame or arm.tip_frame)
+        self.tip = str(arm.tip_frame if self.frame is None else self.frame)
         # Two places of the frame are at most the diameter of its workspace apart; random places show it to within half.
         places = arm.position(np.random.default_rng(0).uniform(*q_limit, (200, arm.n)), self.tip)
         self.farthest = 1.5 * 2.0 * float(np.linalg.norm(places - places.mean(axis=0), axis=-1).max())

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import Arm, Plant
-from ..arguments import shown
+from ..arguments import instance, shown
 from ..border import bordered
 from ..errors import InputError
 from ..scenario import Scenario
@@ -87,7 +87,8 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         seeds = [None if seed is None else seed + i for i in range(self.num_envs)] if seed is None or isinstance(seed, int) else list(seed)
         if len(seeds) != self.num_envs:
             raise InputError(f"ArmVectorEnv.reset: seed has the wrong number of entries: expected {self.num_envs}, got {len(seeds)}")
-        mask = self._mask((options or {}).get("reset_mask"))
+        options = {} if options is None else instance("ArmVectorEnv.reset", "options", options, dict, "a table or None")
+        mask = self._mask(options.get("reset_mask"))
         if not self._rngs:
             self._rngs = [seeding.np_random(each)[0] for each in seeds]
         for row in np.flatnonzero(mask):

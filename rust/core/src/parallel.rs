@@ -63,7 +63,12 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
 pub fn run<R: Send>(threads: usize, pieces: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     match pool(threads.min(pieces).clamp(1, MOST_THREADS)) {
         Some(pool) => on_worker(poll, |stop| pool.install(|| work(stop))),
-        None => work(&Arc::default()),
+        None => {
+            // Parallel iterators outside a pool would start rayon's own threads, and panic where that fails: this thread becomes a pool
+            // of one. Where it is a worker already, it stays one.
+            let _ = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+            work(&Arc::default())
+        }
     }
 }
 

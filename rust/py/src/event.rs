@@ -5,6 +5,7 @@ use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised};
 use armlet_core::dynamics::Model;
 use armlet_core::integrate::solve::node;
+use armlet_core::memory;
 use armlet_core::plant::{PlantKind, PlantSpec, Stop};
 use armlet_core::simulate::{Asked, Event, Found, Polynomials, What};
 use numpy::{PyArray1, PyArrayMethods};
@@ -106,7 +107,7 @@ pub fn asked(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, r
 /// `values`, `(rows, width)`, cut into the parts `names` of `n` columns each.
 fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, states: usize, values: &[f64]) -> Result<(), Failure> {
     for (k, name) in ["q", "v", "theta", "theta_dot"].iter().enumerate().take(states / n) {
-        let part: Vec<f64> = values.chunks_exact(states).flat_map(|row| row[k * n..(k + 1) * n].to_vec()).collect();
+        let part = memory::collected((0..rows * n).map(|i| values[i / n * states + k * n + i % n]))?;
         fields.set_item(name, PyArray1::from_vec(fields.py(), part).reshape([rows, n])?)?;
     }
     Ok(())
@@ -119,7 +120,7 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, asked: As
         let Found { index, t, x } = asked.found;
         let events = PyDict::new(py);
         put_parts(&events, t.len(), n, states, &x)?;
-        events.set_item("which", taken(py, &[t.len()], index.iter().map(|&i| i as i64).collect())?)?;
+        events.set_item("which", taken(py, &[t.len()], memory::collected(index.iter().map(|&i| i as i64))?)?)?;
         events.set_item("t", PyArray1::from_vec(py, t))?;
         fields.set_item("events", events)?;
     }

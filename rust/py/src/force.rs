@@ -2,6 +2,7 @@
 
 use crate::arrays::{Axis, Form, items, number, numbers, require_finite};
 use crate::errors::{Failure, input_error};
+use armlet_core::memory;
 use armlet_core::simulate::{Force, Wrench};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
@@ -62,8 +63,9 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
     if !is_steps {
         return Ok(Force::steps(vec![0.0], vec![constant_force(function, value, rows)?])?);
     }
-    let (mut starts, mut values) = (Vec::new(), Vec::new());
-    for (i, step) in items(function, "force", "made of pairs: expected [(t_start, F), ...]", value, MOST_STEPS)?.iter().enumerate() {
+    let steps = items(function, "force", "made of pairs: expected [(t_start, F), ...]", value, MOST_STEPS)?;
+    let (mut starts, mut values) = (memory::room(steps.len())?, memory::room(steps.len())?);
+    for (i, step) in steps.iter().enumerate() {
         let pair = items(function, "force", "made of pairs: expected [(t_start, F), ...]", step, 2).unwrap_or_default();
         let (start, value) = match pair.as_slice() {
             [start, value] => (start, value),

@@ -3,6 +3,7 @@
 use crate::errors::Failure;
 use armlet_core::error::Result as CoreResult;
 use armlet_core::interrupt::{Interrupted, SLICE, Watch, interruptible};
+use armlet_core::memory;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use std::cell::RefCell;
@@ -64,5 +65,9 @@ pub fn paused<'py, T>(
         breaks.pause(item.py())?;
         read(i, item)
     };
-    list.iter().enumerate().map(one).collect()
+    let mut out = memory::room(list.len())?;
+    for item in list.iter().enumerate().map(one) {
+        out.push(item?);
+    }
+    Ok(out)
 }

@@ -1,8 +1,8 @@
 //! The keywords of `simulate`, `simulate_batch` and `Simulator`, read into options, initial states, forces and laws.
 
 use crate::arrays::{
-    Axis, Form, SCALAR, any_vector, count, flag, items, number, numbers, object, optional_number, owned, require_finite, spread, text,
-    vector, whole,
+    Axis, Form, SCALAR, any_vector, count, flag, items, number, numbers, object, optional_number, owned, quoted, require_finite, spread,
+    text, vector, whole,
 };
 use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised};
@@ -143,7 +143,7 @@ impl<'py> Keywords<'py> {
             if method.is_adaptive() { (&["dt"], "chooses its steps itself") } else { (&["rtol", "atol"], "takes fixed steps") };
         for name in unused {
             if let Some(value) = self.get(name)? {
-                let problem = format!("is not used: expected None for {}, which {steps}, got {}", method.name(), value.repr()?);
+                let problem = format!("is not used: expected None for {}, which {steps}, got {}", method.name(), quoted(&value));
                 return Err(input_error(value.py(), self.function, name, problem).into());
             }
         }
@@ -205,7 +205,10 @@ impl<'py> Keywords<'py> {
         } else {
             vec![value]
         };
-        let forces = each.iter().map(|value| force::force(self.function, value, rows, raised)).collect::<Result<_, _>>()?;
+        let mut forces = armlet_core::memory::room(each.len())?;
+        for value in &each {
+            forces.push(force::force(self.function, value, rows, raised)?);
+        }
         Ok((forces, frame))
     }
 }

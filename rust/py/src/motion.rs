@@ -6,6 +6,7 @@ use crate::arrays::{
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::seal::{Sealed, seal_new};
+use armlet_core::memory;
 use armlet_core::motion::{self, Motion as Core};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -146,7 +147,9 @@ impl Sinusoid {
             let mut arguments = vec![("offset", copied(py, &[n], &offset)?)];
             for (k, (name, value)) in named.into_iter().enumerate() {
                 if parts[k].0 == 1 && count > 1 {
-                    parts[k].1 = parts[k].1.iter().flat_map(|&x| std::iter::repeat_n(x, count)).collect();
+                    let given = std::mem::take(&mut parts[k].1);
+                    let terms = n.saturating_mul(count);
+                    parts[k].1 = memory::collected((0..terms).map(|term| given[term / count]))?;
                     parts[k].0 = count;
                 }
                 if parts[k].0 != count {

@@ -10,6 +10,7 @@ use crate::keywords::{Keywords, MOST_ROWS, law_of};
 use crate::law::Law;
 use crate::plant::Plant;
 use armlet_core::law::LawSpec;
+use armlet_core::memory;
 use armlet_core::parallel;
 use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{self as core, Force, Keep, Problem};
@@ -44,7 +45,11 @@ fn several<'py, T: pyo3::PyClass>(
         );
         input_error(value.py(), function, name, problem).into()
     };
-    items.iter().enumerate().map(|(i, item)| item.cast::<T>().cloned().map_err(|_| wrong(item, i))).collect()
+    let mut out = memory::room(items.len())?;
+    for (i, item) in items.iter().enumerate() {
+        out.push(item.cast::<T>().cloned().map_err(|_| wrong(item, i))?);
+    }
+    Ok(out)
 }
 
 fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[usize]) -> Result<(), Failure> {
@@ -177,8 +182,8 @@ pub fn simulate_batch<'py>(
             Some(threads) => parallel::require_threads(count(NAME, "threads", &threads)?)?,
             None => core::default_threads(),
         };
-        let plants: Vec<&PlantSpec> = plants.iter().map(|plant| &plant.get().spec).collect();
-        let laws: Vec<&LawSpec> = laws.iter().map(|law| &law.get().spec).collect();
+        let plants: Vec<&PlantSpec> = memory::collected(plants.iter().map(|plant| &plant.get().spec))?;
+        let laws: Vec<&LawSpec> = memory::collected(laws.iter().map(|law| &law.get().spec))?;
         let options = given.options(n)?;
         let (rows, x0) = given.initial_states(&plants, q0, true)?;
         let raised = Raised::default();
@@ -188,9 +193,10 @@ pub fn simulate_batch<'py>(
             return Err(input_error(py, NAME, "force", problem).into());
         }
         let p = laws[0].initial_state().len();
-        let problem = Problem { plants, laws, x0, forces: forces.iter().collect(), force_frame, options, measures: None };
+        let forces_of = memory::collected(forces.iter())?;
+        let problem = Problem { plants, laws, x0, forces: forces_of, force_frame, options, measures: None };
         warn_of_sampling(py, NAME, &problem)?;
-        let batch = long(py, || core::simulate_batch(&problem, keep, threads, &mut signalled))?;
+        let batch = long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?;
         raise(&raised)?;
         let k = batch.t.len();
         let fields = PyDict::new(py);
@@ -215,7 +221,7 @@ pub fn simulate_batch<'py>(
             put(&metrics, name, values, &shape)?;
         }
         fields.set_item("metrics", metrics)?;
-        let status: Vec<i64> = batch.status.iter().map(|s| i64::from(s.code())).collect();
+        let status = memory::collected(batch.status.iter().map(|s| i64::from(s.code())))?;
         fields.set_item("status", PyArray1::from_vec(py, status))?;
         put(&fields, "ended", batch.ended, &[rows])?;
         fields.set_item("engine", batch.engine)?;

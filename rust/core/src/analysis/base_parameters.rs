@@ -8,9 +8,10 @@
 //! parameter is always grouped with parameters of its own body and of bodies that carry it.
 
 use crate::dynamics::{Model, Quantity, Query};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::interrupt::look;
 use crate::linalg::{axpy, dot};
+use crate::memory;
 use crate::spatial::{PARAMETERS, parameter};
 
 /// Distance from the span, relative to the column, below which a column is dependent: rounding leaves 1e-13 on well
@@ -130,13 +131,9 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<Ba
     let names = arm.column_names(armature, friction);
     let p = names.len();
     let states = if n == 0 { 0 } else { (ROWS * p).div_ceil(n) };
-    let bytes = states as u128 * n as u128 * p as u128 * 8;
-    let mut columns: Vec<Vec<f64>> = Vec::new();
-    for _ in 0..p {
-        let mut column = Vec::new();
-        column.try_reserve_exact(states * n).map_err(|_| Error::Memory { bytes })?;
-        columns.push(column);
-    }
+    // The columns, their triangle with its projection, and a block of the regressor.
+    memory::require(8 * p.saturating_mul(states * n + 3 * p + BLOCK * n))?;
+    let mut columns: Vec<Vec<f64>> = (0..p).map(|_| memory::room(states * n)).collect::<Result<_>>()?;
     let mut seeded = Seeded(2022);
     let mut y = vec![0.0; BLOCK * n * p];
     for first in (0..states).step_by(BLOCK) {

@@ -13,6 +13,7 @@ use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::law::{CartesianImpedanceSpec, LawSpec};
 use crate::linalg::{cholesky, symmetric_eigen};
+use crate::memory;
 use crate::motion::Motion;
 use crate::plant::PlantSpec;
 
@@ -157,6 +158,9 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
 /// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` where the descent does not end.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {
     finite("q0", q0)?;
+    // Stiffness, mass, slopes and eigenvectors of the loop.
+    const MATRICES: usize = 32;
+    memory::require((MATRICES * 8 * plant.n()).saturating_mul(plant.n()))?;
     let (n, fault) = (plant.n(), |argument: &str, problem: String| Err(Error::input(argument, problem)));
     if law.plant() != plant.kind() || law.model().n() != n {
         return fault(

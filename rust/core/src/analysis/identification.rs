@@ -14,6 +14,7 @@ use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
 use crate::linalg::householder::{reflect, reflector};
 use crate::linalg::{Svd, dot};
+use crate::memory;
 use std::borrow::Cow;
 
 /// Samples of one block.
@@ -103,6 +104,7 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> 
     }
     let tau: &[f64] = &without_known_rotors(arm, a, tau, options.armature);
     let query = Query { armature: options.armature, friction: options.friction, ..Quantity::Regressor.into() };
+    memory::require(8 * (b + 1).saturating_mul(8 * b + 2 * BLOCK * n) + 8 * BLOCK * n * p)?;
     let mut triangle = Triangle::new(b + 1, BLOCK * n);
     let mut y = vec![0.0; BLOCK * n * p];
     for first in (0..samples).step_by(BLOCK) {

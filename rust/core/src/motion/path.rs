@@ -11,6 +11,7 @@
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
+use crate::memory;
 
 /// Knots between two looks whether to stop.
 const LOOK: usize = 1 << 10;
@@ -122,6 +123,7 @@ impl Path {
     pub fn spline(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Path> {
         increasing(s)?;
         finite("path", q)?;
+        memory::require((s.len() * 8).saturating_mul((TERMS + 4) * n + 4))?;
         let d = slopes(s, q, n, ends);
         finite("path", &d)?;
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];

@@ -4,6 +4,7 @@
 
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
+use crate::memory;
 use crate::scalar::Real;
 use crate::scalar::trig::ROUND;
 use std::sync::Arc;
@@ -21,7 +22,7 @@ pub struct Table {
     dof: usize,
     knots: usize,
     /// One row `[q, v, a]` per knot; shared, since every law and loop has a copy of its motion.
-    rows: Arc<[f64]>,
+    rows: Arc<Vec<f64>>,
 }
 
 impl Table {
@@ -70,7 +71,7 @@ impl Table {
             }
             x
         };
-        Ok(Table { start, dt, rate: 1.0 / dt, dof, knots, rows: (0..3 * dof * knots).map(&mut next).collect() })
+        Ok(Table { start, dt, rate: 1.0 / dt, dof, knots, rows: memory::collected((0..3 * dof * knots).map(&mut next))?.into() })
     }
 
     pub fn dof(&self) -> usize {

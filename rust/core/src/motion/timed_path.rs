@@ -12,6 +12,7 @@
 
 use super::Path;
 use crate::error::{Error, Result, finite};
+use crate::memory;
 use crate::scalar::Real;
 use std::sync::Arc;
 
@@ -19,15 +20,15 @@ use std::sync::Arc;
 pub struct TimedPath {
     path: Arc<Path>,
     /// `(N + 1,)`: path position, the square of the path speed, time.
-    s: Arc<[f64]>,
-    x: Arc<[f64]>,
-    t: Arc<[f64]>,
+    s: Arc<Vec<f64>>,
+    x: Arc<Vec<f64>>,
+    t: Arc<Vec<f64>>,
     /// `(N,)`: `b` of each segment.
-    bend: Arc<[f64]>,
+    bend: Arc<Vec<f64>>,
     /// The piece of the path that each segment lies in.
-    piece: Arc<[usize]>,
+    piece: Arc<Vec<usize>>,
     /// `(N + 1,)`: `u` at the points where it is linear in time; else empty.
-    u: Arc<[f64]>,
+    u: Arc<Vec<f64>>,
 }
 
 impl PartialEq for TimedPath {
@@ -87,13 +88,13 @@ impl TimedPath {
         if s.len() < 2 || s.len() != x.len() || s.len() != bend.len() + 1 || s.windows(2).any(|w| !(w[0] < w[1])) {
             return Err(Error::input("s", "is not a grid: expected rising path positions, one per squared speed"));
         }
-        let mut t = vec![0.0; s.len()];
+        let mut t = memory::zeros(s.len())?;
         for i in 0..s.len() - 1 {
             let (h, rates) = (s[i + 1] - s[i], x[i].sqrt() + x[i + 1].sqrt());
             t[i + 1] = t[i] + 2.0 * (h / rates) * arc(bend[i] * (h / rates) * (h / rates));
         }
-        let piece = s.windows(2).map(|w| path.piece(0.5 * (w[0] + w[1]))).collect();
-        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend: bend.into(), piece, u: Arc::from([]) })
+        let piece = memory::collected(s.windows(2).map(|w| path.piece(0.5 * (w[0] + w[1]))))?;
+        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend: bend.into(), piece: piece.into(), u: Arc::default() })
     }
 
     /// The same where `u` is linear in time between the times `t`: `s`, the squared speeds and `u` there, `(N + 1,)` each.
@@ -107,8 +108,8 @@ impl TimedPath {
         if t[0] != 0.0 || t.windows(2).any(|w| !(w[0] < w[1])) || x.iter().any(|x| *x < 0.0) {
             return Err(Error::input("t", "is not a grid: expected times that rise from zero"));
         }
-        let bend = vec![0.0; t.len() - 1].into();
-        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend, piece: Arc::from([]), u: u.into() })
+        let bend = memory::zeros(t.len() - 1)?.into();
+        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend, piece: Arc::default(), u: u.into() })
     }
 
     pub fn dof(&self) -> usize {
@@ -130,7 +131,7 @@ impl TimedPath {
             t: vec![0.0; 2].into(),
             bend: vec![0.0].into(),
             piece,
-            u: Arc::from([]),
+            u: Arc::default(),
         }
     }
 

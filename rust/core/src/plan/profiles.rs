@@ -14,6 +14,7 @@
 use super::link::{Link, check_ends};
 use super::sine::{crest_inside, sine, trough_inside};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// The durations that obey the torque bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -228,13 +229,18 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
     }
     let hold = upper.0 > f64::NEG_INFINITY && lower.0 < f64::INFINITY;
     // What is missing: the least widening of both limits at which some k fits, by bisection of the same bounds on the grid.
-    let excess = |k: f64| {
-        (0..=n).fold(f64::NEG_INFINITY, |worst, j| {
-            let tau = k * quintic(at(j)).1 + m.gravity(m.quintic_angle(at(j)));
-            worst.max(tau - hi).max(lo - tau)
-        })
+    let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 {
+        0.0
+    } else {
+        let lines = memory::collected((0..n + 1).map(|j| (quintic(at(j)).1, m.gravity(m.quintic_angle(at(j))))))?;
+        let excess = |k: f64| {
+            lines.iter().fold(f64::NEG_INFINITY, |worst, &(second, gravity)| {
+                let tau = k * second + gravity;
+                worst.max(tau - hi).max(lo - tau)
+            })
+        };
+        least_excess(excess, hi - lo + gravity_moment.abs())
     };
-    let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 { 0.0 } else { least_excess(excess, hi - lo + gravity_moment.abs()) };
     Ok(m.report((lower.0, m.quintic_angle(lower.1)), (upper.0, m.quintic_angle(upper.1)), hold, missing))
 }
 

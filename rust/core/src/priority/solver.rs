@@ -10,6 +10,7 @@ use super::sns::Saturation;
 use super::workspace::{TAME, Workspace};
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::{dot, largest};
+use crate::memory;
 use crate::scalar::Real;
 use crate::status::Status;
 
@@ -50,6 +51,9 @@ impl PrioritySolver {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
         }
         let levels = rows.len();
+        // Jacobians twice, two decompositions with their bases, and what the regular route takes.
+        let (total, most) = rows.iter().fold((0, n), |(total, most): (usize, usize), &m| (total.saturating_add(m), most.max(m)));
+        memory::require((16_usize.saturating_mul(most)).saturating_add(8_usize.saturating_mul(total)).saturating_mul(8 * most))?;
         let mut work = Workspace::new(n, rows);
         let eps = match options.eps.as_deref() {
             None => None,

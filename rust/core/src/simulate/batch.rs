@@ -14,11 +14,11 @@ use super::rates_programs::Rates;
 use super::schedule::Times;
 use super::sink::Sink;
 use crate::error::{Error, Result, all_finite};
-use crate::interrupt::look;
+use crate::memory;
 use crate::parallel;
 use crate::scalar::Real;
 use crate::status::Status;
-use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What a batch keeps of each run.
@@ -33,9 +33,6 @@ pub enum Keep {
 
 /// A quantity of a summary: its name, its width where a run has several numbers, and the numbers, row-major.
 pub type Metric = (&'static str, Option<usize>, Vec<f64>);
-
-/// Numbers that are made between two looks whether to stop.
-const PIECE: usize = 1 << 16;
 
 /// The records of a batch; arrays are row-major, `(B, K, ..)`.
 #[derive(Clone, Debug, Default)]
@@ -139,8 +136,7 @@ pub fn lanes() -> usize {
 }
 
 /// Run every run of `problem` on `threads` threads. `poll` is asked every 20 ms whether to stop.
-pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
-    let mut problem = problem.clone();
+pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
     let runs = problem.runs();
     match keep {
         Keep::All => {}
@@ -154,7 +150,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
             fixed.schedule.count().checked_sub(1).and_then(|last| fixed.schedule.record(last)).map(|r| r.t).into_iter().collect()
         }
         (Division::Adaptive(segments), measures) => match (&segments.times, measures) {
-            (Times::At(t), None) => t.clone(),
+            (Times::At(t), None) => memory::copied(t)?,
             (Times::At(t), _) => t.last().copied().into_iter().collect(),
             (Times::Every(_), Some(_)) => vec![problem.options.t_end],
             (Times::Every(_), None) => {
@@ -162,6 +158,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
             }
         },
     };
+    problem.require_room(threads.min(runs))?;
     let plans = problem.plans()?;
     let mut out = allocate(&problem, times, plans.first())?;
     if runs == 0 {
@@ -170,7 +167,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
     let structures = Structures::of(&problem, &division, true);
     let rates = Rates::of(&problem);
     let lanes = if structures.is_some() { lanes() } else { 1 };
-    let mut groups = split(&problem, &mut out, lanes);
+    let mut groups = split(&problem, &mut out, lanes)?;
     let interrupted = parallel::run(threads, groups.len(), poll, |stop| {
         let stop: &AtomicBool = stop;
         let go = |(g, rows): (usize, &mut Rows)| {
@@ -186,7 +183,7 @@ pub fn simulate_batch(problem: &Problem, keep: Keep, threads: usize, poll: &mut 
             };
             rows.finish(&ended, problem.options.t_end)
         };
-        groups.iter_mut().collect::<Vec<_>>().into_par_iter().enumerate().with_max_len(1).map(go).reduce(|| false, |a, b| a | b)
+        groups.par_iter_mut().enumerate().with_max_len(1).map(go).reduce(|| false, |a, b| a | b)
     });
     drop(groups);
     out.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine().name());
@@ -200,15 +197,8 @@ fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<Batch
     let (n, p) = (columns.n, columns.p);
     let rows = |records: usize, width: usize| -> Result<Vec<f64>> {
         let bytes = runs as u128 * records as u128 * width as u128 * 8;
-        let mut out = Vec::new();
         let len = runs.checked_mul(records).and_then(|n| n.checked_mul(width)).ok_or(Error::Memory { bytes })?;
-        out.try_reserve_exact(len).map_err(|_| Error::Memory { bytes })?;
-        // In pieces: the first touch of much memory takes long.
-        while out.len() < len {
-            look();
-            out.resize((out.len() + PIECE).min(len), f64::NAN);
-        }
-        Ok(out)
+        memory::filled(len, f64::NAN)
     };
     let room = |width: usize| rows(records, width);
     let columns_of = plan.map_or_else(Vec::new, Plan::columns);
@@ -224,8 +214,8 @@ fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<Batch
         z: room(p)?,
         monitors,
         metrics,
-        status: vec![Status::Interrupted; runs],
-        ended: vec![0.0; runs],
+        status: memory::filled(runs, Status::Interrupted)?,
+        ended: memory::zeros(runs)?,
         interrupted: false,
         engine: "direct",
         t,
@@ -233,7 +223,7 @@ fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<Batch
 }
 
 /// The rows of each group of `lanes` runs.
-fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<Rows<'a>> {
+fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Result<Vec<Rows<'a>>> {
     let (records, columns) = (out.t.len(), Columns::of(problem));
     let (n, motors) = (columns.n, columns.motors());
     let per_group = |w: usize| (lanes * records * w).max(1);
@@ -243,34 +233,34 @@ fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Vec<
     let mut monitors: Vec<_> = out.monitors.iter_mut().map(|(_, series)| series.chunks_mut(per_group(1))).collect();
     let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
-    out.status
-        .chunks_mut(lanes)
-        .zip(ended)
-        .map(|(status, ended)| Rows {
-            problem,
-            records,
-            columns,
-            q: q.next().unwrap_or_default(),
-            v: v.next().unwrap_or_default(),
-            tau: tau.next().unwrap_or_default(),
-            theta: theta.next().unwrap_or_default(),
-            theta_dot: theta_dot.next().unwrap_or_default(),
-            z: z.next().unwrap_or_default(),
-            values: vec![0.0; monitors.len()],
-            monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
-            checks: Vec::new(),
-            faults: vec![f64::INFINITY; status.len()],
-            summed: Vec::new(),
-            metrics: metrics.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
-            status,
-            ended,
-        })
-        .collect()
+    // The parts of the monitors and the metrics are many small vectors.
+    memory::require(ended.len() * (size_of::<Rows>() + (monitors.len() + metrics.len()) * size_of::<&mut [f64]>() + 32))?;
+    memory::collected(out.status.chunks_mut(lanes).zip(ended).map(|(status, ended)| Rows {
+        problem,
+        records,
+        columns,
+        q: q.next().unwrap_or_default(),
+        v: v.next().unwrap_or_default(),
+        tau: tau.next().unwrap_or_default(),
+        theta: theta.next().unwrap_or_default(),
+        theta_dot: theta_dot.next().unwrap_or_default(),
+        z: z.next().unwrap_or_default(),
+        values: Vec::new(),
+        monitors: monitors.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
+        checks: Vec::new(),
+        faults: Vec::new(),
+        summed: Vec::new(),
+        metrics: metrics.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
+        status,
+        ended,
+    }))
 }
 
 impl Rows<'_> {
-    /// Make the monitors of the group, whose first run is `first`: only now, since each compiles an arm.
+    /// Make what the group, whose first run is `first`, needs while it runs, and its monitors, each of which compiles an arm.
     fn watch(&mut self, first: usize, plans: &[Plan]) {
+        self.values = vec![0.0; self.monitors.len()];
+        self.faults = vec![f64::INFINITY; self.status.len()];
         let (problem, storage) = (self.problem, self.problem.watches_storage());
         let runs = first..first + self.status.len();
         if !plans.is_empty() {
@@ -285,21 +275,22 @@ impl Rows<'_> {
     fn finish(&mut self, ended: &Ended, t_end: f64) -> bool {
         self.checks = Vec::new();
         let mut summed = std::mem::take(&mut self.summed);
-        for (fault, run) in self.faults.iter_mut().zip(&summed) {
+        let mut faults = std::mem::take(&mut self.faults);
+        for (fault, run) in faults.iter_mut().zip(&summed) {
             *fault = run.fault;
         }
         let interrupted = match ended {
-            Ended::Fixed(faults) if faults.interrupted => true,
-            Ended::Fixed(faults) => {
+            Ended::Fixed(of) if of.interrupted => true,
+            Ended::Fixed(of) => {
                 for (lane, (status, ended)) in self.status.iter_mut().zip(self.ended.iter_mut()).enumerate() {
-                    let fault = faults.at[lane].min(self.faults[lane]);
+                    let fault = of.at[lane].min(faults[lane]);
                     *status = if fault.is_finite() { Status::Diverged } else { Status::Success };
                     *ended = fault.min(t_end);
                 }
                 false
             }
             Ended::Adaptive(outcome) => {
-                let fault = self.faults[0];
+                let fault = faults[0];
                 let ended = if fault <= outcome.t { (Status::Diverged, fault) } else { (outcome.status, outcome.t) };
                 (self.status[0], self.ended[0]) = ended;
                 outcome.status == Status::Interrupted
@@ -310,6 +301,7 @@ impl Rows<'_> {
                 self.write_summary(lane, run);
             }
         }
+        self.values = Vec::new();
         interrupted
     }
 

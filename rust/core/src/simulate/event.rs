@@ -1,6 +1,8 @@
 //! Events of a run: zero crossings of functions of time and the plant's state, evaluated natively unless the user's own.
 
 use super::switching::Probe;
+use crate::error::Result;
+use crate::memory::append;
 use crate::spatial::V3;
 use std::sync::Arc;
 
@@ -63,9 +65,9 @@ pub struct Found {
 }
 
 impl Found {
-    pub fn add(&mut self, index: usize, t: f64, x: &[f64]) {
-        self.index.push(index);
-        self.t.push(t);
-        self.x.extend_from_slice(x);
+    pub fn add(&mut self, index: usize, t: f64, x: &[f64]) -> Result<()> {
+        append(&mut self.index, &[index])?;
+        append(&mut self.t, &[t])?;
+        append(&mut self.x, x)
     }
 }

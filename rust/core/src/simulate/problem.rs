@@ -10,6 +10,7 @@ use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
 use crate::law::LawSpec;
+use crate::memory;
 use crate::plant::{PlantKind, PlantSpec};
 
 /// The numerical method of a run.
@@ -268,6 +269,17 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
+    /// Refuse arms too large for the memory, before the workspaces of so many runs at once are made.
+    pub fn require_room(&self, at_once: usize) -> Result<()> {
+        // Matrices of the dynamics and the law; Jacobians and their decompositions; vectors of both.
+        const MATRICES: usize = 6;
+        const JACOBIANS: usize = 8;
+        const VECTORS: usize = 64;
+        let (n, states) = (self.plants[0].n(), self.plants[0].states() + self.laws[0].initial_state().len());
+        let jacobians = if self.options.method.is_implicit() { JACOBIANS * states * states } else { 0 };
+        memory::require((MATRICES * n * n + jacobians + VECTORS * states).saturating_mul(8 * at_once))
+    }
+
     /// Refuse what can't be run; the division of time of what can.
     pub fn validate(&self) -> Result<Division> {
         let o = &self.options;
@@ -290,7 +302,9 @@ impl<'a> Problem<'a> {
         }
         let bound = Bound::new(self.plants[0].states(), o.state_limit);
         let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
-        breaks.extend(self.forces.iter().flat_map(|force| force.breaks()));
+        for force in &self.forces {
+            memory::append(&mut breaks, force.breaks())?;
+        }
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
         // What a method does not use is checked all the same.

@@ -116,8 +116,9 @@ pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
 }
 
 /// As [`simulate`], with events and polynomials where they are asked for, of an adaptive method.
-pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Asked>) -> Result<Run> {
+pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, mut asked: Option<&mut Asked>) -> Result<Run> {
     let division = problem.validate()?;
+    problem.require_room(1)?;
     if let (Some(asked), Division::Fixed(_)) = (&asked, &division) {
         let what = if asked.events.is_empty() { "dense" } else { "events" };
         let method = problem.options.method.name();
@@ -140,13 +141,17 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, asked: Option<&mut Ask
     let ended = match &division {
         Division::Fixed(fixed) if let Some(structures) = &structures => programs::run::<f64>(
             structures,
-            General { problem, division: &division, first: 0, stop, sink: &mut sink, asked, rates: None },
+            General { problem, division: &division, first: 0, stop, sink: &mut sink, asked: asked.as_deref_mut(), rates: None },
             fixed,
         ),
-        division => General { problem, division, first: 0, stop, sink: &mut sink, asked, rates: rates.as_ref() }.run_single(),
+        division => {
+            let asked = asked.as_deref_mut();
+            General { problem, division, first: 0, stop, sink: &mut sink, asked, rates: rates.as_ref() }.run_single()
+        }
     };
     let (fault, full) = (sink.fault, sink.full);
     full?;
+    asked.and_then(|asked| asked.full.take()).map_or(Ok(()), Err)?;
     run.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine().name());
     match ended {
         Ended::Fixed(faults) => {

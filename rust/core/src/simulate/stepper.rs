@@ -178,6 +178,7 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     let o = &problem.options;
     require_fixed_steps(o.method)?;
     problem.validate()?;
+    problem.require_room(1)?;
     Ok(if o.method == Method::Ros2 { implicit(problem) } else { run_scalar(Explicit(problem)) })
 }
 

@@ -7,9 +7,11 @@ use super::event::{Event, Found};
 use super::general::Watched;
 use super::switching::{Probe, Switching};
 use super::watcher::{Cut, Watcher};
+use crate::error::{Error, Result as CoreResult};
 use crate::integrate::events::crossing;
 use crate::integrate::solve::node;
 use crate::integrate::{Adaptive, System};
+use crate::memory;
 use crate::plant::PlantSpec;
 use crate::scalar::{Real, sign};
 use crate::status::Status;
@@ -36,6 +38,17 @@ pub struct Asked {
     pub events: Vec<Event>,
     pub found: Found,
     pub polynomials: Option<Polynomials>,
+    /// Why there are no more answers: the memory is full.
+    pub full: Option<Error>,
+}
+
+impl Asked {
+    /// Take down an answer, as long as there is room.
+    fn keep(&mut self, answer: impl FnOnce(&mut Self) -> CoreResult<()>) {
+        if self.full.is_none() {
+            self.full = answer(self).err();
+        }
+    }
 }
 
 /// What was last seen of an event.
@@ -151,7 +164,8 @@ impl<'a, S: Real> Watching<'a, S> {
         F: System<S>,
         M: Adaptive<S, F, Vec<S>>,
     {
-        let Some(Asked { events, found, .. }) = self.asked.as_deref_mut() else { return Ok(None) };
+        let Some(asked) = self.asked.as_deref_mut() else { return Ok(None) };
+        let events = &asked.events;
         if events.is_empty() {
             return Ok(None);
         }
@@ -183,7 +197,8 @@ impl<'a, S: Real> Watching<'a, S> {
         for &(t, i) in &self.crossed {
             self.events[i].count += 1;
             interpolate(system, method, t, &mut self.at, &mut self.x);
-            found.add(i, t, &self.x[..self.states]);
+            asked.keep(|asked| asked.found.add(i, t, &self.x[..self.states]));
+            let events = &asked.events;
             if events[i].stop_after > 0 && self.events[i].count >= events[i].stop_after {
                 return Ok(Some(t));
             }
@@ -238,18 +253,24 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
     }
 
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64) {
-        let Some(polynomials) = self.asked.as_deref_mut().and_then(|asked| asked.polynomials.as_mut()) else { return };
+        let Some(asked) = self.asked.as_deref_mut() else { return };
         let t0 = method.t_old();
         if t <= t0 {
             return;
         }
-        let degree = method.dense_degree();
-        polynomials.degree = degree;
-        polynomials.ends.push(t);
-        for k in 0..=degree {
-            method.interpolate(system, if k == degree { t } else { t0 + node(k, degree) * (t - t0) }, &mut self.at);
-            polynomials.nodes.extend(self.at.iter().take(self.width).map(|x| x.lane(0)));
-        }
+        let (degree, at, width) = (method.dense_degree(), &mut self.at, self.width);
+        asked.keep(|asked| {
+            let Some(polynomials) = &mut asked.polynomials else { return Ok(()) };
+            polynomials.degree = degree;
+            memory::append(&mut polynomials.ends, &[t])?;
+            for k in 0..=degree {
+                method.interpolate(system, if k == degree { t } else { t0 + node(k, degree) * (t - t0) }, at);
+                for x in at.iter().take(width) {
+                    memory::append(&mut polynomials.nodes, &[x.lane(0)])?;
+                }
+            }
+            Ok(())
+        });
     }
 
     fn switch(&mut self, system: &mut F, x: &Vec<S>) {

@@ -52,7 +52,7 @@ fn trajectories() {
         let mut problem =
             Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options, measures: None };
         // RK4 at 0.25 ms errs by less than 1e-8 here, order 8 by less than 1e-12.
-        let lanes = simulate_batch(&problem, Keep::All, 1, &mut || false).unwrap();
+        let lanes = simulate_batch(problem.clone(), Keep::All, 1, &mut || false).unwrap();
         let single = simulate(&problem, &AtomicBool::new(false)).unwrap();
         problem.options.method = Method::Dop853;
         let fine = simulate(&problem, &AtomicBool::new(false)).unwrap();

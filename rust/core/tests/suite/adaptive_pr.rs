@@ -162,8 +162,8 @@ fn batch_rows_are_runs() {
     problem.x0 = (0..4 * runs).map(start).collect();
     // One run starts where it can only diverge; its neighbours must not notice.
     problem.x0[4 * 7 + 2] = 1e200;
-    let batch = simulate_batch(&problem, Keep::All, 1, &mut || false).unwrap();
-    let other = simulate_batch(&problem, Keep::All, 3, &mut || false).unwrap();
+    let batch = simulate_batch(problem.clone(), Keep::All, 1, &mut || false).unwrap();
+    let other = simulate_batch(problem.clone(), Keep::All, 3, &mut || false).unwrap();
     let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&batch.q), bits(&other.q));
     let k = batch.t.len();

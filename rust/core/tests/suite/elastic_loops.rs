@@ -135,7 +135,7 @@ fn batches_are_monitored_in_lanes() {
     };
     let one = simulate(&problem, &AtomicBool::new(false)).unwrap();
     problem.x0 = x0.repeat(11);
-    let many = simulate_batch(&problem, Keep::All, 2, &mut || false).unwrap();
+    let many = simulate_batch(problem.clone(), Keep::All, 2, &mut || false).unwrap();
     assert_eq!(many.status, vec![Status::Success; 11]);
     assert_eq!(one.monitors.len(), 5);
     for ((name, series), (_, rows)) in one.monitors.iter().zip(&many.monitors) {

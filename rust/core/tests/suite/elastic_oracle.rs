@@ -130,7 +130,7 @@ fn trajectories() {
             if method == Method::Rk4 && !monitors {
                 let first = problem.x0.clone();
                 problem.x0 = first.repeat(11);
-                let batch = simulate_batch(&problem, Keep::All, 2, &mut || false).unwrap();
+                let batch = simulate_batch(problem.clone(), Keep::All, 2, &mut || false).unwrap();
                 let width = 2 * times.len();
                 for row in 0..11 {
                     close("batch", &batch.q[row * width..(row + 1) * width], &run.q, 1e-12);

@@ -1,12 +1,13 @@
 //! The constructors of arms, and what pickling stores.
 
 use super::{Arm, Model};
-use crate::arrays::{Looked, any_vector, items, name, number as scalar, require_finite, shown, text, vector};
+use crate::arrays::{Looked, any_vector, items, name, number as scalar, quoted, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{Breaks, long, paused};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::{PlanarPr, indefinite};
+use armlet_core::memory;
 use armlet_core::spatial::{M3, Placement, V3};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -211,7 +212,7 @@ fn scalar_of(function: &str, joint: &Bound<'_, PyDict>, (list, i): (&str, usize)
 fn known_keys(function: &str, given: &Bound<'_, PyDict>, (list, i): (&str, usize), known: &[&str]) -> Result<(), Failure> {
     for key in given.keys() {
         if !key.extract::<String>().is_ok_and(|key| known.contains(&key.as_str())) {
-            let problem = format!("has an unknown key: expected one of {}, got {}", known.join(", "), key.repr()?);
+            let problem = format!("has an unknown key: expected one of {}, got {}", known.join(", "), quoted(&key));
             return Err(input_error(given.py(), function, &format!("{list}[{i}]"), problem).into());
         }
     }
@@ -229,7 +230,7 @@ fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result<Cha
     known_keys(function, joint, at, &CHAIN_KEYS)?;
     let kind = joint.get_item("type")?.and_then(|kind| kind.extract::<String>().ok());
     let Some(kind) = kind.as_deref().and_then(JointType::parse) else {
-        let got = joint.get_item("type")?.map_or("nothing".to_string(), |kind| kind.to_string());
+        let got = joint.get_item("type")?.map_or("nothing".to_string(), |kind| quoted(&kind));
         return Err(refuse(
             "[\"type\"]",
             format!("is unknown: expected one of R, P, F, revolute, continuous, prismatic, fixed, got {got}"),
@@ -278,7 +279,7 @@ fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow, Fai
             Some(given) => match given.extract::<String>().ok().as_deref().and_then(JointType::parse) {
                 Some(JointType::Moving(kind)) => kind,
                 _ => {
-                    let problem = format!("is unknown: expected one of R, P, revolute, continuous, prismatic, got {}", given.repr()?);
+                    let problem = format!("is unknown: expected one of R, P, revolute, continuous, prismatic, got {}", quoted(&given));
                     return Err(input_error(py, function, &format!("rows[{i}][\"type\"]"), problem).into());
                 }
             },
@@ -347,12 +348,12 @@ pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
             let limits = Limits { lower, upper, velocity, effort };
             Ok(Joint { name, kind, parent, placement: placed(placement), axis, limits, armature, damping, friction, parameters })
         };
-        let joints = paused(&joints.iter().collect::<Vec<_>>(), joint)?;
+        let joints = paused(&memory::collected(joints.iter())?, joint)?;
         let frame = |_: usize, state: &Bound<'_, PyAny>| {
             let (name, body, placement, joint): FrameState = state.extract()?;
             if body.is_some_and(|b| b >= count) { Err(damaged()) } else { Ok(Frame { name, body, placement: placed(placement), joint }) }
         };
-        let frames = paused(&frames.iter().collect::<Vec<_>>(), frame)?;
+        let frames = paused(&memory::collected(frames.iter())?, frame)?;
         long(py, || Ok(core::Arm { name, joints, frames, gravity, report }.into()))
     })
 }

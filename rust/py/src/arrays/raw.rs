@@ -11,6 +11,7 @@ use std::ptr::null_mut;
 
 use super::read::require_unmasked;
 use super::shape::{elements, shown};
+use super::write::copied;
 
 /// The elements of a C-contiguous, aligned array, in place.
 pub fn in_place<'a, T: Element>(array: &'a Bound<'_, PyArrayDyn<T>>) -> Option<&'a [T]> {
@@ -165,17 +166,18 @@ pub struct Lent(Option<Py<PyArray1<f64>>>);
 
 impl Lent {
     /// An array that holds `values`.
-    pub fn array<'py>(&mut self, py: Python<'py>, values: &[f64]) -> Bound<'py, PyAny> {
+    pub fn array<'py>(&mut self, py: Python<'py>, values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
         if let Some(kept) = &self.0
             && unseen(kept.bind(py), values.len())
         {
             // SAFETY: contiguous, aligned and of this length, and nobody else holds it or knows where it is.
             unsafe { std::slice::from_raw_parts_mut(kept.bind(py).data(), values.len()) }.copy_from_slice(values);
         } else {
-            self.0 = Some(PyArray1::from_slice(py, values).unbind());
+            let made = copied(py, &[values.len()], values)?;
+            self.0 = Some(made.cast_into::<PyArray1<f64>>().map_err(PyErr::from)?.unbind());
         }
         match &self.0 {
-            Some(kept) => kept.bind(py).clone().into_any(),
+            Some(kept) => Ok(kept.bind(py).clone().into_any()),
             None => unreachable!("just kept"),
         }
     }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyString};
 
 /// What was given, for a message: its type, and the value where it is short.
-fn given(value: &Bound<'_, PyAny>) -> String {
+pub fn quoted(value: &Bound<'_, PyAny>) -> String {
     let shown = value.repr().map(|text| text.to_string()).unwrap_or_default();
     let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
     if shown.is_empty() || shown.len() > 40 { format!("{kind:?}") } else { format!("{shown} ({kind})") }
@@ -20,7 +20,7 @@ pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f6
     match Looked::at(function, name, value) {
         Ok(looked) if looked.shape.is_empty() => Ok(looked.values()?.1[0]),
         Err(Failure::Python(error)) if !error.is_instance_of::<pyo3::exceptions::PyValueError>(value.py()) => Err(error.into()),
-        _ => Err(input_error(value.py(), function, name, format!("is not a number: expected a real number, got {}", given(value))).into()),
+        _ => Err(input_error(value.py(), function, name, format!("is not a number: expected a real number, got {}", quoted(value))).into()),
     }
 }
 
@@ -31,13 +31,13 @@ pub fn optional_number(function: &str, name: &str, value: Option<&Bound<'_, PyAn
 
 /// An integer of at least one.
 pub fn count(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
-    let problem = || format!("is not a positive integer: expected an integer >= 1, got {}", given(value));
+    let problem = || format!("is not a positive integer: expected an integer >= 1, got {}", quoted(value));
     Ok(integer(value).filter(|&count| count > 0).ok_or_else(|| input_error(value.py(), function, name, problem()))?)
 }
 
 /// An integer of at least zero.
 pub fn whole(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
-    let problem = || format!("is not a count: expected an integer >= 0, got {}", given(value));
+    let problem = || format!("is not a count: expected an integer >= 0, got {}", quoted(value));
     Ok(integer(value).ok_or_else(|| input_error(value.py(), function, name, problem()))?)
 }
 
@@ -60,7 +60,7 @@ pub fn signed(value: &Bound<'_, PyAny>) -> Option<isize> {
 
 /// True or False, numpy's too.
 pub fn flag(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<bool, Failure> {
-    let refused = |_| input_error(value.py(), function, name, format!("is not a flag: expected True or False, got {}", given(value)));
+    let refused = |_| input_error(value.py(), function, name, format!("is not a flag: expected True or False, got {}", quoted(value)));
     Ok(value.extract::<bool>().map_err(refused)?)
 }
 
@@ -82,7 +82,7 @@ pub fn name<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Resu
             Err(input_error(value.py(), function, name, format!("holds the character NUL: expected a name, got {text:?}")).into())
         }
         Some(text) => Ok(text),
-        None => Err(input_error(value.py(), function, name, format!("is not a name: expected a string, got {}", given(value))).into()),
+        None => Err(input_error(value.py(), function, name, format!("is not a name: expected a string, got {}", quoted(value))).into()),
     }
 }
 

@@ -6,6 +6,7 @@ use super::slope::{Slope, States, python};
 use crate::arrays::{Axis, Form, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
 use armlet_core::integrate::column_groups;
+use armlet_core::memory;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -90,8 +91,11 @@ impl Differences {
             None => (0..n).map(|column| vec![column]).collect(),
         };
         let width = if states == States::Columns { groups.len() } else { 1 };
-        let [at, up, down] = std::array::from_fn(|_| vec![0.0; n * width]);
-        Ok(Differences { central: settings.central(), groups, pattern, width, at, up, down, steps: vec![0.0; n] })
+        // An explicit method takes no differences.
+        let n = if settings.implicit() { n } else { 0 };
+        let state = || memory::zeros(n * width);
+        let (at, up, down, steps) = (state()?, state()?, state()?, memory::zeros(n)?);
+        Ok(Differences { central: settings.central(), groups, pattern, width, at, up, down, steps })
     }
 
     fn at(&mut self, slope: &mut Slope, s: f64, x: &[f64], dx: &[f64], j: &mut [f64]) {

@@ -7,6 +7,7 @@ use crate::errors::{Failure, input_error};
 use armlet_core::integrate::{
     Adaptive, Dop853, Dopri5, Euler, FixedStep, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, Steps, Tolerances, Work,
 };
+use armlet_core::memory;
 use pyo3::prelude::*;
 
 pub type Method = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
@@ -18,6 +19,10 @@ const IMPLICIT: [&str; 3] = ["radau5", "rodas4", "ros2"];
 const MOST_STEPS: f64 = 1e12;
 /// Matrices of an implicit method: the Jacobian, and the largest decomposition, which is complex with its copies.
 const MATRICES: u128 = 8;
+/// Vectors of a method with the most stages: its own, those of the field, and those that Python is handed.
+const VECTORS: u128 = 32;
+/// The same of the others.
+const FEW_VECTORS: u128 = 16;
 /// Matrices of states whose columns go to a vectorised `f` together, and of their slopes.
 const COLUMNS: u128 = 5;
 
@@ -81,16 +86,16 @@ impl Settings {
         Ok(Settings { name, tolerances: Tolerances { rtol, atol }, dt, max_step, first_step })
     }
 
-    /// Refuse steps too short for the span, and matrices too large for the memory, before anything is made.
+    /// Refuse steps too short for the span, and states too large for the memory, before anything is made.
     pub fn require_room(&self, py: Python<'_>, function: &str, span: f64, n: usize, states: States) -> Result<(), Failure> {
         if let Some(dt) = self.dt.filter(|dt| span / dt > MOST_STEPS) {
             let problem = format!("is too small for the span: expected at least {}, got {dt}", span / MOST_STEPS);
             return Err(input_error(py, function, "dt", problem).into());
         }
         let matrices = MATRICES + if states == States::Columns { COLUMNS } else { 0 };
-        let bytes = if self.implicit() { matrices * 8 * (n as u128).pow(2) } else { 0 };
-        let fits = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
-        if fits { Ok(()) } else { Err(armlet_core::error::Error::Memory { bytes }.into()) }
+        let matrices = if self.implicit() { matrices * (n as u128).pow(2) } else { 0 };
+        let vectors = n as u128 * if self.name == "dop853" || self.implicit() { VECTORS } else { FEW_VECTORS };
+        Ok(memory::require(usize::try_from(8 * (matrices + vectors)).unwrap_or(usize::MAX))?)
     }
 
     pub fn adaptive(&self) -> bool {

@@ -2,9 +2,8 @@
 //!
 //! The first exception is kept and the slope is NaN from then on, so that the method ends at once without calling Python again.
 
-use crate::arrays::{Axis, Form, Lent, SCALAR, numbers, of_shape};
+use crate::arrays::{Axis, Form, Lent, SCALAR, copied, numbers, of_shape};
 use crate::errors::{Failure, to_python};
-use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyFloat, PyList, PyTuple};
 
@@ -50,9 +49,9 @@ impl Slope {
         let result = Python::attach(|py| {
             let shape = [y.len() / columns.max(1), columns];
             let y = match self.states {
-                States::Array => self.lent.array(py, y),
+                States::Array => self.lent.array(py, y).map_err(|failure| python(py, self.function, failure))?,
                 States::List => list(py, y)?,
-                States::Columns => PyArray1::from_slice(py, y).reshape(shape)?.into_any(),
+                States::Columns => copied(py, &shape, y).map_err(|failure| python(py, self.function, failure))?,
             };
             let value = with_state(py, self.f.bind(py), self.arguments.as_ref(), t, y)?;
             read(py, self.function, &value, self.states, shape, out)
@@ -107,7 +106,10 @@ pub fn with<'py>(
     t: f64,
     y: &[f64],
 ) -> PyResult<Bound<'py, PyAny>> {
-    let y = if states == States::List { list(py, y)? } else { PyArray1::from_slice(py, y).into_any() };
+    let y = match states {
+        States::List => list(py, y)?,
+        _ => copied(py, &[y.len()], y).map_err(|failure| python(py, "integrate", failure))?,
+    };
     with_state(py, callable, arguments, t, y)
 }
 

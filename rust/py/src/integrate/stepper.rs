@@ -8,6 +8,7 @@ use super::slope::{Slope, States};
 use crate::arrays::{any_vector, flag, number, require_finite};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::integrate::solve::node;
+use armlet_core::memory;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
@@ -95,8 +96,8 @@ impl Stepper {
         entry(py, "scipy_method", || {
             let (degree, n) = (self.method.dense_degree(), self.method.x().len());
             let (t_old, t) = (self.method.t_old(), self.method.t());
-            let mut at = self.method.x().clone();
-            let mut values = Vec::with_capacity((degree + 1) * n);
+            let mut at = memory::copied(self.method.x())?;
+            let mut values = memory::room((degree + 1) * n)?;
             for k in 0..=degree {
                 let s = if k == degree { t } else { t_old + node(k, degree) * (t - t_old) };
                 self.method.interpolate(&mut self.field, s, &mut at);

@@ -29,6 +29,8 @@ impl<'py> Given<'py> {
         let (kept, levels) = each(function, tasks, |task| task.level(arm))?;
         self.plain("tasks", &kept.into_bound(tasks.py()).into_any());
         self.plain("method", &pyo3::types::PyString::new(tasks.py(), method).into_any());
+        let keywords = Keywords { method, eps, rounding: None, weight: None, v_min: None, v_max: None };
+        let options = keywords.options(function, model.n(), levels.len())?;
         if let Some(eps) = eps {
             self.keep("eps", eps)?;
         }
@@ -49,8 +51,6 @@ impl<'py> Given<'py> {
             *limit = Some(per_joint(function, name, value, model.n())?);
             self.keep(name, value)?;
         }
-        let keywords = Keywords { method, eps, rounding: None, weight: None, v_min: None, v_max: None };
-        let options = keywords.options(function, model.n(), levels.len())?;
         Ok((levels, options, given))
     }
 }

@@ -1,7 +1,7 @@
 //! Laws of rigid arms.
 
 use super::{Given, Law};
-use crate::arrays::{Looked, WHATEVER, numbers, shown};
+use crate::arrays::{Looked, WHATEVER, numbers, owned, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec, Projection};
 use armlet_core::motion::Motion;
@@ -46,8 +46,9 @@ fn base_of<'py>(given: &mut Given<'py>, base: &Bound<'py, PyAny>, p: usize) -> R
     let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected what arm.base_parameters() returns, or None");
     let field = |name: &str| base.getattr(name).map_err(|_| refused());
     let columns: Vec<usize> = field("columns")?.call_method0("tolist")?.extract().map_err(|_| refused())?;
-    let (shape, projection) =
-        numbers("Adaptive", "base", &field("projection")?, &[WHATEVER]).map(|(shape, values)| (shape, values.into_owned()))?;
+    let field = field("projection")?;
+    let (shape, projection) = numbers("Adaptive", "base", &field, &[WHATEVER])?;
+    let projection = owned(projection)?;
     if shape != [columns.len(), p] {
         let problem =
             format!("is of another arm or has columns of friction: expected a projection ({}, {p}), got {}", columns.len(), shown(&shape));

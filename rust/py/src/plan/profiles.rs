@@ -106,6 +106,13 @@ impl ProfileReport {
         };
         Ok(ProfileReport { core, problem, ramp })
     }
+
+    fn why(&self) -> String {
+        if self.core.feasible {
+            return String::new();
+        }
+        format!("no duration keeps the torque between tau_min and tau_max: {:.6e} N m are missing on each side", self.core.missing)
+    }
 }
 
 #[entered]
@@ -174,10 +181,7 @@ impl ProfileReport {
     /// Why no duration works, with the missing torque; empty if feasible.
     #[getter]
     fn reason(&self) -> String {
-        if self.core.feasible {
-            return String::new();
-        }
-        format!("no duration keeps the torque between tau_min and tau_max: {:.6e} N m are missing on each side", self.core.missing)
+        self.why()
     }
 
     fn __repr__(&self) -> String {
@@ -191,7 +195,7 @@ impl ProfileReport {
             float(c.k_max),
             truth(c.hold_start),
             truth(c.hold_end),
-            self.reason()
+            self.why()
         )
     }
 

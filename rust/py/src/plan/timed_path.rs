@@ -1,12 +1,13 @@
 //! The motion that `armlet.time_path` gives, and its pickling.
 
-use crate::arrays::{WHATEVER, copied, index_of, items, numbers, owned, written_arrays};
+use crate::arrays::{Looked, WHATEVER, copied, elements, items, numbers, owned, require_finite, written_arrays};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::motion::Motion;
 use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
 use armlet_core::interrupt::look;
+use armlet_core::memory;
 use armlet_core::motion::{Motion as Core, Path, TimedPath as CorePath};
 use armlet_core::plan::TimePath;
 use armlet_core::status::Status;
@@ -50,18 +51,17 @@ impl TimedPath {
         function: &str,
         name: &str,
         x: &Bound<'py, PyAny>,
-        write: impl Fn(f64, &mut [f64]) + Sync,
+        write: impl Fn(usize, f64, &mut [f64]) -> Result<(), Error> + Sync,
     ) -> Result<Triple<'py>, Failure> {
         let py = x.py();
-        let (mut shape, values) = numbers(function, name, x, &[WHATEVER])?;
-        if let Some(k) = values.iter().position(|x| !x.is_finite()) {
-            let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&shape, k)) };
-            return Err(input_error(py, function, name, format!("is not finite: expected finite numbers, got {}{at}", values[k])).into());
-        }
         let n = self.core.dof();
-        shape.push(n);
+        let looked = Looked::at(function, name, x)?;
+        memory::require(elements(&looked.shape)?.saturating_mul(8 * (1 + 3 * n)))?;
+        let (mut shape, values) = looked.values()?;
         // Other threads may write to the caller's array meanwhile.
-        let values = values.into_owned();
+        let values = owned(values)?;
+        require_finite(py, function, name, &shape, &values)?;
+        shape.push(n);
         let [q, v, a] = written_arrays(py, &shape, |[q, v, a]| {
             long(py, || {
                 let mut row = vec![0.0; 3 * n];
@@ -70,7 +70,7 @@ impl TimedPath {
                     if i % LOOK == 0 {
                         look();
                     }
-                    write(*x, &mut row);
+                    write(i, *x, &mut row)?;
                     q.copy_from_slice(&row[..n]);
                     v.copy_from_slice(&row[n..2 * n]);
                     a.copy_from_slice(&row[2 * n..]);
@@ -125,7 +125,10 @@ impl TimedPath {
     fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
         entry(t.py(), "TimedPath", || {
             self.require()?;
-            self.rows("TimedPath", "t", t, |t, row| self.core.sample(t, row))
+            self.rows("TimedPath", "t", t, |_, t, row| {
+                self.core.sample(t, row);
+                Ok(())
+            })
         })
     }
 
@@ -139,12 +142,12 @@ impl TimedPath {
             let path = self.core.path();
             let (n, knots) = (path.dof(), path.knots());
             let (first, last) = (knots[0], knots[knots.len() - 1]);
-            if let Some(k) = numbers(NAME, "s", s, &[WHATEVER])?.1.iter().position(|s| s.is_finite() && !(first..=last).contains(s)) {
-                let problem = format!("is not on the path: expected {first} to {last} (first bad index {k})");
-                return Err(input_error(s.py(), NAME, "s", problem).into());
-            }
-            self.rows(NAME, "s", s, |s, row| {
+            self.rows(NAME, "s", s, |k, s, row| {
+                if !(first..=last).contains(&s) {
+                    return Err(Error::input("s", format!("is not on the path: expected {first} to {last} (first bad index {k})")));
+                }
                 path.evaluate(path.piece(s), s, |j, q, d, e| (row[j], row[n + j], row[2 * n + j]) = (q, d, e));
+                Ok(())
             })
         })
     }

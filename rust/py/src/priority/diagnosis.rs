@@ -3,6 +3,7 @@
 use super::stack::{Stack, items, per_joint};
 use crate::arrays::{any_vector, copied, new_vector, number, optional_number, shown};
 use crate::errors::{Failure, entry, input_error};
+use armlet_core::memory;
 use armlet_core::priority::{Diagnosis, diagnose, velocity_bounds as core_bounds};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -102,8 +103,8 @@ pub fn velocity_bounds<'py>(
         let (n, dt) = (q.len(), number(NAME, "dt", dt)?);
         let (q_min, q_max, v_max) =
             (per_joint(NAME, "q_min", q_min, n)?, per_joint(NAME, "q_max", q_max, n)?, per_joint(NAME, "v_max", v_max, n)?);
-        let a_max = a_max.map_or_else(|| Ok(vec![f64::INFINITY; n]), |a| per_joint(NAME, "a_max", a, n))?;
-        let mut upper = vec![0.0; n];
+        let a_max = a_max.map_or_else(|| Ok(memory::filled(n, f64::INFINITY)?), |a| per_joint(NAME, "a_max", a, n))?;
+        let mut upper = memory::zeros(n)?;
         let lower = new_vector(py, n, |lower| Ok(core_bounds(&q, &q_min, &q_max, &v_max, &a_max, dt, lower, &mut upper)?))?;
         Ok((lower, copied(py, &[n], &upper)?))
     })

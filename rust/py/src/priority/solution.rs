@@ -217,7 +217,7 @@ fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result
 fn batch(py: Python<'_>, solver: Core, stack: Stack) -> Result<PrioritySolution, Failure> {
     let (count, levels) = (stack.count, stack.rows.len());
     // Copied: other threads may write to the caller's arrays.
-    let stack = stack.owned();
+    let stack = stack.owned()?;
     let (v, residuals, ranks, scales, status) = long(py, || {
         let room = |width: usize| memory::zeros(count.saturating_mul(width));
         let mut residuals = stack.rows.iter().map(|m| room(*m)).collect::<Result<Vec<_>, _>>()?;

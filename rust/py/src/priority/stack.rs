@@ -1,6 +1,6 @@
 //! Levels in: lists of Jacobians `(..., rows_i, n)` and task velocities `(..., rows_i)`, checked and broadcast over their leading axes.
 
-use crate::arrays::{self, Axis, Form, Looked, SCALAR, numbers, require_finite, shown, spread};
+use crate::arrays::{self, Axis, Form, Looked, SCALAR, numbers, owned, require_finite, shown, spread};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
@@ -32,8 +32,8 @@ impl Part<'_> {
         &self.values[i * self.width..(i + 1) * self.width]
     }
 
-    fn owned(self) -> Part<'static> {
-        Part { values: Cow::Owned(self.values.into_owned()), lead: self.lead, shape: self.shape, width: self.width }
+    fn owned(self) -> Result<Part<'static>, Failure> {
+        Ok(Part { values: Cow::Owned(owned(self.values)?), lead: self.lead, shape: self.shape, width: self.width })
     }
 }
 
@@ -139,16 +139,16 @@ impl<'a> Stack<'a> {
     }
 
     /// A copy that outlives the interpreter lock.
-    pub fn owned(self) -> Stack<'static> {
-        Stack {
+    pub fn owned(self) -> Result<Stack<'static>, Failure> {
+        Ok(Stack {
             n: self.n,
             rows: self.rows,
             lead: self.lead,
             count: self.count,
-            jacobians: self.jacobians.into_iter().map(Part::owned).collect(),
-            velocities: self.velocities.into_iter().map(Part::owned).collect(),
+            jacobians: self.jacobians.into_iter().map(Part::owned).collect::<Result<_, _>>()?,
+            velocities: self.velocities.into_iter().map(Part::owned).collect::<Result<_, _>>()?,
             names: self.names,
-        }
+        })
     }
 }
 
@@ -200,7 +200,7 @@ impl Keywords<'_, '_> {
         if let Some(weight) = self.weight {
             let (shape, values) = numbers(function, "weight", weight, &[Form(&[Axis::Is(n), Axis::Is(n)])])?;
             require_finite(weight.py(), function, "weight", &shape, &values)?;
-            options.weight = Some(values.into_owned());
+            options.weight = Some(owned(values)?);
         }
         options.v_min = self.v_min.map(|v| per_joint(function, "v_min", v, n)).transpose()?;
         options.v_max = self.v_max.map(|v| per_joint(function, "v_max", v, n)).transpose()?;

@@ -85,7 +85,7 @@ fn raw(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Raw, Fail
     if let Some(&k) = values.iter().find(|&&k| k < 0.0).filter(|_| shape.len() < 2) {
         return Err(input_error(value.py(), function, name, format!("is negative: expected >= 0, got {k}")).into());
     }
-    Ok(Raw { shape, values: values.into_owned() })
+    Ok(Raw { shape, values: owned(values)? })
 }
 
 impl Raw {

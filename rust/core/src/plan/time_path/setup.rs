@@ -7,6 +7,7 @@ use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use super::{PathReason, TimePath};
 use crate::error::{Error, Result, finite};
+use crate::memory;
 use crate::motion::{Path, TimedPath};
 use crate::scalar::sign;
 use std::sync::Arc;
@@ -61,6 +62,9 @@ impl<'a> Problem<'a> {
         let [lo, hi] = checked(n, &path, given, options)?;
         let stops = options.stops.iter().map(|&k| path.knots()[k]).collect();
         let (s, pieces) = grid(&path, options.points());
+        // Rows of both kinds and of the speeds, the caps and the profiles at each point.
+        const ROWS: usize = 12;
+        memory::require((s.len() * 8).saturating_mul(ROWS * (3 * n).next_multiple_of(BLOCK) + 64))?;
         let rows =
             Rows { s, x_start: options.start_speed * options.start_speed, x_end: options.end_speed * options.end_speed, ..Rows::default() };
         let friction = options.friction.clone().filter(|_| given.torque.is_some());
