@@ -83,9 +83,12 @@ def number(function: str, name: str, value: object) -> float:
     if not real:
         raise InputError(f"{function}: {name} is not a number: expected such as 1.0, got {shown(value)}")
     try:
-        return float(value)  # type: ignore[arg-type]  # a number by now
+        x = float(value)  # type: ignore[arg-type]  # a number by now
     except OverflowError:
         raise InputError(f"{function}: {name} is too large: expected a number that a float can hold, got {shown(value)}") from None
+    if isinstance(value, int | np.integer) and int(value) != x:
+        raise InputError(f"{function}: {name} is not exact in float64: expected a number that a float can hold, got {shown(value)}")
+    return x
 
 
 def positive(function: str, name: str, value: object, most: float = math.inf) -> float:

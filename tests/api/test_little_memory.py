@@ -113,9 +113,10 @@ def test_a_large_request_is_an_error(case: str) -> None:
 
 def test_without_room_for_a_thread_the_caller_works() -> None:
     """Eight threads have stacks of 8 MiB and more; what is left is a tenth of that. The rows are the same."""
-    before = "q0 = np.linspace(0.0, 1.0, 128).reshape(64, 2); run = lambda **k: al.simulate_batch(plant, law, q0, t_end=0.1, dt=1e-2, **k).q"
+    q0 = "q0 = np.linspace(0.0, 1.0, 128).reshape(64, 2)"
+    run = "run = lambda **k: al.simulate_batch(plant, law, q0, t_end=0.1, dt=1e-2, **k).q"
     call = "print(np.array_equal(run(threads=8), once))"
-    script = SCRIPT.format(before=before + "; once = run(threads=1)", call=call).replace("96 * 2**20", "6 * 2**20")
+    script = SCRIPT.format(before=f"{q0}; {run}; once = run(threads=1)", call=call).replace("96 * 2**20", "6 * 2**20")
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout.strip() == "True"
