@@ -74,7 +74,10 @@ CASES = {
     ),
     "an equilibrium of many links": (LINKS.format(n=3000), "al.equilibrium(al.RigidArm(arm), al.PDGravity(arm, z, 1.0, 1.0), q0=z)"),
     "many waypoints": ("w = np.random.default_rng(0).random((10**5, 2))", "al.time_path(arm, w, tau_max=99.0)"),
-    "many last states": ("q0 = np.broadcast_to(np.zeros(2), (10**6, 2))", "al.simulate_batch(plant, law, q0, t_end=1e-3, dt=1e-3, keep='final')"),
+    "many last states": (
+        "q0 = np.broadcast_to(np.zeros(2), (10**6, 2))",
+        "al.simulate_batch(plant, law, q0, t_end=1e-3, dt=1e-3, keep='final')",
+    ),
     "many adaptive runs": (
         "q0 = np.broadcast_to(np.zeros(2), (10**6, 2))",
         "al.simulate_batch(plant, law, q0, t_end=1e-3, method='dopri5', t_eval=[1e-3])",
