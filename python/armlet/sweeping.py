@@ -224,7 +224,7 @@ def _chunk_size(run: Mapping[str, Any]) -> int:
 def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
     """The keywords for `armlet.metrics` as numbers and lists, that a store can hold."""
     n = len(scenario.data["run"]["q0"])
-    shapes = {"band": [(), (n,)], "reference": [(n,), ("K", n)]}
+    shapes: dict[str, list[tuple[int | str, ...]]] = {"band": [(), (n,)], "reference": [(n,), ("K", n)]}
     plain: dict[str, Any] = {}
     for name, value in given.items():
         choice(function, "metrics", name, METRICS)

@@ -1,14 +1,15 @@
 //! The keywords of `simulate`, `simulate_batch` and `Simulator`, read into options, initial states, forces and laws.
 
 use crate::arrays::{
-    Axis, Form, SCALAR, any_vector, count, flag, items, number, numbers, object, optional_number, owned, quoted, require_finite, spread,
-    text, vector, whole,
+    Axis, Form, Looked, SCALAR, any_vector, count, flag, items, number, numbers, object, optional_number, owned, quoted, require_finite,
+    spread, text, vector, whole,
 };
 use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;
 use crate::motion::Motion;
 use armlet_core::law::{ExternalSpec, LawSpec};
+use armlet_core::memory;
 use armlet_core::plant::sensors::TorqueSensor;
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{self as core, Force, Measures, Method, Options, Sampling, Times};
@@ -154,7 +155,7 @@ impl<'py> Keywords<'py> {
     pub fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
         let n = plants[0].n();
         let read = |name: &str, value: &Bound<'py, PyAny>| -> Result<(usize, Vec<f64>), Failure> {
-            if batch { batch_rows(self.function, name, value, n) } else { Ok((1, vector(self.function, name, value, n)?)) }
+            if batch { batch_rows(self.function, name, value, plants[0]) } else { Ok((1, vector(self.function, name, value, n)?)) }
         };
         let (rows, q) = read("q0", q0)?;
         let mut rest = [const { None }; 3];
@@ -174,7 +175,7 @@ impl<'py> Keywords<'py> {
         let [v, theta, theta_dot] = &rest;
         let zero = vec![0.0; n];
         let part = |values: &'_ Option<Vec<f64>>, row: usize| values.as_ref().map(|values| values[row * n..(row + 1) * n].to_vec());
-        let mut x0 = armlet_core::memory::room(rows.saturating_mul(plants[0].states()))?;
+        let mut x0 = memory::room(rows.saturating_mul(plants[0].states()))?;
         for row in 0..rows {
             let plant = plants[if plants.len() == 1 { 0 } else { row.min(plants.len() - 1) }];
             let v = part(v, row).unwrap_or_else(|| zero.clone());
@@ -205,7 +206,7 @@ impl<'py> Keywords<'py> {
         } else {
             vec![value]
         };
-        let mut forces = armlet_core::memory::room(each.len())?;
+        let mut forces = memory::room(each.len())?;
         for value in &each {
             forces.push(force::force(self.function, value, rows, raised)?);
         }
@@ -214,8 +215,10 @@ impl<'py> Keywords<'py> {
 }
 
 /// `(B, n)` initial states, copied; too many to hold is a `MemoryError` at once.
-fn batch_rows(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<(usize, Vec<f64>), Failure> {
-    let (shape, values) = numbers(function, name, value, &[Form(&[Axis::Any("B"), Axis::Is(n)])])?;
+fn batch_rows(function: &str, name: &str, value: &Bound<'_, PyAny>, plant: &PlantSpec) -> Result<(usize, Vec<f64>), Failure> {
+    let looked = Looked::at(function, name, value)?.of(&[Form(&[Axis::Any("B"), Axis::Is(plant.n())])])?;
+    memory::require(looked.shape[0].saturating_mul(8 * (plant.n() + plant.states())))?;
+    let (shape, values) = looked.values()?;
     require_finite(value.py(), function, name, &shape, &values)?;
     Ok((shape[0], owned(values)?))
 }
