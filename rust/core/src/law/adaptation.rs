@@ -10,10 +10,10 @@ use super::{Law, require_size};
 use crate::dynamics::AnyArm;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain};
-use crate::linalg::{cholesky, gain::Multiply};
+use crate::linalg::gain::Multiply;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
-use crate::spatial::pseudo_inertia::{divergence, is_positive_definite, natural_rate};
+use crate::spatial::pseudo_inertia::{is_positive_definite, natural_rate};
 
 /// How the estimate moves.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,34 +48,6 @@ impl Adaptation {
                         ),
                     )),
                 }
-            }
-        }
-    }
-
-    /// What [`Adaptation::lyapunov`] needs of a full gain, made once: its Cholesky factor.
-    pub fn factor(&self) -> Vec<f64> {
-        match self {
-            Adaptation::Euclidean(gamma) if !gamma.is_diagonal() => cholesky::factor(gamma.n(), &gamma.matrix()).unwrap_or_default(),
-            _ => Vec::new(),
-        }
-    }
-
-    /// The estimate's part of the Lyapunov function; `factor` of this adaptation.
-    pub fn lyapunov(&self, factor: &[f64], truth: &[f64], estimate: &[f64]) -> f64 {
-        match self {
-            Adaptation::Euclidean(gamma) => {
-                let error: Vec<f64> = truth.iter().zip(estimate).map(|(a, a_hat)| a - a_hat).collect();
-                let mut weighted = error.clone();
-                if gamma.is_diagonal() {
-                    weighted.iter_mut().enumerate().for_each(|(i, x)| *x /= gamma.at(i, i));
-                } else {
-                    cholesky::solve(error.len(), factor, &mut weighted);
-                }
-                0.5 * error.iter().zip(&weighted).map(|(a, b)| a * b).sum::<f64>()
-            }
-            Adaptation::Natural(gamma) => {
-                let ((truth, _), (estimate, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());
-                truth.iter().zip(estimate).zip(gamma).map(|((pi, pi_hat), gamma)| divergence(pi, pi_hat) / gamma).sum()
             }
         }
     }

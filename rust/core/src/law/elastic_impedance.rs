@@ -9,7 +9,7 @@
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 use super::inertia_reduction::{Reduction, ReductionSpec, described};
 use super::{Definition, Instant, Law, Term};
-use crate::dynamics::{AnyArm, ArmAt, Dynamics, Model};
+use crate::dynamics::{AnyArm, Dynamics, Model};
 use crate::linalg::cholesky;
 use crate::motion::Motion;
 use crate::plant::{PlantKind, PlantSpec};
@@ -26,19 +26,6 @@ impl ElasticImpedanceSpec {
     /// orientation, where the rate of `e` is not `-J v`.
     pub fn has_storage(&self, plant: &PlantSpec) -> bool {
         !self.outer.coordinates.turns() && described(plant, &self.outer.model, &self.inner).is_some()
-    }
-
-    /// `E` at time `t` and plant state `x`, whose `q` is where `links` stand.
-    pub fn storage(&self, t: f64, links: &mut ArmAt, x: &[f64], plant: &PlantSpec) -> f64 {
-        let (n, m) = (self.outer.model.n(), self.outer.coordinates.m());
-        let mut desired = vec![0.0; 3 * m];
-        self.outer.target.sample(t, &mut desired);
-        let (mut e, mut jacobian) = (vec![0.0; m], vec![0.0; m * n]);
-        links.error_and_jacobian(&self.outer.coordinates, &desired[..m], &mut e, &mut jacobian);
-        let (kinetic, _) = links.energy(&x[n..2 * n]);
-        let wall = plant.wall().map_or(0.0, |wall| wall.energy(links.jacobian(wall.frame).0.0));
-        let stops = plant.stops().map_or(0.0, |stops| stops.energy(&x[..n]));
-        kinetic + self.inner.energy(x) + 0.5 * self.outer.stiffness.form(&e) + wall + stops
     }
 }
 

@@ -61,13 +61,6 @@ impl ReductionSpec {
             && plant.joint_damping.iter().chain(&plant.motor_friction).all(|&d| d == 0.0)
     }
 
-    /// Energy of springs and reduced motors at plant state `x`.
-    pub(super) fn energy(&self, x: &[f64]) -> f64 {
-        let n = x.len() / 4;
-        let stretch: Vec<f64> = (0..n).map(|i| x[2 * n + i] - x[i]).collect();
-        0.5 * (self.joint_stiffness.form(&stretch) + self.reduced_inertia.form(&x[3 * n..]))
-    }
-
     pub(super) fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Reduction<S> {
         let zeros = vec![S::zero(); of(0).ratio.n()];
         Reduction {

@@ -17,12 +17,14 @@ mod inertia_reduction;
 mod joint_impedance;
 mod joint_limits;
 mod level;
+mod lyapunov;
 mod motor_regulation;
 mod pd_gravity;
 mod priority_acceleration;
 mod priority_velocity;
 mod projection;
 mod sampled_reduction;
+mod storage;
 
 pub use crate::linalg::gain::Gain;
 pub use adaptation::{Adaptation, AnyAdaptive, Base};
@@ -41,14 +43,16 @@ pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
 pub use joint_limits::{GivenLimits, HORIZON, JointLimits};
 pub use level::Level;
 use level::same_tasks;
+pub use lyapunov::Lyapunov;
 pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
 pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
 pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
 pub use projection::Projection;
 pub use sampled_reduction::LockedMotors;
+pub use storage::Storage;
 
-use crate::dynamics::{ArmAt, Model};
+use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
@@ -304,14 +308,6 @@ impl LawSpec {
         match self {
             LawSpec::ElasticImpedance(law) => law.has_storage(plant),
             _ => false,
-        }
-    }
-
-    /// That storage function at plant state `x`, whose `q` is where `links` stand.
-    pub fn storage(&self, t: f64, links: &mut ArmAt, x: &[f64], plant: &PlantSpec) -> Option<f64> {
-        match self {
-            LawSpec::ElasticImpedance(law) => Some(law.storage(t, links, x, plant)),
-            _ => None,
         }
     }
 

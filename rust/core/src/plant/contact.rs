@@ -38,11 +38,6 @@ impl Wall {
         let n = V3(self.normal).lift::<S>();
         n.dot(V3(self.point).lift::<S>() - p)
     }
-
-    /// Energy stored in the wall.
-    pub fn energy(&self, p: [f64; 3]) -> f64 {
-        stored(self.stiffness, self.depth(V3(p)))
-    }
 }
 
 /// The walls of the lanes, at one frame.
@@ -63,6 +58,11 @@ impl<S: Real> LaneWall<S> {
             stiffness: S::from_lanes(|lane| of(lane).stiffness),
             damping: S::from_lanes(|lane| of(lane).damping),
         }
+    }
+
+    /// Energy stored in the wall, with the frame at `p`.
+    pub fn energy(&self, p: V3<S>) -> S {
+        stored(self.stiffness, self.normal.dot(self.point - p))
     }
 
     /// The force on the frame at `p` that moves at `p_dot`, and the power lost in the wall; `held`: see [`push`].

@@ -3,10 +3,10 @@
 //! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`,
 //! `tau_J = K (theta - q) + D (theta_dot - v)`, `x = [q, v, theta, theta_dot]`.
 
-use super::rigid::{Links, link_energy};
+use super::rigid::Links;
 use super::stops::Stops;
 use super::{Plant, Power, Touch, Wall};
-use crate::dynamics::{ArmAt, Model};
+use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
@@ -71,14 +71,6 @@ impl ElasticSpec {
         self.model.at(q).gravity(&mut g);
         let deflection = self.stiffness.inverse().times(&g);
         q.iter().zip(&deflection).map(|(q, d)| q + d).collect()
-    }
-
-    pub(super) fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
-        let n = self.model.n();
-        let stretch: Vec<f64> = (0..n).map(|i| x[2 * n + i] - x[i]).collect();
-        let half = |k: &Gain, x: &[f64]| 0.5 * x.iter().zip(k.times(x)).map(|(a, b)| a * b).sum::<f64>();
-        let links = link_energy(links, self.wall.as_ref(), self.stops.as_ref(), x.split_at(n));
-        links + half(&self.stiffness, &stretch) + half(&self.motor_inertia, &x[3 * n..4 * n])
     }
 }
 

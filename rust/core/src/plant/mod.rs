@@ -8,6 +8,7 @@ mod elastic;
 mod rigid;
 pub mod sensors;
 mod stops;
+mod stored;
 pub mod unilateral;
 mod velocity;
 
@@ -15,10 +16,11 @@ pub use contact::{LaneWall, Wall};
 pub use elastic::{Elastic, ElasticSpec};
 pub use rigid::{Rigid, RigidSpec};
 pub use stops::{Stop, Stops};
+pub use stored::Stored;
 pub use unilateral::Touch;
 pub use velocity::{Velocity, VelocitySpec};
 
-use crate::dynamics::{ArmAt, Model};
+use crate::dynamics::Model;
 use crate::scalar::{Kernel, Real};
 
 /// Power into a plant: its sum is the rate of the stored energy.
@@ -196,14 +198,5 @@ impl PlantSpec {
 
     fn friction(&self) -> bool {
         matches!(self, PlantSpec::Rigid(RigidSpec { friction: true, .. }))
-    }
-
-    /// The energy stored at `x`, whose `q` is where `links` stand, the wall's spring included; zero for a plant without dynamics.
-    pub fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
-        match self {
-            PlantSpec::Rigid(plant) => plant.energy(links, x),
-            PlantSpec::Elastic(plant) => plant.energy(links, x),
-            PlantSpec::Velocity(_) => 0.0,
-        }
     }
 }

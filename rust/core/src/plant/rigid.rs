@@ -4,7 +4,7 @@ use super::contact::LaneWall;
 use super::stops::{LaneStops, Stops};
 use super::{Plant, Power, Touch, Wall};
 use crate::dynamics::energy::friction_torque;
-use crate::dynamics::{AnyArm, ArmAt, Dynamics, Model, Workspace};
+use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::scalar::Real;
 use crate::spatial::V3;
 
@@ -21,17 +21,6 @@ impl RigidSpec {
     pub fn new(model: Model) -> Self {
         RigidSpec { model, friction: false, wall: None, stops: None }
     }
-
-    pub(super) fn energy(&self, links: &mut ArmAt, x: &[f64]) -> f64 {
-        link_energy(links, self.wall.as_ref(), self.stops.as_ref(), x.split_at(self.model.n()))
-    }
-}
-
-/// Kinetic and potential energy of the links, which are at `q`, and of the springs of wall and stops.
-pub(super) fn link_energy(links: &mut ArmAt, wall: Option<&Wall>, stops: Option<&Stops>, (q, v): (&[f64], &[f64])) -> f64 {
-    let (kinetic, potential) = links.energy(&v[..q.len()]);
-    let pressed = wall.map_or(0.0, |wall| wall.energy(links.jacobian(wall.frame).0.0));
-    kinetic + potential + pressed + stops.map_or(0.0, |stops| stops.energy(q))
 }
 
 /// The links of a plant, and what pushes them from outside.

@@ -60,7 +60,7 @@ impl Stops {
 
     /// Energy in the springs.
     pub fn energy(&self, q: &[f64]) -> f64 {
-        self.all().map(|stop| stored(self.stiffness[stop.joint], stop.depth(self.limit(stop), q[stop.joint], 0.0).0)).sum()
+        LaneStops::new(|_| self).energy(q)
     }
 }
 
@@ -81,6 +81,12 @@ impl<S: Real> LaneStops<S> {
 
     pub fn len(&self) -> usize {
         self.stops.len()
+    }
+
+    /// Energy in the springs.
+    pub fn energy(&self, q: &[S]) -> S {
+        let of = |&(stop, limit, stiffness, _): &(Stop, S, S, S)| stored(stiffness, stop.depth(limit, q[stop.joint], S::zero()).0);
+        self.stops.iter().map(of).fold(S::zero(), |sum, part| sum + part)
     }
 
     /// Add the torques to `effort`; returns the power lost. `held` says of each stop how it is held, where it is.

@@ -80,7 +80,7 @@ pub fn require_spring(stiffness: f64, damping: f64) -> Result<()> {
 }
 
 /// Energy in the spring.
-pub fn stored(stiffness: f64, depth: f64) -> f64 {
-    let depth = depth.max(0.0);
-    0.5 * stiffness * depth * depth
+pub fn stored<S: Real>(stiffness: S, depth: S) -> S {
+    let depth = depth.max(S::zero());
+    S::splat(0.5) * stiffness * depth * depth
 }

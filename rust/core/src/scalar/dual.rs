@@ -6,46 +6,46 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A value and its derivative along the chosen direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Dual {
-    pub value: f64,
-    pub rate: f64,
+pub struct Dual<S: Real = f64> {
+    pub value: S,
+    pub rate: S,
 }
 
-impl Dual {
+impl<S: Real> Dual<S> {
     #[inline(always)]
-    pub fn new(value: f64, rate: f64) -> Self {
+    pub fn new(value: S, rate: S) -> Self {
         Dual { value, rate }
     }
-
-    #[inline(always)]
-    fn chain(self, value: f64, slope: f64) -> Self {
-        // Zero rates stay zero where the slope is infinite, as a derivative along nothing must.
-        Dual { value, rate: if self.rate == 0.0 { 0.0 } else { slope * self.rate } }
-    }
 }
 
-impl Add for Dual {
+/// `along` where `rate` is not zero: zero rates stay zero where a slope is infinite, as a derivative along nothing must.
+#[inline(always)]
+fn unless_still<S: Real>(rate: S, along: S) -> S {
+    S::select(rate.lt(S::zero()), along, S::select(S::zero().lt(rate), along, rate))
+}
+
+impl<S: Real> Add for Dual<S> {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
         Dual::new(self.value + o.value, self.rate + o.rate)
     }
 }
-impl Sub for Dual {
+impl<S: Real> Sub for Dual<S> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
         Dual::new(self.value - o.value, self.rate - o.rate)
     }
 }
-impl Mul for Dual {
+impl<S: Real> Mul for Dual<S> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
         Dual::new(self.value * o.value, self.rate * o.value + self.value * o.rate)
     }
 }
-impl Div for Dual {
+impl<S: Real> Div for Dual<S> {
     type Output = Self;
     #[inline(always)]
     fn div(self, o: Self) -> Self {
@@ -53,48 +53,52 @@ impl Div for Dual {
         Dual::new(value, (self.rate - value * o.rate) / o.value)
     }
 }
-impl Neg for Dual {
+impl<S: Real> Neg for Dual<S> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
         Dual::new(-self.value, -self.rate)
     }
 }
-impl AddAssign for Dual {
+impl<S: Real> AddAssign for Dual<S> {
     #[inline(always)]
     fn add_assign(&mut self, o: Self) {
         *self = *self + o;
     }
 }
-impl SubAssign for Dual {
+impl<S: Real> SubAssign for Dual<S> {
     #[inline(always)]
     fn sub_assign(&mut self, o: Self) {
         *self = *self - o;
     }
 }
-impl MulAssign for Dual {
+impl<S: Real> MulAssign for Dual<S> {
     #[inline(always)]
     fn mul_assign(&mut self, o: Self) {
         *self = *self * o;
     }
 }
 
-impl Real for Dual {
-    type Mask = bool;
+impl<S: Real> Real for Dual<S> {
+    type Mask = S::Mask;
     type One = Self;
-    const LANES: usize = 1;
+    const LANES: usize = S::LANES;
 
     #[inline(always)]
     fn splat(x: f64) -> Self {
-        Dual::new(x, 0.0)
+        Dual::new(S::splat(x), S::zero())
     }
     #[inline(always)]
-    fn from_lanes(mut f: impl FnMut(usize) -> f64) -> Self {
-        Dual::splat(f(0))
+    fn from_lanes(f: impl FnMut(usize) -> f64) -> Self {
+        Dual::new(S::from_lanes(f), S::zero())
     }
     #[inline(always)]
-    fn lane(self, _: usize) -> f64 {
-        self.value
+    fn parameter(f: impl FnMut(usize) -> f64) -> Self {
+        Dual::new(S::parameter(f), S::zero())
+    }
+    #[inline(always)]
+    fn lane(self, i: usize) -> f64 {
+        self.value.lane(i)
     }
     #[inline(always)]
     fn mul_add(self, b: Self, c: Self) -> Self {
@@ -111,49 +115,49 @@ impl Real for Dual {
     #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
-        self.chain(root, 0.5 / root)
+        Dual::new(root, unless_still(self.rate, S::splat(0.5) / root * self.rate))
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        if self.value < 0.0 { -self } else { self }
+        Self::select(self.value.lt(S::zero()), -self, self)
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        if self.value < other.value { other } else { self }
+        Self::select(self.lt(other), other, self)
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        if other.value < self.value { other } else { self }
+        Self::select(other.lt(self), other, self)
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        let (s, c) = Real::sin_cos(self.value);
-        (self.chain(s, c), self.chain(c, -s))
+        let (s, c) = self.value.sin_cos();
+        (Dual::new(s, c * self.rate), Dual::new(c, -s * self.rate))
     }
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
         let length = x.value * x.value + self.value * self.value;
         let rate = x.value * self.rate - self.value * x.rate;
-        Dual::new(Real::atan2(self.value, x.value), if rate == 0.0 { 0.0 } else { rate / length })
+        Dual::new(self.value.atan2(x.value), unless_still(rate, rate / length))
     }
     #[inline(always)]
-    fn lt(self, other: Self) -> bool {
-        self.value < other.value
+    fn lt(self, other: Self) -> S::Mask {
+        self.value.lt(other.value)
     }
     #[inline(always)]
-    fn select(mask: bool, yes: Self, no: Self) -> Self {
-        if mask { yes } else { no }
+    fn select(mask: S::Mask, yes: Self, no: Self) -> Self {
+        Dual::new(S::select(mask, yes.value, no.value), S::select(mask, yes.rate, no.rate))
     }
     #[inline(always)]
-    fn any(mask: bool) -> bool {
-        mask
+    fn any(mask: S::Mask) -> bool {
+        S::any(mask)
     }
     #[inline(always)]
-    fn all(mask: bool) -> bool {
-        mask
+    fn all(mask: S::Mask) -> bool {
+        S::all(mask)
     }
     #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run()
+        S::enter(kernel)
     }
 }

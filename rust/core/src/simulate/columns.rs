@@ -13,12 +13,12 @@ pub struct Columns {
 }
 
 /// The parts of one record.
-pub struct Parts<'a> {
-    pub q: &'a [f64],
-    pub v: &'a [f64],
-    pub theta: &'a [f64],
-    pub theta_dot: &'a [f64],
-    pub z: &'a [f64],
+pub struct Parts<'a, S> {
+    pub q: &'a [S],
+    pub v: &'a [S],
+    pub theta: &'a [S],
+    pub theta_dot: &'a [S],
+    pub z: &'a [S],
 }
 
 impl Columns {
@@ -33,7 +33,7 @@ impl Columns {
     }
 
     /// The parts of a state `x = [plant, z, ..]` under the input `tau`, which is the velocity where it is commanded.
-    pub fn split<'a>(&self, x: &'a [f64], tau: &'a [f64]) -> Parts<'a> {
+    pub fn split<'a, S>(&self, x: &'a [S], tau: &'a [S]) -> Parts<'a, S> {
         let (n, states, motors) = (self.n, self.kind.states(self.n), self.motors());
         Parts {
             q: &x[..n],

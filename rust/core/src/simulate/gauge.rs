@@ -31,6 +31,15 @@ pub struct Identities<S> {
     pub quadratures: [S; 2],
 }
 
+/// Whether the kept numbers hold the values of the first record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// They do: this is a later record.
+    Known,
+    /// The number of records says whether they do.
+    Asked,
+}
+
 pub struct Gauge<S: Real> {
     pub plan: Plan,
     settle: S,
@@ -63,14 +72,14 @@ impl<S: Real> Gauge<S> {
     }
 
     /// Add a record to what is `kept`; `h`: the time to the next one, zero after the last.
-    pub fn add(&mut self, seen: &Seen<S>, h: S, kept: &mut [S]) {
+    pub fn add(&mut self, seen: &Seen<S>, h: S, start: Start, kept: &mut [S]) {
         let weight = kept[self.plan.places.since] + h;
         let count = kept[self.plan.places.count];
         self.add_errors(seen, weight, count, kept);
         self.add_distances(seen, weight, kept);
         self.add_effort(seen, weight, kept);
         if self.plan.energy {
-            self.add_identities(&seen.identities, count, kept);
+            self.add_identities(&seen.identities, count, start, kept);
         }
         kept[self.plan.places.since] = h;
         kept[self.plan.places.count] = count + S::splat(1.0);
@@ -169,12 +178,14 @@ impl<S: Real> Gauge<S> {
         kept[places.beyond] += time;
     }
 
-    fn add_identities(&self, seen: &Identities<S>, count: S, kept: &mut [S]) {
+    fn add_identities(&self, seen: &Identities<S>, count: S, start: Start, kept: &mut [S]) {
         let places = &self.plan.places;
         let (zero, one) = (S::zero(), S::splat(1.0));
         let [dissipated, put_in] = seen.quadratures;
         let first = |place: usize, value: S, kept: &mut [S]| {
-            kept[place] = S::select(count.lt(one), value, kept[place]);
+            if start == Start::Asked {
+                kept[place] = S::select(count.lt(one), value, kept[place]);
+            }
             kept[place]
         };
         let mut violations = kept[places.violations];

@@ -1,6 +1,7 @@
 //! What a recording of a loop depends on, so that a known structure is told without recording: plants and laws have the same shape,
 //! and the numbers of the set-up have zeros and ones in the same places.
 
+use super::measures::{Plan, same_aims};
 use super::problem::{Method, Problem};
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
@@ -17,6 +18,8 @@ pub struct Key {
     monitors: bool,
     tau_max: Option<Vec<f64>>,
     force_frame: Option<usize>,
+    /// What programs sum up.
+    plan: Option<Plan>,
     common: Common,
 }
 
@@ -29,11 +32,21 @@ pub struct Common {
     pub shared: bool,
     /// The energy watched is the law's own storage function.
     pub storage: bool,
+    /// The programs sum runs up, with the positions of frames or without.
+    pub sums: bool,
+    pub aims: bool,
 }
 
 impl Common {
     pub fn of(problem: &Problem, lanes: bool) -> Self {
-        Common { lanes, shared: problem.shares_exogenous(), storage: problem.watches_storage() }
+        let sums = problem.sums_in_programs();
+        Common { lanes, shared: problem.shares_exogenous(), storage: problem.watches_storage(), sums, aims: sums && same_aims(problem) }
+    }
+
+    /// What the programs of run `run` sum up.
+    pub fn plan(&self, problem: &Problem, run: usize) -> Option<Plan> {
+        let measures = problem.measures.as_ref().filter(|_| self.sums)?;
+        Plan::of(problem, run, measures, self.aims).ok()
     }
 }
 
@@ -48,6 +61,7 @@ impl Key {
             monitors: o.monitors,
             tau_max: o.tau_max.clone(),
             force_frame: problem.force_frame(),
+            plan: common.plan(problem, run),
             common,
         }
     }
@@ -60,6 +74,10 @@ impl Key {
             && self.plant.same_shape(plant)
             && self.plant.wall() == plant.wall()
             && self.law.same_shape(problem.law(run))
+            && match (&self.plan, common.plan(problem, run)) {
+                (Some(plan), Some(other)) => plan.same_shape(&other),
+                (plan, other) => plan.is_none() && other.is_none(),
+            }
     }
 
     /// Whether it is worth its memory.

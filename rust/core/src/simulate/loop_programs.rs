@@ -13,6 +13,18 @@ pub struct Tracing {
     /// The cuts of the step, before each stage, and the next state with whether it stands.
     pub cuts: Vec<Cut>,
     pub next: Vec<u32>,
+    /// Entries that the step is made of.
+    pub end: u32,
+    /// What sums the run up, recorded behind them.
+    pub sums: Option<Summing>,
+}
+
+/// The numbers kept after a record.
+pub struct Summing {
+    /// For the input in the frame, and the first record as any other.
+    pub alone: Vec<u32>,
+    /// For the input that acts in the step, of later records.
+    pub along: Vec<u32>,
 }
 
 /// The programs of one structure.
@@ -20,6 +32,9 @@ pub struct Programs {
     /// From the state and the input at the first instant to the law's input and rate.
     law: Program,
     step: Step,
+    /// From the state, the first instant, the input and `h` to the numbers kept; and a whole step that begins with this.
+    sums: Option<Program>,
+    summing_step: Option<Program>,
 }
 
 /// From the state, the inputs and `h` to the next state.
@@ -41,7 +56,7 @@ impl Programs {
             Step::Whole(program) => (std::slice::from_ref(program), None),
             Step::Stages { segments, rates, .. } => (segments.as_slice(), Some(rates)),
         };
-        parts.iter().chain(rates).chain([&self.law])
+        parts.iter().chain(rates).chain([&self.law]).chain(&self.sums).chain(&self.summing_step)
     }
 
     /// Slots of a frame that they run on.
@@ -62,6 +77,19 @@ impl Programs {
     /// The law's input and rate at the state and input of the frame.
     pub fn answer(&self, frame: &mut Frame) {
         self.law.run(frame);
+    }
+
+    /// The numbers kept, from the state, the first instant, the input and `h` of the frame.
+    pub fn sum_up(&self, frame: &mut Frame) {
+        if let Some(sums) = &self.sums {
+            sums.run(frame);
+        }
+    }
+
+    /// The program that repeats whole steps along a stream of inputs, each begun by summing up where the state carries sums; `None` for
+    /// a loop whose step is in parts.
+    pub fn repeated(&self) -> Option<&Program> {
+        self.summing_step.as_ref().or(self.whole())
     }
 
     /// The program that repeats whole steps along a stream of inputs; `None` for a loop whose step is in parts.
@@ -91,7 +119,8 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Progr
     let mut cuts = tracing.cuts;
     let (next, stands) = tracing.next.split_at(layout.states);
     let outputs = [to(layout.state(), next), to(layout.stands(), stands)].concat();
-    cuts.push(Cut { end: ops.len() as u32, outputs });
+    let whole = outputs.clone();
+    cuts.push(Cut { end: tracing.end, outputs });
     let (places, mut free) = segments::join(ops, &mut cuts, layout.slots() as u32);
     let width = layout.exogenous() as u32;
     let stream = Stream {
@@ -119,5 +148,14 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Progr
         }
         None => Step::Whole(segments.remove(0)),
     };
-    Programs { law, step }
+    let mut sums = None;
+    let mut summing_step = None;
+    if let Some(Summing { alone, along }) = tracing.sums {
+        sums = Some(program(0, &to(layout.kept(), &alone), &none, None));
+        if let Step::Whole(_) = step {
+            let outputs = [whole, to(layout.kept(), &along[..layout.lasting])].concat();
+            summing_step = Some(program(0, &outputs, &none, Some(stream)));
+        }
+    }
+    Programs { law, step, sums, summing_step }
 }

@@ -112,8 +112,16 @@ impl Plan {
         (0..problem.plants.len().max(problem.laws.len())).map(|run| Plan::of(problem, run, measures, aims)).collect()
     }
 
-    /// What is measured of run `run` of a problem; `aims`: the law's tasks are.
-    fn of(problem: &Problem, run: usize, measures: &Measures, aims: bool) -> Result<Self> {
+    /// Whether both measure the same, apart from numbers.
+    pub fn same_shape(&self, other: &Plan) -> bool {
+        self.places == other.places
+            && std::mem::discriminant(&self.wanted) == std::mem::discriminant(&other.wanted)
+            && (&self.aims, self.frame, self.lyapunov) == (&other.aims, other.frame, other.lyapunov)
+            && (&self.units, &self.bounds, self.velocity) == (&other.units, &other.bounds, other.velocity)
+    }
+
+    /// What is measured of run `run` of a problem; `aims`: the law's tasks are, see [`same_aims`].
+    pub fn of(problem: &Problem, run: usize, measures: &Measures, aims: bool) -> Result<Self> {
         let (plant, law) = (problem.plant(run), problem.law(run));
         let n = plant.n();
         finite("settle", &[measures.settle])?;
@@ -218,7 +226,7 @@ impl Plan {
 }
 
 /// Whether all laws have as many tasks of frames, and all arms frames.
-fn same_aims(problem: &Problem) -> bool {
+pub fn same_aims(problem: &Problem) -> bool {
     let count = problem.law(0).aims().len();
     problem.laws.iter().all(|law| law.aims().len() == count) && problem.plants.iter().all(|plant| matches!(plant.model(), Model::Tree(_)))
 }

@@ -4,7 +4,7 @@
 //! and hand over what they kept.
 
 use super::columns::Columns;
-use super::gauge::{Gauge, Identities, Seen};
+use super::gauge::{Gauge, Identities, Seen, Start};
 use super::measures::Plan;
 use super::monitors::Monitor;
 use super::problem::Problem;
@@ -77,7 +77,7 @@ impl<'a> Measuring<'a> {
         let parts = self.columns.split(&self.x, &self.tau);
         let seen = Seen { desired: &self.desired, q: parts.q, v: parts.v, tau: &self.tau, identities };
         let outside = plan.places.outside;
-        self.gauge.add(&seen, t - self.t, &mut self.kept);
+        self.gauge.add(&seen, t - self.t, Start::Asked, &mut self.kept);
         if self.count == 1 {
             self.settled = Some(self.t);
         }

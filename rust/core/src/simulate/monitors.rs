@@ -6,16 +6,13 @@
 //!
 //! A law of elastic joints adds `max |tau_J - u|`, and with its own storage function the passivity at the port: what flowed
 //! in there less what is stored, `int F.x_dot - (E(t) - E(0))`, never negative in a passive loop.
-//!
-//! `M`, `a` and `E` are those of the true plant; `dM/dt` comes from dual numbers, so that it does not share
-//! its formula with `C`.
 
 use super::elastic_monitor::TorqueError;
-use crate::dynamics::ArmAt;
-use crate::law::{AdaptiveSpec, Law, LawSpec, PriorityAcceleration, PriorityVelocity};
+use super::gauge::Identities;
+use super::identities::Theory;
+use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity};
 use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
-use crate::scalar::Dual;
 
 /// The energy of a rigid plant, then norms of the error and of the residual of each level of priority.
 const ENERGY_AND_LEVELS: [&str; 19] = [
@@ -58,21 +55,12 @@ pub fn names(law: &LawSpec, storage: bool) -> &'static [&'static str] {
 
 /// What the monitors of one run need besides the record.
 pub struct Monitor<'a> {
-    plant: &'a PlantSpec,
     law: &'a LawSpec,
     storage: bool,
+    theory: Theory<f64>,
     torque: Option<TorqueError>,
-    arm: ArmAt,
-    /// The same arm as it moves.
-    moving: ArmAt<Dual>,
-    gamma_factor: Vec<f64>,
-    /// The plant's parameters, as far as they are estimated.
-    truth: Vec<f64>,
-    moving_q: Vec<Dual>,
-    moving_m: Vec<Dual>,
-    /// `M`, then `C`.
-    square: Vec<f64>,
     desired: Vec<f64>,
+    states: usize,
     levels: Option<Levels>,
     /// `E` and `V1` at the first record, each with its integral there.
     start: Option<[f64; 2]>,
@@ -81,30 +69,13 @@ pub struct Monitor<'a> {
 impl<'a> Monitor<'a> {
     /// `storage`: the energy watched is the law's own.
     pub fn new(plant: &'a PlantSpec, law: &'a LawSpec, storage: bool) -> Self {
-        let n = plant.n();
-        let truth = plant.model().parameters();
-        let truth = match law {
-            LawSpec::Adaptive(AdaptiveSpec { base: Some(base), .. }) => base.project(&truth),
-            _ => truth,
-        };
-        let gamma_factor = match law {
-            LawSpec::Adaptive(law) => law.adaptation.factor(),
-            _ => Vec::new(),
-        };
-        let moving_q = vec![Dual::default(); n];
         Monitor {
-            plant,
             law,
             storage,
+            theory: Theory::new(|_| plant, |_| law, storage),
             torque: TorqueError::new(plant, law),
-            arm: plant.model().at(&vec![0.0; n]),
-            moving: plant.model().at(&moving_q),
-            truth,
-            gamma_factor,
-            moving_q,
-            moving_m: vec![Dual::default(); n * n],
-            square: vec![0.0; n * n],
-            desired: vec![0.0; 3 * n],
+            desired: law.desired(0.0),
+            states: plant.states(),
             levels: Levels::of(law),
             start: None,
         }
@@ -115,29 +86,24 @@ impl<'a> Monitor<'a> {
         if out.is_empty() {
             return;
         }
-        let n = self.moving_q.len();
-        self.arm.move_to(&x[..n]);
+        let plant = &x[..self.states];
+        let arm = &mut self.theory.arm;
+        arm.move_to(&x[..arm.trig().len()]);
         let (out, of_levels) = out.split_at_mut(out.len() - self.levels.as_ref().map_or(0, |levels| levels.monitors(out.len())));
         if let Some(levels) = &mut self.levels {
-            levels.evaluate(t, self.arm.trig(), &x[..self.plant.states()], of_levels);
+            levels.evaluate(t, arm.trig(), plant, of_levels);
         }
         if out.is_empty() {
             return;
         }
-        let (q, v) = (&x[..n], &x[n..2 * n]);
-        let (plant, quadratures) = (&x[..self.plant.states()], &x[x.len() - 2..]);
-        let stored = if self.storage { self.law.storage(t, &mut self.arm, plant, self.plant) } else { None };
-        let energy = stored.unwrap_or_else(|| self.plant.energy(&mut self.arm, plant));
-        let lyapunov = match self.law {
-            LawSpec::Adaptive(law) => self.lyapunov(law, t, q, v, &x[2 * n..x.len() - 2]),
-            _ => 0.0,
-        };
+        sample_all(self.law.motions(), t, &mut self.desired);
+        let Identities { skewness, energy, lyapunov, quadratures } = self.theory.identities(&self.desired, x);
         let start = *self.start.get_or_insert([energy - quadratures[1], lyapunov + quadratures[0]]);
-        out[0] = self.skewness(q, v);
+        out[0] = skewness;
         out[1] = energy;
         out[2] = energy - quadratures[1] - start[0];
         if let Some(torque) = &mut self.torque {
-            out[3] = torque.evaluate(t, self.arm.trig(), plant);
+            out[3] = torque.evaluate(t, self.theory.arm.trig(), plant);
             if self.storage {
                 out[4] = quadratures[0] + quadratures[1] + start[0] - energy;
             }
@@ -145,38 +111,6 @@ impl<'a> Monitor<'a> {
             out[3] = lyapunov;
             out[4] = start[1] - lyapunov - quadratures[0];
         }
-    }
-
-    /// The largest entry of `N + N'`, `N = dM/dt - 2 C`.
-    fn skewness(&mut self, q: &[f64], v: &[f64]) -> f64 {
-        let n = q.len();
-        for i in 0..n {
-            self.moving_q[i] = Dual::new(q[i], v[i]);
-        }
-        self.moving.move_to(&self.moving_q);
-        self.moving.mass_matrix(&mut self.moving_m);
-        self.arm.coriolis_matrix(v, &mut self.square);
-        let entry = |i: usize, j: usize| self.moving_m[n * i + j].rate - 2.0 * self.square[n * i + j];
-        let mut worst = 0.0f64;
-        for i in 0..n {
-            for j in 0..n {
-                let sum = (entry(i, j) + entry(j, i)).abs();
-                // `max` would swallow a NaN.
-                worst = if sum <= worst { worst } else { sum };
-            }
-        }
-        worst
-    }
-
-    fn lyapunov(&mut self, law: &AdaptiveSpec, t: f64, q: &[f64], v: &[f64], estimate: &[f64]) -> f64 {
-        let n = q.len();
-        law.motion.sample(t, &mut self.desired);
-        let e: Vec<f64> = (0..n).map(|i| self.desired[i] - q[i]).collect();
-        let lambda_e = law.lambda.times(&e);
-        let s: Vec<f64> = (0..n).map(|i| self.desired[n + i] - v[i] + lambda_e[i]).collect();
-        self.arm.mass_matrix(&mut self.square);
-        let kinetic: f64 = (0..n).map(|i| s[i] * (0..n).map(|j| self.square[n * i + j] * s[j]).sum::<f64>()).sum();
-        0.5 * kinetic + law.adaptation.lyapunov(&self.gamma_factor, &self.truth, estimate)
     }
 }
 

@@ -73,8 +73,8 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             tau: answer.0.clone(),
             dz: answer.1.clone(),
             acting: answer,
-            seen: vec![S::zero(); recorded.layout.states],
-            redo: Redo::new([recorded.layout.states, n, p]),
+            seen: vec![S::zero(); recorded.layout.carried()],
+            redo: Redo::new(&recorded.layout),
             recorded,
             world,
             table,
@@ -196,6 +196,22 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
     }
     fn rhs(&mut self, _: &Exogenous<S>, _: &[S], _: &mut [S]) {
         unreachable!("a recorded loop advances by whole steps")
+    }
+    fn sum_up(&mut self, t: f64, h: f64, x: &mut [S]) {
+        let recorded = self.recorded.clone();
+        let layout = &recorded.layout;
+        if self.held {
+            self.world.sample(t, &mut self.now);
+            write_instant(&mut self.frames, layout, layout.instant(0), &self.now);
+            write(&mut self.frames, layout.state(), x);
+        } else {
+            self.observe(t, x);
+        }
+        for frame in &mut self.frames {
+            frame.fill(layout.step(), h);
+            recorded.programs.sum_up(frame);
+        }
+        read(&self.frames, layout.kept(), &mut x[layout.states..]);
     }
     fn held(&self) -> Option<(&[S], &[S])> {
         self.held.then_some((&self.tau, &self.dz))

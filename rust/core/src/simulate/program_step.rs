@@ -4,7 +4,7 @@
 use super::program_loop::{ProgramLoop, write_instant};
 use super::recorded::{Layout, Recorded};
 use super::world::{Exogenous, World};
-use crate::integrate::FixedStep;
+use crate::integrate::{FixedStep, System};
 use crate::interrupt::look;
 use crate::scalar::Real;
 use crate::trace::Frame;
@@ -123,7 +123,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
 
     fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
         let recorded = system.recorded.clone();
-        let Some(program) = recorded.programs.whole() else { return false };
+        let Some(program) = recorded.programs.repeated() else { return false };
         let (table, mut done) = (system.table, 0);
         let most = if table.is_some() && system.redo.is_empty() { count } else { TURNS };
         while done < count {
@@ -145,7 +145,9 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
                 x.copy_from_slice(system.redo.before());
                 self.restart();
                 for step in from..from + turns {
-                    self.step(system, step as f64 * h, h, (step + 1) as f64 * h, x);
+                    let t = step as f64 * h;
+                    system.sum_up(t, h, x);
+                    self.step(system, t, h, (step + 1) as f64 * h, x);
                 }
             }
             done += turns;

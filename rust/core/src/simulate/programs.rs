@@ -136,7 +136,12 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let method = ProgramStep::new(&closed);
         let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
         let group = General { problem, division, first, stop, sink: &mut chosen, asked: None, rates: None };
-        let Ended::Fixed(found) = group.fixed(fixed, &mut closed, start::<S>(problem, row), method) else {
+        let summing = structures.common.sums.then(|| Fixed { schedule: fixed.schedule.summing_up(), hold: fixed.hold });
+        let mut x = start::<S>(problem, row);
+        if summing.is_some() {
+            x.append(&mut kept(problem, structures.common, row));
+        }
+        let Ended::Fixed(found) = group.fixed(summing.as_ref().unwrap_or(fixed), &mut closed, x, method) else {
             unreachable!("steps are fixed")
         };
         faults.interrupted |= found.interrupted;
@@ -153,6 +158,12 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         }
     }
     Ended::Fixed(faults)
+}
+
+/// The sums of the runs `run(lane)` before their first record.
+fn kept<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize) -> Vec<S> {
+    let lanes: Vec<Vec<f64>> = (0..S::LANES).map(|lane| common.plan(problem, run(lane)).map_or_else(Vec::new, |plan| plan.start())).collect();
+    (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()
 }
 
 /// Run `run`, lane `lane` of a group, without a program.

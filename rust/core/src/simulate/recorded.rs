@@ -1,7 +1,7 @@
 //! A closed loop, recorded: one step of its method, its rates and its law alone, once per structure.
 //!
 //! The frame of its programs holds, slot after slot: the numbers of the run's set-up (parameters, gains, targets, limits), the
-//! exogenous input at each instant of the step, the state, which a step replaces by the next one, the step `h`, the input and the rate
+//! exogenous input at each instant of the step, the state with the sums that it carries, which a step replaces by the next one, the step `h`, the input and the rate
 //! of the law, what the parts of a step hand to one another, and the largest angle that was turned by. Rows with the same structure, that
 //! is the same zeros and ones among their numbers, share the programs.
 //!
@@ -12,8 +12,10 @@ use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::general::assemble;
 use super::key::{Common, Key};
-use super::loop_programs::{self, Programs, Tracing};
+use super::gauge::Start;
+use super::loop_programs::{self, Programs, Summing, Tracing};
 use super::problem::{Method, Problem};
+use super::sums::Sums;
 use super::world::Exogenous;
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
 use crate::linalg::Pairs;
@@ -38,6 +40,9 @@ pub struct Layout {
     /// The instants of a step at which the exogenous input is taken, as parts of the step.
     pub instants: &'static [f64],
     pub states: usize,
+    /// Numbers that sum the run up, which a state carries behind it; how many of them every step needs.
+    pub kept: usize,
+    pub lasting: usize,
     pub inputs: usize,
     /// Numbers of the law's answer beside its input.
     pub answer: usize,
@@ -56,8 +61,15 @@ impl Layout {
     pub fn state(&self) -> usize {
         self.instant(self.instants.len())
     }
-    pub fn step(&self) -> usize {
+    pub fn kept(&self) -> usize {
         self.state() + self.states
+    }
+    pub fn step(&self) -> usize {
+        self.kept() + self.kept
+    }
+    /// Numbers of a state with those that it carries.
+    pub fn carried(&self) -> usize {
+        self.states + self.kept
     }
     pub fn tau(&self) -> usize {
         self.step() + 1
@@ -139,10 +151,15 @@ pub fn is_recordable(problem: &Problem) -> bool {
 /// The numbers of the set-up of run `run`.
 pub fn given(problem: &Problem, run: usize, common: Common) -> Given {
     sym::begin();
-    let closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
-    drop(closed);
+    drop(set_up(problem, run, common));
     let recording = sym::finish();
     Given { values: recording.values, structure: recording.structure }
+}
+
+/// The loop of run `run`, and what sums it up.
+fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, Option<Sums<Sym>>) {
+    let closed = assemble(problem, |_| run, common.storage);
+    (closed, common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.storage)))
 }
 
 /// A structure that was seen, and what was recorded of it; `tag` tells recordings of one loop apart.
@@ -199,8 +216,9 @@ pub fn of_run(problem: &Problem, run: usize, common: Common, given: &Given) -> A
 /// Record the loop of run `run`.
 fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     sym::begin();
-    let closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
+    let (closed, sums) = set_up(problem, run, common);
     let given = sym::end_set_up();
+    let (kept, lasting) = sums.as_ref().map_or((0, 0), Sums::sizes);
     let method = problem.options.method;
     let instants = match method {
         Method::Rk4 => <Rk4<Vec<Sym>, Exogenous<Sym>> as Advance<Sym, RecordedLoop, Vec<Sym>>>::INSTANTS,
@@ -212,13 +230,15 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
         wrench: if problem.forces.is_empty() { 0 } else { 6 },
         instants,
         states: closed.size(),
+        kept,
+        lasting,
         inputs: closed.tau.len(),
         answer: closed.law_rate().len(),
         guards: usize::from(problem.law(run).is_guarded()),
         all_inputs: 0,
         shared: common.shared,
     };
-    let tracing = trace(closed, method, &layout)?;
+    let tracing = trace(closed, sums, method, &layout)?;
     layout.all_inputs = sym::recorded().1 as usize;
     let recording = sym::finish();
     if recording.failed {
@@ -235,7 +255,7 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
 }
 
 /// Record the law, the rates and the step; `None` for a method that is not recorded.
-fn trace(closed: ClosedLoop<Sym>, method: Method, layout: &Layout) -> Option<Tracing> {
+fn trace(closed: ClosedLoop<Sym>, sums: Option<Sums<Sym>>, method: Method, layout: &Layout) -> Option<Tracing> {
     let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
     let instant = || {
         let (desired, mut wrench) = (inputs(layout.desired), [Sym::zero(); 6]);
@@ -243,7 +263,7 @@ fn trace(closed: ClosedLoop<Sym>, method: Method, layout: &Layout) -> Option<Tra
         Exogenous { t: 0.0, desired, wrench }
     };
     let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| instant()).collect();
-    let (x, h) = (inputs(layout.states), sym::input());
+    let (x, kept, h) = (inputs(layout.states), inputs(layout.kept), sym::input());
     let (tau, dz) = (inputs(layout.inputs), inputs(layout.answer));
     let stood = inputs(layout.guards);
     let (stage, stage_input) = (inputs(layout.states), instant());
@@ -253,9 +273,12 @@ fn trace(closed: ClosedLoop<Sym>, method: Method, layout: &Layout) -> Option<Tra
     closed.closed.answer(&u[0], &x);
     let mut law: Vec<Sym> = closed.closed.tau.iter().chain(closed.closed.law_rate()).copied().collect();
     law.extend(stood.iter().map(|_| closed.closed.stands));
+    let mut acting = closed.closed.tau.clone();
     if closed.closed.held().is_some() {
         closed.closed.hold_input(&tau, &dz);
+        acting.clone_from(&tau);
     }
+    let (here, desired) = (x.clone(), u[0].desired.clone());
     let before = sym::recorded().0;
     closed.closed.stands = Sym::splat(1.0);
     closed.rhs(&stage_input, &stage, &mut rates[..layout.states]);
@@ -274,8 +297,17 @@ fn trace(closed: ClosedLoop<Sym>, method: Method, layout: &Layout) -> Option<Tra
         Method::Ros2 | Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4 => return None,
     };
     let entries = |values: Vec<Sym>| values.into_iter().map(Sym::index).collect();
+    let end = sym::recorded().0;
+    let sums = sums.map(|mut sums| {
+        let mut sum_up = |tau: &[Sym], start: Start| {
+            let mut kept = kept.clone();
+            sums.add(&desired, &here, tau, h, start, &mut kept);
+            entries(kept)
+        };
+        Summing { alone: sum_up(&tau, Start::Asked), along: sum_up(&acting, Start::Known) }
+    });
     let rates = cuts.is_some().then(|| entries(rates));
-    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next })
+    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next, end, sums })
 }
 
 /// The entries of the next state and of whether it stands, and the cuts of a step in parts.

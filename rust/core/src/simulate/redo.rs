@@ -7,6 +7,7 @@ use super::closed_loop::ClosedLoop;
 use super::general::assemble;
 use super::problem::{Method, Problem};
 use super::program_loop::{MOST_LANES, ProgramLoop};
+use super::recorded::Layout;
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit};
 use crate::scalar::{Real, Task, run_scalar};
 
@@ -97,10 +98,10 @@ pub struct Redo<'a, S> {
 }
 
 impl<S: Real> Redo<'_, S> {
-    /// Nothing yet, for so many states, inputs and states of the law.
-    pub fn new([states, n, p]: [usize; 3]) -> Self {
-        let row = (vec![0.0; states], vec![0.0; n], vec![0.0; p]);
-        Redo { direct: Vec::new(), before: vec![S::zero(); states], reach: [0.0; MOST_LANES], row }
+    /// Nothing yet.
+    pub fn new(layout: &Layout) -> Self {
+        let row = (vec![0.0; layout.states], vec![0.0; layout.inputs], vec![0.0; layout.answer]);
+        Redo { direct: Vec::new(), before: vec![S::zero(); layout.carried()], reach: [0.0; MOST_LANES], row }
     }
 
     pub fn is_empty(&self) -> bool {

@@ -90,7 +90,8 @@ pub(super) struct Tape {
 }
 
 impl Tape {
-    /// An empty tape: entry 0 is the constant zero.
+    /// An empty tape: entries 0 to 2 are the constants 0, 1 and -1, so that a number of the set-up that is one of them never has the entry
+    /// that an input would have.
     pub fn new() -> Self {
         let mut tape = Tape {
             ops: Vec::new(),
@@ -102,7 +103,9 @@ impl Tape {
             set_up: true,
             failed: false,
         };
-        tape.push(Op::Const(0));
+        for x in [0.0, 1.0, -1.0] {
+            tape.constant(x);
+        }
         tape
     }
 

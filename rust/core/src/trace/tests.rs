@@ -248,3 +248,18 @@ fn code_that_looks_at_a_value_fails_the_recording() {
     assert_eq!(Sym::splat(2.0).lane(0), 2.0);
     assert!(!sym::finish().failed);
 }
+
+#[test]
+fn a_number_of_the_set_up_that_is_one_has_another_structure_than_an_input() {
+    let structure = |values: [f64; 3]| {
+        sym::begin();
+        for x in values {
+            Sym::from_lanes(|_| x);
+        }
+        sym::finish().structure
+    };
+    assert_eq!(structure([2.5, 3.5, 4.5]), structure([-2.5, 7.0, 0.5]));
+    for special in [0.0, 1.0, -1.0] {
+        assert_ne!(structure([2.5, 3.5, 4.5]), structure([2.5, special, 4.5]), "{special}");
+    }
+}

@@ -1,0 +1,130 @@
+//! The Lyapunov function of the adaptive laws, with the true parameters `a` of the plant:
+//!
+//! `V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2`, or `s' M s / 2 + sum d(P || P_hat) / gamma` in the natural metric.
+
+use super::{Adaptation, AdaptiveSpec, LawSpec};
+use crate::dynamics::{ArmAt, Model};
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::scalar::Real;
+use crate::spatial::PARAMETERS;
+use crate::spatial::pseudo_inertia::divergence;
+
+/// How far an estimate is from the truth.
+enum Metric<S> {
+    /// The diagonal of `Gamma`.
+    Diagonal(Vec<S>),
+    /// `Gamma^-1`.
+    Full(AnyGain<S>),
+    /// `gamma` of each body.
+    Natural(Vec<S>),
+}
+
+/// The Lyapunov functions of the laws of the lanes.
+pub struct Lyapunov<S: Real> {
+    lambda: AnyGain<S>,
+    metric: Metric<S>,
+    /// The plant's parameters, as far as they are estimated.
+    truth: Vec<S>,
+    e: Vec<S>,
+    s: Vec<S>,
+    mass: Vec<S>,
+    error: Vec<S>,
+}
+
+impl<S: Real> Lyapunov<S> {
+    /// For the laws `of(lane)`, of one shape, of plants with the arms `plant(lane)`; `None` for laws that adapt nothing.
+    pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a Model) -> Option<Self> {
+        let LawSpec::Adaptive(own) = of(0) else { return None };
+        let law = |lane: usize| if let LawSpec::Adaptive(law) = of(lane) { law } else { own };
+        let each = |get: &dyn Fn(usize) -> Vec<f64>| -> Vec<S> {
+            let lanes: Vec<Vec<f64>> = (0..S::LANES).map(get).collect();
+            (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()
+        };
+        let metric = match &own.adaptation {
+            Adaptation::Euclidean(_) => {
+                let gammas: Vec<&Gain> = (0..S::LANES).filter_map(|lane| euclidean(law(lane))).collect();
+                if gammas.iter().all(|gamma| gamma.is_diagonal()) {
+                    Metric::Diagonal(each(&|lane| (0..gammas[lane].n()).map(|i| gammas[lane].at(i, i)).collect()))
+                } else {
+                    let inverses: Vec<Gain> = gammas.iter().map(|gamma| gamma.inverse()).collect();
+                    Metric::Full(AnyGain::from_lanes(|lane| &inverses[lane]))
+                }
+            }
+            Adaptation::Natural(_) => Metric::Natural(each(&|lane| match &law(lane).adaptation {
+                Adaptation::Natural(gamma) => gamma.clone(),
+                Adaptation::Euclidean(_) => Vec::new(),
+            })),
+        };
+        let truth = each(&|lane| {
+            let parameters = plant(lane).parameters();
+            law(lane).base.as_ref().map_or(parameters.clone(), |base| base.project(&parameters))
+        });
+        let n = own.model.n();
+        let zeros = |k: usize| vec![S::zero(); k];
+        Some(Lyapunov {
+            lambda: AnyGain::from_lanes(|lane| &law(lane).lambda),
+            metric,
+            e: zeros(n),
+            s: zeros(n),
+            mass: zeros(n * n),
+            error: zeros(truth.len()),
+            truth,
+        })
+    }
+
+    /// `V1` under the desired motion at `q`, where `links` stand, `v` and the estimate.
+    pub fn value(&mut self, desired: &[S], links: &mut ArmAt<S>, q: &[S], v: &[S], estimate: &[S]) -> S {
+        let n = self.e.len();
+        for i in 0..n {
+            self.e[i] = desired[i] - q[i];
+        }
+        self.lambda.multiply(&self.e, &mut self.s);
+        for i in 0..n {
+            self.s[i] = desired[n + i] - v[i] + self.s[i];
+        }
+        links.mass_matrix(&mut self.mass);
+        let mut kinetic = S::zero();
+        for i in 0..n {
+            let mut row = S::zero();
+            for j in 0..n {
+                row += self.mass[n * i + j] * self.s[j];
+            }
+            kinetic += self.s[i] * row;
+        }
+        for (error, (&a, &a_hat)) in self.error.iter_mut().zip(self.truth.iter().zip(estimate)) {
+            *error = a - a_hat;
+        }
+        let half = S::splat(0.5);
+        half * kinetic
+            + match &self.metric {
+                Metric::Diagonal(gamma) => {
+                    let mut sum = S::zero();
+                    for (&error, &gamma) in self.error.iter().zip(gamma) {
+                        sum += error * (error / gamma);
+                    }
+                    half * sum
+                }
+                Metric::Full(inverse) => half * inverse.quadratic(&self.error),
+                Metric::Natural(gamma) => S::from_lanes(|lane| natural(gamma, &self.truth, estimate, lane)),
+            }
+    }
+}
+
+/// `Gamma`; `None` in the natural metric.
+fn euclidean(law: &AdaptiveSpec) -> Option<&Gain> {
+    if let Adaptation::Euclidean(gamma) = &law.adaptation { Some(gamma) } else { None }
+}
+
+/// The divergence of the bodies of one lane: by a logarithm, which no program has.
+fn natural<S: Real>(gamma: &[S], truth: &[S], estimate: &[S], lane: usize) -> f64 {
+    let ((truth, _), (estimate, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());
+    let of = |body: &[S; PARAMETERS]| body.map(|x| x.lane(lane));
+    truth.iter().zip(estimate).zip(gamma).map(|((pi, pi_hat), gamma)| divergence(&of(pi), &of(pi_hat)) / gamma.lane(lane)).sum()
+}
+
+impl LawSpec {
+    /// Whether the law's Lyapunov function can be recorded.
+    pub fn has_recordable_lyapunov(&self) -> bool {
+        !matches!(self, LawSpec::Adaptive(AdaptiveSpec { adaptation: Adaptation::Natural(_), .. }))
+    }
+}

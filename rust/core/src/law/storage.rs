@@ -1,0 +1,55 @@
+//! The storage function of Cartesian impedance through elastic joints, whose springs and motors are those that the law believes in:
+//!
+//! `E = v' M v / 2 + (theta - q)' K_J (theta - q) / 2 + theta_dot' B0 theta_dot / 2 + e' K_m e / 2`, and the springs of wall and stops.
+
+use super::elastic_impedance::ElasticImpedanceSpec;
+use super::LawSpec;
+use crate::dynamics::ArmAt;
+use crate::kinematics::Coordinates;
+use crate::linalg::gain::{AnyGain, Multiply};
+use crate::plant::Stored;
+use crate::scalar::Real;
+
+/// The storage functions of the laws of the lanes.
+pub struct Storage<S: Real> {
+    coordinates: Coordinates,
+    stiffness: AnyGain<S>,
+    joint_stiffness: AnyGain<S>,
+    reduced_inertia: AnyGain<S>,
+    stretch: Vec<S>,
+    error: Vec<S>,
+    jacobian: Vec<S>,
+}
+
+impl<S: Real> Storage<S> {
+    /// For the laws `of(lane)`, of one shape; `None` for laws without a storage function of their own.
+    pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec) -> Option<Self> {
+        let LawSpec::ElasticImpedance(own) = of(0) else { return None };
+        let law = |lane: usize| -> &'a ElasticImpedanceSpec { if let LawSpec::ElasticImpedance(law) = of(lane) { law } else { own } };
+        let (n, m) = (own.outer.model.n(), own.outer.coordinates.m());
+        Some(Storage {
+            coordinates: own.outer.coordinates.clone(),
+            stiffness: AnyGain::from_lanes(|lane| &law(lane).outer.stiffness),
+            joint_stiffness: AnyGain::from_lanes(|lane| &law(lane).inner.joint_stiffness),
+            reduced_inertia: AnyGain::from_lanes(|lane| &law(lane).inner.reduced_inertia),
+            stretch: vec![S::zero(); n],
+            error: vec![S::zero(); m],
+            jacobian: vec![S::zero(); m * n],
+        })
+    }
+
+    /// `E` under the desired motions at plant state `x`, whose `q` is where `links` stand.
+    pub fn energy(&mut self, desired: &[S], links: &mut ArmAt<S>, plant: &Stored<S>, x: &[S]) -> S {
+        let n = self.stretch.len();
+        let target = &desired[..self.error.len()];
+        links.error_and_jacobian(&self.coordinates, target, &mut self.error, &mut self.jacobian);
+        let (kinetic, _) = links.energy(&x[n..2 * n]);
+        for (i, stretch) in self.stretch.iter_mut().enumerate() {
+            *stretch = x[2 * n + i] - x[i];
+        }
+        let half = S::splat(0.5);
+        let inner = half * (self.joint_stiffness.quadratic(&self.stretch) + self.reduced_inertia.quadratic(&x[3 * n..4 * n]));
+        let (wall, stops) = plant.contacts(links, x);
+        kinetic + inner + half * self.stiffness.quadratic(&self.error) + wall + stops
+    }
+}

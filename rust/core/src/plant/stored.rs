@@ -1,0 +1,68 @@
+//! The energy stored in a plant: `E = v' M v / 2 + U(q)`, with `(theta - q)' K (theta - q) / 2 + theta_dot' B theta_dot / 2` of elastic
+//! joints and motors, and the springs of wall and stops.
+
+use super::PlantSpec;
+use super::contact::LaneWall;
+use super::stops::LaneStops;
+use crate::dynamics::ArmAt;
+use crate::linalg::gain::{AnyGain, Multiply};
+use crate::scalar::Real;
+
+/// Elastic joints and their motors.
+struct Springs<S: Real> {
+    stiffness: AnyGain<S>,
+    motor_inertia: AnyGain<S>,
+    stretch: Vec<S>,
+}
+
+/// What the plants of the lanes store.
+pub struct Stored<S: Real> {
+    n: usize,
+    wall: Option<LaneWall<S>>,
+    stops: Option<LaneStops<S>>,
+    springs: Option<Springs<S>>,
+}
+
+impl<S: Real> Stored<S> {
+    /// For the plants `of(lane)`, of one shape.
+    pub fn new<'a>(of: impl Fn(usize) -> &'a PlantSpec) -> Self {
+        let first = of(0);
+        let springs = match first {
+            PlantSpec::Elastic(own) => {
+                let elastic = |lane: usize| if let PlantSpec::Elastic(plant) = of(lane) { plant } else { own };
+                Some(Springs {
+                    stiffness: AnyGain::from_lanes(|lane| &elastic(lane).stiffness),
+                    motor_inertia: AnyGain::from_lanes(|lane| &elastic(lane).motor_inertia),
+                    stretch: vec![S::zero(); own.model.n()],
+                })
+            }
+            PlantSpec::Rigid(_) | PlantSpec::Velocity(_) => None,
+        };
+        Stored {
+            n: first.n(),
+            wall: first.wall().map(|own| LaneWall::new(|lane| of(lane).wall().unwrap_or(own))),
+            stops: first.stops().map(|own| LaneStops::new(|lane| of(lane).stops().unwrap_or(own))),
+            springs,
+        }
+    }
+
+    /// The energy at plant state `x`, whose `q` is where `links` stand.
+    pub fn energy(&mut self, links: &mut ArmAt<S>, x: &[S]) -> S {
+        let n = self.n;
+        let (kinetic, potential) = links.energy(&x[n..2 * n]);
+        let (wall, stops) = self.contacts(links, x);
+        let energy = kinetic + potential + wall + stops;
+        let Some(Springs { stiffness, motor_inertia, stretch }) = &mut self.springs else { return energy };
+        for (i, stretch) in stretch.iter_mut().enumerate() {
+            *stretch = x[2 * n + i] - x[i];
+        }
+        let half = S::splat(0.5);
+        energy + half * stiffness.quadratic(stretch) + half * motor_inertia.quadratic(&x[3 * n..4 * n])
+    }
+
+    /// The energies of wall and stops.
+    pub fn contacts(&self, links: &mut ArmAt<S>, x: &[S]) -> (S, S) {
+        let wall = self.wall.as_ref().map_or(S::zero(), |wall| wall.energy(links.position(wall.frame)));
+        (wall, self.stops.as_ref().map_or(S::zero(), |stops| stops.energy(&x[..self.n])))
+    }
+}

@@ -1,0 +1,80 @@
+//! The quantities that theory makes promises about, at one state: `N + N'` with `N = dM/dt - 2 C`, the energy `E` stored in the plant or
+//! in the law's own storage function, and the Lyapunov function `V1`.
+//!
+//! `M`, `a` and `E` are those of the true plant; `dM/dt` comes from dual numbers, so that it does not share its formula with `C`.
+
+use super::gauge::Identities;
+use crate::dynamics::ArmAt;
+use crate::law::{LawSpec, Lyapunov, Storage};
+use crate::plant::{PlantSpec, Stored};
+use crate::scalar::{Dual, Real};
+
+/// What the identities of runs need, of one run or of several side by side.
+pub struct Theory<S: Real> {
+    states: usize,
+    pub arm: ArmAt<S>,
+    /// The same arm as it moves.
+    moving: ArmAt<Dual<S>>,
+    moving_q: Vec<Dual<S>>,
+    moving_m: Vec<Dual<S>>,
+    coriolis: Vec<S>,
+    stored: Stored<S>,
+    storage: Option<Storage<S>>,
+    lyapunov: Option<Lyapunov<S>>,
+}
+
+impl<S: Real> Theory<S> {
+    /// For the plants and laws of the lanes, of one shape each; `storage`: the energy watched is the law's own.
+    pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec, storage: bool) -> Self {
+        let n = plant(0).n();
+        Theory {
+            states: plant(0).states(),
+            arm: ArmAt::of_lanes(|lane| plant(lane).model()),
+            moving: ArmAt::of_lanes(|lane| plant(lane).model()),
+            moving_q: vec![Dual::default(); n],
+            moving_m: vec![Dual::default(); n * n],
+            coriolis: vec![S::zero(); n * n],
+            stored: Stored::new(&plant),
+            storage: if storage { Storage::new(&law) } else { None },
+            lyapunov: Lyapunov::new(&law, |lane| plant(lane).model()),
+        }
+    }
+
+    /// At state `x = [plant, z, int s' Kd s, int P]`, with the arm moved to its `q`.
+    pub fn identities(&mut self, desired: &[S], x: &[S]) -> Identities<S> {
+        let n = self.moving_q.len();
+        let (plant, rest) = x.split_at(self.states);
+        let (z, quadratures) = rest.split_at(rest.len() - 2);
+        let (q, v) = (&plant[..n], &plant[n..2 * n]);
+        let energy = match &mut self.storage {
+            Some(storage) => storage.energy(desired, &mut self.arm, &self.stored, plant),
+            None => self.stored.energy(&mut self.arm, plant),
+        };
+        let lyapunov = match &mut self.lyapunov {
+            Some(lyapunov) => lyapunov.value(desired, &mut self.arm, q, v, z),
+            None => S::zero(),
+        };
+        Identities { skewness: self.skewness(q, v), energy, lyapunov, quadratures: [quadratures[0], quadratures[1]] }
+    }
+
+    /// The largest entry of `N + N'`.
+    fn skewness(&mut self, q: &[S], v: &[S]) -> S {
+        let n = q.len();
+        for i in 0..n {
+            self.moving_q[i] = Dual::new(q[i], v[i]);
+        }
+        self.moving.move_to(&self.moving_q);
+        self.moving.mass_matrix(&mut self.moving_m);
+        self.arm.coriolis_matrix(v, &mut self.coriolis);
+        let entry = |i: usize, j: usize| self.moving_m[n * i + j].rate - S::splat(2.0) * self.coriolis[n * i + j];
+        let mut worst = S::zero();
+        for i in 0..n {
+            for j in i..n {
+                let sum = (entry(i, j) + entry(j, i)).abs();
+                // `max` would hide a sum that is no number.
+                worst = S::select(sum.lt(worst), worst, sum);
+            }
+        }
+        worst
+    }
+}

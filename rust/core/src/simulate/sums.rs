@@ -1,0 +1,51 @@
+//! The sums of a run as operations on its state: what the measuring adds at a record, for the recording of a loop.
+
+use super::columns::Columns;
+use super::gauge::{Gauge, Identities, Seen, Start};
+use super::identities::Theory;
+use super::measures::Plan;
+use super::problem::Problem;
+use super::schedule::Times;
+use crate::scalar::Real;
+
+/// What sums a run up, of one run or of several side by side.
+pub struct Sums<S: Real> {
+    columns: Columns,
+    gauge: Gauge<S>,
+    theory: Option<Theory<S>>,
+}
+
+impl Problem<'_> {
+    /// Whether the programs of its loops can sum runs up: at every step, without logarithms.
+    pub fn sums_in_programs(&self) -> bool {
+        let recordable = || !self.options.monitors || self.laws.iter().all(|law| law.has_recordable_lyapunov());
+        self.measures.is_some() && self.options.times == Times::Every(1) && recordable()
+    }
+}
+
+impl<S: Real> Sums<S> {
+    /// For the run `run` of a problem, which is measured by `plan`.
+    pub fn new(problem: &Problem, run: usize, plan: &Plan, storage: bool) -> Self {
+        let (plant, law) = (problem.plant(run), problem.law(run));
+        Sums {
+            columns: Columns::of(problem),
+            gauge: Gauge::new(|_| plan, |_| plant.model()),
+            theory: plan.energy.then(|| Theory::new(|_| plant, |_| law, storage)),
+        }
+    }
+
+    /// Numbers that are kept, and how many of them every record needs.
+    pub fn sizes(&self) -> (usize, usize) {
+        (self.gauge.plan.places.all, self.gauge.plan.places.lasting)
+    }
+
+    /// Add the state `x` under the desired motions and the input `tau`; `h`: the time to the next one.
+    pub fn add(&mut self, desired: &[S], x: &[S], tau: &[S], h: S, start: Start, kept: &mut [S]) {
+        let parts = self.columns.split(x, tau);
+        let identities = self.theory.as_mut().map_or_else(Identities::default, |theory| {
+            theory.arm.move_to(parts.q);
+            theory.identities(desired, x)
+        });
+        self.gauge.add(&Seen { desired, q: parts.q, v: parts.v, tau, identities }, h, start, kept);
+    }
+}
