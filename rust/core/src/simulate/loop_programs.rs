@@ -32,9 +32,10 @@ pub struct Programs {
     /// From the state and the input at the first instant to the law's input and rate.
     law: Program,
     step: Step,
-    /// From the state, the first instant, the input and `h` to the numbers kept; and a whole step that begins with this.
+    /// From the state, the first instant, the input and `h` to the numbers kept.
     sums: Option<Program>,
-    summing_step: Option<Program>,
+    /// The same with the law's input of later records: a whole step that begins so, or this alone where a step is in parts.
+    along: Option<Program>,
 }
 
 /// From the state, the inputs and `h` to the next state.
@@ -56,7 +57,7 @@ impl Programs {
             Step::Whole(program) => (std::slice::from_ref(program), None),
             Step::Stages { segments, rates, .. } => (segments.as_slice(), Some(rates)),
         };
-        parts.iter().chain(rates).chain([&self.law]).chain(&self.sums).chain(&self.summing_step)
+        parts.iter().chain(rates).chain([&self.law]).chain(&self.sums).chain(&self.along)
     }
 
     /// Slots of a frame that they run on.
@@ -89,12 +90,21 @@ impl Programs {
     /// The program that repeats whole steps along a stream of inputs, each begun by summing up where the state carries sums; `None` for
     /// a loop whose step is in parts.
     pub fn repeated(&self) -> Option<&Program> {
-        self.summing_step.as_ref().or(self.whole())
+        let whole = self.whole()?;
+        Some(self.along.as_ref().unwrap_or(whole))
     }
 
     /// The program that repeats whole steps along a stream of inputs; `None` for a loop whose step is in parts.
     pub fn whole(&self) -> Option<&Program> {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
+    }
+
+    /// The state after one step in parts, begun by summing up where the state carries sums.
+    pub fn advance_along(&self, frame: &mut Frame) {
+        if let Some(along) = &self.along {
+            along.run(frame);
+        }
+        self.advance(frame);
     }
 
     /// The state after one step in parts, from the state, inputs and `h` of the frame.
@@ -148,14 +158,14 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool) -> Progr
         }
         None => Step::Whole(segments.remove(0)),
     };
-    let mut sums = None;
-    let mut summing_step = None;
-    if let Some(Summing { alone, along }) = tracing.sums {
-        sums = Some(program(0, &to(layout.kept(), &alone), &none, None));
-        if let Step::Whole(_) = step {
-            let outputs = [whole, to(layout.kept(), &along[..layout.lasting])].concat();
-            summing_step = Some(program(0, &outputs, &none, Some(stream)));
-        }
+    let (mut sums, mut along) = (None, None);
+    if let Some(summing) = tracing.sums {
+        sums = Some(program(0, &to(layout.kept(), &summing.alone), &none, None));
+        let kept = to(layout.kept(), &summing.along[..layout.lasting]);
+        along = Some(match step {
+            Step::Whole(_) => program(0, &[whole, kept].concat(), &none, Some(stream)),
+            Step::Stages { .. } => program(0, &kept, &none, None),
+        });
     }
-    Programs { law, step, sums, summing_step }
+    Programs { law, step, sums, along }
 }

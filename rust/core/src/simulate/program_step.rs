@@ -79,14 +79,40 @@ impl<S: Real> ProgramStep<S> {
         &self.streams[k.min(self.streams.len() - 1)]
     }
 
-    /// The instants of the first step to where the parts of a step read them.
-    fn place(&self, layout: &Layout, frame: &mut Frame, k: usize) {
+    /// The instants of the step `turn` to where the parts of a step read them.
+    fn place(&self, layout: &Layout, frame: &mut Frame, k: usize, turn: usize) {
         let stream = self.stream(k);
+        let first = turn * layout.new_instants() * layout.exogenous();
         for slot in 0..layout.instants.len() * layout.exogenous() {
-            let from = &stream.numbers()[slot * stream.lanes()..][..stream.lanes()];
+            let from = &stream.numbers()[(first + slot) * stream.lanes()..][..stream.lanes()];
             let to = frame.slot_mut(layout.instant(0) + slot);
             if layout.shared { to.fill(from[0]) } else { to.copy_from_slice(from) }
         }
+    }
+}
+
+impl<S: Real> ProgramStep<S> {
+    /// As `stride`, of steps in parts: the state stays in the frames. Steps that a program may decline are taken one by one.
+    fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) -> bool {
+        if !system.redo.is_empty() {
+            return false;
+        }
+        let recorded = system.recorded.clone();
+        let layout = &recorded.layout;
+        for from in (first..first + count).step_by(TURNS) {
+            let turns = TURNS.min(first + count - from);
+            for turn in 0..turns {
+                let (t, end) = ((from + turn) as f64 * h, (from + turn + 1) as f64 * h);
+                self.fill(layout, &mut system.world, turn, t, h, end);
+            }
+            system.advance(h, x, |frame, k| {
+                for turn in 0..turns {
+                    self.place(layout, frame, k, turn);
+                    recorded.programs.advance_along(frame);
+                }
+            });
+        }
+        true
     }
 }
 
@@ -114,7 +140,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
         system.advance(h, x, |frame, k| match recorded.programs.whole() {
             Some(program) => program.run_along(frame, self.stream(k).numbers(), 1),
             None => {
-                self.place(layout, frame, k);
+                self.place(layout, frame, k, 0);
                 recorded.programs.advance(frame);
             }
         });
@@ -123,7 +149,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
 
     fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
         let recorded = system.recorded.clone();
-        let Some(program) = recorded.programs.repeated() else { return false };
+        let Some(program) = recorded.programs.repeated() else { return self.stride_in_parts(system, first, count, h, x) };
         let (table, mut done) = (system.table, 0);
         let most = if table.is_some() && system.redo.is_empty() { count } else { TURNS };
         while done < count {
