@@ -2,8 +2,8 @@
 //!
 //! `E = v' M v / 2 + (theta - q)' K_J (theta - q) / 2 + theta_dot' B0 theta_dot / 2 + e' K_m e / 2`, and the springs of wall and stops.
 
-use super::elastic_impedance::ElasticImpedanceSpec;
 use super::LawSpec;
+use super::elastic_impedance::ElasticImpedanceSpec;
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
 use crate::linalg::gain::{AnyGain, Multiply};

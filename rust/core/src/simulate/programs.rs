@@ -162,7 +162,8 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
 
 /// The sums of the runs `run(lane)` before their first record.
 fn kept<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize) -> Vec<S> {
-    let lanes: Vec<Vec<f64>> = (0..S::LANES).map(|lane| common.plan(problem, run(lane)).map_or_else(Vec::new, |plan| plan.start())).collect();
+    let lanes: Vec<Vec<f64>> =
+        (0..S::LANES).map(|lane| common.plan(problem, run(lane)).map_or_else(Vec::new, |plan| plan.start())).collect();
     (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()
 }
 

@@ -10,9 +10,9 @@
 
 use super::closed_loop::ClosedLoop;
 use super::force::Force;
+use super::gauge::Start;
 use super::general::assemble;
 use super::key::{Common, Key};
-use super::gauge::Start;
 use super::loop_programs::{self, Programs, Summing, Tracing};
 use super::problem::{Method, Problem};
 use super::sums::Sums;
