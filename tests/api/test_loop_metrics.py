@@ -182,7 +182,9 @@ def test_references_frames_and_rows_that_fail() -> None:
     np.testing.assert_array_equal(well.metrics()["error_rms"][[0, 1, 3, 4]], found.metrics()["error_rms"][[0, 1, 3, 4]])
 
 
-@pytest.mark.parametrize("case", ["adaptive PR", "six axes", "priority of accelerations", "priority at a singularity", "elastic tracking", "sampled", "ros2"])
+@pytest.mark.parametrize(
+    "case", ["adaptive PR", "six axes", "priority of accelerations", "priority at a singularity", "elastic tracking", "sampled", "ros2"]
+)
 @pytest.mark.filterwarnings("ignore")
 def test_bits_depend_on_the_run_alone(case: str) -> None:
     plant, law, options = CASES[case]()
