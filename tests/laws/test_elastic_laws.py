@@ -94,9 +94,10 @@ def test_the_energy_balances(case: str) -> None:
     assert np.abs(run.monitors["energy_balance"]).max() <= share * energy.max()
 
 
-def test_the_plants_energy_where_the_law_does_not_know_the_plant() -> None:
+@pytest.mark.parametrize("friction", [[0.0, 0.0], [2.0, 1.5]])
+def test_the_plants_energy_where_the_law_does_not_know_the_plant(friction: list[float]) -> None:
     """Another stiffness than the law believes in: the balance watched is that of the plant's own energy."""
-    plant = al.ElasticArm(PLANAR, 0.9 * K_J, B, joint_damping=[0.5, 0.5])
+    plant = al.ElasticArm(PLANAR, 0.9 * K_J, B, joint_damping=[0.5, 0.5], motor_friction=friction)
     run = al.simulate(plant, impedance([0.5, 0.55]), [0.3, 1.2], t_end=0.5, t_eval=[0.0, 0.2, 0.5], force=[15.0, -5.0], **TIGHT)
     assert set(run.monitors) == {"skewness", "energy", "energy_balance", "torque_error"}
     assert run.tau is not None and run.theta_dot is not None

@@ -39,6 +39,16 @@ def test_adaptive_methods_keep_their_tolerance(method: str) -> None:
     assert errors[0] < 1e-4 and errors[1] < 1e-7 and errors[1] < 0.05 * errors[0], errors
 
 
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "rodas4"])
+def test_a_jump_changes_nothing_before_it(method: str) -> None:
+    """A step ends at a jump of the force, and its last stages are taken there: they see the force before the jump."""
+    after = [[5.0, 0.0, 0.0], [-500.0, 900.0, 0.0]]
+    options: dict[str, Any] = {"method": method, "force_frame": "link2", "t_eval": [0.3, 0.4, 0.5, 0.6]}
+    runs = [run(force=[(0.0, [5.0, 0.0, 0.0]), (0.5, force)], **options) for force in after]
+    np.testing.assert_array_equal(runs[0].q[:3], runs[1].q[:3])
+    assert not np.array_equal(runs[0].q[3], runs[1].q[3])
+
+
 @pytest.mark.parametrize("method", ["rk4", "ros2", "dopri5", "radau5", "rodas4"])
 def test_all_methods_make_the_same_sampled_run(method: str) -> None:
     options = {"sample_time": 1e-2, "t_eval": [0.5, 1.0]}
