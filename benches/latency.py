@@ -20,7 +20,9 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
 import timing
 from latency_cases import CASES, COMMON
 from reporting import write_figures

@@ -100,6 +100,16 @@ def test_a_bug_is_put_in_once_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> 
         with pytest.raises(ValueError, match="expected the text once, got"):
             mutants.insert(source, "a + b", "a - b", 7, "crate", False)
     listed = mutants.mutants()
+    # The list follows the sources.
+    rust = TOOLS.parent / "rust"
+    assert [bug["what"] for bug in listed if (rust / bug["file"]).read_text().count(bug["text"]) != 1] == []
     assert len(listed) >= 40 and all({"file", "text", "bug", "what", "tests"} <= set(bug) for bug in listed)
     assert len({bug["what"] for bug in listed}) == len(listed)
     assert {bug["file"].split("/")[0] for bug in listed} == {"core", "py"}
+
+
+def test_the_measurement_of_latency_starts_as_make_starts_it() -> None:
+    """Under `python -P` a script's folder is not where its neighbours are found."""
+    script = TOOLS.parent / "benches" / "latency.py"
+    done = subprocess.run([sys.executable, "-P", str(script), "--help"], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and "--trials" in done.stdout, done.stderr[-2000:]

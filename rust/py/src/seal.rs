@@ -13,6 +13,8 @@ use pyo3::types::{PyBytes, PyDict, PyMemoryView, PySlice, PyTuple};
 /// What `__reduce__` returns: `_restore` and the payload.
 pub type Sealed<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
 
+/// Bytes that are handled between two moments in which other threads get the interpreter.
+const PIECE: usize = 1 << 20;
 /// Bytes of the digest.
 const DIGEST: usize = 32;
 /// Every Python that armlet supports reads it, so that all versions write the same bytes.
@@ -23,10 +25,13 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     let py = make.py();
     let keywords = keywords.unwrap_or_else(|| PyDict::new(py));
     let body = py.import("pickle")?.call_method1("dumps", ((make, arguments, keywords), PROTOCOL))?.cast_into::<PyBytes>()?;
-    let digest = digest(&body)?;
+    let digest = digest(&view(&body, 0, body.as_bytes().len())?, body.as_bytes().len())?;
     let payload = PyBytes::new_with(py, DIGEST + body.as_bytes().len(), |payload| {
         payload[..DIGEST].copy_from_slice(digest.as_bytes());
-        payload[DIGEST..].copy_from_slice(body.as_bytes());
+        for (to, from) in payload[DIGEST..].chunks_mut(PIECE).zip(body.as_bytes().chunks(PIECE)) {
+            to.copy_from_slice(from);
+            pause(py)?;
+        }
         Ok(())
     })?;
     Ok((py.import("armlet._core")?.getattr("_restore")?, (payload,)))
@@ -50,13 +55,17 @@ pub fn seal_call<'py>(py: Python<'py>, function: &str, arguments: Bound<'py, PyT
     seal(&py.import("armlet._core")?.getattr(function)?, arguments, None)
 }
 
+/// The bytes from `first` to `last`, in place.
+fn view<'py>(bytes: &Bound<'py, PyAny>, first: usize, last: usize) -> PyResult<Bound<'py, PyAny>> {
+    PyMemoryView::from(bytes)?.get_item(PySlice::new(bytes.py(), first as isize, last as isize, 1))
+}
+
 /// Of a megabyte at a time: `hashlib` does not look for signals.
-fn digest<'py>(body: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>> {
-    const PIECE: usize = 1 << 20;
+fn digest<'py>(body: &Bound<'py, PyAny>, length: usize) -> PyResult<Bound<'py, PyBytes>> {
     let py = body.py();
-    let (hash, view) = (py.import("hashlib")?.call_method0("sha256")?, PyMemoryView::from(body)?);
-    for first in (0..body.as_bytes().len()).step_by(PIECE) {
-        hash.call_method1("update", (view.get_item(PySlice::new(py, first as isize, (first + PIECE) as isize, 1))?,))?;
+    let hash = py.import("hashlib")?.call_method0("sha256")?;
+    for first in (0..length).step_by(PIECE) {
+        hash.call_method1("update", (view(body, first, (first + PIECE).min(length))?,))?;
         pause(py)?;
     }
     Ok(hash.call_method0("digest")?.cast_into::<PyBytes>()?)
@@ -68,10 +77,11 @@ fn digest<'py>(body: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>> {
 pub fn _restore<'py>(payload: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = payload.py();
     let damaged = || format_error(py, "unpickle: the stored object is damaged: its checksum does not match");
-    let payload = payload.cast::<PyBytes>().map_err(|_| damaged())?.as_bytes();
-    let Some((stored, body)) = payload.split_at_checked(DIGEST) else { return Err(damaged()) };
-    let body = PyBytes::new(py, body);
-    if digest(&body)?.as_bytes() != stored {
+    let bytes = payload.cast::<PyBytes>().map_err(|_| damaged())?.as_bytes();
+    let Some((stored, body)) = bytes.split_at_checked(DIGEST) else { return Err(damaged()) };
+    let length = body.len();
+    let body = view(payload, DIGEST, bytes.len())?;
+    if digest(&body, length)?.as_bytes() != stored {
         return Err(damaged());
     }
     let made = (|| {
