@@ -60,6 +60,7 @@ from .priority import diagnose_priority as diagnose_priority
 from .priority import solve_priority as solve_priority
 from .priority import velocity_bounds as velocity_bounds
 from .simulation import Simulator as Simulator
+from .simulation import _BatchStepper as _BatchStepper
 from .simulation import _restore_simulator as _restore_simulator
 from .simulation import build_info as build_info
 from .simulation import simulate as simulate
@@ -122,6 +123,7 @@ __all__ = [
     "TorqueOptimum",
     "VelocityArm",
     "Wall",
+    "_BatchStepper",
     "__version__",
     "_restore",
     "_restore_arm_solver",

@@ -19,7 +19,7 @@ from .._core import Arm, Plant, RigidArm, planar_arm
 from ..arguments import finite, number, shown
 from ..errors import InputError
 from ..scenario import Scenario
-from .stepping import stepper
+from .stepping import Stepper
 from .tasks import Reach, Task, Track
 
 __all__ = ["Rows"]
@@ -85,7 +85,7 @@ class Rows:
         self.high = np.concatenate([high, self.v_limit, bound])
         self.observations = Box(self.low, self.high, dtype=np.float64)
         self.actions = Box(-1.0, 1.0, (arm.n,), dtype=np.float64)
-        self.states = stepper(self.plant, rows, self.dt, self.steps)
+        self.states = Stepper(self.plant, rows, self.dt, self.steps)
         self.k = np.zeros(rows, dtype=np.int64)
         self.goal = np.zeros((rows, 0))
 

@@ -29,8 +29,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     """`num_envs` arms that are stepped at once, in lanes and threads: what `SyncVectorEnv` of that many `ArmEnv` does, faster.
 
-    Rigid arms without a wall ask for the accelerations of all rows in one call; other plants, and fewer than 32 rows, have a
-    `Simulator` each.
+    All rows are advanced in one call, as machine code made for the plant, in lanes and threads.
 
     Args:
         num_envs: how many.

@@ -3,6 +3,7 @@
 mod about;
 mod arm;
 mod arrays;
+mod batch_stepper;
 mod broadcast;
 mod elastic;
 mod errors;
@@ -74,6 +75,8 @@ mod _core {
     #[pymodule_export]
     use super::simulate::{simulate, simulate_batch};
 
+    #[pymodule_export]
+    use super::batch_stepper::_BatchStepper;
     #[pymodule_export]
     use super::simulator::{_restore_simulator, Simulator};
     #[pymodule_export]

@@ -15,7 +15,7 @@ use armlet_macros::entered;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// A closed loop stepped by hand: `step()` advances by `dt` under the law, `step(tau)` under an input of your own.
 ///
@@ -114,7 +114,11 @@ impl Simulator {
             }
             let raised = Raised::default();
             let has_law = !law.is_none();
-            let law = if has_law { law_of(NAME, law, &plant, &raised)? } else { idle(&plant) };
+            let law = if has_law {
+                law_of(NAME, law, &plant, &raised)?
+            } else {
+                LawSpec::External(ExternalSpec::idle(plant.model(), plant.kind()))
+            };
             let given = Keywords { function: NAME, keywords };
             if !has_law {
                 // Nobody is asked: the clock of a law that is not there does not matter.
@@ -376,10 +380,4 @@ fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize)
     let values = vector(function, name, value, n)?;
     require_finite(value.py(), function, name, &[n], &values)?;
     Ok(values)
-}
-
-/// No law: every step is given its input.
-fn idle(plant: &PlantSpec) -> LawSpec {
-    let call = Arc::new(|_: f64, _: &[f64], _: &mut [f64]| false);
-    LawSpec::External(ExternalSpec { model: plant.model().clone(), plant: plant.kind(), call })
 }

@@ -29,6 +29,11 @@ impl PartialEq for ExternalSpec {
 }
 
 impl ExternalSpec {
+    /// No law: every input comes from elsewhere.
+    pub fn idle(model: &Model, plant: PlantKind) -> Self {
+        ExternalSpec { model: model.clone(), plant, call: Arc::new(|_, _, _| false) }
+    }
+
     /// The torque is all there is to say of it.
     pub fn terms(&self, t: f64, x: &[f64]) -> Vec<Term> {
         let mut tau = vec![0.0; self.model.n()];

@@ -3,6 +3,7 @@
 
 mod adaptive_steps;
 mod batch;
+mod batch_stepper;
 mod bound;
 mod closed_loop;
 mod columns;
@@ -46,6 +47,7 @@ mod world;
 
 pub use crate::parallel::default_threads;
 pub use batch::{BatchRuns, Keep, Metric, lanes, simulate_batch};
+pub use batch_stepper::BatchStepper;
 pub use bound::DEFAULT_STATE_LIMIT;
 pub use event::{Event, Found, Signal, What};
 pub use force::{Force, Wrench};

@@ -238,7 +238,7 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
         all_inputs: 0,
         shared: common.shared,
     };
-    let tracing = trace(closed, sums, method, &layout)?;
+    let tracing = trace(closed, sums, (method, problem.law(run).is_recordable()), &layout)?;
     layout.all_inputs = sym::recorded().1 as usize;
     let recording = sym::finish();
     if recording.failed {
@@ -254,8 +254,8 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     })
 }
 
-/// Record the law, the rates and the step; `None` for a method that is not recorded.
-fn trace(closed: ClosedLoop<Sym>, sums: Option<Sums<Sym>>, method: Method, layout: &Layout) -> Option<Tracing> {
+/// Record the law if it is `asked`, the rates and the step; `None` for a method that is not recorded.
+fn trace(closed: ClosedLoop<Sym>, sums: Option<Sums<Sym>>, (method, asked): (Method, bool), layout: &Layout) -> Option<Tracing> {
     let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
     let instant = || {
         let (desired, mut wrench) = (inputs(layout.desired), [Sym::zero(); 6]);
@@ -269,8 +269,10 @@ fn trace(closed: ClosedLoop<Sym>, sums: Option<Sums<Sym>>, method: Method, layou
     let (stage, stage_input) = (inputs(layout.states), instant());
     let mut rates = inputs(layout.states + layout.guards);
     let mut closed = RecordedLoop { closed, layout, cuts: None };
-    closed.closed.turn_to(&x);
-    closed.closed.answer(&u[0], &x);
+    if asked {
+        closed.closed.turn_to(&x);
+        closed.closed.answer(&u[0], &x);
+    }
     let mut law: Vec<Sym> = closed.closed.tau.iter().chain(closed.closed.law_rate()).copied().collect();
     law.extend(stood.iter().map(|_| closed.closed.stands));
     let mut acting = closed.closed.tau.clone();

@@ -1,0 +1,128 @@
+//! Many arms of one kind stepped by hand, side by side: each row under an input of its own that is held for some steps.
+
+use super::key::Common;
+use super::problem::{Method, Options, Problem};
+use super::recorded::{self, Recorded};
+use super::redo;
+use super::sampling::Sampling;
+use super::schedule::Times;
+use crate::error::{Result, positive};
+use crate::law::{ExternalSpec, LawSpec};
+use crate::parallel;
+use crate::plant::PlantSpec;
+use crate::scalar::trig::REDUCTION_LIMIT;
+use crate::trace::{Frame, form, rows};
+use std::sync::Arc;
+
+/// Rows that a thread takes at once. So many are done where they are asked for: to wake a thread takes as long.
+const CHUNK: usize = 64;
+
+/// What steps the rows; their states are the caller's.
+pub struct BatchStepper {
+    plant: PlantSpec,
+    law: LawSpec,
+    options: Options,
+    /// The step as a program and the numbers of its set-up; `None` where it cannot be recorded.
+    recorded: Option<(Arc<Recorded>, Vec<f64>)>,
+    lanes: usize,
+}
+
+impl BatchStepper {
+    /// For so many rows of `plant`, by steps of `dt` of the classical Runge-Kutta method.
+    pub fn new(plant: &PlantSpec, count: usize, dt: f64) -> Result<Self> {
+        positive("dt", dt)?;
+        let law = LawSpec::External(ExternalSpec::idle(plant.model(), plant.kind()));
+        let options = Options {
+            t_end: 0.0,
+            dt: Some(dt),
+            method: Method::Rk4,
+            rtol: 1e-8,
+            atol: 1e-10,
+            sampling: Some(Sampling::every(dt)),
+            times: Times::Every(1),
+            tau_max: None,
+            monitors: false,
+            state_limit: f64::INFINITY,
+        };
+        let packed = count > 1;
+        let mut made = BatchStepper { plant: plant.clone(), law, options, recorded: None, lanes: form(packed).lanes() };
+        let problem = made.problem();
+        problem.validate()?;
+        let common = Common::of(&problem, packed);
+        let given = recorded::given(&problem, 0, common);
+        let seen = recorded::of_run(&problem, 0, common, &given);
+        made.recorded = seen.recorded.clone().map(|recorded| (recorded, given.values));
+        Ok(made)
+    }
+
+    /// Numbers of a row's state.
+    pub fn states(&self) -> usize {
+        self.plant.states()
+    }
+
+    fn problem(&self) -> Problem<'_> {
+        Problem {
+            plants: vec![&self.plant],
+            laws: vec![&self.law],
+            x0: vec![0.0; self.plant.states()],
+            forces: Vec::new(),
+            force_frame: None,
+            options: self.options.clone(),
+            measures: None,
+        }
+    }
+
+    /// Advance the states `x`, `(B, states)`, by `steps` steps under `tau`, `(B, n)`; whether `poll` ended that, and some rows have been
+    /// advanced. A row that diverges is not finite.
+    pub fn advance(&self, tau: &[f64], steps: usize, threads: usize, poll: &mut dyn FnMut() -> bool, x: &mut [f64]) -> bool {
+        let (states, n) = (self.states(), self.plant.n());
+        assert!(steps > 0 && x.len() * n == tau.len() * states, "a state and an input for each row");
+        if x.len() <= CHUNK * states {
+            self.chunk(tau, steps, x);
+            return false;
+        }
+        let work = |first: usize, last: usize, x: &mut [f64]| self.chunk(&tau[first * n..last * n], steps, x);
+        parallel::rows(threads, poll, (states, CHUNK), x, work).is_err()
+    }
+
+    fn chunk(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
+        let (states, n) = (self.states(), self.plant.n());
+        let Some((recorded, values)) = &self.recorded else { return self.directly(tau, steps, x) };
+        let (layout, programs) = (&recorded.layout, &recorded.programs);
+        let mut frame = Frame::new(programs.slots(), self.lanes);
+        programs.prepare(&mut frame);
+        values.iter().enumerate().for_each(|(slot, &value)| frame.fill(slot, value));
+        frame.fill(layout.step(), self.options.grid());
+        for (x, tau) in x.chunks_mut(states * self.lanes).zip(tau.chunks(n * self.lanes)) {
+            frame.fill(layout.reach(), 0.0);
+            rows::read(&mut frame, layout.state(), x, states, 0);
+            rows::read(&mut frame, layout.tau(), tau, n, 0);
+            match programs.whole() {
+                Some(program) => program.run_along(&mut frame, &[], steps),
+                None => (0..steps).for_each(|_| programs.advance(&mut frame)),
+            }
+            if frame.slot_mut(layout.reach()).iter().all(|&reach| reach < REDUCTION_LIMIT) {
+                rows::write(&frame, layout.state(), states, x);
+                continue;
+            }
+            // The programs' sines are not made for the angles of some row.
+            for (lane, (x, tau)) in x.chunks_exact_mut(states).zip(tau.chunks_exact(n)).enumerate() {
+                if frame.slot_mut(layout.reach())[lane] < REDUCTION_LIMIT {
+                    (0..states).for_each(|k| x[k] = frame.slot_mut(layout.state() + k)[lane] + 0.0);
+                } else {
+                    self.directly(tau, steps, x);
+                }
+            }
+        }
+    }
+
+    /// Rows without a program.
+    fn directly(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
+        let (problem, h) = (self.problem(), self.options.grid());
+        let mut direct = redo::direct(&problem, 0);
+        for (x, tau) in x.chunks_exact_mut(self.states()).zip(tau.chunks_exact(self.plant.n())) {
+            (0..steps).for_each(|_| direct.step(0.0, h, h, Some((tau, &[])), x));
+            x.iter_mut().for_each(|x| *x += 0.0);
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! `_BatchStepper`: many arms of one kind under given inputs, for the environments of `armlet.gym`.
+
+use crate::arrays::{Axis, Form, count, items, number, numbers, object, owned, whole, written_array};
+use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::{long, signalled};
+use crate::plant::Plant;
+use armlet_core::memory;
+use armlet_core::parallel::default_threads;
+use armlet_core::plant::{PlantKind, PlantSpec};
+use armlet_core::simulate::BatchStepper;
+use armlet_macros::entered;
+use pyo3::prelude::*;
+
+/// Rows of states side by side, advanced together: each row under its own input, held for some steps of the classical Runge-Kutta method.
+#[pyclass(module = "armlet._core")]
+pub struct _BatchStepper {
+    stepper: BatchStepper,
+    plant: PlantSpec,
+    /// `(B, states)`
+    x: Vec<f64>,
+    /// The last inputs, `(B, n)`: the velocities of a plant that takes velocities.
+    tau: Vec<f64>,
+}
+
+const NAME: &str = "_BatchStepper";
+
+#[entered]
+#[pymethods]
+impl _BatchStepper {
+    #[new]
+    fn new(plant: &Bound<'_, PyAny>, rows: &Bound<'_, PyAny>, dt: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = plant.py();
+        entry(py, NAME, || {
+            let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
+            let (rows, dt) = (count(NAME, "rows", rows)?, number(NAME, "dt", dt)?);
+            let stepper = BatchStepper::new(&plant, rows, dt)?;
+            let room = |width: usize| -> Result<Vec<f64>, Failure> { Ok(memory::filled(rows.saturating_mul(width), 0.0)?) };
+            Ok(_BatchStepper { x: room(plant.states())?, tau: room(plant.n())?, stepper, plant })
+        })
+    }
+
+    /// Advance all rows by `steps` steps under `tau`, `(B, n)`; positions and velocities after them, `(B, n)` each. A row that diverges is
+    /// not finite.
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        tau: &Bound<'py, PyAny>,
+        steps: &Bound<'py, PyAny>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        const NAME: &str = "_BatchStepper.step";
+        entry(py, NAME, || {
+            let (n, rows) = (self.plant.n(), self.tau.len() / self.plant.n());
+            self.tau = owned(numbers(NAME, "tau", tau, &[Form(&[Axis::Is(rows), Axis::Is(n)])])?.1)?;
+            let steps = count(NAME, "steps", steps)?;
+            let Self { stepper, x, tau, .. } = self;
+            let before = x.clone();
+            let ended = long(py, || {
+                if stepper.advance(tau, steps, default_threads(), &mut signalled, x) {
+                    *x = before;
+                }
+                Ok(())
+            });
+            ended?;
+            self.read(py)
+        })
+    }
+
+    /// Put rows there: their numbers, and positions and velocities `(len(rows), n)`; positions and velocities of all rows.
+    fn put<'py>(
+        &mut self,
+        py: Python<'py>,
+        rows: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        const NAME: &str = "_BatchStepper.put";
+        entry(py, NAME, || {
+            let (n, states, all) = (self.plant.n(), self.plant.states(), self.tau.len() / self.plant.n());
+            let rows: Vec<usize> =
+                items(NAME, "rows", "a list", rows, all)?.iter().map(|row| whole(NAME, "rows", row)).collect::<Result<_, _>>()?;
+            let shape = [Axis::Is(rows.len()), Axis::Is(n)];
+            let (q, v) = (numbers(NAME, "q", q, &[Form(&shape)])?.1, numbers(NAME, "v", v, &[Form(&shape)])?.1);
+            for (k, &row) in rows.iter().enumerate() {
+                if row >= all {
+                    let problem = format!("is out of range: expected numbers below {all}, got {row} (first bad index {k})");
+                    return Err(input_error(py, NAME, "rows", problem).into());
+                }
+                let (q, v) = (&q[k * n..(k + 1) * n], &v[k * n..(k + 1) * n]);
+                let v: &[f64] = if self.plant.kind() == PlantKind::Velocity { &[] } else { v };
+                self.x[row * states..(row + 1) * states].copy_from_slice(&self.plant.initial_state(q, v, None, None));
+                self.tau[row * n..(row + 1) * n].fill(0.0);
+            }
+            self.read(py)
+        })
+    }
+
+    /// The states of all rows, `(B, states)`.
+    #[getter]
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        entry(py, NAME, || {
+            let copy = |out: &mut [f64]| -> Result<(), Failure> {
+                out.copy_from_slice(&self.x);
+                Ok(())
+            };
+            Ok(written_array(py, &[self.tau.len() / self.plant.n(), self.plant.states()], copy)?.into_any())
+        })
+    }
+
+    #[setter]
+    fn set_states(&mut self, states: &Bound<'_, PyAny>) -> PyResult<()> {
+        entry(states.py(), NAME, || {
+            let shape = [Axis::Is(self.tau.len() / self.plant.n()), Axis::Is(self.plant.states())];
+            self.x = owned(numbers(NAME, "states", states, &[Form(&shape)])?.1)?;
+            Ok(())
+        })
+    }
+}
+
+impl _BatchStepper {
+    /// Positions and velocities of all rows.
+    fn read<'py>(&self, py: Python<'py>) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Failure> {
+        let (n, states) = (self.plant.n(), self.plant.states());
+        let rows = self.tau.len() / n;
+        let column = |from: &[f64], width: usize, first: usize| {
+            written_array(py, &[rows, n], |out: &mut [f64]| -> Result<(), Failure> {
+                for (to, row) in out.chunks_exact_mut(n).zip(from.chunks_exact(width)) {
+                    to.copy_from_slice(&row[first..first + n]);
+                }
+                Ok(())
+            })
+        };
+        let v = if self.plant.kind() == PlantKind::Velocity { column(&self.tau, n, 0) } else { column(&self.x, states, n) };
+        Ok((column(&self.x, states, 0)?.into_any(), v?.into_any()))
+    }
+}
