@@ -78,6 +78,7 @@ from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, verify
 from .priority import PriorityDiagnosis, diagnose_priority
+from .programs import LoopProgram, loop_program
 from .rest_to_rest import point_to_point
 from .run import BatchRun, Run
 from .run_metrics import Metrics, metrics
@@ -123,6 +124,7 @@ __all__ = [
     "JointLimitTask",
     "JointStops",
     "Law",
+    "LoopProgram",
     "Metrics",
     "ModelError",
     "Motion",
@@ -174,6 +176,7 @@ __all__ = [
     "inverse_kinematics",
     "load",
     "load_urdf",
+    "loop_program",
     "metrics",
     "minimum_jerk_time",
     "pendulum",

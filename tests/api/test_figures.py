@@ -33,6 +33,10 @@ DRAWN: dict[str, tuple[str, Callable[..., Any]]] = {
     "compare": ("compare", lambda fig: al.compare([run()], fig=fig)),
     "mintime": ("MinimumTime.plot", lambda fig: MinimumTime(0.0, 1.0, 1.0, 0.5, 1.0).plot(fig)),
     "path": ("PathTiming.plot", lambda fig: PathTiming(ARM, al.time_path(ARM, [[0.0, 0.0], [1.0, 0.5]], tau_max=20.0), 20.0).plot(fig)),
+    "program": (
+        "LoopProgram.plot",
+        lambda fig: al.loop_program(al.RigidArm(ARM), al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0), method="euler").plot(fig),
+    ),
     "sweep": ("SweepTable.plot", lambda fig: table().plot(fig=fig)),
 }
 

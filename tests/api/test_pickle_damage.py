@@ -97,6 +97,7 @@ PYTHON: dict[str, Any] = {
     "Run": RUN,
     "BatchRun": al.simulate_batch(al.RigidArm(PR), THINGS["ComputedTorque"], np.zeros((2, 2)), t_end=0.01, dt=1e-3),
     "Metrics": RUN.metrics(),
+    "LoopProgram": al.loop_program(al.RigidArm(PR), THINGS["ComputedTorque"], method="euler"),
     "Event": al.Event.plane("link2", [0.6, 0.0, 0.0], [1.0, 0.0, 0.0], direction=1),
     "Events": RUN.events,
     "State": RUN.sample(0.005),

@@ -63,6 +63,7 @@ from .simulation import Simulator as Simulator
 from .simulation import _BatchStepper as _BatchStepper
 from .simulation import _restore_simulator as _restore_simulator
 from .simulation import build_info as build_info
+from .simulation import loop_program as loop_program
 from .simulation import simulate as simulate
 from .simulation import simulate_batch as simulate_batch
 from .simulation import statuses as statuses
@@ -143,6 +144,7 @@ __all__ = [
     "integrate",
     "inverse_kinematics",
     "load_urdf",
+    "loop_program",
     "minimum_jerk_time",
     "numbers",
     "pendulum",

@@ -15,6 +15,7 @@ mod interrupts;
 mod inverse_kinematics;
 mod keywords;
 mod law;
+mod listed;
 mod motion;
 mod plan;
 mod plant;
@@ -50,6 +51,8 @@ mod _core {
         Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, JointImpedance, Law, MotorPD, PDGravity,
         PriorityAcceleration, PriorityVelocity, StateFeedback,
     };
+    #[pymodule_export]
+    use super::listed::loop_program;
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
     #[pymodule_export]

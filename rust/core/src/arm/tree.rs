@@ -10,6 +10,11 @@ use crate::scalar::Real;
 use crate::spatial::{Inertia, M3, PARAMETERS, Placement, QuarterTurn, Sym3, V3};
 use std::sync::Arc;
 
+/// What recordings call the parameters of a body, beside its mass `m`.
+const MOMENT: [&str; 3] = ["mx", "my", "mz"];
+const INERTIA: [&str; 6] = ["Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
+const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
+
 /// The parent of a body that hangs on the fixed base.
 pub const BASE: usize = usize::MAX;
 
@@ -134,14 +139,16 @@ impl Tree<f64> {
     /// Tree `of[i]` in lane `i`, or the only one in every lane: they differ in their inertial parameters alone.
     fn lanes<S: Real>(of: &[Self]) -> Tree<S> {
         let first = &of[0];
-        let number = |f: &dyn Fn(&Self) -> f64| S::parameter(|lane| f(&of[lane.min(of.len() - 1)]));
+        let number = |name, i: usize, f: &dyn Fn(&Self) -> f64| {
+            S::labelled(name, i as u32 + 1, || S::parameter(|lane| f(&of[lane.min(of.len() - 1)])))
+        };
         let lane = |i: usize, body: &Body<f64>| Body {
             inertia: Inertia {
-                mass: number(&|tree| tree.bodies[i].inertia.mass),
-                moment: V3(std::array::from_fn(|k| number(&|tree| tree.bodies[i].inertia.moment.0[k]))),
-                inertia: Sym3(std::array::from_fn(|k| number(&|tree| tree.bodies[i].inertia.inertia.0[k]))),
+                mass: number("m", i, &|tree| tree.bodies[i].inertia.mass),
+                moment: V3(std::array::from_fn(|k| number(MOMENT[k], i, &|tree| tree.bodies[i].inertia.moment.0[k]))),
+                inertia: Sym3(std::array::from_fn(|k| number(INERTIA[k], i, &|tree| tree.bodies[i].inertia.inertia.0[k]))),
             },
-            second_moment: Sym3(std::array::from_fn(|k| number(&|tree| tree.bodies[i].second_moment.0[k]))),
+            second_moment: Sym3(std::array::from_fn(|k| number(SECOND_MOMENT[k], i, &|tree| tree.bodies[i].second_moment.0[k]))),
             parent: body.parent,
             end: body.end,
             forks: body.forks,

@@ -68,8 +68,8 @@ impl<S: Real> PlanarPr<S> {
     /// Arm `of(i)` in lane `i`.
     #[inline(always)]
     pub fn from_lanes(of: impl Fn(usize) -> PlanarPr<f64>) -> Self {
-        let lift = |get: fn(&PlanarPr<f64>) -> f64| S::parameter(|i| get(&of(i)));
-        PlanarPr { a: lift(|p| p.a), b: lift(|p| p.b), c: lift(|p| p.c), ac: lift(|p| p.ac) }
+        let lift = |name, get: fn(&PlanarPr<f64>) -> f64| S::labelled(name, 0, || S::parameter(|i| get(&of(i))));
+        PlanarPr { a: lift("A", |p| p.a), b: lift("B", |p| p.b), c: lift("C", |p| p.c), ac: lift("AC", |p| p.ac) }
     }
 }
 

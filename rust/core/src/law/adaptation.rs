@@ -142,9 +142,9 @@ impl<S: Real> AnyAdaptive<S> {
         AnyAdaptive {
             law: Adaptive::new(
                 AnyArm::from_lanes(|i| &of(i).model),
-                AnyGain::from_lanes(|i| &of(i).lambda),
-                AnyGain::from_lanes(|i| &of(i).kd),
-                AnyGain::from_lanes(euclidean),
+                AnyGain::labelled("lambda", |i| &of(i).lambda),
+                AnyGain::labelled("kd", |i| &of(i).kd),
+                AnyGain::labelled("gamma", euclidean),
                 zeros(n),
                 zeros(p),
             ),

@@ -44,8 +44,8 @@ impl Definition for ComputedTorqueSpec {
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
         ComputedTorque::new(
             AnyArm::from_lanes(|i| &of(i).model),
-            AnyGain::from_lanes(|i| &of(i).kp),
-            AnyGain::from_lanes(|i| &of(i).kd),
+            AnyGain::labelled("kp", |i| &of(i).kp),
+            AnyGain::labelled("kd", |i| &of(i).kd),
             vec![S::zero(); of(0).model.n()],
         )
     }

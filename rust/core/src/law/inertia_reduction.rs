@@ -64,9 +64,9 @@ impl ReductionSpec {
     pub(super) fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Reduction<S> {
         let zeros = vec![S::zero(); of(0).ratio.n()];
         Reduction {
-            joint_stiffness: AnyGain::from_lanes(|i| &of(i).joint_stiffness),
-            motor_damping: AnyGain::from_lanes(|i| &of(i).motor_damping),
-            ratio: AnyGain::from_lanes(|i| &of(i).ratio),
+            joint_stiffness: AnyGain::labelled("law_joint_stiffness", |i| &of(i).joint_stiffness),
+            motor_damping: AnyGain::labelled("motor_damping", |i| &of(i).motor_damping),
+            ratio: AnyGain::labelled("inertia_ratio", |i| &of(i).ratio),
             relative: S::from_lanes(|i| f64::from(of(i).relative)),
             u: zeros.clone(),
             spring: zeros.clone(),

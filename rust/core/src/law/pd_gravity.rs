@@ -45,8 +45,8 @@ impl Definition for PdGravitySpec {
             workspace: arm.workspace(),
             work: vec![S::zero(); of(0).model.n()],
             arm,
-            kp: AnyGain::from_lanes(|i| &of(i).kp),
-            kd: AnyGain::from_lanes(|i| &of(i).kd),
+            kp: AnyGain::labelled("kp", |i| &of(i).kp),
+            kd: AnyGain::labelled("kd", |i| &of(i).kd),
         }
     }
 

@@ -64,7 +64,7 @@ impl PriorityVelocitySpec {
         PriorityVelocity {
             stack: stack(arm, &self.levels),
             solver,
-            gains: self.levels.iter().map(|level| AnyGain::from_lanes(|_| &level.gain)).collect(),
+            gains: self.levels.iter().map(|level| AnyGain::labelled("gain", |_| &level.gain)).collect(),
             limits: self.limits.clone(),
             bounds: (vec![0.0; n], vec![0.0; n]),
             e: vec![P::Number::zero(); total],

@@ -229,6 +229,11 @@ pub enum AnyGain<S> {
 }
 
 impl<S: Real> AnyGain<S> {
+    /// Gain `of(i)` in lane `i`, called `name` in recordings.
+    pub fn labelled<'a>(name: &'static str, of: impl Fn(usize) -> &'a Gain) -> Self {
+        S::labelled(name, 1, || Self::from_lanes(of))
+    }
+
     /// Gain `of(i)` in lane `i`.
     pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Gain) -> Self {
         let n = of(0).n();

@@ -55,8 +55,8 @@ impl<S: Real> LaneWall<S> {
             frame: of(0).frame,
             point: V3(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).point[k]))),
             normal: V3(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).normal[k]))),
-            stiffness: S::from_lanes(|lane| of(lane).stiffness),
-            damping: S::from_lanes(|lane| of(lane).damping),
+            stiffness: S::labelled("wall_stiffness", 0, || S::from_lanes(|lane| of(lane).stiffness)),
+            damping: S::labelled("wall_damping", 0, || S::from_lanes(|lane| of(lane).damping)),
         }
     }
 

@@ -90,10 +90,10 @@ impl<S: Real> Elastic<S> {
         let n = of(0).model.n();
         Elastic {
             links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame),
-            stiffness: AnyGain::from_lanes(|i| &of(i).stiffness),
-            inverse_inertia: AnyGain::from_lanes(|i| &of(i).inverse_inertia),
-            joint_damping: (0..n).map(|k| S::from_lanes(|i| of(i).joint_damping[k])).collect(),
-            motor_friction: (0..n).map(|k| S::from_lanes(|i| of(i).motor_friction[k])).collect(),
+            stiffness: AnyGain::labelled("joint_stiffness", |i| &of(i).stiffness),
+            inverse_inertia: AnyGain::labelled("inverse_motor_inertia", |i| &of(i).inverse_inertia),
+            joint_damping: S::labelled("joint_damping", 1, || (0..n).map(|k| S::from_lanes(|i| of(i).joint_damping[k])).collect()),
+            motor_friction: S::labelled("motor_friction", 1, || (0..n).map(|k| S::from_lanes(|i| of(i).motor_friction[k])).collect()),
             work: vec![S::zero(); n],
         }
     }

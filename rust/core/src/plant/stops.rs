@@ -73,8 +73,10 @@ pub(super) struct LaneStops<S> {
 impl<S: Real> LaneStops<S> {
     pub fn new<'a>(of: impl Fn(usize) -> &'a Stops) -> Self {
         let lanes = |stop: Stop| {
-            let (i, number) = (stop.joint, |f: &dyn Fn(&Stops) -> f64| S::from_lanes(|lane| f(of(lane))));
-            (stop, number(&|s| s.limit(stop)), number(&|s| s.stiffness[i]), number(&|s| s.damping[i]))
+            let i = stop.joint;
+            let number = |name, f: &dyn Fn(&Stops) -> f64| S::labelled(name, i as u32 + 1, || S::from_lanes(|lane| f(of(lane))));
+            let limit = number(if stop.upper { "upper_stop" } else { "lower_stop" }, &|s| s.limit(stop));
+            (stop, limit, number("stop_stiffness", &|s| s.stiffness[i]), number("stop_damping", &|s| s.damping[i]))
         };
         LaneStops { stops: of(0).all().map(lanes).collect() }
     }

@@ -61,6 +61,11 @@ pub trait Real:
     fn parameter(f: impl FnMut(usize) -> f64) -> Self {
         Self::from_lanes(f)
     }
+    /// Call the numbers that `f` makes `name` with numbers from `first` on: in recordings, for their readers.
+    #[inline(always)]
+    fn labelled<T>(_name: &'static str, _first: u32, f: impl FnOnce() -> T) -> T {
+        f()
+    }
     /// The number in lane `i`.
     fn lane(self, i: usize) -> f64;
 

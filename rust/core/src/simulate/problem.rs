@@ -280,13 +280,9 @@ impl<'a> Problem<'a> {
         memory::require((MATRICES * n * n + jacobians + VECTORS * states).saturating_mul(8 * at_once))
     }
 
-    /// Refuse what can't be run; the division of time of what can.
-    pub fn validate(&self) -> Result<Division> {
+    /// Refuse a loop that can't be closed, whatever its time and its initial state.
+    pub(super) fn validate_loop(&self) -> Result<()> {
         let o = &self.options;
-        if !(o.t_end >= 0.0 && o.t_end.is_finite()) {
-            return Err(Error::input("t_end", format!("is not a duration: expected a finite number >= 0, got {}", o.t_end)));
-        }
-        finite("initial state", &self.x0)?;
         self.validate_pairs()?;
         let limit = o.tau_max.as_deref().unwrap_or_default();
         if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
@@ -297,6 +293,17 @@ impl<'a> Problem<'a> {
             self.validate_motor_loops(sampling.period)?;
             self.validate_torque_sensor(sampling)?;
         }
+        Ok(())
+    }
+
+    /// Refuse what can't be run; the division of time of what can.
+    pub fn validate(&self) -> Result<Division> {
+        let o = &self.options;
+        if !(o.t_end >= 0.0 && o.t_end.is_finite()) {
+            return Err(Error::input("t_end", format!("is not a duration: expected a finite number >= 0, got {}", o.t_end)));
+        }
+        finite("initial state", &self.x0)?;
+        self.validate_loop()?;
         if !(o.state_limit > 0.0) {
             return Err(Error::input("state_limit", format!("is not positive: expected > 0, got {}", o.state_limit)));
         }

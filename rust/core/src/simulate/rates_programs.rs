@@ -8,6 +8,7 @@ use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::general::assemble;
 use super::key::Common;
+use super::loop_programs::Watch;
 use super::problem::{Method, Problem};
 use super::recorded::{self, Seen};
 use super::world::Exogenous;
@@ -133,7 +134,7 @@ type SeenRates = Seen<RecordedRates, (bool, Wanted)>;
 static KNOWN: Kept<Arc<SeenRates>> = Kept::new();
 
 /// Whether the rates of a problem's loops may be recorded.
-fn is_recordable(problem: &Problem) -> bool {
+pub fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
     // An adaptive method holds every contact as it is within a step.
     let free = |plant: &&PlantSpec| match method {
@@ -157,7 +158,7 @@ pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
 /// The rates of run `run`, under a held input or under the law; `None` where the code branches on data.
 fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
     let (given, wanted) = (recorded::given(problem, run, common), Wanted::of(problem, run));
-    let record = || record(problem, run, common, held, wanted);
+    let record = || record(problem, run, (common, held, wanted), true, &mut |_, _, _, _, _| ());
     let seen = Seen::of_run(&KNOWN, (problem, run, common), &given, (held, wanted), record);
     seen.recorded.clone().map(|recorded| (recorded, given.values))
 }
@@ -169,9 +170,22 @@ fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<Ra
     seen.recorded.clone().map(|recorded| (recorded, given.values))
 }
 
+/// Record the rates of run `run` for a reader, with their derivatives where the method takes them; `folds`: else every operation of the
+/// source is kept, and there are no derivatives.
+pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> Option<RecordedRates> {
+    let (held, wanted) = (problem.options.sampling.is_some(), if folds { Wanted::of(problem, run) } else { Wanted::Rates });
+    record(problem, run, (common, held, wanted), folds, watch)
+}
+
 /// Record the rates of run `run`.
-fn record(problem: &Problem, run: usize, common: Common, held: bool, wanted: Wanted) -> Option<RecordedRates> {
-    sym::begin();
+fn record(
+    problem: &Problem,
+    run: usize,
+    (common, held, wanted): (Common, bool, Wanted),
+    folds: bool,
+    watch: Watch,
+) -> Option<RecordedRates> {
+    sym::begin_that(folds);
     let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
     let given = sym::end_set_up();
     let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
@@ -201,26 +215,29 @@ fn record(problem: &Problem, run: usize, common: Common, held: bool, wanted: Wan
         return None;
     }
     let rates: Vec<u32> = dx.into_iter().map(Sym::index).collect();
-    let programs = make(recording.ops, &rates, &slots, wanted);
+    let programs = make(recording.ops, &rates, &slots, wanted, watch);
     Some(RecordedRates { slots, programs })
 }
+
 /// `(slot, entry)` from slot `first` on.
 fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
     entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect()
 }
 
-fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: Wanted) -> RatesPrograms {
+fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: Wanted, watch: Watch) -> RatesPrograms {
     let none = Places::default();
     let part = Part { ops: &ops, start: 0, outputs: &to(slots.rates(), rates), places: &none };
     let reach = slots.reach();
-    let program = Program::new(part, None, Room { reach: reach as u32, free: reach + 1 }, form(false), engine());
+    let room = Room { reach: reach as u32, free: reach + 1 };
+    watch("rates".into(), part, None, room, false);
+    let program = Program::new(part, None, room, form(false), engine());
     RatesPrograms {
         rates: program,
-        derivatives: (wanted != Wanted::Rates).then(|| differentiate(ops, rates, slots, wanted == Wanted::Time)),
+        derivatives: (wanted != Wanted::Rates).then(|| differentiate(ops, rates, slots, wanted == Wanted::Time, watch)),
     }
 }
 
-fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool) -> Derivatives {
+fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Watch) -> Derivatives {
     let entries = |first: usize, count: usize| first as u32..(first + count) as u32;
     let mut moving: Vec<u32> = entries(slots.state(), slots.plant).collect();
     if moves {
@@ -242,14 +259,17 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool) -> Deriva
     let ops = work.finish();
     let (places, mut free) = segments::join(&ops, &mut cuts, reach as u32 + 1);
     let mut start = 0;
-    let mut program = |cut: &Cut| {
+    let mut program = |name: &str, cut: &Cut| {
         let part = Part { ops: &ops, start, outputs: &cut.outputs, places: &places };
-        let made = Program::new(part, None, Room { reach: reach as u32, free: free as usize }, form(true), engine());
+        let room = Room { reach: reach as u32, free: free as usize };
+        watch(name.into(), part, None, room, true);
+        let made = Program::new(part, None, room, form(true), engine());
         (start, free) = (cut.end, made.slots() as u32);
         made
     };
-    let [values, plant, law] = [program(&cuts[0]), program(&cuts[1]), program(&cuts[2])];
-    Derivatives { values, plant, law: bent.then_some(law), along_plant: inputs, along_law, moves, rates, derivatives, reach }
+    let [values, plant] = [program("values", &cuts[0]), program("along_plant", &cuts[1])];
+    let law = bent.then(|| program("along_law", &cuts[2]));
+    Derivatives { values, plant, law, along_plant: inputs, along_law, moves, rates, derivatives, reach }
 }
 
 /// The rates of the runs of a problem, recorded when a run first wants them.

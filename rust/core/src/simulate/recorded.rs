@@ -13,7 +13,7 @@ use super::force::Force;
 use super::gauge::Start;
 use super::general::assemble;
 use super::key::{Common, Key};
-use super::loop_programs::{self, Programs, Summing, Tracing};
+use super::loop_programs::{self, Programs, Summing, Tracing, Watch};
 use super::problem::{Method, Problem};
 use super::sums::Sums;
 use super::world::Exogenous;
@@ -21,6 +21,7 @@ use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
 use crate::linalg::Pairs;
 use crate::scalar::Real;
 use crate::trace::kept::Kept;
+use crate::trace::label::Label;
 #[cfg(debug_assertions)]
 use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Sym, sym};
@@ -127,6 +128,7 @@ pub struct Recorded {
 pub struct Given {
     pub values: Vec<f64>,
     pub structure: Vec<u32>,
+    pub labels: Vec<Label>,
 }
 
 impl Recorded {
@@ -153,7 +155,7 @@ pub fn given(problem: &Problem, run: usize, common: Common) -> Given {
     sym::begin();
     drop(set_up(problem, run, common));
     let recording = sym::finish();
-    Given { values: recording.values, structure: recording.structure }
+    Given { values: recording.values, structure: recording.structure, labels: recording.labels }
 }
 
 /// The loop of run `run`, and what sums it up.
@@ -215,7 +217,12 @@ pub fn of_run(problem: &Problem, run: usize, common: Common, given: &Given) -> A
 
 /// Record the loop of run `run`.
 fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
-    sym::begin();
+    record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
+}
+
+/// The same for a reader. `plain`: keep every operation of the source, for a step that is in parts or not.
+pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
+    sym::begin_that(plain.is_none());
     let (closed, sums) = set_up(problem, run, common);
     let given = sym::end_set_up();
     let (kept, lasting) = sums.as_ref().map_or((0, 0), Sums::sizes);
@@ -238,13 +245,13 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
         all_inputs: 0,
         shared: common.shared,
     };
-    let tracing = trace(closed, sums, (method, problem.law(run).is_recordable()), &layout)?;
+    let tracing = trace(closed, sums, (method, problem.law(run).is_recordable(), plain), &layout)?;
     layout.all_inputs = sym::recorded().1 as usize;
     let recording = sym::finish();
     if recording.failed {
         return None;
     }
-    let programs = loop_programs::make(&recording.ops, &layout, tracing, common.lanes);
+    let programs = loop_programs::make(&recording.ops, &layout, tracing, common.lanes, watch);
     Some(Recorded {
         layout,
         programs,
@@ -254,8 +261,13 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     })
 }
 
-/// Record the law if it is `asked`, the rates and the step; `None` for a method that is not recorded.
-fn trace(closed: ClosedLoop<Sym>, sums: Option<Sums<Sym>>, (method, asked): (Method, bool), layout: &Layout) -> Option<Tracing> {
+/// Record the law if it is `asked`, the rates and the step, `in_parts` or as its size suggests; `None` for a method that is not recorded.
+fn trace(
+    closed: ClosedLoop<Sym>,
+    sums: Option<Sums<Sym>>,
+    (method, asked, in_parts): (Method, bool, Option<bool>),
+    layout: &Layout,
+) -> Option<Tracing> {
     let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
     let instant = || {
         let (desired, mut wrench) = (inputs(layout.desired), [Sym::zero(); 6]);
@@ -280,25 +292,15 @@ fn trace(closed: ClosedLoop<Sym>, sums: Option<Sums<Sym>>, (method, asked): (Met
         closed.closed.hold_input(&tau, &dz);
         acting.clone_from(&tau);
     }
-    // Here, since the step begins with what the law computed at this state, too.
-    let sums = sums.map(|mut sums| {
-        let mut sum_up = |tau: &[Sym], start: Start| {
-            let mut kept = kept.clone();
-            sums.add(&u[0].desired, &x, tau, h, start, &mut kept);
-            entries(kept)
-        };
-        let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
-        Summing { along, stage, alone: sum_up(&tau, Start::Asked) }
-    });
+    let (here, desired) = (x.clone(), u[0].desired.clone());
     let before = sym::recorded().0;
     closed.closed.stands = Sym::splat(1.0);
     closed.rhs(&stage_input, &stage, &mut rates[..layout.states]);
     rates[layout.states..].fill(closed.closed.stands);
-    let stage_tau = if closed.closed.held().is_some() { Vec::new() } else { entries(closed.closed.tau.clone()) };
     if let Some(&stood) = stood.first() {
         closed.closed.stands = stood;
     }
-    if sym::recorded().0 - before > LARGE {
+    if in_parts.unwrap_or(sym::recorded().0 - before > LARGE) {
         closed.cuts = Some(Vec::new());
     }
     let (state, first) = (x.clone(), u[0].clone());
@@ -308,12 +310,18 @@ fn trace(closed: ClosedLoop<Sym>, sums: Option<Sums<Sym>>, (method, asked): (Met
         Method::Rk4 => advance(Rk4::new(state, first), closed, u, h, x),
         Method::Ros2 | Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4 => return None,
     };
-    let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
-    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next, sums })
-}
-
-fn entries(values: Vec<Sym>) -> Vec<u32> {
-    values.into_iter().map(Sym::index).collect()
+    let entries = |values: Vec<Sym>| values.into_iter().map(Sym::index).collect();
+    let end = sym::recorded().0;
+    let sums = sums.map(|mut sums| {
+        let mut sum_up = |tau: &[Sym], start: Start| {
+            let mut kept = kept.clone();
+            sums.add(&desired, &here, tau, h, start, &mut kept);
+            entries(kept)
+        };
+        Summing { alone: sum_up(&tau, Start::Asked), along: sum_up(&acting, Start::Known) }
+    });
+    let rates = cuts.is_some().then(|| entries(rates));
+    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next, end, sums })
 }
 
 /// The entries of the next state and of whether it stands, and the cuts of a step in parts.

@@ -17,10 +17,18 @@ pub struct Emitted {
     pub constants: Vec<f64>,
     /// Slots of a frame that it runs on.
     pub slots: usize,
+    /// How often a value left the registers for memory.
+    pub spilled: usize,
 }
 
 /// Emit `program` for `form`; values that leave the registers go to slots from `first` on.
 pub fn emit<A: Assemble>(program: &Straight, form: Form, first: usize) -> Emitted {
+    let (assembler, emitted) = assemble::<A>(program, form, first);
+    Emitted { bytes: assembler.finish(), ..emitted }
+}
+
+/// The same without the bytes, which are still in the assembler.
+pub(super) fn assemble<A: Assemble>(program: &Straight, form: Form, first: usize) -> (A, Emitted) {
     let lifetimes = Lifetimes::of(program);
     let values = program.instructions.len();
     let mut emitter: Emitter<A> = Emitter {
@@ -34,12 +42,14 @@ pub fn emit<A: Assemble>(program: &Straight, form: Form, first: usize) -> Emitte
         free_slots: Vec::new(),
         leaving: Vec::new(),
         slots: first as u32,
+        spilled: 0,
         constant: vec![None; values],
         constants: Vec::new(),
         at: 0,
     };
     emitter.run();
-    Emitted { slots: emitter.slots as usize, constants: emitter.constants, bytes: emitter.assembler.finish() }
+    let Emitter { assembler, constants, slots, spilled, .. } = emitter;
+    (assembler, Emitted { bytes: Vec::new(), constants, slots: slots as usize, spilled })
 }
 
 struct Emitter<'a, A> {
@@ -56,6 +66,7 @@ struct Emitter<'a, A> {
     /// Slots that are free once the instruction is there, which may still read them.
     leaving: Vec<u32>,
     slots: u32,
+    spilled: usize,
     /// The place of each constant that is used, in numbers.
     constant: Vec<Option<u32>>,
     constants: Vec<f64>,
@@ -173,6 +184,7 @@ impl<A: Assemble> Emitter<'_, A> {
                 let slot = self.free_slots.pop().unwrap_or(self.slots);
                 self.slots = self.slots.max(slot + 1);
                 self.spill[value as usize] = Some(slot);
+                self.spilled += 1;
                 self.assembler.store(Base::Frame, self.offset(slot), best as u8);
             }
         }

@@ -44,6 +44,11 @@ impl Form {
         }
     }
 
+    /// Whether it has products and sums with one rounding.
+    pub fn has_fused(self) -> bool {
+        self.set > Set::Sse2
+    }
+
     /// Whether [`Assemble::select`] takes bits by the bits of its mask, not lanes by the sign bit.
     pub fn selects_bits(self) -> bool {
         matches!(self.set, Set::Sse2 | Set::Neon)

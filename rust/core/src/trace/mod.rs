@@ -4,7 +4,7 @@
 //! `sym`, `tape`: recording and folding. `differentiate`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
 //! `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without it. `frame`: the memory a program
 //! runs on; `rows`: the caller's rows to it and back. `function`: functions of numbers that are kept. `program`: all of it behind one
-//! door.
+//! door. `label`, `listing`: what a reader sees of it.
 
 #[cfg(any(test, target_arch = "aarch64"))]
 pub mod aarch64;
@@ -22,7 +22,10 @@ pub mod function;
 mod harness;
 pub mod instruction;
 pub mod kept;
+pub mod label;
 mod lifetimes;
+pub mod listing;
+mod listing_code;
 mod lower;
 pub mod memory;
 #[cfg(any(test, not(target_arch = "aarch64")))]

@@ -85,7 +85,7 @@ pub struct Program {
 impl Program {
     /// The program of a part of a recording, whose input `k` is in slot `k` unless it comes along a stream.
     pub fn new(part: Part, stream: Option<Stream>, room: Room, form: Form, engine: Engine) -> Self {
-        let straight = Straight { stream, ..lower(part, room.reach, form.set > Set::Sse2) };
+        let straight = Straight { stream, ..lower(part, room.reach, form.has_fused()) };
         Program::of(&straight, room.free, form, engine)
     }
 
@@ -162,6 +162,12 @@ impl Program {
             Way::Portable(portable) => portable.run(frame, stream, turns),
         }
     }
+}
+
+/// How long the machine code of instructions is for `form`, and how often a value leaves its registers; `None` without an emitter.
+pub fn size(straight: &Straight, free: usize, form: Form) -> Option<(usize, usize)> {
+    let emitted = HAS_EMITTER.then(|| emit::<Assembler>(straight, form, free))?;
+    Some((emitted.bytes.len(), emitted.spilled))
 }
 
 /// Machine code with its constants and slots; `None` where the system refuses it or it is not asked for.

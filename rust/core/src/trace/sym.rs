@@ -7,6 +7,7 @@
 //! `Sym` reports two lanes, so that code for one lane, which may branch on its value, is not taken. Code that still reads the value
 //! of a lane fails the recording: [`Recording::failed`].
 
+use super::label::Label;
 use super::tape::{Op, Tape};
 use crate::scalar::{Kernel, Real};
 use std::cell::RefCell;
@@ -29,6 +30,8 @@ pub struct Recording {
     pub ops: Vec<Op>,
     /// The values of the inputs that the set-up declared, which come first.
     pub values: Vec<f64>,
+    /// What they are called.
+    pub labels: Vec<Label>,
     /// The entries of all numbers of the set-up: runs that share them, and all that is not a number, share the program.
     pub structure: Vec<u32>,
     /// Whether the code read or branched on a value, so that the recording is not valid.
@@ -37,7 +40,12 @@ pub struct Recording {
 
 /// Start a new recording on this thread, in its set-up.
 pub fn begin() {
-    on_tape(|tape| *tape = Tape::new());
+    begin_that(true);
+}
+
+/// The same, which `folds` or keeps every operation.
+pub fn begin_that(folds: bool) {
+    on_tape(|tape| *tape = Tape::that(folds));
 }
 
 /// End the set-up; how many inputs it declared.
@@ -61,7 +69,7 @@ pub fn recorded() -> (u32, u32) {
 /// Take the recording of this thread.
 pub fn finish() -> Recording {
     let tape = on_tape(|tape| std::mem::replace(tape, Tape::new()));
-    Recording { ops: tape.ops, values: tape.values, structure: tape.structure, failed: tape.failed }
+    Recording { ops: tape.ops, values: tape.values, labels: tape.labels.all, structure: tape.structure, failed: tape.failed }
 }
 
 impl Sym {
@@ -123,6 +131,12 @@ impl Real for Sym {
         let x = f(0);
         on_tape(|tape| Sym(tape.shared(x)))
     }
+    fn labelled<T>(name: &'static str, first: u32, f: impl FnOnce() -> T) -> T {
+        let before = on_tape(|tape| tape.labels.begin(name, first));
+        let made = f();
+        on_tape(|tape| tape.labels.end(before));
+        made
+    }
     fn lane(self, _: usize) -> f64 {
         on_tape(|tape| {
             let value = tape.value(self.0);
@@ -152,7 +166,7 @@ impl Real for Sym {
         on_tape(|tape| Sym(tape.extreme(self.0, other.0, |x, y| if y < x { y } else { x }, Op::Min)))
     }
     fn sin_cos(self) -> (Sym, Sym) {
-        on_tape(|tape| match tape.value(self.0) {
+        on_tape(|tape| match tape.known(self.0) {
             Some(0.0) => (Sym(tape.constant(0.0)), Sym(tape.constant(1.0))),
             _ => (Sym(tape.push(Op::Sin(self.0))), Sym(tape.push(Op::Cos(self.0)))),
         })

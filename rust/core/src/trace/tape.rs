@@ -1,7 +1,9 @@
 //! A tape of operations that simplifies while it is written: constants, zeros and ones are folded, equal operations are one.
 //!
-//! Folding keeps the value of a finite computation: `0 x`, `1 x`, `x + 0`, `-(-x)`, `a + (-b)`; nothing is reassociated.
+//! Folding keeps the value of a finite computation: `0 x`, `1 x`, `x + 0`, `-(-x)`, `a + (-b)`; nothing is reassociated. A tape that does not
+//! fold keeps every operation of the source, for readers who compare.
 
+use super::label::Labels;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
@@ -82,26 +84,36 @@ pub(super) struct Tape {
     /// The inputs of the set-up by value, where they may be shared.
     by_value: Memo<u64>,
     pub values: Vec<f64>,
+    /// What each of them is called.
+    pub labels: Labels,
     /// The entry of each number of the set-up: what tells structures apart.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,
     pub failed: bool,
+    folds: bool,
 }
 
 impl Tape {
     /// An empty tape: entries 0 to 2 are the constants 0, 1 and -1, so that a number of the set-up that is one of them never has the entry
     /// that an input would have.
     pub fn new() -> Self {
+        Tape::that(true)
+    }
+
+    /// A tape that `folds` or keeps every operation.
+    pub fn that(folds: bool) -> Self {
         let mut tape = Tape {
             ops: Vec::new(),
             memo: Memo::with_capacity_and_hasher(4096, Default::default()),
             by_value: Memo::default(),
             values: Vec::new(),
+            labels: Labels::default(),
             structure: Vec::new(),
             inputs: 0,
             set_up: true,
             failed: false,
+            folds,
         };
         for x in [0.0, 1.0, -1.0] {
             tape.constant(x);
@@ -117,6 +129,10 @@ impl Tape {
 
     pub fn push(&mut self, op: Op) -> u32 {
         let ops = &mut self.ops;
+        if !self.folds && op.operands().next().is_some() {
+            ops.push(op);
+            return ops.len() as u32 - 1;
+        }
         *self.memo.entry(op).or_insert_with(|| {
             ops.push(op);
             ops.len() as u32 - 1
@@ -135,10 +151,12 @@ impl Tape {
 
     /// A number of the set-up: an input, unless it is 0, 1 or -1 and belongs to the structure.
     pub fn given(&mut self, x: f64) -> u32 {
+        let label = self.labels.next();
         let entry = if x == 0.0 || x.abs() == 1.0 {
             self.constant(x)
         } else {
             self.values.push(x);
+            self.labels.all.push(label);
             self.new_input()
         };
         self.structure.push(entry);
@@ -148,6 +166,7 @@ impl Tape {
     /// A number of the set-up that is the same input wherever it has the same value.
     pub fn shared(&mut self, x: f64) -> u32 {
         if let Some(&known) = self.by_value.get(&x.to_bits()) {
+            self.labels.next();
             self.structure.push(known);
             return known;
         }
@@ -161,27 +180,32 @@ impl Tape {
         if let Op::Const(bits) = self.ops[a as usize] { Some(f64::from_bits(bits)) } else { None }
     }
 
+    /// The same where it may be folded.
+    pub fn known(&self, a: u32) -> Option<f64> {
+        self.value(a).filter(|_| self.folds)
+    }
+
     fn negated(&self, a: u32) -> Option<u32> {
-        if let Op::Neg(x) = self.ops[a as usize] { Some(x) } else { None }
+        if let Op::Neg(x) = self.ops[a as usize] { Some(x).filter(|_| self.folds) } else { None }
     }
 
     pub fn unary(&mut self, a: u32, f: fn(f64) -> f64, op: fn(u32) -> Op) -> u32 {
-        match self.value(a) {
+        match self.known(a) {
             Some(x) => self.constant(f(x)),
             None => self.push(op(a)),
         }
     }
 
     pub fn extreme(&mut self, a: u32, b: u32, f: fn(f64, f64) -> f64, op: fn(u32, u32) -> Op) -> u32 {
-        match (self.value(a), self.value(b)) {
+        match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => self.constant(f(x, y)),
-            _ if a == b => a,
+            _ if a == b && self.folds => a,
             _ => self.push(op(a, b)),
         }
     }
 
     pub fn neg(&mut self, a: u32) -> u32 {
-        match (self.value(a), self.negated(a)) {
+        match (self.known(a), self.negated(a)) {
             (Some(x), _) => self.constant(-x),
             (_, Some(b)) => b,
             _ => self.push(Op::Neg(a)),
@@ -189,7 +213,7 @@ impl Tape {
     }
 
     pub fn add(&mut self, a: u32, b: u32) -> u32 {
-        match (self.value(a), self.value(b)) {
+        match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => return self.constant(x + y),
             (Some(0.0), _) => return b,
             (_, Some(0.0)) => return a,
@@ -203,7 +227,7 @@ impl Tape {
     }
 
     pub fn sub(&mut self, a: u32, b: u32) -> u32 {
-        match (self.value(a), self.value(b)) {
+        match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => return self.constant(x - y),
             (Some(0.0), _) => return self.neg(b),
             (_, Some(0.0)) => return a,
@@ -217,7 +241,7 @@ impl Tape {
 
     /// The product where a factor is 0, 1 or -1, or both are known.
     fn trivial_product(&mut self, a: u32, b: u32) -> Option<u32> {
-        match (self.value(a), self.value(b)) {
+        match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => Some(self.constant(x * y)),
             (Some(0.0), _) | (_, Some(0.0)) => Some(0),
             (Some(1.0), _) => Some(b),
@@ -230,7 +254,7 @@ impl Tape {
 
     /// As `trivial_product`, where a sum with it rounds as the fused operation does.
     fn exact_product(&mut self, a: u32, b: u32) -> Option<u32> {
-        match (self.value(a), self.value(b)) {
+        match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) if x.mul_add(y, -(x * y)) != 0.0 => None,
             _ => self.trivial_product(a, b),
         }
@@ -258,7 +282,7 @@ impl Tape {
         if let Some(product) = self.exact_product(a, b) {
             return self.add(product, c);
         }
-        if self.value(c) == Some(0.0) {
+        if self.known(c) == Some(0.0) {
             return self.mul(a, b);
         }
         match (self.negated(a), self.negated(b)) {
@@ -282,7 +306,7 @@ impl Tape {
     }
 
     pub fn div(&mut self, a: u32, b: u32) -> u32 {
-        match (self.value(a), self.value(b)) {
+        match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => self.constant(x / y),
             (Some(0.0), _) => 0,
             (_, Some(1.0)) => a,
@@ -291,17 +315,17 @@ impl Tape {
     }
 
     pub fn less(&mut self, a: u32, b: u32) -> u32 {
-        match (self.value(a), self.value(b)) {
+        match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => self.constant(f64::from(u8::from(x < y))),
             _ => self.push(Op::Less(a, b)),
         }
     }
 
     pub fn select(&mut self, mask: u32, yes: u32, no: u32) -> u32 {
-        match self.value(mask) {
+        match self.known(mask) {
             Some(x) if x != 0.0 => yes,
             Some(_) => no,
-            None if yes == no => yes,
+            None if yes == no && self.folds => yes,
             None => self.push(Op::Select(mask, yes, no)),
         }
     }

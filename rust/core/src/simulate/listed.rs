@@ -1,0 +1,150 @@
+//! The programs of a closed loop for a reader: what it is made of at each stage, line by line.
+
+use super::force::Force;
+use super::key::Common;
+use super::listed_names::{Named, SlotNames};
+use super::loop_programs::Watch;
+use super::problem::{Method, Problem};
+use super::rates_programs::{self, Slots};
+use super::recorded::{self, Layout};
+use crate::error::{Error, Result};
+use crate::law::LawSpec;
+use crate::trace::instruction::{Form, Set};
+use crate::trace::label::Label;
+use crate::trace::listing::{self, Listing, Lowered};
+use crate::trace::{engine, form, program};
+use std::collections::BTreeSet;
+
+/// One program of a loop, stage by stage.
+pub struct Listed {
+    /// Its name among the programs of the loop.
+    pub part: String,
+    /// All programs of the loop, with their instructions.
+    pub parts: Vec<(String, usize)>,
+    /// As runs say it.
+    pub engine: &'static str,
+    /// The instruction set, and how many numbers a register holds for the program.
+    pub set: &'static str,
+    pub lanes: usize,
+    /// Bytes of machine code, and how often a value leaves the registers; `None` where this processor has no emitter.
+    pub size: Option<(usize, usize)>,
+    /// What it reads at one of its stages, with the values of numbers of the set-up.
+    pub inputs: Vec<(Named, Option<f64>)>,
+    /// "recorded" (where that is possible), "simplified", "lowered" and "machine".
+    pub stages: Vec<(&'static str, Listing)>,
+}
+
+/// The program `part` of the loop of run 0 of a problem, as in a run by itself or among others side by side; `None`: its step, or its rates
+/// where a step is in parts.
+pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
+    let fixed = matches!(problem.options.method, Method::Euler | Method::SemiImplicit | Method::Rk4);
+    require_recordable(problem, fixed)?;
+    problem.validate_loop()?;
+    if batch && !fixed {
+        let method = problem.options.method.name();
+        return Err(Error::input(
+            "batch",
+            format!("is not used: expected False for {method}, whose runs are computed one by one, got True"),
+        ));
+    }
+    let common = Common::of(problem, batch);
+    let given = recorded::given(problem, 0, common);
+    let mut parts: Vec<(String, Form, usize)> = Vec::new();
+    let seen = record(problem, common, fixed, None, &mut |name, part, stream, room, lanes| {
+        parts.push((name, form(lanes), Lowered::of(part, stream, room, lanes).straight.operations()));
+    });
+    let found =
+        seen.ok_or_else(|| Error::input("law", "runs directly: expected a loop without a branch on data, got one with branches"))?;
+    let whole = parts.iter().any(|(name, ..)| name == "step");
+    let chosen = part.unwrap_or(if whole { "step" } else { "rates" });
+    let Some(&(_, form, _)) = parts.iter().find(|(name, ..)| name == chosen) else {
+        let known: Vec<&str> = parts.iter().map(|(name, ..)| name.as_str()).collect();
+        return Err(Error::input("part", format!("is unknown: expected one of {}, got {chosen}", known.join(", "))));
+    };
+    let slots = found.names(problem, &given.labels, chosen);
+    let names = |slot: u32| slots.at(slot).0;
+    let (mut stages, mut size, mut read) = (Vec::new(), None, BTreeSet::new());
+    record(problem, common, fixed, Some(!whole), &mut |name, part, stream, room, lanes| {
+        if name == chosen {
+            read.extend(Lowered::of(part, stream, room, lanes).inputs);
+            stages.push(("recorded", listing::recorded(part, &names)));
+        }
+    });
+    record(problem, common, fixed, None, &mut |name, part, stream, room, lanes| {
+        if name == chosen {
+            let lowered = Lowered::of(part, stream, room, lanes);
+            stages.push(("simplified", listing::recorded(part, &names)));
+            stages.push(("lowered", lowered.listing(&names)));
+            stages.push(("machine", lowered.code(form, room.free, &names)));
+            size = program::size(&lowered.straight, room.free, form);
+            read.extend(lowered.inputs);
+        }
+    });
+    let inputs = read.into_iter().map(|slot| (slots.at(slot), given.values.get(slot as usize).copied())).collect();
+    let set = match form.set {
+        Set::Sse2 => "SSE2",
+        Set::Avx2 => "AVX2",
+        Set::Avx512 => "AVX-512",
+        Set::Neon => "NEON",
+    };
+    let parts = parts.into_iter().map(|(name, _, operations)| (name, operations)).collect();
+    Ok(Listed { part: chosen.to_owned(), parts, engine: engine().name(), set, lanes: form.lanes(), size, inputs, stages })
+}
+
+/// Where the slots of a recorded loop are.
+enum Found {
+    Fixed(Layout),
+    /// With whether derivatives in time are among its programs.
+    Rates(Slots, bool),
+}
+
+impl Found {
+    fn names(&self, problem: &Problem, labels: &[Label], part: &str) -> SlotNames {
+        match self {
+            Found::Fixed(layout) => SlotNames::fixed(problem, layout, labels, part),
+            Found::Rates(slots, moves) => SlotNames::rates(problem, slots, labels, *moves, part),
+        }
+    }
+}
+
+/// Record the loop. `plain`: keep every operation, of a step that is in parts or not.
+fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Option<Found> {
+    if fixed {
+        return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| Found::Fixed(recorded.layout));
+    }
+    let recorded = rates_programs::record_watched(problem, 0, common, plain.is_none(), watch)?;
+    let moves = recorded.programs.derivatives.is_some_and(|derivatives| derivatives.moves);
+    Some(Found::Rates(recorded.slots, moves))
+}
+
+/// Refuse a loop that runs directly, with the reason.
+fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
+    let (o, law) = (&problem.options, problem.law(0));
+    let directly = |argument: &str, expected: String, got: String| {
+        Err(Error::input(argument, format!("has the loop run directly, without a program: expected {expected}, got {got}")))
+    };
+    let method = o.method.name();
+    if let LawSpec::External(_) = law {
+        return directly("law", "a law of armlet such as Adaptive".into(), "a function in Python".into());
+    }
+    if fixed && !law.is_recordable() {
+        return directly(
+            "law",
+            "a map of task priority such as clamp".into(),
+            format!("{} with a map that branches on its data", law.name()),
+        );
+    }
+    if fixed && problem.forces.iter().any(|force| matches!(force, Force::Signal(_))) {
+        return directly("force", format!("None, a constant or [(t_start, F), ...] for {method}"), "a function in Python".into());
+    }
+    if let Some(sampling) = o.sampling.as_ref().filter(|sampling| fixed && sampling.jitter != 0.0) {
+        return directly("sample_time", format!("samples without jitter for {method}"), format!("a jitter of {} s", sampling.jitter));
+    }
+    if !fixed && law.is_scalar() {
+        return directly("law", format!("a law without task priority for {method}"), law.name().into());
+    }
+    if !fixed && !rates_programs::is_recordable(problem) {
+        return directly("plant", format!("no wall and no stops for {method}"), "a plant with contacts".into());
+    }
+    Ok(())
+}

@@ -1,0 +1,30 @@
+//! What the numbers of a set-up are called: the name of a scope and the place in it.
+
+/// A name with its number; no name where nobody gave one, no number where it is 0.
+pub type Label = (&'static str, u32);
+
+/// The labels of all inputs of a set-up, and the next one.
+#[derive(Default)]
+pub(super) struct Labels {
+    pub all: Vec<Label>,
+    scope: Label,
+}
+
+impl Labels {
+    /// Call the numbers that follow `name` with numbers from `first` on; what was there before.
+    pub fn begin(&mut self, name: &'static str, first: u32) -> Label {
+        std::mem::replace(&mut self.scope, (name, first))
+    }
+
+    /// Go on as before.
+    pub fn end(&mut self, before: Label) {
+        self.scope = before;
+    }
+
+    /// The label of the next number of the set-up.
+    pub fn next(&mut self) -> Label {
+        let label = self.scope;
+        self.scope.1 += 1;
+        label
+    }
+}

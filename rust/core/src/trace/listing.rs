@@ -1,0 +1,154 @@
+//! A program as its readers see it: the operations of a recording, its instructions, and its machine code, one line each.
+//!
+//! Every line is `to = kind(operands)`. An operand is the result of an earlier line, an input, or a number.
+
+use super::lower::lower;
+use super::program::{Room, form};
+use super::straight::{Instruction, Part, Straight, Stream};
+use super::tape::Op;
+
+/// One line. Numbers are written such that they can be read back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    pub to: String,
+    pub kind: &'static str,
+    pub operands: Vec<String>,
+}
+
+/// The lines of one stage, in the order in which they are computed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Listing {
+    pub lines: Vec<Line>,
+    /// `(output, what it is)`
+    pub outputs: Vec<(String, String)>,
+}
+
+/// The name of a slot of the frame.
+pub type Names<'a> = &'a dyn Fn(u32) -> String;
+
+/// A part as instructions.
+pub struct Lowered {
+    pub straight: Straight,
+    /// Slots that it reads.
+    pub inputs: Vec<u32>,
+}
+
+impl Lowered {
+    /// A part as `Program::new` lowers it, for one run or for lanes.
+    pub fn of(part: Part, stream: Option<Stream>, room: Room, lanes: bool) -> Self {
+        let straight = Straight { stream, ..lower(part, room.reach, form(lanes).has_fused()) };
+        let inputs =
+            straight.instructions.iter().filter_map(|i| if let Instruction::Input(slot) = i { Some(*slot) } else { None }).collect();
+        Lowered { straight, inputs }
+    }
+
+    /// Its instructions.
+    pub fn listing(&self, names: Names) -> Listing {
+        let (mut values, mut lines) = (Vec::<String>::new(), Vec::new());
+        for &instruction in &self.straight.instructions {
+            values.push(match instruction {
+                Instruction::Input(slot) => names(slot),
+                Instruction::Const(bits) => number(f64::from_bits(bits)),
+                _ => line(&mut lines, instruction.kind(), instruction.operands().map(|a| values[a as usize].clone()), instruction.bits()),
+            });
+        }
+        let outputs = self.straight.outputs.iter().map(|&(slot, value)| (names(slot), values[value as usize].clone())).collect();
+        Listing { lines, outputs }
+    }
+}
+
+/// The operations of a part of a recording that its outputs need.
+pub fn recorded(part: Part, names: Names) -> Listing {
+    let Part { ops, start, outputs, places } = part;
+    let end = outputs.iter().map(|&(_, entry)| entry + 1).max().unwrap_or(start);
+    let mut needed = vec![false; ops.len()];
+    outputs.iter().for_each(|&(_, entry)| needed[entry as usize] = true);
+    for i in (0..ops.len()).rev().filter(|&i| !part.is_before(i as u32)) {
+        if needed[i] {
+            ops[i].operands().for_each(|a| needed[a as usize] = true);
+        }
+    }
+    let (mut values, mut lines) = (Vec::<String>::with_capacity(ops.len()), Vec::new());
+    for (i, &op) in ops.iter().enumerate().take(end as usize) {
+        values.push(match op {
+            Op::Const(bits) => number(f64::from_bits(bits)),
+            Op::Input(slot) => names(slot),
+            _ if part.is_before(i as u32) => places.get(&(i as u32)).map_or(String::new(), |&slot| names(slot)),
+            _ if !needed[i] => String::new(),
+            _ => line(&mut lines, op.kind(), op.operands().map(|a| values[a as usize].clone()), None),
+        });
+    }
+    let outputs = outputs.iter().map(|&(slot, entry)| (names(slot), values[entry as usize].clone())).collect();
+    Listing { lines, outputs }
+}
+
+/// One more line; the name of its result.
+fn line(lines: &mut Vec<Line>, kind: &'static str, operands: impl Iterator<Item = String>, bits: Option<u8>) -> String {
+    let to = format!("t{}", lines.len());
+    lines.push(Line { to: to.clone(), kind, operands: operands.chain(bits.map(|bits| bits.to_string())).collect() });
+    to
+}
+
+/// A number as it is read back to the same bits.
+pub(super) fn number(x: f64) -> String {
+    format!("{x:?}")
+}
+
+impl Op {
+    /// What it does, in one word.
+    pub fn kind(self) -> &'static str {
+        match self {
+            Op::Const(_) => "number",
+            Op::Input(_) => "input",
+            Op::Add(..) => "add",
+            Op::Sub(..) => "sub",
+            Op::Mul(..) => "mul",
+            Op::Div(..) => "div",
+            Op::Neg(_) => "neg",
+            Op::Fma(..) => "fma",
+            Op::Fnma(..) => "fnma",
+            Op::Sqrt(_) => "sqrt",
+            Op::Abs(_) => "abs",
+            Op::Max(..) => "max",
+            Op::Min(..) => "min",
+            Op::Sin(_) => "sin",
+            Op::Cos(_) => "cos",
+            Op::Less(..) => "less",
+            Op::Select(..) => "select",
+        }
+    }
+}
+
+impl Instruction {
+    /// What it does, in one word.
+    pub fn kind(self) -> &'static str {
+        use Instruction::*;
+        match self {
+            Input(_) => "input",
+            Const(_) => "number",
+            Add(..) => "add",
+            Sub(..) => "sub",
+            Mul(..) => "mul",
+            Div(..) => "div",
+            Max(..) => "max",
+            Min(..) => "min",
+            And(..) => "and",
+            AndNot(..) => "andnot",
+            Xor(..) => "xor",
+            Fma(..) => "fma",
+            Fms(..) => "fms",
+            Fnma(..) => "fnma",
+            Fnms(..) => "fnms",
+            Sqrt(_) => "sqrt",
+            Less(..) => "less",
+            Signs(_) => "signs",
+            Select(..) => "select",
+            Shift(..) => "shift",
+        }
+    }
+
+    /// The number of bits by which it shifts.
+    fn bits(self) -> Option<u8> {
+        if let Instruction::Shift(_, by) = self { Some(by) } else { None }
+    }
+}
