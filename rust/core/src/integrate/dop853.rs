@@ -8,16 +8,72 @@ use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
 use super::dop853_tableau::{A, C, D, E3, E5};
 use super::pace::{Control, Pace, finite, paced};
-use super::{Buffer, System};
+use super::{Attempt, Buffer, Scheme, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
 const CONTROL: Control = Control { safety: 0.9, alpha: 0.125, beta: 0.0, shrink: 0.2, grow: 10.0 };
 
+/// The argument of stage `i` into `y`: `x + h sum_j A[i][j] k_j`.
+#[inline(always)]
+fn argument<S: Real, B: Buffer<S>>(i: usize, h: S, x: &[S], k: &[B], y: &mut [S]) {
+    for c in 0..x.len() {
+        y[c] = S::splat(A[i][0]) * k[0].as_ref()[c];
+    }
+    for j in 1..i {
+        if A[i][j] != 0.0 {
+            let (weight, k) = (S::splat(A[i][j]), k[j].as_ref());
+            for c in 0..x.len() {
+                y[c] = weight.mul_add(k[c], y[c]);
+            }
+        }
+    }
+    for c in 0..x.len() {
+        y[c] = h.mul_add(y[c], x[c]);
+    }
+}
+
+/// The method's arithmetic. The argument of stage 12 is the new state: the method is first-same-as-last.
+pub struct Order8;
+
+impl Scheme for Order8 {
+    const STAGES: usize = 12;
+    const ESTIMATES: usize = 2;
+
+    #[inline(always)]
+    fn stages<S: Real, B: Buffer<S>>(
+        h: S,
+        x: &[S],
+        slopes: &mut [B],
+        y: &mut [S],
+        estimates: &mut [B],
+        mut slope: impl FnMut(usize, &[S], &mut [S]),
+    ) {
+        for i in 1..13 {
+            argument(i, h, x, slopes, y);
+            slope(i - 1, y, slopes[i].as_mut());
+        }
+        for (estimate, weights) in estimates.iter_mut().zip([E3, E5]) {
+            let estimate = estimate.as_mut();
+            for c in 0..x.len() {
+                let mut sum = S::zero();
+                for j in 0..13 {
+                    if weights[j] != 0.0 {
+                        sum = S::splat(weights[j]).mul_add(slopes[j].as_ref()[c], sum);
+                    }
+                }
+                estimate[c] = sum;
+            }
+        }
+    }
+}
+
 pub struct Dop853<B, U, T = Tolerance> {
     pace: Pace<T>,
     /// The slopes of the 12 stages, of the end, and of the dense output.
     k: [B; 16],
+    /// The estimates of orders 3 and 5.
+    errors: [B; 2],
     /// Dense output, rows 3 to 6.
     dense: [B; 4],
     y: B,
@@ -38,6 +94,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
             pace: Pace::new(tolerance),
             chatter: Chatter::new(&state),
             k: std::array::from_fn(|_| state.clone()),
+            errors: std::array::from_fn(|_| state.clone()),
             dense: std::array::from_fn(|_| state.clone()),
             y: state.clone(),
             x: state.clone(),
@@ -45,49 +102,6 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
             u: input,
             u_time: f64::NAN,
             dense_ready: false,
-        }
-    }
-
-    /// The argument of stage `i` into `y`: `x + h sum_j A[i][j] k_j`.
-    #[inline(always)]
-    fn argument<S: Real>(&mut self, i: usize, h: f64)
-    where
-        B: Buffer<S>,
-    {
-        let (x, y) = (self.x.as_ref(), self.y.as_mut());
-        for c in 0..x.len() {
-            y[c] = S::splat(A[i][0]) * self.k[0].as_ref()[c];
-        }
-        for j in 1..i {
-            if A[i][j] != 0.0 {
-                let (weight, k) = (S::splat(A[i][j]), self.k[j].as_ref());
-                for c in 0..y.len() {
-                    y[c] = weight.mul_add(k[c], y[c]);
-                }
-            }
-        }
-        for c in 0..x.len() {
-            y[c] = S::splat(h).mul_add(y[c], x[c]);
-        }
-    }
-
-    /// Stages `from .. to`: the loop keeps one copy of the right-hand side in the code.
-    #[inline(always)]
-    fn stages<S, F>(&mut self, system: &mut F, from: usize, to: usize, h: f64)
-    where
-        S: Real,
-        F: System<S, Input = U>,
-        B: Buffer<S>,
-    {
-        for i in from..to {
-            self.argument::<S>(i, h);
-            let t = self.pace.input_time(self.pace.t + C[i] * h);
-            if t != self.u_time {
-                system.input(t, &mut self.u);
-                self.u_time = t;
-            }
-            system.rhs(&self.u, self.y.as_ref(), self.k[i].as_mut());
-            self.pace.work.evaluations += 1;
         }
     }
 
@@ -99,27 +113,30 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         F: System<S, Input = U>,
         B: Buffer<S>,
     {
-        // The argument of stage 12 is the new state: the method is first-same-as-last.
-        self.stages::<S, F>(system, 1, 13, h);
-        if !finite(self.y.as_ref()) || !finite(self.k[12].as_ref()) {
+        let Dop853 { pace, k, errors, y, x, u, u_time, .. } = self;
+        let times: [f64; Order8::STAGES] = std::array::from_fn(|i| pace.input_time(pace.t + C[i + 1] * h));
+        let mut attempt = Attempt { h, times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates: errors };
+        if system.attempt::<Order8, B>(&mut attempt) {
+            *u_time = f64::NAN;
+        } else {
+            Order8::stages(S::splat(h), x.as_ref(), k, y.as_mut(), errors, |i, y, dx| {
+                if times[i] != *u_time {
+                    system.input(times[i], u);
+                    *u_time = times[i];
+                }
+                system.rhs(u, y, dx);
+            });
+        }
+        pace.work.evaluations += Order8::STAGES as u64;
+        if !finite(y.as_ref()) || !finite(k[12].as_ref()) {
             return f64::NAN;
         }
-        let (x, y) = (self.x.as_ref(), self.y.as_ref());
+        let (x, y) = (x.as_ref(), y.as_ref());
         let (mut e3, mut e5) = (0.0, 0.0);
         let m = self.pace.tolerance.controlled().min(x.len());
         for c in 0..m {
-            let (mut s3, mut s5) = (S::zero(), S::zero());
-            for j in 0..13 {
-                let k = self.k[j].as_ref()[c];
-                if E3[j] != 0.0 {
-                    s3 = S::splat(E3[j]).mul_add(k, s3);
-                }
-                if E5[j] != 0.0 {
-                    s5 = S::splat(E5[j]).mul_add(k, s5);
-                }
-            }
             let scale = self.pace.tolerance.scale(c, x[c].lane(0).abs().max(y[c].lane(0).abs()));
-            let (s3, s5) = (s3.lane(0) / scale, s5.lane(0) / scale);
+            let [s3, s5] = [0, 1].map(|k| self.errors[k].as_ref()[c].lane(0) / scale);
             e3 += s3 * s3;
             e5 += s5 * s5;
         }
@@ -137,7 +154,13 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         std::mem::swap(&mut self.x, &mut self.x_old);
         self.k.swap(0, 12);
         let t = std::mem::replace(&mut self.pace.t, self.pace.t_old);
-        self.stages::<S, F>(system, 13, 16, h);
+        for i in 13..16 {
+            argument(i, S::splat(h), self.x.as_ref(), &self.k, self.y.as_mut());
+            system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
+            system.rhs(&self.u, self.y.as_ref(), self.k[i].as_mut());
+            self.pace.work.evaluations += 1;
+        }
+        self.u_time = f64::NAN;
         for (row, weights) in self.dense.iter_mut().zip(&D) {
             let row = row.as_mut();
             for c in 0..row.len() {

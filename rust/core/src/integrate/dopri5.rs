@@ -4,7 +4,7 @@
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
 use super::pace::{Control, Pace, finite, paced};
-use super::{Buffer, System};
+use super::{Attempt, Buffer, Scheme, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
@@ -32,10 +32,48 @@ const D: [f64; 7] = [
 ];
 const CONTROL: Control = Control { safety: 0.9, alpha: 0.2, beta: 0.0, shrink: 0.2, grow: 10.0 };
 
+/// The pair's arithmetic.
+pub struct Pair54;
+
+impl Scheme for Pair54 {
+    const STAGES: usize = 6;
+    const ESTIMATES: usize = 1;
+
+    #[inline(always)]
+    fn stages<S: Real, B: Buffer<S>>(
+        h: S,
+        x: &[S],
+        slopes: &mut [B],
+        y: &mut [S],
+        estimates: &mut [B],
+        mut slope: impl FnMut(usize, &[S], &mut [S]),
+    ) {
+        for i in 1..7 {
+            for c in 0..x.len() {
+                let mut sum = S::splat(A[i][0]) * slopes[0].as_ref()[c];
+                for j in 1..i {
+                    sum = S::splat(A[i][j]).mul_add(slopes[j].as_ref()[c], sum);
+                }
+                y[c] = h.mul_add(sum, x[c]);
+            }
+            slope(i - 1, y, slopes[i].as_mut());
+        }
+        let error = estimates[0].as_mut();
+        for c in 0..x.len() {
+            let mut sum = S::zero();
+            for j in 0..7 {
+                sum = S::splat(E[j]).mul_add(slopes[j].as_ref()[c], sum);
+            }
+            error[c] = sum;
+        }
+    }
+}
+
 pub struct Dopri5<B, U, T = Tolerance> {
     pace: Pace<T>,
     /// Slopes of the stages; the last is that of the end.
     k: [B; 7],
+    error: [B; 1],
     y: B,
     x: B,
     x_old: B,
@@ -47,7 +85,8 @@ impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
     #[inline(always)]
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         let k = std::array::from_fn(|_| state.clone());
-        Dopri5 { pace: Pace::new(tolerance), chatter: Chatter::new(&state), k, y: state.clone(), x: state.clone(), x_old: state, u: input }
+        let [error, y, x] = std::array::from_fn(|_| state.clone());
+        Dopri5 { pace: Pace::new(tolerance), chatter: Chatter::new(&state), k, error: [error], y, x, x_old: state, u: input }
     }
 
     /// Try a step of `h`: the new state in `y`, its slope in `k[6]`; returns the error.
@@ -58,30 +97,20 @@ impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
         F: System<S, Input = U>,
         B: Buffer<S>,
     {
-        for i in 1..7 {
-            let (x, y) = (self.x.as_ref(), self.y.as_mut());
-            for c in 0..x.len() {
-                let mut sum = S::splat(A[i][0]) * self.k[0].as_ref()[c];
-                for j in 1..i {
-                    sum = S::splat(A[i][j]).mul_add(self.k[j].as_ref()[c], sum);
-                }
-                y[c] = S::splat(h).mul_add(sum, x[c]);
-            }
-            system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
-            system.rhs(&self.u, self.y.as_ref(), self.k[i].as_mut());
-            self.pace.work.evaluations += 1;
+        let Dopri5 { pace, k, error, y, x, u, .. } = self;
+        let times: [f64; Pair54::STAGES] = std::array::from_fn(|i| pace.input_time(pace.t + C[i + 1] * h));
+        let mut attempt = Attempt { h, times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates: error };
+        if !system.attempt::<Pair54, B>(&mut attempt) {
+            Pair54::stages(S::splat(h), x.as_ref(), k, y.as_mut(), error, |i, y, dx| {
+                system.input(times[i], u);
+                system.rhs(u, y, dx);
+            });
         }
-        if !finite(self.y.as_ref()) || !finite(self.k[6].as_ref()) {
+        pace.work.evaluations += Pair54::STAGES as u64;
+        if !finite(y.as_ref()) || !finite(k[6].as_ref()) {
             return f64::NAN;
         }
-        let k = &self.k;
-        self.pace.norm(self.x.as_ref(), self.y.as_ref(), |c| {
-            let mut sum = S::zero();
-            for j in 0..7 {
-                sum = S::splat(E[j]).mul_add(k[j].as_ref()[c], sum);
-            }
-            S::splat(h) * sum
-        })
+        pace.norm(x.as_ref(), y.as_ref(), |c| S::splat(h) * error[0].as_ref()[c])
     }
 }
 

@@ -26,8 +26,8 @@ pub mod solve;
 
 pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
 pub use columns::column_groups;
-pub use dop853::Dop853;
-pub use dopri5::Dopri5;
+pub use dop853::{Dop853, Order8};
+pub use dopri5::{Dopri5, Pair54};
 pub use euler::Euler;
 pub use fixed::Steps;
 pub use linearised::{DualSystem, Linearised};
@@ -47,6 +47,10 @@ pub trait System<S: Real> {
 
     fn input(&mut self, t: f64, u: &mut Self::Input);
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
+    /// An attempt of an explicit method all at once; false where it is to be made stage by stage.
+    fn attempt<C: Scheme, B: Buffer<S>>(&mut self, _: &mut Attempt<S, B>) -> bool {
+        false
+    }
     /// Attempts that an adaptive method may spend along a jump of the slope before the run is given up.
     fn chatter_budget(&self) -> u64 {
         500_000
@@ -69,6 +73,36 @@ pub trait System<S: Real> {
     fn pairs(&self) -> Pairs {
         Pairs::default()
     }
+}
+
+/// The stages of an explicit method, whose first slope is known and whose last argument is the new state.
+pub trait Scheme {
+    /// Stages after the first, and estimates of the error.
+    const STAGES: usize;
+    const ESTIMATES: usize;
+
+    /// Every slope after the first, the new state `y` and the estimates, for a step of `h` from `x`. `slope(k, y, dx)` is asked for stage
+    /// `k + 1` at the state `y`.
+    fn stages<S: Real, B: Buffer<S>>(
+        h: S,
+        x: &[S],
+        slopes: &mut [B],
+        y: &mut [S],
+        estimates: &mut [B],
+        slope: impl FnMut(usize, &[S], &mut [S]),
+    );
+}
+
+/// What an attempt of an explicit method is made of.
+pub struct Attempt<'a, S, B> {
+    pub h: f64,
+    /// When the stages after the first take their inputs.
+    pub times: &'a [f64],
+    pub x: &'a [S],
+    /// See [`Scheme::stages`].
+    pub slopes: &'a mut [B],
+    pub y: &'a mut [S],
+    pub estimates: &'a mut [B],
 }
 
 /// A system that knows its derivatives, as implicit methods need them. `n` is the number of states.

@@ -2,6 +2,7 @@
 //! identities monitored.
 
 mod adaptive_steps;
+mod attempt_programs;
 mod batch;
 mod batch_stepper;
 mod bound;

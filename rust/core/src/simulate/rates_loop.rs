@@ -11,7 +11,7 @@ use super::problem::Problem;
 use super::rates_programs::{Rates, record_both};
 use super::running_rates::Running;
 use super::world::Exogenous;
-use crate::integrate::{Differentiable, System};
+use crate::integrate::{Attempt, Buffer, Differentiable, Scheme, System};
 use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::scalar::Real;
@@ -131,6 +131,19 @@ impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
         }
         self.work += 1;
         self.direct.rhs(u, x, dx);
+    }
+    fn attempt<C: Scheme, B: Buffer<S>>(&mut self, attempt: &mut Attempt<S, B>) -> bool {
+        let which = self.which();
+        let Some(running) = &mut self.running[which] else { return false };
+        let direct = &mut self.direct;
+        match running.attempt(attempt, |t, u| direct.input(t, u)) {
+            Some(true) => true,
+            Some(false) => {
+                self.leave();
+                false
+            }
+            None => false,
+        }
     }
     fn chatter_budget(&self) -> u64 {
         self.direct.chatter_budget()

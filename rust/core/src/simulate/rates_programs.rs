@@ -4,6 +4,7 @@
 //! all values that the derivatives read, and then, for as many passes as there are directions, a second one computes
 //! `x_dot -> f'(x) x_dot`. The states of the law have a program apart: few operations depend on them, and they can be many.
 
+use super::attempt_programs::AttemptProgram;
 use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::general::assemble;
@@ -96,6 +97,8 @@ impl Derivatives {
 /// The programs of one structure.
 pub struct RatesPrograms {
     pub rates: Program,
+    /// A whole attempt, of small loops under an explicit method that chooses its steps.
+    pub attempt: Option<AttemptProgram>,
     pub derivatives: Option<Derivatives>,
 }
 
@@ -215,7 +218,8 @@ fn record(
         return None;
     }
     let rates: Vec<u32> = dx.into_iter().map(Sym::index).collect();
-    let programs = make(recording.ops, &rates, &slots, wanted, watch);
+    let mut programs = make(recording.ops, &rates, &slots, wanted, watch);
+    programs.attempt = AttemptProgram::of(problem, run, common, held, (&slots, programs.rates.operations()));
     Some(RecordedRates { slots, programs })
 }
 
@@ -233,6 +237,7 @@ fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: Wanted, watch: Watch
     let program = Program::new(part, None, room, form(false), engine());
     RatesPrograms {
         rates: program,
+        attempt: None,
         derivatives: (wanted != Wanted::Rates).then(|| differentiate(ops, rates, slots, wanted == Wanted::Time, watch)),
     }
 }

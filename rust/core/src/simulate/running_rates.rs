@@ -2,6 +2,7 @@
 
 use super::rates_programs::{RatesPrograms, RecordedRates};
 use super::world::Exogenous;
+use crate::integrate::{Attempt, Buffer};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Program, form};
@@ -10,6 +11,8 @@ use std::sync::Arc;
 pub struct Running<S> {
     recorded: Arc<RecordedRates>,
     frame: Frame,
+    /// The frame of a whole attempt.
+    attempt: Option<Frame>,
     /// The frame of the derivatives.
     lanes: Option<Frame>,
     /// The exogenous input and its rate at the state that is linearised about.
@@ -31,7 +34,8 @@ impl<S: Real> Running<S> {
         let still = Exogenous { t: f64::NAN, desired: vec![S::zero(); slots.desired], wrench: [S::zero(); 6] };
         let single = frame(programs.rates.slots(), 1, &mut std::iter::once(&programs.rates));
         let lanes = programs.derivatives.as_ref().map(|all| frame(all.slots(), form(true).lanes(), &mut all.all()));
-        Running { frame: single, lanes, instants: [still.clone(), still], dft: vec![S::zero(); slots.states()], recorded }
+        let attempt = programs.attempt.as_ref().map(|attempt| attempt.frame(values));
+        Running { frame: single, attempt, lanes, instants: [still.clone(), still], dft: vec![S::zero(); slots.states()], recorded }
     }
 
     /// Hold the input `tau` and the rate `dz` of the law.
@@ -41,6 +45,15 @@ impl<S: Real> Running<S> {
             write(frame, slots.tau(), tau);
             write(frame, slots.law_rate(), dz);
         }
+        if let (Some(program), Some(frame)) = (&self.recorded.programs.attempt, &mut self.attempt) {
+            program.hold(frame, tau, dz);
+        }
+    }
+
+    /// A whole attempt, whose exogenous inputs `input(t, u)` gives, if there is a program for it; whether it is valid.
+    pub fn attempt<B: Buffer<S>>(&mut self, attempt: &mut Attempt<S, B>, input: impl FnMut(f64, &mut Exogenous<S>)) -> Option<bool> {
+        let (Some(program), Some(frame)) = (&self.recorded.programs.attempt, &mut self.attempt) else { return None };
+        Some(program.run(frame, attempt, (&mut self.instants[0], input)))
     }
 
     /// The rates of state `x` into `dx`; whether they are valid.

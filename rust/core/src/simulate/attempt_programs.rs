@@ -1,0 +1,155 @@
+//! Whole attempts of explicit methods as programs: all stages of a small loop at once.
+
+use super::closed_loop::ClosedLoop;
+use super::general::assemble;
+use super::key::Common;
+use super::problem::{Method, Problem};
+use super::rates_programs::Slots;
+use super::world::Exogenous;
+use crate::integrate::{Attempt, Buffer, Order8, Pair54, Scheme};
+use crate::scalar::Real;
+use crate::scalar::trig::REDUCTION_LIMIT;
+use crate::trace::{Frame, Part, Places, Program, Room, Sym, engine, form, sym};
+
+/// Operations of the rates of all stages up to which an attempt is one program: beyond, its code does not fit the cache of instructions,
+/// and what is saved around the rates is little.
+const LARGE: usize = 3000;
+
+/// An attempt of one structure.
+pub struct AttemptProgram {
+    program: Program,
+    places: Layout,
+}
+
+/// Where the quantities of an attempt are in its frame: the numbers of the set-up, the exogenous inputs of the stages, and then these.
+struct Layout {
+    slots: Slots,
+    stages: usize,
+    estimates: usize,
+}
+
+impl Layout {
+    fn state(&self) -> usize {
+        self.slots.given + self.stages * (self.slots.desired + self.slots.wrench)
+    }
+    /// The first slope, behind the state.
+    fn slope(&self) -> usize {
+        self.state() + self.slots.states()
+    }
+    fn step(&self) -> usize {
+        self.slope() + self.slots.states()
+    }
+    /// The input that is held, and what else a law answers.
+    fn held(&self) -> usize {
+        self.step() + 1
+    }
+    /// Behind all inputs: the new state, the slopes of the stages, the estimates.
+    fn results(&self) -> usize {
+        self.held() + self.slots.inputs + self.slots.answer
+    }
+    fn reach(&self) -> usize {
+        self.results() + (1 + self.stages + self.estimates) * self.slots.states()
+    }
+}
+
+impl AttemptProgram {
+    /// That of the problem's method, if there is one and the loop, whose rates have so many operations, is small; `None` where the code
+    /// branches on data.
+    pub fn of(problem: &Problem, run: usize, common: Common, held: bool, (slots, operations): (&Slots, usize)) -> Option<Self> {
+        match problem.options.method {
+            Method::Dopri5 if Pair54::STAGES * operations <= LARGE => Self::record::<Pair54>(problem, run, common, held, slots),
+            Method::Dop853 if Order8::STAGES * operations <= LARGE => Self::record::<Order8>(problem, run, common, held, slots),
+            _ => None,
+        }
+    }
+
+    fn record<C: Scheme>(problem: &Problem, run: usize, common: Common, held: bool, slots: &Slots) -> Option<Self> {
+        sym::begin();
+        let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
+        assert_eq!(sym::end_set_up(), slots.given, "another structure");
+        let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
+        let instants: Vec<Exogenous<Sym>> = (0..C::STAGES)
+            .map(|_| {
+                let (desired, mut wrench) = (inputs(slots.desired), [Sym::zero(); 6]);
+                wrench[..slots.wrench].copy_from_slice(&inputs(slots.wrench));
+                Exogenous { t: 0.0, desired, wrench }
+            })
+            .collect();
+        let (x, first, h) = (inputs(slots.states()), inputs(slots.states()), sym::input());
+        let (tau, answer) = (inputs(slots.inputs), inputs(slots.answer));
+        if held {
+            closed.hold_input(&tau, &answer);
+        }
+        let room = vec![Sym::zero(); slots.states()];
+        let (mut slopes, mut y, mut estimates) = (vec![room.clone(); C::STAGES + 1], room.clone(), vec![room; C::ESTIMATES]);
+        slopes[0] = first;
+        C::stages(h, &x, &mut slopes, &mut y, &mut estimates, |k, y, dx| {
+            closed.turn_to(y);
+            closed.rates(&instants[k], y, dx);
+        });
+        drop(closed);
+        let recording = sym::finish();
+        if recording.failed {
+            return None;
+        }
+        let places = Layout { slots: slots.clone(), stages: C::STAGES, estimates: C::ESTIMATES };
+        let results = y.iter().chain(slopes[1..].iter().flatten()).chain(estimates.iter().flatten());
+        let outputs: Vec<(u32, u32)> = results.enumerate().map(|(k, value)| ((places.results() + k) as u32, value.index())).collect();
+        let part = Part { ops: &recording.ops, start: 0, outputs: &outputs, places: &Places::default() };
+        let room = Room { reach: places.reach() as u32, free: places.reach() + 1 };
+        Some(AttemptProgram { program: Program::new(part, None, room, form(false), engine()), places })
+    }
+
+    /// Its frame, for a run whose set-up has the numbers `values`.
+    pub fn frame(&self, values: &[f64]) -> Frame {
+        let mut frame = Frame::new(self.program.slots(), 1);
+        self.program.prepare(&mut frame);
+        frame.numbers_mut()[..values.len()].copy_from_slice(values);
+        frame
+    }
+
+    /// Hold the input `tau` and what else a law answers.
+    pub fn hold<S: Real>(&self, frame: &mut Frame, tau: &[S], answer: &[S]) {
+        write(frame, self.places.held(), tau);
+        write(frame, self.places.held() + tau.len(), answer);
+    }
+
+    /// Compute an attempt whose exogenous inputs `input(t, u)` gives; whether it is valid.
+    pub fn run<S: Real, B: Buffer<S>>(
+        &self,
+        frame: &mut Frame,
+        attempt: &mut Attempt<S, B>,
+        (u, mut input): (&mut Exogenous<S>, impl FnMut(f64, &mut Exogenous<S>)),
+    ) -> bool {
+        let slots = &self.places.slots;
+        let width = slots.desired + slots.wrench;
+        for (k, &t) in attempt.times.iter().enumerate().filter(|_| width > 0) {
+            let at = slots.given + k * width;
+            if k > 0 && attempt.times[k - 1] == t {
+                frame.numbers_mut().copy_within(at - width..at, at);
+                continue;
+            }
+            input(t, u);
+            write(frame, at, &u.desired);
+            write(frame, at + slots.desired, &u.wrench[..slots.wrench]);
+        }
+        write(frame, self.places.state(), attempt.x);
+        write(frame, self.places.slope(), attempt.slopes[0].as_ref());
+        frame.numbers_mut()[self.places.step()] = attempt.h;
+        self.program.run(frame);
+        let n = slots.states();
+        let mut results = frame.numbers()[self.places.results()..self.places.reach()].chunks_exact(n);
+        let mut next = |to: &mut [S]| {
+            let row = results.next().unwrap_or_default();
+            to.iter_mut().zip(row).for_each(|(to, &from)| *to = S::splat(from));
+        };
+        next(attempt.y);
+        attempt.slopes[1..=self.places.stages].iter_mut().for_each(|slope| next(slope.as_mut()));
+        attempt.estimates.iter_mut().for_each(|estimate| next(estimate.as_mut()));
+        frame.numbers()[self.places.reach()] < REDUCTION_LIMIT
+    }
+}
+
+fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
+    frame.numbers_mut()[first..first + values.len()].iter_mut().zip(values).for_each(|(slot, value)| *slot = value.lane(0));
+}
