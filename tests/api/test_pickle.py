@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import pickletools
 from collections.abc import Callable
 from typing import Any
 
@@ -169,3 +170,24 @@ def test_a_simulator_between_samples_says_that_it_cannot_be_pickled() -> None:
     alone.step([1.0, 0.5])
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(alone)).q, alone.q)
     assert repr(alone) == "Simulator(no law, n=2, t=0.001 s, dt=0.001 s)"
+
+
+def test_a_pickle_of_many_links_is_as_few_objects_as_one_of_few() -> None:
+    """Whoever writes or reads a pickle has the interpreter for as long as it has objects."""
+    counts = []
+    for links in (5, 500):
+        arm = al.planar_arm(np.ones(links))
+        _, (payload,) = arm.__reduce__()
+        counts.append(sum(1 for _ in pickletools.genops(payload[32:])))
+        back = pickle.loads(pickle.dumps(arm))
+        assert back == arm and repr(back) == repr(arm) and back.frame_names == arm.frame_names and back.report == arm.report
+    # One frame more, at most.
+    assert counts[1] <= counts[0] + 1
+
+
+def test_names_of_any_letters_survive_a_pickle() -> None:
+    joint = {"type": "R", "axis": [0.0, 0.0, 1.0], "phi": [1.0, 0.5, 0.0, 0.0, 0.3, 0.0, 0.0, 0.3, 0.0, 0.3]}
+    arm = al.Arm.from_chain([joint | {"name": "é \U0001f916"}, joint | {"type": "P", "name": "b", "upper": 2.0}, {"type": "F", "name": "c"}])
+    back = pickle.loads(pickle.dumps(arm))
+    assert back == arm and back.joint_names == ("é \U0001f916", "b") and back.joint_types == arm.joint_types
+    np.testing.assert_array_equal(back.limits["q_max"], arm.limits["q_max"])

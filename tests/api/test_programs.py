@@ -96,6 +96,24 @@ def test_a_program_is_the_loop(arm: al.Arm, law: str, method: str, held: bool) -
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("batch", [False, True])
+def test_a_known_loop_with_other_limits_or_another_frame_is_another_loop(batch: bool) -> None:
+    plant, made, q0 = al.RigidArm(TWO), pd(TWO), np.array([0.9, -0.8])
+    frames = TWO.frame_names[-2:]
+    assert len(frames) == 2
+    runs = []
+    for tau_max in (None, 6.0, 2.0):
+        for frame in frames:
+            span: dict[str, Any] = {"t_end": 0.15, "dt": 1e-3, "tau_max": tau_max, "force_frame": frame, "monitors": False}
+            direct = al.simulate(plant, made, q0, **span, force=lambda t: np.array([2.0, -3.0, 0.0]))
+            span["force"] = [2.0, -3.0, 0.0]
+            q = al.simulate_batch(plant, made, [q0], **span).q[0] if batch else al.simulate(plant, made, q0, **span).q
+            np.testing.assert_array_equal(q, direct.q)
+            runs.append(direct.q[-1])
+    # Limits and frames matter here.
+    assert len({tuple(q) for q in runs}) == 6
+
+
 # A plant with a wall runs directly, and this one is out of reach.
 FAR = al.Wall(TWO.frame_names[-1], [-50.0, 0.0, 0.0], [1.0, 0.0, 0.0], stiffness=1e3)
 METHODS: dict[str, dict[str, Any]] = {

@@ -2,6 +2,7 @@
 
 from .arms import Arm as Arm
 from .arms import _restore as _restore
+from .arms import _restore_arm as _restore_arm
 from .arms import _restore_planar_pr as _restore_planar_pr
 from .arms import _restore_tree as _restore_tree
 from .arms import _seal as _seal
@@ -127,6 +128,7 @@ __all__ = [
     "_BatchStepper",
     "__version__",
     "_restore",
+    "_restore_arm",
     "_restore_arm_solver",
     "_restore_plan",
     "_restore_planar_pr",

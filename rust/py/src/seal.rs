@@ -26,14 +26,7 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     let keywords = keywords.unwrap_or_else(|| PyDict::new(py));
     let body = py.import("pickle")?.call_method1("dumps", ((make, arguments, keywords), PROTOCOL))?.cast_into::<PyBytes>()?;
     let digest = digest(&view(&body, 0, body.as_bytes().len())?, body.as_bytes().len())?;
-    let payload = PyBytes::new_with(py, DIGEST + body.as_bytes().len(), |payload| {
-        payload[..DIGEST].copy_from_slice(digest.as_bytes());
-        for (to, from) in payload[DIGEST..].chunks_mut(PIECE).zip(body.as_bytes().chunks(PIECE)) {
-            to.copy_from_slice(from);
-            pause(py)?;
-        }
-        Ok(())
-    })?;
+    let payload = bytes(py, &[digest.as_bytes(), body.as_bytes()])?;
     Ok((py.import("armlet._core")?.getattr("_restore")?, (payload,)))
 }
 
@@ -53,6 +46,19 @@ pub fn seal_new<'py>(object: &Bound<'py, PyAny>) -> PyResult<Sealed<'py>> {
 /// The pickle of a call of `armlet._core.<function>`.
 pub fn seal_call<'py>(py: Python<'py>, function: &str, arguments: Bound<'py, PyTuple>) -> PyResult<Sealed<'py>> {
     seal(&py.import("armlet._core")?.getattr(function)?, arguments, None)
+}
+
+/// These bytes, one after the other, as Python's.
+pub fn bytes<'py>(py: Python<'py>, parts: &[&[u8]]) -> PyResult<Bound<'py, PyBytes>> {
+    PyBytes::new_with(py, parts.iter().map(|part| part.len()).sum(), |mut out| {
+        for piece in parts.iter().flat_map(|part| part.chunks(PIECE)) {
+            let (to, rest) = out.split_at_mut(piece.len());
+            to.copy_from_slice(piece);
+            out = rest;
+            pause(py)?;
+        }
+        Ok(())
+    })
 }
 
 /// The bytes from `first` to `last`, in place.

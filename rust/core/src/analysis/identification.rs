@@ -102,7 +102,7 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> 
     if samples * n <= b {
         return Err(Error::input("q", format!("has too few samples: expected more than {} for {b} base parameters, got {samples}", b / n)));
     }
-    let tau: &[f64] = &without_known_rotors(arm, a, tau, options.armature);
+    let tau: &[f64] = &without_known_rotors(arm, a, tau, options.armature)?;
     let query = Query { armature: options.armature, friction: options.friction, ..Quantity::Regressor.into() };
     memory::require(8 * (b + 1).saturating_mul(8 * b + 2 * BLOCK * n) + 8 * BLOCK * n * p)?;
     let mut triangle = Triangle::new(b + 1, BLOCK * n);
@@ -128,12 +128,13 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> 
 }
 
 /// The torque that the parameters to identify have to explain.
-fn without_known_rotors<'t>(arm: &Model, a: &[f64], tau: &'t [f64], identified: bool) -> Cow<'t, [f64]> {
+fn without_known_rotors<'t>(arm: &Model, a: &[f64], tau: &'t [f64], identified: bool) -> Result<Cow<'t, [f64]>> {
     let armature = arm.armature();
     if identified || armature.iter().all(|&x| x == 0.0) {
-        return Cow::Borrowed(tau);
+        return Ok(Cow::Borrowed(tau));
     }
-    Cow::Owned(tau.iter().zip(a).zip(armature.iter().cycle()).map(|((tau, a), armature)| tau - armature * a).collect())
+    let n = armature.len();
+    Ok(Cow::Owned(memory::collected((0..tau.len()).map(|k| tau[k] - armature[k % n] * a[k]))?))
 }
 
 /// Everything but what needs the record again.

@@ -1,9 +1,10 @@
 //! The constructors of arms, and what pickling stores.
 
+use super::stored::stored;
 use super::{Arm, Model};
 use crate::arrays::{Looked, any_vector, items, name, number as scalar, quoted, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::{Breaks, long, paused};
+use crate::interrupts::{long, paused};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::{PlanarPr, indefinite};
@@ -11,7 +12,7 @@ use armlet_core::memory;
 use armlet_core::spatial::{M3, Placement, V3};
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyString};
+use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -300,37 +301,16 @@ fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow, Fai
     Ok(DhRow { kind: JointKind::Revolute, a: x[0], alpha: x[1], d: x[2], theta: x[3], phi: [0.0; 10] })
 }
 
-/// What a joint and a frame are in a pickle: plain tuples.
+/// What a joint and a frame are there: plain tuples.
 type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10]);
 type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
 type TreeState<'py> = (String, Bound<'py, PyList>, Bound<'py, PyList>, [f64; 3], Vec<String>);
-
-fn stored(p: &Placement) -> [[f64; 3]; 4] {
-    let M3([a, b, c]) = p.rotation;
-    [a.0, b.0, c.0, p.translation.0]
-}
 
 fn placed([a, b, c, t]: [[f64; 3]; 4]) -> Placement {
     Placement { rotation: M3([V3(a), V3(b), V3(c)]), translation: V3(t) }
 }
 
-fn tree_state<'py>(py: Python<'py>, arm: &core::Arm) -> PyResult<TreeState<'py>> {
-    let (joints, frames, mut breaks) = (PyList::empty(py), PyList::empty(py), Breaks::new());
-    for j in &arm.joints {
-        breaks.pause(py)?;
-        let drive = [j.limits.lower, j.limits.upper, j.limits.velocity, j.limits.effort, j.armature, j.damping, j.friction];
-        let joint: JointState = (j.name.clone(), j.kind.name().to_string(), j.parent, stored(&j.placement), j.axis, drive, j.parameters);
-        joints.append(joint)?;
-    }
-    for f in &arm.frames {
-        breaks.pause(py)?;
-        let frame: FrameState = (f.name.clone(), f.body, stored(&f.placement), f.joint.clone());
-        frames.append(frame)?;
-    }
-    Ok((arm.name.clone(), joints, frames, arm.gravity, arm.report.clone()))
-}
-
-/// An arm from what its pickle stores.
+/// An arm from the joints and frames that a reader of another format found.
 #[entered]
 #[pyfunction]
 pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
@@ -413,7 +393,9 @@ impl Arm {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         match &self.model {
             Model::PlanarPr(arm) => seal_call(py, "_restore_planar_pr", (arm.parameter_array(),).into_pyobject(py)?),
-            Model::Tree(tree) => seal_call(py, "_restore_tree", (tree_state(py, tree.arm())?,).into_pyobject(py)?),
+            Model::Tree(tree) => {
+                entry(py, "Arm.__reduce__", || Ok(seal_call(py, "_restore_arm", PyTuple::new(py, stored(py, tree.arm())?)?)?))
+            }
         }
     }
 }

@@ -8,10 +8,12 @@ mod evaluate;
 mod identify;
 mod kinematics;
 mod model;
+mod stored;
 
 pub use construct::*;
 pub use identify::*;
 pub use model::Model;
+pub use stored::_restore_arm;
 
 use crate::arrays::new_array;
 use crate::errors::entry;

@@ -1,0 +1,196 @@
+//! What the pickle of an arm of links holds: `(integers, numbers, text)`, three runs of bytes, little-endian, so that a pickle of many
+//! links is written and read without the interpreter's lock.
+//!
+//! ```text
+//! integers  joints, frames, remarks; the parent of each joint; the body of each frame and whether a joint leads to it; lengths of strings
+//! numbers   gravity; of each joint its placement, axis, limits and drive, ten parameters; of each frame its placement
+//! text      the arm's name; of each joint its name and kind; of each frame its name and its joint's; the remarks of the report
+//! ```
+
+use super::Arm;
+use crate::errors::{Failure, entry};
+use crate::interrupts::long;
+use crate::seal::bytes;
+use armlet_core::arm::{self as core, Frame, Joint, JointType, Limits};
+use armlet_core::error::{Error, Result as CoreResult};
+use armlet_core::interrupt::look;
+use armlet_core::memory;
+use armlet_core::spatial::{M3, Placement, V3};
+use armlet_macros::entered;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+/// Numbers of a placement, and of a joint with its placement.
+const PLACEMENT: usize = 12;
+const JOINT: usize = PLACEMENT + 3 + 7 + 10;
+/// Nothing, among indices.
+const NONE: i64 = -1;
+
+#[derive(Default)]
+struct Stored {
+    integers: Vec<u8>,
+    numbers: Vec<u8>,
+    text: Vec<u8>,
+    lengths: Vec<u8>,
+}
+
+impl Stored {
+    fn integer(&mut self, x: i64) -> CoreResult<()> {
+        memory::append(&mut self.integers, &x.to_le_bytes())
+    }
+
+    fn index(&mut self, x: Option<usize>) -> CoreResult<()> {
+        self.integer(x.map_or(NONE, |x| x as i64))
+    }
+
+    fn numbers(&mut self, all: &[f64]) -> CoreResult<()> {
+        all.iter().try_for_each(|x| memory::append(&mut self.numbers, &x.to_le_bytes()))
+    }
+
+    fn placement(&mut self, p: &Placement) -> CoreResult<()> {
+        p.rotation.0.iter().chain([&p.translation]).try_for_each(|row| self.numbers(&row.0))
+    }
+
+    fn text(&mut self, text: &str) -> CoreResult<()> {
+        memory::append(&mut self.lengths, &(text.len() as i64).to_le_bytes())?;
+        memory::append(&mut self.text, text.as_bytes())
+    }
+
+    fn of(arm: &core::Arm) -> CoreResult<Self> {
+        let mut out = Stored::default();
+        for count in [arm.joints.len(), arm.frames.len(), arm.report.len()] {
+            out.integer(count as i64)?;
+        }
+        out.text(&arm.name)?;
+        out.numbers(&arm.gravity)?;
+        for j in &arm.joints {
+            look();
+            out.index(j.parent)?;
+            out.placement(&j.placement)?;
+            out.numbers(&j.axis)?;
+            out.numbers(&[j.limits.lower, j.limits.upper, j.limits.velocity, j.limits.effort, j.armature, j.damping, j.friction])?;
+            out.numbers(&j.parameters)?;
+            out.text(&j.name)?;
+            out.text(j.kind.name())?;
+        }
+        for f in &arm.frames {
+            look();
+            out.index(f.body)?;
+            out.integer(i64::from(f.joint.is_some()))?;
+            out.placement(&f.placement)?;
+            out.text(&f.name)?;
+            out.text(f.joint.as_deref().unwrap_or_default())?;
+        }
+        arm.report.iter().try_for_each(|remark| out.text(remark))?;
+        memory::append(&mut out.integers, &out.lengths)?;
+        Ok(out)
+    }
+}
+
+/// The arguments of [`_restore_arm`].
+pub fn stored<'py>(py: Python<'py>, arm: &core::Arm) -> Result<[Bound<'py, PyBytes>; 3], Failure> {
+    let Stored { integers, numbers, text, .. } = long(py, || Stored::of(arm))?;
+    Ok([bytes(py, &[&integers])?, bytes(py, &[&numbers])?, bytes(py, &[&text])?])
+}
+
+/// The three runs while they are read; `None` where one ends too soon or holds what it cannot.
+struct Reader<'a> {
+    integers: &'a [[u8; 8]],
+    numbers: &'a [[u8; 8]],
+    lengths: &'a [[u8; 8]],
+    text: &'a str,
+}
+
+impl<'a> Reader<'a> {
+    fn integer(&mut self) -> Option<i64> {
+        let (&first, rest) = self.integers.split_first()?;
+        self.integers = rest;
+        Some(i64::from_le_bytes(first))
+    }
+
+    /// An index below `end`.
+    fn index(&mut self, end: usize) -> Option<Option<usize>> {
+        match self.integer()? {
+            NONE => Some(None),
+            x => usize::try_from(x).ok().filter(|&x| x < end).map(Some),
+        }
+    }
+
+    fn numbers<const N: usize>(&mut self) -> Option<[f64; N]> {
+        let (first, rest) = self.numbers.split_first_chunk::<N>()?;
+        self.numbers = rest;
+        Some(first.map(f64::from_le_bytes))
+    }
+
+    fn placement(&mut self) -> Option<Placement> {
+        let rotation = M3([V3(self.numbers()?), V3(self.numbers()?), V3(self.numbers()?)]);
+        Some(Placement { rotation, translation: V3(self.numbers()?) })
+    }
+
+    fn text(&mut self) -> Option<&'a str> {
+        let (&first, rest) = self.lengths.split_first()?;
+        let (text, behind) = self.text.split_at_checked(usize::try_from(i64::from_le_bytes(first)).ok()?)?;
+        (self.lengths, self.text) = (rest, behind);
+        Some(text)
+    }
+
+    fn joint(&mut self, i: usize) -> Option<Joint> {
+        let (parent, placement, axis) = (self.index(i)?, self.placement()?, self.numbers()?);
+        let [lower, upper, velocity, effort, armature, damping, friction] = self.numbers()?;
+        let (parameters, name) = (self.numbers()?, self.text()?.to_string());
+        let JointType::Moving(kind) = JointType::parse(self.text()?)? else { return None };
+        let limits = Limits { lower, upper, velocity, effort };
+        Some(Joint { name, kind, parent, placement, axis, limits, armature, damping, friction, parameters })
+    }
+
+    fn frame(&mut self, joints: usize) -> Option<Frame> {
+        let (body, led) = (self.index(joints)?, self.integer()? == 1);
+        let (placement, name, joint) = (self.placement()?, self.text()?.to_string(), self.text()?);
+        Some(Frame { name, body, placement, joint: led.then(|| joint.to_string()) })
+    }
+}
+
+fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm> {
+    let damaged = || Error::Format("the stored arm is damaged".into());
+    let (integers, numbers) = (integers.as_chunks::<8>().0, numbers.as_chunks::<8>().0);
+    let text = std::str::from_utf8(text).map_err(|_| damaged())?;
+    let mut reader = Reader { integers, numbers, lengths: &[], text };
+    let mut count = || reader.integer().and_then(|n| usize::try_from(n).ok()).filter(|&n| n <= integers.len()).ok_or_else(damaged);
+    let (joints, frames, remarks) = (count()?, count()?, count()?);
+    // Counts are at most the number of integers: no sum overflows, and what is reserved is in proportion to what was read.
+    let strings = 1 + 2 * joints + 2 * frames + remarks;
+    if integers.len() != 3 + joints + 2 * frames + strings || numbers.len() != 3 + JOINT * joints + PLACEMENT * frames {
+        return Err(damaged());
+    }
+    (reader.integers, reader.lengths) = reader.integers.split_at(joints + 2 * frames);
+    let name = reader.text().ok_or_else(damaged)?.to_string();
+    let gravity = reader.numbers().ok_or_else(damaged)?;
+    let mut arm = core::Arm { name, joints: memory::room(joints)?, frames: memory::room(frames)?, gravity, report: memory::room(remarks)? };
+    for i in 0..joints {
+        look();
+        arm.joints.push(reader.joint(i).ok_or_else(damaged)?);
+    }
+    for _ in 0..frames {
+        look();
+        arm.frames.push(reader.frame(joints).ok_or_else(damaged)?);
+    }
+    for _ in 0..remarks {
+        arm.report.push(reader.text().ok_or_else(damaged)?.to_string());
+    }
+    Ok(arm)
+}
+
+/// An arm from what its pickle holds.
+#[entered]
+#[pyfunction]
+pub fn _restore_arm(
+    py: Python<'_>,
+    integers: &Bound<'_, PyBytes>,
+    numbers: &Bound<'_, PyBytes>,
+    text: &Bound<'_, PyBytes>,
+) -> PyResult<Arm> {
+    entry(py, "_restore_arm", || {
+        let (integers, numbers, text) = (integers.as_bytes(), numbers.as_bytes(), text.as_bytes());
+        long(py, || Ok(arm_of(integers, numbers, text)?.into()))
+    })
+}
