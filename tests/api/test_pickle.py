@@ -187,7 +187,8 @@ def test_a_pickle_of_many_links_is_as_few_objects_as_one_of_few() -> None:
 
 def test_names_of_any_letters_survive_a_pickle() -> None:
     joint = {"type": "R", "axis": [0.0, 0.0, 1.0], "phi": [1.0, 0.5, 0.0, 0.0, 0.3, 0.0, 0.0, 0.3, 0.0, 0.3]}
-    arm = al.Arm.from_chain([joint | {"name": "é \U0001f916"}, joint | {"type": "P", "name": "b", "upper": 2.0}, {"type": "F", "name": "c"}])
+    slide = joint | {"type": "P", "name": "b", "upper": 2.0}
+    arm = al.Arm.from_chain([joint | {"name": "é \U0001f916"}, slide, {"type": "F", "name": "c"}])
     back = pickle.loads(pickle.dumps(arm))
     assert back == arm and back.joint_names == ("é \U0001f916", "b") and back.joint_types == arm.joint_types
     np.testing.assert_array_equal(back.limits["q_max"], arm.limits["q_max"])

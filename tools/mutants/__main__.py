@@ -44,7 +44,7 @@ REST = ("lib", "suite", *PYTEST)
 #: Bugs that no fast test can notice, by what they are, and why.
 KNOWN: dict[str, str] = {
     "a known program taken for other limits of effort": "no fault: limits are inputs of a program, and a run without them has fewer inputs",
-    "a known program taken for another wall": "no fault: a wall's numbers are inputs of a program, and its frame is compared with the plant's shape",
+    "a known program taken for another wall": "no fault: its numbers are inputs of a program, its frame is compared with the shape",
 }
 LEAST = 0.95
 SWITCH = '''

@@ -6,6 +6,8 @@
 use super::build::require_room;
 use super::{Arm, ChainJoint, Frame, Joint, JointKind, JointType};
 use crate::error::{Error, Result, finite};
+use crate::interrupt::look;
+use crate::memory;
 use crate::spatial::{Inertia, M3, Placement, V3};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,8 +102,9 @@ impl Arm {
         }
         finite("gravity", &gravity)?;
         let given = |list: Option<&[f64]>, i: usize, otherwise: f64| list.map_or(otherwise, |list| list[i]);
-        let mut list = Vec::with_capacity(lengths.len());
+        let mut list = memory::room(lengths.len())?;
         for (i, &length) in lengths.iter().enumerate() {
+            look();
             let mass = given(masses, i, length);
             let com = given(coms, i, 0.5 * length);
             let inertia = given(inertias, i, mass * length * length / 12.0);
@@ -113,6 +116,7 @@ impl Arm {
         }
         let mut arm = Arm::from_chain(&list, [gravity[0], gravity[1], 0.0])?;
         for (frame, &length) in arm.frames.iter_mut().zip(lengths) {
+            look();
             frame.placement.translation = V3([length, 0.0, 0.0]);
             frame.joint = Some(format!("{}_fixed", frame.name));
         }

@@ -18,6 +18,7 @@ pub use urdf::{MAX_BYTES, MAX_DEPTH, Written};
 pub use urdf_examples::{EXAMPLES, example_urdf};
 
 use crate::error::{Error, Result, finite};
+use crate::interrupt::look;
 use crate::spatial::PARAMETERS;
 
 pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
@@ -83,6 +84,7 @@ impl Arm {
         finite("parameters", pi)?;
         let mut arm = self.clone();
         for (joint, p) in arm.joints.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
+            look();
             joint.parameters.copy_from_slice(p);
         }
         Ok(arm)

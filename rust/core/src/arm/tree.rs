@@ -77,6 +77,7 @@ impl Tree<f64> {
     fn compile(arm: &Arm) -> Self {
         let mut turns: Vec<M3<f64>> = Vec::with_capacity(arm.joints.len());
         for joint in &arm.joints {
+            look();
             let before = joint.parent.map_or(M3::IDENTITY, |p| turns[p]).transpose().times(joint.placement.rotation);
             turns.push(compiled_axes(&before, V3(joint.axis)));
         }

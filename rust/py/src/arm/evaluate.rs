@@ -63,6 +63,9 @@ impl Arm {
         out: Option<&Bound<'py, PyAny>>,
     ) -> Option<Bound<'py, PyAny>> {
         let n = self.model.n();
+        if query.nanoseconds(n) >= LONG {
+            return None;
+        }
         let mut lengths = [n; K];
         for (k, length) in lengths.iter_mut().enumerate() {
             *length = query.input_length(k, n);

@@ -33,6 +33,19 @@ pub struct Arm {
     pub model: Model,
 }
 
+/// More joints than this take a while to give back.
+const MANY: usize = 1 << 10;
+
+impl Drop for Arm {
+    /// An arm of very many links is given back without the interpreter's lock.
+    fn drop(&mut self) {
+        if self.model.n() > MANY {
+            let model = std::mem::replace(&mut self.model, Model::nothing());
+            Python::attach(|py| py.detach(|| drop(model)));
+        }
+    }
+}
+
 impl Arm {
     fn named<'py>(py: Python<'py>, names: &[String]) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, names)

@@ -20,13 +20,24 @@ impl PartialEq for Model {
     }
 }
 
+impl From<Tree> for Model {
+    fn from(arm: Tree) -> Self {
+        Model::Tree(Box::new(Functions::new(Arc::new(arm))))
+    }
+}
+
 impl From<Tree> for super::Arm {
     fn from(arm: Tree) -> Self {
-        super::Arm { model: Model::Tree(Box::new(Functions::new(Arc::new(arm)))) }
+        super::Arm { model: arm.into() }
     }
 }
 
 impl Model {
+    /// What stands in the place of a model that is taken away.
+    pub fn nothing() -> Self {
+        Model::PlanarPr(PlanarPr::with_parameters([0.0; 3]))
+    }
+
     /// The tree, or an error that says what this arm lacks.
     pub fn tree(&self, function: &str) -> Result<&Tree> {
         match self {
@@ -108,7 +119,7 @@ impl Model {
     pub fn with_parameters(&self, pi: &[f64]) -> Result<Model> {
         match self {
             Model::PlanarPr(_) => Ok(Model::PlanarPr(PlanarPr::with_parameters([pi[0], pi[1], pi[2]]))),
-            Model::Tree(tree) => Ok(super::Arm::from(tree.arm().with_parameters(pi)?).model),
+            Model::Tree(tree) => Ok(tree.arm().with_parameters(pi)?.into()),
         }
     }
 
