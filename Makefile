@@ -55,6 +55,7 @@ test-sweep-kill: $(BUILD)/installed $(BUILD)/requirements ## sweeps whose worker
 test-aarch64: tools ## machine code for aarch64 in an emulator (Debian's gcc-aarch64-linux-gnu and qemu-user)
 	@rm -rf $(BUILD)/aarch64 && mkdir -p $(BUILD)/aarch64
 	ARMLET_HARNESS="$(BUILD)/aarch64" cargo test --locked --package armlet-core --lib trace::
+	ARMLET_HARNESS="$(BUILD)/aarch64" cargo test --locked --package armlet-core --test suite emulated
 	@sh tools/aarch64.sh "$(BUILD)/aarch64"
 
 STACKS ?= 1000000

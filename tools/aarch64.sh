@@ -14,7 +14,7 @@ aarch64-linux-gnu-as -o encoded.o encoded.s
 aarch64-linux-gnu-objcopy -O binary -j .text encoded.o assembled.bin
 cmp encoded.bin assembled.bin
 echo "encoded.s: $(wc -l <encoded.s) instructions, the assembler's bytes"
-for cases in operations programs; do
+for cases in operations programs loops; do
     test -e "$cases.s" || continue
     aarch64-linux-gnu-gcc -O2 -Wall -Wextra -Werror -static -o "$cases" "$here/rust/core/tests/aarch64/harness.c" "$cases.s"
     qemu-aarch64 "./$cases" >"$cases.txt" || { cat "$cases.txt"; exit 1; }

@@ -51,13 +51,13 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     let given = recorded::given(problem, 0, common);
     let mut parts: Vec<(String, Form, usize)> = Vec::new();
     let seen = record(problem, common, fixed, None, &mut |name, part, stream, room, lanes| {
-        parts.push((name, form(lanes), Lowered::of(part, stream, room, lanes).straight.operations()));
+        parts.push((name, form(lanes), Lowered::of(part, stream, room, form(lanes)).straight.operations()));
     });
     let found =
         seen.ok_or_else(|| Error::input("law", "runs directly: expected a loop without a branch on data, got one with branches"))?;
     let whole = parts.iter().any(|(name, ..)| name == "step");
     let chosen = part.unwrap_or(if whole { "step" } else { "rates" });
-    let Some(&(_, form, _)) = parts.iter().find(|(name, ..)| name == chosen) else {
+    let Some(&(_, chosen_form, _)) = parts.iter().find(|(name, ..)| name == chosen) else {
         let known: Vec<&str> = parts.iter().map(|(name, ..)| name.as_str()).collect();
         return Err(Error::input("part", format!("is unknown: expected one of {}, got {chosen}", known.join(", "))));
     };
@@ -66,29 +66,37 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     let (mut stages, mut size, mut read) = (Vec::new(), None, BTreeSet::new());
     record(problem, common, fixed, Some(!whole), &mut |name, part, stream, room, lanes| {
         if name == chosen {
-            read.extend(Lowered::of(part, stream, room, lanes).inputs);
+            read.extend(Lowered::of(part, stream, room, form(lanes)).inputs);
             stages.push(("recorded", listing::recorded(part, &names)));
         }
     });
     record(problem, common, fixed, None, &mut |name, part, stream, room, lanes| {
         if name == chosen {
-            let lowered = Lowered::of(part, stream, room, lanes);
+            let lowered = Lowered::of(part, stream, room, form(lanes));
             stages.push(("simplified", listing::recorded(part, &names)));
             stages.push(("lowered", lowered.listing(&names)));
-            stages.push(("machine", lowered.code(form, room.free, &names)));
-            size = program::size(&lowered.straight, room.free, form);
+            stages.push(("machine", lowered.code(chosen_form, room.free, &names)));
+            size = program::size(&lowered.straight, room.free, chosen_form);
             read.extend(lowered.inputs);
         }
     });
     let inputs = read.into_iter().map(|slot| (slots.at(slot), given.values.get(slot as usize).copied())).collect();
-    let set = match form.set {
+    let set = match chosen_form.set {
         Set::Sse2 => "SSE2",
         Set::Avx2 => "AVX2",
         Set::Avx512 => "AVX-512",
         Set::Neon => "NEON",
     };
     let parts = parts.into_iter().map(|(name, _, operations)| (name, operations)).collect();
-    Ok(Listed { part: chosen.to_owned(), parts, engine: engine().name(), set, lanes: form.lanes(), size, inputs, stages })
+    Ok(Listed { part: chosen.to_owned(), parts, engine: engine().name(), set, lanes: chosen_form.lanes(), size, inputs, stages })
+}
+
+/// Show every program of the loop of run 0 of a problem by fixed steps to `watch`; the numbers of its set-up, which come first in a frame,
+/// and the slot of the step. `None` where it branches on data.
+pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> Option<(Vec<f64>, usize)> {
+    let common = Common::of(problem, batch);
+    let recorded = recorded::record_watched(problem, 0, common, None, watch)?;
+    Some((recorded::given(problem, 0, common).values, recorded.layout.step()))
 }
 
 /// Where the slots of a recorded loop are.

@@ -54,7 +54,7 @@ pub use batch_stepper::BatchStepper;
 pub use bound::DEFAULT_STATE_LIMIT;
 pub use event::{Event, Found, Signal, What};
 pub use force::{Force, Wrench};
-pub use listed::{Listed, list_loop};
+pub use listed::{Listed, list_loop, watch_steps};
 pub use measures::Measures;
 pub use priority_batch::{solve_rows, solve_stacks};
 pub use problem::{Method, Options, Problem};

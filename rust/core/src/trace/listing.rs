@@ -2,8 +2,9 @@
 //!
 //! Every line is `to = kind(operands)`. An operand is the result of an earlier line, an input, or a number.
 
+use super::instruction::Form;
 use super::lower::lower;
-use super::program::{Room, form};
+use super::program::Room;
 use super::straight::{Instruction, Part, Straight, Stream};
 use super::tape::Op;
 
@@ -34,9 +35,9 @@ pub struct Lowered {
 }
 
 impl Lowered {
-    /// A part as `Program::new` lowers it, for one run or for lanes.
-    pub fn of(part: Part, stream: Option<Stream>, room: Room, lanes: bool) -> Self {
-        let straight = Straight { stream, ..lower(part, room.reach, form(lanes).has_fused()) };
+    /// A part as `Program::new` lowers it for `form`.
+    pub fn of(part: Part, stream: Option<Stream>, room: Room, form: Form) -> Self {
+        let straight = Straight { stream, ..lower(part, room.reach, form.has_fused()) };
         let inputs =
             straight.instructions.iter().filter_map(|i| if let Instruction::Input(slot) = i { Some(*slot) } else { None }).collect();
         Lowered { straight, inputs }

@@ -6,7 +6,6 @@
 //! runs on; `rows`: the caller's rows to it and back. `function`: functions of numbers that are kept. `program`: all of it behind one
 //! door. `label`, `listing`: what a reader sees of it.
 
-#[cfg(any(test, target_arch = "aarch64"))]
 pub mod aarch64;
 #[cfg(test)]
 mod checks;

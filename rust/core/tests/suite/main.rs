@@ -13,6 +13,10 @@ mod arm_urdf;
 mod counting;
 mod elastic_loops;
 mod elastic_oracle;
+mod emulated_loops;
+// The format of the cases is that of the unit tests.
+#[path = "../../src/trace/harness.rs"]
+mod harness;
 mod integrate_alloc;
 mod integrate_chatter;
 mod integrate_methods;
