@@ -1,4 +1,4 @@
-"""Loops as programs beside the same loops run directly, on arms of two to seven joints; answers compared first.
+"""Loops as programs beside the same loops run directly, on arms of two to seven joints, a chain of 20 and a tree of 48; answers first.
 
 A run of 19 steps is still direct, one of 2,000 is a program: each side counts its start. Batches are programs whatever their length.
 Adaptive and implicit runs of 20 s take programs, and short ones do not.
@@ -21,6 +21,7 @@ import armlet as al
 sys.path.insert(0, str(Path(__file__).parent))
 import reporting
 import timing
+from large_arms import branched, chain
 from timing import Case
 
 DT, ROWS = 1e-3, 256
@@ -32,6 +33,8 @@ ARMS = {
     "six axes": al.load_urdf(al.example_urdf("six_axis")),
     "seven axes": al.load_urdf(al.example_urdf("seven_axis")),
 }
+# Their loops run by fixed steps alone.
+LARGE = {"chain of 20": chain(20), "tree of 48": branched(8, (4, 10))}
 
 
 def laws(arm: al.Arm) -> dict[str, Any]:
@@ -51,6 +54,17 @@ def loops() -> Iterator[tuple[str, al.RigidArm, Any]]:
     for name, arm in ARMS.items():
         for law, made in laws(arm).items():
             yield f"{name}, {law}", al.RigidArm(arm), made
+
+
+def large_loops() -> Iterator[tuple[str, al.RigidArm, Any]]:
+    """Computed torque, and an adaptive law that starts at the true parameters, with gains that the lightest joint bears at this step."""
+    for name, arm in LARGE.items():
+        n = arm.n
+        motion = al.Sinusoid([0.1] * n, [0.2] * n, [1.0 + 0.02 * i for i in range(n)], [0.0] * n)
+        least = float(np.linalg.eigvalsh(arm.mass_matrix(np.full(n, 0.1))).min())
+        gains: dict[str, Any] = {"kp": 50.0 * least, "kd": 10.0 * least, "gamma": 0.01 * least}
+        yield f"{name}, computed torque", al.RigidArm(arm), al.ComputedTorque(arm, motion, kp=50.0, kd=10.0)
+        yield f"{name}, adaptive", al.RigidArm(arm), al.Adaptive(arm, motion, **gains, estimate=arm.parameters)
 
 
 def require_equal(name: str, plant: al.RigidArm, law: Any) -> None:
@@ -112,7 +126,7 @@ def main() -> None:
     reporting.require_release("bench_programs")
     share = timing.busy()
     cases: list[Case] = []
-    for name, plant, law in loops():
+    for name, plant, law in [*loops(), *large_loops()]:
         require_equal(name, plant, law)
         cases += cases_of(name, plant, law)
     for more in free_loops():
