@@ -21,6 +21,7 @@ from .cells import Cells, columns
 from .errors import InputError
 from .pickling import sealed
 from .run import _pandas
+from .run_metrics import MEASURES
 from .scenario import Scenario
 from .status import Status
 from .sweep_chunk import Chunk, Columns, joined, of_cell
@@ -33,10 +34,8 @@ if TYPE_CHECKING:
 
 __all__ = ["SweepTable", "sweep"]
 
-# Records of one chunk, all rows together: some 100 MB.
-RECORDS = 1_000_000
-# What `armlet.metrics` takes beside the run.
-METRICS = ("reference", "band", "settle", "tolerance", "frame")
+# Steps of one chunk, all rows together: some tenths of a second of a small arm.
+STEPS = 10_000_000
 
 
 @bordered
@@ -211,14 +210,8 @@ def rehearse(scenario: Scenario, cells: Cells) -> None:
 
 
 def _chunk_size(run: Mapping[str, Any]) -> int:
-    given = run.get("t_eval")
-    if given is not None:
-        records = run["t_end"] / given["step"] if isinstance(given, Mapping) else len(given)
-    elif "dt" in run:
-        records = run["t_end"] / run["dt"] / run.get("record_every", 1)
-    else:
-        records = 1000
-    return int(min(256, max(8, RECORDS // (records + 1) // 8 * 8)))
+    steps = run["t_end"] / run["dt"] if "dt" in run else 1000
+    return int(min(256, max(8, STEPS // (steps + 1) // 8 * 8)))
 
 
 def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
@@ -227,7 +220,7 @@ def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenari
     shapes: dict[str, list[tuple[int | str, ...]]] = {"band": [(), (n,)], "reference": [(n,), ("K", n)]}
     plain: dict[str, Any] = {}
     for name, value in given.items():
-        choice(function, "metrics", name, METRICS)
+        choice(function, "metrics", name, MEASURES)
         if value is None or name == "frame":
             plain[name] = value
         elif name in shapes:

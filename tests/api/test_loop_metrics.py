@@ -262,6 +262,19 @@ def test_settling_times_are_the_same_to_the_bit() -> None:
     assert len(np.unique(times)) >= 5 and np.all(times[-1] == 0.0)
 
 
+def test_a_monitor_that_is_not_finite_ends_the_run() -> None:
+    """The energy of the second row overflows at once, that of the third in some steps; both states are finite there."""
+    options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3, "state_limit": np.inf, "v0": np.outer([0.0, 1e160, 1e153], [1.0, 0.0])}
+    law = al.Adaptive(PR, al.Hold([0.3, 0.5]), 60.0, 12.0, 2.0)
+    q0 = np.zeros((3, 2))
+    whole = al.simulate_batch(al.RigidArm(PR), law, q0, **options)
+    found = al.simulate_batch(al.RigidArm(PR), law, q0, keep="metrics", **options)
+    assert whole.status.tolist() == found.status.tolist() == [0, int(al.Status.DIVERGED), int(al.Status.DIVERGED)]
+    np.testing.assert_array_equal(found.stats["ended"], whole.stats["ended"])
+    assert found.stats["ended"][1] == 0.0 < found.stats["ended"][2] < 0.1
+    assert np.isnan(found.metrics()["error_rms"][1:]).all() and np.isfinite(found.metrics()["error_rms"][0]).all()
+
+
 MEMORY = """
 import resource, sys
 import numpy as np
