@@ -72,8 +72,15 @@ class Cells:
     def __getitem__(self, i: int) -> dict[str, Any]:
         """The values of cell `i` by path."""
         if self.draws is None:
-            index = np.unravel_index(i, [len(values) for values in self.vary.values()])
-            return {path: values[int(k)] for (path, values), k in zip(self.vary.items(), index, strict=True)}
+            # The last quantity varies fastest.
+            chosen: dict[str, Any] = dict.fromkeys(self.vary)
+            rest = i
+            for path in reversed(chosen):
+                rest, k = divmod(rest, len(self.vary[path]))
+                chosen[path] = self.vary[path][k]
+            if rest != 0:
+                raise IndexError(f"Cells: cell is out of range: expected 0..{self.count - 1}, got {i}")
+            return chosen
         u = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, i]))).random(len(self.vary))
         return {path: drawn(spec, float(each)) for (path, spec), each in zip(self.vary.items(), u, strict=True)}
 

@@ -84,7 +84,7 @@ def run_chunk(
     errors: dict[int, str] = {}
 
     def build(changes: Mapping[str, Any]) -> tuple[Scenario, Any]:
-        one = scenario.replace(changes)
+        one = scenario._varied(changes)
         return one, one._build(made)
 
     groups: dict[tuple[Any, ...], list[tuple[int, Any]]] = {}

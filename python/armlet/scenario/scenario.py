@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["Built", "Scenario", "change", "pathed"]
 
 MESSAGE = re.compile(r"^[\w.]+: (?P<key>[\w.\[\]]+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
+RIGID = {"kind": "RigidArm"}
 STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
 
 
@@ -119,29 +120,33 @@ class Scenario:
         """
         return self._build({})
 
-    def _build(self, made: dict[str, Any]) -> Built:
-        """As `build`; `made` keeps arms, which take longest, for the next scenario that has the same."""
+    def _build(self, made: dict[Any, Any]) -> Built:
+        """As `build`; `made` keeps all but the law for the next scenario that has the same."""
         parts: dict[str, Any] = {}
-        tables = {"plant": {"kind": "RigidArm"}} | dict(self.data)
+        tables = {"plant": RIGID} | dict(self.data)
         for table in ("arm", "model", "plant", "motion", "law"):
             if table not in tables:
                 continue
             if table == "motion" and "motion" not in LAWS.kinds[tables["law"]["kind"]].needs:
                 continue
-            values = {key: value for key, value in tables[table].items() if key != "kind"}
-            key = f"{table}: {tables[table]}"
             kinds = SCENARIO.keys[table]
             assert isinstance(kinds, OneOf)
             kind = kinds.kinds[tables[table]["kind"]]
+            key: Any = None
+            if table != "law":
+                # What has a number here is kept, so that no other object has the same.
+                text = made.setdefault(id(tables[table]), (tables[table], repr(tables[table])))[1]
+                key = (table, text, *(id(parts.get(need)) for need in kind.needs))
+                if key in made:
+                    parts[table] = made[key]
+                    continue
+            values = {key: value for key, value in tables[table].items() if key != "kind"}
             if table == "law":
                 values |= {ours: tables["plant"][theirs] for ours, theirs in KNOWN.items() if ours in kind.keys and ours not in values}
             if tables[table]["kind"] == "urdf" and "path" in values:
                 values["path"] = str(Path(self.folder) / values["path"])
-            if key in made:
-                parts[table] = made[key]
-                continue
             parts[table] = pathed(self.name, table, partial(_make, kind, table, values, parts), values)
-            if table in ("arm", "model"):
+            if key is not None:
                 made[key] = parts[table]
         return Built(parts["plant"], parts["law"], pathed(self.name, "run", lambda: arguments(self.data["run"]), self.data["run"]))
 
@@ -193,6 +198,22 @@ class Scenario:
         for path, value in changes.items():
             change(data, path, value)
         return Scenario(data, self.folder, self.name)
+
+    def _varied(self, changes: Mapping[str, Any]) -> Scenario:
+        """As `replace`, for the cells of a sweep: tables that no path leads to are shared, and not checked again."""
+        touched = dict.fromkeys(path.partition(".")[0].partition("[")[0] for path in changes)
+        if not all(table in self.data and table in SCENARIO.keys for table in touched):
+            return self.replace(changes)
+        data = dict(self.data) | {table: _plain(self.data[table]) for table in touched}
+        for path, value in changes.items():
+            change(data, path, value)
+        found = (problem for table in touched for problem in SCENARIO.keys[table].check(data[table], f"$.{table}"))
+        if any(found) or any(_across(data)):
+            return self.replace(changes)
+        made = object.__new__(Scenario)
+        for name, part in (("data", data), ("folder", self.folder), ("name", self.name)):
+            object.__setattr__(made, name, part)
+        return made
 
     def standalone(self) -> Scenario:
         """The same with the text of its robot file inside, so that it needs no file."""
@@ -285,7 +306,7 @@ def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _across(data: Mapping[str, Any]) -> Iterator[str]:
     """What no single table can see."""
-    law, plant = data["law"], data.get("plant", {"kind": "RigidArm"})
+    law, plant = data["law"], data.get("plant", RIGID)
     kind = LAWS.kinds[law["kind"]]
     if "motion" in kind.needs and "motion" not in data:
         yield f"$.motion: is missing: the law {law['kind']} follows one: expected a table with kind = one of {_kinds('motion')}"
@@ -311,21 +332,29 @@ def change(data: dict[str, Any], path: str, value: Any) -> None:
     if not isinstance(path, str):
         raise InputError(f"scenario: {shown(path)} is not a path: expected one like law.kp or run.q0[1]")
     require_shallow("scenario", path, value)
-    steps: list[Any] = [name or int(index) for name, index in STEP.findall(path)]
-    rebuilt = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
+    steps = _steps(path)
     place: Any = data
-    if not steps or rebuilt != path:
-        raise InputError(f"scenario: {path!r} is not a path: expected one like law.kp or run.q0[1], got {path!r}")
     for i, step in enumerate(steps):
-        last, here = i == len(steps) - 1, ".".join(map(str, steps[:i])) or "the scenario"
+        last = i == len(steps) - 1
         inside = step in range(len(place)) if isinstance(place, list) and isinstance(step, int) else isinstance(place, dict)
         if not inside or (isinstance(place, dict) and (isinstance(step, int) or (step not in place and not last))):
             held = ", ".join(place) if isinstance(place, dict) else f"{len(place)} entries" if isinstance(place, list) else repr(place)
+            here = ".".join(map(str, steps[:i])) or "the scenario"
             raise InputError(f"scenario: {path!r} leads nowhere: expected a part of {here}, which holds {held}, got {step!r}")
         if last:
             place[step] = _plain(value)
         else:
             place = place[step]
+
+
+@lru_cache(maxsize=256)
+def _steps(path: str) -> tuple[str | int, ...]:
+    """`law.kd[1]` as law, kd, 1."""
+    steps = tuple(name or int(index) for name, index in STEP.findall(path))
+    rebuilt = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
+    if not steps or rebuilt != path:
+        raise InputError(f"scenario: {path!r} is not a path: expected one like law.kp or run.q0[1], got {path!r}")
+    return steps
 
 
 def _plain(value: Any) -> Any:

@@ -87,26 +87,26 @@ impl<S: Real> Lyapunov<S> {
         for i in 0..n {
             let mut row = S::zero();
             for j in 0..n {
-                row += self.mass[n * i + j] * self.s[j];
+                row = self.mass[n * i + j].mul_add(self.s[j], row);
             }
-            kinetic += self.s[i] * row;
+            kinetic = self.s[i].mul_add(row, kinetic);
         }
         for (error, (&a, &a_hat)) in self.error.iter_mut().zip(self.truth.iter().zip(estimate)) {
             *error = a - a_hat;
         }
         let half = S::splat(0.5);
-        half * kinetic
-            + match &self.metric {
-                Metric::Diagonal(gamma) => {
-                    let mut sum = S::zero();
-                    for (&error, &gamma) in self.error.iter().zip(gamma) {
-                        sum += error * (error / gamma);
-                    }
-                    half * sum
+        let rest = match &self.metric {
+            Metric::Diagonal(gamma) => {
+                let mut sum = S::zero();
+                for (&error, &gamma) in self.error.iter().zip(gamma) {
+                    sum = error.mul_add(error / gamma, sum);
                 }
-                Metric::Full(inverse) => half * inverse.quadratic(&self.error),
-                Metric::Natural(gamma) => S::from_lanes(|lane| natural(gamma, &self.truth, estimate, lane)),
+                half * sum
             }
+            Metric::Full(inverse) => half * inverse.quadratic(&self.error),
+            Metric::Natural(gamma) => S::from_lanes(|lane| natural(gamma, &self.truth, estimate, lane)),
+        };
+        half.mul_add(kinetic, rest)
     }
 }
 

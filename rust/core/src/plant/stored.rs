@@ -57,7 +57,7 @@ impl<S: Real> Stored<S> {
             *stretch = x[2 * n + i] - x[i];
         }
         let half = S::splat(0.5);
-        energy + half * stiffness.quadratic(stretch) + half * motor_inertia.quadratic(&x[3 * n..4 * n])
+        half.mul_add(motor_inertia.quadratic(&x[3 * n..4 * n]), half.mul_add(stiffness.quadratic(stretch), energy))
     }
 
     /// The energies of wall and stops.

@@ -42,7 +42,7 @@ impl<S: Real> Mul for Dual<S> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        Dual::new(self.value * o.value, self.rate * o.value + self.value * o.rate)
+        Dual::new(self.value * o.value, self.rate.mul_add(o.value, self.value * o.rate))
     }
 }
 impl<S: Real> Div for Dual<S> {
@@ -102,11 +102,11 @@ impl<S: Real> Real for Dual<S> {
     }
     #[inline(always)]
     fn mul_add(self, b: Self, c: Self) -> Self {
-        self * b + c
+        Dual::new(self.value.mul_add(b.value, c.value), self.rate.mul_add(b.value, self.value * b.rate) + c.rate)
     }
     #[inline(always)]
     fn neg_mul_add(self, b: Self, c: Self) -> Self {
-        c - self * b
+        Dual::new(self.value.neg_mul_add(b.value, c.value), c.rate - self.rate.mul_add(b.value, self.value * b.rate))
     }
     #[inline(always)]
     fn recip(self) -> Self {

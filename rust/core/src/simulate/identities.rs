@@ -66,7 +66,7 @@ impl<S: Real> Theory<S> {
         self.moving.move_to(&self.moving_q);
         self.moving.mass_matrix(&mut self.moving_m);
         self.arm.coriolis_matrix(v, &mut self.coriolis);
-        let entry = |i: usize, j: usize| self.moving_m[n * i + j].rate - S::splat(2.0) * self.coriolis[n * i + j];
+        let entry = |i: usize, j: usize| S::splat(2.0).neg_mul_add(self.coriolis[n * i + j], self.moving_m[n * i + j].rate);
         let mut worst = S::zero();
         for i in 0..n {
             for j in i..n {

@@ -8,14 +8,12 @@ use crate::trace::{Cut, Engine, Frame, Part, Places, Program, Room, Stream, engi
 pub struct Tracing {
     /// The law's input and rate, and whether they stand.
     pub law: Vec<u32>,
-    /// The rates of a stage, where a step runs them as a program of their own.
-    pub rates: Option<Vec<u32>>,
+    /// The rates of a stage, where a step runs them as a program of their own, and the law's input there.
+    pub rates: Option<(Vec<u32>, Vec<u32>)>,
     /// The cuts of the step, before each stage, and the next state with whether it stands.
     pub cuts: Vec<Cut>,
     pub next: Vec<u32>,
-    /// Entries that the step is made of.
-    pub end: u32,
-    /// What sums the run up, recorded behind them.
+    /// What sums the run up.
     pub sums: Option<Summing>,
 }
 
@@ -23,6 +21,8 @@ pub struct Tracing {
 pub struct Summing {
     /// For the input in the frame, and the first record as any other.
     pub alone: Vec<u32>,
+    /// The same of later records alone.
+    pub stage: Vec<u32>,
     /// For the input that acts in the step, of later records.
     pub along: Vec<u32>,
 }
@@ -37,7 +37,7 @@ pub struct Programs {
     step: Step,
     /// From the state, the first instant, the input and `h` to the numbers kept.
     sums: Option<Program>,
-    /// The same with the law's input of later records: a whole step that begins so, or this alone where a step is in parts.
+    /// The same of later records: a whole step that begins so, or what follows the first stage of a step in parts.
     along: Option<Program>,
 }
 
@@ -102,25 +102,21 @@ impl Programs {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
-    /// The state after one step in parts, begun by summing up where the state carries sums.
-    pub fn advance_along(&self, frame: &mut Frame) {
-        if let Some(along) = &self.along {
-            along.run(frame);
-        }
-        self.advance(frame);
-    }
-
-    /// The state after one step in parts, from the state, inputs and `h` of the frame.
-    pub fn advance(&self, frame: &mut Frame) {
+    /// The state after one step in parts, from the state, inputs and `h` of the frame; `sums`: it is summed up as well.
+    pub fn advance(&self, frame: &mut Frame, sums: bool) {
         let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
         for (k, segment) in segments.iter().enumerate() {
             segment.run(frame);
-            if k + 1 < segments.len() {
-                rates.run(frame);
-                let (from, to) = (first * lanes, (first + (k + 1) * count) * lanes);
-                frame.numbers_mut().copy_within(from..from + count * lanes, to);
+            if k + 1 == segments.len() {
+                return;
             }
+            rates.run(frame);
+            if let (0, true, Some(along)) = (k, sums, &self.along) {
+                along.run(frame);
+            }
+            let (from, to) = (first * lanes, (first + (k + 1) * count) * lanes);
+            frame.numbers_mut().copy_within(from..from + count * lanes, to);
         }
     }
 }
@@ -133,7 +129,7 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
     let (next, stands) = tracing.next.split_at(layout.states);
     let outputs = [to(layout.state(), next), to(layout.stands(), stands)].concat();
     let whole = outputs.clone();
-    cuts.push(Cut { end: tracing.end, outputs });
+    cuts.push(Cut { end: ops.len() as u32, outputs });
     let (places, mut free) = segments::join(ops, &mut cuts, layout.slots() as u32);
     let width = layout.exogenous() as u32;
     let stream = Stream {
@@ -159,19 +155,21 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
         segments.map(|(k, (cut, &start))| program(name(k), start, &cut.outputs, &places, repeats.then_some(stream))).collect();
     let law = program("law".into(), 0, &to(layout.tau(), &tracing.law), &none, None);
     let step = match tracing.rates {
-        Some(rates) => {
+        Some((rates, tau)) => {
             let (first, count) = (layout.rates(), rates.len());
-            Step::Stages { segments, rates: program("rates".into(), 0, &to(first, &rates), &none, None), first, count }
+            let outputs = [to(layout.tau(), &tau), to(first, &rates)].concat();
+            Step::Stages { segments, rates: program("rates".into(), 0, &outputs, &none, None), first, count }
         }
         None => Step::Whole(segments.remove(0)),
     };
     let (mut sums, mut along) = (None, None);
     if let Some(summing) = tracing.sums {
         sums = Some(program("sums".into(), 0, &to(layout.kept(), &summing.alone), &none, None));
-        let kept = to(layout.kept(), &summing.along[..layout.lasting]);
+        let kept = |entries: &[u32]| to(layout.kept(), &entries[..layout.lasting]);
         along = Some(match step {
-            Step::Whole(_) => program("summed_step".into(), 0, &[whole, kept].concat(), &none, Some(stream)),
-            Step::Stages { .. } => program("later_sums".into(), 0, &kept, &none, None),
+            Step::Whole(_) => program("summed_step".into(), 0, &[whole, kept(&summing.along)].concat(), &none, Some(stream)),
+            // The first stage leaves the law's input in the frame.
+            Step::Stages { .. } => program("later_sums".into(), 0, &kept(&summing.stage), &none, None),
         });
     }
     Programs { law, step, sums, along }

@@ -108,7 +108,7 @@ impl<S: Real> ProgramStep<S> {
             system.advance(h, x, |frame, k| {
                 for turn in 0..turns {
                     self.place(layout, frame, k, turn);
-                    recorded.programs.advance_along(frame);
+                    recorded.programs.advance(frame, true);
                 }
             });
         }
@@ -141,7 +141,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
             Some(program) => program.run_along(frame, self.stream(k).numbers(), 1),
             None => {
                 self.place(layout, frame, k, 0);
-                recorded.programs.advance(frame);
+                recorded.programs.advance(frame, false);
             }
         });
         system.step_again(t, h, end, x);

@@ -292,11 +292,21 @@ fn trace(
         closed.closed.hold_input(&tau, &dz);
         acting.clone_from(&tau);
     }
-    let (here, desired) = (x.clone(), u[0].desired.clone());
+    // Here, since the step begins with what the law computed at this state, too.
+    let sums = sums.map(|mut sums| {
+        let mut sum_up = |tau: &[Sym], start: Start| {
+            let mut kept = kept.clone();
+            sums.add(&u[0].desired, &x, tau, h, start, &mut kept);
+            entries(kept)
+        };
+        let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
+        Summing { along, stage, alone: sum_up(&tau, Start::Asked) }
+    });
     let before = sym::recorded().0;
     closed.closed.stands = Sym::splat(1.0);
     closed.rhs(&stage_input, &stage, &mut rates[..layout.states]);
     rates[layout.states..].fill(closed.closed.stands);
+    let stage_tau = if closed.closed.held().is_some() { Vec::new() } else { entries(closed.closed.tau.clone()) };
     if let Some(&stood) = stood.first() {
         closed.closed.stands = stood;
     }
@@ -310,18 +320,12 @@ fn trace(
         Method::Rk4 => advance(Rk4::new(state, first), closed, u, h, x),
         Method::Ros2 | Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4 => return None,
     };
-    let entries = |values: Vec<Sym>| values.into_iter().map(Sym::index).collect();
-    let end = sym::recorded().0;
-    let sums = sums.map(|mut sums| {
-        let mut sum_up = |tau: &[Sym], start: Start| {
-            let mut kept = kept.clone();
-            sums.add(&desired, &here, tau, h, start, &mut kept);
-            entries(kept)
-        };
-        Summing { alone: sum_up(&tau, Start::Asked), along: sum_up(&acting, Start::Known) }
-    });
-    let rates = cuts.is_some().then(|| entries(rates));
-    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next, end, sums })
+    let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
+    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next, sums })
+}
+
+fn entries(values: Vec<Sym>) -> Vec<u32> {
+    values.into_iter().map(Sym::index).collect()
 }
 
 /// The entries of the next state and of whether it stands, and the cuts of a step in parts.
