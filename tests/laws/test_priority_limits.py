@@ -90,3 +90,10 @@ def test_a_run_that_chatters_ends_soon_and_says_what_to_do() -> None:
     sampled = al.simulate(plant, law, START, t_end=10.0, method="dopri5", sample_time=0.01, monitors=False)
     fixed = al.simulate(plant, law, START, t_end=10.0, dt=0.01, monitors=False)
     assert sampled.status is al.Status.SUCCESS and fixed.status is al.Status.SUCCESS
+
+
+def test_a_joint_that_must_not_rest_gives_its_speed_to_the_task() -> None:
+    """`v1 + v2 = 0.4` with `v1 >= 0.5`: the shortest velocity breaks the bound at every scale up to one, `(0.5, -0.1)` is within."""
+    found = al.solve_priority([[[1.0, 1.0]]], [[0.4]], method="sns", v_min=[0.5, -1.0], v_max=[1.0, 1.0])
+    np.testing.assert_allclose(found.v, [0.5, -0.1], rtol=0.0, atol=1e-15)
+    np.testing.assert_array_equal(found.scales, [1.0])
