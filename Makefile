@@ -80,7 +80,7 @@ test-browser: $(BUILD)/installed $(BUILD)/requirements ## armlet lab and view in
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/browser $(PYTEST)
 
-test-mutants: $(BUILD)/requirements ## bugs on purpose in a copy of the sources: how many the fast tests notice (half an hour)
+test-mutants: $(BUILD)/requirements ## bugs on purpose in a copy of the sources: how many the fast tests notice (an hour)
 	@$(PY) tools/mutants
 
 SECONDS ?= 60
