@@ -30,22 +30,30 @@ def require_release(name: str) -> None:
         raise SystemExit(f"{name}: armlet is a debug build: install the release wheel (make bench)")
 
 
-def report(cases: list[Case], verdicts: list[Verdict], busy: float, as_markdown: bool, more: tuple[str, ...] = ()) -> str:
-    """The figures as text or as Markdown; `more` are lines of Markdown between the targets and the table."""
+def heading(cases: list[Case], busy: float) -> str:
+    """The machine, the build and the number of rounds in a line."""
     machine, info = timing.machine(), al.build_info()
     rounds = max(len(case.wall) for case in cases)
-    head = (
+    return (
         f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {busy:.0%} of them at the start. "
         f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
     )
-    lines = timing.rows(cases)
+
+
+def target_table(verdicts: list[Verdict]) -> list[str]:
+    """The targets in lines of Markdown."""
+    table = ["| target | goal | measured | |", "|---|---:|---:|---|"]
+    return table + [f"| {what} | {goal} | {got} | {'met' if met else '**missed**'} |" for what, goal, got, met in verdicts]
+
+
+def report(cases: list[Case], verdicts: list[Verdict], busy: float, as_markdown: bool, more: tuple[str, ...] = ()) -> str:
+    """The figures as text or as Markdown; `more` are lines of Markdown between the targets and the table."""
+    head, lines = heading(cases, busy), timing.rows(cases)
     if not as_markdown:
         text = [head, timing.plain(lines), "", "Targets"]
         return "\n".join(text + [f"  {'met   ' if met else 'MISSED'} {what}: {got} (target {goal})" for what, goal, got, met in verdicts])
-    table = ["| target | goal | measured | |", "|---|---:|---:|---|"]
-    table += [f"| {what} | {goal} | {got} | {'met' if met else '**missed**'} |" for what, goal, got, met in verdicts]
     between = [*more, ""] if more else []
-    return "\n".join([head, "", *table, "", *between, timing.markdown(lines)])
+    return "\n".join([head, "", *target_table(verdicts), "", *between, timing.markdown(lines)])
 
 
 def finish(section: str, text: str, into_readme: bool) -> None:

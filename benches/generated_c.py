@@ -1,0 +1,198 @@
+"""C that CasADi writes for an expression, compiled by g++ for one row at a time or for lanes of rows, and called through ctypes.
+
+Lanes are vectors of GNU C: eight doubles with AVX-512, four with AVX2. Their sine and cosine are polynomials (Cody and Waite's reduction,
+the coefficients of FreeBSD's msun), the scalar ones are the C library's. What was compiled stays in `benches/results/generated_c`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import timing
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+BUILT = Path(__file__).parent / "results" / "generated_c"
+FLAGS = "-O3 -march=native -ffp-contract=fast -fno-math-errno -fno-tree-slp-vectorize -shared -fPIC -w -std=c++17".split()
+WIDEST = {"AVX-512": 8, "AVX2": 4}.get(timing.machine()["simd"], 2)
+INLINE = "static inline __attribute__((always_inline))"
+
+LANES = """
+typedef double Vector __attribute__((vector_size(8 * WIDTH)));
+typedef long long Bits __attribute__((vector_size(8 * WIDTH)));
+struct Real { Vector v; Real() {} Real(double x) : v(x - (Vector){}) {} Real(Vector x) : v(x) {} };
+INLINE Real operator+(Real a, Real b) { return Real(a.v + b.v); }
+INLINE Real operator-(Real a, Real b) { return Real(a.v - b.v); }
+INLINE Real operator*(Real a, Real b) { return Real(a.v * b.v); }
+INLINE Real operator/(Real a, Real b) { return Real(a.v / b.v); }
+INLINE Real operator-(Real a) { return Real(-a.v); }
+// sin(x) for first = 0, cos(x) for first = 1: the quarter turn nearest to x, and polynomials of what remains.
+INLINE Vector wave(Vector x, long long first) {
+  const double whole = 6755399441055744.0;  // 1.5 * 2^52: adding it rounds to an integer, which is then in the low bits
+  Vector shifted = x * 0.63661977236758134308 + whole, turns = shifted - whole;
+  Bits quarter = (Bits)shifted + first;
+  Vector r = (x - turns * 1.57079632673412561417e+00) - turns * 6.07710050650619224932e-11, z = r * r;
+  Vector s = z * (z * (z * (z * (z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08) + 2.75573137070700676789e-06)
+    - 1.98412698298579493134e-04) + 8.33333333332248946124e-03) - 1.66666666666666324348e-01;
+  Vector c = z * (z * (z * (z * (z * -1.13596475577881948265e-11 + 2.08757232129817482790e-09) - 2.75573143513906633035e-07)
+    + 2.48015872894767294178e-05) - 1.38888888888741095749e-03) + 4.16666666666666019037e-02;
+  Vector sine = r * z * s + r, cosine = z * z * c + (1.0 - 0.5 * z), value = ((quarter & 1) != 0) ? cosine : sine;
+  return (Vector)((Bits)value ^ ((quarter & 2) << 62));
+}
+INLINE Real sin(Real x) { return Real(wave(x.v, 0)); }
+INLINE Real cos(Real x) { return Real(wave(x.v, 1)); }
+"""
+
+LOOP = """
+static __attribute__((noinline)) void rate(const Real* x, const Real* u, Real* d) {
+  const Real* arguments[2] = {x, u}; Real* results[1] = {d}; casadi_int nothing[1];
+  f(arguments, results, nothing, 0, 0);
+}
+// RK4 with the law in every stage: `groups` states in lanes, the motion tabulated at the half steps.
+extern "C" void loop(double* states, const double* table, long groups, long steps, double h) {
+  for (long g = 0; g < groups; g++) {
+    Real* x = (Real*)states + g * NX; Real k[NX], y[NX], s[NX], u[3][NU];
+    for (long t = 0; t < steps; t++) {
+      for (int j = 0; j < 3; j++) for (int i = 0; i < NU; i++) u[j][i] = Real(table[(2 * t + j) * NU + i]);
+      rate(x, u[0], k); for (int i = 0; i < NX; i++) { s[i] = k[i]; y[i] = x[i] + Real(0.5 * h) * k[i]; }
+      rate(y, u[1], k); for (int i = 0; i < NX; i++) { s[i] = s[i] + Real(2.0) * k[i]; y[i] = x[i] + Real(0.5 * h) * k[i]; }
+      rate(y, u[1], k); for (int i = 0; i < NX; i++) { s[i] = s[i] + Real(2.0) * k[i]; y[i] = x[i] + Real(h) * k[i]; }
+      rate(y, u[2], k); for (int i = 0; i < NX; i++) x[i] = x[i] + Real(h / 6.0) * (s[i] + k[i]);
+    }
+  }
+}
+"""
+
+ROWS = """
+static __attribute__((noinline)) void one(const Real* x, Real* y) {
+  const Real* arguments[1] = {x}; Real* results[1] = {y}; casadi_int nothing[1];
+  f(arguments, results, nothing, 0, 0);
+}
+// Rows of several arrays of `N` columns, side by side in memory as the caller has them; `OUT` numbers per row go out.
+extern "C" void rows(const double* const* in, double* out, long count) {
+  for (long first = 0; first < count; first += WIDTH) {
+    Real x[PARTS * N], y[OUT];
+    for (int part = 0; part < PARTS; part++) for (int lane = 0; lane < WIDTH; lane++) for (int i = 0; i < N; i++)
+      ((double*)&x[part * N + i])[lane] = in[part][(first + lane) * N + i];
+    one(x, y);
+    for (int lane = 0; lane < WIDTH; lane++) for (int i = 0; i < OUT; i++) out[(first + lane) * OUT + i] = ((double*)&y[i])[lane];
+  }
+}
+// The same with the rows arranged in lanes before and after the call, which saves the copies.
+extern "C" void arranged(const double* in, double* out, long count) {
+  for (long g = 0; g < count / WIDTH; g++) one((const Real*)in + g * PARTS * N, (Real*)out + g * OUT);
+}
+"""
+
+
+def source(function: Any, width: int, rest: str, sizes: dict[str, int]) -> str:
+    """The C of a CasADi function `f`, and what calls it, with `Real` a number or a vector of `width`."""
+    generator = ca.CodeGenerator("generated.c", {"with_header": False, "cpp": True})
+    generator.add(function)
+    code = generator.dump().replace('extern "C"', "").replace("#define casadi_real double", "#define casadi_real Real")
+    start = "#include <math.h>\n" + (LANES if width > 1 else "typedef double Real;\n")
+    return "".join(f"#define {name} {value}\n" for name, value in {"WIDTH": width, "INLINE": INLINE, **sizes}.items()) + start + code + rest
+
+
+def compiled(code: str) -> ctypes.CDLL:
+    """The code as a library; compiled once."""
+    compiler = shutil.which("g++")
+    if compiler is None:
+        raise SystemExit("bench_generated_c: no g++")
+    BUILT.mkdir(parents=True, exist_ok=True)
+    path = BUILT / f"{hashlib.sha256((code + str(FLAGS) + timing.machine()['cpu']).encode()).hexdigest()[:16]}.cpp"
+    library = path.with_suffix(".so")
+    if not library.exists():
+        path.write_text(code)
+        subprocess.run([compiler, *FLAGS, str(path), "-o", str(path.with_suffix(".part"))], check=True)
+        path.with_suffix(".part").rename(library)
+    return ctypes.CDLL(str(library))
+
+
+def aligned(shape: tuple[int, ...]) -> Array:
+    """Zeros at a multiple of 64 bytes."""
+    count = int(np.prod(shape))
+    space = np.zeros(count + 8)
+    first = (-space.ctypes.data // 8) % 8
+    return space[first : first + count].reshape(shape)
+
+
+def at(array: Array) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def in_lanes(rows: Array, width: int) -> Array:
+    """`(rows, columns)` as `(groups, columns, lanes)`."""
+    groups = aligned((len(rows) // width, rows.shape[1], width))
+    groups[:] = rows.reshape(-1, width, rows.shape[1]).transpose(0, 2, 1)
+    return groups
+
+
+def from_lanes(groups: Array) -> Array:
+    return groups.transpose(0, 2, 1).reshape(-1, groups.shape[1])
+
+
+class Loop:
+    """x' = f(x, u) by RK4, u from a table."""
+
+    def __init__(self, x: Any, u: Any, rate: Any, width: int) -> None:
+        function = ca.Function("f", [x, u], [ca.cse(ca.densify(rate))])
+        self.width, self.operations = width, function.n_instructions()
+        self._loop = compiled(source(function, width, LOOP, {"NX": x.numel(), "NU": u.numel()})).loop
+        self._loop.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long, ctypes.c_long, ctypes.c_double]
+
+    def ready(self, starts: Array, table: Array, h: float) -> Callable[[int], Array]:
+        """A function of a number of steps that runs from `starts` `(runs, columns)` and returns the final states in lanes."""
+        before = in_lanes(starts, self.width)
+        states, kept = aligned(before.shape), np.ascontiguousarray(table)
+        state, motion, groups = at(states), at(kept), len(states)
+
+        def run(steps: int, _kept: Array = kept) -> Array:
+            states[:] = before
+            self._loop(state, motion, groups, steps, h)
+            return states
+
+        return run
+
+
+class Rows:
+    """y = f(x_1, x_2, ..) for rows of arrays `(rows, n)`; y is written row by row."""
+
+    def __init__(self, parts: list[Any], result: Any, width: int) -> None:
+        x = ca.vertcat(*parts)
+        function = ca.Function("f", [x], [ca.cse(ca.densify(result.T))])
+        self.width, self.operations, self.size = width, function.n_instructions(), result.numel()
+        sizes = {"PARTS": len(parts), "N": parts[0].numel(), "OUT": self.size}
+        self._library = compiled(source(function, width, ROWS, sizes))
+        for entry in (self._library.rows, self._library.arranged):
+            entry.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long]
+
+    def rows(self, parts: list[Array]) -> Callable[[], Array]:
+        """A function that computes every row and returns the answers."""
+        kept, out = [np.ascontiguousarray(part) for part in parts], aligned((len(parts[0]), self.size))
+        pointers = (ctypes.c_void_p * len(kept))(*(part.ctypes.data for part in kept))
+        return self._ready(self._library.rows, ctypes.cast(pointers, ctypes.c_void_p), out, len(out), (kept, pointers))
+
+    def arranged(self, parts: list[Array]) -> Callable[[], Array]:
+        """The same with the rows in lanes before, and the answers in lanes after the call."""
+        groups = in_lanes(np.hstack(parts), self.width)
+        out = aligned((len(groups), self.size, self.width))
+        return self._ready(self._library.arranged, at(groups), out, len(parts[0]), groups)
+
+    @staticmethod
+    def _ready(entry: Any, given: ctypes.c_void_p, out: Array, count: int, kept: Any) -> Callable[[], Array]:
+        to = at(out)
+
+        def run(_kept: Any = kept) -> Array:
+            entry(given, to, count)
+            return out
+
+        return run

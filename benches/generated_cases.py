@@ -1,0 +1,222 @@
+"""What `bench_generated_c.py` times: closed loops and functions of an arm by armlet, and the same as generated C. Equal answers first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import timing
+from generated_c import WIDEST, Array, Loop, Rows, from_lanes
+from generated_model import Expressions
+from generated_tree import Tree
+from timing import Case
+
+import armlet as al
+
+H, BATCHES, ROWS, CALLS = 1e-3, (256, 1024), 4096, 500
+CHECKED, SHORT, SHORTS, REPEATS = 200, 20, 50, 5
+LAWS = ("computed torque", "PD", "impedance", "adaptive")
+
+
+@dataclass
+class Pair:
+    """armlet and the C of the same thing."""
+
+    ours: Case
+    theirs: Case
+
+    @staticmethod
+    def of(group: str, name: str, ours: Callable[[], Any], theirs: Callable[[], Any], per: int) -> Pair:
+        return Pair(Case(group, f"armlet, {name}, {group}", ours, per), Case(group, f"C, {name}, {group}", theirs, per))
+
+    @property
+    def ratio(self) -> float:
+        return timing.ratio(self.ours, self.theirs)
+
+
+@dataclass
+class Row:
+    """A line of the table: an arm, a law or a function, the operations of the C, and what was timed."""
+
+    arm: str
+    what: str
+    operations: int
+    tree: Tree
+    pairs: dict[str, Pair]
+
+
+def require_equal(what: str, ours: Any, theirs: Any, tolerance: float = 1e-9) -> None:
+    off = float(np.abs(ours - theirs).max()) / max(1.0, float(np.abs(theirs).max()))
+    if not off <= tolerance:
+        raise SystemExit(f"bench_generated_c: {what}: armlet and the C differ by {off:.1e}")
+
+
+class Laws:
+    """The laws of an arm for armlet and as expressions: x = [q, v] or [q, v, estimate], u = [q_d, v_d, a_d]."""
+
+    def __init__(self, arm: al.Arm, steps: int) -> None:
+        n = self.n = arm.n
+        self.arm, self.tree = arm, Tree(arm)
+        self.rest, self.frame = np.full(n, 0.1), arm.tip_frame or arm.frame_names[-1]
+        inertia = np.diag(arm.mass_matrix(self.rest))
+        self.kp, self.kd, self.gamma = 50.0 * inertia, 10.0 * inertia, 0.01 * float(inertia.min())
+        moves = np.abs(arm.jacobian(self.rest, self.frame)[:3]).max(axis=1) > 1e-9
+        self.axes = np.flatnonzero(moves)[:n]
+        self.target = arm.position(self.rest, self.frame)[self.axes]
+        motion = al.Sinusoid([0.1] * n, [0.2] * n, [1.0 + 0.1 * i for i in range(n)], [0.0] * n)
+        samples = [np.array(part) for part in zip(*(motion(0.5 * H * k) for k in range(2 * steps + 1)), strict=True)]
+        self.motion, self.table = al.Table(0.5 * H, *samples), np.ascontiguousarray(np.hstack(samples))
+
+    def armlet(self, law: str) -> Any:
+        if law == "computed torque":
+            return al.ComputedTorque(self.arm, self.motion, kp=50.0, kd=10.0)
+        if law == "PD":
+            return al.PDGravity(self.arm, self.rest, kp=self.kp, kd=self.kd)
+        if law == "adaptive":
+            return al.Adaptive(self.arm, self.motion, kp=self.kp, kd=self.kd, gamma=self.gamma)
+        names, rows = "".join("xyz"[k] for k in self.axes), len(self.axes)
+        return al.CartesianImpedance(self.arm, self.target, [300.0] * rows, [60.0] * rows, frame=self.frame, axes=names)
+
+    def expressions(self, law: str) -> tuple[Any, Any, Any]:
+        """x, u and x' of the closed loop."""
+        n = self.n
+        x, u = ca.SX.sym("x", 12 * n if law == "adaptive" else 2 * n), ca.SX.sym("u", 3 * n)
+        q, v, (q_d, v_d, a_d) = x[:n], x[n : 2 * n], ca.vertsplit(u, n)
+        arm, kp, kd, still = Expressions(self.tree, q), ca.DM(self.kp), ca.DM(self.kd), ca.SX(n, 1)
+        rate = still[:0]
+        if law == "computed torque":
+            tau = arm.inverse_dynamics(v, a_d + 50.0 * (q_d - q) + 10.0 * (v_d - v))
+        elif law == "PD":
+            tau = kp * (ca.DM(self.rest) - q) - kd * v + arm.inverse_dynamics(still, still)
+        elif law == "adaptive":
+            estimate, lag = x[2 * n :], v_d + kp / kd * (q_d - q)
+            s, a_r = lag - v, a_d + kp / kd * (v_d - v)
+            modelled = arm.slotine_li(v, lag, a_r, ca.vertsplit(estimate, 10))
+            tau = modelled + kd * s + ca.DM(self.tree.armature) * a_r
+            rate = self.gamma * ca.gradient(ca.dot(s, modelled), estimate)
+        else:
+            p, jacobian = arm.position(self.frame)[0], arm.jacobian(self.frame)
+            p, jacobian = p[self.axes.tolist()], jacobian[self.axes.tolist(), :]
+            force = 300.0 * (ca.DM(self.target) - p) - 60.0 * (jacobian @ v)
+            tau = jacobian.T @ force + arm.inverse_dynamics(still, still)
+        return x, u, ca.vertcat(v, arm.forward_dynamics(v, tau), rate)
+
+
+class Ours:
+    """armlet's runs of an arm under a law, one and in batches on one thread: final state only, no monitors."""
+
+    def __init__(self, laws: Laws, law: str) -> None:
+        n = laws.n
+        self.plant, self.law = al.RigidArm(laws.arm), laws.armlet(law)
+        self.starts = 0.1 + np.random.default_rng(1).uniform(-0.05, 0.05, (max(BATCHES), n))
+
+    def one(self, steps: int) -> Any:
+        return al.simulate(self.plant, self.law, self.starts[0], t_end=steps * H, dt=H, monitors=False, record_every=steps)
+
+    def batch(self, runs: int, steps: int) -> Any:
+        q0 = self.starts[:runs]
+        return al.simulate_batch(self.plant, self.law, q0, t_end=steps * H, dt=H, monitors=False, keep="final", threads=1)
+
+
+def batch_steps(steps: int) -> int:
+    return steps // 25
+
+
+def alone(name: str, laws: Laws, law: str, steps: int) -> list[Case]:
+    """armlet without the C, whose compilation takes too long."""
+    ours, runs, count = Ours(laws, law), BATCHES[0], batch_steps(steps)
+    label = f"armlet, {name}, {law}"
+    return [
+        Case("One run without its C: ns per step", label, partial(ours.one, steps), steps),
+        Case(
+            f"Batch of {runs} without its C: ns per run and step", f"{label}, {runs} runs", partial(ours.batch, runs, count), runs * count
+        ),
+    ]
+
+
+def loop_row(name: str, laws: Laws, law: str, steps: int) -> Row:
+    """One run of `steps`, one of few steps, and batches, after equal states at the end of `CHECKED` steps."""
+    n, ours, (x, u, rate) = laws.n, Ours(laws, law), laws.expressions(law)
+    scalar, lanes = Loop(x, u, rate, 1), Loop(x, u, rate, WIDEST)
+    starts = np.zeros((max(BATCHES), x.numel()))
+    starts[:, :n] = ours.starts
+    single = scalar.ready(starts[:1], laws.table, H)
+    together = {runs: lanes.ready(starts[:runs], laws.table, H) for runs in BATCHES}
+
+    run, many = ours.one(CHECKED), ours.batch(BATCHES[0], CHECKED)
+    assert run.stats["engine"] == "machine", f"{name}, {law}: {run.stats['engine']}"
+    ends = from_lanes(together[BATCHES[0]](CHECKED))[:, : 2 * n]
+    require_equal(f"{name}, {law}, one run", np.hstack([run.q[-1], run.v[-1]]), single(CHECKED)[0, : 2 * n, 0])
+    require_equal(f"{name}, {law}, batch", np.hstack([many.q[:, -1], many.v[:, -1]]), ends)
+    assert np.isfinite(ours.one(steps).q[-1]).all() and np.isfinite(single(steps)).all(), (name, law)
+
+    def pair(group: str, armlet: Callable[[], Any], generated: Callable[[], Any], per: int) -> Pair:
+        return Pair.of(group, f"{name}, {law}", armlet, generated, per)
+
+    few = range(SHORTS)
+    pairs = {
+        "one run": pair("one run", partial(ours.one, steps), partial(single, steps), steps),
+        "short": pair("short", lambda: [ours.one(SHORT) for _ in few], lambda: [single(SHORT) for _ in few], SHORTS),
+    }
+    count = batch_steps(steps)
+    for runs in BATCHES:
+        group = f"batch of {runs:,}"
+        pairs[group] = pair(group, partial(ours.batch, runs, count), partial(together[runs], count), runs * count)
+    return Row(name, law, scalar.operations, laws.tree, pairs)
+
+
+@dataclass
+class Function:
+    """A function of an arm: armlet's, its arguments and its value as expressions, and what armlet is given besides."""
+
+    call: Callable[..., Array]
+    parts: list[Any]
+    value: Any
+    more: tuple[Any, ...] = ()
+
+
+def functions(arm: al.Arm) -> dict[str, Function]:
+    q, v, a = (ca.SX.sym(letter, arm.n) for letter in "qva")
+    known, frame = Expressions(Tree(arm), q), arm.tip_frame or arm.frame_names[-1]
+    bias = known.inverse_dynamics(v, ca.SX(arm.n, 1), armature=False)
+    return {
+        "inverse dynamics": Function(arm.inverse_dynamics, [q, v, a], known.inverse_dynamics(v, a)),
+        "mass matrix": Function(arm.mass_matrix, [q], known.mass_matrix()),
+        "forward dynamics": Function(arm.forward_dynamics, [q, v, a], known.forward_dynamics(v, a)),
+        "frame Jacobian": Function(arm.jacobian, [q], known.jacobian(frame), (frame,)),
+        "bias": Function(arm.bias, [q, v], bias),
+        "Coriolis matrix": Function(arm.coriolis_matrix, [q, v], known.coriolis_matrix(v)),
+    }
+
+
+def function_row(name: str, arm: al.Arm, what: str, made: Function) -> Row:
+    """Batches of 4,096 rows, single calls, and batches beside C that finds the rows arranged in lanes."""
+    scalar, lanes = Rows(made.parts, made.value, 1), Rows(made.parts, made.value, WIDEST)
+    given = list(np.random.default_rng(1).uniform(-1.0, 1.0, (len(made.parts), ROWS, arm.n)))
+    together, arranged, single = lanes.rows(given), lanes.arranged(given), scalar.rows([part[:CALLS] for part in given])
+    out = made.call(*given, *made.more)
+    require_equal(f"{name}, {what}, lanes", out.reshape(ROWS, -1), together())
+    require_equal(f"{name}, {what}, arranged", out.reshape(ROWS, -1), from_lanes(arranged()))
+    require_equal(f"{name}, {what}, scalar", out[:CALLS].reshape(CALLS, -1), single())
+    call, row = made.call, [*(part[0] for part in given), *made.more]
+    require_equal(f"{name}, {what}, one call", call(*row).ravel(), out[0].ravel())
+    label, repeats = f"{name}, {what}", range(REPEATS)
+
+    def batch() -> None:
+        for _ in repeats:
+            call(*given, *made.more, out=out)
+
+    def calls() -> None:
+        for _ in range(CALLS):
+            call(*row)
+
+    pairs = {
+        "batch": Pair.of("batch", label, batch, lambda: [together() for _ in repeats], REPEATS * ROWS),
+        "arranged": Pair.of("arranged", label, batch, lambda: [arranged() for _ in repeats], REPEATS * ROWS),
+        "call": Pair.of("call", label, calls, single, CALLS),
+    }
+    return Row(name, what, scalar.operations, Tree(arm), pairs)
