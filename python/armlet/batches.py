@@ -84,8 +84,9 @@ def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undi
         completed = (fields["status"] == Status.SUCCESS).astype(np.float64)
         fields["stats"] |= found | {"completed": completed}
     batch = BatchRun(fields, law=law, plant=plant)
-    balances = balances if found else Balances.of(batch.monitors)
-    warn_of_balances("simulate_batch", balances, batch.status == Status.SUCCESS, undisturbed)
+    if found or batch.monitors:
+        balances = balances if found else Balances.of(batch.monitors)
+        warn_of_balances("simulate_batch", balances, batch.status == Status.SUCCESS, undisturbed)
     return batch
 
 

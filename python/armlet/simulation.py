@@ -118,7 +118,8 @@ def simulate(
         message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}"
         raise SolveError(message, run.status, ended, run)
     undisturbed = sample_time is None and tau_max is None and force is None
-    warn_of_balances("simulate", Balances.of(run.monitors), np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
+    if run.monitors:
+        warn_of_balances("simulate", Balances.of(run.monitors), np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
     return run
 
 

@@ -6,8 +6,8 @@ use super::problem::{Method, Problem};
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
 
-/// Numbers of a motion beyond which its loop is not kept: the key would keep the motion, too.
-const LARGEST_MOTION: usize = 1 << 16;
+/// Numbers of motions that the keys of kept loops may hold in all: 32 MB.
+pub const MOST_NUMBERS: usize = 1 << 22;
 
 /// What a recording depends on beside the numbers of the set-up.
 pub struct Key {
@@ -80,8 +80,8 @@ impl Key {
             }
     }
 
-    /// Whether it is worth its memory.
-    pub fn is_small(&self) -> bool {
-        self.law.motions().iter().map(|motion| motion.numbers()).sum::<usize>() <= LARGEST_MOTION
+    /// Numbers of its motions, which it keeps alive.
+    pub fn numbers(&self) -> usize {
+        self.law.motions().iter().map(|motion| motion.numbers()).sum()
     }
 }

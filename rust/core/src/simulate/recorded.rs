@@ -12,7 +12,7 @@ use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::gauge::Start;
 use super::general::assemble;
-use super::key::{Common, Key};
+use super::key::{Common, Key, MOST_NUMBERS};
 use super::loop_programs::{self, Programs, Summing, Tracing, Watch};
 use super::problem::{Method, Problem};
 use super::sums::Sums;
@@ -193,8 +193,8 @@ impl<R, T: PartialEq> Seen<R, T> {
         }
         let (key, structure) = (Key::of(problem, run, common), given.structure.clone());
         let seen = Arc::new(Seen { key, tag, structure, recorded: record().map(Arc::new) });
-        if seen.key.is_small() {
-            kept.keep(seen.clone(), |_| true);
+        if seen.key.numbers() <= MOST_NUMBERS {
+            kept.keep(seen.clone(), |all| all.iter().map(|seen| seen.key.numbers()).sum::<usize>() <= MOST_NUMBERS);
         }
         seen
     }
