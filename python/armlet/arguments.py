@@ -146,21 +146,21 @@ def instance(function: str, name: str, value: object, kind: type[T] | tuple[type
     raise InputError(f"{function}: {name} is of the wrong type: expected {expected}, got {shown(value)}")
 
 
-def file_path(function: str, value: object) -> str:
+def file_path(function: str, value: object, name: str = "path") -> str:
     """A path that the system can be asked for.
 
     Raises:
         InputError: it is none, or holds what no path may.
     """
     if not isinstance(value, str | PathLike):
-        raise InputError(f"{function}: path is of the wrong type: expected a path, got {shown(value)}")
+        raise InputError(f"{function}: {name} is of the wrong type: expected a path, got {shown(value)}")
     path = fspath(value)
     try:
         whole = isinstance(path, str) and "\0" not in path and bool(path.encode("utf-8", "surrogateescape"))
     except UnicodeEncodeError:
         whole = False
     if not whole:
-        raise InputError(f"{function}: path cannot be opened: expected the name of a file, got {shown(path)}")
+        raise InputError(f"{function}: {name} cannot be opened: expected the name of a file or folder, got {shown(path)}")
     return str(path)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from .arguments import choice, integer, number, shown
+from .arguments import choice, file_path, integer, number, shown
 from .border import border, bordered
 from .cells import Cells, columns
 from .errors import InputError
@@ -154,13 +154,14 @@ def sweep(
         raise InputError(f"sweep: progress is not callable: expected a function or None, got {shown(progress)}")
     if threads is not None:
         threads = integer("sweep", "threads", threads, 1)
+    folder = None if out is None else file_path("sweep", out, "out")
     metrics = metrics_arguments("sweep", metrics, whole)
     bare = Scenario({name: table for name, table in whole.standalone().data.items() if name != "sweep"}, whole.folder, whole.name)
     rehearse(bare, cells)
     store = None
-    if out is not None:
+    if folder is not None:
         what = {"scenario": bare.data, "vary": cells.vary, "draws": cells.draws, "seed": cells.seed, "metrics": metrics}
-        store = Store(Path(out), what | {"armlet": _core.__version__}, chunk)
+        store = Store(Path(folder), what | {"armlet": _core.__version__}, chunk)
         chunk = store.chunk
     done: dict[int, Columns] = {}
     missing = []

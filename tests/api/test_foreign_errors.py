@@ -254,6 +254,9 @@ def test_paths_that_are_none(folder: Any) -> None:
     for call in (al.load, al.Scenario.load, RUN.save, RUN.to_csv):
         with pytest.raises(al.InputError, match="path"):
             call(folder)
+    if folder is not None:
+        with pytest.raises(al.InputError, match="sweep: out "):
+            al.sweep(SCENARIO, {"run.q0[0]": [0.0, 0.1]}, out=folder)
 
 
 def test_a_fault_of_armlet_is_an_internal_error() -> None:
