@@ -164,7 +164,15 @@ impl Tree<f64> {
             friction: body.friction,
         };
         Tree {
-            bodies: first.bodies.iter().enumerate().map(|(i, body)| lane(i, body)).collect(),
+            bodies: first
+                .bodies
+                .iter()
+                .enumerate()
+                .map(|(i, body)| {
+                    look();
+                    lane(i, body)
+                })
+                .collect(),
             frames: first.frames.clone(),
             gravity: first.gravity,
             is_shallow: first.is_shallow,
@@ -188,6 +196,7 @@ impl<S: Real> Tree<S> {
     /// Inertial parameters, `(10 n,)` in SPEC order in the body frames of the model, lane by lane.
     pub fn set_parameters(&mut self, pi: &[S]) {
         for (body, p) in self.bodies.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
+            look();
             let given = Inertia::from_parameters(p);
             body.inertia = match body.turn {
                 None => given,
