@@ -135,7 +135,7 @@ def _curve(x0: float, y0: float, x1: float, y1: float) -> tuple[NDArray[Any], ND
 
 
 def _short(name: str) -> str:
-    """An input or output as it is drawn: a number with four digits."""
+    """The text drawn for an input or output: its name, or four digits of a number."""
     try:
         return f"{float(name):.4g}"
     except ValueError:
