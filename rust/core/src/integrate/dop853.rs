@@ -41,16 +41,10 @@ impl Scheme for Order8 {
     const ESTIMATES: usize = 2;
 
     #[inline(always)]
-    fn stages<S: Real, B: Buffer<S>>(
-        h: S,
-        x: &[S],
-        slopes: &mut [B],
-        y: &mut [S],
-        estimates: &mut [B],
-        mut slope: impl FnMut(usize, &[S], &mut [S]),
-    ) {
+    fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
+        let Attempt { h, x, slopes, y, estimates, .. } = attempt;
         for i in 1..13 {
-            argument(i, h, x, slopes, y);
+            argument(i, *h, x, slopes, y);
             slope(i - 1, y, slopes[i].as_mut());
         }
         for (estimate, weights) in estimates.iter_mut().zip([E3, E5]) {
@@ -115,11 +109,11 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
     {
         let Dop853 { pace, k, errors, y, x, u, u_time, .. } = self;
         let times: [f64; Order8::STAGES] = std::array::from_fn(|i| pace.input_time(pace.t + C[i + 1] * h));
-        let mut attempt = Attempt { h, times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates: errors };
+        let mut attempt = Attempt { h: S::splat(h), times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates: errors };
         if system.attempt::<Order8, B>(&mut attempt) {
             *u_time = f64::NAN;
         } else {
-            Order8::stages(S::splat(h), x.as_ref(), k, y.as_mut(), errors, |i, y, dx| {
+            Order8::stages(&mut attempt, |i, y, dx| {
                 if times[i] != *u_time {
                     system.input(times[i], u);
                     *u_time = times[i];

@@ -40,14 +40,8 @@ impl Scheme for Pair54 {
     const ESTIMATES: usize = 1;
 
     #[inline(always)]
-    fn stages<S: Real, B: Buffer<S>>(
-        h: S,
-        x: &[S],
-        slopes: &mut [B],
-        y: &mut [S],
-        estimates: &mut [B],
-        mut slope: impl FnMut(usize, &[S], &mut [S]),
-    ) {
+    fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
+        let Attempt { h, x, slopes, y, estimates, .. } = attempt;
         for i in 1..7 {
             for c in 0..x.len() {
                 let mut sum = S::splat(A[i][0]) * slopes[0].as_ref()[c];
@@ -99,9 +93,9 @@ impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
     {
         let Dopri5 { pace, k, error, y, x, u, .. } = self;
         let times: [f64; Pair54::STAGES] = std::array::from_fn(|i| pace.input_time(pace.t + C[i + 1] * h));
-        let mut attempt = Attempt { h, times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates: error };
+        let mut attempt = Attempt { h: S::splat(h), times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates: error };
         if !system.attempt::<Pair54, B>(&mut attempt) {
-            Pair54::stages(S::splat(h), x.as_ref(), k, y.as_mut(), error, |i, y, dx| {
+            Pair54::stages(&mut attempt, |i, y, dx| {
                 system.input(times[i], u);
                 system.rhs(u, y, dx);
             });

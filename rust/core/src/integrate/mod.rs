@@ -81,27 +81,21 @@ pub trait Scheme {
     const STAGES: usize;
     const ESTIMATES: usize;
 
-    /// Every slope after the first, the new state `y` and the estimates, for a step of `h` from `x`. `slope(k, y, dx)` is asked for stage
-    /// `k + 1` at the state `y`.
-    fn stages<S: Real, B: Buffer<S>>(
-        h: S,
-        x: &[S],
-        slopes: &mut [B],
-        y: &mut [S],
-        estimates: &mut [B],
-        slope: impl FnMut(usize, &[S], &mut [S]),
-    );
+    /// The results of an attempt. `slope(k, y, dx)` is asked for the slope of stage `k + 1` at the state `y`.
+    fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, slope: impl FnMut(usize, &[S], &mut [S]));
 }
 
 /// What an attempt of an explicit method is made of.
 pub struct Attempt<'a, S, B> {
-    pub h: f64,
+    pub h: S,
     /// When the stages after the first take their inputs.
     pub times: &'a [f64],
     pub x: &'a [S],
-    /// See [`Scheme::stages`].
+    /// Those of all stages: the first is given, the others are results.
     pub slopes: &'a mut [B],
+    /// The new state, a result.
     pub y: &'a mut [S],
+    /// The estimates of the error, results.
     pub estimates: &'a mut [B],
 }
 

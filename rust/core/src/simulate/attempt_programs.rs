@@ -5,8 +5,10 @@ use super::general::assemble;
 use super::key::Common;
 use super::problem::{Method, Problem};
 use super::rates_programs::Slots;
+use super::recorded::{inputs, instant};
+use super::running_rates::write;
 use super::world::Exogenous;
-use crate::integrate::{Attempt, Buffer, Order8, Pair54, Scheme};
+use crate::integrate::{Attempt, Buffer, Order8, Pair54, Scheme, System};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Part, Places, Program, Room, Sym, engine, form, sym};
@@ -67,14 +69,7 @@ impl AttemptProgram {
         sym::begin();
         let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
         assert_eq!(sym::end_set_up(), slots.given, "another structure");
-        let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
-        let instants: Vec<Exogenous<Sym>> = (0..C::STAGES)
-            .map(|_| {
-                let (desired, mut wrench) = (inputs(slots.desired), [Sym::zero(); 6]);
-                wrench[..slots.wrench].copy_from_slice(&inputs(slots.wrench));
-                Exogenous { t: 0.0, desired, wrench }
-            })
-            .collect();
+        let instants: Vec<Exogenous<Sym>> = (0..C::STAGES).map(|_| instant(slots.desired, slots.wrench)).collect();
         let (x, first, h) = (inputs(slots.states()), inputs(slots.states()), sym::input());
         let (tau, answer) = (inputs(slots.inputs), inputs(slots.answer));
         if held {
@@ -83,10 +78,8 @@ impl AttemptProgram {
         let room = vec![Sym::zero(); slots.states()];
         let (mut slopes, mut y, mut estimates) = (vec![room.clone(); C::STAGES + 1], room.clone(), vec![room; C::ESTIMATES]);
         slopes[0] = first;
-        C::stages(h, &x, &mut slopes, &mut y, &mut estimates, |k, y, dx| {
-            closed.turn_to(y);
-            closed.rates(&instants[k], y, dx);
-        });
+        let mut attempt = Attempt { h, times: &[], x: &x, slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
+        C::stages(&mut attempt, |k, y, dx| closed.rhs(&instants[k], y, dx));
         drop(closed);
         let recording = sym::finish();
         if recording.failed {
@@ -135,7 +128,7 @@ impl AttemptProgram {
         }
         write(frame, self.places.state(), attempt.x);
         write(frame, self.places.slope(), attempt.slopes[0].as_ref());
-        frame.numbers_mut()[self.places.step()] = attempt.h;
+        write(frame, self.places.step(), &[attempt.h]);
         self.program.run(frame);
         let n = slots.states();
         let mut results = frame.numbers()[self.places.results()..self.places.reach()].chunks_exact(n);
@@ -148,8 +141,4 @@ impl AttemptProgram {
         attempt.estimates.iter_mut().for_each(|estimate| next(estimate.as_mut()));
         frame.numbers()[self.places.reach()] < REDUCTION_LIMIT
     }
-}
-
-fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
-    frame.numbers_mut()[first..first + values.len()].iter_mut().zip(values).for_each(|(slot, value)| *slot = value.lane(0));
 }

@@ -11,11 +11,10 @@ use super::general::assemble;
 use super::key::Common;
 use super::loop_programs::Watch;
 use super::problem::{Method, Problem};
-use super::recorded::{self, Seen};
-use super::world::Exogenous;
+use super::recorded::{self, Seen, inputs, instant};
+use crate::integrate::System;
 use crate::motion::Motion;
 use crate::plant::PlantSpec;
-use crate::scalar::Real;
 use crate::trace::differentiate::Differentiation;
 use crate::trace::kept::Kept;
 use crate::trace::tape::Op;
@@ -169,7 +168,7 @@ fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<R
 /// As [`of_run`], if they are among those that are kept.
 fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
     let (given, tag) = (recorded::given(problem, run, common), (held, Wanted::of(problem, run)));
-    let seen = KNOWN.find(|seen| seen.tag == tag && seen.fits(problem, run, common, &given))?;
+    let seen = Seen::known(&KNOWN, (problem, run, common), &given, &tag)?;
     seen.recorded.clone().map(|recorded| (recorded, given.values))
 }
 
@@ -191,7 +190,6 @@ fn record(
     sym::begin_that(folds);
     let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.storage);
     let given = sym::end_set_up();
-    let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
     let (plant, law) = (problem.plant(run).states(), problem.law(run).initial_state().len());
     let slots = Slots {
         given,
@@ -203,15 +201,13 @@ fn record(
         inputs: closed.tau.len(),
         answer: closed.law_rate().len(),
     };
-    let (desired, mut wrench) = (inputs(slots.desired), [Sym::zero(); 6]);
-    wrench[..slots.wrench].copy_from_slice(&inputs(slots.wrench));
+    let u = instant(slots.desired, slots.wrench);
     let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.answer));
     if held {
         closed.hold_input(&tau, &dz);
     }
-    closed.turn_to(&x);
     let mut dx = x.clone();
-    closed.rates(&Exogenous { t: 0.0, desired, wrench }, &x, &mut dx);
+    closed.rhs(&u, &x, &mut dx);
     drop(closed);
     let recording = sym::finish();
     if recording.failed {

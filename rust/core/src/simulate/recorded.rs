@@ -167,7 +167,7 @@ fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'
 /// A structure that was seen, and what was recorded of it; `tag` tells recordings of one loop apart.
 pub struct Seen<R, T> {
     key: Key,
-    pub tag: T,
+    tag: T,
     /// The entries of its set-up.
     structure: Vec<u32>,
     /// `None` where its code branches on data.
@@ -180,17 +180,23 @@ impl<R, T: PartialEq> Seen<R, T> {
         self.structure == given.structure && self.key.is_of(problem, run, common)
     }
 
+    /// The structure of run `run`, if it is one of those that are kept.
+    pub fn known(kept: &Kept<Arc<Self>>, (problem, run, common): (&Problem, usize, Common), given: &Given, tag: &T) -> Option<Arc<Self>> {
+        kept.find(|seen| seen.tag == *tag && seen.fits(problem, run, common, given))
+    }
+
     /// The structure of run `run`: one of those that are kept, or a new recording.
     pub fn of_run(
         kept: &Kept<Arc<Self>>,
-        (problem, run, common): (&Problem, usize, Common),
+        of: (&Problem, usize, Common),
         given: &Given,
         tag: T,
         record: impl FnOnce() -> Option<R>,
     ) -> Arc<Self> {
-        if let Some(seen) = kept.find(|seen| seen.tag == tag && seen.fits(problem, run, common, given)) {
+        if let Some(seen) = Self::known(kept, of, given, &tag) {
             return seen;
         }
+        let (problem, run, common) = of;
         let (key, structure) = (Key::of(problem, run, common), given.structure.clone());
         let seen = Arc::new(Seen { key, tag, structure, recorded: record().map(Arc::new) });
         if seen.key.numbers() <= MOST_NUMBERS {
@@ -261,6 +267,18 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     })
 }
 
+/// New inputs of a program.
+pub fn inputs(count: usize) -> Vec<Sym> {
+    (0..count).map(|_| sym::input()).collect()
+}
+
+/// New inputs for the exogenous input at one instant: so many desired numbers, and so many of a wrench.
+pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
+    let mut instant = Exogenous { t: 0.0, desired: inputs(desired), wrench: [Sym::zero(); 6] };
+    instant.wrench[..wrench].copy_from_slice(&inputs(wrench));
+    instant
+}
+
 /// Record the law if it is `asked`, the rates and the step, `in_parts` or as its size suggests; `None` for a method that is not recorded.
 fn trace(
     closed: ClosedLoop<Sym>,
@@ -268,17 +286,12 @@ fn trace(
     (method, asked, in_parts): (Method, bool, Option<bool>),
     layout: &Layout,
 ) -> Option<Tracing> {
-    let inputs = |count: usize| (0..count).map(|_| sym::input()).collect::<Vec<Sym>>();
-    let instant = || {
-        let (desired, mut wrench) = (inputs(layout.desired), [Sym::zero(); 6]);
-        wrench[..layout.wrench].copy_from_slice(&inputs(layout.wrench));
-        Exogenous { t: 0.0, desired, wrench }
-    };
-    let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| instant()).collect();
+    let one = || instant(layout.desired, layout.wrench);
+    let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| one()).collect();
     let (x, kept, h) = (inputs(layout.states), inputs(layout.kept), sym::input());
     let (tau, dz) = (inputs(layout.inputs), inputs(layout.answer));
     let stood = inputs(layout.guards);
-    let (stage, stage_input) = (inputs(layout.states), instant());
+    let (stage, stage_input) = (inputs(layout.states), one());
     let mut rates = inputs(layout.states + layout.guards);
     let mut closed = RecordedLoop { closed, layout, cuts: None };
     if asked {

@@ -134,7 +134,7 @@ impl<S: Real> Running<S> {
 }
 
 /// `values` into all lanes of the slots from `first` on.
-fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
+pub fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
     let lanes = frame.lanes();
     let slots = &mut frame.numbers_mut()[first * lanes..(first + values.len()) * lanes];
     if lanes == 1 {
