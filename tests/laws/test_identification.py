@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import armlet as al
-from armlet.reference.arm import PSEUDO
+from armlet.reference.inertia import PSEUDO
 
 Array = NDArray[np.float64]
 

@@ -5,62 +5,9 @@ The core recurs over bodies; the reference multiplies homogeneous transforms and
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-
-import armlet as al
-from armlet import reference as ref
-
-Array = NDArray[np.float64]
-
-# The reference forms n^2 traces of products of 4 x 4 matrices: some hundred roundings of the largest entry.
-TOLERANCE = 1e-12
-
-
-def close(got: Array, want: Array, scale: float = 1.0, tolerance: float = TOLERANCE) -> None:
-    assert got.shape == want.shape
-    assert float(np.abs(got - want).max(initial=0.0)) <= tolerance * max(scale, float(np.abs(want).max(initial=0.0)))
-
-
-def random_joints(rng: np.random.Generator, n: int) -> list[dict[str, Any]]:
-    """A tree with `n` moving joints and now and then a fixed body; random mass points make every inertia a real one."""
-    joints: list[dict[str, Any]] = []
-    moving = 0
-    while moving < n:
-        fixed = bool(joints) and rng.random() < 0.2
-        points, masses = 0.2 * rng.normal(size=(5, 3)), rng.uniform(0.1, 0.5, 5)
-        second = np.einsum("k,ki,kj->ij", masses, points, points)
-        inertia = np.trace(second) * np.eye(3) - second
-        above = len(joints) - 1 if rng.random() < 0.6 else int(rng.integers(-1, len(joints))) if joints else -1
-        joints.append(
-            {
-                "type": "fixed" if fixed else "P" if rng.random() < 0.3 else "R",
-                "axis": rng.normal(size=3) if rng.random() < 0.6 else np.eye(3)[rng.integers(3)],
-                "rpy": rng.uniform(-3.0, 3.0, 3),
-                "xyz": 0.3 * rng.normal(size=3),
-                "phi": np.concatenate([[masses.sum()], masses @ points, inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]]),
-                "parent": above,
-                "name": f"j{len(joints)}",
-            }
-        )
-        moving += not fixed
-    return joints
-
-
-def both(n: int, seed: int) -> tuple[al.Arm, Any, Array, list[dict[str, Any]]]:
-    """The arm, the reference, and where each of the arm's joints stands in the reference's order, that of the list."""
-    rng = np.random.default_rng([n, seed])
-    joints, gravity, armature = random_joints(rng, n), 5.0 * rng.normal(size=3), rng.uniform(0.0, 0.3, n)
-    moving = [joint["name"] for joint in joints if joint["type"] != "fixed"]
-    for joint in joints:
-        if joint["type"] != "fixed":
-            joint["armature"] = armature[moving.index(joint["name"])]
-    arm = al.Arm.from_chain(joints, gravity=gravity)
-    reference = ref.Arm.from_chain(joints, gravity=gravity, armature=armature)
-    return arm, reference, np.array([moving.index(name) for name in arm.joint_names]), joints
+from trees import both, close
 
 
 @pytest.mark.parametrize("seed", range(6))

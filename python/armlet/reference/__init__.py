@@ -7,7 +7,9 @@ instead of Runge-Kutta pairs, sampling and event simulation instead of closed fo
 from . import integrate
 from .arm import Arm, planar_arm
 from .elastic import Equilibrium, equilibrium
+from .identification import BaseParameters, Identification, base_parameters, identify
 from .impedance import CartesianImpedance, ElasticImpedance
+from .inertia import ParameterReport, check_parameters, project_parameters
 from .lagrange import Mechanism
 from .law import Adaptive, ComputedTorque, Law, PDGravity
 from .mintime import bang_bang_time, torque_optimal_time
@@ -16,21 +18,25 @@ from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import diagnose_priority, solve_priority
 from .simulate import simulate
+from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
 from .velocity import PriorityVelocity, Task, VelocityArm
 
 __all__ = [
     "Adaptive",
     "Arm",
     "BangBang",
+    "BaseParameters",
     "CartesianImpedance",
     "ComputedTorque",
     "ElasticArm",
     "ElasticImpedance",
     "Equilibrium",
     "Hold",
+    "Identification",
     "Law",
     "Mechanism",
     "PDGravity",
+    "ParameterReport",
     "Pendulum",
     "PlanarPR",
     "PriorityVelocity",
@@ -40,12 +46,19 @@ __all__ = [
     "Task",
     "VelocityArm",
     "bang_bang_time",
+    "base_parameters",
+    "check_parameters",
     "diagnose_priority",
     "equilibrium",
+    "forward_dynamics_derivatives",
+    "identify",
     "integrate",
+    "inverse_dynamics_derivatives",
+    "linearize",
     "pendulum",
     "planar_arm",
     "planar_pr",
+    "project_parameters",
     "simulate",
     "solve_priority",
     "torque_optimal_time",

@@ -3,44 +3,24 @@
     T_i = T_parent(i) place_i exp(xi_i q_i),    dT_i/dq_j = dT_parent/dq_j place_i exp(xi_i q_i),  and T_i xi_i for j = i
     kinetic   1/2 sum_i tr( T_i' P_i T_i'^T )   so   M_jk = sum_i tr( dT_i/dq_j  P_i  (dT_i/dq_k)^T )
     potential -sum_i gravity . (T_i P_i e_4)
-    P_i = [[S, h], [h^T, m]],  S = 1/2 tr(I) 1 - I,  h = m c        (4 x 4 pseudo-inertia, linear in the ten parameters)
+    centre of mass: the potential under a unit of gravity along each axis, over the mass; its Jacobian: that gravity's torque
 
-Parameters per link: m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, inertia about the body-frame origin. A link behind a
-fixed joint adds X P X^T to the body that carries it. The exponential is written in the half angle, which is analytic in q, so
-that every derivative can be a complex step.
+P_i is the pseudo-inertia of `inertia`, linear in the ten parameters. A link behind a fixed joint adds X P X^T to the body that
+carries it. The exponential is written in the half angle, which is analytic in q, so that every derivative can be a complex step.
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .inertia import PSEUDO, parameters_of, pseudo_inertia
 from .lagrange import STEP, Analytic, Array, Mechanism, vectors
 
 Joint = Mapping[str, Any]
-
-
-def _pseudo_basis() -> Array:
-    """P for each of the ten unit parameters, (10, 4, 4)."""
-    basis = np.zeros((10, 4, 4))
-    basis[0, 3, 3] = 1.0
-    for axis in range(3):
-        basis[1 + axis, axis, 3] = basis[1 + axis, 3, axis] = 1.0
-    for index, (row, column) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
-        inertia = np.zeros((3, 3))
-        inertia[row, column] = inertia[column, row] = 1.0
-        basis[4 + index, :3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    return basis
-
-
-PSEUDO = _pseudo_basis()
-
-
-def parameters_of(pseudo: Array) -> Array:
-    """The ten parameters of a pseudo-inertia."""
-    inertia = np.trace(pseudo[:3, :3]) * np.eye(3) - pseudo[:3, :3]
-    return np.concatenate([[pseudo[3, 3]], pseudo[:3, 3], inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+LIMITS = {"lower": -np.inf, "upper": np.inf, "velocity": np.inf}
 
 
 def cross(w: Array) -> Array:
@@ -83,20 +63,23 @@ class Arm(Mechanism):
         self.frames = dict(frames)
         self.gravity_vector: Array = np.array(gravity, dtype=np.float64)
         self._powers = [(place, place @ twist, place @ twist @ twist) for place, twist in zip(places, twists, strict=True)]
+        self.angles: Any = np.array([bool(second.any()) for _, _, second in self._powers])
+        self.joint_names: tuple[str, ...] = tuple(f"joint{index + 1}" for index in range(self.n))
+        self.limits: dict[str, Array] = {key: np.full(self.n, value) for key, value in LIMITS.items()}  # rad or m, per second
         self._walked: tuple[tuple[Any, ...], tuple[list[Analytic], list[Analytic]]] | None = None
 
     @classmethod
-    def from_chain(cls, joints: Sequence[Joint], gravity: ArrayLike = (0.0, 0.0, -9.81), armature: ArrayLike = 0.0) -> Self:
-        """Joints as dicts: type R | P | revolute | continuous | prismatic | fixed, axis, rpy, xyz, phi, and parent:
-        the index of the joint that carries it (-1 the base; left out: the joint before)."""
+    def from_chain(cls, joints: Sequence[Joint], gravity: ArrayLike = (0.0, 0.0, -9.81), armature: ArrayLike | None = None) -> Self:
+        """Joints as dicts: type R | P | revolute | continuous | prismatic | fixed, axis, rpy, xyz, phi; parent: the index of the
+        joint that carries it (-1 the base; left out: the joint before); name, lower, upper, velocity, armature, damping, friction."""
         carrier: list[tuple[int, Array]] = []  # of each joint's frame: moving body and constant offset from it
-        parents, places, twists = [], [], []
+        parents, places, twists, moving = [], [], [], []
         inertias: list[Array] = []
         for index, joint in enumerate(joints):
             above = int(joint.get("parent", index - 1))
             body, offset = carrier[above] if above >= 0 else (-1, np.eye(4))
             offset = offset @ placement(joint.get("xyz", (0, 0, 0)), joint.get("rpy", (0, 0, 0)))
-            pseudo = np.einsum("p,pij->ij", np.asarray(joint.get("phi", np.zeros(10)), dtype=np.float64), PSEUDO)
+            pseudo = pseudo_inertia(joint.get("phi", np.zeros(10)))
             kind = str(joint["type"]).lower()
             if kind == "fixed":
                 if body >= 0:
@@ -116,13 +99,20 @@ class Arm(Mechanism):
             places.append(offset)
             twists.append(twist)
             inertias.append(pseudo)
+            moving.append(joint)
             carrier.append((len(parents) - 1, np.eye(4)))
         frames = {f"link{index + 1}": frame for index, frame in enumerate(carrier)}
-        return cls(parents, places, twists, np.concatenate([parameters_of(p) for p in inertias]), frames, gravity, armature)
+        arm = cls(parents, places, twists, np.concatenate([parameters_of(p) for p in inertias]), frames, gravity)
+        arm.joint_names = tuple(str(joint.get("name", f"joint{k + 1}")) for k, joint in enumerate(moving))
+        arm.limits = {key: np.array([float(joint.get(key, value)) for joint in moving]) for key, value in LIMITS.items()}
+        drives = {key: [float(joint.get(key, 0.0)) for joint in moving] for key in ("armature", "damping", "friction")}
+        return arm.with_drives(**drives).with_drives(armature=armature)
 
-    def with_parameters(self, parameters: ArrayLike) -> "Arm":
-        """The same tree with other (10 n,) parameters."""
-        return Arm(self.parents, self.places, self.twists, parameters, self.frames, self.gravity_vector, self.armature)
+    def with_gravity(self, gravity: ArrayLike) -> Self:
+        """The same arm under another gravity (3,), m/s^2."""
+        other = copy(self)
+        other.gravity_vector, other._last = np.array(gravity, dtype=np.float64), None
+        return other
 
     def _joint(self, index: int, q: Analytic) -> Analytic:
         """place exp(xi q), (..., 4, 4): 1 + 2 c s xi + 2 s^2 xi^2 with the half angle's c and s, or 1 + q xi where xi^2 = 0."""
@@ -177,6 +167,16 @@ class Arm(Mechanism):
         poses, slopes = self._walk(q)
         return poses[body] @ offset, slopes[body] @ offset
 
+    def center_of_mass(self, q: ArrayLike) -> Array:
+        """Centre of mass in world axes, (..., 3)."""
+        heights = [self.with_gravity(-axis).energy(q, np.zeros(self.n))[1] for axis in np.eye(3)]
+        return np.asarray(np.stack(heights, axis=-1) / self.parameters[::10].sum())
+
+    def center_of_mass_jacobian(self, q: ArrayLike) -> Array:
+        """(..., 3, n)."""
+        rows = [self.with_gravity(-axis).gravity(q) for axis in np.eye(3)]
+        return np.asarray(np.stack(rows, axis=-2) / self.parameters[::10].sum())
+
     def pose(self, q: ArrayLike, frame: str) -> Array:
         """X_WF, (..., 4, 4)."""
         (q,) = vectors(q, n=self.n)
@@ -185,6 +185,9 @@ class Arm(Mechanism):
     def position(self, q: ArrayLike, frame: str) -> Array:
         """p_WF, (..., 3)."""
         return np.array(self.pose(q, frame)[..., :3, 3])
+
+    def _load(self, q: Array, wrench: Array, frame: str) -> Array:
+        return np.array(np.einsum("...ij,...i->...j", self._jacobian(q, frame), wrench))
 
     def _jacobian(self, q: Analytic, frame: str) -> Analytic:
         pose, slope = self._frame(q, frame)

@@ -3,14 +3,16 @@
     T(q, v) = 1/2 v' M(q) v,   M(q) = sum_k pi_k M_k(q),   U(q) = sum_k pi_k U_k(q)
     g_i   = dU/dq_i
     C_ij  = 1/2 sum_k (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) v_k          (Christoffel symbols of the first kind)
-    tau   = M(q) a + C(q, v) v + g(q)
+    tau   = M(q) a + C(q, v) v + g(q) + [damping v + friction sign(v)] - J'F
     Y(q, v, v_r, a_r)[:, k] = M_k a_r + C_k v_r + g_k                      (one unit parameter at a time)
 
 Only M_k and U_k are written by hand; every derivative is a complex step, f'(x) = Im f(x + i h) / h, which has no
 subtraction and so no rounding error at h = 1e-30 (Martins, Sturdza and Alonso, 2003). No recursion over bodies enters.
+Friction counts where `friction=True`; sign(0) = 0.
 """
 
-from typing import Any, NamedTuple
+from copy import copy
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,8 +62,37 @@ class Mechanism:
     def __init__(self, n: int, parameters: ArrayLike, armature: ArrayLike = 0.0) -> None:
         self.n = n
         self.parameters: Array = np.array(parameters, dtype=np.float64)
-        self.armature: Array = np.broadcast_to(np.asarray(armature, dtype=np.float64), (n,)).copy()
+        self.armature, self.damping, self.friction = (self._each(value) for value in (armature, 0.0, 0.0))
+        self.angles: Any = np.ones(n, dtype=bool)  # whether a coordinate is an angle, (n,)
         self._last: tuple[tuple[tuple[int, ...], bytes], Expansion] | None = None
+
+    def _each(self, value: ArrayLike) -> Array:
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (self.n,)).copy()
+
+    def with_parameters(self, parameters: ArrayLike) -> Self:
+        """The same arm with other parameters (p,)."""
+        other = copy(self)
+        other.parameters = np.array(parameters, dtype=np.float64)
+        return other
+
+    def with_drives(
+        self, *, armature: ArrayLike | None = None, damping: ArrayLike | None = None, friction: ArrayLike | None = None
+    ) -> Self:
+        """The same arm with other rotor inertia, damping or Coulomb friction, scalar or (n,)."""
+        other = copy(self)
+        for name, value in (("armature", armature), ("damping", damping), ("friction", friction)):
+            if value is not None:
+                setattr(other, name, self._each(value))
+        return other
+
+    def friction_torque(self, v: ArrayLike) -> Array:
+        """damping v + friction sign(v), (..., n)."""
+        v = np.asarray(v, dtype=np.float64)
+        return np.asarray(self.damping * v + self.friction * np.sign(v))
+
+    def _load(self, q: Array, wrench: Array, frame: str) -> Array:
+        """J'F of a wrench [f; m] in world axes at a frame's origin, (..., n)."""
+        raise NotImplementedError
 
     def energy_basis(self, q: Analytic) -> tuple[Analytic, Analytic]:
         """M_k(q) (..., p, n, n) and U_k(q) (..., p) from q (..., n), analytic in q."""
@@ -101,30 +132,52 @@ class Mechanism:
         torque: Array = np.einsum("p,...pi->...i", self.parameters, self._expand(q).gravity)
         return torque
 
-    def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
+    def bias(self, q: ArrayLike, v: ArrayLike, *, friction: bool = False) -> Array:
         """C(q, v) v + g(q), (..., n)."""
         q, v = vectors(q, v, n=self.n)
         bias: Array = np.einsum("...ij,...j->...i", self.coriolis_matrix(q, v), v) + self.gravity(q)
-        return bias
+        return bias + self.friction_torque(v) if friction else bias
 
-    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """tau = M a + C v + g, (..., n)."""
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        *,
+        wrench: ArrayLike | None = None,
+        wrench_frame: str | None = None,
+        friction: bool = False,
+    ) -> Array:
+        """tau = M a + C v + g - J'F, (..., n)."""
         q, v, a = vectors(q, v, a, n=self.n)
-        tau: Array = np.einsum("...ij,...j->...i", self.mass_matrix(q), a) + self.bias(q, v)
-        return tau
+        tau: Array = np.einsum("...ij,...j->...i", self.mass_matrix(q), a) + self.bias(q, v, friction=friction)
+        return tau if wrench is None else tau - self._load(q, np.asarray(wrench, dtype=np.float64), str(wrench_frame))
 
-    def forward_dynamics(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
-        """a from M a = tau - C v - g by one dense solve, (..., n)."""
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        *,
+        wrench: ArrayLike | None = None,
+        wrench_frame: str | None = None,
+        friction: bool = False,
+    ) -> Array:
+        """a from M a = tau + J'F - C v - g by one dense solve, (..., n)."""
         q, v, tau = vectors(q, v, tau, n=self.n)
-        return solve(self.mass_matrix(q), (tau - self.bias(q, v))[..., None])[..., 0]
+        rest = self.inverse_dynamics(q, v, np.zeros(self.n), wrench=wrench, wrench_frame=wrench_frame, friction=friction)
+        return solve(self.mass_matrix(q), (tau - rest)[..., None])[..., 0]
 
-    def regressor(self, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> Array:
-        """Y with Y pi = M a_r + C(q, v) v_r + g, (..., n, p); rotor inertia is not among the columns."""
+    def regressor(
+        self, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, *, armature: bool = False, friction: bool = False
+    ) -> Array:
+        """Y with Y pi = M a_r + C(q, v) v_r + g, (..., n, p); then diag(a_r), then diag(v_r) and diag(sign v)."""
         q, v, v_r, a_r = vectors(q, v, v_r, a_r, n=self.n)
         inertial = np.einsum("...pij,...j->...pi", self._expand(q).mass, a_r)
         coriolis = np.einsum("...pij,...j->...pi", _christoffel(self._expand(q).mass_slopes, v), v_r)
         columns: Array = np.swapaxes(inertial + coriolis + self._expand(q).gravity, -1, -2)
-        return columns
+        drives = [a_r] * armature + [v_r, np.sign(v)] * friction
+        return np.concatenate([columns, *(np.eye(self.n) * x[..., None, :] for x in drives)], axis=-1)
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
         """Kinetic and potential energy, each (...,)."""

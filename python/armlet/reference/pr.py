@@ -18,6 +18,7 @@ class PlanarPR(Mechanism):
         if not (np.isfinite([A, B, C]).all() and A > 0.0 and C > 0.0 and A * C > B * B):
             raise ValueError(f"planar_pr: parameters are not a mass matrix: expected A > 0, C > 0, A C > B^2, got {(A, B, C)}")
         super().__init__(2, [A, B, C])
+        self.angles = np.array([False, True])
 
     def energy_basis(self, q: Analytic) -> tuple[Analytic, Analytic]:
         basis = np.zeros((*q.shape[:-1], 3, 2, 2), dtype=q.dtype)

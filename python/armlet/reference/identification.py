@@ -1,0 +1,122 @@
+"""What the motion of an arm shows of its parameters, and what a record of motion and torque says about them.
+
+    tau = M(q) a + C(q, v) v + g(q) shows pi as far as M(q; pi) and g(q; pi) do, because C is made of slopes of M:
+        W z = 0,  W = rows M_ij(q; e_k) and g_i(q; e_k) at random q,  z = null space of W by SVD             (Gautier 1991)
+    a column is grouped with those before it where z has a vector that ends there:  z in reduced echelon form from the back,
+        W_j = -sum_k R_jk W_k over the columns k that stay,  so  Y = Y_b P,  P_kj = -R_jk,  P_kk = 1
+    record:  W_b beta = tau over all samples at once,  W_b / (noise, lengths) = U S V',  beta = V S^-1 U' tau,
+        sigma^2 = |tau - W_b beta|^2 / (rows - rank),  cov = sigma^2 V S^-2 V'                     (Gautier and Khalil 1992)
+    all parameters:  the least change of the arm's own pi with P pi = beta, by least squares
+
+The core stacks torques at random states, and drops columns one by one as it meets them; a record is folded block by block.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .lagrange import Array, Mechanism
+
+DEPENDENT = 1e-9  # singular values of a null basis or of scaled columns below this are rounding
+HIDDEN = 1e-3  # the part of an unseen direction from which a parameter counts as unseen
+
+
+class BaseParameters(NamedTuple):
+    """Columns of the regressor that stay, (b,); P, (b, p); the base parameters of the arm, (b,)."""
+
+    columns: Any
+    projection: Array
+    values: Array
+
+
+class Identification(NamedTuple):
+    """Estimates and deviations (b,), covariance (b, b), rank, condition, singular values (b,), residuals (n,), all parameters (p,)."""
+
+    base: BaseParameters
+    values: Array
+    deviations: Array
+    covariance: Array
+    rank: int
+    condition: float
+    singular_values: Array
+    residuals: Array
+    parameters: Array
+
+
+def _traces(arm: Mechanism, armature: bool, friction: bool) -> Array:
+    """Everything that each column shows, at random q: rows of M, of g, and of the two frictions."""
+    n, p = arm.n, arm.parameters.size
+    places = np.random.default_rng(1991).uniform(-3.0, 3.0, (2 + 3 * p // n, n))
+    lower = np.tril_indices(n)
+    shown = [np.vstack([at.mass[:, *lower].T, at.gravity.T]) for at in (arm._expand(q) for q in places)]
+    W = np.vstack(shown)
+    if armature:
+        # A rotor is a constant on the diagonal of M.
+        rotor = np.vstack([(np.eye(n)[:, None] * np.eye(n))[lower], np.zeros((n, n))])
+        W = np.hstack([W, np.tile(rotor, (len(places), 1))])
+    if friction:
+        W = np.block([[W, np.zeros((W.shape[0], 2 * n))], [np.zeros((2 * n, W.shape[1])), np.eye(2 * n)]])
+    return W
+
+
+def _drives(arm: Mechanism, armature: bool, friction: bool) -> Array:
+    return np.concatenate([arm.parameters, *([arm.armature] * armature), *([arm.damping, arm.friction] * friction)])
+
+
+def _rank(rows: Array) -> int:
+    return int(np.count_nonzero(np.linalg.svd(rows, compute_uv=False) > DEPENDENT)) if rows.size else 0
+
+
+def base_parameters(arm: Mechanism, *, armature: bool = False, friction: bool = False) -> BaseParameters:
+    """The fewest combinations of parameters that the arm's motion shows; dependent columns are grouped towards the base."""
+    W = _traces(arm, armature, friction)
+    lengths = np.linalg.norm(W, axis=0)
+    lengths[lengths <= 1e-12 * lengths.max()] = np.inf  # what is not seen at all is a column of zeros
+    _, sigma, V = np.linalg.svd(W / lengths, full_matrices=True)
+    null = V[np.count_nonzero(sigma > DEPENDENT) :]
+    p = null.shape[1]
+    ranks = [_rank(null[:, j:]) for j in range(p + 1)]
+    gone = [j for j in range(p) if ranks[j] > ranks[j + 1]]
+    stay = [j for j in range(p) if j not in gone]
+    echelon = np.linalg.solve(null[:, gone], null) if gone else np.zeros((0, p))
+    projection = np.zeros((len(stay), p))
+    projection[np.arange(len(stay)), stay] = 1.0
+    scale = np.where(np.isinf(lengths), 0.0, lengths)
+    projection[:, gone] = -(echelon[:, stay] * scale[gone][:, None] / lengths[stay]).T
+    return BaseParameters(np.array(stay), projection, projection @ _drives(arm, armature, friction))
+
+
+def identify(
+    arm: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    tau: ArrayLike,
+    *,
+    armature: bool = False,
+    friction: bool = False,
+    noise: ArrayLike | None = None,
+    cutoff: float = 1e-6,
+) -> Identification:
+    """Base parameters from samples (..., n) of motion and torque by one dense least-squares problem."""
+    q, v, a, tau = (np.asarray(x, dtype=np.float64).reshape(-1, arm.n) for x in (q, v, a, tau))
+    base = base_parameters(arm, armature=armature, friction=friction)
+    known = tau if armature else tau - arm.armature * a
+    Y = arm.regressor(q, v, v, a, armature=armature, friction=friction)[..., base.columns]
+    weights = np.broadcast_to(1.0 if noise is None else 1.0 / np.asarray(noise, dtype=np.float64), (arm.n,))
+    W, right = (Y * weights[:, None]).reshape(-1, base.columns.size), (known * weights).reshape(-1)
+    lengths = np.linalg.norm(W, axis=0)
+    lengths[lengths == 0.0] = 1.0
+    U, sigma, V = np.linalg.svd(W / lengths, full_matrices=False)
+    rank = int(np.count_nonzero(sigma > cutoff * sigma[0]))
+    back = V[:rank].T / sigma[:rank] / lengths[:, None]
+    values = back @ (U[:, :rank].T @ right)
+    covariance = np.sum((right - W @ values) ** 2) / (right.size - rank) * back @ back.T
+    hidden = np.any(np.abs(V[rank:]) > HIDDEN, axis=0)
+    deviations = np.where(hidden, np.inf, np.sqrt(np.diag(covariance)))
+    condition = float(sigma[0] / sigma[-1]) if rank == sigma.size else np.inf
+    residuals = np.sqrt(np.mean((known - Y @ values) ** 2, axis=0))
+    own = _drives(arm, armature, friction)
+    nearest = own + np.linalg.lstsq(base.projection, values - base.projection @ own, rcond=None)[0]
+    return Identification(base, values, deviations, covariance, rank, condition, sigma, residuals, nearest)

@@ -1,0 +1,93 @@
+"""Inertial parameters of one body or of many, as pseudo-inertias (Wensing, Kim and Slotine 2018).
+
+    P = [[S, h], [h', m]],  S = 1/2 tr(I) 1 - I,  h = m c        (4 x 4, linear in the ten parameters of a body)
+
+    possible: m > 0 and the principal moments about the centre of mass obey 0 < J_1 and J_3 < J_1 + J_2; that is P > 0
+    nearest possible, in D P D with D = diag(1/l, 1/l, 1/l, 1):  (A + H)/2 + f 1,  A = D P D - f 1 = U H  (Higham 1988)
+
+H is the polar factor of A, from the singular values; no eigenvalue of P is clipped.
+Parameters per body: m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, inertia about the body-frame origin.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .lagrange import Array
+
+
+def _pseudo_basis() -> Array:
+    """P for each of the ten unit parameters, (10, 4, 4)."""
+    basis = np.zeros((10, 4, 4))
+    basis[0, 3, 3] = 1.0
+    for axis in range(3):
+        basis[1 + axis, axis, 3] = basis[1 + axis, 3, axis] = 1.0
+    for index, (row, column) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
+        inertia = np.zeros((3, 3))
+        inertia[row, column] = inertia[column, row] = 1.0
+        basis[4 + index, :3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return basis
+
+
+PSEUDO = _pseudo_basis()
+
+
+def pseudo_inertia(pi: ArrayLike) -> Array:
+    """P of the ten parameters, (..., 10) to (..., 4, 4)."""
+    P: Array = np.einsum("...p,pij->...ij", np.asarray(pi, dtype=np.float64), PSEUDO)
+    return P
+
+
+def parameters_of(pseudo: Array) -> Array:
+    """The ten parameters of a pseudo-inertia."""
+    inertia = np.trace(pseudo[:3, :3]) * np.eye(3) - pseudo[:3, :3]
+    return np.concatenate([[pseudo[3, 3]], pseudo[:3, 3], inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+
+
+class ParameterReport(NamedTuple):
+    """Eigenvalues of the pseudo-inertias, ascending, (n, 4), and whether each body is possible, (n,)."""
+
+    eigenvalues: Array
+    possible: Any
+
+    @property
+    def consistent(self) -> bool:
+        """Whether every body is possible."""
+        return bool(np.all(self.possible))
+
+
+def is_possible(pi: ArrayLike) -> bool:
+    """Positive mass, and principal moments about the centre of mass that are positive and obey the triangle inequality."""
+    pi = np.asarray(pi, dtype=np.float64)
+    mass, moment = pi[0], pi[1:4]
+    if not mass > 0.0:
+        return False
+    inertia = np.array([[pi[4], pi[5], pi[7]], [pi[5], pi[6], pi[8]], [pi[7], pi[8], pi[9]]])
+    central = inertia - (moment @ moment * np.eye(3) - np.outer(moment, moment)) / mass
+    J = np.linalg.eigvalsh(central)
+    return bool(J[0] > 0.0 and J[2] < J[0] + J[1])
+
+
+def check_parameters(arm: Any, pi: ArrayLike | None = None) -> ParameterReport:
+    """Whether the bodies of parameters (10 n,) are possible; those of the arm if None."""
+    bodies = np.asarray(arm.parameters if pi is None else pi, dtype=np.float64).reshape(-1, 10)
+    eigenvalues = np.asarray(np.linalg.eigvalsh(pseudo_inertia(bodies)), dtype=np.float64)
+    return ParameterReport(eigenvalues, np.array([is_possible(body) for body in bodies]))
+
+
+def project_parameters(pi: ArrayLike, *, length: float = 0.1, floor: float = 1e-6) -> Array:
+    """The nearest possible parameters (10 n,); length in m, floor relative to the largest eigenvalue of any body."""
+    bodies = np.array(pi, dtype=np.float64).reshape(-1, 10)
+    D = np.array([1.0 / length] * 3 + [1.0])
+    scaled = D[:, None] * pseudo_inertia(bodies) * D
+    least = floor * float(np.linalg.eigvalsh(scaled).max())
+    if not least > 0.0:
+        raise ValueError("project_parameters: pi has no body to scale by")
+    for body, P in zip(bodies, scaled, strict=True):
+        if not is_possible(body):
+            A = P - least * np.eye(4)
+            _, sigma, V = np.linalg.svd(A)
+            raised = (A + (V.T * sigma) @ V) / 2 + least * np.eye(4)
+            body[:] = parameters_of(0.5 * (raised + raised.T) / D[:, None] / D)
+    return bodies.reshape(-1)

@@ -1,0 +1,86 @@
+"""Random trees, twice: of the core and of the reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import armlet as al
+from armlet import reference as ref
+
+Array = NDArray[np.float64]
+
+# The reference forms n^2 traces of products of 4 x 4 matrices: some hundred roundings of the largest entry.
+TOLERANCE = 1e-12
+
+
+def close(got: Array, want: Array, scale: float = 1.0, tolerance: float = TOLERANCE) -> None:
+    """Within the tolerance of the largest number, at least that of `scale`."""
+    assert got.shape == want.shape
+    assert float(np.abs(got - want).max(initial=0.0)) <= tolerance * max(scale, float(np.abs(want).max(initial=0.0)))
+
+
+def random_joints(rng: np.random.Generator, n: int) -> list[dict[str, Any]]:
+    """A tree with `n` moving joints and now and then a fixed body; random mass points make every inertia a real one."""
+    joints: list[dict[str, Any]] = []
+    moving = 0
+    while moving < n:
+        fixed = bool(joints) and rng.random() < 0.2
+        points, masses = 0.2 * rng.normal(size=(5, 3)), rng.uniform(0.1, 0.5, 5)
+        second = np.einsum("k,ki,kj->ij", masses, points, points)
+        inertia = np.trace(second) * np.eye(3) - second
+        above = len(joints) - 1 if rng.random() < 0.6 else int(rng.integers(-1, len(joints))) if joints else -1
+        joints.append(
+            {
+                "type": "fixed" if fixed else "P" if rng.random() < 0.3 else "R",
+                "axis": rng.normal(size=3) if rng.random() < 0.6 else np.eye(3)[rng.integers(3)],
+                "rpy": rng.uniform(-3.0, 3.0, 3),
+                "xyz": 0.3 * rng.normal(size=3),
+                "phi": np.concatenate([[masses.sum()], masses @ points, inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]]),
+                "parent": above,
+                "name": f"j{len(joints)}",
+            }
+        )
+        moving += not fixed
+    return joints
+
+
+def both(n: int, seed: int) -> tuple[al.Arm, Any, Array, list[dict[str, Any]]]:
+    """The arm, the reference, and where each of the arm's joints stands in the reference's order, that of the list."""
+    rng = np.random.default_rng([n, seed])
+    joints, gravity, armature = random_joints(rng, n), 5.0 * rng.normal(size=3), rng.uniform(0.0, 0.3, n)
+    moving = [joint["name"] for joint in joints if joint["type"] != "fixed"]
+    for joint in joints:
+        if joint["type"] != "fixed":
+            joint["armature"] = armature[moving.index(joint["name"])]
+    arm = al.Arm.from_chain(joints, gravity=gravity)
+    reference = ref.Arm.from_chain(joints, gravity=gravity)
+    return arm, reference, np.array([moving.index(name) for name in arm.joint_names]), joints
+
+
+def driven_tree(n: int, seed: int) -> tuple[al.Arm, Any]:
+    """A tree whose joints have damping, Coulomb friction and limits, in one order of joints for both."""
+    rng = np.random.default_rng([n, seed, 7])
+    joints, gravity = random_joints(rng, n), 5.0 * rng.normal(size=3)
+    for joint in joints:
+        if joint["type"] != "fixed":
+            joint |= {"armature": rng.uniform(0.0, 0.3), "damping": rng.uniform(0.0, 2.0), "friction": rng.uniform(0.0, 1.0)}
+            joint |= {"lower": rng.uniform(-2.0, -0.5), "upper": rng.uniform(0.5, 2.0), "velocity": rng.uniform(0.5, 3.0)}
+    arm = al.Arm.from_chain(joints, gravity=gravity)
+    places = {str(joint["name"]): index for index, joint in enumerate(joints)}
+    # Depth first, as the arm has them: a joint after the one that carries it, in the order of the list.
+    order = sorted(range(len(joints)), key=lambda index: ancestry(joints, index))
+    joints = [joints[index] | {"parent": order.index(joints[index]["parent"]) if joints[index]["parent"] >= 0 else -1} for index in order]
+    theirs = ref.Arm.from_chain(joints, gravity=gravity)
+    frames = [places[str(joint["name"])] for joint in joints]
+    theirs.frames = {f"link{frames[k] + 1}": theirs.frames[f"link{k + 1}"] for k in range(len(joints))}
+    assert theirs.joint_names == arm.joint_names
+    return arm, theirs
+
+
+def ancestry(joints: list[dict[str, Any]], index: int) -> list[int]:
+    """Indices from the base to a joint."""
+    above = joints[index]["parent"]
+    return ([] if above < 0 else ancestry(joints, above)) + [index]
