@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from loops import body, close
 from numpy.typing import NDArray
 
 import armlet as al
@@ -17,16 +18,6 @@ from armlet import reference
 from armlet.reference import elastic
 
 Array = NDArray[np.float64]
-
-
-def body(rng: np.random.Generator) -> Array:
-    """Parameters of five random point masses and a core with inertia of its own."""
-    phi = np.zeros(10)
-    for k in range(6):
-        m = rng.uniform(0.2, 0.4)
-        x, y, z = rng.uniform(-0.3, 0.3, 3) if k else (0.0, 0.0, 0.0)
-        phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
-    return phi + np.array([0, 0, 0, 0, 0.05, 0, 0.05, 0, 0, 0.05])
 
 
 def pair(rng: np.random.Generator, n: int) -> tuple[al.Arm, Any]:
@@ -41,11 +32,6 @@ def pair(rng: np.random.Generator, n: int) -> tuple[al.Arm, Any]:
 def positive(rng: np.random.Generator, n: int, scale: float) -> Array:
     half = rng.normal(size=(n, n))
     return np.asarray(scale * (half @ half.T / n + np.eye(n)))
-
-
-def close(got: Any, expected: Any, tolerance: float) -> None:
-    scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
-    np.testing.assert_allclose(got, expected, rtol=0.0, atol=tolerance * scale)
 
 
 def laws(rng: np.random.Generator, arms: tuple[al.Arm, Any], axes: str, relative: bool) -> tuple[Any, Any, Any, Any]:

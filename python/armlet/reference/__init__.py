@@ -6,7 +6,9 @@ instead of Runge-Kutta pairs, sampling and event simulation instead of closed fo
 
 from . import integrate
 from .arm import Arm, planar_arm
+from .contact import JointStops, Wall
 from .elastic import Equilibrium, equilibrium
+from .events import Event
 from .identification import BaseParameters, Identification, base_parameters, identify
 from .impedance import CartesianImpedance, ElasticImpedance
 from .inertia import ParameterReport, check_parameters, project_parameters
@@ -17,6 +19,7 @@ from .motion import BangBang, Hold, Quintic, Sinusoid
 from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import diagnose_priority, solve_priority
+from .sampling import Sampling, TorqueSensor
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
 from .velocity import PriorityVelocity, Task, VelocityArm
@@ -31,8 +34,10 @@ __all__ = [
     "ElasticArm",
     "ElasticImpedance",
     "Equilibrium",
+    "Event",
     "Hold",
     "Identification",
+    "JointStops",
     "Law",
     "Mechanism",
     "PDGravity",
@@ -42,9 +47,12 @@ __all__ = [
     "PriorityVelocity",
     "Quintic",
     "RigidArm",
+    "Sampling",
     "Sinusoid",
     "Task",
+    "TorqueSensor",
     "VelocityArm",
+    "Wall",
     "bang_bang_time",
     "base_parameters",
     "check_parameters",

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from .impedance import ElasticImpedance
 from .lagrange import Analytic, Array, solve
+from .loop import ClosedLoop, as_force
 from .plant import ElasticArm
-from .simulate import ClosedLoop, as_force
 
 
 class Equilibrium(NamedTuple):

@@ -80,14 +80,18 @@ def gbs(
     atol: float = 1e-12,
     columns: int = 7,
     breaks: Iterable[float] = (),
+    first_step: float = 0.0,
     max_steps: int = 1_000_000,
 ) -> Array:
-    """The states at `t_eval` (increasing, from t0 on), shape (len(t_eval), len(y0)); the step never crosses a break."""
+    """The states at `t_eval` (increasing, from t0 on), shape (len(t_eval), len(y0)); the step never crosses a break.
+
+    first_step: the first one tried, s; 0 for a small one that fits the slope.
+    """
     t, y = float(t0), np.array(y0, dtype=np.float64)
     targets = [float(target) for target in t_eval]
     corners = sorted({float(b) for b in breaks if t0 < b < (targets[-1] if targets else t0)})
     out = np.empty((len(targets), y.size))
-    h = 0.0
+    h = first_step
     budget = max_steps
     for row, target in enumerate(targets):
         for stop in [*[c for c in corners if t < c < target], target]:

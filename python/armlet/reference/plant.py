@@ -1,7 +1,9 @@
 """Plants: what turns the law's torque into motion.
 
-    RigidArm    M a + C v + g = tau + J'F
-    ElasticArm  M a + C v + g = K (theta - q) + J'F,   B theta_ddot + K (theta - q) = tau
+    RigidArm    M a + C v + g + tau_f(v) = tau + J'F + tau_c
+    ElasticArm  M a + C v + g = tau_J + J'F + tau_c,   B theta_ddot + F_m theta_dot + tau_J = tau
+                tau_J = K (theta - q) + D (theta_dot - v)
+    tau_f = d v + c sign(v) of the drives, tau_c of wall and stops (see `contact`)
 
 `rates` returns the derivative of the state's columns; `energy` what is stored and `power` what is fed in from outside.
 """
@@ -11,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .contact import JointStops, Wall, contacts, pushes
 from .lagrange import Array, Mechanism, solve
 from .law import gain
 
@@ -20,8 +23,9 @@ class RigidArm:
 
     elastic = False
 
-    def __init__(self, arm: Mechanism) -> None:
-        self.arm = arm
+    def __init__(self, arm: Any, *, friction: bool = False, wall: Wall | None = None, stops: JointStops | None = None) -> None:
+        self.arm, self.friction = arm, friction
+        self.contacts = contacts(arm, wall, stops)
         self.size = 2 * arm.n
 
     def initial(self, q0: Array, v0: Array, theta0: ArrayLike | None, theta_dot0: ArrayLike | None) -> Array:
@@ -31,28 +35,45 @@ class RigidArm:
         n = self.arm.n
         return y[:n], y[n : 2 * n], None, None
 
+    def _lost(self, v: Array) -> Array:
+        return np.asarray(self.arm.friction_torque(v)) if self.friction else np.zeros_like(v)
+
     def rates(self, y: Array, tau: Array, load: Array) -> Array:
         q, v, _, _ = self.split(y)
-        return np.concatenate([v, self.arm.forward_dynamics(q, v, tau + load)])
+        effort = tau + load + pushes(self.contacts, q, v)[0] - self._lost(v)
+        return np.concatenate([v, self.arm.forward_dynamics(q, v, effort)])
 
     def energy(self, y: Array) -> float:
         q, v, _, _ = self.split(y)
         kinetic, potential = self.arm.energy(q, v)
-        return float(kinetic + potential)
+        return float(kinetic + potential) + pushes(self.contacts, q, v)[1]
 
     def power(self, y: Array, tau: Array, load: Array) -> float:
-        return float(self.split(y)[1] @ (tau + load))
+        q, v, _, _ = self.split(y)
+        return float(v @ (tau + load - self._lost(v))) - pushes(self.contacts, q, v)[2]
 
 
 class ElasticArm:
-    """State (q, v, theta, theta_dot); stiffness and motor inertia scalar, (n,) or (n, n)."""
+    """State (q, v, theta, theta_dot); stiffness and motor inertia scalar, (n,) or (n, n), damping and friction scalar or (n,)."""
 
     elastic = True
 
-    def __init__(self, arm: Mechanism, stiffness: ArrayLike, motor_inertia: ArrayLike) -> None:
+    def __init__(
+        self,
+        arm: Mechanism,
+        stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        *,
+        joint_damping: ArrayLike = 0.0,
+        motor_friction: ArrayLike = 0.0,
+        wall: Wall | None = None,
+        stops: JointStops | None = None,
+    ) -> None:
         self.arm = arm
         self.size = 4 * arm.n
         self.stiffness, self.motor_inertia = gain(stiffness, arm.n), gain(motor_inertia, arm.n)
+        self.joint_damping, self.motor_friction = gain(joint_damping, arm.n), gain(motor_friction, arm.n)
+        self.contacts = contacts(arm, wall, stops)
 
     def initial(self, q0: Array, v0: Array, theta0: ArrayLike | None, theta_dot0: ArrayLike | None) -> Array:
         """The default motor state balances gravity: theta = q + K^-1 g(q), theta_dot = v."""
@@ -66,20 +87,22 @@ class ElasticArm:
 
     def rates(self, y: Array, tau: Array, load: Array) -> Array:
         q, v, theta, theta_dot = np.split(y, 4)
-        spring = self.stiffness @ (theta - q)
-        a = self.arm.forward_dynamics(q, v, spring + load)
-        return np.concatenate([v, a, theta_dot, solve(self.motor_inertia, tau - spring)])
+        joint = self.stiffness @ (theta - q) + self.joint_damping @ (theta_dot - v)
+        a = self.arm.forward_dynamics(q, v, joint + load + pushes(self.contacts, q, v)[0])
+        return np.concatenate([v, a, theta_dot, solve(self.motor_inertia, tau - joint - self.motor_friction @ theta_dot)])
 
     def energy(self, y: Array) -> float:
         q, v, theta, theta_dot = np.split(y, 4)
         kinetic, potential = self.arm.energy(q, v)
         stretch = theta - q
         stored = kinetic + potential + 0.5 * stretch @ self.stiffness @ stretch + 0.5 * theta_dot @ self.motor_inertia @ theta_dot
-        return float(stored)
+        return float(stored) + pushes(self.contacts, q, v)[1]
 
     def power(self, y: Array, tau: Array, load: Array) -> float:
-        _, v, _, theta_dot = np.split(y, 4)
-        return float(v @ load + theta_dot @ tau)
+        q, v, _, theta_dot = np.split(y, 4)
+        slip = theta_dot - v
+        damped = slip @ self.joint_damping @ slip + theta_dot @ self.motor_friction @ theta_dot
+        return float(theta_dot @ tau + v @ load - damped) - pushes(self.contacts, q, v)[2]
 
 
 class Plant(Protocol):

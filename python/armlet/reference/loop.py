@@ -1,0 +1,131 @@
+"""One closed loop as one initial value problem, with the theory's integrals carried along as extra states.
+
+    y = [plant state, law state, w_1, w_2],   w_1' = s' Kd s,   w_2' = P
+    lyapunov_balance = V1(0) - V1(t) - w_1,   energy_balance = E(t) - E(0) - w_2
+
+Quadrature and trajectory share one method and one step, so both balances vanish at the method's own order.
+A sampled loop holds tau and the law's rate from one sample to the next, as a controller does (see `sampling`).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .contact import pushes
+from .impedance import ElasticImpedance
+from .lagrange import Array
+from .law import Adaptive, Law, Terms
+from .plant import Plant
+from .sampling import Clock, Sampling
+
+Force = Callable[[float], Array]
+
+
+def as_force(force: Any) -> tuple[Force | None, tuple[float, ...]]:
+    """None, a constant, [(t_start, F), ...] or F(t), as a function of time and its jumps."""
+    if force is None:
+        return None, ()
+    if callable(force):
+        return lambda t: np.asarray(force(t), dtype=np.float64), ()
+    if isinstance(force, Sequence) and len(force) and isinstance(force[0], Sequence):
+        starts = [float(start) for start, _ in force]
+        values = [np.asarray(value, dtype=np.float64) for _, value in force]
+        silent = np.zeros_like(values[0])
+
+        def piecewise(t: float) -> Array:
+            index = int(np.searchsorted(starts, t, side="right")) - 1
+            return values[index] if index >= 0 else silent
+
+        return piecewise, tuple(starts)
+    constant = np.asarray(force, dtype=np.float64)
+    return lambda t: constant, ()
+
+
+def frame_load(arm: Any, frame: str) -> Callable[[Array, Array], Array]:
+    """J'F of a force (3,) or a wrench (6,) in world axes at a frame's origin."""
+    return lambda q, F: arm.jacobian(q, frame)[: F.size].T @ F
+
+
+class ClosedLoop:
+    """The right-hand side y' = f(t, y) of plant and law, and the monitors along it."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        law: Law,
+        force: Force | None = None,
+        load: Callable[[Array, Array], Array] | None = None,
+        tau_max: Array | None = None,
+        sampling: Sampling | None = None,
+        grid: float = 0.0,
+    ) -> None:
+        self.plant, self.law, self.force, self.tau_max = plant, law, force, tau_max
+        # load(q, F) is the joint torque J'F of an external force.
+        self.load = load if load is not None else getattr(law, "load", None)
+        self.slices = (slice(0, plant.size), slice(plant.size, plant.size + law.state0.size))
+        self.clock: Clock | None = None
+        if sampling is not None:
+            n = plant.arm.n
+            silent = {"tau": np.zeros(n), "state_rate": np.zeros(law.state0.size), "s": np.zeros(n)}
+            springs = getattr(plant, "stiffness", np.eye(n))
+            self.clock = Clock(sampling, n, grid, silent, springs, getattr(law, "joint_stiffness", springs))
+
+    def initial(self, plant_state: Array) -> Array:
+        return np.concatenate([plant_state, self.law.state0, np.zeros(2)])
+
+    def visit(self, t: float, y: Array) -> None:
+        """Take the samples that are due at (t, y)."""
+        if self.clock is not None:
+            self.clock.visit(t, y[self.slices[0]], lambda measured: self._control(t, measured, y[self.slices[1]]))
+
+    def _control(self, t: float, measured: Array, state: Array) -> Terms:
+        terms = self.law.terms(t, *self.plant.split(measured), state)
+        if self.tau_max is not None:
+            terms = terms | {"tau": np.clip(terms["tau"], -self.tau_max, self.tau_max)}
+        return terms
+
+    def _evaluate(self, t: float, y: Array) -> tuple[Array, Terms, Array]:
+        x = y[self.slices[0]]
+        q = self.plant.split(x)[0]
+        load = np.zeros_like(q)
+        if self.force is not None:
+            if self.load is None:
+                raise ValueError("simulate: force has no frame: give load, force_frame or a law with a frame")
+            load = self.load(q, self.force(t))
+        return x, self.clock.acting if self.clock is not None else self._control(t, x, y[self.slices[1]]), load
+
+    def __call__(self, t: float, y: Array) -> Array:
+        x, terms, load = self._evaluate(t, y)
+        loss = float(terms["s"] @ self.law.kd @ terms["s"]) if isinstance(self.law, Adaptive) else 0.0
+        law = self._storage()
+        if law is None:
+            power = self.plant.power(x, terms["tau"], load)
+        else:
+            power = law.power(x, terms, load) - self._contacts(x)[1]
+        return np.concatenate([self.plant.rates(x, terms["tau"], load), terms["state_rate"], [loss, power]])
+
+    def _storage(self) -> ElasticImpedance | None:
+        """The law's own storage function, where it has one and acts all the time; else the mechanical energy is watched."""
+        own = isinstance(self.law, ElasticImpedance) and self.clock is None and self.tau_max is None
+        return self.law if own and isinstance(self.law, ElasticImpedance) else None
+
+    def _contacts(self, x: Array) -> tuple[float, float]:
+        q, v, _, _ = self.plant.split(x)
+        return pushes(getattr(self.plant, "contacts", []), q, v)[1:]
+
+    def record(self, t: float, y: Array) -> dict[str, Any]:
+        """Everything a run shows at one instant."""
+        x, terms, _ = self._evaluate(t, y)
+        q, v, theta, theta_dot = self.plant.split(x)
+        state = y[self.slices[1]]
+        law = self._storage()
+        energy = law.energy(self.plant, x, terms) + self._contacts(x)[0] if law else self.plant.energy(x)
+        row: dict[str, Any] = {"t": t, "q": q, "v": v, "tau": terms["tau"], "energy": energy}
+        row |= {"estimate": state, "loss": y[-2], "work": y[-1]}
+        if theta is not None:
+            row |= {"theta": theta, "theta_dot": theta_dot}
+        if isinstance(self.law, Adaptive):
+            row["lyapunov"] = self.law.lyapunov(t, q, v, state, self.plant.arm)[0]
+            row["s"] = terms["s"]
+        return row

@@ -1,0 +1,70 @@
+"""Random arms and laws, twice: of the core and of the reference. Light enough to move, heavy enough for steps of a millisecond."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import armlet as al
+from armlet import reference
+
+Array = NDArray[np.float64]
+
+
+def body(rng: np.random.Generator) -> Array:
+    """Parameters of five random point masses and a core."""
+    phi = np.zeros(10)
+    for k in range(6):
+        m = rng.uniform(0.2, 0.4)
+        x, y, z = rng.uniform(-0.3, 0.3, 3) if k else (0.0, 0.0, 0.0)
+        phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
+    # A core with inertia of its own keeps light wrists from shaking at a millisecond.
+    return phi + np.array([0, 0, 0, 0, 0.05, 0, 0.05, 0, 0, 0.05])
+
+
+def joints(rng: np.random.Generator, n: int) -> list[dict[str, Any]]:
+    def one() -> dict[str, Any]:
+        kind = "R" if rng.uniform() < 0.7 else "P"
+        axis, rpy, xyz = rng.standard_normal(3), rng.uniform(-1.0, 1.0, 3), rng.uniform(-0.4, 0.4, 3)
+        return {"type": kind, "axis": list(axis), "rpy": list(rpy), "xyz": list(xyz), "phi": list(body(rng))}
+
+    return [one() for _ in range(n)]
+
+
+def pair(rng: np.random.Generator, n: int) -> tuple[al.Arm, Any]:
+    chain, gravity = joints(rng, n), rng.uniform(-6.0, 6.0, 3)
+    return al.Arm.from_chain(chain, gravity=gravity), reference.Arm.from_chain(chain, gravity=gravity)
+
+
+def close(got: Array, expected: Array, tolerance: float) -> None:
+    scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
+    np.testing.assert_allclose(got, expected, rtol=0.0, atol=tolerance * scale)
+
+
+def law_pair(rng: np.random.Generator, name: str, arms: tuple[al.Arm, Any]) -> tuple[al.Law, Any]:
+    ours, theirs = arms
+    n = ours.n
+    start, end = rng.uniform(-0.5, 0.5, (2, n))
+    motions = al.Quintic(start, end, 0.2), reference.Quintic(start, end, 0.2)
+    frame = ours.frame_names[-1]
+    if name == "Adaptive":
+        kp, kd, gamma = rng.uniform(5.0, 20.0, n), rng.uniform(2.0, 6.0, n), rng.uniform(0.1, 2.0, 10 * n)
+        estimate = rng.uniform(0.0, 0.3, 10 * n)
+        return (
+            al.Adaptive(ours, motions[0], kp, kd, gamma, estimate=estimate),
+            reference.Adaptive(theirs, motions[1], kp, kd, gamma, estimate=estimate),
+        )
+    if name == "ComputedTorque":
+        return al.ComputedTorque(ours, motions[0], 100.0, 20.0), reference.ComputedTorque(theirs, motions[1], 100.0, 20.0)
+    if name == "PDGravity":
+        return al.PDGravity(ours, end, 20.0, 6.0), reference.PDGravity(theirs, end, 20.0, 6.0)
+    axes = "xyz" if n < 6 else "xyz rz rx"
+    m = 3 if n < 6 else 5
+    target = np.append(ours.position(np.zeros(n), frame), [0.1, 0.2])[:m]
+    arguments = (target, rng.uniform(50.0, 100.0, m), rng.uniform(5.0, 15.0, m))
+    return (
+        al.CartesianImpedance(ours, *arguments, frame=frame, axes=axes),
+        reference.CartesianImpedance(theirs, *arguments, frame=frame, axes=axes),
+    )
