@@ -1,6 +1,7 @@
 """ratio = time of armlet / time of generated straight-line C: closed loops and functions of arms; equal answers are asserted first.
 
 CasADi writes the C of each loop and function, g++ compiles it for one row at a time and for lanes of rows (AVX-512: 8, AVX2: 4).
+ARMLET_LIMITS=DIR adds two loops whose C was written by hand (`hand_written.py`).
 
     python -P benches/bench_generated_c.py                      every arm
     python -P benches/bench_generated_c.py --arms arm.urdf      an arm of yours, a chain or a tree on a fixed base
@@ -9,6 +10,7 @@ CasADi writes the C of each loop and function, g++ compiles it for one row at a 
 
 from __future__ import annotations
 
+import argparse
 import os
 import statistics
 import subprocess
@@ -23,9 +25,10 @@ try:
     import casadi
 except ImportError:
     raise SystemExit("bench_generated_c: casadi is not installed: pip install -r requirements/bench.txt") from None
+import hand_written
 import reporting
 import timing
-from generated_cases import BATCHES, LAWS, ROWS, SHORT, Laws, Pair, Row, alone, function_row, functions, loop_row
+from generated_cases import BATCHES, LAWS, ROWS, SHORT, TWO, Laws, Pair, Row, alone, function_row, functions, gains, loop_row
 from generated_tree import branched, made
 from timing import Case
 
@@ -41,6 +44,8 @@ ARMS: dict[str, Callable[[], al.Arm]] = {
 ALONE = "chain of 20 links"
 # What armlet may take of the time of the C, and what a single call may take beyond it, ns.
 ONE, BATCH, TREES, FUNCTION, CALL = 1.25, 1.1, 1.3, 1.2, 200.0
+# What part of the C's speed-up armlet may lose on two threads, as a ratio.
+SPEED_UP = 1.05
 
 
 def say(text: str) -> None:
@@ -75,6 +80,9 @@ def verdicts(loops: list[Row], calls: list[Row]) -> list[reporting.Verdict]:
         name = f"batch of {runs:,}"
         found += verdict(f"{name}, serial arms", BATCH, [(row.pairs[name].ratio, row) for row in chains])
         found += verdict(f"{name}, up to 20 joints", TREES, [(row.pairs[name].ratio, row) for row in trees])
+    largest = f"batch of {max(BATCHES):,}"
+    lost = [(theirs / ours, row) for row in loops if TWO in row.pairs for ours, theirs in [gains(row.pairs[largest], row.pairs[TWO])]]
+    found += verdict("the C's speed-up on two threads over armlet's", SPEED_UP, lost)
     found += verdict(f"functions of {ROWS:,} rows", FUNCTION, [(row.pairs["batch"].ratio, row) for row in calls])
     return found + verdict("a single call beyond the C", CALL, [(beyond(row.pairs["call"]), row) for row in calls], " ns")
 
@@ -103,6 +111,34 @@ def loop_table(rows: list[Row]) -> list[str]:
     return lines
 
 
+def by_hand_verdicts(by_hand: dict[str, dict[str, Pair]]) -> list[reporting.Verdict]:
+    goals = [(name, what, goal) for name in by_hand for what, goal in hand_written.GOALS[name].items()]
+    ratios = [(name, what, goal, by_hand[name][what].ratio) for name, what, goal in goals]
+    return [(f"{name}, {what} / C by hand", f"<= {goal:g}", f"{ratio:.2f}", ratio <= goal) for name, what, goal, ratio in ratios]
+
+
+def by_hand_table(by_hand: dict[str, dict[str, Pair]]) -> list[str]:
+    """ns per step, and per run and step; a run of 2 s by a Rosenbrock method in us."""
+    lines = ["| loop | armlet | C | ratio |", "|---|---:|---:|---:|"]
+    for name, pairs in by_hand.items():
+        for what, pair in pairs.items():
+            whole = what == "rodas4"
+            goal = hand_written.GOALS[name].get(what, float("inf"))
+            cells = f"{times(pair, 1e-3 if whole else 1.0)} | {bold(pair.ratio, goal)}"
+            lines.append(f"| {name}, {what}{', us' if whole else ''} | {cells} |")
+    return lines
+
+
+def threads_table(loops: list[Row]) -> list[str]:
+    lines = [f"| arm, law | {TWO}: armlet | C | ratio | speed-up: armlet | C |", "|---|" + "---:|" * 5]
+    for row in loops:
+        one, two = row.pairs[f"batch of {max(BATCHES):,}"], row.pairs[TWO]
+        ours, theirs = gains(one, two)
+        faster = f"{ours:.2f}" if theirs / ours <= SPEED_UP else f"**{ours:.2f}**"
+        lines.append(f"| {row.arm}, {row.what} | {times(two)} | {two.ratio:.2f} | {faster} | {theirs:.2f} |")
+    return lines
+
+
 def function_table(rows: list[Row]) -> list[str]:
     """Batches in ns per row, single calls in ns."""
     lines = ["| arm, function | operations of the C | batch: armlet | C | ratio | C, arranged | ratio | call: armlet | C | beyond |"]
@@ -120,12 +156,17 @@ def compiler() -> str:
     return subprocess.run(["g++", "-dumpfullversion"], capture_output=True, text=True, check=True).stdout.strip()
 
 
-def report(loops: list[Row], calls: list[Row], others: list[Case], busy: float) -> str:
-    cases = others + [case for row in loops + calls for pair in row.pairs.values() for case in (pair.ours, pair.theirs)]
+def report(
+    loops: list[Row], calls: list[Row], by_hand: dict[str, dict[str, Pair]], others: list[Case], cases: list[Case], busy: float
+) -> str:
     text = [reporting.heading(cases, busy) + f" CasADi {casadi.CasadiMeta.version()}, g++ {compiler()}.", ""]
-    text += reporting.target_table(verdicts(loops, calls))
+    text += reporting.target_table(verdicts(loops, calls) + by_hand_verdicts(by_hand))
     if loops:
         text += ["", "**Closed loops: ns per step, and per run and step**", "", *loop_table(loops)]
+    if any(TWO in row.pairs for row in loops):
+        text += ["", "**Two threads: ns per run and step**", "", *threads_table(loops)]
+    if by_hand:
+        text += ["", "**C written by hand: ns per step, and per run and step**", "", *by_hand_table(by_hand)]
     if calls:
         text += ["", f"**Functions: ns per row of {ROWS:,}, and ns per call**", "", *function_table(calls)]
     if others:
@@ -139,8 +180,9 @@ def steps_of(arm: al.Arm) -> int:
 
 def main() -> None:
     parser = reporting.arguments("armlet beside generated straight-line C")
-    parser.add_argument("--arms", nargs="+", default=[*ARMS, ALONE], help=f"{', '.join(ARMS)}, {ALONE}, or files of URDF")
+    parser.add_argument("--arms", nargs="*", default=[*ARMS, ALONE], help=f"{', '.join(ARMS)}, {ALONE}, or files of URDF")
     parser.add_argument("--laws", nargs="*", default=list(LAWS), help=", ".join(LAWS))
+    parser.add_argument("--functions", action=argparse.BooleanOptionalAction, default=True, help="time the functions of the arms as well")
     options = parser.parse_args()
     reporting.require_release("bench_generated_c")
     share, loops, calls, others = timing.busy(), [], [], []
@@ -153,12 +195,14 @@ def main() -> None:
         for law in options.laws:
             say(f"{label}, {law}")
             loops.append(loop_row(label, laws, law, steps_of(arm)))
-        for what, function in functions(arm).items():
+        for what, function in functions(arm).items() if options.functions else ():
             say(f"{label}, {what}")
             calls.append(function_row(label, arm, what, function))
-    cases = others + [case for row in loops + calls for pair in row.pairs.values() for case in (pair.ours, pair.theirs)]
+    by_hand = hand_written.rows(say)
+    pairs = [pair for row in loops + calls for pair in row.pairs.values()] + [pair for found in by_hand.values() for pair in found.values()]
+    cases = others + [case for pair in pairs for case in (pair.ours, pair.theirs)]
     timing.measure(cases, options.rounds, options.core, say)
-    reporting.finish("generated_c", report(loops, calls, others, share), options.readme)
+    reporting.finish("generated_c", report(loops, calls, by_hand, others, cases, share), options.readme)
 
 
 if __name__ == "__main__":

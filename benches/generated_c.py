@@ -11,6 +11,7 @@ import hashlib
 import shutil
 import subprocess
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import timing
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+POOL = ThreadPoolExecutor(2)
 BUILT = Path(__file__).parent / "results" / "generated_c"
 FLAGS = "-O3 -march=native -ffp-contract=fast -fno-math-errno -fno-tree-slp-vectorize -shared -fPIC -w -std=c++17".split()
 WIDEST = {"AVX-512": 8, "AVX2": 4}.get(timing.machine()["simd"], 2)
@@ -149,15 +151,19 @@ class Loop:
         self._loop = compiled(source(function, width, LOOP, {"NX": x.numel(), "NU": u.numel()})).loop
         self._loop.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long, ctypes.c_long, ctypes.c_double]
 
-    def ready(self, starts: Array, table: Array, h: float) -> Callable[[int], Array]:
-        """A function of a number of steps that runs from `starts` `(runs, columns)` and returns the final states in lanes."""
+    def ready(self, starts: Array, table: Array, h: float) -> Callable[..., Array]:
+        """A function of a number of steps, and of threads, that runs from `starts` `(runs, columns)` and returns the ends in lanes."""
         before = in_lanes(starts, self.width)
         states, kept = aligned(before.shape), np.ascontiguousarray(table)
         state, motion, groups = at(states), at(kept), len(states)
+        halves = [(at(states), groups // 2), (at(states[groups // 2 :]), groups - groups // 2)]
 
-        def run(steps: int, _kept: Array = kept) -> Array:
+        def run(steps: int, threads: int = 1, _kept: Array = kept) -> Array:
             states[:] = before
-            self._loop(state, motion, groups, steps, h)
+            if threads == 1:
+                self._loop(state, motion, groups, steps, h)
+            else:
+                list(POOL.map(lambda half: self._loop(half[0], motion, half[1], steps, h), halves))
             return states
 
         return run

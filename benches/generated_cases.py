@@ -19,7 +19,8 @@ import armlet as al
 
 H, BATCHES, ROWS, CALLS = 1e-3, (256, 1024), 4096, 500
 CHECKED, SHORT, SHORTS, REPEATS = 200, 20, 50, 5
-LAWS = ("computed torque", "PD", "impedance", "adaptive")
+TWO = f"batch of {max(BATCHES):,}, two threads"
+LAWS = ("computed torque", "PD", "impedance", "adaptive", "elastic impedance")
 
 
 @dataclass
@@ -30,12 +31,18 @@ class Pair:
     theirs: Case
 
     @staticmethod
-    def of(group: str, name: str, ours: Callable[[], Any], theirs: Callable[[], Any], per: int) -> Pair:
-        return Pair(Case(group, f"armlet, {name}, {group}", ours, per), Case(group, f"C, {name}, {group}", theirs, per))
+    def of(group: str, name: str, ours: Callable[[], Any], theirs: Callable[[], Any], per: int, threads: int = 1) -> Pair:
+        runs = zip(("armlet", "C"), (ours, theirs), strict=True)
+        return Pair(*(Case(group, f"{whose}, {name}, {group}", run, per, threads=threads) for whose, run in runs))
 
     @property
     def ratio(self) -> float:
         return timing.ratio(self.ours, self.theirs)
+
+
+def gains(one: Pair, two: Pair) -> tuple[float, float]:
+    """The speed-up of two threads over one: armlet's and the C's."""
+    return timing.ratio(one.ours, two.ours), timing.ratio(one.theirs, two.theirs)
 
 
 @dataclass
@@ -56,7 +63,7 @@ def require_equal(what: str, ours: Any, theirs: Any, tolerance: float = 1e-9) ->
 
 
 class Laws:
-    """The laws of an arm for armlet and as expressions: x = [q, v] or [q, v, estimate], u = [q_d, v_d, a_d]."""
+    """The laws of an arm for armlet and as expressions: u = [q_d, v_d, a_d]; x = [q, v], [q, v, estimate] or [q, v, theta, theta_dot]."""
 
     def __init__(self, arm: al.Arm, steps: int) -> None:
         n = self.n = arm.n
@@ -67,6 +74,8 @@ class Laws:
         moves = np.abs(arm.jacobian(self.rest, self.frame)[:3]).max(axis=1) > 1e-9
         self.axes = np.flatnonzero(moves)[:n]
         self.target = arm.position(self.rest, self.frame)[self.axes]
+        # Springs and motors whose rates the step resolves: sqrt(K_J / B_0) = 200 1/s.
+        self.spring, self.motor, self.reduced, self.friction = 4e3 * inertia, 0.5 * inertia, 0.1 * inertia, 20.0 * inertia
         motion = al.Sinusoid([0.1] * n, [0.2] * n, [1.0 + 0.1 * i for i in range(n)], [0.0] * n)
         samples = [np.array(part) for part in zip(*(motion(0.5 * H * k) for k in range(2 * steps + 1)), strict=True)]
         self.motion, self.table = al.Table(0.5 * H, *samples), np.ascontiguousarray(np.hstack(samples))
@@ -79,12 +88,19 @@ class Laws:
         if law == "adaptive":
             return al.Adaptive(self.arm, self.motion, kp=self.kp, kd=self.kd, gamma=self.gamma)
         names, rows = "".join("xyz"[k] for k in self.axes), len(self.axes)
-        return al.CartesianImpedance(self.arm, self.target, [300.0] * rows, [60.0] * rows, frame=self.frame, axes=names)
+        asked = self.arm, self.target, [300.0] * rows, [60.0] * rows
+        if law == "elastic impedance":
+            motors = self.spring, self.motor, self.reduced
+            return al.ElasticImpedance(*asked, *motors, frame=self.frame, axes=names, motor_damping=self.friction)
+        return al.CartesianImpedance(*asked, frame=self.frame, axes=names)
+
+    def plant(self, law: str) -> Any:
+        return al.ElasticArm(self.arm, self.spring, self.motor) if law == "elastic impedance" else al.RigidArm(self.arm)
 
     def expressions(self, law: str) -> tuple[Any, Any, Any]:
         """x, u and x' of the closed loop."""
         n = self.n
-        x, u = ca.SX.sym("x", 12 * n if law == "adaptive" else 2 * n), ca.SX.sym("u", 3 * n)
+        x, u = ca.SX.sym("x", {"adaptive": 12 * n, "elastic impedance": 4 * n}.get(law, 2 * n)), ca.SX.sym("u", 3 * n)
         q, v, (q_d, v_d, a_d) = x[:n], x[n : 2 * n], ca.vertsplit(u, n)
         arm, kp, kd, still = Expressions(self.tree, q), ca.DM(self.kp), ca.DM(self.kd), ca.SX(n, 1)
         rate = still[:0]
@@ -103,23 +119,41 @@ class Laws:
             p, jacobian = p[self.axes.tolist()], jacobian[self.axes.tolist(), :]
             force = 300.0 * (ca.DM(self.target) - p) - 60.0 * (jacobian @ v)
             tau = jacobian.T @ force + arm.inverse_dynamics(still, still)
+        if law == "elastic impedance":
+            # tau acts on the motors: tau_m = (1 - B / B_0) tau_J + B / B_0 (tau - D_0 theta_dot), B theta_ddot = tau_m - tau_J.
+            theta, theta_dot = x[2 * n : 3 * n], x[3 * n :]
+            share, asked, tau = ca.DM(self.motor / self.reduced), tau - ca.DM(self.friction) * theta_dot, ca.DM(self.spring) * (theta - q)
+            rate = ca.vertcat(theta_dot, ((1 - share) * tau + share * asked - tau) / ca.DM(self.motor))
         return x, u, ca.vertcat(v, arm.forward_dynamics(v, tau), rate)
 
 
 class Ours:
-    """armlet's runs of an arm under a law, one and in batches on one thread: final state only, no monitors."""
+    """armlet's runs of an arm under a law, one and in batches: final state only, no monitors."""
 
     def __init__(self, laws: Laws, law: str) -> None:
         n = laws.n
-        self.plant, self.law = al.RigidArm(laws.arm), laws.armlet(law)
+        self.plant, self.law = laws.plant(law), laws.armlet(law)
         self.starts = 0.1 + np.random.default_rng(1).uniform(-0.05, 0.05, (max(BATCHES), n))
+        self.elastic = isinstance(self.plant, al.ElasticArm)
+
+    def states(self, size: int) -> Array:
+        """The initial states (runs, size): at rest, springs relaxed, estimates zero."""
+        found, n = np.zeros((len(self.starts), size)), self.starts.shape[1]
+        found[:, :n] = self.starts
+        if self.elastic:
+            found[:, 2 * n : 3 * n] = self.starts
+        return found
+
+    def _from(self, q0: Array) -> dict[str, Any]:
+        return {"q0": q0, "theta0": q0} if self.elastic else {"q0": q0}
 
     def one(self, steps: int) -> Any:
-        return al.simulate(self.plant, self.law, self.starts[0], t_end=steps * H, dt=H, monitors=False, record_every=steps)
+        given = self._from(self.starts[0])
+        return al.simulate(self.plant, self.law, **given, t_end=steps * H, dt=H, monitors=False, record_every=steps)
 
-    def batch(self, runs: int, steps: int) -> Any:
-        q0 = self.starts[:runs]
-        return al.simulate_batch(self.plant, self.law, q0, t_end=steps * H, dt=H, monitors=False, keep="final", threads=1)
+    def batch(self, runs: int, steps: int, threads: int = 1) -> Any:
+        given = self._from(self.starts[:runs])
+        return al.simulate_batch(self.plant, self.law, **given, t_end=steps * H, dt=H, monitors=False, keep="final", threads=threads)
 
 
 def batch_steps(steps: int) -> int:
@@ -142,8 +176,7 @@ def loop_row(name: str, laws: Laws, law: str, steps: int) -> Row:
     """One run of `steps`, one of few steps, and batches, after equal states at the end of `CHECKED` steps."""
     n, ours, (x, u, rate) = laws.n, Ours(laws, law), laws.expressions(law)
     scalar, lanes = Loop(x, u, rate, 1), Loop(x, u, rate, WIDEST)
-    starts = np.zeros((max(BATCHES), x.numel()))
-    starts[:, :n] = ours.starts
+    starts = ours.states(x.numel())
     single = scalar.ready(starts[:1], laws.table, H)
     together = {runs: lanes.ready(starts[:runs], laws.table, H) for runs in BATCHES}
 
@@ -166,6 +199,10 @@ def loop_row(name: str, laws: Laws, law: str, steps: int) -> Row:
     for runs in BATCHES:
         group = f"batch of {runs:,}"
         pairs[group] = pair(group, partial(ours.batch, runs, count), partial(together[runs], count), runs * count)
+    if len(timing.cores()) > 1:
+        runs = max(BATCHES)
+        both = partial(ours.batch, runs, count, 2), partial(together[runs], count, 2)
+        pairs[TWO] = Pair.of(TWO, f"{name}, {law}", *both, runs * count, threads=2)
     return Row(name, law, scalar.operations, laws.tree, pairs)
 
 

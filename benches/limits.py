@@ -1,15 +1,20 @@
-"""Hand-written C kernels to place armlet's speed: compiled where ARMLET_LIMITS names the directory of their sources."""
+"""Hand-written C kernels to place armlet's speed: compiled where ARMLET_LIMITS names the directory of their sources.
+
+They are written for AVX-512. On other processors their lanes are pairs of AVX2 registers (`eight_lanes.h`).
+"""
 
 from __future__ import annotations
 
 import ctypes
 import os
+import re
 import shutil
 import subprocess
 import tempfile
 from pathlib import Path
 
 import numpy as np
+import timing
 from numpy.typing import NDArray
 
 
@@ -30,7 +35,12 @@ class Kernels:
             raise ImportError(f"no {path.name}" if compiler else "no g++")
         self._kept = tempfile.TemporaryDirectory()
         library = Path(self._kept.name) / "limits.so"
-        subprocess.run([compiler, *self.FLAGS, "-shared", "-fPIC", str(path), "-o", str(library), *libraries], check=True)
+        source, flags = path.read_text(), self.FLAGS
+        if timing.machine()["simd"] != "AVX-512":
+            source = re.sub(r"typedef double v8 [^;]*;", "", source)
+            flags = [*flags, "-include", str(Path(__file__).parent / "eight_lanes.h")]
+        command = [compiler, *flags, "-shared", "-fPIC", "-x", "c++", "-", "-o", str(library), *libraries]
+        subprocess.run(command, input=source, text=True, check=True)
         self._c = ctypes.CDLL(str(library))
 
     @staticmethod
