@@ -14,11 +14,12 @@ from .impedance import CartesianImpedance, ElasticImpedance
 from .inertia import ParameterReport, check_parameters, project_parameters
 from .lagrange import Mechanism
 from .law import Adaptive, ComputedTorque, Law, PDGravity
-from .mintime import bang_bang_time, torque_optimal_time
+from .mintime import torque_optimal_time
 from .motion import BangBang, Hold, Quintic, Sinusoid
 from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import diagnose_priority, solve_priority
+from .profiles import bang_bang_time, minimum_jerk_time, trapezoid_time
 from .sampling import Sampling, TorqueSensor
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
@@ -63,6 +64,7 @@ __all__ = [
     "integrate",
     "inverse_dynamics_derivatives",
     "linearize",
+    "minimum_jerk_time",
     "pendulum",
     "planar_arm",
     "planar_pr",
@@ -70,4 +72,5 @@ __all__ = [
     "simulate",
     "solve_priority",
     "torque_optimal_time",
+    "trapezoid_time",
 ]
