@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 import armlet as al
 from armlet import reference
-from armlet.reference import elastic
 
 Array = NDArray[np.float64]
 
@@ -107,7 +106,7 @@ def test_rest_and_eigenvalues() -> None:
         theirs = reference.ElasticImpedance(arms[1], *given, frame="link3", axes="xy rz")
         F = rng.uniform(-5.0, 5.0, 3) * [1.0, 1.0, 0.2]
         rest = al.equilibrium(al.ElasticArm(arms[0], K, B), ours, F, q0=q_d)
-        expected = elastic.equilibrium(reference.ElasticArm(arms[1], K, B), theirs, F, q_d)
+        expected = reference.equilibrium(reference.ElasticArm(arms[1], K, B), theirs, F, q0=q_d)
         close(rest.q, expected.q, 1e-10)
         close(rest.tau, expected.tau, 1e-9)
         assert (rest.reachable, rest.spurious, rest.stable) == (expected.reachable, expected.spurious, expected.stable)
@@ -122,7 +121,7 @@ def test_limits() -> None:
         B, K, zeta, dt = rng.uniform(0.1, 1.0), rng.uniform(200.0, 2000.0), rng.uniform(0.5, 1.5), rng.uniform(2e-4, 2e-3)
         ours = float(al.smallest_reduced_inertia(B, K, dt, damping_ratio=zeta))
         # Both bisect a radius that is flat near its limit.
-        assert abs(ours / elastic.smallest_reduced_inertia(B, K, zeta, dt) - 1.0) < 1e-6
+        assert abs(ours / reference.smallest_reduced_inertia(B, K, dt, damping_ratio=zeta) - 1.0) < 1e-6
         M, b0, d = rng.uniform(0.3, 2.0), rng.uniform(0.01, 0.1), rng.uniform(0.0, 10.0)
         D0 = 2.0 * np.sqrt(b0 * K)
-        assert abs(float(al.stiffness_limit(M, K, b0, d)) / elastic.stiffness_limit(M, K, b0, d, float(D0)) - 1.0) < 1e-8
+        assert abs(float(al.stiffness_limit(M, K, b0, d)) / reference.stiffness_limit(M, K, b0, d, motor_damping=float(D0)) - 1.0) < 1e-8

@@ -77,7 +77,7 @@ def test_equilibrium(case: dict[str, Any]) -> None:
     given, expected, tolerance = case["input"], case["expected"], case["tolerance"]
     _, plant, law = loop_of(given)
     F = floats(given.get("F", ["0", "0"]))
-    found = ref.equilibrium(plant, law, F, floats(given["q0"]))
+    found = ref.equilibrium(plant, law, F, q0=floats(given["q0"]))
     for key, value in {"q_E": found.q, "x_E": found.x, "theta_E": found.theta, "tau_E": found.tau, "u_E": found.tau}.items():
         wanted = floats(expected[key])
         assert np.abs(value - wanted).max() <= tolerance["rel"] * np.abs(wanted).max(), key
@@ -97,14 +97,14 @@ def test_equilibrium(case: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("entry", FILE["analysis"]["zoh_limit"], ids=lambda entry: f"{entry['B']}_{entry['dt']}")
 def test_sampled_limit(entry: dict[str, float]) -> None:
-    found = elastic.smallest_reduced_inertia(entry["B"], entry["K_J"], 1.0, entry["dt"])
+    found = elastic.smallest_reduced_inertia(entry["B"], entry["K_J"], entry["dt"])
     # 1e-7: near the limit the radius is flat in B0, so rounding of the eigenvalues moves the root.
     assert abs(found / entry["B0_min"] - 1.0) <= 1e-7
 
 
 @pytest.mark.parametrize("entry", FILE["analysis"]["routh_1dof"], ids=lambda entry: f"{entry['M']}_{entry['d']}_{entry['B0']}")
 def test_stiffness_limit(entry: dict[str, float]) -> None:
-    found = elastic.stiffness_limit(entry["M"], entry["K_J"], entry["B0"], entry["d"], entry["D0"])
+    found = elastic.stiffness_limit(entry["M"], entry["K_J"], entry["B0"], entry["d"], motor_damping=entry["D0"])
     if entry["k_max"] <= 0.0:
         assert np.isnan(found)
     else:

@@ -7,7 +7,7 @@ instead of Runge-Kutta pairs, sampling and event simulation instead of closed fo
 from . import integrate
 from .arm import Arm, planar_arm
 from .contact import JointStops, Wall
-from .elastic import Equilibrium, equilibrium
+from .elastic import ElasticLimits, damping_from_ratio, elastic_limits, smallest_reduced_inertia, stiffness_limit
 from .events import Event
 from .identification import BaseParameters, Identification, base_parameters, identify
 from .impedance import CartesianImpedance, ElasticImpedance
@@ -20,6 +20,7 @@ from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import diagnose_priority, solve_priority
 from .profiles import bang_bang_time, minimum_jerk_time, trapezoid_time
+from .rest import Equilibrium, equilibrium
 from .sampling import Sampling, TorqueSensor
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
@@ -34,6 +35,7 @@ __all__ = [
     "ComputedTorque",
     "ElasticArm",
     "ElasticImpedance",
+    "ElasticLimits",
     "Equilibrium",
     "Event",
     "Hold",
@@ -57,7 +59,9 @@ __all__ = [
     "bang_bang_time",
     "base_parameters",
     "check_parameters",
+    "damping_from_ratio",
     "diagnose_priority",
+    "elastic_limits",
     "equilibrium",
     "forward_dynamics_derivatives",
     "identify",
@@ -70,7 +74,9 @@ __all__ = [
     "planar_pr",
     "project_parameters",
     "simulate",
+    "smallest_reduced_inertia",
     "solve_priority",
+    "stiffness_limit",
     "torque_optimal_time",
     "trapezoid_time",
 ]

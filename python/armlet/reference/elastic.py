@@ -1,156 +1,92 @@
-"""Equilibria and limits of elastic-joint impedance control.
+"""How far the control of elastic joints can be taken at a rest.
 
-equilibrium   J'(K_m (x_d - x) + F) = 0,   tau_E = g(q_E) - J'F,   theta_E = q_E + K_J^-1 tau_E
-              found as a minimum of  W = e'K_m e/2 - F.x  by Newton's method with |eigenvalues| of the Hessian
-linearisation differences of the whole closed loop, extrapolated in h^2 (Richardson)
-sampled loop  one motor, link locked, torque held over dt: spectral radius of x -> Phi x + Gamma tau(x)
+sampled loop  links locked, torque held over dt: y' = A y + G tau with y = [theta, theta_dot] or, behind a torque sensor, [.., tau_f];
+              tau_f' = w_c (K_J theta - tau_f);  stable while the spectral radius of y -> Phi y + Gamma tau(y) is below 1
+              tau = (I - B B0^-1) tau_J - B B0^-1 D0 theta_dot
 1-DoF limit   roots of (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s), the largest k with none on the right
+stiffness     the largest multiple of K_m for which the loop, linearised at its rest, has no eigenvalue on the right
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from copy import copy
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .impedance import ElasticImpedance
+from .impedance import ratio_damping
 from .lagrange import Analytic, Array, solve
-from .loop import ClosedLoop, as_force
 from .plant import ElasticArm
+from .rest import equilibrium
 
 
-class Equilibrium(NamedTuple):
-    """Rest pose under a constant force; `reachable` speaks of x_d + K_m^-1 F, `spurious` of an unbalanced spring."""
+class ElasticLimits(NamedTuple):
+    """The limits at one rest: see `armlet.ElasticLimits`."""
 
-    q: Array
-    theta: Array
-    tau: Array
-    x: Array
-    reachable: bool
-    spurious: bool
-    stable: bool
+    sample_time_max: float
+    stiffness_max: Array
+    stiffness: Array
+    stiffness_scale_max: float
     eigenvalues: Analytic
+    reduced_inertia_min: Array | None
 
 
-def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int = 6) -> Array:
-    """df/dx by central differences with steps h/2^k, extrapolated in h^2."""
-    out = []
-    for direction in np.eye(x.size):
-        table: list[Array] = []
-        for k in range(columns):
-            step = h / 2**k
-            entries = [(f(x + step * direction) - f(x - step * direction)) / (2 * step)]
-            for j in range(1, k + 1):
-                entries.append(entries[j - 1] + (entries[j - 1] - table[j - 1]) / (4.0**j - 1.0))
-            table = entries
-        out.append(table[-1])
-    return np.array(out).T
+def damping_from_ratio(inertia: ArrayLike, stiffness: ArrayLike, ratio: float) -> Array:
+    """D with every mode of inertia, D, stiffness at the damping ratio, (n, n)."""
+    return ratio_damping(np.asarray(inertia, dtype=np.float64), np.asarray(stiffness, dtype=np.float64), ratio)
 
 
-def _minimise(gradient: Callable[[Array], Array], value: Callable[[Array], float], q: Array) -> Array:
-    """Newton descent; directions of negative curvature are followed downhill, flat ones left alone."""
-    for _ in range(200):
-        r = gradient(q)
-        values, U = np.linalg.eigh((lambda H: 0.5 * (H + H.T))(slope(gradient, q)))
-        bends = np.abs(values)
-        wanted = (U.T @ r) * (bends > 1e-9 * bends.max()) / np.maximum(bends, 1e-300)
-        move = -U @ wanted
-        size, best = 1.0, value(q)
-        while value(q + size * move) > best + 1e-14 * abs(best) and size > 1e-12:
-            size *= 0.5
-        q = q + size * move
-        if np.abs(move).max() <= 1e-14 * (1.0 + np.abs(q).max()):
-            break
-    return q
-
-
-def equilibrium(plant: ElasticArm, law: ElasticImpedance, force: ArrayLike, q0: ArrayLike) -> Equilibrium:
-    """The rest pose that q0 descends to under a constant force in the law's axes."""
-    F = np.asarray(force, dtype=np.float64)
-    task, K_m = law.coordinates, law.stiffness
-
-    def push(q: Array) -> Array:
-        return K_m @ task.error(q) + F
-
-    def pull(q: Array) -> Array:
-        return -task.jacobian(q).T @ push(q)
-
-    def store(q: Array) -> float:
-        e = task.error(q)
-        return float(0.5 * e @ K_m @ e + F @ e)
-
-    start = np.asarray(q0, dtype=np.float64)
-    q = _minimise(pull, store, start)
-    tau = plant.arm.gravity(q) - task.load(q, F)
-    theta = q + solve(plant.stiffness, tau)
-    x = task.target - task.error(q)
-    goal = task.target + solve(K_m, F)
-    scale = float(np.abs(K_m @ (np.abs(goal) + 1.0)).max())
-    spurious = bool(np.abs(push(q)).max() > 1e-7 * scale)
-    reachable = not spurious or _reaches(law, goal, start)
-    values = eigenvalues(plant, law, F, q, theta)
-    return Equilibrium(q, theta, tau, x, reachable, spurious, bool(values.real.max() < 0.0), values)
-
-
-def _reaches(law: ElasticImpedance, goal: Array, q0: Array) -> bool:
-    """Gauss-Newton with a trust in small steps from several starts; a heuristic that errs towards "no"."""
-    task = law.coordinates
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        q = q0 + rng.uniform(-np.pi, np.pi, q0.size)
-        for _ in range(200):
-            miss = task.error(q) + (goal - task.target)
-            J = task.jacobian(q)
-            q = q + J.T @ np.linalg.solve(J @ J.T + 1e-2 * (miss @ miss) * np.eye(miss.size) + 1e-14 * np.eye(miss.size), miss)
-        if np.abs(miss).max() < 1e-9:
-            return True
-    return False
-
-
-def eigenvalues(plant: ElasticArm, law: ElasticImpedance, force: Array, q: Array, theta: Array) -> Analytic:
-    """Of the closed loop linearised at rest, sorted by real part, (4 n,)."""
-    loop = ClosedLoop(plant, law, as_force(force)[0])
-    n = plant.arm.n
-    rest = np.concatenate([q, np.zeros(n), theta, np.zeros(n)])
-
-    def field(x: Array) -> Array:
-        return loop(0.0, loop.initial(x))[: 4 * n]
-
-    values = np.linalg.eigvals(slope(field, rest))
-    return np.asarray(values[np.argsort(values.real)])
-
-
-def sampled_radius(motor_inertia: float, joint_stiffness: float, reduced_inertia: float, motor_damping: float, dt: float) -> float:
-    """Spectral radius over one sample with the torque held, link locked."""
-    B, K, B0, D0 = motor_inertia, joint_stiffness, reduced_inertia, motor_damping
-    # Columns theta, theta_dot, held torque; the exponential by Taylor series of a halved matrix, squared back.
-    A = np.array([[0.0, 1.0, 0.0], [-K / B, 0.0, 1.0 / B], [0.0, 0.0, 0.0]]) * dt
-    halvings = max(0, int(np.ceil(np.log2(np.abs(A).sum() + 1e-300))) + 3)
-    term = total = np.eye(3)
+def sampled_radius(B: Array, K: Array, B0: Array, D0: Array, dt: float, bandwidth: float = np.inf, friction: Array | float = 0.0) -> float:
+    """Spectral radius over one sample with the torque held, links locked; matrices (n, n)."""
+    n, slow = len(B), np.isfinite(bandwidth)
+    size = 3 * n if slow else 2 * n
+    A = np.zeros((size + n, size + n))
+    motors, one = slice(n, 2 * n), np.eye(n)
+    A[:n, motors], A[motors, :n], A[motors, motors], A[motors, size:] = one, -solve(B, K), -solve(B, one * friction), solve(B, one)
+    share = one - B @ solve(B0, one)
+    law = np.zeros((n, size))
+    law[:, motors] = -B @ solve(B0, D0)
+    if slow:
+        A[2 * n : size, :n], A[2 * n : size, 2 * n : size] = bandwidth * K, -bandwidth * one
+        law[:, 2 * n : size] = share
+    else:
+        law[:, :n] = share @ K
+    # The exponential by Taylor series of a halved matrix, squared back.
+    halvings = max(0, int(np.ceil(np.log2(np.abs(A * dt).sum() + 1e-300))) + 3)
+    term = total = np.eye(size + n)
     for k in range(1, 20):
-        term = term @ A / (k * 2.0**halvings)
+        term = term @ A * (dt / (k * 2.0**halvings))
         total = total + term
     for _ in range(halvings):
         total = total @ total
-    feedback = np.array([[(1.0 - B / B0) * K, -B / B0 * D0]])
-    return float(np.abs(np.linalg.eigvals(total[:2, :2] + total[:2, 2:] @ feedback)).max())
+    return float(np.abs(np.linalg.eigvals(total[:size, :size] + total[:size, size:] @ law)).max())
 
 
-def smallest_reduced_inertia(motor_inertia: float, joint_stiffness: float, damping_ratio: float, dt: float) -> float:
-    """The B0 at which the sampled loop with D0 = 2 zeta sqrt(B0 K_J) leaves stability, by bisection in log B0."""
+def smallest_reduced_inertia(
+    motor_inertia: float, joint_stiffness: float, sample_time: float, *, damping_ratio: float = 1.0, sensor_bandwidth: float = np.inf
+) -> float:
+    """The B0 at which the sampled loop with D0 = 2 zeta sqrt(B0 K_J) leaves stability, from B0 = B down; NaN if that is unstable."""
+    B, K = (np.array([[float(x)]]) for x in (motor_inertia, joint_stiffness))
 
-    def unstable(log_b0: float) -> bool:
-        B0 = float(np.exp(log_b0))
-        D0 = 2.0 * damping_ratio * float(np.sqrt(B0 * joint_stiffness))
-        return sampled_radius(motor_inertia, joint_stiffness, B0, D0, dt) >= 1.0
+    def stable(log_b0: float) -> bool:
+        B0 = np.array([[np.exp(log_b0)]])
+        D0 = 2.0 * damping_ratio * np.sqrt(B0 * K)
+        # Shorter samples tell islands of stability from the mainland.
+        return all(sampled_radius(B, K, B0, D0, sample_time * part, sensor_bandwidth) < 1.0 for part in (1.0, 0.75, 0.5, 0.25))
 
-    low, high = np.log(1e-3 * joint_stiffness * dt**2), np.log(motor_inertia)
-    return float(np.exp(bisect(unstable, float(low), float(high))))
+    top = float(np.log(motor_inertia))
+    if not stable(top):
+        return float("nan")
+    low = next(x for x in top - 0.1 * np.arange(1, 400) if not stable(x))
+    return float(np.exp(-bisect(lambda x: stable(-x), -low - 0.1, -low)))
 
 
-def stiffness_limit(mass: float, joint_stiffness: float, reduced_inertia: float, damping: float, motor_damping: float) -> float:
+def stiffness_limit(
+    mass: float, joint_stiffness: float, reduced_inertia: float, damping: float, *, motor_damping: float | None = None
+) -> float:
     """The largest Cartesian stiffness k of the 1-DoF loop without a root on the right; NaN if none is positive."""
-    M, K, B0, D0, d = mass, joint_stiffness, reduced_inertia, motor_damping, damping
+    M, K, B0, d = mass, joint_stiffness, reduced_inertia, damping
+    D0 = 2.0 * float(np.sqrt(B0 * K)) if motor_damping is None else motor_damping
 
     def stable(k: float) -> bool:
         loop = np.polyadd(np.polymul([M, 0.0, K], [B0, D0, K]), [K * d, K * k - K * K])
@@ -162,6 +98,78 @@ def stiffness_limit(mass: float, joint_stiffness: float, reduced_inertia: float,
     while stable(high):
         high *= 2.0
     return bisect(stable, 1e-9 * K, high)
+
+
+def largest_sample_time(plant: ElasticArm, law: Any, bandwidth: float) -> float:
+    """The first dt at which the motors, links locked, leave stability: steps of a hundredth, then bisection."""
+    K, B, friction = plant.stiffness, plant.motor_inertia, plant.joint_damping + plant.motor_friction
+
+    def stable(log_dt: float) -> bool:
+        dt = float(np.exp(log_dt))
+        return sampled_radius(B, K, law.reduced_inertia, law.motor_damping, dt, bandwidth, friction) < 1.0
+
+    slow = float(np.log(1e-2 / np.sqrt(np.abs(solve(law.reduced_inertia, K)).sum())))
+    high = next(x for x in slow + 0.01 * np.arange(1, 2000) if not stable(x))
+    return float(np.exp(bisect(stable, high - 0.01, high)))
+
+
+def elastic_limits(
+    plant: ElasticArm,
+    law: Any,
+    *,
+    q0: ArrayLike,
+    force: ArrayLike | None = None,
+    force_frame: str | None = None,
+    sample_time: float | None = None,
+    sensor_bandwidth: float | None = None,
+) -> ElasticLimits:
+    """The limits of a motor-inertia reduction at the rest that q0 descends to; a law with equal joint stiffness and inertia."""
+    rest = equilibrium(plant, law, force, q0=q0, force_frame=force_frame)
+    bandwidth = np.inf if sensor_bandwidth is None else sensor_bandwidth
+    task = getattr(law, "coordinates", None)
+    J = np.eye(plant.arm.n) if task is None else task.jacobian(rest.q)
+    stiffness, damping = (np.diag(J.T @ each @ J) for each in (law.stiffness, law.damping))
+    M, K, B = (np.diag(x) for x in (plant.arm.mass_matrix(rest.q), plant.stiffness, plant.motor_inertia))
+    B0, D0 = np.diag(law.reduced_inertia), np.diag(law.motor_damping)
+    least = None
+    if sample_time is not None:
+        ratios = D0 / (2.0 * np.sqrt(B0 * K))
+        options = [{"damping_ratio": float(zeta), "sensor_bandwidth": bandwidth} for zeta in ratios]
+        least = np.array([smallest_reduced_inertia(B[i], K[i], sample_time, **options[i]) for i in range(plant.arm.n)])
+    largest = [stiffness_limit(M[i], K[i], B0[i], damping[i], motor_damping=D0[i]) for i in range(plant.arm.n)]
+    scale = _stiffness_scale(plant, law, force, force_frame, rest.q)
+    return ElasticLimits(largest_sample_time(plant, law, bandwidth), np.array(largest), stiffness, scale, rest.eigenvalues, least)
+
+
+def _stiffness_scale(plant: ElasticArm, law: Any, force: Any, force_frame: str | None, q: Array) -> float:
+    """Where the largest real part of the eigenvalues is zero, by the method of Illinois; zero if it is not below at 1."""
+
+    def lead(kappa: float) -> float:
+        scaled = copy(law)
+        scaled.stiffness = kappa * law.stiffness
+        if hasattr(law, "outer"):
+            scaled.outer = copy(law.outer)
+            scaled.outer.kp = scaled.stiffness
+        return float(equilibrium(plant, scaled, force, q0=q, force_frame=force_frame).eigenvalues.real.max())
+
+    low, high = 1.0, 2.0
+    below, above = lead(low), lead(high)
+    if below >= 0.0:
+        return 0.0
+    while above < 0.0:
+        (low, below), high = (high, above), 2.0 * high
+        above = lead(high)
+    side, kappa = 0, low
+    for _ in range(60):
+        last, kappa = kappa, (low * above - high * below) / (above - below)
+        if abs(kappa - last) < 1e-7 * kappa:
+            break
+        here = lead(kappa)
+        if here < 0.0:
+            low, below, above, side = kappa, here, above / 2 if side == 1 else above, 1
+        else:
+            high, above, below, side = kappa, here, below / 2 if side == -1 else below, -1
+    return kappa
 
 
 def bisect(holds: Callable[[float], bool], low: float, high: float) -> float:

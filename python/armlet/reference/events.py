@@ -74,7 +74,7 @@ class Search:
         self.events, self.plant, self.loop = list(events), plant, loop
         self.found: list[tuple[float, int, Array]] = []
 
-    def between(self, t: float, y: Array, end: float, ahead: Array, onward: Callable[[float], Array]) -> tuple[float, Array] | None:
+    def between(self, t: float, y: Array, end: float, ahead: Array, onward: Callable[[list[float]], Array]) -> tuple[float, Array] | None:
         """Note the crossings from (t, y) to (end, ahead); the point at which the run stops, if it does."""
         here = []
         for index, event in enumerate(self.events):
@@ -94,13 +94,13 @@ class Search:
 
 
 def crossing(
-    g: Callable[[float, Array], float], low: float, high: float, below: float, above: float, onward: Callable[[float], Array]
+    g: Callable[[float, Array], float], low: float, high: float, below: float, above: float, onward: Callable[[list[float]], Array]
 ) -> tuple[float, Array]:
-    """Time and state of the change of sign between `low` and `high`, where g is `below` and `above`; onward(t) is the state at t."""
+    """Time and state of the change of sign between `low` and `high`, where g is `below` and `above`; onward([t])[0] is the state at t."""
     side = 0
     for _ in range(60):
         t = (low * above - high * below) / (above - below)
-        state = onward(t)
+        state: Array = onward([t])[0]
         here = g(t, state)
         if abs(here) < 1e-11 or not low < t < high:
             break

@@ -147,27 +147,32 @@ def _adaptive(
     search: Search | None,
     looks: int,
 ) -> Iterator[tuple[float, Array]]:
-    """From one time that matters to the next; a record at a sample shows the new input."""
-    times = {0.0, max(wanted), *wanted, *(loop.clock.instants(max(wanted)) if loop.clock is not None else ())}
+    """From one sample, answer or look to the next; a record at a sample shows the new input."""
+    last = max(wanted)
+    marks = {0.0, last, *(loop.clock.instants(last) if loop.clock is not None else ())}
     if search is not None:
-        times |= {*np.linspace(0.0, max(wanted), looks + 1)}
-    stops = sorted(times)
-    for k, t in enumerate(stops):
+        marks |= {*np.linspace(0.0, last, looks + 1)}
+    times = sorted(marks)
+    for t, end in zip(times, [*times[1:], np.inf], strict=True):
         loop.visit(t, y)
         if t in wanted:
             yield t, y
-        if k + 1 == len(stops):
+        if end == np.inf:
             return
 
-        def onward(end: float, t: float = t, y: Array = y) -> Array:
-            state: Array = integrate.gbs(loop, t, y, [end], rtol=rtol, atol=atol, breaks=breaks, first_step=end - t)[0]
-            return state
+        def onward(stops: list[float], t: float = t, y: Array = y, short: bool = len(times) > 2) -> Array:
+            first = stops[0] - t if short else 0.0
+            states: Array = integrate.gbs(loop, t, y, stops, rtol=rtol, atol=atol, breaks=breaks, first_step=first)
+            return states
 
-        ahead = onward(stops[k + 1])
-        if search is not None and (cut := search.between(t, y, stops[k + 1], ahead, onward)) is not None:
+        stops = [*[w for w in wanted if t < w < end], end]
+        states = onward(stops)
+        cut = None if search is None else search.between(t, y, end, states[-1], onward)
+        yield from ((w, x) for w, x in zip(stops[:-1], states, strict=False) if cut is None or w < cut[0])
+        if cut is not None:
             yield cut
             return
-        y = ahead
+        y = states[-1]
 
 
 def _collect(first: dict[str, Any], rows: list[dict[str, Any]]) -> dict[str, Array]:

@@ -1,0 +1,148 @@
+"""Rest under a constant force: where an arm comes to when everything moves slowly.
+
+    rigid    r(q) = tau(q) - L(q),   L = g(q) - J'F - tau_c
+    elastic  r(q, theta) = [K (theta - q) - L(q), tau(q, theta) - K (theta - q)]
+    y' = r(y), downhill, by implicit Euler steps that grow as r falls:   (1/s - dr/dy) dy = r        (pseudo-transient continuation)
+    tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c of wall and stops
+
+The law is asked as it is in the loop. Slopes and the linearisation of the whole loop are differences, extrapolated in h^2 (Richardson).
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .contact import pushes
+from .lagrange import Analytic, Array, solve
+from .law import Law
+from .loop import ClosedLoop, frame_load
+from .plant import ElasticArm, RigidArm
+
+
+class Equilibrium(NamedTuple):
+    """Rest pose under a constant force; `reachable` speaks of x_d + K_m^-1 F, `spurious` of an unbalanced spring."""
+
+    q: Array
+    theta: Array | None
+    tau: Array
+    x: Array
+    reachable: bool
+    spurious: bool
+    stable: bool
+    eigenvalues: Analytic
+
+
+def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int = 6) -> Array:
+    """df/dx by central differences with steps h/2^k, extrapolated in h^2."""
+    out = []
+    for direction in np.eye(x.size):
+        table: list[Array] = []
+        for k in range(columns):
+            step = h / 2**k
+            entries = [(f(x + step * direction) - f(x - step * direction)) / (2 * step)]
+            for j in range(1, k + 1):
+                entries.append(entries[j - 1] + (entries[j - 1] - table[j - 1]) / (4.0**j - 1.0))
+            table = entries
+        out.append(table[-1])
+    return np.array(out).T
+
+
+def descend(r: Callable[[Array], Array], y: Array) -> Array:
+    """The rest that y' = r(y) comes to; steps begin with a tenth of a radian."""
+    size = first = float(np.abs(r(y)).max())
+    if size == 0.0:
+        return y
+    for _ in range(300):
+        # Rough slopes suffice on the way; the last steps are Newton's.
+        H = slope(r, y, 1e-4, 2)
+        push = r(y)
+        size = float(np.abs(push).max())
+        rate = 10.0 * size * min(1.0, (size / first)) ** 1.5
+        move = np.linalg.lstsq(rate * np.eye(y.size) - H, push, rcond=1e-12)[0]
+        y = y + move * min(1.0, 0.3 / float(np.abs(move).max() + 1e-300))
+        if np.abs(move).max() <= 1e-14 * (1.0 + np.abs(y).max()):
+            break
+    return y
+
+
+def equilibrium(
+    plant: RigidArm | ElasticArm, law: Any, force: ArrayLike | None = None, *, q0: ArrayLike, force_frame: str | None = None
+) -> Equilibrium:
+    """The rest pose that q0 descends to under a constant force in the law's axes, or at a frame in world axes."""
+    start, n = np.asarray(q0, dtype=np.float64), plant.arm.n
+    task: Any = getattr(law, "coordinates", None)
+    push = None if force is None else np.asarray(force, dtype=np.float64)
+    load = frame_load(plant.arm, force_frame) if force_frame is not None else getattr(law, "load", None)
+    still = np.zeros(n)
+
+    def carried(q: Array) -> Array:
+        """L(q)."""
+        outside = still if push is None or load is None else load(q, push)
+        return np.asarray(plant.arm.gravity(q) - outside - pushes(plant.contacts, q, still)[0])
+
+    def unbalanced(y: Array) -> Array:
+        q, theta = y[:n], y[n:]
+        if isinstance(plant, RigidArm):
+            return np.asarray(law.terms(0.0, q, still)["tau"] - carried(q))
+        spring = plant.stiffness @ (theta - q)
+        return np.concatenate([spring - carried(q), law.terms(0.0, q, still, theta, still)["tau"] - spring])
+
+    elastic = isinstance(plant, ElasticArm)
+    motors = start + solve(plant.stiffness, carried(start)) if isinstance(plant, ElasticArm) else np.zeros(0)
+    q = descend(unbalanced, np.concatenate([start, motors]))[:n]
+    tau = carried(q)
+    theta = q + solve(plant.stiffness, tau) if isinstance(plant, ElasticArm) else None
+    pressed = bool(pushes(plant.contacts, q, still)[1] > 0.0)
+    reachable, spurious, x = not pressed, False, q
+    if task is not None:
+        x = task.target - task.error(q)
+        own = np.zeros_like(x) if push is None or force_frame not in (None, task.frame) else push[task.rows] if force_frame else push
+        if force_frame in (None, task.frame) and not pressed:
+            goal = task.target + solve(law.stiffness, own)
+            scale = float(np.abs(law.stiffness @ (np.abs(goal) + 1.0)).max())
+            spurious = bool(np.abs(law.stiffness @ task.error(q) + own).max() > 1e-7 * scale)
+            reachable = not spurious or _reaches(task, goal, start)
+    elif elastic and hasattr(law, "sag"):
+        # A law of motors that knows the plant, away from its target with nothing that pushes.
+        away = bool((np.abs(q - law.target) > 1e-6 * (1.0 + np.abs(law.target))).any())
+        spurious = away and not pressed and (push is None or not push.any()) and law.arm is plant.arm
+    values = eigenvalues(plant, law, push, load, q, theta)
+    fastest = float(np.abs(values).max())
+    return Equilibrium(q, theta, tau, x, reachable, spurious, bool(values.real.max() < 1e-7 * fastest), values)
+
+
+def _reaches(task: Any, goal: Array, q0: Array) -> bool:
+    """Gauss-Newton with a trust in small steps from several starts; a heuristic that errs towards "no"."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        q = q0 + rng.uniform(-np.pi, np.pi, q0.size)
+        for _ in range(200):
+            miss = task.error(q) + (goal - task.target)
+            J = task.jacobian(q)
+            q = q + J.T @ np.linalg.solve(J @ J.T + 1e-2 * (miss @ miss) * np.eye(miss.size) + 1e-14 * np.eye(miss.size), miss)
+        if np.abs(miss).max() < 1e-9:
+            return True
+    return False
+
+
+def eigenvalues(
+    plant: RigidArm | ElasticArm,
+    law: Law,
+    force: Array | None,
+    load: Callable[[Array, Array], Array] | None,
+    q: Array,
+    theta: Array | None,
+    columns: int = 6,
+) -> Analytic:
+    """Of the closed loop linearised at rest, sorted by real part."""
+    loop = ClosedLoop(plant, law, None if force is None else lambda t: force, load)
+    still = np.zeros(plant.arm.n)
+    rest = np.concatenate([q, still] if theta is None else [q, still, theta, still])
+
+    def field(x: Array) -> Array:
+        return loop(0.0, loop.initial(x))[: rest.size]
+
+    values = np.linalg.eigvals(slope(field, rest, columns=columns))
+    return np.asarray(values[np.argsort(values.real)])
