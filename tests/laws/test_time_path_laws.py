@@ -96,7 +96,7 @@ def problem(stratum: str, rng: np.random.Generator) -> tuple[Any, Any, np.ndarra
     if stratum == "reversed":
         q = np.concatenate([q, q[-2::-1]])
     keep = np.concatenate([[True], np.any(np.diff(q, axis=0) != 0.0, axis=1)])
-    spline = timing.natural_spline(timing.positions(q[keep]), q[keep])
+    spline = timing.cubic_spline(timing.positions(q[keep]), q[keep])
     span = 10.0 ** rng.uniform(-3.0, 8.0, n) if stratum == "limits" else rng.uniform(1.0, 30.0, n)
     limits: dict[str, Any] = {"tau_max": static(checker, spline) * 1.05 + span}
     if rng.random() < 0.5 and stratum != "start on a limit":
@@ -123,7 +123,7 @@ def test_random_paths(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
         p = al.time_path(arm, q, **limits)
         assert p.feasible, (stratum, case, p.reason)
         keep = np.concatenate([[True], np.any(np.diff(q, axis=0) != 0.0, axis=1)])
-        spline = timing.natural_spline(timing.positions(q[keep]), q[keep])
+        spline = timing.cubic_spline(timing.positions(q[keep]), q[keep])
         judge(checker, p, spline, limits, rng)
         worst = min(worst, p.margin)
     with capsys.disabled():
@@ -137,7 +137,7 @@ def test_end_on_the_limit_of_speed_on_a_kept_grid(points: int) -> None:
     arm, checker = LIGHT[1]
     for _ in range(5):
         q = rng.uniform(-1.5, 1.5, (3, 2))
-        spline = timing.natural_spline(timing.positions(q), q)
+        spline = timing.cubic_spline(timing.positions(q), q)
         v_max = rng.uniform(0.5, 5.0, 2)
         limits = {"tau_max": 1e6, "v_max": v_max, "end_speed": float(np.min(v_max / np.abs(spline(np.array([1.0]))[1][0])))}
         p = al.time_path(arm, q, grid=points, refine=False, **limits)
@@ -177,7 +177,7 @@ def test_start_on_a_limit() -> None:
         limits = {"tau_max": np.array([[-200.0, held], [-50.0, 50.0]])}
         p = al.time_path(arm, q, **limits)
         assert p.feasible, p.reason
-        judge(checker, p, timing.natural_spline([0.0, 1.0], q), limits, rng)
+        judge(checker, p, timing.cubic_spline([0.0, 1.0], q), limits, rng)
     slide = [{"type": "P", "axis": (0, 0, 1), "phi": [2.0] + [0.0] * 9}, {"type": "P", "axis": (1, 0, 0), "phi": [1.0] + [0.0] * 9}]
     arm, checker = al.Arm.from_chain(slide), ref.Arm.from_chain(slide)
     p = al.time_path(arm, [[0.0, 0.0], [0.0, 1.0]], tau_max=[3.0 * 9.81, 4.0])
@@ -191,7 +191,7 @@ def test_friction() -> None:
     for arm, checker in HEAVY[1:4]:
         for _ in range(max(1, CASES // 8)):
             q = rng.uniform(-1.0, 1.0, (4, arm.n))
-            spline = timing.natural_spline(timing.positions(q), q)
+            spline = timing.cubic_spline(timing.positions(q), q)
             limits = {"tau_max": static(checker, spline) * 1.1 + 5.0}
             viscous = rng.uniform(0.02, 0.1, arm.n)
             p, free = al.time_path(arm, q, friction=viscous, **limits), al.time_path(arm, q, **limits)

@@ -21,7 +21,7 @@ SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
 def problem(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Waypoints, and torques that hold the arm all along with something to spare."""
     q = rng.uniform(-1.5, 1.5, (rng.integers(2, 5), 2))
-    path = timing.natural_spline(timing.positions(q), q)
+    path = timing.cubic_spline(timing.positions(q), q)
     held = np.abs(CHECKER.gravity(path(np.linspace(0.0, 1.0, 400))[0])).max(axis=0)
     return q, held * 1.05 + 10.0 ** rng.uniform(-0.5, 1.5, 2)
 

@@ -21,9 +21,11 @@ from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import diagnose_priority, solve_priority
 from .profiles import bang_bang_time, minimum_jerk_time, trapezoid_time
 from .rest import Equilibrium, equilibrium
+from .rest_to_rest import point_to_point
 from .sampling import Sampling, TorqueSensor
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
+from .time_path import Timing, time_path
 from .velocity import PriorityVelocity, Task, VelocityArm
 
 __all__ = [
@@ -53,6 +55,7 @@ __all__ = [
     "Sampling",
     "Sinusoid",
     "Task",
+    "Timing",
     "TorqueSensor",
     "VelocityArm",
     "Wall",
@@ -72,11 +75,13 @@ __all__ = [
     "pendulum",
     "planar_arm",
     "planar_pr",
+    "point_to_point",
     "project_parameters",
     "simulate",
     "smallest_reduced_inertia",
     "solve_priority",
     "stiffness_limit",
+    "time_path",
     "torque_optimal_time",
     "trapezoid_time",
 ]

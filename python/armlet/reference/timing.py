@@ -1,7 +1,8 @@
 """What a timing of a path must obey, checked from samples of the motion; knows nothing of how it was planned.
 
     tau = d/dt dL/dv - dL/dq from the energies (see `lagrange`), against tau_min <= tau <= tau_max, |v| <= v_max, |a| <= a_max
-    natural spline by its second derivatives:  h_k M_(k-1) + 2 (h_(k-1) + h_k) M_k + h_k M_(k+1) = 6 (D_k/h_k - D_(k-1)/h_(k-1))
+    spline by its second derivatives:  h_(k-1) M_(k-1) + 2 (h_(k-1) + h_k) M_k + h_k M_(k+1) = 6 (D_k/h_k - D_(k-1)/h_(k-1))
+    ends: natural M_0 = 0;  clamped 2 h_0 M_0 + h_0 M_1 = 6 D_0/h_0;  not-a-knot h_1 M_0 - (h_0 + h_1) M_1 + h_0 M_2 = 0
 
 The planner solves for slopes and runs Newton-Euler recursions.
 """
@@ -16,8 +17,8 @@ from .lagrange import Array, Mechanism
 EPS = float(np.finfo(np.float64).eps)
 
 
-def natural_spline(s: ArrayLike, q: ArrayLike) -> Callable[[Array], tuple[Array, Array, Array]]:
-    """q, q', q'' of the natural cubic spline through the rows of q (K, n) at s (K,)."""
+def cubic_spline(s: ArrayLike, q: ArrayLike, ends: str = "natural") -> Callable[[Array], tuple[Array, Array, Array]]:
+    """q, q', q'' of the cubic spline through the rows of q (K, n) at s (K,); ends "natural", "clamped" or "not-a-knot"."""
     s, q = np.asarray(s, dtype=np.float64), np.asarray(q, dtype=np.float64)
     h, steps = np.diff(s), np.diff(q, axis=0)
     K = s.size
@@ -25,6 +26,12 @@ def natural_spline(s: ArrayLike, q: ArrayLike) -> Callable[[Array], tuple[Array,
     for k in range(1, K - 1):
         lhs[k, k - 1 : k + 2] = h[k - 1], 2 * (h[k - 1] + h[k]), h[k]
         rhs[k] = 6 * (steps[k] / h[k] - steps[k - 1] / h[k - 1])
+    if ends == "clamped":
+        for row, near, far, sign in ((0, 0, 1, 1.0), (K - 1, K - 1, K - 2, -1.0)):
+            step = h[min(row, K - 2)]
+            lhs[row, near], lhs[row, far], rhs[row] = 2 * step, step, sign * 6 * steps[min(row, K - 2)] / step
+    elif ends == "not-a-knot":
+        lhs[0, :3], lhs[-1, -3:] = (h[1], -h[0] - h[1], h[0]), (h[-1], -h[-2] - h[-1], h[-2])
     M = np.linalg.solve(lhs, rhs)
 
     def at(x: Array) -> tuple[Array, Array, Array]:

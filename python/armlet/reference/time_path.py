@@ -1,0 +1,192 @@
+"""The fastest timing of a path, as one convex problem solved by an interior-point method.
+
+    b_k = (ds/dt)^2 at s_k;   on a segment of length h:  u = (b_(k+1) - b_k)/(2 h),  m = (b_k + b_(k+1))/2
+    minimise  T = sum 2 h / (b_k^1/2 + b_(k+1)^1/2)
+    subject to, in the middle of each segment,   tau = A u + B m + g + d q' m^1/2 + c sign(q') within tau_max
+                                                 a = q' u + q'' m within a_max,      and at each s_k  |q'| b_k^1/2 <= v_max
+    A = M q',  B = M q'' + C(q, q') q'
+    by Newton's method on  T/mu - sum log(distance to each limit),  mu falling to zero         (Verscheure et al. 2009)
+
+The planner of the core sweeps the grid forwards and backwards. Stops cut the path into parts that are timed alone. The start of the
+search holds still, so a path along which the arm cannot hold itself is refused, even where a faster motion could pass.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .lagrange import Array, Mechanism
+from .timing import cubic_spline, positions
+
+Path = Callable[[Array], tuple[Array, Array, Array]]
+
+
+class Timing(NamedTuple):
+    """Duration, path positions and path speeds ds/dt at them; NaN and empty if no timing was found."""
+
+    duration: float
+    s: Array
+    s_dot: Array
+
+
+class Rows(NamedTuple):
+    """Two-sided limits of one part: low <= A u + B m + g + d m^1/2 <= high, (segments, rows) each, and b <= top at the nodes."""
+
+    A: Array
+    B: Array
+    g: Array
+    d: Array
+    low: Array
+    high: Array
+    top: Array
+    h: Array
+
+
+def two_sided(limit: ArrayLike | None, n: int) -> tuple[Array, Array]:
+    """Lower and upper limits (n,) from None, a scalar, (n,), or (n, 2)."""
+    values = np.asarray(np.inf if limit is None else limit, dtype=np.float64)
+    if values.ndim == 2:
+        return values[:, 0], values[:, 1]
+    high = np.broadcast_to(values, (n,))
+    return -high, high
+
+
+def path_of(path: Any, knots: ArrayLike | None, spline: str | None, samples: int) -> tuple[Path, Array]:
+    """q, q', q'' at path positions, and the positions between which they are smooth."""
+    if callable(path):
+        ends = np.array([0.0, 1.0])
+        if isinstance(path(0.0), tuple):
+            return lambda s: tuple(np.array([np.asarray(path(float(x))[k]) for x in s]) for k in range(3)), ends  # type: ignore[return-value]
+        places = np.linspace(0.0, 1.0, samples)
+        return cubic_spline(places, np.array([path(float(x)) for x in places]), spline or "not-a-knot"), ends
+    s = positions(path) if knots is None else np.asarray(knots, dtype=np.float64)
+    return cubic_spline(s, path, spline or "natural"), s
+
+
+def time_path(
+    arm: Mechanism,
+    path: Any,
+    *,
+    tau_max: ArrayLike | None = None,
+    v_max: ArrayLike | None = None,
+    a_max: ArrayLike | None = None,
+    knots: ArrayLike | None = None,
+    spline: str | None = None,
+    stops: Sequence[int] = (),
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
+    friction: bool | ArrayLike = False,
+    grid: int = 301,
+    samples: int = 201,
+) -> Timing:
+    """Waypoints (K, n) joined by a cubic spline, or a callable on [0, 1]: q(s), or q, q', q''; arguments as those of `armlet.time_path`."""
+    at, smooth = path_of(path, knots, spline, samples)
+    damping, coulomb = (arm.damping, arm.friction) if friction is True else (np.zeros(arm.n) if friction is False else friction, 0.0)
+    parts = []
+    cuts = [0, *sorted(stops), smooth.size - 1]
+    for first, last in itertools.pairwise(cuts):
+        inside = smooth[first : last + 1]
+        counts = np.maximum(8, np.ceil(grid * np.diff(inside) / (smooth[-1] - smooth[0]))).astype(int)
+        s = np.concatenate([[inside[0]], *(np.linspace(a, b, k + 1)[1:] for a, b, k in zip(inside[:-1], inside[1:], counts, strict=True))])
+        ends = (start_speed if first == 0 else 0.0, end_speed if last == smooth.size - 1 else 0.0)
+        b = _fastest(_rows(arm, at, s, tau_max, v_max, a_max, np.asarray(damping), np.asarray(coulomb)), ends)
+        if b is None:
+            return Timing(np.nan, np.zeros(0), np.zeros(0))
+        parts.append((s, np.sqrt(b)))
+    duration = sum(float((2.0 * np.diff(s) / (r[:-1] + r[1:])).sum()) for s, r in parts)
+    return Timing(duration, np.concatenate([s for s, _ in parts]), np.concatenate([r for _, r in parts]))
+
+
+def _rows(arm: Mechanism, at: Path, s: Array, tau_max: Any, v_max: Any, a_max: Any, damping: Array, coulomb: Array) -> Rows:
+    h, n = np.diff(s), arm.n
+    q, dq, ddq = at(0.5 * (s[:-1] + s[1:]))
+    mass = arm.mass_matrix(q)
+    turning = np.einsum("kij,kj->ki", mass, ddq) + np.einsum("kij,kj->ki", arm.coriolis_matrix(q, dq), dq)
+    low, high = (np.concatenate(pair) for pair in zip(two_sided(tau_max, n), two_sided(a_max, n), strict=True))
+    used = np.isfinite(low) | np.isfinite(high)
+    A = np.concatenate([np.einsum("kij,kj->ki", mass, dq), dq], axis=1)
+    g = np.concatenate([arm.gravity(q) + coulomb * np.sign(dq), np.zeros_like(dq)], axis=1)
+    B, d = np.concatenate([turning, ddq], axis=1), np.concatenate([damping * dq, np.zeros_like(dq)], axis=1)
+    slow = np.full(s.size, np.inf)
+    if v_max is not None:
+        with np.errstate(divide="ignore"):
+            slow = np.square(two_sided(v_max, n)[1] / np.abs(at(s)[1])).min(axis=1)
+    return Rows(A[:, used], B[:, used], g[:, used], d[:, used], low[used], high[used], slow, h)
+
+
+def _fastest(rows: Rows, ends: tuple[float, float]) -> Array | None:
+    """b at the nodes; None if holding still is outside a limit."""
+    nodes = rows.h.size + 1
+    line = np.linspace(ends[0] ** 2, ends[1] ** 2, nodes)
+    b: Array = line
+    # Slower and slower, until the start of the search is inside every limit.
+    for scale in 10.0 ** -np.arange(0.0, 14.0):
+        b = line + scale * np.minimum(1.0, np.where(np.isfinite(rows.top), rows.top, 1.0)).min() * np.sin(np.linspace(0, np.pi, nodes)) ** 2
+        b[0], b[-1] = line[0], line[-1]
+        if _barrier(rows, b, 1.0) < np.inf:
+            break
+    else:
+        return None
+    mu = 10.0
+    while mu > 1e-9:
+        mu *= 0.2
+        for _ in range(60):
+            step, gain = _newton(rows, b, mu)
+            size, before = 1.0, _barrier(rows, b, mu)
+            while size > 1e-10 and not _barrier(rows, b + size * step, mu) < before:
+                size *= 0.5
+            b = b + (size if size > 1e-10 else 0.0) * step
+            if gain < 1e-8 or size <= 1e-10:
+                break
+    return b
+
+
+def _distances(rows: Rows, b: Array) -> tuple[Array, Array, Array]:
+    """To the lower and upper limits (segments, rows), and to the highest b of each node."""
+    u, m = np.diff(b) / (2.0 * rows.h), 0.5 * (b[:-1] + b[1:])
+    value = rows.A * u[:, None] + rows.B * m[:, None] + rows.g + rows.d * np.sqrt(np.maximum(m, 0.0))[:, None]
+    return value - rows.low, rows.high - value, rows.top - b
+
+
+def _barrier(rows: Rows, b: Array, mu: float) -> float:
+    inner = b[1:-1]
+    found = [inner, *_distances(rows, b)[:2], _distances(rows, b)[2][1:-1]]
+    if min(float(part.min(initial=np.inf)) for part in found) <= 0.0:
+        return float("inf")
+    r = np.sqrt(b)
+    logs = sum(float(np.log(part[np.isfinite(part)]).sum()) for part in found)
+    return float((2.0 * rows.h / (r[:-1] + r[1:])).sum()) / mu - logs
+
+
+def _newton(rows: Rows, b: Array, mu: float) -> tuple[Array, float]:
+    """The step of b, zero at the ends, and the decrease that it promises; the curvature of friction is left out."""
+    h, r = rows.h, np.sqrt(b)
+    total = r[:-1] + r[1:]
+    m = 0.5 * (b[:-1] + b[1:])
+    gradient, H = np.zeros(b.size), np.zeros((b.size, b.size))
+    k = np.arange(h.size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for near, p in ((k, r[:-1]), (k + 1, r[1:])):
+            np.add.at(gradient, near, -h / (total**2 * p) / mu)
+            np.add.at(H, (near, near), (h / (2.0 * total**2 * p**3) + h / (total**3 * p**2)) / mu)
+        across = h / (total**3 * r[:-1] * r[1:]) / mu
+        # Each limit moves with the two nodes of its segment.
+        slope = 0.5 * rows.B + 0.25 * rows.d / np.sqrt(m)[:, None]
+        pair = slope - rows.A / (2.0 * h)[:, None], slope + rows.A / (2.0 * h)[:, None]
+        below, above, top = _distances(rows, b)
+        push, bend = 1.0 / above - 1.0 / below, 1.0 / above**2 + 1.0 / below**2
+    for x, near in zip(pair, (k, k + 1), strict=True):
+        np.add.at(gradient, near, (push * x).sum(axis=1))
+        np.add.at(H, (near, near), (bend * x * x).sum(axis=1))
+    across = across + (bend * pair[0] * pair[1]).sum(axis=1)
+    H[k, k + 1] += across
+    H[k + 1, k] += across
+    inner = slice(1, -1)
+    gradient[inner] += 1.0 / top[inner] - 1.0 / b[inner]
+    H[np.arange(b.size), np.arange(b.size)] += np.concatenate([[0.0], 1.0 / top[inner] ** 2 + 1.0 / b[inner] ** 2, [0.0]])
+    step = np.zeros_like(b)
+    step[inner] = np.linalg.solve(H[inner, inner], -gradient[inner])
+    return step, float(-gradient[inner] @ step[inner])

@@ -1,0 +1,121 @@
+"""Timings of paths against a planner of another kind, and motions from rest to rest against closed times.
+
+The core sweeps a grid of path positions forwards and backwards; the reference solves one convex problem on a grid of its own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import reference
+from armlet.reference import timing
+
+WAYPOINTS = np.array([[0.0, 0.0], [0.5, 0.8], [1.2, 0.3], [1.0, -0.5], [0.2, -0.2]])
+LIMITS: dict[str, Any] = {"tau_max": [20.0, 8.0]}
+
+
+def durations(path: Any, points: int = 121, **options: Any) -> tuple[float, float]:
+    """Of the core and of the reference."""
+    arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
+    if options.get("friction") is True:
+        drives = {"damping": [0.8, 0.3], "friction": [0.4, 0.1]}
+        arms = arms[0].with_drives(**drives), arms[1].with_drives(**drives)
+    p = al.time_path(arms[0], path, **options)
+    assert p.feasible
+    own = {name: value for name, value in options.items() if name not in ("grid", "refine")}
+    return p.duration, reference.time_path(arms[1], path, grid=points, **own).duration
+
+
+@pytest.mark.parametrize(
+    ("options", "tolerance"),
+    [
+        ({}, 5e-4),
+        ({"tau_max": [[-15.0, 20.0], [-9.0, 7.0]], "v_max": 4.0}, 5e-4),
+        ({"v_max": [3.0, 2.0], "a_max": [15.0, 20.0]}, 5e-4),
+        ({"tau_max": None, "a_max": 5.0}, 5e-4),
+        ({"stops": [1, 3]}, 5e-4),
+        ({"knots": [0.0, 0.2, 0.5, 0.8, 1.0]}, 5e-4),
+        # The limits have a corner where the path turns fast: the error falls with the step, 1e-3 at 241 points.
+        ({"spline": "not-a-knot"}, 2e-3),
+        # At rest with q' = 0 the path speed grows without bound there: a grid finds the time to its own step.
+        ({"spline": "clamped"}, 2e-2),
+        ({"start_speed": 0.3, "end_speed": 0.5}, 5e-4),
+        ({"grid": 401, "refine": False}, 2e-3),
+    ],
+    ids=str,
+)
+def test_time_path(options: dict[str, Any], tolerance: float) -> None:
+    """121 points of the reference lose or gain 3e-4 of the time; the core settles to 1e-4 of it."""
+    ours, theirs = durations(WAYPOINTS, 241 if options.get("spline") == "not-a-knot" else 121, **LIMITS | options)
+    assert ours == pytest.approx(theirs, rel=tolerance)
+    if options:
+        plain, _ = durations(WAYPOINTS, **LIMITS)
+        assert abs(ours / plain - 1.0) > 1e-9
+
+
+@pytest.mark.parametrize("friction", [True, [1.5, 0.5]], ids=["drives", "viscous"])
+def test_friction(friction: Any) -> None:
+    """Viscous friction bends the limits: the core follows tangents of them, and may be 3e-3 slower; never faster."""
+    ours, theirs = durations(WAYPOINTS, **LIMITS, friction=friction)
+    plain, _ = durations(WAYPOINTS, **LIMITS)
+    assert -5e-4 < ours / theirs - 1.0 < 3e-3
+    assert abs(ours / plain - 1.0) > 4e-3
+
+
+def swing(s: float) -> Any:
+    return np.array([np.sin(2.0 * s), 0.8 * s - s**3])
+
+
+def test_paths_that_are_functions() -> None:
+    """A function alone becomes the spline through its samples, in both; with its derivatives it is the path.
+
+    The path starts at its fastest, where the reference's 121 points lose 1e-3 of the time.
+    """
+
+    def whole(s: float) -> Any:
+        return swing(s), np.array([2.0 * np.cos(2.0 * s), 0.8 - 3.0 * s**2]), np.array([-4.0 * np.sin(2.0 * s), -6.0 * s])
+
+    for path, samples in ((swing, 201), (swing, 11), (whole, 201)):
+        ours, theirs = durations(path, **LIMITS, samples=samples)
+        assert ours == pytest.approx(theirs, rel=2e-3)
+
+
+def test_a_limited_rate_of_the_torque() -> None:
+    """The timing is inside its limits by the reference's torques, and slower than the fastest without that limit."""
+    arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
+    limits, rate = np.array([20.0, 8.0]), np.array([400.0, 200.0])
+    p = al.time_path(arms[0], WAYPOINTS, tau_max=limits, torque_rate=rate)
+    t = np.linspace(0.0, p.duration, 4001)
+    tau, _ = timing.torques(arms[1], *p(t))
+    assert timing.excess(tau, limits) <= 1e-9
+    # Differences over 1e-4 of the duration are means of the rate.
+    assert timing.excess(np.diff(tau, axis=0) / np.diff(t)[:, None], rate) <= 1e-6
+    assert p.duration > reference.time_path(arms[1], WAYPOINTS, tau_max=limits, grid=121).duration
+
+
+def test_what_the_arm_cannot_hold_is_refused() -> None:
+    arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
+    path = [[-np.pi / 2, 0.0], [np.pi / 4, 0.0]]
+    assert not al.time_path(arms[0], path, tau_max=[2.0, 8.0]).feasible
+    assert np.isnan(reference.time_path(arms[1], path, tau_max=[2.0, 8.0]).duration)
+
+
+def test_point_to_point() -> None:
+    """Ruckig's phases are known to 1e-8, and are slowed by what is left beyond a limit."""
+    rng = np.random.default_rng(3)
+    for n in (1, 2, 5, 8):
+        q0, q1 = rng.uniform(-2.0, 2.0, (2, n))
+        limits = 10.0 ** rng.uniform(-0.5, [[0.7], [1.2], [2.0]], (3, n))
+        p = al.point_to_point(q0, q1, *limits)
+        assert p.duration == pytest.approx(reference.point_to_point(q0, q1, *limits).max(), rel=1e-7)
+        t = np.linspace(0.0, p.duration, 2001)
+        q, v, a = p(t)
+        # The motion is continuous in a: its difference over a step is no more than the jerk allows.
+        jerk = np.abs(np.diff(a, axis=0)).max(axis=0) / t[1]
+        for used, limit in zip((np.abs(v).max(axis=0), np.abs(a).max(axis=0), jerk), limits, strict=True):
+            assert np.all(used <= limit * (1.0 + 1e-9))
+        np.testing.assert_allclose(q[[0, -1]], [q0, q1], rtol=0.0, atol=1e-12)
