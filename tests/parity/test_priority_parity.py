@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armlet as al
-from armlet.reference import priority as ref
+from armlet import reference as ref
 
 Stack = tuple[list[np.ndarray], list[np.ndarray]]
 
@@ -44,9 +44,8 @@ def test_velocities(method: str, singular: bool) -> None:
         mine, theirs = al.solve_priority(Js, vs, method=method), ref.solve_priority(Js, vs, method)
         size = 1.0 + np.linalg.norm(theirs.v)
         # Roundings of the entries over the singular values they are divided by. Where a clamped level inverts rounding noise over
-        # eps^2 (repeated rows) the two routes differ by eps_machine / 0.02^2 per level, multiplied level by level. The reference's
-        # damping takes singular values as roots of eigenvalues: a zero one reads 1e-8 |J|, and w = s / eps is 7e-7 instead of 0.
-        tolerance = 1e-13 / condition**2 if method == "exact" else 1e-5 if method == "damped" and singular else 1e-9
+        # eps^2 (repeated rows) the two routes differ by eps_machine / 0.02^2 per level, multiplied level by level.
+        tolerance = 1e-13 / condition**2 if method == "exact" else 1e-9
         assert np.linalg.norm(mine.v - theirs.v) <= tolerance * size, (Js, vs)
         for J, v, r in zip(Js, vs, mine.residuals, strict=True):
             np.testing.assert_allclose(r, v - J @ mine.v, rtol=0, atol=1e-13 * (np.abs(v).max() + np.linalg.norm(J) * size))
@@ -78,7 +77,81 @@ def test_weight_is_a_change_of_coordinates() -> None:
         root = rng.normal(size=(n, n)) + 3 * np.eye(n)
         weight = root @ root.T
         L = np.linalg.cholesky(weight)
-        plain = ref.solve_exact([np.linalg.solve(L, J.T).T for J in Js], vs)
+        plain = ref.solve_priority([np.linalg.solve(L, J.T).T for J in Js], vs, "exact")
         v = al.solve_priority(Js, vs, method="exact", weight=weight).v
         # The weights' condition (some 1e3) times rounding.
         np.testing.assert_allclose(v, np.linalg.solve(L.T, plain.v), rtol=0, atol=1e-11 * (1 + np.abs(v).max()))
+
+
+def test_thresholds() -> None:
+    """One threshold for all levels, or one for each."""
+    rng = np.random.default_rng(3)
+    for _ in range(150):
+        Js, vs = random_stack(rng, False)
+        sizes = [np.linalg.norm(J, 2) for J in Js]
+        for eps in (0.3 * min(sizes), [0.1 * size for size in sizes]):
+            # A level multiplies rounding by its size over the threshold, squared.
+            worst = max((size / np.min(eps)) ** 2 if np.ndim(eps) == 0 else 1e4 for size in sizes)
+            for method in ("clamp", "damped", "chiaverini"):
+                mine, theirs = al.solve_priority(Js, vs, method=method, eps=eps), ref.solve_priority(Js, vs, method, eps)
+                assert np.linalg.norm(mine.v - theirs.v) <= 1e-15 * max(worst, 1e4) * (1.0 + np.linalg.norm(theirs.v))
+
+
+def test_errors_of_the_entries() -> None:
+    """A row that repeats another one but for a part of 1e-6 counts where the entries are known to 1e-9, and not where to 1e-3."""
+    rng = np.random.default_rng(8)
+    for _ in range(50):
+        Js, vs = [rng.normal(size=(2, 7)), rng.normal(size=(3, 7))], [rng.normal(size=2), rng.normal(size=3)]
+        Js[1][0] = Js[0][0] + 1e-6 * rng.normal(size=7)
+        for rounding, rank in ((1e-9, 3), (1e-3, 2)):
+            mine, theirs = al.diagnose_priority(Js, rounding=rounding), ref.diagnose_priority(Js, rounding=rounding)
+            assert mine.projected_ranks == theirs.projected_ranks == [2, rank] and mine.kind == theirs.kind
+            got, want = al.solve_priority(Js, vs, method="exact", rounding=rounding), ref.solve_priority(Js, vs, "exact", rounding=rounding)
+            assert list(got.ranks) == want.ranks == [2, rank]
+            # Rounding over the least singular value that counts: 1e-6 or about one.
+            assert np.linalg.norm(got.v - want.v) <= (1e-8 if rank == 3 else 1e-11) * (1.0 + np.linalg.norm(want.v))
+
+
+@pytest.mark.parametrize("singular", [False, True], ids=["full", "singular"])
+def test_losses_of_a_command(singular: bool) -> None:
+    """What is lost at each level, of a random command and of one that some motion of the joints makes."""
+    rng = np.random.default_rng(5)
+    compared, executed = 0, 0
+    for _ in range(200):
+        Js, vs = random_stack(rng, singular)
+        if smallest_counted(Js) < 1e-4:
+            continue
+        motion = rng.normal(size=Js[0].shape[1])
+        for rhs in (vs, [J @ motion for J in Js]):
+            mine, theirs = al.diagnose_priority(Js, rhs=rhs), ref.diagnose_priority(Js, rhs=rhs)
+            assert mine.losses is not None and theirs.losses is not None
+            assert mine.compatible == theirs.compatible
+            assert (mine.kinematic, mine.algorithmic) == (theirs.kinematic, theirs.algorithmic)
+            for level, J in enumerate(Js):
+                size = np.linalg.norm(J, 2)
+                scale = 1.0 + size * np.linalg.norm(motion) + sum(np.linalg.norm(v) for v in rhs)
+                for name in ("singular_values", "projected_singular_values"):
+                    got, want = getattr(mine, name)[level], getattr(theirs, name)[level]
+                    np.testing.assert_allclose(got[: len(want)], want, rtol=0, atol=1e-11 * size)
+                # Both project by bases of the rows above, whose least singular value is 1e-4 of the largest.
+                np.testing.assert_allclose(mine.lost[level].T @ mine.lost[level], theirs.lost[level], rtol=0, atol=1e-10)
+                np.testing.assert_allclose(mine.losses[level], theirs.losses[level], rtol=0, atol=1e-8 * scale)
+            compared, executed = compared + 1, executed + bool(mine.compatible)
+    assert compared >= 200 and executed >= compared // 2
+
+
+@pytest.mark.parametrize("method", ["exact", "clamp", "damped", "chiaverini"])
+def test_solvers_with_buffers(method: str) -> None:
+    """`PrioritySolver` with its options; the same rows again and again."""
+    rng = np.random.default_rng(6)
+    root = rng.normal(size=(6, 6)) + 3 * np.eye(6)
+    for options in ({}, {"weight": root @ root.T}, {"rounding": 1e-10}, {"eps": [0.1, 0.3]}):
+        if method == "exact" and "eps" in options:
+            continue
+        solver = al.PrioritySolver(6, [2, 3], method=method, **options)
+        for _ in range(20):
+            Js, vs = [rng.normal(size=(2, 6)), rng.normal(size=(3, 6))], [rng.normal(size=2), rng.normal(size=3)]
+            want = ref.solve_priority(Js, vs, method, **options)
+            np.testing.assert_allclose(solver.solve(Js, vs), want.v, rtol=0, atol=1e-10 * (1.0 + np.linalg.norm(want.v)))
+            for mine, theirs in zip(solver.residuals, want.residuals, strict=True):
+                np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-10 * (1.0 + np.linalg.norm(want.v)))

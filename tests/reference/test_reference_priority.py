@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armlet import reference as ref
-from armlet.reference import priority
+from armlet.reference import diagnosis
 
 CASES = json.loads((Path(__file__).parents[1] / "vectors" / "oracle_ex2_taskpriority_public.json").read_text())["cases"]
 POINTS = [case for case in CASES if case.get("kind") != "path"]
@@ -55,11 +55,11 @@ def test_points(case: dict[str, Any]) -> None:
     if expected["primary_must_be_exact"]:
         assert np.abs(clamped.residuals[0]).max() <= tolerance["primary_abs"]
 
-    name, ranks = priority.macro_micro_class(q, given["angle_tol"])
+    name, ranks = diagnosis.macro_micro_class(q, given["angle_tol"])
     assert name == expected["class_by_angle"]
     assert dict(zip(("J1", "J2", "JE", "J2P1"), ranks, strict=True)) == expected["ranks_class"]
     at = snapped(q, given["angle_tol"])
-    seen = ref.diagnose_priority(jacobians(at, L), rounding(at))
+    seen = ref.diagnose_priority(jacobians(at, L), rounding=rounding(at))
     assert (*seen.ranks, seen.stacked_rank, seen.projected_ranks[1]) == ranks
     assert seen.kind == KINDS[name]
 
@@ -120,8 +120,8 @@ def test_all_sign_patterns(multiples: tuple[int, int, int]) -> None:
     """0: a free angle; 1: stretched; -1: folded. All must give the table's ranks."""
     free = (0.7, -1.3, 2.1)
     q = np.array([0.4, *(f if m == 0 else (0.0 if m == 1 else np.pi) for f, m in zip(free, multiples, strict=True))])
-    name, ranks = priority.macro_micro_class(q)
-    seen = ref.diagnose_priority(jacobians(q, 0.37), rounding(q))
+    name, ranks = diagnosis.macro_micro_class(q)
+    seen = ref.diagnose_priority(jacobians(q, 0.37), rounding=rounding(q))
     assert (*seen.ranks, seen.stacked_rank, seen.projected_ranks[1]) == ranks and seen.kind == KINDS[name]
 
 

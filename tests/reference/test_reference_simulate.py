@@ -150,4 +150,4 @@ def test_misuse() -> None:
     with pytest.raises(ValueError, match="no frame"):
         ref.simulate(ref.RigidArm(arm), law, [0.0, 0.0], t_end=1.0, dt=0.1, force=[1.0, 0.0])
     with pytest.raises(ValueError, match="motion or target"):
-        ref.Task("link1", "xy")
+        ref.PriorityVelocity(ref.planar_arm([1.0]), [ref.Task("link1", "xy")])

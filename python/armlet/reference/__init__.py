@@ -7,54 +7,72 @@ instead of Runge-Kutta pairs, sampling and event simulation instead of closed fo
 from . import integrate
 from .arm import Arm, planar_arm
 from .contact import JointStops, Wall
+from .diagnosis import diagnose_priority
+from .edit import from_dh, locked, with_frame, with_payload
 from .elastic import ElasticLimits, damping_from_ratio, elastic_limits, smallest_reduced_inertia, stiffness_limit
 from .events import Event
 from .identification import BaseParameters, Identification, base_parameters, identify
-from .impedance import CartesianImpedance, ElasticImpedance
+from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, JointImpedance
 from .inertia import ParameterReport, check_parameters, project_parameters
 from .lagrange import Mechanism
 from .law import Adaptive, ComputedTorque, Law, PDGravity
 from .mintime import torque_optimal_time
-from .motion import BangBang, Hold, Quintic, Sinusoid
+from .motion import BangBang, Hold, Quintic, Sinusoid, Table
 from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
-from .priority import diagnose_priority, solve_priority
+from .priority import solve_priority
 from .profiles import bang_bang_time, minimum_jerk_time, trapezoid_time
+from .regulation import MotorPD, StateFeedback
 from .rest import Equilibrium, equilibrium
 from .rest_to_rest import point_to_point
 from .sampling import Sampling, TorqueSensor
+from .saturation import velocity_bounds
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
+from .tasks import AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task
 from .time_path import Timing, time_path
-from .velocity import PriorityVelocity, Task, VelocityArm
+from .timed_path import TimedPath
+from .velocity import PriorityAcceleration, PriorityVelocity, VelocityArm
 
 __all__ = [
     "Adaptive",
     "Arm",
+    "AxisTask",
     "BangBang",
     "BaseParameters",
     "CartesianImpedance",
+    "CentreOfMassTask",
     "ComputedTorque",
     "ElasticArm",
     "ElasticImpedance",
     "ElasticLimits",
+    "ElasticTracking",
     "Equilibrium",
     "Event",
     "Hold",
     "Identification",
+    "JointImpedance",
+    "JointLimitTask",
     "JointStops",
     "Law",
     "Mechanism",
+    "MotorPD",
     "PDGravity",
     "ParameterReport",
     "Pendulum",
     "PlanarPR",
+    "PostureTask",
+    "PriorityAcceleration",
     "PriorityVelocity",
     "Quintic",
+    "RelativeTask",
     "RigidArm",
     "Sampling",
     "Sinusoid",
+    "StateFeedback",
+    "Table",
     "Task",
+    "TimedPath",
     "Timing",
     "TorqueSensor",
     "VelocityArm",
@@ -67,10 +85,12 @@ __all__ = [
     "elastic_limits",
     "equilibrium",
     "forward_dynamics_derivatives",
+    "from_dh",
     "identify",
     "integrate",
     "inverse_dynamics_derivatives",
     "linearize",
+    "locked",
     "minimum_jerk_time",
     "pendulum",
     "planar_arm",
@@ -84,4 +104,7 @@ __all__ = [
     "time_path",
     "torque_optimal_time",
     "trapezoid_time",
+    "velocity_bounds",
+    "with_frame",
+    "with_payload",
 ]

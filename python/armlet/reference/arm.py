@@ -224,7 +224,7 @@ def planar_arm(
     joints = []
     for k in range(L.size):
         phi = np.zeros(10)
-        phi[[0, 1, 9]] = m[k], m[k] * c[k], I[k] + m[k] * c[k] ** 2
+        phi[[0, 1]], phi[[6, 9]] = (m[k], m[k] * c[k]), I[k] + m[k] * c[k] ** 2  # a rod turns alike about y and z
         joints.append({"type": "R", "axis": (0, 0, 1), "xyz": (L[k - 1] if k else 0.0, 0.0, 0.0), "phi": phi})
     arm = Arm.from_chain(joints, gravity=(*np.asarray(gravity, dtype=np.float64), 0.0))
     for k in range(L.size):

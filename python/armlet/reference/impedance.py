@@ -1,11 +1,12 @@
-"""Cartesian impedance, for rigid arms and through elastic joints.
+"""Impedance, Cartesian or of the joints, for rigid arms and through elastic joints.
 
-rigid    tau = J'[K_m (x_d - x) - D_m J v] + g(q)
-elastic  tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 w),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
+rigid    tau = J'[K_m (x_d - x) + D_m (x_d' - J v)] + g(q)
+elastic  u = that, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 w + tau_J = u,  tau_J = K_J (theta - q)
+         B theta_ddot + tau_J = tau: the motor of inertia B that moves as one of B0 would
          w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
 D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
 E  = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
-P  = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u
+P  = F.x_dot - theta_dot'D0 w + x_dot.D_m (x_d' - x_dot) + x_d'.K_m e + (theta_dot - v).u
 """
 
 from typing import Any
@@ -14,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arm import Arm
-from .lagrange import Array, solve
-from .law import Law, Terms, gain
+from .lagrange import Array, Mechanism, solve
+from .law import Law, PDGravity, Terms, gain
+from .motion import Hold, Motion
 from .task import Coordinates
 
 
@@ -40,6 +42,7 @@ class CartesianImpedance(Law):
 
     def __init__(self, arm: Arm, target: ArrayLike, stiffness: ArrayLike, damping: ArrayLike, *, frame: str, axes: str = "xyz") -> None:
         self.arm = arm
+        self.motion: Motion = Hold(target)
         self.coordinates = Coordinates(arm, target, frame, axes)
         rows = len(self.coordinates.rows)
         self.stiffness, self.damping = gain(stiffness, rows), gain(damping, rows)
@@ -48,12 +51,44 @@ class CartesianImpedance(Law):
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        e, J = self.coordinates.error(q), self.coordinates.jacobian(q)
-        u = J.T @ (self.stiffness @ e - self.damping @ (J @ v)) + self.arm.gravity(q)
-        return {"tau": u, "state_rate": np.zeros(0), "u": u, "e": e, "J": J, "x_dot": J @ v}
+        x_d, rate, _ = self.motion(t)
+        e, J = self.coordinates.error(q, x_d), self.coordinates.jacobian(q)
+        u = J.T @ (self.stiffness @ e + self.damping @ (rate - J @ v)) + self.arm.gravity(q)
+        return {"tau": u, "state_rate": np.zeros(0), "u": u, "e": e, "J": J, "x_d": x_d, "x_dot": J @ v, "rate": rate}
 
 
-class ElasticImpedance(CartesianImpedance):
+class Reduction:
+    """The inner loop: motors of inertia B answer like B0; None for `motor_damping`: by the damping ratio."""
+
+    def __init__(
+        self,
+        n: int,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        motor_damping: ArrayLike | None,
+        damping_ratio: float,
+        relative_damping: bool,
+    ) -> None:
+        self.joint_stiffness = gain(joint_stiffness, n)
+        self.motor_inertia, self.reduced_inertia = gain(motor_inertia, n), gain(reduced_inertia, n)
+        self.motor_damping = (
+            ratio_damping(self.reduced_inertia, self.joint_stiffness, damping_ratio) if motor_damping is None else gain(motor_damping, n)
+        )
+        self.relative_damping = relative_damping
+
+    def reduce(self, u: Array, q: Array, v: Array, theta: Array | None, theta_dot: Array | None) -> Terms:
+        """The motor torque that makes the motors answer `u`."""
+        if theta is None or theta_dot is None:
+            raise ValueError("ElasticImpedance: theta and theta_dot are missing: the law belongs to an elastic arm")
+        spring = self.joint_stiffness @ (theta - q)
+        w = theta_dot - v if self.relative_damping else theta_dot
+        # tau = spring + B theta_ddot with theta_ddot taken from the reduced motor (6).
+        reduced = solve(self.reduced_inertia, u - self.motor_damping @ w - spring)
+        return {"tau": spring + self.motor_inertia @ reduced, "tau_J": spring, "w": w, "u": u}
+
+
+class ElasticImpedance(CartesianImpedance, Reduction):
     """Motor-inertia reduction inside, impedance outside."""
 
     def __init__(
@@ -72,27 +107,15 @@ class ElasticImpedance(CartesianImpedance):
         damping_ratio: float = 1.0,
         relative_damping: bool = False,
     ) -> None:
-        super().__init__(arm, target, stiffness, damping, frame=frame, axes=axes)
-        self.joint_stiffness = gain(joint_stiffness, arm.n)
-        self.motor_inertia, self.reduced_inertia = gain(motor_inertia, arm.n), gain(reduced_inertia, arm.n)
-        self.motor_damping = (
-            ratio_damping(self.reduced_inertia, self.joint_stiffness, damping_ratio)
-            if motor_damping is None
-            else gain(motor_damping, arm.n)
-        )
-        self.relative_damping = relative_damping
+        CartesianImpedance.__init__(self, arm, target, stiffness, damping, frame=frame, axes=axes)
+        inner = (joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping)
+        Reduction.__init__(self, arm.n, *inner)
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        if theta is None or theta_dot is None:
-            raise ValueError("ElasticImpedance: theta and theta_dot are missing: the law belongs to an elastic arm")
         parts = super().terms(t, q, v)
-        spring = self.joint_stiffness @ (theta - q)
-        w = theta_dot - v if self.relative_damping else theta_dot
-        # tau = spring + B theta_ddot with theta_ddot taken from the reduced motor (6).
-        reduced = solve(self.reduced_inertia, parts["u"] - self.motor_damping @ w - spring)
-        return parts | {"tau": spring + self.motor_inertia @ reduced, "tau_J": spring, "w": w}
+        return parts | self.reduce(parts["u"], q, v, theta, theta_dot)
 
     def energy(self, plant: Any, x: Array, terms: Terms) -> float:
         """E above at the plant state x = (q, v, theta, theta_dot)."""
@@ -104,6 +127,43 @@ class ElasticImpedance(CartesianImpedance):
     def power(self, x: Array, terms: Terms, load: Array) -> float:
         """P above: the rate of E."""
         _, v, _, theta_dot = np.split(x, 4)
-        x_dot = terms["x_dot"]
-        lost = theta_dot @ self.motor_damping @ terms["w"] + x_dot @ self.damping @ x_dot
-        return float(load @ v - lost + (theta_dot - v) @ terms["u"])
+        x_dot, rate = terms["x_dot"], terms["rate"]
+        fed = x_dot @ self.damping @ (rate - x_dot) + rate @ self.stiffness @ terms["e"]
+        return float(load @ v - theta_dot @ self.motor_damping @ terms["w"] + fed + (theta_dot - v) @ terms["u"])
+
+
+class ElasticTracking(ElasticImpedance):
+    """The same about a moving target, a motion of one coordinate per row."""
+
+    def __init__(self, arm: Arm, target: Motion, stiffness: ArrayLike, damping: ArrayLike, *inner: ArrayLike, **keywords: Any) -> None:
+        super().__init__(arm, target(0.0)[0], stiffness, damping, *inner, **keywords)
+        self.motion, self.breaks = target, getattr(target, "breaks", ())
+
+
+class JointImpedance(Law, Reduction):
+    """Spring and damper of each joint outside, gravity compensated; motor-inertia reduction inside."""
+
+    def __init__(
+        self,
+        arm: Mechanism,
+        target: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        joint_stiffness: ArrayLike,
+        motor_inertia: ArrayLike,
+        reduced_inertia: ArrayLike,
+        *,
+        motor_damping: ArrayLike | None = None,
+        damping_ratio: float = 1.0,
+        relative_damping: bool = False,
+    ) -> None:
+        self.outer = PDGravity(arm, target, stiffness, damping)
+        inner = (joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping)
+        Reduction.__init__(self, arm.n, *inner)
+        self.arm, self.target, self.stiffness, self.damping = arm, self.outer.target, self.outer.kp, self.outer.kd
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        parts = self.outer.terms(t, q, v)
+        return parts | self.reduce(parts["tau"], q, v, theta, theta_dot)

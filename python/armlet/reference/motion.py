@@ -3,8 +3,10 @@
     Sinusoid:  q = offset + Im sum_k z_k,  z_k = amplitude_k exp(i (frequency_k t + phase_k));  d/dt multiplies z_k by i frequency_k
     Quintic:   q = q0 + (q1 - q0) p(x),  x = t/T,  p the quintic with p = 0, 1 and p' = p'' = 0 at the ends (solved, not quoted)
     BangBang:  q'' = +A before T/2, -A after,  integrated as polynomials piece by piece;  A = 4 (q1 - q0)/T^2
+    Table:     q, v, a given at knots; between two of them the Bezier curve of degree 5 that has them, with h = dt:
+               points q_k,  q_k + h v_k/5,  q_k + 2 h v_k/5 + h^2 a_k/20,  and back from the end;  derivatives from their differences
 
-All rest at q0 before t = 0 and at q1 from t = T on. Accelerations that jump are continuous from the right.
+Quintic and BangBang rest at q0 before t = 0 and at q1 from t = T on. Accelerations that jump are continuous from the right.
 """
 
 from collections.abc import Callable
@@ -99,3 +101,37 @@ class BangBang(_Piecewise):
         rise = Polynomial([4.0 / T**2]).integ(2)
         fall = 1.0 - rise(Polynomial([T, -1.0]))
         super().__init__(q0, q1, (0.0, T / 2, T), [rise, fall])
+
+
+class Table:
+    """q, v, a (K, n) at start + k dt; exact at the knots, held outside."""
+
+    breaks: tuple[float, ...] = ()
+
+    def __init__(self, dt: float, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, start: float = 0.0) -> None:
+        self.start, self.dt = start, float(dt)
+        self.q, self.v, self.a = (np.asarray(x, dtype=np.float64) for x in (q, v, a))
+
+    def __call__(self, t: float) -> Sample:
+        u, last = (t - self.start) / self.dt, len(self.q) - 1
+        k = int(np.clip(np.round(u), 0, last))
+        if abs(u - k) < 1e-9:
+            return self.q[k].copy(), self.v[k].copy(), self.a[k].copy()
+        if not 0.0 < u < last:
+            rest = np.zeros_like(self.q[0])
+            return self.q[0 if u < 0.0 else last].copy(), rest, rest.copy()
+        k, h = int(u), self.dt
+        points = []
+        for row, way in ((k, h), (k + 1, -h)):
+            second = self.q[row] + 2 * way * self.v[row] / 5 + way**2 * self.a[row] / 20
+            points.append([self.q[row], self.q[row] + way * self.v[row] / 5, second])
+        hull = np.array([*points[0], *points[1][::-1]])
+        rate = 5 * np.diff(hull, axis=0) / h
+        return _casteljau(hull, u - k), _casteljau(rate, u - k), _casteljau(4 * np.diff(rate, axis=0) / h, u - k)
+
+
+def _casteljau(points: Array, x: float) -> Array:
+    """The Bezier curve of these points at x in [0, 1]."""
+    while len(points) > 1:
+        points = (1.0 - x) * points[:-1] + x * points[1:]
+    return np.asarray(points[0])

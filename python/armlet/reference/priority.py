@@ -7,9 +7,10 @@
                 A+ = A' phi(A A'),  phi(mu) = 1/max(mu, eps^2) on the eigenvalues
     damped      the same with x += A_i' (A_i A_i' + lambda^2)^-1 (v_i - J_i x),  lambda = eps (1 - prod min(1, sigma/eps))
     chiaverini  x = sum_i N_i N_i' J_i+ v_i,  J_i+ clamped, N_i as in exact                                (Chiaverini 1997)
+    sns         x = N z within bounds, the largest scale of each level by fixing joints at their bounds: see `saturation`
+    weight      min v'Wv: the same maps for J W^-1/2, and v = W^-1/2 y
 
-Ranks count singular values of stacked rows above rounding * sigma_max, each block first divided by its own norm, because
-tasks have different units. No singular value of a projected Jacobian is ever compared with the projected Jacobian itself.
+Ranks are those of `diagnosis`.
 """
 
 from collections.abc import Sequence
@@ -18,80 +19,31 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .diagnosis import EPS, _above, _blocks, _null_basis, projected_ranks
 from .lagrange import Array
-
-EPS = float(np.finfo(np.float64).eps)
+from .saturation import solve_saturated
 
 
 class Solution(NamedTuple):
-    """v (n,), the residuals v_i - J_i v per level, and the ranks of the projected Jacobians."""
+    """v (n,), the residuals v_i - J_i v per level, the ranks of the projected Jacobians, and the scale of each level."""
 
     v: Array
     residuals: list[Array]
     ranks: list[int]
-
-
-class Diagnosis(NamedTuple):
-    """Ranks of each block, of the stack, of each block projected on the null space above; overlap; kind."""
-
-    ranks: list[int]
-    stacked_rank: int
-    projected_ranks: list[int]
-    overlap: int
-    kind: str
-
-
-def _blocks(jacobians: Sequence[ArrayLike]) -> list[Array]:
-    return [np.atleast_2d(np.asarray(J, dtype=np.float64)) for J in jacobians]
-
-
-def _unit(J: Array) -> Array:
-    """The block on its own scale; a zero block stays zero."""
-    size = np.linalg.norm(J)
-    return J / size if size > 0.0 else J
-
-
-def _rank(rows: Array, rounding: float) -> int:
-    if rows.size == 0:
-        return 0
-    sigma = np.linalg.svd(rows, compute_uv=False)
-    return int(np.count_nonzero(sigma > rounding * max(float(sigma[0]), np.finfo(np.float64).tiny)))
-
-
-def _null_basis(rows: Array, rank: int) -> Array:
-    """Orthonormal columns that span the null space of rows whose rank is known."""
-    n = rows.shape[1]
-    basis: Array = np.eye(n) if rows.size == 0 else np.linalg.svd(rows)[2][rank:].T
-    return basis
-
-
-def diagnose_priority(jacobians: Sequence[ArrayLike], rounding: float = 8 * EPS) -> Diagnosis:
-    """Ranks by the rule rank(stack) - rank(rows above); rounding is the relative error of the entries."""
-    blocks = _blocks(jacobians)
-    n = blocks[0].shape[1]
-    stack = [_rank(np.vstack([_unit(J) for J in blocks[: i + 1]]), rounding) for i in range(len(blocks))]
-    ranks = [_rank(J, rounding) for J in blocks]
-    overlap = sum(ranks) - stack[-1]
-    names = []
-    if stack[-1] < min(sum(ranks), n):
-        names.append("algorithmic")
-    if any(rank < J.shape[0] for rank, J in zip(ranks, blocks, strict=True)):
-        names.append("kinematic")
-    projected = [after - before for before, after in zip([0, *stack], stack, strict=False)]
-    return Diagnosis(ranks, stack[-1], projected, overlap, "+".join(names) or "regular")
+    scales: Array
 
 
 def solve_exact(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], rounding: float = 8 * EPS) -> Solution:
     """The exact hierarchy: lexicographic least squares, least norm at each level."""
     blocks, targets, _ = _problem(jacobians, velocities, 1.0)
-    ranks = diagnose_priority(blocks, rounding).projected_ranks
+    ranks = projected_ranks(blocks, rounding)
     x = np.zeros(blocks[0].shape[1])
     for level, (J, target) in enumerate(zip(blocks, targets, strict=True)):
         N = _null_basis(_above(blocks, level), sum(ranks[:level]))
         left, sigma, right = np.linalg.svd(J @ N, full_matrices=False)
         keep = slice(0, ranks[level])
         x = x + N @ (right[keep].T @ ((left[:, keep].T @ (target - J @ x)) / sigma[keep]))
-    return Solution(x, [v - J @ x for J, v in zip(blocks, targets, strict=True)], ranks)
+    return _solution(x, blocks, targets, ranks)
 
 
 def clamp_inverse(A: Array, eps: float) -> Array:
@@ -116,8 +68,8 @@ def default_eps(jacobians: Sequence[ArrayLike]) -> list[float]:
 
 def damped_inverse(A: Array, eps: float) -> Array:
     """A' (A A' + lambda^2)^-1 with damping that vanishes where every singular value is at least eps."""
-    mu = np.maximum(np.linalg.eigvalsh(A @ A.T)[::-1][: min(A.shape)], 0.0)
-    damping = eps * (1.0 - float(np.prod(np.sqrt(np.minimum(1.0, mu / (eps * eps))))))
+    # Not by the eigenvalues of A A': a zero singular value would read 1e-8 |A|.
+    damping = eps * (1.0 - float(np.prod(np.minimum(1.0, np.linalg.svd(A, compute_uv=False) / eps))))
     if damping == 0.0:
         return clamp_inverse(A, eps)
     # The stacked least-squares form: the normal equations would square the condition number.
@@ -141,7 +93,7 @@ def solve_clamp(
         _, d, rows = np.linalg.svd((np.eye(d.size) - inverse @ A) @ (V * d).T, full_matrices=False)
         alive = d > 8 * n * EPS
         d, V = d[alive], rows[alive].T
-    return Solution(x, [v - J @ x for J, v in zip(blocks, targets, strict=True)], diagnose_priority(blocks).projected_ranks)
+    return _solution(x, blocks, targets, projected_ranks(blocks, 8 * EPS))
 
 
 def solve_chiaverini(
@@ -149,12 +101,12 @@ def solve_chiaverini(
 ) -> Solution:
     """Each level solved alone and projected; nothing projected is inverted."""
     blocks, targets, levels = _problem(jacobians, velocities, eps)
-    ranks = diagnose_priority(blocks, rounding).projected_ranks
+    ranks = projected_ranks(blocks, rounding)
     x = np.zeros(blocks[0].shape[1])
     for level, (J, target, e) in enumerate(zip(blocks, targets, levels, strict=True)):
         N = _null_basis(_above(blocks, level), sum(ranks[:level]))
         x = x + N @ (N.T @ (clamp_inverse(J, e) @ target))
-    return Solution(x, [v - J @ x for J, v in zip(blocks, targets, strict=True)], ranks)
+    return _solution(x, blocks, targets, ranks)
 
 
 def _problem(
@@ -166,9 +118,9 @@ def _problem(
     return blocks, targets, levels
 
 
-def _above(blocks: list[Array], level: int) -> Array:
-    """The rows above a level, each block on its own scale."""
-    return np.vstack([np.zeros((0, blocks[0].shape[1])), *[_unit(block) for block in blocks[:level]]])
+def _solution(x: Array, blocks: list[Array], targets: list[Array], ranks: list[int], scales: Array | None = None) -> Solution:
+    residuals = [v - J @ x for J, v in zip(blocks, targets, strict=True)]
+    return Solution(x, residuals, ranks, np.ones(len(blocks)) if scales is None else scales)
 
 
 def solve_priority(
@@ -177,32 +129,39 @@ def solve_priority(
     method: str = "clamp",
     eps: float | Sequence[float] | None = None,
     rounding: float | None = None,
+    *,
+    weight: ArrayLike | None = None,
+    v_min: ArrayLike | None = None,
+    v_max: ArrayLike | None = None,
 ) -> Solution:
-    """Joint velocities (n,) for levels J_i v = v_i in falling priority; method "exact", "clamp", "damped" or "chiaverini"."""
+    """Joint velocities (n,) for levels J_i v = v_i in falling priority; method "exact", "clamp", "damped", "chiaverini" or "sns".
+
+    `weight` (n, n) is the metric of joint velocities; `v_min` and `v_max`, scalar or (n,), are the bounds of "sns".
+    """
     relative = 8 * EPS if rounding is None else rounding
+    blocks, targets, _ = _problem(jacobians, velocities, 1.0)
+    values, U = np.linalg.eigh(np.eye(blocks[0].shape[1]) if weight is None else np.asarray(weight, dtype=np.float64))
+    back: Array = np.eye(values.size) if weight is None else (U / np.sqrt(values)) @ U.T  # W^-1/2
+    scaled = [J @ back for J in blocks]
     if method == "exact":
-        return solve_exact(jacobians, velocities, relative)
-    if method in ("clamp", "damped"):
-        return solve_clamp(jacobians, velocities, eps, damped=method == "damped")
-    if method == "chiaverini":
-        return solve_chiaverini(jacobians, velocities, eps, relative)
-    raise ValueError(f"solve_priority: method is unknown: expected one of exact, clamp, damped, chiaverini, got {method!r}")
+        found = solve_exact(scaled, targets, relative)
+    elif method in ("clamp", "damped"):
+        found = solve_clamp(scaled, targets, eps, damped=method == "damped")
+    elif method == "chiaverini":
+        found = solve_chiaverini(scaled, targets, eps, relative)
+    elif method == "sns":
+        lower, upper = _bounds(v_min, v_max, values.size)
+        v, ranks, scales = solve_saturated(scaled, targets, back, lower, upper, relative)
+        return _solution(v, blocks, targets, ranks, scales)
+    else:
+        raise ValueError(f"solve_priority: method is unknown: expected one of exact, clamp, damped, chiaverini, sns, got {method!r}")
+    return _solution(back @ found.v, blocks, targets, found.ranks)
 
 
-# s2, s3, s4 different from zero (None: any) -> class and the ranks of J1, J2, J_E, J2 P1
-MACRO_MICRO_CLASSES: tuple[tuple[bool, bool | None, bool, str, tuple[int, int, int, int]], ...] = (
-    (True, None, True, "R", (2, 2, 4, 2)),
-    (True, None, False, "A", (2, 2, 3, 1)),
-    (False, None, True, "S2", (2, 1, 3, 1)),
-    (False, True, False, "AS", (2, 1, 2, 0)),
-    (False, False, False, "D", (1, 1, 2, 1)),
-)
-
-
-def macro_micro_class(q: ArrayLike, angle_tol: float = 1e-9) -> tuple[str, tuple[int, int, int, int]]:
-    """SPEC system 2's table for the planar 4R with tasks at the tips of links 4 and 2; multiples of pi count as zero."""
-    moved = np.abs(np.sin(np.asarray(q, dtype=np.float64)[1:])) > angle_tol
-    for s2, s3, s4, name, ranks in MACRO_MICRO_CLASSES:
-        if s2 == moved[0] and s4 == moved[2] and (s3 is None or s3 == moved[1]):
-            return name, ranks
-    raise AssertionError("the table covers every sign pattern")
+def _bounds(v_min: ArrayLike | None, v_max: ArrayLike | None, n: int) -> tuple[Array, Array]:
+    """One bound alone is symmetric."""
+    if v_min is None and v_max is None:
+        raise ValueError("solve_priority: v_max is missing: expected bounds for method sns")
+    upper = -np.asarray(v_min, dtype=np.float64) if v_max is None else np.asarray(v_max, dtype=np.float64)
+    lower = -upper if v_min is None else np.asarray(v_min, dtype=np.float64)
+    return np.broadcast_to(lower, (n,)), np.broadcast_to(upper, (n,))

@@ -48,25 +48,26 @@ def rotation_matrix(vector: Array) -> Array:
     return R
 
 
+def pose_error(X: Array, target: Array, rows: list[int]) -> Array:
+    """x_d - p and log(R_d R') of a pose X (4, 4), the rows that are chosen; letters without a target count as zero."""
+    full = np.zeros(6)
+    full[rows] = target
+    turn = rotation_vector(rotation_matrix(full[3:]) @ X[:3, :3].T) if max(rows) > 2 else np.zeros(3)
+    return np.concatenate([full[:3] - X[:3, 3], turn])[rows]
+
+
 class Coordinates:
-    """Rows of one frame of an arm with a constant target, one entry per row."""
+    """Rows of one frame of an arm with a target, one entry per row."""
 
     def __init__(self, arm: Arm, target: ArrayLike, frame: str, axes: str) -> None:
         self.arm, self.frame, self.rows = arm, frame, parse_axes(axes)
         self.target: Array = np.array(target, dtype=np.float64)
         if self.target.shape != (len(self.rows),):
             raise ValueError(f"target is misshapen: expected ({len(self.rows)},), got {self.target.shape}")
-        full = np.zeros(6)
-        full[self.rows] = self.target
-        self._point, self._turn = full[:3], rotation_matrix(full[3:])
 
-    def error(self, q: Array) -> Array:
-        """x_d - x, (rows,)."""
-        X = self.arm.pose(q, self.frame)
-        turn = rotation_vector(self._turn @ X[:3, :3].T) if max(self.rows) > 2 else np.zeros(3)
-        full = np.concatenate([self._point - X[:3, 3], turn])
-        chosen: Array = full[self.rows]
-        return chosen
+    def error(self, q: Array, target: Array | None = None) -> Array:
+        """x_d - x, (rows,); from another target than its own where one is given."""
+        return pose_error(self.arm.pose(q, self.frame), self.target if target is None else target, self.rows)
 
     def jacobian(self, q: Array) -> Array:
         """(rows, n)."""

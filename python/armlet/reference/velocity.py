@@ -1,29 +1,25 @@
-"""Task priority closed over an arm whose joint velocities are the input.
+"""Task priority closed over an arm, whose input is the joint velocity or the torque.
 
-q' = u,   u = the chosen priority map of  J_i u = x_dot_d,i + gain_i (x_d,i - x_i)      (closed-loop inverse kinematics)
+q' = u,       u = the chosen priority map of  J_i u = x_d,i' + K_i e_i                       (closed-loop inverse kinematics)
+torque:       a = the map of  J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v,  and a = -c v below all tasks
+              tau = M a + C v + g
+limits (sns): v_min' <= u <= v_max' as bounds of the way to a joint limit in the time h with brakes a_max
+              (v_min' - v)/h <= a <= (v_max' - v)/h within +-a_max, with the time 4 h and brakes a_max / 2
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .arm import Arm
+from .diagnosis import EPS
 from .lagrange import Array
-from .law import Law, Terms, gain
-from .motion import Hold, Motion
-from .priority import EPS, solve_priority
-from .task import Coordinates, parse_axes
-
-
-class Task:
-    """Rows of a frame that follow a motion (rows,) or rest at a target; gain scalar, (rows,) or (rows, rows)."""
-
-    def __init__(self, frame: str, axes: str, motion: Motion | None = None, target: ArrayLike | None = None, gain: ArrayLike = 0.0) -> None:
-        if (motion is None) == (target is None):
-            raise ValueError("Task: expected either motion or target")
-        self.frame, self.axes, self.gain = frame, axes, gain
-        self.motion: Motion = motion if motion is not None else Hold([] if target is None else target)
+from .law import Law, Terms
+from .priority import solve_priority
+from .saturation import joint_bounds
+from .tasks import Task
 
 
 class VelocityArm:
@@ -52,23 +48,98 @@ class VelocityArm:
 
 
 class PriorityVelocity(Law):
-    """Tasks in falling priority."""
+    """Tasks in falling priority; the limits are those of "sns", None: the arm's own."""
 
-    def __init__(self, arm: Arm, tasks: Sequence[Task], method: str = "clamp", eps: float | Sequence[float] | None = None) -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        tasks: Sequence[Task],
+        method: str = "clamp",
+        eps: float | Sequence[float] | None = None,
+        *,
+        v_min: ArrayLike | None = None,
+        v_max: ArrayLike | None = None,
+        q_min: ArrayLike | None = None,
+        q_max: ArrayLike | None = None,
+        a_max: ArrayLike | None = None,
+        horizon: float = 0.1,
+    ) -> None:
         self.arm, self.tasks, self.method, self.eps = arm, list(tasks), method, eps
-        self.gains = [gain(task.gain, len(parse_axes(task.axes))) for task in self.tasks]
-        self.breaks = tuple(b for task in self.tasks for b in getattr(task.motion, "breaks", ()))
+        if any(task.aimless for task in self.tasks):
+            raise ValueError("PriorityVelocity: tasks is incomplete: expected a motion or target for each")
+        self.gains = [task.gains(arm) for task in self.tasks]
+        self.breaks = tuple(b for task in self.tasks for b in task.breaks)
+        own, mirrored = arm.limits, (None if v_min is None else -np.asarray(v_min), None if v_max is None else -np.asarray(v_max))
+        chosen: list[Any] = [
+            own["lower"] if q_min is None else q_min,
+            own["upper"] if q_max is None else q_max,
+            next(x for x in (v_min, mirrored[1], -own["velocity"]) if x is not None),
+            next(x for x in (v_max, mirrored[0], own["velocity"]) if x is not None),
+            np.inf if a_max is None else a_max,
+        ]
+        self.limits = np.array([np.broadcast_to(np.asarray(x, dtype=np.float64), (arm.n,)) for x in chosen])
+        self.horizon = horizon
+
+    def bounds(self, q: Array, time: float, brakes: float) -> tuple[Array, Array]:
+        """Bounds of joint velocities (n,); `brakes` is the part of a_max that is counted on."""
+        q_min, q_max, v_min, v_max, a_max = self.limits
+        columns = zip(q, q_min, q_max, v_min, v_max, brakes * a_max, strict=True)
+        pairs = np.array([joint_bounds(x, low, high, slow, fast, time, a) for x, low, high, slow, fast, a in columns])
+        return pairs[:, 0], pairs[:, 1]
+
+    def _limited(self, q: Array, v: Array) -> dict[str, Array]:
+        lower, upper = self.bounds(q, self.horizon, 1.0)
+        return {"v_min": lower, "v_max": upper}
+
+    def _levels(self, t: float, q: Array, v: Array) -> tuple[list[Array], list[Array], Terms]:
+        jacobians, velocities, errors = [], [], []
+        for task, (K, _) in zip(self.tasks, self.gains, strict=True):
+            sample = task.motion(t)
+            errors.append(task.error(self.arm, q, sample[0]))
+            jacobians.append(task.jacobian(self.arm, q))
+            velocities.append(task.feedforward(self.arm, q, sample)[0] + K @ errors[-1])
+        return jacobians, velocities, {"e": np.concatenate(errors)}
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        jacobians, velocities, errors = [], [], []
-        for task, K in zip(self.tasks, self.gains, strict=True):
-            x_d, x_dot_d, _ = task.motion(t)
-            coordinates = Coordinates(self.arm, x_d, task.frame, task.axes)
-            errors.append(coordinates.error(q))
-            jacobians.append(coordinates.jacobian(q))
-            velocities.append(x_dot_d + K @ errors[-1])
+        jacobians, commands, terms = self._levels(t, q, v)
         rounding = 8 * EPS * (1.0 + float(np.abs(q).sum()))
-        u = solve_priority(jacobians, velocities, self.method, self.eps, rounding).v
-        return {"tau": u, "state_rate": np.zeros(0), "e": np.concatenate(errors)}
+        limits = self._limited(q, v) if self.method == "sns" else {}
+        u = solve_priority(jacobians, commands, self.method, self.eps, rounding, **limits).v
+        return terms | {"tau": self._input(q, v, u), "state_rate": np.zeros(0), "u": u}
+
+    def _input(self, q: Array, v: Array, u: Array) -> Array:
+        return u
+
+
+class PriorityAcceleration(PriorityVelocity):
+    """The same at the level of accelerations, under computed torque."""
+
+    def __init__(self, *arguments: Any, joint_damping: float = 5.0, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self.joint_damping = joint_damping
+        if self.eps is not None and np.size(self.eps) == len(self.tasks) > 1:
+            self.eps = [*np.ravel(self.eps), 0.02]  # of the level below all tasks
+
+    def _limited(self, q: Array, v: Array) -> dict[str, Array]:
+        slow, fast = self.bounds(q, 4.0 * self.horizon, 0.5)
+        a_max = self.limits[4]
+        lower, upper = (np.clip((to - v) / self.horizon, -a_max, a_max) for to in (slow, fast))
+        return {"v_min": lower, "v_max": upper}
+
+    def _levels(self, t: float, q: Array, v: Array) -> tuple[list[Array], list[Array], Terms]:
+        jacobians, commands, errors, rates = [], [], [], []
+        for task, (K, D) in zip(self.tasks, self.gains, strict=True):
+            sample = task.motion(t)
+            rate, acceleration = task.feedforward(self.arm, q, sample)
+            J = task.jacobian(self.arm, q)
+            errors.append(task.error(self.arm, q, sample[0]))
+            rates.append(rate - J @ v)
+            jacobians.append(J)
+            commands.append(acceleration + D @ rates[-1] + K @ errors[-1] - task.jacobian_dot(self.arm, q, v) @ v)
+        below = (np.eye(self.arm.n), -self.joint_damping * v)
+        return [*jacobians, below[0]], [*commands, below[1]], {"e": np.concatenate(errors), "e_dot": np.concatenate(rates)}
+
+    def _input(self, q: Array, v: Array, u: Array) -> Array:
+        return self.arm.inverse_dynamics(q, v, u)

@@ -1,0 +1,100 @@
+"""How an estimate of inertial parameters moves under y = Y's.
+
+    all or a base set      a_hat' = Gamma y
+    natural metric         gamma G(a_hat)^-1 y,  G_kl = tr(P^-1 E_k P^-1 E_l) at P = P(a_hat), body by body  (Lee, Kwon and Park 2018)
+                           distance  d(P || P_hat) = log(|P_hat| / |P|) + tr(P_hat^-1 P) - 4
+    projection             a_hat' = Gamma (y - c g),  Z_k = R_k P_k R_k - 1 with R_k = (P_k^min)^-1/2,  N_k its negative part,
+                           f^2 = sum |N_k|^2,  g_j = sum tr(R_k N_k R_k E_j),
+                           c = [min(1, 2 f) max(0, g'Gamma y) + 10 f^2] / g'Gamma g               (Pomet and Praly 1992)
+
+P is the pseudo-inertia of a body, of the planar PR [[A, B], [B, C]]; E_j is P of the unit parameter j.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .inertia import PSEUDO, parameters_of
+from .lagrange import Array, solve
+
+LAYER = 0.5  # thickness of the layer in which the rate is bent, relative to the least bodies
+PULL = 10.0  # how fast what is outside returns, 1/s
+GYRATION = 0.1  # radius of gyration of a least body that is given by its mass, m
+PR = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
+
+
+def _basis(p: int) -> Array:
+    """E_j of a body, (3, 2, 2) of the planar PR or (10, 4, 4)."""
+    return PR if p == 3 else PSEUDO
+
+
+def _bodies(pi: Array) -> Array:
+    """P of all bodies."""
+    E = _basis(pi.size)
+    return np.asarray(np.einsum("bp,pij->bij", pi.reshape(-1, len(E)), E))
+
+
+def _spectral(A: Array, f: Callable[[Array], Array]) -> Array:
+    """f(A) of symmetric matrices by their eigenvalues."""
+    values, U = np.linalg.eigh(A)
+    return np.asarray((U * f(values)[..., None, :]) @ np.swapaxes(U, -1, -2))
+
+
+def _negative(A: Array) -> Array:
+    """The negative part."""
+    return _spectral(A, lambda x: np.minimum(x, 0.0))
+
+
+def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
+    """gamma G^-1 y of every body, (10 n,); gamma (n,)."""
+    rates = []
+    for P, push, speed in zip(_bodies(estimate), y.reshape(-1, 10), gamma, strict=True):
+        turned = np.linalg.solve(P, PSEUDO)
+        rates.append(speed * solve(np.einsum("kij,lji->kl", turned, turned), push))
+    return np.concatenate(rates)
+
+
+def divergence(pi: Array, estimate: Array) -> Array:
+    """d(P || P_hat) of every body, (n,)."""
+    P, P_hat = _bodies(pi), _bodies(estimate)
+    logs = np.linalg.slogdet(P_hat)[1] - np.linalg.slogdet(P)[1]
+    return np.asarray(logs + np.trace(np.linalg.solve(P_hat, P), axis1=-2, axis2=-1) - 4.0)
+
+
+def least_bodies(projection: ArrayLike, p: int) -> Array:
+    """Parameters (p,) of the least bodies, from themselves or from one mass in kg."""
+    given = np.asarray(projection, dtype=np.float64)
+    if given.ndim:
+        return given
+    second = float(given) * GYRATION**2
+    if p == 3:
+        return np.array([float(given), 0.0, second])
+    return np.tile(parameters_of(np.diag([second] * 3 + [float(given)])), p // 10)
+
+
+def nearest_start(estimate: Array, least: Array) -> Array:
+    """The estimate, raised to the least bodies in their metric where it is below them."""
+    root, inverse = (_spectral(_bodies(least), f) for f in (np.sqrt, lambda x: x**-0.5))
+    negative = _negative(inverse @ _bodies(estimate) @ inverse - np.eye(root.shape[-1]))
+    raised = _bodies(estimate) - root @ negative @ root
+    if estimate.size == 3:
+        return np.array([raised[0, 0, 0], raised[0, 0, 1], raised[0, 1, 1]])
+    # A body that is inside already keeps its bits.
+    kept = [
+        body if not np.any(below) else parameters_of(P) for body, below, P in zip(estimate.reshape(-1, 10), negative, raised, strict=True)
+    ]
+    return np.concatenate(kept)
+
+
+def bent_rate(gamma: Array, estimate: Array, y: Array, least: Array) -> Array:
+    """Gamma (y - c g): the rate that stays above half of the least bodies."""
+    inverse = _spectral(_bodies(least), lambda x: x**-0.5)
+    negative = _negative(inverse @ _bodies(estimate) @ inverse - np.eye(inverse.shape[-1]))
+    square = float(np.sum(negative**2))
+    if square <= 1e-200:
+        return np.asarray(gamma @ y)
+    g = np.einsum("bij,pji->bp", inverse @ negative @ inverse, _basis(estimate.size)).reshape(-1)
+    share = min(1.0, np.sqrt(square) / LAYER)
+    c = (share * max(0.0, float(g @ gamma @ y)) + PULL * square) / float(g @ gamma @ g)
+    return np.asarray(gamma @ (y - c * g))

@@ -1,0 +1,61 @@
+"""Regulation of elastic joints from their motors.
+
+theta_d = q_d + K_J^-1 g(q_d): where the motors are while the links rest at q_d
+MotorPD         tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d)                                             (Tomei 1991)
+       online   g(theta - K_J^-1 g(q_d)) in place of g(q_d)                           (De Luca, Siciliano and Zollo 2005)
+StateFeedback   tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d) + Kt (g(q_d) - tau_J) - Ks tau_J'
+                tau_J = K_J (theta - q)                                           (Albu-Schaeffer and Hirzinger 2001)
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .lagrange import Array, Mechanism, solve
+from .law import Law, Terms, gain
+
+
+class MotorPD(Law):
+    """PD of the motors; the target is that of the links, (n,)."""
+
+    def __init__(
+        self, arm: Mechanism, target: ArrayLike, kp: ArrayLike, kd: ArrayLike, joint_stiffness: ArrayLike, *, online: bool = False
+    ) -> None:
+        self.arm, self.target, self.online = arm, np.array(target, dtype=np.float64), online
+        self.kp, self.kd, self.joint_stiffness = gain(kp, arm.n), gain(kd, arm.n), gain(joint_stiffness, arm.n)
+        self.rest = arm.gravity(self.target)
+        self.sag = solve(self.joint_stiffness, self.rest)
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        if theta is None or theta_dot is None:
+            raise ValueError(f"{type(self).__name__}: theta and theta_dot are missing: the law belongs to an elastic arm")
+        e = self.target + self.sag - theta
+        g = self.arm.gravity(theta - self.sag) if self.online else self.rest
+        spring = self.joint_stiffness @ (theta - q)
+        tau = self.kp @ e - self.kd @ theta_dot + g
+        return {"tau": tau, "state_rate": np.zeros(0), "e": e, "theta_d": theta + e, "g": g, "tau_J": spring}
+
+
+class StateFeedback(MotorPD):
+    """The joint torque and its rate are fed back too."""
+
+    def __init__(
+        self,
+        arm: Mechanism,
+        target: ArrayLike,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        kt: ArrayLike,
+        ks: ArrayLike,
+        joint_stiffness: ArrayLike,
+    ) -> None:
+        super().__init__(arm, target, kp, kd, joint_stiffness)
+        self.kt, self.ks = gain(kt, arm.n), gain(ks, arm.n)
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        parts = super().terms(t, q, v, theta, theta_dot)
+        spring_rate = self.joint_stiffness @ (np.asarray(theta_dot) - v)
+        return parts | {"tau": parts["tau"] + self.kt @ (self.rest - parts["tau_J"]) - self.ks @ spring_rate}

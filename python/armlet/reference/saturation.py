@@ -1,0 +1,126 @@
+"""Velocities within bounds, level by level, and bounds that follow from the limits of the joints.
+
+    level i:  J_i v = s v_i,  v = x + N z,  v_min <= v <= v_max,  N a null basis of the rows above,  the largest s <= 1 met on the way
+    fixed joints F:  v(s) = x_F + N_F (J_i N_F)# (s v_i - J_i x_F),   x_F = x + N (E_F N)# (b_F - E_F x),   N_F = N null(E_F N)
+    while s = 1 is out of bounds, the joint that limits s most joins F; of equals the fastest  (Flacco, De Luca and Khatib 2015)
+    a joint at distance d from a limit:  the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  found by bisection
+
+All fixed joints are solved for at once, by SVD. In a metric W the levels are J W^-1/2, and `back` = W^-1/2 leads to joint velocities.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .diagnosis import EPS, _above, _null_basis, projected_ranks
+from .lagrange import Array
+
+MOBILE = 1e-10  # a joint whose row in the remaining null space is shorter cannot be fixed
+NOISE = 64 * EPS  # rounding of v(s) relative to its largest parts, which cancel near singularities
+ALIKE = 1e-9  # scales that differ by less, relative to the larger, count as one
+
+
+def _inverse(A: Array, rank: int) -> Array:
+    """The pseudo-inverse with `rank` singular values."""
+    U, sigma, V = np.linalg.svd(A, full_matrices=False)
+    inverse: Array = (V[:rank].T / sigma[:rank]) @ U[:, :rank].T
+    return inverse
+
+
+def _scales(va: Array, vb: Array, lower: Array, upper: Array, noise: float) -> tuple[Array, Array]:
+    """The interval of s with lower <= s va + vb <= upper, of each joint; (inf, -inf) where there is none.
+
+    A joint at its bound has no room, and a joint that the level does not move has no rate, up to rounding.
+    """
+    rate, above, below = (np.where(np.abs(x) <= noise, 0.0, x) for x in (va, upper - vb, vb - lower))
+    still = np.where((above >= 0.0) & (below >= 0.0), np.inf, -np.inf)
+    speed = np.where(rate == 0.0, 1.0, np.abs(rate))
+    ahead, behind = np.where(rate > 0.0, above, below), np.where(rate > 0.0, below, above)
+    return np.where(rate == 0.0, -still, -behind / speed), np.where(rate == 0.0, still, ahead / speed)
+
+
+def _saturate(
+    J: Array, v: Array, x: Array, N: Array, rank: int, cut: float, back: Array, bounds: tuple[Array, Array]
+) -> tuple[Array, float]:
+    """The solution of one level, and its scale."""
+    lower, upper = bounds
+    fixed: list[tuple[int, float]] = []
+    best, scale = x, -1.0
+    while True:
+        rows = back[[joint for joint, _ in fixed]].reshape(-1, x.size)
+        held = np.array([bound for _, bound in fixed])
+        at = x + N @ (_inverse(rows @ N, len(fixed)) @ (held - rows @ x)) if fixed else x
+        free = N @ _null_basis(rows @ N, len(fixed)) if fixed else N
+        A = J @ free
+        if np.count_nonzero(np.linalg.svd(A, compute_uv=False) > cut) < rank:
+            break
+        G = free @ _inverse(A, rank)
+        va, vb = back @ (G @ v), back @ (at - G @ (J @ at))
+        noise = NOISE * float(np.abs(va).max() + np.abs(vb).max())
+        least, most = _scales(va, vb, lower, upper, noise)
+        loose = [j for j in range(x.size) if j not in dict(fixed)]
+        high = min([1.0, *most[loose]])
+        if high >= 0.0 and high > scale:
+            speed = back @ (at + G @ (high * v - J @ at))
+            if np.all((speed >= lower - noise) & (speed <= upper + noise)):
+                best, scale = np.linalg.solve(back, np.clip(speed, lower, upper)), high
+        violating = [j for j in loose if least[j] > 1.0 or most[j] < 1.0]
+        if not violating or free.shape[1] == 0:
+            break
+        tightest = min(most[violating])
+        alike = [j for j in violating if most[j] == tightest or most[j] - tightest <= ALIKE * abs(tightest)]
+        joint = max(alike, key=lambda j: abs(va[j]))
+        bound = float(upper[joint] if va[joint] + vb[joint] > upper[joint] else lower[joint])
+        if not np.isfinite(bound) or np.linalg.norm(back[joint] @ free) <= MOBILE * np.linalg.norm(back[joint]):
+            break
+        fixed.append((joint, bound))
+    return best, max(scale, 0.0)
+
+
+def solve_saturated(
+    blocks: list[Array], targets: list[Array], back: Array, lower: Array, upper: Array, rounding: float
+) -> tuple[Array, list[int], Array]:
+    """Joint velocities within bounds, ranks, and the scale of each level."""
+    ranks = projected_ranks(blocks, rounding)
+    x = np.linalg.solve(back, np.clip(0.0, lower, upper))
+    scales, condition = [], 1.0
+    for level, (J, v) in enumerate(zip(blocks, targets, strict=True)):
+        N = _null_basis(_above(blocks, level), sum(ranks[:level]))
+        cut = rounding * float(np.linalg.norm(J, 2)) * condition
+        x, scale = _saturate(J, v, x, N, ranks[level], cut, back, (lower, upper))
+        scales.append(scale)
+        if ranks[level]:
+            condition *= float(np.linalg.norm(J, 2) / np.linalg.svd(J @ N, compute_uv=False)[ranks[level] - 1])
+    return np.clip(back @ x, lower, upper), ranks, np.array(scales)
+
+
+def _fastest(d: float, dt: float, a: float) -> float:
+    """The largest u that a sample of dt and brakes of deceleration a allow at the distance d of a limit; may be negative."""
+    if np.isinf(d):
+        return np.inf
+    low, high = -abs(d) / dt - 1.0, abs(d) / dt + 1.0
+    while low < (middle := 0.5 * (low + high)) < high:
+        allowed = middle * dt <= d and (middle <= 0.0 or middle * middle <= 2.0 * a * d)
+        low, high = (middle, high) if allowed else (low, middle)
+    return low
+
+
+def joint_bounds(q: float, q_min: float, q_max: float, v_min: float, v_max: float, dt: float, a_max: float) -> tuple[float, float]:
+    """Velocity bounds of one joint: beyond a limit the way back, no faster than braking before the other limit allows."""
+    lower = min(max(-_fastest(q - q_min, dt, a_max), v_min), v_max)
+    upper = min(max(_fastest(q_max - q, dt, a_max), v_min), v_max)
+    if lower <= upper:
+        return lower, upper
+    return (upper, upper) if q < q_min else (lower, lower)
+
+
+def velocity_bounds(
+    q: ArrayLike, q_min: ArrayLike, q_max: ArrayLike, v_max: ArrayLike, *, dt: float, a_max: ArrayLike | None = None
+) -> tuple[Array, Array]:
+    """Joint limits as velocity bounds (n,) for one sample of length dt."""
+    given: list[Any] = [q, q_min, q_max, v_max, np.inf if a_max is None else a_max]
+    columns = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in given))
+    pairs = [joint_bounds(x, low, high, -v, v, dt, a) for x, low, high, v, a in zip(*columns, strict=True)]
+    bounds = np.array(pairs).reshape(-1, 2)
+    return bounds[:, 0], bounds[:, 1]

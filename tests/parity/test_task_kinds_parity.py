@@ -1,0 +1,145 @@
+"""Every kind of task, at velocities and at accelerations, against the reference: trees with n = 1 to 8 joints, 1 to 8 rows.
+
+The core writes Jacobians and their rates column by column; the reference differentiates homogeneous transforms by complex steps.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from trees import close, driven_tree
+
+import armlet as al
+from armlet import reference as ref
+
+Array = NDArray[np.float64]
+
+
+def sinusoid(lib: Any, rng: np.random.Generator, rows: int) -> Any:
+    """A moving target, away from zero as directions must be."""
+    return lib.Sinusoid(rng.uniform(0.4, 0.8, rows), rng.uniform(-0.3, 0.3, rows), rng.uniform(0.5, 2.0, rows), rng.uniform(0.0, 6.0, rows))
+
+
+def task(lib: Any, kind: str, arm: al.Arm, rng: np.random.Generator) -> Any:
+    """One task of a kind for one library or the other; the same numbers for both."""
+    frame, other = arm.frame_names[-1], arm.frame_names[0]
+    gain, damping = rng.uniform(0.5, 3.0), rng.uniform(1.0, 4.0)
+    names = [arm.joint_names[-1]] if arm.n == 1 else [arm.joint_names[-1], arm.joint_names[0]]
+    aim = "motion" if arm.n % 2 else "target"
+    keywords: dict[str, Any] = {"gain": gain, "damping": damping}
+    if kind == "frame":
+        return lib.Task(frame, "xyz rx ry rz", **{aim: sinusoid(lib, rng, 6)}, **keywords)
+    if kind == "frame rows":
+        full = rng.uniform(0.5, 1.0, (3, 3))
+        return lib.Task(frame, "y z rx", rng.uniform(-0.5, 0.5, 3), full @ full.T + np.eye(3))
+    if kind == "posture":
+        return lib.PostureTask(sinusoid(lib, rng, len(names)), rng.uniform(0.5, 3.0, len(names)), joints=names)
+    if kind == "posture of all":
+        return lib.PostureTask(**{aim: sinusoid(lib, rng, arm.n)}, **keywords)
+    if kind == "centre of mass":
+        return lib.CentreOfMassTask("zx", **{aim: sinusoid(lib, rng, 2)}, **keywords)
+    if kind == "axis":
+        return lib.AxisTask(frame, rng.normal(size=3), **{aim: sinusoid(lib, rng, 3)}, gain=rng.uniform(0.5, 3.0, 2), damping=damping)
+    if kind == "axis z":
+        return lib.AxisTask(frame, [0.0, 0.0, 2.0], [0.3, -0.2, 0.5])
+    if kind == "relative":
+        return lib.RelativeTask(frame, other, "x rz y ry", **{aim: sinusoid(lib, rng, 4)}, **keywords)
+    if kind == "chosen limits":
+        return lib.JointLimitTask(joints=names, margin=0.4, **keywords)
+    return lib.JointLimitTask(gain)
+
+
+KINDS = ["frame", "frame rows", "posture", "posture of all", "centre of mass", "axis", "axis z", "relative", "limits", "chosen limits"]
+# Two frames make a relative pose, which one body has not.
+CASES = [(kind, n, seed) for kind in KINDS for n in range(1, 9) for seed in range(3) if kind != "relative" or n > 1]
+
+
+def pair(kind: str, n: int, seed: int) -> tuple[al.Arm, Any, Any, Any]:
+    arm, theirs = driven_tree(n, seed)
+    return arm, theirs, task(al, kind, arm, np.random.default_rng(seed)), task(ref, kind, arm, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize(("kind", "n", "seed"), CASES)
+def test_velocities_of_one_task(kind: str, n: int, seed: int) -> None:
+    arm, theirs, ours, other = pair(kind, n, seed)
+    law = al.PriorityVelocity(arm, [ours], eps=0.1)
+    expected = ref.PriorityVelocity(theirs, [other], eps=0.1)
+    for t, q in zip((0.0, 0.4, 2.3), np.random.default_rng([n, seed, 5]).uniform(-2.0, 2.0, (3, n)), strict=True):
+        got, want = law.terms(t, q, np.zeros(n)), expected.terms(t, q, np.zeros(n))
+        J = other.jacobian(theirs, q)
+        close(got["J"][0], J)
+        # A rotation vector near half a turn: the leading eigenvector of its quaternion is known to eps over the gap.
+        close(got["e"][0], want["e"], tolerance=1e-11)
+        # Errors and Jacobians over eps, once and twice.
+        close(law(t, q, np.zeros(n)), want["tau"], tolerance=1e-10)
+
+
+@pytest.mark.parametrize(("kind", "n", "seed"), CASES)
+def test_accelerations_of_one_task(kind: str, n: int, seed: int) -> None:
+    arm, theirs, ours, other = pair(kind, n, seed)
+    law = al.PriorityAcceleration(arm, [ours], eps=0.1, joint_damping=3.0)
+    expected = ref.PriorityAcceleration(theirs, [other], eps=0.1, joint_damping=3.0)
+    for t, (q, v) in zip((0.0, 0.4, 2.3), np.random.default_rng([n, seed, 6]).uniform(-1.5, 1.5, (3, 2, n)), strict=True):
+        got, want = law.terms(t, q, v), expected.terms(t, q, v)
+        close(got["J_dot"][0], other.jacobian_dot(theirs, q, v))
+        close(got["e_dot"][0], want["e_dot"])
+        close(got["a"], want["u"], tolerance=1e-10)
+        close(got["tau"], want["tau"], tolerance=1e-10)
+
+
+def test_an_axis_at_its_target_and_opposite() -> None:
+    """No turn, and half a turn about the first direction across, where no way is the shorter one."""
+    arm, theirs = al.planar_arm([1.0, 1.0]), ref.planar_arm([1.0, 1.0])
+    for axis in np.eye(3):
+        for target in (axis, -axis):
+            for q in np.zeros(2), np.array([1e-9, 0.0]), np.array([-1e-4, 0.0]):
+                got = al.PriorityVelocity(arm, [al.AxisTask("link2", axis, target)]).terms(0.0, q, np.zeros(2))["e"][0]
+                want = ref.AxisTask("link2", axis, target).error(theirs, q, target)
+                # The direction of a turn that is half a turn within d is known to rounding over d.
+                close(got, want, tolerance=1e-6)
+
+
+def levels(lib: Any, arm: al.Arm, seed: int) -> list[Any]:
+    """Three levels of different kinds, the lowest in conflict with those above for few joints."""
+    rng = np.random.default_rng(seed)
+    return [task(lib, kind, arm, rng) for kind in ("frame rows", "axis", "posture of all")]
+
+
+@pytest.mark.parametrize("method", ["exact", "clamp", "damped", "chiaverini"])
+@pytest.mark.parametrize("n", [2, 5, 8])
+def test_three_levels(n: int, method: str) -> None:
+    """One threshold for all, one for each level, and none."""
+    arm, theirs = driven_tree(n, 2)
+    for name, speed in (("PriorityVelocity", 0.0), ("PriorityAcceleration", 1.0)):
+        for eps in (None, 0.1, [0.05, 0.1, 0.2]):
+            law = getattr(al, name)(arm, levels(al, arm, n), method, eps)
+            other = getattr(ref, name)(theirs, levels(ref, arm, n), method, eps)
+            for t, (q, v) in zip((0.0, 0.7), np.random.default_rng(n).uniform(-0.4, 0.4, (2, 2, n)), strict=True):
+                # Each level divides by singular values down to 0.05, or by those of the stack, down to 1e-3.
+                close(law(t, q, speed * v), other(t, q, speed * v), tolerance=1e-9)
+
+
+@pytest.mark.parametrize("method", ["exact", "clamp", "damped", "chiaverini"])
+@pytest.mark.parametrize("n", [3, 6, 8])
+def test_solvers_of_an_arm(n: int, method: str) -> None:
+    """`ArmPrioritySolver` of every kind of task: Jacobians, and the answer to velocities that are given."""
+    arm, theirs = driven_tree(n, 1)
+    rng = np.random.default_rng(n)
+    root = rng.normal(size=(n, n)) + 3 * np.eye(n)
+    options: list[dict[str, Any]] = [{}, {"weight": root @ root.T}] + ([] if method == "exact" else [{"eps": 0.2}])
+    for kinds in (("frame rows", "centre of mass"), ("axis", "relative", "limits")):
+        ours, others = ([task(lib, kind, arm, np.random.default_rng(n)) for kind in kinds] for lib in (al, ref))
+        for given in options:
+            solver = al.PrioritySolver.for_arm(arm, ours, method=method, **given)
+            assert isinstance(solver, al.ArmPrioritySolver)
+            for q in rng.uniform(-1.0, 1.0, (3, n)):
+                Js = [other.jacobian(theirs, q) for other in others]
+                for mine, J in zip(solver.jacobians(q), Js, strict=True):
+                    close(mine, J)
+                velocities = [rng.normal(size=len(J)) for J in Js]
+                rounding = 8 * ref.diagnosis.EPS * (1.0 + float(np.abs(q).sum()))
+                # Levels divide by singular values down to 1e-3.
+                close(solver.solve(q, velocities), ref.solve_priority(Js, velocities, method, rounding=rounding, **given).v, 1.0, 1e-8)
