@@ -50,7 +50,7 @@ def plants(name: str, **keywords: Any) -> list[tuple[Any, Any, Any]]:
     return found
 
 
-LAWS = ["PDGravity", "CartesianImpedance", "ElasticImpedance"]
+LAWS = ["PDGravity", "CartesianImpedance", "ElasticImpedance", "JointImpedance", "MotorPD", "StateFeedback"]
 WALL = ("Wall", {"frame": "link3", "point": [0.0, 0.7, 0.0], "normal": [0.1, -1.0, 0.0], "stiffness": 800.0, "damping": 5.0})
 STOPS = ("JointStops", {"stiffness": 40.0, "damping": 3.0, "lower": [-3.0, -3.0, -3.0], "upper": [3.0, 0.5, 3.0]})
 
@@ -81,7 +81,7 @@ def test_rest(name: str, contact: str) -> None:
     assert np.abs(still.q - ours.q).max() > 1e-4
 
 
-@pytest.mark.parametrize("name", ["ElasticImpedance"])
+@pytest.mark.parametrize("name", ["ElasticImpedance", "JointImpedance"])
 @pytest.mark.parametrize("bandwidth", [None, 2000.0])
 def test_elastic_limits(name: str, bandwidth: float | None) -> None:
     given: dict[str, Any] = {"force": [4.0, -3.0, 0.0], "force_frame": "link2", "sample_time": 1e-3, "sensor_bandwidth": bandwidth}
