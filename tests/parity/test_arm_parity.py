@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from trees import both, close
 
+import armlet as al
+from armlet import reference as ref
+
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("n", range(1, 9))
@@ -25,6 +28,7 @@ def test_trees(n: int, seed: int) -> None:
     scale = float(np.abs(mass).max())
     close(arm.mass_matrix(q), mass)
     close(arm.coriolis_matrix(q, v), reference.coriolis_matrix(Q, V)[:, rows, columns], scale)
+    close(arm.christoffel(q), reference.christoffel(Q)[np.ix_(range(3), place, place, place)], scale)
     close(arm.gravity(q), reference.gravity(Q)[:, place], scale)
     close(arm.bias(q, v), reference.bias(Q, V)[:, place], scale)
     tau = reference.inverse_dynamics(Q, V, A)[:, place]
@@ -66,3 +70,30 @@ def test_the_christoffel_matrix_is_symmetric_in_its_vectors(n: int) -> None:
     q, x, y = np.random.default_rng(n).uniform(-2.0, 2.0, (3, 20, n))
     one, other = arm.coriolis_matrix(q, x) @ y[..., None], arm.coriolis_matrix(q, y) @ x[..., None]
     close(one, other)
+
+
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_the_christoffel_symbols_make_the_coriolis_matrix(n: int) -> None:
+    """C(q, v)[i, j] = sum_k c[i, j, k] v[k], of one configuration and of so many that a program computes them."""
+    arm, *_ = both(n, 0)
+    q, v = np.random.default_rng(n).uniform(-2.0, 2.0, (2, 3, 200, n))
+    symbols = arm.christoffel(q)
+    assert np.all(symbols == np.swapaxes(symbols, -1, -2))
+    close(np.einsum("...ijk,...k->...ij", symbols, v), arm.coriolis_matrix(q, v))
+    out = np.empty((n, n, n))
+    assert arm.christoffel(q[1, 7], out=out) is out and np.all(out == symbols[1, 7])
+
+
+def test_christoffel_symbols_of_arms_in_closed_form() -> None:
+    q = np.random.default_rng(3).uniform(-2.0, 2.0, (20, 2))
+    close(al.planar_pr(2.0, 0.5, 0.7).christoffel(q), ref.planar_pr(2.0, 0.5, 0.7).christoffel(q))
+    close(al.pendulum(2.0, 3.0).christoffel(q[:, :1]), ref.pendulum(2.0, 3.0).christoffel(q[:, :1]))
+
+
+def test_christoffel_refuses_what_is_no_configuration() -> None:
+    arm = al.planar_arm([0.5, 0.4])
+    for q, where in (([0.0], ""), ([0.0, np.nan], r".*first bad index 1"), ([[0.0, 0.0], [np.inf, 0.0]], r".*first bad index \(1, 0\)")):
+        with pytest.raises(al.InputError, match=f"christoffel: q{where}"):
+            arm.christoffel(q)
+    with pytest.raises(al.InputError, match="christoffel: out"):
+        arm.christoffel([0.0, 0.0], out=np.empty((2, 2)))

@@ -126,6 +126,13 @@ class Mechanism:
         slopes = np.einsum("p,...lpij->...lij", self.parameters, self._expand(q).mass_slopes)
         return _christoffel(slopes[..., None, :, :], v)[..., 0, :, :]
 
+    def christoffel(self, q: ArrayLike) -> Array:
+        """c[i, j, k] = (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) / 2, (..., n, n, n)."""
+        (q,) = vectors(q, n=self.n)
+        slopes = np.einsum("p,...kpij->...ijk", self.parameters, self._expand(q).mass_slopes)
+        symbols: Array = 0.5 * (slopes + np.swapaxes(slopes, -1, -2) - np.moveaxis(slopes, -1, -3))
+        return symbols
+
     def gravity(self, q: ArrayLike) -> Array:
         """g(q) = dU/dq, (..., n)."""
         (q,) = vectors(q, n=self.n)

@@ -15,6 +15,7 @@ impl PlanarPr<f64> {
         match query.quantity {
             Quantity::MassMatrix => self.mass_matrix(&mut (), &trig, q, out),
             Quantity::CoriolisMatrix => self.coriolis_matrix(&mut (), &trig, q, x[1], out),
+            Quantity::Christoffel => self.christoffel(trig[1], out),
             Quantity::Gravity => self.gravity(&mut (), &trig, q, out),
             Quantity::Bias => self.bias(&mut (), &trig, q, x[1], out),
             Quantity::InverseDynamics => self.inverse_dynamics(&mut (), &trig, q, x[1], x[2], out),

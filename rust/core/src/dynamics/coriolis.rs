@@ -9,8 +9,9 @@
 //! `P` and `K` are taken relative to the velocity of the joint origin, so no large momenta cancel; moving the
 //! reference by `p` with relative velocity `d`: `P' = P + m d`, `K' = K + P p' + d (h + m p)'`.
 
+use super::Dynamics;
 use super::crba::joint_column;
-use super::workspace::{Column, Composite};
+use super::workspace::{Column, Composite, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
 use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
@@ -111,6 +112,35 @@ pub fn coriolis_matrix<S: Real>(
             (carried, carried_to) = (moved, body.parent);
         } else {
             composites[body.parent] = composites[body.parent].plus(&moved);
+        }
+    }
+}
+
+/// The Christoffel symbols `c[i, j, k]` `(n, n, n)` with `C(q, v)[i, j] = sum_k c[i, j, k] v[k]`: `C` is linear in `v`, so the slice at `k` is
+/// `C` at the unit rate of joint `k`. They are symmetric in `j` and `k`; what is computed for `j <= k` is written to both places.
+///
+/// `unit` `(n,)` and `square` `(n, n)` are room for that rate and that matrix.
+#[inline(always)]
+pub fn christoffel<S: Real>(
+    tree: &Tree<S>,
+    ws: &mut Workspace<S>,
+    trig: &[(S, S)],
+    q: &[S],
+    unit: &mut [S],
+    square: &mut [S],
+    c: &mut [S],
+) {
+    let n = tree.n();
+    unit.fill(S::zero());
+    for k in 0..n {
+        unit[k] = S::splat(1.0);
+        tree.coriolis_matrix(ws, trig, q, unit, square);
+        unit[k] = S::zero();
+        for i in 0..n {
+            for j in 0..=k {
+                let symbol = square[i * n + j];
+                (c[(i * n + j) * n + k], c[(i * n + k) * n + j]) = (symbol, symbol);
+            }
         }
     }
 }

@@ -29,7 +29,7 @@ pub(super) struct Engine<S> {
 /// `$each` with the type of the quantity of `$query`.
 macro_rules! with_quantity {
     ($query:expr, $name:ident => $each:expr) => {
-        with_quantity!(@ $query, $name, $each, MassMatrix CoriolisMatrix Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose
+        with_quantity!(@ $query, $name, $each, MassMatrix CoriolisMatrix Christoffel Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose
             Position Jacobian JacobianDot Com ComJacobian InverseDynamicsDerivatives ForwardDynamicsDerivatives)
     };
     (@ $query:expr, $name:ident, $each:expr, $($quantity:ident)*) => {
@@ -64,7 +64,7 @@ impl<S: Real> Engine<S> {
     /// Room for what is asked, or an error that says how much it would be.
     fn grow(&mut self, query: &Query) -> Result<()> {
         let n = self.tree.n();
-        let square = if query.quantity == Quantity::ForwardDynamicsDerivatives { n * n } else { 0 };
+        let square = if matches!(query.quantity, Quantity::ForwardDynamicsDerivatives | Quantity::Christoffel) { n * n } else { 0 };
         enlarge(&mut self.out, query.length(n), S::zero())?;
         enlarge(&mut self.square, square, S::zero())
     }

@@ -43,6 +43,12 @@ impl PlanarPr<f64> {
         [self.a, self.b, self.c]
     }
 
+    /// The Christoffel symbols `(2, 2, 2)`, of which one is not zero: `c[0, 1, 1] = -B sin q2`.
+    pub fn christoffel(&self, (sin, _): (f64, f64), c: &mut [f64]) {
+        c.fill(0.0);
+        c[3] = -(self.b * sin);
+    }
+
     /// `[d tau/d q; d tau/d v; M]`, `(6, 2)` row-major, of `tau = M a + C v`.
     pub fn inverse_dynamics_slopes(&self, (sin, cos): (f64, f64), v: &[f64], a: &[f64], out: &mut [f64]) {
         let (bs, bc) = (self.b * sin, self.b * cos);

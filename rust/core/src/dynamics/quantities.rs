@@ -3,7 +3,7 @@
 
 use super::energy::{add_friction, add_wrench};
 use super::evaluate::Engine;
-use super::{Dynamics, Quantity, Query, crba, derivatives, regressor};
+use super::{Dynamics, Quantity, Query, coriolis, crba, derivatives, regressor};
 use crate::arm::Tree;
 use crate::kinematics as kin;
 use crate::scalar::rows::write_one;
@@ -81,6 +81,10 @@ impl Compute for MassMatrix {
 
 quantity!(CoriolisMatrix, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     tree.coriolis_matrix(ws, trig, q, v, out);
+});
+
+quantity!(Christoffel, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    coriolis::christoffel(tree, ws, trig, q, x, &mut square[..n * n], out);
 });
 
 quantity!(Gravity, (tree, ws, trig, n, q, v, x, y, out, query, square), {

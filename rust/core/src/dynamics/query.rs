@@ -10,6 +10,8 @@ pub enum Quantity {
     MassMatrix,
     /// `q, v -> (n, n)`.
     CoriolisMatrix,
+    /// `q -> (n n, n)`: row `i n + j`, column `k` is the Christoffel symbol `c[i, j, k]`.
+    Christoffel,
     /// `q -> (n,)`.
     Gravity,
     /// `q, v -> (n,)`.
@@ -89,6 +91,7 @@ impl Query {
     pub fn shape(&self, n: usize) -> (usize, usize) {
         match self.quantity {
             Quantity::MassMatrix | Quantity::CoriolisMatrix => (n, n),
+            Quantity::Christoffel => (n * n, n),
             Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => (1, n),
             Quantity::Regressor => (n, n * (PARAMETERS + usize::from(self.armature) + 2 * usize::from(self.friction))),
             Quantity::Energy => (1, 2),
@@ -128,19 +131,21 @@ impl Query {
         use Quantity::*;
         let joint = match self.quantity {
             ForwardDynamics | ForwardDynamicsDerivatives => 350.0,
-            CoriolisMatrix | InverseDynamicsDerivatives => 200.0,
+            CoriolisMatrix | Christoffel | InverseDynamicsDerivatives => 200.0,
             _ => 130.0,
         };
         let pair = match self.quantity {
             MassMatrix => 10.0,
-            CoriolisMatrix => 25.0,
+            CoriolisMatrix | Christoffel => 25.0,
             Regressor => 30.0,
             InverseDynamicsDerivatives | ForwardDynamicsDerivatives => 55.0,
             _ => 0.0,
         };
         let solved = if self.quantity == ForwardDynamicsDerivatives { 3.5 } else { 0.0 };
+        // Christoffel symbols are a Coriolis matrix per joint.
+        let times = if self.quantity == Christoffel { n as f64 } else { 1.0 };
         let n = n as f64;
-        n * (joint + n * (pair + n * solved))
+        times * n * (joint + n * (pair + n * solved))
     }
 
     /// About how long one of many configurations takes on this machine, ns: good enough to choose how to run them.

@@ -9,6 +9,11 @@ const SYMMETRY: f64 = 1e-12;
 /// positive definite.
 pub fn factor(n: usize, a: &[f64]) -> Option<Vec<f64>> {
     let mut l = vec![0.0; n * n];
+    factor_into(n, a, &mut l).then_some(l)
+}
+
+/// The lower factor into the lower triangle of `l`, of which the rest stays; whether `a` is positive definite.
+pub fn factor_into(n: usize, a: &[f64], l: &mut [f64]) -> bool {
     for i in 0..n {
         for j in 0..=i {
             let mut sum = a[i * n + j];
@@ -20,21 +25,26 @@ pub fn factor(n: usize, a: &[f64]) -> Option<Vec<f64>> {
             } else if sum > 0.0 && sum.is_finite() {
                 l[i * n + i] = sum.sqrt();
             } else {
-                return None;
+                return false;
             }
         }
     }
-    Some(l)
+    true
 }
 
-/// Solve `L L^T x = b` in place.
-pub fn solve(n: usize, l: &[f64], x: &mut [f64]) {
+/// Solve `L y = b` in place.
+pub fn solve_lower(n: usize, l: &[f64], x: &mut [f64]) {
     for i in 0..n {
         for k in 0..i {
             x[i] -= l[i * n + k] * x[k];
         }
         x[i] /= l[i * n + i];
     }
+}
+
+/// Solve `L L^T x = b` in place.
+pub fn solve(n: usize, l: &[f64], x: &mut [f64]) {
+    solve_lower(n, l, x);
     for i in (0..n).rev() {
         for k in i + 1..n {
             x[i] -= l[k * n + i] * x[k];

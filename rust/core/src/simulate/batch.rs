@@ -93,7 +93,7 @@ impl Sink for Rows<'_> {
             return;
         }
         if let Some(check) = self.checks.get_mut(lane) {
-            check.evaluate(t, x, &mut self.values);
+            check.evaluate(t, x, tau, &mut self.values);
             if !all_finite(&self.values) {
                 self.faults[lane] = t;
                 return;
@@ -203,7 +203,7 @@ fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<Batch
     let room = |width: usize| rows(records, width);
     let columns_of = plan.map_or_else(Vec::new, Plan::columns);
     let metrics = columns_of.into_iter().map(|(name, width)| Ok((name, width, rows(1, width.unwrap_or(1))?))).collect::<Result<_>>()?;
-    let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0), problem.watches_storage()) } else { &[] };
+    let names = monitors::names(problem);
     let monitors = names.iter().map(|&name| room(1).map(|series| (name, series))).collect::<Result<_>>()?;
     Ok(BatchRuns {
         q: room(n)?,
@@ -261,13 +261,13 @@ impl Rows<'_> {
     fn watch(&mut self, first: usize, plans: &[Plan]) {
         self.values = vec![0.0; self.monitors.len()];
         self.faults = vec![f64::INFINITY; self.status.len()];
-        let (problem, storage) = (self.problem, self.problem.watches_storage());
+        let problem = self.problem;
         let runs = first..first + self.status.len();
         if !plans.is_empty() {
             let plan = |i: usize| &plans[if plans.len() == 1 { 0 } else { i }];
             self.summed = runs.map(|i| Measuring::new(problem, i, plan(i), self.monitors.len())).collect();
         } else if !self.monitors.is_empty() {
-            self.checks = runs.map(|i| Monitor::new(problem.plant(i), problem.law(i), storage)).collect();
+            self.checks = runs.map(|i| Monitor::new(problem, i)).collect();
         }
     }
 

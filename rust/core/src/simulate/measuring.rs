@@ -45,7 +45,7 @@ impl<'a> Measuring<'a> {
             law,
             columns: Columns::of(problem),
             gauge: Gauge::new(|_| plan, |_| plant.model()),
-            monitor: (monitors > 0).then(|| Monitor::new(plant, law, problem.watches_storage())),
+            monitor: (monitors > 0).then(|| Monitor::new(problem, run)),
             values: vec![0.0; monitors],
             desired: law.desired(0.0),
             kept: plan.start(),
@@ -102,7 +102,7 @@ impl<'a> Measuring<'a> {
             self.add(t);
         }
         if let Some(monitor) = &mut self.monitor {
-            monitor.evaluate(t, x, &mut self.values);
+            monitor.evaluate(t, x, tau, &mut self.values);
             if !all_finite(&self.values) {
                 self.fault = t;
                 return;

@@ -43,6 +43,7 @@ mod stop;
 mod summary;
 mod sums;
 mod switching;
+mod target_model;
 mod torque_sensing;
 mod watcher;
 mod watching;

@@ -4,15 +4,19 @@
 //! `V1(0) - V1(t) - int s' Kd s = 0`; `dM/dt - 2 C` is skew; `E(t) - E(0) - int P dt = 0` for the energy `E` stored in the
 //! plant, or in the law's own storage function, and the power `P` put into it.
 //!
+//! Cartesian impedance of a rigid arm adds the largest term and the residual of its [`TargetModel`].
+//!
 //! A law of elastic joints adds `max |tau_J - u|`, and with its own storage function the passivity at the port: what flowed
 //! in there less what is stored, `int F.x_dot - (E(t) - E(0))`, never negative in a passive loop.
 
 use super::elastic_monitor::TorqueError;
 use super::gauge::Identities;
 use super::identities::Theory;
+use super::problem::Problem;
+use super::target_model::TargetModel;
 use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity};
 use crate::motion::{Motion, sample_all};
-use crate::plant::{PlantKind, PlantSpec};
+use crate::plant::PlantKind;
 
 /// The energy of a rigid plant, then norms of the error and of the residual of each level of priority.
 const ENERGY_AND_LEVELS: [&str; 19] = [
@@ -40,10 +44,13 @@ const ENERGY_AND_LEVELS: [&str; 19] = [
 /// Monitors of every rigid plant.
 const ENERGY: usize = 3;
 
-/// The names of a loop's monitors, in the order of [`Monitor::evaluate`].
-pub fn names(law: &LawSpec, storage: bool) -> &'static [&'static str] {
+/// The names of the monitors of a problem's loops, in the order of [`Monitor::evaluate`].
+pub fn names(problem: &Problem) -> &'static [&'static str] {
+    let law = problem.law(0);
     match law {
-        _ if storage => &["skewness", "energy", "energy_balance", "torque_error", "passivity"],
+        _ if !problem.options.monitors => &[],
+        _ if problem.watches_storage() => &["skewness", "energy", "energy_balance", "torque_error", "passivity"],
+        _ if problem.watches_target() => &["skewness", "energy", "energy_balance", "target", "target_balance"],
         _ if law.reduction().is_some() => &["skewness", "energy", "energy_balance", "torque_error"],
         LawSpec::Adaptive(_) => &["skewness", "energy", "energy_balance", "lyapunov", "lyapunov_balance"],
         LawSpec::PriorityVelocity(law) => &ENERGY_AND_LEVELS[ENERGY..ENERGY_AND_LEVELS.len().min(ENERGY + 2 * law.levels.len())],
@@ -59,6 +66,7 @@ pub struct Monitor<'a> {
     storage: bool,
     theory: Theory<f64>,
     torque: Option<TorqueError>,
+    target: Option<TargetModel<'a>>,
     desired: Vec<f64>,
     states: usize,
     levels: Option<Levels>,
@@ -67,13 +75,15 @@ pub struct Monitor<'a> {
 }
 
 impl<'a> Monitor<'a> {
-    /// `storage`: the energy watched is the law's own.
-    pub fn new(plant: &'a PlantSpec, law: &'a LawSpec, storage: bool) -> Self {
+    /// Of run `run` of a problem.
+    pub fn new(problem: &Problem<'a>, run: usize) -> Self {
+        let (plant, law, storage) = (problem.plant(run), problem.law(run), problem.watches_storage());
         Monitor {
             law,
             storage,
             theory: Theory::new(|_| plant, |_| law, storage),
             torque: TorqueError::new(plant, law),
+            target: TargetModel::new(problem, run),
             desired: law.desired(0.0),
             states: plant.states(),
             levels: Levels::of(law),
@@ -81,8 +91,8 @@ impl<'a> Monitor<'a> {
         }
     }
 
-    /// The monitors at time `t` and state `x = [plant, z, int s' Kd s, int P]` into `out`.
-    pub fn evaluate(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
+    /// The monitors at time `t`, state `x = [plant, z, int s' Kd s, int P]` and input `tau` into `out`.
+    pub fn evaluate(&mut self, t: f64, x: &[f64], tau: &[f64], out: &mut [f64]) {
         if out.is_empty() {
             return;
         }
@@ -107,6 +117,8 @@ impl<'a> Monitor<'a> {
             if self.storage {
                 out[4] = quadratures[0] + quadratures[1] + start[0] - energy;
             }
+        } else if let Some(target) = &mut self.target {
+            out[3..5].copy_from_slice(&target.evaluate(t, &mut self.theory.arm, &self.desired, plant, tau));
         } else if out.len() > 3 {
             out[3] = lyapunov;
             out[4] = start[1] - lyapunov - quadratures[0];

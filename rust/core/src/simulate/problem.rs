@@ -184,6 +184,15 @@ impl<'a> Problem<'a> {
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && (0..runs).all(|run| self.law(run).has_storage(self.plant(run)))
     }
 
+    /// Whether the target model of an impedance is watched: the law acts alone and at every instant on links that nothing but the given force
+    /// touches.
+    pub fn watches_target(&self) -> bool {
+        let o = &self.options;
+        let alone = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(rigid) if !rigid.friction) && plant.is_free();
+        let all = self.laws.iter().all(|law| matches!(law, LawSpec::CartesianImpedance(_))) && self.plants.iter().all(|plant| alone(plant));
+        o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
+    }
+
     /// What is measured: nothing, the same of all runs, or one plan per run.
     pub fn plans(&self) -> Result<Vec<Plan>> {
         self.measures.as_ref().map_or(Ok(Vec::new()), |measures| Plan::all(self, measures))

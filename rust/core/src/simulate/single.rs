@@ -64,7 +64,7 @@ impl Sink for Rows<'_> {
             return;
         }
         if let Some(monitor) = &mut self.monitor {
-            monitor.evaluate(t, x, &mut self.values);
+            monitor.evaluate(t, x, tau, &mut self.values);
             if !all_finite(&self.values) {
                 self.fault = t;
                 return;
@@ -127,9 +127,9 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, mut asked: Option<&mut
     }
     let mut run = Run::default();
     let columns = Columns::of(problem);
-    let names: &[&str] = if problem.options.monitors { monitors::names(problem.law(0), problem.watches_storage()) } else { &[] };
+    let names = monitors::names(problem);
     run.monitors = names.iter().map(|&name| (name, Vec::new())).collect();
-    let monitor = problem.options.monitors.then(|| Monitor::new(problem.plant(0), problem.law(0), problem.watches_storage()));
+    let monitor = problem.options.monitors.then(|| Monitor::new(problem, 0));
     let values = vec![0.0; names.len()];
     let mut sink = Rows { run: &mut run, columns, monitor, values, fault: f64::INFINITY, full: Ok(()) };
     if let Division::Fixed(fixed) = &division {

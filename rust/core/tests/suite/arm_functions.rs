@@ -7,9 +7,10 @@ use armlet_core::dynamics::{Functions, Quantity, Query};
 use armlet_core::scalar::trig::REDUCTION_LIMIT;
 use std::sync::Arc;
 
-pub const ALL: [Quantity; 16] = [
+pub const ALL: [Quantity; 17] = [
     Quantity::MassMatrix,
     Quantity::CoriolisMatrix,
+    Quantity::Christoffel,
     Quantity::Gravity,
     Quantity::Bias,
     Quantity::InverseDynamics,

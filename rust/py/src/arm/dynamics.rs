@@ -56,6 +56,29 @@ impl Arm {
         self.evaluate("coriolis_matrix", ["q", "v"], [q, v], Quantity::CoriolisMatrix.into(), out)
     }
 
+    /// The Christoffel symbols of the first kind, `(..., n, n, n)`: `C(q, v)[i, j] = sum_k c[i, j, k] v[k]`.
+    ///
+    /// `c[i, j, k] = (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) / 2`, symmetric in `j` and `k`. The slice `c[i]` is the matrix `C_i` of the quadratic
+    /// form `(C(q, v) v)_i = v' C_i v`. The unit of `c[i, j, k]` is that of `tau_i` over those of `v_j` and `v_k`.
+    ///
+    /// Args:
+    ///     q: positions, `(..., n)`, rad or m.
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: `q` is not finite or has the wrong shape, or `out` cannot be written.
+    ///
+    /// Source: Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols, 2021.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_pr(2.0, 0.5, 0.5).christoffel([0.0, 1.5707963267948966])[0]
+    /// array([[ 0. ,  0. ],
+    ///        [ 0. , -0.5]])
+    #[pyo3(signature = (q, *, out=None))]
+    fn christoffel<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        self.evaluate("christoffel", ["q"], [q], Quantity::Christoffel.into(), out)
+    }
+
     /// The gravity torque `g(q)`, `(..., n)`, N m or N: the slope of the potential energy.
     ///
     /// Args:

@@ -9,6 +9,7 @@ mod identify;
 mod kinematics;
 mod model;
 mod stored;
+mod symbolic;
 
 pub use construct::*;
 pub use identify::*;

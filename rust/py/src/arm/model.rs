@@ -140,16 +140,17 @@ impl Model {
     }
 
     /// The trailing axes of a quantity, and how many there are.
-    pub fn shape(&self, query: &Query) -> ([usize; 2], usize) {
+    pub fn shape(&self, query: &Query) -> ([usize; 3], usize) {
         let n = self.n();
         match query.quantity {
-            Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => ([n, 0], 1),
-            Quantity::Energy => ([2, 0], 1),
-            Quantity::Position | Quantity::Com => ([3, 0], 1),
-            Quantity::Regressor if matches!(self, Model::PlanarPr(_)) => ([2, 3], 2),
+            Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => ([n, 0, 0], 1),
+            Quantity::Energy => ([2, 0, 0], 1),
+            Quantity::Position | Quantity::Com => ([3, 0, 0], 1),
+            Quantity::Christoffel => ([n; 3], 3),
+            Quantity::Regressor if matches!(self, Model::PlanarPr(_)) => ([2, 3, 0], 2),
             _ => {
                 let (rows, columns) = query.shape(n);
-                ([rows, columns], 2)
+                ([rows, columns, 0], 2)
             }
         }
     }

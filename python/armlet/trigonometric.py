@@ -1,0 +1,249 @@
+"""Trigonometric polynomials with exact coefficients, and the shortest of several ways to write one down.
+
+    plain      polynomials in sin q_i and cos q_i, factored:           l sin(q2) (v1 + v2)
+    angles     sums of sines and cosines of sums of angles:            cos(q2 + q3) - cos(q2 - q3)
+    absolute   as plain, in the angles phi_i = q_i + phi_parent of      (l2 cos(q2) + l3 cos(q2 + q3))^2
+               joints with parallel axes
+
+A sum of products of velocities, each with a polynomial, is collected by equal polynomials or by equal sines and cosines.
+
+Sines and cosines are generators of a polynomial ring over the rational numbers, with `sin^2 = 1 - cos^2` after every product. A number
+of the arm enters as the decimal that Python prints for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+from importlib import import_module
+from itertools import product
+from typing import Any, TypeAlias
+
+__all__ = ["Polynomials"]
+
+#: A number of angles each, and the exponents of all other generators: a complex coefficient, real and imaginary.
+Waves: TypeAlias = dict[tuple[int, ...], Any]
+
+#: Numbers of a rotation closer to a whole number than this are whole: the cosine of a quarter turn is 6e-17 in float64.
+WHOLE = 1e-15
+#: Polynomials of more terms are not factored, which takes long.
+MOST_FACTORED = 12
+#: Nor are those with longer coefficients, numerator and denominator together.
+MOST_BITS = 64
+#: Denominators that stay fractions; other rational numbers are printed as decimals.
+FRACTIONS = (1, 2, 4, 8)
+
+
+class Polynomials:
+    """The ring of one arm: sines and cosines of joints that turn, coordinates of those that slide, velocities, lengths."""
+
+    def __init__(
+        self, sympy: Any, q: Sequence[Any], slides: Sequence[bool], parallel: Sequence[tuple[int, int]], lengths: Sequence[Any]
+    ) -> None:
+        self.sympy, self.q, self.slides, self.lengths = sympy, tuple(q), list(slides), list(lengths)
+        self.n = len(q)
+        # phi_i = q_i + sign phi_parent, for joints that have such a parent.
+        self.parallel = list(parallel)
+        rings, self.domain = import_module("sympy.polys.rings"), import_module("sympy.polys.domains").QQ
+        trig = [f"{kind}{i}" for i in range(self.n) for kind in ("sin", "cos")]
+        self.others = [*q, *lengths]
+        self.ring, *self.gens = rings.ring([*trig, *map(str, self.others)], self.domain)
+        self.zero = self.ring.zero
+        self._known: dict[Any, Any] = {}
+        self._products: dict[Any, Any] = {}
+
+    def number(self, x: float) -> Any:
+        whole = round(x)
+        return self.ring.ground_new(self.domain.convert(Fraction(whole) if abs(x - whole) < WHOLE else Fraction(repr(float(x)))))
+
+    def length(self, symbol: Any) -> Any:
+        return self.gens[3 * self.n + self.lengths.index(symbol)]
+
+    def angle(self, i: int) -> Any:
+        """The coordinate of a joint that slides."""
+        return self.gens[2 * self.n + i]
+
+    def rotation(self, i: int, axis: Sequence[Any]) -> list[list[Any]]:
+        """About `axis` by the angle of joint `i`: `1 + sin K + (1 - cos) K^2`."""
+        s, c = self.gens[2 * i], self.gens[2 * i + 1]
+        x, y, z = axis
+        K = [[self.zero, -z, y], [z, self.zero, -x], [-y, x, self.zero]]
+        square = [[sum((K[r][m] * K[m][k] for m in range(3)), self.zero) for k in range(3)] for r in range(3)]
+        return [[s * K[r][k] + (1 - c) * square[r][k] + int(r == k) for k in range(3)] for r in range(3)]
+
+    def reduced(self, p: Any, keep_sines: bool = False) -> Any:
+        """With `sin^2 = 1 - cos^2`, or the other way round."""
+        for i in range(self.n):
+            out, kept = (2 * i + 1, 2 * i) if keep_sines else (2 * i, 2 * i + 1)
+            while any(monomial[out] > 1 for monomial in p):
+                low, high = self.ring.zero, self.ring.zero
+                for monomial, coefficient in p.terms():
+                    if monomial[out] > 1:
+                        rest = list(monomial)
+                        rest[out] -= 2
+                        high[tuple(rest)] = coefficient
+                    else:
+                        low[monomial] = coefficient
+                p = low + high * (1 - self.gens[kept] ** 2)
+        return p
+
+    def slope(self, p: Any, i: int) -> Any:
+        """The derivative by coordinate `i`."""
+        if self.slides[i]:
+            return p.diff(self.angle(i))
+        s, c = self.gens[2 * i], self.gens[2 * i + 1]
+        return self.reduced(p.diff(s) * c - p.diff(c) * s)
+
+    def christoffel(self, mass: Sequence[Sequence[Any]]) -> list[list[list[Any]]]:
+        """`c[i][j][k] = (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) / 2`."""
+        joints = range(self.n)
+        D = [[[self.slope(mass[i][j], k) for k in joints] for j in joints] for i in joints]
+        half = self.domain(1, 2)
+        return [[[(D[i][j][k] + D[i][k][j] - D[j][k][i]) * half for k in joints] for j in joints] for i in joints]
+
+    def readable(self, p: Any) -> Any:
+        """The shortest form, as a sympy expression."""
+        key = frozenset(p.items())
+        if key not in self._known:
+            self._known[key] = self._decimals(min(self._forms(p), key=self.sympy.count_ops))
+        return self._known[key]
+
+    def collected(self, terms: Sequence[tuple[Any, Any]]) -> Any:
+        """`sum rate p` over pairs of a product of velocities and a polynomial, in its shorter form."""
+        by_polynomial = self._grouped(terms, self.readable)
+        if not all(self._short(p) for _, p in terms):
+            return self._decimals(by_polynomial)
+        waves: dict[Any, list[tuple[Any, Any]]] = {}
+        for rate, p in terms:
+            for wave, amplitude in self._amplitudes(p):
+                waves.setdefault(wave, []).append((rate, amplitude))
+        by_wave = self.sympy.Add(*(wave * self._grouped(own, self._factored) for wave, own in waves.items()))
+        return self._decimals(min(by_polynomial, by_wave, key=self.sympy.count_ops))
+
+    def _grouped(self, terms: Sequence[tuple[Any, Any]], written: Callable[[Any], Any]) -> Any:
+        """Rates of polynomials that differ by a factor alone stand together."""
+        groups: dict[Any, tuple[Any, list[Any]]] = {}
+        for rate, p in terms:
+            if p:
+                first, rates = groups.setdefault(frozenset(p.monic().items()), (p, []))
+                rates.append(self.domain.to_sympy(p.LC / first.LC) * rate)
+        return self.sympy.Add(*(self.sympy.Add(*rates) * written(first) for first, rates in groups.values()))
+
+    def _decimals(self, expression: Any) -> Any:
+        rationals = {r: self.sympy.Float(r, 15) for r in expression.atoms(self.sympy.Rational) if r.q not in FRACTIONS}
+        return expression.xreplace(rationals)
+
+    def _forms(self, p: Any) -> Iterable[Any]:
+        yield self._factored(p)
+        if not self._short(p):
+            return
+        yield self._factored(self.reduced(p, keep_sines=True))
+        yield self.sympy.Add(*(wave * self._factored(amplitude) for wave, amplitude in self._amplitudes(p)))
+        if any(parent >= 0 for parent, _ in self.parallel):
+            absolute = self._absolute(self._waves(p))
+            yield self._factored(absolute, True)
+            yield self._factored(self.reduced(absolute, keep_sines=True), True)
+
+    def _symbols(self, angles: Sequence[Any]) -> list[Any]:
+        """What the generators stand for where sines and cosines are of `angles`."""
+        sin, cos = self.sympy.sin, self.sympy.cos
+        return [f(angle) for angle in angles for f in (sin, cos)] + self.others
+
+    def _factored(self, p: Any, absolute: bool = False) -> Any:
+        """As a product, with the generators as sines and cosines of `q` or of `phi`."""
+        key = (frozenset(p.items()), absolute)
+        if key not in self._products:
+            self._products[key] = self._product(p, self._symbols(self._turns() if absolute else self.q))
+        return self._products[key]
+
+    def _short(self, p: Any) -> bool:
+        """Whether all coefficients are numbers with few digits: of others, factors are rare and take minutes to look for."""
+        return all(coefficient.numerator.bit_length() + coefficient.denominator.bit_length() <= MOST_BITS for coefficient in p.values())
+
+    def _product(self, p: Any, symbols: list[Any]) -> Any:
+        # Dense algorithms take long where generators are many: only those of `p`.
+        used = [i for i in range(len(self.gens)) if any(monomial[i] for monomial in p)]
+        if len(p) < 2 or len(p) > MOST_FACTORED or not self._short(p):
+            return p.as_expr(*symbols)
+        ring = self.ring.clone(symbols=[self.ring.symbols[i] for i in used])
+        small = ring.from_dict({tuple(monomial[i] for i in used): coefficient for monomial, coefficient in p.items()})
+        own = [symbols[i] for i in used]
+        content, factors = small.factor_list()
+        expressions = []
+        for factor, power in factors:
+            # A number goes where numbers are: 0.06 + 0.3 cos q, not 3 (2 + 10 cos q) / 100.
+            if power == 1 and content != 1 and any(abs(coefficient) != 1 for coefficient in factor.coeffs()):
+                factor, content = factor * content, self.domain.one
+            expressions.append(factor.as_expr(*own) ** power)
+        return self.sympy.Mul(self.domain.to_sympy(content), *expressions)
+
+    def _waves(self, p: Any) -> Waves:
+        """`sum_k X_k exp(i k.q)` by `k`: real and imaginary part of `X_k`, polynomials in the other generators."""
+        half = self.domain(1, 2)
+        found: Waves = {}
+        for monomial, coefficient in p.terms():
+            other = (*[0] * (2 * self.n), *monomial[2 * self.n :])
+            # Per joint: wave numbers with their coefficients, of sin = -i/2 (z - 1/z) and cos = 1/2 (z + 1/z).
+            parts = {(0,) * self.n: (coefficient, self.domain.zero)}
+            for i in range(self.n):
+                for turn, times in ((-1, monomial[2 * i]), (1, monomial[2 * i + 1])):
+                    for _ in range(times):
+                        parts = _times(parts, i, half, sine=turn < 0)
+            for k, (real, imaginary) in parts.items():
+                for part, value in enumerate((real, imaginary)):
+                    if value:
+                        sums = found.setdefault(k, (self.ring.zero.copy(), self.ring.zero.copy()))
+                        sums[part][other] = sums[part].get(other, self.domain.zero) + value
+        return {k: tuple(self._clean(part) for part in parts) for k, parts in found.items()}
+
+    def _clean(self, p: Any) -> Any:
+        p.strip_zero()
+        return p
+
+    def _amplitudes(self, p: Any) -> Iterable[tuple[Any, Any]]:
+        """`X_k exp(i k.q)` and its conjugate are `2 Re X_k cos(k.q) - 2 Im X_k sin(k.q)`: each wave with its amplitude."""
+        for k, (real, imaginary) in self._waves(p).items():
+            leading = next((x for x in k if x), 0)
+            angle = self.sympy.Add(*(x * q for x, q in zip(k, self.q, strict=True)))
+            if leading == 0:
+                yield self.sympy.S.One, real
+            elif leading > 0:
+                yield self.sympy.cos(angle), 2 * real
+                yield self.sympy.sin(angle), -2 * imaginary
+
+    def _turns(self) -> list[Any]:
+        """`phi_i` in terms of `q`."""
+        found: list[Any] = []
+        for q, (parent, sign) in zip(self.q, self.parallel, strict=True):
+            found.append(q + sign * found[parent] if parent >= 0 else q)
+        return found
+
+    def _absolute(self, waves: Waves) -> Any:
+        """The same polynomial with the generators as sines and cosines of `phi`."""
+        total = self.zero
+        for k, (real, imaginary) in waves.items():
+            turned = list(k)
+            for i in reversed(range(self.n)):
+                parent, sign = self.parallel[i]
+                if parent >= 0:
+                    turned[parent] -= sign * k[i]
+            # exp(i k phi) = prod (cos +- i sin)^|k|
+            wave = (self.ring.one, self.ring.zero)
+            for i, x in enumerate(turned):
+                s, c = self.gens[2 * i] * (1 if x > 0 else -1), self.gens[2 * i + 1]
+                for _ in range(abs(x)):
+                    wave = (self.reduced(wave[0] * c - wave[1] * s), self.reduced(wave[0] * s + wave[1] * c))
+            total += wave[0] * real - wave[1] * imaginary
+        return self.reduced(total)
+
+
+def _times(parts: dict[tuple[int, ...], tuple[Any, Any]], i: int, half: Any, sine: bool) -> dict[tuple[int, ...], tuple[Any, Any]]:
+    """Waves times `sin q_i` or `cos q_i`."""
+    found: dict[tuple[int, ...], tuple[Any, Any]] = {}
+    for (k, (real, imaginary)), step in product(parts.items(), (1, -1)):
+        # -i/2 step (real + i imaginary) = step (imaginary - i real) / 2
+        a, b = (step * imaginary * half, -step * real * half) if sine else (real * half, imaginary * half)
+        to = (*k[:i], k[i] + step, *k[i + 1 :])
+        old = found.get(to, (0 * a, 0 * b))
+        found[to] = (old[0] + a, old[1] + b)
+    return found

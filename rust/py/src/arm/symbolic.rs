@@ -1,0 +1,67 @@
+//! The arm's numbers for `armlet.symbolic`, which makes formulas of them.
+
+use super::{Arm, Model};
+use crate::arrays::flag_or_false;
+use crate::errors::{entry, input_error};
+use armlet_core::arm::JointKind;
+use armlet_macros::entered;
+use pyo3::prelude::*;
+
+/// Formulas of more joints than this are too long to read.
+const MOST_JOINTS: usize = 4;
+
+#[entered]
+#[pymethods]
+impl Arm {
+    /// Formulas of a small arm: `M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)` as sympy expressions (`armlet[sympy]`).
+    ///
+    /// The inertial parameters stay symbols: `m1, mcx1, .., Izz1` of joint 1 and so on, `Ir1` the inertia of its rotor; `A, B, C` for `planar_pr`.
+    /// Those that are zero in this arm are left out of `M`, `C` and `g`. Each expression is collected by parameter and simplified.
+    ///
+    /// Args:
+    ///     lengths: symbols for the offsets of the joints too, `x2, y2, z2` of joint 2 in the axes of the link before it, and for gravity,
+    ///         `gx, gy, gz`; else they are numbers (keyword only).
+    ///
+    /// Returns:
+    ///     An `armlet.symbolic.Formulas`: `.M`, `.C`, `.g`, `.Y`, the symbols `.q, .v, .v_r, .a_r`, their `.values`, `.latex()` and `.function(name)`.
+    ///
+    /// Raises:
+    ///     InputError: the arm has more than four joints.
+    ///     ImportError: sympy is not installed.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_pr(2.0, 0.5, 0.5).symbolic().M
+    /// Matrix([
+    /// [        A, B*cos(q2)],
+    /// [B*cos(q2),         C]])
+    #[pyo3(signature = (*, lengths=None), text_signature = "($self, *, lengths=False)")]
+    fn symbolic<'py>(slf: &Bound<'py, Self>, lengths: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        const NAME: &str = "symbolic";
+        let py = slf.py();
+        entry(py, NAME, || {
+            let lengths = flag_or_false(NAME, "lengths", lengths)?;
+            let n = slf.get().model.n();
+            if n > MOST_JOINTS {
+                let problem = format!("has too many joints for formulas that one can read: expected at most {MOST_JOINTS}, got {n}");
+                return Err(input_error(py, NAME, "arm", problem).into());
+            }
+            let module = py.import("armlet.symbolic")?;
+            let Model::Tree(tree) = &slf.get().model else {
+                return Ok(module.getattr("of_planar_pr")?.call1((slf.get().model.parameters(),))?);
+            };
+            let arm = tree.arm();
+            let joints: Vec<_> = arm
+                .joints
+                .iter()
+                .map(|joint| {
+                    let columns = &joint.placement.rotation.0;
+                    let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| columns[column].0[row]));
+                    let parent = joint.parent.map_or(-1, |parent| parent as i64);
+                    let slides = joint.kind == JointKind::Prismatic;
+                    (parent, rotation, joint.placement.translation.0, joint.axis, slides, joint.parameters, joint.armature)
+                })
+                .collect();
+            Ok(module.getattr("of_tree")?.call1((joints, arm.gravity, lengths))?)
+        })
+    }
+}

@@ -1,0 +1,128 @@
+"""The target model of Cartesian impedance along runs: `M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F`.
+
+`run.monitors["target_balance"]` is its largest residual and `run.monitors["target"]` its largest term, N or N m.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import armlet as al
+
+Array = NDArray[np.float64]
+
+PLANAR = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], coms=[0.25, 0.2], inertias=[0.0625, 0.027])
+SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+# Where M_x is defined, it and its factors have condition numbers below 1e5: that many roundings of the largest term.
+TOLERANCE = 1e-9
+
+
+def definite(rng: np.random.Generator, m: int, scale: float) -> Array:
+    root = rng.normal(size=(m, m))
+    return np.asarray(scale * (root @ root.T / m + np.eye(m)))
+
+
+def holds(run: Any) -> None:
+    target, balance = run.monitors["target"], run.monitors["target_balance"]
+    assert target.max() > 1.0 and target.shape == balance.shape == run.t.shape
+    assert (balance <= TOLERANCE * target.max()).all()
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 7])
+@pytest.mark.parametrize("axes", ["xy", "y", "x rz"])
+def test_planar_arms_obey_their_target_model(n: int, axes: str) -> None:
+    """Square and redundant, with full gains and a force that moves."""
+    rng = np.random.default_rng([n, len(axes)])
+    arm, frame = al.planar_arm(rng.uniform(0.3, 0.6, n)), f"link{n}"
+    m = len(axes.replace("rz", "r").replace(" ", ""))
+    q0 = rng.uniform(0.4, 0.9, n)
+    pose = {"x": arm.position(q0, frame)[0], "y": arm.position(q0, frame)[1], "r": q0.sum()}
+    target = [pose[axis] + 0.05 for axis in axes.replace("rz", "r").replace(" ", "")]
+    law = al.CartesianImpedance(arm, target, definite(rng, m, 200.0), definite(rng, m, 30.0), frame=frame, axes=axes)
+    push = rng.normal(size=m)
+    options: dict[str, Any] = {"t_end": 0.5, "method": "dop853", "force": lambda t: 10.0 * push * np.cos(3.0 * t)}
+    holds(al.simulate(al.RigidArm(arm), law, q0, **options))
+
+
+def test_a_pose_and_a_wrench_at_another_frame() -> None:
+    q0 = np.array([0.1, 0.5, 0.1, -1.2, 0.2, 0.6, 0.1])
+    law = al.CartesianImpedance(SEVEN, [0.4, 0.2, 0.5, 0.1, 3.0, 0.2], 300.0, 40.0, frame="tcp", axes="xyz rx ry rz")
+    elbow = SEVEN.frame_names[4]
+    for force in ({"force": [1.0, -2.0, 3.0, 0.1, 0.2, -0.3]}, {"force": [5.0, 1.0, 2.0, 0.0, 0.5, 0.0], "force_frame": elbow}):
+        run = al.simulate(al.RigidArm(SEVEN), law, q0, t_end=0.2, dt=1e-3, **force)
+        assert run.monitors["target"].min() > 0.0
+        holds(run)
+
+
+def test_the_monitors_are_what_they_say() -> None:
+    """Against the equation with the printed `S_x = J^-T C J^-1 - M_x J-dot J^-1` of a square `J`, and `x''` by the plant's acceleration."""
+    K_m, D_m, x_d, F = np.array([300.0, 200.0]), np.array([40.0, 30.0]), np.array([0.6, 0.4]), np.array([10.0, -15.0])
+    law = al.CartesianImpedance(PLANAR, x_d, K_m, D_m, frame="link2", axes="xy")
+    run = al.simulate(al.RigidArm(PLANAR), law, [0.3, 1.2], t_end=1.0, dt=1e-2, force=F)
+    for k in (0, 30, 100):
+        q, v, tau = run.q[k], run.v[k], run.tau[k]
+        J, J_dot = PLANAR.jacobian(q, "link2")[:2], PLANAR.jacobian_dot(q, v, "link2")[:2]
+        inverse = np.linalg.inv(J)
+        M_x = inverse.T @ PLANAR.mass_matrix(q) @ inverse
+        S_x = inverse.T @ PLANAR.coriolis_matrix(q, v) @ inverse - M_x @ J_dot @ inverse
+        a = PLANAR.forward_dynamics(q, v, tau, wrench=[*F, 0.0, 0.0, 0.0, 0.0], wrench_frame="link2")
+        x, x_dot, x_ddot = PLANAR.position(q, "link2")[:2], J @ v, J @ a + J_dot @ v
+        terms = np.array([M_x @ x_ddot, S_x @ x_dot, D_m * x_dot, K_m * (x - x_d), F])
+        # A few dozen products of numbers below 100.
+        assert abs(run.monitors["target"][k] - np.abs(terms).max()) < 1e-11
+        assert np.abs(terms[:4].sum(axis=0) - F).max() < 1e-11
+
+
+def test_a_wrong_model_shows() -> None:
+    """The law compensates the gravity of a lighter arm: the tip obeys another equation, by the missing force."""
+    lighter = PLANAR.with_parameters(0.9 * PLANAR.parameters)
+    law = al.CartesianImpedance(lighter, [0.6, 0.4], 300.0, 40.0, frame="link2", axes="xy")
+    run = al.simulate(al.RigidArm(PLANAR), law, [0.3, 1.2], t_end=0.1, dt=1e-3)
+    missing = np.linalg.solve(PLANAR.jacobian(run.q[0], "link2")[:2].T, 0.1 * PLANAR.gravity(run.q[0]))
+    assert run.monitors["target_balance"][0] == pytest.approx(np.abs(missing).max(), rel=1e-9)
+
+
+@pytest.mark.parametrize("bend", [0.0, 1e-9, 1e-3, 0.5])
+def test_near_singularities_the_model_is_not_defined(bend: float) -> None:
+    law = al.CartesianImpedance(PLANAR, [0.6, 0.4], 300.0, 40.0, frame="link2", axes="xy")
+    run = al.simulate(al.RigidArm(PLANAR), law, [0.3, bend], t_end=1e-3, dt=1e-3)
+    assert (run.monitors["target"][0] > 0.0) == (bend > 0.1)
+    assert run.monitors["target_balance"][0] <= TOLERANCE * run.monitors["target"][0]
+
+
+def test_more_rows_than_joints_have_no_model() -> None:
+    law = al.CartesianImpedance(PLANAR, [0.6, 0.4, 0.3], 300.0, 40.0, frame="link2", axes="xy rz")
+    run = al.simulate(al.RigidArm(PLANAR), law, [0.3, 1.2], t_end=0.01, dt=1e-3)
+    assert not run.monitors["target"].any() and not run.monitors["target_balance"].any()
+
+
+def test_the_monitors_are_there_where_theory_promises_them() -> None:
+    law = al.CartesianImpedance(PLANAR, [0.6, 0.4], 300.0, 40.0, frame="link2", axes="xy")
+    wall = al.Wall("link2", point=[0.75, 0.0, 0.0], normal=[-1.0, 0.0, 0.0], stiffness=1e4, damping=50.0)
+    plain = al.RigidArm(PLANAR)
+    for plant, options, there in (
+        (plain, {}, True),
+        (plain, {"sample_time": 1e-3}, False),
+        (plain, {"tau_max": [90.0, 90.0]}, False),
+        (al.RigidArm(PLANAR, wall=wall), {}, False),
+        (al.RigidArm(PLANAR, friction=True), {}, False),
+    ):
+        run = al.simulate(plant, law, [0.3, 1.2], t_end=0.01, dt=1e-3, **options)
+        assert ("target_balance" in run.monitors) == there
+        assert list(run.monitors)[:3] == ["skewness", "energy", "energy_balance"]
+
+
+def test_rows_of_a_batch_have_the_monitors_of_their_runs() -> None:
+    laws = [al.CartesianImpedance(PLANAR, [0.6, y], 300.0, 40.0, frame="link2", axes="xy") for y in (0.3, 0.4, 0.5)]
+    q0, forces = [0.3, 1.2], [[10.0, 0.0], [0.0, -5.0], [3.0, 4.0]]
+    options: dict[str, Any] = {"t_end": 0.2, "dt": 1e-3}
+    batch = al.simulate_batch(al.RigidArm(PLANAR), laws, [q0] * 3, force=forces, **options)
+    for row, (law, force) in enumerate(zip(laws, forces, strict=True)):
+        run = al.simulate(al.RigidArm(PLANAR), law, q0, force=force, **options)
+        for name in ("target", "target_balance"):
+            # The states of a row and of a run alone differ by roundings.
+            np.testing.assert_allclose(batch.monitors[name][row], run.monitors[name], rtol=1e-9, atol=1e-10)
