@@ -14,6 +14,7 @@ from .events import Event
 from .identification import BaseParameters, Identification, base_parameters, identify
 from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, JointImpedance
 from .inertia import ParameterReport, check_parameters, project_parameters
+from .inverse_kinematics import InverseKinematics, inverse_kinematics
 from .lagrange import Mechanism
 from .law import Adaptive, ComputedTorque, Law, PDGravity
 from .mintime import torque_optimal_time
@@ -51,6 +52,7 @@ __all__ = [
     "Event",
     "Hold",
     "Identification",
+    "InverseKinematics",
     "JointImpedance",
     "JointLimitTask",
     "JointStops",
@@ -89,6 +91,7 @@ __all__ = [
     "identify",
     "integrate",
     "inverse_dynamics_derivatives",
+    "inverse_kinematics",
     "linearize",
     "locked",
     "minimum_jerk_time",

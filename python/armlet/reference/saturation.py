@@ -101,7 +101,7 @@ def _fastest(d: float, dt: float, a: float) -> float:
         return np.inf
     low, high = -abs(d) / dt - 1.0, abs(d) / dt + 1.0
     while low < (middle := 0.5 * (low + high)) < high:
-        allowed = middle * dt <= d and (middle <= 0.0 or middle * middle <= 2.0 * a * d)
+        allowed = middle * dt <= d and (middle <= 0.0 or middle * middle / (2.0 * a) <= d)
         low, high = (middle, high) if allowed else (low, middle)
     return low
 
