@@ -14,6 +14,8 @@ import numpy as np
 
 import armlet as al
 
+from . import pictures
+
 if TYPE_CHECKING:
     from .report import Report
 
@@ -47,6 +49,7 @@ def run(report: Report) -> None:
     plant = al.RigidArm(arm)
     law = al.Adaptive(arm, motion(), kp=KP, kd=KD, gamma=GAMMA)
     identities(report, arm)
+    report.draw_figure("pr_robot", lambda figure: pictures.pr_robot(figure.subplots()))
     against_oracle(report, plant, law)
     lyapunov(report, plant, law)
     from_anywhere(report, plant, law)
@@ -64,6 +67,23 @@ def identities(report: Report, arm: al.Arm) -> None:
         answer = "accepted"
     except al.InputError:
         answer = "InputError"
+    c = np.asarray(arm.christoffel(q))
+    printed = np.zeros((1000, 2, 2, 2))
+    printed[:, 0, 1, 1] = -B * np.sin(q[:, 1])
+    report.near(
+        "C_1 = [[0, 0], [0, -B sin q2]], C_2 = 0: Christoffel matrices minus the printed ones, largest",
+        0.0,
+        np.abs(c - printed).max(),
+        1e-15,
+    )
+    products = np.einsum("ka,kiab,kb->ki", v, c, v) - arm.bias(q, v)
+    report.bound("v' C_i v = (C v)_i", np.abs(products).max(), 1e-14)
+    zero, Y = np.zeros(1000), np.asarray(arm.regressor(q, v, v_r, a_r))
+    cos, sin = np.cos(q[:, 1]), np.sin(q[:, 1])
+    rows = ((a_r[:, 0], a_r[:, 1] * cos - v[:, 1] * v_r[:, 1] * sin, zero), (zero, a_r[:, 0] * cos, a_r[:, 1]))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            report.bound(f"printed Y, entry ({i + 1}, {j + 1}), largest difference", np.abs(Y[:, i, j] - entry).max(), 5e-15)
     report.equal("a mass matrix that is not positive definite (A C = B^2)", "InputError", answer)
 
 

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import armlet as al
 
+from . import impedance
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -116,6 +118,8 @@ def run(report: Report) -> None:
     arm = make_arm()
     plant, law = al.ElasticArm(arm, K_J, B), make_law(arm)
     step = force_step(report, arm, plant, law)
+    impedance.run(report, arm, X_D, (K_M, D_M), Q0, FORCE)
+    impedance.motors(report, step, K_J, B)
     printed = printed_law(report, arm, step)
     unreachable(report, arm, plant, law)
     anywhere(report, arm, plant)

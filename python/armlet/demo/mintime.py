@@ -17,8 +17,11 @@ import numpy as np
 import armlet as al
 
 from ..mintime_plots import MinimumTime
+from . import pictures
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from .report import Report
 
 TITLE = "System 4: minimum time of one link under gravity, rest to rest"
@@ -36,6 +39,9 @@ def run(report: Report) -> None:
     erratum(report)
     optimum(report)
     swings(report)
+    from_mass(report)
+    opposition(report)
+    report.draw_figure("exam_figures", draw)
     report.figure("mintime", MinimumTime(START, END, 1.0, 1.5, 1.0))
 
 
@@ -113,3 +119,53 @@ def swings(report: Report) -> None:
     weak = al.torque_optimal_time(math.pi / 2, math.pi, 1.0, 1.0, 0.9)
     report.equal("pi/2 -> pi at tau_max = 0.9 G: monotone motion", False, weak.feasible)
     report.equal("  found all the same", "back-swing", weak.best.kind)
+
+
+def from_mass(report: Report) -> None:
+    """A link given by mass, centre of mass and I_c: I = I_c + m d^2, G = m g0 d."""
+    m, d, I_c = 3.0, 0.25, 0.06
+    link = al.planar_arm([0.5], masses=[m], coms=[d], inertias=[I_c])
+    # The exam's angle is from the downward vertical, the arm's from the x axis.
+    theta = np.linspace(-3.0, 3.0, 25)[:, None]
+    q, rest = theta - math.pi / 2, np.zeros((25, 1))
+    inertia = float(link.mass_matrix([0.0])[0, 0])
+    report.near("link of 3 kg, d = 0.25 m, I_c = 0.06 kg m^2: I = I_c + m d^2 (kg m^2)", I_c + m * d**2, inertia, 1e-15)
+    # A few roundings of G = 7.4 N m.
+    report.bound("its gravity is G sin theta, G = m g0 d (N m)", np.abs(link.gravity(q) - m * 9.81 * d * np.sin(theta)).max(), 1e-14)
+    same = al.pendulum(I_c + m * d**2, m * 9.81 * d)
+    a = np.linspace(-5.0, 5.0, 25)[:, None]
+    difference = link.inverse_dynamics(q, rest, a) - same.inverse_dynamics(theta, rest, a)
+    report.bound("its torque is that of al.pendulum(I, G) (N m)", np.abs(difference).max(), 1e-13)
+
+
+def opposes(start: float, end: float) -> bool:
+    """Whether gravity and inertial torque never have the same sign along the symmetric profile."""
+    motion = al.BangBang([start], [end], 1.0)
+    t = np.linspace(0.0, 1.0, 2002)[:-1]
+    states = [motion(x) for x in t]
+    product = np.array([a[0] * math.sin(q[0]) for q, _, a in states])
+    # Where the motion crosses the vertical, the sine is a rounding.
+    return bool(product.max() < 1e-9)
+
+
+def opposition(report: Report) -> None:
+    """ "Gravity always opposes the inertial torque" iff the motion is symmetric about the downward vertical and no longer than a turn."""
+    report.equal("exam motion: gravity always opposes the inertial torque", True, opposes(START, END))
+    report.equal("from 0 to pi/2 it does not", False, opposes(0.0, END))
+    report.equal("from pi/2 to 3 pi/2, through the top, it does not", False, opposes(END, 3 * END))
+    rng = np.random.default_rng(44)
+    halves = rng.uniform(0.1, 2.0 * math.pi, 50)
+    turns = 2.0 * math.pi * rng.integers(-1, 2, 50)
+    answers = [opposes(turn - half, turn + half) == (half <= math.pi) for half, turn in zip(halves, turns, strict=True)]
+    report.equal("50 motions symmetric about the downward vertical: it does iff they are no longer than a turn", 50, sum(answers))
+    others = [
+        opposes(turn - half + shift, turn + half + shift)
+        for half, turn, shift in zip(halves, turns, rng.uniform(0.2, 6.0, 50), strict=True)
+    ]
+    report.equal("50 motions about other angles: it does", 0, sum(others))
+
+
+def draw(figure: Figure) -> None:
+    figure.set_size_inches(9.0, 6.0)
+    figure.set_layout_engine("constrained")
+    pictures.exam_figures(figure)

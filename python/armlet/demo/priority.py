@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import armlet as al
 
+from . import rotated
+
 if TYPE_CHECKING:
     from .report import Report
 
@@ -68,6 +70,7 @@ def exact(q: ArrayLike, velocities: Any = ONES) -> al.PrioritySolution:
 
 def run(report: Report) -> None:
     solutions(report)
+    rotated.run(report)
     wrong_column(report)
     compatibility(report)
     imposed(report)
