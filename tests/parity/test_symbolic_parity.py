@@ -97,18 +97,25 @@ def test_random_trees(n: int, lengths: bool) -> None:
     close(formulas.function("g")(q), reference.gravity(q[:, there])[:, place], tolerance=1e-12)
 
 
-def test_four_joints_of_an_arm_in_space() -> None:
-    """A shoulder, two parallel axes and a wrist, all lengths symbols."""
-    phi = [1.0, 0.2, 0.0, 0.1, 0.02, 0.0, 0.03, 0.0, 0.0, 0.04]
-    quarter = np.pi / 2
+def test_three_joints_of_an_arm_in_space() -> None:
+    """A shoulder and two parallel axes: squares of sines and cosines of absolute angles."""
+    phi, quarter = [1.0, 0.2, 0.0, 0.1, 0.02, 0.0, 0.03, 0.0, 0.0, 0.04], np.pi / 2
     joints = [
         {"type": "R", "axis": [0, 0, 1], "xyz": [0, 0, 0.3], "phi": phi},
         {"type": "R", "axis": [0, 0, 1], "rpy": [quarter, 0, 0], "phi": phi},
         {"type": "R", "axis": [0, 0, 1], "xyz": [0.4, 0, 0], "phi": phi, "armature": 0.2},
-        {"type": "R", "axis": [0, 0, 1], "xyz": [0.3, 0, 0], "rpy": [quarter, 0, 0], "phi": phi},
     ]
     formulas = check(al.Arm.from_chain(joints), False)
     assert "0.16*m3*cos(q2)**2" in str(formulas.M[0, 0]) and "Ir3" in str(formulas.M[2, 2]) and "Ir3" not in str(formulas.M[1, 1])
+
+
+def test_four_joints() -> None:
+    """Two parallel axes, a slide along them and a wrist."""
+    phi = [1.0, 0.2, 0.0, 0.0, 0.02, 0.0, 0.03, 0.0, 0.0, 0.04]
+    places = [("R", 0.0), ("R", 0.4), ("P", 0.3), ("R", 0.0)]
+    joints = [{"type": kind, "axis": [0, 0, 1], "xyz": [x, 0, 0], "phi": phi} for kind, x in places]
+    formulas = check(al.Arm.from_chain(joints), True)
+    assert str(formulas.M[2, 2]) == "m3 + m4" and str(formulas.M[0, 3]) == "Izz4 + mcx4*(x2*cos(q2 + q4) + x3*cos(q4))"
 
 
 def test_numbers_of_other_arms_go_into_the_same_formulas() -> None:
