@@ -97,6 +97,17 @@ def test_a_program_is_the_loop(arm: al.Arm, law: str, method: str, held: bool) -
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("law", [*LAWS])
+def test_a_law_that_is_asked_often_keeps_its_bits(law: str) -> None:
+    """From the seventeenth call on a law runs as a program, but for angles beyond the range of its sines."""
+    arm = al.planar_arm([1.0, 0.7, 0.4])
+    asked, rng = LAWS[law](arm, 0.5), np.random.default_rng(5)
+    states = [(t, rng.normal(size=3), rng.normal(size=3)) for t in np.linspace(0.0, 0.6, 40)]
+    states[30] = (0.1, np.array([3e7, 0.1, -0.2]), states[30][2])
+    for t, q, v in states:
+        np.testing.assert_array_equal(asked(t, q, v), LAWS[law](arm, 0.5)(t, q, v))
+
+
 @pytest.mark.parametrize("batch", [False, True])
 def test_a_known_loop_with_other_limits_or_another_frame_is_another_loop(batch: bool) -> None:
     plant, made, q0 = al.RigidArm(TWO), pd(TWO), np.array([0.9, -0.8])

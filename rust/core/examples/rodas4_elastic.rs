@@ -100,7 +100,7 @@ fn run(plant: Loop, t_end: f64, rtol: f64) -> ([f64; 8], Work) {
         type Rates = armlet_core::scalar::lanes::Pair<armlet_core::scalar::lanes::Avx2>;
         return Rates::enter(Run::<Rates> { plant, t_end, rtol, rates: PhantomData });
     }
-    Array8::<false>::enter(Run::<Array8<false>> { plant, t_end, rtol, rates: PhantomData })
+    Array8::enter(Run::<Array8> { plant, t_end, rtol, rates: PhantomData })
 }
 
 fn main() {

@@ -6,7 +6,6 @@
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `scalar -> trace -> dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone; `parallel` knows threads, `memory` sizes, and none knows robots.
 
-#[cfg(not(test))]
 pub mod analysis;
 pub mod arm;
 pub mod dynamics;
@@ -23,9 +22,6 @@ pub mod plan;
 pub mod plant;
 pub mod priority;
 pub mod scalar;
-// The loops are large once compiled for every instruction set; their tests are integration tests, so the unit
-// tests do without them.
-#[cfg(not(test))]
 pub mod simulate;
 pub mod spatial;
 pub mod status;

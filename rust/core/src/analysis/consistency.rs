@@ -6,7 +6,7 @@
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::symmetric_eigen;
 use crate::spatial::pseudo_inertia::{Pseudo, is_positive_definite, parameters_of, pseudo_inertia};
-use crate::spatial::{Inertia, PARAMETERS, V3};
+use crate::spatial::{Inertia, PARAMETERS, Vector, Vector3};
 
 /// What is wrong with one body.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ fn problem(body: &[f64; PARAMETERS]) -> String {
     if inertia.mass <= 0.0 {
         return format!("mass {} is not positive", body[0]);
     }
-    let com = V3(inertia.moment.0.map(|h| h / inertia.mass));
+    let com = Vector3::from(inertia.moment.array().map(|h| h / inertia.mass));
     let [xx, xy, yy, xz, yz, zz] = inertia.shifted(-com).inertia.0;
     let Ok((moments, _)) = symmetric_eigen(&[xx, xy, xz, xy, yy, yz, xz, yz, zz], 3) else {
         return "inertia about the centre of mass overflows".into();

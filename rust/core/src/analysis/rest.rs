@@ -14,7 +14,7 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::linalg::symmetric_eigen;
 use crate::plant::{LaneWall, PlantSpec, Stop, unilateral};
 use crate::scalar::{Dual, Real};
-use crate::spatial::V3;
+use crate::spatial::{Vector, Vector3};
 use crate::status::Status;
 
 /// What acts on a plant at rest.
@@ -40,7 +40,7 @@ impl Rest<'_> {
     pub fn load(&self, q: &[f64]) -> (Vec<f64>, [f64; 3]) {
         let mut forces = Forces::<f64>::new(self);
         let wall = forces.load(q);
-        (forces.load, wall.0)
+        (forces.load, wall.array())
     }
 
     /// From `q` downhill to rest; the motors' positions too where the law is one of motors.
@@ -132,7 +132,7 @@ impl<'a, S: Real> Forces<'a, S> {
     }
 
     /// `L(q)` into `self.load`; the wall's force.
-    fn load(&mut self, q: &[S]) -> V3<S> {
+    fn load(&mut self, q: &[S]) -> Vector3<S> {
         let n = q.len();
         self.arm.move_to(q);
         self.arm.gravity(&mut self.load);
@@ -144,10 +144,10 @@ impl<'a, S: Real> Forces<'a, S> {
                 }
             }
         }
-        let mut push = V3::zero();
+        let mut push = Vector3::zero();
         if let Some(wall) = self.rest.plant.wall() {
             let (p, jacobian) = self.arm.jacobian(wall.frame);
-            push = LaneWall::new(|_| wall).force(p, V3::zero(), None).0;
+            push = LaneWall::new(|_| wall).force(p, Vector3::zero(), None).0;
             for i in 0..n {
                 for k in 0..3 {
                     self.load[i] = jacobian[k * n + i].neg_mul_add(push[k], self.load[i]);

@@ -4,7 +4,7 @@ use super::{Arm, Frame, Joint, JointKind, Limits, writable};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::memory;
-use crate::spatial::{Inertia, Placement, V3};
+use crate::spatial::{Inertia, Placement, Vector, Vector3};
 use std::collections::HashSet;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,8 +162,8 @@ pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
         return Err(Error::input(argument, "is zero: expected a vector with a direction, got (0, 0, 0)"));
     }
     // Twice: `largest` may be subnormal, whose reciprocal is infinite.
-    let scaled = V3(axis.map(|x| x / largest));
-    let unit = V3(scaled.0.map(|x| x / scaled.norm()));
+    let scaled = Vector3::from(axis.map(|x| x / largest));
+    let unit = Vector3::from(scaled.array().map(|x| x / scaled.norm()));
     // A vector that is already a unit vector to rounding keeps its bits: one made by this function is, when it is read again.
-    if (V3(axis).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Ok(axis) } else { Ok(unit.0) }
+    if (Vector3::from(axis).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Ok(axis) } else { Ok(unit.array()) }
 }

@@ -8,7 +8,7 @@ use super::{Arm, ChainJoint, Frame, Joint, JointKind, JointType};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::memory;
-use crate::spatial::{Inertia, M3, Placement, V3};
+use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Vector3};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
@@ -57,7 +57,7 @@ impl Arm {
             finite(&format!("rows[{i}].phi"), &row.phi)?;
             let along_x = Placement::from_rpy([row.alpha, 0.0, 0.0], [row.a, 0.0, 0.0]);
             let turn = Placement::from_rpy([0.0, 0.0, row.theta], [0.0; 3]);
-            let slide = Placement { rotation: M3::IDENTITY, translation: V3([0.0, 0.0, row.d]) };
+            let slide = Placement { rotation: Matrix3::IDENTITY, translation: Vector3::from([0.0, 0.0, row.d]) };
             // Turn and slide share the z axis and commute with the motion of the joint.
             let (placement, frame) = match convention {
                 Convention::Standard => (before.then(&turn).then(&slide), along_x),
@@ -117,7 +117,7 @@ impl Arm {
         let mut arm = Arm::from_chain(&list, [gravity[0], gravity[1], 0.0])?;
         for (frame, &length) in arm.frames.iter_mut().zip(lengths) {
             look();
-            frame.placement.translation = V3([length, 0.0, 0.0]);
+            frame.placement.translation = Vector3::from([length, 0.0, 0.0]);
             frame.joint = Some(format!("{}_fixed", frame.name));
         }
         arm.name = "planar".into();

@@ -3,7 +3,7 @@
 use super::urdf::negative_moment;
 use super::{Arm, Frame, JointKind, writable};
 use crate::error::{Error, Result, finite};
-use crate::spatial::{Inertia, M3, Placement, Sym3, V3};
+use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Sym3, Vector, Vector3};
 
 impl Arm {
     /// The arm with a frame `name` placed in another one.
@@ -42,11 +42,11 @@ impl Arm {
         }
         let at = self.frames[self.frame_index(frame)?].clone();
         let moments = Sym3([inertia[0][0], inertia[1][0], inertia[1][1], inertia[2][0], inertia[2][1], inertia[2][2]]);
-        if let Some(worst) = negative_moment(&moments, mass, V3(com)) {
+        if let Some(worst) = negative_moment(&moments, mass, Vector3::from(com)) {
             return Err(Error::input("inertia", format!("has a negative principal moment: expected >= 0, got {worst:e}")));
         }
         let mut arm = self.clone();
-        arm.merge(at.body, &Inertia::about_com(mass, V3(com), moments), &at.placement);
+        arm.merge(at.body, &Inertia::about_com(mass, Vector3::from(com), moments), &at.placement);
         Ok(arm)
     }
 
@@ -68,10 +68,10 @@ impl Arm {
                 arm.joints.push(super::Joint { parent: body, placement, ..joint.clone() });
                 continue;
             };
-            let axis = V3(joint.axis);
+            let axis = Vector3::from(joint.axis);
             let motion = match joint.kind {
-                JointKind::Prismatic => Placement { rotation: M3::IDENTITY, translation: axis.scale(value) },
-                _ => Placement { rotation: M3::from_axis_angle(axis, value), translation: V3([0.0; 3]) },
+                JointKind::Prismatic => Placement { rotation: Matrix3::IDENTITY, translation: axis.scale(value) },
+                _ => Placement { rotation: Matrix3::from_axis_angle(axis, value), translation: Vector3::from([0.0; 3]) },
             };
             let place = placement.then(&motion);
             moved.push((body, place));

@@ -7,7 +7,7 @@
 use super::Arm;
 use crate::interrupt::look;
 use crate::scalar::Real;
-use crate::spatial::{Inertia, M3, PARAMETERS, Placement, QuarterTurn, Sym3, V3};
+use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
 use std::sync::Arc;
 
 /// What recordings call the parameters of a body, beside its mass `m`.
@@ -19,7 +19,7 @@ const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
 pub const BASE: usize = usize::MAX;
 
 #[derive(Clone, Debug)]
-pub struct Body<S> {
+pub struct Body<S: Real> {
     /// Index of the parent body, [`BASE`] for the base; parents come before children.
     pub parent: usize,
     /// One beyond the last body that it carries: the bodies from the next one to there, since their order is depth first.
@@ -29,10 +29,10 @@ pub struct Body<S> {
     /// Turns about its axis; slides along it otherwise.
     pub revolute: bool,
     /// Placement of the joint in the parent's compiled frame at `q = 0`.
-    pub rotation: M3<f64>,
+    pub rotation: Matrix3<f64>,
     /// What `rotation` is, if it is one of these.
     pub quarter: Option<QuarterTurn>,
-    pub translation: V3<f64>,
+    pub translation: Vector3<f64>,
     /// Whether the joint's origin is the parent's in every state, as in a wrist: moments go from one to the other as they are.
     pub concentric: bool,
     /// In compiled axes, about the joint origin.
@@ -40,7 +40,7 @@ pub struct Body<S> {
     /// `integral of r r' dm = tr(I)/2 - I`.
     pub second_moment: Sym3<S>,
     /// `x_body = turn x_compiled`; `None` where the two frames are one.
-    pub turn: Option<M3<f64>>,
+    pub turn: Option<Matrix3<f64>>,
     pub armature: f64,
     pub damping: f64,
     pub friction: f64,
@@ -54,10 +54,10 @@ pub struct TreeFrame {
 }
 
 #[derive(Clone, Debug)]
-pub struct Tree<S> {
+pub struct Tree<S: Real> {
     pub bodies: Vec<Body<S>>,
     pub frames: Vec<TreeFrame>,
-    pub gravity: V3<f64>,
+    pub gravity: Vector3<f64>,
     /// Whether its branches are so short that forward dynamics takes less time by the mass matrix than by articulated bodies.
     pub is_shallow: bool,
 }
@@ -75,13 +75,13 @@ fn is_shallow(bodies: &[Body<f64>]) -> bool {
 
 impl Tree<f64> {
     fn compile(arm: &Arm) -> Self {
-        let mut turns: Vec<M3<f64>> = Vec::with_capacity(arm.joints.len());
+        let mut turns: Vec<Matrix3<f64>> = Vec::with_capacity(arm.joints.len());
         for joint in &arm.joints {
             look();
-            let before = joint.parent.map_or(M3::IDENTITY, |p| turns[p]).transpose().times(joint.placement.rotation);
-            turns.push(compiled_axes(&before, V3(joint.axis)));
+            let before = joint.parent.map_or(Matrix3::IDENTITY, |p| turns[p]).transpose().times(joint.placement.rotation);
+            turns.push(compiled_axes(&before, Vector3::from(joint.axis)));
         }
-        let parent_turn = |parent: Option<usize>| parent.map_or(M3::IDENTITY, |p| turns[p]).transpose();
+        let parent_turn = |parent: Option<usize>| parent.map_or(Matrix3::IDENTITY, |p| turns[p]).transpose();
         let mut ends: Vec<usize> = (1..=arm.joints.len()).collect();
         let (mut forks, mut sizes) = (vec![false; arm.joints.len()], vec![1; arm.joints.len()]);
         for (i, joint) in arm.joints.iter().enumerate().rev() {
@@ -109,10 +109,10 @@ impl Tree<f64> {
                     rotation,
                     quarter: QuarterTurn::of(&rotation),
                     translation,
-                    concentric: revolute && translation == V3([0.0; 3]),
+                    concentric: revolute && translation == Vector3::from([0.0; 3]),
                     inertia: Inertia::zero(),
                     second_moment: Sym3::zero(),
-                    turn: (turns[i] != M3::IDENTITY).then_some(turns[i]),
+                    turn: (turns[i] != Matrix3::IDENTITY).then_some(turns[i]),
                     armature: joint.armature,
                     damping: joint.damping,
                     friction: joint.friction,
@@ -123,11 +123,11 @@ impl Tree<f64> {
             .frames
             .iter()
             .map(|frame| {
-                let back = Placement { rotation: parent_turn(frame.body), translation: V3([0.0; 3]) };
+                let back = Placement { rotation: parent_turn(frame.body), translation: Vector3::from([0.0; 3]) };
                 TreeFrame { body: frame.body.unwrap_or(BASE), placement: back.then(&frame.placement) }
             })
             .collect();
-        let mut tree = Tree { is_shallow: is_shallow(&bodies), bodies, frames, gravity: V3(arm.gravity) };
+        let mut tree = Tree { is_shallow: is_shallow(&bodies), bodies, frames, gravity: Vector3::from(arm.gravity) };
         tree.set_parameters(&arm.parameters());
         tree
     }
@@ -146,7 +146,7 @@ impl Tree<f64> {
         let lane = |i: usize, body: &Body<f64>| Body {
             inertia: Inertia {
                 mass: number("m", i, &|tree| tree.bodies[i].inertia.mass),
-                moment: V3(std::array::from_fn(|k| number(MOMENT[k], i, &|tree| tree.bodies[i].inertia.moment.0[k]))),
+                moment: Vector3::from(std::array::from_fn(|k| number(MOMENT[k], i, &|tree| tree.bodies[i].inertia.moment[k]))),
                 inertia: Sym3(std::array::from_fn(|k| number(INERTIA[k], i, &|tree| tree.bodies[i].inertia.inertia.0[k]))),
             },
             second_moment: Sym3(std::array::from_fn(|k| number(SECOND_MOMENT[k], i, &|tree| tree.bodies[i].second_moment.0[k]))),
@@ -217,7 +217,6 @@ impl<S: Real> Tree<S> {
         }
     }
 
-    #[inline(always)]
     pub fn n(&self) -> usize {
         self.bodies.len()
     }
@@ -225,23 +224,22 @@ impl<S: Real> Tree<S> {
 
 /// Axes with z along `axis`, such that the rotation from them by way of `before` to the parent's is a quarter turn where it can be.
 /// Axes of the model with z along the joint axis are kept.
-fn compiled_axes(before: &M3<f64>, axis: V3<f64>) -> M3<f64> {
-    let mut turn = M3::taking_z_to(axis);
+fn compiled_axes(before: &Matrix3<f64>, axis: Vector3<f64>) -> Matrix3<f64> {
+    let mut turn = Matrix3::taking_z_to(axis);
     let first = turn;
-    if turn != M3::IDENTITY {
+    if turn != Matrix3::IDENTITY {
         for _ in 0..4 {
             if QuarterTurn::of(&before.times(turn)).is_some() {
                 return turn;
             }
-            let [x, y, z] = turn.0;
-            turn = M3([y, -x, z]);
+            let [x, y, z] = turn.axes();
+            turn = Matrix3::from_columns(&[y, -x, z]);
         }
     }
     first
 }
 
 /// `tr(I)/2 - I`.
-#[inline(always)]
 pub fn second_moment<S: Real>(inertia: &Sym3<S>) -> Sym3<S> {
     let [xx, xy, yy, xz, yz, zz] = inertia.0;
     let half_trace = S::splat(0.5) * (xx + yy + zz);

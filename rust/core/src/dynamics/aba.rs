@@ -11,9 +11,8 @@ use super::workspace::{Articulated, Handle};
 use crate::arm::{BASE, Tree};
 use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
-use crate::spatial::{Inertia, M3, Sym3, V3};
+use crate::spatial::{Inertia, Lift, Matrix, Matrix3, Sym3, Vector, Vector3};
 
-#[inline(always)]
 pub fn forward_dynamics<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -25,7 +24,7 @@ pub fn forward_dynamics<S: Real>(
     a: &mut [S],
 ) {
     let n = tree.n();
-    let base = || (Pose::identity(), V3::zero());
+    let base = || (Pose::identity(), Vector3::zero());
     let mut last = base();
     for i in 0..n {
         let body = &tree.bodies[i];
@@ -41,7 +40,7 @@ pub fn forward_dynamics<S: Real>(
             out.cw = wz.scale(v[i]);
             z.scale_add(v[i], w_p)
         } else {
-            out.cw = V3::zero();
+            out.cw = Vector3::zero();
             ca = wz.scale_add(v[i] + v[i], ca);
             w_p
         };
@@ -51,7 +50,11 @@ pub fn forward_dynamics<S: Real>(
         out.handle = Handle {
             mass: Sym3([m, zero, m, zero, zero, m]),
             // wd x h = -[h]x wd, by columns.
-            h: M3([V3([zero, -h[2], h[1]]), V3([h[2], zero, -h[0]]), V3([-h[1], h[0], zero])]),
+            h: Matrix3::from_columns(&[
+                Vector3::from([zero, -h[2], h[1]]),
+                Vector3::from([h[2], zero, -h[0]]),
+                Vector3::from([-h[1], h[0], zero]),
+            ]),
             inertia,
             f: w.cross(w.cross(h)),
             n: w.cross(inertia.apply(w)),
@@ -85,7 +88,11 @@ pub fn forward_dynamics<S: Real>(
         let mass = ia.mass.add_outer(uf, -inverse);
         let inertia = ia.inertia.add_outer(un, -inverse);
         let scaled = un.scale(inverse);
-        let h = M3([uf.scale_sub(scaled[0], ia.h.0[0]), uf.scale_sub(scaled[1], ia.h.0[1]), uf.scale_sub(scaled[2], ia.h.0[2])]);
+        let h = Matrix3::from_columns(&[
+            uf.scale_sub(scaled[0], ia.h.axis(0)),
+            uf.scale_sub(scaled[1], ia.h.axis(1)),
+            uf.scale_sub(scaled[2], ia.h.axis(2)),
+        ]);
         let gain = u * inverse;
         let f = mass.apply_add(me.ca, h.apply_add(me.cw, uf.scale_add(gain, ia.f)));
         let moment = inertia.apply_add(me.cw, h.apply_transposed(me.ca) + un.scale_add(gain, ia.n));
@@ -98,7 +105,7 @@ pub fn forward_dynamics<S: Real>(
             bodies[body.parent].handle = bodies[body.parent].handle.plus(&moved);
         }
     }
-    let ground = || (-tree.gravity.lift::<S>(), V3::zero());
+    let ground = || (-tree.gravity.lift::<S>(), Vector3::zero());
     let mut last = ground();
     for i in 0..n {
         let body = &tree.bodies[i];
@@ -116,16 +123,18 @@ pub fn forward_dynamics<S: Real>(
 
 /// Blocks of an articulated inertia about the point from which its old origin is seen at `p`:
 /// `H' = H - M [p]x`, `I' = I - H' [p]x + [p]x H'` with the first `H` transposed.
-#[inline(always)]
-fn shifted<S: Real>(mass: &Sym3<S>, h: M3<S>, inertia: &Sym3<S>, p: V3<S>) -> (M3<S>, Sym3<S>) {
-    let [x, y, z] = p.0;
+fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3<S>) -> (Matrix3<S>, Sym3<S>) {
+    let [x, y, z] = p.array();
     let (m0, m1, m2) = (mass.column(0), mass.column(1), mass.column(2));
     // Column k of M [p]x is M (p x e_k).
-    let moved =
-        M3([m1.scale_sub(z, m2.scale_add(y, h.0[0])), m2.scale_sub(x, m0.scale_add(z, h.0[1])), m0.scale_sub(y, m1.scale_add(x, h.0[2]))]);
+    let moved = Matrix3::from_columns(&[
+        m1.scale_sub(z, m2.scale_add(y, h.axis(0))),
+        m2.scale_sub(x, m0.scale_add(z, h.axis(1))),
+        m0.scale_sub(y, m1.scale_add(x, h.axis(2))),
+    ]);
     // (H' [p]x) with H transposed: entry (i, k) is column i of H dotted with p x e_k.
     let first = |i: usize, k: usize, from: S| {
-        let c = h.0[i];
+        let c = h.axis(i);
         match k {
             0 => c[1].neg_mul_add(z, c[2].mul_add(y, from)),
             1 => c[2].neg_mul_add(x, c[0].mul_add(z, from)),
@@ -134,7 +143,7 @@ fn shifted<S: Real>(mass: &Sym3<S>, h: M3<S>, inertia: &Sym3<S>, p: V3<S>) -> (M
     };
     // ([p]x H'): entry (i, k) is component i of p x (column k).
     let second = |i: usize, k: usize, from: S| {
-        let c = moved.0[k];
+        let c = moved.axis(k);
         match i {
             0 => y.mul_add(c[2], z.neg_mul_add(c[1], from)),
             1 => z.mul_add(c[0], x.neg_mul_add(c[2], from)),

@@ -4,7 +4,7 @@
 use super::{AnyArm, Dynamics, Model, Workspace};
 use crate::kinematics::Coordinates;
 use crate::scalar::Real;
-use crate::spatial::V3;
+use crate::spatial::Vector3;
 
 pub struct ArmAt<S: Real = f64> {
     arm: AnyArm<S>,
@@ -81,12 +81,12 @@ impl<S: Real> ArmAt<S> {
     }
 
     /// Position of a frame, world axes.
-    pub fn position(&mut self, frame: usize) -> V3<S> {
+    pub fn position(&mut self, frame: usize) -> Vector3<S> {
         self.arm.position(&mut self.workspace, &self.trig, &self.q, frame)
     }
 
     /// Position of a frame, world axes, and its geometric Jacobian, `(6, n)`.
-    pub fn jacobian(&mut self, frame: usize) -> (V3<S>, &[S]) {
+    pub fn jacobian(&mut self, frame: usize) -> (Vector3<S>, &[S]) {
         let position = self.arm.jacobian(&mut self.workspace, &self.trig, &self.q, frame, &mut self.full);
         (position, &self.full)
     }

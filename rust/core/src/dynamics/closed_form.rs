@@ -19,6 +19,13 @@ impl PlanarPr<f64> {
             Quantity::Gravity => self.gravity(&mut (), &trig, q, out),
             Quantity::Bias => self.bias(&mut (), &trig, q, x[1], out),
             Quantity::InverseDynamics => self.inverse_dynamics(&mut (), &trig, q, x[1], x[2], out),
+            Quantity::PathDynamics => {
+                let (inertia, rest) = out.split_at_mut(2);
+                let (curvature, weight) = rest.split_at_mut(2);
+                self.inverse_dynamics(&mut (), &trig, q, &[0.0; 2], x[1], inertia);
+                self.inverse_dynamics(&mut (), &trig, q, x[1], x[2], curvature);
+                weight.fill(0.0);
+            }
             Quantity::ForwardDynamics => self.forward_dynamics(&mut (), &trig, q, x[1], x[2], out),
             Quantity::Regressor => self.regressor(&mut (), &trig, q, x[1], x[2], x[3], out),
             Quantity::Energy => (out[0], out[1]) = self.energy(&mut (), &trig, q, x[1]),

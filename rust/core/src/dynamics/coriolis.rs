@@ -15,20 +15,17 @@ use super::workspace::{Column, Composite, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
 use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
-use crate::spatial::{Inertia, M3, V3};
+use crate::spatial::{Inertia, Matrix, Matrix3, Vector, Vector3};
 
 /// `w x` each column of a symmetric matrix.
-#[inline(always)]
-fn cross_columns<S: Real>(w: V3<S>, m: M3<S>) -> M3<S> {
-    M3([w.cross(m.0[0]), w.cross(m.0[1]), w.cross(m.0[2])])
+fn cross_columns<S: Real>(w: Vector3<S>, m: Matrix3<S>) -> Matrix3<S> {
+    Matrix3::from_columns(&[w.cross(m.axis(0)), w.cross(m.axis(1)), w.cross(m.axis(2))])
 }
 
-#[inline(always)]
-fn trace<S: Real>(k: &M3<S>) -> S {
-    k.0[0][0] + k.0[1][1] + k.0[2][2]
+fn trace<S: Real>(k: &Matrix3<S>) -> S {
+    k[(0, 0)] + k[(1, 1)] + k[(2, 2)]
 }
 
-#[inline(always)]
 pub fn coriolis_matrix<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -40,7 +37,7 @@ pub fn coriolis_matrix<S: Real>(
     c: &mut [S],
 ) {
     let n = tree.n();
-    let base = || (Pose::identity(), V3::zero(), V3::zero());
+    let base = || (Pose::identity(), Vector3::zero(), Vector3::zero());
     let mut last = base();
     for i in 0..n {
         let body = &tree.bodies[i];
@@ -52,7 +49,7 @@ pub fn coriolis_matrix<S: Real>(
         let wz = w.cross(z);
         let (linear, angular) = joint_column(body.revolute, &pose);
         // V_j x S_j at the world origin: beta = gamma + alpha x o_k + z x v_k at any other joint k.
-        let (alpha, gamma) = if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (V3::zero(), wz) };
+        let (alpha, gamma) = if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (Vector3::zero(), wz) };
         columns[i] = Column { linear, angular, w, velocity, alpha, gamma };
         let inertia = body.inertia.rotated(pose.rotation);
         let k = cross_columns(w, second_moment(&inertia.inertia).full());
@@ -100,12 +97,11 @@ pub fn coriolis_matrix<S: Real>(
         let p = origin - poses[body.parent].origin;
         let d = me.velocity - columns[body.parent].velocity;
         let moved = whole.inertia.shifted(p);
-        // Written out: a closure would fall out of the region of the instruction set.
-        let V3([hx, hy, hz]) = moved.moment;
-        let k = M3([
-            d.scale_add(hx, momentum.scale_add(p[0], k.0[0])),
-            d.scale_add(hy, momentum.scale_add(p[1], k.0[1])),
-            d.scale_add(hz, momentum.scale_add(p[2], k.0[2])),
+        let [hx, hy, hz] = moved.moment.array();
+        let k = Matrix3::from_columns(&[
+            d.scale_add(hx, momentum.scale_add(p[0], k.axis(0))),
+            d.scale_add(hy, momentum.scale_add(p[1], k.axis(1))),
+            d.scale_add(hz, momentum.scale_add(p[2], k.axis(2))),
         ]);
         let moved = Composite { momentum: d.scale_add(mass, momentum), k, inertia: moved };
         if S::LANES == 1 && body.parent + 1 == j {
@@ -120,7 +116,6 @@ pub fn coriolis_matrix<S: Real>(
 /// `C` at the unit rate of joint `k`. They are symmetric in `j` and `k`; what is computed for `j <= k` is written to both places.
 ///
 /// `unit` `(n,)` and `square` `(n, n)` are room for that rate and that matrix.
-#[inline(always)]
 pub fn christoffel<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

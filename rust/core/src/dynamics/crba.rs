@@ -9,28 +9,25 @@ use super::hinge::{congruence, over, reach, rotation, to_parent};
 use crate::arm::{BASE, Body, Tree};
 use crate::kinematics::Pose;
 use crate::scalar::Real;
-use crate::spatial::{M3, QuarterTurn, Spatial, Sym3, V3};
+use crate::spatial::{Matrix, Matrix3, QuarterTurn, Spatial, Sym3, Vector, Vector3};
 
 /// Mass, first and second moment of a subtree about its joint origin, in the axes of its first body.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Moments<S> {
+pub struct Moments<S: Real> {
     mass: S,
-    first: V3<S>,
+    first: Vector3<S>,
     second: Sym3<S>,
 }
 
 impl<S: Real> Moments<S> {
-    #[inline(always)]
     fn of(body: &Body<S>) -> Self {
         Moments { mass: body.inertia.mass, first: body.inertia.moment, second: body.second_moment }
     }
-    #[inline(always)]
     fn plus(&self, b: &Self) -> Self {
         Moments { mass: self.mass + b.mass, first: self.first + b.first, second: self.second.plus(&b.second) }
     }
     /// About the point from which the old one is seen at `p`.
-    #[inline(always)]
-    fn shifted(&self, p: V3<S>) -> Self {
+    fn shifted(&self, p: Vector3<S>) -> Self {
         let (h, moved) = (self.first, p.scale_add(self.mass, self.first));
         let [xx, xy, yy, xz, yz, zz] = self.second.0;
         let entry = |i: usize, j: usize, old: S| p[i].mul_add(moved[j], h[i].mul_add(p[j], old));
@@ -40,36 +37,33 @@ impl<S: Real> Moments<S> {
 }
 
 /// `[v; w]` at the world origin per unit rate of a joint.
-#[inline(always)]
-pub(crate) fn joint_column<S: Real>(revolute: bool, pose: &Pose<S>) -> (V3<S>, V3<S>) {
+pub(crate) fn joint_column<S: Real>(revolute: bool, pose: &Pose<S>) -> (Vector3<S>, Vector3<S>) {
     let z = pose.z();
-    if revolute { (pose.origin.cross(z), z) } else { (z, V3::zero()) }
+    if revolute { (pose.origin.cross(z), z) } else { (z, Vector3::zero()) }
 }
 
 /// Buffers of the mass matrix.
 #[derive(Clone, Debug)]
-pub struct Composites<S> {
+pub struct Composites<S: Real> {
     moments: Vec<Moments<S>>,
     /// The momentum `[f; n]` of every joint's subtree per unit rate, on its way to the base.
     momenta: Vec<Spatial<S>>,
     /// Rotations of joints that have to be multiplied out.
-    rotations: Vec<M3<S>>,
+    rotations: Vec<Matrix3<S>>,
 }
 
 impl<S: Real> Composites<S> {
     pub fn new(n: usize) -> Self {
-        Composites { moments: vec![Moments::default(); n], momenta: vec![Spatial::zero(); n], rotations: vec![M3::zero(); n] }
+        Composites { moments: vec![Moments::default(); n], momenta: vec![Spatial::zero(); n], rotations: vec![Matrix3::zero(); n] }
     }
 }
 
-#[inline(always)]
 pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     m.fill(S::zero());
     mass_matrix_on_zeros(tree, composites, trig, q, m);
 }
 
 /// As [`mass_matrix`], where `m` holds zeros or an earlier `M` of this tree: what vanishes is the same in every state.
-#[inline(always)]
 pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     let n = tree.n();
     let m = &mut m[..n * n];
@@ -80,7 +74,6 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
 }
 
 /// The entries `M_ij`, `i <= j`, that do not vanish in every state.
-#[inline(always)]
 pub(super) fn mass_matrix_entries<S: Real>(
     tree: &Tree<S>,
     composites: &mut Composites<S>,
@@ -103,12 +96,13 @@ pub(super) fn mass_matrix_entries<S: Real>(
         } else {
             moments[i]
         };
-        let Moments { mass, first: V3([hx, hy, _]), second: Sym3([xx, _, yy, xz, yz, _]) } = whole;
+        let Moments { mass, first, second: Sym3([xx, _, yy, xz, yz, _]) } = whole;
+        let [hx, hy, _] = first.array();
         let zero = S::zero();
         let (linear, angular, own) = if body.revolute {
-            (V3([-hy, hx, zero]), V3([-xz, -yz, xx + yy]), xx + yy)
+            (Vector3::from([-hy, hx, zero]), Vector3::from([-xz, -yz, xx + yy]), xx + yy)
         } else {
-            (V3([zero, zero, mass]), V3([hy, -hx, zero]), mass)
+            (Vector3::from([zero, zero, mass]), Vector3::from([hy, -hx, zero]), mass)
         };
         momenta[i] = Spatial { linear, angular };
         put(i, i, own + S::splat(body.armature));

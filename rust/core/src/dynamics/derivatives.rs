@@ -18,27 +18,26 @@ use super::workspace::{Composite, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
 use crate::kinematics::{Pose, place_body};
 use crate::scalar::Real;
-use crate::spatial::{Inertia, M3, V3};
+use crate::spatial::{Inertia, Lift, Matrix, Matrix3, Vector, Vector3};
 
 /// What one joint needs: its column, the motion of its body, `phi` and `psi`, and the wrench on its subtree.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Slope<S> {
-    linear: V3<S>,
-    angular: V3<S>,
-    w: V3<S>,
-    v: V3<S>,
-    a: V3<S>,
-    wd: V3<S>,
+pub struct Slope<S: Real> {
+    linear: Vector3<S>,
+    angular: Vector3<S>,
+    w: Vector3<S>,
+    v: Vector3<S>,
+    a: Vector3<S>,
+    wd: Vector3<S>,
     /// At the joint; at the world origin the linear part is `phi_v + o x phi_w`.
-    phi_v: V3<S>,
-    phi_w: V3<S>,
-    psi_w: V3<S>,
-    f: V3<S>,
-    n: V3<S>,
+    phi_v: Vector3<S>,
+    phi_w: Vector3<S>,
+    psi_w: Vector3<S>,
+    f: Vector3<S>,
+    n: Vector3<S>,
 }
 
 /// `d tau / d q` at `(q, v, a)`, `(n, n)` row-major: row `i`, column `j` is `d tau_i / d q_j`.
-#[inline(always)]
 pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
     let n = tree.n();
     let Workspace { poses, composites, slopes, .. } = ws;
@@ -73,9 +72,9 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
         let (w, wd) = (me.w, me.wd);
         me.f = wd.cross_add(h, w.cross_add(w.cross(h), me.a.scale(m)));
         me.n = h.cross_add(me.a, about.apply_add(wd, w.cross(about.apply(w))));
-        let s = second_moment(&about).full().0;
+        let s = second_moment(&about).full().axes();
         let k = |c: usize| me.v.scale_add(h[c], w.cross(s[c]));
-        composites[i] = Composite { inertia, momentum: w.cross_add(h, me.v.scale(m)), k: M3([k(0), k(1), k(2)]) };
+        composites[i] = Composite { inertia, momentum: w.cross_add(h, me.v.scale(m)), k: Matrix3::from_columns(&[k(0), k(1), k(2)]) };
         poses[i] = pose;
         slopes[i] = me;
     }
@@ -84,7 +83,7 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
         let body = &tree.bodies[j];
         let (me, z, origin) = (slopes[j], poses[j].z(), poses[j].origin);
         let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = composites[j];
-        let tr = k.0[0][0] + k.0[1][1] + k.0[2][2];
+        let tr = k[(0, 0)] + k[(1, 1)] + k[(2, 2)];
         // The change of the wrench on the subtree, about the joint.
         let two_psi = me.psi_w + me.psi_w;
         let mut f = me.phi_w.cross_add(moment, two_psi.cross_add(momentum, me.phi_v.scale(mass)));
@@ -115,8 +114,9 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
             i = tree.bodies[i].parent;
         }
         let p = origin - poses[body.parent].origin;
-        let column = |c: usize| momentum.scale_add(p[c], k.0[c]);
-        let moved = Composite { inertia: composites[j].inertia.shifted(p), momentum, k: M3([column(0), column(1), column(2)]) };
+        let column = |c: usize| momentum.scale_add(p[c], k.axis(c));
+        let moved =
+            Composite { inertia: composites[j].inertia.shifted(p), momentum, k: Matrix3::from_columns(&[column(0), column(1), column(2)]) };
         composites[body.parent] = composites[body.parent].plus(&moved);
         let up = &mut slopes[body.parent];
         up.f += me.f;
@@ -125,7 +125,6 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
 }
 
 /// `d tau / d v = 2 C(q, v)`, and with `friction` the damping on the diagonal.
-#[inline(always)]
 pub fn inverse_dynamics_by_v<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,
@@ -147,7 +146,6 @@ pub fn inverse_dynamics_by_v<S: Real>(
 }
 
 /// `x -> -M^-1 x` for an `(n, n)` matrix in place, `M` given by its Cholesky factor.
-#[inline(always)]
 fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
     for c in 0..n {
         for i in 0..n {
@@ -168,7 +166,6 @@ fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
 }
 
 /// The lower Cholesky factor in place, its diagonal inverted; NaN where `M` is not positive definite.
-#[inline(always)]
 fn factor<S: Real>(n: usize, m: &mut [S]) {
     for j in 0..n {
         for k in 0..j {
@@ -187,7 +184,6 @@ fn factor<S: Real>(n: usize, m: &mut [S]) {
 
 /// `d a / d q`, `d a / d v` and `d a / d tau = M^-1` of forward dynamics at `(q, v)` and the acceleration `a` that it gives
 /// there; each `(n, n)` row-major. `m` has room for `(n, n)`.
-#[inline(always)]
 pub fn forward_dynamics_derivatives<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

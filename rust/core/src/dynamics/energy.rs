@@ -7,10 +7,9 @@ use super::workspace::{Column, Composite};
 use crate::arm::{BASE, Body, Tree};
 use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::{Real, sign};
-use crate::spatial::V3;
+use crate::spatial::{Lift, Matrix, Vector, Vector3};
 
 /// `g(q)` from the mass and first moment of every subtree.
-#[inline(always)]
 pub fn gravity<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], composites: &mut [Composite<S>], trig: &[(S, S)], q: &[S], g: &mut [S]) {
     let n = tree.n();
     let mut last = Pose::identity();
@@ -37,11 +36,10 @@ pub fn gravity<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], composites: &mut 
 }
 
 /// Kinetic and potential energy.
-#[inline(always)]
 pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Column<S>], trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
     let up = -tree.gravity.lift::<S>();
     let (mut twice, mut potential) = (S::zero(), S::zero());
-    let base = || (Pose::identity(), V3::zero(), V3::zero());
+    let base = || (Pose::identity(), Vector3::zero(), Vector3::zero());
     let mut last = base();
     for i in 0..tree.n() {
         let body = &tree.bodies[i];
@@ -64,13 +62,11 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
 }
 
 /// What a joint's friction takes at rate `v`: `damping v + friction sign(v)`.
-#[inline(always)]
 pub fn friction_torque<S: Real>(body: &Body<S>, v: S) -> S {
     S::splat(body.friction).mul_add(sign(v), S::splat(body.damping) * v)
 }
 
 /// `tau += damping v + friction sign(v)`.
-#[inline(always)]
 pub fn add_friction<S: Real>(tree: &Tree<S>, v: &[S], tau: &mut [S]) {
     for (i, body) in tree.bodies.iter().enumerate() {
         tau[i] += friction_torque(body, v[i]);
@@ -78,10 +74,9 @@ pub fn add_friction<S: Real>(tree: &Tree<S>, v: &[S], tau: &mut [S]) {
 }
 
 /// `tau += sign J' F` for a wrench `[f; n]` in world axes at the origin of `frame`; `poses` must be current.
-#[inline(always)]
 pub fn add_wrench<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize, wrench: [S; 6], factor: S, tau: &mut [S]) {
-    let f = V3([wrench[0], wrench[1], wrench[2]]).scale(factor);
-    let moment = V3([wrench[3], wrench[4], wrench[5]]).scale(factor);
+    let f = Vector3::from([wrench[0], wrench[1], wrench[2]]).scale(factor);
+    let moment = Vector3::from([wrench[3], wrench[4], wrench[5]]).scale(factor);
     let mut i = tree.frames[frame].body;
     if i == BASE {
         return;

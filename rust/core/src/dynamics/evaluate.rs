@@ -1,21 +1,20 @@
-//! The quantities of an arm as functions from `f64` arrays to `f64` arrays, one configuration after another, by the scalar route of this
-//! machine. What a binding needs, and no more: shapes are checked here once, outputs are the caller's.
+//! The quantities of an arm as functions from `f64` arrays to `f64` arrays, one configuration after another.
+//! What a binding needs, and no more: shapes are checked here once, outputs are the caller's.
 
 use super::quantities::{self, Compute};
 use super::{Quantity, Query, Workspace};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::scalar::rows::read_one;
-use crate::scalar::{Fused, Kernel, Real, fuses};
+use crate::scalar::{Float, Real};
 use crate::spatial::PARAMETERS;
-use std::marker::PhantomData;
 
 /// Numbers that an arm's answers may take before room is made for them only when they are asked for: 8 MB.
 const EAGER: usize = 1 << 20;
 
 /// Buffers of one number type.
 #[derive(Clone, Debug)]
-pub(super) struct Engine<S> {
+pub(super) struct Engine<S: Real> {
     pub(super) tree: Tree<S>,
     pub(super) ws: Workspace<S>,
     pub(super) trig: Vec<(S, S)>,
@@ -30,7 +29,7 @@ pub(super) struct Engine<S> {
 macro_rules! with_quantity {
     ($query:expr, $name:ident => $each:expr) => {
         with_quantity!(@ $query, $name, $each, MassMatrix CoriolisMatrix Christoffel Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose
-            Position Jacobian JacobianDot Com ComJacobian InverseDynamicsDerivatives ForwardDynamicsDerivatives)
+            Position Jacobian JacobianDot Com ComJacobian PathDynamics InverseDynamicsDerivatives ForwardDynamicsDerivatives)
     };
     (@ $query:expr, $name:ident, $each:expr, $($quantity:ident)*) => {
         match $query.quantity {
@@ -70,7 +69,6 @@ impl<S: Real> Engine<S> {
     }
 
     /// One configuration. Whether the arguments are what is asked for, and every number of them and of the answer finite.
-    #[inline(always)]
     fn one<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> bool {
         // Known here while compiling, so that what depends on it is decided then.
         let query = &Query { quantity: Q::QUANTITY, ..*query };
@@ -86,11 +84,18 @@ impl<S: Real> Engine<S> {
         if !sound {
             return false;
         }
-        S::sin_cos_each(&self.inputs[0][..n], &mut self.trig[..n]);
+        self.turn();
         Q::answer(self, query, out)
     }
 
-    #[inline(always)]
+    /// Sine and cosine of every coordinate.
+    #[inline]
+    fn turn(&mut self) {
+        for (trig, q) in self.trig.iter_mut().zip(&self.inputs[0]) {
+            *trig = q.sin_cos();
+        }
+    }
+
     fn make_room_for(&mut self, query: &Query) {
         if self.answered != Some(*query) {
             self.out[..query.length(self.tree.n())].fill(S::zero());
@@ -98,16 +103,15 @@ impl<S: Real> Engine<S> {
         }
     }
 
-    /// Each quantity in its own region.
     fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> bool {
-        with_quantity!(query, Q => S::enter(One::<S, Q> { engine: self, query, inputs, out, quantity: PhantomData }))
+        with_quantity!(query, Q => self.one::<Q>(query, inputs, out))
     }
 
     /// The answer at inputs that are there.
     pub(super) fn answer(&mut self, query: &Query) -> Result<&[S]> {
         self.grow(query)?;
         self.make_room_for(query);
-        S::sin_cos_each(&self.inputs[0][..self.tree.n()], &mut self.trig);
+        self.turn();
         with_quantity!(query, Q => Q::compute(self, query));
         Ok(&self.out[..query.length(self.tree.n())])
     }
@@ -123,32 +127,10 @@ fn enlarge<T: Copy>(buffer: &mut Vec<T>, length: usize, fill: T) -> Result<()> {
     Ok(())
 }
 
-struct One<'a, S, Q> {
-    engine: &'a mut Engine<S>,
-    query: &'a Query,
-    inputs: &'a [&'a [f64]],
-    out: &'a mut [f64],
-    quantity: PhantomData<Q>,
-}
-
-impl<S: Real, Q: Compute> Kernel for One<'_, S, Q> {
-    type Output = bool;
-    #[inline(always)]
-    fn run(self) -> bool {
-        self.engine.one::<Q>(self.query, self.inputs, self.out)
-    }
-}
-
-#[derive(Clone, Debug)]
-enum Route {
-    Baseline(Box<Engine<f64>>),
-    Fused(Box<Engine<Fused>>),
-}
-
 /// One configuration after another, without allocating for arms of up to two hundred joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
-    route: Route,
+    engine: Box<Engine<Float>>,
     n: usize,
     frames: usize,
 }
@@ -160,18 +142,14 @@ impl Evaluator {
 
     /// `eager`: with room for every answer.
     pub(super) fn sized(arm: &Arm, eager: bool) -> Self {
-        let route =
-            if fuses() { Route::Fused(Box::new(Engine::new(arm, eager))) } else { Route::Baseline(Box::new(Engine::new(arm, eager))) };
-        Evaluator { route, n: arm.n(), frames: arm.frames.len() }
+        Evaluator { engine: Box::new(Engine::new(arm, eager)), n: arm.n(), frames: arm.frames.len() }
     }
 
     /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. Whether every
     /// number of the answer is finite: a singular mass matrix and an overflow are told so.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-        let sound = match &mut self.route {
-            Route::Baseline(engine) => engine.grow(query).map(|()| engine.dispatch(query, inputs, out)),
-            Route::Fused(engine) => engine.grow(query).map(|()| engine.dispatch(query, inputs, out)),
-        }?;
+        self.engine.grow(query)?;
+        let sound = self.engine.dispatch(query, inputs, out);
         if !sound {
             check(query, inputs, 1, self.n, self.frames, out.len())?;
         }

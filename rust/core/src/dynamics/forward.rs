@@ -10,7 +10,6 @@ use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 
 /// `a = M^-1 (tau - C v - g)`; `ws.factors` has room.
-#[inline(always)]
 pub fn forward_dynamics<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
     let n = tree.n();
     let Factors { matrix, inverse } = &mut ws.factors;

@@ -3,42 +3,38 @@
 
 use crate::arm::Body;
 use crate::scalar::Real;
-use crate::spatial::{M3, QuarterTurn, Sym3, V3};
+use crate::spatial::{Lift, Matrix, Matrix3, QuarterTurn, Sym3, Vector, Vector3};
 
 /// `R_0 Rz(q)` of a joint that has to be multiplied out; the others never read it.
-#[inline(always)]
-pub(crate) fn rotation<S: Real>(body: &Body<S>, trig: (S, S)) -> M3<S> {
+pub(crate) fn rotation<S: Real>(body: &Body<S>, trig: (S, S)) -> Matrix3<S> {
     if body.revolute { body.rotation.lift::<S>().rotate_z(trig) } else { body.rotation.lift() }
 }
 
 /// The joint's origin in the parent's axes.
-#[inline(always)]
-pub(crate) fn reach<S: Real>(body: &Body<S>, q: S) -> V3<S> {
+pub(crate) fn reach<S: Real>(body: &Body<S>, q: S) -> Vector3<S> {
     let p = body.translation.lift();
-    if body.revolute { p } else { body.rotation.0[2].lift().scale_add(q, p) }
+    if body.revolute { p } else { body.rotation.axis(2).lift().scale_add(q, p) }
 }
 
 /// From the body's axes to the parent's; `e` is [`rotation`].
-#[inline(always)]
-pub(crate) fn to_parent<S: Real, const K: usize>(body: &Body<S>, e: &M3<S>, trig: (S, S), v: [V3<S>; K]) -> [V3<S>; K] {
+pub(crate) fn to_parent<S: Real, const K: usize>(body: &Body<S>, e: &Matrix3<S>, trig: (S, S), v: [Vector3<S>; K]) -> [Vector3<S>; K] {
     over(body.quarter, body.revolute, e, trig, v)
 }
 
 /// As [`to_parent`], for a loop that knows the quarter turn before it begins.
-#[inline(always)]
 pub(crate) fn over<S: Real, const K: usize>(
     quarter: Option<QuarterTurn>,
     revolute: bool,
-    e: &M3<S>,
+    e: &Matrix3<S>,
     (s, c): (S, S),
-    mut v: [V3<S>; K],
-) -> [V3<S>; K] {
+    mut v: [Vector3<S>; K],
+) -> [Vector3<S>; K] {
     match quarter {
         Some(quarter) => {
             if revolute {
                 for k in 0..K {
-                    let [x, y, z] = v[k].0;
-                    v[k] = V3([x.mul_add(c, -(y * s)), x.mul_add(s, y * c), z]);
+                    let [x, y, z] = v[k].array();
+                    v[k] = Vector3::from([x.mul_add(c, -(y * s)), x.mul_add(s, y * c), z]);
                 }
             }
             quarter.apply(v)
@@ -53,15 +49,14 @@ pub(crate) fn over<S: Real, const K: usize>(
 }
 
 /// From the parent's axes to the body's; `e` is [`rotation`].
-#[inline(always)]
-pub(crate) fn to_body<S: Real, const K: usize>(body: &Body<S>, e: &M3<S>, (s, c): (S, S), mut v: [V3<S>; K]) -> [V3<S>; K] {
+pub(crate) fn to_body<S: Real, const K: usize>(body: &Body<S>, e: &Matrix3<S>, (s, c): (S, S), mut v: [Vector3<S>; K]) -> [Vector3<S>; K] {
     match body.quarter {
         Some(quarter) => {
             v = quarter.apply_transposed(v);
             if body.revolute {
                 for k in 0..K {
-                    let [x, y, z] = v[k].0;
-                    v[k] = V3([x.mul_add(c, y * s), y.mul_add(c, -(x * s)), z]);
+                    let [x, y, z] = v[k].array();
+                    v[k] = Vector3::from([x.mul_add(c, y * s), y.mul_add(c, -(x * s)), z]);
                 }
             }
             v
@@ -76,8 +71,7 @@ pub(crate) fn to_body<S: Real, const K: usize>(body: &Body<S>, e: &M3<S>, (s, c)
 }
 
 /// A symmetric matrix from the body's axes to the parent's; `e` is [`rotation`].
-#[inline(always)]
-pub(crate) fn congruence<S: Real>(body: &Body<S>, e: &M3<S>, (s, c): (S, S), m: Sym3<S>) -> Sym3<S> {
+pub(crate) fn congruence<S: Real>(body: &Body<S>, e: &Matrix3<S>, (s, c): (S, S), m: Sym3<S>) -> Sym3<S> {
     match body.quarter {
         Some(quarter) if body.revolute => {
             let [xx, xy, yy, xz, yz, zz] = m.0;

@@ -6,27 +6,21 @@
 
 pub mod aba;
 mod arm_at;
-#[cfg(not(test))]
 mod closed_form;
 pub mod coriolis;
 pub mod crba;
 mod definite;
 pub mod derivatives;
 pub mod energy;
-#[cfg(not(test))]
 mod evaluate;
 pub mod forward;
-#[cfg(not(test))]
 mod functions;
 mod hinge;
 mod model;
 pub mod newton_euler;
 mod planar_pr;
-#[cfg(not(test))]
 mod quantities;
-#[cfg(not(test))]
 mod query;
-#[cfg(not(test))]
 mod recorded;
 pub mod regressor;
 mod tree;
@@ -34,13 +28,10 @@ pub mod workspace;
 
 pub use arm_at::ArmAt;
 pub use definite::indefinite;
-#[cfg(not(test))]
 pub use evaluate::Evaluator;
-#[cfg(not(test))]
 pub use functions::Functions;
 pub use model::{AnyArm, Model};
 pub use planar_pr::PlanarPr;
-#[cfg(not(test))]
 pub use query::{Quantity, Query};
 pub use workspace::Workspace;
 

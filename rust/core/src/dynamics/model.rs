@@ -1,15 +1,14 @@
 //! Any arm, chosen at run time: the closed-form PR or a tree of bodies.
 //!
-//! Each quantity is a function of its own, compiled for the instruction set of the number it runs on: laws and plants
-//! share one copy of the code, at the price of a call.
+//! Each quantity is a function of its own: laws and plants share one copy of the code, at the price of a call.
 
 use super::workspace::Workspace;
 use super::{Dynamics, PlanarPr};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{self, Coordinates};
-use crate::scalar::{Kernel, Real};
-use crate::spatial::{V3, parameter};
+use crate::scalar::Real;
+use crate::spatial::{Vector, Vector3, parameter};
 use std::sync::Arc;
 
 /// An arm as the user states it.
@@ -132,29 +131,15 @@ impl<S: Real> AnyArm<S> {
     }
 }
 
-/// A quantity out of line: `$name(ws, trig, inputs.., outputs..)`, in the region of `S`.
+/// A quantity out of line: `$name(ws, trig, inputs.., outputs..)`.
 macro_rules! apart {
     ($name:ident, [$($input:ident),*], [$($output:ident),+]) => {
         #[inline(never)]
         fn $name(&self, ws: &mut Workspace<S>, trig: &[(S, S)], $($input: &[S],)* $($output: &mut [S]),+) {
-            struct Apart<'a, S: Real> {
-                arm: &'a AnyArm<S>,
-                ws: &'a mut Workspace<S>,
-                trig: &'a [(S, S)],
-                $($input: &'a [S],)*
-                $($output: &'a mut [S],)+
+            match self {
+                AnyArm::PlanarPr(arm) => arm.$name(&mut (), trig, $($input,)* $($output),+),
+                AnyArm::Tree(arm) => arm.$name(ws, trig, $($input,)* $($output),+),
             }
-            impl<S: Real> Kernel for Apart<'_, S> {
-                type Output = ();
-                #[inline(always)]
-                fn run(self) {
-                    match self.arm {
-                        AnyArm::PlanarPr(arm) => arm.$name(&mut (), self.trig, $(self.$input,)* $(self.$output),+),
-                        AnyArm::Tree(arm) => arm.$name(self.ws, self.trig, $(self.$input,)* $(self.$output),+),
-                    }
-                }
-            }
-            S::enter(Apart { arm: self, ws, trig, $($input,)* $($output),+ });
         }
     };
 }
@@ -165,26 +150,23 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
     fn workspace(&self) -> Workspace<S> {
         match self {
             AnyArm::PlanarPr(_) => {
-                Workspace::new(&Tree { bodies: Vec::new(), frames: Vec::new(), gravity: V3([0.0; 3]), is_shallow: false })
+                Workspace::new(&Tree { bodies: Vec::new(), frames: Vec::new(), gravity: Vector3::from([0.0; 3]), is_shallow: false })
             }
             AnyArm::Tree(tree) => Workspace::new(tree),
         }
     }
-    #[inline(always)]
     fn dof(&self) -> usize {
         match self {
             AnyArm::PlanarPr(_) => 2,
             AnyArm::Tree(tree) => tree.n(),
         }
     }
-    #[inline(always)]
     fn parameter_count(&self) -> usize {
         match self {
             AnyArm::PlanarPr(arm) => arm.parameter_count(),
             AnyArm::Tree(tree) => tree.parameter_count(),
         }
     }
-    #[inline(always)]
     fn is_angle(&self, joint: usize) -> bool {
         match self {
             AnyArm::PlanarPr(arm) => arm.is_angle(joint),
@@ -207,63 +189,31 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
     apart!(regressor, [q, v, v_r, a_r], [y]);
     apart!(regressor_products, [q, v, v_r, a_r, pi, s], [y_pi, yt_s]);
 
-    fn energy(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
-        let mut out = [S::zero(); 2];
-        self.energies(ws, trig, q, v, &mut out);
-        (out[0], out[1])
-    }
-}
-
-impl<S: Real> AnyArm<S> {
     #[inline(never)]
-    fn energies(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], out: &mut [S; 2]) {
-        struct Apart<'a, S: Real>(&'a AnyArm<S>, &'a mut Workspace<S>, &'a [(S, S)], &'a [S], &'a [S]);
-        impl<S: Real> Kernel for Apart<'_, S> {
-            type Output = (S, S);
-            #[inline(always)]
-            fn run(self) -> (S, S) {
-                match self.0 {
-                    AnyArm::PlanarPr(arm) => arm.energy(&mut (), self.2, self.3, self.4),
-                    AnyArm::Tree(arm) => arm.energy(self.1, self.2, self.3, self.4),
-                }
-            }
+    fn energy(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
+        match self {
+            AnyArm::PlanarPr(arm) => arm.energy(&mut (), trig, q, v),
+            AnyArm::Tree(arm) => arm.energy(ws, trig, q, v),
         }
-        (out[0], out[1]) = S::enter(Apart(self, ws, trig, q, v));
     }
 }
 
 impl<S: Real> AnyArm<S> {
     /// The geometric Jacobian `(6, n)` of a frame; returns its position. A planar PR has no frames: zero.
     #[inline(never)]
-    pub fn jacobian(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> V3<S> {
-        struct Apart<'a, S: Real>(&'a Tree<S>, &'a mut Workspace<S>, &'a [(S, S)], &'a [S], usize, &'a mut [S]);
-        impl<S: Real> Kernel for Apart<'_, S> {
-            type Output = V3<S>;
-            #[inline(always)]
-            fn run(self) -> V3<S> {
-                kinematics::jacobian(self.0, &mut self.1.poses, self.2, self.3, self.4, self.5)
-            }
-        }
+    pub fn jacobian(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> Vector3<S> {
         match self {
-            AnyArm::PlanarPr(_) => V3::zero(),
-            AnyArm::Tree(tree) => S::enter(Apart(tree, ws, trig, q, frame, j)),
+            AnyArm::PlanarPr(_) => Vector3::zero(),
+            AnyArm::Tree(tree) => kinematics::jacobian(tree, &mut ws.poses, trig, q, frame, j),
         }
     }
 
     /// The position of a frame. A planar PR has no frames: zero.
     #[inline(never)]
-    pub fn position(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize) -> V3<S> {
-        struct Apart<'a, S: Real>(&'a Tree<S>, &'a mut Workspace<S>, &'a [(S, S)], &'a [S], usize);
-        impl<S: Real> Kernel for Apart<'_, S> {
-            type Output = V3<S>;
-            #[inline(always)]
-            fn run(self) -> V3<S> {
-                kinematics::frame_pose(self.0, &mut self.1.poses, self.2, self.3, self.4).1
-            }
-        }
+    pub fn position(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize) -> Vector3<S> {
         match self {
-            AnyArm::PlanarPr(_) => V3::zero(),
-            AnyArm::Tree(tree) => S::enter(Apart(tree, ws, trig, q, frame)),
+            AnyArm::PlanarPr(_) => Vector3::zero(),
+            AnyArm::Tree(tree) => kinematics::frame_pose(tree, &mut ws.poses, trig, q, frame).1,
         }
     }
 
@@ -280,27 +230,8 @@ impl<S: Real> AnyArm<S> {
         e: &mut [S],
         j: &mut [S],
     ) {
-        struct Apart<'a, S: Real> {
-            tree: &'a Tree<S>,
-            ws: &'a mut Workspace<S>,
-            coordinates: &'a Coordinates,
-            full: &'a mut [S],
-            trig: &'a [(S, S)],
-            q: &'a [S],
-            target: &'a [S],
-            e: &'a mut [S],
-            j: &'a mut [S],
-        }
-        impl<S: Real> Kernel for Apart<'_, S> {
-            type Output = ();
-            #[inline(always)]
-            fn run(self) {
-                let Apart { tree, ws, coordinates, full, trig, q, target, e, j } = self;
-                coordinates.error_and_jacobian(tree, &mut ws.poses, full, trig, q, target, e, j);
-            }
-        }
         if let AnyArm::Tree(tree) = self {
-            S::enter(Apart { tree, ws, coordinates, full, trig, q, target, e, j });
+            coordinates.error_and_jacobian(tree, &mut ws.poses, full, trig, q, target, e, j);
         }
     }
 }

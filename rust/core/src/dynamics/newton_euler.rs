@@ -15,30 +15,32 @@ use super::hinge::{reach, rotation, to_body, to_parent};
 use super::workspace::{Link, Motion};
 use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
-use crate::spatial::{M3, Sym3, V3};
+use crate::spatial::{Lift, Matrix, Matrix3, Sym3, Vector, Vector3};
 
 /// `[wd]x + ([w]x [wr]x + [wr]x [w]x) / 2`.
-#[inline(always)]
-pub(crate) fn acceleration_matrix<S: Real, const POLAR: bool>(w: V3<S>, wr: V3<S>, wd: V3<S>) -> M3<S> {
+pub(crate) fn acceleration_matrix<S: Real, const POLAR: bool>(w: Vector3<S>, wr: Vector3<S>, wd: Vector3<S>) -> Matrix3<S> {
     let half = S::splat(0.5);
     let product = |i: usize, j: usize| if POLAR { half * w[i].mul_add(wr[j], w[j] * wr[i]) } else { w[i] * w[j] };
     let square = |i: usize| if POLAR { w[i] * wr[i] } else { w[i] * w[i] };
     let (xx, yy, zz) = (square(0), square(1), square(2));
     let (xy, xz, yz) = (product(0, 1), product(0, 2), product(1, 2));
-    M3([V3([-(yy + zz), xy + wd[2], xz - wd[1]]), V3([xy - wd[2], -(xx + zz), yz + wd[0]]), V3([xz + wd[1], yz - wd[0], -(xx + yy)])])
+    Matrix3::from_columns(&[
+        Vector3::from([-(yy + zz), xy + wd[2], xz - wd[1]]),
+        Vector3::from([xy - wd[2], -(xx + zz), yz + wd[0]]),
+        Vector3::from([xz + wd[1], yz - wd[0], -(xx + yy)]),
+    ])
 }
 
 /// `integral of r x (U r) dm` from the second moment `integral of r r' dm`, plus `c`.
-#[inline(always)]
-pub(crate) fn moment_of<S: Real>(u: M3<S>, second: &Sym3<S>, c: V3<S>) -> V3<S> {
+pub(crate) fn moment_of<S: Real>(u: Matrix3<S>, second: &Sym3<S>, c: Vector3<S>) -> Vector3<S> {
     // Entry (i, k) of U Sigma; the moment is the axial vector of U Sigma - (U Sigma)'.
     let [xx, xy, yy, xz, yz, zz] = second.0;
-    let row = |i: usize| (u.0[0][i], u.0[1][i], u.0[2][i]);
+    let row = |i: usize| (u[(i, 0)], u[(i, 1)], u[(i, 2)]);
     let ((x0, x1, x2), (y0, y1, y2), (z0, z1, z2)) = (row(0), row(1), row(2));
     let zy = z0.mul_add(xy, z1.mul_add(yy, z2.mul_add(yz, c[0])));
     let xz_ = x0.mul_add(xz, x1.mul_add(yz, x2.mul_add(zz, c[1])));
     let yx = y0.mul_add(xx, y1.mul_add(xy, y2.mul_add(xz, c[2])));
-    V3([
+    Vector3::from([
         y0.neg_mul_add(xz, y1.neg_mul_add(yz, y2.neg_mul_add(zz, zy))),
         z0.neg_mul_add(xx, z1.neg_mul_add(xy, z2.neg_mul_add(xz, xz_))),
         x0.neg_mul_add(xy, x1.neg_mul_add(yy, x2.neg_mul_add(yz, yx))),
@@ -46,7 +48,6 @@ pub(crate) fn moment_of<S: Real>(u: M3<S>, second: &Sym3<S>, c: V3<S>) -> V3<S> 
 }
 
 /// The motion of a body in its own axes from that of its parent; the joint's rotation and reach go to `link`.
-#[inline(always)]
 pub(crate) fn outwards<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     body: &Body<S>,
@@ -64,7 +65,7 @@ pub(crate) fn outwards<S: Real, const POLAR: bool>(
     if body.quarter.is_none() {
         link.e = rotation(body, trig);
     }
-    let (mut w, mut wr, mut wd) = (V3::zero(), V3::zero(), V3::zero());
+    let (mut w, mut wr, mut wd) = (Vector3::zero(), Vector3::zero(), Vector3::zero());
     let mut a;
     if body.parent == BASE {
         [a] = to_body(body, &link.e, trig, [-tree.gravity.lift::<S>()]);
@@ -102,7 +103,6 @@ pub(crate) fn outwards<S: Real, const POLAR: bool>(
 }
 
 /// From `f` and `n` of every body in its own axes, which are in `links`, the joint forces `S_i . F_i`, `F_i` summed over the subtree.
-#[inline(always)]
 pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S, S)], mut tau: impl FnMut(usize, S)) {
     for i in (0..tree.n()).rev() {
         let body = &tree.bodies[i];
@@ -118,7 +118,6 @@ pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S
 }
 
 /// `tau` for `(v, vr, ar)`; `POLAR = false` takes `vr = v` and never reads `vr`.
-#[inline(always)]
 pub fn newton_euler<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     links: &mut [Link<S>],

@@ -72,7 +72,6 @@ impl PlanarPr<f64> {
 
 impl<S: Real> PlanarPr<S> {
     /// Arm `of(i)` in lane `i`.
-    #[inline(always)]
     pub fn from_lanes(of: impl Fn(usize) -> PlanarPr<f64>) -> Self {
         let lift = |name, get: fn(&PlanarPr<f64>) -> f64| S::labelled(name, 0, || S::parameter(|i| get(&of(i))));
         PlanarPr { a: lift("A", |p| p.a), b: lift("B", |p| p.b), c: lift("C", |p| p.c), ac: lift("AC", |p| p.ac) }
@@ -81,49 +80,39 @@ impl<S: Real> PlanarPr<S> {
 
 impl<S: Real> Dynamics<S> for PlanarPr<S> {
     type Workspace = ();
-    #[inline(always)]
     fn workspace(&self) {}
-    #[inline(always)]
     fn dof(&self) -> usize {
         2
     }
-    #[inline(always)]
     fn parameter_count(&self) -> usize {
         3
     }
-    #[inline(always)]
     fn is_angle(&self, joint: usize) -> bool {
         joint == 1
     }
-    #[inline(always)]
     fn parameters(&self, pi: &mut [S]) {
         (pi[0], pi[1], pi[2]) = (self.a, self.b, self.c);
     }
 
-    #[inline(always)]
     fn mass_matrix(&self, _: &mut (), trig: &[(S, S)], _: &[S], m: &mut [S]) {
         let bc = self.b * trig[1].1;
         (m[0], m[1], m[2], m[3]) = (self.a, bc, bc, self.c);
     }
 
-    #[inline(always)]
     fn coriolis_matrix(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], c: &mut [S]) {
         (c[0], c[2], c[3]) = (S::zero(), S::zero(), S::zero());
         c[1] = -(self.b * trig[1].0) * v[1];
     }
 
-    #[inline(always)]
     fn gravity(&self, _: &mut (), _: &[(S, S)], _: &[S], g: &mut [S]) {
         (g[0], g[1]) = (S::zero(), S::zero());
     }
 
-    #[inline(always)]
     fn bias(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], out: &mut [S]) {
         out[0] = -(self.b * trig[1].0) * (v[1] * v[1]);
         out[1] = S::zero();
     }
 
-    #[inline(always)]
     fn inverse_dynamics(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], a: &[S], tau: &mut [S]) {
         let (sin, cos) = trig[1];
         let bc = self.b * cos;
@@ -131,7 +120,6 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         tau[1] = bc.mul_add(a[0], self.c * a[1]);
     }
 
-    #[inline(always)]
     fn forward_dynamics(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], tau: &[S], a: &mut [S]) {
         let (sin, cos) = trig[1];
         let bc = self.b * cos;
@@ -141,14 +129,12 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         a[1] = bc.neg_mul_add(f1, self.a * tau[1]) * inverse_det;
     }
 
-    #[inline(always)]
     fn regressor(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
         (y[0], y[1], y[2]) = (a_r[0], y12, S::zero());
         (y[3], y[4], y[5]) = (S::zero(), y22, a_r[1]);
     }
 
-    #[inline(always)]
     fn regressor_products(
         &self,
         _: &mut (),
@@ -171,7 +157,6 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         yt_s[2] = a_r[1] * s[1];
     }
 
-    #[inline(always)]
     fn energy(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S]) -> (S, S) {
         let bc = self.b * trig[1].1;
         let twice = self.a.mul_add(v[0] * v[0], self.c * (v[1] * v[1])) + (bc + bc) * (v[0] * v[1]);
@@ -180,7 +165,6 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
 }
 
 /// The two entries of the middle column of the regressor, that of `B`.
-#[inline(always)]
 fn columns<S: Real>((sin, cos): (S, S), v: &[S], v_r: &[S], a_r: &[S]) -> (S, S) {
     (a_r[1].mul_add(cos, -(v[1] * v_r[1] * sin)), a_r[0] * cos)
 }

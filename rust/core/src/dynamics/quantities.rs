@@ -1,5 +1,4 @@
-//! What each quantity of [`super::Evaluator`] computes: one type per quantity, so that the code of each stands in its
-//! own region and nowhere else.
+//! What each quantity of [`super::Evaluator`] computes: one type per quantity.
 
 use super::energy::{add_friction, add_wrench};
 use super::evaluate::Engine;
@@ -8,14 +7,13 @@ use crate::arm::Tree;
 use crate::kinematics as kin;
 use crate::scalar::rows::write_one;
 use crate::scalar::{Real, sign};
-use crate::spatial::PARAMETERS;
+use crate::spatial::{PARAMETERS, Vector};
 
 /// How a quantity is computed from the buffers of an engine, trigonometry done.
 pub trait Compute {
     const QUANTITY: Quantity;
     fn compute<S: Real>(engine: &mut Engine<S>, query: &Query);
     /// The same to numbers of the caller's; whether all of them are finite.
-    #[inline(always)]
     fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
         Self::compute(engine, query);
         write_one(&engine.out[..out.len()], out)
@@ -23,7 +21,6 @@ pub trait Compute {
 }
 
 /// What friction leaves of a torque.
-#[inline(always)]
 fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S]) {
     if query.friction {
         for (i, body) in tree.bodies.iter().enumerate() {
@@ -38,7 +35,6 @@ macro_rules! quantity {
         pub struct $name;
         impl Compute for $name {
             const QUANTITY: Quantity = Quantity::$name;
-            #[inline(always)]
             #[allow(unused_variables)]
             fn compute<S: Real>(engine: &mut Engine<S>, $query: &Query) {
                 let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square, .. } = engine;
@@ -55,13 +51,11 @@ macro_rules! quantity {
 pub struct MassMatrix;
 impl Compute for MassMatrix {
     const QUANTITY: Quantity = Quantity::MassMatrix;
-    #[inline(always)]
     fn compute<S: Real>(engine: &mut Engine<S>, _: &Query) {
         // Zeroed before the first of many, as for the Jacobian.
         crba::mass_matrix_on_zeros(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], &mut engine.out);
     }
     /// Entry by entry: four at once would have to wait for the last one by one.
-    #[inline(always)]
     fn answer<S: Real>(engine: &mut Engine<S>, _: &Query, out: &mut [f64]) -> bool {
         let n = engine.tree.n();
         if engine.tree.bodies.iter().any(|body| body.end < n) {
@@ -109,6 +103,18 @@ quantity!(InverseDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), 
     }
 });
 
+quantity!(PathDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    let (inertia, rest) = out.split_at_mut(n);
+    let (curvature, weight) = rest.split_at_mut(n);
+    let still = &mut y[..n];
+    still.fill(S::zero());
+    let gravity = std::mem::take(&mut tree.gravity);
+    tree.inverse_dynamics(ws, trig, q, still, v, inertia);
+    tree.inverse_dynamics(ws, trig, q, v, x, curvature);
+    tree.gravity = gravity;
+    tree.inverse_dynamics(ws, trig, q, still, still, weight);
+});
+
 quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     take_friction(query, tree, v, x);
     if let Some(frame) = query.wrench {
@@ -140,14 +146,14 @@ quantity!(Energy, (tree, ws, trig, n, q, v, x, y, out, query, square), {
 quantity!(Pose, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (r, p) = kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame);
     for k in 0..3 {
-        (out[4 * k], out[4 * k + 1], out[4 * k + 2], out[4 * k + 3]) = (r.0[0][k], r.0[1][k], r.0[2][k], p[k]);
+        (out[4 * k], out[4 * k + 1], out[4 * k + 2], out[4 * k + 3]) = (r[(k, 0)], r[(k, 1)], r[(k, 2)], p[k]);
         out[12 + k] = S::zero();
     }
     out[15] = S::splat(1.0);
 });
 
 quantity!(Position, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    out.copy_from_slice(&kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame).1.0);
+    out.copy_from_slice(&kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame).1.array());
 });
 
 quantity!(Jacobian, (tree, ws, trig, n, q, v, x, y, out, query, square), {
@@ -159,7 +165,7 @@ quantity!(JacobianDot, (tree, ws, trig, n, q, v, x, y, out, query, square), {
 });
 
 quantity!(Com, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    out.copy_from_slice(&kin::com(tree, &mut ws.poses, trig, q).1.0);
+    out.copy_from_slice(&kin::com(tree, &mut ws.poses, trig, q).1.array());
 });
 
 quantity!(InverseDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query, square), {

@@ -38,6 +38,9 @@ pub enum Quantity {
     ComJacobian,
     /// `q, v, a -> (3 n, n)`: `d tau / d q` over `d tau / d v` over `d tau / d a = M`.
     InverseDynamicsDerivatives,
+    /// `q, v, a -> (3, n)`: `M v`, `M a + C v` and `g`, the dynamics along a path of slope `v` and curvature `a`. Gravity is left out of
+    /// the first two, so that a short move does not drown in the weight of the arm.
+    PathDynamics,
     /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
     ForwardDynamicsDerivatives,
 }
@@ -72,7 +75,7 @@ impl Query {
             (Quantity::InverseDynamics, false) => &["q", "v", "a"],
             (Quantity::ForwardDynamics, true) => &["q", "v", "tau", "wrench"],
             (Quantity::ForwardDynamics, false) => &["q", "v", "tau"],
-            (Quantity::InverseDynamicsDerivatives, _) => &["q", "v", "a"],
+            (Quantity::InverseDynamicsDerivatives | Quantity::PathDynamics, _) => &["q", "v", "a"],
             (Quantity::ForwardDynamicsDerivatives, _) => &["q", "v", "tau"],
             (Quantity::Regressor, _) => &["q", "v", "v_r", "a_r"],
             (Quantity::CoriolisMatrix | Quantity::Bias | Quantity::Energy | Quantity::JacobianDot, _) => &["q", "v"],
@@ -94,6 +97,7 @@ impl Query {
             Quantity::Christoffel => (n * n, n),
             Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => (1, n),
             Quantity::Regressor => (n, n * (PARAMETERS + usize::from(self.armature) + 2 * usize::from(self.friction))),
+            Quantity::PathDynamics => (3, n),
             Quantity::Energy => (1, 2),
             Quantity::Pose => (4, 4),
             Quantity::Position | Quantity::Com => (1, 3),
@@ -116,7 +120,6 @@ impl Query {
     }
 
     /// Whether these inputs and this room are what is asked for; `check` says what is not.
-    #[inline(always)]
     pub(super) fn fits(&self, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> bool {
         let asked = self.inputs().len();
         let mut fits = inputs.len() == asked && out == count * self.length(n);
@@ -132,6 +135,7 @@ impl Query {
         let joint = match self.quantity {
             ForwardDynamics | ForwardDynamicsDerivatives => 350.0,
             CoriolisMatrix | Christoffel | InverseDynamicsDerivatives => 200.0,
+            PathDynamics => 300.0,
             _ => 130.0,
         };
         let pair = match self.quantity {

@@ -12,40 +12,38 @@ use super::newton_euler::{inwards, moment_of, outwards};
 use super::workspace::{Link, Motion};
 use crate::arm::{BASE, Body, Tree, second_moment};
 use crate::scalar::Real;
-use crate::spatial::{Inertia, M3, PARAMETERS, Spatial, V3};
+use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Spatial, Vector, Vector3};
 
 /// The field `a + U r` of a body in the axes of its parameters, `U = [d]x + sym U`.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Field<S> {
-    a: V3<S>,
-    u: M3<S>,
-    d: V3<S>,
+pub struct Field<S: Real> {
+    a: Vector3<S>,
+    u: Matrix3<S>,
+    d: Vector3<S>,
     /// Entries xy, xz, yz of `sym U`, then the differences xx - yy, zz - xx, yy - zz of its diagonal.
-    off: V3<S>,
-    differences: V3<S>,
+    off: Vector3<S>,
+    differences: Vector3<S>,
 }
 
 impl<S: Real> Field<S> {
-    #[inline(always)]
     fn of(body: &Body<S>, motion: &Motion<S>) -> Self {
         let Motion { mut a, mut u, wd: mut d, .. } = *motion;
         if let Some(turn) = body.turn {
             let back = turn.lift::<S>().transpose();
             (a, d, u) = (back.apply_transposed(a), back.apply_transposed(d), back.congruence_transposed(u));
         }
-        let [x, y, z] = u.0;
-        let off = V3([x[1] - d[2], x[2] + d[1], y[2] - d[0]]);
-        Field { a, u, d, off, differences: V3([x[0] - y[1], z[2] - x[0], y[1] - z[2]]) }
+        let [x, y, z] = u.axes();
+        let off = Vector3::from([x[1] - d[2], x[2] + d[1], y[2] - d[0]]);
+        Field { a, u, d, off, differences: Vector3::from([x[0] - y[1], z[2] - x[0], y[1] - z[2]]) }
     }
 
     /// `tau` per unit parameter, SPEC order, under the motion `(v, w)`.
-    #[inline(always)]
-    fn coefficients(&self, v: V3<S>, w: V3<S>) -> [S; PARAMETERS] {
+    fn coefficients(&self, v: Vector3<S>, w: Vector3<S>) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
         let h = a.cross_add(w, u.apply_transposed(v));
         // <sym([w]x' U), tr(I)/2 - I>, sorted by the components of w.
-        let [ux, uy, uz] = u.0;
-        let [xy, xz, yz] = off.0;
+        let [ux, uy, uz] = u.axes();
+        let [xy, xz, yz] = off.array();
         let three = |x: S, y: S, z: S| w[0].mul_add(x, w[1].mul_add(y, w[2] * z));
         [
             v.dot(*a),
@@ -62,24 +60,21 @@ impl<S: Real> Field<S> {
     }
 
     /// The same under the unit turn about the z axis at the origin.
-    #[inline(always)]
     fn about_z(&self) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
         let zero = S::zero();
-        [zero, a[1], -a[0], zero, -off[0], differences[0], off[0], -u.0[2][1], u.0[2][0], d[2]]
+        [zero, a[1], -a[0], zero, -off[0], differences[0], off[0], -u[(1, 2)], u[(0, 2)], d[2]]
     }
 
     /// The same under the motion `v` without a turn.
-    #[inline(always)]
-    fn along(&self, v: V3<S>) -> [S; PARAMETERS] {
+    fn along(&self, v: Vector3<S>) -> [S; PARAMETERS] {
         let (h, zero) = (self.u.apply_transposed(v), S::zero());
         [v.dot(self.a), h[0], h[1], h[2], zero, zero, zero, zero, zero, zero]
     }
 }
 
 /// From the compiled axes of a body to those in which its parameters stand.
-#[inline(always)]
-fn turned<S: Real>(body: &Body<S>, v: V3<S>) -> V3<S> {
+fn turned<S: Real>(body: &Body<S>, v: Vector3<S>) -> Vector3<S> {
     match body.turn {
         None => v,
         Some(turn) => turn.lift::<S>().apply(v),
@@ -87,14 +82,12 @@ fn turned<S: Real>(body: &Body<S>, v: V3<S>) -> V3<S> {
 }
 
 /// The unit motion of a joint, in the axes of its body.
-#[inline(always)]
 fn unit<S: Real>(revolute: bool) -> Spatial<S> {
-    let (still, along) = (V3::zero(), V3([S::zero(), S::zero(), S::splat(1.0)]));
+    let (still, along) = (Vector3::zero(), Vector3::from([S::zero(), S::zero(), S::splat(1.0)]));
     if revolute { Spatial { linear: still, angular: along } } else { Spatial { linear: along, angular: still } }
 }
 
 /// A motion of the parent, of a point at its origin, as one of the body.
-#[inline(always)]
 fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>) -> Spatial<S> {
     let at_joint = if body.concentric { t.linear } else { t.angular.cross_add(link.p, t.linear) };
     let [linear, angular] = to_body(body, &link.e, trig, [at_joint, t.angular]);
@@ -102,7 +95,6 @@ fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>)
 }
 
 /// `Y`, `(n, width)` row-major with `width >= 10 n`; columns beyond the inertial parameters are zero.
-#[inline(always)]
 pub fn regressor<S: Real>(
     tree: &Tree<S>,
     width: usize,
@@ -121,7 +113,6 @@ pub fn regressor<S: Real>(
 
 /// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state. Joint by joint, each
 /// from its own body outwards.
-#[inline(always)]
 pub fn regressor_on_zeros<S: Real>(
     tree: &Tree<S>,
     width: usize,
@@ -161,7 +152,7 @@ pub fn regressor_on_zeros<S: Real>(
         } else if turn.is_none() {
             fields[j].about_z()
         } else {
-            fields[j].coefficients(V3::zero(), turned(&tree.bodies[j], twist.angular))
+            fields[j].coefficients(Vector3::zero(), turned(&tree.bodies[j], twist.angular))
         };
         put(j, j, &own);
         for i in j + 1..end {
@@ -184,7 +175,6 @@ pub fn regressor_on_zeros<S: Real>(
 }
 
 /// `Y pi`, added to `y_pi`, and `Y' s`, for any `pi`, in O(n).
-#[inline(always)]
 pub fn regressor_products<S: Real>(
     tree: &Tree<S>,
     links: &mut [Link<S>],

@@ -11,43 +11,33 @@ impl<S: Real> Dynamics<S> for Tree<S> {
     fn workspace(&self) -> Workspace<S> {
         Workspace::new(self)
     }
-    #[inline(always)]
     fn dof(&self) -> usize {
         self.n()
     }
-    #[inline(always)]
     fn parameter_count(&self) -> usize {
         PARAMETERS * self.n()
     }
-    #[inline(always)]
     fn is_angle(&self, joint: usize) -> bool {
         self.bodies[joint].revolute
     }
-    #[inline(always)]
     fn parameters(&self, pi: &mut [S]) {
         self.write_parameters(pi);
     }
-    #[inline(always)]
     fn mass_matrix(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
         crba::mass_matrix(self, &mut ws.mass, trig, q, m);
     }
-    #[inline(always)]
     fn coriolis_matrix(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]) {
         coriolis::coriolis_matrix(self, &mut ws.poses, &mut ws.composites, &mut ws.columns, trig, q, v, c);
     }
-    #[inline(always)]
     fn gravity(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], g: &mut [S]) {
         energy::gravity(self, &mut ws.poses, &mut ws.composites, trig, q, g);
     }
-    #[inline(always)]
     fn bias(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], out: &mut [S]) {
         newton_euler::newton_euler::<S, false>(self, &mut ws.links, trig, q, v, v, None, out);
     }
-    #[inline(always)]
     fn inverse_dynamics(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], tau: &mut [S]) {
         newton_euler::newton_euler::<S, false>(self, &mut ws.links, trig, q, v, v, Some(a), tau);
     }
-    #[inline(always)]
     fn forward_dynamics(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
         if self.is_shallow {
             forward::forward_dynamics(self, ws, trig, q, v, tau, a);
@@ -55,11 +45,9 @@ impl<S: Real> Dynamics<S> for Tree<S> {
             aba::forward_dynamics(self, &mut ws.poses, &mut ws.articulated, trig, q, v, tau, a);
         }
     }
-    #[inline(always)]
     fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
         regressor::regressor(self, PARAMETERS * self.n(), &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
     }
-    #[inline(always)]
     fn regressor_products(
         &self,
         ws: &mut Workspace<S>,
@@ -75,7 +63,6 @@ impl<S: Real> Dynamics<S> for Tree<S> {
     ) {
         regressor::regressor_products(self, &mut ws.links, trig, q, v, v_r, a_r, pi, s, y_pi, yt_s);
     }
-    #[inline(always)]
     fn energy(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
         energy::energy(self, &mut ws.poses, &mut ws.columns, trig, q, v)
     }

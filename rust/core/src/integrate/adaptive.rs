@@ -45,15 +45,12 @@ pub struct Tolerance {
 }
 
 impl Accuracy for Tolerance {
-    #[inline(always)]
     fn controlled(&self) -> usize {
         self.controlled
     }
-    #[inline(always)]
     fn rtol(&self) -> f64 {
         self.rtol
     }
-    #[inline(always)]
     fn scale(&self, _: usize, x: f64) -> f64 {
         self.atol + self.rtol * x
     }

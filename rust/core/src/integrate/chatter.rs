@@ -37,14 +37,12 @@ pub(super) struct Chatter<B> {
 }
 
 impl<B: Clone> Chatter<B> {
-    #[inline(always)]
     pub fn new(state: &B) -> Self {
         let [slope, low, middle, high, at] = std::array::from_fn(|_| state.clone());
         Chatter { look_at: WINDOW, spent: 0, slope, low, middle, high, at }
     }
 
     /// Whether it is time to look again.
-    #[inline(always)]
     pub fn due(&self, work: &Work) -> bool {
         work.steps + work.rejections >= self.look_at
     }

@@ -15,7 +15,6 @@ use crate::status::Status;
 const CONTROL: Control = Control { safety: 0.9, alpha: 0.125, beta: 0.0, shrink: 0.2, grow: 10.0 };
 
 /// The argument of stage `i` into `y`: `x + h sum_j A[i][j] k_j`.
-#[inline(always)]
 fn argument<S: Real, B: Buffer<S>>(i: usize, h: S, x: &[S], k: &[B], y: &mut [S]) {
     for c in 0..x.len() {
         y[c] = S::splat(A[i][0]) * k[0].as_ref()[c];
@@ -40,7 +39,6 @@ impl Scheme for Order8 {
     const STAGES: usize = 12;
     const ESTIMATES: usize = 2;
 
-    #[inline(always)]
     fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
         let Attempt { h, x, slopes, y, estimates, .. } = attempt;
         for i in 1..13 {
@@ -82,7 +80,6 @@ pub struct Dop853<B, U, T = Tolerance> {
 }
 
 impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
-    #[inline(always)]
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         Dop853 {
             pace: Pace::new(tolerance),
@@ -100,7 +97,6 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
     }
 
     /// Try a step of `h`: the new state in `y`, its slope in `k[12]`; returns the error.
-    #[inline(always)]
     fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
     where
         S: Real,
@@ -137,7 +133,6 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         if e5 == 0.0 && e3 == 0.0 { 0.0 } else { h.abs() * e5 / ((e5 + 0.01 * e3) * m.max(1) as f64).sqrt() }
     }
 
-    #[inline(always)]
     fn prepare_dense<S, F>(&mut self, system: &mut F, h: f64)
     where
         S: Real,
@@ -177,7 +172,6 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
 impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adaptive<S, F, B> for Dop853<B, U, T> {
     paced!(7);
 
-    #[inline(always)]
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.pace.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
@@ -194,7 +188,6 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
         Ok(())
     }
 
-    #[inline(always)]
     fn step(&mut self, system: &mut F) -> Result<bool, Status> {
         if self.pace.done() {
             return Ok(true);
@@ -217,7 +210,6 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
         }
     }
 
-    #[inline(always)]
     fn interpolate(&mut self, system: &mut F, t: f64, out: &mut B) {
         let h = self.pace.t - self.pace.t_old;
         if h == 0.0 || t >= self.pace.t {

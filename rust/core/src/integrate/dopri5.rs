@@ -39,7 +39,6 @@ impl Scheme for Pair54 {
     const STAGES: usize = 6;
     const ESTIMATES: usize = 1;
 
-    #[inline(always)]
     fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
         let Attempt { h, x, slopes, y, estimates, .. } = attempt;
         for i in 1..7 {
@@ -76,7 +75,6 @@ pub struct Dopri5<B, U, T = Tolerance> {
 }
 
 impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
-    #[inline(always)]
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         let k = std::array::from_fn(|_| state.clone());
         let [error, y, x] = std::array::from_fn(|_| state.clone());
@@ -84,7 +82,6 @@ impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
     }
 
     /// Try a step of `h`: the new state in `y`, its slope in `k[6]`; returns the error.
-    #[inline(always)]
     fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
     where
         S: Real,
@@ -111,7 +108,6 @@ impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
 impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adaptive<S, F, B> for Dopri5<B, U, T> {
     paced!(4);
 
-    #[inline(always)]
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.pace.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
@@ -126,7 +122,6 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
         Ok(())
     }
 
-    #[inline(always)]
     fn step(&mut self, system: &mut F) -> Result<bool, Status> {
         if self.pace.done() {
             return Ok(true);
@@ -151,7 +146,6 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
         }
     }
 
-    #[inline(always)]
     fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
         let h = self.pace.t - self.pace.t_old;
         if h == 0.0 || t >= self.pace.t {

@@ -9,14 +9,12 @@ pub struct Euler<B, U> {
 }
 
 impl<B: Clone, U: Clone> Euler<B, U> {
-    #[inline(always)]
     pub fn new(state: B, input: U) -> Self {
         Euler { k: state, u: input }
     }
 }
 
 impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Euler<B, F::Input> {
-    #[inline(always)]
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
         self.advance_anew(system, t, h, end, x);
     }
@@ -31,7 +29,6 @@ impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for Euler<B, F::Input
         &mut self.u
     }
 
-    #[inline(always)]
     fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
         let (x, k) = (x.as_mut(), self.k.as_mut());
         system.rhs(&self.u, x, k);

@@ -39,7 +39,6 @@ where
     X: Clone + AsMut<[Duals<V>]>,
 {
     /// `state` is as long as the system's; `input` is one of the twin's.
-    #[inline(always)]
     pub fn new(system: F, twin: G, state: X, input: U) -> Self {
         Linearised { system, twin, dx: state.clone(), x: state, u: input, rates: std::marker::PhantomData }
     }
@@ -53,15 +52,12 @@ where
     G: DualSystem<V, Input = U>,
 {
     type Input = F::Input;
-    #[inline(always)]
     fn input(&mut self, t: f64, u: &mut F::Input) {
         self.system.input(t, u);
     }
-    #[inline(always)]
     fn rhs(&mut self, u: &F::Input, x: &[S], dx: &mut [S]) {
         self.system.rhs(u, x, dx);
     }
-    #[inline(always)]
     fn sample(&mut self, t: f64, x: &[S]) {
         self.system.sample(t, x);
         if let Some((input, rate)) = self.system.held() {
@@ -71,11 +67,9 @@ where
     fn held(&self) -> Option<(&[S], &[S])> {
         self.system.held()
     }
-    #[inline(always)]
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.system.rate_of(i)
     }
-    #[inline(always)]
     fn pairs(&self) -> Pairs {
         self.system.pairs()
     }
@@ -92,7 +86,6 @@ where
     G: DualSystem<V, Input = U>,
     X: Clone + AsMut<[Duals<V>]>,
 {
-    #[inline(always)]
     fn linearise(&mut self, t: f64, _: &F::Input, x: &[S], dx: &mut [S], j: &mut [S]) {
         let n = x.len();
         let (state, slope) = (&mut self.x.as_mut()[..n], &mut self.dx.as_mut()[..n]);
@@ -118,7 +111,6 @@ where
         }
     }
 
-    #[inline(always)]
     fn time_derivative(&mut self, t: f64, _: &F::Input, x: &[S], dft: &mut [S]) {
         let n = x.len();
         let (state, slope) = (&mut self.x.as_mut()[..n], &mut self.dx.as_mut()[..n]);
@@ -132,7 +124,6 @@ where
         }
     }
 
-    #[inline(always)]
     fn autonomous(&self) -> bool {
         self.twin.autonomous()
     }

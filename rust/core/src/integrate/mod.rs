@@ -69,7 +69,6 @@ pub trait System<S: Real> {
         self.pairs().rate_of(i)
     }
     /// The positions and rates that the state begins with; none where they stand otherwise.
-    #[inline(always)]
     fn pairs(&self) -> Pairs {
         Pairs::default()
     }
@@ -125,7 +124,6 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` by `h` with these inputs.
     fn advance(&mut self, system: &mut F, h: S, x: &mut B);
     /// Advance `x` over the step `[t, end]` of size `h`, with all inputs taken anew.
-    #[inline(always)]
     fn advance_anew(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
         for (k, &part) in Self::INSTANTS.iter().enumerate() {
             system.input(if part == 1.0 { end } else { t + part * h }, self.input(k));
@@ -144,7 +142,6 @@ pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
     /// just before it where the input jumps there.
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B);
     /// Advance `x` by `count` steps of `h` from the time `first h` on, all at once; false where the method only knows single steps.
-    #[inline(always)]
     fn stride(&mut self, _system: &mut F, _first: usize, _count: usize, _h: f64, _x: &mut B) -> bool {
         false
     }

@@ -45,7 +45,6 @@ pub(super) struct Pace<T> {
 }
 
 impl<T: Accuracy> Pace<T> {
-    #[inline(always)]
     pub fn new(tolerance: T) -> Self {
         Pace {
             tolerance,
@@ -64,7 +63,6 @@ impl<T: Accuracy> Pace<T> {
         }
     }
 
-    #[inline(always)]
     pub fn begin(&mut self, t: f64, t_end: f64, input_end: f64) {
         (self.t, self.t_old, self.t_end, self.input_end) = (t, t, t_end, input_end);
         self.error_old = LEAST_ERROR;
@@ -72,18 +70,15 @@ impl<T: Accuracy> Pace<T> {
     }
 
     /// The latest of `t` and the end of the input.
-    #[inline(always)]
     pub fn input_time(&self, t: f64) -> f64 {
         t.min(self.input_end)
     }
 
-    #[inline(always)]
     pub fn done(&self) -> bool {
         self.t >= self.t_end
     }
 
     /// Root mean square over the controlled components of `e(i)` in units of the allowed error at `x` and `y`.
-    #[inline(always)]
     pub fn norm<S: Real>(&self, x: &[S], y: &[S], e: impl Fn(usize) -> S) -> f64 {
         let m = self.tolerance.controlled().min(x.len());
         let mut sum = 0.0;
@@ -96,7 +91,6 @@ impl<T: Accuracy> Pace<T> {
 
     /// A first step from the sizes of the state, its slope `k` and its curvature (Hairer, section II.4); `order` is that of
     /// the error. `y` and `dy` are scratch.
-    #[inline(always)]
     pub fn guess<S, F, B>(&mut self, system: &mut F, u: &mut F::Input, x: &B, k: &B, y: &mut B, dy: &mut B, order: f64)
     where
         S: Real,
@@ -134,19 +128,16 @@ impl<T: Accuracy> Pace<T> {
     }
 
     /// The least step that still moves the time.
-    #[inline(always)]
     fn smallest(&self) -> f64 {
         10.0 * (self.t.next_up() - self.t)
     }
 
     /// Before the first attempt of a step.
-    #[inline(always)]
     pub fn open(&mut self) {
         (self.rejected, self.blown) = (false, false);
     }
 
     /// The step to attempt and where it ends, or why there is none.
-    #[inline(always)]
     pub fn propose(&mut self) -> Result<(f64, f64), Status> {
         let smallest = self.smallest();
         self.patience.check(&self.work, self.t, self.t_end)?;
@@ -159,7 +150,6 @@ impl<T: Accuracy> Pace<T> {
     }
 
     /// Whether the attempt of step `h` is accepted; the next step either way.
-    #[inline(always)]
     pub fn judge(&mut self, error: f64, h: f64, t_new: f64, control: &Control) -> bool {
         if error < 1.0 {
             let mut factor = control.grow;
@@ -179,7 +169,6 @@ impl<T: Accuracy> Pace<T> {
         false
     }
 
-    #[inline(always)]
     pub fn accept(&mut self, t_new: f64, h_next: f64) {
         self.t_old = self.t;
         self.t = t_new;
@@ -187,7 +176,6 @@ impl<T: Accuracy> Pace<T> {
         self.work.steps += 1;
     }
 
-    #[inline(always)]
     pub fn reject(&mut self, h_next: f64, blown: bool) {
         self.work.rejections += 1;
         self.rejected = true;
@@ -197,7 +185,6 @@ impl<T: Accuracy> Pace<T> {
 }
 
 /// `x^p`; the fourth and the eighth root, which every step of a Rosenbrock method or of dop853 takes, without the library.
-#[inline(always)]
 fn power(x: f64, p: f64) -> f64 {
     match p {
         -0.25 => 1.0 / x.sqrt().sqrt(),
@@ -207,7 +194,6 @@ fn power(x: f64, p: f64) -> f64 {
 }
 
 /// Whether all numbers are finite, without a branch per number.
-#[inline(always)]
 pub(super) fn finite<S: Real>(x: &[S]) -> bool {
     let mut zero = S::zero();
     for &value in x {
@@ -222,23 +208,18 @@ macro_rules! paced {
         fn dense_degree(&self) -> usize {
             $degree
         }
-        #[inline(always)]
         fn t(&self) -> f64 {
             self.pace.t
         }
-        #[inline(always)]
         fn t_old(&self) -> f64 {
             self.pace.t_old
         }
-        #[inline(always)]
         fn x(&self) -> &B {
             &self.x
         }
-        #[inline(always)]
         fn x_mut(&mut self) -> &mut B {
             &mut self.x
         }
-        #[inline(always)]
         fn work(&self) -> Work {
             self.pace.work
         }

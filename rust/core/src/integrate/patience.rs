@@ -20,19 +20,16 @@ pub(super) struct Patience {
 }
 
 impl Patience {
-    #[inline(always)]
     pub fn new() -> Self {
         Patience { look_at: 0, t: 0.0, slow: 0 }
     }
 
     /// A segment begins at `t`.
-    #[inline(always)]
     pub fn begin(&mut self, work: &Work, t: f64) {
         *self = Patience { look_at: MAX_STEPS.min(work.steps + work.rejections + WINDOW), t, slow: 0 };
     }
 
     /// Before an attempt at `t` on the way to `t_end`.
-    #[inline(always)]
     pub fn check(&mut self, work: &Work, t: f64, t_end: f64) -> Result<(), Status> {
         let attempts = work.steps + work.rejections;
         if attempts < self.look_at { Ok(()) } else { self.look(attempts, t, t_end) }

@@ -18,7 +18,6 @@ pub struct Rk4<B, U> {
 }
 
 impl<B: Clone, U: Clone> Rk4<B, U> {
-    #[inline(always)]
     pub fn new(state: B, input: U) -> Self {
         let (k, y, sum) = (state.clone(), state.clone(), state);
         Rk4 { k, y, sum, start: input.clone(), middle: input.clone(), end: input, end_time: f64::NAN }
@@ -26,7 +25,6 @@ impl<B: Clone, U: Clone> Rk4<B, U> {
 }
 
 impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Rk4<B, F::Input> {
-    #[inline(always)]
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
         if self.end_time == t {
             std::mem::swap(&mut self.start, &mut self.end);
@@ -55,7 +53,6 @@ impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for Rk4<B, F::Input> 
         }
     }
 
-    #[inline(always)]
     fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
         let (x, k, y, sum) = (x.as_mut(), self.k.as_mut(), self.y.as_mut(), self.sum.as_mut());
         let (half, sixth, two) = (S::splat(0.5) * h, h / S::splat(6.0), S::splat(2.0));

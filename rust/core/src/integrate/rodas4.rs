@@ -66,7 +66,6 @@ pub struct Rodas4<B, M, P, U, T = Tolerance> {
 }
 
 impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
-    #[inline(always)]
     pub fn new(tolerance: T, state: B, matrix: M, pivots: P, input: U) -> Self {
         Rodas4 {
             pace: Pace::new(tolerance),
@@ -89,7 +88,6 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
     }
 
     /// Slope, Jacobian and time derivative at the start of a step.
-    #[inline(always)]
     fn linearise<S, F>(&mut self, system: &mut F)
     where
         S: Real,
@@ -112,7 +110,6 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
     }
 
     /// Try a step of `h`: the new state in `y`; returns the error.
-    #[inline(always)]
     fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
     where
         S: Real,
@@ -214,7 +211,6 @@ where
 {
     paced!(3);
 
-    #[inline(always)]
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.pace.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
@@ -228,7 +224,6 @@ where
         Ok(())
     }
 
-    #[inline(always)]
     fn step(&mut self, system: &mut F) -> Result<bool, Status> {
         if self.pace.done() {
             return Ok(true);
@@ -259,7 +254,6 @@ where
         }
     }
 
-    #[inline(always)]
     fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
         let h = self.pace.t - self.pace.t_old;
         if h == 0.0 || t >= self.pace.t {

@@ -26,7 +26,6 @@ pub struct Ros2<B, M, P, U> {
 }
 
 impl<B: Clone, M: Clone, P, U: Clone> Ros2<B, M, P, U> {
-    #[inline(always)]
     pub fn new(state: B, matrix: M, pivots: P, input: U) -> Self {
         Ros2 {
             k1: state.clone(),
@@ -51,7 +50,6 @@ where
     M: Buffer<S>,
     P: AsMut<[usize]>,
 {
-    #[inline(always)]
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
         let x = x.as_mut();
         let n = x.len();

@@ -39,7 +39,6 @@ pub(super) struct Rounding<B> {
 }
 
 /// `a + b` rounded, and what that loses.
-#[inline(always)]
 pub(super) fn two_sum<S: Real>(a: S, b: S) -> (S, S) {
     let sum = a + b;
     let part = sum - a;
@@ -55,7 +54,6 @@ fn coin(k: u64, c: u64) -> bool {
 }
 
 /// `y += J x`, `J` row-major.
-#[inline(always)]
 pub(super) fn add_product<S: Real>(j: &[S], x: &[S], y: &mut [S]) {
     let n = x.len();
     for (y, row) in y.iter_mut().zip(j.chunks_exact(n)) {
@@ -66,7 +64,6 @@ pub(super) fn add_product<S: Real>(j: &[S], x: &[S], y: &mut [S]) {
 }
 
 impl<B> Rounding<B> {
-    #[inline(always)]
     pub fn new(state: B) -> Self
     where
         B: Clone,
@@ -75,7 +72,6 @@ impl<B> Rounding<B> {
     }
 
     /// A segment begins: its state is exactly the numbers given.
-    #[inline(always)]
     pub fn begin<S: Real>(&mut self)
     where
         B: Buffer<S>,
@@ -84,7 +80,6 @@ impl<B> Rounding<B> {
     }
 
     /// `y` and `lost` of `x + z`, where `z` stands in `y` and already holds `rest`.
-    #[inline(always)]
     pub fn place<S: Real>(&mut self, x: &[S], y: &mut [S])
     where
         B: Buffer<S>,
@@ -96,7 +91,6 @@ impl<B> Rounding<B> {
     }
 
     /// The step is taken: what its last sum lost is the state's.
-    #[inline(always)]
     pub fn accepted(&mut self) {
         self.strain = self.strain.saturating_sub(1);
         if self.compensated {
@@ -105,7 +99,6 @@ impl<B> Rounding<B> {
     }
 
     /// The step is rejected; whether rounding is to be looked at.
-    #[inline(always)]
     pub fn rejected(&mut self) -> bool {
         self.strain += REJECTED;
         if self.strain < MOST {

@@ -41,7 +41,6 @@ impl<B: Clone, U: Clone> SemiImplicit<B, U> {
 }
 
 impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for SemiImplicit<B, F::Input> {
-    #[inline(always)]
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
         self.advance_anew(system, t, h, end, x);
     }
@@ -56,7 +55,6 @@ impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for SemiImplicit<B, F
         &mut self.u
     }
 
-    #[inline(always)]
     fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
         let (x, k) = (x.as_mut(), self.k.as_mut());
         system.rhs(&self.u, x, k);

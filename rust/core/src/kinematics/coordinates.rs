@@ -7,7 +7,7 @@ use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{Pose, frame_pose, jacobian, jacobian_dot};
 use crate::scalar::Real;
-use crate::spatial::{V3, rotation_exp, rotation_log};
+use crate::spatial::{Matrix, Vector, Vector3, rotation_exp, rotation_log};
 
 pub const LETTERS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
@@ -50,17 +50,15 @@ impl Coordinates {
     }
 
     /// The coordinates `x` `(m,)` themselves: rows of `p_WF` and of `log R_WF`.
-    #[inline(always)]
     pub fn position<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], x: &mut [S]) {
         let (r, p) = frame_pose(tree, poses, trig, q, self.frame);
-        let turn = if self.turns() { rotation_log(&r) } else { V3::zero() };
+        let turn = if self.turns() { rotation_log(&r) } else { Vector3::zero() };
         for (x, &row) in x.iter_mut().zip(&self.rows) {
             *x = if row < 3 { p[row] } else { turn[row - 3] };
         }
     }
 
     /// The error `e` `(m,)` to `target` `(m,)` and the Jacobian `j` `(m, n)`; `full` has room for `(6, n)`.
-    #[inline(always)]
     pub fn error_and_jacobian<S: Real>(
         &self,
         tree: &Tree<S>,
@@ -74,7 +72,7 @@ impl Coordinates {
     ) {
         let n = tree.n();
         let p = jacobian(tree, poses, trig, q, self.frame, full);
-        let turn = if self.turns() { self.turn_error(tree, poses, trig, q, target) } else { V3::zero() };
+        let turn = if self.turns() { self.turn_error(tree, poses, trig, q, target) } else { Vector3::zero() };
         for (k, &row) in self.rows.iter().enumerate() {
             e[k] = if row < 3 { target[k] - p[row] } else { turn[row - 3] };
             j[k * n..(k + 1) * n].copy_from_slice(&full[row * n..(row + 1) * n]);
@@ -82,8 +80,7 @@ impl Coordinates {
     }
 
     /// `log(R_d R')`.
-    #[inline(always)]
-    fn turn_error<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], target: &[S]) -> V3<S> {
+    fn turn_error<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], target: &[S]) -> Vector3<S> {
         let (r, _) = frame_pose(tree, poses, trig, q, self.frame);
         let mut vector = [S::zero(); 3];
         for (k, &row) in self.rows.iter().enumerate() {
@@ -95,12 +92,11 @@ impl Coordinates {
     }
 
     /// The same rows of `dJ/dt` `(m, n)`; `full` has room for `(6, n)`.
-    #[inline(always)]
     pub fn jacobian_dot<S: Real>(
         &self,
         tree: &Tree<S>,
         poses: &mut [Pose<S>],
-        motion: &mut [(V3<S>, V3<S>)],
+        motion: &mut [(Vector3<S>, Vector3<S>)],
         full: &mut [S],
         trig: &[(S, S)],
         q: &[S],

@@ -6,17 +6,15 @@
 use super::{Pose, from_parent, place_body};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
-use crate::spatial::{ANGULAR, LINEAR, M3, V3};
+use crate::spatial::{ANGULAR, LINEAR, Lift, Matrix, Matrix3, Vector, Vector3};
 
 /// Number of leading bodies that the placement of a frame depends on.
-#[inline(always)]
 fn needed<S: Real>(tree: &Tree<S>, frame: usize) -> usize {
     let body = tree.frames[frame].body;
     if body == BASE { 0 } else { body + 1 }
 }
 
-#[inline(always)]
-pub(super) fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize) -> (M3<S>, V3<S>) {
+pub(super) fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize) -> (Matrix3<S>, Vector3<S>) {
     let at = &tree.frames[frame];
     let body = if at.body == BASE { Pose::identity() } else { poses[at.body] };
     let (r, p) = (at.placement.rotation, at.placement.translation);
@@ -24,36 +22,39 @@ pub(super) fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize)
 }
 
 /// `R_WF` (by columns) and `p_WF`.
-#[inline(always)]
-pub fn frame_pose<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize) -> (M3<S>, V3<S>) {
+pub fn frame_pose<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize) -> (Matrix3<S>, Vector3<S>) {
     super::place(tree, trig, q, &mut poses[..needed(tree, frame)]);
     of_frame(tree, poses, frame)
 }
 
 /// The geometric Jacobian `(6, n)`; returns `p_WF`.
-#[inline(always)]
-pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> V3<S> {
+pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> Vector3<S> {
     j.fill(S::zero());
     jacobian_on_zeros(tree, poses, trig, q, frame, j)
 }
 
 /// As [`jacobian`], where `j` holds zeros or an earlier Jacobian of this frame: what vanishes is the same in every state.
-#[inline(always)]
-pub fn jacobian_on_zeros<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> V3<S> {
+pub fn jacobian_on_zeros<S: Real>(
+    tree: &Tree<S>,
+    poses: &mut [Pose<S>],
+    trig: &[(S, S)],
+    q: &[S],
+    frame: usize,
+    j: &mut [S],
+) -> Vector3<S> {
     let n = tree.n();
     let (_, p) = frame_pose(tree, poses, trig, q, frame);
     let mut i = tree.frames[frame].body;
     while i != BASE {
         let z = poses[i].z();
-        let (linear, angular) = if tree.bodies[i].revolute { (z.cross(p - poses[i].origin), z) } else { (z, V3::zero()) };
+        let (linear, angular) = if tree.bodies[i].revolute { (z.cross(p - poses[i].origin), z) } else { (z, Vector3::zero()) };
         write(j, n, i, linear, angular);
         i = tree.bodies[i].parent;
     }
     p
 }
 
-#[inline(always)]
-fn write<S: Real>(j: &mut [S], n: usize, i: usize, linear: V3<S>, angular: V3<S>) {
+fn write<S: Real>(j: &mut [S], n: usize, i: usize, linear: Vector3<S>, angular: Vector3<S>) {
     for k in 0..3 {
         j[(LINEAR + k) * n + i] = linear[k];
         j[(ANGULAR + k) * n + i] = angular[k];
@@ -61,11 +62,10 @@ fn write<S: Real>(j: &mut [S], n: usize, i: usize, linear: V3<S>, angular: V3<S>
 }
 
 /// `dJ/dt` `(6, n)` at joint rates `v`. `motion` has room for `(w, velocity)` of every body.
-#[inline(always)]
 pub fn jacobian_dot<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
-    motion: &mut [(V3<S>, V3<S>)],
+    motion: &mut [(Vector3<S>, Vector3<S>)],
     trig: &[(S, S)],
     q: &[S],
     v: &[S],
@@ -73,7 +73,7 @@ pub fn jacobian_dot<S: Real>(
     j: &mut [S],
 ) {
     let n = tree.n();
-    let base = || (Pose::identity(), (V3::zero(), V3::zero()));
+    let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
     let mut last = base();
     for i in 0..needed(tree, frame) {
         let body = &tree.bodies[i];
@@ -99,7 +99,7 @@ pub fn jacobian_dot<S: Real>(
         let (linear, angular) = if tree.bodies[i].revolute {
             (z_dot.cross_add(p - poses[i].origin, z.cross(velocity - u)), z_dot)
         } else {
-            (z_dot, V3::zero())
+            (z_dot, Vector3::zero())
         };
         write(j, n, i, linear, angular);
         i = tree.bodies[i].parent;
@@ -107,11 +107,10 @@ pub fn jacobian_dot<S: Real>(
 }
 
 /// Mass of the moving bodies and their centre of mass in the world; NaN for a massless arm.
-#[inline(always)]
-pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S]) -> (S, V3<S>) {
+pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S]) -> (S, Vector3<S>) {
     let n = tree.n();
     super::place(tree, trig, q, &mut poses[..n]);
-    let (mut mass, mut moment) = (S::zero(), V3::zero());
+    let (mut mass, mut moment) = (S::zero(), Vector3::zero());
     for (body, pose) in tree.bodies.iter().zip(poses.iter()) {
         mass += body.inertia.mass;
         moment += pose.rotation.apply_add(body.inertia.moment, pose.origin.scale(body.inertia.mass));
@@ -120,8 +119,14 @@ pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &
 }
 
 /// Jacobian `(3, n)` of the centre of mass. `subtree` has room for `(mass, first moment about the joint)`.
-#[inline(always)]
-pub fn com_jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], subtree: &mut [(S, V3<S>)], trig: &[(S, S)], q: &[S], j: &mut [S]) {
+pub fn com_jacobian<S: Real>(
+    tree: &Tree<S>,
+    poses: &mut [Pose<S>],
+    subtree: &mut [(S, Vector3<S>)],
+    trig: &[(S, S)],
+    q: &[S],
+    j: &mut [S],
+) {
     let n = tree.n();
     let (mass, _) = com(tree, poses, trig, q);
     let inverse = mass.recip();

@@ -18,29 +18,26 @@ pub use task_stack::TaskStack;
 
 use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
-use crate::spatial::{M3, V3};
+use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 
 /// World placement of a body's compiled frame.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Pose<S> {
-    pub rotation: M3<S>,
-    pub origin: V3<S>,
+pub struct Pose<S: Real> {
+    pub rotation: Matrix3<S>,
+    pub origin: Vector3<S>,
 }
 
 impl<S: Real> Pose<S> {
-    #[inline(always)]
     pub fn identity() -> Self {
-        Pose { rotation: M3::IDENTITY.lift(), origin: V3::zero() }
+        Pose { rotation: Matrix3::IDENTITY.lift(), origin: Vector3::zero() }
     }
     /// The joint axis in world axes.
-    #[inline(always)]
-    pub fn z(&self) -> V3<S> {
-        self.rotation.0[2]
+    pub fn z(&self) -> Vector3<S> {
+        self.rotation.axis(2)
     }
 }
 
 /// One step of the recursion. The joint's own rotation comes first: only one product then waits for the parent.
-#[inline(always)]
 pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
     if body.parent == BASE {
         // Nothing to multiply by.
@@ -48,7 +45,7 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
         return if body.revolute {
             Pose { rotation: rotation.rotate_z(trig), origin }
         } else {
-            Pose { rotation, origin: rotation.0[2].scale_add(q, origin) }
+            Pose { rotation, origin: rotation.axis(2).scale_add(q, origin) }
         };
     }
     let origin = parent.rotation.apply_add(body.translation.lift(), parent.origin);
@@ -63,13 +60,12 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
             Some(quarter) => quarter.after(parent.rotation),
             None => parent.rotation.times(body.rotation.lift()),
         };
-        Pose { rotation, origin: rotation.0[2].scale_add(q, origin) }
+        Pose { rotation, origin: rotation.axis(2).scale_add(q, origin) }
     }
 }
 
 /// What body `i` takes from its parent in a pass outwards: along a chain it stays in registers (`last`), which spares
 /// the wait for a store that has only just been issued.
-#[inline(always)]
 pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: impl Fn(usize) -> T, base: impl Fn() -> T) -> T {
     // The first body of the first tree: BASE is one before 0, and `last` starts as the base.
     if parent == i.wrapping_sub(1) {
@@ -82,7 +78,6 @@ pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: imp
 }
 
 /// World placements of the first `poses.len()` bodies.
-#[inline(always)]
 pub fn place<S: Real>(tree: &Tree<S>, trig: &[(S, S)], q: &[S], poses: &mut [Pose<S>]) {
     let mut last = Pose::identity();
     for i in 0..poses.len() {

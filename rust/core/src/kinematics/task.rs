@@ -15,7 +15,7 @@ use super::coordinates::parse_axes;
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
-use crate::spatial::{M3, V3, rotation_exp};
+use crate::spatial::{Matrix, Matrix3, RotationMatrix, Vector, Vector3, rotation_exp};
 
 /// What of an arm is controlled.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ pub enum TaskFunction {
     /// Rows (0, 1, 2 for x, y, z) of the centre of mass, world axes.
     CentreOfMass { rows: Vec<usize> },
     /// The direction `axis` of a frame points along a direction of the world; `across` are two unit vectors at right angles to it.
-    Axis { frame: usize, axis: V3<f64>, across: [V3<f64>; 2] },
+    Axis { frame: usize, axis: Vector3<f64>, across: [Vector3<f64>; 2] },
     /// Rows of the pose of a frame as seen from another frame.
     Relative { frame: usize, reference: usize, rows: Vec<usize> },
     /// Chosen joints stay within the narrowed limits `lower`, `upper`.
@@ -64,8 +64,8 @@ impl TaskFunction {
     /// `axis`: a direction of the frame, any length > 0.
     pub fn axis(arm: &Arm, frame: &str, axis: [f64; 3]) -> Result<Self> {
         let axis = direction("axis", axis)?;
-        let turn = M3::taking_z_to(axis);
-        Ok(TaskFunction::Axis { frame: arm.frame_index(frame)?, axis, across: [turn.0[0], turn.0[1]] })
+        let turn = Matrix3::taking_z_to(axis);
+        Ok(TaskFunction::Axis { frame: arm.frame_index(frame)?, axis, across: [turn.axis(0), turn.axis(1)] })
     }
 
     pub fn relative(arm: &Arm, frame: &str, reference: &str, axes: &str) -> Result<Self> {
@@ -165,19 +165,19 @@ fn chosen(arm: &Arm, names: &[String]) -> Result<Vec<usize>> {
 }
 
 /// A unit vector along `x`.
-fn direction(argument: &str, x: [f64; 3]) -> Result<V3<f64>> {
+fn direction(argument: &str, x: [f64; 3]) -> Result<Vector3<f64>> {
     finite(argument, &x)?;
     // Scaled first: squares of extreme entries would overflow or vanish.
     let most = x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
     if most == 0.0 {
         return Err(Error::input(argument, "has no direction: expected a vector of length > 0, got zeros"));
     }
-    let v = V3(x.map(|x| x / most));
+    let v = Vector3::from(x.map(|x| x / most));
     Ok(v.scale(1.0 / v.norm()))
 }
 
 /// The rotation whose vector has these rows, and zeros elsewhere.
-pub(super) fn desired_rotation<S: Real>(rows: &[usize], target: &[S]) -> M3<S> {
+pub(super) fn desired_rotation<S: Real>(rows: &[usize], target: &[S]) -> Matrix3<S> {
     let mut vector = [S::zero(); 3];
     for (&row, &x) in rows.iter().zip(target) {
         if row > 2 {
@@ -188,11 +188,11 @@ pub(super) fn desired_rotation<S: Real>(rows: &[usize], target: &[S]) -> M3<S> {
 }
 
 /// The turn vector that takes the unit vector `a` to `d` the short way; `across` chooses the way from opposite to aligned.
-pub(super) fn turn_between<S: Real>(a: V3<S>, d: V3<S>, across: V3<S>) -> V3<S> {
+pub(super) fn turn_between<S: Real>(a: Vector3<S>, d: Vector3<S>, across: Vector3<S>) -> Vector3<S> {
     let (axis, cosine) = (a.cross(d), a.dot(d));
     let sine = axis.dot(axis).sqrt();
     let angle = sine.atan2(cosine);
     let turns = S::zero().lt(sine);
     let part = angle / sine;
-    V3(std::array::from_fn(|k| S::select(turns, axis[k] * part, across[k] * angle)))
+    Vector3::from(std::array::from_fn(|k| S::select(turns, axis[k] * part, across[k] * angle)))
 }

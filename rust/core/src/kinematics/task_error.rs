@@ -4,7 +4,7 @@ use super::task::{TaskFunction, desired_rotation, turn_between};
 use super::task_stack::{TaskStack, placed};
 use crate::arm::BASE;
 use crate::scalar::Real;
-use crate::spatial::{M3, V3, rotation_log};
+use crate::spatial::{Lift, Matrix, Matrix3, Vector, Vector3, rotation_log};
 
 impl<S: Real> TaskStack<S> {
     /// Error `e` and feed-forward velocity `w` of task `k`, `(rows,)` each, for its target `[x_d, x_d', x_d'']`; the feed-forward
@@ -17,9 +17,9 @@ impl<S: Real> TaskStack<S> {
             self.gather_subtrees(false);
         }
         let (tree, poses) = (&self.tree, &self.poses[..]);
-        let pose_error = |rows: &[usize], r: M3<S>, p: V3<S>, e: &mut [S]| {
+        let pose_error = |rows: &[usize], r: Matrix3<S>, p: Vector3<S>, e: &mut [S]| {
             let turns = rows.iter().any(|&row| row > 2);
-            let turn = if turns { rotation_log(&desired_rotation(rows, target).times(r.transpose())) } else { V3::zero() };
+            let turn = if turns { rotation_log(&desired_rotation(rows, target).times(r.transpose())) } else { Vector3::zero() };
             for ((e, &row), &x) in e.iter_mut().zip(rows).zip(target) {
                 *e = if row < 3 { x - p[row] } else { turn[row - 3] };
             }
@@ -35,7 +35,7 @@ impl<S: Real> TaskStack<S> {
             }
             TaskFunction::CentreOfMass { rows } => {
                 let top = self.subtrees.iter().zip(&tree.bodies).filter(|(_, body)| body.parent == BASE);
-                let (m, h) = top.fold((S::zero(), V3::zero()), |(m, h), (s, _)| (m + s.0, h + s.1));
+                let (m, h) = top.fold((S::zero(), Vector3::zero()), |(m, h), (s, _)| (m + s.0, h + s.1));
                 for ((e, &row), &x) in e.iter_mut().zip(rows).zip(target) {
                     *e = x - h[row] / m;
                 }
@@ -58,7 +58,7 @@ impl<S: Real> TaskStack<S> {
             TaskFunction::Axis { frame, axis, across } => {
                 let r = placed(tree, poses, *frame).r;
                 let world = across.map(|b| r.apply(b.lift()));
-                let three = |x: &[S]| V3([x[0], x[1], x[2]]);
+                let three = |x: &[S]| Vector3::from([x[0], x[1], x[2]]);
                 let (d, d_dot, d_ddot) = (three(target), three(rate), three(acceleration));
                 let (one, square) = (S::splat(1.0), d.dot(d));
                 let turn = turn_between(r.apply(axis.lift()), d.scale(one / square.sqrt()), world[0]);

@@ -7,11 +7,11 @@ use super::task::TaskFunction;
 use super::{Pose, from_parent, place_body};
 use crate::arm::{Arm, BASE, Tree};
 use crate::scalar::Real;
-use crate::spatial::{M3, V3};
+use crate::spatial::{Lift, Matrix, Matrix3, Vector, Vector3};
 
 /// Task functions of one arm with their buffers; evaluation allocates nothing.
 #[derive(Clone, Debug)]
-pub struct TaskStack<S = f64> {
+pub struct TaskStack<S: Real = f64> {
     pub(super) tree: Tree<S>,
     pub(super) functions: Vec<TaskFunction>,
     rows: Vec<usize>,
@@ -21,27 +21,27 @@ pub struct TaskStack<S = f64> {
     pub(super) q: Vec<S>,
     pub(super) poses: Vec<Pose<S>>,
     /// Angular velocity of each body and velocity of its origin.
-    motion: Vec<(V3<S>, V3<S>)>,
+    motion: Vec<(Vector3<S>, Vector3<S>)>,
     /// Mass, first moment and momentum of each subtree.
-    pub(super) subtrees: Vec<(S, V3<S>, V3<S>)>,
+    pub(super) subtrees: Vec<(S, Vector3<S>, Vector3<S>)>,
 }
 
 /// Position, rotation, angular velocity and velocity of a frame.
 #[derive(Clone, Copy)]
-pub(super) struct Moving<S> {
-    pub r: M3<S>,
-    pub p: V3<S>,
-    w: V3<S>,
-    u: V3<S>,
+pub(super) struct Moving<S: Real> {
+    pub r: Matrix3<S>,
+    pub p: Vector3<S>,
+    w: Vector3<S>,
+    u: Vector3<S>,
 }
 
 /// The column of one joint: linear and angular part, and the rates of both.
-struct Column<S> {
+struct Column<S: Real> {
     joint: usize,
-    linear: V3<S>,
-    angular: V3<S>,
-    linear_dot: V3<S>,
-    angular_dot: V3<S>,
+    linear: Vector3<S>,
+    angular: Vector3<S>,
+    linear_dot: Vector3<S>,
+    angular_dot: Vector3<S>,
 }
 
 impl<S: Real> TaskStack<S> {
@@ -69,8 +69,8 @@ impl<S: Real> TaskStack<S> {
             trig: vec![(S::zero(), S::splat(1.0)); n],
             q: vec![S::zero(); n],
             poses: vec![Pose::identity(); n],
-            motion: vec![(V3::zero(), V3::zero()); n],
-            subtrees: vec![(S::zero(), V3::zero(), V3::zero()); n],
+            motion: vec![(Vector3::zero(), Vector3::zero()); n],
+            subtrees: vec![(S::zero(), Vector3::zero(), Vector3::zero()); n],
             functions,
             tree,
         }
@@ -90,7 +90,6 @@ impl<S: Real> TaskStack<S> {
     }
 
     /// Relative error of the entries of Jacobians at the last `q`: `8 eps (1 + sum|q|)`.
-    #[inline(always)]
     pub fn rounding(&self) -> S {
         let turned = self.q.iter().fold(S::splat(1.0), |sum, q| sum + q.abs());
         // Beyond 1 nothing is known of the entries, and no rank can be decided.
@@ -99,7 +98,6 @@ impl<S: Real> TaskStack<S> {
     }
 
     /// Place the bodies at `q` `(n,)`.
-    #[inline(always)]
     pub fn place(&mut self, q: &[S]) {
         for i in 0..self.needed {
             if self.tree.bodies[i].revolute {
@@ -109,14 +107,12 @@ impl<S: Real> TaskStack<S> {
         self.place_known(q);
     }
 
-    #[inline(always)]
     fn place_known(&mut self, q: &[S]) {
         self.q.copy_from_slice(q);
         super::place(&self.tree, &self.trig, q, &mut self.poses[..self.needed]);
     }
 
     /// As [`TaskStack::place`] with the (sin, cos) of the joints known.
-    #[inline(always)]
     pub fn place_at(&mut self, q: &[S], trig: &[(S, S)]) {
         self.trig.copy_from_slice(trig);
         self.place_known(q);
@@ -124,7 +120,7 @@ impl<S: Real> TaskStack<S> {
 
     /// How the bodies of the last placement move at joint rates `v` `(n,)`.
     pub fn set_moving(&mut self, v: &[S]) {
-        let base = || (Pose::identity(), (V3::zero(), V3::zero()));
+        let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
         let mut last = base();
         for i in 0..self.needed {
             let body = &self.tree.bodies[i];
@@ -138,7 +134,6 @@ impl<S: Real> TaskStack<S> {
     }
 
     /// The stacked Jacobians `(sum rows, n)`, row-major.
-    #[inline(always)]
     pub fn jacobians(&mut self, j: &mut [S]) {
         let n = self.n();
         let mut at = 0;
@@ -163,7 +158,6 @@ impl<S: Real> TaskStack<S> {
     }
 
     /// The Jacobian of task `k`, or its rate, into zeros.
-    #[inline(always)]
     fn write(&mut self, k: usize, j: &mut [S], rate: bool) {
         let n = self.n();
         if let TaskFunction::CentreOfMass { .. } = self.functions[k] {
@@ -214,7 +208,7 @@ impl<S: Real> TaskStack<S> {
                 let of = |frame: usize| if rate { moving(tree, poses, motion, frame) } else { placed(tree, poses, frame) };
                 let (f, r) = (of(*frame), of(*reference));
                 let (d, d_dot) = (f.p - r.p, f.u - r.u);
-                let mut add = |c: &Column<S>, linear: V3<S>, angular: V3<S>, linear_dot: V3<S>, angular_dot: V3<S>| {
+                let mut add = |c: &Column<S>, linear: Vector3<S>, angular: Vector3<S>, linear_dot: Vector3<S>, angular_dot: Vector3<S>| {
                     // The rate of R_r' x is R_r'(x' - w_r x x).
                     let (linear, angular) =
                         if rate { (linear_dot - r.w.cross(linear), angular_dot - r.w.cross(angular)) } else { (linear, angular) };
@@ -233,13 +227,12 @@ impl<S: Real> TaskStack<S> {
         }
     }
 
-    #[inline(always)]
     pub(super) fn gather_subtrees(&mut self, rate: bool) {
         let n = self.n();
         for (i, body) in self.tree.bodies.iter().enumerate() {
             let m = body.inertia.mass;
             let arm = self.poses[i].rotation.apply(body.inertia.moment);
-            let momentum = if rate { self.motion[i].0.cross_add(arm, self.motion[i].1.scale(m)) } else { V3::zero() };
+            let momentum = if rate { self.motion[i].0.cross_add(arm, self.motion[i].1.scale(m)) } else { Vector3::zero() };
             self.subtrees[i] = (m, self.poses[i].origin.scale_add(m, arm), momentum);
         }
         for i in (0..n).rev() {
@@ -260,13 +253,12 @@ impl TaskStack {
     }
 }
 
-#[inline(always)]
 pub(super) fn placed<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize) -> Moving<S> {
     let (r, p) = super::jacobian::of_frame(tree, poses, frame);
-    Moving { r, p, w: V3::zero(), u: V3::zero() }
+    Moving { r, p, w: Vector3::zero(), u: Vector3::zero() }
 }
 
-fn moving<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], motion: &[(V3<S>, V3<S>)], frame: usize) -> Moving<S> {
+fn moving<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], motion: &[(Vector3<S>, Vector3<S>)], frame: usize) -> Moving<S> {
     let at = placed(tree, poses, frame);
     match tree.frames[frame].body {
         BASE => at,
@@ -278,18 +270,17 @@ fn moving<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], motion: &[(V3<S>, V3<S>)],
 }
 
 /// The columns of the geometric Jacobian of a frame, joint by joint from the frame to the base.
-#[inline(always)]
 fn columns<S: Real>(
     tree: &Tree<S>,
     poses: &[Pose<S>],
-    motion: &[(V3<S>, V3<S>)],
+    motion: &[(Vector3<S>, Vector3<S>)],
     frame: usize,
     at: &Moving<S>,
     rate: bool,
     mut put: impl FnMut(Column<S>),
 ) {
     let mut i = tree.frames[frame].body;
-    let none = V3::zero();
+    let none = Vector3::zero();
     while i != BASE {
         let (z, o, revolute) = (poses[i].z(), poses[i].origin, tree.bodies[i].revolute);
         let (linear, angular) = if revolute { (z.cross(at.p - o), z) } else { (z, none) };

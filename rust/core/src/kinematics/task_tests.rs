@@ -2,6 +2,7 @@
 
 use super::{TaskFunction, TaskStack};
 use crate::arm::{Arm, STANDARD_GRAVITY, example_urdf};
+use crate::spatial::{Matrix, Vector};
 
 /// Central differences err by h^2/6 of a third derivative, at most 10 here, and by rounding over h.
 const STEP: f64 = 1e-5;
@@ -46,7 +47,7 @@ fn targets_at(arm: &Arm, stack: &mut TaskStack, q: &[f64]) -> Vec<Vec<f64>> {
             let mut desired = vec![0.0; 3 * size];
             if let TaskFunction::Axis { frame, axis, .. } = function {
                 let pose = arm_pose(arm, q, *frame);
-                desired[..3].copy_from_slice(&pose.apply(*axis).0);
+                desired[..3].copy_from_slice(&pose.apply(*axis).array());
             } else {
                 // With a target of zero the error is minus the coordinates, up to a turn of less than pi.
                 stack.error(k, &desired, &mut e, &mut w, None);
@@ -57,7 +58,7 @@ fn targets_at(arm: &Arm, stack: &mut TaskStack, q: &[f64]) -> Vec<Vec<f64>> {
         .collect()
 }
 
-fn arm_pose(arm: &Arm, q: &[f64], frame: usize) -> crate::spatial::M3<f64> {
+fn arm_pose(arm: &Arm, q: &[f64], frame: usize) -> crate::spatial::Matrix3<f64> {
     let tree = crate::arm::Tree::<f64>::new(arm);
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
     let mut poses = vec![super::Pose::identity(); q.len()];
@@ -129,7 +130,7 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
     let mut stack = TaskStack::new(&arm, vec![TaskFunction::axis(&arm, &last, [0.0, 0.0, 1.0]).unwrap()]);
     let mut desired = targets_at(&arm, &mut stack, &q).remove(0);
     // d(t) = (2 + t) exp(t [w]) d: the length plays no part. Its derivatives at t = 0:
-    let (d, w) = (crate::spatial::V3([desired[0], desired[1], desired[2]]), crate::spatial::V3([0.3, -0.7, 0.2]));
+    let (d, w) = (crate::spatial::Vector3::from([desired[0], desired[1], desired[2]]), crate::spatial::Vector3::from([0.3, -0.7, 0.2]));
     let (turn, twice) = (w.cross(d), w.cross(w.cross(d)));
     for k in 0..3 {
         desired[k] = 2.0 * d[k];

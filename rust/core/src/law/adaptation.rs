@@ -159,7 +159,6 @@ impl<S: Real> AnyAdaptive<S> {
 }
 
 impl<S: Real> Law<S> for AnyAdaptive<S> {
-    #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         if self.columns.is_empty() {
             self.law.torque(desired, trig, x, z, tau);
@@ -192,7 +191,6 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
         }
     }
 
-    #[inline(always)]
     fn dissipation(&self) -> S {
         self.law.dissipation()
     }

@@ -151,7 +151,6 @@ where
 }
 
 impl<S: Real, D: Dynamics<S>, J, G, B: Clone, P> Adaptive<S, D, J, G, B, P> {
-    #[inline(always)]
     pub fn new(arm: D, lambda: J, kd: J, gamma: G, joints: B, parameters: P) -> Self {
         let workspace = arm.workspace();
         let zero = || joints.clone();
@@ -168,7 +167,6 @@ where
     P: AsRef<[S]> + AsMut<[S]>,
 {
     /// `tau` for the parameters `pi`; `s`, `a_r` and `Y' s` stay in the law.
-    #[inline(always)]
     pub(super) fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], pi: &[S], tau: &mut [S]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
@@ -197,14 +195,12 @@ where
     B: Clone + AsRef<[S]> + AsMut<[S]>,
     P: AsRef<[S]> + AsMut<[S]>,
 {
-    #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         self.torque(desired, trig, x, z, tau);
         self.gamma.multiply(self.yt_s.as_ref(), dz);
     }
 
     /// `s^T Kd s`.
-    #[inline(always)]
     fn dissipation(&self) -> S {
         self.kd.quadratic(self.s.as_ref())
     }

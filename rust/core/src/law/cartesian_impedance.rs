@@ -121,7 +121,6 @@ impl<S: Real> CartesianImpedance<S> {
 impl<S: Real> CartesianImpedance<S> {
     /// `x_dot.(force) + (x_d' - x_dot).K_m e`, as of the last evaluation: what the law's spring takes and its damper loses,
     /// `-x_dot'D_m x_dot` for a target at rest.
-    #[inline(always)]
     pub(super) fn power(&self, x: &[S]) -> S {
         let (m, n) = (self.e.len(), self.jacobian.len() / self.e.len());
         let mut sum = S::zero();
@@ -138,7 +137,6 @@ impl<S: Real> CartesianImpedance<S> {
 }
 
 impl<S: Real> Law<S> for CartesianImpedance<S> {
-    #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = (&x[..n], &x[n..2 * n]);

@@ -86,7 +86,6 @@ pub struct ComputedTorque<S: Real, D: Dynamics<S>, J, B> {
 }
 
 impl<S: Real, D: Dynamics<S>, J, B: Clone> ComputedTorque<S, D, J, B> {
-    #[inline(always)]
     pub fn new(arm: D, kp: J, kd: J, joints: B) -> Self {
         let workspace = arm.workspace();
         let zero = || joints.clone();
@@ -101,7 +100,6 @@ where
     J: Multiply<S>,
     B: AsRef<[S]> + AsMut<[S]>,
 {
-    #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);

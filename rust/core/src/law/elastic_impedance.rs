@@ -116,13 +116,11 @@ pub struct ElasticImpedance<S: Real> {
 }
 
 impl<S: Real> Law<S> for ElasticImpedance<S> {
-    #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         self.outer.evaluate(desired, trig, x, z, tau, dz);
         self.inner.apply(x, tau);
     }
 
-    #[inline(always)]
     fn storage_rate(&self, x: &[S], outside: S) -> S {
         outside + self.inner.power(x) + self.outer.power(x)
     }

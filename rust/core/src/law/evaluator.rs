@@ -1,79 +1,121 @@
-//! A law asked instant by instant: what `law(t, q, v)` costs from Python.
+//! A law asked instant by instant: what `law(t, q, v)` costs from Python. Directly at first, then by its program, with the same bits.
 
 use super::{Law, LawSpec};
 use crate::motion::{Motion, sample_all};
-use crate::scalar::trig::sin_cos_apart;
-use crate::scalar::{Fused, Real, fuses};
+use crate::scalar::{Float, Real};
+use crate::trace::function::{Evaluation, record};
+use crate::trace::sym::Sym;
 
-enum Route {
-    Baseline(Engine<f64>),
-    Fused(Engine<Fused>),
-}
+/// Calls after which the program of the law is made.
+const CALLS: usize = 16;
 
-struct Engine<S> {
+/// Joints of the largest arm whose law becomes a program here: more would take longer to record than the calls save.
+const MOST_JOINTS: usize = 12;
+
+/// A law on one number, with its buffers.
+struct Engine<S: Real> {
     law: Box<dyn Law<S> + Send>,
-    motions: Vec<Motion>,
-    desired: Vec<S>,
     trig: Vec<(S, S)>,
-    x: Vec<S>,
-    z: Vec<S>,
-    initial: Vec<f64>,
     tau: Vec<S>,
     dz: Vec<S>,
 }
 
+impl<S: Real> Engine<S> {
+    fn new(spec: &LawSpec) -> Self {
+        let (n, zeros) = (spec.model().n(), |k: usize| vec![S::zero(); k]);
+        let trig = vec![(S::zero(), S::zero()); n];
+        Engine { law: LawSpec::build(|_| spec), trig, tau: zeros(n), dz: zeros(spec.initial_state().len()) }
+    }
+
+    /// The plant's input under the desired motion, at the state of the plant and of the law.
+    fn input(&mut self, desired: &[S], x: &[S], z: &[S]) -> &[S] {
+        for (trig, q) in self.trig.iter_mut().zip(x) {
+            *trig = q.sin_cos();
+        }
+        self.law.evaluate(desired, &self.trig, x, z, &mut self.tau, &mut self.dz);
+        &self.tau
+    }
+}
+
 /// Buffers of one law, kept between calls: a call allocates nothing.
-pub struct LawEvaluator(Route);
+pub struct LawEvaluator {
+    direct: Engine<Float>,
+    /// The law, until its program is made or known not to be there.
+    waiting: Option<LawSpec>,
+    calls: usize,
+    program: Option<Evaluation>,
+    motions: Vec<Motion>,
+    /// The desired motion, the state of the plant and that of the law, one after another.
+    inputs: Vec<f64>,
+    /// How many numbers each of the three has.
+    widths: [usize; 3],
+    initial: Vec<f64>,
+}
 
 impl LawEvaluator {
     pub fn new(spec: &LawSpec) -> Self {
-        LawEvaluator(if fuses() { Route::Fused(Engine::new(spec)) } else { Route::Baseline(Engine::new(spec)) })
+        let (n, initial) = (spec.model().n(), spec.initial_state().to_vec());
+        let desired = spec.motions().iter().map(|motion| 3 * motion.dof()).sum();
+        let widths = [desired, spec.plant().states(n), initial.len()];
+        LawEvaluator {
+            direct: Engine::new(spec),
+            waiting: Some(spec.clone()),
+            calls: 0,
+            program: None,
+            motions: spec.motions().into_iter().cloned().collect(),
+            inputs: vec![0.0; widths.iter().sum()],
+            widths,
+            initial,
+        }
     }
 
     /// The plant's input `(n,)` at time `t`, the parts of the plant's state one after another, and the law's state `z`; `None`: as
     /// at the start of a run.
     pub fn input(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>, tau: &mut [f64]) {
-        match &mut self.0 {
-            Route::Baseline(engine) => engine.input(t, parts, z, tau),
-            Route::Fused(engine) => engine.input(t, parts, z, tau),
+        let (desired, state) = self.inputs.split_at_mut(self.widths[0]);
+        sample_all(&self.motions, t, Float::of_mut(desired));
+        let (x, law) = state.split_at_mut(self.widths[1]);
+        x.iter_mut().zip(parts.iter().copied().flatten()).for_each(|(to, from)| *to = *from);
+        law.iter_mut().zip(z.unwrap_or(&self.initial)).for_each(|(to, from)| *to = *from);
+        if let Some(program) = &mut self.program {
+            program.inputs(0, self.inputs.len()).copy_from_slice(&self.inputs);
+            program.run();
+            if program.is_near(0) {
+                tau.copy_from_slice(program.outputs(0, tau.len()));
+                return;
+            }
+        }
+        let all = Float::of(&self.inputs);
+        let (desired, state) = all.split_at(self.widths[0]);
+        let (x, z) = state.split_at(self.widths[1]);
+        self.direct.law.at(t);
+        Float::of_mut(tau).copy_from_slice(self.direct.input(desired, x, z));
+        self.calls += 1;
+        if self.calls >= CALLS
+            && let Some(spec) = self.waiting.take()
+        {
+            self.program = recorded(&spec, self.widths);
         }
     }
 }
 
-impl<S: Real> Engine<S> {
-    fn new(spec: &LawSpec) -> Self {
-        let n = spec.model().n();
-        let width = spec.motions().iter().map(|motion| 3 * motion.dof()).sum();
-        let zeros = |k: usize| vec![S::zero(); k];
-        let p = spec.initial_state().len();
-        Engine {
-            law: LawSpec::build(|_| spec),
-            motions: spec.motions().into_iter().cloned().collect(),
-            desired: zeros(width),
-            trig: vec![(S::zero(), S::zero()); n],
-            x: zeros(spec.plant().states(n)),
-            z: zeros(p),
-            initial: spec.initial_state().to_vec(),
-            tau: zeros(n),
-            dz: zeros(p),
-        }
+/// The law as a program; none for a law from outside, of a large arm, and for one that decides ranks, whose program holds where it says so.
+fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
+    if matches!(spec, LawSpec::External(_)) || spec.model().n() > MOST_JOINTS {
+        return None;
     }
-
-    fn input(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>, tau: &mut [f64]) {
-        for (to, &from) in self.x.iter_mut().zip(parts.iter().copied().flatten()) {
-            *to = S::splat(from);
-        }
-        for (to, &from) in self.z.iter_mut().zip(z.unwrap_or(&self.initial)) {
-            *to = S::splat(from);
-        }
-        for (trig, &q) in self.trig.iter_mut().zip(&self.x) {
-            *trig = sin_cos_apart(q);
-        }
-        sample_all(&self.motions, t, &mut self.desired);
-        self.law.at(t);
-        self.law.evaluate(&self.desired, &self.trig, &self.x, &self.z, &mut self.tau, &mut self.dz);
-        for (to, from) in tau.iter_mut().zip(&self.tau) {
-            *to = from.lane(0);
-        }
-    }
+    let mut guarded = false;
+    let program = record(
+        false,
+        widths.iter().sum(),
+        || Engine::<Sym>::new(spec),
+        |mut law, inputs| {
+            let (desired, state) = inputs.split_at(widths[0]);
+            let (x, z) = state.split_at(widths[1]);
+            let tau = law.input(desired, x, z).to_vec();
+            guarded = law.law.stands().is_some();
+            tau
+        },
+    );
+    program.filter(|_| !guarded)
 }

@@ -94,7 +94,6 @@ pub struct Reduction<S: Real> {
 
 impl<S: Real> Reduction<S> {
     /// From `u` in `tau` to the motor torque, at plant state `x`.
-    #[inline(always)]
     pub fn apply(&mut self, x: &[S], tau: &mut [S]) {
         let n = tau.len();
         let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
@@ -115,7 +114,6 @@ impl<S: Real> Reduction<S> {
     }
 
     /// `(theta_dot - v).u - theta_dot.D0 w`, as of the last evaluation.
-    #[inline(always)]
     pub fn power(&self, x: &[S]) -> S {
         let n = self.u.len();
         let mut sum = S::zero();

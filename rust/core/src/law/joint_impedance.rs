@@ -50,7 +50,6 @@ pub struct JointImpedance<S: Real> {
 }
 
 impl<S: Real> Law<S> for JointImpedance<S> {
-    #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         self.outer.evaluate(desired, trig, x, z, tau, dz);
         self.inner.apply(x, tau);

@@ -56,7 +56,7 @@ use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::motion::{Motion, sample_all};
 use crate::plant::{PlantKind, PlantSpec};
-use crate::scalar::{Kernel, Real};
+use crate::scalar::Real;
 
 /// A law in a loop: its input to the plant and its own rate, from one evaluation.
 pub trait Law<S: Real> {
@@ -68,19 +68,16 @@ pub trait Law<S: Real> {
     fn at(&mut self, _t: f64) {}
 
     /// One where the last evaluation is right, zero where it has to be taken directly; `None` for a law that is always right.
-    #[inline(always)]
     fn stands(&self) -> Option<S> {
         None
     }
 
     /// The rate at which the law's Lyapunov function falls, as of the last evaluation; zero without one.
-    #[inline(always)]
     fn dissipation(&self) -> S {
         S::zero()
     }
 
     /// The rate of the law's own storage function, as of the last evaluation, when the world outside puts in `outside`.
-    #[inline(always)]
     fn storage_rate(&self, _x: &[S], outside: S) -> S {
         outside
     }
@@ -334,10 +331,10 @@ impl LawSpec {
         macro_rules! gather {
             ($($variant:ident)*) => {
                 match of(0) {
-                    $(LawSpec::$variant(first) => Box::new(OutOfLine(Definition::build::<S>(|i| match of(i) {
+                    $(LawSpec::$variant(first) => Box::new(Definition::build::<S>(|i| match of(i) {
                         LawSpec::$variant(law) => law,
                         _ => first,
-                    }))),)*
+                    })),)*
                     LawSpec::External(outside) => Box::new(External::new(outside)),
                 }
             };
@@ -346,58 +343,6 @@ impl LawSpec {
             Adaptive ComputedTorque PdGravity CartesianImpedance ElasticImpedance JointImpedance MotorPd StateFeedback PriorityVelocity
             PriorityAcceleration
         )
-    }
-}
-
-/// A law whose evaluation is a function of its own, compiled for the instruction set of `S`.
-struct OutOfLine<L>(L);
-
-impl<S: Real, L: Law<S>> Law<S> for OutOfLine<L> {
-    #[inline(never)]
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
-        struct Evaluate<'a, S, L>(&'a mut L, &'a [S], &'a [(S, S)], &'a [S], &'a [S], &'a mut [S], &'a mut [S]);
-        impl<S: Real, L: Law<S>> Kernel for Evaluate<'_, S, L> {
-            type Output = ();
-            #[inline(always)]
-            fn run(self) {
-                self.0.evaluate(self.1, self.2, self.3, self.4, self.5, self.6);
-            }
-        }
-        S::enter(Evaluate(&mut self.0, desired, trig, x, z, tau, dz));
-    }
-
-    fn at(&mut self, t: f64) {
-        self.0.at(t);
-    }
-
-    fn stands(&self) -> Option<S> {
-        self.0.stands()
-    }
-
-    #[inline(never)]
-    fn dissipation(&self) -> S {
-        struct Dissipation<'a, S, L>(&'a L, std::marker::PhantomData<S>);
-        impl<S: Real, L: Law<S>> Kernel for Dissipation<'_, S, L> {
-            type Output = S;
-            #[inline(always)]
-            fn run(self) -> S {
-                self.0.dissipation()
-            }
-        }
-        S::enter(Dissipation(&self.0, std::marker::PhantomData::<S>))
-    }
-
-    #[inline(never)]
-    fn storage_rate(&self, x: &[S], outside: S) -> S {
-        struct Rate<'a, S, L>(&'a L, &'a [S], S);
-        impl<S: Real, L: Law<S>> Kernel for Rate<'_, S, L> {
-            type Output = S;
-            #[inline(always)]
-            fn run(self) -> S {
-                self.0.storage_rate(self.1, self.2)
-            }
-        }
-        S::enter(Rate(&self.0, x, outside))
     }
 }
 

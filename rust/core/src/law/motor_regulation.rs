@@ -11,7 +11,6 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
-use crate::scalar::trig::sin_cos_apart;
 
 /// `TORQUE`: the joint torque and its rate are fed back.
 #[derive(Clone, Debug, PartialEq)]
@@ -159,7 +158,6 @@ pub struct MotorRegulation<S: Real, const TORQUE: bool> {
 
 impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
     /// The gravity that is compensated, into `self.part`.
-    #[inline(always)]
     fn compensate(&mut self, theta: &[S]) {
         if !self.online {
             self.part.copy_from_slice(&self.load);
@@ -167,7 +165,7 @@ impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
         }
         for i in 0..theta.len() {
             self.work[i] = theta[i] - self.sag[i];
-            self.trig[i] = sin_cos_apart(self.work[i]);
+            self.trig[i] = self.work[i].sin_cos();
         }
         self.arm.gravity(&mut self.workspace, &self.trig, &self.work, &mut self.part);
         for i in 0..theta.len() {
@@ -185,7 +183,6 @@ impl<const TORQUE: bool> MotorRegulation<f64, TORQUE> {
 }
 
 impl<S: Real, const TORQUE: bool> Law<S> for MotorRegulation<S, TORQUE> {
-    #[inline(always)]
     fn evaluate(&mut self, desired: &[S], _: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
         let n = tau.len();
         let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);

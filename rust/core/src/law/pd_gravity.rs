@@ -72,7 +72,6 @@ pub struct PdGravity<S: Real> {
 }
 
 impl<S: Real> Law<S> for PdGravity<S> {
-    #[inline(always)]
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);

@@ -14,7 +14,7 @@
 
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::Multiply;
-use crate::scalar::{Kernel, Real};
+use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::{Pseudo, adjoint, factor, parameters_of, pseudo_inertia};
 
@@ -38,7 +38,6 @@ pub struct Projection {
 }
 
 /// `P` of one body's parameters; the planar PR's is filled up with `rest` on the diagonal.
-#[inline(always)]
 fn matrix_of<S: Real>(pi: &[S], rest: f64) -> Pseudo<S> {
     if let Ok(pi) = <&[S; PARAMETERS]>::try_from(pi) {
         return pseudo_inertia(pi);
@@ -48,7 +47,6 @@ fn matrix_of<S: Real>(pi: &[S], rest: f64) -> Pseudo<S> {
 }
 
 /// `g` with `g . pi = tr(W P(pi))`.
-#[inline(always)]
 fn gradient_of<S: Real>(w: &Pseudo<S>, g: &mut [S]) {
     match <&mut [S; PARAMETERS]>::try_from(&mut *g) {
         Ok(g) => *g = adjoint(w),
@@ -57,14 +55,12 @@ fn gradient_of<S: Real>(w: &Pseudo<S>, g: &mut [S]) {
 }
 
 /// `A B`.
-#[inline(always)]
 fn product<S: Real>(a: &Pseudo<S>, b: &Pseudo<S>) -> Pseudo<S> {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| a[i][0].mul_add(b[0][j], a[i][1].mul_add(b[1][j], a[i][2].mul_add(b[2][j], a[i][3] * b[3][j]))))
     })
 }
 
-#[inline(always)]
 fn transposed<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
@@ -82,7 +78,6 @@ fn inverse(l: &Pseudo<f64>) -> Pseudo<f64> {
 }
 
 /// `L^-1 P L^-T - 1`.
-#[inline(always)]
 fn relative<S: Real>(inverse: &Pseudo<S>, p: &Pseudo<S>) -> Pseudo<S> {
     let mut z = product(&product(inverse, p), &transposed(inverse));
     for (i, row) in z.iter_mut().enumerate() {
@@ -92,7 +87,6 @@ fn relative<S: Real>(inverse: &Pseudo<S>, p: &Pseudo<S>) -> Pseudo<S> {
 }
 
 /// The smallest pivot of elimination: positive iff the matrix is positive definite.
-#[inline(always)]
 fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
     let mut a = *a;
     let mut least = a[0][0];
@@ -114,7 +108,6 @@ fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
 /// With `B = V' A V` nearly diagonal, `G_ii = f(B_ii)` and `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)`, the divided difference
 /// (Daleckii and Krein). The rates of `V` then cancel in those of the result, whatever they are: for equal eigenvalues they are no limit of
 /// anything. They must be bounded, so that what two eigenvalues share is not turned: where both are of one sign the formula is exact.
-#[inline(always)]
 fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut a = *a;
@@ -223,20 +216,7 @@ impl<S: Real> Projector<S> {
 
     /// Bend the rate `dz = Gamma y` of the estimate `z`. A call of its own: the law without a projection does not carry the code.
     #[inline(never)]
-    pub fn bend<G: Multiply<S>>(&mut self, gamma: &G, z: &[S], y: &[S], dz: &mut [S]) {
-        struct Bend<'a, S: Real, G>(&'a mut Projector<S>, &'a G, &'a [S], &'a [S], &'a mut [S]);
-        impl<S: Real, G: Multiply<S>> Kernel for Bend<'_, S, G> {
-            type Output = ();
-            #[inline(always)]
-            fn run(self) {
-                self.0.run(self.1, self.2, self.3, self.4);
-            }
-        }
-        S::enter(Bend(self, gamma, z, y, dz));
-    }
-
-    #[inline(always)]
-    fn run<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
+    pub fn bend<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
         let zero = S::zero();
         let (mut square, mut touched) = (zero, false);
         let bodies = estimate.chunks_exact(self.width).zip(self.gradient.chunks_exact_mut(self.width));

@@ -1,6 +1,6 @@
 use super::*;
 use crate::linalg::gain::{AnyGain, Gain};
-use crate::scalar::{Dual, run_lanes, run_scalar};
+use crate::scalar::{Dual, Float, Task, run_lanes};
 
 /// A heavy core and four corners, and a body that is none.
 const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
@@ -93,7 +93,6 @@ struct Rate<'a>(&'a [f64], &'a [f64]);
 
 impl crate::scalar::Task for &Rate<'_> {
     type Output = Vec<f64>;
-    #[inline(always)]
     fn run<S: Real>(self) -> Vec<f64> {
         let gamma = Gain::diagonal("gamma", (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect()).unwrap();
         let (p, gain) = (projection(), AnyGain::<S>::from_lanes(|_| &gamma));
@@ -118,7 +117,7 @@ fn the_bend_is_what_the_proof_needs() {
         let pi: Vec<f64> = truth.iter().map(|x| share * x).collect();
         // Towards the border, or away from it.
         let y: Vec<f64> = (0..20).map(|k| -sign * truth[k] * (1.0 + 0.1 * f64::from(k as i32 % 3))).collect();
-        let rate = run_scalar(&Rate(&pi, &y));
+        let rate = Task::run::<Float>(&Rate(&pi, &y));
         let taken: f64 = (0..20).map(|k| (pi[k] - truth[k]) / gamma[k] * (gamma[k] * y[k] - rate[k])).sum();
         let f2 = square(&pi);
         let bent = (0..20).any(|k| rate[k] != gamma[k] * y[k]);

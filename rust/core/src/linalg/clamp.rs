@@ -2,7 +2,7 @@
 //! matrix and bounded by `1/eps` everywhere. What it leaves of a direction is `1 - min(1, (sigma/eps)^2)`.
 
 /// Gain of the clamped inverse, 1/unit of `sigma`; zero at zero, also for `eps = 0`.
-#[inline(always)]
+#[inline]
 pub fn clamp_gain(sigma: f64, eps: f64) -> f64 {
     if sigma <= 0.0 {
         0.0
@@ -15,7 +15,7 @@ pub fn clamp_gain(sigma: f64, eps: f64) -> f64 {
 }
 
 /// `1 - sigma gain`: the part of the direction that stays free for lower levels, in `[0, 1]`.
-#[inline(always)]
+#[inline]
 pub fn clamp_remainder(sigma: f64, eps: f64) -> f64 {
     if sigma <= 0.0 {
         1.0

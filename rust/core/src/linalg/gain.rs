@@ -73,7 +73,7 @@ impl Gain {
     }
 
     /// Entry `(i, j)`.
-    #[inline(always)]
+    #[inline]
     pub fn at(&self, i: usize, j: usize) -> f64 {
         if !self.is_diagonal() {
             self.values[i * self.n + j]
@@ -160,7 +160,7 @@ pub struct Diagonal<B>(pub B);
 pub struct Full<B>(pub B);
 
 impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
-    #[inline(always)]
+    #[inline]
     fn quadratic(&self, x: &[S]) -> S {
         let k = self.0.as_ref();
         let mut sum = S::zero();
@@ -169,14 +169,14 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
         }
         sum
     }
-    #[inline(always)]
+    #[inline]
     fn multiply(&self, x: &[S], y: &mut [S]) {
         let k = self.0.as_ref();
         for i in 0..k.len() {
             y[i] = k[i] * x[i];
         }
     }
-    #[inline(always)]
+    #[inline]
     fn add_to(&self, x: &[S], y: &mut [S]) {
         let k = self.0.as_ref();
         for i in 0..k.len() {
@@ -186,7 +186,7 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
 }
 
 impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
-    #[inline(always)]
+    #[inline]
     fn quadratic(&self, x: &[S]) -> S {
         let (k, n) = (self.0.as_ref(), x.len());
         let mut sum = S::zero();
@@ -199,7 +199,7 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
         }
         sum
     }
-    #[inline(always)]
+    #[inline]
     fn multiply(&self, x: &[S], y: &mut [S]) {
         let (k, n) = (self.0.as_ref(), x.len());
         for i in 0..n {
@@ -210,7 +210,7 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
             y[i] = sum;
         }
     }
-    #[inline(always)]
+    #[inline]
     fn add_to(&self, x: &[S], y: &mut [S]) {
         let (k, n) = (self.0.as_ref(), x.len());
         for i in 0..n {
@@ -246,21 +246,21 @@ impl<S: Real> AnyGain<S> {
 }
 
 impl<S: Real> Multiply<S> for AnyGain<S> {
-    #[inline(always)]
+    #[inline]
     fn quadratic(&self, x: &[S]) -> S {
         match self {
             AnyGain::Diagonal(k) => k.quadratic(x),
             AnyGain::Full(k) => k.quadratic(x),
         }
     }
-    #[inline(always)]
+    #[inline]
     fn multiply(&self, x: &[S], y: &mut [S]) {
         match self {
             AnyGain::Diagonal(k) => k.multiply(x, y),
             AnyGain::Full(k) => k.multiply(x, y),
         }
     }
-    #[inline(always)]
+    #[inline]
     fn add_to(&self, x: &[S], y: &mut [S]) {
         match self {
             AnyGain::Diagonal(k) => k.add_to(x, y),

@@ -9,7 +9,7 @@ use super::{axpy, dot};
 pub const TAIL: f64 = 1e-290;
 
 /// Overwrite `x` by `w`; return `(alpha, beta)`. A tail of zeros gives `beta = 0`, the identity.
-#[inline(always)]
+#[inline]
 pub fn reflector(x: &mut [f64]) -> (f64, f64) {
     let x0 = x[0];
     let tail = dot(&x[1..], &x[1..]);
@@ -23,7 +23,7 @@ pub fn reflector(x: &mut [f64]) -> (f64, f64) {
 }
 
 /// `y <- H y`.
-#[inline(always)]
+#[inline]
 pub fn reflect(w: &[f64], beta: f64, y: &mut [f64]) {
     let s = -beta * dot(w, y);
     axpy(s, w, y);

@@ -21,23 +21,23 @@ pub trait Entry: Copy {
 /// One real number per entry.
 impl<S: Real> Entry for S {
     type Real = S;
-    #[inline(always)]
+    #[inline]
     fn real(x: S) -> S {
         x
     }
-    #[inline(always)]
+    #[inline]
     fn magnitude(self) -> f64 {
         self.lane(0).abs()
     }
-    #[inline(always)]
+    #[inline]
     fn inverse(self) -> Self {
         S::splat(1.0) / self
     }
-    #[inline(always)]
+    #[inline]
     fn times(self, b: Self) -> Self {
         self * b
     }
-    #[inline(always)]
+    #[inline]
     fn less(self, a: Self, b: Self) -> Self {
         a.neg_mul_add(b, self)
     }
@@ -49,15 +49,15 @@ pub struct Complex<S>(pub S, pub S);
 
 impl<S: Real> Entry for Complex<S> {
     type Real = S;
-    #[inline(always)]
+    #[inline]
     fn real(x: S) -> Self {
         Complex(x, S::zero())
     }
-    #[inline(always)]
+    #[inline]
     fn magnitude(self) -> f64 {
         self.0.lane(0).abs() + self.1.lane(0).abs()
     }
-    #[inline(always)]
+    #[inline]
     fn inverse(self) -> Self {
         // Smith's division: no square to overflow.
         if self.0.lane(0).abs() >= self.1.lane(0).abs() {
@@ -70,11 +70,11 @@ impl<S: Real> Entry for Complex<S> {
             Complex(r * d, -d)
         }
     }
-    #[inline(always)]
+    #[inline]
     fn times(self, b: Self) -> Self {
         Complex(self.1.neg_mul_add(b.1, self.0 * b.0), self.1.mul_add(b.0, self.0 * b.1))
     }
-    #[inline(always)]
+    #[inline]
     fn less(self, a: Self, b: Self) -> Self {
         Complex(a.1.mul_add(b.1, a.0.neg_mul_add(b.0, self.0)), a.1.neg_mul_add(b.0, a.0.neg_mul_add(b.1, self.1)))
     }
@@ -86,7 +86,7 @@ const LONG: usize = 200;
 /// Decompose `a`, `(n, n)`, in place; `pivots[k]` is the row exchanged with row `k`. `false` where `a` is singular
 /// to working precision of a zero pivot, or not finite, or `stopped`, which a long decomposition asks once per column; what it
 /// holds then is of no use.
-#[inline(always)]
+#[inline]
 pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stopped: impl FnMut() -> bool) -> bool {
     let (a, pivots) = (&mut a[..n * n], &mut pivots[..n]);
     for k in 0..n {
@@ -127,7 +127,7 @@ pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stop
 }
 
 /// Solve `A x = b` in place from the decomposition of `a`.
-#[inline(always)]
+#[inline]
 pub fn solve<E: Entry>(n: usize, a: &[E], pivots: &[usize], b: &mut [E]) {
     let (a, pivots, b) = (&a[..n * n], &pivots[..n], &mut b[..n]);
     for k in 0..n {

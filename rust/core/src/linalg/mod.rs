@@ -27,13 +27,13 @@ pub use svd::Svd;
 pub use symmetric_eigen::symmetric_eigen;
 
 /// Sum of products of two vectors of equal length.
-#[inline(always)]
+#[inline]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 /// `y += s x`.
-#[inline(always)]
+#[inline]
 pub fn axpy(s: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += s * x;
@@ -41,7 +41,7 @@ pub fn axpy(s: f64, x: &[f64], y: &mut [f64]) {
 }
 
 /// Largest magnitude; NaN if any entry is not finite.
-#[inline(always)]
+#[inline]
 pub fn largest(a: &[f64]) -> f64 {
     let (mut most, mut sound) = (0.0f64, 0.0);
     for x in a {

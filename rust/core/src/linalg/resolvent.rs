@@ -14,7 +14,7 @@ pub struct Pairs {
 
 impl Pairs {
     /// How many positions there are.
-    #[inline(always)]
+    #[inline]
     fn positions(self) -> usize {
         self.joints * self.count
     }
@@ -25,7 +25,7 @@ impl Pairs {
     }
 
     /// `each(k, i)` for every component `i` of `n` that is no position, `k` counting them.
-    #[inline(always)]
+    #[inline]
     fn kept(self, n: usize, mut each: impl FnMut(usize, usize)) {
         for block in 0..self.count {
             for i in 0..self.joints {
@@ -38,7 +38,7 @@ impl Pairs {
     }
 
     /// `each(k, i)` for every position `i`, `k` counting them: the rate of the `k`-th is the `k`-th that is kept.
-    #[inline(always)]
+    #[inline]
     fn positions_each(self, mut each: impl FnMut(usize, usize)) {
         for block in 0..self.count {
             for i in 0..self.joints {
@@ -49,7 +49,7 @@ impl Pairs {
 
     /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`; real or complex as `s` is. `false` where it is singular or not
     /// finite, or where a long decomposition is `stopped`.
-    #[inline(always)]
+    #[inline]
     pub fn decompose<E: Entry>(
         self,
         n: usize,
@@ -71,7 +71,7 @@ impl Pairs {
     }
 
     /// Solve in place from that decomposition; `work` has room for `n`.
-    #[inline(always)]
+    #[inline]
     pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();
         // With the minus sign, so that every sum is a difference.

@@ -212,14 +212,14 @@ impl Svd {
 }
 
 /// Rows `i < j` of a row-major array with rows of length `len`.
-#[inline(always)]
+#[inline]
 fn pair(a: &mut [f64], i: usize, j: usize, len: usize) -> (&mut [f64], &mut [f64]) {
     let (head, tail) = a.split_at_mut(j * len);
     (&mut head[i * len..(i + 1) * len], &mut tail[..len])
 }
 
 /// `(x, y) <- (c x - s y, s x + c y)`.
-#[inline(always)]
+#[inline]
 fn turn(x: &mut [f64], y: &mut [f64], c: f64, s: f64) {
     for (x, y) in x.iter_mut().zip(y) {
         (*x, *y) = (c * *x - s * *y, s * *x + c * *y);

@@ -13,7 +13,7 @@ pub use table::Table;
 pub use timed_path::TimedPath;
 
 use crate::error::{Error, Result, finite};
-use crate::scalar::{Kernel, Real};
+use crate::scalar::Real;
 
 /// A desired motion of `n` joints. An enum, so that loops are composed without a virtual call or a copy of
 /// their code per motion.
@@ -68,7 +68,6 @@ impl Motion {
     }
 
     /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
-    #[inline(always)]
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         match self {
             Motion::Hold(q) => {
@@ -98,27 +97,12 @@ impl Motion {
     }
 }
 
-/// Sampling in a function of its own, compiled for the instruction set of `S`: the code of all motions stands
-/// once per number, not at every stage of every loop.
-#[inline(never)]
-pub fn sample_apart<S: Real>(motion: &Motion, t: f64, out: &mut [S]) {
-    struct Sample<'a, S>(&'a Motion, f64, &'a mut [S]);
-    impl<S: Real> Kernel for Sample<'_, S> {
-        type Output = ();
-        #[inline(always)]
-        fn run(self) {
-            self.0.sample(self.1, self.2);
-        }
-    }
-    S::enter(Sample(motion, t, out));
-}
-
 /// `[x_d, x_d', x_d'']` of each motion at time `t`, one after another, as laws read them.
 pub fn sample_all<'a, S: Real>(motions: impl IntoIterator<Item = &'a Motion>, t: f64, out: &mut [S]) {
     let mut at = 0;
     for motion in motions {
         let width = 3 * motion.dof();
-        sample_apart(motion, t, &mut out[at..at + width]);
+        motion.sample(t, &mut out[at..at + width]);
         at += width;
     }
 }

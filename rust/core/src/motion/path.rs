@@ -267,7 +267,6 @@ impl Path {
     }
 
     /// `q`, `q' = dq/ds` and `q''` at `s` of piece `p`: `put(joint, q, q', q'')`.
-    #[inline(always)]
     pub fn evaluate(&self, p: usize, s: f64, mut put: impl FnMut(usize, f64, f64, f64)) {
         let n = self.n;
         let rate = 1.0 / (self.knots[p + 1] - self.knots[p]);

@@ -31,7 +31,6 @@ pub struct RestToRest<P> {
 }
 
 impl Timing for QuinticTiming {
-    #[inline(always)]
     fn at(t: f64, duration: f64) -> [f64; 3] {
         let rate = 1.0 / duration;
         if t <= 0.0 {
@@ -48,7 +47,6 @@ impl Timing for QuinticTiming {
 }
 
 impl Timing for BangBangTiming {
-    #[inline(always)]
     fn at(t: f64, duration: f64) -> [f64; 3] {
         let rate = 1.0 / duration;
         let (x, y) = (t * rate, (duration - t) * rate);
@@ -86,7 +84,6 @@ impl<P: Timing> RestToRest<P> {
         self.duration
     }
 
-    #[inline(always)]
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let ([s, ds, dds], n) = (P::at(t, self.duration), self.dof());
         for i in 0..n {

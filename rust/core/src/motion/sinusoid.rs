@@ -34,7 +34,6 @@ impl Sinusoid {
         self.offset.len()
     }
 
-    #[inline(always)]
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.offset.len();
         for i in 0..n {

@@ -90,13 +90,11 @@ impl Table {
         &self.rows
     }
 
-    #[inline(always)]
     fn row(&self, k: usize) -> &[f64] {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
     /// Where in `rows` the row at time `t` starts, where that is a knot.
-    #[inline(always)]
     pub fn knot(&self, t: f64) -> Option<usize> {
         let u = (t - self.start) * self.rate;
         // The nearest integer stands in the low bits; below zero, beyond 2^52 and of NaN they pass no bound.
@@ -106,7 +104,6 @@ impl Table {
     }
 
     /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
-    #[inline(always)]
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let u = (t - self.start) * self.rate;
         let last = self.knots - 1;

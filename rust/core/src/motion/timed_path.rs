@@ -155,7 +155,6 @@ impl TimedPath {
     }
 
     /// Path acceleration at the start and at the end of segment `i`.
-    #[inline(always)]
     fn accelerations(&self, i: usize) -> (f64, f64) {
         let h = self.s[i + 1] - self.s[i];
         let (mean, turn) = (0.5 * (self.x[i + 1] - self.x[i]) / h, 0.5 * h * self.bend[i]);
@@ -188,7 +187,6 @@ impl TimedPath {
     }
 
     /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
-    #[inline(always)]
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.dof();
         let (start, end) = self.path.ends();

@@ -4,7 +4,7 @@
 use super::unilateral::{Touch, push, require_spring, stored};
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
-use crate::spatial::V3;
+use crate::spatial::{Lift, Vector, Vector3};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wall {
@@ -25,7 +25,7 @@ impl Wall {
         finite("point", &point)?;
         finite("normal", &normal)?;
         require_spring(stiffness, damping)?;
-        let length = V3(normal).norm();
+        let length = Vector3::from(normal).norm();
         if !(length > 0.0 && length.is_finite()) {
             return Err(Error::input("normal", format!("has no direction: expected a vector of length > 0, got {normal:?}")));
         }
@@ -33,18 +33,17 @@ impl Wall {
     }
 
     /// Depth of a point `p` below the surface, m; negative outside.
-    #[inline(always)]
-    pub fn depth<S: Real>(&self, p: V3<S>) -> S {
-        let n = V3(self.normal).lift::<S>();
-        n.dot(V3(self.point).lift::<S>() - p)
+    pub fn depth<S: Real>(&self, p: Vector3<S>) -> S {
+        let n = Vector3::from(self.normal).lift::<S>();
+        n.dot(Vector3::from(self.point).lift::<S>() - p)
     }
 }
 
 /// The walls of the lanes, at one frame.
-pub struct LaneWall<S> {
+pub struct LaneWall<S: Real> {
     pub frame: usize,
-    point: V3<S>,
-    normal: V3<S>,
+    point: Vector3<S>,
+    normal: Vector3<S>,
     stiffness: S,
     damping: S,
 }
@@ -53,21 +52,20 @@ impl<S: Real> LaneWall<S> {
     pub fn new<'a>(of: impl Fn(usize) -> &'a Wall) -> Self {
         LaneWall {
             frame: of(0).frame,
-            point: V3(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).point[k]))),
-            normal: V3(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).normal[k]))),
+            point: Vector3::from(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).point[k]))),
+            normal: Vector3::from(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).normal[k]))),
             stiffness: S::labelled("wall_stiffness", 0, || S::from_lanes(|lane| of(lane).stiffness)),
             damping: S::labelled("wall_damping", 0, || S::from_lanes(|lane| of(lane).damping)),
         }
     }
 
     /// Energy stored in the wall, with the frame at `p`.
-    pub fn energy(&self, p: V3<S>) -> S {
+    pub fn energy(&self, p: Vector3<S>) -> S {
         stored(self.stiffness, self.normal.dot(self.point - p))
     }
 
     /// The force on the frame at `p` that moves at `p_dot`, and the power lost in the wall; `held`: see [`push`].
-    #[inline(always)]
-    pub fn force(&self, p: V3<S>, p_dot: V3<S>, held: Option<Touch>) -> (V3<S>, S) {
+    pub fn force(&self, p: Vector3<S>, p_dot: Vector3<S>, held: Option<Touch>) -> (Vector3<S>, S) {
         let (depth, rate) = (self.normal.dot(self.point - p), -self.normal.dot(p_dot));
         let (force, lost) = push(self.stiffness, self.damping, depth, rate, held);
         (self.normal.scale(force), lost)

@@ -100,7 +100,6 @@ impl<S: Real> Elastic<S> {
 }
 
 impl<S: Real> Plant<S> for Elastic<S> {
-    #[inline(always)]
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
         let n = self.links.n;
         let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);

@@ -21,7 +21,7 @@ pub use unilateral::Touch;
 pub use velocity::{Velocity, VelocitySpec};
 
 use crate::dynamics::Model;
-use crate::scalar::{Kernel, Real};
+use crate::scalar::Real;
 
 /// Power into a plant: its sum is the rate of the stored energy.
 #[derive(Clone, Copy, Debug)]
@@ -40,28 +40,6 @@ pub trait Plant<S: Real> {
 
     /// Hold every contact, the wall first, then the stops, as it is said to be, whatever the state.
     fn hold(&mut self, _contacts: &[Touch]) {}
-}
-
-/// A plant whose rates are a function of their own, compiled for the instruction set of `S`.
-pub(crate) struct OutOfLine<P>(pub P);
-
-impl<S: Real, P: Plant<S>> Plant<S> for OutOfLine<P> {
-    #[inline(never)]
-    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
-        struct Rates<'a, S, P>(&'a mut P, &'a [(S, S)], &'a [S], &'a [S], &'a [S], &'a mut [S]);
-        impl<S: Real, P: Plant<S>> Kernel for Rates<'_, S, P> {
-            type Output = Power<S>;
-            #[inline(always)]
-            fn run(self) -> Power<S> {
-                self.0.rates(self.1, self.2, self.3, self.4, self.5)
-            }
-        }
-        S::enter(Rates(&mut self.0, trig, x, tau, wrench, dx))
-    }
-
-    fn hold(&mut self, contacts: &[Touch]) {
-        self.0.hold(contacts);
-    }
 }
 
 /// Which plant a law is made for.
@@ -148,20 +126,20 @@ impl PlantSpec {
     /// The plants of the lanes as one, with the wrench acting at `force_frame`.
     pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
         match of(0) {
-            PlantSpec::Rigid(first) => Box::new(OutOfLine(Rigid::new(
+            PlantSpec::Rigid(first) => Box::new(Rigid::new(
                 |i| match of(i) {
                     PlantSpec::Rigid(plant) => plant,
                     _ => first,
                 },
                 force_frame,
-            ))),
-            PlantSpec::Elastic(first) => Box::new(OutOfLine(Elastic::new(
+            )),
+            PlantSpec::Elastic(first) => Box::new(Elastic::new(
                 |i| match of(i) {
                     PlantSpec::Elastic(plant) => plant,
                     _ => first,
                 },
                 force_frame,
-            ))),
+            )),
             PlantSpec::Velocity(plant) => Box::new(Velocity { n: plant.model.n() }),
         }
     }

@@ -6,7 +6,7 @@ use super::{Plant, Power, Touch, Wall};
 use crate::dynamics::energy::friction_torque;
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::scalar::Real;
-use crate::spatial::V3;
+use crate::spatial::Vector3;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigidSpec {
@@ -71,7 +71,6 @@ impl<S: Real> Links<S> {
     }
 
     /// Add the torques of wrench, wall and stops to `self.effort`; returns the power they put in.
-    #[inline(always)]
     pub fn add_outside(&mut self, trig: &[(S, S)], q: &[S], v: &[S], wrench: &[S]) -> S {
         let mut power = S::zero();
         if let Some(frame) = self.force_frame {
@@ -87,7 +86,7 @@ impl<S: Real> Links<S> {
         }
         if let Some(wall) = &self.wall {
             let p = self.arm.jacobian(&mut self.ws, trig, q, wall.frame, &mut self.jacobian);
-            let p_dot = V3(std::array::from_fn(|k| {
+            let p_dot = Vector3::from(std::array::from_fn(|k| {
                 let mut sum = S::zero();
                 for i in 0..self.n {
                     sum = self.jacobian[k * self.n + i].mul_add(v[i], sum);
@@ -111,7 +110,6 @@ impl<S: Real> Links<S> {
     }
 
     /// `a = M^-1 (effort - C v - g)` into `a`.
-    #[inline(always)]
     pub fn accelerate(&mut self, trig: &[(S, S)], q: &[S], v: &[S], a: &mut [S]) {
         self.arm.forward_dynamics(&mut self.ws, trig, q, v, &self.effort, a);
     }
@@ -131,7 +129,6 @@ impl<S: Real> Rigid<S> {
 }
 
 impl<S: Real> Plant<S> for Rigid<S> {
-    #[inline(always)]
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
         let n = self.links.n;
         let (q, v) = (&x[..n], &x[n..2 * n]);

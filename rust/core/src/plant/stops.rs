@@ -25,7 +25,6 @@ pub struct Stop {
 
 impl Stop {
     /// Depth beyond the limit, and its rate.
-    #[inline(always)]
     pub fn depth<S: Real>(self, limit: S, q: S, v: S) -> (S, S) {
         if self.upper { (q - limit, v) } else { (limit - q, -v) }
     }
@@ -92,7 +91,6 @@ impl<S: Real> LaneStops<S> {
     }
 
     /// Add the torques to `effort`; returns the power lost. `held` says of each stop how it is held, where it is.
-    #[inline(always)]
     pub fn add(&self, q: &[S], v: &[S], held: Option<&[Touch]>, effort: &mut [S]) -> S {
         let mut lost = S::zero();
         for (k, &(stop, limit, stiffness, damping)) in self.stops.iter().enumerate() {

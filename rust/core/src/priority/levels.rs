@@ -215,7 +215,6 @@ impl Workspace {
     }
 }
 
-#[inline(always)]
 fn damped_gain(s: f64, lambda: f64) -> f64 {
     if s <= 0.0 { 0.0 } else { 1.0 / (s + lambda * (lambda / s)) }
 }

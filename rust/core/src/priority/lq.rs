@@ -30,7 +30,6 @@ impl<S: Real> Factor<S> {
     }
 
     /// Reduce row `at` by a reflection, apply it to the rows below, and substitute forward.
-    #[inline(always)]
     pub fn eliminate(&mut self, at: usize, command: S) {
         let Factor { n, l, w, beta, inverse, products, y } = self;
         let n = *n;
@@ -65,7 +64,6 @@ impl<S: Real> Factor<S> {
     }
 
     /// `x <- x H_at`, for a row or for coordinates; the last row of a square `L` has no reflection.
-    #[inline(always)]
     fn reflect(&self, at: usize, x: &mut [S]) {
         if at + 1 < self.n {
             let w = &self.w[at * self.n + at..(at + 1) * self.n];
@@ -74,27 +72,23 @@ impl<S: Real> Factor<S> {
     }
 
     /// A row that is not reduced, in the coordinates of `L`.
-    #[inline(always)]
     pub fn turn(&self, row: &mut [S]) {
         (0..self.fit()).for_each(|at| self.reflect(at, row));
     }
 
     /// `v = Q' y`.
-    #[inline(always)]
     pub fn turn_back(&self, v: &mut [S]) {
         v.copy_from_slice(&self.y);
         (0..self.fit()).rev().for_each(|at| self.reflect(at, v));
     }
 
     /// `|T^-1|_F^2` of the diagonal block of `m` rows from `used` on.
-    #[inline(always)]
     pub fn inverse_norm2(&self, used: usize, m: usize, z: &mut [S]) -> S {
         inverse_norm2(m, z, |i, j| if i == j { self.inverse[used + i] } else { self.l[(used + i) * self.n + used + j] })
     }
 }
 
 /// A level with more rows than the free directions: least squares by a QR factorisation of its free columns, those from `used` on.
-#[inline(always)]
 pub(super) fn tall<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut [S], r: &mut [S], z: &mut [S]) -> S {
     let (n, m) = (y.len(), command.len());
     let zero = S::zero();
@@ -127,7 +121,6 @@ pub(super) fn tall<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut 
 }
 
 /// `|T^-1|_F^2` of a lower triangle whose diagonal is given by its reciprocals.
-#[inline(always)]
 fn inverse_norm2<S: Real>(m: usize, z: &mut [S], t: impl Fn(usize, usize) -> S) -> S {
     let mut sum = S::zero();
     for b in 0..m {
@@ -142,7 +135,6 @@ fn inverse_norm2<S: Real>(m: usize, z: &mut [S], t: impl Fn(usize, usize) -> S) 
 }
 
 /// `y += s w`
-#[inline(always)]
 fn add<S: Real>(s: S, w: &[S], y: &mut [S]) {
     for (y, &w) in y.iter_mut().zip(w) {
         *y = s.mul_add(w, *y);
@@ -150,7 +142,6 @@ fn add<S: Real>(s: S, w: &[S], y: &mut [S]) {
 }
 
 /// Scalar product, in two chains.
-#[inline(always)]
 pub(super) fn product<S: Real>(a: &[S], b: &[S]) -> S {
     let (mut even, mut odd) = (S::zero(), S::zero());
     for (i, (&a, &b)) in a.iter().zip(b).enumerate() {

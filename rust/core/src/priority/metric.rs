@@ -65,7 +65,6 @@ impl Metric {
 
 impl<S: Real> Metric<S> {
     /// `x <- x L^-T` for a row of a Jacobian, that is `L x' = row'`.
-    #[inline(always)]
     pub fn row(&self, x: &mut [S]) {
         for i in 0..self.n {
             let rest = (0..i).fold(x[i], |rest, k| self.l[i * self.n + k].neg_mul_add(x[k], rest));
@@ -74,7 +73,6 @@ impl<S: Real> Metric<S> {
     }
 
     /// `y -> v = L^-T y`, in place.
-    #[inline(always)]
     pub fn velocity(&self, y: &mut [S]) {
         for i in (0..self.n).rev() {
             let rest = (i + 1..self.n).fold(y[i], |rest, k| self.l[k * self.n + i].neg_mul_add(y[k], rest));

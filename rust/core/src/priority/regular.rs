@@ -13,7 +13,7 @@ use super::lq::{Factor, product, tall};
 use super::method::{DEFAULT_EPS, Method};
 use super::metric::Metric;
 use super::workspace::TAME;
-use crate::scalar::{Fused, Kernel, Real, fuses};
+use crate::scalar::{Float, Real};
 use crate::trace::Evaluation;
 
 /// `exact` takes this route only for relative singular values above it, where forward substitution loses no digits that count.
@@ -85,7 +85,6 @@ impl<S: Real> Regular<S> {
 
     /// Solve into `v` and `residual` for the stack `(sum rows, n)` and its command; one where the route stands, zero where some level is
     /// not provably regular or some number is not tame.
-    #[inline(always)]
     pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S {
         self.load(jacobian);
         self.factor.y.fill(S::zero());
@@ -108,7 +107,6 @@ impl<S: Real> Regular<S> {
     }
 
     /// The stack in the coordinates of the metric, and the norms of its levels.
-    #[inline(always)]
     fn load(&mut self, jacobian: &[S]) {
         let Regular { n, rows, fitting, metric, factor, tall, most2, norm2, .. } = self;
         let (n, fit) = (*n, factor.l.len());
@@ -132,7 +130,6 @@ impl<S: Real> Regular<S> {
     }
 
     /// Whether every level is regular, with the coordinates of the level that does not fit.
-    #[inline(always)]
     fn judge(&mut self, rounding: S, command: &[S]) -> S {
         let Regular { n, rows, fitting, exact, eps2, factor, tall: behind, most2, norm2, r, z, .. } = self;
         let (one, zero) = (S::splat(1.0), S::zero());
@@ -179,28 +176,15 @@ pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = us
 /// The route for single stacks.
 #[derive(Debug, Clone)]
 pub(super) struct Single {
-    direct: Direct,
+    direct: Regular<Float>,
     /// With the same bits, once somebody made it.
     program: Option<Evaluation>,
-}
-
-/// The route on the number of this machine.
-#[derive(Debug, Clone)]
-enum Direct {
-    Baseline(Regular<f64>),
-    Fused { route: Regular<Fused>, jacobian: Vec<Fused>, command: Vec<Fused> },
 }
 
 impl Single {
     /// As [`Regular::new`].
     pub fn new(n: usize, rows: &[usize], method: Method, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
-        let total = rows.iter().sum::<usize>();
-        let direct = if fuses() {
-            let (jacobian, command) = (vec![Fused::zero(); total * n], vec![Fused::zero(); total]);
-            Direct::Fused { route: Regular::new(n, rows, method, eps, metric)?, jacobian, command }
-        } else {
-            Direct::Baseline(Regular::new(n, rows, method, eps, metric)?)
-        };
+        let direct = Regular::new(n, rows, method, eps, metric)?;
         Some(Single { direct, program: None })
     }
 
@@ -212,10 +196,7 @@ impl Single {
     /// The program is of other thresholds.
     pub fn set_eps(&mut self, eps: &[f64]) {
         self.program = None;
-        match &mut self.direct {
-            Direct::Baseline(route) => route.set_eps(eps),
-            Direct::Fused { route, .. } => route.set_eps(eps),
-        }
+        self.direct.set_eps(eps);
     }
 
     /// Solve into `v` and `residual`; false where the route declines.
@@ -230,41 +211,9 @@ impl Single {
             residual.copy_from_slice(program.outputs(1 + v.len(), residual.len()));
             return program.output(0) == [1.0];
         }
-        match &mut self.direct {
-            Direct::Baseline(route) => {
-                let stands = route.solve(rounding, jacobian, command) == 1.0;
-                v.copy_from_slice(&route.v);
-                residual.copy_from_slice(&route.residual);
-                stands
-            }
-            Direct::Fused { route, jacobian: j, command: c } => {
-                Fused::enter(OnFused { route, j, c, rounding, jacobian, command, v, residual })
-            }
-        }
-    }
-}
-
-/// A solve in the region of its number.
-struct OnFused<'a> {
-    route: &'a mut Regular<Fused>,
-    j: &'a mut [Fused],
-    c: &'a mut [Fused],
-    rounding: f64,
-    jacobian: &'a [f64],
-    command: &'a [f64],
-    v: &'a mut [f64],
-    residual: &'a mut [f64],
-}
-
-impl Kernel for OnFused<'_> {
-    type Output = bool;
-    #[inline(always)]
-    fn run(self) -> bool {
-        self.j.iter_mut().zip(self.jacobian).for_each(|(to, &from)| *to = Fused(from));
-        self.c.iter_mut().zip(self.command).for_each(|(to, &from)| *to = Fused(from));
-        let stands = self.route.solve(Fused(self.rounding), self.j, self.c);
-        self.v.iter_mut().zip(&self.route.v).for_each(|(to, from)| *to = from.0);
-        self.residual.iter_mut().zip(&self.route.residual).for_each(|(to, from)| *to = from.0);
-        stands.0 == 1.0
+        let stands = self.direct.solve(Float(rounding), Float::of(jacobian), Float::of(command));
+        Float::of_mut(v).copy_from_slice(&self.direct.v);
+        Float::of_mut(residual).copy_from_slice(&self.direct.residual);
+        stands == Float(1.0)
     }
 }

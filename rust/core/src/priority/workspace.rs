@@ -104,7 +104,6 @@ impl Workspace {
     }
 
     /// Row range of level `i` in the stack.
-    #[inline(always)]
     pub fn level(&self, i: usize) -> std::ops::Range<usize> {
         self.start[i]..self.start[i] + self.rows[i]
     }

@@ -8,14 +8,14 @@ use super::{Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A value, and its rate along the direction of each lane of `V`.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Duals<V: Real> {
     pub value: V::One,
     pub rates: V,
 }
 
 /// Eight rates for any machine.
-pub type Dual8 = Duals<Array8<false>>;
+pub type Dual8 = Duals<Array8>;
 
 impl<V: Real> Duals<V> {
     /// Directions in one evaluation.

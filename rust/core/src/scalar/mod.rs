@@ -1,9 +1,9 @@
-//! The number that an algorithm runs on: one run (`f64`, [`Fused`]), or several independent runs side by
+//! The number that an algorithm runs on: one run ([`Float`]), or several independent runs side by
 //! side ([`lanes`]), one per lane.
 //!
-//! Algorithms are written once over [`Real`]. They have no branch on lane data: `select` instead. Everything
-//! they call on the hot path is `#[inline(always)]`, because the instruction set is that of the function
-//! they end up in: [`Real::enter`] is the only door into a region compiled for AVX2 + FMA or AVX-512.
+//! Algorithms are written once over [`Real`]. They have no branch on lane data: `select` instead. Only planners run in lanes here; all
+//! else runs in lanes as programs (`trace`). What planners call is `#[inline(always)]`, because the instruction set is that of the
+//! function that the code ends up in: [`Real::enter`] is the only door into a region compiled for AVX2 + FMA or AVX-512.
 
 mod atan;
 pub mod dual;
@@ -16,21 +16,15 @@ pub mod trig;
 pub use dual::Dual;
 pub use duals::{Dual8, Duals};
 pub use lanes::{Array8, Isa, fuses, isa};
-pub use scalars::Fused;
+pub use scalars::Float;
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// As many numbers as one register of the instruction set of [`Fused`] holds.
-#[cfg(target_arch = "x86_64")]
-pub type FusedLanes = lanes::Avx2;
-/// Several numbers for the instruction set of [`Fused`].
-#[cfg(not(target_arch = "x86_64"))]
-pub type FusedLanes = Array8<true>;
-
 /// A real number, or one real number per lane.
 pub trait Real:
     Copy
+    + PartialEq
     + Debug
     + Default
     + Send
@@ -113,14 +107,6 @@ pub trait Real:
     fn any(mask: Self::Mask) -> bool;
     fn all(mask: Self::Mask) -> bool;
 
-    /// Sine and cosine of several numbers, of the same bits as one by one.
-    #[inline(always)]
-    fn sin_cos_each(x: &[Self], out: &mut [(Self, Self)]) {
-        for (x, out) in x.iter().zip(out) {
-            *out = x.sin_cos();
-        }
-    }
-
     /// Run `kernel` compiled for the instruction set of this number.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
 
@@ -149,16 +135,6 @@ pub fn sign<S: Real>(x: S) -> S {
     S::select(zero.lt(x), one, S::select(x.lt(zero), -one, zero))
 }
 
-/// The same numbers in every lane. Not `map`, which the compiler may leave a call, and then the instruction set of the loop with it.
-#[inline(always)]
-pub fn spread<S: Real, const D: usize>(row: &[f64; D]) -> [S; D] {
-    let mut all = [S::zero(); D];
-    for i in 0..D {
-        all[i] = S::splat(row[i]);
-    }
-    all
-}
-
 /// Work that can be done on any [`Real`], before the instruction set is chosen. `run` must be `#[inline(always)]`.
 pub trait Task {
     type Output;
@@ -181,11 +157,6 @@ fn on<S: Real, T: Task>(task: T) -> T::Output {
     S::enter(On::<S, T>(task, std::marker::PhantomData))
 }
 
-/// Run `task` on one number, by the best route of this machine.
-pub fn run_scalar<T: Task>(task: T) -> T::Output {
-    if fuses() { on::<Fused, T>(task) } else { on::<f64, T>(task) }
-}
-
 /// Run `task` on lanes, by the best route of this machine: one register of them, two where registers are short.
 #[cfg(target_arch = "x86_64")]
 pub fn run_lanes<T: Task>(task: T) -> T::Output {
@@ -199,7 +170,7 @@ pub fn run_lanes<T: Task>(task: T) -> T::Output {
 /// Run `task` on eight lanes left to the compiler's vectoriser.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn run_lanes<T: Task>(task: T) -> T::Output {
-    on::<Array8<false>, T>(task)
+    on::<Array8, T>(task)
 }
 
 #[cfg(test)]

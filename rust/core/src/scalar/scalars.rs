@@ -1,99 +1,110 @@
-//! The two single numbers: `f64` for the baseline, [`Fused`] where the machine has fused multiply-add.
+//! The two single numbers: `f64` for set-ups, which are the same on every machine, and [`Float`] for what runs.
 
-#[cfg(target_arch = "x86_64")]
-use super::lanes::Avx2;
-use super::lanes::{enter_avx2, fuses};
+use super::lanes::fuses;
 use super::{Kernel, Real, trig};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// An `f64` whose `mul_add` is one instruction; use it only under [`Real::enter`].
+/// An `f64` that direct evaluation runs on: its products are fused with sums where those of programs are, see [`fuses`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 #[repr(transparent)]
-pub struct Fused(pub f64);
+pub struct Float(pub f64);
+
+impl Float {
+    /// The same numbers.
+    #[inline]
+    pub fn of(x: &[f64]) -> &[Float] {
+        // SAFETY: a `Float` is an `f64` and nothing else (`repr(transparent)`).
+        unsafe { std::slice::from_raw_parts(x.as_ptr().cast(), x.len()) }
+    }
+
+    /// The same numbers.
+    #[inline]
+    pub fn of_mut(x: &mut [f64]) -> &mut [Float] {
+        // SAFETY: as in `of`; the slice is borrowed from the only one that may change it.
+        unsafe { std::slice::from_raw_parts_mut(x.as_mut_ptr().cast(), x.len()) }
+    }
+}
 
 macro_rules! operator {
-    ($trait:ident, $method:ident, $assign:ident, $assign_method:ident, $op:tt) => {
-        impl $trait for Fused {
+    ($trait:ident, $method:ident, $op:tt) => {
+        impl $trait for Float {
             type Output = Self;
-            #[inline(always)]
+            #[inline]
             fn $method(self, other: Self) -> Self {
-                Fused(self.0 $op other.0)
+                Float(self.0 $op other.0)
             }
         }
-        impl $assign for Fused {
-            #[inline(always)]
+    };
+    ($trait:ident, $method:ident, $op:tt, $assign:ident, $assign_method:ident) => {
+        operator!($trait, $method, $op);
+        impl $assign for Float {
+            #[inline]
             fn $assign_method(&mut self, other: Self) {
                 *self = *self $op other;
             }
         }
     };
 }
-operator!(Add, add, AddAssign, add_assign, +);
-operator!(Sub, sub, SubAssign, sub_assign, -);
-operator!(Mul, mul, MulAssign, mul_assign, *);
+operator!(Add, add, +, AddAssign, add_assign);
+operator!(Sub, sub, -, SubAssign, sub_assign);
+operator!(Mul, mul, *, MulAssign, mul_assign);
+operator!(Div, div, /);
 
-impl Div for Fused {
+impl Neg for Float {
     type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        Fused(self.0 / other.0)
-    }
-}
-
-impl Neg for Fused {
-    type Output = Self;
-    #[inline(always)]
+    #[inline]
     fn neg(self) -> Self {
-        Fused(-self.0)
+        Float(-self.0)
     }
 }
 
 macro_rules! single_number {
-    ($type:ty, $wrap:expr, $get:expr, $fused:literal) => {
+    ($wrap:expr, $get:expr, $fuses:expr) => {
         type Mask = bool;
         type One = Self;
         const LANES: usize = 1;
-        #[inline(always)]
+        #[inline]
         fn splat(x: f64) -> Self {
             $wrap(x)
         }
-        #[inline(always)]
+        #[inline]
         fn from_lanes(mut f: impl FnMut(usize) -> f64) -> Self {
             $wrap(f(0))
         }
-        #[inline(always)]
+        #[inline]
         fn lane(self, _: usize) -> f64 {
             $get(self)
         }
-        #[inline(always)]
+        #[inline]
         fn mul_add(self, b: Self, c: Self) -> Self {
-            $wrap(trig::fma::<$fused>($get(self), $get(b), $get(c)))
+            let (a, b, c) = ($get(self), $get(b), $get(c));
+            $wrap(if $fuses { trig::fma::<true>(a, b, c) } else { trig::fma::<false>(a, b, c) })
         }
-        #[inline(always)]
+        #[inline]
         fn neg_mul_add(self, b: Self, c: Self) -> Self {
-            $wrap(trig::fma::<$fused>(-$get(self), $get(b), $get(c)))
+            Real::mul_add(-self, b, c)
         }
-        #[inline(always)]
+        #[inline]
         fn recip(self) -> Self {
             $wrap(1.0 / $get(self))
         }
-        #[inline(always)]
+        #[inline]
         fn sqrt(self) -> Self {
             $wrap($get(self).sqrt())
         }
-        #[inline(always)]
+        #[inline]
         fn abs(self) -> Self {
             $wrap($get(self).abs())
         }
-        #[inline(always)]
+        #[inline]
         fn max(self, other: Self) -> Self {
             if $get(self) < $get(other) { other } else { self }
         }
-        #[inline(always)]
+        #[inline]
         fn min(self, other: Self) -> Self {
             if $get(other) < $get(self) { other } else { self }
         }
-        #[inline(always)]
+        #[inline]
         fn sin_cos(self) -> (Self, Self) {
             let x = $get(self);
             if !(x.abs() < trig::REDUCTION_LIMIT) {
@@ -102,54 +113,39 @@ macro_rules! single_number {
             }
             self.sin_cos_near()
         }
-        #[inline(always)]
+        #[inline]
         fn sin_cos_near(self) -> (Self, Self) {
-            let (s, c) = trig::sin_cos_near::<$fused>($get(self));
+            let x = $get(self);
+            let (s, c) = if $fuses { trig::sin_cos_near::<true>(x) } else { trig::sin_cos_near::<false>(x) };
             ($wrap(s), $wrap(c))
         }
-        #[inline(always)]
+        #[inline]
         fn lt(self, other: Self) -> bool {
             $get(self) < $get(other)
         }
-        #[inline(always)]
+        #[inline]
         fn select(mask: bool, yes: Self, no: Self) -> Self {
             if mask { yes } else { no }
         }
-        #[inline(always)]
+        #[inline]
         fn any(mask: bool) -> bool {
             mask
         }
-        #[inline(always)]
+        #[inline]
         fn all(mask: bool) -> bool {
             mask
+        }
+        #[inline]
+        fn enter<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run()
         }
     };
 }
 
 impl Real for f64 {
-    single_number!(f64, |x: f64| x, |x: f64| x, false);
-    #[inline(always)]
-    fn enter<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run()
-    }
+    single_number!(|x: f64| x, |x: f64| x, false);
 }
 
-impl Real for Fused {
-    single_number!(Fused, Fused, |x: Fused| x.0, true);
-    /// Four to a register: the joints of one arm are as good as four runs of one joint.
-    #[cfg(target_arch = "x86_64")]
-    #[inline(always)]
-    fn sin_cos_each(x: &[Self], out: &mut [(Self, Self)]) {
-        for (x, out) in x.chunks(4).zip(out.chunks_mut(4)) {
-            let (s, c) = Avx2::from_lanes(|i| x[i.min(x.len() - 1)].0).sin_cos();
-            for (i, out) in out.iter_mut().enumerate() {
-                *out = (Fused(s.lane(i)), Fused(c.lane(i)));
-            }
-        }
-    }
-    #[inline(always)]
-    fn enter<K: Kernel>(kernel: K) -> K::Output {
-        assert!(fuses(), "the fused route needs AVX2 and FMA");
-        enter_avx2(kernel)
-    }
+impl Real for Float {
+    single_number!(Float, |x: Float| x.0, fuses());
 }

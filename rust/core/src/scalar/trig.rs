@@ -4,8 +4,6 @@
 //! exact for `|k| < 2^20` (Cody and Waite, fdlibm's split); then minimax polynomials on `|r| <= pi/4`
 //! (fdlibm's coefficients). Beyond that range the library function answers, lane by lane.
 
-use super::{Kernel, Real};
-
 /// Largest |x| for which the three-part reduction is exact enough.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;
 
@@ -30,10 +28,23 @@ pub(crate) const COS: [f64; 6] = [
     4.166_666_666_666_660_190_37e-2,
 ];
 
-/// `a b + c`, fused only where the surrounding code is compiled for it (elsewhere it would be a library call).
+/// `a b + c`, fused or not. Fused only where [`fuses`](super::fuses): code for x86-64 in general would call the C library for it.
 #[inline(always)]
 pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
-    if FUSED { a.mul_add(b, c) } else { a * b + c }
+    if !FUSED {
+        return a * b + c;
+    }
+    #[cfg(target_arch = "x86_64")]
+    {
+        let mut product = a;
+        // SAFETY: the processor has the instruction, which computes on registers alone.
+        unsafe {
+            std::arch::asm!("vfmadd213sd {0}, {1}, {2}", inout(xmm_reg) product, in(xmm_reg) b, in(xmm_reg) c, options(pure, nomem, nostack, preserves_flags));
+        }
+        product
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    a.mul_add(b, c)
 }
 
 /// Sine and cosine for `|x| < REDUCTION_LIMIT`, without a branch.
@@ -59,18 +70,4 @@ pub(super) fn sin_cos_near<const FUSED: bool>(x: f64) -> (f64, f64) {
 #[inline(never)]
 pub(super) fn sin_cos_far(x: f64) -> (f64, f64) {
     x.sin_cos()
-}
-
-/// Sine and cosine in a function of its own: a call on a rare path instead of its code at every use.
-#[inline(never)]
-pub fn sin_cos_apart<S: Real>(q: S) -> (S, S) {
-    struct SinCos<S>(S);
-    impl<S: Real> Kernel for SinCos<S> {
-        type Output = (S, S);
-        #[inline(always)]
-        fn run(self) -> (S, S) {
-            self.0.sin_cos()
-        }
-    }
-    S::enter(SinCos(q))
 }

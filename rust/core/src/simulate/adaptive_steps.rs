@@ -92,7 +92,6 @@ pub struct Outcome {
 }
 
 /// Run `system` from `method.x`, with somebody who looks at every step; `record(t, system, x)` is called for every record.
-#[inline(always)]
 pub fn run<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,

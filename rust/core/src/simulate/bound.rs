@@ -21,7 +21,6 @@ impl Bound {
     }
 
     /// Whether every lane of `x` is finite and within the bound.
-    #[inline(always)]
     pub fn holds<S: Real>(&self, x: &[S]) -> bool {
         let (mut zero, mut largest) = (S::zero(), S::zero());
         for (i, &value) in x.iter().enumerate() {

@@ -134,7 +134,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     }
 
     /// The law's answer at the plant state `measured` and its own state `z`, within the limits of the input.
-    #[inline(always)]
     fn control(&mut self, desired: &[S], measured: &[S], z: &[S]) {
         let (rate, dissipated) = self.dz.split_at_mut(self.p);
         self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, rate);
@@ -147,7 +146,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.saturate();
     }
 
-    #[inline(always)]
     fn saturate(&mut self) {
         for (tau, &limit) in self.tau.iter_mut().zip(&self.limits) {
             *tau = tau.clamped(-limit, limit);
@@ -155,7 +153,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     }
 
     /// The input is `tau` from now on, and the law's state rests; `None` gives the input back to the law.
-    #[inline(always)]
     pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
         self.closing.held = held || tau.is_some();
         if let Some(tau) = tau {
@@ -178,12 +175,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     }
 
     /// The sines and cosines of the joints at state `x`.
-    #[inline(always)]
     pub fn turn_to(&mut self, x: &[S]) {
-        let n = self.trig.len();
-        if self.angles.iter().all(|&angle| angle) {
-            return S::sin_cos_each(&x[..n], &mut self.trig);
-        }
         for (i, trig) in self.trig.iter_mut().enumerate() {
             if self.angles[i] {
                 *trig = x[i].sin_cos();
@@ -192,14 +184,12 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     }
 
     /// The law's input `tau` and rate at state `x`, for sines and cosines that are there.
-    #[inline(always)]
     pub fn answer(&mut self, u: &Exogenous<S>, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
         self.control(&u.desired, measured, &z[..self.p]);
     }
 
     /// The rates `dx` of state `x`, for sines and cosines that are there.
-    #[inline(always)]
     pub fn rates(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
         if !self.closing.held {
             self.answer(u, x);
@@ -246,13 +236,11 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     }
 
     /// Evaluate the law at state `x` and time `t`, into `self.tau`: the held input of a sampled loop, or the input to record.
-    #[inline(always)]
     pub fn observe(&mut self, t: f64, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
         self.ask(t, measured, &z[..self.p]);
     }
 
-    #[inline(always)]
     fn ask(&mut self, t: f64, measured: &[S], z: &[S]) {
         let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [S::zero(); 6] });
         self.world.sample(t, &mut now);
@@ -281,7 +269,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     }
 
     /// As [`ClosedLoop::observe`] where the law is asked in every stage; a held input stays.
-    #[inline(always)]
     pub fn observe_unheld(&mut self, t: f64, x: &[S]) {
         if !self.closing.held {
             self.observe(t, x);
@@ -292,12 +279,10 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
 impl<S: Real> System<S> for ClosedLoop<'_, S> {
     type Input = Exogenous<S>;
 
-    #[inline(always)]
     fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
         self.world.sample(t, u);
     }
 
-    #[inline(always)]
     fn sample(&mut self, t: f64, x: &[S]) {
         if let Some(sampler) = self.sampler.take() {
             self.sampler = Some(self.sample_by(sampler, t, x));
@@ -310,14 +295,12 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         self.closing.held.then_some((&self.tau, &self.dz))
     }
 
-    #[inline(always)]
     fn pairs(&self) -> Pairs {
         // [q, v] or [q, v, theta, theta_dot]; [q] alone has no rates.
         let n = self.tau.len();
         Pairs { joints: n, count: self.states / (2 * n) }
     }
 
-    #[inline(always)]
     fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
         self.turn_to(x);
         self.rates(u, x, dx);

@@ -3,7 +3,7 @@
 use super::switching::Probe;
 use crate::error::Result;
 use crate::memory::append;
-use crate::spatial::V3;
+use crate::spatial::{Vector, Vector3};
 use std::sync::Arc;
 
 /// A function `g(t, x)` from outside; `None` stops the run.
@@ -38,7 +38,7 @@ impl What {
             What::Joint { joint, value, below: false } => x[*joint] - value,
             What::Joint { joint, value, below: true } => value - x[*joint],
             What::Speed { at, value } => x[*at] - value,
-            What::Plane { frame, point, normal } => V3(*normal).dot(probe.frame(*frame, x).0 - V3(*point)),
+            What::Plane { frame, point, normal } => Vector3::from(*normal).dot(probe.frame(*frame, x).0 - Vector3::from(*point)),
             What::Function(call) => call(t, x).unwrap_or(f64::NAN),
         }
     }

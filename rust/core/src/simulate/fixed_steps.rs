@@ -20,17 +20,12 @@ pub struct Faults {
     pub steps: u64,
 }
 
-/// Who is told of every record, by its number and time. `record` must be `#[inline(always)]`: a call would take the address of the
-/// system, and nothing whose address is taken lives in registers.
+/// Who is told of every record, by its number and time.
 pub trait Record<F, B> {
     fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
 }
 
 /// Run `system` over the schedule from `x`.
-///
-/// System, method and state are locals whose address is never taken, so that small ones live in registers; the
-/// code of a step and of a record, which is large, stands in one place each.
-#[inline(always)]
 pub fn run<S, F, M, B>(
     system: &mut F,
     method: &mut M,
@@ -134,7 +129,6 @@ where
 
 /// Steps in the block that starts at `step`. A block that starts inside a hold ends with it, so that what is held at its start
 /// is still held when a faulty block is run again.
-#[inline(always)]
 fn block(step: usize, hold: usize) -> usize {
     if hold == 0 {
         return BLOCK;
@@ -144,7 +138,6 @@ fn block(step: usize, hold: usize) -> usize {
 }
 
 /// How many steps of equal size from `step` on, at most to `to`, have no sample and no jump of the input between them.
-#[inline(always)]
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
     // A run that is summed up starts with a step by itself.
     if schedule.sums_up && step == 0 {
@@ -163,7 +156,6 @@ fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_b
 
 /// One step, or the part `offset` of it, in pieces where the input jumps inside it or at its end, each piece
 /// on its own side of the jump.
-#[inline(always)]
 fn one_step<S, F, M, B>(system: &mut F, method: &mut M, schedule: &Schedule, step: usize, offset: f64, next_break: &mut usize, x: &mut B)
 where
     S: Real,

@@ -10,6 +10,7 @@
 use super::measures::{Plan, Wanted};
 use crate::dynamics::{ArmAt, Model};
 use crate::scalar::Real;
+use crate::spatial::Vector;
 
 /// What one record shows.
 pub struct Seen<'a, S> {

@@ -18,7 +18,7 @@ use crate::integrate::{
 };
 use crate::law::LawSpec;
 use crate::plant::{PlantSpec, Touch};
-use crate::scalar::{Array8, Dual8, Real, Task, run_scalar};
+use crate::scalar::{Array8, Dual8, Float, Real};
 use std::borrow::Cow;
 
 /// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes), by an explicit method.
@@ -33,9 +33,6 @@ pub struct General<'a> {
     /// The programs of rates, where runs may take them.
     pub rates: Option<&'a Rates>,
 }
-
-/// The run `first` of a problem by an adaptive explicit method.
-pub struct Explicit<'a>(pub General<'a>);
 
 /// A loop that can be recorded.
 pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
@@ -52,12 +49,10 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
 }
 
 impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
-    #[inline(always)]
     fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
         self.observe_unheld(t, x);
         &self.tau
     }
-    #[inline(always)]
     fn drive(&mut self, tau: Option<&[S]>, held: bool) {
         self.take_over(tau, held);
     }
@@ -73,7 +68,7 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
 }
 
 /// A loop with its twin on dual numbers.
-pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual8>, Array8<false>, Vec<Dual8>, Exogenous<Dual8>>;
+pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual8>, Array8, Vec<Dual8>, Exogenous<Dual8>>;
 
 impl Watched<f64> for Twins<'_> {
     fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
@@ -139,7 +134,6 @@ impl Recorder<'_> {
 }
 
 impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for Recorder<'_> {
-    #[inline(always)]
     fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &Vec<S>) {
         let tau = closed.input_at(t, x);
         self.write(i, t, x, tau);
@@ -153,7 +147,6 @@ impl<'a> General<'a> {
     }
 
     /// Fixed steps of `closed` by `method`.
-    #[inline(always)]
     pub fn fixed<S, F, M>(self, fixed: &Fixed, closed: &mut F, x: Vec<S>, mut method: M) -> Ended
     where
         S: Real,
@@ -165,7 +158,6 @@ impl<'a> General<'a> {
         Ended::Fixed(fixed_steps::run(closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
     }
 
-    #[inline(always)]
     fn adaptive<S, F, M>(self, mut closed: F, size: usize, instants: &[f64], mut method: M) -> Ended
     where
         S: Real,
@@ -194,13 +186,19 @@ impl Problem<'_> {
     }
 }
 
-impl Task for General<'_> {
-    type Output = Ended;
+impl<'a> General<'a> {
+    /// Run the one run `first`, by whatever the method needs.
+    pub fn run_single(self) -> Ended {
+        match self.division {
+            _ if self.problem.options.method.is_implicit() => self.implicit(),
+            Division::Fixed(fixed) => self.fixed_steps(fixed),
+            Division::Adaptive(_) => self.explicit(),
+        }
+    }
 
-    #[inline(always)]
-    fn run<S: Real>(self) -> Ended {
-        let Division::Fixed(fixed) = self.division else { unreachable!("steps are fixed") };
-        let (mut closed, x) = close::<S>(self.problem, self.first);
+    /// The run `first` by an explicit method of fixed steps.
+    pub fn fixed_steps(self, fixed: &Fixed) -> Ended {
+        let (mut closed, x) = close::<Float>(self.problem, self.first);
         let u = closed.instant();
         match self.problem.options.method {
             Method::Euler => {
@@ -217,32 +215,16 @@ impl Task for General<'_> {
             }
         }
     }
-}
 
-impl Task for Explicit<'_> {
-    type Output = Ended;
-
-    #[inline(always)]
-    fn run<S: Real>(self) -> Ended {
-        let general = self.0;
-        let (closed, x) = close::<S>(general.problem, general.first);
-        let (u, size, options) = (closed.instant(), x.len(), &general.problem.options);
-        let (tolerance, instants) = (general.problem.tolerance(closed.controlled()), closed.instants(options.t_end));
-        let closed = RatesLoop::explicit(closed, general.source());
+    /// The run `first` by an explicit method that chooses its steps.
+    fn explicit(self) -> Ended {
+        let (closed, x) = close::<Float>(self.problem, self.first);
+        let (u, size, options) = (closed.instant(), x.len(), &self.problem.options);
+        let (tolerance, instants) = (self.problem.tolerance(closed.controlled()), closed.instants(options.t_end));
+        let closed = RatesLoop::explicit(closed, self.source());
         match options.method {
-            Method::Dopri5 => general.adaptive(closed, size, &instants, Dopri5::new(tolerance, x, u)),
-            _ => general.adaptive(closed, size, &instants, Dop853::new(tolerance, x, u)),
-        }
-    }
-}
-
-impl<'a> General<'a> {
-    /// Run the one run `first`, by whatever the method needs.
-    pub fn run_single(self) -> Ended {
-        match self.division {
-            _ if self.problem.options.method.is_implicit() => self.implicit(),
-            Division::Fixed(_) => run_scalar(self),
-            Division::Adaptive(_) => run_scalar(Explicit(self)),
+            Method::Dopri5 => self.adaptive(closed, size, &instants, Dopri5::new(tolerance, x, u)),
+            _ => self.adaptive(closed, size, &instants, Dop853::new(tolerance, x, u)),
         }
     }
 

@@ -12,7 +12,7 @@ use super::program_step::{ProgramStep, tabulate};
 use super::recorded::{self, Recorded, SeenLoop};
 use super::redo;
 use super::sink::Sink;
-use crate::scalar::{Array8, Real, run_scalar};
+use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -20,7 +20,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const SHORT: usize = 20;
 
 /// Runs side by side.
-pub type Lanes = Array8<false>;
+pub type Lanes = Array8;
 
 /// The structures of the runs of a problem, recorded as they appear.
 pub struct Structures {
@@ -172,7 +172,7 @@ fn direct(group: General, run: usize, lane: usize, faults: &mut Faults) {
     let General { problem, division, stop, sink, .. } = group;
     let mut chosen = Chosen { sink, lanes: vec![Some(lane)] };
     let alone = General { problem, division, first: run, stop, sink: &mut chosen, asked: None, rates: None };
-    if let Ended::Fixed(found) = run_scalar(alone) {
+    if let Ended::Fixed(found) = alone.run_single() {
         faults.at[lane] = found.at[0];
         faults.interrupted |= found.interrupted;
         faults.steps = found.steps;

@@ -9,7 +9,7 @@ use super::problem::{Method, Problem};
 use super::program_loop::{MOST_LANES, ProgramLoop};
 use super::recorded::Layout;
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit};
-use crate::scalar::{Real, Task, run_scalar};
+use crate::scalar::{Float, Real};
 
 /// One run on plain numbers.
 pub trait Direct {
@@ -21,25 +21,12 @@ pub trait Direct {
 
 /// The run `run` of a problem.
 pub fn direct<'a>(problem: &'a Problem<'a>, run: usize) -> Box<dyn Direct + 'a> {
-    run_scalar(Make { problem, run })
-}
-
-struct Make<'a> {
-    problem: &'a Problem<'a>,
-    run: usize,
-}
-
-impl<'a> Task for Make<'a> {
-    type Output = Box<dyn Direct + 'a>;
-    #[inline(always)]
-    fn run<S: Real>(self) -> Box<dyn Direct + 'a> {
-        let closed = assemble::<S>(self.problem, |_| self.run, self.problem.watches_storage());
-        let (x, u) = (vec![S::zero(); closed.size()], closed.instant());
-        match (self.problem.options.method, SemiImplicit::new(&closed, x.clone(), u.clone())) {
-            (Method::SemiImplicit, Ok(method)) => Box::new(Steps::new(closed, method, x)),
-            (Method::Euler, _) => Box::new(Steps::new(closed, Euler::new(x.clone(), u), x)),
-            _ => Box::new(Steps::new(closed, Rk4::new(x.clone(), u), x)),
-        }
+    let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
+    let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
+    match (problem.options.method, SemiImplicit::new(&closed, x.clone(), u.clone())) {
+        (Method::SemiImplicit, Ok(method)) => Box::new(Steps::new(closed, method, x)),
+        (Method::Euler, _) => Box::new(Steps::new(closed, Euler::new(x.clone(), u), x)),
+        _ => Box::new(Steps::new(closed, Rk4::new(x.clone(), u), x)),
     }
 }
 

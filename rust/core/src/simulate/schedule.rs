@@ -117,7 +117,6 @@ impl Schedule {
     }
 
     /// Record `i`; `None` behind the last one.
-    #[inline(always)]
     pub fn record(&self, i: usize) -> Option<Record> {
         let on_step = |step: usize| {
             let step = step.min(self.steps);
@@ -144,7 +143,6 @@ impl Schedule {
     }
 
     /// The time after `step` steps.
-    #[inline(always)]
     pub fn time(&self, step: usize) -> f64 {
         // Signed conversion is one instruction.
         if step >= self.steps { self.t_end } else { step as i64 as f64 * self.dt }
@@ -166,7 +164,6 @@ impl Schedule {
     }
 
     /// Whether `t` is, up to rounding, the end of a step that ends at `end`.
-    #[inline(always)]
     pub fn is_end(&self, t: f64, end: f64) -> bool {
         (t - end).abs() <= ON_GRID * self.dt
     }

@@ -6,11 +6,10 @@ use super::general::{Watched, close};
 use super::problem::{Method, Problem};
 use super::rates_loop::{RatesLoop, recorded_loop};
 use super::sampling::Sampling;
-use super::world::Exogenous;
 use crate::error::{Error, Result};
 use crate::integrate::{Euler, FixedStep, Rk4, Ros2, SemiImplicit};
 use crate::law::LawSpec;
-use crate::scalar::{Kernel, Real, Task, run_scalar};
+use crate::scalar::{Float, Real};
 use crate::status::Status;
 
 /// What a stepped loop does, on whatever number it runs.
@@ -34,8 +33,8 @@ pub trait Stepping: Send {
     fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64]);
 }
 
-/// The loop, its method and its state; `R` is the number whose instruction set it is compiled for.
-struct Stepper<R, S, F, M> {
+/// The loop, its method and its state.
+struct Stepper<S, F, M> {
     closed: F,
     method: M,
     x: Vec<S>,
@@ -52,70 +51,52 @@ struct Stepper<R, S, F, M> {
     bound: Bound,
     status: Status,
     pushed: bool,
-    region: std::marker::PhantomData<R>,
 }
 
-struct Step<'a, R, S, F, M>(&'a mut Stepper<R, S, F, M>, Option<&'a [f64]>, Option<&'a Wrench>);
-
-impl<R, S, F, M> Kernel for Step<'_, R, S, F, M>
+impl<S, F, M> Stepping for Stepper<S, F, M>
 where
-    S: Real,
-    F: Watched<S>,
-    M: FixedStep<S, F, Vec<S>>,
-{
-    type Output = Status;
-    #[inline(always)]
-    fn run(self) -> Status {
-        let Step(stepper, tau, push) = self;
-        if stepper.status != Status::Success {
-            return stepper.status;
-        }
-        stepper.before.copy_from_slice(&stepper.x);
-        if push.is_some() || stepper.pushed {
-            // The force jumps.
-            stepper.closed.push(push);
-            stepper.method.restart();
-            stepper.pushed = push.is_some();
-        }
-        let (t, end) = (stepper.steps as f64 * stepper.dt, (stepper.steps + 1) as f64 * stepper.dt);
-        match tau {
-            Some(tau) => {
-                for (to, &from) in stepper.tau.iter_mut().zip(tau) {
-                    *to = S::splat(from);
-                }
-                stepper.closed.drive(Some(&stepper.tau), false);
-            }
-            None => {
-                stepper.closed.drive(None, stepper.hold != 0);
-                if stepper.hold != 0 && stepper.steps.is_multiple_of(stepper.hold) {
-                    stepper.closed.sample(t, &stepper.x);
-                    stepper.method.restart();
-                }
-                let input = stepper.closed.input_at(t, &stepper.x);
-                stepper.tau.copy_from_slice(input);
-            }
-        }
-        stepper.method.step(&mut stepper.closed, t, stepper.dt, end, &mut stepper.x);
-        if stepper.bound.holds(&stepper.x) {
-            stepper.steps += 1;
-        } else {
-            stepper.x.copy_from_slice(&stepper.before);
-            stepper.method.restart();
-            stepper.status = Status::Diverged;
-        }
-        stepper.status
-    }
-}
-
-impl<R, S, F, M> Stepping for Stepper<R, S, F, M>
-where
-    R: Real,
     S: Real,
     F: Watched<S> + Send,
     M: FixedStep<S, F, Vec<S>> + Send,
 {
     fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status {
-        R::enter(Step(self, tau, push))
+        if self.status != Status::Success {
+            return self.status;
+        }
+        self.before.copy_from_slice(&self.x);
+        if push.is_some() || self.pushed {
+            // The force jumps.
+            self.closed.push(push);
+            self.method.restart();
+            self.pushed = push.is_some();
+        }
+        let (t, end) = (self.steps as f64 * self.dt, (self.steps + 1) as f64 * self.dt);
+        match tau {
+            Some(tau) => {
+                for (to, &from) in self.tau.iter_mut().zip(tau) {
+                    *to = S::splat(from);
+                }
+                self.closed.drive(Some(&self.tau), false);
+            }
+            None => {
+                self.closed.drive(None, self.hold != 0);
+                if self.hold != 0 && self.steps.is_multiple_of(self.hold) {
+                    self.closed.sample(t, &self.x);
+                    self.method.restart();
+                }
+                let input = self.closed.input_at(t, &self.x);
+                self.tau.copy_from_slice(input);
+            }
+        }
+        self.method.step(&mut self.closed, t, self.dt, end, &mut self.x);
+        if self.bound.holds(&self.x) {
+            self.steps += 1;
+        } else {
+            self.x.copy_from_slice(&self.before);
+            self.method.restart();
+            self.status = Status::Diverged;
+        }
+        self.status
     }
 
     fn read(&self, x: &mut [f64], tau: &mut [f64]) {
@@ -179,14 +160,11 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     require_fixed_steps(o.method)?;
     problem.validate()?;
     problem.require_room(1)?;
-    Ok(if o.method == Method::Ros2 { implicit(problem) } else { run_scalar(Explicit(problem)) })
+    Ok(if o.method == Method::Ros2 { implicit(problem) } else { explicit(problem) })
 }
 
-struct Explicit<'a>(&'a Problem<'a>);
-
-fn boxed<R, S, F, M>(problem: &Problem, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping>
+fn boxed<S, F, M>(problem: &Problem, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping>
 where
-    R: Real,
     S: Real,
     F: Watched<S> + Send + 'static,
     M: FixedStep<S, F, Vec<S>> + Send + 'static,
@@ -198,7 +176,7 @@ where
     let tau = vec![S::zero(); problem.plant(0).n()];
     let plain = o.sampling.as_ref().is_none_or(Sampling::is_plain);
     let simple = plain && problem.law(0).initial_state().is_empty() && !matches!(problem.law(0), LawSpec::External(_));
-    Box::new(Stepper::<R, S, F, M> {
+    Box::new(Stepper::<S, F, M> {
         closed,
         method,
         before: x.clone(),
@@ -212,30 +190,25 @@ where
         plain,
         simple,
         steps: 0,
-        region: std::marker::PhantomData,
     })
 }
 
-impl Task for Explicit<'_> {
-    type Output = Box<dyn Stepping>;
-
-    fn run<S: Real>(self) -> Box<dyn Stepping> {
-        let (closed, x) = close::<S>(self.0, 0);
-        let u: Exogenous<S> = closed.instant();
-        let closed = RatesLoop::stepped(closed.into_owned(), self.0);
-        match self.0.options.method {
-            Method::Euler => {
-                let method = Euler::new(x.clone(), u);
-                boxed::<S, S, _, _>(self.0, closed, x, method)
-            }
-            Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
-                Ok(method) => boxed::<S, S, _, _>(self.0, closed, x, method),
-                Err(_) => unreachable!("plants without velocities were refused"),
-            },
-            _ => {
-                let method = Rk4::new(x.clone(), u);
-                boxed::<S, S, _, _>(self.0, closed, x, method)
-            }
+fn explicit(problem: &Problem) -> Box<dyn Stepping> {
+    let (closed, x) = close::<Float>(problem, 0);
+    let u = closed.instant();
+    let closed = RatesLoop::stepped(closed.into_owned(), problem);
+    match problem.options.method {
+        Method::Euler => {
+            let method = Euler::new(x.clone(), u);
+            boxed(problem, closed, x, method)
+        }
+        Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
+            Ok(method) => boxed(problem, closed, x, method),
+            Err(_) => unreachable!("plants without velocities were refused"),
+        },
+        _ => {
+            let method = Rk4::new(x.clone(), u);
+            boxed(problem, closed, x, method)
         }
     }
 }
@@ -244,5 +217,5 @@ fn implicit(problem: &Problem) -> Box<dyn Stepping> {
     let (closed, x) = recorded_loop(problem);
     let (u, n) = (closed.instant(), x.len());
     let method = Ros2::new(x.clone(), vec![0.0; n * n], vec![0usize; n], u);
-    boxed::<f64, f64, _, _>(problem, closed, x, method)
+    boxed(problem, closed, x, method)
 }

@@ -15,7 +15,6 @@ pub trait Stop {
 }
 
 impl Stop for AtomicBool {
-    #[inline(always)]
     fn requested(&self) -> bool {
         self.load(Ordering::Relaxed)
     }
@@ -53,7 +52,6 @@ impl<'a> Poller<'a> {
 }
 
 impl Stop for Poller<'_> {
-    #[inline(always)]
     fn requested(&self) -> bool {
         let questions = self.questions.get() + 1;
         self.questions.set(questions % QUESTIONS);

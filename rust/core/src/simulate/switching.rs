@@ -4,7 +4,7 @@
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::plant::{PlantSpec, Stop, Stops, Touch, Wall};
 use crate::scalar::Real;
-use crate::spatial::V3;
+use crate::spatial::{Vector, Vector3};
 
 /// Where a frame is at a plant state, and how fast.
 pub struct Probe {
@@ -21,14 +21,14 @@ impl Probe {
     }
 
     /// Position and velocity of the origin of `frame`, world axes, at `x = [q, v, ..]`.
-    pub fn frame(&mut self, frame: usize, x: &[f64]) -> (V3<f64>, V3<f64>) {
+    pub fn frame(&mut self, frame: usize, x: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
         let n = self.trig.len();
         for (trig, &q) in self.trig.iter_mut().zip(x) {
             *trig = Real::sin_cos(q);
         }
         let p = self.arm.jacobian(&mut self.ws, &self.trig, &x[..n], frame, &mut self.jacobian);
         let v = x.get(n..2 * n).unwrap_or(&[]);
-        (p, V3(std::array::from_fn(|k| v.iter().zip(&self.jacobian[k * n..]).map(|(v, j)| j * v).sum())))
+        (p, Vector3::from(std::array::from_fn::<f64, 3, _>(|k| v.iter().zip(&self.jacobian[k * n..]).map(|(v, j)| j * v).sum())))
     }
 }
 
@@ -61,7 +61,7 @@ impl Switching {
             if i == 0 {
                 let (p, p_dot) = self.probe.frame(wall.frame, x);
                 let depth = wall.depth(p);
-                return (depth, wall.stiffness * depth - wall.damping * V3(wall.normal).dot(p_dot));
+                return (depth, wall.stiffness * depth - wall.damping * Vector3::from(wall.normal).dot(p_dot));
             }
             i -= 1;
         }

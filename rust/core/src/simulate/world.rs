@@ -1,8 +1,8 @@
 //! What comes to a loop from outside: desired motions and applied forces, of one run or of several side by side.
 
 use super::force::{Force, Wrench};
-use crate::motion::{Motion, sample_apart};
-use crate::scalar::{Real, spread};
+use crate::motion::Motion;
+use crate::scalar::Real;
 use std::borrow::Cow;
 
 /// The step of time over which the desired acceleration is differenced, s: what it leaves out of a Jacobian of second order
@@ -95,10 +95,10 @@ impl<'a> World<'a> {
             let width = 3 * motions[0].dof();
             let out = &mut u.desired[at..at + width];
             if motions.len() == 1 {
-                sample_apart(&motions[0], t, out);
+                motions[0].sample(t, out);
             } else {
                 for (motion, row) in motions.iter().zip(self.rows.chunks_exact_mut(width)) {
-                    sample_apart(motion, t, row);
+                    motion.sample(t, row);
                 }
                 for (k, out) in out.iter_mut().enumerate() {
                     *out = S::from_lanes(|lane| self.rows[lane * width + k]);
@@ -107,9 +107,9 @@ impl<'a> World<'a> {
             at += width;
         }
         match (&self.pushed, self.forces.as_slice()) {
-            (Some(wrench), _) => u.wrench = spread(wrench),
+            (Some(wrench), _) => u.wrench = wrench.map(S::splat),
             (None, []) => {}
-            (None, [force]) => u.wrench = spread(&force.at(t)),
+            (None, [force]) => u.wrench = force.at(t).map(S::splat),
             (None, forces) => {
                 for (lane, force) in forces.iter().enumerate().take(self.lanes) {
                     self.rows_of_wrench(lane, force.at(t), u);

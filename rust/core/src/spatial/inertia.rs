@@ -5,7 +5,7 @@
 //! Moving the reference point by `p` (new point at `-p` from the old one, seen from the new one the old origin
 //! is at `p`): `h' = h + m p`, `I' = I + (h.p + p.h') 1 - (p h' + h p')` symmetrised (Huygens-Steiner).
 
-use super::{M3, Placement, Sym3, V3};
+use super::{Matrix, Matrix3, Placement, Sym3, Vector, Vector3};
 use crate::scalar::Real;
 
 /// Inertial parameters per body.
@@ -20,40 +20,40 @@ pub mod parameter {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Inertia<S> {
+pub struct Inertia<S: Real> {
     pub mass: S,
-    pub moment: V3<S>,
+    pub moment: Vector3<S>,
     pub inertia: Sym3<S>,
 }
 
 impl<S: Real> Inertia<S> {
-    #[inline(always)]
+    #[inline]
     pub fn zero() -> Self {
-        Inertia { mass: S::zero(), moment: V3::zero(), inertia: Sym3::zero() }
+        Inertia { mass: S::zero(), moment: Vector3::zero(), inertia: Sym3::zero() }
     }
     /// From ten numbers in SPEC order.
-    #[inline(always)]
+    #[inline]
     pub fn from_parameters(p: &[S]) -> Self {
-        Inertia { mass: p[0], moment: V3([p[1], p[2], p[3]]), inertia: Sym3([p[4], p[5], p[6], p[7], p[8], p[9]]) }
+        Inertia { mass: p[0], moment: Vector3::from([p[1], p[2], p[3]]), inertia: Sym3([p[4], p[5], p[6], p[7], p[8], p[9]]) }
     }
-    #[inline(always)]
+    #[inline]
     pub fn write_parameters(&self, p: &mut [S]) {
         p[0] = self.mass;
-        p[1..4].copy_from_slice(&self.moment.0);
+        p[1..4].copy_from_slice(&self.moment.array());
         p[4..10].copy_from_slice(&self.inertia.0);
     }
-    #[inline(always)]
+    #[inline]
     pub fn plus(&self, b: &Inertia<S>) -> Inertia<S> {
         Inertia { mass: self.mass + b.mass, moment: self.moment + b.moment, inertia: self.inertia.plus(&b.inertia) }
     }
     /// The same body seen in axes turned by `r` (`x_new = r x_old`), about the same point.
-    #[inline(always)]
-    pub fn rotated(&self, r: M3<S>) -> Inertia<S> {
+    #[inline]
+    pub fn rotated(&self, r: Matrix3<S>) -> Inertia<S> {
         Inertia { mass: self.mass, moment: r.apply(self.moment), inertia: self.inertia.rotated(r) }
     }
     /// The same body about the point from which its old origin is seen at `p`.
-    #[inline(always)]
-    pub fn shifted(&self, p: V3<S>) -> Inertia<S> {
+    #[inline]
+    pub fn shifted(&self, p: Vector3<S>) -> Inertia<S> {
         let h = self.moment;
         let moment = p.scale_add(self.mass, h);
         // p h'^T + h p^T is symmetric; twice its trace part is h.p + p.h'.
@@ -67,21 +67,21 @@ impl<S: Real> Inertia<S> {
 
 impl Inertia<f64> {
     /// From mass, centre of mass and inertia about the centre of mass, all in the body's axes.
-    pub fn about_com(mass: f64, com: V3<f64>, inertia: Sym3<f64>) -> Self {
-        Inertia { mass, moment: V3::zero(), inertia }.shifted(com)
+    pub fn about_com(mass: f64, com: Vector3<f64>, inertia: Sym3<f64>) -> Self {
+        Inertia { mass, moment: Vector3::zero(), inertia }.shifted(com)
     }
     /// The same body in the frame that it is placed in.
     pub fn placed(&self, x: &Placement) -> Self {
         self.rotated(x.rotation).shifted(x.translation)
     }
     /// Centre of mass and inertia about it; a body without mass has none, and keeps its inertia about the origin.
-    pub fn com(&self) -> (Option<V3<f64>>, Sym3<f64>) {
+    pub fn com(&self) -> (Option<Vector3<f64>>, Sym3<f64>) {
         // Divided entry by entry: the reciprocal of a subnormal mass is infinite.
-        let com = V3(self.moment.0.map(|h| h / self.mass));
+        let com = Vector3::from(self.moment.array().map(|h| h / self.mass));
         let central = self.shifted(-com).inertia;
-        if com.0.iter().chain(&central.0).all(|x| x.is_finite()) { (Some(com), central) } else { (None, self.inertia) }
+        if com.array().iter().chain(&central.0).all(|x| x.is_finite()) { (Some(com), central) } else { (None, self.inertia) }
     }
     pub fn is_zero(&self) -> bool {
-        self.mass == 0.0 && self.moment.0 == [0.0; 3] && self.inertia.0 == [0.0; 6]
+        self.mass == 0.0 && self.moment.array() == [0.0; 3] && self.inertia.0 == [0.0; 6]
     }
 }

@@ -1,29 +1,37 @@
-//! 3 x 3 matrices: rotations and general blocks (`M3`, by columns), symmetric ones (`Sym3`).
+//! 3 x 3 matrices: nalgebra's for rotations and general blocks, and symmetric ones (`Sym3`).
 
-use super::V3;
+use super::{Lift, Vector, Vector3};
 use crate::scalar::Real;
+use nalgebra::Matrix3;
 
-/// A 3 x 3 matrix as its three columns.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct M3<S>(pub [V3<S>; 3]);
-
-impl M3<f64> {
-    pub const IDENTITY: M3<f64> = M3([V3([1.0, 0.0, 0.0]), V3([0.0, 1.0, 0.0]), V3([0.0, 0.0, 1.0])]);
-
+/// Rotation matrices from and to other descriptions.
+pub trait RotationMatrix: Sized {
+    const IDENTITY: Self;
     /// `Rz(yaw) Ry(pitch) Rx(roll)`. Sines and cosines at multiples of a right angle, as decimal angles mean
     /// them, come out exact: a placement that is a permutation stays one.
-    pub fn from_rpy([roll, pitch, yaw]: [f64; 3]) -> Self {
+    fn from_rpy(rpy: [f64; 3]) -> Self;
+    /// Angles whose [`RotationMatrix::from_rpy`] is this rotation.
+    fn to_rpy(self) -> [f64; 3];
+    /// The rotation by `angle` about the unit vector `axis` (Rodrigues).
+    fn from_axis_angle(axis: Vector3<f64>, angle: f64) -> Self;
+    /// A rotation that takes the z axis to the unit vector `axis`; exact for coordinate axes.
+    fn taking_z_to(axis: Vector3<f64>) -> Self;
+}
+
+impl RotationMatrix for Matrix3<f64> {
+    const IDENTITY: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+
+    fn from_rpy([roll, pitch, yaw]: [f64; 3]) -> Self {
         let ((sr, cr), (sp, cp), (sy, cy)) = (exact_sin_cos(roll), exact_sin_cos(pitch), exact_sin_cos(yaw));
-        M3([
-            V3([cy * cp, sy * cp, -sp]),
-            V3([cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr]),
-            V3([cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr]),
+        Matrix3::from_columns(&[
+            Vector3::from([cy * cp, sy * cp, -sp]),
+            Vector3::from([cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr]),
+            Vector3::from([cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr]),
         ])
     }
 
-    /// Angles whose [`M3::from_rpy`] is this rotation.
-    pub fn to_rpy(self) -> [f64; 3] {
-        let m = |r: usize, c: usize| self.0[c][r];
+    fn to_rpy(self) -> [f64; 3] {
+        let m = |r: usize, c: usize| self[(r, c)];
         let cp = m(0, 0).hypot(m(1, 0));
         // Near the singularity of the convention only roll -+ yaw is defined: yaw is set to zero.
         if cp < 1e-12 {
@@ -33,35 +41,36 @@ impl M3<f64> {
         }
     }
 
-    /// The rotation by `angle` about the unit vector `axis` (Rodrigues).
-    pub fn from_axis_angle(axis: V3<f64>, angle: f64) -> Self {
+    fn from_axis_angle(axis: Vector3<f64>, angle: f64) -> Self {
         let (s, c) = angle.sin_cos();
         let k = 1.0 - c;
-        let [x, y, z] = axis.0;
-        M3([
-            V3([c + x * x * k, x * y * k + z * s, x * z * k - y * s]),
-            V3([x * y * k - z * s, c + y * y * k, y * z * k + x * s]),
-            V3([x * z * k + y * s, y * z * k - x * s, c + z * z * k]),
+        let [x, y, z] = axis.array();
+        Matrix3::from_columns(&[
+            Vector3::from([c + x * x * k, x * y * k + z * s, x * z * k - y * s]),
+            Vector3::from([x * y * k - z * s, c + y * y * k, y * z * k + x * s]),
+            Vector3::from([x * z * k + y * s, y * z * k - x * s, c + z * z * k]),
         ])
     }
 
-    /// A rotation that takes the z axis to the unit vector `axis`; exact for coordinate axes.
-    pub fn taking_z_to(axis: V3<f64>) -> Self {
+    fn taking_z_to(axis: Vector3<f64>) -> Self {
         // The least component of the axis gives the best conditioned second direction.
         let least = (0..3).min_by(|&i, &j| axis[i].abs().total_cmp(&axis[j].abs())).unwrap_or(0);
-        if axis == V3([0.0, 0.0, 1.0]) {
-            return M3::IDENTITY;
+        if axis == Vector3::from([0.0, 0.0, 1.0]) {
+            return Matrix3::IDENTITY;
         }
-        let mut e = V3([0.0; 3]);
+        let mut e = Vector3::from([0.0; 3]);
         e[least] = 1.0;
         let y = axis.cross(e);
         let y = y.scale(1.0 / y.norm());
-        M3([y.cross(axis), y, axis])
+        Matrix3::from_columns(&[y.cross(axis), y, axis])
     }
+}
 
-    #[inline(always)]
-    pub fn lift<S: Real>(&self) -> M3<S> {
-        M3([self.0[0].lift(), self.0[1].lift(), self.0[2].lift()])
+impl Lift for Matrix3<f64> {
+    type Of<S: Real> = Matrix3<S>;
+    #[inline]
+    fn lift<S: Real>(&self) -> Matrix3<S> {
+        self.map(S::splat)
     }
 }
 
@@ -79,46 +88,64 @@ fn exact_sin_cos(angle: f64) -> (f64, f64) {
     angle.sin_cos()
 }
 
-impl<S: Real> M3<S> {
-    #[inline(always)]
-    pub fn zero() -> Self {
-        M3([V3::zero(); 3])
-    }
+/// Products of [`Matrix3`](nalgebra::Matrix3) over any [`Real`], with a fused multiply-add per term.
+pub trait Matrix<S: Real>: Copy {
+    fn zero() -> Self;
+    /// The three columns.
+    fn axes(self) -> [Vector3<S>; 3];
+    fn axis(self, column: usize) -> Vector3<S>;
     /// `self x`.
-    #[inline(always)]
-    pub fn apply(self, x: V3<S>) -> V3<S> {
-        self.0[0].scale_add(x[0], self.0[1].scale_add(x[1], self.0[2].scale(x[2])))
-    }
+    fn apply(self, x: Vector3<S>) -> Vector3<S>;
     /// `self x + c`.
-    #[inline(always)]
-    pub fn apply_add(self, x: V3<S>, c: V3<S>) -> V3<S> {
-        self.0[0].scale_add(x[0], self.0[1].scale_add(x[1], self.0[2].scale_add(x[2], c)))
-    }
+    fn apply_add(self, x: Vector3<S>, c: Vector3<S>) -> Vector3<S>;
     /// `self' x`.
-    #[inline(always)]
-    pub fn apply_transposed(self, x: V3<S>) -> V3<S> {
-        V3([self.0[0].dot(x), self.0[1].dot(x), self.0[2].dot(x)])
-    }
-    #[inline(always)]
-    pub fn times(self, b: M3<S>) -> M3<S> {
-        M3([self.apply(b.0[0]), self.apply(b.0[1]), self.apply(b.0[2])])
-    }
-    #[inline(always)]
-    pub fn transpose(self) -> M3<S> {
-        let c = self.0;
-        M3([V3([c[0][0], c[1][0], c[2][0]]), V3([c[0][1], c[1][1], c[2][1]]), V3([c[0][2], c[1][2], c[2][2]])])
-    }
+    fn apply_transposed(self, x: Vector3<S>) -> Vector3<S>;
+    fn times(self, b: Self) -> Self;
     /// `self Rz` with the sine and cosine of the angle about z.
-    #[inline(always)]
-    pub fn rotate_z(self, (s, c): (S, S)) -> M3<S> {
-        let [x, y, z] = self.0;
-        M3([x.scale_add(c, y.scale(s)), x.scale_sub(s, y.scale(c)), z])
-    }
+    fn rotate_z(self, trig: (S, S)) -> Self;
     /// `self' u self` for a general `u`.
-    #[inline(always)]
-    pub fn congruence_transposed(self, u: M3<S>) -> M3<S> {
-        let t = u.times(self);
-        M3([self.apply_transposed(t.0[0]), self.apply_transposed(t.0[1]), self.apply_transposed(t.0[2])])
+    fn congruence_transposed(self, u: Self) -> Self;
+}
+
+impl<S: Real> Matrix<S> for Matrix3<S> {
+    #[inline]
+    fn zero() -> Self {
+        Matrix3::from([[S::zero(); 3]; 3])
+    }
+    #[inline]
+    fn axes(self) -> [Vector3<S>; 3] {
+        [self.axis(0), self.axis(1), self.axis(2)]
+    }
+    #[inline]
+    fn axis(self, column: usize) -> Vector3<S> {
+        Vector3::new(self[(0, column)], self[(1, column)], self[(2, column)])
+    }
+    #[inline]
+    fn apply(self, x: Vector3<S>) -> Vector3<S> {
+        let [a, b, c] = self.axes();
+        a.scale_add(x[0], b.scale_add(x[1], c.scale(x[2])))
+    }
+    #[inline]
+    fn apply_add(self, x: Vector3<S>, y: Vector3<S>) -> Vector3<S> {
+        let [a, b, c] = self.axes();
+        a.scale_add(x[0], b.scale_add(x[1], c.scale_add(x[2], y)))
+    }
+    #[inline]
+    fn apply_transposed(self, x: Vector3<S>) -> Vector3<S> {
+        Vector3::from(self.axes().map(|axis| axis.dot(x)))
+    }
+    #[inline]
+    fn times(self, b: Matrix3<S>) -> Matrix3<S> {
+        Matrix3::from_columns(&b.axes().map(|axis| self.apply(axis)))
+    }
+    #[inline]
+    fn rotate_z(self, (s, c): (S, S)) -> Matrix3<S> {
+        let [x, y, z] = self.axes();
+        Matrix3::from_columns(&[x.scale_add(c, y.scale(s)), x.scale_sub(s, y.scale(c)), z])
+    }
+    #[inline]
+    fn congruence_transposed(self, u: Matrix3<S>) -> Matrix3<S> {
+        Matrix3::from_columns(&u.times(self).axes().map(|axis| self.apply_transposed(axis)))
     }
 }
 
@@ -127,33 +154,33 @@ impl<S: Real> M3<S> {
 pub struct Sym3<S>(pub [S; 6]);
 
 impl<S: Real> Sym3<S> {
-    #[inline(always)]
+    #[inline]
     pub fn zero() -> Self {
         Sym3([S::zero(); 6])
     }
-    #[inline(always)]
-    pub fn column(&self, k: usize) -> V3<S> {
+    #[inline]
+    pub fn column(&self, k: usize) -> Vector3<S> {
         let [xx, xy, yy, xz, yz, zz] = self.0;
         match k {
-            0 => V3([xx, xy, xz]),
-            1 => V3([xy, yy, yz]),
-            _ => V3([xz, yz, zz]),
+            0 => Vector3::from([xx, xy, xz]),
+            1 => Vector3::from([xy, yy, yz]),
+            _ => Vector3::from([xz, yz, zz]),
         }
     }
-    #[inline(always)]
-    pub fn apply(&self, x: V3<S>) -> V3<S> {
+    #[inline]
+    pub fn apply(&self, x: Vector3<S>) -> Vector3<S> {
         self.column(0).scale_add(x[0], self.column(1).scale_add(x[1], self.column(2).scale(x[2])))
     }
     /// `self x + c`.
-    #[inline(always)]
-    pub fn apply_add(&self, x: V3<S>, c: V3<S>) -> V3<S> {
+    #[inline]
+    pub fn apply_add(&self, x: Vector3<S>, c: Vector3<S>) -> Vector3<S> {
         self.column(0).scale_add(x[0], self.column(1).scale_add(x[1], self.column(2).scale_add(x[2], c)))
     }
-    #[inline(always)]
-    pub fn full(&self) -> M3<S> {
-        M3([self.column(0), self.column(1), self.column(2)])
+    #[inline]
+    pub fn full(&self) -> Matrix3<S> {
+        Matrix3::from_columns(&[self.column(0), self.column(1), self.column(2)])
     }
-    #[inline(always)]
+    #[inline]
     pub fn plus(&self, b: &Sym3<S>) -> Sym3<S> {
         let mut out = *self;
         for k in 0..6 {
@@ -162,16 +189,16 @@ impl<S: Real> Sym3<S> {
         out
     }
     /// `r self r'`.
-    #[inline(always)]
-    pub fn rotated(&self, r: M3<S>) -> Sym3<S> {
+    #[inline]
+    pub fn rotated(&self, r: Matrix3<S>) -> Sym3<S> {
         // t = r self, then the lower triangle of t r': row i of t with row j of r.
         let t = r.times(self.full());
-        let entry = |i: usize, j: usize| t.0[0][i].mul_add(r.0[0][j], t.0[1][i].mul_add(r.0[1][j], t.0[2][i] * r.0[2][j]));
+        let entry = |i: usize, j: usize| t[(i, 0)].mul_add(r[(j, 0)], t[(i, 1)].mul_add(r[(j, 1)], t[(i, 2)] * r[(j, 2)]));
         Sym3([entry(0, 0), entry(1, 0), entry(1, 1), entry(2, 0), entry(2, 1), entry(2, 2)])
     }
     /// `self + k x x'`.
-    #[inline(always)]
-    pub fn add_outer(&self, x: V3<S>, k: S) -> Sym3<S> {
+    #[inline]
+    pub fn add_outer(&self, x: Vector3<S>, k: S) -> Sym3<S> {
         let y = x.scale(k);
         let [xx, xy, yy, xz, yz, zz] = self.0;
         Sym3([
@@ -195,19 +222,19 @@ impl Sym3<f64> {
         let mut a = Sym3(self.0.map(|x| x / largest)).full();
         for _ in 0..6 {
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-                let off = a.0[p][q];
+                let off = a[(q, p)];
                 if off != 0.0 {
                     // The smaller root of t^2 + 2 theta t - 1 = 0, the tangent of the angle that clears the entry.
-                    let theta = (a.0[q][q] - a.0[p][p]) / (2.0 * off);
+                    let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * off);
                     let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
                     let c = 1.0 / t.hypot(1.0);
-                    let mut j = M3::IDENTITY;
-                    (j.0[p][p], j.0[q][q], j.0[q][p], j.0[p][q]) = (c, c, t * c, -t * c);
+                    let mut j = Matrix3::IDENTITY;
+                    (j[(p, p)], j[(q, q)], j[(p, q)], j[(q, p)]) = (c, c, t * c, -t * c);
                     a = j.congruence_transposed(a);
                 }
             }
         }
-        let mut values = [a.0[0][0] * largest, a.0[1][1] * largest, a.0[2][2] * largest];
+        let mut values = [a[(0, 0)] * largest, a[(1, 1)] * largest, a[(2, 2)] * largest];
         values.sort_by(f64::total_cmp);
         values
     }

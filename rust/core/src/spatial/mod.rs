@@ -12,10 +12,11 @@ mod rotation_log;
 mod vector;
 
 pub use inertia::{Inertia, PARAMETERS, parameter};
-pub use matrix::{M3, Sym3};
+pub use matrix::{Matrix, RotationMatrix, Sym3};
+pub use nalgebra::{Matrix3, Vector3};
 pub use quarter_turn::QuarterTurn;
 pub use rotation_log::{rotation_exp, rotation_log};
-pub use vector::V3;
+pub use vector::{Lift, Vector};
 
 use crate::scalar::Real;
 
@@ -26,16 +27,16 @@ pub const ANGULAR: usize = 3;
 /// `x_A = rotation x_B + translation`: the placement of frame B in frame A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    pub rotation: M3<f64>,
-    pub translation: V3<f64>,
+    pub rotation: Matrix3<f64>,
+    pub translation: Vector3<f64>,
 }
 
 impl Placement {
-    pub const IDENTITY: Placement = Placement { rotation: M3::IDENTITY, translation: V3([0.0; 3]) };
+    pub const IDENTITY: Placement = Placement { rotation: Matrix3::IDENTITY, translation: Vector3::new(0.0, 0.0, 0.0) };
 
     /// `Rz(yaw) Ry(pitch) Rx(roll)` and a translation, the convention of URDF.
     pub fn from_rpy(rpy: [f64; 3], xyz: [f64; 3]) -> Self {
-        Placement { rotation: M3::from_rpy(rpy), translation: V3(xyz) }
+        Placement { rotation: Matrix3::from_rpy(rpy), translation: Vector3::from(xyz) }
     }
 
     /// The placement of C in A from that of B in A (`self`) and of C in B.
@@ -51,14 +52,14 @@ impl Placement {
 
 /// A spatial motion or force: `[linear; angular]` at a point.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Spatial<S> {
-    pub linear: V3<S>,
-    pub angular: V3<S>,
+pub struct Spatial<S: Real> {
+    pub linear: Vector3<S>,
+    pub angular: Vector3<S>,
 }
 
 impl<S: Real> Spatial<S> {
-    #[inline(always)]
+    #[inline]
     pub fn zero() -> Self {
-        Spatial { linear: V3::zero(), angular: V3::zero() }
+        Spatial { linear: Vector3::zero(), angular: Vector3::zero() }
     }
 }

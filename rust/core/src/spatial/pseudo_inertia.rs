@@ -20,7 +20,7 @@ pub type Pseudo<S> = [[S; 4]; 4];
 const ENTRIES: [(usize, usize); 6] = [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)];
 
 /// `P` of ten parameters in SPEC order.
-#[inline(always)]
+#[inline]
 pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
     let [m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = *pi;
     let half = S::splat(0.5) * (xx + yy + zz);
@@ -28,14 +28,14 @@ pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
 }
 
 /// The ten parameters of `P`, of which the upper triangle is read.
-#[inline(always)]
+#[inline]
 pub fn parameters_of<S: Real>(p: &Pseudo<S>) -> [S; PARAMETERS] {
     let (x, y, z) = (p[0][0], p[1][1], p[2][2]);
     [p[3][3], p[0][3], p[1][3], p[2][3], y + z, -p[0][1], x + z, -p[0][2], -p[1][2], x + y]
 }
 
 /// `L` with `tr(P(pi) L) = pi . y` for every `pi`.
-#[inline(always)]
+#[inline]
 pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
     let half = S::splat(0.5);
     let mut l = [[S::zero(); 4]; 4];
@@ -56,7 +56,7 @@ pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
 }
 
 /// `g` with `g . pi = tr(W P(pi))` for every `pi`, of a symmetric `W`: the inverse of [`dual`].
-#[inline(always)]
+#[inline]
 pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
     let half = S::splat(0.5);
     let (x, y, z) = (w[0][0], w[1][1], w[2][2]);
@@ -66,7 +66,7 @@ pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
 }
 
 /// `d pi_hat / dt` of `P_hat' = gamma P_hat L P_hat`, `L` the dual of `y = Y' s`: gradient descent in the natural metric.
-#[inline(always)]
+#[inline]
 pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], gamma: S) -> [S; PARAMETERS] {
     let (p, l) = (pseudo_inertia(pi_hat), dual(y_t_s));
     let row = |a: &[S; 4], b: &Pseudo<S>, j: usize| a[0].mul_add(b[0][j], a[1].mul_add(b[1][j], a[2].mul_add(b[2][j], a[3] * b[3][j])));
@@ -179,7 +179,7 @@ mod tests {
         assert!((slope - want).abs() < 1e-8 * want.abs(), "{slope} {want}");
         // The rate is P L P, also for one lane of eight.
         use crate::scalar::Array8;
-        let lift = |x: &[f64; 10]| x.map(Array8::<false>::splat);
+        let lift = |x: &[f64; 10]| x.map(Array8::splat);
         let lanes = natural_rate(&lift(&OTHER), &lift(&y), Array8::splat(2.0));
         assert!((0..10).all(|k| (lanes[k].lane(3) - rate[k]).abs() < 1e-14), "another order of four products");
     }

@@ -3,7 +3,7 @@
 //!
 //! `R (x, y, z) = (x, -z, y)`,  `M R` has the columns `(m_x, m_z, -m_y)`.
 
-use super::{M3, Sym3, V3};
+use super::{Matrix, Matrix3, RotationMatrix, Sym3, Vector, Vector3};
 use crate::scalar::Real;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,32 +21,32 @@ impl QuarterTurn {
         [QuarterTurn::None, QuarterTurn::X90, QuarterTurn::X180, QuarterTurn::X270, QuarterTurn::Y90, QuarterTurn::Y270];
 
     /// The one that `r` is, to the last bit.
-    pub fn of(r: &M3<f64>) -> Option<QuarterTurn> {
-        QuarterTurn::ALL.into_iter().find(|turn| turn.after(M3::IDENTITY) == *r)
+    pub fn of(r: &Matrix3<f64>) -> Option<QuarterTurn> {
+        QuarterTurn::ALL.into_iter().find(|turn| turn.after(Matrix3::IDENTITY) == *r)
     }
 
     /// `m R`.
-    #[inline(always)]
-    pub fn after<S: Real>(self, m: M3<S>) -> M3<S> {
-        let [x, y, z] = m.0;
+    #[inline]
+    pub fn after<S: Real>(self, m: Matrix3<S>) -> Matrix3<S> {
+        let [x, y, z] = m.axes();
         match self {
             QuarterTurn::None => m,
-            QuarterTurn::X90 => M3([x, z, -y]),
-            QuarterTurn::X180 => M3([x, -y, -z]),
-            QuarterTurn::X270 => M3([x, -z, y]),
-            QuarterTurn::Y90 => M3([-z, y, x]),
-            QuarterTurn::Y270 => M3([z, y, -x]),
+            QuarterTurn::X90 => Matrix3::from_columns(&[x, z, -y]),
+            QuarterTurn::X180 => Matrix3::from_columns(&[x, -y, -z]),
+            QuarterTurn::X270 => Matrix3::from_columns(&[x, -z, y]),
+            QuarterTurn::Y90 => Matrix3::from_columns(&[-z, y, x]),
+            QuarterTurn::Y270 => Matrix3::from_columns(&[z, y, -x]),
         }
     }
 
     /// `R v` of each.
-    #[inline(always)]
-    pub fn apply<S: Real, const K: usize>(self, mut v: [V3<S>; K]) -> [V3<S>; K] {
+    #[inline]
+    pub fn apply<S: Real, const K: usize>(self, mut v: [Vector3<S>; K]) -> [Vector3<S>; K] {
         macro_rules! each {
             ($x:ident, $y:ident, $z:ident: $($to:expr),+) => {
                 for k in 0..K {
-                    let [$x, $y, $z] = v[k].0;
-                    v[k] = V3([$($to),+]);
+                    let [$x, $y, $z] = v[k].array();
+                    v[k] = Vector3::from([$($to),+]);
                 }
             };
         }
@@ -62,8 +62,8 @@ impl QuarterTurn {
     }
 
     /// `R' v` of each.
-    #[inline(always)]
-    pub fn apply_transposed<S: Real, const K: usize>(self, v: [V3<S>; K]) -> [V3<S>; K] {
+    #[inline]
+    pub fn apply_transposed<S: Real, const K: usize>(self, v: [Vector3<S>; K]) -> [Vector3<S>; K] {
         let inverse = match self {
             QuarterTurn::X90 => QuarterTurn::X270,
             QuarterTurn::X270 => QuarterTurn::X90,
@@ -75,7 +75,7 @@ impl QuarterTurn {
     }
 
     /// `R p R'`.
-    #[inline(always)]
+    #[inline]
     pub fn congruence<S: Real>(self, p: Sym3<S>) -> Sym3<S> {
         let [xx, xy, yy, xz, yz, zz] = p.0;
         match self {
@@ -97,17 +97,17 @@ mod tests {
     fn they_are_the_rotations_they_stand_for() {
         let half = std::f64::consts::FRAC_PI_2;
         let angles = [[0.0, 0.0], [half, 0.0], [2.0 * half, 0.0], [-half, 0.0], [0.0, half], [0.0, -half]];
-        let m = M3([V3([1.0, 2.0, 3.0]), V3([-4.0, 5.0, 6.0]), V3([7.0, -8.0, 9.0])]);
+        let m = Matrix3::from_columns(&[Vector3::from([1.0, 2.0, 3.0]), Vector3::from([-4.0, 5.0, 6.0]), Vector3::from([7.0, -8.0, 9.0])]);
         let p = Sym3([1.0, 2.0, -3.0, 4.0, 5.0, 6.0]);
         for (turn, [roll, pitch]) in QuarterTurn::ALL.into_iter().zip(angles) {
-            let r = M3::from_rpy([roll, pitch, 0.0]);
+            let r = Matrix3::from_rpy([roll, pitch, 0.0]);
             assert_eq!(QuarterTurn::of(&r), Some(turn));
             assert_eq!(turn.after(m), m.times(r));
-            assert_eq!(turn.apply(m.0), r.times(m).0);
-            assert_eq!(turn.apply_transposed(m.0), r.transpose().times(m).0);
+            assert_eq!(turn.apply(m.axes()), r.times(m).axes());
+            assert_eq!(turn.apply_transposed(m.axes()), r.transpose().times(m).axes());
             assert_eq!(turn.congruence(p), p.rotated(r));
         }
-        assert_eq!(QuarterTurn::of(&M3::from_rpy([0.0, 0.0, half])), None);
-        assert_eq!(QuarterTurn::of(&M3::from_rpy([half - 1e-12, 0.0, 0.0])), None);
+        assert_eq!(QuarterTurn::of(&Matrix3::from_rpy([0.0, 0.0, half])), None);
+        assert_eq!(QuarterTurn::of(&Matrix3::from_rpy([half - 1e-12, 0.0, 0.0])), None);
     }
 }

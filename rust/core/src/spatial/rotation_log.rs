@@ -3,16 +3,16 @@
 //! Over the unit quaternion `(w, u)` (Shepperd 1978: of the four ways to write it the one with the largest root), `log R =
 //! 2 atan2(|u|, |w|) sign(w) u / |u|`, which loses no digits at any angle; near the identity the quotient is `2 / w (1 - |u|^2/(3 w^2))`.
 
-use super::{M3, V3};
+use super::{Matrix3, Vector3};
 use crate::scalar::Real;
 
 /// Below this |u|^2 the series is exact to rounding: the next term is `|u|^4 / 5`.
 const SMALL: f64 = 1e-8;
 
 /// `log R` for `R` by columns.
-#[inline(always)]
-pub fn rotation_log<S: Real>(r: &M3<S>) -> V3<S> {
-    let at = |row: usize, column: usize| r.0[column][row];
+#[inline]
+pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
+    let at = |row: usize, column: usize| r[(row, column)];
     let one = S::splat(1.0);
     let (x, y, z) = (at(0, 0), at(1, 1), at(2, 2));
     // Four times the squares of w, x, y, z; the largest is at least 1.
@@ -43,12 +43,12 @@ pub fn rotation_log<S: Real>(r: &M3<S>) -> V3<S> {
     let near_w = S::select(small, w, one);
     let near = S::splat(2.0) / near_w * (one - square / (S::splat(3.0) * near_w * near_w));
     let factor = sign * S::select(small, near, far);
-    V3([ux * factor, uy * factor, uz * factor])
+    Vector3::from([ux * factor, uy * factor, uz * factor])
 }
 
 /// `exp` of a rotation vector `r`, by columns (Rodrigues): `cos t 1 + sin t / t [r]x + (1 - cos t) / t^2 r r'`, `t = |r|`.
-#[inline(always)]
-pub fn rotation_exp<S: Real>(vector: [S; 3]) -> M3<S> {
+#[inline]
+pub fn rotation_exp<S: Real>(vector: [S; 3]) -> Matrix3<S> {
     let [x, y, z] = vector;
     let one = S::splat(1.0);
     let square = x * x + y * y + z * z;
@@ -61,13 +61,18 @@ pub fn rotation_exp<S: Real>(vector: [S; 3]) -> M3<S> {
     let b = S::select(small, S::splat(0.5) - square / S::splat(24.0), (one - cos) / (angle * angle));
     let c = S::select(small, one - b * square, cos);
     let ([ax, ay, az], [bx, by, bz]) = ([a * x, a * y, a * z], [b * x, b * y, b * z]);
-    M3([V3([c + bx * x, bx * y + az, bx * z - ay]), V3([bx * y - az, c + by * y, by * z + ax]), V3([bx * z + ay, by * z - ax, c + bz * z])])
+    Matrix3::from_columns(&[
+        Vector3::from([c + bx * x, bx * y + az, bx * z - ay]),
+        Vector3::from([bx * y - az, c + by * y, by * z + ax]),
+        Vector3::from([bx * z + ay, by * z - ax, c + bz * z]),
+    ])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scalar::Dual;
+    use crate::spatial::{Matrix, Vector};
 
     #[test]
     fn log_undoes_exp_at_every_angle() {
@@ -78,11 +83,11 @@ mod tests {
             let back = rotation_log(&rotation_exp(vector));
             // The matrix itself is exact to 2e-16, and near pi an angle is found from it to that.
             for k in 0..3 {
-                assert!((back.0[k] - vector[k]).abs() < 5e-16 * (1.0 + angle), "{angle}: {:?} against {vector:?}", back.0);
+                assert!((back[k] - vector[k]).abs() < 5e-16 * (1.0 + angle), "{angle}: {:?} against {vector:?}", back.array());
             }
         }
         // At pi either sign of the axis is right.
-        let half_turn = rotation_log(&rotation_exp([pi, 0.0, 0.0])).0;
+        let half_turn = rotation_log(&rotation_exp([pi, 0.0, 0.0])).array();
         assert!((half_turn[0].abs() - pi).abs() < 1e-15 && half_turn[1].abs() < 1e-15 && half_turn[2].abs() < 1e-15);
     }
 
@@ -91,24 +96,24 @@ mod tests {
     fn exp_turns_at_the_rate_of_the_left_jacobian() {
         let (axis, rate) = ([2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0], [0.3, -0.2, 0.5]);
         for angle in [0.0, 1e-9, 9.9e-5, 1.01e-4, 0.1, 1.0, 3.0] {
-            let r = V3(axis.map(|a| a * angle));
-            let turned = rotation_exp(std::array::from_fn(|k| Dual::new(r.0[k], rate[k])));
-            let plain = rotation_exp(r.0);
+            let r = Vector3::from(axis.map(|a| a * angle));
+            let turned = rotation_exp(std::array::from_fn(|k| Dual::new(r[k], rate[k])));
+            let plain = rotation_exp(r.array());
             let square: f64 = angle * angle;
             let (b, c) = if angle < 0.2 {
                 (0.5 - square / 24.0 + square * square / 720.0, 1.0 / 6.0 - square / 120.0 + square * square / 5040.0)
             } else {
                 ((1.0 - angle.cos()) / square, (angle - angle.sin()) / (square * angle))
             };
-            let across = r.cross(V3(rate));
-            let spin = V3(rate) + across.scale(b) + r.cross(across).scale(c);
+            let across = r.cross(Vector3::from(rate));
+            let spin = Vector3::from(rate) + across.scale(b) + r.cross(across).scale(c);
             for column in 0..3 {
-                let expected = spin.cross(plain.0[column]);
+                let expected = spin.cross(plain.axis(column));
                 for k in 0..3 {
-                    let got = turned.0[column].0[k];
-                    assert_eq!(got.value, plain.0[column].0[k]);
+                    let got = turned[(k, column)];
+                    assert_eq!(got.value, plain.axis(column)[k]);
                     // Near its start the series loses `t^4`, the closed form 1e-16 / t^2 of a number of size t^2.
-                    assert!((got.rate - expected.0[k]).abs() < 1e-12, "{angle}: {} against {}", got.rate, expected.0[k]);
+                    assert!((got.rate - expected[k]).abs() < 1e-12, "{angle}: {} against {}", got.rate, expected[k]);
                 }
             }
         }
@@ -119,13 +124,13 @@ mod tests {
         let turning = rotation_exp([0.0; 3]);
         let rate = [0.3, -0.2, 0.5];
         // R' = [rate]x R at R = 1.
-        let r = M3(std::array::from_fn(|c| {
-            let column = V3(rate).cross(turning.0[c]);
-            V3(std::array::from_fn(|k| Dual::new(turning.0[c].0[k], column.0[k])))
+        let r = Matrix3::from_columns(&std::array::from_fn::<_, 3, _>(|c| {
+            let column = Vector3::from(rate).cross(turning.axis(c));
+            Vector3::from(std::array::from_fn(|k| Dual::new(turning.axis(c)[k], column[k])))
         }));
         let log = rotation_log(&r);
         for k in 0..3 {
-            assert!((log.0[k].rate - rate[k]).abs() < 1e-15);
+            assert!((log[k].rate - rate[k]).abs() < 1e-15);
         }
     }
 }

@@ -125,7 +125,6 @@ impl Portable {
         self.all::<L>(numbers);
     }
 
-    #[inline(always)]
     fn all<const L: usize>(&self, numbers: &mut [f64]) {
         let (slots, _) = numbers.as_chunks_mut::<L>();
         for step in &self.steps {
@@ -138,7 +137,6 @@ impl Portable {
     }
 }
 
-#[inline(always)]
 fn evaluate<const L: usize>(what: Instruction, slots: &[[f64; L]]) -> [f64; L] {
     use Instruction::*;
     let at = |a: u32| slots[a as usize];
@@ -170,12 +168,10 @@ fn evaluate<const L: usize>(what: Instruction, slots: &[[f64; L]]) -> [f64; L] {
     }
 }
 
-#[inline(always)]
 fn each<const L: usize>(a: [f64; L], b: [f64; L], f: impl Fn(f64, f64) -> f64) -> [f64; L] {
     std::array::from_fn(|i| f(a[i], b[i]))
 }
 
-#[inline(always)]
 fn fused<const L: usize>(a: [f64; L], b: [f64; L], c: [f64; L]) -> [f64; L] {
     std::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
 }

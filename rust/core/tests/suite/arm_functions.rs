@@ -7,7 +7,7 @@ use armlet_core::dynamics::{Functions, Quantity, Query};
 use armlet_core::scalar::trig::REDUCTION_LIMIT;
 use std::sync::Arc;
 
-pub const ALL: [Quantity; 17] = [
+pub const ALL: [Quantity; 18] = [
     Quantity::MassMatrix,
     Quantity::CoriolisMatrix,
     Quantity::Christoffel,
@@ -23,6 +23,7 @@ pub const ALL: [Quantity; 17] = [
     Quantity::JacobianDot,
     Quantity::Com,
     Quantity::ComJacobian,
+    Quantity::PathDynamics,
     Quantity::InverseDynamicsDerivatives,
     Quantity::ForwardDynamicsDerivatives,
 ];

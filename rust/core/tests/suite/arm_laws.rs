@@ -5,7 +5,7 @@ use armlet_core::arm::{Arm, Tree};
 use armlet_core::dynamics::{Dynamics, Evaluator, Quantity, Query, Workspace, energy};
 use armlet_core::kinematics;
 use armlet_core::scalar::{Real, Task};
-use armlet_core::spatial::V3;
+use armlet_core::spatial::{Matrix, Vector, Vector3};
 
 /// Rounding of recursions over up to 30 bodies, relative to the largest entry of the result.
 const EXACT: f64 = 1e-12;
@@ -217,14 +217,14 @@ fn jacobians_agree_with_differences() {
             let mut pose = |h: f64| {
                 let q = moved(&q, &v, h);
                 let (r, p) = kinematics::frame_pose(&run.tree, &mut run.ws.poses, &sin_cos(&q), &q, frame);
-                [p.0, r.0[0].0, r.0[1].0, r.0[2].0].concat()
+                [p, r.axis(0), r.axis(1), r.axis(2)].map(Vector::array).concat()
             };
             let (at, rate) = (pose(0.0), slope(&mut pose));
             close("p' = Jv v", &rate[..3], &jv[..3], DIFFERENCE, 1.0);
-            let w = V3([jv[3], jv[4], jv[5]]);
+            let w = Vector3::from([jv[3], jv[4], jv[5]]);
             for k in 1..4 {
-                let column = V3([at[3 * k], at[3 * k + 1], at[3 * k + 2]]);
-                close("R' = [w]x R", &rate[3 * k..3 * k + 3], &w.cross(column).0, DIFFERENCE, 1.0);
+                let column = Vector3::from([at[3 * k], at[3 * k + 1], at[3 * k + 2]]);
+                close("R' = [w]x R", &rate[3 * k..3 * k + 3], &w.cross(column).array(), DIFFERENCE, 1.0);
             }
             let mut j_dot = vec![f64::NAN; 6 * n];
             kinematics::jacobian_dot(&run.tree, &mut run.ws.poses, &mut run.ws.motion, &sin_cos(&q), &q, &v, frame, &mut j_dot);
@@ -248,7 +248,7 @@ fn jacobians_agree_with_differences() {
         let jv: Vec<f64> = (0..3).map(|r| (0..n).map(|k| j[r * n + k] * v[k]).sum()).collect();
         let rate = slope(&mut |h| {
             let q = moved(&q, &v, h);
-            kinematics::com(&run.tree, &mut run.ws.poses, &sin_cos(&q), &q).1.0.to_vec()
+            kinematics::com(&run.tree, &mut run.ws.poses, &sin_cos(&q), &q).1.array().to_vec()
         });
         close("com rate", &jv, &rate, DIFFERENCE, 1.0);
     }
@@ -264,6 +264,33 @@ fn friction_opposes_motion_and_rests_at_zero() {
     let of = |i: usize, v: f64| arm.joints[i].damping * v + arm.joints[i].friction * if v == 0.0 { 0.0 } else { v.signum() };
     assert_eq!(tau, [0.0, of(1, -2.0), of(2, 1e-300)]);
     assert!(largest(&tau) > 0.0);
+}
+
+#[test]
+fn dynamics_along_a_path_are_inverse_dynamics_in_parts() {
+    let mut rng = Rng(17);
+    for n in [1, 3, 6] {
+        let arm = random_tree(&mut rng, n);
+        let light = Arm { gravity: [0.0; 3], ..arm.clone() };
+        let [q, slope, curvature]: [Vec<f64>; 3] = std::array::from_fn(|_| rng.vector(n, 1.0));
+        let still = vec![0.0; n];
+        let of = |arm: &Arm, quantity: Quantity, v: &[f64], a: &[f64]| {
+            let mut out = vec![f64::NAN; quantity_length(quantity, n)];
+            Evaluator::new(arm).one(&quantity.into(), &[&q, v, a], &mut out).unwrap();
+            out
+        };
+        let expected = [
+            of(&light, Quantity::InverseDynamics, &still, &slope),
+            of(&light, Quantity::InverseDynamics, &slope, &curvature),
+            of(&arm, Quantity::InverseDynamics, &still, &still),
+        ];
+        assert_eq!(of(&arm, Quantity::PathDynamics, &slope, &curvature), expected.concat());
+    }
+}
+
+fn quantity_length(quantity: Quantity, n: usize) -> usize {
+    let (rows, columns) = Query::from(quantity).shape(n);
+    rows * columns
 }
 
 #[test]

@@ -96,7 +96,7 @@ fn round_trips() {
         for (a, b) in arm.joints.iter().zip(&plain.joints) {
             close(&a.name, &b.parameters, &a.parameters, 1e-14, 1.0);
             for k in 0..3 {
-                close(&a.name, &b.placement.rotation.0[k].0, &a.placement.rotation.0[k].0, 1e-15, 1.0);
+                close(&a.name, b.placement.rotation.column(k).as_slice(), a.placement.rotation.column(k).as_slice(), 1e-15, 1.0);
             }
         }
     }

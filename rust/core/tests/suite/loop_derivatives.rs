@@ -11,7 +11,7 @@ use armlet_core::law::{
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, Wall};
 use armlet_core::simulate::{Exogenous, Force, Method, Options, Problem, Solved, Times, recorded_loop};
-use armlet_core::spatial::{rotation_exp, rotation_log};
+use armlet_core::spatial::{Matrix, Vector, rotation_exp, rotation_log};
 use std::sync::Arc;
 
 const N: usize = 6;
@@ -55,7 +55,7 @@ fn pose(model: &Model, q: &[f64], turn: [f64; 3]) -> Vec<f64> {
     let (mut e, mut j) = (vec![0.0; N], vec![0.0; N * N]);
     model.at(q).error_and_jacobian(&coordinates, &[0.0; N], &mut e, &mut j);
     let vector = rotation_log(&rotation_exp(turn).times(rotation_exp([-e[3], -e[4], -e[5]])));
-    [[-e[0], -e[1], -e[2]], vector.0].concat()
+    [[-e[0], -e[1], -e[2]], vector.array()].concat()
 }
 
 struct Case {

@@ -1,7 +1,7 @@
 //! Timings of paths whose answers are known in closed form, and paths that turn back.
 
 use armlet_core::arm::Arm;
-use armlet_core::dynamics::PlanarPr;
+use armlet_core::dynamics::{Functions, PlanarPr};
 use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{Mover, PathLimits, TimePath, TimePathOptions, time_path};
 use std::sync::Arc;
@@ -13,7 +13,7 @@ fn pendulum() -> Arm {
 
 fn timed(arm: &Arm, q: &[f64], limits: PathLimits, options: TimePathOptions) -> TimePath {
     let (path, _) = Path::waypoints(q, arm.n(), None, Ends::Natural).unwrap();
-    time_path(Mover::Tree(arm), Arc::new(path), &limits, &options).unwrap()
+    time_path(Mover::Tree(&Functions::new(Arc::new(arm.clone()))), Arc::new(path), &limits, &options).unwrap()
 }
 
 /// One inertia, no gravity: bang-bang, `T = 2 sqrt(I D / tau)`.

@@ -9,7 +9,7 @@ use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
 use armlet_core::dynamics::{PlanarPr, indefinite};
 use armlet_core::memory;
-use armlet_core::spatial::{M3, Placement, V3};
+use armlet_core::spatial::{Matrix3, Placement, Vector3};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
@@ -307,7 +307,7 @@ type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
 type TreeState<'py> = (String, Bound<'py, PyList>, Bound<'py, PyList>, [f64; 3], Vec<String>);
 
 fn placed([a, b, c, t]: [[f64; 3]; 4]) -> Placement {
-    Placement { rotation: M3([V3(a), V3(b), V3(c)]), translation: V3(t) }
+    Placement { rotation: Matrix3::from_columns(&[Vector3::from(a), Vector3::from(b), Vector3::from(c)]), translation: Vector3::from(t) }
 }
 
 /// An arm from the joints and frames that a reader of another format found.

@@ -15,7 +15,7 @@ use armlet_core::arm::{self as core, Frame, Joint, JointType, Limits};
 use armlet_core::error::{Error, Result as CoreResult};
 use armlet_core::interrupt::look;
 use armlet_core::memory;
-use armlet_core::spatial::{M3, Placement, V3};
+use armlet_core::spatial::{Matrix3, Placement, Vector3};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -48,7 +48,8 @@ impl Stored {
     }
 
     fn placement(&mut self, p: &Placement) -> CoreResult<()> {
-        p.rotation.0.iter().chain([&p.translation]).try_for_each(|row| self.numbers(&row.0))
+        self.numbers(p.rotation.as_slice())?;
+        self.numbers(p.translation.as_slice())
     }
 
     fn text(&mut self, text: &str) -> CoreResult<()> {
@@ -123,8 +124,8 @@ impl<'a> Reader<'a> {
     }
 
     fn placement(&mut self) -> Option<Placement> {
-        let rotation = M3([V3(self.numbers()?), V3(self.numbers()?), V3(self.numbers()?)]);
-        Some(Placement { rotation, translation: V3(self.numbers()?) })
+        let rotation = Matrix3::from([self.numbers::<3>()?, self.numbers::<3>()?, self.numbers::<3>()?]);
+        Some(Placement { rotation, translation: Vector3::from(self.numbers::<3>()?) })
     }
 
     fn text(&mut self) -> Option<&'a str> {

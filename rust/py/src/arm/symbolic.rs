@@ -4,6 +4,7 @@ use super::{Arm, Model};
 use crate::arrays::flag_or_false;
 use crate::errors::{entry, input_error};
 use armlet_core::arm::JointKind;
+use armlet_core::spatial::Vector;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
@@ -54,11 +55,11 @@ impl Arm {
                 .joints
                 .iter()
                 .map(|joint| {
-                    let columns = &joint.placement.rotation.0;
-                    let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| columns[column].0[row]));
+                    let turn = joint.placement.rotation;
+                    let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| turn[(row, column)]));
                     let parent = joint.parent.map_or(-1, |parent| parent as i64);
                     let slides = joint.kind == JointKind::Prismatic;
-                    (parent, rotation, joint.placement.translation.0, joint.axis, slides, joint.parameters, joint.armature)
+                    (parent, rotation, joint.placement.translation.array(), joint.axis, slides, joint.parameters, joint.armature)
                 })
                 .collect();
             Ok(module.getattr("of_tree")?.call1((joints, arm.gravity, lengths))?)

@@ -213,7 +213,7 @@ pub fn time_path<'py>(
         }
         let core = Arc::new(core);
         let mover = match model {
-            Model::Tree(tree) => Mover::Tree(tree.arm()),
+            Model::Tree(tree) => Mover::Tree(tree),
             Model::PlanarPr(arm) => Mover::PlanarPr(*arm),
         };
         let answer = long(py, || plan::time_path(mover, core, &limits, &options))?;

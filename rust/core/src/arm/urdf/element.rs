@@ -6,7 +6,7 @@ use crate::arm::build::unit;
 use crate::arm::{JointKind, Limits};
 use crate::error::Result;
 use crate::interrupt::look;
-use crate::spatial::{Inertia, M3, PARAMETERS, Placement, Sym3, V3};
+use crate::spatial::{Inertia, Matrix3, PARAMETERS, Placement, Sym3, Vector, Vector3};
 use roxmltree::{Document, Node};
 use std::collections::BTreeMap;
 
@@ -50,7 +50,7 @@ const TRIANGLE: f64 = 1e-6;
 
 /// The least principal moment about the centre of mass where it is negative by more than rounding: that of the file's
 /// digits, and that of moving the inertia of a body at `com` to its centre of mass.
-pub fn negative_moment(moments: &Sym3<f64>, mass: f64, com: V3<f64>) -> Option<f64> {
+pub fn negative_moment(moments: &Sym3<f64>, mass: f64, com: Vector3<f64>) -> Option<f64> {
     let largest = moments.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let moved = 1e-14 * mass * com.dot(com);
     Some(moments.principal()[0]).filter(|least| *least < -(NEGATIVE * largest + moved + DIGITS))
@@ -157,9 +157,9 @@ impl Reader<'_> {
         self.plausible(node, || "rpy of origin".into(), ANGLE, &rpy)?;
         self.plausible(node, || "xyz of origin".into(), LENGTH, &xyz)?;
         let mut placement = Placement::from_rpy(rpy, xyz);
-        let rounded: [f64; 9] = std::array::from_fn(|k| placement.rotation.0[k % 3][k / 3]);
+        let rounded: [f64; 9] = std::array::from_fn(|k| placement.rotation[(k / 3, k % 3)]);
         if let Some(r) = self.exact(node, "rotation", rounded, [1.0; 9], "rpy")? {
-            placement.rotation = M3(std::array::from_fn(|c| V3([r[c], r[3 + c], r[6 + c]])));
+            placement.rotation = Matrix3::from_row_slice(&r);
         }
         Ok(placement)
     }
@@ -249,7 +249,7 @@ impl Reader<'_> {
             );
         }
         // Written at the centre of mass, in axes turned by rpy.
-        let turned = Inertia { mass, moment: V3::zero(), inertia: moments };
+        let turned = Inertia { mass, moment: Vector3::zero(), inertia: moments };
         let mut inertia = turned.placed(&placement);
         let mut rounded = [0.0; PARAMETERS];
         inertia.write_parameters(&mut rounded);

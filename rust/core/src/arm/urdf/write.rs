@@ -4,7 +4,7 @@ use super::element::negative_moment;
 use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
 use crate::arm::{Arm, Frame, Joint, JointKind, STANDARD_GRAVITY, listed};
 use crate::interrupt::look;
-use crate::spatial::{Inertia, PARAMETERS, Placement, V3};
+use crate::spatial::{Inertia, PARAMETERS, Placement, RotationMatrix, Vector, Vector3};
 use std::collections::HashSet;
 use std::fmt::Write;
 
@@ -91,7 +91,7 @@ impl Arm {
 
 /// Say of an origin that a reader would refuse.
 fn far(joint: &str, placement: &Placement, report: &mut Vec<String>) {
-    if LENGTH.problem(&placement.translation.0).is_some() {
+    if LENGTH.problem(&placement.translation.array()).is_some() {
         report.push(format!("joint {joint} is implausibly far away: armlet refuses its origin"));
     }
 }
@@ -134,10 +134,10 @@ fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str, report: &mut
 fn ends(out: &mut String, parent: &str, child: &str, placement: &Placement) {
     // Zero has one sign in text.
     let rpy = placement.rotation.to_rpy().map(|angle| angle + 0.0);
-    let rounded = Placement::from_rpy(rpy, placement.translation.0).rotation;
-    let rows: [f64; 9] = std::array::from_fn(|k| placement.rotation.0[k % 3][k / 3]);
+    let rounded = Placement::from_rpy(rpy, placement.translation.array()).rotation;
+    let rows: [f64; 9] = std::array::from_fn(|k| placement.rotation[(k / 3, k % 3)]);
     let rotation = exact("rotation", &rows, rounded == placement.rotation);
-    let (xyz, rpy) = (numbers(&placement.translation.0), numbers(&rpy));
+    let (xyz, rpy) = (numbers(&placement.translation.array()), numbers(&rpy));
     let _ = writeln!(out, "    <parent link=\"{}\"/>\n    <child link=\"{}\"/>", escaped(parent), escaped(child));
     let _ = writeln!(out, "    <origin xyz=\"{xyz}\" rpy=\"{rpy}\"{rotation}/>");
 }
@@ -149,24 +149,24 @@ fn link(out: &mut String, name: &str, parameters: Option<&[f64; 10]>, report: &m
         return;
     };
     let (com, i) = inertia.com();
-    if com.is_none() && inertia.moment.0 != [0.0; 3] {
+    if com.is_none() && inertia.moment.array() != [0.0; 3] {
         report.push(format!("dropped: the first moment of link {name}, which has no mass"));
     }
-    let com = com.unwrap_or(V3([0.0; 3]));
-    let beyond = MASS.problem(&[inertia.mass]).or(INERTIA.problem(&i.0)).or(LENGTH.problem(&com.0)).is_some();
+    let com = com.unwrap_or(Vector3::from([0.0; 3]));
+    let beyond = MASS.problem(&[inertia.mass]).or(INERTIA.problem(&i.0)).or(LENGTH.problem(&com.array())).is_some();
     if beyond || inertia.mass < 0.0 || negative_moment(&i, inertia.mass, com).is_some() {
         report.push(format!("link {name} is no possible body: readers, armlet included, refuse its mass or inertia"));
     }
     let [xx, xy, yy, xz, yz, zz] = i.0;
     let mut parameters = [0.0; PARAMETERS];
     inertia.write_parameters(&mut parameters);
-    let shifted = Inertia { mass: inertia.mass, moment: V3::zero(), inertia: i }.placed(&Placement::from_rpy([0.0; 3], com.0));
+    let shifted = Inertia { mass: inertia.mass, moment: Vector3::zero(), inertia: i }.placed(&Placement::from_rpy([0.0; 3], com.array()));
     let added = exact("parameters", &parameters, shifted == inertia);
     let _ = writeln!(
         out,
         "  <link name=\"{}\">\n    <inertial{added}>\n      <origin xyz=\"{}\" rpy=\"0 0 0\"/>",
         escaped(name),
-        numbers(&com.0)
+        numbers(&com.array())
     );
     let _ = writeln!(out, "      <mass value=\"{:?}\"/>", inertia.mass);
     let _ = writeln!(

@@ -1,37 +1,59 @@
-//! The dynamics along a path, in lanes over its points: with `v = q' r`, `a = q' u + q'' r^2` (`r = ds/dt`, `x = r^2`)
+//! The dynamics along a path, for blocks of its points: with `v = q' r`, `a = q' u + q'' r^2` (`r = ds/dt`, `x = r^2`)
 //!
 //! ```text
 //! tau = A u + B x + g (+ friction),   A = M q',   B = M q'' + C(q, q') q',   g = g(q)
 //! ```
 //!
-//! three Newton-Euler recursions per point (Bobrow, Dubowsky and Gibson 1985). `A` and `B` are taken without gravity, so
-//! that a short move does not drown in its weight.
+//! as one function of the arm (Bobrow, Dubowsky and Gibson 1985).
 
-use crate::arm::{Arm, Tree};
-use crate::dynamics::{Dynamics, PlanarPr};
+use crate::dynamics::{Functions, PlanarPr, Quantity, Query};
+use crate::error::Result;
 use crate::interrupt::look;
 use crate::motion::Path;
-use crate::scalar::{Real, Task, run_lanes};
 
 /// The arm that moves: a tree of links, or the closed form.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub enum Mover<'a> {
-    Tree(&'a Arm),
+    Tree(&'a Functions),
     PlanarPr(PlanarPr<f64>),
 }
 
 impl Mover<'_> {
     pub fn dof(&self) -> usize {
         match self {
-            Mover::Tree(arm) => arm.n(),
+            Mover::Tree(functions) => functions.arm().n(),
             Mover::PlanarPr(_) => 2,
         }
     }
 
     pub fn joint_names(&self) -> Vec<String> {
         match self {
-            Mover::Tree(arm) => arm.joint_names().map(String::from).collect(),
+            Mover::Tree(functions) => functions.arm().joint_names().map(String::from).collect(),
             Mover::PlanarPr(_) => vec!["p1".into(), "r2".into()],
+        }
+    }
+
+    /// The answers at `count` points `q, v, a`, `(count, n)` each. Points that are not finite have NaN.
+    fn rows(&self, query: &Query, points: [&[f64]; 3], count: usize, out: &mut [f64]) {
+        let n = self.dof();
+        let answer = |points: [&[f64]; 3], count: usize, out: &mut [f64]| -> Result<()> {
+            match self {
+                Mover::Tree(functions) => functions.rows(query, &points, count, out).map(drop),
+                Mover::PlanarPr(arm) => {
+                    let length = out.len() / count;
+                    let row = |k: usize| points.map(|x| &x[k * n..(k + 1) * n]);
+                    out.chunks_exact_mut(length).enumerate().try_for_each(|(k, out)| arm.evaluate(query, &row(k), out))
+                }
+            }
+        };
+        if answer(points, count, out).is_ok() {
+            return;
+        }
+        let length = out.len() / count;
+        for (k, out) in out.chunks_exact_mut(length).enumerate() {
+            if answer(points.map(|x| &x[k * n..(k + 1) * n]), 1, out).is_err() {
+                out.fill(f64::NAN);
+            }
         }
     }
 }
@@ -63,122 +85,68 @@ pub(super) enum Ask<'a> {
     Motion { rate: &'a (dyn Fn(usize) -> (f64, f64) + 'a) },
 }
 
-/// The block of number `j`, one entry per lane.
-#[inline(always)]
-fn lanes_at<S: Real>(staged: &[f64], j: usize) -> S {
-    S::load(&staged[j * S::LANES..])
-}
-
-/// Numbers `from` of the first `lanes` lanes into rows `stride` apart.
-#[inline(always)]
-fn put<S: Real>(rows: &mut [f64], stride: usize, lanes: usize, at: usize, from: &[S]) {
-    for j in 0..from.len() {
-        let x = from[j];
-        if lanes == S::LANES {
-            for lane in 0..S::LANES {
-                rows[lane * stride + at + j] = x.lane(lane);
-            }
-        } else {
-            for lane in 0..lanes {
-                rows[lane * stride + at + j] = x.lane(lane);
-            }
-        }
-    }
-}
-
-/// Points between two looks whether to stop: a multiple of all numbers of lanes.
+/// Points between two looks whether to stop.
 const LOOK: usize = 64;
 
 impl Points<'_> {
     pub fn run(self) {
-        run_lanes(self);
-    }
-
-    #[inline(always)]
-    fn each<S: Real, D: Dynamics<S>>(self, arm: &mut D, weigh: impl Fn(&mut D, bool)) {
-        let n = arm.dof();
-        let mut workspace = arm.workspace();
-        let zero = || vec![S::zero(); n];
-        let (mut q, mut v, mut a, mut tau, rest) = (zero(), zero(), zero(), zero(), zero());
-        let mut trig = vec![(S::zero(), S::zero()); n];
-        let mut staged = vec![0.0; 3 * n * S::LANES];
-        let (mut ask, out) = (self.ask, self.out);
-        let mut first = 0;
-        while first < self.count {
-            if first % LOOK == 0 {
-                look();
-            }
-            let lanes = S::LANES.min(self.count - first);
-            for lane in 0..S::LANES {
-                let k = first + lane.min(lanes - 1);
-                let (piece, s) = (self.at)(k);
+        let Points { mover, path, at, count, stride, out, mut ask } = self;
+        let n = mover.dof();
+        let (quantity, needed) = match &ask {
+            Ask::Motion { .. } => (Quantity::InverseDynamics, true),
+            Ask::Coefficients { torques, .. } => (Quantity::PathDynamics, *torques),
+        };
+        let query = Query::from(quantity);
+        if let (Mover::Tree(functions), true) = (mover, needed) {
+            // A program that cannot be made leaves direct evaluation.
+            let _ = functions.prepare(&query, count);
+        }
+        let length = if quantity == Quantity::PathDynamics { 3 * n } else { n };
+        let mut points = [const { Vec::new() }; 3];
+        points.iter_mut().for_each(|x| x.resize(LOOK * n, 0.0));
+        let mut answers = vec![0.0; LOOK * length];
+        for first in (0..count).step_by(LOOK) {
+            look();
+            let block = LOOK.min(count - first);
+            let [q, v, a] = &mut points;
+            for k in 0..block {
+                let (piece, s) = at(first + k);
                 let (rate, u) = match &ask {
-                    Ask::Motion { rate } => rate(k),
+                    Ask::Motion { rate } => rate(first + k),
                     Ask::Coefficients { .. } => (1.0, 0.0),
                 };
-                self.path.evaluate(piece, s, |j, q, d, e| {
-                    let second = match &ask {
+                path.evaluate(piece, s, |j, x, d, e| {
+                    (q[k * n + j], v[k * n + j]) = (x, d * rate);
+                    a[k * n + j] = match &ask {
                         Ask::Motion { .. } => d * u + e * rate * rate,
                         Ask::Coefficients { .. } => e,
                     };
-                    (staged[j * S::LANES + lane], staged[(n + j) * S::LANES + lane]) = (q, d * rate);
-                    staged[(2 * n + j) * S::LANES + lane] = second;
                 });
             }
-            for j in 0..n {
-                q[j] = lanes_at(&staged, j);
-                v[j] = lanes_at(&staged, n + j);
-                a[j] = lanes_at(&staged, 2 * n + j);
+            if needed {
+                let given = points.each_ref().map(|x| &x[..block * n]);
+                mover.rows(&query, given, block, &mut answers[..block * length]);
             }
-            for j in 0..n {
-                trig[j] = if arm.is_angle(j) { q[j].sin_cos() } else { (S::zero(), S::zero()) };
-            }
-            let rows = &mut out[first * self.stride..(first + lanes) * self.stride];
-            let stride = self.stride;
-            match &mut ask {
-                Ask::Motion { .. } => {
-                    arm.inverse_dynamics(&mut workspace, &trig, &q, &v, &a, &mut tau);
-                    put(rows, stride, lanes, 0, &tau);
-                    put(rows, stride, lanes, n, &a);
-                    put(rows, stride, lanes, 2 * n, &v);
-                }
-                Ask::Coefficients { width, torques, accelerations, slopes, slope_stride } => {
-                    if *torques {
-                        weigh(arm, false);
-                        arm.inverse_dynamics(&mut workspace, &trig, &q, &rest, &v, &mut tau);
-                        put(rows, stride, lanes, 0, &tau);
-                        arm.inverse_dynamics(&mut workspace, &trig, &q, &v, &a, &mut tau);
-                        put(rows, stride, lanes, *width, &tau);
-                        weigh(arm, true);
-                        arm.inverse_dynamics(&mut workspace, &trig, &q, &rest, &rest, &mut tau);
-                        put(rows, stride, lanes, 2 * *width, &tau);
+            let [_, v, a] = &points;
+            for k in 0..block {
+                let (row, answer) = (&mut out[(first + k) * stride..(first + k + 1) * stride], &answers[k * length..(k + 1) * length]);
+                let (v, a) = (&v[k * n..(k + 1) * n], &a[k * n..(k + 1) * n]);
+                let mut put = |at: usize, from: &[f64]| row[at..at + n].copy_from_slice(from);
+                match &mut ask {
+                    Ask::Motion { .. } => [answer, a, v].into_iter().enumerate().for_each(|(i, from)| put(i * n, from)),
+                    Ask::Coefficients { width, torques, accelerations, slopes, slope_stride } => {
+                        if *torques {
+                            (0..3).for_each(|i| put(i * *width, &answer[i * n..(i + 1) * n]));
+                        }
+                        if *accelerations {
+                            let at = if *torques { n } else { 0 };
+                            put(at, v);
+                            put(*width + at, a);
+                        }
+                        let at = (first + k) * *slope_stride;
+                        slopes[at..at + n].copy_from_slice(v);
                     }
-                    if *accelerations {
-                        let at = if *torques { n } else { 0 };
-                        put(rows, stride, lanes, at, &v);
-                        put(rows, stride, lanes, *width + at, &a);
-                    }
-                    put(&mut slopes[first * *slope_stride..], *slope_stride, lanes, 0, &v);
                 }
-            }
-            first += S::LANES;
-        }
-    }
-}
-
-impl Task for Points<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Real>(self) {
-        match self.mover {
-            Mover::Tree(arm) => {
-                let mut tree = Tree::<S>::new(arm);
-                let gravity = tree.gravity;
-                self.each(&mut tree, |tree, heavy| tree.gravity.0 = if heavy { gravity.0 } else { [0.0; 3] });
-            }
-            Mover::PlanarPr(arm) => {
-                let mut arm = PlanarPr::<S>::from_lanes(|_| arm);
-                self.each(&mut arm, |_, _| ());
             }
         }
     }

@@ -1,18 +1,17 @@
-//! Eight lanes as a plain array, left to the compiler's vectoriser: baseline SSE2, or AVX2 + FMA.
+//! Eight lanes as a plain array, left to the compiler's vectoriser; never fused.
 
-use super::super::{Fused, Kernel, Real, trig};
-use super::{Isa, enter_avx2, isa};
+use super::super::{Kernel, Real, trig};
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// Eight independent numbers; `FUSED` where the code is compiled for AVX2 + FMA.
-#[derive(Clone, Copy, Debug, Default)]
+/// Eight independent numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
-pub struct Array8<const FUSED: bool>([f64; 8]);
+pub struct Array8([f64; 8]);
 
 macro_rules! operator {
     ($trait:ident, $method:ident, $op:tt) => {
-        impl<const F: bool> $trait for Array8<F> {
+        impl $trait for Array8 {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
@@ -28,7 +27,7 @@ operator!(Div, div, /);
 
 macro_rules! assign {
     ($trait:ident, $method:ident, $op:tt) => {
-        impl<const F: bool> $trait for Array8<F> {
+        impl $trait for Array8 {
             #[inline(always)]
             fn $method(&mut self, other: Self) {
                 *self = *self $op other;
@@ -40,7 +39,7 @@ assign!(AddAssign, add_assign, +);
 assign!(SubAssign, sub_assign, -);
 assign!(MulAssign, mul_assign, *);
 
-impl<const F: bool> Neg for Array8<F> {
+impl Neg for Array8 {
     type Output = Self;
     #[inline(always)]
     fn neg(mut self) -> Self {
@@ -51,7 +50,7 @@ impl<const F: bool> Neg for Array8<F> {
     }
 }
 
-impl<const F: bool> Array8<F> {
+impl Array8 {
     #[inline(always)]
     fn each(mut self, f: impl Fn(f64) -> f64) -> Self {
         for i in 0..8 {
@@ -69,24 +68,10 @@ impl<const F: bool> Array8<F> {
     }
 }
 
-/// The single number that goes with these lanes.
-pub trait OneOf {
-    type One: Real;
-}
-impl OneOf for Array8<false> {
-    type One = f64;
-}
-impl OneOf for Array8<true> {
-    type One = Fused;
-}
-
-impl<const F: bool> Real for Array8<F>
-where
-    Self: OneOf,
-{
+impl Real for Array8 {
     /// All bits set where true: selecting is then bit logic, which vectorises.
     type Mask = [u64; 8];
-    type One = <Self as OneOf>::One;
+    type One = f64;
     const LANES: usize = 8;
 
     #[inline(always)]
@@ -104,14 +89,14 @@ where
     #[inline(always)]
     fn mul_add(mut self, b: Self, c: Self) -> Self {
         for i in 0..8 {
-            self.0[i] = trig::fma::<F>(self.0[i], b.0[i], c.0[i]);
+            self.0[i] = trig::fma::<false>(self.0[i], b.0[i], c.0[i]);
         }
         self
     }
     #[inline(always)]
     fn neg_mul_add(mut self, b: Self, c: Self) -> Self {
         for i in 0..8 {
-            self.0[i] = trig::fma::<F>(-self.0[i], b.0[i], c.0[i]);
+            self.0[i] = trig::fma::<false>(-self.0[i], b.0[i], c.0[i]);
         }
         self
     }
@@ -139,7 +124,7 @@ where
     fn sin_cos(self) -> (Self, Self) {
         let (mut s, mut c) = (self, self);
         for i in 0..8 {
-            (s.0[i], c.0[i]) = trig::sin_cos_near::<F>(self.0[i]);
+            (s.0[i], c.0[i]) = trig::sin_cos_near::<false>(self.0[i]);
         }
         let mut far = false;
         for i in 0..8 {
@@ -180,11 +165,6 @@ where
     }
     #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
-        if F {
-            assert!(isa() >= Isa::Avx2, "the fused lanes need AVX2 and FMA");
-            enter_avx2(kernel)
-        } else {
-            kernel.run()
-        }
+        kernel.run()
     }
 }

@@ -3,7 +3,7 @@
 //! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the processor has
 //! them because `enter` refused to run otherwise.
 
-use super::super::{Fused, Kernel, Real, trig};
+use super::super::{Float, Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
 use super::{Isa, enter_avx2, isa};
 use std::arch::x86_64::*;
@@ -14,7 +14,7 @@ vector!(
     __m256d,
     4,
     __m256d,
-    Fused,
+    Float,
     _mm256_set1_pd,
     _mm256_add_pd,
     _mm256_sub_pd,

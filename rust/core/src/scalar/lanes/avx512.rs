@@ -6,7 +6,7 @@
 //! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the processor has
 //! them because `enter` refused to run otherwise.
 
-use super::super::{Fused, Kernel, Real, trig};
+use super::super::{Float, Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
 use super::{Isa, enter_avx512, isa};
 use std::arch::x86_64::*;
@@ -17,7 +17,7 @@ vector!(
     __m512d,
     8,
     u8,
-    Fused,
+    Float,
     _mm512_set1_pd,
     _mm512_add_pd,
     _mm512_sub_pd,

@@ -77,7 +77,14 @@ pub fn isa() -> Isa {
 /// Whether products are fused with sums where the source says so: direct evaluation and programs agree on it.
 #[inline(always)]
 pub fn fuses() -> bool {
-    cfg!(target_arch = "aarch64") || isa() >= Isa::Avx2
+    cfg!(target_arch = "aarch64") || CHOSEN.load(Ordering::Relaxed) >= Isa::Avx2 as u8 || fuses_after_all()
+}
+
+/// The same where nobody has chosen yet. Direct evaluation asks at every product, so the way to here is short.
+#[cold]
+#[inline(never)]
+fn fuses_after_all() -> bool {
+    isa() >= Isa::Avx2
 }
 
 #[cold]

@@ -4,7 +4,7 @@ use super::super::{Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// The lanes of the first, then those of the second. Fields and not an array: nothing to unroll.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pair<V>(V, V);
 
 macro_rules! operator {

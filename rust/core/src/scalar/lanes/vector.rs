@@ -37,6 +37,12 @@ macro_rules! vector {
             }
         }
 
+        impl PartialEq for $name {
+            fn eq(&self, other: &Self) -> bool {
+                to_array(self.0) == to_array(other.0)
+            }
+        }
+
         #[inline(always)]
         fn to_array(x: $register) -> [f64; $lanes] {
             // SAFETY: both are that many doubles and nothing else.

@@ -1,7 +1,7 @@
 //! What the arm tests share: every number, seeded random trees, chains from the vectors.
 
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType};
-use armlet_core::scalar::{Array8, Fused, Isa, Kernel, Real, Task};
+use armlet_core::scalar::{Array8, Isa, Kernel, Real, Task};
 use serde_json::Value;
 
 struct On<S, T>(T, std::marker::PhantomData<S>);
@@ -20,12 +20,12 @@ pub fn on<S: Real, T: Task>(task: T) -> T::Output {
 /// Run the task on every number that this machine has; returns how many.
 pub fn on_every_number<T: Task + Copy>(task: T) -> usize {
     on::<f64, T>(task);
-    on::<Array8<false>, T>(task);
+    on::<Array8, T>(task);
     let mut count = 2;
+    #[cfg(target_arch = "x86_64")]
     if Isa::best() >= Isa::Avx2 {
-        on::<Fused, T>(task);
-        on::<Array8<true>, T>(task);
-        count += 2;
+        on::<armlet_core::scalar::lanes::Avx2, T>(task);
+        count += 1;
     }
     #[cfg(target_arch = "x86_64")]
     if Isa::best() >= Isa::Avx512 {

@@ -43,7 +43,7 @@ impl<P: Problem, S: Real> System<S> for Of<P> {
     }
 }
 
-impl<P: Problem> DualSystem<Array8<false>> for Of<P> {
+impl<P: Problem> DualSystem<Array8> for Of<P> {
     fn moving_input(&mut self, t: f64, u: &mut Dual8) {
         *u = Dual8::seed(t, 0);
     }
@@ -52,7 +52,7 @@ impl<P: Problem> DualSystem<Array8<false>> for Of<P> {
     }
 }
 
-pub type Twin<P> = Linearised<Of<P>, Of<P>, Array8<false>, Vec<Dual8>, Dual8>;
+pub type Twin<P> = Linearised<Of<P>, Of<P>, Array8, Vec<Dual8>, Dual8>;
 
 pub fn of<P: Problem>() -> Of<P> {
     Of(std::marker::PhantomData)
