@@ -67,7 +67,8 @@ def test_two_limits() -> None:
 def test_shapes(shape: str) -> None:
     """The core has closed forms and bounds on k point by point; the reference bisects the largest excess, to 1e-14 of the limits.
 
-    Where the torque at the binding place hardly depends on k, k is known to that over the slope: 1e-9 of it here.
+    Where the torque at the binding place hardly depends on k, k is known to that over the slope: 1e-9 of it here. What is missing
+    comes from parabolas through a grid for minimum jerk: 2e-5.
     """
     rng = np.random.default_rng(6)
     seen = {True: 0, False: 0}
@@ -77,7 +78,7 @@ def test_shapes(shape: str) -> None:
         assert (got.feasible, got.hold_start, got.hold_end) == (expected.feasible, expected.hold_start, expected.hold_end), row
         seen[got.feasible] += 1
         if not got.feasible:
-            assert got.missing == pytest.approx(expected.missing, rel=1e-6 if shape == "trapezoid_time" else 2e-4), row
+            assert got.missing == pytest.approx(expected.missing, rel=1e-6 if shape == "trapezoid_time" else 2e-5), row
             continue
         for name in ("t_min", "t_max", "k_min", "k_max"):
             assert getattr(got, name) == pytest.approx(getattr(expected, name), rel=1e-9), (row, name)

@@ -228,16 +228,26 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
         }
     }
     let hold = upper.0 > f64::NEG_INFINITY && lower.0 < f64::INFINITY;
-    // What is missing: the least widening of both limits at which some k fits, by bisection of the same bounds on the grid.
+    // What is missing: the least widening of both limits at which some k fits. A parabola gives the crest between places of the grid.
     let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 {
         0.0
     } else {
         let lines = memory::collected((0..n + 1).map(|j| (quintic(at(j)).1, m.gravity(m.quintic_angle(at(j))))))?;
         let excess = |k: f64| {
-            lines.iter().fold(f64::NEG_INFINITY, |worst, &(second, gravity)| {
+            let on_grid = |&(second, gravity): &(f64, f64)| {
                 let tau = k * second + gravity;
-                worst.max(tau - hi).max(lo - tau)
-            })
+                (tau - hi).max(lo - tau)
+            };
+            let [mut before, mut here] = [0, 1].map(|j| on_grid(&lines[j]));
+            let mut worst = before;
+            for line in &lines[2..] {
+                let after = on_grid(line);
+                let bend = 2.0 * here - before - after;
+                let crest = here >= before && here >= after && bend > 0.0;
+                worst = worst.max(if crest { here + (after - before) * (after - before) / (8.0 * bend) } else { here });
+                (before, here) = (here, after);
+            }
+            worst.max(here)
         };
         least_excess(excess, hi - lo + gravity_moment.abs())
     };
