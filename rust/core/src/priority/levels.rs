@@ -30,6 +30,11 @@ impl Workspace {
         self.y.fill(0.0);
     }
 
+    /// Whether a level takes what level `i` leaves.
+    fn is_followed(&self, i: usize) -> bool {
+        i + 1 < self.rows.len()
+    }
+
     /// `A = J_i X diag(scale)` into `a`, decomposed in `svd`; returns its number of columns.
     pub(super) fn project(&mut self, i: usize) -> Result<usize> {
         let (n, free, level) = (self.n, self.free, self.level(i));
@@ -92,7 +97,9 @@ impl Workspace {
             }
             self.ranks[i] = rank.0;
             self.lost[i] = rank.0 < self.rows[i].min(k);
-            self.consume(rank.1);
+            if self.is_followed(i) {
+                self.consume(rank.1);
+            }
         }
         Ok(())
     }
@@ -143,7 +150,9 @@ impl Workspace {
                 let along = gain * dot(self.svd.u(j), &self.r[..m]);
                 self.move_along(j, along);
             }
-            self.leave(eps, k)?;
+            if self.is_followed(i) {
+                self.leave(eps, k)?;
+            }
         }
         Ok(())
     }
@@ -209,7 +218,9 @@ impl Workspace {
             let (rank, spent) = self.consume_exact_rank(i, &mut condition)?;
             self.ranks[i] = rank;
             self.lost[i] = kinematic || rank < m.min(k);
-            self.consume(spent);
+            if self.is_followed(i) {
+                self.consume(spent);
+            }
         }
         Ok(())
     }

@@ -23,31 +23,90 @@ use std::cell::RefCell;
 /// `ranks`: directions of each level that were realised. `scales`: scale of each level's command, `(levels,)`, 1 except for "sns".
 /// `status`: `Status.SUCCESS`, or `Status.DEGRADED` when some level lost a direction or was scaled.
 /// In a batch all have the leading axes in front: `ranks` and `scales` are `(..., levels)`, `status` holds integers of `Status`.
-#[pyclass(frozen, get_all, module = "armlet")]
+#[pyclass(frozen, module = "armlet")]
 pub struct PrioritySolution {
-    pub v: Py<PyAny>,
-    pub residuals: Py<PyAny>,
-    pub ranks: Py<PyAny>,
-    pub scales: Py<PyAny>,
-    pub status: Py<PyAny>,
+    /// What a single solve found: its objects are made when they are asked for.
+    found: Option<Found>,
+    v: PyOnceLock<Py<PyAny>>,
+    residuals: PyOnceLock<Py<PyAny>>,
+    ranks: PyOnceLock<Py<PyAny>>,
+    scales: PyOnceLock<Py<PyAny>>,
+    status: PyOnceLock<Py<PyAny>>,
+}
+
+/// The answer of a single solve: `[v, residuals, scales]`.
+struct Found {
+    n: usize,
+    rows: Vec<usize>,
+    numbers: Vec<f64>,
+    ranks: Vec<usize>,
+    status: Status,
+}
+
+impl PrioritySolution {
+    /// The object of a field, made by `make` the first time.
+    fn once<'py>(
+        &self,
+        py: Python<'py>,
+        field: &PyOnceLock<Py<PyAny>>,
+        make: impl FnOnce(&Found) -> Result<Bound<'py, PyAny>, Failure>,
+    ) -> PyResult<Py<PyAny>> {
+        let made = || match &self.found {
+            Some(found) => entry(py, "PrioritySolution", || make(found)).map(Bound::unbind),
+            None => Ok(py.None()),
+        };
+        field.get_or_try_init(py, made).map(|object| object.clone_ref(py))
+    }
 }
 
 #[entered]
 #[pymethods]
 impl PrioritySolution {
     #[new]
-    fn new(v: Py<PyAny>, residuals: Py<PyAny>, ranks: Py<PyAny>, scales: Py<PyAny>, status: Py<PyAny>) -> Self {
-        PrioritySolution { v, residuals, ranks, scales, status }
+    fn new(py: Python<'_>, v: Py<PyAny>, residuals: Py<PyAny>, ranks: Py<PyAny>, scales: Py<PyAny>, status: Py<PyAny>) -> Self {
+        let [v, residuals, ranks, scales, status] = [v, residuals, ranks, scales, status].map(|object| {
+            let field = PyOnceLock::new();
+            let _ = field.set(py, object);
+            field
+        });
+        PrioritySolution { found: None, v, residuals, ranks, scales, status }
+    }
+
+    #[getter]
+    fn v(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        self.once(py, &self.v, |found| copied(py, &[found.n], &found.numbers[..found.n]))
+    }
+
+    #[getter]
+    fn residuals(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        self.once(py, &self.residuals, |found| Ok(residual_list(py, &found.rows, &found.numbers[found.n..])?.into_any()))
+    }
+
+    #[getter]
+    fn ranks(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        self.once(py, &self.ranks, |found| Ok(PyList::new(py, &found.ranks)?.into_any()))
+    }
+
+    #[getter]
+    fn scales(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let of = |found: &Found| copied(py, &[found.rows.len()], &found.numbers[found.numbers.len() - found.rows.len()..]);
+        self.once(py, &self.scales, of)
+    }
+
+    #[getter]
+    fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        self.once(py, &self.status, |found| Ok(status_member(py, found.status)?.into_bound(py)))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        let parts = PyTuple::new(py, [&self.v, &self.residuals, &self.ranks, &self.scales, &self.status])?;
+        let parts = PyTuple::new(py, [self.v(py)?, self.residuals(py)?, self.ranks(py)?, self.scales(py)?, self.status(py)?])?;
         seal(py.get_type::<Self>().as_any(), parts, None)
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let show = |value: &Py<PyAny>| PyResult::Ok(value.bind(py).repr()?.to_string());
-        Ok(format!("PrioritySolution(v={}, ranks={}, status={})", show(&self.v)?, show(&self.ranks)?, show(&self.status)?))
+        let (v, ranks, status) = (self.v(py)?, self.ranks(py)?, self.status(py)?);
+        Ok(format!("PrioritySolution(v={}, ranks={}, status={})", show(&v)?, show(&ranks)?, show(&status)?))
     }
 }
 
@@ -155,9 +214,9 @@ pub fn solve_priority<'py>(
         let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
         let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
         if let Some(solver) = again(&jacobians, &velocities, &keywords) {
-            let solution = answer(py, &solver);
+            let solution = answer(&solver);
             LAST.set(Some(solver));
-            return solution;
+            return Ok(solution);
         }
         let stack = Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
         let solver = solver(NAME, stack.n, &stack.rows, &keywords)?;
@@ -192,14 +251,16 @@ fn again(jacobians: &[Bound<'_, PyAny>], velocities: &[Bound<'_, PyAny>], keywor
 }
 
 /// What the solver found last.
-fn answer(py: Python<'_>, solver: &Core) -> Result<PrioritySolution, Failure> {
-    Ok(PrioritySolution {
-        v: copied(py, &[solver.n()], solver.v())?.unbind(),
-        residuals: residual_list(py, solver.rows(), solver.residuals())?.into_any().unbind(),
-        ranks: PyList::new(py, solver.ranks())?.into_any().unbind(),
-        scales: copied(py, &[solver.rows().len()], solver.scales())?.unbind(),
-        status: status_member(py, solver.status())?,
-    })
+fn answer(solver: &Core) -> PrioritySolution {
+    let found = Found {
+        n: solver.n(),
+        rows: solver.rows().to_vec(),
+        numbers: [solver.v(), solver.residuals(), solver.scales()].concat(),
+        ranks: solver.ranks().to_vec(),
+        status: solver.status(),
+    };
+    let [v, residuals, ranks, scales, status] = [const { PyOnceLock::new() }; 5];
+    PrioritySolution { found: Some(found), v, residuals, ranks, scales, status }
 }
 
 fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result<PrioritySolution, Failure> {
@@ -207,7 +268,7 @@ fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result
         stack.require_finite(py, "solve_priority")?;
         return Err(error.into());
     }
-    let solution = answer(py, &solver)?;
+    let solution = answer(&solver);
     if keep {
         LAST.set(Some(solver));
     }
@@ -239,11 +300,8 @@ fn batch(py: Python<'_>, solver: Core, stack: Stack) -> Result<PrioritySolution,
     })?;
     let shape = |last: &[usize]| -> Vec<usize> { stack.lead.iter().chain(last).copied().collect() };
     let residuals = stack.rows.iter().zip(residuals).map(|(m, r)| Ok(taken(py, &shape(&[*m]), r)?)).collect::<Result<Vec<_>, Failure>>()?;
-    Ok(PrioritySolution {
-        v: taken(py, &shape(&[stack.n]), v)?.unbind(),
-        residuals: PyList::new(py, residuals)?.into_any().unbind(),
-        ranks: taken(py, &shape(&[levels]), ranks)?.unbind(),
-        scales: taken(py, &shape(&[levels]), scales)?.unbind(),
-        status: taken(py, &stack.lead, status)?.unbind(),
-    })
+    let (v, residuals) = (taken(py, &shape(&[stack.n]), v)?, PyList::new(py, residuals)?.into_any());
+    let (ranks, scales) = (taken(py, &shape(&[levels]), ranks)?, taken(py, &shape(&[levels]), scales)?);
+    let status = taken(py, &stack.lead, status)?;
+    Ok(PrioritySolution::new(py, v.unbind(), residuals.unbind(), ranks.unbind(), scales.unbind(), status.unbind())?)
 }
