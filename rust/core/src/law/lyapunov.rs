@@ -104,7 +104,7 @@ impl<S: Real> Lyapunov<S> {
                 half * sum
             }
             Metric::Full(inverse) => half * inverse.quadratic(&self.error),
-            Metric::Natural(gamma) => S::from_lanes(|lane| natural(gamma, &self.truth, estimate, lane)),
+            Metric::Natural(gamma) => natural(gamma, &self.truth, estimate),
         };
         half.mul_add(kinetic, rest)
     }
@@ -115,16 +115,9 @@ fn euclidean(law: &AdaptiveSpec) -> Option<&Gain> {
     if let Adaptation::Euclidean(gamma) = &law.adaptation { Some(gamma) } else { None }
 }
 
-/// The divergence of the bodies of one lane: by a logarithm, which no program has.
-fn natural<S: Real>(gamma: &[S], truth: &[S], estimate: &[S], lane: usize) -> f64 {
+/// The divergence of all bodies.
+fn natural<S: Real>(gamma: &[S], truth: &[S], estimate: &[S]) -> S {
     let ((truth, _), (estimate, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());
-    let of = |body: &[S; PARAMETERS]| body.map(|x| x.lane(lane));
-    truth.iter().zip(estimate).zip(gamma).map(|((pi, pi_hat), gamma)| divergence(&of(pi), &of(pi_hat)) / gamma.lane(lane)).sum()
-}
-
-impl LawSpec {
-    /// Whether the law's Lyapunov function can be recorded.
-    pub fn has_recordable_lyapunov(&self) -> bool {
-        !matches!(self, LawSpec::Adaptive(AdaptiveSpec { adaptation: Adaptation::Natural(_), .. }))
-    }
+    let bodies = truth.iter().zip(estimate).zip(gamma);
+    bodies.fold(S::zero(), |sum, ((pi, pi_hat), &gamma)| sum + divergence(pi, pi_hat) / gamma)
 }

@@ -160,10 +160,12 @@ impl Projection {
         finite("projection", least)?;
         let width = if p == PR { PR } else { PARAMETERS };
         let possible = |(k, pi): (usize, &[f64])| {
-            factor(&matrix_of(pi, 1.0)).ok_or_else(|| {
-                let problem = format!("is not physically possible: expected positive definite pseudo-inertias (first bad body {k})");
-                Error::input("projection", problem)
-            })
+            let (l, possible) = factor(&matrix_of(pi, 1.0));
+            if possible == 1.0 {
+                return Ok(l);
+            }
+            let problem = format!("is not physically possible: expected positive definite pseudo-inertias (first bad body {k})");
+            Err(Error::input("projection", problem))
         };
         Ok(Projection { width, factors: least.chunks_exact(width).enumerate().map(possible).collect::<Result<_>>()? })
     }

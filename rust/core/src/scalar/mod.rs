@@ -9,6 +9,7 @@ mod atan;
 pub mod dual;
 pub mod duals;
 pub mod lanes;
+pub mod log;
 pub mod rows;
 mod scalars;
 pub mod trig;

@@ -16,10 +16,9 @@ pub struct Sums<S: Real> {
 }
 
 impl Problem<'_> {
-    /// Whether the programs of its loops can sum runs up: at every step, without logarithms.
+    /// Whether the programs of its loops can sum runs up: at every step.
     pub fn sums_in_programs(&self) -> bool {
-        let recordable = || !self.options.monitors || self.laws.iter().all(|law| law.has_recordable_lyapunov());
-        self.measures.is_some() && self.options.times == Times::Every(1) && recordable()
+        self.measures.is_some() && self.options.times == Times::Every(1)
     }
 }
 

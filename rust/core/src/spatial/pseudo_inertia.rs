@@ -12,6 +12,7 @@
 
 use super::{PARAMETERS, parameter::INERTIA};
 use crate::scalar::Real;
+use crate::scalar::log::ln;
 
 /// Symmetric, rows by columns; the last row and column belong to mass and first moment.
 pub type Pseudo<S> = [[S; 4]; 4];
@@ -85,55 +86,56 @@ pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], 
     parameters_of(&rate)
 }
 
-/// `L` of `P = L L'`, its diagonal in place; `None` where `P` is not positive definite.
-pub fn factor(p: &Pseudo<f64>) -> Option<Pseudo<f64>> {
-    let mut l = [[0.0; 4]; 4];
+/// `L` of `P = L L'`, its diagonal in place; and one where `P` is positive definite, else zero.
+#[inline(always)]
+pub fn factor<S: Real>(p: &Pseudo<S>) -> (Pseudo<S>, S) {
+    let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
+    let (mut l, mut possible) = ([[zero; 4]; 4], S::splat(1.0));
     for i in 0..4 {
         for j in 0..=i {
             let sum = (0..j).fold(p[i][j], |sum, k| sum - l[i][k] * l[j][k]);
             if i > j {
                 l[i][j] = sum / l[j][j];
-            } else if sum > 0.0 && sum.is_finite() {
-                l[i][i] = sum.sqrt();
             } else {
-                return None;
+                possible = S::select(zero.lt(sum), S::select(sum.lt(infinity), possible, zero), zero);
+                l[i][i] = sum.sqrt();
             }
         }
     }
-    Some(l)
+    (l, possible)
 }
 
 /// Whether the body is physically possible: `P > 0`.
 pub fn is_positive_definite(pi: &[f64; PARAMETERS]) -> bool {
-    factor(&pseudo_inertia(pi)).is_some()
+    factor(&pseudo_inertia(pi)).1 == 1.0
 }
 
 /// The Bregman divergence `d(P || P_hat)` of `-log det`; infinite where either is not positive definite.
-pub fn divergence(pi: &[f64; PARAMETERS], pi_hat: &[f64; PARAMETERS]) -> f64 {
-    let (Some(l), Some(hat)) = (factor(&pseudo_inertia(pi)), factor(&pseudo_inertia(pi_hat))) else { return f64::INFINITY };
+#[inline(always)]
+pub fn divergence<S: Real>(pi: &[S; PARAMETERS], pi_hat: &[S; PARAMETERS]) -> S {
+    let ((l, possible), (hat, possible_hat)) = (factor(&pseudo_inertia(pi)), factor(&pseudo_inertia(pi_hat)));
     // X = hat^-1 l, tr(P_hat^-1 P) = |X|^2; the logarithms of the diagonal of X, near one for near bodies, do not cancel.
-    let mut x = [[0.0; 4]; 4];
-    let mut sum = 0.0;
+    let mut x = [[S::zero(); 4]; 4];
+    let mut sum = S::zero();
     for i in 0..4 {
         for j in 0..=i {
             x[i][j] = ((j..i).fold(l[i][j], |sum, k| sum - hat[i][k] * x[k][j])) / hat[i][i];
             sum += if i == j { excess(x[i][i]) } else { x[i][j] * x[i][j] };
         }
     }
-    sum
+    S::select(S::zero().lt(possible * possible_hat), sum, S::splat(f64::INFINITY))
 }
 
 /// `x^2 - 1 - 2 log x`, without cancellation near one.
-fn excess(x: f64) -> f64 {
-    let d = x - 1.0;
-    // 2 (d - log(1 + d)) + d^2
-    let difference = if d.abs() < 1e-2 {
-        // d^2/2 - d^3/3 + ..: eight terms leave 1e-2^10.
-        (2..10).rev().fold(0.0, |sum, k| d * sum + if k % 2 == 0 { 1.0 } else { -1.0 } / f64::from(k)) * d * d
-    } else {
-        d - d.ln_1p()
-    };
-    2.0 * difference + d * d
+#[inline(always)]
+fn excess<S: Real>(x: S) -> S {
+    let k = S::splat;
+    let d = x - k(1.0);
+    // 2 (d - log(1 + d)) + d^2; d^2/2 - d^3/3 + ..: eight terms leave 1e-2^10.
+    let term = |i: u32| k(if i.is_multiple_of(2) { 1.0 } else { -1.0 } / f64::from(i));
+    let near = (2..10).rev().fold(S::zero(), |sum, i| d * sum + term(i)) * d * d;
+    let difference = S::select(d.abs().lt(k(1e-2)), near, d - ln(x));
+    k(2.0) * difference + d * d
 }
 
 #[cfg(test)]
