@@ -58,35 +58,19 @@ def energy_error(monitors: Mapping[str, Array]) -> Array | None:
 
 @dataclass(frozen=True)
 class Balances:
-    """How far the balances of runs are open, `()` or `(B,)` each; NaN where it is not known.
+    """How far the balances of runs are open, `()` or `(B,)` each; NaN where it is not known. The core computes them with the records.
 
     Attributes:
         energy_error: see `energy_error`.
         energy_missing: the largest `energy_balance`, J.
-        rise: the largest Lyapunov function as a multiple of its first value.
+        lyapunov_rise: the largest Lyapunov function as a multiple of its first value.
         lyapunov_error: the largest `lyapunov_balance` as a fraction of the largest Lyapunov function.
     """
 
-    energy_error: Array
-    energy_missing: Array
-    rise: Array
-    lyapunov_error: Array
-
-    @classmethod
-    def of(cls, monitors: Mapping[str, Array]) -> Balances:
-        """Those of recorded monitors."""
-        unknown = np.full((), np.nan)
-        error, missing, rise, lost = unknown, unknown, unknown, unknown
-        found = energy_error(monitors)
-        if found is not None:
-            error, missing = found, _largest(monitors["energy_balance"])
-        if "lyapunov_balance" in monitors and monitors["lyapunov"].shape[-1]:
-            value = monitors["lyapunov"]
-            largest = np.nan_to_num(value).max(axis=-1)
-            with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-                rise = np.asarray(largest / np.where(value[..., 0] > 0.0, value[..., 0], np.inf))
-                lost = np.asarray(_largest(monitors["lyapunov_balance"]) / largest)
-        return cls(error, missing, rise, lost)
+    energy_error: float | Array
+    energy_missing: float | Array
+    lyapunov_rise: float | Array
+    lyapunov_error: float | Array
 
 
 def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], undisturbed: bool) -> None:
@@ -97,7 +81,8 @@ def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], 
     """
     if _QUIET.get():
         return
-    error, missing, rise = (np.broadcast_to(x, np.shape(ended)) for x in (balances.energy_error, balances.energy_missing, balances.rise))
+    given = (balances.energy_error, balances.energy_missing, balances.lyapunov_rise)
+    error, missing, rise = (np.broadcast_to(x, np.shape(ended)) for x in given)
     bad = np.asarray(ended & (error > MOST_ENERGY) & (missing > LEAST_ENERGY))
     text = f"{missing[bad].max():.2g} J are missing, {error[bad].max():.2g} of the energy turned over" if bad.any() else ""
     found = [("energy balance", bad, text)]

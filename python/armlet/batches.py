@@ -77,15 +77,14 @@ def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undi
     """One batch, with a warning where balances do not close."""
     fields = _core.simulate_batch(plant, law, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
-    found = fields.pop("metrics")
+    found, balances = fields.pop("metrics"), Balances(**fields.pop("balances"))
     if found:
-        rest = (found.pop(name) for name in ("energy_missing", "lyapunov_rise", "lyapunov_error"))
-        balances = Balances(found["energy_error"], *rest)
+        rest = {name: found.pop(name) for name in ("energy_missing", "lyapunov_rise", "lyapunov_error")}
+        balances = Balances(found["energy_error"], **rest)
         completed = (fields["status"] == Status.SUCCESS).astype(np.float64)
         fields["stats"] |= found | {"completed": completed}
     batch = BatchRun(fields, law=law, plant=plant)
     if found or batch.monitors:
-        balances = balances if found else Balances.of(batch.monitors)
         warn_of_balances("simulate_batch", balances, batch.status == Status.SUCCESS, undisturbed)
     return batch
 

@@ -106,7 +106,7 @@ def simulate(
     keywords = locals()  # a dictionary of its own; the plant, the law and q0 among it are not asked for
     keywords["events"] = asked = watched(events)
     fields = _core.simulate(plant, law, q0, keywords)
-    ended = fields.pop("ended")
+    ended, balances = fields.pop("ended"), Balances(**fields.pop("balances"))
     if asked:
         fields["events"] = Events(names=tuple(event.name for event in asked), **fields["events"])
     if dense:
@@ -119,7 +119,7 @@ def simulate(
         raise SolveError(message, run.status, ended, run)
     undisturbed = sample_time is None and tau_max is None and force is None
     if run.monitors:
-        warn_of_balances("simulate", Balances.of(run.monitors), np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
+        warn_of_balances("simulate", balances, np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
     return run
 
 

@@ -34,6 +34,12 @@ pub fn zeros(n: usize) -> Result<Vec<f64>> {
     filled(n, 0.0)
 }
 
+/// `n` zeros, of which the system hands out pages as they are touched where there are many.
+pub fn untouched(n: usize) -> Result<Vec<f64>> {
+    room::<f64>(n)?;
+    Ok(vec![0.0; n])
+}
+
 /// A copy.
 pub fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>> {
     let mut out = room(values.len())?;
@@ -79,6 +85,8 @@ mod tests {
         let most = usize::MAX / 4;
         let bytes = most as u128 * 8;
         assert_eq!(zeros(most), Err(Error::Memory { bytes }));
+        assert_eq!(untouched(most), Err(Error::Memory { bytes }));
+        assert_eq!(untouched(3), Ok(vec![0.0; 3]));
         assert_eq!(room::<f64>(most).map(|_| ()), Err(Error::Memory { bytes }));
         assert_eq!(require(most * 3), Err(Error::Memory { bytes: most as u128 * 3 }));
         assert_eq!(collected((0..3).map(f64::from)), Ok(vec![0.0, 1.0, 2.0]));

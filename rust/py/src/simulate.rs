@@ -130,6 +130,11 @@ pub fn simulate<'py>(
         fields.set_item("monitors", series)?;
         fields.set_item("status", run.status.code())?;
         fields.set_item("ended", run.ended)?;
+        let balances = PyDict::new(py);
+        for (name, value) in core::BALANCES.into_iter().zip(run.balances) {
+            balances.set_item(name, value)?;
+        }
+        fields.set_item("balances", balances)?;
         let stats = PyDict::new(py);
         stats.set_item("evaluations", run.evaluations)?;
         stats.set_item("steps", run.steps)?;
@@ -215,6 +220,11 @@ pub fn simulate_batch<'py>(
             put(&series, name, values, &[rows, k])?;
         }
         fields.set_item("monitors", series)?;
+        let balances = PyDict::new(py);
+        for (name, values) in core::BALANCES.into_iter().zip(batch.balances) {
+            put(&balances, name, values, &[rows])?;
+        }
+        fields.set_item("balances", balances)?;
         let metrics = PyDict::new(py);
         for (name, width, values) in batch.metrics {
             let shape: Vec<usize> = std::iter::once(rows).chain(width).collect();

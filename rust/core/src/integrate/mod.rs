@@ -59,6 +59,8 @@ pub trait System<S: Real> {
     fn sample(&mut self, _t: f64, _x: &[S]) {}
     /// Add the state at `t` to what `x` carries behind it of a run that is summed up; `h`: the time to the next step, zero at the end.
     fn sum_up(&mut self, _t: f64, _h: f64, _x: &mut [S]) {}
+    /// Note the state at `t` as record `i`, of a run whose records are noted within its steps.
+    fn note(&mut self, _i: usize, _t: f64, _x: &[S]) {}
     /// What is held since the last sample: the input and the rate of the law; `None` where nothing is.
     fn held(&self) -> Option<(&[S], &[S])> {
         None

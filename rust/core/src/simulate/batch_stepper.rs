@@ -99,7 +99,7 @@ impl BatchStepper {
             rows::read(&mut frame, layout.tau(), tau, n, 0);
             match programs.whole() {
                 Some(program) => program.run_along(&mut frame, &[], steps),
-                None => (0..steps).for_each(|_| programs.advance(&mut frame, false)),
+                None => (0..steps).for_each(|_| programs.advance(&mut frame, |_, _| ())),
             }
             if frame.slot_mut(layout.reach()).iter().all(|&reach| reach < REDUCTION_LIMIT) {
                 rows::write(&frame, layout.state(), states, x);

@@ -2,6 +2,7 @@
 
 use super::problem::Problem;
 use crate::plant::PlantKind;
+use std::ops::Range;
 
 /// The sizes of a loop's records.
 #[derive(Clone, Copy, Debug)]
@@ -10,6 +11,18 @@ pub struct Columns {
     pub n: usize,
     /// Size of the law's state.
     pub p: usize,
+}
+
+/// Where the quantities of a record `[x, tau, monitors]` are.
+pub struct Places {
+    pub q: Range<usize>,
+    pub v: Range<usize>,
+    pub tau: Range<usize>,
+    pub theta: Range<usize>,
+    pub theta_dot: Range<usize>,
+    pub z: Range<usize>,
+    /// The first monitor.
+    pub monitors: usize,
 }
 
 /// The parts of one record.
@@ -32,15 +45,31 @@ impl Columns {
         if self.kind == PlantKind::Elastic { self.n } else { 0 }
     }
 
-    /// The parts of a state `x = [plant, z, ..]` under the input `tau`, which is the velocity where it is commanded.
-    pub fn split<'a, S>(&self, x: &'a [S], tau: &'a [S]) -> Parts<'a, S> {
+    /// The places in a record of a state `x = [plant, z, ..]` of `size` numbers and its input, which is the velocity where it is commanded.
+    pub fn places(&self, size: usize) -> Places {
         let (n, states, motors) = (self.n, self.kind.states(self.n), self.motors());
-        Parts {
-            q: &x[..n],
-            v: if self.kind == PlantKind::Velocity { tau } else { &x[n..2 * n] },
-            theta: &x[states - 2 * motors..states - motors],
-            theta_dot: &x[states - motors..states],
-            z: &x[states..states + self.p],
+        Places {
+            q: 0..n,
+            v: if self.kind == PlantKind::Velocity { size..size + n } else { n..2 * n },
+            tau: size..size + n,
+            theta: states - 2 * motors..states - motors,
+            theta_dot: states - motors..states,
+            z: states..states + self.p,
+            monitors: size + n,
         }
+    }
+
+    /// The numbers of each series in such a record: positions, velocities, inputs, motors, the law's state, and each monitor.
+    pub fn series(&self, size: usize, monitors: usize) -> Vec<Range<usize>> {
+        let Places { q, v, tau, theta, theta_dot, z, monitors: first } = self.places(size);
+        let own = [q, v, tau, theta, theta_dot, z].into_iter();
+        own.chain((first..first + monitors).map(|k| k..k + 1)).collect()
+    }
+
+    /// The parts of a state `x` under the input `tau`.
+    pub fn split<'a, S>(&self, x: &'a [S], tau: &'a [S]) -> Parts<'a, S> {
+        let Places { q, v, theta, theta_dot, z, .. } = self.places(x.len());
+        let v = if self.kind == PlantKind::Velocity { tau } else { &x[v] };
+        Parts { q: &x[q], v, theta: &x[theta], theta_dot: &x[theta_dot], z: &x[z] }
     }
 }

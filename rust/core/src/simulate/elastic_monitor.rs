@@ -2,45 +2,44 @@
 //! what the outer loop asks for.
 
 use crate::law::{Law, LawSpec};
-use crate::linalg::Gain;
-use crate::motion::sample_all;
 use crate::plant::PlantSpec;
+use crate::scalar::Real;
 
-pub struct TorqueError {
-    outer: LawSpec,
-    law: Box<dyn Law<f64> + Send>,
-    stiffness: Gain,
-    desired: Vec<f64>,
-    u: Vec<f64>,
+pub struct TorqueError<S: Real> {
+    law: Box<dyn Law<S> + Send>,
+    /// `(n, n)`
+    stiffness: Vec<S>,
+    u: Vec<S>,
 }
 
-impl TorqueError {
-    /// For an elastic plant under a law with an inner loop.
-    pub fn new(plant: &PlantSpec, law: &LawSpec) -> Option<Self> {
-        let PlantSpec::Elastic(plant) = plant else { return None };
-        law.reduction()?;
-        let outer = law.outer()?;
-        let width = outer.motions().iter().map(|motion| 3 * motion.dof()).sum();
+impl<S: Real> TorqueError<S> {
+    /// For elastic plants under laws with an inner loop, of one shape each; their motions are those of the outer loop.
+    pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec) -> Option<Self> {
+        law(0).reduction()?;
+        let outer = (0..S::LANES).map(|lane| law(lane).outer()).collect::<Option<Vec<LawSpec>>>()?;
+        let stiffness = |lane: usize| if let PlantSpec::Elastic(plant) = plant(lane) { Some(&plant.stiffness) } else { None };
+        let stiffness = (0..S::LANES).map(stiffness).collect::<Option<Vec<_>>>()?;
+        let n = plant(0).n();
         Some(TorqueError {
-            law: LawSpec::build::<f64>(|_| &outer),
-            outer,
-            stiffness: plant.stiffness.clone(),
-            desired: vec![0.0; width],
-            u: vec![0.0; plant.model.n()],
+            law: LawSpec::build::<S>(|lane| &outer[lane]),
+            stiffness: (0..n * n).map(|k| S::from_lanes(|lane| stiffness[lane].at(k / n, k % n))).collect(),
+            u: vec![S::zero(); n],
         })
     }
 
-    /// At time `t`, plant state `x` and its (sin, cos).
-    pub fn evaluate(&mut self, t: f64, trig: &[(f64, f64)], x: &[f64]) -> f64 {
+    /// At plant state `x` and its (sin, cos), under the desired motions.
+    pub fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S]) -> S {
         let n = trig.len();
-        sample_all(self.outer.motions(), t, &mut self.desired);
-        self.law.evaluate(&self.desired, trig, &x[..2 * n], &[], &mut self.u, &mut []);
-        let mut worst = 0.0f64;
+        self.law.evaluate(desired, trig, &x[..2 * n], &[], &mut self.u, &mut []);
+        let mut worst = S::zero();
         for i in 0..n {
-            let spring: f64 = (0..n).map(|j| self.stiffness.at(i, j) * (x[2 * n + j] - x[j])).sum();
+            let mut spring = S::zero();
+            for j in 0..n {
+                spring += self.stiffness[n * i + j] * (x[2 * n + j] - x[j]);
+            }
             let error = (spring - self.u[i]).abs();
             // `max` would swallow a NaN.
-            worst = if error <= worst { worst } else { error };
+            worst = S::select(error.lt(worst), worst, error);
         }
         worst
     }

@@ -4,7 +4,7 @@
 //! is NaN from there on, and its neighbours repeat the same operations, so they keep their bits.
 
 use super::bound::Bound;
-use super::schedule::Schedule;
+use super::schedule::{Schedule, Within};
 use super::stop::Stop;
 use crate::integrate::{Buffer, FixedStep, System};
 use crate::scalar::Real;
@@ -23,6 +23,8 @@ pub struct Faults {
 /// Who is told of every record, by its number and time.
 pub trait Record<F, B> {
     fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
+    /// The steps so far stand, and so does what the system noted within them.
+    fn accept(&mut self, system: &mut F);
 }
 
 /// Run `system` over the schedule from `x`.
@@ -59,10 +61,17 @@ where
             if hold != 0 && offset == 0.0 && step.is_multiple_of(hold) {
                 system.sample(record.t, x.as_ref());
             }
-            if schedule.sums_up && step == schedule.steps {
-                system.sum_up(record.t, 0.0, x.as_mut());
+            match schedule.within {
+                Within::Notes { last, .. } => {
+                    system.note(last, record.t, x.as_ref());
+                    recorder.accept(system);
+                }
+                Within::Sums if step == schedule.steps => {
+                    system.sum_up(record.t, 0.0, x.as_mut());
+                    recorder.record(i, record.t, system, &x);
+                }
+                _ => recorder.record(i, record.t, system, &x),
             }
-            recorder.record(i, record.t, system, &x);
             next = schedule.record(i + 1);
             i += 1;
             if ahead {
@@ -98,7 +107,10 @@ where
                     k += smooth;
                     continue;
                 }
-                if schedule.sums_up {
+                if let Some(i) = schedule.noted(k) {
+                    system.note(i, schedule.time(k), x.as_ref());
+                }
+                if schedule.within == Within::Sums {
                     let t = schedule.time(k);
                     system.sum_up(t, schedule.time(k + 1) - t, x.as_mut());
                     if careful && !bound.holds(x.as_ref()) {
@@ -118,6 +130,9 @@ where
             x.clone_from(&start);
             next_break = first_break;
             method.restart();
+        }
+        if let Within::Notes { .. } = schedule.within {
+            recorder.accept(system);
         }
         faults.steps += (to - step) as u64;
         ahead = offset > 0.0;
@@ -139,8 +154,8 @@ fn block(step: usize, hold: usize) -> usize {
 
 /// How many steps of equal size from `step` on, at most to `to`, have no sample and no jump of the input between them.
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
-    // A run that is summed up starts with a step by itself.
-    if schedule.sums_up && step == 0 {
+    // What is summed up or noted starts with a step by itself.
+    if schedule.within != Within::Nothing && step == 0 {
         return 0;
     }
     // The last step may be shorter; a jump at the end of a step belongs to it.

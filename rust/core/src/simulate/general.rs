@@ -46,6 +46,8 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn hold_contacts(&mut self, contacts: &[Touch]);
     /// Let this wrench act in place of the forces there are; `None` gives them back.
     fn push(&mut self, wrench: Option<&Wrench>);
+    /// The records that were noted within steps; `time`: of each step.
+    fn pass_on(&mut self, _time: &dyn Fn(usize) -> f64, _: &mut dyn Sink) {}
 }
 
 impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
@@ -137,6 +139,9 @@ impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for Recorder<'_> {
     fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &Vec<S>) {
         let tau = closed.input_at(t, x);
         self.write(i, t, x, tau);
+    }
+    fn accept(&mut self, closed: &mut F) {
+        closed.pass_on(self.time, self.sink);
     }
 }
 

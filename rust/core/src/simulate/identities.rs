@@ -3,6 +3,7 @@
 //!
 //! `M`, `a` and `E` are those of the true plant; `dM/dt` comes from dual numbers, so that it does not share its formula with `C`.
 
+use super::elastic_monitor::TorqueError;
 use super::gauge::Identities;
 use crate::dynamics::ArmAt;
 use crate::law::{LawSpec, Lyapunov, Storage};
@@ -76,5 +77,40 @@ impl<S: Real> Theory<S> {
             }
         }
         worst
+    }
+}
+
+/// The monitors of a record, in the order of [`super::monitors::names`]: balances count from the first record.
+pub struct Balances<S: Real> {
+    pub theory: Theory<S>,
+    torque: Option<TorqueError<S>>,
+    storage: bool,
+    states: usize,
+}
+
+impl<S: Real> Balances<S> {
+    /// As [`Theory::new`].
+    pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec, storage: bool) -> Self {
+        let torque = TorqueError::new(&plant, &law);
+        Balances { states: plant(0).states(), theory: Theory::new(plant, law, storage), torque, storage }
+    }
+
+    /// The monitors at state `x` into `out`, with the arm moved to its `q`. `first`: from `E - int P` and `V1 + int s' Kd s` of this record
+    /// those of the first one.
+    pub fn evaluate(&mut self, desired: &[S], x: &[S], first: impl FnOnce([S; 2]) -> [S; 2], out: &mut [S]) {
+        let Identities { skewness, energy, lyapunov, quadratures } = self.theory.identities(desired, x);
+        let first = first([energy - quadratures[1], lyapunov + quadratures[0]]);
+        out[0] = skewness;
+        out[1] = energy;
+        out[2] = energy - quadratures[1] - first[0];
+        if let Some(torque) = &mut self.torque {
+            out[3] = torque.evaluate(desired, self.theory.arm.trig(), &x[..self.states]);
+            if self.storage {
+                out[4] = quadratures[0] + quadratures[1] + first[0] - energy;
+            }
+        } else if out.len() > 3 {
+            out[3] = lyapunov;
+            out[4] = first[1] - lyapunov - quadratures[0];
+        }
     }
 }

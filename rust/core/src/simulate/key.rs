@@ -35,12 +35,21 @@ pub struct Common {
     /// The programs sum runs up, with the positions of frames or without.
     pub sums: bool,
     pub aims: bool,
+    /// They note what records need.
+    pub notes: bool,
 }
 
 impl Common {
     pub fn of(problem: &Problem, lanes: bool) -> Self {
         let sums = problem.sums_in_programs();
-        Common { lanes, shared: problem.shares_exogenous(), storage: problem.watches_storage(), sums, aims: sums && same_aims(problem) }
+        Common {
+            lanes,
+            shared: problem.shares_exogenous(),
+            storage: problem.watches_storage(),
+            sums,
+            aims: sums && same_aims(problem),
+            notes: false,
+        }
     }
 
     /// What the programs of run `run` sum up.

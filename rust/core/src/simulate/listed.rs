@@ -2,11 +2,12 @@
 
 use super::force::Force;
 use super::key::Common;
+use super::layout::Layout;
 use super::listed_names::{Named, SlotNames};
 use super::loop_programs::Watch;
 use super::problem::{Method, Problem};
 use super::rates_programs::{self, Slots};
-use super::recorded::{self, Layout};
+use super::recorded;
 use crate::error::{Error, Result};
 use crate::law::LawSpec;
 use crate::trace::instruction::{Form, Set};

@@ -1,8 +1,8 @@
 //! What the slots of a loop's programs are called: `q1`, `v1`, `q_d1`, `h`, `kp1`, ..
 
+use super::layout::Layout;
 use super::problem::Problem;
 use super::rates_programs::Slots;
-use super::recorded::Layout;
 use crate::law::LawSpec;
 use crate::plant::PlantKind;
 use crate::trace::label::Label;

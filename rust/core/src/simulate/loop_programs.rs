@@ -1,6 +1,6 @@
 //! The programs of a recorded loop.
 
-use super::recorded::Layout;
+use super::layout::Layout;
 use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Frame, Part, Places, Program, Room, Stream, engine, form, segments};
 
@@ -15,6 +15,18 @@ pub struct Tracing {
     pub next: Vec<u32>,
     /// What sums the run up.
     pub sums: Option<Summing>,
+    /// What records need.
+    pub notes: Option<Noting>,
+}
+
+/// A record beside the state.
+pub struct Noting {
+    /// For the input in the frame.
+    pub alone: Vec<u32>,
+    /// For the input that acts in the step.
+    pub along: Vec<u32>,
+    /// What monitors count from if it is the first one.
+    pub firsts: Vec<u32>,
 }
 
 /// The numbers kept after a record.
@@ -39,6 +51,10 @@ pub struct Programs {
     sums: Option<Program>,
     /// The same of later records: a whole step that begins so, or what follows the first stage of a step in parts.
     along: Option<Program>,
+    /// From the state, the first instant and the input to the rest of a record.
+    notes: Option<Program>,
+    /// A whole step that begins so.
+    noted_step: Option<Program>,
 }
 
 /// From the state, the inputs and `h` to the next state.
@@ -60,7 +76,7 @@ impl Programs {
             Step::Whole(program) => (std::slice::from_ref(program), None),
             Step::Stages { segments, rates, .. } => (segments.as_slice(), Some(rates)),
         };
-        parts.iter().chain(rates).chain([&self.law]).chain(&self.sums).chain(&self.along)
+        parts.iter().chain(rates).chain([&self.law]).chain(&self.sums).chain(&self.along).chain(&self.notes).chain(&self.noted_step)
     }
 
     /// Slots of a frame that they run on.
@@ -90,6 +106,26 @@ impl Programs {
         }
     }
 
+    /// Sum up after the first stage of a step in parts, of later records.
+    pub fn sum_up_later(&self, frame: &mut Frame) {
+        if let Some(along) = &self.along {
+            along.run(frame);
+        }
+    }
+
+    /// The record beside the state, from the state, the first instant and the input of the frame.
+    pub fn note(&self, frame: &mut Frame) {
+        if let Some(notes) = &self.notes {
+            notes.run(frame);
+        }
+    }
+
+    /// The program of whole steps along a stream of inputs, each begun by noting its record; `None` where the step is in parts or nothing is
+    /// noted.
+    pub fn noted_step(&self) -> Option<&Program> {
+        self.noted_step.as_ref()
+    }
+
     /// The program that repeats whole steps along a stream of inputs, each begun by summing up where the state carries sums; `None` for
     /// a loop whose step is in parts.
     pub fn repeated(&self) -> Option<&Program> {
@@ -102,8 +138,9 @@ impl Programs {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
-    /// The state after one step in parts, from the state, inputs and `h` of the frame; `sums`: it is summed up as well.
-    pub fn advance(&self, frame: &mut Frame, sums: bool) {
+    /// The state after one step in parts, from the state, inputs and `h` of the frame. `first_stage`: what is done once the first stage has left
+    /// the law's input in the frame.
+    pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
         let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
         for (k, segment) in segments.iter().enumerate() {
@@ -112,8 +149,8 @@ impl Programs {
                 return;
             }
             rates.run(frame);
-            if let (0, true, Some(along)) = (k, sums, &self.along) {
-                along.run(frame);
+            if k == 0 {
+                first_stage(self, frame);
             }
             let (from, to) = (first * lanes, (first + (k + 1) * count) * lanes);
             frame.numbers_mut().copy_within(from..from + count * lanes, to);
@@ -167,10 +204,18 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
         sums = Some(program("sums".into(), 0, &to(layout.kept(), &summing.alone), &none, None));
         let kept = |entries: &[u32]| to(layout.kept(), &entries[..layout.lasting]);
         along = Some(match step {
-            Step::Whole(_) => program("summed_step".into(), 0, &[whole, kept(&summing.along)].concat(), &none, Some(stream)),
+            Step::Whole(_) => program("summed_step".into(), 0, &[whole.clone(), kept(&summing.along)].concat(), &none, Some(stream)),
             // The first stage leaves the law's input in the frame.
             Step::Stages { .. } => program("later_sums".into(), 0, &kept(&summing.stage), &none, None),
         });
     }
-    Programs { law, step, sums, along }
+    let (mut notes, mut noted_step) = (None, None);
+    if let Some(noting) = tracing.notes {
+        let alone = [to(layout.noted(), &noting.alone), to(layout.own_firsts(), &noting.firsts)].concat();
+        notes = Some(program("notes".into(), 0, &alone, &none, None));
+        if let Step::Whole(_) = step {
+            noted_step = Some(program("noted_step".into(), 0, &[whole, to(layout.noted(), &noting.along)].concat(), &none, Some(stream)));
+        }
+    }
+    Programs { law, step, sums, along, notes, noted_step }
 }

@@ -3,7 +3,9 @@
 
 mod adaptive_steps;
 mod attempt_programs;
+mod balances;
 mod batch;
+mod batch_rows;
 mod batch_stepper;
 mod bound;
 mod closed_loop;
@@ -16,13 +18,16 @@ mod gauge;
 mod general;
 mod identities;
 mod key;
+mod layout;
 mod listed;
 mod listed_names;
+mod log;
 mod loop_programs;
 mod measures;
 mod measuring;
 mod monitors;
 mod motor_loop;
+mod notes;
 mod priority_batch;
 mod problem;
 mod program_loop;
@@ -50,6 +55,7 @@ mod watching;
 mod world;
 
 pub use crate::parallel::default_threads;
+pub use balances::NAMES as BALANCES;
 pub use batch::{BatchRuns, Keep, Metric, lanes, simulate_batch};
 pub use batch_stepper::BatchStepper;
 pub use bound::DEFAULT_STATE_LIMIT;

@@ -8,10 +8,10 @@
 //!
 //! A law of elastic joints adds `max |tau_J - u|`, and with its own storage function the passivity at the port: what flowed
 //! in there less what is stored, `int F.x_dot - (E(t) - E(0))`, never negative in a passive loop.
+//!
+//! [`Balances`] computes them on any number, so that programs do so within a step; norms of levels need plain numbers.
 
-use super::elastic_monitor::TorqueError;
-use super::gauge::Identities;
-use super::identities::Theory;
+use super::identities::Balances;
 use super::problem::Problem;
 use super::target_model::TargetModel;
 use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity};
@@ -63,15 +63,13 @@ pub fn names(problem: &Problem) -> &'static [&'static str] {
 /// What the monitors of one run need besides the record.
 pub struct Monitor<'a> {
     law: &'a LawSpec,
-    storage: bool,
-    theory: Theory<f64>,
-    torque: Option<TorqueError>,
+    balances: Balances<f64>,
     target: Option<TargetModel<'a>>,
     desired: Vec<f64>,
     states: usize,
     levels: Option<Levels>,
     /// `E` and `V1` at the first record, each with its integral there.
-    start: Option<[f64; 2]>,
+    first: Option<[f64; 2]>,
 }
 
 impl<'a> Monitor<'a> {
@@ -80,14 +78,12 @@ impl<'a> Monitor<'a> {
         let (plant, law, storage) = (problem.plant(run), problem.law(run), problem.watches_storage());
         Monitor {
             law,
-            storage,
-            theory: Theory::new(|_| plant, |_| law, storage),
-            torque: TorqueError::new(plant, law),
+            balances: Balances::new(|_| plant, |_| law, storage),
             target: TargetModel::new(problem, run),
             desired: law.desired(0.0),
             states: plant.states(),
             levels: Levels::of(law),
-            start: None,
+            first: None,
         }
     }
 
@@ -97,7 +93,7 @@ impl<'a> Monitor<'a> {
             return;
         }
         let plant = &x[..self.states];
-        let arm = &mut self.theory.arm;
+        let arm = &mut self.balances.theory.arm;
         arm.move_to(&x[..arm.trig().len()]);
         let (out, of_levels) = out.split_at_mut(out.len() - self.levels.as_ref().map_or(0, |levels| levels.monitors(out.len())));
         if let Some(levels) = &mut self.levels {
@@ -107,21 +103,9 @@ impl<'a> Monitor<'a> {
             return;
         }
         sample_all(self.law.motions(), t, &mut self.desired);
-        let Identities { skewness, energy, lyapunov, quadratures } = self.theory.identities(&self.desired, x);
-        let start = *self.start.get_or_insert([energy - quadratures[1], lyapunov + quadratures[0]]);
-        out[0] = skewness;
-        out[1] = energy;
-        out[2] = energy - quadratures[1] - start[0];
-        if let Some(torque) = &mut self.torque {
-            out[3] = torque.evaluate(t, self.theory.arm.trig(), plant);
-            if self.storage {
-                out[4] = quadratures[0] + quadratures[1] + start[0] - energy;
-            }
-        } else if let Some(target) = &mut self.target {
-            out[3..5].copy_from_slice(&target.evaluate(t, &mut self.theory.arm, &self.desired, plant, tau));
-        } else if out.len() > 3 {
-            out[3] = lyapunov;
-            out[4] = start[1] - lyapunov - quadratures[0];
+        self.balances.evaluate(&self.desired, x, |own| *self.first.get_or_insert(own), out);
+        if let Some(target) = &mut self.target {
+            out[ENERGY..].copy_from_slice(&target.evaluate(t, &mut self.balances.theory.arm, &self.desired, plant, tau));
         }
     }
 }

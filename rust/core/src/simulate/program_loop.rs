@@ -2,9 +2,12 @@
 
 use super::force::Wrench;
 use super::general::Watched;
-use super::recorded::{Layout, Recorded};
+use super::layout::Layout;
+use super::log::Log;
+use super::recorded::Recorded;
 use super::redo::Redo;
 use super::sampler::Sampler;
+use super::sink::Sink;
 use super::world::{Exogenous, World};
 use crate::integrate::System;
 use crate::plant::Touch;
@@ -36,6 +39,8 @@ pub struct ProgramLoop<'a, S: Real> {
     pub(super) table: Option<&'a [f64]>,
     /// What takes the steps that the programs decline.
     pub(super) redo: Redo<'a, S>,
+    /// Where records are noted; `None` where they are not.
+    pub(super) log: Option<Log>,
 }
 
 impl<'a, S: Real> ProgramLoop<'a, S> {
@@ -78,7 +83,35 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             recorded,
             world,
             table,
+            log: None,
         }
+    }
+
+    /// Note a record every so many steps.
+    pub fn note_every(&mut self, steps: usize) {
+        self.log = Some(Log::new(&self.recorded.layout, steps, &self.frames));
+    }
+
+    /// Note the state at the start of step `step` if a record is due there.
+    pub(super) fn note_if_due(&mut self, step: usize, t: f64, x: &[S]) {
+        if let Some(log) = &self.log
+            && step.is_multiple_of(log.every)
+        {
+            let i = step / log.every;
+            self.note(i, t, x);
+        }
+    }
+
+    /// The input at state `x` and time `t` in the frames, held or not.
+    fn answer_in_frames(&mut self, t: f64, x: &[S]) {
+        if !self.held {
+            return self.observe(t, x);
+        }
+        let recorded = self.recorded.clone();
+        let layout = &recorded.layout;
+        self.world.sample(t, &mut self.now);
+        write_instant(&mut self.frames, layout, layout.instant(0), &self.now);
+        write(&mut self.frames, layout.state(), x);
     }
 
     /// Whether lane `lane` turned by an angle for which the programs' sines are not made.
@@ -146,7 +179,7 @@ fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
 
 impl<S: Real> ProgramLoop<'_, S> {
     /// From state `x` over some steps of `h`, frame `k` as `run` does it.
-    pub(super) fn advance(&mut self, h: f64, x: &mut [S], run: impl Fn(&mut Frame, usize)) {
+    pub(super) fn advance(&mut self, h: f64, x: &mut [S], mut run: impl FnMut(&mut Frame, usize)) {
         let (state, step) = (self.recorded.layout.state(), self.recorded.layout.step());
         write(&mut self.frames, state, x);
         for (k, frame) in self.frames.iter_mut().enumerate() {
@@ -200,18 +233,26 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
     fn sum_up(&mut self, t: f64, h: f64, x: &mut [S]) {
         let recorded = self.recorded.clone();
         let layout = &recorded.layout;
-        if self.held {
-            self.world.sample(t, &mut self.now);
-            write_instant(&mut self.frames, layout, layout.instant(0), &self.now);
-            write(&mut self.frames, layout.state(), x);
-        } else {
-            self.observe(t, x);
-        }
+        self.answer_in_frames(t, x);
         for frame in &mut self.frames {
             frame.fill(layout.step(), h);
             recorded.programs.sum_up(frame);
         }
         read(&self.frames, layout.kept(), &mut x[layout.states..]);
+    }
+    fn note(&mut self, i: usize, t: f64, x: &[S]) {
+        self.answer_in_frames(t, x);
+        let (Some(log), layout, programs) = (&mut self.log, &self.recorded.layout, &self.recorded.programs) else { return };
+        for (k, frame) in self.frames.iter_mut().enumerate() {
+            log.note_state(i, k, frame);
+            programs.note(frame);
+            if i == 0 && layout.firsts > 0 {
+                let (lanes, own) = (frame.lanes(), layout.own_firsts());
+                frame.numbers_mut().copy_within(own * lanes..(own + layout.firsts) * lanes, layout.firsts() * lanes);
+                programs.note(frame);
+            }
+            log.note_rest(i, k, frame);
+        }
     }
     fn held(&self) -> Option<(&[S], &[S])> {
         self.held.then_some((&self.tau, &self.dz))
@@ -235,4 +276,9 @@ impl<S: Real> Watched<S> for ProgramLoop<'_, S> {
     }
     fn hold_contacts(&mut self, _: &[Touch]) {}
     fn push(&mut self, _: Option<&Wrench>) {}
+    fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, sink: &mut dyn Sink) {
+        if let Some(log) = &mut self.log {
+            log.pass_on(time, |block| sink.block(block));
+        }
+    }
 }

@@ -1,8 +1,11 @@
 //! Steps of a recorded loop behind the interface of a method. The exogenous inputs of some steps are sampled in advance into a stream, along
 //! which the program of a small loop repeats itself; the parts of a large step read them from their frame.
 
+use super::layout::Layout;
+use super::log::Log;
+use super::loop_programs::Programs;
 use super::program_loop::{ProgramLoop, write_instant};
-use super::recorded::{Layout, Recorded};
+use super::recorded::Recorded;
 use super::world::{Exogenous, World};
 use crate::integrate::{FixedStep, System};
 use crate::interrupt::look;
@@ -105,14 +108,53 @@ impl<S: Real> ProgramStep<S> {
                 let (t, end) = ((from + turn) as f64 * h, (from + turn + 1) as f64 * h);
                 self.fill(layout, &mut system.world, turn, t, h, end);
             }
+            let mut log = system.log.take();
             system.advance(h, x, |frame, k| {
                 for turn in 0..turns {
                     self.place(layout, frame, k, turn);
-                    recorded.programs.advance(frame, true);
+                    let step = from + turn;
+                    let mut due = log.as_mut().filter(|log| step.is_multiple_of(log.every));
+                    recorded.programs.advance(frame, |programs, frame| match &mut due {
+                        Some(log) => {
+                            let i = step / log.every;
+                            programs.note(frame);
+                            log.note_state(i, k, frame);
+                            log.note_rest(i, k, frame);
+                        }
+                        None => programs.sum_up_later(frame),
+                    });
                 }
             });
+            system.log = log;
         }
         true
+    }
+}
+
+/// Whole steps of frame `k` from step `from` on, and the records that are due among them.
+fn run_noting(
+    programs: &Programs,
+    width: usize,
+    log: &mut Log,
+    (frame, k): (&mut Frame, usize),
+    stream: &[f64],
+    (from, turns): (usize, usize),
+) {
+    let (Some(plain), Some(noting)) = (programs.whole(), programs.noted_step()) else { unreachable!("the steps are whole and noted") };
+    let mut turn = 0;
+    while turn < turns {
+        let since = (from + turn) % log.every;
+        if since > 0 {
+            let count = (log.every - since).min(turns - turn);
+            plain.run_along(frame, &stream[turn * width..], count);
+            turn += count;
+            continue;
+        }
+        let i = (from + turn) / log.every;
+        log.note_state(i, k, frame);
+        noting.run_along(frame, &stream[turn * width..], 1);
+        log.note_rest(i, k, frame);
+        turn += 1;
     }
 }
 
@@ -141,7 +183,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
             Some(program) => program.run_along(frame, self.stream(k).numbers(), 1),
             None => {
                 self.place(layout, frame, k, 0);
-                recorded.programs.advance(frame, false);
+                recorded.programs.advance(frame, |_, _| ());
             }
         });
         system.step_again(t, h, end, x);
@@ -155,16 +197,25 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
         while done < count {
             let (turns, from) = ((count - done).min(most), first + done);
             system.remember(x);
-            if let Some(table) = table {
-                let from = from * recorded.layout.new_instants() * recorded.layout.exogenous();
-                system.advance(h, x, |frame, _| program.run_along(frame, &table[from..], turns));
-            } else {
+            if table.is_none() {
                 for turn in 0..turns {
                     let (t, end) = ((from + turn) as f64 * h, (from + turn + 1) as f64 * h);
                     self.fill(&recorded.layout, &mut system.world, turn, t, h, end);
                 }
-                system.advance(h, x, |frame, k| program.run_along(frame, self.stream(k).numbers(), turns));
             }
+            let width = recorded.layout.new_instants() * recorded.layout.exogenous();
+            let mut log = system.log.take();
+            system.advance(h, x, |frame, k| {
+                let (stream, lanes) = match table {
+                    Some(table) => (&table[from * width..], 1),
+                    None => (self.stream(k).numbers(), self.stream(k).lanes()),
+                };
+                match &mut log {
+                    Some(log) => run_noting(&recorded.programs, width * lanes, log, (frame, k), stream, (from, turns)),
+                    None => program.run_along(frame, stream, turns),
+                }
+            });
+            system.log = log;
             if (0..S::LANES).any(|lane| system.declined(lane)) {
                 // One by one from the start: the other lanes take the same steps again.
                 (0..S::LANES).for_each(|lane| system.back(lane));
@@ -173,6 +224,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
                 for step in from..from + turns {
                     let t = step as f64 * h;
                     system.sum_up(t, h, x);
+                    system.note_if_due(step, t, x);
                     self.step(system, t, h, (step + 1) as f64 * h, x);
                 }
             }

@@ -6,11 +6,13 @@
 use super::fixed_steps::Faults;
 use super::general::{General, sampler, start, world};
 use super::key::Common;
+use super::log::Block;
 use super::problem::{Division, Ended, Fixed, Problem};
 use super::program_loop::ProgramLoop;
 use super::program_step::{ProgramStep, tabulate};
 use super::recorded::{self, Recorded, SeenLoop};
 use super::redo;
+use super::schedule::Within;
 use super::sink::Sink;
 use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
@@ -45,7 +47,7 @@ impl Structures {
         if short || late || !recorded::is_recordable(problem) {
             return None;
         }
-        let common = Common::of(problem, lanes);
+        let common = Common { notes: problem.notes_in_programs(), ..Common::of(problem, lanes) };
         let given = recorded::given(problem, 0, common);
         let seen = recorded::of_run(problem, 0, common, &given);
         let first = seen.recorded.clone()?;
@@ -94,6 +96,10 @@ impl Sink for Chosen<'_> {
         }
     }
 
+    fn block(&mut self, block: &Block) {
+        self.sink.block(&block.of_lanes(|lane| self.lanes[lane]));
+    }
+
     fn take(&mut self, lane: usize, kept: &[f64], time: &dyn Fn(usize) -> f64) {
         if let Some(lane) = self.lanes[lane] {
             self.sink.take(lane, kept, time);
@@ -136,12 +142,20 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let method = ProgramStep::new(&closed);
         let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
         let group = General { problem, division, first, stop, sink: &mut chosen, asked: None, rates: None };
-        let summing = structures.common.sums.then(|| Fixed { schedule: fixed.schedule.summing_up(), hold: fixed.hold });
+        let within = match structures.common {
+            Common { sums: true, .. } => Some(fixed.schedule.summing_up()),
+            Common { notes: true, .. } => fixed.schedule.noting(),
+            _ => None,
+        };
+        let within = within.map(|schedule| Fixed { schedule, hold: fixed.hold });
+        if let Some(Within::Notes { every, .. }) = within.as_ref().map(|fixed| fixed.schedule.within) {
+            closed.note_every(every);
+        }
         let mut x = start::<S>(problem, row);
-        if summing.is_some() {
+        if structures.common.sums {
             x.append(&mut kept(problem, structures.common, row));
         }
-        let Ended::Fixed(found) = group.fixed(summing.as_ref().unwrap_or(fixed), &mut closed, x, method) else {
+        let Ended::Fixed(found) = group.fixed(within.as_ref().unwrap_or(fixed), &mut closed, x, method) else {
             unreachable!("steps are fixed")
         };
         faults.interrupted |= found.interrupted;

@@ -2,8 +2,8 @@
 //!
 //! The frame of its programs holds, slot after slot: the numbers of the run's set-up (parameters, gains, targets, limits), the
 //! exogenous input at each instant of the step, the state with the sums that it carries, which a step replaces by the next one, the step `h`, the input and the rate
-//! of the law, what the parts of a step hand to one another, and the largest angle that was turned by. Rows with the same structure, that
-//! is the same zeros and ones among their numbers, share the programs.
+//! of the law, what the parts of a step hand to one another, the largest angle that was turned by, and what records need beside the state.
+//! Rows with the same structure, that is the same zeros and ones among their numbers, share the programs.
 //!
 //! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. Of a large loop the rates are a
 //! program of their own, which every stage runs: the code of a whole step would not fit the processor's cache of instructions.
@@ -13,7 +13,9 @@ use super::force::Force;
 use super::gauge::Start;
 use super::general::assemble;
 use super::key::{Common, Key, MOST_NUMBERS};
-use super::loop_programs::{self, Programs, Summing, Tracing, Watch};
+use super::layout::Layout;
+use super::loop_programs::{self, Noting, Programs, Summing, Tracing, Watch};
+use super::notes::Notes;
 use super::problem::{Method, Problem};
 use super::sums::Sums;
 use super::world::Exogenous;
@@ -29,90 +31,6 @@ use std::sync::Arc;
 
 /// Operations of the rates beyond which a step runs them as a program of their own.
 const LARGE: u32 = 700;
-
-/// Where the quantities of a loop are in a frame, in slots.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
-    /// The numbers of the set-up come first.
-    pub given: usize,
-    /// Numbers of the desired motions at one instant, and of the wrench behind them: none without a force.
-    pub desired: usize,
-    pub wrench: usize,
-    /// The instants of a step at which the exogenous input is taken, as parts of the step.
-    pub instants: &'static [f64],
-    pub states: usize,
-    /// Numbers that sum the run up, which a state carries behind it; how many of them every step needs.
-    pub kept: usize,
-    pub lasting: usize,
-    pub inputs: usize,
-    /// Numbers of the law's answer beside its input.
-    pub answer: usize,
-    /// One if the law says whether its answer stands, else none.
-    pub guards: usize,
-    /// All inputs of the programs.
-    pub all_inputs: usize,
-    /// The exogenous input is the same for all lanes.
-    pub shared: bool,
-}
-
-impl Layout {
-    pub fn instant(&self, k: usize) -> usize {
-        self.given + k * self.exogenous()
-    }
-    pub fn state(&self) -> usize {
-        self.instant(self.instants.len())
-    }
-    pub fn kept(&self) -> usize {
-        self.state() + self.states
-    }
-    pub fn step(&self) -> usize {
-        self.kept() + self.kept
-    }
-    /// Numbers of a state with those that it carries.
-    pub fn carried(&self) -> usize {
-        self.states + self.kept
-    }
-    pub fn tau(&self) -> usize {
-        self.step() + 1
-    }
-    pub fn law_rate(&self) -> usize {
-        self.tau() + self.inputs
-    }
-    /// One as long as the law's answers stand, else zero: a step changes it.
-    pub fn stands(&self) -> usize {
-        self.law_rate() + self.answer
-    }
-    /// The state and the exogenous input of a stage.
-    pub fn stage(&self) -> usize {
-        self.stands() + self.guards
-    }
-    pub fn stage_input(&self) -> usize {
-        self.stage() + self.states
-    }
-    /// The rates of a stage; those of every stage follow.
-    pub fn rates(&self) -> usize {
-        self.stage_input() + self.exogenous()
-    }
-    /// The largest angle: the first slot that is no input.
-    pub fn reach(&self) -> usize {
-        self.all_inputs
-    }
-    /// Numbers of the exogenous input at one instant.
-    pub fn exogenous(&self) -> usize {
-        self.desired + self.wrench
-    }
-    /// Instants that a step does not have in common with the one before it.
-    pub fn new_instants(&self) -> usize {
-        self.instants.len() - usize::from(self.ends_at_last())
-    }
-    /// Whether the last instant of a step is the first one of the next.
-    pub fn ends_at_last(&self) -> bool {
-        self.instants.len() > 1 && self.instants.last() == Some(&1.0)
-    }
-    pub fn slots(&self) -> usize {
-        self.reach() + 1
-    }
-}
 
 /// A loop of one structure, recorded.
 pub struct Recorded {
@@ -158,10 +76,17 @@ pub fn given(problem: &Problem, run: usize, common: Common) -> Given {
     Given { values: recording.values, structure: recording.structure, labels: recording.labels }
 }
 
-/// The loop of run `run`, and what sums it up.
-fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, Option<Sums<Sym>>) {
+/// What the programs of a loop compute beside its steps.
+struct Beside {
+    sums: Option<Sums<Sym>>,
+    notes: Option<Notes>,
+}
+
+/// The loop of run `run`, and what is computed beside it.
+fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, Beside) {
     let closed = assemble(problem, |_| run, common.storage);
-    (closed, common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.storage)))
+    let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.storage));
+    (closed, Beside { sums, notes: common.notes.then(|| Notes::new(problem, run, common.storage)) })
 }
 
 /// A structure that was seen, and what was recorded of it; `tag` tells recordings of one loop apart.
@@ -229,9 +154,10 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
 /// The same for a reader. `plain`: keep every operation of the source, for a step that is in parts or not.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
     sym::begin_that(plain.is_none());
-    let (closed, sums) = set_up(problem, run, common);
+    let (closed, beside) = set_up(problem, run, common);
     let given = sym::end_set_up();
-    let (kept, lasting) = sums.as_ref().map_or((0, 0), Sums::sizes);
+    let (kept, lasting) = beside.sums.as_ref().map_or((0, 0), Sums::sizes);
+    let (noted, firsts) = beside.notes.as_ref().map_or((0, 0), |notes| (closed.tau.len() + notes.sizes().0, notes.sizes().1));
     let method = problem.options.method;
     let instants = match method {
         Method::Rk4 => <Rk4<Vec<Sym>, Exogenous<Sym>> as Advance<Sym, RecordedLoop, Vec<Sym>>>::INSTANTS,
@@ -248,10 +174,12 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
         inputs: closed.tau.len(),
         answer: closed.law_rate().len(),
         guards: usize::from(problem.law(run).is_guarded()),
+        firsts,
+        noted,
         all_inputs: 0,
         shared: common.shared,
     };
-    let tracing = trace(closed, sums, (method, problem.law(run).is_recordable(), plain), &layout)?;
+    let tracing = trace(closed, beside, (method, problem.law(run).is_recordable(), plain), &layout)?;
     layout.all_inputs = sym::recorded().1 as usize;
     let recording = sym::finish();
     if recording.failed {
@@ -282,7 +210,7 @@ pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
 /// Record the law if it is `asked`, the rates and the step, `in_parts` or as its size suggests; `None` for a method that is not recorded.
 fn trace(
     closed: ClosedLoop<Sym>,
-    sums: Option<Sums<Sym>>,
+    beside: Beside,
     (method, asked, in_parts): (Method, bool, Option<bool>),
     layout: &Layout,
 ) -> Option<Tracing> {
@@ -290,7 +218,7 @@ fn trace(
     let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| one()).collect();
     let (x, kept, h) = (inputs(layout.states), inputs(layout.kept), sym::input());
     let (tau, dz) = (inputs(layout.inputs), inputs(layout.answer));
-    let stood = inputs(layout.guards);
+    let (stood, firsts) = (inputs(layout.guards), inputs(layout.firsts));
     let (stage, stage_input) = (inputs(layout.states), one());
     let mut rates = inputs(layout.states + layout.guards);
     let mut closed = RecordedLoop { closed, layout, cuts: None };
@@ -306,7 +234,7 @@ fn trace(
         acting.clone_from(&tau);
     }
     // Here, since the step begins with what the law computed at this state, too.
-    let sums = sums.map(|mut sums| {
+    let sums = beside.sums.map(|mut sums| {
         let mut sum_up = |tau: &[Sym], start: Start| {
             let mut kept = kept.clone();
             sums.add(&u[0].desired, &x, tau, h, start, &mut kept);
@@ -314,6 +242,10 @@ fn trace(
         };
         let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
         Summing { along, stage, alone: sum_up(&tau, Start::Asked) }
+    });
+    let notes = beside.notes.map(|mut notes| {
+        let [along, alone] = [&acting, &tau].map(|tau| notes.take(&u[0].desired, &x, tau, &firsts));
+        Noting { along: entries(along.numbers), alone: entries(alone.numbers), firsts: entries(alone.firsts) }
     });
     let before = sym::recorded().0;
     closed.closed.stands = Sym::splat(1.0);
@@ -334,7 +266,7 @@ fn trace(
         Method::Ros2 | Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4 => return None,
     };
     let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
-    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next, sums })
+    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next, sums, notes })
 }
 
 fn entries(values: Vec<Sym>) -> Vec<u32> {

@@ -5,9 +5,9 @@
 
 use super::closed_loop::ClosedLoop;
 use super::general::assemble;
+use super::layout::Layout;
 use super::problem::{Method, Problem};
 use super::program_loop::{MOST_LANES, ProgramLoop};
-use super::recorded::Layout;
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit};
 use crate::scalar::{Float, Real};
 

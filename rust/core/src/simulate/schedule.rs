@@ -62,7 +62,22 @@ enum Records {
     Every(usize),
     /// The start and the end.
     Ends,
+    /// The end.
+    Last,
     At(Vec<Record>),
+}
+
+/// What the system does with the steps of a run beside taking them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Within {
+    Nothing,
+    /// Every step is added to a sum that the state carries.
+    Sums,
+    /// Every so many steps a record is noted, as record `last` at the end.
+    Notes {
+        every: usize,
+        last: usize,
+    },
 }
 
 /// The steps and records of a fixed-step run.
@@ -76,8 +91,7 @@ pub struct Schedule {
     pub breaks: Vec<f64>,
     /// What the state must keep to.
     pub bound: Bound,
-    /// Every step is added to a sum that the state carries.
-    pub sums_up: bool,
+    pub within: Within,
 }
 
 impl Schedule {
@@ -90,7 +104,7 @@ impl Schedule {
         // A last step shorter than the rest ends a run whose length is not a multiple of dt.
         let steps = (exact - ON_GRID * exact.max(1.0)).ceil().max(0.0) as usize;
         let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
-        let mut schedule = Schedule { dt, t_end, steps, records: Records::Ends, breaks, bound, sums_up: false };
+        let mut schedule = Schedule { dt, t_end, steps, records: Records::Ends, breaks, bound, within: Within::Nothing };
         schedule.records = match times {
             Times::Every(0) => return Err(Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
             Times::Every(every) => Records::Every(*every),
@@ -104,7 +118,22 @@ impl Schedule {
 
     /// The same steps, each added to a sum that the state carries, with records at the start and the end alone.
     pub fn summing_up(&self) -> Self {
-        Schedule { records: Records::Ends, sums_up: true, ..self.clone() }
+        Schedule { records: Records::Ends, within: Within::Sums, ..self.clone() }
+    }
+
+    /// The same steps with the records of every so many steps noted within; `None` for records at other times.
+    pub fn noting(&self) -> Option<Self> {
+        let Records::Every(every) = self.records else { return None };
+        Some(Schedule { records: Records::Last, within: Within::Notes { every, last: self.count() - 1 }, ..self.clone() })
+    }
+
+    /// The record that is noted before step `step`, if there is one.
+    #[inline(always)]
+    pub fn noted(&self, step: usize) -> Option<usize> {
+        match self.within {
+            Within::Notes { every, .. } if step.is_multiple_of(every) => Some(step / every),
+            _ => None,
+        }
     }
 
     /// Number of records.
@@ -112,6 +141,7 @@ impl Schedule {
         match &self.records {
             Records::Every(every) => self.steps / every + 1 + usize::from(!self.steps.is_multiple_of(*every)),
             Records::Ends => 1 + usize::from(self.steps > 0),
+            Records::Last => 1,
             Records::At(records) => records.len(),
         }
     }
@@ -126,6 +156,7 @@ impl Schedule {
             Records::At(records) => records.get(i).copied(),
             Records::Every(every) => (i * every < self.steps + every).then(|| on_step(i * every)),
             Records::Ends => (i == 0 || i == 1 && self.steps > 0).then(|| on_step(i * self.steps)),
+            Records::Last => (i == 0).then(|| on_step(self.steps)),
         }
     }
 

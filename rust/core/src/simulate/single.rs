@@ -1,7 +1,9 @@
 //! One run, on one number.
 
+use super::balances;
 use super::columns::Columns;
 use super::general::General;
+use super::log::Block;
 use super::monitors::{self, Monitor};
 use super::problem::{Division, Ended, Problem};
 use super::programs::{self, Structures};
@@ -14,6 +16,7 @@ use crate::error::{Error, Result, all_finite};
 use crate::memory::{self, append};
 use crate::plant::PlantKind;
 use crate::status::Status;
+use std::ops::Range;
 
 /// The records of one run; arrays are row-major with time first.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +41,8 @@ pub struct Run {
     pub rejections: u64,
     /// How it was computed: "machine", "portable" or "direct".
     pub engine: &'static str,
+    /// How far its balances are open, see [`super::BALANCES`].
+    pub balances: [f64; 4],
     /// See [`crate::integrate::Work::coarsen`].
     pub coarsen: f64,
 }
@@ -45,6 +50,8 @@ pub struct Run {
 struct Rows<'a> {
     run: &'a mut Run,
     columns: Columns,
+    /// The numbers of each series in a record.
+    numbers: Vec<Range<usize>>,
     monitor: Option<Monitor<'a>>,
     values: Vec<f64>,
     /// When a monitor stopped being finite.
@@ -72,6 +79,17 @@ impl Sink for Rows<'_> {
         }
         self.full = self.keep(t, x, tau);
     }
+
+    fn block(&mut self, block: &Block) {
+        if block.first == 0 {
+            (self.fault, self.full) = (f64::INFINITY, Ok(()));
+            self.run.truncate(0);
+        }
+        if self.fault.is_finite() || self.full.is_err() {
+            return;
+        }
+        self.full = self.keep_block(block);
+    }
 }
 
 impl Rows<'_> {
@@ -89,6 +107,28 @@ impl Rows<'_> {
         memory::more(&mut run.z, p * records)?;
         for (_, series) in &mut run.monitors {
             memory::more(series, records)?;
+        }
+        Ok(())
+    }
+
+    /// The records of a block, up to one with a monitor that is not finite.
+    fn keep_block(&mut self, block: &Block) -> Result<()> {
+        let (run, monitors) = (&mut *self.run, self.values.len());
+        let (mut sound, numbers) = (true, &self.numbers);
+        let own = [&mut run.q, &mut run.v, &mut run.tau, &mut run.theta, &mut run.theta_dot, &mut run.z];
+        for (series, numbers) in own.into_iter().zip(numbers) {
+            block.append(numbers.clone(), series)?;
+        }
+        for ((_, series), numbers) in run.monitors.iter_mut().zip(&numbers[numbers.len() - monitors..]) {
+            sound &= block.append(numbers.clone(), series)?;
+        }
+        for i in 0..block.count {
+            append(&mut run.t, &[block.time(i)])?;
+        }
+        let fault = if sound { None } else { block.fault(block.width() - monitors..block.width(), 0) };
+        if let Some(i) = fault {
+            self.fault = block.time(i);
+            run.truncate(run.t.len() - block.count + i);
         }
         Ok(())
     }
@@ -131,7 +171,8 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, mut asked: Option<&mut
     run.monitors = names.iter().map(|&name| (name, Vec::new())).collect();
     let monitor = problem.options.monitors.then(|| Monitor::new(problem, 0));
     let values = vec![0.0; names.len()];
-    let mut sink = Rows { run: &mut run, columns, monitor, values, fault: f64::INFINITY, full: Ok(()) };
+    let numbers = columns.series(problem.state_size(), names.len());
+    let mut sink = Rows { run: &mut run, columns, numbers, monitor, values, fault: f64::INFINITY, full: Ok(()) };
     if let Division::Fixed(fixed) = &division {
         require_memory(fixed.schedule.count() as u128)?;
         sink.reserve(fixed.schedule.count())?;
@@ -174,6 +215,7 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, mut asked: Option<&mut
             run.coarsen = outcome.work.coarsen;
         }
     }
+    run.balances = balances::open(|name| run.monitors.iter().find(|(known, _)| *known == name).map(|(_, series)| series.as_slice()));
     Ok(run)
 }
 

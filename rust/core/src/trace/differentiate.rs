@@ -112,11 +112,11 @@ impl Differentiation {
                 let below = tape.less(b, a);
                 tape.select(below, at(b), at(a))
             }
-            Op::Sin(a) => {
+            Op::Sin(a) | Op::UnfusedSin(a) => {
                 let cosine = tape.push(Op::Cos(a));
                 tape.mul(at(a), cosine)
             }
-            Op::Cos(a) => {
+            Op::Cos(a) | Op::UnfusedCos(a) => {
                 let sine = tape.push(Op::Sin(a));
                 let rate = tape.mul(at(a), sine);
                 tape.neg(rate)

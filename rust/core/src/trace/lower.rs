@@ -139,7 +139,13 @@ impl Lowering<'_> {
             Op::Min(a, b) => I::Min(self.at(a), self.at(b)),
             Op::Less(a, b) => I::Less(self.at(a), self.at(b)),
             Op::Select(mask, yes, no) => I::Select(self.at(mask), self.at(yes), self.at(no)),
-            Op::Sin(a) | Op::Cos(a) => return self.turn(top, a),
+            Op::Sin(a) | Op::Cos(a) => return self.turn(top, a, (Op::Sin(a), Op::Cos(a))),
+            Op::UnfusedSin(a) | Op::UnfusedCos(a) => {
+                let fused = std::mem::replace(&mut self.fused, false);
+                let value = self.turn(top, a, (Op::UnfusedSin(a), Op::UnfusedCos(a)));
+                self.fused = fused;
+                return value;
+            }
         };
         self.push(lowered)
     }
@@ -160,11 +166,14 @@ impl Lowering<'_> {
         self.push(Instruction::Sub(c, product))
     }
 
-    /// Sine and cosine of entry `a` as `scalar::trig::sin_cos_near` computes them; the value of entry `top`, which is one of them.
-    fn turn(&mut self, top: u32, a: u32) -> u32 {
+    /// Sine and cosine of entry `a`, the `pair`, as `scalar::trig::sin_cos_near` computes them; the value of entry `top`, which is one of
+    /// them.
+    fn turn(&mut self, top: u32, a: u32, pair: (Op, Op)) -> u32 {
         use Instruction as I;
         let x = self.at(a);
-        self.turns.push(x);
+        if !self.turns.contains(&x) {
+            self.turns.push(x);
+        }
         let (k, round) = (self.constant(trig::TWO_OVER_PI), self.constant(trig::ROUND));
         let rounded = self.fma(x, k, round);
         let turns = self.push(I::Sub(rounded, round));
@@ -192,7 +201,7 @@ impl Lowering<'_> {
         let sin = self.push(I::Xor(swapped.0, sin_sign));
         let cos = self.push(I::Xor(swapped.1, cos_sign));
         // Both entries of the pair are known from here on.
-        for (entry, op) in [(Op::Sin(a), sin), (Op::Cos(a), cos)] {
+        for (entry, op) in [(pair.0, sin), (pair.1, cos)] {
             if let Some(at) = self.twin(top, entry) {
                 self.known[at] = Some(op);
             }

@@ -2,6 +2,7 @@
 
 use super::frame::Frame;
 use crate::scalar::lanes::{Isa, isa};
+use std::ops::Range;
 
 /// Rows `at..` of `given`, `width` numbers each, to the slots from `first` on, a row per lane; lanes beyond the last row repeat it.
 pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: usize) {
@@ -49,9 +50,54 @@ pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> boo
     sound
 }
 
+/// Records one after another, `record` numbers each of all `lanes`.
+pub struct Series<'a> {
+    pub numbers: &'a [f64],
+    pub lanes: usize,
+    pub record: usize,
+    pub count: usize,
+}
+
+impl Series<'_> {
+    /// The numbers `which` of every record as a row of `out` for each lane from `lane` on; whether all are finite. No zero is negative.
+    pub fn write(&self, which: Range<usize>, lane: usize, out: &mut [&mut [f64]]) -> bool {
+        let Series { numbers, lanes, record, count } = *self;
+        let length = which.len() * count;
+        assert!(which.end <= record && lane + out.len() <= lanes && numbers.len() >= record * lanes * count);
+        assert!(out.iter().all(|row| row.len() == length), "rows of another length");
+        #[cfg(target_arch = "x86_64")]
+        if let ([a, b, c, d], true) = (&mut *out, length >= 4 && isa() >= Isa::Avx2) {
+            // SAFETY: the processor has AVX2.
+            return unsafe { avx2::write_series(self, which, lane, [a, b, c, d]) };
+        }
+        let mut sound = true;
+        if let ([row], 1) = (&mut *out, lanes) {
+            for (to, from) in row.chunks_exact_mut(which.len().max(1)).zip(numbers.chunks_exact(record)) {
+                for (to, from) in to.iter_mut().zip(&from[which.clone()]) {
+                    let x = from + 0.0;
+                    sound &= x.is_finite();
+                    *to = x;
+                }
+            }
+            return sound;
+        }
+        for (offset, row) in out.iter_mut().enumerate() {
+            let places = (0..count).flat_map(|i| which.clone().map(move |k| (i * record + k) * lanes + lane + offset));
+            for (to, place) in row.iter_mut().zip(places) {
+                let x = numbers[place] + 0.0;
+                sound &= x.is_finite();
+                *to = x;
+            }
+        }
+        sound
+    }
+}
+
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
+    use super::Series;
     use std::arch::x86_64::*;
+    use std::ops::Range;
 
     /// Two numbers at `low`, and two at `high` above them.
     ///
@@ -99,6 +145,54 @@ mod avx2 {
         }
     }
 
+    /// As [`Series::write`], four lanes of at least four numbers in all.
+    #[target_feature(enable = "avx2")]
+    pub fn write_series(series: &Series, which: Range<usize>, lane: usize, out: [&mut [f64]; 4]) -> bool {
+        let &Series { numbers, lanes, record, count } = series;
+        let length = which.len() * count;
+        assert!(lane + 4 <= lanes && which.end <= record && numbers.len() >= record * lanes * count);
+        assert!(length >= 4 && out.iter().all(|row| row.len() == length));
+        let zero = _mm256_setzero_pd();
+        // Zero, or NaN once a number was not finite.
+        let mut zeros = [zero; 4];
+        let gap = (record - which.len()) * lanes;
+        let (mut place, mut number) = (which.start * lanes + lane, 0);
+        let mut next = || {
+            let here = place;
+            (place, number) = (place + lanes, number + 1);
+            if number == which.len() {
+                (place, number) = (place + gap, 0);
+            }
+            here
+        };
+        let mut places = [next(), next(), next(), next()];
+        let mut at = 0;
+        loop {
+            // SAFETY: four lanes of numbers that are there, and four numbers of each row from `at` on.
+            unsafe {
+                let rows = columns(places.map(|place| numbers.as_ptr().add(place)));
+                for (i, row) in rows.into_iter().enumerate() {
+                    let row = _mm256_add_pd(row, zero);
+                    zeros[i] = _mm256_add_pd(zeros[i], _mm256_mul_pd(row, zero));
+                    _mm256_storeu_pd(out[i].as_mut_ptr().add(at), row);
+                }
+            }
+            let left = length - at - 4;
+            if left == 0 {
+                break;
+            }
+            // The last block overlaps the one before.
+            let step = left.min(4);
+            places.rotate_left(step);
+            for place in &mut places[4 - step..] {
+                *place = next();
+            }
+            at += step;
+        }
+        let all = _mm256_add_pd(_mm256_add_pd(zeros[0], zeros[1]), _mm256_add_pd(zeros[2], zeros[3]));
+        _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_EQ_OQ>(all, zero)) == 15
+    }
+
     /// Lanes `lane..lane + 4` of at least four slots of `lanes` to four rows; whether every number is finite.
     #[target_feature(enable = "avx2")]
     pub fn write_four(from: &[f64], lane: usize, lanes: usize, length: usize, out: &mut [f64]) -> bool {
@@ -127,6 +221,32 @@ mod avx2 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn series_are_a_row_of_each_lane() {
+        for (lanes, at_once) in [(1, 1), (2, 2), (4, 4), (4, 3), (8, 4)] {
+            for (record, which, count) in [(3, 0..2, 7), (5, 4..5, 9), (5, 1..2, 3), (9, 2..8, 4), (4, 0..4, 1), (2, 1..1, 5)] {
+                let numbers: Vec<f64> = (0..record * count * lanes).map(|k| if k == 3 { -0.0 } else { k as f64 }).collect();
+                for lane in (0..=lanes - at_once).step_by(at_once) {
+                    let mut rows = vec![vec![f64::NAN; which.len() * count]; at_once];
+                    let mut out: Vec<&mut [f64]> = rows.iter_mut().map(Vec::as_mut_slice).collect();
+                    assert!(Series { numbers: &numbers, lanes, record, count }.write(which.clone(), lane, &mut out));
+                    for (offset, row) in rows.iter().enumerate() {
+                        let places = (0..count).flat_map(|i| which.clone().map(move |k| (i * record + k) * lanes + lane + offset));
+                        let expected: Vec<u64> = places.map(|place| (numbers[place] + 0.0).to_bits()).collect();
+                        let got: Vec<u64> = row.iter().map(|x| x.to_bits()).collect();
+                        assert_eq!(got, expected, "{lanes} {record} {which:?} {count} {lane}");
+                    }
+                    for bad in which.clone().map(|k| ((count - 1) * record + k) * lanes + lane) {
+                        let mut numbers = numbers.clone();
+                        numbers[bad] = f64::INFINITY;
+                        let mut out: Vec<&mut [f64]> = rows.iter_mut().map(Vec::as_mut_slice).collect();
+                        assert!(!Series { numbers: &numbers, lanes, record, count }.write(which.clone(), lane, &mut out));
+                    }
+                }
+            }
+        }
+    }
 
     #[test]
     fn rows_pass_through_frames() {

@@ -72,6 +72,14 @@ pub fn finish() -> Recording {
     Recording { ops: tape.ops, values: tape.values, labels: tape.labels.all, structure: tape.structure, failed: tape.failed }
 }
 
+/// Record what `f` computes as plain `f64` rounds it: no product is fused with a sum, within sines and cosines neither.
+pub fn unfused<T>(f: impl FnOnce() -> T) -> T {
+    let before = on_tape(|tape| std::mem::replace(&mut tape.unfused, true));
+    let made = f();
+    on_tape(|tape| tape.unfused = before);
+    made
+}
+
 impl Sym {
     /// Its index among the operations of the recording.
     pub fn index(self) -> u32 {
@@ -168,7 +176,10 @@ impl Real for Sym {
     fn sin_cos(self) -> (Sym, Sym) {
         on_tape(|tape| match tape.known(self.0) {
             Some(0.0) => (Sym(tape.constant(0.0)), Sym(tape.constant(1.0))),
-            _ => (Sym(tape.push(Op::Sin(self.0))), Sym(tape.push(Op::Cos(self.0)))),
+            _ => {
+                let (sin, cos) = tape.turn(self.0);
+                (Sym(sin), Sym(cos))
+            }
         })
     }
     fn lt(self, other: Sym) -> Sym {

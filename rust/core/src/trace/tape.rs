@@ -30,6 +30,9 @@ pub enum Op {
     Min(u32, u32),
     Sin(u32),
     Cos(u32),
+    /// The same with every product rounded before it is added.
+    UnfusedSin(u32),
+    UnfusedCos(u32),
     /// A mask: `a < b`.
     Less(u32, u32),
     /// The second where the mask, the first, holds; else the third.
@@ -41,7 +44,8 @@ impl Op {
     pub fn operands(self) -> impl Iterator<Item = u32> {
         let (count, all) = match self {
             Op::Const(_) | Op::Input(_) => (0, [0; 3]),
-            Op::Neg(a) | Op::Sqrt(a) | Op::Abs(a) | Op::Sin(a) | Op::Cos(a) => (1, [a, 0, 0]),
+            Op::Neg(a) | Op::Sqrt(a) | Op::Abs(a) => (1, [a, 0, 0]),
+            Op::Sin(a) | Op::Cos(a) | Op::UnfusedSin(a) | Op::UnfusedCos(a) => (1, [a, 0, 0]),
             Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) | Op::Max(a, b) | Op::Min(a, b) | Op::Less(a, b) => {
                 (2, [a, b, 0])
             }
@@ -91,6 +95,8 @@ pub(super) struct Tape {
     pub inputs: u32,
     pub set_up: bool,
     pub failed: bool,
+    /// Products are rounded before they are added.
+    pub unfused: bool,
     folds: bool,
 }
 
@@ -113,6 +119,7 @@ impl Tape {
             inputs: 0,
             set_up: true,
             failed: false,
+            unfused: false,
             folds,
         };
         for x in [0.0, 1.0, -1.0] {
@@ -279,6 +286,10 @@ impl Tape {
     }
 
     pub fn fma(&mut self, a: u32, b: u32, c: u32) -> u32 {
+        if self.unfused {
+            let product = self.mul(a, b);
+            return self.add(product, c);
+        }
         if let Some(product) = self.exact_product(a, b) {
             return self.add(product, c);
         }
@@ -294,6 +305,10 @@ impl Tape {
     }
 
     pub fn fnma(&mut self, a: u32, b: u32, c: u32) -> u32 {
+        if self.unfused {
+            let product = self.mul(a, b);
+            return self.sub(c, product);
+        }
         if let Some(product) = self.exact_product(a, b) {
             return self.sub(c, product);
         }
@@ -303,6 +318,12 @@ impl Tape {
             (None, Some(b)) => self.fma(a, b, c),
             _ => self.push(Op::Fnma(a.min(b), a.max(b), c)),
         }
+    }
+
+    /// Sine and cosine.
+    pub fn turn(&mut self, a: u32) -> (u32, u32) {
+        let (sin, cos) = if self.unfused { (Op::UnfusedSin(a), Op::UnfusedCos(a)) } else { (Op::Sin(a), Op::Cos(a)) };
+        (self.push(sin), self.push(cos))
     }
 
     pub fn div(&mut self, a: u32, b: u32) -> u32 {

@@ -8,7 +8,7 @@ use super::simulator::simulate;
 use super::straight::{Instruction, Part, Places, Straight, Stream};
 use super::sym::{self, Sym};
 use crate::scalar::lanes::{Isa, isa};
-use crate::scalar::{Array8, Real};
+use crate::scalar::{Float, Real};
 
 /// A small generator (xorshift, Marsaglia 2003).
 pub struct Random(pub u64);
@@ -201,12 +201,21 @@ fn computation<S: Real>(x: &[S], gain: S) -> [S; 5] {
 
 #[test]
 fn a_recording_has_the_bits_of_what_was_recorded() {
+    has_the_bits_of_what_was_recorded(false);
+}
+
+#[test]
+fn a_recording_without_fusing_has_the_bits_of_plain_numbers() {
+    has_the_bits_of_what_was_recorded(true);
+}
+
+fn has_the_bits_of_what_was_recorded(unfused: bool) {
     let mut random = Random(7);
     sym::begin();
     let gain = Sym::from_lanes(|_| 3.0);
     assert_eq!(sym::end_set_up(), 1);
     let x: Vec<Sym> = (0..5).map(|_| sym::input()).collect();
-    let outputs = computation(&x, gain);
+    let outputs = if unfused { sym::unfused(|| computation(&x, gain)) } else { computation(&x, gain) };
     let recording = sym::finish();
     assert!(!recording.failed);
     assert_eq!(recording.values, [3.0]);
@@ -225,11 +234,8 @@ fn a_recording_has_the_bits_of_what_was_recorded() {
             program.run(&mut frame);
             for (lane, x) in x.iter().enumerate() {
                 let expected = match form.set {
-                    // SSE2 has no fused products, and this number never fuses.
-                    Set::Sse2 => {
-                        computation(&x.iter().map(|&x| Array8::splat(x)).collect::<Vec<_>>(), Array8::splat(3.0)).map(|x| x.lane(0))
-                    }
-                    _ => computation(x, 3.0),
+                    set if unfused || set == Set::Sse2 => computation(x, 3.0),
+                    _ => computation(Float::of(x), Float(3.0)).map(|x| x.lane(0)),
                 };
                 for (k, expected) in expected.iter().enumerate() {
                     let got = frame.slot_mut(6 + k)[lane];

@@ -176,6 +176,17 @@ fn batch_rows_are_runs() {
             // The same operations in another order of rounding: a contracting loop keeps them together.
             assert_close(&batch.q[2 * k * i..2 * k * (i + 1)], &run.q, 1e-12, "q");
             assert_close(&batch.tau[2 * k * i..2 * k * (i + 1)], &run.tau, 1e-11, "tau");
+            // What is open of its balances, by their definitions.
+            let row = |name: &str| &batch.monitors.iter().find(|(known, _)| *known == name).unwrap().1[k * i..k * (i + 1)];
+            let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most: f64, x| most.max(x.abs()));
+            let (energy, balance, lyapunov) = (row("energy"), row("energy_balance"), row("lyapunov"));
+            let exchanged = most(&mut energy.iter().zip(balance).map(|(e, b)| e - energy[0] - b));
+            let missing = most(&mut balance.iter().copied());
+            let error = missing / most(&mut energy.iter().copied()).max(exchanged);
+            let lost = most(&mut row("lyapunov_balance").iter().copied()) / most(&mut lyapunov.iter().copied());
+            let expected = [error, missing, most(&mut lyapunov.iter().copied()) / lyapunov[0], lost];
+            assert_eq!([0, 1, 2, 3].map(|k| batch.balances[k][i]), expected);
+            assert!(expected.iter().all(|x| *x > 0.0));
         } else {
             assert_eq!((i, run.status, batch.ended[i]), (7, Status::Diverged, run.ended));
             assert!(batch.q[2 * k * i + 2..2 * k * (i + 1)].iter().all(|x| x.is_nan()));

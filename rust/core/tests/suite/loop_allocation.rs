@@ -19,8 +19,15 @@ fn sinusoid(n: usize) -> Motion {
     Motion::Sinusoid(Sinusoid::new(vec![0.1; n], 1, vec![0.3; n], vec![1.5; n], vec![0.0; n]).unwrap())
 }
 
-/// Allocations of a run of `steps` steps of 1 ms that records its end alone.
-fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: Method, sample: Option<f64>, steps: usize) -> usize {
+/// Allocations of a run of `steps` steps of 1 ms that records its end alone, or every step.
+fn allocations(
+    plant: &PlantSpec,
+    law: &LawSpec,
+    force: Option<&Force>,
+    method: Method,
+    (sample, every): (Option<f64>, bool),
+    steps: usize,
+) -> usize {
     let n = plant.n();
     let t_end = steps as f64 * 1e-3;
     let sensed = matches!(plant, PlantSpec::Elastic(_));
@@ -32,7 +39,7 @@ fn allocations(plant: &PlantSpec, law: &LawSpec, force: Option<&Force>, method: 
         rtol: 1e-8,
         atol: 1e-10,
         sampling: sample.map(|period| Sampling { torque_sensor: sensor.clone(), ..Sampling::every(period) }),
-        times: Times::At(vec![t_end]),
+        times: if every { Times::Every(1) } else { Times::At(vec![t_end]) },
         tau_max: Some(vec![1e4; n]),
         monitors: true,
         state_limit: DEFAULT_STATE_LIMIT,
@@ -111,7 +118,13 @@ fn steps_allocate_nothing() {
         // Targets out of reach keep these switching between maps: an adaptive method would chase every switch.
         let methods: &[Method] = if what.ends_with("in priority") { &[Method::Rk4] } else { &[Method::Rk4, Method::Dop853] };
         for &method in methods {
-            for sample in [None, Some(0.002)] {
+            // Records of accepted steps make their arrays longer as they come.
+            let ways: &[_] = if method == Method::Rk4 {
+                &[(None, false), (None, true), (Some(0.002), false), (Some(0.002), true)]
+            } else {
+                &[(None, false), (Some(0.002), false)]
+            };
+            for &(sample, every) in ways {
                 // Accelerations held for 2 ms before a target out of reach end far away sooner or later: rounding decides when.
                 let steps = match method {
                     _ if *what == "accelerations in priority" && sample.is_some() => [20, 60],
@@ -120,9 +133,9 @@ fn steps_allocate_nothing() {
                     _ => [100, 1000],
                 };
                 // The first run makes the programs of the loop.
-                allocations(plant, law, *force, method, sample, steps[1]);
-                let [few, many] = steps.map(|steps| allocations(plant, law, *force, method, sample, steps));
-                assert_eq!(few, many, "{what}, {method:?}, sampled at {sample:?}");
+                allocations(plant, law, *force, method, (sample, every), steps[1]);
+                let [few, many] = steps.map(|steps| allocations(plant, law, *force, method, (sample, every), steps));
+                assert_eq!(few, many, "{what}, {method:?}, sampled at {sample:?}, every step recorded: {every}");
                 assert!(few > 0);
             }
         }
@@ -134,7 +147,7 @@ fn steps_allocate_nothing() {
     let law = LawSpec::StateFeedback(StateFeedbackSpec::new(two, &[0.4, 0.3], gains, gain(2, 800.0)).unwrap());
     let plant = PlantSpec::Elastic(spec);
     for (method, sample) in [(Method::Rk4, None), (Method::Rk4, Some(0.002)), (Method::Dop853, None)] {
-        let count = |steps: usize| allocations(&plant, &law, None, method, sample, steps);
+        let count = |steps: usize| allocations(&plant, &law, None, method, (sample, false), steps);
         count(100);
         assert_eq!(count(100), count(1000), "{method:?}, sampled at {sample:?}");
     }

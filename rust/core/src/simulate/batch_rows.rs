@@ -1,0 +1,274 @@
+//! The rows of a group of runs of a batch, in the arrays that the user gets: written once, by the group alone.
+//!
+//! Large arrays are not filled beforehand: the thread that writes a row is the first to touch its memory. Where a run ends early, its rows
+//! are filled with NaN.
+
+use super::balances;
+use super::batch::BatchRuns;
+use super::columns::Columns;
+use super::log::Block;
+use super::measures::Plan;
+use super::measuring::Measuring;
+use super::monitors::{self, Monitor};
+use super::problem::{Ended, Problem};
+use super::sink::Sink;
+use crate::error::{Result, all_finite};
+use crate::memory;
+use crate::status::Status;
+use std::ops::Range;
+use std::slice::ChunksMut;
+
+/// One array: which numbers of a record `[x, tau, monitors]` it holds, and the rows of the group, `(runs, records, numbers)`.
+struct Series<'a> {
+    numbers: Range<usize>,
+    rows: &'a mut [f64],
+}
+
+impl Series<'_> {
+    /// The place of some records of a run of `all`.
+    fn place(&self, run: usize, all: usize, records: &Range<usize>) -> Range<usize> {
+        let width = self.numbers.len();
+        (run * all + records.start) * width..(run * all + records.end) * width
+    }
+}
+
+/// The rows of one group.
+pub struct Rows<'a> {
+    problem: &'a Problem<'a>,
+    records: usize,
+    /// One series after another; those of the monitors are the last ones.
+    series: Vec<Series<'a>>,
+    monitors: usize,
+    /// Those that are computed record by record, made when they are asked for: each compiles an arm.
+    checks: Vec<Option<Box<Monitor<'a>>>>,
+    first: usize,
+    status: &'a mut [Status],
+    ended: &'a mut [f64],
+    balances: [&'a mut [f64]; 4],
+    names: &'static [&'static str],
+    /// The record that is being written.
+    record: Vec<f64>,
+    /// The records of each run that are written.
+    written: Vec<usize>,
+    /// When a monitor of each run stopped being finite.
+    faults: Vec<f64>,
+    /// The runs that are summed up, and where their numbers go.
+    summed: Vec<Measuring<'a>>,
+    metrics: Vec<&'a mut [f64]>,
+}
+
+impl Sink for Rows<'_> {
+    fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]) {
+        // The spare lanes of a group that is not full have no rows.
+        if lane >= self.status.len() {
+            return;
+        }
+        if let Some(run) = self.summed.get_mut(lane) {
+            run.record(i, t, x, tau);
+            return;
+        }
+        if i == 0 {
+            // A run that starts anew.
+            (self.faults[lane], self.written[lane]) = (f64::INFINITY, 0);
+        }
+        if self.faults[lane].is_finite() {
+            return;
+        }
+        if self.monitors > 0 {
+            let (problem, run) = (self.problem, self.first + lane);
+            let check = self.checks[lane].get_or_insert_with(|| Box::new(Monitor::new(problem, run)));
+            let values = &mut self.record[x.len() + tau.len()..];
+            check.evaluate(t, x, tau, values);
+            if !all_finite(values) {
+                self.faults[lane] = t;
+                return;
+            }
+        }
+        self.write(lane, i, x, tau);
+    }
+
+    fn block(&mut self, block: &Block) {
+        let (rows, at_once) = (self.status.len(), block.at_once());
+        let lanes = block.lanes.map(|lane| lane.filter(|&lane| lane < rows && !self.faults[lane].is_finite()));
+        for (k, lanes) in lanes.chunks(at_once).enumerate() {
+            let first = k * at_once;
+            if let &[Some(a), Some(b), Some(c), Some(d)] = lanes {
+                self.write_block(block, first, [a, b, c, d]);
+            } else {
+                lanes
+                    .iter()
+                    .enumerate()
+                    .filter_map(|(i, lane)| Some((i, (*lane)?)))
+                    .for_each(|(i, run)| self.write_block(block, first + i, [run]));
+            }
+        }
+    }
+
+    fn take(&mut self, lane: usize, kept: &[f64], time: &dyn Fn(usize) -> f64) {
+        if let Some(run) = self.summed.get_mut(lane) {
+            run.take(kept, time);
+        }
+    }
+}
+
+/// The rows of each group of `lanes` runs.
+pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Result<Vec<Rows<'a>>> {
+    let (records, monitors) = (out.t.len(), out.monitors.len());
+    let numbers = Columns::of(problem).series(problem.state_size(), monitors);
+    let width = problem.state_size() + problem.plant(0).n() + monitors;
+    let own = [&mut out.q, &mut out.v, &mut out.tau, &mut out.theta, &mut out.theta_dot, &mut out.z];
+    let arrays = own.into_iter().chain(out.monitors.iter_mut().map(|(_, series)| series));
+    let chunks = |(array, numbers): (&'a mut Vec<f64>, &Range<usize>)| {
+        let of_run = records * numbers.len();
+        array.chunks_mut((lanes * of_run).max(1))
+    };
+    let mut arrays: Vec<_> = arrays.zip(&numbers).map(chunks).collect();
+    let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
+    let ended = out.ended.chunks_mut(lanes);
+    let mut balances = out.balances.each_mut().map(|numbers| numbers.chunks_mut(lanes));
+    let names = monitors::names(problem);
+    // The parts of the series and the metrics are many small vectors.
+    let parts = arrays.len() * size_of::<Series>() + metrics.len() * size_of::<&mut [f64]>() + 8 * width;
+    memory::require(ended.len() * (size_of::<Rows>() + parts + 32))?;
+    let mut series = || {
+        let of = |(rows, numbers): (&mut ChunksMut<'a, f64>, &Range<usize>)| Series {
+            numbers: numbers.clone(),
+            rows: rows.next().unwrap_or_default(),
+        };
+        arrays.iter_mut().zip(&numbers).map(of).collect()
+    };
+    memory::collected(out.status.chunks_mut(lanes).zip(ended).enumerate().map(|(group, (status, ended))| Rows {
+        problem,
+        records,
+        series: series(),
+        monitors,
+        checks: Vec::new(),
+        first: group * lanes,
+        record: vec![0.0; width],
+        written: Vec::new(),
+        faults: Vec::new(),
+        summed: Vec::new(),
+        metrics: metrics.iter_mut().map(|m| m.next().unwrap_or_default()).collect(),
+        status,
+        ended,
+        balances: balances.each_mut().map(|numbers| numbers.next().unwrap_or_default()),
+        names,
+    }))
+}
+
+impl Rows<'_> {
+    /// Make what the group needs while it runs.
+    pub fn watch(&mut self, plans: &[Plan]) {
+        let rows = self.status.len();
+        (self.faults, self.written) = (vec![f64::INFINITY; rows], vec![0; rows]);
+        if plans.is_empty() {
+            self.checks = (0..rows).map(|_| None).collect();
+            return;
+        }
+        let plan = |i: usize| &plans[if plans.len() == 1 { 0 } else { i }];
+        self.summed = (self.first..self.first + rows).map(|i| Measuring::new(self.problem, i, plan(i), self.monitors)).collect();
+    }
+
+    /// Record `i` of a run, with the monitors in `self.record`.
+    fn write(&mut self, run: usize, i: usize, x: &[f64], tau: &[f64]) {
+        self.record[..x.len()].copy_from_slice(x);
+        self.record[x.len()..x.len() + tau.len()].copy_from_slice(tau);
+        for series in &mut self.series {
+            let place = series.place(run, self.records, &(i..i + 1));
+            series.rows[place].copy_from_slice(&self.record[series.numbers.clone()]);
+        }
+        self.written[run] = i + 1;
+    }
+
+    /// The records of a block, those of the lanes from `lane` on, for these runs.
+    fn write_block<const R: usize>(&mut self, block: &Block, lane: usize, runs: [usize; R]) {
+        let (records, own) = (block.first..block.first + block.count, self.series.len() - self.monitors);
+        let mut sound = true;
+        for (k, series) in self.series.iter_mut().enumerate().filter(|(_, series)| !series.numbers.is_empty()) {
+            let places = runs.map(|run| series.place(run, self.records, &records));
+            let Ok(mut rows) = series.rows.get_disjoint_mut(places) else { unreachable!("runs have rows of their own") };
+            let finite = block.write(series.numbers.clone(), lane, &mut rows);
+            sound &= finite || k < own;
+        }
+        let monitors = block.width() - self.monitors..block.width();
+        for (i, run) in runs.into_iter().enumerate() {
+            let fault = if sound { None } else { block.fault(monitors.clone(), lane + i) };
+            self.written[run] = fault.map_or(records.end, |i| records.start + i);
+            if let Some(i) = fault {
+                self.faults[run] = block.time(i);
+            }
+        }
+    }
+
+    /// Note how each run of the group ended, and fill the rows that it did not come to; whether it was interrupted.
+    pub fn finish(&mut self, ended: &Ended, t_end: f64) -> bool {
+        self.checks = Vec::new();
+        let mut summed = std::mem::take(&mut self.summed);
+        let measured = !summed.is_empty();
+        let mut faults = std::mem::take(&mut self.faults);
+        for (fault, run) in faults.iter_mut().zip(&summed) {
+            *fault = run.fault;
+        }
+        let interrupted = match ended {
+            Ended::Fixed(of) if of.interrupted => true,
+            Ended::Fixed(of) => {
+                for (lane, (status, ended)) in self.status.iter_mut().zip(self.ended.iter_mut()).enumerate() {
+                    let fault = of.at[lane].min(faults[lane]);
+                    *status = if fault.is_finite() { Status::Diverged } else { Status::Success };
+                    *ended = fault.min(t_end);
+                }
+                false
+            }
+            Ended::Adaptive(outcome) => {
+                let fault = faults[0];
+                let ended = if fault <= outcome.t { (Status::Diverged, fault) } else { (outcome.status, outcome.t) };
+                (self.status[0], self.ended[0]) = ended;
+                outcome.status == Status::Interrupted
+            }
+        };
+        for (lane, run) in summed.iter_mut().enumerate() {
+            if self.status[lane] == Status::Success && self.records > 0 {
+                self.write_summary(lane, run);
+            }
+        }
+        (0..self.status.len()).filter(|_| !(interrupted || measured)).for_each(|run| self.balance(run));
+        let written = std::mem::take(&mut self.written);
+        for (run, &written) in written.iter().enumerate().filter(|_| !interrupted) {
+            for series in &mut self.series {
+                let place = series.place(run, self.records, &(written..self.records));
+                series.rows[place].fill(f64::NAN);
+            }
+        }
+        self.record = Vec::new();
+        interrupted
+    }
+
+    /// How far the balances of a run are open, if it reached its end.
+    fn balance(&mut self, run: usize) {
+        if self.status[run] != Status::Success || self.written[run] < self.records {
+            return;
+        }
+        let all = &self.series[self.series.len() - self.monitors..];
+        let series = |name: &str| {
+            let of = &all[self.names.iter().position(|known| *known == name)?];
+            Some(&of.rows[run * self.records..(run + 1) * self.records])
+        };
+        let open = balances::open(series);
+        self.balances.iter_mut().zip(open).for_each(|(to, open)| to[run] = open);
+    }
+
+    /// The last record of a run and the numbers that sum it up.
+    fn write_summary(&mut self, lane: usize, run: &mut Measuring) {
+        let summary = run.summary();
+        let place = self.record.len() - self.monitors;
+        self.record[place..].copy_from_slice(&run.values);
+        self.write(lane, 0, &run.x, &run.tau);
+        let (rows, mut rest) = (self.status.len(), summary.as_slice());
+        for to in &mut self.metrics {
+            let width = to.len() / rows;
+            let (numbers, behind) = rest.split_at(width);
+            to[lane * width..(lane + 1) * width].copy_from_slice(numbers);
+            rest = behind;
+        }
+    }
+}

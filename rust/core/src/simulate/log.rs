@@ -1,0 +1,138 @@
+//! The records of some steps of a group of lanes, as programs leave them, and from there to the rows of the caller's arrays.
+
+use super::layout::Layout;
+use super::program_loop::MOST_LANES;
+use crate::error::Result;
+use crate::memory;
+use crate::trace::{Frame, rows};
+use std::ops::Range;
+
+/// Records that a log has room for: those of a block of steps, and the last one of a run.
+const ROOM: usize = 40;
+
+/// The records that were noted since the last ones were passed on, frame by frame.
+pub struct Log {
+    /// A record is noted every so many steps.
+    pub every: usize,
+    /// The number of the first record that is there, and how many there are.
+    first: usize,
+    count: usize,
+    /// Record after record: the state, then what is noted beside it, each of all lanes of the frame.
+    frames: Vec<Vec<f64>>,
+    lanes: usize,
+    /// The places of both in a frame.
+    state: Range<usize>,
+    noted: Range<usize>,
+}
+
+impl Log {
+    pub fn new(layout: &Layout, every: usize, frames: &[Frame]) -> Self {
+        let lanes = frames[0].lanes();
+        let width = layout.states + layout.noted;
+        Log {
+            every,
+            first: 0,
+            count: 0,
+            frames: frames.iter().map(|_| vec![0.0; ROOM * width * lanes]).collect(),
+            lanes,
+            state: layout.state()..layout.state() + layout.states,
+            noted: layout.noted()..layout.noted() + layout.noted,
+        }
+    }
+
+    /// Numbers of a record.
+    fn width(&self) -> usize {
+        self.state.len() + self.noted.len()
+    }
+
+    /// The place of record `i`. Records come in order, or again from an earlier one on.
+    fn row(&mut self, i: usize, frame: usize) -> &mut [f64] {
+        if self.count == 0 {
+            self.first = i;
+        }
+        let (row, size) = (i - self.first, self.width() * self.lanes);
+        self.count = row + 1;
+        &mut self.frames[frame][row * size..(row + 1) * size]
+    }
+
+    /// The state in a frame as that of record `i`: before the step replaces it.
+    pub fn note_state(&mut self, i: usize, k: usize, frame: &Frame) {
+        let (from, lanes) = (self.state.clone(), self.lanes);
+        self.row(i, k)[..from.len() * lanes].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
+    }
+
+    /// The rest of it, once it is in the frame.
+    pub fn note_rest(&mut self, i: usize, k: usize, frame: &Frame) {
+        let (from, lanes, states) = (self.noted.clone(), self.lanes, self.state.len());
+        self.row(i, k)[states * lanes..].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
+    }
+
+    /// What is there, which is taken from here; `time`: of each step.
+    pub fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, take: impl FnOnce(&Block)) {
+        if self.count > 0 {
+            let all = self.frames.len() * self.lanes;
+            let lanes = std::array::from_fn(|lane| (lane < all).then_some(lane));
+            take(&Block { log: self, time, first: self.first, count: self.count, lanes });
+        }
+        self.count = 0;
+    }
+}
+
+/// Records of a group of lanes: numbers `[state, input, monitors]` each.
+pub struct Block<'a> {
+    log: &'a Log,
+    time: &'a dyn Fn(usize) -> f64,
+    /// The number of the first record, and how many there are.
+    pub first: usize,
+    pub count: usize,
+    /// Whose records those of each lane are; `None` where they are not wanted.
+    pub lanes: [Option<usize>; MOST_LANES],
+}
+
+impl Block<'_> {
+    /// The same records, those of lane `i` for `of(i)`.
+    pub fn of_lanes(&self, of: impl Fn(usize) -> Option<usize>) -> Self {
+        Block { log: self.log, time: self.time, first: self.first, count: self.count, lanes: self.lanes.map(|lane| lane.and_then(&of)) }
+    }
+
+    /// When record `i` was, counted from the first one here.
+    pub fn time(&self, i: usize) -> f64 {
+        (self.time)((self.first + i) * self.log.every)
+    }
+
+    /// Numbers of a record.
+    pub fn width(&self) -> usize {
+        self.log.width()
+    }
+
+    /// The number `k` of record `i`, counted from the first one here, in a lane.
+    pub fn number(&self, i: usize, k: usize, lane: usize) -> f64 {
+        let lanes = self.log.lanes;
+        self.log.frames[lane / lanes][(i * self.width() + k) * lanes + lane % lanes] + 0.0
+    }
+
+    /// The first record from which a number of `numbers` is not finite in a lane.
+    pub fn fault(&self, numbers: Range<usize>, lane: usize) -> Option<usize> {
+        (0..self.count).find(|&i| numbers.clone().any(|k| !self.number(i, k, lane).is_finite()))
+    }
+
+    /// The numbers `numbers` of all records of the lanes from `lane` on, record after record, a row for each lane; whether all are finite.
+    pub fn write(&self, numbers: Range<usize>, lane: usize, out: &mut [&mut [f64]]) -> bool {
+        let lanes = self.log.lanes;
+        let series = rows::Series { numbers: &self.log.frames[lane / lanes], lanes, record: self.width(), count: self.count };
+        series.write(numbers, lane % lanes, out)
+    }
+
+    /// The numbers `numbers` of all records of the first lane to the end of a series; whether all are finite.
+    pub fn append(&self, numbers: Range<usize>, series: &mut Vec<f64>) -> Result<bool> {
+        let (before, more) = (series.len(), self.count * numbers.len());
+        memory::more(series, more)?;
+        series.resize(before + more, 0.0);
+        Ok(self.write(numbers, 0, &mut [&mut series[before..]]))
+    }
+
+    /// Lanes that are written at a time.
+    pub fn at_once(&self) -> usize {
+        self.log.lanes.min(4)
+    }
+}
