@@ -86,6 +86,21 @@ impl Motion {
         }
     }
 
+    /// `[q_d, v_d, a_d]` at each of `times`, of the same bits as one by one: rows in `out`, `stride` numbers apart.
+    pub fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
+        #[inline(always)]
+        fn each(times: &[f64], rows: std::slice::ChunksMut<f64>, sample: impl Fn(f64, &mut [f64])) {
+            times.iter().zip(rows).for_each(|(&t, row)| sample(t, row));
+        }
+        match self {
+            Motion::Sinusoid(m) => m.sample_each(times, stride, out),
+            Motion::Quintic(m) => each(times, out.chunks_mut(stride), |t, row| m.sample(t, row)),
+            Motion::BangBang(m) => each(times, out.chunks_mut(stride), |t, row| m.sample(t, row)),
+            Motion::Table(m) => each(times, out.chunks_mut(stride), |t, row| m.sample(t, row)),
+            Motion::Hold(_) | Motion::TimedPath(_) => each(times, out.chunks_mut(stride), |t, row| self.sample(t, row)),
+        }
+    }
+
     /// Times at which a derivative of the motion jumps, increasing: integrators restart there.
     pub fn breaks(&self) -> Vec<f64> {
         match self {

@@ -1,7 +1,7 @@
 //! `q_d,i = offset_i + sum_k amplitude_ik sin(frequency_ik t + phase_ik)`.
 
 use crate::error::{Error, Result, finite};
-use crate::scalar::Real;
+use crate::scalar::{Real, Task, run_lanes};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sinusoid {
@@ -37,16 +37,44 @@ impl Sinusoid {
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.offset.len();
         for i in 0..n {
-            let (mut q, mut v, mut a) = (S::splat(self.offset[i]), S::zero(), S::zero());
-            for k in i * self.terms..(i + 1) * self.terms {
-                let w = self.frequency[k];
-                let (sin, cos) = S::splat(w * t + self.phase[k]).sin_cos();
-                let amplitude = self.amplitude[k];
-                q = S::splat(amplitude).mul_add(sin, q);
-                v = S::splat(amplitude * w).mul_add(cos, v);
-                a = S::splat(amplitude * w * w).neg_mul_add(sin, a);
-            }
-            (out[i], out[n + i], out[2 * n + i]) = (q, v, a);
+            [out[i], out[n + i], out[2 * n + i]] = self.joint(i, S::splat(t));
         }
+    }
+
+    /// Position, rate and acceleration of joint `i` at time `t`.
+    #[inline(always)]
+    fn joint<S: Real>(&self, i: usize, t: S) -> [S; 3] {
+        let (mut q, mut v, mut a) = (S::splat(self.offset[i]), S::zero(), S::zero());
+        for k in i * self.terms..(i + 1) * self.terms {
+            let (w, amplitude) = (self.frequency[k], self.amplitude[k]);
+            let (sin, cos) = (S::splat(w) * t + S::splat(self.phase[k])).sin_cos();
+            q = S::splat(amplitude).mul_add(sin, q);
+            v = S::splat(amplitude * w).mul_add(cos, v);
+            a = S::splat(amplitude * w * w).neg_mul_add(sin, a);
+        }
+        [q, v, a]
+    }
+
+    /// As [`super::Motion::sample_each`]: as many instants side by side as there are lanes.
+    pub(super) fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
+        struct Lanes<'a>(&'a Sinusoid, &'a [f64], usize, &'a mut [f64]);
+        impl Task for Lanes<'_> {
+            type Output = ();
+            #[inline(always)]
+            fn run<S: Real>(self) {
+                let Lanes(motion, times, stride, out) = self;
+                let n = motion.dof();
+                for (times, rows) in times.chunks(S::LANES).zip(out.chunks_mut(S::LANES * stride)) {
+                    let t = S::from_lanes(|lane| times[lane.min(times.len() - 1)]);
+                    for i in 0..n {
+                        let [q, v, a] = motion.joint(i, t);
+                        for (lane, row) in rows.chunks_mut(stride).take(times.len()).enumerate() {
+                            (row[i], row[n + i], row[2 * n + i]) = (q.lane(lane), v.lane(lane), a.lane(lane));
+                        }
+                    }
+                }
+            }
+        }
+        run_lanes(Lanes(self, times, stride, out));
     }
 }

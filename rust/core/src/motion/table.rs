@@ -6,7 +6,6 @@ use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
 use crate::memory;
 use crate::scalar::Real;
-use crate::scalar::trig::ROUND;
 use std::sync::Arc;
 
 /// Knots that are read between two looks whether to stop.
@@ -94,13 +93,14 @@ impl Table {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
-    /// Where in `rows` the row at time `t` starts, where that is a knot.
-    pub fn knot(&self, t: f64) -> Option<usize> {
-        let u = (t - self.start) * self.rate;
-        // The nearest integer stands in the low bits; below zero, beyond 2^52 and of NaN they pass no bound.
-        let rounded = u + ROUND;
-        let k = rounded.to_bits().wrapping_sub(ROUND.to_bits());
-        if (u - (rounded - ROUND)).abs() < ON_KNOT && k < self.knots as u64 { Some(3 * self.dof * k as usize) } else { None }
+    /// Where in `rows` those at `times` start, where these are knots one after another.
+    pub fn along(&self, times: &[f64]) -> Option<usize> {
+        let at = |t: f64| (t - self.start) * self.rate;
+        let first = at(*times.first()?).round();
+        // NaN passes no bound.
+        let on = times.iter().enumerate().fold(true, |on, (k, &t)| on & ((at(t) - (first + k as f64)).abs() < ON_KNOT));
+        let inside = first >= 0.0 && first + times.len() as f64 <= self.knots as f64;
+        (on && inside).then(|| 3 * self.dof * first as usize)
     }
 
     /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.

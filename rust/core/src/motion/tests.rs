@@ -76,13 +76,32 @@ fn bad_motions_are_refused() {
 }
 
 #[test]
-fn a_knot_is_found_or_there_is_none() {
-    let table = Table::new(1.0, 0.5, 1, vec![0.25; 3 * 5]).unwrap();
-    for (k, t) in [(0, 1.0), (1, 1.5), (4, 3.0), (2, 2.0 + 1e-10)] {
-        assert_eq!(table.knot(t), Some(3 * k));
+fn many_instants_have_the_bits_of_single_ones() {
+    // Inside, at both ends, outside; on knots and between them.
+    let times: Vec<f64> = (0..45).map(|k| 0.1 * f64::from(k) - 0.2).chain([0.77, 1e7, -1e7, 3.0, 1.5]).collect();
+    for m in motions() {
+        for count in [1, 2, 7, 8, 9, 50] {
+            let mut rows = vec![9.5; 8 * 50];
+            m.sample_each(&times[..count], 8, &mut rows);
+            for (k, row) in rows.chunks_exact(8).enumerate() {
+                let expected = if k < count { at(&m, times[k]) } else { vec![9.5; 6] };
+                assert_eq!((&row[..6], &row[6..]), (&expected[..], &[9.5; 2][..]), "{m:?} {k} of {count}");
+            }
+        }
     }
-    // Between knots, before the first, after the last, beyond all integers, and nowhere.
-    for t in [1.2, 2.0 + 1e-8, 0.5, -1e9, 3.5, 1e15, 1e16, 1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
-        assert_eq!(table.knot(t), None, "{t}");
+}
+
+#[test]
+fn knots_in_a_row_are_found_or_there_are_none() {
+    let table = Table::new(1.0, 0.5, 1, vec![0.25; 3 * 5]).unwrap();
+    for (k, times) in [(0, &[1.0][..]), (1, &[1.5, 2.0 + 1e-10]), (0, &[1.0, 1.5, 2.0, 2.5, 3.0]), (4, &[3.0])] {
+        assert_eq!(table.along(times), Some(3 * k));
+    }
+    // None, between knots, a knot left out, backwards, twice the same, beyond the last, before the first.
+    for times in [&[][..], &[1.2], &[1.0, 1.5 + 1e-8], &[1.0, 2.0], &[2.0, 1.5], &[2.0, 2.0], &[3.0, 3.5], &[0.5, 1.0]] {
+        assert_eq!(table.along(times), None, "{times:?}");
+    }
+    for t in [-1e9, 1e15, 1e16, 1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
+        assert_eq!((table.along(&[t]), table.along(&[1.0, t])), (None, None), "{t}");
     }
 }

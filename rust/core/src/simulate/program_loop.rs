@@ -148,7 +148,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
 }
 
 /// The exogenous input of one instant into the slots from `first` on.
-pub(super) fn write_instant<S: Real>(frames: &mut [Frame], layout: &Layout, first: usize, u: &Exogenous<S>) {
+fn write_instant<S: Real>(frames: &mut [Frame], layout: &Layout, first: usize, u: &Exogenous<S>) {
     write(frames, first, &u.desired);
     write(frames, first + layout.desired, &u.wrench[..layout.wrench]);
 }

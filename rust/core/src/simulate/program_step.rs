@@ -4,13 +4,16 @@
 use super::layout::Layout;
 use super::log::Log;
 use super::loop_programs::Programs;
-use super::program_loop::{ProgramLoop, write_instant};
+use super::program_loop::ProgramLoop;
 use super::recorded::Recorded;
-use super::world::{Exogenous, World};
+use super::world::World;
 use crate::integrate::{FixedStep, System};
 use crate::interrupt::look;
+use crate::memory;
+use crate::motion::Table;
 use crate::scalar::Real;
 use crate::trace::Frame;
+use std::marker::PhantomData;
 
 /// Steps that a stream has room for.
 const TURNS: usize = 32;
@@ -19,77 +22,100 @@ const TURNS: usize = 32;
 const LARGEST_TABLE: usize = 1 << 20;
 
 /// Steps as a program.
-pub struct ProgramStep<S: Real> {
-    now: Exogenous<S>,
-    /// The exogenous inputs of some steps: one stream for all frames, or one for each.
+pub struct ProgramStep<S> {
+    /// The instants of some steps, one after another.
+    times: Vec<f64>,
+    /// The exogenous inputs at these instants: one stream for all frames, or one for each.
     streams: Vec<Frame>,
-    /// The time of the last instant that is there, NaN when it is not the next step's first; and its place.
-    end_time: f64,
-    end: usize,
-    /// Whether nothing moves, and how many steps of the streams are there for good then.
+    /// Those of one lane, where lanes differ.
+    lane: Vec<f64>,
+    /// A table whose rows are the stream where the instants are its knots; where they are.
+    table: Option<Table>,
+    at: Option<usize>,
+    /// Whether nothing moves, and how many instants of the streams are there for good then.
     still: bool,
     filled: usize,
+    lanes: PhantomData<S>,
+}
+
+/// The instants of steps of size `h` that end at `end`, each with its start: without the last instant of a step where it is the first
+/// one of the next.
+fn instants(layout: &Layout, steps: impl Iterator<Item = [f64; 3]>, times: &mut Vec<f64>) {
+    times.clear();
+    let mut last = None;
+    for [t, h, end] in steps {
+        times.extend(layout.instants[..layout.new_instants()].iter().map(|&part| if part == 1.0 { end } else { t + part * h }));
+        last = Some(end);
+    }
+    times.extend(last.filter(|_| layout.ends_at_last()));
+}
+
+/// Steps `from..to` of equal size `h`: start, size and end of each.
+fn equal(from: usize, to: usize, h: f64) -> impl ExactSizeIterator<Item = [f64; 3]> {
+    (from..to).map(move |step| [step as f64 * h, h, (step + 1) as f64 * h])
 }
 
 impl<S: Real> ProgramStep<S> {
     pub fn new(closed: &ProgramLoop<S>) -> Self {
-        let layout = &closed.recorded.layout;
+        let (layout, world) = (&closed.recorded.layout, &closed.world);
+        let most = layout.new_instants() * TURNS + 1;
+        let slots = layout.exogenous() * most;
         let lanes = if layout.shared { vec![1] } else { closed.frames.iter().map(Frame::lanes).collect() };
-        ProgramStep::with_room(layout, &closed.world, &lanes, TURNS)
+        let whole = |table: &&Table| layout.shared && layout.exogenous() == 3 * table.dof();
+        ProgramStep {
+            times: Vec::with_capacity(most),
+            streams: lanes.iter().map(|&lanes| Frame::new(slots, lanes)).collect(),
+            lane: vec![0.0; if layout.shared { 0 } else { slots }],
+            table: world.only_table().filter(whole).cloned(),
+            at: None,
+            still: world.is_still(),
+            filled: 0,
+            lanes: PhantomData,
+        }
     }
 
-    fn with_room(layout: &Layout, world: &World, lanes: &[usize], turns: usize) -> Self {
-        let slots = layout.exogenous() * (layout.new_instants() * turns + layout.instants.len());
-        let streams = lanes.iter().map(|&lanes| Frame::new(slots, lanes)).collect();
-        ProgramStep { now: world.instant(), streams, end_time: f64::NAN, end: 0, still: world.is_still(), filled: 0 }
-    }
-
-    /// The exogenous inputs of the step `[t, end]` of size `h` as the step `turn` of the streams.
-    fn fill(&mut self, layout: &Layout, world: &mut World, turn: usize, t: f64, h: f64, end: f64) {
-        if turn < self.filled {
+    /// The exogenous inputs of these steps, each with start, size and end.
+    fn sample(&mut self, layout: &Layout, world: &World, steps: impl ExactSizeIterator<Item = [f64; 3]>) {
+        let (count, width) = (layout.new_instants() * steps.len() + usize::from(layout.ends_at_last()), layout.exogenous());
+        if width == 0 || self.still && count <= self.filled {
             return;
         }
-        let first = turn * layout.new_instants();
-        for (k, &part) in layout.instants.iter().enumerate() {
-            if k == 0 && self.end_time == t {
-                self.copy(layout, self.end, first);
-                continue;
-            }
-            let (time, at) = (if part == 1.0 { end } else { t + part * h }, (first + k) * layout.exogenous());
-            if layout.shared {
-                world.sample_shared(time, &mut self.streams[0].numbers_mut()[at..at + layout.exogenous()]);
-            } else {
-                world.sample(time, &mut self.now);
-                write_instant(&mut self.streams, layout, at, &self.now);
-            }
+        instants(layout, steps, &mut self.times);
+        let times = &self.times;
+        self.filled = count;
+        self.at = self.table.as_ref().and_then(|table| table.along(times));
+        if self.at.is_some() {
+            return;
         }
-        if self.still {
-            self.filled = turn + 1;
+        if layout.shared {
+            return world.sample_each(0, times, width, self.streams[0].numbers_mut());
         }
-        (self.end_time, self.end) = (if layout.ends_at_last() { end } else { f64::NAN }, first + layout.instants.len() - 1);
-    }
-
-    /// One instant of the streams to another place.
-    fn copy(&mut self, layout: &Layout, from: usize, to: usize) {
-        for stream in self.streams.iter_mut().filter(|_| from != to) {
-            let size = layout.exogenous() * stream.lanes();
-            stream.numbers_mut().copy_within(from * size..(from + 1) * size, to * size);
+        for lane in 0..S::LANES {
+            world.sample_each(lane, times, width, &mut self.lane);
+            let lanes = self.streams[0].lanes();
+            let to = self.streams[lane / lanes].numbers_mut()[lane % lanes..].iter_mut().step_by(lanes);
+            to.zip(&self.lane[..times.len() * width]).for_each(|(to, &from)| *to = from);
         }
     }
 
     /// The stream of frame `k`.
-    fn stream(&self, k: usize) -> &Frame {
-        &self.streams[k.min(self.streams.len() - 1)]
+    fn stream(&self, k: usize) -> &[f64] {
+        match (&self.table, self.at) {
+            (Some(table), Some(at)) => &table.rows()[at..],
+            _ => self.streams[k.min(self.streams.len() - 1)].numbers(),
+        }
     }
 
     /// The instants of the step `turn` to where the parts of a step read them.
     fn place(&self, layout: &Layout, frame: &mut Frame, k: usize, turn: usize) {
-        let stream = self.stream(k);
-        let first = turn * layout.new_instants() * layout.exogenous();
-        for slot in 0..layout.instants.len() * layout.exogenous() {
-            let from = &stream.numbers()[(first + slot) * stream.lanes()..][..stream.lanes()];
-            let to = frame.slot_mut(layout.instant(0) + slot);
-            if layout.shared { to.fill(from[0]) } else { to.copy_from_slice(from) }
+        let (width, lanes) = (if layout.shared { 1 } else { frame.lanes() }, frame.lanes());
+        let slots = layout.instants.len() * layout.exogenous();
+        let from = &self.stream(k)[turn * layout.new_instants() * layout.exogenous() * width..][..slots * width];
+        let to = &mut frame.numbers_mut()[layout.instant(0) * lanes..][..slots * lanes];
+        if width == lanes {
+            to.copy_from_slice(from);
+        } else {
+            to.chunks_exact_mut(lanes).zip(from).for_each(|(to, &from)| to.fill(from));
         }
     }
 }
@@ -104,10 +130,7 @@ impl<S: Real> ProgramStep<S> {
         let layout = &recorded.layout;
         for from in (first..first + count).step_by(TURNS) {
             let turns = TURNS.min(first + count - from);
-            for turn in 0..turns {
-                let (t, end) = ((from + turn) as f64 * h, (from + turn + 1) as f64 * h);
-                self.fill(layout, &mut system.world, turn, t, h, end);
-            }
+            self.sample(layout, &system.world, equal(from, from + turns, h));
             let mut log = system.log.take();
             system.advance(h, x, |frame, k| {
                 for turn in 0..turns {
@@ -159,28 +182,30 @@ fn run_noting(
 }
 
 /// The exogenous inputs of `steps` whole steps of `h`, the same for all runs of a problem: sampled once where many runs share them.
-pub fn tabulate(recorded: &Recorded, mut world: World, steps: usize, h: f64) -> Option<Vec<f64>> {
+pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Option<Vec<f64>> {
     let layout = &recorded.layout;
-    let numbers = layout.exogenous().checked_mul(layout.new_instants())?.checked_mul(steps)?;
+    let (width, new) = (layout.exogenous(), layout.new_instants());
+    let numbers = width.checked_mul(new)?.checked_mul(steps)?.checked_add(width)?;
     if !layout.shared || recorded.programs.whole().is_none() || numbers > LARGEST_TABLE {
         return None;
     }
-    let mut table = ProgramStep::<f64>::with_room(layout, &world, &[1], steps);
-    for step in 0..steps {
+    let (mut table, mut times) = (memory::zeros(numbers).ok()?, Vec::new());
+    for first in (0..steps).step_by(TURNS).filter(|_| width > 0) {
         look();
-        table.fill(layout, &mut world, step, step as f64 * h, h, (step + 1) as f64 * h);
+        instants(layout, equal(first, (first + TURNS).min(steps), h), &mut times);
+        world.sample_each(0, &times, width, &mut table[first * new * width..]);
     }
-    Some(table.streams[0].numbers().to_vec())
+    Some(table)
 }
 
 impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
     fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
         let recorded = system.recorded.clone();
-        self.fill(&recorded.layout, &mut system.world, 0, t, h, end);
+        self.sample(&recorded.layout, &system.world, std::iter::once([t, h, end]));
         system.remember(x);
         let layout = &recorded.layout;
         system.advance(h, x, |frame, k| match recorded.programs.whole() {
-            Some(program) => program.run_along(frame, self.stream(k).numbers(), 1),
+            Some(program) => program.run_along(frame, self.stream(k), 1),
             None => {
                 self.place(layout, frame, k, 0);
                 recorded.programs.advance(frame, |_, _| ());
@@ -198,18 +223,13 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
             let (turns, from) = ((count - done).min(most), first + done);
             system.remember(x);
             if table.is_none() {
-                for turn in 0..turns {
-                    let (t, end) = ((from + turn) as f64 * h, (from + turn + 1) as f64 * h);
-                    self.fill(&recorded.layout, &mut system.world, turn, t, h, end);
-                }
+                self.sample(&recorded.layout, &system.world, equal(from, from + turns, h));
             }
             let width = recorded.layout.new_instants() * recorded.layout.exogenous();
             let mut log = system.log.take();
             system.advance(h, x, |frame, k| {
-                let (stream, lanes) = match table {
-                    Some(table) => (&table[from * width..], 1),
-                    None => (self.stream(k).numbers(), self.stream(k).lanes()),
-                };
+                let stream = table.map_or_else(|| self.stream(k), |table| &table[from * width..]);
+                let lanes = if recorded.layout.shared { 1 } else { frame.lanes() };
                 match &mut log {
                     Some(log) => run_noting(&recorded.programs, width * lanes, log, (frame, k), stream, (from, turns)),
                     None => program.run_along(frame, stream, turns),
@@ -220,7 +240,6 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
                 // One by one from the start: the other lanes take the same steps again.
                 (0..S::LANES).for_each(|lane| system.back(lane));
                 x.copy_from_slice(system.redo.before());
-                self.restart();
                 for step in from..from + turns {
                     let t = step as f64 * h;
                     system.sum_up(t, h, x);
@@ -233,7 +252,5 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
         true
     }
 
-    fn restart(&mut self) {
-        self.end_time = f64::NAN;
-    }
+    fn restart(&mut self) {}
 }

@@ -53,7 +53,7 @@ impl Structures {
         let first = seen.recorded.clone()?;
         let engine = first.engine();
         let world = world(problem, 1, |_| 0);
-        let table = if lanes { tabulate(&first, world, fixed.schedule.steps, fixed.schedule.dt) } else { None };
+        let table = if lanes { tabulate(&first, &world, fixed.schedule.steps, fixed.schedule.dt) } else { None };
         let same = problem.plants.len() == 1 && problem.laws.len() == 1;
         Some(Structures { seen: Mutex::new(vec![seen]), shared: same.then_some(given.values), table, common, engine })
     }

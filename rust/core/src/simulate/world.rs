@@ -1,7 +1,7 @@
 //! What comes to a loop from outside: desired motions and applied forces, of one run or of several side by side.
 
 use super::force::{Force, Wrench};
-use crate::motion::Motion;
+use crate::motion::{Motion, Table};
 use crate::scalar::Real;
 use std::borrow::Cow;
 
@@ -138,16 +138,28 @@ impl<'a> World<'a> {
         }
     }
 
-    /// What all lanes have in common at one instant: the desired motions, and the wrench if there is room for it.
-    pub fn sample_shared(&self, t: f64, row: &mut [f64]) {
-        let mut rest = row;
+    /// The one table whose rows are all that comes from outside.
+    pub fn only_table(&self) -> Option<&Table> {
+        let ([motions], []) = (self.motions.as_slice(), self.forces.as_slice()) else { return None };
+        let [motion] = motions.as_slice() else { return None };
+        if let Motion::Table(table) = &**motion { Some(table) } else { None }
+    }
+
+    /// The exogenous input of lane `lane` at each of `times`: rows of `width` numbers, the desired motions and then the wrench if there is
+    /// room for it. What lanes share is written for lane 0 alone.
+    pub fn sample_each(&self, lane: usize, times: &[f64], width: usize, out: &mut [f64]) {
+        let own = |count: usize| if count > 1 { Some(lane) } else { (lane == 0).then_some(0) };
+        let mut at = 0;
         for motions in &self.motions {
-            let (here, behind) = rest.split_at_mut(3 * motions[0].dof());
-            motions[0].sample(t, here);
-            rest = behind;
+            if let Some(which) = own(motions.len()) {
+                motions[which].sample_each(times, width, &mut out[at..]);
+            }
+            at += 3 * motions[0].dof();
         }
-        if let ([force], false) = (self.forces.as_slice(), rest.is_empty()) {
-            rest.copy_from_slice(&force.at(t));
+        if let (true, Some(which)) = (at < width, own(self.forces.len())) {
+            for (&t, row) in times.iter().zip(out.chunks_exact_mut(width)) {
+                row[at..].copy_from_slice(&self.forces[which].at(t));
+            }
         }
     }
 
