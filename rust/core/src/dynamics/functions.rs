@@ -5,10 +5,9 @@
 
 use super::Query;
 use super::evaluate::{Evaluator, check};
-use super::recorded::{self, ArmFunction, recorded};
+use super::recorded::{ArmCall, ArmFunction};
 use crate::arm::Arm;
 use crate::error::Result;
-use crate::trace::function::Evaluation;
 use crate::trace::kept::free;
 use std::sync::{Arc, Mutex};
 
@@ -33,11 +32,18 @@ struct Known {
     function: Option<Arc<ArmFunction>>,
 }
 
+/// A query, and how one configuration of it is answered.
+struct Asked {
+    query: Query,
+    /// Calls before the program was there.
+    calls: usize,
+    program: Option<ArmCall>,
+}
+
 /// Single calls.
 struct Single {
     evaluator: Evaluator,
-    /// Each query with its number of calls.
-    asked: Vec<(Query, usize, Option<Evaluation>)>,
+    asked: Vec<Asked>,
 }
 
 impl Single {
@@ -45,24 +51,35 @@ impl Single {
         Mutex::new(Single { evaluator, asked: Vec::new() })
     }
 
+    #[inline]
     fn one(&mut self, arm: &Arm, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-        let n = arm.n();
-        if let Some((_, calls, program)) = self.asked.iter_mut().find(|(asked, ..)| asked == query) {
-            if program.as_mut().is_some_and(|program| recorded::one(program, query, n, inputs, out)) {
-                return Ok(true);
-            }
-            *calls = calls.saturating_add(1);
-            let answer = self.evaluator.one(query, inputs, out)?;
-            if *calls == CALLS && query.operations(n) <= SHORT {
-                *program = Some(recorded(arm, query, false)?);
-            }
-            return Ok(answer);
+        let found = self.asked.iter().position(|asked| asked.query == *query);
+        if let Some(at) = found
+            && let Some(program) = &mut self.asked[at].program
+            && program.answer(inputs, out)
+        {
+            return Ok(true);
         }
-        if self.asked.len() == KEPT {
-            self.asked.remove(0);
+        self.direct(arm, found, query, inputs, out)
+    }
+
+    /// Without a program: a query that is the entry `found` of those that were asked.
+    #[inline(never)]
+    fn direct(&mut self, arm: &Arm, found: Option<usize>, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
+        let at = found.unwrap_or_else(|| {
+            if self.asked.len() == KEPT {
+                self.asked.remove(0);
+            }
+            self.asked.push(Asked { query: *query, calls: 0, program: None });
+            self.asked.len() - 1
+        });
+        let answer = self.evaluator.one(query, inputs, out)?;
+        let asked = &mut self.asked[at];
+        asked.calls = asked.calls.saturating_add(1);
+        if asked.calls == CALLS && query.operations(arm.n()) <= SHORT {
+            asked.program = Some(ArmCall::new(arm, query)?);
         }
-        self.asked.push((*query, 1, None));
-        self.evaluator.one(query, inputs, out)
+        Ok(answer)
     }
 }
 

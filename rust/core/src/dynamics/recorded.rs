@@ -11,6 +11,9 @@ use crate::trace::function::{Evaluation, record};
 use crate::trace::kept::free;
 use std::sync::Mutex;
 
+/// Groups of lanes after which is seen whether all their rows were answered.
+const BLOCK: usize = 16;
+
 pub(super) struct ArmFunction {
     /// Widths of the inputs, and numbers of an answer.
     widths: Vec<usize>,
@@ -44,19 +47,36 @@ pub(super) fn recorded(arm: &Arm, query: &Query, lanes: bool) -> Result<Evaluati
     answered.map(|()| evaluation)
 }
 
-/// One configuration, by a program for one: whether all is as it should be. If not, direct evaluation has the answer.
-pub(super) fn one(evaluation: &mut Evaluation, query: &Query, n: usize, inputs: &[&[f64]], out: &mut [f64]) -> bool {
-    let (mut first, mut sound) = (0, inputs.len() == query.inputs().len() && out.len() == query.length(n));
-    for k in 0..inputs.len().min(query.inputs().len()) {
-        let width = query.input_length(k, n);
-        sound = sound && inputs[k].len() == width && read_one(inputs[k], evaluation.inputs(first, width));
-        first += width;
+/// A quantity of one configuration at a time.
+pub(super) struct ArmCall {
+    /// Widths of the inputs, and numbers of an answer.
+    widths: Vec<usize>,
+    length: usize,
+    evaluation: Evaluation,
+}
+
+impl ArmCall {
+    pub fn new(arm: &Arm, query: &Query) -> Result<Self> {
+        Ok(ArmCall { widths: widths(query, arm.n()), length: query.length(arm.n()), evaluation: recorded(arm, query, false)? })
     }
-    if !sound {
-        return false;
+
+    /// One configuration: whether all is as it should be. If not, direct evaluation has the answer.
+    pub fn answer(&mut self, inputs: &[&[f64]], out: &mut [f64]) -> bool {
+        if inputs.len() != self.widths.len() || out.len() != self.length {
+            return false;
+        }
+        let (mut rest, mut sound) = (self.evaluation.all_inputs(), true);
+        for (given, &width) in inputs.iter().zip(&self.widths) {
+            let (own, others) = rest.split_at_mut(width);
+            sound &= given.len() == width && read_one(given, own);
+            rest = others;
+        }
+        if !sound {
+            return false;
+        }
+        self.evaluation.run();
+        self.evaluation.is_near(0) && write_one(self.evaluation.outputs(0, self.length), out)
     }
-    evaluation.run();
-    evaluation.is_near(0) && write_one(evaluation.outputs(0, out.len()), out)
 }
 
 impl ArmFunction {
@@ -70,20 +90,34 @@ impl ArmFunction {
     pub fn rows(&self, inputs: &[&[f64]], out: &mut [f64], mut direct: impl FnMut(usize, &mut [f64]) -> Result<()>) -> Result<()> {
         let mut evaluation = free(&self.others).and_then(|mut others| others.pop()).unwrap_or_else(|| self.first.clone());
         let (lanes, length) = (evaluation.lanes(), self.length);
-        for (group, out) in out.chunks_mut(lanes * length).enumerate() {
-            let (at, mut first) = (group * lanes, 0);
+        let read = |evaluation: &mut Evaluation, at: usize| {
+            let mut first = 0;
             for (given, &width) in inputs.iter().zip(&self.widths) {
                 evaluation.read(first, given, width, at);
                 first += width;
             }
-            evaluation.run();
-            let sound = evaluation.write(0, length, out);
+        };
+        for (block, out) in out.chunks_mut(BLOCK * lanes * length).enumerate() {
+            let start = block * BLOCK * lanes;
+            let mut sound = true;
+            evaluation.forget();
+            for (group, out) in out.chunks_mut(lanes * length).enumerate() {
+                read(&mut evaluation, start + group * lanes);
+                evaluation.run_on();
+                sound &= evaluation.write(0, length, out);
+            }
             if sound && (0..lanes).all(|lane| evaluation.is_near(lane)) {
                 continue;
             }
-            for (lane, row) in out.chunks_exact_mut(length).enumerate() {
-                if !evaluation.is_near(lane) || row.iter().any(|x| !x.is_finite()) {
-                    direct(at + lane, row)?;
+            // Group by group: the rows that the program does not answer.
+            for (group, out) in out.chunks_mut(lanes * length).enumerate() {
+                let at = start + group * lanes;
+                read(&mut evaluation, at);
+                evaluation.run();
+                for (lane, row) in out.chunks_exact_mut(length).enumerate() {
+                    if !evaluation.is_near(lane) || row.iter().any(|x| !x.is_finite()) {
+                        direct(at + lane, row)?;
+                    }
                 }
             }
         }

@@ -101,18 +101,36 @@ impl Evaluation {
 
     /// The inputs from `first` on, of all lanes.
     pub fn inputs(&mut self, first: usize, count: usize) -> &mut [f64] {
-        let (slot, lanes) = (self.function.layout.given + first, self.lanes());
-        &mut self.frame.numbers_mut()[slot * lanes..(slot + count) * lanes]
+        let lanes = self.lanes();
+        &mut self.all_inputs()[first * lanes..(first + count) * lanes]
+    }
+
+    /// All inputs, of all lanes.
+    #[inline]
+    pub fn all_inputs(&mut self) -> &mut [f64] {
+        let (layout, lanes) = (self.function.layout, self.lanes());
+        &mut self.frame.numbers_mut()[layout.given * lanes..layout.reach() * lanes]
     }
 
     /// The answer at the inputs that are there.
     #[inline]
     pub fn run(&mut self) {
-        let Function { program, layout, .. } = &*self.function;
-        if program.turns() {
-            self.frame.fill(layout.reach(), 0.0);
+        self.forget();
+        self.run_on();
+    }
+
+    /// The same, and the largest angle is that of all runs since [`Evaluation::forget`].
+    #[inline]
+    pub fn run_on(&mut self) {
+        self.function.program.run(&mut self.frame);
+    }
+
+    /// Forget the largest angle.
+    #[inline]
+    pub fn forget(&mut self) {
+        if self.function.program.turns() {
+            self.frame.fill(self.function.layout.reach(), 0.0);
         }
-        program.run(&mut self.frame);
     }
 
     /// Number `k` of the answer in every lane.

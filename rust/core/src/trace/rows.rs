@@ -12,11 +12,10 @@ pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: us
     let (lanes, last) = (frame.lanes(), given.len() / width - 1);
     let to = &mut frame.numbers_mut()[first * lanes..(first + width) * lanes];
     #[cfg(target_arch = "x86_64")]
-    if width >= 4 && lanes.is_multiple_of(4) && isa() >= Isa::Avx2 {
-        for lane in (0..lanes).step_by(4) {
-            let rows = [0, 1, 2, 3].map(|k| &given[(at + lane + k).min(last) * width..][..width]);
+    if lanes.is_multiple_of(4) && at + lanes <= last + 1 && isa() >= Isa::Avx2 {
+        for (k, four) in given[at * width..(at + lanes) * width].chunks_exact(4 * width).enumerate() {
             // SAFETY: the processor has AVX2.
-            unsafe { avx2::read_four(rows, lane, lanes, to) };
+            unsafe { avx2::read_four(four, width, 4 * k, lanes, to) };
         }
         return;
     }
@@ -35,7 +34,7 @@ pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> boo
     let mut sound = true;
     for (group, rows) in out[..].chunks_mut(4 * length).enumerate() {
         #[cfg(target_arch = "x86_64")]
-        if length >= 4 && rows.len() == 4 * length && lanes.is_multiple_of(4) && isa() >= Isa::Avx2 {
+        if rows.len() == 4 * length && lanes.is_multiple_of(4) && isa() >= Isa::Avx2 {
             // SAFETY: the processor has AVX2.
             sound &= unsafe { avx2::write_four(from, 4 * group, lanes, length, rows) };
             continue;
@@ -128,18 +127,53 @@ mod avx2 {
         ]
     }
 
-    /// Four rows of at least four numbers to lanes `lane..lane + 4` of slots of `lanes`.
+    /// The columns of four rows of fewer numbers; zeros behind them.
+    ///
+    /// # Safety
+    /// So many numbers of each row can be read.
+    #[inline]
     #[target_feature(enable = "avx2")]
-    pub fn read_four(rows: [&[f64]; 4], lane: usize, lanes: usize, to: &mut [f64]) {
-        let width = rows[0].len();
-        assert!(width >= 4 && rows.iter().all(|row| row.len() == width) && lane + 4 <= lanes && to.len() == width * lanes);
-        for k in (0..width).step_by(4) {
-            // The last block overlaps the one before.
-            let k = k.min(width - 4);
-            // SAFETY: four numbers of each row from `k` on, and four lanes of the slots from `k` on.
-            unsafe {
-                for (i, column) in columns(rows.map(|row| row.as_ptr().add(k))).into_iter().enumerate() {
-                    _mm256_storeu_pd(to.as_mut_ptr().add((k + i) * lanes + lane), column);
+    unsafe fn short_columns(rows: [*const f64; 4], width: usize) -> [__m256d; 4] {
+        let mask = _mm256_cmpgt_epi64(_mm256_set1_epi64x(width as i64), _mm256_set_epi64x(3, 2, 1, 0));
+        let [a, b, c, d] = rows;
+        // SAFETY: what the mask leaves out is not read.
+        unsafe {
+            transposed([_mm256_maskload_pd(a, mask), _mm256_maskload_pd(b, mask), _mm256_maskload_pd(c, mask), _mm256_maskload_pd(d, mask)])
+        }
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn transposed([a, b, c, d]: [__m256d; 4]) -> [__m256d; 4] {
+        let (even, odd) = ([_mm256_unpacklo_pd(a, b), _mm256_unpacklo_pd(c, d)], [_mm256_unpackhi_pd(a, b), _mm256_unpackhi_pd(c, d)]);
+        [
+            _mm256_permute2f128_pd::<0x20>(even[0], even[1]),
+            _mm256_permute2f128_pd::<0x20>(odd[0], odd[1]),
+            _mm256_permute2f128_pd::<0x31>(even[0], even[1]),
+            _mm256_permute2f128_pd::<0x31>(odd[0], odd[1]),
+        ]
+    }
+
+    /// Four rows of `width` numbers, one after another, to lanes `lane..lane + 4` of slots of `lanes`.
+    #[target_feature(enable = "avx2")]
+    pub fn read_four(rows: &[f64], width: usize, lane: usize, lanes: usize, to: &mut [f64]) {
+        assert!(rows.len() == 4 * width && lane + 4 <= lanes && to.len() == width * lanes);
+        // SAFETY: row `i` begins at `i` times the width, and there are four lanes of as many slots.
+        unsafe {
+            let row = |i: usize, k: usize| rows.as_ptr().add(i * width + k);
+            let slot = to.as_mut_ptr().add(lane);
+            if width < 4 {
+                let columns = short_columns([row(0, 0), row(1, 0), row(2, 0), row(3, 0)], width);
+                for (k, &column) in columns.iter().enumerate().take(width) {
+                    _mm256_storeu_pd(slot.add(k * lanes), column);
+                }
+                return;
+            }
+            for k in (0..width).step_by(4) {
+                // The last block overlaps the one before.
+                let k = k.min(width - 4);
+                for (i, column) in columns([row(0, k), row(1, k), row(2, k), row(3, k)]).into_iter().enumerate() {
+                    _mm256_storeu_pd(slot.add((k + i) * lanes), column);
                 }
             }
         }
@@ -193,14 +227,34 @@ mod avx2 {
         _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_EQ_OQ>(all, zero)) == 15
     }
 
-    /// Lanes `lane..lane + 4` of at least four slots of `lanes` to four rows; whether every number is finite.
+    /// Lanes `lane..lane + 4` of some slots to four rows; whether every number is finite.
     #[target_feature(enable = "avx2")]
     pub fn write_four(from: &[f64], lane: usize, lanes: usize, length: usize, out: &mut [f64]) -> bool {
-        assert!(length >= 4 && lane + 4 <= lanes && from.len() == length * lanes && out.len() == 4 * length);
+        assert!(length > 0 && lane + 4 <= lanes && from.len() == length * lanes && out.len() == 4 * length);
         let zero = _mm256_setzero_pd();
         // Zero, or NaN once a number was not finite.
         let mut zeros = [zero; 4];
-        for k in (0..length).step_by(4) {
+        if length < 4 {
+            let mut slots = [zero; 4];
+            for k in 0..length {
+                // SAFETY: four lanes of a slot.
+                slots[k] = _mm256_add_pd(unsafe { _mm256_loadu_pd(from.as_ptr().add(k * lanes + lane)) }, zero);
+                zeros[k] = _mm256_mul_pd(slots[k], zero);
+            }
+            let rows = if length == 1 { slots } else { transposed(slots) };
+            let mut last = [0.0; 4];
+            // SAFETY: four numbers from the start of a row on, of which the next row overwrites what is not its own; the last row is apart.
+            unsafe {
+                for (i, &row) in rows.iter().enumerate().take(if length == 1 { 1 } else { 3 }) {
+                    _mm256_storeu_pd(out.as_mut_ptr().add(i * length), row);
+                }
+                _mm256_storeu_pd(last.as_mut_ptr(), rows[3]);
+            }
+            if length > 1 {
+                out[3 * length..].copy_from_slice(&last[..length]);
+            }
+        }
+        for k in (0..length).step_by(4).filter(|_| length >= 4) {
             // The last block overlaps the one before.
             let k = k.min(length - 4);
             // SAFETY: four lanes of the slots from `k` on, and four numbers of each row from `k` on.
@@ -252,7 +306,7 @@ mod tests {
     fn rows_pass_through_frames() {
         // Fewer rows than lanes, rests, rows shorter than a block.
         for lanes in [1, 2, 4, 8] {
-            for (width, count) in [(1, 9), (3, 8), (4, 7), (5, 1), (7, 12), (8, 16), (49, 5)] {
+            for (width, count) in [(1, 9), (1, 16), (2, 17), (3, 8), (4, 7), (5, 1), (7, 12), (8, 16), (49, 5)] {
                 for bad in [None, Some(0), Some(count * width - 1)] {
                     let mut given: Vec<f64> = (0..count * width).map(|k| k as f64 + 0.5).collect();
                     given[width / 2] = -0.0;

@@ -15,6 +15,9 @@ use pyo3::types::PyTuple;
 /// Work that is worth giving up the GIL for, ns: the arguments are then copied, and threads share it.
 const LONG: f64 = 1e6;
 
+/// Joints up to which no configuration is that much work.
+const FEW: usize = 64;
+
 /// Work of one piece of a shared call, ns: between two pieces a thread looks whether to stop.
 const PIECE: f64 = 5e5;
 
@@ -27,11 +30,24 @@ impl Arm {
         query: Query,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        match self.single(values, &query, out) {
+            Some(result) => Ok(result),
+            None => self.many(function, names, values, query, out),
+        }
+    }
+
+    /// Whatever [`Arm::single`] leaves.
+    #[inline(never)]
+    fn many<'py, const K: usize>(
+        &self,
+        function: &str,
+        names: [&str; K],
+        values: [&Bound<'py, PyAny>; K],
+        query: Query,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let py = values[0].py();
         entry(py, function, || {
-            if let Some(result) = self.single(values, &query, out) {
-                return Ok(result);
-            }
             let inputs = self.arguments(function, names, values)?;
             let (dims, axes) = self.model.shape(&query);
             let full: Vec<usize> = inputs.shape.iter().chain(&dims[..axes]).copied().collect();
@@ -63,7 +79,7 @@ impl Arm {
         out: Option<&Bound<'py, PyAny>>,
     ) -> Option<Bound<'py, PyAny>> {
         let n = self.model.n();
-        if query.nanoseconds(n) >= LONG {
+        if n > FEW && query.nanoseconds(n) >= LONG {
             return None;
         }
         let mut lengths = [n; K];
@@ -246,7 +262,10 @@ impl Arm {
         quantity: Quantity,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let friction = entry(q.py(), function, || flag_or_false(function, "friction", friction))?;
+        let friction = match friction {
+            None => false,
+            given => entry(q.py(), function, || flag_or_false(function, "friction", given))?,
+        };
         let query = Query { friction, ..quantity.into() };
         match (wrench, frame) {
             (None, None) => self.evaluate(function, ["q", "v", third], [q, v, a], query, out),
