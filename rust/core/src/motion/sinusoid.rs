@@ -1,7 +1,7 @@
 //! `q_d,i = offset_i + sum_k amplitude_ik sin(frequency_ik t + phase_ik)`.
 
 use crate::error::{Error, Result, finite};
-use crate::scalar::{Real, Task, run_lanes};
+use crate::scalar::{Array8, Real};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sinusoid {
@@ -55,26 +55,17 @@ impl Sinusoid {
         [q, v, a]
     }
 
-    /// As [`super::Motion::sample_each`]: as many instants side by side as there are lanes.
+    /// As [`super::Motion::sample_each`]: eight instants side by side, never fused, as one by one.
     pub(super) fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
-        struct Lanes<'a>(&'a Sinusoid, &'a [f64], usize, &'a mut [f64]);
-        impl Task for Lanes<'_> {
-            type Output = ();
-            #[inline(always)]
-            fn run<S: Real>(self) {
-                let Lanes(motion, times, stride, out) = self;
-                let n = motion.dof();
-                for (times, rows) in times.chunks(S::LANES).zip(out.chunks_mut(S::LANES * stride)) {
-                    let t = S::from_lanes(|lane| times[lane.min(times.len() - 1)]);
-                    for i in 0..n {
-                        let [q, v, a] = motion.joint(i, t);
-                        for (lane, row) in rows.chunks_mut(stride).take(times.len()).enumerate() {
-                            (row[i], row[n + i], row[2 * n + i]) = (q.lane(lane), v.lane(lane), a.lane(lane));
-                        }
-                    }
+        let n = self.dof();
+        for (times, rows) in times.chunks(8).zip(out.chunks_mut(8 * stride)) {
+            let t = Array8::from_lanes(|lane| times[lane.min(times.len() - 1)]);
+            for i in 0..n {
+                let [q, v, a] = self.joint(i, t);
+                for (lane, row) in rows.chunks_mut(stride).take(times.len()).enumerate() {
+                    (row[i], row[n + i], row[2 * n + i]) = (q.lane(lane), v.lane(lane), a.lane(lane));
                 }
             }
         }
-        run_lanes(Lanes(self, times, stride, out));
     }
 }
