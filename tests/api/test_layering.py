@@ -175,7 +175,7 @@ def never_tested(top: Path) -> list[str]:
 
 
 def test_every_unit_test_is_built() -> None:
-    assert re.search(r"cfg\(not\(test\)\)", (CORE / "lib.rs").read_text())  # there is something to look through
+    assert [p.name for p in sources(CORE, "*.rs") if re.search(r"cfg\(not\(test\)\)", without_comments(p.read_text()))] == []
     assert never_tested(CORE) == []
     # The extension has no tests of its own: `test = false`.
     assert [p.name for p in sources(BINDING, "*.rs") if re.search(r"#\[(cfg\(test\)|test)\]", without_comments(p.read_text()))] == []
