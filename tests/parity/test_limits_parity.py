@@ -1,4 +1,4 @@
-"""Velocities within bounds against the reference, which solves for all fixed joints at once by SVD."""
+"""Velocities within bounds, from matrices and from the limits of joints, against the reference: SVD of all fixed joints at once."""
 
 from __future__ import annotations
 
@@ -16,15 +16,76 @@ from armlet import reference as ref
 Array = NDArray[np.float64]
 
 
-def settled(Js: list[Array], vs: list[Array], options: dict[str, Any]) -> bool:
-    """Whether rounding of the rows moves both answers by rounding: joints that higher levels brought to their bounds may tie."""
+@pytest.mark.parametrize("weighted", [False, True])
+def test_levels_within_bounds(weighted: bool) -> None:
+    """1 to 3 levels of 1 to 4 rows in 1 to 8 joints; bounds that exclude rest too."""
+    rng = np.random.default_rng(7)
+    scaled = 0
+    for _ in range(50):
+        n = int(rng.integers(1, 9))
+        Js = [rng.normal(size=(int(rng.integers(1, 5)), n)) for _ in range(int(rng.integers(1, 4)))]
+        vs = [rng.normal(size=len(J)) for J in Js]
+        root = rng.normal(size=(n, n)) + 3 * np.eye(n)
+        options: dict[str, Any] = {"weight": root @ root.T} if weighted else {}
+        upper = rng.uniform(0.0, 0.6, n)
+        for bounds in (
+            {"v_max": 0.4},
+            {"v_min": -0.3},
+            {"v_min": rng.uniform(-0.5, 0.0, n), "v_max": upper},
+            {"v_min": 0.1, "v_max": upper + 0.2},
+        ):
+            got, want = al.solve_priority(Js, vs, method="sns", **bounds, **options), ref.solve_priority(Js, vs, "sns", **bounds, **options)
+            if not settled(Js, vs, bounds | options, want.v):
+                continue
+            # Rows with fixed columns have singular values down to 1e-4.
+            close(got.v, want.v, tolerance=1e-9)
+            close(got.scales, want.scales, tolerance=1e-9)
+            assert list(got.ranks) == want.ranks
+            scaled += int(np.any((want.scales > 0.0) & (want.scales < 1.0)))
+    assert scaled >= 60
+
+
+def settled(Js: list[Array], vs: list[Array], options: dict[str, Any], v: Array) -> bool:
+    """Whether rounding of the rows moves the answer of the reference by rounding; where two ways are equally good it does not."""
     rng = np.random.default_rng(0)
-    near = [[J * (1.0 + 1e-15 * rng.normal(size=J.shape)) for J in Js] for _ in range(4)]
-    for lib in (al, ref):
-        answers = [lib.solve_priority(rows, vs, method="sns", **options).v for rows in (Js, *near)]
-        if np.ptp(answers, axis=0).max() > 1e-9:
-            return False
-    return True
+    near = [[J * (1.0 + 1e-15 * rng.normal(size=J.shape)) for J in Js] for _ in range(3)]
+    return all(float(np.abs(ref.solve_priority(other, vs, "sns", **options).v - v).max()) < 1e-9 for other in near)
+
+
+@pytest.mark.parametrize("name", ["PriorityVelocity", "PriorityAcceleration"])
+@pytest.mark.parametrize("n", [1, 3, 7])
+def test_limits_given(name: str, n: int) -> None:
+    """Bounds of every kind, one at a time and together; a joint beyond its limit too."""
+    arm, theirs = driven_tree(n, 3)
+    rng = np.random.default_rng(n)
+    given = [
+        {"v_max": 0.3},
+        {"v_min": -0.4, "v_max": rng.uniform(0.1, 0.5, n)},
+        {"q_min": -0.3, "q_max": 0.35},
+        {"a_max": 0.8},
+        {"a_max": rng.uniform(0.5, 2.0, n), "horizon": 0.02, "q_max": 0.3, "v_min": -0.2},
+    ]
+    saturated = 0
+    for limits in given:
+        law = getattr(al, name)(arm, levels(al, arm, n), "sns", **limits)
+        other = getattr(ref, name)(theirs, levels(ref, arm, n), "sns", **limits)
+        for q, v in rng.uniform(-0.5, 0.5, (6, 2, n)):
+            want = other.terms(0.2, q, v)
+            close(law(0.2, q, v), want["tau"], tolerance=1e-9)
+            bounds = other._limited(q, v)
+            saturated += int(np.any((want["u"] == bounds["v_min"]) | (want["u"] == bounds["v_max"])))
+    assert saturated >= 20
+
+
+@pytest.mark.parametrize("n", [2, 5, 8])
+def test_limits_of_the_arm(n: int) -> None:
+    """The bounds that follow from the arm's own limits, at velocities and at accelerations."""
+    arm, theirs = driven_tree(n, 2)
+    for name, speed in (("PriorityVelocity", 0.0), ("PriorityAcceleration", 1.0)):
+        law = getattr(al, name)(arm, levels(al, arm, n), "sns")
+        other = getattr(ref, name)(theirs, levels(ref, arm, n), "sns")
+        for t, (q, v) in zip((0.0, 0.7), np.random.default_rng(n).uniform(-0.4, 0.4, (2, 2, n)), strict=True):
+            close(law(t, q, speed * v), other(t, q, speed * v), tolerance=1e-9)
 
 
 @pytest.mark.parametrize("n", [3, 7])
@@ -39,7 +100,7 @@ def test_solvers_within_bounds(n: int) -> None:
             Js = [other.jacobian(theirs, q) for other in others]
             vs = [rng.normal(size=len(J)) for J in Js]
             want = ref.solve_priority(Js, vs, "sns", **bounds)
-            if settled(Js, vs, bounds):
+            if settled(Js, vs, bounds, want.v):
                 plain = al.PrioritySolver(n, [len(J) for J in Js], method="sns", **bounds)
                 for got in (of_arm.solve(q, vs), plain.solve(Js, vs)):
                     close(got, want.v, tolerance=1e-9)

@@ -18,6 +18,7 @@ from .lagrange import Array
 
 MOBILE = 1e-10  # a joint whose row in the remaining null space is shorter cannot be fixed
 NOISE = 64 * EPS  # rounding of v(s) relative to its largest parts, which cancel near singularities
+EDGES = np.array([1e-13, 1e-11])  # of the fastest joint: a velocity beyond its bound by less is cut off, where it is noise too
 ALIKE = 1e-9  # scales that differ by less, relative to the larger, count as one
 
 
@@ -63,7 +64,8 @@ def _saturate(
         high = min([1.0, *most[loose]])
         if high >= 0.0 and high > scale:
             speed = back @ (at + G @ (high * v - J @ at))
-            if np.all((speed >= lower - noise) & (speed <= upper + noise)):
+            edge = np.clip(noise, *np.abs(speed).max() * EDGES)
+            if np.all((speed >= lower - edge) & (speed <= upper + edge)):
                 best, scale = np.linalg.solve(back, np.clip(speed, lower, upper)), high
         violating = [j for j in loose if least[j] > 1.0 or most[j] < 1.0]
         if not violating or free.shape[1] == 0:

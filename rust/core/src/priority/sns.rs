@@ -14,8 +14,16 @@ use crate::linalg::{axpy, dot};
 /// A joint moves within the remaining null space if its row there is longer than this; below, fixing it would amplify rounding 1e10 times.
 const MOBILE: f64 = 1e-10;
 
-/// Rounding of a velocity at its bound, relative to the fastest joint; it is cut off at the end.
-const EDGE: f64 = 1e-13;
+/// Rounding of `v(s)` relative to its largest parts, which cancel near singularities: up to this a joint at its bound has no room, and a
+/// joint no rate.
+const NOISE: f64 = 64.0 * f64::EPSILON;
+
+/// What passes a bound is cut off if it is noise: at most so much of the fastest joint, and this much in any case.
+const MOST_EDGE: f64 = 1e-11;
+const LEAST_EDGE: f64 = 1e-13;
+
+/// Scales that differ by less, relative to the larger, count as one.
+const ALIKE: f64 = 1e-9;
 
 /// Buffers of the method, shape `(n,)` each.
 #[derive(Debug, Clone)]
@@ -90,17 +98,20 @@ impl Workspace {
             }
             self.affine(i, rank, k, sat);
             let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
-            let (mut from, mut to, mut critical, mut least) = (0.0f64, 1.0f64, None, f64::INFINITY);
+            let noise = NOISE * (largest(&sat.va) + largest(&sat.vb));
+            let (mut to, mut critical, mut least, mut rate) = (1.0f64, None, f64::INFINITY, 0.0);
             for j in (0..n).filter(|&j| !sat.fixed[j]) {
-                let (low, high) = interval(sat.va[j], sat.vb[j], lower[j], upper[j]);
-                (from, to) = (from.max(low), to.min(high));
+                let (low, high) = interval(sat.va[j], sat.vb[j], lower[j], upper[j], noise);
+                to = to.min(high);
                 let violates = low > 1.0 || high < 1.0;
-                if violates && (critical.is_none() || high < least) {
+                // Of joints that limit alike, such as those that higher levels brought to their bounds, the fastest.
+                let alike = (high - least).abs() <= ALIKE * least.abs() || high == least;
+                if violates && (critical.is_none() || if alike { sat.va[j].abs() > rate } else { high < least }) {
                     let above = sat.va[j] + sat.vb[j] > upper[j];
-                    (critical, least) = (Some((j, if above { upper[j] } else { lower[j] })), high);
+                    (critical, least, rate) = (Some((j, if above { upper[j] } else { lower[j] })), high, sat.va[j].abs());
                 }
             }
-            if from <= to && to > scale && self.candidate(i, rank, k, to, sat) {
+            if to >= 0.0 && to > scale && self.candidate(i, rank, k, to, noise, sat) {
                 scale = to;
                 sat.best.copy_from_slice(&sat.a);
             }
@@ -142,8 +153,8 @@ impl Workspace {
     }
 
     /// `v(s)` into `a`, evaluated as `base + N (J N)# (s v_i - J base)`: near singularities `s a` and `b` are huge and cancel.
-    /// False if rounding carries it out of bounds all the same.
-    fn candidate(&mut self, i: usize, rank: usize, k: usize, s: f64, sat: &mut Saturation) -> bool {
+    /// Cut off at its bounds; false if it is out of bounds by more than rounding.
+    fn candidate(&mut self, i: usize, rank: usize, k: usize, s: f64, noise: f64, sat: &mut Saturation) -> bool {
         let (n, level) = (self.n, self.level(i));
         sat.a.copy_from_slice(&sat.base);
         for (r, row) in level.clone().enumerate() {
@@ -160,8 +171,24 @@ impl Workspace {
             metric.velocity(&mut sat.va);
         }
         let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
-        let fastest = sat.va.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        (0..n).all(|j| sat.va[j] >= lower[j] - EDGE * fastest && sat.va[j] <= upper[j] + EDGE * fastest)
+        // Near singularities the noise is large: to cut off that much would move what higher levels decided.
+        let fastest = largest(&sat.va);
+        let edge = noise.min(MOST_EDGE * fastest).max(LEAST_EDGE * fastest);
+        if !(0..n).all(|j| sat.va[j] >= lower[j] - edge && sat.va[j] <= upper[j] + edge) {
+            return false;
+        }
+        let mut passes = false;
+        for ((v, l), u) in sat.va.iter_mut().zip(lower).zip(upper) {
+            passes |= *v < *l || *v > *u;
+            *v = v.max(*l).min(*u);
+        }
+        if passes {
+            if let Some(metric) = &self.metric {
+                metric.coordinates(&mut sat.va);
+            }
+            sat.a.copy_from_slice(&sat.va);
+        }
+        true
     }
 
     /// Fix a joint's velocity at `bound` and remove the direction that moves it from the `k` rows of `t`; false if none moves it.
@@ -199,10 +226,13 @@ impl Workspace {
     }
 }
 
-/// The `s` with `lower <= s a + b <= upper`; empty as `(inf, -inf)`. Rounding of `b` at a bound is not a violation.
-fn interval(a: f64, b: f64, lower: f64, upper: f64) -> (f64, f64) {
-    let slack = |bound: f64| 4.0 * f64::EPSILON * (b.abs() + if bound.is_finite() { bound.abs() } else { 0.0 });
-    let (below, above) = (lower - b - slack(lower), upper - b + slack(upper));
+fn largest(v: &[f64]) -> f64 {
+    v.iter().fold(0.0, |most, v| most.max(v.abs()))
+}
+
+/// The `s` with `lower <= s a + b <= upper`; empty as `(inf, -inf)`. Rates and distances up to `noise` are zero.
+fn interval(a: f64, b: f64, lower: f64, upper: f64, noise: f64) -> (f64, f64) {
+    let [a, below, above] = [a, lower - b, upper - b].map(|x| if x.abs() <= noise { 0.0 } else { x });
     if a == 0.0 {
         return if below <= 0.0 && above >= 0.0 { (f64::NEG_INFINITY, f64::INFINITY) } else { (f64::INFINITY, f64::NEG_INFINITY) };
     }
