@@ -62,7 +62,7 @@ pub fn names(problem: &Problem) -> &'static [&'static str] {
 
 /// What the monitors of one run need besides the record.
 pub struct Monitor<'a> {
-    law: &'a LawSpec,
+    motions: Vec<&'a Motion>,
     balances: Balances<f64>,
     target: Option<TargetModel<'a>>,
     desired: Vec<f64>,
@@ -77,7 +77,7 @@ impl<'a> Monitor<'a> {
     pub fn new(problem: &Problem<'a>, run: usize) -> Self {
         let (plant, law, storage) = (problem.plant(run), problem.law(run), problem.watches_storage());
         Monitor {
-            law,
+            motions: law.motions(),
             balances: Balances::new(|_| plant, |_| law, storage),
             target: TargetModel::new(problem, run),
             desired: law.desired(0.0),
@@ -102,7 +102,7 @@ impl<'a> Monitor<'a> {
         if out.is_empty() {
             return;
         }
-        sample_all(self.law.motions(), t, &mut self.desired);
+        sample_all(self.motions.iter().copied(), t, &mut self.desired);
         self.balances.evaluate(&self.desired, x, |own| *self.first.get_or_insert(own), out);
         if let Some(target) = &mut self.target {
             out[ENERGY..].copy_from_slice(&target.evaluate(t, &mut self.balances.theory.arm, &self.desired, plant, tau));
