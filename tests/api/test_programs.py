@@ -73,15 +73,11 @@ def quintic(arm: al.Arm, duration: float) -> al.Quintic:
     return al.Quintic(np.zeros(arm.n), np.full(arm.n, 0.4), duration)
 
 
-def swaying(arm: al.Arm) -> al.Sinusoid:
-    return al.Sinusoid(np.zeros(arm.n), np.full(arm.n, 0.4), np.linspace(1.0, 3.0, arm.n), np.linspace(0.0, 1.0, arm.n))
-
-
 LAWS: dict[str, Callable[[al.Arm, float], Any]] = {
     "pd": lambda arm, _: pd(arm),
     "full gain": lambda arm, _: pd(arm, kp=60.0 * np.eye(arm.n) + 1.0),
     "adaptive": lambda arm, duration: al.Adaptive(arm, quintic(arm, duration), kp=40.0, kd=20.0, gamma=0.2),
-    "computed torque": lambda arm, _: al.ComputedTorque(arm, swaying(arm), kp=100.0, kd=20.0),
+    "computed torque": lambda arm, duration: al.ComputedTorque(arm, quintic(arm, duration), kp=100.0, kd=20.0),
     "impedance": lambda arm, _: al.CartesianImpedance(arm, [0.5, 0.2], 300.0, 60.0, frame=arm.tip_frame, axes="xy"),
 }
 

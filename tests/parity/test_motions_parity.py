@@ -34,7 +34,7 @@ def test_timed_paths(n: int, options: dict[str, float]) -> None:
     points = np.cumsum(rng.uniform(0.1, 0.5, (5, n)), axis=0)
     p = al.time_path(arm, points, tau_max=20.0, v_max=2.0, **options)
     assert p.feasible
-    spline = timing.natural_spline(timing.positions(points), points)
+    spline = timing.cubic_spline(timing.positions(points), points)
     other = ref.TimedPath(spline, p.s, p.s_dot, p.t, cubic="torque_rate" in options)
     times = [-0.1, 0.0, *p.t[1:-1:7], *rng.uniform(0.0, p.duration, 60), p.duration, p.duration + 0.1]
     for t in times:

@@ -37,7 +37,7 @@ impl Sinusoid {
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.offset.len();
         for i in 0..n {
-            [out[i], out[n + i], out[2 * n + i]] = self.joint(i, t).map(S::splat);
+            [out[i], out[n + i], out[2 * n + i]] = self.joint(i, S::splat(t));
         }
     }
 
