@@ -12,7 +12,7 @@ import sys
 import numpy as np
 
 import armlet as al
-from armlet.mintime_plots import MinimumTime
+from armlet.figures.minimum_time import MinimumTime
 
 inertia, gravity_moment, tau_max = 0.1, 1.5, 1.0  # kg m^2, N m, N m: the limit cannot hold the link at the horizontal
 start, end = -math.pi / 2, math.pi / 2  # rad from the downward vertical

@@ -69,27 +69,24 @@ from ._core import (
     trapezoid_time,
     velocity_bounds,
 )
-from .comparison import compare
-from .control_systems import to_control
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
-from .events import Event, Events, JointStops, State
+from .figures.comparison import compare
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
-from .interop import Verification, from_mujoco, from_pinocchio, verify
+from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
 from .priority import PriorityDiagnosis, diagnose_priority
-from .programs import LoopProgram, loop_program
 from .rest_to_rest import point_to_point
 from .run import BatchRun, Run
-from .run_metrics import Metrics, metrics
-from .sampling import Sampling, TorqueSensor
+from .run.events import Event, Events, JointStops, State
+from .run.metrics import Metrics, metrics
+from .run.programs import LoopProgram, loop_program
+from .run.sampling import Sampling, TorqueSensor
+from .run.simulation import simulate, simulate_batch
+from .run.storage import load
 from .scenario import Scenario
-from .scipy_method import scipy_method
-from .simulation import simulate, simulate_batch
 from .status import Status
-from .storage import load
-from .sweeping import SweepTable, sweep
-from .tuning import Tuning, tune
+from .sweeping import SweepTable, Tuning, sweep, tune
 
 __all__ = [
     "Adaptive",

@@ -12,7 +12,7 @@ BAD = (0.3, 0.7)
 
 def sabotage(how: str, log: str) -> None:
     """From now on this process raises, raises at the first try alone, or aborts where a batch has a bad cell, and writes that down."""
-    chunk: Any = import_module("armlet.sweep_chunk")
+    chunk: Any = import_module("armlet.sweeping.chunk")
     whole = chunk.simulate_batch
 
     def batch(plants: Any, laws: Any, q0: Any, **keywords: Any) -> Any:

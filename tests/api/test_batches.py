@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armlet as al
-from armlet import batches
+from armlet.run import batches
 
 ARM = al.planar_pr(2.0, 0.5, 0.5)
 LAW = al.ComputedTorque(ARM, al.Quintic([0.0, 0.0], [1.0, 0.5], 0.5), kp=100.0, kd=20.0)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import armlet as al
-from armlet import cli, storage
+from armlet import cli, files
 from armlet.scenario import TEMPLATES, template
 
 TEXT = """
@@ -181,7 +181,7 @@ def test_a_full_disk(command: str, file: Path, tmp_path: Path, capsys: pytest.Ca
         if len(calls) == 2:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(storage.os, "fsync", fsync)
+    monkeypatch.setattr(files.os, "fsync", fsync)
     out = tmp_path / "out"
     assert cli.main([command, str(file), "--out", str(out)]) == 2
     line = capsys.readouterr().err.splitlines()[-1]

@@ -11,9 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import armlet as al
-from armlet import figures
-from armlet.mintime_plots import MinimumTime
-from armlet.path_plots import PathTiming
+from armlet.figures import style
+from armlet.figures.minimum_time import MinimumTime
+from armlet.figures.time_path import PathTiming
 
 ARM = al.planar_arm([0.5, 0.4])
 
@@ -43,9 +43,9 @@ DRAWN: dict[str, tuple[str, Callable[..., Any]]] = {
 
 @pytest.mark.parametrize("name", DRAWN)
 def test_drawn_into_what_is_given(name: str) -> None:
-    figure, style = Figure(figsize=(3.0, 2.0)), {key: matplotlib.rcParams[key] for key in figures.STYLE}
+    figure, before = Figure(figsize=(3.0, 2.0)), {key: matplotlib.rcParams[key] for key in style.STYLE}
     DRAWN[name][1](figure)
-    assert figure.axes and {key: matplotlib.rcParams[key] for key in style} == style
+    assert figure.axes and {key: matplotlib.rcParams[key] for key in before} == before
     # Panels need their room; the one of a sweep takes what it is given.
     assert (tuple(figure.get_size_inches()) == (3.0, 2.0)) == (name == "sweep")
 
@@ -88,4 +88,4 @@ def test_without_matplotlib_nothing_is_drawn(name: str, monkeypatch: pytest.Monk
     with pytest.raises(ImportError) as fault:
         draw(None)
     assert str(fault.value) == f"{caller}: matplotlib is not installed: pip install 'armlet[plot]'"
-    assert not figures.available()
+    assert not style.available()

@@ -13,7 +13,7 @@ import pytest
 from pr_loops import ARM, LAW, PLANT, adaptive, batch, run
 
 import armlet as al
-from armlet import path_plots
+from armlet.figures import time_path
 from armlet.gym import ArmEnv, Reach
 
 CHAIN = al.planar_arm([1.0, 1.0])
@@ -118,7 +118,7 @@ ENTRIES: dict[str, Callable[[Any], Any]] = {
     "gym limits": lambda x: ArmEnv(tau_max=x),
     "gym range": lambda x: ArmEnv(q_limit=(x, 1.0)),
     "gym task": lambda x: ArmEnv(task=Reach(axes="xy", q0=x)),
-    "path figure": lambda x: path_plots._bounds(x, 2),
+    "path figure": lambda x: time_path._bounds(x, 2),
     "Run": lambda x: al.Run({"t": [0.0, 1.0], "q": x, "v": x}),
     "sensor": lambda x: al.TorqueSensor(bias=x),
     "integrate f": lambda x: al.integrate(lambda t, y: x, (0.0, 1.0), Q, method="rk4", dt=0.1),

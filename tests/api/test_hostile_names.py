@@ -16,7 +16,7 @@ from armlet import cli
 from armlet.arguments import one_line
 from armlet.demo.report import Report
 from armlet.figures import literal
-from armlet.path_plots import PathTiming
+from armlet.figures.time_path import PathTiming
 
 # A script, unfinished mathematics (an error when it is drawn), finished mathematics, TeX that reads a file, a label that is hidden.
 NAMES = ["<script>alert(1)</script>", r"$\frac{", "$x_1$", r"\input{/etc/passwd}", "_hidden", r"\$5$", "a\u202eb", "two\nlines"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import importlib
 import inspect
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import armlet as al
 import armlet.gym
 
 OPTIONAL = ("matplotlib", "pandas", "scipy", "xarray", "viser", "dask", "numba")
-OPTIONAL += ("armlet.reference", "armlet.plots", "armlet.cli", "armlet.live")
+OPTIONAL += ("armlet.reference", "armlet.figures.run", "armlet.cli", "armlet.live")
 
 
 def python(code: str) -> str:
@@ -94,3 +95,14 @@ def test_examples_run(name: str) -> None:
     runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.NORMALIZE_WHITESPACE)
     runner.run(test, out=report.append)
     assert runner.failures == 0, "".join(report)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name"),
+    [("path_plots", "figures.time_path", "PathTiming"), ("mintime_plots", "figures.minimum_time", "MinimumTime")],
+)
+def test_old_names_of_modules_warn(old: str, new: str, name: str) -> None:
+    with pytest.warns(DeprecationWarning, match=rf"^armlet\.{old} is now armlet\.{new}$"):
+        module = importlib.import_module(f"armlet.{old}")
+    assert getattr(module, name) is getattr(importlib.import_module(f"armlet.{new}"), name)
+    del sys.modules[f"armlet.{old}"]

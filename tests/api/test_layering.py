@@ -248,11 +248,11 @@ def test_nothing_falls_back_to_the_reference() -> None:
 # Not the caller's, or no float64: flags and statuses, what scipy and other libraries hand on, a law's own target, axes of a figure.
 READ_BY_NUMPY = {
     ("gym/vector.py", "_mask"),
-    ("scipy_method.py", "_call_impl"),
-    ("path_plots.py", "room"),
-    ("run.py", "_set_status"),
-    ("task_errors.py", "at"),
-    ("verification.py", "_array"),
+    ("interop/scipy_solver.py", "_call_impl"),
+    ("figures/time_path.py", "room"),
+    ("run/records.py", "_set_status"),
+    ("run/task_errors.py", "at"),
+    ("interop/verification.py", "_array"),
 }
 CALLERS = ("ArrayLike", "Any", "object")
 

@@ -12,7 +12,7 @@ import pytest
 from listed_programs import evaluate
 
 import armlet as al
-from armlet.programs import Instruction
+from armlet.run.programs import Instruction
 
 PR = al.planar_pr(2.0, 0.5, 0.7)
 TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])

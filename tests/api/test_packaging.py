@@ -20,7 +20,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FROM_MAKE = os.environ.get("ARMLET_MAKE_TEST") == "1"
-PACKAGE = ["__init__.py", "py.typed", "_core/__init__.pyi", "errors.py", "status.py", "run.py", "plots.py", "cli.py", "demo/__init__.py"]
+PACKAGE = ["__init__.py", "py.typed", "_core/__init__.pyi", "errors.py", "status.py"]
+PACKAGE += ["run/records.py", "figures/run.py", "cli/__init__.py", "demo/__init__.py"]
 
 
 def artefact(variable: str) -> Path | None:
@@ -63,7 +64,7 @@ def wheel_names() -> list[str]:
 
 def test_rule_sees_planted_leftovers() -> None:
     planted = ["python/armlet/_core.abi3.so", "python/armlet/__pycache__/run.cpython-311.pyc", "build/lib/x.py", "dist/armlet-0.1.0.tar.gz"]
-    assert stale([*planted, "python/armlet/run.py", "tools/build.sh"]) == planted
+    assert stale([*planted, "python/armlet/run/records.py", "tools/build.sh"]) == planted
 
 
 def test_sdist_has_no_leftovers(sdist_names: list[str]) -> None:

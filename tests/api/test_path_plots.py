@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import armlet as al
-from armlet.path_plots import PathTiming
+from armlet.figures.time_path import PathTiming
 
 ARM = al.planar_arm([0.5, 0.4])
 LIMITS = {"tau_max": [20.0, 8.0], "v_max": 4.0}

@@ -193,6 +193,15 @@ def test_what_another_version_wrote_is_said() -> None:
         _core._restore(hashlib.sha256(body).digest() + body)
 
 
+@pytest.mark.parametrize("place", ["armlet.run_metrics\nMetrics", "armlet.events\nJointStops", "armlet.sampling\nSampling"])
+def test_what_stood_in_a_module_that_has_moved_is_refused(place: str) -> None:
+    import hashlib
+
+    body = b"(c" + place.encode() + b"\n)}t."
+    with pytest.raises(al.FormatError, match=r"is of another version: ModuleNotFoundError: No module named 'armlet\.\w+'"):
+        _core._restore(hashlib.sha256(body).digest() + body)
+
+
 class Older:
     """Pickles as armlet 0.1 wrote them: a function or a class, and its arguments."""
 

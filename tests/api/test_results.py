@@ -13,9 +13,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import armlet as al
-from armlet import animation
+from armlet.figures import animation
 from armlet.run import BatchRun, Run
-from armlet.run_metrics import PER_JOINT, PER_RUN
+from armlet.run.metrics import PER_JOINT, PER_RUN
 
 T = np.linspace(0.0, 10.0, 10001)
 LIMITS = {"q_min": [-9.0, -9.0], "q_max": [1.2, 9.0], "v_max": [9.0, 9.0], "effort": [9.0, 9.0]}

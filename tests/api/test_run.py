@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from armlet.errors import FormatError, InputError
 from armlet.run import BatchRun, Run
+from armlet.run.storage import load
 from armlet.status import Status
-from armlet.storage import load
 
 T = np.linspace(0.0, 10.0, 400)
 ARRAYS = ("t", "q", "v", "tau", "estimate")

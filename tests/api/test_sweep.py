@@ -20,7 +20,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import armlet as al
-from armlet.cells import Cells
+from armlet.sweeping.parameter_space import Cells
 
 SCENARIO = al.Scenario(
     {
@@ -196,7 +196,7 @@ import os, sys, threading
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 import armlet as al
-from armlet.cells import Cells
+from armlet.sweeping.parameter_space import Cells
 if __name__ == "__main__":
     threading.Thread(target=lambda: (sys.stdin.read(), os._exit(9)), daemon=True).start()
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:

@@ -14,7 +14,7 @@ import sweep_saboteur
 from test_sweep import SCENARIO, same
 
 import armlet as al
-import armlet.sweep_chunk
+from armlet.sweeping import chunk as sweep_chunk
 
 #: Cell 3 and cell 7 are bad, in chunks of their own where a chunk has four cells.
 VARY: dict[str, Any] = {"run.q0[0]": [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]}
@@ -38,7 +38,7 @@ def tries(log: Path) -> Counter[str]:
 @pytest.mark.parametrize("chunk", [1, 4, 100])
 def test_a_cell_that_raises(chunk: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = al.sweep(SCENARIO, VARY)
-    monkeypatch.setattr(armlet.sweep_chunk, "simulate_batch", armlet.sweep_chunk.simulate_batch)  # put back at the end
+    monkeypatch.setattr(sweep_chunk, "simulate_batch", sweep_chunk.simulate_batch)  # put back at the end
     sweep_saboteur.sabotage("raise", str(tmp_path / "log"))
     table = al.sweep(SCENARIO, VARY, chunk=chunk)
     check(table, wanted, "ZeroDivisionError: a law's fault")
@@ -50,7 +50,7 @@ def test_a_cell_that_raises(chunk: int, tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_cell_that_raises_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = al.sweep(SCENARIO, VARY)
-    monkeypatch.setattr(armlet.sweep_chunk, "simulate_batch", armlet.sweep_chunk.simulate_batch)
+    monkeypatch.setattr(sweep_chunk, "simulate_batch", sweep_chunk.simulate_batch)
     sweep_saboteur.sabotage("raise once", str(tmp_path / "log"))
     same(al.sweep(SCENARIO, VARY), wanted)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armlet as al
-from armlet.run_metrics import PER_TASK
+from armlet.run.metrics import PER_TASK
 
 ARM = al.planar_arm([1.0, 1.0, 0.25, 0.25])
 TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])

@@ -5,7 +5,7 @@ from typing import Any, Self, final
 from numpy.typing import ArrayLike
 from typing_extensions import disjoint_base
 
-from ..events import JointStops
+from ..run.events import JointStops
 from .arms import Arm
 
 @disjoint_base

@@ -308,7 +308,7 @@ def draw(
     figure: Any, arm: al.Arm, law: al.ElasticImpedance, step: al.Run, printed: dict[str, tuple[Array, Array]], errors: dict[str, Array]
 ) -> None:
     """Where the tip goes, what the springs carry, what the printed law does, and how the error falls with B0."""
-    from ..figures import COLOURS
+    from ..figures.style import COLOURS
 
     figure.set_size_inches(11.0, 7.4)
     figure.set_layout_engine("constrained")

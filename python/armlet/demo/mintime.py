@@ -16,7 +16,7 @@ import numpy as np
 
 import armlet as al
 
-from ..mintime_plots import MinimumTime
+from ..figures.minimum_time import MinimumTime
 from . import pictures
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ __all__ = ["exam_figures", "pr_robot"]
 
 def pr_robot(ax: Any, q: tuple[float, float] = (0.9, 0.8), length: float = 0.7) -> None:
     """The PR robot from above: a slide along x by q1, a link that turns by q2 from the -y axis, so that `B = m2 d2`."""
-    from ..figures import COLOURS
+    from ..figures.style import COLOURS
 
     slide, angle = q
     tip = np.array([slide + length * math.sin(angle), -length * math.cos(angle)])
@@ -49,7 +49,7 @@ def exam_figures(figure: Any, gravity_moment: float = 1.5) -> None:
 
     I = 1 kg m^2, tau_max = 1 N m, G in N m, the exam's motion in its shortest time.
     """
-    from ..figures import COLOURS
+    from ..figures.style import COLOURS
 
     start, end = -math.pi / 2, math.pi / 2
     T = al.bang_bang_time(start, end, 1.0, gravity_moment, 1.0).t_min

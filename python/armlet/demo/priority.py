@@ -179,7 +179,7 @@ def classification(report: Report) -> None:
 
 def draw(figure: Any) -> None:
     """The arm in cases a and b, the velocities asked and realised, as the exam draws them."""
-    from ..figures import COLOURS
+    from ..figures.style import COLOURS
 
     figure.set_size_inches(10.5, 4.6)
     figure.set_layout_engine("constrained")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..storage import folder_for, write_whole
+from ..files import folder_for, write_whole
 from .html import page
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ import numpy as np
 
 import armlet as al
 
-from ..figures import COLOURS
+from ..figures.style import COLOURS
 from .model import FRAME, WINDOW, Lab
 from .scene import ArmScene
 from .server import Server, open_server, serve

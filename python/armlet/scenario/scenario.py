@@ -23,7 +23,7 @@ from .fields import Kind, OneOf
 from .tables import KNOWN, LAWS, SCENARIO, arguments
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from ..run.records import Run
 
 __all__ = ["Built", "Scenario", "change", "pathed"]
 
@@ -160,7 +160,7 @@ class Scenario:
             InputError: a value does not fit the others.
             SolveError: the run did not reach its end.
         """
-        from ..simulation import simulate
+        from ..run.simulation import simulate
 
         built = self.build()
         start = partial(simulate, built.plant, built.law, **built.arguments, throw=throw)
@@ -173,7 +173,7 @@ class Scenario:
         Raises:
             InputError: a value does not fit the others.
         """
-        from ..simulation import simulate
+        from ..run.simulation import simulate
 
         built = self.build()
         short = built.arguments | {"t_end": 0.0, "t_eval": None}

@@ -12,8 +12,8 @@ import numpy as np
 
 from .. import _core
 from ..errors import InputError, ModelError
-from ..events import JointStops
-from ..sampling import CHANNELS, Sampling, TorqueSensor
+from ..run.events import JointStops
+from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
 from .tasks import prioritised, tasks_of
 

@@ -1,0 +1,106 @@
+"""The command line: `armlet demo`, `armlet info`, and those of scenario files (`scenarios.py`).
+
+A command is one function that takes the parsed arguments and returns the exit code: 0 done, 1 a check failed, 2 it could not be
+done (one line says why), 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..arguments import one_line
+from ..errors import ArmletError
+from .scenarios import register
+
+__all__ = ["main"]
+
+
+def _demo(args: argparse.Namespace) -> int:
+    from ..demo import demonstrate
+    from ..figures.style import available
+
+    figures = available()
+    report = demonstrate(args.out, figures=figures)
+    print(f"\nreport: {report.out / 'report.html'}")
+    if figures:
+        print("figures: " + " ".join(str(path) for path in report.figures))
+    else:
+        print("figures skipped: matplotlib is not installed (pip install 'armlet[plot]')")
+    failed = report.failed
+    print(f"{len(report.checks) - len(failed)} of {len(report.checks)} checks hold" + (f"; {len(failed)} FAILED" if failed else ""))
+    return 1 if failed or not report.checks else 0
+
+
+def _info(args: argparse.Namespace) -> int:
+    import numpy
+
+    from .. import _core
+
+    rows = {"armlet": _core.__version__, "python": platform.python_version(), "numpy": numpy.__version__}
+    rows |= {"platform": f"{platform.system()} {platform.machine()}"}
+    rows |= {name.replace("_", " "): value for name, value in _core.build_info().items() if name != "version"}
+    width = max(map(len, rows))
+    for name, value in rows.items():
+        print(f"{name:<{width}}  {value}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    from .. import _core
+
+    parser = argparse.ArgumentParser(prog="armlet", description="Robot-arm control loops closed natively.")
+    parser.add_argument("--version", action="version", version=f"armlet {_core.__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="command", required=True)
+
+    demo = commands.add_parser("demo", help="run the demonstration: a table of checks, and figures")
+    demo.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="folder for the report and the figures (default: ./out)")
+    demo.set_defaults(run=_demo)
+
+    info = commands.add_parser("info", help="print the version, the instruction set and the number of threads")
+    info.set_defaults(run=_info)
+
+    register(commands)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    if sys.stdout is None:
+        # Closed by who called: there is nobody to print for.
+        sys.stdout = io.StringIO()
+    parser = _parser()
+    if not (sys.argv[1:] if argv is None else argv):
+        parser.print_help(sys.stderr)
+        parser.exit(2)
+    args = parser.parse_args(argv)
+    try:
+        code: int = args.run(args)
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt:
+        print("armlet: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader (head, less) left: nothing to say, and nothing to flush into.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (ArmletError, OSError, MemoryError, ImportError) as error:
+        print(f"armlet: {_line(error)}", file=sys.stderr)
+        return 2
+    except Exception as error:
+        # A fault of armlet: its kind is worth more to who reports it than a traceback to who reads it.
+        print(f"armlet: internal error, please report it: {type(error).__name__}: {_line(error)}", file=sys.stderr)
+        return 2
+
+
+def _line(error: BaseException) -> str:
+    """An error in one line; of the system's errors the file and what is wrong with it, without their number."""
+    if isinstance(error, OSError) and error.strerror:
+        return one_line((f"{error.filename}: " if error.filename else "output: ") + error.strerror.lower())
+    return one_line(str(error)) or type(error).__name__

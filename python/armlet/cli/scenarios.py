@@ -1,0 +1,241 @@
+"""The commands about scenario files, `armlet run`, `check`, `new`, `sweep`, `schema`, and those of the browser, `view` and `lab`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..arguments import one_line, shown
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..run.records import Run
+    from ..scenario import Scenario
+
+__all__ = ["register"]
+
+
+def _run(args: argparse.Namespace) -> int:
+    from ..scenario import Scenario
+
+    scenario = Scenario.load(args.scenario)
+    _prepare(args)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        run = scenario.run()
+    for warning in warned:
+        print(one_line(f"armlet: warning: {warning.message}"), file=sys.stderr)
+    print(one_line(scenario.data.get("title", args.scenario.stem)))
+    print(run)
+    metrics = run.metrics()
+    print(metrics)
+    if metrics["monitor_violations"]:
+        print("  (identities that do not close to 1e-6: a shorter dt, or an adaptive method, tells the integrator's error from the law's)")
+    for path in _results(run, scenario, args):
+        print(f"wrote {path}")
+    return 0
+
+
+def _can_plot(command: str) -> None:
+    from ..figures.style import available
+
+    if not available():
+        raise InputError(f"{command}: --plot needs matplotlib: pip install 'armlet[plot]'")
+
+
+def _prepare(args: argparse.Namespace) -> None:
+    """What can be refused is refused before the run, not after it."""
+    if args.plot:
+        _can_plot("run")
+    if args.out is not None or args.plot:
+        from ..files import folder_for
+
+        folder_for(args.out or Path())
+
+
+def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Path]:
+    from ..files import write_whole
+
+    stem = (args.out or Path()) / args.scenario.stem
+    written = []
+    if args.out is not None:
+        run.save(stem.with_suffix(".npz"))
+        run.to_csv(stem.with_suffix(".csv"))
+        written += [stem.with_suffix(".npz"), stem.with_suffix(".csv")]
+    if args.plot:
+        from matplotlib.figure import Figure
+
+        from ..figures.style import literal
+
+        figure = Figure()
+        run.plot(figure)
+        figure.suptitle(literal(scenario.data.get("title", "")), usetex=False)
+        write_whole(stem.with_suffix(".png"), lambda file: figure.savefig(file, dpi=150, format="png"))
+        written.append(stem.with_suffix(".png"))
+    return written
+
+
+def _check(args: argparse.Namespace) -> int:
+    from ..scenario import Scenario
+    from ..scenario.scenario import read
+    from ..sweeping.execution import cells_of, rehearse
+
+    if args.scenario.suffix.lower() == ".urdf":
+        return _check_robot(args.scenario)
+    problems, cells = list(Scenario.problems(read(args.scenario))), 0
+    if not problems:
+        scenario = Scenario.load(args.scenario)
+        try:
+            scenario.check()
+            if "sweep" in scenario.data:
+                planned = cells_of(scenario)
+                cells = len(planned)
+                rehearse(scenario, planned)
+        except InputError as error:
+            problems = [str(error).removeprefix(f"{args.scenario}: ")]
+    for problem in problems:
+        print(one_line(f"{args.scenario}: {problem}"), file=sys.stderr)
+    if not problems:
+        first, *more = scenario.summary().splitlines()
+        print(f"{args.scenario}: is a scenario: {first}" + (f"; a sweep of {cells} runs" if cells else ""))
+        for line in more:
+            print(f"  {one_line(line)}")
+    return 2 if problems else 0
+
+
+def _check_robot(path: Path) -> int:
+    from .. import _core
+
+    arm = _core.load_urdf(path)
+    print(arm)
+    print(one_line(f"frames: {', '.join(arm.frame_names)}"))
+    for line in arm.report:
+        print(one_line(line))
+    return 0
+
+
+def _new(args: argparse.Namespace) -> int:
+    from ..scenario import template
+
+    sys.stdout.write(template(args.template))
+    return 0
+
+
+def _schema(args: argparse.Namespace) -> int:
+    from ..scenario import schema
+
+    print(json.dumps(schema(), indent=1))
+    return 0
+
+
+def _sweep(args: argparse.Namespace) -> int:
+    from ..scenario import Scenario
+    from ..sweeping.execution import sweep
+
+    scenario = Scenario.load(args.scenario)
+    if "sweep" not in scenario.data:
+        raise InputError(f"{args.scenario}: $.sweep: is missing: expected a table with the keys vary, draws, seed, chunk")
+    if args.plot:
+        _can_plot("sweep")
+    tty = sys.stderr.isatty()
+
+    def progress(done: int, total: int) -> None:
+        if tty:
+            print(f"\r{done} of {total} runs", end="\n" if done == total else "", file=sys.stderr, flush=True)
+
+    given: dict[str, Any] = {"out": args.out, "progress": progress}
+    if args.workers is None:
+        table = sweep(scenario, **given)
+    else:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        # Spawned, not forked: a worker starts clean on every platform.
+        with ProcessPoolExecutor(args.workers, mp_context=get_context("spawn")) as pool:
+            table = sweep(scenario, **given, executor=pool)
+    print(table)
+    print(f"wrote {table.to_csv(args.out / 'table.csv')}")
+    if args.plot:
+        from matplotlib.figure import Figure
+
+        from ..files import write_whole
+
+        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+        table.plot(fig=figure)
+        write_whole(args.out / "table.png", lambda file: figure.savefig(file, dpi=150, format="png"))
+        print(f"wrote {args.out / 'table.png'}")
+    return 0
+
+
+def _view(args: argparse.Namespace) -> int:
+    from ..live.view import view
+
+    return view(args.urdf, args.host, args.port, args.package)
+
+
+def _lab(args: argparse.Namespace) -> int:
+    from ..live.lab import lab
+
+    return lab(args.urdf, args.frame, args.host, args.port, args.package)
+
+
+# Processes of a sweep on one machine.
+MOST_WORKERS = 1024
+
+
+def _workers(text: str) -> int:
+    # A longer one is no integer that Python reads.
+    if not (text.isascii() and text.isdecimal()) or len(text) > 9 or not 1 <= int(text) <= MOST_WORKERS:
+        raise argparse.ArgumentTypeError(f"expected an integer from 1 to {MOST_WORKERS}, got {shown(text)}")
+    return int(text)
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the commands to the parser's."""
+    from ..scenario import TEMPLATES
+
+    run = commands.add_parser("run", help="run a scenario file; print its metrics")
+    run.add_argument("scenario", type=Path, metavar="FILE.toml")
+    run.add_argument("--out", type=Path, metavar="DIR", help="folder for the run (npz), its table (csv) and its figure")
+    run.add_argument("--plot", action="store_true", help="write a figure, to DIR or here")
+    run.set_defaults(run=_run)
+
+    check = commands.add_parser(
+        "check", help="say what is wrong with a scenario file, without running it; the joints and frames of a robot's"
+    )
+    check.add_argument("scenario", type=Path, metavar="FILE.toml|ROBOT.urdf")
+    check.set_defaults(run=_check)
+
+    new = commands.add_parser("new", help="print a commented scenario to start from")
+    new.add_argument("template", choices=TEMPLATES)
+    new.set_defaults(run=_new)
+
+    sweep = commands.add_parser("sweep", help="run a scenario once per cell of its [sweep]; goes on where it was stopped")
+    sweep.add_argument("scenario", type=Path, metavar="FILE.toml")
+    sweep.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder that collects the results")
+    sweep.add_argument("--plot", action="store_true", help="draw the first metric over what varied, into DIR")
+    sweep.add_argument("--workers", type=_workers, metavar="N", help="processes (default: the threads of this one)")
+    sweep.set_defaults(run=_sweep)
+
+    schema = commands.add_parser("schema", help="print the JSON schema of scenario files, for editors")
+    schema.set_defaults(run=_schema)
+
+    view = commands.add_parser("view", help="show a robot in the browser, with a slider per joint")
+    view.add_argument("urdf", type=Path, metavar="ROBOT.urdf")
+    view.set_defaults(run=_view)
+
+    lab = commands.add_parser("lab", help="touch closed loops in the browser: gains, targets, forces")
+    lab.add_argument("--urdf", type=Path, metavar="ROBOT.urdf", help="a robot of yours among the systems")
+    lab.add_argument("--frame", metavar="NAME", help="the frame of its tip (default: the farthest one that moves)")
+    lab.set_defaults(run=_lab)
+
+    for page in (view, lab):
+        page.add_argument(
+            "--package", type=Path, action="append", default=[], metavar="DIR", help="another folder of meshes; may be repeated"
+        )
+        page.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1, this machine alone)")
+        page.add_argument("--port", type=int, default=8080, help="port to listen at, 0 for any free one (default: 8080)")

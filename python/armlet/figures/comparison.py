@@ -1,0 +1,88 @@
+"""Several runs in one figure: a column per joint, a row per quantity, a colour and a dash per run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arguments import instance, shown
+from ..border import border
+from ..errors import InputError
+from .style import COLOURS, literal, require, sheet
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..run.records import Run
+
+__all__ = ["compare"]
+
+DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
+
+
+@border
+def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Figure | None = None) -> NDArray[Any]:
+    """Draw error (or position, where a run follows nothing) and input of several runs, joint by joint; returns the axes as an array.
+
+    Args:
+        runs: at least one, with the same joints.
+        labels: one name per run; "1", "2", .. with the law's name if None.
+        fig: a matplotlib figure to draw into; None makes one with pyplot.
+
+    Raises:
+        InputError: no runs, runs of different arms, or not one label per run.
+        ImportError: matplotlib is not installed.
+    """
+    from ..run.records import Run
+
+    if isinstance(runs, Run) or not isinstance(runs, Iterable):
+        raise InputError(f"compare: runs is of the wrong type: expected a list of runs, got {shown(runs)}")
+    given = [instance("compare", f"runs[{i}]", run, Run, "a run of simulate") for i, run in enumerate(runs)]
+    if not given:
+        raise InputError("compare: runs is empty: expected at least one run")
+    if any(run.units != given[0].units for run in given):
+        raise InputError(f"compare: runs are of different arms: expected joints in {given[0].units}, got {[run.units for run in given]}")
+    names = (
+        [f"{i + 1}: {run.law_name}" for i, run in enumerate(given)]
+        if labels is None
+        else [instance("compare", f"labels[{i}]", label, str, "a text") for i, label in enumerate(labels)]
+    )
+    if len(names) != len(given):
+        raise InputError(f"compare: labels do not match the runs: expected {len(given)}, got {len(names)}")
+    require("compare")
+    errors = [_error(run) for run in given]
+    by_error = all(error is not None for error in errors)
+    n = len(given[0].units)
+    with_tau = any(run.tau is not None for run in given)
+    with sheet(fig, (max(4.5, 3.2 * n), 2.6 * (1 + with_tau) + 0.4)) as figure:
+        axes = figure.subplots(1 + with_tau, n, squeeze=False, sharex=True)
+        lines = []
+        for k, run in enumerate(given):
+            style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)], "linewidth": 1.4}
+            first = errors[k] if by_error else run.q
+            assert first is not None
+            for j in range(n):
+                (line,) = axes[0, j].plot(run.t, first[:, j], **style)
+                if run.tau is not None:
+                    axes[1, j].plot(run.t, run.tau[:, j], **style)
+            lines.append(line)
+        for j, unit in enumerate(given[0].units):
+            axes[0, j].set_title(f"Joint {j + 1}")
+            axes[0, j].set_ylabel(f"{'error' if by_error else 'position'} ({literal(unit)})")
+            if with_tau:
+                axes[1, j].set_ylabel(f"input ({literal(given[0].input_units[j])})")
+            axes[-1, j].set_xlabel("time (s)")
+        # Outside the axes, where it covers no data.
+        figure.legend(
+            lines, names if labels is not None else [literal(name) for name in names], loc="outside upper center", ncols=min(4, len(names))
+        )
+    result: NDArray[Any] = axes
+    return result
+
+
+def _error(run: Run) -> NDArray[np.float64] | None:
+    reference = run.reference()
+    return None if reference is None else np.asarray(reference[0] - run.q)

@@ -1,0 +1,83 @@
+"""What all figures share: the colours of Okabe and Ito (told apart by colour-blind readers), the style, and the sheet to draw on.
+
+matplotlib is an extra: it is imported here, and only when a figure is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from ..arguments import one_line, shown
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["COLOURS", "available", "literal", "require", "sheet"]
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+STYLE = {
+    "axes.grid": True,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 10,
+    "axes.labelsize": 9,
+    "font.size": 9,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "none",
+    "lines.linewidth": 1.4,
+    # Names come from files, and TeX reads files.
+    "text.usetex": False,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+}
+
+
+def available() -> bool:
+    """Whether matplotlib can be imported."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def require(caller: str) -> None:
+    """See that matplotlib is there.
+
+    Raises:
+        ImportError: it is not; the message begins with `caller`.
+    """
+    if not available():
+        raise ImportError(f"{caller}: matplotlib is not installed: pip install 'armlet[plot]'")
+
+
+def literal(text: str) -> str:
+    """A name from a file as matplotlib shows it: no mathematics, in one line, and never taken for a label that is to be hidden."""
+    line = one_line(text)
+    return (" " if line.startswith("_") else "") + line.replace("$", r"\$")
+
+
+@contextmanager
+def sheet(fig: Figure | None, size: tuple[float, float] | None) -> Iterator[Figure]:
+    """The style, and in it `fig` or, where that is None, a new pyplot figure; `size` in inches (None: as it is)."""
+    import matplotlib
+    from matplotlib.figure import FigureBase
+
+    if fig is not None and not isinstance(fig, FigureBase):
+        raise InputError(f"plot: fig is of the wrong type: expected a figure of matplotlib or None, got {shown(fig)}")
+    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
+        if fig is None:
+            from matplotlib import pyplot
+
+            fig = pyplot.figure()
+        if size is not None:
+            fig.set_size_inches(size)
+            fig.set_layout_engine("constrained")
+        yield fig

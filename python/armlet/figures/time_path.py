@@ -1,0 +1,194 @@
+"""The figure of a timing along a path: what binds where.
+
+    tau = A u + B r^2 + g + d q' r,   A = M q',   B = M q'' + C(q, q') q',   r = ds/dt,   u = d^2 s/dt^2
+
+At a path position `s` and a path speed `r` every limit of torque or acceleration leaves an interval of `u`; where the intervals have
+nothing in common no motion passes. The edge of that region is the maximum velocity curve; limits of joint speed bound `r` as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import _core
+from .._core import Arm, TimedPath
+from ..errors import InputError
+from .style import COLOURS, literal, require, sheet
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["PathTiming"]
+
+LIMIT = "0.25"
+Array = NDArray[Any]
+# Jumps of the path acceleration, relative to its largest value, that are marked as switches.
+JUMP = 0.1
+
+
+def _bounds(limit: ArrayLike | None, n: int) -> tuple[Array, Array]:
+    """Lower and upper limits `(n,)` from a number, `(n,)` or `(n, 2)`; infinite where there are none."""
+    if limit is None:
+        return np.full(n, -np.inf), np.full(n, np.inf)
+    values = _core.numbers("PathTiming", "a limit", limit, (), (n,), (n, 2))
+    if values.ndim == 2:
+        return values[:, 0], values[:, 1]
+    upper = np.broadcast_to(values, (n,))
+    return -upper, upper
+
+
+@dataclass(frozen=True)
+class PathTiming:
+    """A timing of `time_path` and what it was given, to be drawn.
+
+    Attributes:
+        arm, motion: the arm, and the feasible `TimedPath`.
+        tau_max, v_max, a_max: the limits, as given to `time_path`.
+        viscous: viscous friction, N m s/rad: number or `(n,)`.
+    """
+
+    arm: Arm
+    motion: TimedPath
+    tau_max: ArrayLike | None = None
+    v_max: ArrayLike | None = None
+    a_max: ArrayLike | None = None
+    viscous: ArrayLike = 0.0
+
+    def plot(self, fig: Figure | None = None) -> Array:
+        """Draw torque against time and path position, the phase plane and joint speeds into `fig` (None: a new one); returns the axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+            InputError: the motion is not a timing, takes no time or has no limit of torque.
+        """
+        require("PathTiming.plot")
+        if not (self.motion.feasible and self.motion.duration > 0.0):
+            raise InputError("PathTiming.plot: motion has no timing to draw: expected a feasible TimedPath that takes time")
+        if self.tau_max is None:
+            raise InputError("PathTiming.plot: tau_max is missing: expected the limits of torque that the motion was planned with")
+        with sheet(fig, (9.6, 7.0)) as figure:
+            axes = figure.subplots(2, 2)
+            t, s = self._samples()
+            q, v, a = self.motion(t)
+            tau = self.arm.inverse_dynamics(q, v, a) + _core.numbers("PathTiming", "viscous", self.viscous, (), (v.shape[-1],)) * v
+            self._torques(axes[0, 0], axes[0, 1], t, s, tau)
+            self._phase_plane(axes[1, 0])
+            self._speeds(axes[1, 1], t, v)
+            names = [literal(name) for name in self.arm.joint_names]
+            handles = axes[0, 0].get_lines()[: len(names)]
+            figure.legend(handles, names, loc="outside upper center", ncols=len(names), frameon=False)
+        result: Array = axes
+        return result
+
+    def _samples(self) -> tuple[Array, Array]:
+        """Times, both sides of every grid point among them, and the path positions there."""
+        p = self.motion
+        inner = np.linspace(0.0, 1.0, 6)[:, None]
+        lengths = np.diff(p.t)
+        t = (p.t[:-1] + inner * lengths)[:-1].T.ravel()
+        t = np.sort(np.concatenate([t, np.nextafter(p.t[1:], 0.0)]))
+        r = p.s_dot
+        i = np.clip(np.searchsorted(p.t, t, side="right") - 1, 0, lengths.size - 1)
+        d = t - p.t[i]
+        # Between grid points the path speed is nearly linear in time: for a drawing.
+        s = p.s[i] + d * (r[i] + 0.5 * d * (r[i + 1] - r[i]) / lengths[i])
+        return t, s
+
+    def _torques(self, time: Axes, along: Axes, t: Array, s: Array, tau: Array) -> None:
+        low, high = _bounds(self.tau_max, self.arm.n)
+        share = (2.0 * tau - low - high) / (high - low)
+        for ax, x in ((time, t), (along, s)):
+            # The joints' lines first: the legend of the figure is made of them.
+            for j in range(self.arm.n):
+                ax.plot(x, share[:, j], color=COLOURS[j % len(COLOURS)])
+            for bound in (-1.0, 1.0):
+                ax.axhline(bound, color=LIMIT, linestyle="--", linewidth=1.0)
+            ax.set_ylim(-1.15, 1.15)
+            ax.set_ylabel("torque, in parts of its limits")
+        time.set_xlabel("time (s)")
+        time.set_title("Torque against time")
+        along.set_xlabel("path position $s$")
+        along.set_title("Torque against path position")
+
+    def room(self, s: ArrayLike, r: ArrayLike) -> Array:
+        """Largest minus smallest path acceleration that the limits leave at path speeds `r` `(R,)` and positions `s` `(S,)`: `(R, S)`.
+
+        Negative where no motion passes.
+        """
+        arm, n = self.arm, self.arm.n
+        q, slope, bend = self.motion.path(s)
+        g = arm.gravity(q)
+        A = arm.inverse_dynamics(q, np.zeros_like(q), slope) - g
+        B = arm.inverse_dynamics(q, slope, bend) - g
+        least, most = np.full((np.size(r), np.size(s)), -np.inf), np.full((np.size(r), np.size(s)), np.inf)
+        speed = np.asarray(r, dtype=np.float64)[:, None]
+        rows = [(A, B, g, _core.numbers("PathTiming", "viscous", self.viscous, (), (n,)) * slope, _bounds(self.tau_max, n))]
+        rows.append((slope, bend, np.zeros_like(q), np.zeros_like(q), _bounds(self.a_max, n)))
+        for alpha, beta, rest, rub, (low, high) in rows:
+            for j in range(n):
+                if not np.isfinite(high[j]):
+                    continue
+                value = beta[:, j] * speed**2 + rest[:, j] + rub[:, j] * speed
+                idle = alpha[:, j] == 0.0
+                by = np.where(idle, 1.0, alpha[:, j])
+                one, two = (low[j] - value) / by, (high[j] - value) / by
+                blocked = idle & ((value < low[j]) | (value > high[j]))
+                least = np.maximum(least, np.where(blocked, np.inf, np.where(idle, -np.inf, np.minimum(one, two))))
+                most = np.minimum(most, np.where(blocked, -np.inf, np.where(idle, np.inf, np.maximum(one, two))))
+        return np.asarray(most - least)
+
+    def switches(self) -> Array:
+        """Indices of grid points where the path acceleration jumps: one limit takes over from another."""
+        p = self.motion
+        u = np.diff(p.s_dot**2) / (2.0 * np.diff(p.s))
+        jumps = np.abs(np.diff(u))
+        # A switch within a segment shows as two jumps: the larger one is marked.
+        after, before = np.append(jumps[1:], 0.0), np.append(0.0, jumps[:-1])
+        return np.flatnonzero((jumps > JUMP * np.abs(u).max()) & (jumps >= after) & (jumps > before)) + 1
+
+    def _phase_plane(self, ax: Axes) -> None:
+        p = self.motion
+        s = np.linspace(p.s[0], p.s[-1], 500)
+        # As high as it takes to see the region's edge, where it is near.
+        for height in (1.35, 3.0):
+            top = height * float(p.s_dot.max())
+            r = np.linspace(0.0, top, 400)
+            shut = np.where(self.room(s, r) < 0.0, 1.0, 0.0)
+            if shut.any():
+                break
+        if shut.any():
+            ax.contourf(s, r, shut, levels=[0.5, 1.5], colors=["0.88"])
+            ax.contour(s, r, shut, levels=[0.5], colors=["0.35"], linewidths=1.0)
+            ax.plot([], [], color="0.35", linewidth=1.0, label="maximum velocity curve")
+        if self.v_max is not None:
+            slope = np.abs(p.path(s)[1])
+            with np.errstate(divide="ignore"):
+                bound = (_bounds(self.v_max, self.arm.n)[1] / slope).min(axis=1)
+            ax.plot(
+                s, np.where(bound < 2.0 * top, bound, np.nan), color=COLOURS[1], linestyle="--", linewidth=1.0, label="joint speed limits"
+            )
+        ax.plot(p.s, p.s_dot, color=COLOURS[0], label="timing")
+        k = self.switches()
+        ax.plot(p.s[k], p.s_dot[k], "o", color="black", markersize=3.5, linestyle="none", label="switches")
+        ax.set_xlim(p.s[0], p.s[-1])
+        ax.set_ylim(0.0, top)
+        ax.set_xlabel("path position $s$")
+        ax.set_ylabel(r"path speed $\dot s$ (1/s)")
+        ax.set_title("Phase plane: no motion passes the grey" if shut.any() else "Phase plane")
+        ax.legend(loc="best", handlelength=1.8)
+
+    def _speeds(self, ax: Axes, t: Array, v: Array) -> None:
+        limited = self.v_max is not None
+        scale = _bounds(self.v_max, self.arm.n)[1] if limited else np.ones(self.arm.n)
+        for j in range(self.arm.n):
+            ax.plot(t, v[:, j] / scale[j], color=COLOURS[j % len(COLOURS)])
+        for bound in (-1.0, 1.0) if limited else ():
+            ax.axhline(bound, color=LIMIT, linestyle="--", linewidth=1.0)
+        ax.set_xlabel("time (s)")
+        ax.set_ylabel("joint speed, in parts of its limit" if limited else "joint speed (rad/s or m/s)")
+        ax.set_title("Joint speeds")

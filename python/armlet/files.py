@@ -1,0 +1,112 @@
+"""Files that are whole or not there, and archives of arrays with a checksum: how runs, tables, figures and sweeps are written."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from os import PathLike
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .arguments import file_path
+from .errors import FormatError
+
+__all__ = ["digest", "folder_for", "pack", "unpack", "write_whole"]
+
+SEAL = b"sha256:"
+SEALED = len(SEAL) + 64  # bytes of the comment
+
+
+def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
+    """SHA-256 of the header (without its digest) and of every array with its name, type and shape."""
+    state = hashlib.sha256(json.dumps({k: v for k, v in header.items() if k != "sha256"}, sort_keys=True).encode())
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        state.update(f"\0{name}\0{array.dtype.str}\0{array.shape}\0".encode())
+        state.update(array.tobytes())
+    return state.hexdigest()
+
+
+def pack(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write the arrays as an npz archive whose comment seals it."""
+    np.savez(file, allow_pickle=False, **arrays)
+    # The last two bytes of an archive without a comment are the length of the comment.
+    file.seek(-2, os.SEEK_END)
+    file.write(SEALED.to_bytes(2, "little"))
+    file.write(SEAL + _digest_of(file, file.tell()))
+
+
+def unpack(file: IO[bytes]) -> tuple[dict[str, NDArray[Any]], bool]:
+    """The arrays of an archive, and whether it carries a seal; FormatError where the seal is broken or the archive can't be read."""
+    end = file.seek(0, os.SEEK_END)
+    start = max(end - SEALED, 0)
+    file.seek(start)
+    tail = file.read(SEALED)
+    sealed = tail.startswith(SEAL)
+    if sealed and tail[len(SEAL) :] != _digest_of(file, start):
+        raise FormatError("is damaged: its checksum does not match")
+    file.seek(0)
+    try:
+        with np.load(file, allow_pickle=False) as container:
+            return {key: container[key] for key in container.files}, sealed
+    # Whatever a damaged archive makes zipfile or numpy stumble over, sizes beyond the memory among it.
+    except Exception as error:
+        problem = f"is not a run of armlet or is damaged: expected an npz container, got {error or type(error).__name__}"
+        raise FormatError(problem) from None
+
+
+def _digest_of(file: IO[bytes], size: int) -> bytes:
+    """SHA-256 of the first `size` bytes, in hexadecimal; the file is left at their end."""
+    state = hashlib.sha256()
+    file.seek(0)
+    while size > 0:
+        piece = file.read(min(size, 1 << 20))
+        if not piece:
+            break
+        state.update(piece)
+        size -= len(piece)
+    return state.hexdigest().encode()
+
+
+def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
+    """Call `write(file)` on a temporary file beside `path` and rename it to `path`: never half a file, never the old one lost."""
+    target = os.path.abspath(file_path("save", path))
+    if os.path.exists(target) and not os.path.isfile(target):
+        # A renamed file would take the place of a device or a pipe, for everybody.
+        raise OSError(errno.EINVAL, "is not a regular file", target)
+    try:
+        handle, scratch = tempfile.mkstemp(dir=os.path.dirname(target), prefix=".armlet-")
+    except OSError as error:
+        error.filename = target  # not the temporary file, which nobody asked for
+        raise
+    try:
+        with os.fdopen(handle, "w+b") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(scratch, 0o666 & ~umask)  # a temporary file is private: give the result the usual rights
+        os.replace(scratch, target)
+    except BaseException as error:
+        with suppress(OSError):
+            os.unlink(scratch)
+        if isinstance(error, OSError):
+            error.filename = target  # a full disk does not say which file it cut short
+        raise
+
+
+def folder_for(path: Path) -> Path:
+    """Make the folder `path` where it is missing; refuse, before any work, one into which nothing may be written."""
+    path.mkdir(parents=True, exist_ok=True)
+    if not os.access(path, os.W_OK):
+        raise PermissionError(f"{path}: is not writable")
+    return path

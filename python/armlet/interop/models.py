@@ -1,0 +1,285 @@
+"""Arms from models of other libraries, and a comparison with them: `from_pinocchio`, `from_mujoco`, `verify`.
+
+The other library is imported only where its model is given. Both describe a tree of moving bodies; what differs is told in
+`arm.report` and in the table of `verify`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Arm, _restore_tree
+from ..border import border
+from ..errors import InputError
+from . import mujoco_model
+from .verification import Verification, verify
+
+__all__ = ["Verification", "from_mujoco", "from_pinocchio", "verify"]
+
+_Array = NDArray[np.float64]
+
+
+def _unit(function: str, axis: _Array, name: str) -> list[float]:
+    length = float(np.linalg.norm(axis))
+    if not (np.isfinite(length) and length > 0.0):
+        raise InputError(f"{function}: model has a joint without an axis: expected a direction, got {axis} (joint {name})")
+    # A unit axis stays as it is: dividing would only add a rounding.
+    return [float(x) for x in (axis if abs(length - 1.0) < 1e-15 else axis / length)]
+
+
+def _stored(rotation: _Array, translation: _Array) -> list[list[float]]:
+    """Three columns of the rotation, then the translation: what a pickled arm holds."""
+    return [*np.asarray(rotation, dtype=float).T.tolist(), np.asarray(translation, dtype=float).tolist()]
+
+
+def _depth_first(parents: Sequence[int]) -> list[int]:
+    """An order in which parents come first and subtrees stay together, siblings as given; -1 is the base."""
+    children: dict[int, list[int]] = {}
+    for i, parent in enumerate(parents):
+        children.setdefault(parent, []).append(i)
+    order, stack = [], children.get(-1, [])[::-1]
+    while stack:
+        i = stack.pop()
+        order.append(i)
+        stack += children.get(i, [])[::-1]
+    return order
+
+
+def _build(name: str, joints: list[dict[str, Any]], frames: list[dict[str, Any]], gravity: _Array, report: list[str]) -> Arm:
+    """An arm from joints in any order with `parent` an index or -1, and frames that hang on joint `body` or the base, -1."""
+    order = _depth_first([joint["parent"] for joint in joints])
+    place = {old: new for new, old in enumerate(order)} | {-1: None}
+    names = [joints[i]["name"] for i in order]
+    if len(set(names)) < len(names):
+        raise InputError(f"from_{name}: model has joints of the same name: expected names that differ, got {names}")
+    stored = [
+        (
+            joint["name"],
+            joint["type"],
+            place[joint["parent"]],
+            _stored(*joint["placement"]),
+            joint["axis"],
+            [float(joint.get(key, default)) for key, default in _DRIVE],
+            np.asarray(joint["phi"], dtype=float).tolist(),
+        )
+        for joint in (joints[i] for i in order)
+    ]
+    kept, seen = [], set()
+    for frame in frames:
+        if frame["name"] not in seen:
+            seen.add(frame["name"])
+            kept.append((frame["name"], place[frame["body"]], _stored(*frame["placement"]), None))
+    numbers = [joint[3] + [joint[4], joint[6]] for joint in stored] + [frame[2] for frame in kept]
+    if not all(np.isfinite(row).all() for each in numbers for row in each):
+        raise InputError(f"from_{name}: model is not finite: expected finite placements, axes and inertias")
+    return _restore_tree((name, stored, kept, np.asarray(gravity, dtype=float).tolist(), report))
+
+
+_DRIVE = (
+    ("lower", -np.inf),
+    ("upper", np.inf),
+    ("velocity", np.inf),
+    ("effort", np.inf),
+    ("armature", 0.0),
+    ("damping", 0.0),
+    ("friction", 0.0),
+)
+
+
+def _expect(model: Any, function: str, kind: str, attribute: str) -> None:
+    if not hasattr(model, attribute):
+        raise InputError(f"{function}: model is of another type: expected a {kind}, got {type(model).__name__}")
+
+
+@border
+def from_pinocchio(model: Any) -> Arm:
+    """The arm of a `pinocchio.Model`: fixed base; revolute, unbounded and prismatic joints, any axes, any tree.
+
+    Kept: joint and frame names, placements, inertias, limits, armature, damping, friction, gravity. The order of `q` is depth
+    first, which on branched robots is not Pinocchio's; continuous joints have one coordinate here and two there.
+
+    Raises:
+        InputError: not a model, or a joint of another type (free flyer, spherical, mimic), named.
+    """
+    _expect(model, "from_pinocchio", "pinocchio.Model", "jointPlacements")
+    joints, frames, report = [], [], []
+    for i in range(1, model.njoints):
+        joint, name = model.joints[i], model.names[i]
+        kind = joint.shortname()
+        moves = _motion(joint)
+        if moves is None or "Mimic" in kind:
+            problem = f"has a joint of another kind: expected revolute or prismatic, got {kind} (joint {name})"
+            raise InputError(f"from_pinocchio: model {problem}")
+        subspace, within = moves
+        slide = bool(np.any(subspace[:3] != 0.0))
+        placement = model.jointPlacements[i] if within is None else model.jointPlacements[i] * within
+        at, row = joint.idx_q, joint.idx_v
+        bounded = joint.nq == 1
+        joints.append(
+            {
+                "name": name,
+                "type": "prismatic" if slide else "revolute" if bounded else "continuous",
+                "parent": model.parents[i] - 1,
+                "placement": (placement.rotation, placement.translation),
+                "axis": _unit("from_pinocchio", subspace[:3] if slide else subspace[3:], name),
+                "phi": model.inertias[i].toDynamicParameters(),
+                "lower": _bound(model.lowerPositionLimit[at], -1.0) if bounded else -np.inf,
+                "upper": _bound(model.upperPositionLimit[at], 1.0) if bounded else np.inf,
+                "velocity": _bound(_row(model, ("upperVelocityLimit", "velocityLimit"), row), 1.0),
+                "effort": _bound(_row(model, ("upperEffortLimit", "effortLimit"), row), 1.0),
+                "armature": model.armature[row],
+                "damping": _row(model, ("damping",), row),
+                "friction": _row(model, ("upperDryFrictionLimit", "friction"), row),
+            }
+        )
+    # Bodies first: where a joint frame has a body's name, the body is meant.
+    for frame in sorted(model.frames, key=lambda frame: "BODY" not in str(frame.type)):
+        parent = frame.parentJoint if hasattr(frame, "parentJoint") else frame.parent
+        frames.append({"name": frame.name, "body": parent - 1, "placement": (frame.placement.rotation, frame.placement.translation)})
+    if any(joint["damping"] or joint["friction"] for joint in joints):
+        report.append("damping and friction are kept; Pinocchio's rnea and aba ignore them")
+    if np.any(model.gravity.angular != 0.0):
+        report.append("angular acceleration of the base dropped (the angular part of gravity)")
+    if any(joint["type"] == "continuous" for joint in joints):
+        report.append("continuous joints have one coordinate here, two (cosine, sine) in Pinocchio")
+    return _build("pinocchio", joints, frames, model.gravity.linear, report)
+
+
+def _motion(joint: Any) -> tuple[_Array, Any] | None:
+    """Of a joint that turns or slides: `[v; w]` per unit rate, and the placement inside the joint, which composites have; else None."""
+    if joint.nv != 1:
+        return None
+    data = joint.createData()
+    joint.calc(data, np.array([1.0, 0.0]) if joint.nq == 2 else np.zeros(joint.nq))
+    subspace = np.asarray(data.S, dtype=float).reshape(6)
+    if np.any(subspace[:3] != 0.0) and np.any(subspace[3:] != 0.0):
+        return None  # a screw
+    return subspace, data.M if "Composite" in joint.shortname() else None
+
+
+def _row(model: Any, names: tuple[str, ...], row: int) -> float:
+    """Entry `row` of the first of these vectors that this version has."""
+    for name in names:
+        if hasattr(model, name):
+            return float(getattr(model, name)[row])
+    return 0.0
+
+
+def _bound(value: float, sign: float) -> float:
+    """A limit; the largest float stands for none."""
+    return sign * np.inf if not abs(value) < 1e300 else float(value)
+
+
+@border
+def from_mujoco(model: Any) -> Arm:
+    """The arm of a `mujoco.MjModel`: hinges and slides, any tree, bodies with several joints too.
+
+    Kept: joint and body names, placements, reference positions, inertias, position limits, limits of the actuators' force on a joint,
+    armature and damping (those of actuators on the joint too), dry friction, gravity; a frame for every body and every site.
+    Dropped and listed in `arm.report`: what else actuators do, springs, tendons, equality constraints, gravity compensation, fluid
+    forces, damping that is not linear, sites that have a body's name.
+
+    Raises:
+        InputError: not a model, or a free or ball joint, named.
+    """
+    _expect(model, "from_mujoco", "mujoco.MjModel", "body_parentid")
+    joints, frames, report = [], [], []
+    armature, damping = mujoco_model.motors(model)
+    carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body: joint, rotation and origin in its frame
+    frames.append({"name": _name(model, "body", 0), "body": -1, "placement": (np.eye(3), np.zeros(3))})
+    for body in range(1, model.nbody):
+        parent, turn, at = carrier[model.body_parentid[body]]
+        # The body frame at its reference position, in the axes of the joint that carries it.
+        at = at + turn @ model.body_pos[body]
+        turn = turn @ _rotation(model.body_quat[body])
+        first, count = model.body_jntadr[body], model.body_jntnum[body]
+        for j in range(first, first + max(count, 0)):
+            name, kind = _name(model, "joint", j), int(model.jnt_type[j])
+            if kind not in (2, 3):
+                kinds = {0: "free", 1: "ball"}
+                raise InputError(
+                    f"from_mujoco: model has a joint of another kind: expected hinge or slide, got {kinds.get(kind, kind)} (joint {name})"
+                )
+            slide, axis, anchor = kind == 2, np.array(model.jnt_axis[j]), np.array(model.jnt_pos[j])
+            dof, zero = model.jnt_dofadr[j], float(model.qpos0[model.jnt_qposadr[j]])
+            # q = qpos0 is the reference position: the joint frame is turned, or moved, back by it.
+            origin, rotation = at + turn @ anchor, turn
+            if slide:
+                origin = origin - turn @ axis * zero
+            elif zero:
+                rotation = turn @ _about(axis, -zero)
+            limited = bool(model.jnt_limited[j])
+            # Limits of the actuators' sum: the smaller one where they differ.
+            forced = bool(model.jnt_actfrclimited[j])
+            joints.append(
+                {
+                    "name": name,
+                    "type": "prismatic" if slide else "revolute" if limited else "continuous",
+                    "parent": parent,
+                    "placement": (rotation, origin),
+                    "axis": _unit("from_mujoco", axis, name),
+                    "phi": np.zeros(10),
+                    "lower": model.jnt_range[j, 0] if limited else -np.inf,
+                    "upper": model.jnt_range[j, 1] if limited else np.inf,
+                    "effort": float(np.abs(model.jnt_actfrcrange[j]).min()) if forced else np.inf,
+                    "armature": model.dof_armature[dof] + armature[j],
+                    "damping": model.dof_damping[dof] + damping[j],
+                    "friction": model.dof_frictionloss[dof],
+                }
+            )
+            parent, turn, at = len(joints) - 1, np.eye(3), -anchor
+        carrier.append((parent, turn, at))
+        if parent >= 0:
+            joints[parent]["phi"] = joints[parent]["phi"] + _parameters(model, body, turn, at)
+        frames.append({"name": _name(model, "body", body), "body": parent, "placement": (turn, at)})
+    bodies = {frame["name"] for frame in frames}
+    for site in range(model.nsite):
+        parent, turn, at = carrier[model.site_bodyid[site]]
+        placement = (turn @ _rotation(model.site_quat[site]), at + turn @ model.site_pos[site])
+        frames.append({"name": _name(model, "site", site), "body": parent, "placement": placement})
+    for what, dropped in (
+        ("actuators", model.nu),
+        ("tendons", model.ntendon),
+        ("equality constraints", model.neq),
+        ("joint springs", int(np.count_nonzero(model.jnt_stiffness))),
+        ("bodies with gravity compensation", int(np.count_nonzero(model.body_gravcomp))),
+        ("fluid forces", int(model.opt.density != 0.0 or model.opt.viscosity != 0.0)),
+        ("joints' damping beyond the linear", int(np.count_nonzero(getattr(model, "dof_dampingpoly", np.zeros((1, 1))).any(axis=1)))),
+        ("sites of a body's name", sum(_name(model, "site", site) in bodies for site in range(model.nsite))),
+    ):
+        if dropped:
+            report.append(f"{what} dropped ({dropped})")
+    return _build("mujoco", joints, frames, mujoco_model.gravity(model), report)
+
+
+def _name(model: Any, kind: str, index: int) -> str:
+    return str(getattr(model, kind)(index).name) or f"{kind}{index}"
+
+
+def _rotation(quaternion: _Array) -> _Array:
+    """`(w, x, y, z)` of any length but zero."""
+    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _about(axis: _Array, angle: float) -> _Array:
+    return _rotation(np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis / np.linalg.norm(axis)]))
+
+
+def _parameters(model: Any, body: int, turn: _Array, at: _Array) -> _Array:
+    """The ten parameters of a body in the frame of its joint."""
+    mass = float(model.body_mass[body])
+    axes = turn @ _rotation(model.body_iquat[body])
+    com = at + turn @ model.body_ipos[body]
+    inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T + mass * (com @ com * np.eye(3) - np.outer(com, com))
+    return np.concatenate([[mass], mass * com, inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])

@@ -1,0 +1,237 @@
+"""Arms and their loops as systems of python-control: nonlinear ones, and linear ones about a state.
+
+    rigid     x = [q, v]                    q' = v,  v' = M^-1 (u - C v - g)
+    elastic   x = [q, v, theta, theta_dot]  v' = M^-1 (tau_J - C v - g),  B theta_ddot + F theta_dot + tau_J = u,
+                                            tau_J = K (theta - q) + D (theta_dot - v)
+    velocity  x = [q]                       q' = u
+
+In a loop `u = law(t, x) + d` with a disturbance `d`, and the state of an adaptive law, its estimate, comes last.
+
+Linear about `(x0, u0)`: `dx' = A dx + B du`, `A` and `B` of the arm exact (Carpentier and Mansard 2018), those of the law by the five-point
+difference `f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import _core
+from .._core import Arm, ElasticArm, Law, Plant, RigidArm, VelocityArm
+from ..arguments import finite, number
+from ..border import border
+from ..errors import InputError
+from ..run.simulation import simulate
+
+__all__ = ["to_control"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+#: Of the five-point difference: its error h^4 and its rounding eps / h are both near 1e-12 there, of numbers of size 1.
+STEP = 1e-3
+
+
+@border
+def to_control(
+    plant: Plant | Arm, law: Law | None = None, x0: ArrayLike | None = None, *, t: float = 0.0, u0: ArrayLike | None = None
+) -> Any:
+    """The arm, or the loop of an arm and a law, as a system of python-control (`armlet[control]`).
+
+    Inputs `tau1..` of an arm, N m or N (`u1..` of a velocity-controlled one, rad/s or m/s); of a loop, disturbances `d1..` added to them.
+    States by name (`q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`); outputs: the states, and in a loop the law's `tau1..`.
+
+    Args:
+        plant: what is moved; an arm stands for `RigidArm(arm)`. Without a wall.
+        law: what closes the loop; None: the arm alone.
+        x0: None for the nonlinear system; the state to linearise about: q, (n,), at rest, its springs carrying gravity, with the
+            law's first estimate; or all states. The linear system is in the deviations from there, equilibrium or not.
+        t: time of the law when linearised, s.
+        u0: input to linearise about, (n,); None: what keeps the arm from accelerating (the linear loop has none).
+
+    Returns:
+        A `control.NonlinearIOSystem`; with `x0` a `control.StateSpace`.
+
+    Raises:
+        InputError: an argument is not what it should be.
+        ImportError: python-control is not installed.
+
+    Source: Carpentier and Mansard 2018.
+
+    >>> import armlet as al
+    >>> arm = al.pendulum(1.0, 4.0)
+    >>> sorted(al.to_control(arm, x0=[0.0]).poles().imag.round(9).tolist())
+    [-2.0, 2.0]
+    >>> law = al.ComputedTorque(arm, al.Hold([0.5]), kp=8.0, kd=6.0)
+    >>> sorted(al.to_control(arm, law, [0.5]).poles().real.round(6).tolist())
+    [-4.0, -2.0]
+    >>> al.to_control(arm, law).state_labels
+    ['q1', 'v1']
+    """
+    try:
+        control: Any = import_module("control")
+    except ImportError:
+        raise ImportError("to_control: python-control is not installed: pip install 'armlet[control]'") from None
+    loop = _Loop(plant if isinstance(plant, Plant) else RigidArm(_arm(plant)), law)
+    names = {"inputs": loop.inputs, "outputs": loop.outputs, "states": loop.states}
+    if x0 is None:
+        if u0 is not None:
+            raise InputError("to_control: u0 is given without x0: expected the state to linearise about")
+        return control.nlsys(
+            lambda t, x, u, params: loop.rates(t, np.asarray(x, dtype=np.float64), np.asarray(u, dtype=np.float64)),
+            lambda t, x, u, params: loop.output(t, np.asarray(x, dtype=np.float64)),
+            **names,
+            name=loop.name,
+        )
+    if law is not None and u0 is not None:
+        raise InputError("to_control: u0 is given with a law: expected None, since the law has the input")
+    return control.StateSpace(*loop.linear(number("to_control", "t", t), loop.state(x0), u0), **names, name=f"{loop.name}, linear")
+
+
+def _arm(value: Any) -> Arm:
+    if not isinstance(value, Arm):
+        raise InputError(f"to_control: plant is of the wrong type: expected a plant or an arm, got {type(value).__name__}")
+    return value
+
+
+class _Loop:
+    def __init__(self, plant: Plant, law: Law | None) -> None:
+        if law is not None and not isinstance(law, Law):
+            raise InputError(f"to_control: law is of the wrong type: expected a law or None, got {type(law).__name__}")
+        made = plant.__getnewargs_ex__()[1]
+        if made.get("wall") is not None:
+            raise InputError("to_control: plant has a wall: expected one without, since its force is not smooth")
+        self.plant, self.law, self.arm, self.n = plant, law, plant.arm, plant.arm.n
+        n, self.friction = self.n, bool(made.get("friction"))
+        self.elastic, self.velocity = isinstance(plant, ElasticArm), isinstance(plant, VelocityArm)
+        if law is not None:
+            try:
+                # What no loop takes is refused here in the loop's own words.
+                simulate(plant, law, np.zeros(n), t_end=0.0, dt=1e-3)
+            except InputError as error:
+                raise InputError(f"to_control: {str(error).partition(': ')[2]}") from None
+        if isinstance(plant, ElasticArm):
+            self.K, self.B = (_matrix(made[name], n) for name in ("stiffness", "motor_inertia"))
+            self.D, self.F = (_matrix(0.0 if made.get(name) is None else made[name], n) for name in ("joint_damping", "motor_friction"))
+            self.motor_gain = np.linalg.inv(self.B)
+        parts = ("q",) if self.velocity else ("q", "v", "theta", "theta_dot") if self.elastic else ("q", "v")
+        self.m = len(parts) * n
+        self.p = 0
+        if law is not None:
+            # Asked once: what the law refuses, and how many states it has.
+            state, others = self._given(np.zeros(self.m))
+            self.p = len(law.terms(0.0, *state, **others).get("estimate_rate", ()))
+        self.states = [f"{part}{i + 1}" for part in parts for i in range(n)] + [f"estimate{i + 1}" for i in range(self.p)]
+        drive = "u" if self.velocity else "tau"
+        self.inputs = [f"{drive if law is None else 'd'}{i + 1}" for i in range(n)]
+        self.outputs = self.states + ([] if law is None else [f"{drive}{i + 1}" for i in range(n)])
+        self.name = type(plant).__name__ if law is None else f"{type(law).__name__} on {type(plant).__name__}"
+
+    def _given(self, x: Array) -> tuple[tuple[Array, Array], dict[str, Any]]:
+        """The state as a law is given it."""
+        n = self.n
+        motors = {"theta": x[2 * n : 3 * n], "theta_dot": x[3 * n : 4 * n]} if self.elastic else {}
+        return (x[:n], np.zeros(n) if self.velocity else x[n : 2 * n]), motors | ({"state": x[self.m :]} if self.p else {})
+
+    def _law(self, t: float, x: Array) -> tuple[Array, Array]:
+        """The law's input and the rate of its state."""
+        if self.law is None:
+            return np.zeros(self.n), np.zeros(0)
+        state, others = self._given(x)
+        rate = self.law.terms(t, *state, **others)["estimate_rate"] if self.p else np.zeros(0)
+        return self.law(t, *state, **others), rate
+
+    def rates(self, t: float, x: Array, u: Array) -> Array:
+        n, (tau, rate) = self.n, self._law(t, x)
+        tau = tau + u
+        if self.velocity:
+            return np.concatenate([tau, rate])
+        q, v = x[:n], x[n : 2 * n]
+        if not self.elastic:
+            return np.concatenate([v, self.arm.forward_dynamics(q, v, tau, friction=self.friction), rate])
+        theta, theta_dot = x[2 * n : 3 * n], x[3 * n : 4 * n]
+        tau_J = self.K @ (theta - q) + self.D @ (theta_dot - v)
+        motor = self.motor_gain @ (tau - self.F @ theta_dot - tau_J)
+        return np.concatenate([v, self.arm.forward_dynamics(q, v, tau_J), theta_dot, motor, rate])
+
+    def output(self, t: float, x: Array) -> Array:
+        return x if self.law is None else np.concatenate([x, self._law(t, x)[0]])
+
+    def state(self, x0: ArrayLike) -> Array:
+        """All states from `q` at rest, or as they are given."""
+        n = self.n
+        given = finite("to_control", "x0", _core.numbers("to_control", "x0", x0, *dict.fromkeys([(n,), (self.m + self.p,)])))
+        if len(given) == self.m + self.p:
+            return given
+        x = np.zeros(self.m + self.p)
+        x[:n] = given
+        if self.elastic:
+            x[2 * n : 3 * n] = given + np.linalg.solve(self.K, self.arm.gravity(given))
+        if self.p and self.law is not None:
+            estimate = self.law.__getnewargs_ex__()[1].get("estimate")
+            x[self.m :] = 0.0 if estimate is None else estimate
+        return x
+
+    def linear(self, t: float, x: Array, u0: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
+        n, m = self.n, self.m
+        u = np.zeros(n) if u0 is None else finite("to_control", "u0", _core.numbers("to_control", "u0", u0, (n,)))
+        if self.law is not None:
+            u = self._law(t, x)[0]
+        elif u0 is None and not self.velocity:
+            u = self.arm.bias(x[:n], x[n : 2 * n], friction=self.friction)
+        A, B = np.zeros((len(x), len(x))), np.zeros((len(x), n))
+        A[:m, :m], B[:m] = self._open(x, u)
+        if self.law is None:
+            return A, B, np.eye(len(x)), np.zeros((len(x), n))
+        slope = _slope(lambda x: np.concatenate(self._law(t, x)), x)
+        A += B @ slope[:n]
+        A[m:] += slope[n:]
+        return A, B, np.concatenate([np.eye(len(x)), slope[:n]]), np.zeros((len(x) + n, n))
+
+    def _open(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """A and B of the plant alone, (m, m) and (m, n)."""
+        n, one = self.n, np.eye(self.n)
+        if self.velocity:
+            return np.zeros((n, n)), one
+        q, v = x[:n], x[n : 2 * n]
+        if not self.elastic:
+            return self._links(q, v, u)
+        theta, theta_dot = x[2 * n : 3 * n], x[3 * n : 4 * n]
+        links, push = self._links(q, v, self.K @ (theta - q) + self.D @ (theta_dot - v))
+        spring = np.concatenate([-self.K, -self.D, self.K, self.D], axis=1)  # tau_J by x
+        A, B = np.zeros((4 * n, 4 * n)), np.zeros((4 * n, n))
+        A[: 2 * n, : 2 * n] = links
+        A[: 2 * n] += push @ spring
+        A[2 * n : 3 * n, 3 * n :] = one
+        A[3 * n :] = -self.motor_gain @ spring
+        A[3 * n :, 3 * n :] -= self.motor_gain @ self.F
+        B[3 * n :] = self.motor_gain
+        return A, B
+
+    def _links(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
+        """A and B of the rigid arm."""
+        if self.arm.frame_names:
+            return self.arm.linearize(q, v, tau, friction=self.friction)
+        # An arm in closed form has no recursion to differentiate.
+        slope = _slope(lambda x: self.arm.forward_dynamics(*np.split(x, 3)), np.concatenate([q, v, tau]))
+        whole = np.concatenate([np.eye(self.n, 3 * self.n, self.n), slope])
+        return whole[:, : 2 * self.n], whole[:, 2 * self.n :]
+
+
+def _matrix(value: ArrayLike, n: int) -> Array:
+    given = _core.numbers("to_control", "plant", value)
+    return given if given.ndim == 2 else np.diag(np.broadcast_to(given, (n,)))
+
+
+def _slope(f: Callable[[Array], Array], x: Array) -> Array:
+    """df/dx, one column per entry of x."""
+    columns = []
+    for i in range(len(x)):
+        h = STEP * max(1.0, abs(float(x[i])))
+        step = np.zeros_like(x)
+        step[i] = h
+        columns.append((f(x - 2 * step) - 8 * f(x - step) + 8 * f(x + step) - f(x + 2 * step)) / (12 * h))
+    return np.stack(columns, axis=1)

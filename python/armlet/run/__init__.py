@@ -1,0 +1,5 @@
+"""Runs of closed loops: what they take, what they return, what sums them up, and how they are stored."""
+
+from .records import BatchRun, Run
+
+__all__ = ["BatchRun", "Run"]

@@ -1,0 +1,208 @@
+"""Batches in pieces: what they come to without keeping their records, and how far they have come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence, Sized
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import _core
+from ..arguments import choice, finite, instance, shown
+from ..errors import InputError
+from ..status import Status
+from .balances import Balances, warn_of_balances
+from .metrics import MEASURES, metrics
+from .records import SERIES, BatchRun
+from .sampling import Sampling
+
+__all__ = ["batch_of", "forces_of_runs", "in_pieces", "measured_by_records", "require_measures"]
+
+#: Records of one piece, in bytes; a piece has at least LEAST runs.
+PIECE = 1 << 26
+LEAST = 64
+#: Pieces that a batch with rows of the caller's is cut into, at least.
+PARTS = 32
+STATES = ("v0", "theta0", "theta_dot0")
+
+
+def forces_of_runs(force: Any, rows: int) -> Any:
+    """`force` as `[[(t_start, F), ...], ...]` where it has one entry per run, `(B, k)` or such a list; else as it is."""
+    if _is_nested(force):
+        return [list(steps) if isinstance(steps, list | tuple) else steps for steps in force]
+    rows_of_numbers = isinstance(force, list | tuple) and bool(force) and isinstance(force[0], list | tuple | np.ndarray)
+    # A step is a time and a vector side by side.
+    if not (all(not isinstance(x, Sized) for x in force[0]) if rows_of_numbers else getattr(force, "ndim", 0) == 2):
+        return force
+    values = finite("simulate_batch", "force", _core.numbers("simulate_batch", "force", force, (rows, "k")))
+    return [[(0.0, row)] for row in values]
+
+
+def _is_nested(force: Any) -> bool:
+    """Whether it is a list of lists of steps."""
+    for _ in range(2):
+        if not isinstance(force, list | tuple) or not force:
+            return False
+        force = force[0]
+    return isinstance(force, list | tuple)
+
+
+def require_measures(keep: str, given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What `metrics` of a batch states.
+
+    Raises:
+        InputError: it is no table of the arguments of `armlet.metrics`, or nothing is measured.
+    """
+    if given is None:
+        return {}
+    instance("simulate_batch", "metrics", given, Mapping, "a table of arguments of armlet.metrics")
+    if keep != "metrics":
+        raise InputError(f'simulate_batch: metrics is not used: expected None with keep="{keep}", got {shown(given)}')
+    for name in given:
+        choice("simulate_batch", "a name of metrics", name, MEASURES)
+    stated = {name: value for name, value in given.items() if value is not None}
+    if "reference" in stated:
+        stated["reference"] = _core.numbers("simulate_batch", 'metrics["reference"]', stated["reference"])
+    return stated
+
+
+def measured_by_records(keywords: Mapping[str, Any]) -> bool:
+    """Whether the metrics of a batch need its records, for a reference record by record."""
+    return keywords["keep"] == "metrics" and np.ndim(keywords["metrics"].get("reference", 0.0)) > 1
+
+
+def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undisturbed: bool) -> BatchRun:
+    """One batch, with a warning where balances do not close."""
+    fields = _core.simulate_batch(plant, law, q0, keywords)
+    fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
+    found, balances = fields.pop("metrics"), Balances(**fields.pop("balances"))
+    if found:
+        rest = {name: found.pop(name) for name in ("energy_missing", "lyapunov_rise", "lyapunov_error")}
+        balances = Balances(found["energy_error"], **rest)
+        completed = (fields["status"] == Status.SUCCESS).astype(np.float64)
+        fields["stats"] |= found | {"completed": completed}
+    batch = BatchRun(fields, law=law, plant=plant)
+    if found or batch.monitors:
+        warn_of_balances("simulate_batch", balances, batch.status == Status.SUCCESS, undisturbed)
+    return batch
+
+
+def in_pieces(
+    plant: _core.Plant | list[_core.Plant],
+    law: _core.Law | list[_core.Law],
+    q0: ArrayLike,
+    keywords: dict[str, Any],
+    progress: Callable[[int, int], object] | None,
+    out: Mapping[str, NDArray[Any]] | None,
+    undisturbed: bool,
+) -> BatchRun:
+    """The batch of `simulate_batch`, some runs at a time; where the metrics need the records each piece is summed up before the next."""
+    one = plant[0] if isinstance(plant, list) and plant else plant
+    n = instance("simulate_batch", "plant", one, _core.Plant, "a plant such as RigidArm, or a list of them").arm.n
+    start = _core.numbers("simulate_batch", "q0", q0, ("B", n))
+    rows = len(start)
+    summed = measured_by_records(keywords)
+    measures = keywords["metrics"]
+    if summed:
+        keywords = keywords | {"keep": "all", "metrics": {}}
+    for name, value in (("plant", plant), ("law", law)):
+        if isinstance(value, list) and len(value) not in (1, rows):
+            raise InputError(f"simulate_batch: {name} has the wrong number of entries: expected 1 or {rows}, got {len(value)}")
+    for name in STATES:
+        if keywords.get(name) is not None:
+            keywords |= {name: _core.numbers("simulate_batch", name, keywords[name], start.shape)}
+    nested = _is_nested(keywords.get("force"))
+    # A batch of no runs is refused for whatever the whole one is refused for.
+    none = keywords | {name: _part(keywords.get(name), 0, 0) for name in STATES} | ({"force": None} if nested else {})
+    _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
+    size = _runs_per_piece(n, keywords)
+    # What is kept of each run, at the least: refused before the first piece instead of after hours.
+    np.empty((rows, 2 * n))
+    if out is not None:
+        _require_rows(out, rows)
+        # What Ctrl-C may cost.
+        size = min(size, max(LEAST, rows // PARTS // LEAST * LEAST))
+    pieces: list[BatchRun] = []
+    for first in range(0, max(rows, 1), size):
+        last = min(first + size, rows)
+        own = keywords | {name: _part(keywords.get(name), first, last) for name in STATES}
+        if nested:
+            own["force"] = own["force"][first:last]
+        if isinstance(own["sample_time"], Sampling):
+            # Row i of the whole batch has seed + i.
+            own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
+        plants = plant[first:last] if isinstance(plant, list) and len(plant) > 1 else plant
+        laws = law[first:last] if isinstance(law, list) and len(law) > 1 else law
+        piece = batch_of(plants, laws, start[first:last], own, undisturbed)
+        pieces.append(_summed(piece, measures, first, last) if summed else piece)
+        if out is not None:
+            _write(out, pieces[-1], first, last)
+        if progress is not None:
+            progress(last, rows)
+    return pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
+
+
+def _runs_per_piece(n: int, keywords: dict[str, Any]) -> int:
+    records = 1.0
+    if keywords["keep"] == "all":
+        if keywords["t_eval"] is not None:
+            records = float(np.size(keywords["t_eval"]))
+        else:
+            step = keywords["dt"] or getattr(keywords["sample_time"], "period", keywords["sample_time"]) or np.inf
+            records = keywords["t_end"] / step / keywords["record_every"] + 2.0
+    bytes_per_run = 8.0 * records * (5 * n + 10 * n + 5)
+    return max(LEAST, int(PIECE / max(bytes_per_run, 1.0)) // LEAST * LEAST)
+
+
+def _require_rows(out: Mapping[str, NDArray[Any]], rows: int) -> None:
+    """Refuse what can't take the rows, and mark them all as not finished."""
+    instance("simulate_batch", "out", out, Mapping, "a table of arrays by name")
+    for name, array in out.items():
+        choice("simulate_batch", "a name of out", name, (*SERIES, "status"))
+        wanted = "integers" if name == "status" else "float64"
+        plain = isinstance(array, np.ndarray) and not isinstance(array, np.ma.MaskedArray)
+        fits = plain and array.shape[:1] == (rows,) and array.flags.writeable
+        if not fits or (array.dtype.kind != "i" if name == "status" else array.dtype != np.float64):
+            got = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise InputError(f'simulate_batch: out["{name}"] is not fit: expected a writeable array ({rows}, ..) of {wanted}, got {got}')
+        array[...] = Status.INTERRUPTED if name == "status" else np.nan
+
+
+def _write(out: Mapping[str, NDArray[Any]], piece: BatchRun, first: int, last: int) -> None:
+    for name, array in out.items():
+        values = getattr(piece, name)
+        if values is None or array.shape[1:] != values.shape[1:]:
+            expected = "no such rows" if values is None else f"({len(array)}, {', '.join(map(str, values.shape[1:]))})"
+            raise InputError(f'simulate_batch: out["{name}"] has the wrong shape: expected {expected}, got {array.shape}')
+        array[first:last] = values
+
+
+def _part(value: NDArray[np.float64] | None, first: int, last: int) -> NDArray[np.float64] | None:
+    return None if value is None else value[first:last]
+
+
+def _summed(piece: BatchRun, measures: Mapping[str, Any], first: int, last: int) -> BatchRun:
+    """The last record of each run, its metrics among the `stats`; the rows of the batch are `first` to `last`."""
+    if np.ndim(measures.get("reference", 0.0)) == 3:
+        measures = {**measures, "reference": measures["reference"][first:last]}
+    found = metrics(piece, **measures)
+    fields: dict[str, Any] = {name: getattr(piece, name)[:, -1:] for name in SERIES if getattr(piece, name) is not None}
+    fields |= {"t": piece.t[-1:], "status": piece.status, "monitors": {name: values[:, -1:] for name, values in piece.monitors.items()}}
+    fields |= {"stats": piece.stats | dict(found), "law_name": piece.law_name, "units": piece.units, "parameters": piece.parameters}
+    return BatchRun(fields)
+
+
+def _joined(pieces: Sequence[BatchRun], law: Any, plant: Any) -> BatchRun:
+    first = pieces[0]
+
+    def together(values: list[Any]) -> Any:
+        return np.concatenate([np.asarray(value) for value in values])
+
+    fields: dict[str, Any] = {name: together([getattr(p, name) for p in pieces]) for name in SERIES if getattr(first, name) is not None}
+    fields |= {"t": first.t, "status": together([p.status for p in pieces])}
+    fields["monitors"] = {name: together([p.monitors[name] for p in pieces]) for name in first.monitors}
+    stats = {name: [p.stats[name] for p in pieces] for name in first.stats}
+    fields["stats"] = {name: together(values) if np.ndim(values[0]) else values[0] for name, values in stats.items()}
+    return BatchRun(fields, law=law, plant=plant)

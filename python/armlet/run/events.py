@@ -1,0 +1,205 @@
+"""What is watched in a run of an adaptive method, and what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import _core
+from ..arguments import choice, count, instance, number, shown, text
+from ..border import bordered
+from ..errors import InputError
+from ..pickling import sealed
+
+__all__ = ["Event", "Events", "JointStops", "State"]
+
+Array: TypeAlias = NDArray[np.float64]
+# The most events of a run.
+MOST_EVENTS = 4096
+
+
+@bordered
+@sealed
+@dataclass(frozen=True)
+class JointStops:
+    """Joint stops of a plant: beyond a limit a joint meets a spring and a damper, `tau = max(0, k d + c d_dot)` away from it.
+
+    `d` is the depth beyond the limit. A stop pushes one way: it never holds a joint back.
+
+    Args:
+        stiffness: `k` > 0, N m/rad or N/m, scalar or (n,).
+        damping: `c` >= 0, N m s/rad or N s/m, scalar or (n,).
+        lower, upper: the limits, scalar or (n,), rad or m, infinite for none; None: those of the arm.
+
+    Raises:
+        InputError: where the plant is made: a number is of the wrong sign, lower is not below upper, there is no limit at all.
+
+    >>> import armlet as al
+    >>> plant = al.RigidArm(al.planar_arm([0.5, 0.4]), stops=al.JointStops(1e4, 20.0, lower=-2.0, upper=2.0))
+    """
+
+    stiffness: float | Sequence[float]
+    damping: float | Sequence[float] = 0.0
+    lower: float | Sequence[float] | None = None
+    upper: float | Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping", "lower", "upper"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _plain("JointStops", name, value))
+
+
+def _plain(function: str, name: str, value: ArrayLike) -> Any:
+    """Numbers and tuples of numbers, which compare, print and pickle."""
+    values = _core.numbers(function, name, value, (), ("n",)).tolist()
+    return tuple(values) if isinstance(values, list) else values
+
+
+def _argument(i: int, value: Any) -> Any:
+    """An argument of an event that compares, prints and pickles: a name, a number, numbers or a function."""
+    if isinstance(value, str) or callable(value):
+        return value
+    plain = _plain("Event", f"arguments[{i}]", value)
+    # Joints are counted: 1.0 is none.
+    return value if isinstance(value, int | np.integer) else plain
+
+
+@bordered
+@sealed
+@dataclass(frozen=True)
+class Event:
+    """A zero crossing to be located in a run: `simulate(..., events=[al.Event.joint(0, 0.5, stop=True)])`.
+
+    The functions of the named kinds are evaluated natively; `function` is Python inside the loop, and slow. The function is looked at in
+    four places of every step, so that two crossings within a quarter of a step are missed.
+
+    Args:
+        kind, arguments: what is watched; made by the methods below.
+        direction: rising crossings only where > 0, falling ones only where < 0, both where 0.
+        stop: end the run at this many crossings (True is 1); 0 records them alone.
+        name: what `Run.events` calls it.
+
+    >>> import armlet as al
+    >>> al.Event.plane("link2", [0.6, 0.0, 0.0], [1.0, 0.0, 0.0], direction=1).name
+    'plane(link2)'
+    """
+
+    kind: str
+    arguments: tuple[Any, ...]
+    direction: float = 0.0
+    stop: int = 0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        text("Event", "kind", self.kind), text("Event", "name", self.name)
+        instance("Event", "arguments", self.arguments, tuple, "a tuple")
+        object.__setattr__(self, "arguments", tuple(_argument(i, each) for i, each in enumerate(self.arguments)))
+        if not self.name:
+            first = ", ".join(a if isinstance(a, str) else shown(a) for a in self.arguments[:1])
+            object.__setattr__(self, "name", f"{self.kind}({first})")
+        if not np.isfinite(number("Event", "direction", self.direction)):
+            raise InputError(f"Event: direction is not finite: expected a number, got {shown(self.direction)}")
+        object.__setattr__(self, "stop", count("Event", "stop", self.stop))
+
+    @classmethod
+    def joint(cls, joint: int | str, value: float, **keywords: Any) -> Event:
+        """Joint `joint` (index or name) crosses `value`, rad or m: `q_i - value`."""
+        return cls("joint", (joint, value), **keywords)
+
+    @classmethod
+    def speed(cls, joint: int | str, value: float = 0.0, **keywords: Any) -> Event:
+        """The speed of joint `joint` crosses `value`, rad/s or m/s: `v_i - value`; zero: it turns round."""
+        return cls("speed", (joint, value), **keywords)
+
+    @classmethod
+    def plane(cls, frame: str, point: ArrayLike, normal: ArrayLike, **keywords: Any) -> Event:
+        """The origin of `frame` crosses a plane: `normal . (p - point)`, both (3,), world axes; rising along the normal."""
+        return cls("plane", (frame, _plain("Event.plane", "point", point), _plain("Event.plane", "normal", normal)), **keywords)
+
+    @classmethod
+    def contact(cls, **keywords: Any) -> Event:
+        """The plant's wall is touched (rising) or left (falling): the depth in it."""
+        return cls("contact", (), **keywords)
+
+    @classmethod
+    def joint_stop(cls, joint: int | str, side: Literal["lower", "upper"], **keywords: Any) -> Event:
+        """The plant's stop of joint `joint` is met (rising) or left (falling): the depth beyond the limit."""
+        return cls("joint_stop", (joint, choice("Event.joint_stop", "side", side, ("lower", "upper"))), **keywords)
+
+    @classmethod
+    def function(cls, g: Callable[..., float], **keywords: Any) -> Event:
+        """`g` changes its sign, called like a law in Python: `g(t, q, v)`, `g(t, q)` for a VelocityArm, with `theta, theta_dot` for an
+        ElasticArm."""
+        if not callable(g):
+            raise InputError(f"Event.function: g is not callable: expected a function, got {type(g).__name__}")
+        keywords.setdefault("name", getattr(g, "__name__", "function"))
+        return cls("function", (g,), **keywords)
+
+
+def watched(events: Event | Callable[..., float] | Sequence[Event | Callable[..., float]] | None) -> list[Event]:
+    """The events as `Event`s; a function may carry `direction` and `terminal`, as scipy writes them."""
+    if events is None:
+        return []
+    if isinstance(events, Sequence) and len(events) > MOST_EVENTS:
+        raise InputError(f"simulate: events is too long: expected at most {MOST_EVENTS}, got {len(events)}")
+    given = list(events) if isinstance(events, Sequence) else [events]
+    for i, event in enumerate(given):
+        if isinstance(event, Event):
+            continue
+        if not callable(event):
+            got = f"got {type(event).__name__} (first bad index {i})"
+            raise InputError(f"simulate: events is of the wrong type: expected Events or functions g(t, q, v), {got}")
+        given[i] = Event.function(event, direction=getattr(event, "direction", 0.0), stop=getattr(event, "terminal", 0))
+    return given  # type: ignore[return-value]  # each is an Event by now
+
+
+@bordered
+@sealed
+@dataclass(frozen=True, eq=False)
+class Events:
+    """The crossings found in a run, in order of time.
+
+    Attributes:
+        t: when, (m,), s.
+        which: index into the events asked for, (m,).
+        names: of the events asked for.
+        q, v, theta, theta_dot: the state there, (m, n) each; None where the plant has no such.
+    """
+
+    t: Array
+    which: NDArray[np.int64]
+    names: tuple[str, ...]
+    q: Array
+    v: Array | None = None
+    theta: Array | None = None
+    theta_dot: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def of(self, event: int | str) -> Events:
+        """The crossings of one event, by index or name."""
+        if isinstance(event, str) and event in self.names:
+            event = self.names.index(event)
+        if not isinstance(event, int) or not 0 <= event < len(self.names):
+            raise InputError(f"Events.of: event is unknown: expected an index or one of {', '.join(self.names)}, got {shown(event)}")
+        rows = self.which == event
+        parts = (None if part is None else part[rows] for part in (self.q, self.v, self.theta, self.theta_dot))
+        return Events(self.t[rows], self.which[rows], self.names, *parts)  # type: ignore[arg-type]  # the first is an array
+
+
+@bordered
+@sealed
+class State(NamedTuple):
+    """The state of a run at some times: (n,) each at one time, (K, n) at K of them; None where there is no such."""
+
+    q: Array
+    v: Array | None
+    theta: Array | None
+    theta_dot: Array | None
+    estimate: Array | None

@@ -1,0 +1,85 @@
+"""Tables of runs for other programs: CSV from here, Parquet through pyarrow, datasets through xarray. Each file whole or not at all."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from importlib import import_module
+from os import PathLike
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..files import write_whole
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .records import Run
+
+__all__ = ["to_csv", "to_parquet", "to_xarray"]
+
+Columns = Mapping[str, NDArray[Any]]
+
+
+def to_csv(columns: Columns, path: str | PathLike[str]) -> None:
+    """Write columns of one length, with a header line; floats as the shortest text that gives them back."""
+    lists = [np.asarray(values).tolist() for values in columns.values()]
+
+    def write(file: IO[bytes]) -> None:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=False)
+        text.write(",".join(columns) + "\n")
+        for row in zip(*lists, strict=True):
+            text.write(",".join(map(_cell, row)) + "\n")
+        text.flush()
+        text.detach()
+
+    write_whole(path, write)
+
+
+def _cell(value: Any) -> str:
+    text = value if isinstance(value, str) else repr(value)
+    return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text
+
+
+def to_parquet(columns: Columns, path: str | PathLike[str]) -> None:
+    """Write columns of one length as Parquet.
+
+    Raises:
+        ImportError: pyarrow is not installed.
+    """
+    try:
+        pyarrow: Any = import_module("pyarrow")
+        parquet: Any = import_module("pyarrow.parquet")
+    except ImportError:
+        raise ImportError("Run.to_parquet: pyarrow is not installed: pip install 'armlet[data]'") from None
+    table = pyarrow.table({name: pyarrow.array(np.asarray(values)) for name, values in columns.items()})
+    write_whole(path, lambda file: parquet.write_table(table, file))
+
+
+def to_xarray(run: Run) -> xr.Dataset:
+    """A dataset over `t` and `joint`, units as attributes.
+
+    Raises:
+        ImportError: xarray is not installed.
+    """
+    try:
+        import xarray
+    except ImportError:
+        raise ImportError("Run.to_xarray: xarray is not installed: pip install 'armlet[data]'") from None
+    from .records import SERIES
+
+    unit = ", ".join(dict.fromkeys(run.units))
+    force = ", ".join(dict.fromkeys(run.input_units))
+    units = {"q": unit, "theta": unit, "tau": force, "estimate": "SI"}
+    variables: dict[str, Any] = {}
+    for name in SERIES:
+        values = getattr(run, name)
+        if values is not None:
+            axis = "parameter" if name == "estimate" else "joint"
+            variables[name] = (("t", axis), values, {"units": units.get(name, f"({unit})/s")})
+    variables |= {name: (("t",), values) for name, values in run.monitors.items()}
+    coordinates = {"t": ("t", run.t, {"units": "s"}), "joint": np.arange(1, run.q.shape[1] + 1)}
+    attributes = {"law": run.law_name, "status": run.status.name.lower()}
+    return xarray.Dataset(variables, coordinates, attributes)

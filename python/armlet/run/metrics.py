@@ -1,0 +1,291 @@
+"""Numbers that sum a run up.
+
+With the error e = q_d - q, the span T, integrals by the trapezoidal rule over the recorded times, one value per joint:
+
+=====================  ==============  ====================================================================================
+name                   unit            definition
+=====================  ==============  ====================================================================================
+error_rms              rad or m        sqrt(1/T int e^2 dt)
+error_peak             rad or m        max |e|
+error_final            rad or m        |e| at the end
+overshoot              1               how far q passes beyond the farthest point of the reference, as a fraction of the way from
+                                       q(0) to its end; NaN without such a way, and where the reference still moves at the end
+settling_time          s               from when on |e| stays within the band for good, for all joints; NaN if it does not
+position_error_rms,    m               of each task of a frame (`Run.position_error`), one value per task: the same of the distance of
+position_error_peak,                   the frame from its target; not there for laws without such tasks
+position_error_final
+tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|; of an arm under velocity control rad/s or m/s
+time_outside_limits    s               how long any joint is beyond its position, velocity or effort limits; NaN if unknown
+monitor_violations     1               records at which an identity of theory does not hold: see `metrics`
+energy_error           1               largest |energy_balance| as a fraction of the largest energy stored or exchanged; NaN without it
+completed              1               1 for a run that reached its end or an event that stops it, else 0
+=====================  ==============  ====================================================================================
+
+The settling time and the last four are one number per run. A run that did not reach its end has the last of them alone: what its first
+part was like says nothing of the loop. A law without a reference in joint space (`Run.desired() is None`, and none
+given) has no error: its error, overshoot and settling time are NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import _core
+from ..arguments import choice, instance, integer, number
+from ..border import border, bordered
+from ..errors import InputError
+from ..status import Status
+from .balances import energy_error
+
+if TYPE_CHECKING:
+    from .records import BatchRun, Run
+
+__all__ = ["Metrics", "metrics"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "tau_peak")
+PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
+PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations", "energy_error", "completed")
+ALL = (*PER_JOINT, *PER_TASK, *PER_RUN)
+SETTLE, TOLERANCE = 0.02, 1e-6
+#: What `metrics` takes beside the run.
+MEASURES = ("reference", "band", "settle", "tolerance", "frame")
+
+
+@bordered
+class Metrics(dict[str, Array]):
+    """Metrics by name: (n,), (tasks,) or a number for a run, (B, n), (B, tasks) or (B,) for a batch.
+
+    `columns()` has one entry per number of a run.
+    """
+
+    units: tuple[str, ...]
+    input_units: tuple[str, ...]
+
+    def __init__(self, values: Mapping[str, Array], units: tuple[str, ...], input_units: tuple[str, ...]) -> None:
+        super().__init__(values)
+        self.units, self.input_units = units, input_units
+
+    def unit(self, name: str, joint: int = 0) -> str:
+        """The unit of a metric, that of joint number `joint` where joints differ.
+
+        Raises:
+            InputError: there is no such metric, or no such joint.
+        """
+        choice("Metrics.unit", "name", name, ALL)
+        if integer("Metrics.unit", "joint", joint) >= len(self.units):
+            raise InputError(f"Metrics.unit: joint is out of range: expected 0..{len(self.units) - 1}, got {joint}")
+        if name in ("settling_time", "time_outside_limits"):
+            return "s"
+        if name in ("overshoot", "monitor_violations", "energy_error", "completed"):
+            return "1"
+        if name in PER_TASK:
+            return "m"
+        return (self.input_units if name.startswith("tau") else self.units)[joint]
+
+    def columns(self) -> dict[str, Array]:
+        """One column per number of a run: `error_rms1`, `error_rms2`, .., `settling_time`, .."""
+        table: dict[str, Array] = {}
+        for name, values in self.items():
+            if name in PER_JOINT or name in PER_TASK:
+                table |= {f"{name}{i + 1}": values[..., i] for i in range(values.shape[-1])}
+            else:
+                table[name] = values
+        return table
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _core._seal(type(self), (dict(self), self.units, self.input_units))
+
+    def __str__(self) -> str:
+        lines = []
+        for name, values in self.items():
+            if name in (*PER_JOINT, *PER_TASK) and values.ndim == 1:
+                text = "  ".join(_shown(value, self.unit(name, i)) for i, value in enumerate(values))
+            else:
+                text = _shown(float(values), self.unit(name)) if values.ndim == 0 else f"{len(values)} rows"
+            lines.append(f"{name:<20} {text}")
+        return "\n".join(lines)
+
+
+def _shown(value: float, unit: str) -> str:
+    return "-" if np.isnan(value) else f"{value:.6g}" + (f" {unit}" if unit != "1" else "")
+
+
+@border
+def metrics(
+    run: Run | BatchRun,
+    *,
+    reference: ArrayLike | None = None,
+    band: ArrayLike | None = None,
+    settle: float = SETTLE,
+    tolerance: float = TOLERANCE,
+    frame: str | None = None,
+) -> Metrics:
+    """Sum a run up, or every run of a batch: errors, settling time, overshoot, torques, limits and monitors.
+
+    A monitor is violated at a record where `lyapunov` has risen since the last by more than `tolerance` of its largest value so far,
+    where `lyapunov_balance` or `energy_balance` is beyond `tolerance` of the largest Lyapunov function or energy so far, or `skewness`
+    beyond `tolerance` of 1. `simulate_batch(keep="metrics")` finds the same numbers while the runs go, without records.
+
+    Args:
+        run: the run, or the batch.
+        reference: the reference in place of the law's motion or target, (n,) or (K, n), rad or m.
+        band: of the settling time, a number or (n,), rad or m; None: `settle` times the largest error of the joints of the same unit.
+        settle: see `band`.
+        tolerance: of the monitors, relative.
+        frame: measure the position of this frame against where the joints' reference has it, in place of the law's tasks.
+
+    Raises:
+        InputError: the batch kept no records, or a shape is wrong.
+
+    >>> import armlet as al
+    >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+    >>> law = al.ComputedTorque(arm, al.Hold([1.0, 0.0]), kp=100.0, kd=20.0)
+    >>> run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=2.0, dt=1e-3)
+    >>> found = al.metrics(run)
+    >>> float(found["error_peak"][0]), float(found["settling_time"].round(2)), float(found["overshoot"][0])
+    (1.0, 0.58, 0.0)
+    """
+    from .records import BatchRun, Run
+
+    instance("metrics", "run", run, (Run, BatchRun), "a run of simulate or simulate_batch")
+    settle, tolerance = number("metrics", "settle", settle), number("metrics", "tolerance", tolerance)
+    if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
+        if "error_rms" not in run.stats:
+            raise InputError('metrics: run has its last record alone: expected a batch run with keep="all"')
+        if reference is not None or band is not None or frame is not None or (settle, tolerance) != (SETTLE, TOLERANCE):
+            raise InputError('metrics: run kept its metrics alone: expected no other argument, or simulate_batch(metrics={..}) before')
+        # A batch that kept its metrics has them among its stats.
+        return Metrics({name: run.stats[name] for name in ALL if name in run.stats}, run.units, run.input_units)
+    q, t = run.q, run.t
+    n = q.shape[-1]
+    desired = run.reference()
+    q_d, v_d = (None, None) if desired is None else desired
+    if reference is not None:
+        shapes = dict.fromkeys([(n,), q.shape[-2:], q.shape])
+        q_d, v_d = _core.numbers("metrics", "reference", reference, *shapes), None
+    completed = np.isin(np.asarray(run.status), (Status.SUCCESS, Status.EVENT))
+    bad = np.asarray(~np.isfinite(q).all(axis=(-2, -1)) | ~completed)
+    found: dict[str, Array] = {}
+    per_joint, per_run = (*q.shape[:-2], n), q.shape[:-2]
+    weights = _weights(t)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        if q_d is None or not q.shape[-2]:
+            found |= {name: np.full(per_joint, np.nan) for name in PER_JOINT[:4]}
+            found["settling_time"] = np.full(per_run, np.nan)
+        else:
+            q_d = np.broadcast_to(q_d, q.shape)
+            error = q_d - q
+            size = np.abs(error)
+            found["error_rms"] = _rms(error, weights)
+            found["error_peak"] = size.max(axis=-2)
+            found["error_final"] = size[..., -1, :]
+            found["overshoot"] = _overshoot(q, q_d, v_d)
+            found["settling_time"] = _settling(t, size, _band(band, settle, found["error_peak"], run.units))
+        distance = run.position_error if frame is None else _of_frame(run, frame, q_d)
+        if distance is not None and q.shape[-2]:
+            found |= {PER_TASK[0]: _rms(distance, weights), PER_TASK[1]: distance.max(axis=-2), PER_TASK[2]: distance[..., -1, :]}
+        if run.tau is not None and q.shape[-2]:
+            found["tau_rms"] = _rms(run.tau, weights)
+            found["tau_peak"] = np.abs(run.tau).max(axis=-2)
+        found["time_outside_limits"] = _outside(run, t)
+        found["monitor_violations"] = _violations(run.monitors, tolerance, per_run)
+        missing = energy_error(run.monitors)
+        found["energy_error"] = np.full(per_run, np.nan) if missing is None else missing
+    for name, values in found.items():
+        # A run that did not reach its end has no metrics, whatever its first part was like.
+        found[name] = np.where(bad[..., None] if values.ndim > np.ndim(bad) else bad, np.nan, values)
+    found["completed"] = completed.astype(np.float64)
+    return Metrics({name: found[name] for name in ALL if name in found}, run.units, run.input_units)
+
+
+def _of_frame(run: Run | BatchRun, frame: str, q_d: Array | None) -> Array:
+    if q_d is None or run.arm is None:
+        lacks = "no reference of joints" if q_d is None else "no arm, as a run that was read from a file"
+        raise InputError(f"metrics: frame is given for a run with {lacks}: expected None")
+    from .task_errors import frame_errors
+
+    return frame_errors(run._arms, frame, run.q, np.broadcast_to(q_d, run.q.shape))
+
+
+def _weights(t: Array) -> Array:
+    """Of the trapezoidal rule, over the span: they sum to 1."""
+    if t.shape[-1] < 2:
+        return np.ones_like(t)
+    step = np.diff(t, axis=-1)
+    zero = np.zeros_like(step[..., :1])
+    weights: Array = (np.concatenate([step, zero], -1) + np.concatenate([zero, step], -1)) / 2
+    weights /= weights.sum(axis=-1, keepdims=True)
+    return weights
+
+
+def _rms(values: Array, weights: Array) -> Array:
+    result: Array = np.sqrt((values**2 * weights[..., None]).sum(axis=-2))
+    return result
+
+
+def _overshoot(q: Array, q_d: Array, v_d: Array | None) -> Array:
+    end, start = q_d[..., -1, :], q[..., 0, :]
+    way = end - start
+    forward = np.sign(way)[..., None, :]
+    beyond = (q * forward).max(axis=-2) - (q_d * forward).max(axis=-2)
+    result: Array = np.where(np.abs(way) > 1e-9, np.maximum(beyond, 0.0) / np.abs(way), np.nan)
+    if v_d is not None:
+        result[np.abs(np.broadcast_to(v_d, q.shape)[..., -1, :]) > 1e-9] = np.nan
+    return result
+
+
+def _band(band: ArrayLike | None, settle: float, peak: Array, units: tuple[str, ...]) -> Array:
+    if band is not None:
+        return np.broadcast_to(_core.numbers("metrics", "band", band, (), (peak.shape[-1],)), peak.shape)
+    result = np.empty_like(peak)
+    for unit in set(units):
+        same = [i for i, each in enumerate(units) if each == unit]
+        result[..., same] = settle * peak[..., same].max(axis=-1, keepdims=True)
+    return result
+
+
+def _settling(t: Array, size: Array, band: Array) -> Array:
+    """The first recorded time after the last record outside the band; NaN if that is the last record."""
+    outside = np.asarray(~(size <= band[..., None, :]).all(axis=-1))
+    count = outside.shape[-1]
+    after = np.where(outside.any(axis=-1), count - np.argmax(outside[..., ::-1], axis=-1), 0)
+    times = np.broadcast_to(t, outside.shape)
+    inside = np.take_along_axis(times, np.minimum(after, count - 1)[..., None], axis=-1)[..., 0] - times[..., 0]
+    result: Array = np.where(after < count, inside, np.nan)
+    return result
+
+
+def _outside(run: Run | BatchRun, t: Array) -> Array:
+    if run.limits is None:
+        return np.full(run.q.shape[:-2], np.nan)
+    low, high, speed, effort = (run.limits[name][..., None, :] for name in ("q_min", "q_max", "v_max", "effort"))
+    out = ((run.q < low) | (run.q > high) | (np.abs(run.v) > speed)).any(axis=-1)
+    if run.tau is not None:
+        effort = speed if run.input_units == tuple(f"{unit}/s" for unit in run.units) else effort
+        out = out | (np.abs(run.tau) > effort).any(axis=-1)
+    span = t[..., -1] - t[..., 0] if t.shape[-1] else np.zeros(t.shape[:-1])
+    result: Array = (out * _weights(t)).sum(axis=-1) * span
+    return result
+
+
+def _violations(monitors: Mapping[str, Array], tolerance: float, shape: tuple[int, ...]) -> Array:
+    count = np.zeros(shape)
+    for name, scale in (("lyapunov_balance", "lyapunov"), ("energy_balance", "energy"), ("skewness", None)):
+        if name in monitors and monitors[name].shape[-1]:
+            size = _largest_so_far(np.abs(monitors[scale])) if scale is not None and scale in monitors else 1.0
+            count = count + (~(np.abs(monitors[name]) <= tolerance * size)).sum(axis=-1)
+    if "lyapunov" in monitors and monitors["lyapunov"].shape[-1]:
+        values = monitors["lyapunov"]
+        count = count + (np.diff(values, axis=-1) > tolerance * _largest_so_far(values)[..., 1:]).sum(axis=-1)
+    return np.asarray(count, dtype=np.float64)
+
+
+def _largest_so_far(values: Array) -> Array:
+    result: Array = np.maximum.accumulate(values, axis=-1)
+    return result

@@ -1,0 +1,118 @@
+"""Runs on disk: an npz container with a JSON header and a SHA-256 over all of it. No pickle, whole or not at all.
+
+The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
+members are the arrays by name; monitors, limits, array stats and events as `monitors/name`, `limits/name`, `stats/name`,
+`events/name`, the desired motion as `q_d v_d a_d`. Polynomials of a dense run are not kept. The comment at the end of the archive
+is the SHA-256 of all bytes before it, so that damage is noticed before anything is read.
+"""
+
+from __future__ import annotations
+
+import json
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arguments import file_path
+from ..border import border
+from ..errors import FormatError
+from ..files import digest, pack, unpack, write_whole
+from ..status import Status
+from .events import Events
+from .records import SERIES, BatchRun, Run
+
+if TYPE_CHECKING:
+    from .records import _Recorded
+
+__all__ = ["load", "save"]
+
+FORMAT = "armlet run"
+VERSION = 1
+SINGLE = ("parameters", "target", "position_error")
+DESIRED = ("q_d", "v_d", "a_d")
+EVENTS = ("t", "which", "q", "v", "theta", "theta_dot")
+
+
+def save(run: _Recorded, path: str | PathLike[str]) -> None:
+    """Write `run` to `path`; the file is there whole or not at all, also when the disk is full."""
+    items = run._items()
+    arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, *SINGLE) if name in items}
+    arrays |= {f"monitors/{name}": values for name, values in run.monitors.items()}
+    arrays |= {f"stats/{name}": np.asarray(value) for name, value in run.stats.items() if np.ndim(value)}
+    arrays |= {f"limits/{name}": values for name, values in items.get("limits", {}).items()}
+    if run.events is not None:
+        arrays |= {f"events/{name}": getattr(run.events, name) for name in EVENTS if getattr(run.events, name) is not None}
+    arrays |= dict(zip(DESIRED, items["desired"], strict=True)) if "desired" in items else {}
+    status = items["status"]
+    if not isinstance(status, Status):
+        arrays["status"] = status
+    scalars = {name: value for name, value in run.stats.items() if not np.ndim(value)}
+    # Little-endian on every machine, so that the digest is of the values.
+    arrays = {name: np.ascontiguousarray(a, dtype=a.dtype.newbyteorder("<")) for name, a in arrays.items()}
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "kind": type(run).__name__,
+        "law": run.law_name,
+        "units": list(run.units),
+        "status": int(status) if isinstance(status, Status) else None,
+        "stats": {name: value.item() if isinstance(value, np.generic) else value for name, value in scalars.items()},
+    }
+    if run.events is not None:
+        header["events"] = list(run.events.names)
+    header["sha256"] = digest(header, arrays)
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+
+    write_whole(path, lambda file: pack(file, arrays))
+
+
+@border
+def load(path: str | PathLike[str]) -> Run | BatchRun:
+    """Read a run that `run.save` wrote.
+
+    Raises:
+        FormatError: the file is no run of armlet, is damaged or cut short, or was written by a newer version.
+        OSError: the file cannot be read.
+    """
+    name = file_path("load", path)
+
+    def fault(problem: str) -> FormatError:
+        return FormatError(f"load: {name} {problem}")
+
+    try:
+        with open(name, "rb") as file:
+            arrays, sealed = unpack(file)
+    except FormatError as error:
+        raise fault(str(error)) from None
+    try:
+        header = json.loads(arrays.pop("header").tobytes().decode())
+        is_run = header["format"] == FORMAT
+    except (KeyError, TypeError, ValueError):
+        is_run = False
+    if not is_run:
+        raise fault("is not a run of armlet: expected a header that says so")
+    if header.get("version") != VERSION:
+        raise fault(f"has an unknown version: expected {VERSION}, got {header.get('version')}")
+    if header.get("sha256") != digest(header, arrays):
+        raise fault("is damaged: its checksum does not match")
+    if not sealed:
+        raise fault("is damaged: expected a checksum at its end, got none")
+
+    def group(prefix: str) -> dict[str, Any]:
+        return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
+
+    fields: dict[str, Any] = {key: arrays[key] for key in ("t", *SERIES, *SINGLE) if key in arrays}
+    fields |= {
+        "monitors": group("monitors/"),
+        "stats": header["stats"] | group("stats/"),
+        "law_name": header["law"],
+        "limits": group("limits/"),
+    }
+    fields |= {"units": tuple(header["units"]), "status": arrays.get("status", header["status"])}
+    if "events" in header:
+        fields["events"] = Events(names=tuple(header["events"]), **group("events/"))
+    if DESIRED[0] in arrays:
+        fields["desired"] = tuple(arrays[key] for key in DESIRED)
+    return (Run if header["kind"] == "Run" else BatchRun)(fields)

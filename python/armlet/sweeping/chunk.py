@@ -1,0 +1,178 @@
+"""A chunk of a sweep: consecutive cells, run side by side; what a worker does. A cell that raises costs itself alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ArmletError, InputError
+from ..run.balances import quiet
+from ..run.records import BatchRun
+from ..run.sampling import Sampling
+from ..run.simulation import simulate_batch
+from ..scenario import Scenario
+from ..scenario.tables import ADAPTIVE_METHODS
+from ..status import Status
+from .parameter_space import Cells, columns
+
+__all__ = ["TRIES", "Chunk", "Columns", "joined", "of_cell", "run_chunk"]
+
+Columns = dict[str, NDArray[Any]]
+STATES = ("q0", "v0", "theta0", "theta_dot0")
+#: How often a cell is run, at most, that raises or ends its worker.
+TRIES = 3
+#: Characters of an error that the table keeps.
+LONGEST = 500
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """The cells from `start` to `stop` of a sweep, with all that running them takes."""
+
+    scenario: Scenario
+    cells: Cells
+    start: int
+    stop: int
+    threads: int | None
+    metrics: Mapping[str, Any]
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    def run(self) -> Columns:
+        """The rows of the table."""
+        return run_chunk(self.scenario, self.cells, self.start, self.stop, self.threads, self.metrics)
+
+    def singles(self) -> list[Chunk]:
+        """One chunk per cell."""
+        return [replace(self, start=i, stop=i + 1) for i in range(self.start, self.stop)]
+
+    def failed(self, error: str) -> Columns:
+        """The rows where no cell has a result."""
+        return _rows(self, {row: error for row in range(len(self))}, np.full(len(self), Status.INTERRUPTED, dtype=np.int32), {})
+
+
+def of_cell(i: int, changes: Mapping[str, Any], make: Callable[[Mapping[str, Any]], Any]) -> Any:
+    """`make(changes)`, with the number and the values of the cell in the message of what it raises."""
+    try:
+        return make(changes)
+    except ArmletError as error:
+        shown = ", ".join(f"{path} = {value}" for path, value in changes.items())
+        raise InputError(f"sweep: cell {i} ({shown}): {error}") from None
+
+
+def run_chunk(
+    scenario: Scenario,
+    cells: Cells,
+    start: int,
+    stop: int,
+    threads: int | None,
+    metrics: Mapping[str, Any],
+    *,
+    strict: bool = False,
+) -> Columns:
+    """The rows of the cells from `start` to `stop`.
+
+    A cell that raises has `Status.INTERRUPTED`, NaN, and its error in the column `error`, which a chunk without such cells lacks;
+    `strict` raises instead.
+    """
+    made: dict[str, Any] = {}
+    errors: dict[int, str] = {}
+
+    def build(changes: Mapping[str, Any]) -> tuple[Scenario, Any]:
+        one = scenario._varied(changes)
+        return one, one._build(made)
+
+    groups: dict[tuple[Any, ...], list[tuple[int, Any]]] = {}
+    for row in range(stop - start):
+        try:
+            one, built = of_cell(start + row, cells[start + row], build)
+        except Exception as error:
+            if strict:
+                raise
+            errors[row] = _text(error)
+            continue
+        options = {key: value for key, value in one.data["run"].items() if key not in STATES}
+        sampled = isinstance(options.get("sample_time"), Mapping)
+        kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, repr(options))
+        # Row j of a batch has the seed s + j: only neighbours share a batch where that seed is used.
+        place = row - len(groups.get((*kind, 0), ())) if sampled else 0
+        key = next((k for k in groups if k[:-1] == kind and groups[k][-1][0] == row - 1), (*kind, row)) if sampled else (*kind, place)
+        groups.setdefault(key, []).append((row, built))
+    found: Columns = {}
+    status = np.full(stop - start, Status.INTERRUPTED, dtype=np.int32)
+    for members in groups.values():
+        for ran, batch in _batches(members, start, cells, (threads, metrics), None if strict else errors):
+            index = [row for row, _ in ran]
+            part = batch.metrics().columns()
+            if found and set(part) != set(found):
+                raise InputError("sweep: cells have different metrics: expected one number of joints and one kind of plant in all cells")
+            for name, column in part.items():
+                found.setdefault(name, np.full(stop - start, np.nan))[index] = column
+            status[index] = batch.status
+    return _rows(Chunk(scenario, cells, start, stop, threads, metrics), errors, status, found)
+
+
+def _rows(chunk: Chunk, errors: Mapping[int, str], status: NDArray[np.int32], found: Columns) -> Columns:
+    table: Columns = {"cell": np.arange(chunk.start, chunk.stop)}
+    table |= columns([chunk.cells[i] for i in range(chunk.start, chunk.stop)]) | {"status": status} | found
+    return table | ({"error": np.array([errors.get(row, "") for row in range(len(chunk))])} if errors else {})
+
+
+Members = list[tuple[int, Any]]
+#: Threads and arguments of `armlet.metrics`.
+How = tuple[int | None, Mapping[str, Any]]
+
+
+def _batches(
+    members: Members, start: int, cells: Cells, how: How, errors: dict[int, str] | None, tried: int = 1
+) -> list[tuple[Members, BatchRun]]:
+    """The batch of these cells; where it raises each cell alone, and those that raise alone go to `errors` (None: raise)."""
+    try:
+        return [(members, _batch(members, start, cells, *how))]
+    except Exception as error:
+        if errors is None:
+            raise
+        if len(members) > 1:
+            return [each for member in members for each in _batches([member], start, cells, how, errors, tried + 1)]
+        # What is refused once is refused again.
+        if tried < TRIES and not isinstance(error, ArmletError):
+            return _batches(members, start, cells, how, errors, tried + 1)
+        errors[members[0][0]] = _text(error)
+        return []
+
+
+def _text(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
+
+
+def _batch(members: Members, start: int, cells: Cells, threads: int | None, metrics: Mapping[str, Any]) -> BatchRun:
+    given = dict(members[0][1].arguments)
+    for name in STATES:
+        if name in given:
+            given[name] = np.array([built.arguments[name] for _, built in members], dtype=np.float64)
+    if given.get("method", "rk4") in ADAPTIVE_METHODS and given.get("t_eval") is None:
+        given["t_eval"] = np.linspace(0.0, given["t_end"], 1001)
+    if isinstance(given.get("sample_time"), Sampling):
+        given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
+    plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
+    with quiet():  # the table has a column of it
+        return simulate_batch(plants, laws, **given, threads=threads, keep="metrics", metrics=metrics)
+
+
+def joined(parts: Sequence[Columns]) -> Columns:
+    """Chunks one below the other; where one has no metrics, since all its cells failed, NaN."""
+    names = dict.fromkeys(name for part in parts for name in part)
+    known = [set(part) - {"error"} for part in parts if np.any(part["status"] != Status.INTERRUPTED)]
+    if any(each != known[0] for each in known):
+        raise InputError("sweep: cells have different metrics: expected one number of joints and one kind of plant in all cells")
+
+    def column(name: str, part: Columns) -> NDArray[Any]:
+        return part[name] if name in part else np.full(len(part["cell"]), "" if name == "error" else np.nan)
+
+    order = [name for name in names if name != "error"] + ["error"] * ("error" in names)
+    return {name: np.concatenate([column(name, part) for part in parts]) for name in order}

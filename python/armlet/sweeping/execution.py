@@ -1,0 +1,231 @@
+"""Many runs of one scenario: every cell of a grid, or random draws; on threads, processes or a cluster; to be gone on with after a stop.
+
+Cells go to the executor in chunks, a chunk runs as one batch, and the client writes it down. A row's bits depend on its cell alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..arguments import choice, file_path, integer, number, shown
+from ..border import border, bordered
+from ..errors import InputError
+from ..pickling import sealed
+from ..run.metrics import MEASURES
+from ..run.records import _pandas
+from ..scenario import Scenario
+from ..status import Status
+from .chunk import Chunk, Columns, joined, of_cell
+from .parameter_space import Cells, columns
+from .store import Store
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["SweepTable", "sweep"]
+
+# Steps of one chunk, all rows together: some tenths of a second of a small arm.
+STEPS = 10_000_000
+
+
+@bordered
+@sealed
+class SweepTable(dict[str, NDArray[Any]]):
+    """One row per cell: columns by name, first `cell`, then what varied, `status` (numbers of `armlet.Status`) and the metrics.
+
+    Where a cell raised or its worker died, a last column `error` has the text, empty for the other cells.
+    """
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The same as a pandas table, indexed by `cell`."""
+        frame: pd.DataFrame = _pandas("SweepTable.to_pandas").DataFrame(dict(self)).set_index("cell")
+        return frame
+
+    def to_csv(self, path: str | PathLike[str]) -> Path:
+        """Write the table as CSV, whole or not at all."""
+        from ..run.export import to_csv
+
+        to_csv(self, path)
+        return Path(path)
+
+    def plot(self, quantity: str | None = None, fig: Figure | None = None) -> Axes:
+        """Draw a metric (None: the first) over the first two quantities that varied; `fig` None: a new pyplot figure.
+
+        Raises:
+            InputError: no number varied, or there is no such metric.
+            ImportError: matplotlib is not installed.
+        """
+        from ..figures.sweep import plot
+
+        return plot(self, quantity, fig)
+
+    @property
+    def rows(self) -> int:
+        """How many cells there are."""
+        return len(self["cell"])
+
+    def __str__(self) -> str:
+        status = self.get("status", np.empty(0))  # the candidates of a search have none
+        ended = ", ".join(f"{np.sum(status == each)} {each.name.lower()}" for each in Status if np.any(status == each))
+        head = f"{self.rows} runs: {ended}" if ended else f"{self.rows} rows"
+        errors = self.get("error", np.empty(0, dtype=str))
+        if np.any(errors != ""):
+            first = int(np.argmax(errors != ""))
+            head += f"\n{np.sum(errors != '')} cells have an error; cell {self['cell'][first]}: {errors[first]}"
+        lines = [head, f"{'column':<28} {'least':>12} {'median':>12} {'largest':>12}"]
+        for name, values in self.items():
+            if name not in ("cell", "status") and values.dtype.kind == "f":
+                known = values[np.isfinite(values)]
+                parts = (known.min(), np.median(known), known.max()) if len(known) else ()
+                lines.append(f"{name:<28} " + (" ".join(f"{part:12.5g}" for part in parts) or f"{'-':>12}"))
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+@border
+def sweep(
+    scenario: Scenario | str | PathLike[str],
+    vary: Mapping[str, Any] | None = None,
+    *,
+    draws: int | None = None,
+    seed: int | None = None,
+    out: str | PathLike[str] | None = None,
+    executor: Executor | None = None,
+    chunk: int | None = None,
+    threads: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    **metrics: Any,
+) -> SweepTable:
+    """Run a scenario once for every cell of a grid, or for random draws, and sum every run up by its metrics.
+
+    The table has the same bits for every executor and every number of workers (on one instruction set). With `out`, finished chunks are
+    kept there; the same call goes on where an earlier one was stopped, however it was.
+
+    Args:
+        scenario: what to run, or the path of its file.
+        vary: by path (`"law.kd[0]"`): a list of values, `{"linspace": [a, b, n]}`, `{"geomspace": [a, b, n]}`; with `draws` also
+            `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None: the scenario's `[sweep]`.
+        draws: how many random cells, at most 10^8; None: the product of the lists.
+        seed: of the draws, and of noise and jitter inside the runs; 0 if None and the scenario has none.
+        out: folder for finished chunks and the head of the sweep; None keeps nothing.
+        executor: any `concurrent.futures.Executor`, such as `ProcessPoolExecutor(8)` or dask's `client.get_executor()`; None uses the
+            threads of this process.
+        chunk: cells per chunk; None: up to 256, fewer where runs are long.
+        threads: per chunk; None: 1 with an executor, else as `simulate_batch`.
+        progress: called with the numbers of finished and of all cells.
+        **metrics: for `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`.
+
+    Returns:
+        The table; a run that failed has its status and NaN. A cell that raises, or whose worker dies in it, is tried three times at most;
+        then it has `Status.INTERRUPTED`, NaN and its error in the column `error`, and the sweep goes on.
+
+    Raises:
+        InputError: the scenario, the first or the last cell, or `vary` is not what it should be, or `out` holds another sweep.
+        SolveError: the executor's workers died, and it is neither a `ProcessPoolExecutor`, which is replaced, nor Dask's, which replaces
+            its own; or new workers cannot start. Finished chunks are in `out`.
+
+    >>> import armlet as al
+    >>> law = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}
+    >>> arm, motion = {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5}, {"kind": "Hold", "q": [1.0, 0.0]}
+    >>> scenario = al.Scenario({"arm": arm, "motion": motion, "law": law, "run": {"q0": [0.0, 0.0], "t_end": 2.0, "dt": 1e-3}})
+    >>> table = al.sweep(scenario, {"law.kp": [50.0, 100.0], "law.kd": {"linspace": [10.0, 20.0, 3]}})
+    >>> table["law.kd"], table["settling_time"].round(2)
+    (array([10., 15., 20., 10., 15., 20.]), array([0.84, 0.92, 1.4 , 0.81, 0.58, 0.58]))
+    """
+    whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
+    stated = whole.data.get("sweep", {})
+    cells = cells_of(whole, vary, draws, seed)
+    given = stated.get("chunk") if chunk is None else chunk
+    chunk = _chunk_size(whole.data["run"]) if given is None else integer("sweep", "chunk", given, 1)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise InputError(f"sweep: executor is of the wrong type: expected one of concurrent.futures or None, got {shown(executor)}")
+    if progress is not None and not callable(progress):
+        raise InputError(f"sweep: progress is not callable: expected a function or None, got {shown(progress)}")
+    if threads is not None:
+        threads = integer("sweep", "threads", threads, 1)
+    folder = None if out is None else file_path("sweep", out, "out")
+    metrics = metrics_arguments("sweep", metrics, whole)
+    bare = Scenario({name: table for name, table in whole.standalone().data.items() if name != "sweep"}, whole.folder, whole.name)
+    rehearse(bare, cells)
+    store = None
+    if folder is not None:
+        what = {"scenario": bare.data, "vary": cells.vary, "draws": cells.draws, "seed": cells.seed, "metrics": metrics}
+        store = Store(Path(folder), what | {"armlet": _core.__version__}, chunk)
+        chunk = store.chunk
+    done: dict[int, Columns] = {}
+    missing = []
+    for start in range(0, len(cells), chunk):
+        kept = store.read(start, min(start + chunk, len(cells))) if store else None
+        if kept is None:
+            missing.append(start)
+        else:
+            done[start] = kept
+    finished = sum(len(kept["cell"]) for kept in done.values())
+    each = threads if executor is None else threads or 1
+    chunks = (Chunk(bare, cells, start, min(start + chunk, len(cells)), each, metrics) for start in missing)
+    from .workers import results  # process pools take a while to import
+
+    for start, result in results(chunks, executor, out):
+        if store:
+            store.write(start, result)
+        done[start] = result
+        finished += len(result["cell"])
+        if progress is not None:
+            progress(finished, len(cells))
+    if store:
+        store.tidy()
+    return SweepTable(joined([done[start] for start in sorted(done)]))
+
+
+def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: int | None = None, seed: int | None = None) -> Cells:
+    """The cells that are asked for here, or where they are not, in the scenario's `[sweep]`."""
+    stated = scenario.data.get("sweep", {})
+    if vary is None and "vary" not in stated:
+        raise InputError("sweep: vary is missing: expected what varies by path, here or in the scenario's [sweep]")
+    if draws is None and vary is None:
+        draws = stated.get("draws")
+    return Cells.of(stated["vary"] if vary is None else vary, draws, stated.get("seed", 0) if seed is None else seed)
+
+
+def rehearse(scenario: Scenario, cells: Cells) -> None:
+    """Take the first and the last cell to their first instant: most of what is refused is refused before anything is written.
+
+    Raises:
+        InputError: a cell is no scenario.
+    """
+    ends = sorted({0, len(cells) - 1})
+    for i in ends:
+        of_cell(i, cells[i], lambda changes: scenario.replace(changes).check())
+    columns([cells[i] for i in ends])
+
+
+def _chunk_size(run: Mapping[str, Any]) -> int:
+    steps = run["t_end"] / run["dt"] if "dt" in run else 1000
+    return int(min(256, max(8, STEPS // (steps + 1) // 8 * 8)))
+
+
+def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
+    """The keywords for `armlet.metrics` as numbers and lists, that a store can hold."""
+    n = len(scenario.data["run"]["q0"])
+    shapes: dict[str, list[tuple[int | str, ...]]] = {"band": [(), (n,)], "reference": [(n,), ("K", n)]}
+    plain: dict[str, Any] = {}
+    for name, value in given.items():
+        choice(function, "metrics", name, MEASURES)
+        if value is None or name == "frame":
+            plain[name] = value
+        elif name in shapes:
+            plain[name] = _core.numbers(function, name, value, *shapes[name]).tolist()
+        else:
+            plain[name] = number(function, name, value)
+    return plain

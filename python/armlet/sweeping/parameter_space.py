@@ -1,0 +1,149 @@
+"""The cells of a sweep: what varies, and the values of cell number i, from the sweep's seed and i alone.
+
+A grid is the product of lists, the last entry fastest. Draws are random: u = U(seed, i, entry) in (0, 1) goes through the inverse of the
+distribution, so a cell's values depend on neither the order nor the number of workers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arguments import instance, integer, require_shallow, shown, text
+from ..errors import InputError
+
+__all__ = ["MOST", "Cells", "columns", "drawn"]
+
+LISTS = ("linspace", "geomspace")
+DISTRIBUTIONS = ("uniform", "log_uniform", "normal")
+# Values of one list; written out, they are kept in memory.
+MOST = 10_000_000
+# Cells of a sweep: their table is kept in memory.
+MOST_CELLS = 100_000_000
+
+
+@dataclass(frozen=True)
+class Cells:
+    """What varies: lists of values, or in the case of draws also distributions, by the path of the key they are for.
+
+    Args:
+        vary: a list of values, `{"linspace": [a, b, n]}`, `{"geomspace": [a, b, n]}`; with draws also `{"uniform": [a, b]}`,
+            `{"log_uniform": [a, b]}` and `{"normal": [mean, deviation]}`.
+        draws: how many random cells, which pick from lists; None is the product of the lists.
+        seed: of the draws, integer >= 0.
+    """
+
+    vary: Mapping[str, Any]
+    draws: int | None
+    seed: int
+
+    @staticmethod
+    def of(vary: Mapping[str, Any], draws: int | None, seed: int) -> Cells:
+        """Check, and write lists out."""
+        instance("sweep", "vary", vary, Mapping, "a table of values by path")
+        draws = None if draws is None else integer("sweep", "draws", draws, 1)
+        if integer("sweep", "seed", seed) >= 2**31:
+            raise InputError(f"sweep: seed is too large: expected an integer < 2**31, got {shown(seed)}")
+        if not vary:
+            raise InputError("sweep: vary is empty: expected at least one path with its values")
+        if draws is not None and draws > MOST_CELLS:
+            raise InputError(f"sweep: draws is too large: expected at most {MOST_CELLS:,}, got {shown(draws)}")
+        paths = [text("sweep", "vary", path) for path in vary]
+        require_shallow("sweep", "vary", vary)
+        cells = Cells({path: _listed(path, vary[path], draws) for path in paths}, draws, int(seed))
+        if cells.count > MOST_CELLS:
+            raise InputError(f"sweep: vary has too many combinations: expected at most {MOST_CELLS:,} cells, got {cells.count}")
+        return cells
+
+    @property
+    def count(self) -> int:
+        """How many cells."""
+        return self.draws if self.draws is not None else math.prod(len(values) for values in self.vary.values())
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, i: int) -> dict[str, Any]:
+        """The values of cell `i` by path."""
+        if self.draws is None:
+            # The last quantity varies fastest.
+            chosen: dict[str, Any] = dict.fromkeys(self.vary)
+            rest = i
+            for path in reversed(chosen):
+                rest, k = divmod(rest, len(self.vary[path]))
+                chosen[path] = self.vary[path][k]
+            if rest != 0:
+                raise IndexError(f"Cells: cell is out of range: expected 0..{self.count - 1}, got {i}")
+            return chosen
+        u = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, i]))).random(len(self.vary))
+        return {path: drawn(spec, float(each)) for (path, spec), each in zip(self.vary.items(), u, strict=True)}
+
+    def sampling_seed(self, i: int) -> int:
+        """The seed of the random numbers inside run `i` (noise, jitter); consecutive cells have consecutive seeds."""
+        return (self.seed << 32) + i
+
+
+def _listed(path: str, spec: Any, draws: int | None) -> Any:
+    def fault(expected: str) -> InputError:
+        return InputError(f'sweep: $.sweep.vary."{path}": expected {expected}, got {shown(spec)}')
+
+    if not isinstance(spec, Mapping):
+        values = spec.tolist() if hasattr(spec, "tolist") else spec
+        if isinstance(values, str) or not isinstance(values, Sequence) or not values:
+            raise fault("a list of values")
+        return [value.tolist() if hasattr(value, "tolist") else value for value in values]
+    kind, numbers = next(iter(spec.items()), ("", ()))
+    numbers = list(numbers) if isinstance(numbers, Sequence | np.ndarray) and not isinstance(numbers, str) else []
+    if len(spec) != 1 or kind not in (*LISTS, *DISTRIBUTIONS):
+        raise fault(f"a table with one of {', '.join((*LISTS, *DISTRIBUTIONS))}")
+    real = [isinstance(x, int | float | np.number) and not isinstance(x, bool) and math.isfinite(x) for x in numbers]
+    if kind in LISTS:
+        if len(numbers) != 3 or not all(real) or numbers[2] < 1 or numbers[2] != int(numbers[2]):
+            raise fault(f"{kind} = [first, last, count]")
+        if numbers[2] > MOST:
+            raise fault(f"at most {MOST:,} values")
+        if kind == "geomspace" and min(numbers[:2]) <= 0:
+            raise fault("geomspace between numbers > 0")
+        make = np.linspace if kind == "linspace" else np.geomspace
+        return make(numbers[0], numbers[1], int(numbers[2])).tolist()
+    if draws is None:
+        raise InputError(f'sweep: $.sweep.vary."{path}": {kind} is random: expected draws, the number of cells, beside it')
+    if len(numbers) != 2 or not all(real):
+        raise fault(f"{kind} = [{'mean, deviation' if kind == 'normal' else 'low, high'}]")
+    if numbers[1] < 0 if kind == "normal" else numbers[1] < numbers[0] or (kind == "log_uniform" and numbers[0] <= 0):
+        raise fault({"normal": "a deviation >= 0", "uniform": "low <= high", "log_uniform": "0 < low <= high"}[kind])
+    return {kind: [float(x) for x in numbers]}
+
+
+def drawn(spec: Any, u: float) -> Any:
+    """The value of an entry at `u` in [0, 1]: of a list, or of the inverse of a distribution."""
+    if not isinstance(spec, Mapping):
+        return spec[min(int(u * len(spec)), len(spec) - 1)]
+    ((kind, (a, b)),) = spec.items()
+    if kind == "uniform":
+        return a + (b - a) * u
+    if kind == "log_uniform":
+        return min(max(a * math.exp(math.log(b / a) * u), a), b)
+    # random() may give exactly 0, where the inverse is infinite.
+    return a + b * NormalDist().inv_cdf(max(u, 2.0**-54))
+
+
+def columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
+    """The values of cells as columns; a list becomes one column per entry, `run.q0[0]`, .."""
+    table: dict[str, NDArray[Any]] = {}
+    for path in rows[0] if rows else ():
+        try:
+            values = np.array([row[path] for row in rows])
+        except ValueError:
+            values = np.array([], dtype=object)
+        if values.dtype == object:
+            raise InputError(f"sweep: values of {path} are of different kinds: expected numbers, texts, or lists of one length")
+        for index in np.ndindex(values.shape[1:]):
+            table[path + "".join(f"[{k}]" for k in index)] = values[(slice(None), *index)]
+    return table

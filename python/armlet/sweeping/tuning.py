@@ -1,0 +1,218 @@
+"""Gains by an optimiser: scipy's differential evolution [storn1997differential], a whole generation of candidates run as one batch.
+
+    minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c)
+
+`g` is the inverse of each entry's distribution, as in the draws of a sweep: "uniform" searches on a linear scale, "log_uniform" on a
+logarithmic one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from os import PathLike
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import _core
+from ..arguments import choice, integer, number, shown
+from ..border import border, bordered
+from ..errors import InputError
+from ..pickling import sealed
+from ..scenario import Scenario
+from ..status import Status
+from .chunk import run_chunk
+from .execution import SweepTable, metrics_arguments
+from .parameter_space import MOST, Cells, columns, drawn
+
+__all__ = ["Tuning", "tune"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+#: What a run that failed costs, or one whose cost is no number: more than any that did not.
+FAILED = 1e30
+
+
+@bordered
+@sealed
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """What `tune` found.
+
+    Attributes:
+        best: the values by path.
+        cost: what they cost.
+        scenario: the scenario with them.
+        costs: the least cost after each generation, the first that of the initial candidates.
+        tried: every candidate, in order: `cell`, a column per path, and `cost`.
+        runs: how many loops were run.
+        converged: whether the candidates had come together before the last generation.
+    """
+
+    best: dict[str, Any]
+    cost: float
+    scenario: Scenario
+    costs: Array
+    tried: SweepTable
+    runs: int
+    converged: bool
+
+    def __str__(self) -> str:
+        shown = ", ".join(f"{path} = {value:.5g}" if isinstance(value, float) else f"{path} = {value}" for path, value in self.best.items())
+        end = "converged" if self.converged else "stopped at the last generation"
+        return f"cost {self.cost:.6g} at {shown} ({self.runs} runs, {len(self.costs)} generations, {end})"
+
+    def __repr__(self) -> str:
+        return f"Tuning({self})"
+
+
+@dataclass(frozen=True)
+class _Given(Cells):
+    """Cells whose values are listed one by one."""
+
+    rows: Sequence[dict[str, Any]] = field(default=())
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, i: int) -> dict[str, Any]:
+        return self.rows[i]
+
+
+@border
+def tune(
+    scenario: Scenario | str | PathLike[str],
+    vary: Mapping[str, Any],
+    cost: str | Callable[[SweepTable], ArrayLike],
+    *,
+    over: Mapping[str, Any] | None = None,
+    by: Literal["worst", "mean"] = "worst",
+    candidates: int = 32,
+    generations: int = 50,
+    tolerance: float = 0.01,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[int, float], object] | None = None,
+    **metrics: Any,
+) -> Tuning:
+    """Search the gains, or any other values of a scenario, whose runs cost least. Needs scipy (`armlet[tune]`).
+
+    Each generation of candidates, under all conditions, is one batch. The same seed gives the same answer, to the bit, for every number of
+    threads.
+
+    Args:
+        scenario: what to run, or the path of its file.
+        vary: by path (`"law.kd[0]"`) what to search: `{"uniform": [low, high]}` or `{"log_uniform": [low, high]}`.
+        cost: name of a metric's column (`"error_rms1"`, `"settling_time"`), or a function of the table of a generation, which has the
+            columns of `sweep` and one row per run, that returns one number per row. Less is better; NaN, and a run that fails, cost most.
+        over: conditions that each candidate has to live with, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`; None: the scenario's.
+        by: a candidate costs its worst condition, or the mean of them.
+        candidates: how many make a generation, >= 5.
+        generations: the most there are after the first.
+        tolerance: ends the search when the deviation of the candidates' costs is below this part of their mean.
+        seed: of the search, and of noise inside the runs.
+        threads: as for `simulate_batch`.
+        progress: called with the number of a generation and the least cost so far.
+        **metrics: for `armlet.metrics`.
+
+    Raises:
+        InputError: an argument is not what it should be.
+        ImportError: scipy is not installed.
+
+    Source: [storn1997differential].
+
+    >>> import armlet as al
+    >>> law = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}
+    >>> arm, motion = {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5}, {"kind": "Hold", "q": [1.0, 0.0]}
+    >>> scenario = al.Scenario({"arm": arm, "motion": motion, "law": law, "run": {"q0": [0.0, 0.0], "t_end": 1.0, "dt": 2e-3}})
+    >>> found = al.tune(scenario, {"law.kd": {"uniform": [5.0, 40.0]}}, "settling_time", candidates=16, generations=10)
+    >>> 14.0 < found.best["law.kd"] < 17.0  # a damping ratio of 0.78, whose overshoot is the band
+    True
+    """
+    try:
+        optimize: Any = import_module("scipy.optimize")
+    except ImportError:
+        raise ImportError("tune: scipy is not installed: pip install 'armlet[tune]'") from None
+    whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
+    bare = Scenario({name: table for name, table in whole.data.items() if name != "sweep"}, whole.folder, whole.name)
+    candidates, generations = integer("tune", "candidates", candidates, 5), integer("tune", "generations", generations)
+    choice("tune", "by", by, ("worst", "mean"))
+    tolerance = number("tune", "tolerance", tolerance)
+    if not isinstance(cost, str) and not callable(cost):
+        raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")
+    metrics = metrics_arguments("tune", metrics, whole)
+    space = Cells.of(vary, 1, seed).vary
+    for path, spec in space.items():
+        if not isinstance(spec, Mapping) or "normal" in spec:
+            raise InputError(f'tune: vary."{path}" is no range: expected a table with uniform or log_uniform, got {shown(vary[path])}')
+    grid = None if over is None else Cells.of(over, None, seed)
+    runs = candidates * (1 if grid is None else grid.count)
+    if runs > MOST:
+        raise InputError(f"tune: candidates are too many: expected at most {MOST:,} runs in a generation, got {runs}")
+    conditions: list[dict[str, Any]] = [{}] if grid is None else [grid[i] for i in range(len(grid))]
+    tried: list[dict[str, Any]] = []
+    paid: list[Array] = []
+    raised: list[Exception] = []
+
+    def run(rows: list[dict[str, Any]]) -> Array:
+        """The costs of these candidates."""
+        cells = _Given({}, None, seed, [row | condition for row in rows for condition in conditions])
+        table = SweepTable(run_chunk(bare, cells, 0, len(cells), threads, metrics, strict=True))
+        each = _costs(table, cost).reshape(len(rows), len(conditions))
+        found: Array = each.max(axis=1) if by == "worst" else each.mean(axis=1)
+        tried.extend(rows)
+        paid.append(found)
+        return found
+
+    def evaluate(u: Array) -> Array:
+        """The costs of the candidates in the columns of `u`, (k, S)."""
+        rows = [{path: drawn(spec, float(x)) for (path, spec), x in zip(space.items(), column, strict=True)} for column in u.T]
+        try:
+            return run(rows)
+        except Exception as error:
+            raised.append(error)
+            raise
+
+    def report(intermediate_result: Any) -> None:
+        if progress is not None:
+            progress(len(paid) - 1, float(intermediate_result.fun))
+
+    first = np.random.default_rng(seed).permuted(np.tile((np.arange(candidates) + 0.5) / candidates, (len(space), 1)), axis=1)
+    try:
+        result = optimize.differential_evolution(
+            evaluate,
+            [(0.0, 1.0)] * len(space),
+            init=first.T,
+            maxiter=generations,
+            tol=tolerance,
+            rng=np.random.default_rng([seed, 1]),
+            polish=False,
+            updating="deferred",
+            vectorized=True,
+            callback=report,
+        )
+    except RuntimeError:
+        # scipy takes a ValueError of the function for one of its own map.
+        if raised:
+            raise raised[0] from None
+        raise
+    table = SweepTable({"cell": np.arange(len(tried))} | columns(tried) | {"cost": np.concatenate(paid)})
+    least = int(np.argmin(table["cost"]))
+    costs = np.minimum.accumulate([generation.min() for generation in paid])
+    best, runs = tried[least], len(tried) * len(conditions)
+    return Tuning(best, float(table["cost"][least]), whole.replace(best), costs, table, runs, bool(result.success))
+
+
+def _costs(table: SweepTable, cost: str | Callable[[SweepTable], ArrayLike]) -> Array:
+    if isinstance(cost, str):
+        if cost not in table or table[cost].dtype.kind != "f":
+            known = ", ".join(name for name, column in table.items() if column.dtype.kind == "f")
+            raise InputError(f"tune: cost is no metric: expected one of {known}, got {shown(cost)}")
+        values = table[cost]
+    else:
+        values = _core.numbers("tune", "cost", cost(table), (table.rows,))
+    good = np.isfinite(values) & (table["status"] == Status.SUCCESS)
+    return np.where(good, values, FAILED)
