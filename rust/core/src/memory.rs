@@ -7,7 +7,7 @@ use crate::interrupt::look;
 const PIECE: usize = 1 << 14;
 
 /// An empty vector with room for `n` elements.
-pub fn room<T>(n: usize) -> Result<Vec<T>> {
+pub fn reserved<T>(n: usize) -> Result<Vec<T>> {
     let mut out = Vec::new();
     more(&mut out, n)?;
     Ok(out)
@@ -21,7 +21,7 @@ pub fn more<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
 
 /// `n` copies of `value`.
 pub fn filled<T: Clone>(n: usize, value: T) -> Result<Vec<T>> {
-    let mut out = room(n)?;
+    let mut out = reserved(n)?;
     while out.len() < n {
         look();
         out.resize((out.len() + PIECE).min(n), value.clone());
@@ -36,13 +36,13 @@ pub fn zeros(n: usize) -> Result<Vec<f64>> {
 
 /// `n` zeros, of which the system hands out pages as they are touched where there are many.
 pub fn untouched(n: usize) -> Result<Vec<f64>> {
-    room::<f64>(n)?;
+    reserved::<f64>(n)?;
     Ok(vec![0.0; n])
 }
 
 /// A copy.
 pub fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>> {
-    let mut out = room(values.len())?;
+    let mut out = reserved(values.len())?;
     for piece in values.chunks(PIECE) {
         look();
         out.extend_from_slice(piece);
@@ -52,7 +52,7 @@ pub fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>> {
 
 /// The elements of an iterator that knows how many it has.
 pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> {
-    let mut out = room(values.len())?;
+    let mut out = reserved(values.len())?;
     for (k, value) in values.enumerate() {
         if k % PIECE == PIECE - 1 {
             look();
@@ -73,7 +73,7 @@ pub fn append<T: Copy>(out: &mut Vec<T>, values: &[T]) -> Result<()> {
 
 /// Refuse what needs more than can be had just now. For structures of many small parts: `bytes` is an estimate of their sum.
 pub fn require(bytes: usize) -> Result<()> {
-    room::<u8>(bytes).map(drop)
+    reserved::<u8>(bytes).map(drop)
 }
 
 #[cfg(test)]
@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(zeros(most), Err(Error::Memory { bytes }));
         assert_eq!(untouched(most), Err(Error::Memory { bytes }));
         assert_eq!(untouched(3), Ok(vec![0.0; 3]));
-        assert_eq!(room::<f64>(most).map(|_| ()), Err(Error::Memory { bytes }));
+        assert_eq!(reserved::<f64>(most).map(|_| ()), Err(Error::Memory { bytes }));
         assert_eq!(require(most * 3), Err(Error::Memory { bytes: most as u128 * 3 }));
         assert_eq!(collected((0..3).map(f64::from)), Ok(vec![0.0, 1.0, 2.0]));
         assert_eq!(copied(&[1, 2]), Ok(vec![1, 2]));

@@ -24,8 +24,8 @@ const KEPT_POOLS: usize = 4;
 
 /// `ARMLET_NUM_THREADS` if it is a positive integer, else the cores; at most [`MOST_THREADS`].
 pub fn default_threads() -> usize {
-    let asked = std::env::var("ARMLET_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok()).filter(|&n| n > 0);
-    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())).min(MOST_THREADS)
+    let requested = std::env::var("ARMLET_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok()).filter(|&n| n > 0);
+    requested.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())).min(MOST_THREADS)
 }
 
 /// `threads` as a caller asked for it, or an error where it is zero or more than [`MOST_THREADS`].

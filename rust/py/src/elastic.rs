@@ -300,7 +300,7 @@ pub fn damping_from_ratio<'py>(
     let py = inertia.py();
     entry(py, NAME, || {
         let n = Looked::at(NAME, "inertia", inertia)?.shape.first().copied().unwrap_or(1);
-        let square = |name: &'static str, value| crate::given::gain(NAME, name, value, n);
+        let square = |name: &'static str, value| crate::arguments::gain(NAME, name, value, n);
         let (m, k) = (square("inertia", inertia)?, square("stiffness", stiffness)?);
         let d = ratio_damping(&m, &k, number(NAME, "ratio", ratio)?)?;
         new_array(py, &[n, n], |out| {

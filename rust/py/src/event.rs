@@ -7,7 +7,7 @@ use armlet_core::dynamics::Model;
 use armlet_core::integrate::solve::node;
 use armlet_core::memory;
 use armlet_core::plant::{PlantKind, PlantSpec, Stop};
-use armlet_core::simulate::{Asked, Event, Found, Polynomials, What};
+use armlet_core::simulate::{Crossings, Event, EventFunction, Polynomials, RunObserver};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -39,9 +39,9 @@ fn joint(plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> 
 }
 
 /// A function of time and state, `g(t, q, v, ..)` as a law is called.
-fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> What {
+fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> EventFunction {
     let (call, raised, n, states) = (call.clone().unbind(), raised.clone(), plant.n(), plant.states());
-    What::Function(Arc::new(move |t: f64, x: &[f64]| {
+    EventFunction::Function(Arc::new(move |t: f64, x: &[f64]| {
         Python::attach(|py| {
             let ask = || -> Result<f64, Failure> {
                 let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
@@ -56,7 +56,7 @@ fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> What
 }
 
 /// What an `armlet.Event` of this kind watches.
-fn what(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Raised) -> Result<What, Failure> {
+fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Raised) -> Result<EventFunction, Failure> {
     let n = plant.n();
     let argument = |i: usize| arguments.get_item(i);
     let three = |i: usize| -> Result<[f64; 3], Failure> {
@@ -64,25 +64,27 @@ fn what(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Ra
         Ok([v[0], v[1], v[2]])
     };
     Ok(match kind {
-        "joint" => What::Joint { joint: joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)?, below: false },
+        "joint" => {
+            EventFunction::Joint { joint: joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)?, below: false }
+        }
         "speed" => {
             if plant.kind() == PlantKind::Velocity {
                 return Err(refuse(arguments, "watch a speed: expected a plant with speeds among its states, got VelocityArm".into()));
             }
-            What::Speed { at: n + joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)? }
+            EventFunction::Speed { at: n + joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)? }
         }
         "plane" => {
             let frame = plant.model().tree("events")?.frame_index(&text(NAME, "events", &argument(0)?)?)?;
-            What::Plane { frame, point: three(1)?, normal: three(2)? }
+            EventFunction::Plane { frame, point: three(1)?, normal: three(2)? }
         }
         "contact" => match plant.wall() {
-            Some(wall) => What::Plane { frame: wall.frame, point: wall.point, normal: wall.normal.map(|x| -x) },
+            Some(wall) => EventFunction::Plane { frame: wall.frame, point: wall.point, normal: wall.normal.map(|x| -x) },
             None => return Err(refuse(arguments, "watch a contact: expected a plant with a wall, got one without".into())),
         },
         "joint_stop" => {
             let stop = Stop { joint: joint(plant, &argument(0)?)?, upper: text(NAME, "events", &argument(1)?)? == "upper" };
             match plant.stops().filter(|stops| stops.all().any(|known| known == stop)) {
-                Some(stops) => What::Joint { joint: stop.joint, value: stops.limit(stop), below: !stop.upper },
+                Some(stops) => EventFunction::Joint { joint: stop.joint, value: stops.limit(stop), below: !stop.upper },
                 None => return Err(refuse(arguments, "watch a stop: expected one that the plant has, got none there".into())),
             }
         }
@@ -91,17 +93,17 @@ fn what(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Ra
 }
 
 /// The keywords `events` and `dense`; `None` where nothing is asked for.
-pub fn asked(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, raised: &Raised) -> Result<Option<Asked>, Failure> {
-    let mut asked = Asked { polynomials: dense.then(Polynomials::default), ..Asked::default() };
+pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, raised: &Raised) -> Result<Option<RunObserver>, Failure> {
+    let mut observer = RunObserver { polynomials: dense.then(Polynomials::default), ..RunObserver::default() };
     let events =
         events.map(|events| items(NAME, "events", "a list: expected events", &events, MOST_EVENTS)).transpose()?.unwrap_or_default();
     for (i, event) in events.into_iter().enumerate() {
         let (direction, stop) = (number(NAME, "direction", &event.getattr("direction")?)?, event.getattr("stop")?.extract::<usize>());
         let stop_after = stop.map_err(|_| refuse(&event, format!("have a bad stop: expected a count >= 0 (first bad index {i})")))?;
-        let what = what(plant, &text(NAME, "events", &event.getattr("kind")?)?, &event.getattr("arguments")?, raised)?;
-        asked.events.push(Event { what, direction, stop_after });
+        let function = event_function(plant, &text(NAME, "events", &event.getattr("kind")?)?, &event.getattr("arguments")?, raised)?;
+        observer.events.push(Event { function, direction, stop_after });
     }
-    Ok((dense || !asked.events.is_empty()).then_some(asked))
+    Ok((dense || !observer.events.is_empty()).then_some(observer))
 }
 
 /// `values`, `(rows, width)`, cut into the parts `names` of `n` columns each.
@@ -114,17 +116,17 @@ fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, states: usize, v
 }
 
 /// The fields `events` and `dense` of a run.
-pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, asked: Asked) -> Result<(), Failure> {
+pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer: RunObserver) -> Result<(), Failure> {
     let (py, n, states) = (fields.py(), plant.n(), plant.states());
-    if !asked.events.is_empty() {
-        let Found { index, t, x } = asked.found;
+    if !observer.events.is_empty() {
+        let Crossings { index, t, x } = observer.crossings;
         let events = PyDict::new(py);
         put_parts(&events, t.len(), n, states, &x)?;
         events.set_item("which", taken(py, &[t.len()], memory::collected(index.iter().map(|&i| i as i64))?)?)?;
         events.set_item("t", PyArray1::from_vec(py, t))?;
         fields.set_item("events", events)?;
     }
-    if let Some(Polynomials { degree, ends, nodes }) = asked.polynomials {
+    if let Some(Polynomials { degree, ends, nodes }) = observer.polynomials {
         let shape = [ends.len(), degree + 1, states + p];
         let positions = PyArray1::from_vec(py, (0..=degree).map(|k| node(k, degree)).collect());
         let dense = (states, PyArray1::from_vec(py, ends), positions, PyArray1::from_vec(py, nodes).reshape(shape)?);

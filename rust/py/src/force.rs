@@ -64,7 +64,7 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
         return Ok(Force::steps(vec![0.0], vec![constant_force(function, value, rows)?])?);
     }
     let steps = items(function, "force", "made of pairs: expected [(t_start, F), ...]", value, MOST_STEPS)?;
-    let (mut starts, mut values) = (memory::room(steps.len())?, memory::room(steps.len())?);
+    let (mut starts, mut values) = (memory::reserved(steps.len())?, memory::reserved(steps.len())?);
     for (i, step) in steps.iter().enumerate() {
         let pair = items(function, "force", "made of pairs: expected [(t_start, F), ...]", step, 2).unwrap_or_default();
         let (start, value) = match pair.as_slice() {

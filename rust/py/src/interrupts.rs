@@ -65,7 +65,7 @@ pub fn paused<'py, T>(
         breaks.pause(item.py())?;
         read(i, item)
     };
-    let mut out = memory::room(list.len())?;
+    let mut out = memory::reserved(list.len())?;
     for item in list.iter().enumerate().map(one) {
         out.push(item?);
     }

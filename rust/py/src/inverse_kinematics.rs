@@ -7,8 +7,8 @@ use crate::interrupts::long;
 use crate::priority::{method_name, residual_list, status_member};
 use crate::seal::{Sealed, seal};
 use crate::task::each;
-use armlet_core::analysis::inverse_kinematics::{Search, inverse_kinematics as core};
-use armlet_core::priority::Method;
+use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics as core};
+use armlet_core::priority::PriorityMethod;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -120,7 +120,7 @@ pub fn inverse_kinematics<'py>(
         let tree = model.tree("arm")?;
         let (_, goals) = each(NAME, tasks, |task| task.goal(tree))?;
         let q0 = vector(NAME, "q0", q0, model.n())?;
-        let plain = Search::default();
+        let plain = IkOptions::default();
         let eps = match eps {
             None => None,
             Some(eps) => {
@@ -128,14 +128,14 @@ pub fn inverse_kinematics<'py>(
                 Some(owned(values)?)
             }
         };
-        let search = Search {
+        let search = IkOptions {
             tolerance: tolerance.map_or(Ok(plain.tolerance), |x| number(NAME, "tolerance", x))?,
             max_iterations: max_iterations.map_or(Ok(plain.max_iterations), |x| whole(NAME, "max_iterations", x))?,
             restarts: restarts.map_or(Ok(plain.restarts), |x| whole(NAME, "restarts", x))?,
             seed: seed.map_or(Ok(plain.seed), |x| whole(NAME, "seed", x).map(|x| x as u64))?,
             step_max: step_max.map_or(Ok(plain.step_max), |x| number(NAME, "step_max", x))?,
             limits: limits.map_or(Ok(plain.limits), |x| flag(NAME, "limits", x))?,
-            method: Method::from_name(method_name(NAME, method)?)?,
+            method: PriorityMethod::from_name(method_name(NAME, method)?)?,
             eps,
         };
         let rows: Vec<usize> = goals.iter().map(|(function, _)| function.rows()).collect();

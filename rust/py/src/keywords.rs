@@ -175,7 +175,7 @@ impl<'py> Keywords<'py> {
         let [v, theta, theta_dot] = &rest;
         let zero = vec![0.0; n];
         let part = |values: &'_ Option<Vec<f64>>, row: usize| values.as_ref().map(|values| values[row * n..(row + 1) * n].to_vec());
-        let mut x0 = memory::room(rows.saturating_mul(plants[0].states()))?;
+        let mut x0 = memory::reserved(rows.saturating_mul(plants[0].states()))?;
         for row in 0..rows {
             let plant = plants[if plants.len() == 1 { 0 } else { row.min(plants.len() - 1) }];
             let v = part(v, row).unwrap_or_else(|| zero.clone());
@@ -206,7 +206,7 @@ impl<'py> Keywords<'py> {
         } else {
             vec![value]
         };
-        let mut forces = memory::room(each.len())?;
+        let mut forces = memory::reserved(each.len())?;
         for value in &each {
             forces.push(force::force(self.function, value, rows, raised)?);
         }

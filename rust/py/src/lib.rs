@@ -1,6 +1,7 @@
 //! The extension module `armlet._core`: converts, dispatches, maps errors and statuses. No algorithm lives here.
 
 mod about;
+mod arguments;
 mod arm;
 mod arrays;
 mod batch_stepper;
@@ -9,7 +10,6 @@ mod elastic;
 mod errors;
 mod event;
 mod force;
-mod given;
 mod integrate;
 mod interrupts;
 mod inverse_kinematics;

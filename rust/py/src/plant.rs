@@ -1,9 +1,9 @@
 //! `armlet.RigidArm`, `armlet.ElasticArm`, `armlet.VelocityArm` and the wall that plants touch.
 
+use crate::arguments::{Arguments, call, shown_as};
 use crate::arm::Arm;
 use crate::arrays::{number, object, text, three};
 use crate::errors::{Failure, entry};
-use crate::given::{Given, call, shown_as};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
 use armlet_macros::entered;
@@ -19,7 +19,7 @@ pub struct Plant {
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
-impl Given<'_> {
+impl Arguments<'_> {
     /// The plant of these arguments.
     fn plant(self, spec: PlantSpec) -> PyClassInitializer<Plant> {
         PyClassInitializer::from(Plant { spec, arm: self.arm.unbind(), arguments: self.arguments })
@@ -107,7 +107,7 @@ impl Wall {
 }
 
 /// The wall of a plant, with its frame found.
-fn wall<'py>(given: &mut Given<'py>, function: &str, wall: Option<&Bound<'py, PyAny>>) -> Result<Option<CoreWall>, Failure> {
+fn wall<'py>(given: &mut Arguments<'py>, function: &str, wall: Option<&Bound<'py, PyAny>>) -> Result<Option<CoreWall>, Failure> {
     let Some(wall) = wall.filter(|wall| !wall.is_none()) else { return Ok(None) };
     let object = object::<Wall>(function, "wall", "a Wall or None", wall)?;
     given.plain("wall", wall);
@@ -117,7 +117,7 @@ fn wall<'py>(given: &mut Given<'py>, function: &str, wall: Option<&Bound<'py, Py
 }
 
 /// The stops of a plant, kept for `repr` and pickling.
-fn stops<'py>(given: &mut Given<'py>, function: &'static str, stops: Option<&Bound<'py, PyAny>>) -> Result<Option<Stops>, Failure> {
+fn stops<'py>(given: &mut Arguments<'py>, function: &'static str, stops: Option<&Bound<'py, PyAny>>) -> Result<Option<Stops>, Failure> {
     let found = crate::stops::stops(function, &given.model(), stops)?;
     if let (Some(_), Some(stops)) = (&found, stops) {
         given.plain("stops", stops);
@@ -152,7 +152,7 @@ impl RigidArm {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "RigidArm";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let friction = given.flag("friction", friction)?;
             if friction {
                 given.model().tree("friction")?;
@@ -179,7 +179,7 @@ impl VelocityArm {
     #[new]
     fn new(arm: &Bound<'_, PyAny>) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "VelocityArm", || {
-            let given = Given::new("VelocityArm", arm)?;
+            let given = Arguments::new("VelocityArm", arm)?;
             let spec = VelocitySpec { model: given.model() };
             Ok(given.plant(PlantSpec::Velocity(spec)).add_subclass(VelocityArm))
         })
@@ -226,7 +226,7 @@ impl ElasticArm {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ElasticArm";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let model = given.model();
             let n = model.n();
             let (stiffness, inertia) = (given.gain("stiffness", stiffness, n)?, given.gain("motor_inertia", motor_inertia, n)?);

@@ -45,7 +45,7 @@ fn several<'py, T: pyo3::PyClass>(
         );
         input_error(value.py(), function, name, problem).into()
     };
-    let mut out = memory::room(items.len())?;
+    let mut out = memory::reserved(items.len())?;
     for (i, item) in items.iter().enumerate() {
         out.push(item.cast::<T>().cloned().map_err(|_| wrong(item, i))?);
     }
@@ -113,9 +113,9 @@ pub fn simulate<'py>(
             Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options, measures: None };
         warn_of_sampling(py, NAME, &problem)?;
         let dense = given.get("dense")?.map_or(Ok(false), |dense| flag(NAME, "dense", &dense))?;
-        let mut asked = event::asked(plant, given.get("events")?, dense, &raised)?;
+        let mut observer = event::observer(plant, given.get("events")?, dense, &raised)?;
         let mut poll = || force::failed(&raised) || signalled();
-        let run = long(py, || core::simulate_asked(&problem, &core::Poller::new(&mut poll), asked.as_mut()))?;
+        let run = long(py, || core::simulate_observed(&problem, &core::Poller::new(&mut poll), observer.as_mut()))?;
         raise(&raised)?;
         let (k, p) = (run.t.len(), law.initial_state().len());
         let fields = PyDict::new(py);
@@ -151,8 +151,8 @@ pub fn simulate<'py>(
             stats.set_item("dt", o.grid())?;
         }
         fields.set_item("stats", stats)?;
-        if let Some(asked) = asked {
-            event::answer(&fields, plant, p, asked)?;
+        if let Some(observer) = observer {
+            event::answer(&fields, plant, p, observer)?;
         }
         Ok(fields)
     })

@@ -133,7 +133,7 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<Ba
     let states = if n == 0 { 0 } else { (ROWS * p).div_ceil(n) };
     // The columns, their triangle with its projection, and a block of the regressor.
     memory::require(8 * p.saturating_mul(states * n + 3 * p + BLOCK * n))?;
-    let mut columns: Vec<Vec<f64>> = (0..p).map(|_| memory::room(states * n)).collect::<Result<_>>()?;
+    let mut columns: Vec<Vec<f64>> = (0..p).map(|_| memory::reserved(states * n)).collect::<Result<_>>()?;
     let mut seeded = Seeded(2022);
     let mut y = vec![0.0; BLOCK * n * p];
     for first in (0..states).step_by(BLOCK) {

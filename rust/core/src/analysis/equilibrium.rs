@@ -42,7 +42,7 @@ pub struct Equilibrium {
 /// `p = K_m e + F` and the size that it is judged by, and `x`.
 fn unbalanced(law: &CartesianImpedanceSpec, push: &[f64], q: &[f64]) -> (Vec<f64>, f64, Vec<f64>) {
     let m = law.coordinates.m();
-    let (e, target) = (Task::new(law).at(q).0, target(law));
+    let (e, target) = (TargetError::new(law).at(q).0, target(law));
     let load = law.stiffness.inverse().times(push);
     let goal: Vec<f64> = (0..m).map(|k| (target[k] + load[k]).abs() + 1.0).collect();
     let scale = crate::linalg::largest(&law.stiffness.times(&goal));
@@ -60,15 +60,15 @@ fn target(law: &CartesianImpedanceSpec) -> Vec<f64> {
 }
 
 /// The task of a law, asked at one pose after another.
-struct Task<'a> {
+struct TargetError<'a> {
     law: &'a CartesianImpedanceSpec,
     arm: ArmAt,
     target: Vec<f64>,
 }
 
-impl<'a> Task<'a> {
+impl<'a> TargetError<'a> {
     fn new(law: &'a CartesianImpedanceSpec) -> Self {
-        Task { law, arm: law.model.at(&vec![0.0; law.model.n()]), target: target(law) }
+        TargetError { law, arm: law.model.at(&vec![0.0; law.model.n()]), target: target(law) }
     }
 
     /// `e` `(m,)` and `J` `(m, n)`.
@@ -89,7 +89,7 @@ pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f6
     let mass = (0..n).map(|i| m[i * n + i]).collect();
     match law.outer() {
         Some(LawSpec::CartesianImpedance(law)) => {
-            let (_, j) = Task::new(&law).at(q);
+            let (_, j) = TargetError::new(&law).at(q);
             let column = |i: usize| -> Vec<f64> { j.iter().skip(i).step_by(n).copied().collect() };
             (mass, (0..n).map(|i| law.stiffness.form(&column(i))).collect(), (0..n).map(|i| law.damping.form(&column(i))).collect())
         }
@@ -103,7 +103,7 @@ fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>
     /// Squares of singular values below this share of the largest are zero: those of a rest are known to 1e-9.
     const SINGULAR: f64 = 1e-12;
     let (n, m) = (q.len(), p.len());
-    let (_, j) = Task::new(law).at(q);
+    let (_, j) = TargetError::new(law).at(q);
     let gram: Vec<f64> = (0..m * m).map(|at| (0..n).map(|i| j[at / m * n + i] * j[at % m * n + i]).sum()).collect();
     let (values, vectors) = symmetric_eigen(&gram, m)?;
     let largest = values.iter().fold(0.0f64, |most, &l| most.max(l));
@@ -122,7 +122,7 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     const STEPS: usize = 200;
     let (n, m) = (q0.len(), law.coordinates.m());
     let load = law.stiffness.inverse().times(push);
-    let mut task = Task::new(law);
+    let mut task = TargetError::new(law);
     // Additive recurrence by powers of the generalised golden ratio: spread in n dimensions, the same every time.
     let phi = (0..64).fold(2.0f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
     (0..STARTS).any(|start| {

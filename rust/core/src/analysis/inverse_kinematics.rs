@@ -12,13 +12,13 @@ use crate::interrupt::look;
 use crate::kinematics::TaskFunction;
 use crate::law::ArmSolver;
 use crate::linalg::dot;
-use crate::priority::{DEFAULT_EPS, Method, Options};
+use crate::priority::{DEFAULT_EPS, PriorityMethod, PriorityOptions};
 use crate::status::Status;
 use std::f64::consts::PI;
 
 /// How to search.
 #[derive(Clone, Debug)]
-pub struct Search {
+pub struct IkOptions {
     /// A task is reached when every entry of its error is at most this, m or rad.
     pub tolerance: f64,
     /// Steps from each start.
@@ -30,21 +30,21 @@ pub struct Search {
     pub step_max: f64,
     /// Keep to the joint limits of the arm.
     pub limits: bool,
-    pub method: Method,
+    pub method: PriorityMethod,
     /// Threshold on singular values, one per task or one for all.
     pub eps: Option<Vec<f64>>,
 }
 
-impl Default for Search {
+impl Default for IkOptions {
     fn default() -> Self {
-        let (method, eps) = (Method::Clamp, None);
-        Search { tolerance: 1e-9, max_iterations: 100, restarts: 50, seed: 0, step_max: 0.5, limits: true, method, eps }
+        let (method, eps) = (PriorityMethod::Clamp, None);
+        IkOptions { tolerance: 1e-9, max_iterations: 100, restarts: 50, seed: 0, step_max: 0.5, limits: true, method, eps }
     }
 }
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct IkSolution {
     /// `(n,)`
     pub q: Vec<f64>,
     /// Errors of all tasks at `q`, one after another, `(sum rows,)`.
@@ -81,7 +81,7 @@ struct Attempt {
 }
 
 /// Joint positions where the tasks `goals` are reached, the highest first, from `q0` `(n,)`.
-pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &Search) -> Result<Found> {
+pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOptions) -> Result<IkSolution> {
     let n = arm.n();
     if q0.len() != n {
         return Err(Error::input("q0", format!("has the wrong shape: expected ({n},), got ({},)", q0.len())));
@@ -89,14 +89,14 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &Search
     finite("q0", q0)?;
     positive("tolerance", search.tolerance)?;
     positive("step_max", search.step_max)?;
-    if search.method == Method::Sns {
+    if search.method == PriorityMethod::Sns {
         return Err(Error::input("method", "bounds velocities: expected clamp, damped, exact or chiaverini, got sns"));
     }
     for (function, target) in goals {
         function.require_target(target)?;
     }
     let bounds = limits(arm, search.limits)?;
-    let options = Options { eps: search.eps.clone(), ..Options::new(search.method) };
+    let options = PriorityOptions { eps: search.eps.clone(), ..PriorityOptions::new(search.method) };
     let solver = newton_solver(arm, goals, &bounds, options)?;
     let desired = goals.iter().map(|(_, target)| [target.as_slice(), &vec![0.0; 2 * target.len()]].concat()).collect();
     let total = goals.iter().map(|(function, _)| function.rows()).sum();
@@ -125,11 +125,11 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &Search
         (_, _, true) => Status::Infeasible,
         _ => Status::MaxSteps,
     };
-    Ok(Found { q: best.q, errors, reached, iterations, restarts, status })
+    Ok(IkSolution { q: best.q, errors, reached, iterations, restarts, status })
 }
 
 /// The tasks, and below them the joints that have a range.
-fn newton_solver(arm: &Arm, goals: &[Goal], bounds: &[(f64, f64)], mut options: Options) -> Result<ArmSolver> {
+fn newton_solver(arm: &Arm, goals: &[Goal], bounds: &[(f64, f64)], mut options: PriorityOptions) -> Result<ArmSolver> {
     let mut functions: Vec<TaskFunction> = goals.iter().map(|(function, _)| function.clone()).collect();
     let joints: Vec<usize> = (0..bounds.len()).filter(|&i| (bounds[i].1 - bounds[i].0).is_finite()).collect();
     if !joints.is_empty() && !goals.is_empty() {
@@ -164,7 +164,7 @@ struct Newton<'a> {
     solver: ArmSolver,
     desired: Vec<Vec<f64>>,
     bounds: Vec<(f64, f64)>,
-    search: &'a Search,
+    search: &'a IkOptions,
     e: Vec<f64>,
     w: Vec<f64>,
     held: Vec<bool>,

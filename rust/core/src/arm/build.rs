@@ -56,7 +56,7 @@ impl ChainJoint {
 const BYTES_PER_JOINT: usize = 4096;
 
 /// Refuse more joints than memory holds, before the first of their many small parts is made.
-pub fn require_room(joints: usize) -> Result<()> {
+pub fn require_memory(joints: usize) -> Result<()> {
     memory::require(joints.saturating_mul(BYTES_PER_JOINT))
 }
 
@@ -68,7 +68,7 @@ impl Arm {
         if list.is_empty() {
             return Err(Error::input("joints", "is empty: expected at least one joint, got none"));
         }
-        require_room(list.len())?;
+        require_memory(list.len())?;
         let parents = parents_of(list)?;
         let mut arm = Arm { name: "chain".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         // Of each list entry: the joint that carries it and its placement in that joint's body frame.

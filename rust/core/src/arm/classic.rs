@@ -3,7 +3,7 @@
 //! Standard: `T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)`; modified (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)`.
 //! `q` is added to `theta` of a revolute row and to `d` of a prismatic one.
 
-use super::build::require_room;
+use super::build::require_memory;
 use super::{Arm, ChainJoint, Frame, Joint, JointKind, JointType};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
@@ -47,7 +47,7 @@ impl Arm {
         if rows.is_empty() {
             return Err(Error::input("rows", "is empty: expected at least one row, got none"));
         }
-        require_room(rows.len())?;
+        require_memory(rows.len())?;
         let mut arm = Arm { name: "dh".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         let mut before = Placement::IDENTITY;
         for (i, row) in rows.iter().enumerate() {
@@ -84,7 +84,7 @@ impl Arm {
         inertias: Option<&[f64]>,
         gravity: [f64; 2],
     ) -> Result<Arm> {
-        require_room(lengths.len())?;
+        require_memory(lengths.len())?;
         for (what, values) in [("lengths", Some(lengths)), ("masses", masses), ("coms", coms), ("inertias", inertias)] {
             let Some(values) = values else { continue };
             if values.len() != lengths.len() {
@@ -102,7 +102,7 @@ impl Arm {
         }
         finite("gravity", &gravity)?;
         let given = |list: Option<&[f64]>, i: usize, otherwise: f64| list.map_or(otherwise, |list| list[i]);
-        let mut list = memory::room(lengths.len())?;
+        let mut list = memory::reserved(lengths.len())?;
         for (i, &length) in lengths.iter().enumerate() {
             look();
             let mass = given(masses, i, length);

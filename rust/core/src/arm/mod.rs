@@ -59,12 +59,12 @@ impl Arm {
     /// The frame at the tip: of those that move the one with the longest way from the base, `sum |p|` over the offsets of joints and
     /// frame. Of equal ones the last; `None` where nothing moves.
     pub fn tip_frame(&self) -> Option<usize> {
-        let mut way = Vec::<f64>::with_capacity(self.n());
+        let mut reach = Vec::<f64>::with_capacity(self.n());
         for joint in &self.joints {
-            way.push(joint.parent.map_or(0.0, |parent| way[parent]) + joint.placement.translation.norm());
+            reach.push(joint.parent.map_or(0.0, |parent| reach[parent]) + joint.placement.translation.norm());
         }
         let moving =
-            self.frames.iter().enumerate().filter_map(|(k, frame)| Some((way[frame.body?] + frame.placement.translation.norm(), k)));
+            self.frames.iter().enumerate().filter_map(|(k, frame)| Some((reach[frame.body?] + frame.placement.translation.norm(), k)));
         moving.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
     }
 

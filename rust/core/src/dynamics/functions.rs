@@ -8,7 +8,7 @@ use super::evaluate::{Evaluator, check};
 use super::recorded::{ArmCall, ArmFunction};
 use crate::arm::Arm;
 use crate::error::Result;
-use crate::trace::kept::free;
+use crate::trace::cache::free;
 use std::sync::{Arc, Mutex};
 
 /// Rows of a query after which its program is made.
@@ -33,7 +33,7 @@ struct Known {
 }
 
 /// A query, and how one configuration of it is answered.
-struct Asked {
+struct CachedQuery {
     query: Query,
     /// Calls before the program was there.
     calls: usize,
@@ -43,19 +43,19 @@ struct Asked {
 /// Single calls.
 struct Single {
     evaluator: Evaluator,
-    asked: Vec<Asked>,
+    cached: Vec<CachedQuery>,
 }
 
 impl Single {
     fn new(evaluator: Evaluator) -> Mutex<Self> {
-        Mutex::new(Single { evaluator, asked: Vec::new() })
+        Mutex::new(Single { evaluator, cached: Vec::new() })
     }
 
     #[inline]
     fn one(&mut self, arm: &Arm, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-        let found = self.asked.iter().position(|asked| asked.query == *query);
+        let found = self.cached.iter().position(|cached| cached.query == *query);
         if let Some(at) = found
-            && let Some(program) = &mut self.asked[at].program
+            && let Some(program) = &mut self.cached[at].program
             && program.answer(inputs, out)
         {
             return Ok(true);
@@ -67,17 +67,17 @@ impl Single {
     #[inline(never)]
     fn direct(&mut self, arm: &Arm, found: Option<usize>, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         let at = found.unwrap_or_else(|| {
-            if self.asked.len() == KEPT {
-                self.asked.remove(0);
+            if self.cached.len() == KEPT {
+                self.cached.remove(0);
             }
-            self.asked.push(Asked { query: *query, calls: 0, program: None });
-            self.asked.len() - 1
+            self.cached.push(CachedQuery { query: *query, calls: 0, program: None });
+            self.cached.len() - 1
         });
         let answer = self.evaluator.one(query, inputs, out)?;
-        let asked = &mut self.asked[at];
-        asked.calls = asked.calls.saturating_add(1);
-        if asked.calls == CALLS && query.operations(arm.n()) <= SHORT {
-            asked.program = Some(ArmCall::new(arm, query)?);
+        let cached = &mut self.cached[at];
+        cached.calls = cached.calls.saturating_add(1);
+        if cached.calls == CALLS && query.operations(arm.n()) <= SHORT {
+            cached.program = Some(ArmCall::new(arm, query)?);
         }
         Ok(answer)
     }

@@ -12,7 +12,7 @@
 //! is `C(q, v) vr` with the Christoffel `C`; with `vr = v` it is the ordinary inverse dynamics.
 
 use super::hinge::{reach, rotation, to_body, to_parent};
-use super::workspace::{Link, Motion};
+use super::workspace::{BodyMotion, Link};
 use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, Sym3, Vector, Vector3};
@@ -51,14 +51,14 @@ pub(crate) fn moment_of<S: Real>(u: Matrix3<S>, second: &Sym3<S>, c: Vector3<S>)
 pub(crate) fn outwards<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     body: &Body<S>,
-    up: &Motion<S>,
+    up: &BodyMotion<S>,
     link: &mut Link<S>,
     trig: (S, S),
     q: S,
     v: S,
     vr: S,
     ar: Option<S>,
-) -> Motion<S> {
+) -> BodyMotion<S> {
     let half = S::splat(0.5);
     let p = reach(body, q);
     link.p = p;
@@ -99,7 +99,7 @@ pub(crate) fn outwards<S: Real, const POLAR: bool>(
             a[2] += ar;
         }
     }
-    Motion { w, wr, wd, a, u: acceleration_matrix::<S, POLAR>(w, wr, wd) }
+    BodyMotion { w, wr, wd, a, u: acceleration_matrix::<S, POLAR>(w, wr, wd) }
 }
 
 /// From `f` and `n` of every body in its own axes, which are in `links`, the joint forces `S_i . F_i`, `F_i` summed over the subtree.
@@ -128,7 +128,7 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
     ar: Option<&[S]>,
     tau: &mut [S],
 ) {
-    let mut motion = Motion::default();
+    let mut motion = BodyMotion::default();
     for i in 0..tree.n() {
         let body = &tree.bodies[i];
         if body.parent != BASE && body.parent + 1 != i {

@@ -121,10 +121,10 @@ impl Query {
 
     /// Whether these inputs and this room are what is asked for; `check` says what is not.
     pub(super) fn fits(&self, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> bool {
-        let asked = self.inputs().len();
-        let mut fits = inputs.len() == asked && out == count * self.length(n);
+        let expected = self.inputs().len();
+        let mut fits = inputs.len() == expected && out == count * self.length(n);
         for k in 0..4 {
-            fits &= k >= asked || inputs.get(k).is_some_and(|given| given.len() == count * self.input_length(k, n));
+            fits &= k >= expected || inputs.get(k).is_some_and(|given| given.len() == count * self.input_length(k, n));
         }
         fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
     }

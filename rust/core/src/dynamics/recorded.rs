@@ -7,8 +7,8 @@ use super::evaluate::Engine;
 use crate::arm::Arm;
 use crate::error::Result;
 use crate::scalar::rows::{read_one, write_one};
+use crate::trace::cache::free;
 use crate::trace::function::{Evaluation, record};
-use crate::trace::kept::free;
 use std::sync::Mutex;
 
 /// Groups of lanes after which is seen whether all their rows were answered.

@@ -9,7 +9,7 @@
 
 use super::hinge::to_body;
 use super::newton_euler::{inwards, moment_of, outwards};
-use super::workspace::{Link, Motion};
+use super::workspace::{BodyMotion, Link};
 use crate::arm::{BASE, Body, Tree, second_moment};
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Spatial, Vector, Vector3};
@@ -26,8 +26,8 @@ pub struct Field<S: Real> {
 }
 
 impl<S: Real> Field<S> {
-    fn of(body: &Body<S>, motion: &Motion<S>) -> Self {
-        let Motion { mut a, mut u, wd: mut d, .. } = *motion;
+    fn of(body: &Body<S>, motion: &BodyMotion<S>) -> Self {
+        let BodyMotion { mut a, mut u, wd: mut d, .. } = *motion;
         if let Some(turn) = body.turn {
             let back = turn.lift::<S>().transpose();
             (a, d, u) = (back.apply_transposed(a), back.apply_transposed(d), back.congruence_transposed(u));
@@ -129,7 +129,7 @@ pub fn regressor_on_zeros<S: Real>(
     let mut put = |joint: usize, body: usize, block: &[S; PARAMETERS]| {
         y[joint * width + PARAMETERS * body..][..PARAMETERS].copy_from_slice(block);
     };
-    let mut motion = Motion::default();
+    let mut motion = BodyMotion::default();
     for i in 0..n {
         let body = &tree.bodies[i];
         if body.parent != BASE && body.parent + 1 != i {
@@ -188,7 +188,7 @@ pub fn regressor_products<S: Real>(
     y_pi: &mut [S],
     yt_s: &mut [S],
 ) {
-    let mut motion = Motion::default();
+    let mut motion = BodyMotion::default();
     for i in 0..tree.n() {
         let body = &tree.bodies[i];
         if body.parent != BASE && body.parent + 1 != i {

@@ -10,7 +10,7 @@ use crate::spatial::{Inertia, Matrix, Matrix3, Spatial, Sym3, Vector, Vector3};
 
 /// Angular velocities, and the acceleration field `a + U r` of a body.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Motion<S: Real> {
+pub struct BodyMotion<S: Real> {
     pub w: Vector3<S>,
     pub wr: Vector3<S>,
     pub wd: Vector3<S>,
@@ -24,7 +24,7 @@ pub struct Link<S: Real> {
     /// Rotation to the parent's axes where it is not a quarter turn and `Rz`, and the joint origin in them.
     pub e: Matrix3<S>,
     pub p: Vector3<S>,
-    pub motion: Motion<S>,
+    pub motion: BodyMotion<S>,
     pub f: Vector3<S>,
     pub n: Vector3<S>,
     /// Its motion under given joint rates.

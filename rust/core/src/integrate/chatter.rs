@@ -6,7 +6,7 @@
 //! shrinks with the interval, a jump remains. A run may spend [`System::chatter_budget`] attempts so.
 
 use super::adaptive::{Accuracy, Work};
-use super::pace::{Pace, finite};
+use super::step_controller::{StepController, finite};
 use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -50,15 +50,15 @@ impl<B: Clone> Chatter<B> {
     /// Before a step from `x`. `u` is scratch.
     #[cold]
     #[inline(never)]
-    pub fn look<S, F, T>(&mut self, system: &mut F, pace: &mut Pace<T>, u: &mut F::Input, x: &B) -> Result<(), Status>
+    pub fn look<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &B) -> Result<(), Status>
     where
         S: Real,
         F: System<S>,
         B: Buffer<S>,
         T: Accuracy,
     {
-        self.look_at = pace.work.steps + pace.work.rejections + WINDOW;
-        if !self.jumps(system, pace, u, x.as_ref()) {
+        self.look_at = controller.work.steps + controller.work.rejections + WINDOW;
+        if !self.jumps(system, controller, u, x.as_ref()) {
             self.spent = self.spent.saturating_sub(WINDOW);
             return Ok(());
         }
@@ -67,44 +67,44 @@ impl<B: Clone> Chatter<B> {
     }
 
     /// Whether the slope jumps a step ahead of `x`.
-    fn jumps<S, F, T>(&mut self, system: &mut F, pace: &mut Pace<T>, u: &mut F::Input, x: &[S]) -> bool
+    fn jumps<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &[S]) -> bool
     where
         S: Real,
         F: System<S>,
         B: Buffer<S>,
         T: Accuracy,
     {
-        system.input(pace.input_time(pace.t), u);
-        pace.work.evaluations += 1;
+        system.input(controller.input_time(controller.t), u);
+        controller.work.evaluations += 1;
         system.rhs(u, x, self.slope.as_mut());
         let slope = self.slope.as_ref();
-        let speed = pace.norm(x, x, |i| slope[i]);
-        if !finite(slope) || speed == 0.0 || !(pace.h * speed < MOVES) {
+        let speed = controller.norm(x, x, |i| slope[i]);
+        if !finite(slope) || speed == 0.0 || !(controller.h * speed < MOVES) {
             return false;
         }
-        let ahead = pace.h.max(1.0 / speed);
-        let slope_at = |system: &mut F, pace: &mut Pace<T>, at: &mut B, s: f64, out: &mut B| {
+        let ahead = controller.h.max(1.0 / speed);
+        let slope_at = |system: &mut F, controller: &mut StepController<T>, at: &mut B, s: f64, out: &mut B| {
             for (c, at) in at.as_mut().iter_mut().enumerate() {
                 *at = S::splat(s * ahead).mul_add(slope[c], x[c]);
             }
-            pace.work.evaluations += 1;
+            controller.work.evaluations += 1;
             system.rhs(u, at.as_ref(), out.as_mut());
             finite(out.as_ref())
         };
-        let change = |pace: &Pace<T>, a: &B, b: &B| ahead * pace.norm(x, x, |i| b.as_ref()[i] - a.as_ref()[i]);
+        let change = |controller: &StepController<T>, a: &B, b: &B| ahead * controller.norm(x, x, |i| b.as_ref()[i] - a.as_ref()[i]);
         self.low.clone_from(&self.slope);
-        let known = slope_at(system, pace, &mut self.at, 1.0, &mut self.high);
-        let first = change(pace, &self.low, &self.high);
+        let known = slope_at(system, controller, &mut self.at, 1.0, &mut self.high);
+        let first = change(controller, &self.low, &self.high);
         if !known || first < NOTICED {
             return false;
         }
         let (mut from, mut to, mut left) = (0.0, 1.0, first);
         for _ in 0..HALVINGS {
             let s = 0.5 * (from + to);
-            if !slope_at(system, pace, &mut self.at, s, &mut self.middle) {
+            if !slope_at(system, controller, &mut self.at, s, &mut self.middle) {
                 return false;
             }
-            let (before, after) = (change(pace, &self.low, &self.middle), change(pace, &self.middle, &self.high));
+            let (before, after) = (change(controller, &self.low, &self.middle), change(controller, &self.middle, &self.high));
             if before > after {
                 std::mem::swap(&mut self.middle, &mut self.high);
                 (to, left) = (s, before);
@@ -120,8 +120,8 @@ impl<B: Clone> Chatter<B> {
         for (at, &x) in self.at.as_mut().iter_mut().zip(x) {
             *at = S::splat(1.0 + f64::EPSILON) * x;
         }
-        pace.work.evaluations += 1;
+        controller.work.evaluations += 1;
         system.rhs(u, self.at.as_ref(), self.middle.as_mut());
-        left > NOISE * change(pace, &self.slope, &self.middle)
+        left > NOISE * change(controller, &self.slope, &self.middle)
     }
 }

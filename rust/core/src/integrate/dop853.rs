@@ -7,7 +7,7 @@
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
 use super::dop853_tableau::{A, C, D, E3, E5};
-use super::pace::{Control, Pace, finite, paced};
+use super::step_controller::{Control, StepController, finite, paced};
 use super::{Attempt, Buffer, Scheme, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -61,7 +61,7 @@ impl Scheme for Order8 {
 }
 
 pub struct Dop853<B, U, T = Tolerance> {
-    pace: Pace<T>,
+    controller: StepController<T>,
     /// The slopes of the 12 stages, of the end, and of the dense output.
     k: [B; 16],
     /// The estimates of orders 3 and 5.
@@ -82,7 +82,7 @@ pub struct Dop853<B, U, T = Tolerance> {
 impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         Dop853 {
-            pace: Pace::new(tolerance),
+            controller: StepController::new(tolerance),
             chatter: Chatter::new(&state),
             k: std::array::from_fn(|_| state.clone()),
             errors: std::array::from_fn(|_| state.clone()),
@@ -103,8 +103,8 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         F: System<S, Input = U>,
         B: Buffer<S>,
     {
-        let Dop853 { pace, k, errors, y, x, u, u_time, .. } = self;
-        let times: [f64; Order8::STAGES] = std::array::from_fn(|i| pace.input_time(pace.t + C[i + 1] * h));
+        let Dop853 { controller, k, errors, y, x, u, u_time, .. } = self;
+        let times: [f64; Order8::STAGES] = std::array::from_fn(|i| controller.input_time(controller.t + C[i + 1] * h));
         let mut attempt = Attempt { h: S::splat(h), times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates: errors };
         if system.attempt::<Order8, B>(&mut attempt) {
             *u_time = f64::NAN;
@@ -117,15 +117,15 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
                 system.rhs(u, y, dx);
             });
         }
-        pace.work.evaluations += Order8::STAGES as u64;
+        controller.work.evaluations += Order8::STAGES as u64;
         if !finite(y.as_ref()) || !finite(k[12].as_ref()) {
             return f64::NAN;
         }
         let (x, y) = (x.as_ref(), y.as_ref());
         let (mut e3, mut e5) = (0.0, 0.0);
-        let m = self.pace.tolerance.controlled().min(x.len());
+        let m = self.controller.tolerance.controlled().min(x.len());
         for c in 0..m {
-            let scale = self.pace.tolerance.scale(c, x[c].lane(0).abs().max(y[c].lane(0).abs()));
+            let scale = self.controller.tolerance.scale(c, x[c].lane(0).abs().max(y[c].lane(0).abs()));
             let [s3, s5] = [0, 1].map(|k| self.errors[k].as_ref()[c].lane(0) / scale);
             e3 += s3 * s3;
             e5 += s5 * s5;
@@ -142,12 +142,12 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
         // The stages count from the start of the step: put its state, time and slope back for a moment.
         std::mem::swap(&mut self.x, &mut self.x_old);
         self.k.swap(0, 12);
-        let t = std::mem::replace(&mut self.pace.t, self.pace.t_old);
+        let t = std::mem::replace(&mut self.controller.t, self.controller.t_old);
         for i in 13..16 {
             argument(i, S::splat(h), self.x.as_ref(), &self.k, self.y.as_mut());
-            system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
+            system.input(self.controller.input_time(self.controller.t + C[i] * h), &mut self.u);
             system.rhs(&self.u, self.y.as_ref(), self.k[i].as_mut());
-            self.pace.work.evaluations += 1;
+            self.controller.work.evaluations += 1;
         }
         self.u_time = f64::NAN;
         for (row, weights) in self.dense.iter_mut().zip(&D) {
@@ -162,7 +162,7 @@ impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
                 row[c] = S::splat(h) * sum;
             }
         }
-        self.pace.t = t;
+        self.controller.t = t;
         self.k.swap(0, 12);
         std::mem::swap(&mut self.x, &mut self.x_old);
         self.dense_ready = true;
@@ -173,53 +173,53 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
     paced!(7);
 
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
-        self.pace.begin(t, t_end, input_end);
+        self.controller.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
         self.dense_ready = false;
         self.u_time = f64::NAN;
         system.input(t, &mut self.u);
         system.rhs(&self.u, self.x.as_ref(), self.k[0].as_mut());
-        self.pace.work.evaluations += 1;
+        self.controller.work.evaluations += 1;
         if !finite(self.x.as_ref()) || !finite(self.k[0].as_ref()) {
             return Err(Status::Diverged);
         }
         let [k0, k1, ..] = &mut self.k;
-        self.pace.guess::<S, F, B>(system, &mut self.u, &self.x, k0, &mut self.y, k1, 7.0);
+        self.controller.guess::<S, F, B>(system, &mut self.u, &self.x, k0, &mut self.y, k1, 7.0);
         Ok(())
     }
 
     fn step(&mut self, system: &mut F) -> Result<bool, Status> {
-        if self.pace.done() {
+        if self.controller.done() {
             return Ok(true);
         }
-        if self.chatter.due(&self.pace.work) {
+        if self.chatter.due(&self.controller.work) {
             self.u_time = f64::NAN;
-            self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
+            self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
         }
         self.dense_ready = false;
-        self.pace.open();
+        self.controller.open();
         loop {
-            let (h, t_new) = self.pace.propose()?;
+            let (h, t_new) = self.controller.propose()?;
             let error = self.attempt::<S, F>(system, h);
-            if self.pace.judge(error, h, t_new, &CONTROL) {
+            if self.controller.judge(error, h, t_new, &CONTROL) {
                 std::mem::swap(&mut self.x_old, &mut self.x);
                 std::mem::swap(&mut self.x, &mut self.y);
                 self.k.swap(0, 12);
-                return Ok(self.pace.done());
+                return Ok(self.controller.done());
             }
         }
     }
 
     fn interpolate(&mut self, system: &mut F, t: f64, out: &mut B) {
-        let h = self.pace.t - self.pace.t_old;
-        if h == 0.0 || t >= self.pace.t {
+        let h = self.controller.t - self.controller.t_old;
+        if h == 0.0 || t >= self.controller.t {
             out.clone_from(&self.x);
             return;
         }
         if !self.dense_ready {
             self.prepare_dense::<S, F>(system, h);
         }
-        let theta = (t - self.pace.t_old) / h;
+        let theta = (t - self.controller.t_old) / h;
         let (r, q) = (S::splat(theta), S::splat(1.0 - theta));
         let (x0, x1) = (self.x_old.as_ref(), self.x.as_ref());
         // After the swap in `step`, k[12] is the slope at the start and k[0] that at the end.

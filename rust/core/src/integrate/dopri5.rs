@@ -3,7 +3,7 @@
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
-use super::pace::{Control, Pace, finite, paced};
+use super::step_controller::{Control, StepController, finite, paced};
 use super::{Attempt, Buffer, Scheme, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -63,7 +63,7 @@ impl Scheme for Pair54 {
 }
 
 pub struct Dopri5<B, U, T = Tolerance> {
-    pace: Pace<T>,
+    controller: StepController<T>,
     /// Slopes of the stages; the last is that of the end.
     k: [B; 7],
     error: [B; 1],
@@ -78,7 +78,16 @@ impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         let k = std::array::from_fn(|_| state.clone());
         let [error, y, x] = std::array::from_fn(|_| state.clone());
-        Dopri5 { pace: Pace::new(tolerance), chatter: Chatter::new(&state), k, error: [error], y, x, x_old: state, u: input }
+        Dopri5 {
+            controller: StepController::new(tolerance),
+            chatter: Chatter::new(&state),
+            k,
+            error: [error],
+            y,
+            x,
+            x_old: state,
+            u: input,
+        }
     }
 
     /// Try a step of `h`: the new state in `y`, its slope in `k[6]`; returns the error.
@@ -88,8 +97,8 @@ impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
         F: System<S, Input = U>,
         B: Buffer<S>,
     {
-        let Dopri5 { pace, k, error, y, x, u, .. } = self;
-        let times: [f64; Pair54::STAGES] = std::array::from_fn(|i| pace.input_time(pace.t + C[i + 1] * h));
+        let Dopri5 { controller, k, error, y, x, u, .. } = self;
+        let times: [f64; Pair54::STAGES] = std::array::from_fn(|i| controller.input_time(controller.t + C[i + 1] * h));
         let mut attempt = Attempt { h: S::splat(h), times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates: error };
         if !system.attempt::<Pair54, B>(&mut attempt) {
             Pair54::stages(&mut attempt, |i, y, dx| {
@@ -97,11 +106,11 @@ impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
                 system.rhs(u, y, dx);
             });
         }
-        pace.work.evaluations += Pair54::STAGES as u64;
+        controller.work.evaluations += Pair54::STAGES as u64;
         if !finite(y.as_ref()) || !finite(k[6].as_ref()) {
             return f64::NAN;
         }
-        pace.norm(x.as_ref(), y.as_ref(), |c| S::splat(h) * error[0].as_ref()[c])
+        controller.norm(x.as_ref(), y.as_ref(), |c| S::splat(h) * error[0].as_ref()[c])
     }
 }
 
@@ -109,62 +118,62 @@ impl<S: Real, F: System<S, Input = U>, B: Buffer<S>, U: Clone, T: Accuracy> Adap
     paced!(4);
 
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
-        self.pace.begin(t, t_end, input_end);
+        self.controller.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
         system.input(t, &mut self.u);
         system.rhs(&self.u, self.x.as_ref(), self.k[0].as_mut());
-        self.pace.work.evaluations += 1;
+        self.controller.work.evaluations += 1;
         if !finite(self.x.as_ref()) || !finite(self.k[0].as_ref()) {
             return Err(Status::Diverged);
         }
         let [k0, k1, ..] = &mut self.k;
-        self.pace.guess::<S, F, B>(system, &mut self.u, &self.x, k0, &mut self.y, k1, 4.0);
+        self.controller.guess::<S, F, B>(system, &mut self.u, &self.x, k0, &mut self.y, k1, 4.0);
         Ok(())
     }
 
     fn step(&mut self, system: &mut F) -> Result<bool, Status> {
-        if self.pace.done() {
+        if self.controller.done() {
             return Ok(true);
         }
-        if self.chatter.due(&self.pace.work) {
-            self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
+        if self.chatter.due(&self.controller.work) {
+            self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
         }
         // The slopes of the last step served its dense output until now.
-        if self.pace.t > self.pace.t_old {
+        if self.controller.t > self.controller.t_old {
             self.k.swap(0, 6);
-            self.pace.t_old = self.pace.t;
+            self.controller.t_old = self.controller.t;
         }
-        self.pace.open();
+        self.controller.open();
         loop {
-            let (h, t_new) = self.pace.propose()?;
+            let (h, t_new) = self.controller.propose()?;
             let error = self.attempt::<S, F>(system, h);
-            if self.pace.judge(error, h, t_new, &CONTROL) {
+            if self.controller.judge(error, h, t_new, &CONTROL) {
                 std::mem::swap(&mut self.x_old, &mut self.x);
                 std::mem::swap(&mut self.x, &mut self.y);
-                return Ok(self.pace.done());
+                return Ok(self.controller.done());
             }
         }
     }
 
     fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
-        let h = self.pace.t - self.pace.t_old;
-        if h == 0.0 || t >= self.pace.t {
+        let h = self.controller.t - self.controller.t_old;
+        if h == 0.0 || t >= self.controller.t {
             out.clone_from(&self.x);
             return;
         }
-        let theta = (t - self.pace.t_old) / h;
+        let theta = (t - self.controller.t_old) / h;
         let (r, q, h) = (S::splat(theta), S::splat(1.0 - theta), S::splat(h));
         let (x0, x1, out) = (self.x_old.as_ref(), self.x.as_ref(), out.as_mut());
         for c in 0..x0.len() {
             let delta = x1[c] - x0[c];
-            let bend = h * self.k[0].as_ref()[c] - delta;
-            let row3 = delta - h * self.k[6].as_ref()[c] - bend;
+            let cubic = h * self.k[0].as_ref()[c] - delta;
+            let row3 = delta - h * self.k[6].as_ref()[c] - cubic;
             let mut row4 = S::zero();
             for j in 0..7 {
                 row4 = S::splat(D[j]).mul_add(self.k[j].as_ref()[c], row4);
             }
             let tail = (h * row4).mul_add(q, row3);
-            let tail = tail.mul_add(r, bend);
+            let tail = tail.mul_add(r, cubic);
             let tail = tail.mul_add(q, delta);
             out[c] = tail.mul_add(r, x0[c]);
         }

@@ -4,7 +4,7 @@
 //! `x(s) = (1-s) x_0 + s x_1 + s (s-1) ((1-2s)(x_1 - x_0) + (s-1) h f_0 + s h f_1)`.
 
 use super::adaptive::{Adaptive, Work};
-use super::pace::finite;
+use super::step_controller::finite;
 use super::{Buffer, FixedStep, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -119,8 +119,8 @@ where
         let k = S::splat;
         let (x0, x1, f0, f1) = (self.x_old.as_ref(), self.x.as_ref(), self.f_old.as_ref(), self.f.as_ref());
         for (c, out) in out.as_mut().iter_mut().enumerate() {
-            let bend = k(1.0 - 2.0 * s) * (x1[c] - x0[c]) + k((s - 1.0) * h) * f0[c] + k(s * h) * f1[c];
-            *out = k(1.0 - s) * x0[c] + k(s) * x1[c] + k(s * (s - 1.0)) * bend;
+            let cubic = k(1.0 - 2.0 * s) * (x1[c] - x0[c]) + k((s - 1.0) * h) * f0[c] + k(s * h) * f1[c];
+            *out = k(1.0 - s) * x0[c] + k(s) * x1[c] + k(s * (s - 1.0)) * cubic;
         }
     }
 

@@ -13,8 +13,6 @@ mod euler;
 pub mod events;
 mod fixed;
 mod linearised;
-mod pace;
-mod patience;
 mod radau5;
 mod radau5_tableau;
 mod rk4;
@@ -23,6 +21,8 @@ mod ros2;
 mod rounding;
 mod semi_implicit;
 pub mod solve;
+mod stall;
+mod step_controller;
 
 pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
 pub use columns::column_groups;

@@ -9,9 +9,9 @@
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
-use super::pace::{Pace, finite, paced};
 use super::radau5_tableau::{C, COMPLEX_POLE, E, P, REAL_POLE, T, T_INVERSE, poles, transform};
 use super::rounding::{Rounding, add_product, two_sum};
+use super::step_controller::{StepController, finite, paced};
 use super::{Buffer, Differentiable};
 use crate::linalg::Pairs;
 use crate::linalg::lu::Complex;
@@ -29,7 +29,7 @@ const GAIN: f64 = 2.0;
 const SLOW: f64 = 1e-3;
 
 pub struct Radau5<S, B, U, A = Tolerance> {
-    pace: Pace<A>,
+    controller: StepController<A>,
     newton_tolerance: f64,
     z: [B; 3],
     w: [B; 3],
@@ -76,7 +76,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         let rtol = tolerance.rtol();
         Radau5 {
             newton_tolerance: (10.0 * f64::EPSILON / rtol).max(rtol.sqrt().min(0.03)),
-            pace: Pace::new(tolerance),
+            controller: StepController::new(tolerance),
             chatter: Chatter::new(&state),
             z: three(),
             w: three(),
@@ -106,11 +106,11 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
 
     /// Slope and Jacobian at the present state.
     fn linearise<F: Differentiable<S, Input = U>>(&mut self, system: &mut F) {
-        let (t, x) = (self.pace.t, self.x.as_ref());
-        system.input(self.pace.input_time(t), &mut self.u);
+        let (t, x) = (self.controller.t, self.x.as_ref());
+        system.input(self.controller.input_time(t), &mut self.u);
         system.linearise(t, &self.u, x, self.slope.as_mut(), &mut self.jacobian);
-        self.pace.work.evaluations += 1;
-        self.pace.work.jacobians += 1;
+        self.controller.work.evaluations += 1;
+        self.controller.work.jacobians += 1;
         self.compensate_slope();
         self.current = true;
         self.h_factored = f64::NAN;
@@ -127,7 +127,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     fn factor<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> bool {
         let (n, j, pairs) = (self.x.as_ref().len(), &self.jacobian, system.pairs());
         let (real, complex) = poles::<S>(h);
-        self.pace.work.factorisations += 2;
+        self.controller.work.factorisations += 2;
         let sound = pairs.decompose(n, real, j, &mut self.real, &mut self.real_pivots, || system.stopped())
             && pairs.decompose(n, complex, j, &mut self.complex, &mut self.complex_pivots, || system.stopped());
         self.h_factored = if sound { h } else { f64::NAN };
@@ -145,7 +145,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
 
     /// The stages' start, from the last polynomial.
     fn start(&mut self, h: f64) {
-        let h_old = self.pace.t - self.pace.t_old;
+        let h_old = self.controller.t - self.controller.t_old;
         for i in 0..3 {
             let z = self.z[i].as_mut();
             for c in 0..z.len() {
@@ -186,7 +186,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         let [dy, ..] = &mut self.f;
         let known = (&self.x, &self.slope, &j[..]);
         let finest = (GAIN, self.newton_tolerance);
-        if let Some(left) = self.rounding.look(system, &mut self.pace, known, (&mut self.y, dy), &mut self.u, finest, solve)? {
+        if let Some(left) = self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy), &mut self.u, finest, solve)? {
             // Newton's increments cannot fall below rounding.
             self.newton_tolerance = self.newton_tolerance.max(4.0 * left);
         }
@@ -200,9 +200,9 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         for k in 0..ITERATIONS {
             for i in 0..3 {
                 self.place(i);
-                system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
+                system.input(self.controller.input_time(self.controller.t + C[i] * h), &mut self.u);
                 system.rhs(&self.u, self.y.as_ref(), self.f[i].as_mut());
-                self.pace.work.evaluations += 1;
+                self.controller.work.evaluations += 1;
                 if self.rounding.compensated {
                     add_product(&self.jacobian, self.rounding.lost.as_ref(), self.f[i].as_mut());
                 }
@@ -226,7 +226,11 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
             pairs.solve(n, real, j, &self.real, &self.real_pivots, error, self.real_work.as_mut());
             pairs.solve(n, complex, j, &self.complex, &self.complex_pivots, &mut self.pair, &mut self.complex_work);
             let (x, pair) = (self.x.as_ref(), &self.pair);
-            let parts = [self.pace.norm(x, x, |c| error[c]), self.pace.norm(x, x, |c| pair[c].0), self.pace.norm(x, x, |c| pair[c].1)];
+            let parts = [
+                self.controller.norm(x, x, |c| error[c]),
+                self.controller.norm(x, x, |c| pair[c].0),
+                self.controller.norm(x, x, |c| pair[c].1),
+            ];
             let norm = (parts.iter().map(|p| p * p).sum::<f64>() / 3.0).sqrt();
             rate = norm / norm_old;
             let left = (ITERATIONS - k) as i32;
@@ -261,7 +265,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         }
         let (real, _) = poles::<S>(h);
         pairs.solve(n, real, &self.jacobian, &self.real, &self.real_pivots, error, self.real_work.as_mut());
-        self.pace.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
+        self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
     /// `error^(-1/4)`, less where the last step's error says that it rises.
@@ -286,7 +290,7 @@ where
     paced!(3);
 
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
-        self.pace.begin(t, t_end, input_end);
+        self.controller.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
         self.rounding.begin();
         (self.warm, self.last) = (false, None);
@@ -295,30 +299,30 @@ where
             return Err(Status::Diverged);
         }
         let [k, ..] = &mut self.f;
-        self.pace.guess::<S, F, B>(system, &mut self.u, &self.x, &self.slope, &mut self.y, k, 3.0);
+        self.controller.guess::<S, F, B>(system, &mut self.u, &self.x, &self.slope, &mut self.y, k, 3.0);
         Ok(())
     }
 
     fn step(&mut self, system: &mut F) -> Result<bool, Status> {
-        if self.pace.done() {
+        if self.controller.done() {
             return Ok(true);
         }
         if !finite(self.slope.as_ref()) {
             return Err(Status::Diverged);
         }
-        if self.chatter.due(&self.pace.work) {
-            self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
+        if self.chatter.due(&self.controller.work) {
+            self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
         }
-        self.pace.open();
-        let h_begun = self.pace.h;
+        self.controller.open();
+        let h_begun = self.controller.h;
         let mut rejected = false;
         loop {
-            let (h, t_new) = self.pace.propose()?;
+            let (h, t_new) = self.controller.propose()?;
             if self.h_factored != h && !self.factor(system, h) {
                 if system.stopped() {
                     return Err(Status::Interrupted);
                 }
-                self.pace.reject(0.5 * h, true);
+                self.controller.reject(0.5 * h, true);
                 continue;
             }
             self.start(h);
@@ -326,7 +330,7 @@ where
             if !newton.converged {
                 if self.current {
                     let blown = !self.f.iter().all(|f| finite(f.as_ref()));
-                    self.pace.reject(0.5 * h, blown);
+                    self.controller.reject(0.5 * h, blown);
                     if !blown {
                         self.rejected(system, h)?;
                     }
@@ -345,18 +349,18 @@ where
                 for c in 0..x.len() {
                     (at.as_mut()[c], lost.as_mut()[c]) = two_sum(x[c], filtered[c] + rest[c]);
                 }
-                system.input(self.pace.input_time(self.pace.t), &mut self.u);
+                system.input(self.controller.input_time(self.controller.t), &mut self.u);
                 system.rhs(&self.u, at.as_ref(), slope.as_mut());
                 if self.rounding.compensated {
                     add_product(&self.jacobian, lost.as_ref(), slope.as_mut());
                 }
-                self.pace.work.evaluations += 1;
+                self.controller.work.evaluations += 1;
                 error = self.estimate(system.pairs(), h);
             }
             let safety = 0.9 * (2 * ITERATIONS + 1) as f64 / (2 * ITERATIONS + newton.iterations) as f64;
             if !(error <= 1.0) {
                 let blown = !error.is_finite();
-                self.pace.reject(h * if blown { SHRINK } else { (safety * self.predict(h, error)).max(SHRINK) }, blown);
+                self.controller.reject(h * if blown { SHRINK } else { (safety * self.predict(h, error)).max(SHRINK) }, blown);
                 rejected = true;
                 if !blown {
                     self.rejected(system, h)?;
@@ -370,7 +374,7 @@ where
             }
             // The step as first proposed: after rejections the next one is held back for one more step.
             self.last = Some((h_begun, error));
-            self.pace.accept(t_new, h * factor);
+            self.controller.accept(t_new, h * factor);
             std::mem::swap(&mut self.x_old, &mut self.x);
             std::mem::swap(&mut self.x, &mut self.y);
             std::mem::swap(&mut self.z_old, &mut self.z);
@@ -380,22 +384,22 @@ where
                 self.linearise(system);
             } else {
                 self.current = false;
-                system.input(self.pace.input_time(self.pace.t), &mut self.u);
+                system.input(self.controller.input_time(self.controller.t), &mut self.u);
                 system.rhs(&self.u, self.x.as_ref(), self.slope.as_mut());
-                self.pace.work.evaluations += 1;
+                self.controller.work.evaluations += 1;
                 self.compensate_slope();
             }
-            return Ok(self.pace.done());
+            return Ok(self.controller.done());
         }
     }
 
     fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
-        let h = self.pace.t - self.pace.t_old;
-        if h == 0.0 || t >= self.pace.t {
+        let h = self.controller.t - self.controller.t_old;
+        if h == 0.0 || t >= self.controller.t {
             out.clone_from(&self.x);
             return;
         }
-        let s = (t - self.pace.t_old) / h;
+        let s = (t - self.controller.t_old) / h;
         for c in 0..self.x.as_ref().len() {
             out.as_mut()[c] = Self::extrapolate(&self.z_old, self.x_old.as_ref(), s, c);
         }

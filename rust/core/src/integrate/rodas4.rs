@@ -6,8 +6,8 @@
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
-use super::pace::{Control, Pace, finite, paced};
 use super::rounding::{Rounding, add_product, two_sum};
+use super::step_controller::{Control, StepController, finite, paced};
 use super::{Buffer, Differentiable};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -46,7 +46,7 @@ const CONTROL: Control = Control { safety: 0.9, alpha: 0.25, beta: 0.0, shrink: 
 
 /// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for any other.
 pub struct Rodas4<B, M, P, U, T = Tolerance> {
-    pace: Pace<T>,
+    controller: StepController<T>,
     stages: [B; 6],
     slope: B,
     dft: B,
@@ -68,7 +68,7 @@ pub struct Rodas4<B, M, P, U, T = Tolerance> {
 impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
     pub fn new(tolerance: T, state: B, matrix: M, pivots: P, input: U) -> Self {
         Rodas4 {
-            pace: Pace::new(tolerance),
+            controller: StepController::new(tolerance),
             chatter: Chatter::new(&state),
             stages: std::array::from_fn(|_| state.clone()),
             slope: state.clone(),
@@ -95,8 +95,8 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         B: Buffer<S>,
         M: Buffer<S>,
     {
-        let (t, x) = (self.pace.t, self.x.as_ref());
-        system.input(self.pace.input_time(t), &mut self.start);
+        let (t, x) = (self.controller.t, self.x.as_ref());
+        system.input(self.controller.input_time(t), &mut self.start);
         system.linearise(t, &self.start, x, self.slope.as_mut(), self.jacobian.as_mut());
         if !system.autonomous() {
             system.time_derivative(t, &self.start, x, self.dft.as_mut());
@@ -104,8 +104,8 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         if self.rounding.compensated {
             add_product(self.jacobian.as_ref(), self.rounding.rest.as_ref(), self.slope.as_mut());
         }
-        self.pace.work.evaluations += 1;
-        self.pace.work.jacobians += 1;
+        self.controller.work.evaluations += 1;
+        self.controller.work.jacobians += 1;
         self.linear = true;
     }
 
@@ -121,7 +121,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         let (n, pairs, s) = (self.x.as_ref().len(), system.pairs(), S::splat(1.0 / (GAMMA * h)));
         let (moves, compensated) = (!system.autonomous(), self.rounding.compensated);
         let (jacobian, lu, pivots) = (self.jacobian.as_ref(), self.lu.as_mut(), self.pivots.as_mut());
-        self.pace.work.factorisations += 1;
+        self.controller.work.factorisations += 1;
         if !pairs.decompose(n, s, jacobian, lu, pivots, || system.stopped()) {
             return f64::NAN;
         }
@@ -141,9 +141,9 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
                 if compensated {
                     self.rounding.place(x, y);
                 }
-                system.input(self.pace.input_time(self.pace.t + C[i] * h), &mut self.u);
+                system.input(self.controller.input_time(self.controller.t + C[i] * h), &mut self.u);
                 system.rhs(&self.u, y, stage);
-                self.pace.work.evaluations += 1;
+                self.controller.work.evaluations += 1;
                 if compensated {
                     add_product(jacobian, &self.rounding.lost.as_ref()[..n], stage);
                 }
@@ -177,7 +177,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         if !finite(self.y.as_ref()) {
             return f64::NAN;
         }
-        self.pace.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
+        self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
     /// After a step of `h` was rejected: whether rounding is the reason.
@@ -195,7 +195,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         let ([.., dy], work) = (&mut self.stages, self.work.as_mut());
         let solve = |b: &mut [S]| pairs.solve(n, s, jacobian, lu, pivots, b, work);
         let known = (&self.x, &self.slope, jacobian);
-        self.rounding.look(system, &mut self.pace, known, (&mut self.y, dy), &mut self.u, (GAIN, 1.0), solve).map(|_| ())
+        self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy), &mut self.u, (GAIN, 1.0), solve).map(|_| ())
     }
 }
 
@@ -212,7 +212,7 @@ where
     paced!(3);
 
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
-        self.pace.begin(t, t_end, input_end);
+        self.controller.begin(t, t_end, input_end);
         self.x_old.clone_from(&self.x);
         self.rounding.begin();
         self.linearise::<S, F>(system);
@@ -220,33 +220,33 @@ where
             return Err(Status::Diverged);
         }
         let [k, ..] = &mut self.stages;
-        self.pace.guess::<S, F, B>(system, &mut self.u, &self.x, &self.slope, &mut self.y, k, 3.0);
+        self.controller.guess::<S, F, B>(system, &mut self.u, &self.x, &self.slope, &mut self.y, k, 3.0);
         Ok(())
     }
 
     fn step(&mut self, system: &mut F) -> Result<bool, Status> {
-        if self.pace.done() {
+        if self.controller.done() {
             return Ok(true);
         }
         if !self.linear {
             self.linearise::<S, F>(system);
         }
-        if self.chatter.due(&self.pace.work) {
-            self.chatter.look(system, &mut self.pace, &mut self.u, &self.x)?;
+        if self.chatter.due(&self.controller.work) {
+            self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
         }
-        self.pace.open();
+        self.controller.open();
         loop {
-            let (h, t_new) = self.pace.propose()?;
+            let (h, t_new) = self.controller.propose()?;
             let error = self.attempt::<S, F>(system, h);
             if !error.is_finite() && system.stopped() {
                 return Err(Status::Interrupted);
             }
-            if self.pace.judge(error, h, t_new, &CONTROL) {
+            if self.controller.judge(error, h, t_new, &CONTROL) {
                 std::mem::swap(&mut self.x_old, &mut self.x);
                 std::mem::swap(&mut self.x, &mut self.y);
                 self.linear = false;
                 self.rounding.accepted();
-                return Ok(self.pace.done());
+                return Ok(self.controller.done());
             }
             if self.rounding.rejected() && error.is_finite() {
                 self.look::<S, F>(system, h)?;
@@ -255,12 +255,12 @@ where
     }
 
     fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
-        let h = self.pace.t - self.pace.t_old;
-        if h == 0.0 || t >= self.pace.t {
+        let h = self.controller.t - self.controller.t_old;
+        if h == 0.0 || t >= self.controller.t {
             out.clone_from(&self.x);
             return;
         }
-        let theta = (t - self.pace.t_old) / h;
+        let theta = (t - self.controller.t_old) / h;
         let (r, q) = (S::splat(theta), S::splat(1.0 - theta));
         let (x0, x1, out) = (self.x_old.as_ref(), self.x.as_ref(), out.as_mut());
         for c in 0..x0.len() {

@@ -8,7 +8,7 @@
 //! 2. where that is above the tolerance as well, the run ends: with [`Status::ExcessAccuracy`], and with the tolerance that can be met.
 
 use super::adaptive::Accuracy;
-use super::pace::Pace;
+use super::step_controller::StepController;
 use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -116,7 +116,7 @@ impl<B> Rounding<B> {
     pub fn look<S, F, A>(
         &mut self,
         system: &mut F,
-        pace: &mut Pace<A>,
+        controller: &mut StepController<A>,
         (x, slope, j): (&B, &B, &[S]),
         (y, dy): (&mut B, &mut B),
         u: &mut F::Input,
@@ -136,9 +136,9 @@ impl<B> Rounding<B> {
             y.as_mut()[c] = S::splat(by).mul_add(x[c], x[c]);
             self.lost.as_mut()[c] = (x[c] - y.as_ref()[c]) + self.rest.as_ref()[c];
         }
-        system.input(pace.input_time(pace.t), u);
+        system.input(controller.input_time(controller.t), u);
         system.rhs(u, y.as_ref(), dy.as_mut());
-        pace.work.evaluations += 1;
+        controller.work.evaluations += 1;
         if self.compensated {
             add_product(j, self.lost.as_ref(), dy.as_mut());
         }
@@ -146,7 +146,7 @@ impl<B> Rounding<B> {
             dy.as_mut()[c] = dy.as_ref()[c] - slope.as_ref()[c];
         }
         solve(dy.as_mut());
-        let left = gain * pace.norm(x, x, |c| dy.as_ref()[c]);
+        let left = gain * controller.norm(x, x, |c| dy.as_ref()[c]);
         if left < NOTED * finest {
             return Ok(None);
         }
@@ -160,7 +160,7 @@ impl<B> Rounding<B> {
         for c in 0..n {
             y.as_mut()[c] = S::splat(AT_REST) * x[c];
         }
-        pace.work.coarsen = MARGIN * gain * pace.norm(y.as_ref(), y.as_ref(), |c| dy.as_ref()[c]);
+        controller.work.coarsen = MARGIN * gain * controller.norm(y.as_ref(), y.as_ref(), |c| dy.as_ref()[c]);
         Err(Status::ExcessAccuracy)
     }
 }

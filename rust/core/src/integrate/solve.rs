@@ -31,7 +31,7 @@ pub struct Request<'a> {
 
 /// How a run ended, when, and the work it took.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ended {
+pub struct SolveOutcome {
     pub status: Status,
     pub t: f64,
     pub work: Work,
@@ -50,7 +50,7 @@ pub fn solve<F, B, M, G, R>(
     request: &Request<'_>,
     watched: &mut G,
     recorder: &mut R,
-) -> Ended
+) -> SolveOutcome
 where
     F: System<f64>,
     B: Buffer<f64>,
@@ -62,7 +62,7 @@ where
     let mut at = method.x().clone();
     let mut t = t0;
     let status = run(system, method, (t0, t_end), request, watched, recorder, &mut watch, &mut at, &mut t).err().unwrap_or(Status::Success);
-    Ended { status, t, work: method.work() }
+    SolveOutcome { status, t, work: method.work() }
 }
 
 fn run<F, B, M, G, R>(

@@ -181,7 +181,7 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
         } else if self.columns.is_empty() {
             self.law.gamma.multiply(yt_s, dz);
             if let Some(projector) = &mut self.projector {
-                projector.bend(&self.law.gamma, z, yt_s, dz);
+                projector.correct(&self.law.gamma, z, yt_s, dz);
             }
         } else {
             for (to, &column) in self.kept.iter_mut().zip(&self.columns) {

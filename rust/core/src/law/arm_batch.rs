@@ -20,7 +20,7 @@ pub struct ArmBatch {
 type Made = Option<(Option<Vec<f64>>, Option<Evaluation>)>;
 
 /// Room for the program of a solver, shared by its copies.
-pub(super) type Kept = Arc<Mutex<Made>>;
+pub(super) type SharedProgram = Arc<Mutex<Made>>;
 
 /// The program of a solver that has made it already, or a new one. Never waits: a process that was forked while another thread of its
 /// parent held the lock would wait for ever.

@@ -1,10 +1,10 @@
 //! The maps of `priority` on an arm: `v` solves `J_i(q) v = v_i` for the tasks of an arm, kinematics included.
 
-use super::arm_batch::Kept;
+use super::arm_batch::SharedProgram;
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::kinematics::{TaskFunction, TaskStack};
-use crate::priority::{Diagnosis, Options, PrioritySolver, diagnose};
+use crate::priority::{Diagnosis, PriorityOptions, PrioritySolver, diagnose};
 use crate::scalar::Float;
 use crate::status::Status;
 
@@ -16,17 +16,17 @@ pub struct ArmSolver {
     running: TaskStack<Float>,
     solver: PrioritySolver,
     /// For many rows, once it is there.
-    program: Kept,
+    program: SharedProgram,
 }
 
 impl ArmSolver {
-    pub fn new(arm: &Arm, functions: Vec<TaskFunction>, options: &Options) -> Result<Self> {
+    pub fn new(arm: &Arm, functions: Vec<TaskFunction>, options: &PriorityOptions) -> Result<Self> {
         if functions.is_empty() {
             return Err(Error::input("tasks", "is empty: expected at least one task, got 0"));
         }
         let stack = TaskStack::new(arm, functions);
         let solver = PrioritySolver::new(arm.n(), stack.rows(), options)?;
-        Ok(ArmSolver { running: stack.lift(), stack, solver, program: Kept::default() })
+        Ok(ArmSolver { running: stack.lift(), stack, solver, program: SharedProgram::default() })
     }
 
     pub fn n(&self) -> usize {
@@ -46,7 +46,7 @@ impl ArmSolver {
         &self.stack
     }
 
-    pub(super) fn kept(&self) -> &Kept {
+    pub(super) fn kept(&self) -> &SharedProgram {
         &self.program
     }
 

@@ -7,14 +7,14 @@
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
-use crate::priority::{Method, Options, joint_velocity_bounds};
+use crate::priority::{PriorityMethod, PriorityOptions, joint_velocity_bounds};
 
 /// Time in which the way to a limit may be used up, s, where none is given.
 pub const HORIZON: f64 = 0.1;
 
 /// Limits as they are given, `(n,)` each, in rad or m, per second and per second squared; `None`: the arm's own, of `a_max` none.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct GivenLimits {
+pub struct LimitOverrides {
     pub q_min: Option<Vec<f64>>,
     pub q_max: Option<Vec<f64>>,
     pub v_min: Option<Vec<f64>>,
@@ -23,9 +23,9 @@ pub struct GivenLimits {
     pub horizon: Option<f64>,
 }
 
-impl GivenLimits {
+impl LimitOverrides {
     /// Refuse limits where the map has no bounds.
-    pub fn require_sns(&self, method: Method) -> Result<()> {
+    pub fn require_sns(&self, method: PriorityMethod) -> Result<()> {
         let given = [
             ("q_min", self.q_min.is_some()),
             ("q_max", self.q_max.is_some()),
@@ -34,7 +34,7 @@ impl GivenLimits {
             ("a_max", self.a_max.is_some()),
             ("horizon", self.horizon.is_some()),
         ];
-        match given.iter().find(|(_, given)| *given && method != Method::Sns) {
+        match given.iter().find(|(_, given)| *given && method != PriorityMethod::Sns) {
             Some((name, _)) => {
                 Err(Error::input(*name, format!("bounds nothing: expected method sns, which keeps bounds, got {}", method.name())))
             }
@@ -57,7 +57,7 @@ pub struct JointLimits {
 impl JointLimits {
     /// The limits given, the arm's own where they are not. Errors: wrong lengths, NaN, limits out of order or on the wrong side of
     /// zero, no finite limit at all.
-    pub fn new(model: &Model, given: &GivenLimits) -> Result<Self> {
+    pub fn new(model: &Model, given: &LimitOverrides) -> Result<Self> {
         let joints = &model.tree("arm")?.joints;
         let n = joints.len();
         let own = |of: fn(&crate::arm::Limits) -> f64| joints.iter().map(|joint| of(&joint.limits)).collect::<Vec<f64>>();
@@ -102,7 +102,7 @@ impl JointLimits {
     }
 
     /// What a solver with bounds of its own starts from.
-    pub fn open(&self, mut options: Options) -> Options {
+    pub fn open(&self, mut options: PriorityOptions) -> PriorityOptions {
         let n = self.q_min.len();
         (options.v_min, options.v_max) = (Some(vec![f64::NEG_INFINITY; n]), Some(vec![f64::INFINITY; n]));
         options

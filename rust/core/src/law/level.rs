@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::linalg::gain::Gain;
 use crate::motion::Motion;
-use crate::priority::Options;
+use crate::priority::PriorityOptions;
 use crate::scalar::Real;
 
 /// One level of priority: `v = x_d' + K e`.
@@ -57,7 +57,7 @@ pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
 }
 
 /// Whether both solve the same tasks by the same route: they may differ in targets, gains and thresholds.
-pub(super) fn same_tasks((levels, options): (&[Level], &Options), (others, other): (&[Level], &Options)) -> bool {
-    let given = |options: &Options| (options.method, options.eps.is_some(), options.weight.is_some());
+pub(super) fn same_tasks((levels, options): (&[Level], &PriorityOptions), (others, other): (&[Level], &PriorityOptions)) -> bool {
+    let given = |options: &PriorityOptions| (options.method, options.eps.is_some(), options.weight.is_some());
     levels.iter().map(|level| &level.function).eq(others.iter().map(|level| &level.function)) && given(options) == given(other)
 }

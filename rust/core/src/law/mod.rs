@@ -40,7 +40,7 @@ pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
 pub use inertia_reduction::{Reduction, ReductionSpec};
 pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
-pub use joint_limits::{GivenLimits, HORIZON, JointLimits};
+pub use joint_limits::{HORIZON, JointLimits, LimitOverrides};
 pub use level::Level;
 use level::same_tasks;
 pub use lyapunov::Lyapunov;

@@ -5,7 +5,7 @@
 //! limits of the joints at every evaluation: see `joint_limits`.
 
 use super::decided::{Decided, RecordedSolver, Solve};
-use super::joint_limits::{GivenLimits, JointLimits};
+use super::joint_limits::{JointLimits, LimitOverrides};
 use super::level::{Level, desired_size, require_levels, stack};
 use super::{Definition, Instant, Law, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
@@ -15,14 +15,14 @@ use crate::linalg::AnyGain;
 use crate::linalg::gain::Multiply;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
-use crate::priority::{Method, Options, PrioritySolver};
+use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityAccelerationSpec {
     model: Model,
     pub levels: Vec<Level>,
-    pub options: Options,
+    pub options: PriorityOptions,
     /// `c`, 1/s.
     pub joint_damping: f64,
     /// Of the map `sns`.
@@ -31,14 +31,14 @@ pub struct PriorityAccelerationSpec {
 
 impl PriorityAccelerationSpec {
     /// For the map `sns` the limits given, the arm's own where there are none; `options` has no bounds.
-    pub fn new(model: Model, levels: Vec<Level>, options: Options, joint_damping: f64, limits: &GivenLimits) -> Result<Self> {
+    pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, joint_damping: f64, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
         if !(joint_damping >= 0.0 && joint_damping.is_finite()) {
             return Err(Error::input("joint_damping", format!("is not a damping: expected a finite number >= 0, got {joint_damping}")));
         }
         limits.require_sns(options.method)?;
-        let limits = if options.method == Method::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
+        let limits = if options.method == PriorityMethod::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         // The level below all tasks has the identity for its Jacobian, whose singular values are one or taken.
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {

@@ -8,7 +8,7 @@
 //! one number at a time; a recording takes the route for regular stacks and says where it does not stand.
 
 use super::decided::{Decided, RecordedSolver, Solve};
-use super::joint_limits::{GivenLimits, JointLimits};
+use super::joint_limits::{JointLimits, LimitOverrides};
 use super::level::{Level, desired_size, require_levels, stack};
 use super::{Definition, Instant, Law, Term};
 use crate::dynamics::Model;
@@ -18,25 +18,25 @@ use crate::linalg::AnyGain;
 use crate::linalg::gain::Multiply;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
-use crate::priority::{Method, Options, PrioritySolver};
+use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityVelocitySpec {
     model: Model,
     pub levels: Vec<Level>,
-    pub options: Options,
+    pub options: PriorityOptions,
     /// Of the map `sns`.
     limits: Option<JointLimits>,
 }
 
 impl PriorityVelocitySpec {
     /// For the map `sns` the limits given, the arm's own where there are none; `options` has no bounds.
-    pub fn new(model: Model, levels: Vec<Level>, options: Options, limits: &GivenLimits) -> Result<Self> {
+    pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
         limits.require_sns(options.method)?;
-        let limits = if options.method == Method::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
+        let limits = if options.method == PriorityMethod::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
         let options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         let spec = PriorityVelocitySpec { model, levels, options, limits };
         spec.solver()?;
@@ -73,9 +73,9 @@ impl PriorityVelocitySpec {
 }
 
 /// The arm's own velocity limits where the map needs bounds and has none.
-pub fn with_limits(model: &Model, mut options: Options) -> Result<Options> {
+pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<PriorityOptions> {
     let arm = model.tree("arm")?;
-    if options.method == Method::Sns && options.v_min.is_none() && options.v_max.is_none() {
+    if options.method == PriorityMethod::Sns && options.v_min.is_none() && options.v_max.is_none() {
         let limits: Vec<f64> = arm.joints.iter().map(|joint| joint.limits.velocity).collect();
         if limits.iter().any(|limit| limit.is_finite()) {
             options.v_max = Some(limits);

@@ -218,7 +218,7 @@ impl<S: Real> Projector<S> {
 
     /// Bend the rate `dz = Gamma y` of the estimate `z`. A call of its own: the law without a projection does not carry the code.
     #[inline(never)]
-    pub fn bend<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
+    pub fn correct<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
         let zero = S::zero();
         let (mut square, mut touched) = (zero, false);
         let bodies = estimate.chunks_exact(self.width).zip(self.gradient.chunks_exact_mut(self.width));

@@ -1,6 +1,6 @@
 use super::*;
 use crate::linalg::gain::{AnyGain, Gain};
-use crate::scalar::{Dual, Float, Task, run_lanes};
+use crate::scalar::{Dual, Float, GenericKernel, run_lanes};
 
 /// A heavy core and four corners, and a body that is none.
 const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
@@ -91,7 +91,7 @@ fn the_gradient_is_that_of_half_the_square() {
 /// The rate of a push from an estimate, lane by lane.
 struct Rate<'a>(&'a [f64], &'a [f64]);
 
-impl crate::scalar::Task for &Rate<'_> {
+impl crate::scalar::GenericKernel for &Rate<'_> {
     type Output = Vec<f64>;
     fn run<S: Real>(self) -> Vec<f64> {
         let gamma = Gain::diagonal("gamma", (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect()).unwrap();
@@ -103,7 +103,7 @@ impl crate::scalar::Task for &Rate<'_> {
         let mut dz = vec![S::zero(); 20];
         gain.multiply(&y, &mut dz);
         let free = dz.clone();
-        projector.bend(&gain, &z, &y, &mut dz);
+        projector.correct(&gain, &z, &y, &mut dz);
         assert!((1..S::LANES).all(|lane| (0..20).all(|k| dz[k].lane(lane) == free[k].lane(lane))), "inside nothing is bent");
         dz.iter().map(|x| x.lane(0)).collect()
     }
@@ -117,7 +117,7 @@ fn the_bend_is_what_the_proof_needs() {
         let pi: Vec<f64> = truth.iter().map(|x| share * x).collect();
         // Towards the border, or away from it.
         let y: Vec<f64> = (0..20).map(|k| -sign * truth[k] * (1.0 + 0.1 * f64::from(k as i32 % 3))).collect();
-        let rate = Task::run::<Float>(&Rate(&pi, &y));
+        let rate = GenericKernel::run::<Float>(&Rate(&pi, &y));
         let taken: f64 = (0..20).map(|k| (pi[k] - truth[k]) / gamma[k] * (gamma[k] * y[k] - rate[k])).sum();
         let f2 = square(&pi);
         let bent = (0..20).any(|k| rate[k] != gamma[k] * y[k]);

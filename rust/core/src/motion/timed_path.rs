@@ -24,7 +24,7 @@ pub struct TimedPath {
     x: Arc<Vec<f64>>,
     t: Arc<Vec<f64>>,
     /// `(N,)`: `b` of each segment.
-    bend: Arc<Vec<f64>>,
+    u_slope: Arc<Vec<f64>>,
     /// The piece of the path that each segment lies in.
     piece: Arc<Vec<usize>>,
     /// `(N + 1,)`: `u` at the points where it is linear in time; else empty.
@@ -38,7 +38,7 @@ impl PartialEq for TimedPath {
         self.path == other.path
             && same(&self.s, &other.s)
             && same(&self.x, &other.x)
-            && same(&self.bend, &other.bend)
+            && same(&self.u_slope, &other.u_slope)
             && same(&self.u, &other.u)
             && same(&self.t, &other.t)
     }
@@ -82,19 +82,19 @@ impl TimedPath {
 
     /// `x = (ds/dt)^2` at the path positions `s`, both `(N + 1,)`, and the slopes `b` of `u`, `(N,)`; every knot of the path is one
     /// of the positions.
-    pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, bend: Vec<f64>) -> Result<Self> {
+    pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, u_slope: Vec<f64>) -> Result<Self> {
         finite("s", &s)?;
-        finite("bend", &bend)?;
-        if s.len() < 2 || s.len() != x.len() || s.len() != bend.len() + 1 || s.windows(2).any(|w| !(w[0] < w[1])) {
+        finite("u_slope", &u_slope)?;
+        if s.len() < 2 || s.len() != x.len() || s.len() != u_slope.len() + 1 || s.windows(2).any(|w| !(w[0] < w[1])) {
             return Err(Error::input("s", "is not a grid: expected rising path positions, one per squared speed"));
         }
         let mut t = memory::zeros(s.len())?;
         for i in 0..s.len() - 1 {
             let (h, rates) = (s[i + 1] - s[i], x[i].sqrt() + x[i + 1].sqrt());
-            t[i + 1] = t[i] + 2.0 * (h / rates) * arc(bend[i] * (h / rates) * (h / rates));
+            t[i + 1] = t[i] + 2.0 * (h / rates) * arc(u_slope[i] * (h / rates) * (h / rates));
         }
         let piece = memory::collected(s.windows(2).map(|w| path.piece(0.5 * (w[0] + w[1]))))?;
-        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend: bend.into(), piece: piece.into(), u: Arc::default() })
+        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), u_slope: u_slope.into(), piece: piece.into(), u: Arc::default() })
     }
 
     /// The same where `u` is linear in time between the times `t`: `s`, the squared speeds and `u` there, `(N + 1,)` each.
@@ -108,8 +108,8 @@ impl TimedPath {
         if t[0] != 0.0 || t.windows(2).any(|w| !(w[0] < w[1])) || x.iter().any(|x| *x < 0.0) {
             return Err(Error::input("t", "is not a grid: expected times that rise from zero"));
         }
-        let bend = memory::zeros(t.len() - 1)?.into();
-        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), bend, piece: Arc::default(), u: u.into() })
+        let u_slope = memory::zeros(t.len() - 1)?.into();
+        Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), u_slope, piece: Arc::default(), u: u.into() })
     }
 
     pub fn dof(&self) -> usize {
@@ -129,7 +129,7 @@ impl TimedPath {
             s: ends.into(),
             x: vec![f64::INFINITY; 2].into(),
             t: vec![0.0; 2].into(),
-            bend: vec![0.0].into(),
+            u_slope: vec![0.0].into(),
             piece,
             u: Arc::default(),
         }
@@ -157,7 +157,7 @@ impl TimedPath {
     /// Path acceleration at the start and at the end of segment `i`.
     fn accelerations(&self, i: usize) -> (f64, f64) {
         let h = self.s[i + 1] - self.s[i];
-        let (mean, turn) = (0.5 * (self.x[i + 1] - self.x[i]) / h, 0.5 * h * self.bend[i]);
+        let (mean, turn) = (0.5 * (self.x[i + 1] - self.x[i]) / h, 0.5 * h * self.u_slope[i]);
         (mean - turn, mean + turn)
     }
 
@@ -179,7 +179,7 @@ impl TimedPath {
             let s = (self.s[i] + on).clamp(self.s[0], self.s[last]);
             return Some((i, s, (rate + d * (u + d * jolt / 2.0)).max(0.0), u + d * jolt));
         }
-        let ((u, _), rate, b) = (self.accelerations(i), self.x[i].sqrt(), self.bend[i]);
+        let ((u, _), rate, b) = (self.accelerations(i), self.x[i].sqrt(), self.u_slope[i]);
         let (cosh, sinh, tanh) = waves(b * d * d);
         let speed = (rate * cosh + u * d * sinh).max(0.0);
         let on = (rate + speed) * d * tanh;
@@ -223,7 +223,7 @@ impl TimedPath {
 
     /// `b` of each segment, `(N,)`.
     pub fn bends(&self) -> &[f64] {
-        &self.bend
+        &self.u_slope
     }
 
     /// `u` at the points where it is linear in time, `(N + 1,)`; else empty.

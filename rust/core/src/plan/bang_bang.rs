@@ -15,7 +15,7 @@ use super::link::{Link, SLACK, check_ends};
 use super::report::{Bind, Limit, Place, Reason};
 use super::sine::{Sine, crest_inside, gravity_range, sine, trough_inside};
 use crate::error::{Error, Result};
-use crate::scalar::{Real, Task, run_lanes};
+use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// What the profile can and cannot do. Labels and words are computed on request.
@@ -130,7 +130,7 @@ struct Batch<'a, 'b> {
     to: &'a mut BangBangTimes<'b>,
 }
 
-impl Task for Batch<'_, '_> {
+impl GenericKernel for Batch<'_, '_> {
     type Output = Option<usize>;
     #[inline(always)]
     fn run<S: Real>(self) -> Option<usize> {

@@ -14,7 +14,7 @@
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
 use super::sine::{sin_cos, sinc_cos_small};
-use crate::scalar::{Real, Task, run_lanes};
+use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{PI, TAU};
 
 /// The mean net torque, in parts of all torques, below which the fixed rule is not enough.
@@ -147,8 +147,8 @@ impl Phase {
             let (s, c) = sin_cos(0.5 * y);
             let energy = self.push * y - 2.0 * self.g * s * (self.sin * c + self.cos * s);
             let (sin, cos) = (2.0 * s * c, 1.0 - 2.0 * s * s);
-            let (rate, bend) = (self.push - self.g * (self.sin * cos + self.cos * sin), self.g * (self.sin * sin - self.cos * cos));
-            let step = energy / (rate - 0.5 * energy * bend / rate);
+            let (rate, curvature) = (self.push - self.g * (self.sin * cos + self.cos * sin), self.g * (self.sin * sin - self.cos * cos));
+            let step = energy / (rate - 0.5 * energy * curvature / rate);
             if !(step.abs() < last) {
                 break;
             }
@@ -194,7 +194,7 @@ struct Rough {
     hump: Option<f64>,
 }
 
-impl Task for Rough {
+impl GenericKernel for Rough {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
@@ -216,7 +216,7 @@ struct Integral<const GRADIENT: bool> {
     accuracy: f64,
 }
 
-impl<const GRADIENT: bool> Task for Integral<GRADIENT> {
+impl<const GRADIENT: bool> GenericKernel for Integral<GRADIENT> {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {

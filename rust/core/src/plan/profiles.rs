@@ -41,19 +41,19 @@ pub struct ProfileReport {
 type At = (f64, f64);
 
 /// Link, ends and direction of a motion.
-struct Motion {
+struct LinkMotion {
     link: Link,
     sign: f64,
     x0: f64,
     x1: f64,
 }
 
-impl Motion {
+impl LinkMotion {
     fn new(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<Self> {
         check_ends(theta0, thetaf)?;
         let link = Link::new(inertia, gravity_moment, tau_min, tau_max)?;
         let sign = 1.0f64.copysign(thetaf - theta0);
-        Ok(Motion { link: link.along(sign > 0.0), sign, x0: sign * theta0, x1: sign * thetaf })
+        Ok(LinkMotion { link: link.along(sign > 0.0), sign, x0: sign * theta0, x1: sign * thetaf })
     }
 
     fn gravity(&self, x: f64) -> f64 {
@@ -129,7 +129,7 @@ pub fn trapezoid_time(
     tau_max: f64,
     ramp: f64,
 ) -> Result<ProfileReport> {
-    let m = Motion::new(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?;
+    let m = LinkMotion::new(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?;
     if !(ramp > 0.0 && ramp <= 0.5) {
         return Err(Error::input("ramp", format!("is not a fraction: expected 0 < ramp <= 0.5, got {ramp}")));
     }
@@ -160,7 +160,7 @@ fn quintic(u: f64) -> (f64, f64) {
     if u <= 0.5 { (s, second) } else { (1.0 - s, -second) }
 }
 
-impl Motion {
+impl LinkMotion {
     fn quintic_angle(&self, u: f64) -> f64 {
         let w = u.min(1.0 - u);
         let s = quintic(w).0 * (self.x1 - self.x0);
@@ -183,7 +183,7 @@ impl Motion {
 
 /// The durations for which the minimum-jerk (quintic) motion obeys the torque bounds.
 pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<ProfileReport> {
-    let m = Motion::new(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?;
+    let m = LinkMotion::new(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?;
     let (lo, hi) = (m.link.tau_min, m.link.tau_max);
     if m.x0 == m.x1 {
         let missing = (m.gravity(m.x0) - hi).max(lo - m.gravity(m.x0));
@@ -242,9 +242,9 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
             let mut worst = before;
             for line in &lines[2..] {
                 let after = on_grid(line);
-                let bend = 2.0 * here - before - after;
-                let crest = here >= before && here >= after && bend > 0.0;
-                worst = worst.max(if crest { here + (after - before) * (after - before) / (8.0 * bend) } else { here });
+                let curvature = 2.0 * here - before - after;
+                let crest = here >= before && here >= after && curvature > 0.0;
+                worst = worst.max(if crest { here + (after - before) * (after - before) / (8.0 * curvature) } else { here });
                 (before, here) = (here, after);
             }
             worst.max(here)

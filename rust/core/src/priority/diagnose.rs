@@ -6,7 +6,7 @@
 
 use std::fmt;
 
-use super::method::{DEFAULT_ROUNDING, Method, Options};
+use super::method::{DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 use super::solver::PrioritySolver;
 use crate::error::Result;
 use crate::linalg::svd::Svd;
@@ -92,7 +92,8 @@ impl Diagnosis {
 /// them. Errors: `Input` for wrong sizes or numbers that are not finite.
 pub fn diagnose(n: usize, rows: &[usize], jacobians: &[&[f64]], velocities: Option<&[&[f64]]>, rounding: Option<f64>) -> Result<Diagnosis> {
     let rounding = rounding.unwrap_or(DEFAULT_ROUNDING);
-    let mut solver = PrioritySolver::new(n, rows, &Options { rounding: Some(rounding), ..Options::new(Method::Exact) })?;
+    let mut solver =
+        PrioritySolver::new(n, rows, &PriorityOptions { rounding: Some(rounding), ..PriorityOptions::new(PriorityMethod::Exact) })?;
     let zeros: Vec<Vec<f64>> = rows.iter().map(|r| vec![0.0; *r]).collect();
     let zeros: Vec<&[f64]> = zeros.iter().map(Vec::as_slice).collect();
     solver.load(jacobians, velocities.unwrap_or(&zeros))?;

@@ -10,7 +10,7 @@ pub const DEFAULT_EPS: f64 = 0.02;
 
 /// How a level's projected Jacobian `A_i = J_i N` is inverted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
+pub enum PriorityMethod {
     /// Equation (5): the pseudo-inverse with scale-aware ranks. Discontinuous at singularities; never disturbs a higher level.
     Exact,
     /// Spectral clamp `s -> s / max(s, eps)^2`: continuous, bounded by `1/eps`, equal to (5) where all `s >= eps`.
@@ -27,29 +27,30 @@ pub enum Method {
     Sns,
 }
 
-impl Method {
-    pub const ALL: [Method; 5] = [Method::Exact, Method::Clamp, Method::Damped, Method::Chiaverini, Method::Sns];
+impl PriorityMethod {
+    pub const ALL: [PriorityMethod; 5] =
+        [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Damped, PriorityMethod::Chiaverini, PriorityMethod::Sns];
 
     /// Whether it is equation (5) away from singularities, and then solved without a branch.
     pub fn has_regular_route(self) -> bool {
-        matches!(self, Method::Exact | Method::Clamp | Method::Damped)
+        matches!(self, PriorityMethod::Exact | PriorityMethod::Clamp | PriorityMethod::Damped)
     }
 
     /// The name used in Python.
     pub fn name(self) -> &'static str {
         match self {
-            Method::Exact => "exact",
-            Method::Clamp => "clamp",
-            Method::Damped => "damped",
-            Method::Chiaverini => "chiaverini",
-            Method::Sns => "sns",
+            PriorityMethod::Exact => "exact",
+            PriorityMethod::Clamp => "clamp",
+            PriorityMethod::Damped => "damped",
+            PriorityMethod::Chiaverini => "chiaverini",
+            PriorityMethod::Sns => "sns",
         }
     }
 
     /// The method of that name. Errors: `Input`, listing the names.
     pub fn from_name(name: &str) -> Result<Self> {
-        Method::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| {
-            let names = Method::ALL.map(Method::name);
+        PriorityMethod::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| {
+            let names = PriorityMethod::ALL.map(PriorityMethod::name);
             Error::input("method", format!("is unknown: expected one of {}, got {name}", names.join(", ")))
         })
     }
@@ -57,8 +58,8 @@ impl Method {
 
 /// What a solver is built with besides its sizes.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Options {
-    pub method: Method,
+pub struct PriorityOptions {
+    pub method: PriorityMethod,
     /// Threshold on the singular values of each level, in the unit of the level's Jacobian; one per level or one for all.
     /// `None`: `DEFAULT_EPS` of the level's largest row norm, measured at every solve. Unused by `exact` and `sns`.
     pub eps: Option<Vec<f64>>,
@@ -71,8 +72,8 @@ pub struct Options {
     pub v_max: Option<Vec<f64>>,
 }
 
-impl Options {
-    pub fn new(method: Method) -> Self {
-        Options { method, ..Options::default() }
+impl PriorityOptions {
+    pub fn new(method: PriorityMethod) -> Self {
+        PriorityOptions { method, ..PriorityOptions::default() }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1`                                        (5)
 //!
-//! with any number of levels of any size. Five maps realise it (`Method`); `diagnose` says which directions of which level
+//! with any number of levels of any size. Five maps realise it (`PriorityMethod`); `diagnose` says which directions of which level
 //! can be commanded at all, and why not. Derivation, limits and a table of the methods: `docs/priority.md`.
 //!
 //! Three layers: `regular` solves (5) by one LQ factorisation where it can prove that every singular value is large;
@@ -24,6 +24,6 @@ mod workspace;
 pub use batch::{FEW, StackAnswers, StackBatch, StackRows};
 pub use bounds::{joint_velocity_bounds, velocity_bounds};
 pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
-pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
+pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 pub use regular::Regular;
 pub use solver::{PrioritySolver, Solution, solve_priority};

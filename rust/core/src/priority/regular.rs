@@ -10,7 +10,7 @@
 //! direct solve of the same instruction set agree to the bit.
 
 use super::lq::{Factor, product, tall};
-use super::method::{DEFAULT_EPS, Method};
+use super::method::{DEFAULT_EPS, PriorityMethod};
 use super::metric::Metric;
 use super::workspace::TAME;
 use crate::scalar::{Float, Real};
@@ -45,7 +45,7 @@ pub struct Regular<S> {
 
 impl<S: Real> Regular<S> {
     /// For levels of these sizes, thresholds and metric; `None` for a method that does not take this route.
-    pub fn new(n: usize, rows: &[usize], method: Method, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
+    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         if !method.has_regular_route() {
             return None;
         }
@@ -61,7 +61,7 @@ impl<S: Real> Regular<S> {
             n,
             rows: rows.to_vec(),
             fitting,
-            exact: method == Method::Exact,
+            exact: method == PriorityMethod::Exact,
             eps2: None,
             metric: metric.map(Metric::lift),
             factor: Factor::new(n, fit),
@@ -183,7 +183,7 @@ pub(super) struct Single {
 
 impl Single {
     /// As [`Regular::new`].
-    pub fn new(n: usize, rows: &[usize], method: Method, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
+    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         let direct = Regular::new(n, rows, method, eps, metric)?;
         Some(Single { direct, program: None })
     }

@@ -3,7 +3,7 @@
 //! `levels of (J_i, v_i) -> v`, with residuals `v_i - J_i v`, ranks and a status. Inputs are checked here once; the maps below see
 //! finite numbers of sane magnitude only.
 
-use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, Method, Options};
+use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 use super::metric::Metric;
 use super::regular::{Regular, Single};
 use super::sns::Saturation;
@@ -17,7 +17,7 @@ use crate::status::Status;
 /// Prioritised inverse kinematics for `n` joints and levels of fixed sizes; `solve` does not allocate.
 #[derive(Debug, Clone)]
 pub struct PrioritySolver {
-    method: Method,
+    method: PriorityMethod,
     work: Workspace,
     saturation: Option<Saturation>,
     status: Status,
@@ -46,7 +46,7 @@ impl PrioritySolver {
     ///
     /// Errors: `Input` for `n = 0`, a wrong number of `eps` or `eps <= 0`, a weight that is not positive definite, bounds out of order,
     /// `sns` without bounds.
-    pub fn new(n: usize, rows: &[usize], options: &Options) -> Result<Self> {
+    pub fn new(n: usize, rows: &[usize], options: &PriorityOptions) -> Result<Self> {
         if n == 0 {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
         }
@@ -67,11 +67,11 @@ impl PrioritySolver {
             work.metric = Some(Metric::new(weight, n)?);
         }
         work.regular = Single::new(n, rows, options.method, work.eps.as_deref(), work.metric.as_ref());
-        let saturation = (options.method == Method::Sns).then(|| Saturation::new(n));
+        let saturation = (options.method == PriorityMethod::Sns).then(|| Saturation::new(n));
         let mut solver = PrioritySolver { method: options.method, work, saturation, status: Status::Success, uses: 0 };
         solver.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
         match (&options.v_min, &options.v_max) {
-            (None, None) if options.method == Method::Sns => {
+            (None, None) if options.method == PriorityMethod::Sns => {
                 return Err(Error::input(
                     "v_max",
                     format!("is missing: expected velocity bounds of shape ({n},) for method sns, got None"),
@@ -98,7 +98,7 @@ impl PrioritySolver {
         &self.work.rows
     }
 
-    pub fn method(&self) -> Method {
+    pub fn method(&self) -> PriorityMethod {
         self.method
     }
 
@@ -238,11 +238,11 @@ impl PrioritySolver {
         self.prepare()?;
         let w = &mut self.work;
         match self.method {
-            Method::Exact => w.solve_exact()?,
-            Method::Clamp => w.solve_clamped(false)?,
-            Method::Damped => w.solve_clamped(true)?,
-            Method::Chiaverini => w.solve_chiaverini()?,
-            Method::Sns => w.solve_sns(self.saturation.as_mut().expect("allocated for sns"))?,
+            PriorityMethod::Exact => w.solve_exact()?,
+            PriorityMethod::Clamp => w.solve_clamped(false)?,
+            PriorityMethod::Damped => w.solve_clamped(true)?,
+            PriorityMethod::Chiaverini => w.solve_chiaverini()?,
+            PriorityMethod::Sns => w.solve_sns(self.saturation.as_mut().expect("allocated for sns"))?,
         }
         self.finish()
     }
@@ -294,7 +294,7 @@ impl PrioritySolver {
         if let Some(metric) = &w.metric {
             metric.velocity(&mut w.v);
         }
-        if self.method == Method::Sns
+        if self.method == PriorityMethod::Sns
             && let Some((lower, upper)) = &w.bounds
         {
             for ((v, l), u) in w.v.iter_mut().zip(lower).zip(upper) {
@@ -353,13 +353,13 @@ impl PrioritySolver {
 /// One prioritised solve from plain matrices: row-major `(rows_i, n)` Jacobians and `(rows_i,)` velocities, highest level first.
 ///
 /// ```
-/// use armlet_core::priority::{Options, solve_priority};
+/// use armlet_core::priority::{PriorityOptions, solve_priority};
 /// let (x, both) = ([1.0, 0.0], [1.0, 1.0]);
-/// let solution = solve_priority(2, &[&x, &both], &[&[1.0], &[3.0]], &Options::default()).unwrap();
+/// let solution = solve_priority(2, &[&x, &both], &[&[1.0], &[3.0]], &PriorityOptions::default()).unwrap();
 /// assert_eq!(solution.ranks, [1, 1]);
 /// assert!((solution.v[0] - 1.0).abs() < 1e-15 && (solution.v[1] - 2.0).abs() < 1e-14);
 /// ```
-pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], options: &Options) -> Result<Solution> {
+pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], options: &PriorityOptions) -> Result<Solution> {
     let rows: Vec<usize> = velocities.iter().map(|v| v.len()).collect();
     let mut solver = PrioritySolver::new(n, &rows, options)?;
     let status = solver.solve(jacobians, velocities)?;

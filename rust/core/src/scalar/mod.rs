@@ -137,7 +137,7 @@ pub fn sign<S: Real>(x: S) -> S {
 }
 
 /// Work that can be done on any [`Real`], before the instruction set is chosen. `run` must be `#[inline(always)]`.
-pub trait Task {
+pub trait GenericKernel {
     type Output;
     fn run<S: Real>(self) -> Self::Output;
 }
@@ -145,7 +145,7 @@ pub trait Task {
 /// A task on a chosen number.
 struct On<S, T>(T, std::marker::PhantomData<S>);
 
-impl<S: Real, T: Task> Kernel for On<S, T> {
+impl<S: Real, T: GenericKernel> Kernel for On<S, T> {
     type Output = T::Output;
     #[inline(always)]
     fn run(self) -> T::Output {
@@ -154,13 +154,13 @@ impl<S: Real, T: Task> Kernel for On<S, T> {
 }
 
 #[inline(always)]
-fn on<S: Real, T: Task>(task: T) -> T::Output {
+fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
     S::enter(On::<S, T>(task, std::marker::PhantomData))
 }
 
 /// Run `task` on lanes, by the best route of this machine: one register of them, two where registers are short.
 #[cfg(target_arch = "x86_64")]
-pub fn run_lanes<T: Task>(task: T) -> T::Output {
+pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
     match isa() {
         Isa::Baseline => on::<lanes::Pair<lanes::Sse2>, T>(task),
         Isa::Avx2 => on::<lanes::Pair<lanes::Avx2>, T>(task),
@@ -170,7 +170,7 @@ pub fn run_lanes<T: Task>(task: T) -> T::Output {
 
 /// Run `task` on eight lanes left to the compiler's vectoriser.
 #[cfg(not(target_arch = "x86_64"))]
-pub fn run_lanes<T: Task>(task: T) -> T::Output {
+pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
     on::<Array8, T>(task)
 }
 

@@ -31,7 +31,7 @@ fn ulps_apart(a: f64, b: f64) -> f64 {
 
 #[derive(Clone, Copy)]
 struct SinCos;
-impl Task for SinCos {
+impl GenericKernel for SinCos {
     type Output = ();
     fn run<S: Real>(self) {
         for (k, &x) in ANGLES.iter().enumerate() {
@@ -56,7 +56,7 @@ impl Task for SinCos {
 
 #[derive(Clone, Copy)]
 struct Arithmetic;
-impl Task for Arithmetic {
+impl GenericKernel for Arithmetic {
     type Output = ();
     fn run<S: Real>(self) {
         let a = S::from_lanes(|i| 1.5 + i as f64);
@@ -80,7 +80,7 @@ impl Task for Arithmetic {
     }
 }
 
-fn on_every_number<T: Task + Copy>(task: T) {
+fn on_every_number<T: GenericKernel + Copy>(task: T) {
     on::<f64, T>(task);
     on::<Array8, T>(task);
     #[cfg(target_arch = "x86_64")]

@@ -11,7 +11,7 @@ use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer, Order8, Pair54, Scheme, System};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::trace::{Frame, Part, Places, Program, Room, Sym, engine, form, sym};
+use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
 
 /// Operations of the rates of all stages up to which an attempt is one program: beyond, its code does not fit the cache of instructions,
 /// and what is saved around the rates is little.
@@ -75,8 +75,8 @@ impl AttemptProgram {
         if held {
             closed.hold_input(&tau, &answer);
         }
-        let room = vec![Sym::zero(); slots.states()];
-        let (mut slopes, mut y, mut estimates) = (vec![room.clone(); C::STAGES + 1], room.clone(), vec![room; C::ESTIMATES]);
+        let zeros = vec![Sym::zero(); slots.states()];
+        let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::ESTIMATES]);
         slopes[0] = first;
         let mut attempt = Attempt { h, times: &[], x: &x, slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
         C::stages(&mut attempt, |k, y, dx| closed.rhs(&instants[k], y, dx));
@@ -88,9 +88,9 @@ impl AttemptProgram {
         let places = Layout { slots: slots.clone(), stages: C::STAGES, estimates: C::ESTIMATES };
         let results = y.iter().chain(slopes[1..].iter().flatten()).chain(estimates.iter().flatten());
         let outputs: Vec<(u32, u32)> = results.enumerate().map(|(k, value)| ((places.results() + k) as u32, value.index())).collect();
-        let part = Part { ops: &recording.ops, start: 0, outputs: &outputs, places: &Places::default() };
-        let room = Room { reach: places.reach() as u32, free: places.reach() + 1 };
-        Some(AttemptProgram { program: Program::new(part, None, room, form(false), engine()), places })
+        let part = Part { ops: &recording.ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
+        let scratch = Scratch { reach: places.reach() as u32, free: places.reach() + 1 };
+        Some(AttemptProgram { program: Program::new(part, None, scratch, form(false), engine()), places })
     }
 
     /// Its frame, for a run whose set-up has the numbers `values`.

@@ -3,7 +3,7 @@
 //! Each group writes its own rows, so the bits do not depend on how many threads there are or who took what.
 //! A group that is not full repeats its last run in the spare lanes.
 
-use super::batch_rows::{self, Rows};
+use super::batch_rows::{self, GroupRecorder};
 use super::columns::Columns;
 use super::general::General;
 use super::measures::{Measures, Plan};
@@ -85,7 +85,7 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
             }
         },
     };
-    problem.require_room(threads.min(runs))?;
+    problem.require_memory(threads.min(runs))?;
     let plans = problem.plans()?;
     let mut out = allocate(&problem, times, plans.first())?;
     if runs == 0 {
@@ -97,13 +97,13 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
     let mut groups = batch_rows::split(&problem, &mut out, lanes)?;
     let interrupted = parallel::run(threads, groups.len(), poll, |stop| {
         let stop: &AtomicBool = stop;
-        let go = |(g, rows): (usize, &mut Rows)| {
+        let go = |(g, rows): (usize, &mut GroupRecorder)| {
             let (problem, first) = (&problem, g * lanes);
             if stop.load(Ordering::Relaxed) {
                 return true;
             }
             rows.watch(&plans);
-            let group = General { problem, division: &division, first, stop, sink: &mut *rows, asked: None, rates: rates.as_ref() };
+            let group = General { problem, division: &division, first, stop, sink: &mut *rows, observer: None, rates: rates.as_ref() };
             let ended = match (&division, &structures) {
                 (Division::Fixed(fixed), Some(structures)) => programs::run::<programs::Lanes>(structures, group, fixed),
                 _ => group.run_single(),

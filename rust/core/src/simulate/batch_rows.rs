@@ -33,7 +33,7 @@ impl Series<'_> {
 }
 
 /// The rows of one group.
-pub struct Rows<'a> {
+pub struct GroupRecorder<'a> {
     problem: &'a Problem<'a>,
     records: usize,
     /// One series after another; those of the monitors are the last ones.
@@ -57,7 +57,7 @@ pub struct Rows<'a> {
     metrics: Vec<&'a mut [f64]>,
 }
 
-impl Sink for Rows<'_> {
+impl Sink for GroupRecorder<'_> {
     fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]) {
         // The spare lanes of a group that is not full have no rows.
         if lane >= self.status.len() {
@@ -112,7 +112,7 @@ impl Sink for Rows<'_> {
 }
 
 /// The rows of each group of `lanes` runs.
-pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Result<Vec<Rows<'a>>> {
+pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Result<Vec<GroupRecorder<'a>>> {
     let (records, monitors) = (out.t.len(), out.monitors.len());
     let numbers = Columns::of(problem).series(problem.state_size(), monitors);
     let width = problem.state_size() + problem.plant(0).n() + monitors;
@@ -129,7 +129,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     let names = monitors::names(problem);
     // The parts of the series and the metrics are many small vectors.
     let parts = arrays.len() * size_of::<Series>() + metrics.len() * size_of::<&mut [f64]>() + 8 * width;
-    memory::require(ended.len() * (size_of::<Rows>() + parts + 32))?;
+    memory::require(ended.len() * (size_of::<GroupRecorder>() + parts + 32))?;
     let mut series = || {
         let of = |(rows, numbers): (&mut ChunksMut<'a, f64>, &Range<usize>)| Series {
             numbers: numbers.clone(),
@@ -137,7 +137,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
         };
         arrays.iter_mut().zip(&numbers).map(of).collect()
     };
-    memory::collected(out.status.chunks_mut(lanes).zip(ended).enumerate().map(|(group, (status, ended))| Rows {
+    memory::collected(out.status.chunks_mut(lanes).zip(ended).enumerate().map(|(group, (status, ended))| GroupRecorder {
         problem,
         records,
         series: series(),
@@ -156,7 +156,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     }))
 }
 
-impl Rows<'_> {
+impl GroupRecorder<'_> {
     /// Make what the group needs while it runs.
     pub fn watch(&mut self, plans: &[Plan]) {
         let rows = self.status.len();

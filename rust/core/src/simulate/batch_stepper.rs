@@ -49,9 +49,9 @@ impl BatchStepper {
         let problem = made.problem();
         problem.validate()?;
         let common = Common::of(&problem, packed);
-        let given = recorded::given(&problem, 0, common);
-        let seen = recorded::of_run(&problem, 0, common, &given);
-        made.recorded = seen.recorded.clone().map(|recorded| (recorded, given.values));
+        let parameters = recorded::loop_parameters(&problem, 0, common);
+        let seen = recorded::of_run(&problem, 0, common, &parameters);
+        made.recorded = seen.recorded.clone().map(|recorded| (recorded, parameters.values));
         Ok(made)
     }
 

@@ -14,7 +14,7 @@ pub struct Columns {
 }
 
 /// Where the quantities of a record `[x, tau, monitors]` are.
-pub struct Places {
+pub struct SampleColumns {
     pub q: Range<usize>,
     pub v: Range<usize>,
     pub tau: Range<usize>,
@@ -46,9 +46,9 @@ impl Columns {
     }
 
     /// The places in a record of a state `x = [plant, z, ..]` of `size` numbers and its input, which is the velocity where it is commanded.
-    pub fn places(&self, size: usize) -> Places {
+    pub fn places(&self, size: usize) -> SampleColumns {
         let (n, states, motors) = (self.n, self.kind.states(self.n), self.motors());
-        Places {
+        SampleColumns {
             q: 0..n,
             v: if self.kind == PlantKind::Velocity { size..size + n } else { n..2 * n },
             tau: size..size + n,
@@ -61,14 +61,14 @@ impl Columns {
 
     /// The numbers of each series in such a record: positions, velocities, inputs, motors, the law's state, and each monitor.
     pub fn series(&self, size: usize, monitors: usize) -> Vec<Range<usize>> {
-        let Places { q, v, tau, theta, theta_dot, z, monitors: first } = self.places(size);
+        let SampleColumns { q, v, tau, theta, theta_dot, z, monitors: first } = self.places(size);
         let own = [q, v, tau, theta, theta_dot, z].into_iter();
         own.chain((first..first + monitors).map(|k| k..k + 1)).collect()
     }
 
     /// The parts of a state `x` under the input `tau`.
     pub fn split<'a, S>(&self, x: &'a [S], tau: &'a [S]) -> Parts<'a, S> {
-        let Places { q, v, theta, theta_dot, z, .. } = self.places(x.len());
+        let SampleColumns { q, v, theta, theta_dot, z, .. } = self.places(x.len());
         let v = if self.kind == PlantKind::Velocity { tau } else { &x[v] };
         Parts { q: &x[q], v, theta: &x[theta], theta_dot: &x[theta_dot], z: &x[z] }
     }

@@ -11,7 +11,7 @@ pub type Signal = Arc<dyn Fn(f64, &[f64]) -> Option<f64> + Send + Sync>;
 
 /// The function whose zero is the event.
 #[derive(Clone)]
-pub enum What {
+pub enum EventFunction {
     /// `q_i - value`, or `value - q_i`.
     Joint {
         joint: usize,
@@ -32,14 +32,14 @@ pub enum What {
     Function(Signal),
 }
 
-impl What {
+impl EventFunction {
     pub fn value(&self, probe: &mut Probe, t: f64, x: &[f64]) -> f64 {
         match self {
-            What::Joint { joint, value, below: false } => x[*joint] - value,
-            What::Joint { joint, value, below: true } => value - x[*joint],
-            What::Speed { at, value } => x[*at] - value,
-            What::Plane { frame, point, normal } => Vector3::from(*normal).dot(probe.frame(*frame, x).0 - Vector3::from(*point)),
-            What::Function(call) => call(t, x).unwrap_or(f64::NAN),
+            EventFunction::Joint { joint, value, below: false } => x[*joint] - value,
+            EventFunction::Joint { joint, value, below: true } => value - x[*joint],
+            EventFunction::Speed { at, value } => x[*at] - value,
+            EventFunction::Plane { frame, point, normal } => Vector3::from(*normal).dot(probe.frame(*frame, x).0 - Vector3::from(*point)),
+            EventFunction::Function(call) => call(t, x).unwrap_or(f64::NAN),
         }
     }
 }
@@ -47,7 +47,7 @@ impl What {
 /// What is watched.
 #[derive(Clone)]
 pub struct Event {
-    pub what: What,
+    pub function: EventFunction,
     /// Rising crossings only where positive, falling only where negative, both where zero.
     pub direction: f64,
     /// End the run at this many crossings; zero to record them alone.
@@ -56,7 +56,7 @@ pub struct Event {
 
 /// The crossings found, in order of time.
 #[derive(Clone, Debug, Default)]
-pub struct Found {
+pub struct Crossings {
     /// Which event.
     pub index: Vec<usize>,
     pub t: Vec<f64>,
@@ -64,7 +64,7 @@ pub struct Found {
     pub x: Vec<f64>,
 }
 
-impl Found {
+impl Crossings {
     pub fn add(&mut self, index: usize, t: f64, x: &[f64]) -> Result<()> {
         append(&mut self.index, &[index])?;
         append(&mut self.t, &[t])?;

@@ -11,7 +11,7 @@ use super::sampler::Sampler;
 use super::sink::Sink;
 use super::stop::Stop;
 use super::torque_sensing::TorqueSensing;
-use super::watching::{Asked, Watching};
+use super::watching::{RunObserver, Watching};
 use super::world::{Exogenous, World};
 use crate::integrate::{
     Adaptive, Dop853, Dopri5, DualSystem, Euler, FixedStep, Linearised, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System, Tolerance,
@@ -29,7 +29,7 @@ pub struct General<'a> {
     pub stop: &'a dyn Stop,
     pub sink: &'a mut dyn Sink,
     /// What is wanted besides the records.
-    pub asked: Option<&'a mut Asked>,
+    pub observer: Option<&'a mut RunObserver>,
     /// The programs of rates, where runs may take them.
     pub rates: Option<&'a Rates>,
 }
@@ -175,7 +175,7 @@ impl<'a> General<'a> {
         let mut recorder = Self::recorder(self.problem, self.sink, &|_| f64::NAN, size);
         let mut i = 0;
         let kept = size - if self.problem.options.monitors { 2 } else { 0 };
-        let mut watch = Watching::new(self.problem.plant(self.first), self.asked, kept, method.x());
+        let mut watch = Watching::new(self.problem.plant(self.first), self.observer, kept, method.x());
         let record = |t: f64, closed: &mut F, x: &Vec<S>| {
             let tau = closed.input_at(t, x);
             recorder.write(i, t, x, tau);

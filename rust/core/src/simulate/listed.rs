@@ -49,10 +49,10 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
         ));
     }
     let common = Common::of(problem, batch);
-    let given = recorded::given(problem, 0, common);
+    let parameters = recorded::loop_parameters(problem, 0, common);
     let mut parts: Vec<(String, Form, usize)> = Vec::new();
-    let seen = record(problem, common, fixed, None, &mut |name, part, stream, room, lanes| {
-        parts.push((name, form(lanes), Lowered::of(part, stream, room, form(lanes)).straight.operations()));
+    let seen = record(problem, common, fixed, None, &mut |name, part, stream, scratch, lanes| {
+        parts.push((name, form(lanes), Lowered::of(part, stream, scratch, form(lanes)).straight.operations()));
     });
     let found =
         seen.ok_or_else(|| Error::input("law", "runs directly: expected a loop without a branch on data, got one with branches"))?;
@@ -62,26 +62,26 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
         let known: Vec<&str> = parts.iter().map(|(name, ..)| name.as_str()).collect();
         return Err(Error::input("part", format!("is unknown: expected one of {}, got {chosen}", known.join(", "))));
     };
-    let slots = found.names(problem, &given.labels, chosen);
+    let slots = found.names(problem, &parameters.labels, chosen);
     let names = |slot: u32| slots.at(slot).0;
     let (mut stages, mut size, mut read) = (Vec::new(), None, BTreeSet::new());
-    record(problem, common, fixed, Some(!whole), &mut |name, part, stream, room, lanes| {
+    record(problem, common, fixed, Some(!whole), &mut |name, part, stream, scratch, lanes| {
         if name == chosen {
-            read.extend(Lowered::of(part, stream, room, form(lanes)).inputs);
+            read.extend(Lowered::of(part, stream, scratch, form(lanes)).inputs);
             stages.push(("recorded", listing::recorded(part, &names)));
         }
     });
-    record(problem, common, fixed, None, &mut |name, part, stream, room, lanes| {
+    record(problem, common, fixed, None, &mut |name, part, stream, scratch, lanes| {
         if name == chosen {
-            let lowered = Lowered::of(part, stream, room, form(lanes));
+            let lowered = Lowered::of(part, stream, scratch, form(lanes));
             stages.push(("simplified", listing::recorded(part, &names)));
             stages.push(("lowered", lowered.listing(&names)));
-            stages.push(("machine", lowered.code(chosen_form, room.free, &names)));
-            size = program::size(&lowered.straight, room.free, chosen_form);
+            stages.push(("machine", lowered.code(chosen_form, scratch.free, &names)));
+            size = program::size(&lowered.straight, scratch.free, chosen_form);
             read.extend(lowered.inputs);
         }
     });
-    let inputs = read.into_iter().map(|slot| (slots.at(slot), given.values.get(slot as usize).copied())).collect();
+    let inputs = read.into_iter().map(|slot| (slots.at(slot), parameters.values.get(slot as usize).copied())).collect();
     let set = match chosen_form.set {
         Set::Sse2 => "SSE2",
         Set::Avx2 => "AVX2",
@@ -97,33 +97,33 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
 pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> Option<(Vec<f64>, usize)> {
     let common = Common::of(problem, batch);
     let recorded = recorded::record_watched(problem, 0, common, None, watch)?;
-    Some((recorded::given(problem, 0, common).values, recorded.layout.step()))
+    Some((recorded::loop_parameters(problem, 0, common).values, recorded.layout.step()))
 }
 
 /// Where the slots of a recorded loop are.
-enum Found {
+enum SlotMap {
     Fixed(Layout),
     /// With whether derivatives in time are among its programs.
     Rates(Slots, bool),
 }
 
-impl Found {
+impl SlotMap {
     fn names(&self, problem: &Problem, labels: &[Label], part: &str) -> SlotNames {
         match self {
-            Found::Fixed(layout) => SlotNames::fixed(problem, layout, labels, part),
-            Found::Rates(slots, moves) => SlotNames::rates(problem, slots, labels, *moves, part),
+            SlotMap::Fixed(layout) => SlotNames::fixed(problem, layout, labels, part),
+            SlotMap::Rates(slots, moves) => SlotNames::rates(problem, slots, labels, *moves, part),
         }
     }
 }
 
 /// Record the loop. `plain`: keep every operation, of a step that is in parts or not.
-fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Option<Found> {
+fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Option<SlotMap> {
     if fixed {
-        return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| Found::Fixed(recorded.layout));
+        return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| SlotMap::Fixed(recorded.layout));
     }
     let recorded = rates_programs::record_watched(problem, 0, common, plain.is_none(), watch)?;
     let moves = recorded.programs.derivatives.is_some_and(|derivatives| derivatives.moves);
-    Some(Found::Rates(recorded.slots, moves))
+    Some(SlotMap::Rates(recorded.slots, moves))
 }
 
 /// Refuse a loop that runs directly, with the reason.

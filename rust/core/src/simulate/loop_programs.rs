@@ -2,7 +2,7 @@
 
 use super::layout::Layout;
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Frame, Part, Places, Program, Room, Stream, engine, form, segments};
+use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream, engine, form, segments};
 
 /// Which entries of a recording are the results.
 pub struct Tracing {
@@ -40,7 +40,7 @@ pub struct Summing {
 }
 
 /// What sees each part of a recording that becomes a program: its name, and whether it is for lanes.
-pub type Watch<'a> = &'a mut dyn FnMut(String, Part, Option<Stream>, Room, bool);
+pub type Watch<'a> = &'a mut dyn FnMut(String, Part, Option<Stream>, Scratch, bool);
 
 /// The programs of one structure.
 pub struct Programs {
@@ -176,14 +176,14 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
         spread: layout.shared,
     };
     let repeats = tracing.rates.is_none();
-    let mut program = |name: String, start: u32, outputs: &[(u32, u32)], places: &Places, stream: Option<Stream>| {
-        let (part, room) = (Part { ops, start, outputs, places }, Room { reach, free: free as usize });
-        watch(name, part, stream, room, lanes);
-        let made = Program::new(part, stream, room, form, engine);
+    let mut program = |name: String, start: u32, outputs: &[(u32, u32)], places: &SlotTable, stream: Option<Stream>| {
+        let (part, scratch) = (Part { ops, start, outputs, places }, Scratch { reach, free: free as usize });
+        watch(name, part, stream, scratch, lanes);
+        let made = Program::new(part, stream, scratch, form, engine);
         free = made.slots() as u32;
         made
     };
-    let none = Places::default();
+    let none = SlotTable::default();
     let mut starts: Vec<u32> = cuts.iter().map(|cut| cut.end).collect();
     starts.insert(0, 0);
     let name = |k: usize| if repeats { "step".into() } else { format!("segment{}", k + 1) };

@@ -48,7 +48,7 @@ pub struct Bounds {
 
 /// The numbers that measuring keeps from record to record, by name. Those that only the last record needs come last.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Places {
+pub struct MeasureLayout {
     /// The time since the last record, and the number of records.
     pub since: usize,
     pub count: usize,
@@ -102,7 +102,7 @@ pub struct Plan {
     pub lyapunov: bool,
     /// The input is the velocity.
     pub velocity: bool,
-    pub places: Places,
+    pub places: MeasureLayout,
 }
 
 impl Plan {
@@ -158,7 +158,7 @@ impl Plan {
             energy: problem.options.monitors && !velocity,
             lyapunov: problem.options.monitors && matches!(law, LawSpec::Adaptive(_)),
             velocity,
-            places: Places::default(),
+            places: MeasureLayout::default(),
         };
         plan.places = plan.place();
         Ok(plan)
@@ -169,7 +169,7 @@ impl Plan {
         self.aims.len() + usize::from(self.frame.is_some())
     }
 
-    fn place(&self) -> Places {
+    fn place(&self) -> MeasureLayout {
         let mut at = 0;
         let mut next = |count: usize| {
             at += count;
@@ -177,7 +177,7 @@ impl Plan {
         };
         let n = if self.wanted == Wanted::Nothing { 0 } else { self.n };
         let (energy, lyapunov) = (usize::from(self.energy), usize::from(self.lyapunov));
-        let mut places = Places {
+        let mut places = MeasureLayout {
             since: next(1).start,
             count: next(1).start,
             error: next(n),
@@ -197,7 +197,7 @@ impl Plan {
             lyapunov: next(4 * lyapunov),
             violations: next(energy).start,
             sum: next(energy).start,
-            ..Places::default()
+            ..MeasureLayout::default()
         };
         places.error_final = next(n);
         places.distance_final = next(self.distances());

@@ -279,7 +279,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Refuse arms too large for the memory, before the workspaces of so many runs at once are made.
-    pub fn require_room(&self, at_once: usize) -> Result<()> {
+    pub fn require_memory(&self, at_once: usize) -> Result<()> {
         // Matrices of the dynamics and the law; Jacobians and their decompositions; vectors of both.
         const MATRICES: usize = 6;
         const JACOBIANS: usize = 8;
@@ -334,7 +334,7 @@ impl<'a> Problem<'a> {
         }
         if o.method.is_adaptive() {
             if let Some(sampling) = &o.sampling {
-                sampling.require_room(o.t_end)?;
+                sampling.require_memory(o.t_end)?;
             }
             let clock = match &o.sampling {
                 None => Clock::None,

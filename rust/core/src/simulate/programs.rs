@@ -48,14 +48,14 @@ impl Structures {
             return None;
         }
         let common = Common { notes: problem.notes_in_programs(), ..Common::of(problem, lanes) };
-        let given = recorded::given(problem, 0, common);
-        let seen = recorded::of_run(problem, 0, common, &given);
+        let parameters = recorded::loop_parameters(problem, 0, common);
+        let seen = recorded::of_run(problem, 0, common, &parameters);
         let first = seen.recorded.clone()?;
         let engine = first.engine();
         let world = world(problem, 1, |_| 0);
         let table = if lanes { tabulate(&first, &world, fixed.schedule.steps, fixed.schedule.dt) } else { None };
         let same = problem.plants.len() == 1 && problem.laws.len() == 1;
-        Some(Structures { seen: Mutex::new(vec![seen]), shared: same.then_some(given.values), table, common, engine })
+        Some(Structures { seen: Mutex::new(vec![seen]), shared: same.then_some(parameters.values), table, common, engine })
     }
 
     /// How the programs run.
@@ -69,16 +69,16 @@ impl Structures {
         if let Some(values) = &self.shared {
             return seen()[0].recorded.clone().map(|recorded| (recorded, values.clone()));
         }
-        let given = recorded::given(problem, run, self.common);
+        let parameters = recorded::loop_parameters(problem, run, self.common);
         let mut seen = seen();
-        let known = match seen.iter().find(|known| known.fits(problem, run, self.common, &given)) {
+        let known = match seen.iter().find(|known| known.fits(problem, run, self.common, &parameters)) {
             Some(known) => known.clone(),
             None => {
-                seen.push(recorded::of_run(problem, run, self.common, &given));
+                seen.push(recorded::of_run(problem, run, self.common, &parameters));
                 seen[seen.len() - 1].clone()
             }
         };
-        known.recorded.clone().map(|recorded| (recorded, given.values))
+        known.recorded.clone().map(|recorded| (recorded, parameters.values))
     }
 }
 
@@ -118,7 +118,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
     while let Some(&lead) = left.first() {
         let Some((recorded, own)) = &rows[lead] else {
             left.remove(0);
-            direct(General { problem, division, first, stop, sink: &mut *sink, asked: None, rates: None }, at(lead), lead, &mut faults);
+            direct(General { problem, division, first, stop, sink: &mut *sink, observer: None, rates: None }, at(lead), lead, &mut faults);
             continue;
         };
         let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
@@ -141,7 +141,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         }
         let method = ProgramStep::new(&closed);
         let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
-        let group = General { problem, division, first, stop, sink: &mut chosen, asked: None, rates: None };
+        let group = General { problem, division, first, stop, sink: &mut chosen, observer: None, rates: None };
         let within = match structures.common {
             Common { sums: true, .. } => Some(fixed.schedule.summing_up()),
             Common { notes: true, .. } => fixed.schedule.noting(),
@@ -163,7 +163,12 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         for lane in lanes.into_iter().flatten() {
             faults.at[lane] = found.at[lane];
             if closed.strayed(lane) && !faults.interrupted {
-                direct(General { problem, division, first, stop, sink: &mut *sink, asked: None, rates: None }, at(lane), lane, &mut faults);
+                direct(
+                    General { problem, division, first, stop, sink: &mut *sink, observer: None, rates: None },
+                    at(lane),
+                    lane,
+                    &mut faults,
+                );
             }
         }
         left.retain(|&lane| same(lane).is_none());
@@ -185,7 +190,7 @@ fn kept<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize
 fn direct(group: General, run: usize, lane: usize, faults: &mut Faults) {
     let General { problem, division, stop, sink, .. } = group;
     let mut chosen = Chosen { sink, lanes: vec![Some(lane)] };
-    let alone = General { problem, division, first: run, stop, sink: &mut chosen, asked: None, rates: None };
+    let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None, rates: None };
     if let Ended::Fixed(found) = alone.run_single() {
         faults.at[lane] = found.at[0];
         faults.interrupted |= found.interrupted;

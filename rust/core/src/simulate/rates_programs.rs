@@ -15,10 +15,10 @@ use super::recorded::{self, Seen, inputs, instant};
 use crate::integrate::System;
 use crate::motion::Motion;
 use crate::plant::PlantSpec;
+use crate::trace::cache::Cache;
 use crate::trace::differentiate::Differentiation;
-use crate::trace::kept::Kept;
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Part, Places, Program, Room, Sym, engine, form, segments, sym};
+use crate::trace::{Cut, Part, Program, Scratch, SlotTable, Sym, engine, form, segments, sym};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -133,7 +133,7 @@ pub struct RecordedRates {
 /// Under a held input or under the law, and with which derivatives.
 type SeenRates = Seen<RecordedRates, (bool, Wanted)>;
 
-static KNOWN: Kept<Arc<SeenRates>> = Kept::new();
+static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
 
 /// Whether the rates of a problem's loops may be recorded.
 pub fn is_recordable(problem: &Problem) -> bool {
@@ -159,17 +159,17 @@ pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
 
 /// The rates of run `run`, under a held input or under the law; `None` where the code branches on data.
 fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
-    let (given, wanted) = (recorded::given(problem, run, common), Wanted::of(problem, run));
+    let (parameters, wanted) = (recorded::loop_parameters(problem, run, common), Wanted::of(problem, run));
     let record = || record(problem, run, (common, held, wanted), true, &mut |_, _, _, _, _| ());
-    let seen = Seen::of_run(&KNOWN, (problem, run, common), &given, (held, wanted), record);
-    seen.recorded.clone().map(|recorded| (recorded, given.values))
+    let seen = Seen::of_run(&KNOWN, (problem, run, common), &parameters, (held, wanted), record);
+    seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
 /// As [`of_run`], if they are among those that are kept.
 fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
-    let (given, tag) = (recorded::given(problem, run, common), (held, Wanted::of(problem, run)));
-    let seen = Seen::known(&KNOWN, (problem, run, common), &given, &tag)?;
-    seen.recorded.clone().map(|recorded| (recorded, given.values))
+    let (parameters, tag) = (recorded::loop_parameters(problem, run, common), (held, Wanted::of(problem, run)));
+    let seen = Seen::known(&KNOWN, (problem, run, common), &parameters, &tag)?;
+    seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
 /// Record the rates of run `run` for a reader, with their derivatives where the method takes them; `folds`: else every operation of the
@@ -225,12 +225,12 @@ fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
 }
 
 fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: Wanted, watch: Watch) -> RatesPrograms {
-    let none = Places::default();
+    let none = SlotTable::default();
     let part = Part { ops: &ops, start: 0, outputs: &to(slots.rates(), rates), places: &none };
     let reach = slots.reach();
-    let room = Room { reach: reach as u32, free: reach + 1 };
-    watch("rates".into(), part, None, room, false);
-    let program = Program::new(part, None, room, form(false), engine());
+    let scratch = Scratch { reach: reach as u32, free: reach + 1 };
+    watch("rates".into(), part, None, scratch, false);
+    let program = Program::new(part, None, scratch, form(false), engine());
     RatesPrograms {
         rates: program,
         attempt: None,
@@ -262,9 +262,9 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Wa
     let mut start = 0;
     let mut program = |name: &str, cut: &Cut| {
         let part = Part { ops: &ops, start, outputs: &cut.outputs, places: &places };
-        let room = Room { reach: reach as u32, free: free as usize };
-        watch(name.into(), part, None, room, true);
-        let made = Program::new(part, None, room, form(true), engine());
+        let scratch = Scratch { reach: reach as u32, free: free as usize };
+        watch(name.into(), part, None, scratch, true);
+        let made = Program::new(part, None, scratch, form(true), engine());
         (start, free) = (cut.end, made.slots() as u32);
         made
     };

@@ -22,7 +22,7 @@ use super::world::Exogenous;
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
 use crate::linalg::Pairs;
 use crate::scalar::Real;
-use crate::trace::kept::Kept;
+use crate::trace::cache::Cache;
 use crate::trace::label::Label;
 #[cfg(debug_assertions)]
 use crate::trace::tape::Op;
@@ -43,7 +43,7 @@ pub struct Recorded {
 }
 
 /// The numbers of one run's set-up, and what tells its structure.
-pub struct Given {
+pub struct LoopParameters {
     pub values: Vec<f64>,
     pub structure: Vec<u32>,
     pub labels: Vec<Label>,
@@ -69,11 +69,11 @@ pub fn is_recordable(problem: &Problem) -> bool {
 }
 
 /// The numbers of the set-up of run `run`.
-pub fn given(problem: &Problem, run: usize, common: Common) -> Given {
+pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopParameters {
     sym::begin();
     drop(set_up(problem, run, common));
     let recording = sym::finish();
-    Given { values: recording.values, structure: recording.structure, labels: recording.labels }
+    LoopParameters { values: recording.values, structure: recording.structure, labels: recording.labels }
 }
 
 /// What the programs of a loop compute beside its steps.
@@ -101,28 +101,33 @@ pub struct Seen<R, T> {
 
 impl<R, T: PartialEq> Seen<R, T> {
     /// Whether run `run` of a problem, whose set-up has these numbers, has this structure.
-    pub fn fits(&self, problem: &Problem, run: usize, common: Common, given: &Given) -> bool {
-        self.structure == given.structure && self.key.is_of(problem, run, common)
+    pub fn fits(&self, problem: &Problem, run: usize, common: Common, parameters: &LoopParameters) -> bool {
+        self.structure == parameters.structure && self.key.is_of(problem, run, common)
     }
 
     /// The structure of run `run`, if it is one of those that are kept.
-    pub fn known(kept: &Kept<Arc<Self>>, (problem, run, common): (&Problem, usize, Common), given: &Given, tag: &T) -> Option<Arc<Self>> {
-        kept.find(|seen| seen.tag == *tag && seen.fits(problem, run, common, given))
+    pub fn known(
+        kept: &Cache<Arc<Self>>,
+        (problem, run, common): (&Problem, usize, Common),
+        parameters: &LoopParameters,
+        tag: &T,
+    ) -> Option<Arc<Self>> {
+        kept.find(|seen| seen.tag == *tag && seen.fits(problem, run, common, parameters))
     }
 
     /// The structure of run `run`: one of those that are kept, or a new recording.
     pub fn of_run(
-        kept: &Kept<Arc<Self>>,
+        kept: &Cache<Arc<Self>>,
         of: (&Problem, usize, Common),
-        given: &Given,
+        parameters: &LoopParameters,
         tag: T,
         record: impl FnOnce() -> Option<R>,
     ) -> Arc<Self> {
-        if let Some(seen) = Self::known(kept, of, given, &tag) {
+        if let Some(seen) = Self::known(kept, of, parameters, &tag) {
             return seen;
         }
         let (problem, run, common) = of;
-        let (key, structure) = (Key::of(problem, run, common), given.structure.clone());
+        let (key, structure) = (Key::of(problem, run, common), parameters.structure.clone());
         let seen = Arc::new(Seen { key, tag, structure, recorded: record().map(Arc::new) });
         if seen.key.numbers() <= MOST_NUMBERS {
             kept.keep(seen.clone(), |all| all.iter().map(|seen| seen.key.numbers()).sum::<usize>() <= MOST_NUMBERS);
@@ -134,11 +139,11 @@ impl<R, T: PartialEq> Seen<R, T> {
 /// A loop of fixed steps that was seen.
 pub type SeenLoop = Seen<Recorded, ()>;
 
-static KNOWN: Kept<Arc<SeenLoop>> = Kept::new();
+static KNOWN: Cache<Arc<SeenLoop>> = Cache::new();
 
 /// The structure of run `run`: one that is known, or a new recording.
-pub fn of_run(problem: &Problem, run: usize, common: Common, given: &Given) -> Arc<SeenLoop> {
-    let seen = Seen::of_run(&KNOWN, (problem, run, common), given, (), || record(problem, run, common));
+pub fn of_run(problem: &Problem, run: usize, common: Common, parameters: &LoopParameters) -> Arc<SeenLoop> {
+    let seen = Seen::of_run(&KNOWN, (problem, run, common), parameters, (), || record(problem, run, common));
     #[cfg(debug_assertions)]
     if let Some(recorded) = &seen.recorded {
         assert!(record(problem, run, common).is_some_and(|again| again.ops == recorded.ops), "two loops of one key differ");

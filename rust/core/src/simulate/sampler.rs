@@ -42,7 +42,7 @@ impl<S: Real> Sampler<S> {
         let delayed = (sampling.delay / sampling.period).ceil() as u64;
         let kept = KEPT + delayed as usize + sampling.sensor_delay;
         let zeros = |k: usize| vec![S::zero(); k];
-        let sensed = Sensed::room(if sensing.is_some() { n } else { 0 });
+        let sensed = Sensed::new(if sensing.is_some() { n } else { 0 });
         let entry = Entry { index: u64::MAX, measured: zeros(states), sensed, tau: zeros(n), dz: zeros(p) };
         Sampler { ring: vec![entry; kept], sampling, seeds, grid, delayed, sensing }
     }
@@ -79,7 +79,7 @@ impl<S: Real> Sampler<S> {
         // Shown the same instant twice, at a record and at a step, it samples once.
         if let Some(k) = self.due(t).filter(|&k| self.ring[self.slot(k)].index != k) {
             let slot = self.slot(k);
-            let empty = Entry { index: k, measured: Vec::new(), sensed: Sensed::room(0), tau: Vec::new(), dz: Vec::new() };
+            let empty = Entry { index: k, measured: Vec::new(), sensed: Sensed::new(0), tau: Vec::new(), dz: Vec::new() };
             let mut entry = std::mem::replace(&mut self.ring[slot], empty);
             entry.index = k;
             self.measure(k, x, n, &mut entry.measured);

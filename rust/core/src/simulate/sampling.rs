@@ -84,7 +84,7 @@ impl Sampling {
     }
 
     /// Refuse more samples than a run of length `t_end` can have.
-    pub fn require_room(&self, t_end: f64) -> Result<()> {
+    pub fn require_memory(&self, t_end: f64) -> Result<()> {
         if t_end / self.period > MOST_SAMPLES {
             let least = t_end / MOST_SAMPLES;
             return Err(Error::input("sample_time", format!("is too small for the run: expected at least {least}, got {}", self.period)));

@@ -163,7 +163,7 @@ impl Schedule {
     /// The times of all records.
     pub fn record_times(&self) -> Result<Vec<f64>> {
         require_memory(self.count() as u128)?;
-        let mut times = memory::room(self.count())?;
+        let mut times = memory::reserved(self.count())?;
         for i in 0..self.count() {
             if i % LOOK == 0 {
                 look();

@@ -11,7 +11,7 @@ use super::rates_programs::Rates;
 use super::schedule::require_memory;
 use super::sink::Sink;
 use super::stop::Stop;
-use super::watching::Asked;
+use super::watching::RunObserver;
 use crate::error::{Error, Result, all_finite};
 use crate::memory::{self, append};
 use crate::plant::PlantKind;
@@ -47,7 +47,7 @@ pub struct Run {
     pub coarsen: f64,
 }
 
-struct Rows<'a> {
+struct RunRecorder<'a> {
     run: &'a mut Run,
     columns: Columns,
     /// The numbers of each series in a record.
@@ -60,7 +60,7 @@ struct Rows<'a> {
     full: Result<()>,
 }
 
-impl Sink for Rows<'_> {
+impl Sink for RunRecorder<'_> {
     fn record(&mut self, i: usize, _: usize, t: f64, x: &[f64], tau: &[f64]) {
         // A run that starts anew writes over what it recorded.
         if i < self.run.t.len() || i == 0 {
@@ -92,7 +92,7 @@ impl Sink for Rows<'_> {
     }
 }
 
-impl Rows<'_> {
+impl RunRecorder<'_> {
     fn reserve(&mut self, records: usize) -> Result<()> {
         let Columns { kind, n, p } = self.columns;
         let run = &mut *self.run;
@@ -152,15 +152,15 @@ impl Rows<'_> {
 
 /// Run the one run of `problem`. What it recorded before a fault is in the result, with the status.
 pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
-    simulate_asked(problem, stop, None)
+    simulate_observed(problem, stop, None)
 }
 
 /// As [`simulate`], with events and polynomials where they are asked for, of an adaptive method.
-pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, mut asked: Option<&mut Asked>) -> Result<Run> {
+pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Option<&mut RunObserver>) -> Result<Run> {
     let division = problem.validate()?;
-    problem.require_room(1)?;
-    if let (Some(asked), Division::Fixed(_)) = (&asked, &division) {
-        let what = if asked.events.is_empty() { "dense" } else { "events" };
+    problem.require_memory(1)?;
+    if let (Some(observer), Division::Fixed(_)) = (&observer, &division) {
+        let what = if observer.events.is_empty() { "dense" } else { "events" };
         let method = problem.options.method.name();
         let problem = format!("needs a method with dense output: expected one of dopri5, dop853, radau5, rodas4, got {method}");
         return Err(Error::input(what, problem));
@@ -172,7 +172,7 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, mut asked: Option<&mut
     let monitor = problem.options.monitors.then(|| Monitor::new(problem, 0));
     let values = vec![0.0; names.len()];
     let numbers = columns.series(problem.state_size(), names.len());
-    let mut sink = Rows { run: &mut run, columns, numbers, monitor, values, fault: f64::INFINITY, full: Ok(()) };
+    let mut sink = RunRecorder { run: &mut run, columns, numbers, monitor, values, fault: f64::INFINITY, full: Ok(()) };
     if let Division::Fixed(fixed) = &division {
         require_memory(fixed.schedule.count() as u128)?;
         sink.reserve(fixed.schedule.count())?;
@@ -182,17 +182,17 @@ pub fn simulate_asked(problem: &Problem, stop: &dyn Stop, mut asked: Option<&mut
     let ended = match &division {
         Division::Fixed(fixed) if let Some(structures) = &structures => programs::run::<f64>(
             structures,
-            General { problem, division: &division, first: 0, stop, sink: &mut sink, asked: asked.as_deref_mut(), rates: None },
+            General { problem, division: &division, first: 0, stop, sink: &mut sink, observer: observer.as_deref_mut(), rates: None },
             fixed,
         ),
         division => {
-            let asked = asked.as_deref_mut();
-            General { problem, division, first: 0, stop, sink: &mut sink, asked, rates: rates.as_ref() }.run_single()
+            let observer = observer.as_deref_mut();
+            General { problem, division, first: 0, stop, sink: &mut sink, observer, rates: rates.as_ref() }.run_single()
         }
     };
     let (fault, full) = (sink.fault, sink.full);
     full?;
-    asked.and_then(|asked| asked.full.take()).map_or(Ok(()), Err)?;
+    observer.and_then(|observer| observer.full.take()).map_or(Ok(()), Err)?;
     run.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine().name());
     match ended {
         Ended::Fixed(faults) => {

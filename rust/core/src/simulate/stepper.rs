@@ -159,7 +159,7 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     let o = &problem.options;
     require_fixed_steps(o.method)?;
     problem.validate()?;
-    problem.require_room(1)?;
+    problem.require_memory(1)?;
     Ok(if o.method == Method::Ros2 { implicit(problem) } else { explicit(problem) })
 }
 

@@ -75,17 +75,17 @@ impl Plan {
             Wanted::Target(target) => (target[i], 0.0),
             _ => (ends.desired[i], ends.desired[self.n + i]),
         };
-        let way = end - ends.q[i];
-        if !(way.abs() > STILL) || speed.abs() > STILL {
+        let travel = end - ends.q[i];
+        if !(travel.abs() > STILL) || speed.abs() > STILL {
             return f64::NAN;
         }
         let at = |range: &Range<usize>| kept[range.start + i];
-        let beyond = if way > 0.0 { at(&places.upper) - at(&places.wanted_upper) } else { at(&places.wanted_lower) - at(&places.lower) };
-        beyond.max(0.0) / way.abs()
+        let beyond = if travel > 0.0 { at(&places.upper) - at(&places.wanted_upper) } else { at(&places.wanted_lower) - at(&places.lower) };
+        beyond.max(0.0) / travel.abs()
     }
 }
 
-/// The largest balance as a part of the largest energy stored or exchanged; `kept`: see [`super::measures::Places::energy`].
+/// The largest balance as a part of the largest energy stored or exchanged; `kept`: see [`super::measures::MeasureLayout::energy`].
 fn energy_error(kept: &[f64]) -> Option<f64> {
     let &[_, energy, power, missing] = kept else { return None };
     Some(if missing > 0.0 { missing / energy.max(power) } else { missing })

@@ -24,7 +24,7 @@ pub struct Sensed<S> {
 }
 
 impl<S: Real> Sensed<S> {
-    pub fn room(n: usize) -> Self {
+    pub fn new(n: usize) -> Self {
         Sensed { torque: vec![S::zero(); n], filtered: vec![S::zero(); n] }
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! Functions are looked at in four places of every step. Two changes of sign between two of these cancel and are missed.
 
-use super::event::{Event, Found};
+use super::event::{Crossings, Event};
 use super::general::Watched;
 use super::switching::{Probe, Switching};
 use super::watcher::{Cut, Watcher};
@@ -34,15 +34,15 @@ pub struct Polynomials {
 
 /// What a run is asked for besides its records, and where the answers go.
 #[derive(Default)]
-pub struct Asked {
+pub struct RunObserver {
     pub events: Vec<Event>,
-    pub found: Found,
+    pub crossings: Crossings,
     pub polynomials: Option<Polynomials>,
     /// Why there are no more answers: the memory is full.
     pub full: Option<Error>,
 }
 
-impl Asked {
+impl RunObserver {
     /// Take down an answer, as long as there is room.
     fn keep(&mut self, answer: impl FnOnce(&mut Self) -> CoreResult<()>) {
         if self.full.is_none() {
@@ -63,7 +63,7 @@ struct Seen {
 pub struct Watching<'a, S> {
     switching: Option<Switching>,
     probe: Probe,
-    asked: Option<&'a mut Asked>,
+    observer: Option<&'a mut RunObserver>,
     events: Vec<Seen>,
     /// The crossings of the last step: time and event.
     crossed: Vec<(f64, usize)>,
@@ -81,15 +81,15 @@ pub struct Watching<'a, S> {
 
 impl<'a, S: Real> Watching<'a, S> {
     /// `width` states of plant and law are kept of a state like `x`.
-    pub fn new(plant: &PlantSpec, asked: Option<&'a mut Asked>, width: usize, x: &[S]) -> Self {
+    pub fn new(plant: &PlantSpec, observer: Option<&'a mut RunObserver>, width: usize, x: &[S]) -> Self {
         let switching = Switching::of(plant);
         let guards = switching.as_ref().map_or(0, Switching::guards);
         Watching {
-            events: vec![Seen::default(); asked.as_ref().map_or(0, |asked| asked.events.len())],
-            crossed: Vec::with_capacity(asked.as_ref().map_or(0, |asked| LOOKS * asked.events.len())),
+            events: vec![Seen::default(); observer.as_ref().map_or(0, |observer| observer.events.len())],
+            crossed: Vec::with_capacity(observer.as_ref().map_or(0, |observer| LOOKS * observer.events.len())),
             switching,
             probe: Probe::new(plant),
-            asked,
+            observer,
             guards: vec![0.0; guards],
             switches: 0,
             stuck: 0,
@@ -164,8 +164,8 @@ impl<'a, S: Real> Watching<'a, S> {
         F: System<S>,
         M: Adaptive<S, F, Vec<S>>,
     {
-        let Some(asked) = self.asked.as_deref_mut() else { return Ok(None) };
-        let events = &asked.events;
+        let Some(observer) = self.observer.as_deref_mut() else { return Ok(None) };
+        let events = &observer.events;
         if events.is_empty() {
             return Ok(None);
         }
@@ -173,7 +173,7 @@ impl<'a, S: Real> Watching<'a, S> {
         let (at, x, probe) = (&mut self.at, &mut self.x, &mut self.probe);
         let mut value = |i: usize, t: f64| {
             interpolate(system, method, t, at, x);
-            events[i].what.value(probe, t, x)
+            events[i].function.value(probe, t, x)
         };
         let mut before = t0;
         self.crossed.clear();
@@ -197,8 +197,8 @@ impl<'a, S: Real> Watching<'a, S> {
         for &(t, i) in &self.crossed {
             self.events[i].count += 1;
             interpolate(system, method, t, &mut self.at, &mut self.x);
-            asked.keep(|asked| asked.found.add(i, t, &self.x[..self.states]));
-            let events = &asked.events;
+            observer.keep(|observer| observer.crossings.add(i, t, &self.x[..self.states]));
+            let events = &observer.events;
             if events[i].stop_after > 0 && self.events[i].count >= events[i].stop_after {
                 return Ok(Some(t));
             }
@@ -225,7 +225,7 @@ where
 
 impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> for Watching<'_, S> {
     fn active(&self) -> bool {
-        self.switching.is_some() || self.asked.is_some()
+        self.switching.is_some() || self.observer.is_some()
     }
 
     fn begin(&mut self, system: &mut F, t: f64, x: &Vec<S>) -> Result<(), Status> {
@@ -234,9 +234,9 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
             switching.begin(&self.x);
             system.hold_contacts(&switching.touches);
         }
-        if let Some(asked) = &self.asked {
-            for (event, seen) in asked.events.iter().zip(&mut self.events) {
-                seen.value = event.what.value(&mut self.probe, t, &self.x);
+        if let Some(observer) = &self.observer {
+            for (event, seen) in observer.events.iter().zip(&mut self.events) {
+                seen.value = event.function.value(&mut self.probe, t, &self.x);
                 if seen.value.is_nan() {
                     return Err(Status::Diverged);
                 }
@@ -253,14 +253,14 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
     }
 
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64) {
-        let Some(asked) = self.asked.as_deref_mut() else { return };
+        let Some(observer) = self.observer.as_deref_mut() else { return };
         let t0 = method.t_old();
         if t <= t0 {
             return;
         }
         let (degree, at, width) = (method.dense_degree(), &mut self.at, self.width);
-        asked.keep(|asked| {
-            let Some(polynomials) = &mut asked.polynomials else { return Ok(()) };
+        observer.keep(|observer| {
+            let Some(polynomials) = &mut observer.polynomials else { return Ok(()) };
             polynomials.degree = degree;
             memory::append(&mut polynomials.ends, &[t])?;
             for k in 0..=degree {

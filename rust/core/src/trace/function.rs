@@ -3,11 +3,11 @@
 //! Its frame holds, slot after slot: the numbers of the set-up, the inputs, the largest angle that was turned by, and the answer. The
 //! program rounds as direct evaluation does: both give the same bits.
 
+use super::cache::Cache;
 use super::frame::Frame;
-use super::kept::Kept;
-use super::program::{Program, Room, engine, form};
+use super::program::{Program, Scratch, engine, form};
 use super::rows;
-use super::straight::{Part, Places};
+use super::straight::{Part, SlotTable};
 use super::sym::{self, Sym};
 use super::tape::Op;
 use crate::scalar::trig::REDUCTION_LIMIT;
@@ -157,7 +157,7 @@ impl Evaluation {
     }
 }
 
-static KNOWN: Kept<Arc<Function>> = Kept::new();
+static KNOWN: Cache<Arc<Function>> = Cache::new();
 
 impl Function {
     /// The function of a recording: one that is there, or a new one. Those used last are kept.
@@ -175,16 +175,16 @@ impl Function {
         let is_known = |entry: u32| matches!(ops[entry as usize], Op::Const(_));
         let slots = (layout.answer() as u32..).zip(answer.iter().copied());
         let outputs: Vec<(u32, u32)> = slots.filter(|&(_, entry)| !is_known(entry)).collect();
-        let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &Places::default() };
-        let room = Room { reach: layout.reach() as u32, free: layout.answer() + answer.len() };
-        let program = Program::new(part, None, room, form(layout.lanes), engine());
+        let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
+        let scratch = Scratch { reach: layout.reach() as u32, free: layout.answer() + answer.len() };
+        let program = Program::new(part, None, scratch, form(layout.lanes), engine());
         Function { program, ops, answer, layout }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::kept::KEPT;
+    use super::super::cache::KEPT;
     use super::*;
     use crate::scalar::Real;
 

@@ -4,7 +4,7 @@
 
 use super::instruction::Form;
 use super::lower::lower;
-use super::program::Room;
+use super::program::Scratch;
 use super::straight::{Instruction, Part, Straight, Stream};
 use super::tape::Op;
 
@@ -36,8 +36,8 @@ pub struct Lowered {
 
 impl Lowered {
     /// A part as `Program::new` lowers it for `form`.
-    pub fn of(part: Part, stream: Option<Stream>, room: Room, form: Form) -> Self {
-        let straight = Straight { stream, ..lower(part, room.reach, form.has_fused()) };
+    pub fn of(part: Part, stream: Option<Stream>, scratch: Scratch, form: Form) -> Self {
+        let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
         let inputs =
             straight.instructions.iter().filter_map(|i| if let Instruction::Input(slot) = i { Some(*slot) } else { None }).collect();
         Lowered { straight, inputs }

@@ -7,6 +7,7 @@
 //! door. `label`, `listing`: what a reader sees of it.
 
 pub mod aarch64;
+pub mod cache;
 #[cfg(test)]
 mod checks;
 pub mod differentiate;
@@ -20,7 +21,6 @@ pub mod function;
 #[cfg(test)]
 mod harness;
 pub mod instruction;
-pub mod kept;
 pub mod label;
 mod lifetimes;
 pub mod listing;
@@ -47,7 +47,7 @@ pub mod x86;
 
 pub use frame::Frame;
 pub use function::Evaluation;
-pub use program::{Engine, Program, Room, engine, form};
+pub use program::{Engine, Program, Scratch, engine, form};
 pub use segments::Cut;
-pub use straight::{Part, Places, Stream};
+pub use straight::{Part, SlotTable, Stream};
 pub use sym::{Recording, Sym};

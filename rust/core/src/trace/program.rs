@@ -60,21 +60,21 @@ pub fn form(packed: bool) -> Form {
 
 /// Where a program finds room in a frame.
 #[derive(Clone, Copy)]
-pub struct Room {
+pub struct Scratch {
     /// The slot for the largest angle of all runs of the program.
     pub reach: u32,
     /// The first slot that nothing else uses.
     pub free: usize,
 }
 
-enum Way {
+enum Backend {
     Machine { code: Code, constants: Frame },
     Portable(Portable),
 }
 
 /// A straight-line computation on the slots of a frame.
 pub struct Program {
-    way: Way,
+    backend: Backend,
     form: Form,
     slots: usize,
     operations: usize,
@@ -84,19 +84,19 @@ pub struct Program {
 
 impl Program {
     /// The program of a part of a recording, whose input `k` is in slot `k` unless it comes along a stream.
-    pub fn new(part: Part, stream: Option<Stream>, room: Room, form: Form, engine: Engine) -> Self {
-        let straight = Straight { stream, ..lower(part, room.reach, form.has_fused()) };
-        Program::of(&straight, room.free, form, engine)
+    pub fn new(part: Part, stream: Option<Stream>, scratch: Scratch, form: Form, engine: Engine) -> Self {
+        let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
+        Program::of(&straight, scratch.free, form, engine)
     }
 
     /// The program of instructions that are lowered for the set of `form`; its own values are in slots from `free` on.
     pub fn of(straight: &Straight, free: usize, form: Form, engine: Engine) -> Self {
         let (operations, turns, stream) = (straight.operations(), straight.reach.is_some(), straight.stream);
         if let Some((code, constants, slots)) = machine(straight, free, form, engine) {
-            return Program { way: Way::Machine { code, constants }, form, slots, operations, turns, stream };
+            return Program { backend: Backend::Machine { code, constants }, form, slots, operations, turns, stream };
         }
         let portable = Portable::new(straight, free);
-        Program { slots: portable.slots(), way: Way::Portable(portable), form, operations, turns, stream }
+        Program { slots: portable.slots(), backend: Backend::Portable(portable), form, operations, turns, stream }
     }
 
     /// Slots of a frame that it runs on.
@@ -116,15 +116,15 @@ impl Program {
 
     /// How it runs.
     pub fn engine(&self) -> Engine {
-        match self.way {
-            Way::Machine { .. } => Engine::Machine,
-            Way::Portable(_) => Engine::Portable,
+        match self.backend {
+            Backend::Machine { .. } => Engine::Machine,
+            Backend::Portable(_) => Engine::Portable,
         }
     }
 
     /// Write what the program needs into a new frame.
     pub fn prepare(&self, frame: &mut Frame) {
-        if let Way::Portable(portable) = &self.way {
+        if let Backend::Portable(portable) = &self.backend {
             portable.prepare(frame);
         }
     }
@@ -153,13 +153,13 @@ impl Program {
             frame.lanes() == self.form.lanes() && frame.numbers().len() >= self.slots * frame.lanes(),
             "the frame is of another program"
         );
-        match &self.way {
+        match &self.backend {
             // SAFETY: code of an instruction set that the machine has, on the frame and constants that it was emitted for: every
             // slot is below `slots`, frames are aligned to 64 bytes, and the stream was seen to be long enough and aligned.
-            Way::Machine { code, constants } => unsafe {
+            Backend::Machine { code, constants } => unsafe {
                 code.run(frame.numbers_mut().as_mut_ptr(), constants.numbers().as_ptr(), stream.as_ptr(), turns);
             },
-            Way::Portable(portable) => portable.run(frame, stream, turns),
+            Backend::Portable(portable) => portable.run(frame, stream, turns),
         }
     }
 }

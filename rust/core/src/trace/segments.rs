@@ -2,7 +2,7 @@
 //!
 //! A value that a later segment reads goes to a slot of the frame.
 
-use super::straight::{Part, Places};
+use super::straight::{Part, SlotTable};
 use super::tape::Op;
 
 /// The end of a segment.
@@ -15,8 +15,8 @@ pub struct Cut {
 
 /// Give each value that crosses a cut a slot, from `free` on, and add it to the outputs of its segment. The slots, and the first one
 /// behind them.
-pub fn join(ops: &[Op], cuts: &mut [Cut], free: u32) -> (Places, u32) {
-    let (mut places, mut next) = (Places::default(), free);
+pub fn join(ops: &[Op], cuts: &mut [Cut], free: u32) -> (SlotTable, u32) {
+    let (mut places, mut next) = (SlotTable::default(), free);
     for k in (0..cuts.len()).rev() {
         let start = if k > 0 { cuts[k - 1].end } else { 0 };
         let crossing: Vec<u32> = places.keys().copied().filter(|&entry| (start..cuts[k].end).contains(&entry)).collect();

@@ -135,11 +135,11 @@ pub struct Part<'a> {
     pub start: u32,
     pub outputs: &'a [(u32, u32)],
     /// The slots of earlier entries that it reads; leaves need none.
-    pub places: &'a Places,
+    pub places: &'a SlotTable,
 }
 
 /// The slots of entries that several parts of a recording use.
-pub type Places = Memo<u32>;
+pub type SlotTable = Memo<u32>;
 
 impl Part<'_> {
     /// Whether an entry is there before the part runs, and not computed by it.

@@ -3,9 +3,9 @@
 use super::emit::emit;
 use super::frame::Frame;
 use super::instruction::{Form, Set};
-use super::program::{Engine, Program, Room};
+use super::program::{Engine, Program, Scratch};
 use super::simulator::simulate;
-use super::straight::{Instruction, Part, Places, Straight, Stream};
+use super::straight::{Instruction, Part, SlotTable, Straight, Stream};
 use super::sym::{self, Sym};
 use crate::scalar::lanes::{Isa, isa};
 use crate::scalar::{Float, Real};
@@ -221,8 +221,8 @@ fn has_the_bits_of_what_was_recorded(unfused: bool) {
     assert_eq!(recording.values, [3.0]);
     let values: Vec<(u32, u32)> = outputs.iter().enumerate().map(|(k, y)| (6 + k as u32, y.index())).collect();
     for form in forms() {
-        let part = Part { ops: &recording.ops, start: 0, outputs: &values, places: &Places::default() };
-        let program = Program::new(part, None, Room { reach: 11, free: 12 }, form, Engine::Machine);
+        let part = Part { ops: &recording.ops, start: 0, outputs: &values, places: &SlotTable::default() };
+        let program = Program::new(part, None, Scratch { reach: 11, free: 12 }, form, Engine::Machine);
         let mut frame = Frame::new(program.slots(), form.lanes());
         for _ in 0..200 {
             frame.fill(0, 3.0);

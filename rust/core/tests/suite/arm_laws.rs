@@ -4,7 +4,7 @@ use crate::arm_common::{Rng, close, largest, on_every_number, random_tree, sin_c
 use armlet_core::arm::{Arm, Tree};
 use armlet_core::dynamics::{Dynamics, Evaluator, Quantity, Query, Workspace, energy};
 use armlet_core::kinematics;
-use armlet_core::scalar::{Real, Task};
+use armlet_core::scalar::{GenericKernel, Real};
 use armlet_core::spatial::{Matrix, Vector, Vector3};
 
 /// Rounding of recursions over up to 30 bodies, relative to the largest entry of the result.
@@ -70,7 +70,7 @@ fn same<S: Real>(what: &str, got: &[S], want: &[S], tolerance: f64) {
 #[derive(Clone, Copy)]
 struct Laws(u64);
 
-impl Task for Laws {
+impl GenericKernel for Laws {
     type Output = ();
     fn run<S: Real>(self) {
         let mut rng = Rng(self.0);

@@ -3,13 +3,13 @@
 use crate::arm_common::{chain, lift, numbers, on_every_number, sin_cos, vectors};
 use armlet_core::arm::Tree;
 use armlet_core::dynamics::{Dynamics, Workspace};
-use armlet_core::scalar::{Real, Task};
+use armlet_core::scalar::{GenericKernel, Real};
 use serde_json::Value;
 
 #[derive(Clone, Copy)]
 struct Case<'a>(&'a Value);
 
-impl Task for Case<'_> {
+impl GenericKernel for Case<'_> {
     type Output = ();
     fn run<S: Real>(self) {
         let (input, expected) = (&self.0["input"], &self.0["expected"]);

@@ -4,7 +4,7 @@ use crate::arm_common::{Rng, close, lift, on_every_number, random_tree, sin_cos}
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType, Tree};
 use armlet_core::dynamics::{Dynamics, Workspace};
 use armlet_core::kinematics;
-use armlet_core::scalar::{Real, Task};
+use armlet_core::scalar::{GenericKernel, Real};
 use armlet_core::spatial::QuarterTurn;
 
 /// Everything that goes over the joints of a tree, one after the other.
@@ -33,7 +33,7 @@ fn answers<S: Real>(tree: &Tree<S>, [q, v, x, a]: &[Vec<S>; 4]) -> Vec<f64> {
 #[derive(Clone, Copy)]
 struct Shortcuts;
 
-impl Task for Shortcuts {
+impl GenericKernel for Shortcuts {
     type Output = ();
     fn run<S: Real>(self) {
         let mut rng = Rng(31);

@@ -14,7 +14,7 @@ use armlet_core::trace::emit::emit;
 use armlet_core::trace::instruction::{Form, Set};
 use armlet_core::trace::listing::Lowered;
 use armlet_core::trace::straight::{Straight, Stream};
-use armlet_core::trace::{Engine, Frame, Part, Program, Room};
+use armlet_core::trace::{Engine, Frame, Part, Program, Scratch};
 use std::sync::Arc;
 
 const STEP: f64 = 1e-3;
@@ -88,9 +88,9 @@ fn number(k: usize) -> f64 {
 }
 
 /// A program on a frame that starts with the numbers of `inputs`: the emulator must find what portable evaluation gives.
-fn add(cases: &mut Cases, (program, room): (&Straight, Room), form: Form, inputs: &[f64]) {
-    let (emitted, portable) = (emit::<Assembler>(program, form, room.free), Program::of(program, room.free, form, Engine::Portable));
-    let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots.max(room.free), form.lanes()));
+fn add(cases: &mut Cases, (program, scratch): (&Straight, Scratch), form: Form, inputs: &[f64]) {
+    let (emitted, portable) = (emit::<Assembler>(program, form, scratch.free), Program::of(program, scratch.free, form, Engine::Portable));
+    let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots.max(scratch.free), form.lanes()));
     portable.prepare(&mut expected);
     [&mut frame, &mut expected].into_iter().for_each(|frame| frame.numbers_mut()[..inputs.len()].copy_from_slice(inputs));
     let turns = if program.stream.is_some() { TURNS } else { 1 };
@@ -106,7 +106,7 @@ fn add(cases: &mut Cases, (program, room): (&Straight, Room), form: Form, inputs
                 .for_each(|slot| [&mut frame, &mut expected].into_iter().for_each(|frame| frame.fill(slot as usize, 0.0)));
         }
     }
-    let expected = &expected.numbers()[..room.free * form.lanes()];
+    let expected = &expected.numbers()[..scratch.free * form.lanes()];
     assert!(expected.iter().all(|x| x.is_finite()), "the numbers of a loop are finite");
     cases.add(&emitted.bytes, frame.numbers(), &emitted.constants, (desired.numbers(), turns), expected);
 }
@@ -122,19 +122,19 @@ fn loops_are_written_for_the_emulator() {
         for packed in [false, true] {
             let form = Form { set: Set::Neon, packed };
             let (given, step) = watch_steps(&problem, packed, &mut |_, _, _, _, _| ()).unwrap();
-            let mut each = |_: String, part: Part, stream: Option<Stream>, room: Room, _: bool| {
-                let program = Lowered::of(part, stream, room, form).straight;
-                let mut inputs: Vec<f64> = (0..room.free * form.lanes()).map(number).collect();
+            let mut each = |_: String, part: Part, stream: Option<Stream>, scratch: Scratch, _: bool| {
+                let program = Lowered::of(part, stream, scratch, form).straight;
+                let mut inputs: Vec<f64> = (0..scratch.free * form.lanes()).map(number).collect();
                 for (slot, lanes) in inputs.chunks_exact_mut(form.lanes()).enumerate() {
                     match given.get(slot) {
                         Some(&x) => lanes.fill(x),
                         None if slot == step => lanes.fill(STEP),
-                        None if slot == room.reach as usize => lanes.fill(0.0),
+                        None if slot == scratch.reach as usize => lanes.fill(0.0),
                         None => {}
                     }
                 }
-                spilling += usize::from(emit::<Assembler>(&program, form, room.free).spilled > 0);
-                add(&mut cases, (&program, room), form, &inputs);
+                spilling += usize::from(emit::<Assembler>(&program, form, scratch.free).spilled > 0);
+                add(&mut cases, (&program, scratch), form, &inputs);
             };
             watch_steps(&problem, packed, &mut each).unwrap();
         }

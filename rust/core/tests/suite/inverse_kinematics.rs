@@ -1,7 +1,7 @@
 //! Inverse kinematics from random starts, and what it says of poses out of reach.
 
 use crate::arm_common::Rng;
-use armlet_core::analysis::inverse_kinematics::{Goal, Search, inverse_kinematics};
+use armlet_core::analysis::inverse_kinematics::{Goal, IkOptions, inverse_kinematics};
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::kinematics::{TaskFunction, TaskStack};
 use armlet_core::status::Status;
@@ -41,7 +41,7 @@ fn reachable_poses_are_reached_within_the_limits() {
         for _ in 0..60 {
             let goal = goal_at(&arm, &inside(&arm, &mut rng), axes);
             let q0 = inside(&arm, &mut rng);
-            let found = inverse_kinematics(&arm, &[goal], &q0, &Search::default()).unwrap();
+            let found = inverse_kinematics(&arm, &[goal], &q0, &IkOptions::default()).unwrap();
             for (q, joint) in found.q.iter().zip(&arm.joints) {
                 assert!((joint.limits.lower..=joint.limits.upper).contains(q), "{name}");
             }
@@ -59,7 +59,8 @@ fn reachable_poses_are_reached_within_the_limits() {
 fn the_same_seed_finds_the_same() {
     let arm = arm("seven_axis");
     let goal = goal_at(&arm, &inside(&arm, &mut Rng(5)), "xyz rx ry rz");
-    let find = |seed| inverse_kinematics(&arm, std::slice::from_ref(&goal), &[0.0; 7], &Search { seed, ..Search::default() }).unwrap();
+    let find =
+        |seed| inverse_kinematics(&arm, std::slice::from_ref(&goal), &[0.0; 7], &IkOptions { seed, ..IkOptions::default() }).unwrap();
     assert_eq!(find(3), find(3));
 }
 
@@ -68,7 +69,7 @@ fn out_of_reach_is_said_and_lower_tasks_give_way() {
     let arm = arm("macro_micro_4r");
     let last = arm.frame_names().last().unwrap().to_string();
     let tip = TaskFunction::frame(&arm, &last, "xy").unwrap();
-    let search = Search { restarts: 3, ..Search::default() };
+    let search = IkOptions { restarts: 3, ..IkOptions::default() };
     let far = inverse_kinematics(&arm, &[(tip.clone(), vec![1e3, 0.0])], &[0.3; 4], &search).unwrap();
     assert_eq!((far.status, far.reached.as_slice(), far.restarts), (Status::Infeasible, &[false][..], 3));
     let goal = goal_at(&arm, &[0.3, 0.6, -0.4, 0.8], "xy");

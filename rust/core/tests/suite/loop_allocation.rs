@@ -5,11 +5,11 @@ use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
 use armlet_core::kinematics::TaskFunction;
 use armlet_core::law::{Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec, Level};
-use armlet_core::law::{GivenLimits, PriorityAccelerationSpec, PriorityVelocitySpec, StateFeedbackSpec};
+use armlet_core::law::{LimitOverrides, PriorityAccelerationSpec, PriorityVelocitySpec, StateFeedbackSpec};
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::sensors::TorqueSensor;
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec};
-use armlet_core::priority::Options as Maps;
+use armlet_core::priority::PriorityOptions;
 use armlet_core::simulate::{DEFAULT_STATE_LIMIT, Force, Method, Options, Problem, Sampling, Times, simulate};
 use armlet_core::status::Status;
 use std::sync::Arc;
@@ -100,9 +100,11 @@ fn steps_allocate_nothing() {
             level(TaskFunction::posture(arm, None).unwrap(), vec![0.0; 6]),
         ]
     };
-    let velocity =
-        LawSpec::PriorityVelocity(PriorityVelocitySpec::new(six.clone(), levels(), Maps::default(), &GivenLimits::default()).unwrap());
-    let acceleration = PriorityAccelerationSpec::new(six.clone(), levels(), Maps::default(), 5.0, &GivenLimits::default()).unwrap();
+    let velocity = LawSpec::PriorityVelocity(
+        PriorityVelocitySpec::new(six.clone(), levels(), PriorityOptions::default(), &LimitOverrides::default()).unwrap(),
+    );
+    let acceleration =
+        PriorityAccelerationSpec::new(six.clone(), levels(), PriorityOptions::default(), 5.0, &LimitOverrides::default()).unwrap();
     let acceleration = LawSpec::PriorityAcceleration(acceleration);
     let commanded = PlantSpec::Velocity(VelocitySpec { model: six.clone() });
     let cases = [

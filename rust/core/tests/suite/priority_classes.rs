@@ -3,7 +3,7 @@
 use crate::priority_support;
 
 use crate::priority_support::{Random, norm, planar_jacobian};
-use armlet_core::priority::{Kind, Method, Options, diagnose, solve_priority};
+use armlet_core::priority::{Kind, PriorityMethod, PriorityOptions, diagnose, solve_priority};
 use std::f64::consts::PI;
 
 /// Ranks of J1, J2, J_E, J2 P1 and the kind, from which sines vanish.
@@ -46,7 +46,7 @@ fn all_sign_patterns() {
             assert_eq!((d.levels[0].kinematic, d.levels[1].kinematic), (ranks[0] < 2, ranks[1] < 2));
             assert_eq!(d.levels[1].lost.len(), 2 - ranks[3]);
             // The solver's ranks are the diagnosis'.
-            let options = Options { rounding: Some(rounding), ..Options::new(Method::Exact) };
+            let options = PriorityOptions { rounding: Some(rounding), ..PriorityOptions::new(PriorityMethod::Exact) };
             let solution = solve_priority(4, &[&j1, &j2], &[&[1.0, 0.5], &[-0.3, 0.7]], &options).unwrap();
             assert_eq!(solution.ranks, d.projected_ranks());
             seen += 1;
@@ -63,8 +63,13 @@ fn residuals_of_the_table() {
     let residual = |q: [f64; 4]| {
         let (j1, j2) = (planar_jacobian(&lengths, &q, 4), planar_jacobian(&lengths, &q, 2));
         let d = diagnose(4, &[2, 2], &[&j1, &j2], Some(&[&p1, &p2]), Some(1e-14)).unwrap();
-        let solution =
-            solve_priority(4, &[&j1, &j2], &[&p1, &p2], &Options { rounding: Some(1e-14), ..Options::new(Method::Exact) }).unwrap();
+        let solution = solve_priority(
+            4,
+            &[&j1, &j2],
+            &[&p1, &p2],
+            &PriorityOptions { rounding: Some(1e-14), ..PriorityOptions::new(PriorityMethod::Exact) },
+        )
+        .unwrap();
         let loss = d.compatibility.as_ref().unwrap();
         for i in 0..2 {
             // Both are v_i - J_i v up to the rounding of velocities of order 10.

@@ -2,11 +2,11 @@
 
 use crate::priority_support::{Random, apart, norm, product, times};
 use armlet_core::error::{Error, Result};
-use armlet_core::priority::{Method, Options, PrioritySolver, Solution, diagnose, solve_priority};
+use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, Solution, diagnose, solve_priority};
 use armlet_core::status::Status;
 
-fn options(method: Method, n: usize) -> Options {
-    Options { v_max: (method == Method::Sns).then(|| vec![1e3; n]), ..Options::new(method) }
+fn options(method: PriorityMethod, n: usize) -> PriorityOptions {
+    PriorityOptions { v_max: (method == PriorityMethod::Sns).then(|| vec![1e3; n]), ..PriorityOptions::new(method) }
 }
 
 fn refused<T: std::fmt::Debug>(result: Result<T>, words: &str) {
@@ -16,7 +16,7 @@ fn refused<T: std::fmt::Debug>(result: Result<T>, words: &str) {
 
 #[test]
 fn empty_stacks_and_zero_rows_leave_the_arm_at_rest() {
-    for method in Method::ALL {
+    for method in PriorityMethod::ALL {
         let none = solve_priority(3, &[], &[], &options(method, 3)).unwrap();
         assert_eq!((none.v, none.status), (vec![0.0; 3], Status::Success));
         let zero = solve_priority(3, &[&[], &[1.0, 0.0, 0.0], &[]], &[&[], &[2.0], &[]], &options(method, 3)).unwrap();
@@ -34,7 +34,7 @@ fn more_rows_than_joints_is_least_squares() {
     let mut random = Random::new(11);
     for n in [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 13, 33] {
         let (m, j, c) = (n + 3, random.normals((n + 3) * n), random.normals(n + 3));
-        for method in [Method::Exact, Method::Clamp, Method::Damped, Method::Sns] {
+        for method in [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Damped, PriorityMethod::Sns] {
             let s = solve_priority(n, &[&j, &j], &[&c, &c], &options(method, n)).unwrap();
             assert_eq!(s.ranks, [n, 0], "{method:?}");
             // Normal equations: J'(c - J v) = 0 up to rounding of sums of m products of order 1; thresholds are not met by these draws.
@@ -48,7 +48,7 @@ fn more_rows_than_joints_is_least_squares() {
 
 #[test]
 fn numbers_that_are_not_finite_are_refused_by_name_and_index() {
-    for method in Method::ALL {
+    for method in PriorityMethod::ALL {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let o = options(method, 2);
             refused(solve_priority(2, &[&[1.0, 0.0], &[bad, 1.0]], &[&[1.0], &[1.0]], &o), "jacobians[1] is not finite");
@@ -61,25 +61,29 @@ fn numbers_that_are_not_finite_are_refused_by_name_and_index() {
 
 #[test]
 fn wrong_sizes_and_options_are_refused() {
-    let clamp = Options::default();
+    let clamp = PriorityOptions::default();
     refused(solve_priority(0, &[], &[], &clamp), "at least one joint");
     refused(solve_priority(3, &[&[1.0, 0.0]], &[&[1.0]], &clamp), "jacobians[0] has the wrong size: expected (1, 3)");
     refused(solve_priority(2, &[&[1.0, 0.0]], &[&[1.0], &[1.0]], &clamp), "jacobians has the wrong number of levels: expected 2, got 1");
     let mut solver = PrioritySolver::new(2, &[1], &clamp).unwrap();
     refused(solver.solve(&[&[1.0, 0.0]], &[&[1.0, 2.0]]), "velocities[0] has the wrong length");
     for eps in [vec![0.0], vec![-1.0], vec![f64::NAN], vec![f64::INFINITY], vec![0.1, 0.1]] {
-        refused(PrioritySolver::new(2, &[1], &Options { eps: Some(eps), ..Options::default() }), "eps");
+        refused(PrioritySolver::new(2, &[1], &PriorityOptions { eps: Some(eps), ..PriorityOptions::default() }), "eps");
     }
-    refused(PrioritySolver::new(2, &[1], &Options { rounding: Some(f64::NAN), ..Options::default() }), "rounding");
+    refused(PrioritySolver::new(2, &[1], &PriorityOptions { rounding: Some(f64::NAN), ..PriorityOptions::default() }), "rounding");
     for weight in [vec![1.0], vec![1.0, 0.5, 0.0, 1.0], vec![1.0, 2.0, 2.0, 1.0], vec![0.0; 4], vec![f64::NAN; 4]] {
-        refused(PrioritySolver::new(2, &[1], &Options { weight: Some(weight), ..Options::default() }), "weight");
+        refused(PrioritySolver::new(2, &[1], &PriorityOptions { weight: Some(weight), ..PriorityOptions::default() }), "weight");
     }
-    refused(PrioritySolver::new(2, &[1], &Options::new(Method::Sns)), "v_max is missing");
-    let bounds = |l: [f64; 2], u: [f64; 2]| Options { v_min: Some(l.to_vec()), v_max: Some(u.to_vec()), ..Options::new(Method::Sns) };
+    refused(PrioritySolver::new(2, &[1], &PriorityOptions::new(PriorityMethod::Sns)), "v_max is missing");
+    let bounds = |l: [f64; 2], u: [f64; 2]| PriorityOptions {
+        v_min: Some(l.to_vec()),
+        v_max: Some(u.to_vec()),
+        ..PriorityOptions::new(PriorityMethod::Sns)
+    };
     refused(PrioritySolver::new(2, &[1], &bounds([0.0, 1.0], [1.0, 0.5])), "first bad index 1");
     refused(PrioritySolver::new(2, &[1], &bounds([f64::NAN, 0.0], [1.0, 0.5])), "first bad index 0");
-    refused(Method::from_name("pinv"), "exact, clamp");
-    assert_eq!(Method::from_name("sns").unwrap(), Method::Sns);
+    refused(PriorityMethod::from_name("pinv"), "exact, clamp");
+    assert_eq!(PriorityMethod::from_name("sns").unwrap(), PriorityMethod::Sns);
 }
 
 /// The answer does not depend on the unit of a level, however extreme.
@@ -88,7 +92,7 @@ fn extreme_units_change_nothing() {
     let mut random = Random::new(12);
     let (j1, j2) = (random.normals(8), random.normals(8));
     let (c1, c2) = (random.normals(2), random.normals(2));
-    for method in Method::ALL {
+    for method in PriorityMethod::ALL {
         let solve = |unit: f64| -> Solution {
             let scale = |x: &[f64]| x.iter().map(|x| x * unit).collect::<Vec<f64>>();
             solve_priority(4, &[&j1, &scale(&j2)], &[&c1, &scale(&c2)], &options(method, 4)).unwrap()
@@ -100,7 +104,7 @@ fn extreme_units_change_nothing() {
             assert_eq!((s.ranks, s.status), (plain.ranks.clone(), plain.status));
         }
     }
-    let tiny = solve_priority(1, &[&[1e-300]], &[&[1e100]], &Options::default());
+    let tiny = solve_priority(1, &[&[1e-300]], &[&[1e100]], &PriorityOptions::default());
     assert!(matches!(tiny, Err(Error::Solve { status: Status::Diverged, .. })), "{tiny:?}");
     let d = diagnose(2, &[1, 1], &[&[1e-300, 0.0], &[1e300, 1e300]], None, None).unwrap();
     assert_eq!((d.stacked_rank, d.levels[0].projected_singular_values[0]), (2, 1e-300));
@@ -117,8 +121,8 @@ fn weighted_metric_minimises_its_norm() {
             let mut weight = product(&b, &(0..n * n).map(|at| b[at % n * n + at / n]).collect::<Vec<_>>(), n, n);
             (0..n).for_each(|i| weight[i * (n + 1)] += 1.0);
             let (j, c) = (random.normals(2 * n), random.normals(2));
-            for method in [Method::Exact, Method::Clamp, Method::Sns] {
-                let s = solve_priority(n, &[&j], &[&c], &Options { weight: Some(weight.clone()), ..options(method, n) }).unwrap();
+            for method in [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Sns] {
+                let s = solve_priority(n, &[&j], &[&c], &PriorityOptions { weight: Some(weight.clone()), ..options(method, n) }).unwrap();
                 if s.status != Status::Success {
                     continue;
                 }
@@ -128,7 +132,7 @@ fn weighted_metric_minimises_its_norm() {
                     2,
                     &[&(0..2 * n).map(|at| j[at % 2 * n + at / 2]).collect::<Vec<_>>()],
                     &[&gradient],
-                    &options(Method::Exact, 2),
+                    &options(PriorityMethod::Exact, 2),
                 );
                 // The weight's condition is below 1e3.
                 assert!(norm(&rest.unwrap().residuals[0]) < 1e-11 * norm(&gradient), "{method:?} n = {n}");
@@ -141,7 +145,7 @@ fn weighted_metric_minimises_its_norm() {
 fn sns_saturates_before_it_scales() {
     // Both joints drive the task; the first can do a quarter of what the pseudo-inverse asks, the second takes over.
     let bounded = |upper: [f64; 2], c: f64| {
-        let o = Options { v_max: Some(upper.to_vec()), ..Options::new(Method::Sns) };
+        let o = PriorityOptions { v_max: Some(upper.to_vec()), ..PriorityOptions::new(PriorityMethod::Sns) };
         solve_priority(2, &[&[1.0, 1.0]], &[&[c]], &o).unwrap()
     };
     let taken = bounded([0.25, 5.0], 2.0);
@@ -153,7 +157,7 @@ fn sns_saturates_before_it_scales() {
     let still = bounded([0.0, 0.0], 2.0);
     assert_eq!((still.v, still.scales), (vec![0.0, 0.0], vec![0.0]));
     // Zero velocity itself out of bounds: a joint is driven back from its limit while the other keeps the task.
-    let o = Options { v_min: Some(vec![0.5, -9.0]), v_max: Some(vec![1.0, 9.0]), ..Options::new(Method::Sns) };
+    let o = PriorityOptions { v_min: Some(vec![0.5, -9.0]), v_max: Some(vec![1.0, 9.0]), ..PriorityOptions::new(PriorityMethod::Sns) };
     let back = solve_priority(2, &[&[1.0, 1.0]], &[&[0.0]], &o).unwrap();
     assert!(apart(&back.v, &[0.5, -0.5]) < 1e-15 && back.scales == [1.0], "{back:?}");
 }
@@ -161,7 +165,7 @@ fn sns_saturates_before_it_scales() {
 #[test]
 fn reusing_a_solver_gives_the_same_bits() {
     let mut random = Random::new(14);
-    for method in Method::ALL {
+    for method in PriorityMethod::ALL {
         let mut solver = PrioritySolver::new(5, &[2, 1, 5], &options(method, 5)).unwrap();
         for k in 0..50 {
             let mut j: Vec<Vec<f64>> = [2, 1, 5].iter().map(|m| random.normals(m * 5)).collect();
@@ -182,7 +186,7 @@ fn reusing_a_solver_gives_the_same_bits() {
 fn a_level_without_freedom_changes_nothing() {
     let mut random = Random::new(15);
     let (j1, j2, c1, c2) = (random.normals(8), random.normals(12), random.normals(2), random.normals(3));
-    for method in Method::ALL {
+    for method in PriorityMethod::ALL {
         let two = solve_priority(4, &[&j1, &j2], &[&c1, &c2], &options(method, 4)).unwrap();
         let three = solve_priority(4, &[&j1, &j2, &[0.0; 4]], &[&c1, &c2, &[1.0]], &options(method, 4)).unwrap();
         assert_eq!((two.v, &two.ranks[..]), (three.v, &three.ranks[..2]), "{method:?}");

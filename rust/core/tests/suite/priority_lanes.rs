@@ -2,7 +2,7 @@
 //! its neighbours, the number of rows and the number of threads.
 
 use crate::priority_support::Random;
-use armlet_core::priority::{Method, Options, PrioritySolver, StackAnswers, StackRows};
+use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackAnswers, StackRows};
 use armlet_core::simulate::solve_stacks;
 use armlet_core::status::Status;
 
@@ -115,10 +115,11 @@ fn a_row_of_a_batch_is_its_single_solve_to_the_bit() {
         let count = [1, 33, 40, 49, 67][trial % 5];
         let b = batch(&mut random, count);
         let weight: Vec<f64> = (0..b.n * b.n).map(|k| if k / b.n == k % b.n { 2.0 + (k / b.n) as f64 } else { 0.3 }).collect();
-        for method in Method::ALL {
-            let v_max = (method == Method::Sns).then(|| vec![0.7; b.n]);
+        for method in PriorityMethod::ALL {
+            let v_max = (method == PriorityMethod::Sns).then(|| vec![0.7; b.n]);
             let (eps, weight) = ((trial % 3 == 1).then(|| vec![0.1]), (trial % 4 == 3).then(|| weight.clone()));
-            let mut solver = PrioritySolver::new(b.n, &b.rows, &Options { v_max, eps, weight, ..Options::new(method) }).unwrap();
+            let mut solver =
+                PrioritySolver::new(b.n, &b.rows, &PriorityOptions { v_max, eps, weight, ..PriorityOptions::new(method) }).unwrap();
             let (lanes, single) = (solved(&b, &solver, count, 1), alone(&b, &mut solver, count));
             assert_eq!(lanes, single, "{method:?}, {} joints, rows {:?}, trial {trial}", b.n, b.rows);
             let seen = |status: Status| lanes.status.iter().filter(|s| **s == status.code()).count();
@@ -136,7 +137,7 @@ fn the_number_of_threads_and_of_rows_changes_no_bit() {
     let mut random = Random::new(SEED + 1);
     let count = 5000;
     let b = batch(&mut random, count);
-    let solver = PrioritySolver::new(b.n, &b.rows, &Options::default()).unwrap();
+    let solver = PrioritySolver::new(b.n, &b.rows, &PriorityOptions::default()).unwrap();
     let one = solved(&b, &solver, count, 1);
     for threads in [2, 3] {
         assert_eq!(solved(&b, &solver, count, threads), one, "{threads} threads");
@@ -145,7 +146,7 @@ fn the_number_of_threads_and_of_rows_changes_no_bit() {
     assert_eq!(fewer.v[..], one.v[..1237 * b.n]);
     // It does stop when asked: after the first slice of waiting.
     let many = StackRows { jacobians: &[&[1.0, 0.0]], velocities: &[&[1.0]] };
-    let small = PrioritySolver::new(2, &[1], &Options::new(Method::Chiaverini)).unwrap();
+    let small = PrioritySolver::new(2, &[1], &PriorityOptions::new(PriorityMethod::Chiaverini)).unwrap();
     let rows = 200_000;
     let (mut v, mut r, mut ranks, mut scales, mut status) =
         (vec![0.0; 2 * rows], vec![0.0; rows], vec![0; rows], vec![0.0; rows], vec![-1; rows]);

@@ -1,7 +1,7 @@
 //! The macro-micro 4R arm of SPEC system 2 against 120-digit vectors: classes, ranks, exact and clamped maps, bounds, continuity.
 
 use crate::priority_support::{apart, norm, planar_jacobian, times};
-use armlet_core::priority::{Method, Options, PrioritySolver, Solution, solve_priority};
+use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, Solution, solve_priority};
 use serde_json::Value;
 
 fn oracle() -> Value {
@@ -22,13 +22,13 @@ fn stack(length: f64, q: &[f64]) -> [Vec<f64>; 2] {
     [planar_jacobian(&lengths, q, 4), planar_jacobian(&lengths, q, 2)]
 }
 
-fn options(input: &Value, method: Method) -> Options {
+fn options(input: &Value, method: PriorityMethod) -> PriorityOptions {
     let length = number(&input["L"]);
     let eps = vec![number(&input["eps1_over_L"]) * length, number(&input["eps2_over_L"]) * length];
-    Options { method, eps: Some(eps), ..Options::default() }
+    PriorityOptions { method, eps: Some(eps), ..PriorityOptions::default() }
 }
 
-fn solve(input: &Value, q: &[f64], method: Method) -> Solution {
+fn solve(input: &Value, q: &[f64], method: PriorityMethod) -> Solution {
     let [j1, j2] = stack(number(&input["L"]), q);
     solve_priority(4, &[&j1, &j2], &[&numbers(&input["pd1"]), &numbers(&input["pd2"])], &options(input, method)).unwrap()
 }
@@ -44,7 +44,7 @@ fn clamp_is_the_canonical_map() {
     assert_eq!(cases.len(), 36);
     for case in cases {
         let (id, input, expected) = (&case["id"], &case["input"], &case["expected"]);
-        let solution = solve(input, &numbers(&input["q"]), Method::Clamp);
+        let solution = solve(input, &numbers(&input["q"]), PriorityMethod::Clamp);
         let want = numbers(&expected["reg_qd"]);
         // The vectors grant 1e-9; the map's condition is at most |J|/eps = 100, so 1e-12 is rounding.
         assert!(apart(&solution.v, &want) <= 1e-12 * (1.0 + norm(&want)), "{id}: {:?} instead of {want:?}", solution.v);
@@ -65,7 +65,7 @@ fn exact_is_equation_5() {
         let (id, input, expected) = (&case["id"], &case["input"], &case["expected"]);
         let q = numbers(&input["q"]);
         if number(&expected["exact_norm"]) < 1e3 {
-            let (solution, want) = (solve(input, &q, Method::Exact), numbers(&expected["exact_qd"]));
+            let (solution, want) = (solve(input, &q, PriorityMethod::Exact), numbers(&expected["exact_qd"]));
             // 1e-9 as the vectors state: near q4 = 1e-12 .. the compatible cases divide rounding by the singular value.
             let near = q.iter().any(|q| *q != 0.0 && q.sin().abs() < 1e-5);
             if !near {
@@ -77,7 +77,7 @@ fn exact_is_equation_5() {
         let tolerance = number(&input["angle_tol"]);
         let pi = std::f64::consts::PI;
         let q: Vec<f64> = q.iter().map(|q| if q.sin().abs() <= tolerance { (q / pi).round() * pi } else { *q }).collect();
-        let solution = solve(input, &q, Method::Exact);
+        let solution = solve(input, &q, PriorityMethod::Exact);
         let ranks = &expected["ranks_class"];
         assert_eq!(solution.ranks[0] as u64, ranks["J1"].as_u64().unwrap(), "{id}: rank J1");
         assert_eq!(solution.ranks[1] as u64, ranks["J2P1"].as_u64().unwrap(), "{id}: rank J2 P1");
@@ -99,7 +99,7 @@ fn paths_through_singularities_are_continuous() {
         let (id, input, expected) = (&case["id"], &case["input"], &case["expected"]);
         let (mid, half) = (numbers(&input["q_mid"]), numbers(&input["q_half"]));
         let count = input["n_points"].as_u64().unwrap() as usize;
-        let mut solver = PrioritySolver::new(4, &[2, 2], &options(input, Method::Clamp)).unwrap();
+        let mut solver = PrioritySolver::new(4, &[2, 2], &options(input, PriorityMethod::Clamp)).unwrap();
         let (mut last, mut step, mut most): (Option<Vec<f64>>, f64, f64) = (None, 0.0, 0.0);
         for i in 0..count {
             let s = -1.0 + 2.0 * i as f64 / (count - 1) as f64;
@@ -139,8 +139,8 @@ fn cases_a_and_b_from_any_base_rotation() {
                     q.iter().enumerate().map(|(i, q)| q + turns * 2.0 * std::f64::consts::PI + if i == 0 { angle } else { 0.0 }).collect();
                 let [j1, j2] = stack(1.0, &q);
                 let rounding = 8.0 * f64::EPSILON * (1.0 + q.iter().map(|q| q.abs()).sum::<f64>());
-                for method in [Method::Exact, Method::Clamp] {
-                    let o = Options { method, rounding: Some(rounding), ..Options::default() };
+                for method in [PriorityMethod::Exact, PriorityMethod::Clamp] {
+                    let o = PriorityOptions { method, rounding: Some(rounding), ..PriorityOptions::default() };
                     let solution = solve_priority(4, &[&j1, &j2], &[&p, &p], &o).unwrap();
                     // The angles themselves are uncertain by `rounding`, the map's condition is below 100.
                     assert!(apart(&solution.v, &want) <= 100.0 * rounding, "{method:?} at {q:?}: {:?}", solution.v);

@@ -3,7 +3,7 @@
 
 use crate::priority_support::{Random, apart, norm, times};
 use armlet_core::linalg::Svd;
-use armlet_core::priority::{Method, Options, PrioritySolver};
+use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use armlet_core::status::Status;
 
 const SEED: u64 = 20220610;
@@ -94,14 +94,14 @@ struct Answer {
 }
 
 /// The first `levels` levels of the stack.
-fn prefix(s: &Stack, levels: usize, method: Method) -> Answer {
+fn prefix(s: &Stack, levels: usize, method: PriorityMethod) -> Answer {
     prefix_eps(s, levels, method, None)
 }
 
-fn prefix_eps(s: &Stack, levels: usize, method: Method, eps: Option<Vec<f64>>) -> Answer {
+fn prefix_eps(s: &Stack, levels: usize, method: PriorityMethod, eps: Option<Vec<f64>>) -> Answer {
     let rows: Vec<usize> = s.velocities[..levels].iter().map(Vec::len).collect();
-    let v_max = (method == Method::Sns).then(|| s.bounds.clone());
-    let mut solver = PrioritySolver::new(s.n, &rows, &Options { v_max, eps, ..Options::new(method) }).unwrap();
+    let v_max = (method == PriorityMethod::Sns).then(|| s.bounds.clone());
+    let mut solver = PrioritySolver::new(s.n, &rows, &PriorityOptions { v_max, eps, ..PriorityOptions::new(method) }).unwrap();
     let j: Vec<&[f64]> = s.jacobians[..levels].iter().map(Vec::as_slice).collect();
     let v: Vec<&[f64]> = s.velocities[..levels].iter().map(Vec::as_slice).collect();
     let status = solver.solve(&j, &v).unwrap();
@@ -117,24 +117,24 @@ fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-fn check(s: &Stack, method: Method) {
+fn check(s: &Stack, method: PriorityMethod) {
     let levels = s.jacobians.len();
     let prefixes: Vec<Answer> = (1..=levels).map(|k| prefix(s, k, method)).collect();
     let last = &prefixes[levels - 1];
     // Velocities of exact maps near singularities reach 1e15: what rounding of v alone can disturb grows with them.
     let allowed = f64::max(1e-10, 1e-12 * (1.0 + norm(&last.v)));
-    let always = matches!(method, Method::Exact | Method::Chiaverini | Method::Sns);
+    let always = matches!(method, PriorityMethod::Exact | PriorityMethod::Chiaverini | PriorityMethod::Sns);
     for i in 0..levels {
         let moved = times(&s.jacobians[i], &difference(&last.v, &prefixes[i].v));
         if always || prefixes[i].status == Status::Success {
             let disturbed = apart(&moved, &vec![0.0; moved.len()]);
             assert!(disturbed <= allowed, "{method:?}: level {i} disturbed by {disturbed:e}, |v| = {:e}, {s:?}", norm(&last.v));
         }
-        if matches!(method, Method::Clamp | Method::Damped) {
+        if matches!(method, PriorityMethod::Clamp | PriorityMethod::Damped) {
             let before = if i == 0 { vec![0.0; s.n] } else { prefixes[i - 1].v.clone() };
             let rest = norm(&difference(&s.velocities[i], &times(&s.jacobians[i], &before)));
             // Damping by the manipulability peaks at 1.21/eps: max of x/(x^2 + (1-x)^2).
-            let peak = if method == Method::Clamp { 1.0 } else { 1.2072 };
+            let peak = if method == PriorityMethod::Clamp { 1.0 } else { 1.2072 };
             let step = norm(&difference(&prefixes[i].v, &before));
             let e = eps(s, i);
             // A level of rows of 1e-16 has eps to match and moves the arm at 1e15: its rounding stands in v.
@@ -154,18 +154,18 @@ fn check(s: &Stack, method: Method) {
         }
     }
     let full = m <= n && svd.s().iter().all(|x| *x >= eps(s, 0));
-    if full && method != Method::Sns {
+    if full && method != PriorityMethod::Sns {
         assert!(primary.iter().all(|r| r.abs() <= allowed), "{method:?}: primary residual {primary:?}, |v| = {:e}", norm(&last.v));
     }
-    if method == Method::Sns {
+    if method == PriorityMethod::Sns {
         assert!(last.v.iter().zip(&s.bounds).all(|(v, b)| v.abs() <= *b), "bounds: {:?} in {:?}", last.v, s.bounds);
         if full {
             let scaled: Vec<f64> = s.velocities[0].iter().map(|v| v * last.scales[0]).collect();
             assert!(apart(&times(&s.jacobians[0], &last.v), &scaled) <= 1e-10, "direction of level 0");
         }
     }
-    if method == Method::Clamp && last.status == Status::Success {
-        let exact = prefix(s, levels, Method::Exact);
+    if method == PriorityMethod::Clamp && last.status == Status::Success {
+        let exact = prefix(s, levels, PriorityMethod::Exact);
         // All singular values are above 0.02 of their level's rows: five levels amplify rounding by at most 50 each; typically by 50.
         assert!(apart(&last.v, &exact.v) <= 1e-9 * (1.0 + norm(&exact.v)), "clamp {:?} and exact {:?} differ", last.v, exact.v);
     }
@@ -178,7 +178,7 @@ fn no_lower_level_disturbs_a_higher_one() {
     for _ in 0..total {
         let s = stack(&mut random);
         strata[s.stratum as usize] += 1;
-        Method::ALL.iter().for_each(|m| check(&s, *m));
+        PriorityMethod::ALL.iter().for_each(|m| check(&s, *m));
     }
     println!("{total} stacks, seed {SEED}: {} generic, {} singular, {} near (1e-16..1e-2)", strata[0], strata[1], strata[2]);
     assert!(total < 1000 || strata.iter().all(|s| *s > total / 5), "strata {strata:?}");
@@ -200,7 +200,7 @@ fn clamp_is_continuous_for_any_number_of_levels() {
                 *j = c.iter().zip(d).map(|(c, d)| c + t * d).collect();
             }
             // A fixed eps: one relative to a level that is zero at the centre would vanish there.
-            prefix_eps(&s, centre.len(), Method::Clamp, Some(vec![0.05])).v
+            prefix_eps(&s, centre.len(), PriorityMethod::Clamp, Some(vec![0.05])).v
         };
         let (mut from, mut to, mut samples) = (-1.0, 1.0, 500);
         let (mut first, mut step) = (None, 0.0);

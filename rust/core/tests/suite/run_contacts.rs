@@ -7,7 +7,9 @@ use armlet_core::law::{ComputedTorqueSpec, Gain, LawSpec};
 use armlet_core::motion::Motion;
 use armlet_core::plant::unilateral::push;
 use armlet_core::plant::{PlantSpec, RigidSpec, Stop, Stops, Touch};
-use armlet_core::simulate::{Asked, DEFAULT_STATE_LIMIT, Event, Method, Options, Polynomials, Problem, Run, Times, What, simulate_asked};
+use armlet_core::simulate::{
+    DEFAULT_STATE_LIMIT, Event, EventFunction, Method, Options, Polynomials, Problem, Run, RunObserver, Times, simulate_observed,
+};
 use armlet_core::status::Status;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -48,7 +50,7 @@ fn stops_say_what_they_lack() {
 }
 
 /// A link of 1 kg m^2 that nothing drives, at 2 rad/s towards a stop at 1 rad.
-fn thrown(damping: f64, method: Method, asked: Option<&mut Asked>) -> Run {
+fn thrown(damping: f64, method: Method, observer: Option<&mut RunObserver>) -> Run {
     let model = Model::Tree(Arc::new(Arm::pendulum(1.0, 0.0).unwrap()));
     let stops = Stops::new(vec![f64::NEG_INFINITY], vec![1.0], vec![400.0], vec![damping]).unwrap();
     let plant = PlantSpec::Rigid(RigidSpec { stops: Some(stops), ..RigidSpec::new(model.clone()) });
@@ -68,7 +70,7 @@ fn thrown(damping: f64, method: Method, asked: Option<&mut Asked>) -> Run {
     };
     let x0 = plant.initial_state(&[0.0], &[2.0], None, None);
     let problem = Problem { plants: vec![&plant], laws: vec![&law], x0, forces: Vec::new(), force_frame: None, options, measures: None };
-    simulate_asked(&problem, &AtomicBool::new(false), asked).unwrap()
+    simulate_observed(&problem, &AtomicBool::new(false), observer).unwrap()
 }
 
 const ADAPTIVE: [Method; 4] = [Method::Dopri5, Method::Dop853, Method::Radau5, Method::Rodas4];
@@ -76,22 +78,23 @@ const ADAPTIVE: [Method; 4] = [Method::Dopri5, Method::Dop853, Method::Radau5, M
 #[test]
 fn a_stop_is_met_and_left_when_it_should_be() {
     for method in ADAPTIVE {
-        let event = |what| Event { what, direction: 0.0, stop_after: 0 };
-        let events = vec![event(What::Joint { joint: 0, value: 1.0, below: false }), event(What::Speed { at: 1, value: 0.0 })];
-        let mut asked = Asked { events, polynomials: Some(Polynomials::default()), ..Asked::default() };
-        let run = thrown(0.0, method, Some(&mut asked));
+        let event = |function| Event { function, direction: 0.0, stop_after: 0 };
+        let events =
+            vec![event(EventFunction::Joint { joint: 0, value: 1.0, below: false }), event(EventFunction::Speed { at: 1, value: 0.0 })];
+        let mut observer = RunObserver { events, polynomials: Some(Polynomials::default()), ..RunObserver::default() };
+        let run = thrown(0.0, method, Some(&mut observer));
         assert_eq!(run.status, Status::Success, "{method:?}");
         // v0 = 2, sqrt(k/I) = 20: met at 1/2, turned a quarter period later, left after half of one.
         let expected = [0.5, 0.5 + PI / 40.0, 0.5 + PI / 20.0];
-        assert_eq!(asked.found.index, [0, 1, 0], "{method:?}");
-        for (t, want) in asked.found.t.iter().zip(expected) {
+        assert_eq!(observer.crossings.index, [0, 1, 0], "{method:?}");
+        for (t, want) in observer.crossings.t.iter().zip(expected) {
             // The error of the run at this tolerance; that of the search is an ulp.
             assert!((t - want).abs() < 1e-8, "{method:?}: {t} {want}");
         }
         // Steps are whole: each begins where the last one ended, and one of them ends at the stop.
-        let ends = asked.polynomials.unwrap().ends;
+        let ends = observer.polynomials.unwrap().ends;
         assert!(ends.windows(2).all(|pair| pair[0] < pair[1]) && ends.last() == Some(&1.0));
-        assert!(ends.iter().any(|&t| t == asked.found.t[0]), "{method:?}");
+        assert!(ends.iter().any(|&t| t == observer.crossings.t[0]), "{method:?}");
     }
 }
 
@@ -109,14 +112,16 @@ fn the_balance_holds_through_a_damped_stop() {
 
 #[test]
 fn an_event_ends_the_run() {
-    let what = What::Function(Arc::new(|t, x| Some(x[0] - t)));
-    let mut asked = Asked { events: vec![Event { what, direction: -1.0, stop_after: 1 }], ..Asked::default() };
-    let run = thrown(0.0, Method::Dop853, Some(&mut asked));
-    assert_eq!((run.status, run.ended), (Status::Event, asked.found.t[0]));
+    let function = EventFunction::Function(Arc::new(|t, x| Some(x[0] - t)));
+    let mut observer = RunObserver { events: vec![Event { function, direction: -1.0, stop_after: 1 }], ..RunObserver::default() };
+    let run = thrown(0.0, Method::Dop853, Some(&mut observer));
+    assert_eq!((run.status, run.ended), (Status::Event, observer.crossings.t[0]));
     assert_eq!(run.t.last(), Some(&run.ended));
     // Back at x = t = 2 (1/2 + pi/20 + 1/2 - t) + ..: after the rebound x = 1 - 2 (t - 1/2 - pi/20).
     assert!((run.ended - (2.0 + PI / 10.0) / 3.0).abs() < 1e-8, "{}", run.ended);
-    let mut unknown =
-        Asked { events: vec![Event { what: What::Function(Arc::new(|_, _| None)), direction: 0.0, stop_after: 0 }], ..Asked::default() };
+    let mut unknown = RunObserver {
+        events: vec![Event { function: EventFunction::Function(Arc::new(|_, _| None)), direction: 0.0, stop_after: 0 }],
+        ..RunObserver::default()
+    };
     assert_eq!(thrown(0.0, Method::Dop853, Some(&mut unknown)).status, Status::Diverged);
 }

@@ -1,7 +1,7 @@
 //! The constructors of arms, and what pickling stores.
 
 use super::stored::stored;
-use super::{Arm, Model};
+use super::{Arm, ArmModel};
 use crate::arrays::{Looked, any_vector, items, name, number as scalar, quoted, require_finite, shown, text, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, paused};
@@ -40,7 +40,7 @@ pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: 
     const NAME: &str = "planar_pr";
     entry(py, NAME, || {
         let [a, b, c] = [scalar(NAME, "A", A)?, scalar(NAME, "B", B)?, scalar(NAME, "C", C)?];
-        Ok(Arm { model: Model::PlanarPr(PlanarPr::new(a, b, c)?) })
+        Ok(Arm { model: ArmModel::PlanarPr(PlanarPr::new(a, b, c)?) })
     })
 }
 
@@ -48,7 +48,7 @@ pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: 
 #[entered]
 #[pyfunction]
 pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
-    Arm { model: Model::PlanarPr(PlanarPr::with_parameters(pi)) }
+    Arm { model: ArmModel::PlanarPr(PlanarPr::with_parameters(pi)) }
 }
 
 fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 3], Failure> {
@@ -392,8 +392,8 @@ impl Arm {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         match &self.model {
-            Model::PlanarPr(arm) => seal_call(py, "_restore_planar_pr", (arm.parameter_array(),).into_pyobject(py)?),
-            Model::Tree(tree) => {
+            ArmModel::PlanarPr(arm) => seal_call(py, "_restore_planar_pr", (arm.parameter_array(),).into_pyobject(py)?),
+            ArmModel::Tree(tree) => {
                 entry(py, "Arm.__reduce__", || Ok(seal_call(py, "_restore_arm", PyTuple::new(py, stored(py, tree.arm())?)?)?))
             }
         }

@@ -13,7 +13,7 @@ mod symbolic;
 
 pub use construct::*;
 pub use identify::*;
-pub use model::Model;
+pub use model::ArmModel;
 pub use stored::_restore_arm;
 
 use crate::arrays::new_array;
@@ -31,7 +31,7 @@ use pyo3::types::{PyDict, PyTuple};
 /// axes at the frame's origin.
 #[pyclass(frozen, module = "armlet", name = "Arm")]
 pub struct Arm {
-    pub model: Model,
+    pub model: ArmModel,
 }
 
 /// More joints than this take a while to give back.
@@ -41,7 +41,7 @@ impl Drop for Arm {
     /// An arm of very many links is given back without the interpreter's lock.
     fn drop(&mut self) {
         if self.model.n() > MANY {
-            let model = std::mem::replace(&mut self.model, Model::nothing());
+            let model = std::mem::replace(&mut self.model, ArmModel::nothing());
             Python::attach(|py| py.detach(|| drop(model)));
         }
     }
@@ -96,7 +96,7 @@ impl Arm {
     /// Gravity in world axes, `(3,)`, m/s^2; None for `planar_pr`, which moves on a horizontal plane.
     #[getter]
     fn gravity_vector<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let Model::Tree(tree) = &self.model else { return Ok(None) };
+        let ArmModel::Tree(tree) = &self.model else { return Ok(None) };
         entry(py, "Arm.gravity_vector", || {
             new_array(py, &[3], |out| {
                 out.copy_from_slice(&tree.arm().gravity);

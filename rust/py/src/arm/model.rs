@@ -1,48 +1,48 @@
 //! The model behind `armlet.Arm`: a closed-form arm or a tree, with one way to ask either.
 
-use armlet_core::arm::{Arm as Tree, JointKind};
+use armlet_core::arm::{Arm as CoreArm, JointKind};
 use armlet_core::dynamics::{Functions, PlanarPr, Quantity, Query};
 use armlet_core::error::{Error, Result, all_finite, finite};
 use std::sync::Arc;
 
-pub enum Model {
+pub enum ArmModel {
     PlanarPr(PlanarPr<f64>),
     Tree(Box<Functions>),
 }
 
-impl PartialEq for Model {
+impl PartialEq for ArmModel {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
-            (Model::PlanarPr(a), Model::PlanarPr(b)) => a == b,
-            (Model::Tree(a), Model::Tree(b)) => a.arm() == b.arm(),
+            (ArmModel::PlanarPr(a), ArmModel::PlanarPr(b)) => a == b,
+            (ArmModel::Tree(a), ArmModel::Tree(b)) => a.arm() == b.arm(),
             _ => false,
         }
     }
 }
 
-impl From<Tree> for Model {
-    fn from(arm: Tree) -> Self {
-        Model::Tree(Box::new(Functions::new(Arc::new(arm))))
+impl From<CoreArm> for ArmModel {
+    fn from(arm: CoreArm) -> Self {
+        ArmModel::Tree(Box::new(Functions::new(Arc::new(arm))))
     }
 }
 
-impl From<Tree> for super::Arm {
-    fn from(arm: Tree) -> Self {
+impl From<CoreArm> for super::Arm {
+    fn from(arm: CoreArm) -> Self {
         super::Arm { model: arm.into() }
     }
 }
 
-impl Model {
+impl ArmModel {
     /// What stands in the place of a model that is taken away.
     pub fn nothing() -> Self {
-        Model::PlanarPr(PlanarPr::with_parameters([0.0; 3]))
+        ArmModel::PlanarPr(PlanarPr::with_parameters([0.0; 3]))
     }
 
     /// The tree, or an error that says what this arm lacks.
-    pub fn tree(&self, function: &str) -> Result<&Tree> {
+    pub fn tree(&self, function: &str) -> Result<&CoreArm> {
         match self {
-            Model::Tree(tree) => Ok(tree.arm()),
-            Model::PlanarPr(_) => {
+            ArmModel::Tree(tree) => Ok(tree.arm()),
+            ArmModel::PlanarPr(_) => {
                 let name = function.rsplit('.').next().unwrap_or(function);
                 Err(Error::input("arm", format!("has no links: expected an arm with a kinematic model for {name}, got planar_pr")))
             }
@@ -52,80 +52,80 @@ impl Model {
     /// The model as loops and laws take it.
     pub fn core(&self) -> armlet_core::dynamics::Model {
         match self {
-            Model::PlanarPr(arm) => armlet_core::dynamics::Model::PlanarPr(*arm),
-            Model::Tree(tree) => armlet_core::dynamics::Model::Tree(tree.arm().clone()),
+            ArmModel::PlanarPr(arm) => armlet_core::dynamics::Model::PlanarPr(*arm),
+            ArmModel::Tree(tree) => armlet_core::dynamics::Model::Tree(tree.arm().clone()),
         }
     }
 
     pub fn n(&self) -> usize {
         match self {
-            Model::PlanarPr(_) => 2,
-            Model::Tree(tree) => tree.arm().n(),
+            ArmModel::PlanarPr(_) => 2,
+            ArmModel::Tree(tree) => tree.arm().n(),
         }
     }
 
     pub fn joint_names(&self) -> Vec<String> {
         match self {
-            Model::PlanarPr(_) => vec!["p1".into(), "r2".into()],
-            Model::Tree(tree) => tree.arm().joint_names().map(String::from).collect(),
+            ArmModel::PlanarPr(_) => vec!["p1".into(), "r2".into()],
+            ArmModel::Tree(tree) => tree.arm().joint_names().map(String::from).collect(),
         }
     }
 
     pub fn joint_types(&self) -> Vec<String> {
         match self {
-            Model::PlanarPr(_) => vec!["prismatic".into(), "revolute".into()],
-            Model::Tree(tree) => tree.arm().joints.iter().map(|joint| joint.kind.name().to_string()).collect(),
+            ArmModel::PlanarPr(_) => vec!["prismatic".into(), "revolute".into()],
+            ArmModel::Tree(tree) => tree.arm().joints.iter().map(|joint| joint.kind.name().to_string()).collect(),
         }
     }
 
     pub fn frame_names(&self) -> Vec<String> {
         match self {
-            Model::PlanarPr(_) => Vec::new(),
-            Model::Tree(tree) => tree.arm().frame_names().map(String::from).collect(),
+            ArmModel::PlanarPr(_) => Vec::new(),
+            ArmModel::Tree(tree) => tree.arm().frame_names().map(String::from).collect(),
         }
     }
 
     pub fn tip_frame(&self) -> Option<String> {
         match self {
-            Model::PlanarPr(_) => None,
-            Model::Tree(tree) => tree.arm().tip_frame().map(|frame| tree.arm().frames[frame].name.clone()),
+            ArmModel::PlanarPr(_) => None,
+            ArmModel::Tree(tree) => tree.arm().tip_frame().map(|frame| tree.arm().frames[frame].name.clone()),
         }
     }
 
     pub fn report(&self) -> &[String] {
         match self {
-            Model::PlanarPr(_) => &[],
-            Model::Tree(tree) => &tree.arm().report,
+            ArmModel::PlanarPr(_) => &[],
+            ArmModel::Tree(tree) => &tree.arm().report,
         }
     }
 
     pub fn frame(&self, name: &str) -> Result<usize> {
         match self {
-            Model::PlanarPr(_) => Err(Error::input(
+            ArmModel::PlanarPr(_) => Err(Error::input(
                 "frame",
                 format!("is unknown: expected one of (), got {name:?}: planar_pr is given by its dynamics alone"),
             )),
-            Model::Tree(tree) => tree.arm().frame_index(name),
+            ArmModel::Tree(tree) => tree.arm().frame_index(name),
         }
     }
 
     pub fn parameters(&self) -> Vec<f64> {
         match self {
-            Model::PlanarPr(arm) => arm.parameter_array().to_vec(),
-            Model::Tree(tree) => tree.arm().parameters(),
+            ArmModel::PlanarPr(arm) => arm.parameter_array().to_vec(),
+            ArmModel::Tree(tree) => tree.arm().parameters(),
         }
     }
 
-    pub fn with_parameters(&self, pi: &[f64]) -> Result<Model> {
+    pub fn with_parameters(&self, pi: &[f64]) -> Result<ArmModel> {
         match self {
-            Model::PlanarPr(_) => Ok(Model::PlanarPr(PlanarPr::with_parameters([pi[0], pi[1], pi[2]]))),
-            Model::Tree(tree) => Ok(tree.arm().with_parameters(pi)?.into()),
+            ArmModel::PlanarPr(_) => Ok(ArmModel::PlanarPr(PlanarPr::with_parameters([pi[0], pi[1], pi[2]]))),
+            ArmModel::Tree(tree) => Ok(tree.arm().with_parameters(pi)?.into()),
         }
     }
 
     /// Limits and drives of the joints, by name.
     pub fn limits(&self) -> Vec<(&'static str, Vec<f64>)> {
-        let Model::Tree(tree) = self else { return Vec::new() };
+        let ArmModel::Tree(tree) = self else { return Vec::new() };
         let joints = &tree.arm().joints;
         let of = |get: &dyn Fn(&armlet_core::arm::Joint) -> f64| joints.iter().map(get).collect::<Vec<f64>>();
         vec![
@@ -147,7 +147,7 @@ impl Model {
             Quantity::Energy => ([2, 0, 0], 1),
             Quantity::Position | Quantity::Com => ([3, 0, 0], 1),
             Quantity::Christoffel => ([n; 3], 3),
-            Quantity::Regressor if matches!(self, Model::PlanarPr(_)) => ([2, 3, 0], 2),
+            Quantity::Regressor if matches!(self, ArmModel::PlanarPr(_)) => ([2, 3, 0], 2),
             _ => {
                 let (rows, columns) = query.shape(n);
                 ([rows, columns, 0], 2)
@@ -158,32 +158,32 @@ impl Model {
     /// One configuration. Whether every number of the answer is finite.
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match self {
-            Model::PlanarPr(arm) => {
+            ArmModel::PlanarPr(arm) => {
                 inputs.iter().zip(query.inputs()).try_for_each(|(x, name)| finite(name, x))?;
                 arm.evaluate(query, inputs, out)?;
                 Ok(all_finite(out))
             }
-            Model::Tree(tree) => tree.one(query, inputs, out),
+            ArmModel::Tree(tree) => tree.one(query, inputs, out),
         }
     }
 
-    /// Whether [`Model::prepare`] takes milliseconds.
+    /// Whether [`ArmModel::prepare`] takes milliseconds.
     pub fn is_due(&self, query: &Query, count: usize) -> bool {
-        matches!(self, Model::Tree(tree) if tree.is_due(query, count))
+        matches!(self, ArmModel::Tree(tree) if tree.is_due(query, count))
     }
 
     /// Make ready for `count` more rows of a query.
     pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
         match self {
-            Model::PlanarPr(_) => Ok(()),
-            Model::Tree(tree) => tree.prepare(query, count),
+            ArmModel::PlanarPr(_) => Ok(()),
+            ArmModel::Tree(tree) => tree.prepare(query, count),
         }
     }
 
     /// `count` configurations, the arguments and the rows of the answer written out in full. Whether every number of the answer is finite.
     pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         match self {
-            Model::PlanarPr(arm) => {
+            ArmModel::PlanarPr(arm) => {
                 inputs.iter().zip(query.inputs()).try_for_each(|(x, name)| finite(name, x))?;
                 let width = out.len() / count.max(1);
                 let mut sound = true;
@@ -197,18 +197,18 @@ impl Model {
                 }
                 Ok(sound)
             }
-            Model::Tree(tree) => tree.rows(query, inputs, count, out),
+            ArmModel::Tree(tree) => tree.rows(query, inputs, count, out),
         }
     }
 
     /// How the arm reads: a table of its joints.
     pub fn shown(&self) -> String {
         let tree = match self {
-            Model::PlanarPr(arm) => {
+            ArmModel::PlanarPr(arm) => {
                 let [a, b, c] = arm.parameter_array();
                 return format!("planar_pr(A={a}, B={b}, C={c})");
             }
-            Model::Tree(tree) => tree.arm(),
+            ArmModel::Tree(tree) => tree.arm(),
         };
         let mut text = format!("Arm {:?}: {} joints, {} frames, gravity {:?}", tree.name, tree.n(), tree.frames.len(), tree.gravity);
         let wide = tree.joint_names().map(str::len).max().unwrap_or(0).max(5);

@@ -166,7 +166,13 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
     (reader.integers, reader.lengths) = reader.integers.split_at(joints + 2 * frames);
     let name = reader.text().ok_or_else(damaged)?.to_string();
     let gravity = reader.numbers().ok_or_else(damaged)?;
-    let mut arm = core::Arm { name, joints: memory::room(joints)?, frames: memory::room(frames)?, gravity, report: memory::room(remarks)? };
+    let mut arm = core::Arm {
+        name,
+        joints: memory::reserved(joints)?,
+        frames: memory::reserved(frames)?,
+        gravity,
+        report: memory::reserved(remarks)?,
+    };
     for i in 0..joints {
         look();
         arm.joints.push(reader.joint(i).ok_or_else(damaged)?);

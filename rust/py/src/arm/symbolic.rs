@@ -1,6 +1,6 @@
 //! The arm's numbers for `armlet.symbolic`, which makes formulas of them.
 
-use super::{Arm, Model};
+use super::{Arm, ArmModel};
 use crate::arrays::flag_or_false;
 use crate::errors::{entry, input_error};
 use armlet_core::arm::JointKind;
@@ -47,7 +47,7 @@ impl Arm {
                 return Err(input_error(py, NAME, "arm", problem).into());
             }
             let module = py.import("armlet.symbolic")?;
-            let Model::Tree(tree) = &slf.get().model else {
+            let ArmModel::Tree(tree) = &slf.get().model else {
                 return Ok(module.getattr("of_planar_pr")?.call1((slf.get().model.parameters(),))?);
             };
             let arm = tree.arm();

@@ -30,7 +30,7 @@ pub fn copy<T: Copy + Send + Sync>(py: Python<'_>, from: &[T], to: &mut [T]) -> 
 /// The numbers of a large array that can be read in place. Each piece is looked up again: others may have run since the last one.
 pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> Result<Vec<f64>, Failure> {
     let (py, count) = (array.py(), array.len());
-    let mut values = memory::room(count)?;
+    let mut values = memory::reserved(count)?;
     while values.len() < count {
         let Some(all) = in_place(array).filter(|all| all.len() == count) else {
             let problem = "was changed while it was read: expected an array that keeps its size and layout";

@@ -110,7 +110,7 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
                 array => Cow::Borrowed(array.ok().and_then(in_place).unwrap_or_default()),
             },
             Source::Array(array) => {
-                let mut out = memory::room(super::elements(&self.shape)?)?;
+                let mut out = memory::reserved(super::elements(&self.shape)?)?;
                 copy(&array, &mut out).map_err(|(wrong, k)| {
                     let at = if self.shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(&self.shape, k)) };
                     wrong.refusal(value.py(), function, name, &at)
@@ -118,7 +118,7 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
                 Cow::Owned(out)
             }
             Source::Sequence => {
-                let mut out = memory::room(super::elements(&self.shape)?)?;
+                let mut out = memory::reserved(super::elements(&self.shape)?)?;
                 sequence::fill(value, &self.shape, &mut out).map_err(|wrong| {
                     let at = index_of(&self.shape, out.len());
                     wrong.refusal(value.py(), function, name, &format!(" (first bad index {at})"))

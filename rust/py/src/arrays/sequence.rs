@@ -153,7 +153,7 @@ pub fn items<'py>(
     }
     let entries = PyIterator::from_object(value).map_err(|_| not_a_list())?;
     let most = n.unwrap_or(most.min(MOST_UNSIZED));
-    let mut out = memory::room(n.unwrap_or(0))?;
+    let mut out = memory::reserved(n.unwrap_or(0))?;
     for entry in entries {
         if out.len() == most {
             return Err(too_long("more".into()));

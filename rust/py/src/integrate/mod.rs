@@ -41,7 +41,7 @@ fn times(function: &str, t_eval: &Bound<'_, PyAny>, (s0, s1): (f64, f64), direct
 }
 
 /// What a run handed out, on the caller's own time.
-struct Rows<'a, 'py> {
+struct SolutionRecorder<'a, 'py> {
     py: Python<'py>,
     direction: f64,
     t: Vec<f64>,
@@ -54,7 +54,7 @@ struct Rows<'a, 'py> {
     full: CoreResult<()>,
 }
 
-impl Recorder for Rows<'_, '_> {
+impl Recorder for SolutionRecorder<'_, '_> {
     fn state(&mut self, t: f64, x: &[f64]) {
         if self.full.is_ok() {
             self.full = append(&mut self.t, &[self.direction * t]).and_then(|()| append(&mut self.y, x));
@@ -157,7 +157,7 @@ pub fn integrate<'py>(
         if !settings.adaptive() {
             require_finite(py, NAME, "t_span", &[2], &span)?;
         }
-        settings.require_room(py, NAME, s1 - s0, n, states)?;
+        settings.require_memory(py, NAME, s1 - s0, n, states)?;
         let wanted = t_eval.map(|t_eval| times(NAME, t_eval, (s0, s1), direction)).transpose()?;
         let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, &settings)?;
         let args = (!args.is_empty()).then(|| args.clone().unbind());
@@ -180,7 +180,7 @@ pub fn integrate<'py>(
             })
         };
         let request = Request { times: wanted.as_deref(), dense, events: &watched };
-        let mut rows = Rows {
+        let mut rows = SolutionRecorder {
             py,
             direction,
             t: Vec::new(),
@@ -192,7 +192,7 @@ pub fn integrate<'py>(
             full: Ok(()),
         };
         let ended = solve(&mut field, &mut *method, (s0, s1), &request, &mut value, &mut rows);
-        let Rows { t, y, crossings, nodes, ends, full, .. } = rows;
+        let SolutionRecorder { t, y, crossings, nodes, ends, full, .. } = rows;
         if let Some(error) = field.slope.error.take().or(raised).or(stop) {
             return Err(Failure::Python(error));
         }

@@ -10,7 +10,7 @@ use armlet_core::integrate::{
 use armlet_core::memory;
 use pyo3::prelude::*;
 
-pub type Method = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
+pub type AdaptiveMethod = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
 
 const ADAPTIVE: [&str; 4] = ["dopri5", "dop853", "radau5", "rodas4"];
 const FIXED: [&str; 4] = ["euler", "semi_implicit", "rk4", "ros2"];
@@ -87,7 +87,7 @@ impl Settings {
     }
 
     /// Refuse steps too short for the span, and states too large for the memory, before anything is made.
-    pub fn require_room(&self, py: Python<'_>, function: &str, span: f64, n: usize, states: States) -> Result<(), Failure> {
+    pub fn require_memory(&self, py: Python<'_>, function: &str, span: f64, n: usize, states: States) -> Result<(), Failure> {
         if let Some(dt) = self.dt.filter(|dt| span / dt > MOST_STEPS) {
             let problem = format!("is too small for the span: expected at least {}, got {dt}", span / MOST_STEPS);
             return Err(input_error(py, function, "dt", problem).into());
@@ -112,12 +112,12 @@ impl Settings {
         self.name == "rodas4"
     }
 
-    pub fn method(&self, function: &str, py: Python<'_>, field: &Field, y: Vec<f64>, positions: usize) -> Result<Method, Failure> {
+    pub fn method(&self, function: &str, py: Python<'_>, field: &Field, y: Vec<f64>, positions: usize) -> Result<AdaptiveMethod, Failure> {
         let n = y.len();
         let (matrix, pivots) = if self.implicit() { (vec![0.0; n * n], vec![0; n]) } else { Default::default() };
         let tolerances = self.tolerances.clone();
         let h = self.dt.unwrap_or(1.0);
-        let mut method: Method = match self.name.as_str() {
+        let mut method: AdaptiveMethod = match self.name.as_str() {
             "dopri5" => Box::new(Dopri5::new(tolerances, y, 0.0)),
             "dop853" => Box::new(Dop853::new(tolerances, y, 0.0)),
             "radau5" => Box::new(Radau5::new(tolerances, y, 0.0)),
@@ -146,7 +146,7 @@ impl Settings {
     }
 }
 
-fn fixed<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(method: M, h: f64, y: Vec<f64>) -> Method {
+fn fixed<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(method: M, h: f64, y: Vec<f64>) -> AdaptiveMethod {
     // The field itself counts its evaluations.
     Box::new(Steps::new(method, h, Work::default(), y, 0.0))
 }

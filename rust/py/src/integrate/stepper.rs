@@ -3,7 +3,7 @@
 use super::field::Field;
 use super::filled;
 use super::jacobian::Jacobian;
-use super::settings::{Method, Settings};
+use super::settings::{AdaptiveMethod, Settings};
 use super::slope::{Slope, States};
 use crate::arrays::{any_vector, flag, number, require_finite};
 use crate::errors::{Failure, entry, input_error};
@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 #[pyclass(module = "armlet._core")]
 pub struct Stepper {
     field: Field,
-    method: Method,
+    method: AdaptiveMethod,
     direction: f64,
 }
 
@@ -53,7 +53,7 @@ impl Stepper {
             let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
             let (start, end) = (direction * span[0], direction * span[1]);
             let settings = Settings::new(NAME, n, method, rtol, atol, None, max_step, first_step, end - start)?;
-            settings.require_room(py, NAME, 0.0, n, states)?;
+            settings.require_memory(py, NAME, 0.0, n, states)?;
             let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, &settings)?;
             let slope = Slope::new(NAME, f.clone().unbind(), None, states, direction);
             let mut field = Field::new(slope, jacobian, (start, end), 0, n);
@@ -97,7 +97,7 @@ impl Stepper {
             let (degree, n) = (self.method.dense_degree(), self.method.x().len());
             let (t_old, t) = (self.method.t_old(), self.method.t());
             let mut at = memory::copied(self.method.x())?;
-            let mut values = memory::room((degree + 1) * n)?;
+            let mut values = memory::reserved((degree + 1) * n)?;
             for k in 0..=degree {
                 let s = if k == degree { t } else { t_old + node(k, degree) * (t - t_old) };
                 self.method.interpolate(&mut self.field, s, &mut at);

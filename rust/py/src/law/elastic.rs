@@ -1,6 +1,6 @@
 //! Laws of arms with elastic joints.
 
-use super::{Given, Law};
+use super::{Arguments, Law};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{
     CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, LawSpec, MotorPdSpec, PdGravitySpec, ReductionSpec, StateFeedbackSpec,
@@ -20,7 +20,7 @@ struct Inner<'a, 'py> {
 }
 
 impl<'py> Inner<'_, 'py> {
-    fn read(self, given: &mut Given<'py>) -> Result<ReductionSpec, Failure> {
+    fn read(self, given: &mut Arguments<'py>) -> Result<ReductionSpec, Failure> {
         let n = given.model().n();
         let joint_stiffness = given.gain("joint_stiffness", self.joint_stiffness, n)?;
         let motor_inertia = given.gain("motor_inertia", self.motor_inertia, n)?;
@@ -46,10 +46,10 @@ struct Outer<'a, 'py> {
 
 /// The law of both loops about the target that `target` reads, of so many coordinates.
 fn cartesian<'py>(
-    given: &mut Given<'py>,
+    given: &mut Arguments<'py>,
     outer: Outer<'_, 'py>,
     inner: Inner<'_, 'py>,
-    target: impl FnOnce(&mut Given<'py>, usize) -> Result<Motion, Failure>,
+    target: impl FnOnce(&mut Arguments<'py>, usize) -> Result<Motion, Failure>,
 ) -> Result<LawSpec, Failure> {
     let (frame, axes, m) = given.frame_and_axes(outer.frame, outer.axes)?;
     let target = target(given, m)?;
@@ -124,7 +124,7 @@ impl ElasticImpedance {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ElasticImpedance";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
             let outer = Outer { stiffness, damping, frame, axes };
             let law = cartesian(&mut given, outer, inner, |given, m| Ok(Motion::Hold(given.vector("target", target, m)?)))?;
@@ -180,7 +180,7 @@ impl ElasticTracking {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ElasticTracking";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
             let outer = Outer { stiffness, damping, frame, axes };
             let law = cartesian(&mut given, outer, inner, |given, _| given.motion("target", target))?;
@@ -236,7 +236,7 @@ impl JointImpedance {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "JointImpedance";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let n = given.model().n();
             let target = given.vector("target", target, n)?;
             let (stiffness, damping) = (given.gain("stiffness", stiffness, n)?, given.gain("damping", damping, n)?);
@@ -293,7 +293,7 @@ impl MotorPD {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "MotorPD";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let n = given.model().n();
             let target = given.vector("target", target, n)?;
             let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
@@ -346,7 +346,7 @@ impl StateFeedback {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "StateFeedback";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let n = given.model().n();
             let target = given.vector("target", target, n)?;
             let gains = [given.gain("kp", kp, n)?, given.gain("kd", kd, n)?, given.gain("kt", kt, n)?, given.gain("ks", ks, n)?];

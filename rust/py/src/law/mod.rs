@@ -8,10 +8,10 @@ pub use elastic::{ElasticImpedance, ElasticTracking, JointImpedance, MotorPD, St
 pub use priority::{PriorityAcceleration, PriorityVelocity};
 pub use rigid::{Adaptive, CartesianImpedance, ComputedTorque, PDGravity};
 
+use crate::arguments::{Arguments, call, shown_as};
 use crate::arm::Arm;
 use crate::arrays::{new_array, new_vector, number, of_shape, require_finite, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::given::{Given, call, shown_as};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::error::all_finite;
 use armlet_core::law::{LawEvaluator, LawSpec};
@@ -34,7 +34,7 @@ pub struct Law {
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
-impl Given<'_> {
+impl Arguments<'_> {
     /// The law of these arguments.
     fn law(self, spec: LawSpec) -> PyClassInitializer<Law> {
         let evaluator = Mutex::new(LawEvaluator::new(&spec));
@@ -43,17 +43,17 @@ impl Given<'_> {
 }
 
 /// `t`, the plant's state and the law's own.
-type Asked = (f64, Vec<f64>, Vec<f64>);
+type CallArguments = (f64, Vec<f64>, Vec<f64>);
 
 /// What a law is asked about, checked.
-fn asked(
+fn call_arguments(
     function: &str,
     spec: &LawSpec,
     t: &Bound<'_, PyAny>,
     (q, v): (&Bound<'_, PyAny>, &Bound<'_, PyAny>),
     motors: [Option<&Bound<'_, PyAny>>; 2],
     state: Option<&Bound<'_, PyAny>>,
-) -> Result<Asked, Failure> {
+) -> Result<CallArguments, Failure> {
     let py = q.py();
     let t = number(function, "t", t)?;
     require_finite(py, function, "t", &[], &[t])?;
@@ -140,7 +140,7 @@ impl Law {
             {
                 return answer(time.value(), &[q, v], None);
             }
-            let (t, x, z) = asked(name, &self.spec, t, (q, v), [theta, theta_dot], state)?;
+            let (t, x, z) = call_arguments(name, &self.spec, t, (q, v), [theta, theta_dot], state)?;
             answer(t, &[&x], Some(&z))
         })
     }
@@ -158,7 +158,7 @@ impl Law {
         state: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         entry(py, "Law.terms", || {
-            let (t, x, z) = asked("Law.terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
+            let (t, x, z) = call_arguments("Law.terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
             let parts = PyDict::new(py);
             let rows = self.spec.level_rows();
             for (name, shape, values) in self.spec.terms(t, &x, &z) {

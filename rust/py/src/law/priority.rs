@@ -1,19 +1,19 @@
 //! Laws of tasks in priority.
 
-use super::{Given, Law};
+use super::{Arguments, Law};
 use crate::arrays::optional_number;
 use crate::errors::{Failure, entry};
 use crate::priority::{Keywords, method_name, per_joint};
 use crate::task::each;
-use armlet_core::law::{GivenLimits, LawSpec, Level, PriorityAccelerationSpec, PriorityVelocitySpec};
-use armlet_core::priority::Options;
+use armlet_core::law::{LawSpec, Level, LimitOverrides, PriorityAccelerationSpec, PriorityVelocitySpec};
+use armlet_core::priority::PriorityOptions;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
 /// Keywords of both laws by name, those not given `None`.
 type Keyword<'a, 'py> = (&'static str, Option<&'a Bound<'py, PyAny>>);
 
-impl<'py> Given<'py> {
+impl<'py> Arguments<'py> {
     /// The levels of these tasks, how they are solved, and the limits given.
     fn levels(
         &mut self,
@@ -22,7 +22,7 @@ impl<'py> Given<'py> {
         method: Option<&Bound<'py, PyAny>>,
         eps: Option<&Bound<'py, PyAny>>,
         limits: &[Keyword<'_, 'py>],
-    ) -> Result<(Vec<Level>, Options, GivenLimits), Failure> {
+    ) -> Result<(Vec<Level>, PriorityOptions, LimitOverrides), Failure> {
         let method = method_name(function, method)?;
         let model = self.model();
         let arm = model.tree("arm")?;
@@ -34,7 +34,7 @@ impl<'py> Given<'py> {
         if let Some(eps) = eps {
             self.keep("eps", eps)?;
         }
-        let mut given = GivenLimits::default();
+        let mut given = LimitOverrides::default();
         for &(name, value) in limits {
             let Some(value) = value else { continue };
             if name == "horizon" {
@@ -107,7 +107,7 @@ impl PriorityVelocity {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "PriorityVelocity";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let limits = [("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("a_max", a_max), ("horizon", horizon)];
             let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
             let spec = PriorityVelocitySpec::new(given.model(), levels, options, &limits)?;
@@ -168,7 +168,7 @@ impl PriorityAcceleration {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "PriorityAcceleration";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let limits = [("a_max", a_max), ("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("horizon", horizon)];
             let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
             let damping = optional_number(NAME, "joint_damping", joint_damping)?.unwrap_or(JOINT_DAMPING);

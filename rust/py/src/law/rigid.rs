@@ -1,6 +1,6 @@
 //! Laws of rigid arms.
 
-use super::{Given, Law};
+use super::{Arguments, Law};
 use crate::arrays::{Looked, WHATEVER, numbers, owned, shown};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec, Projection};
@@ -42,7 +42,7 @@ use pyo3::prelude::*;
 pub struct Adaptive;
 
 /// The columns and the projection of a `BaseParameters`.
-fn base_of<'py>(given: &mut Given<'py>, base: &Bound<'py, PyAny>, p: usize) -> Result<Base, Failure> {
+fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) -> Result<Base, Failure> {
     let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected what arm.base_parameters() returns, or None");
     let field = |name: &str| base.getattr(name).map_err(|_| refused());
     let columns: Vec<usize> = field("columns")?.call_method0("tolist")?.extract().map_err(|_| refused())?;
@@ -62,7 +62,7 @@ fn base_of<'py>(given: &mut Given<'py>, base: &Bound<'py, PyAny>, p: usize) -> R
 const LENGTH: f64 = 0.1;
 
 /// A mass, or the parameters of the least bodies.
-fn least_bodies<'py>(given: &mut Given<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
+fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
     if Looked::at("Adaptive", "projection", projection)?.shape.is_empty() {
         let mass = given.number("projection", projection)?;
         return Ok(Projection::of_mass(p, mass, LENGTH)?);
@@ -90,7 +90,7 @@ impl Adaptive {
         projection: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "Adaptive", || {
-            let mut given = Given::new("Adaptive", arm)?;
+            let mut given = Arguments::new("Adaptive", arm)?;
             let model = given.model();
             let (n, p) = (model.n(), model.parameter_count());
             let motion = given.motion("motion", motion)?;
@@ -146,7 +146,7 @@ impl ComputedTorque {
         kd: &Bound<'py, PyAny>,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "ComputedTorque", || {
-            let mut given = Given::new("ComputedTorque", arm)?;
+            let mut given = Arguments::new("ComputedTorque", arm)?;
             let model = given.model();
             let n = model.n();
             let motion = given.motion("motion", motion)?;
@@ -189,7 +189,7 @@ impl PDGravity {
         kd: &Bound<'py, PyAny>,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "PDGravity", || {
-            let mut given = Given::new("PDGravity", arm)?;
+            let mut given = Arguments::new("PDGravity", arm)?;
             let model = given.model();
             let n = model.n();
             let target = given.vector("target", target, n)?;
@@ -241,7 +241,7 @@ impl CartesianImpedance {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "CartesianImpedance";
         entry(arm.py(), NAME, || {
-            let mut given = Given::new(NAME, arm)?;
+            let mut given = Arguments::new(NAME, arm)?;
             let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
             let target = given.vector("target", target, m)?;
             let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);

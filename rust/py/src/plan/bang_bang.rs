@@ -1,6 +1,6 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
-use super::{NAMES, Problem, again, float, part, problem, scalar, symmetric, truth};
+use super::{LinkProblem, NAMES, again, float, part, problem, scalar, symmetric, truth};
 use crate::arrays::{copied, index_of, items, new_array, require_finite, shown, signed, written_arrays};
 use crate::broadcast::{Columns, columns};
 use crate::errors::{Failure, entry, input_error};
@@ -92,16 +92,16 @@ pub fn bang_bang_time<'py>(
 #[pyclass(frozen, module = "armlet", name = "BangBangReport")]
 pub struct BangBangReport {
     core: plan::BangBangReport,
-    problem: Problem,
+    problem: LinkProblem,
 }
 
 impl BangBangReport {
     #[inline]
-    fn core([theta0, thetaf, inertia, gravity_moment, tau_max, tau_min]: Problem) -> Result<plan::BangBangReport, Error> {
+    fn core([theta0, thetaf, inertia, gravity_moment, tau_max, tau_min]: LinkProblem) -> Result<plan::BangBangReport, Error> {
         plan::bang_bang_time(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)
     }
 
-    fn solve(problem: Problem) -> Result<Self, Error> {
+    fn solve(problem: LinkProblem) -> Result<Self, Error> {
         Ok(BangBangReport { core: Self::core(problem)?, problem })
     }
 }

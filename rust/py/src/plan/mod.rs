@@ -20,7 +20,7 @@ use torque::TorqueOptimum;
 pub const NAMES: [&str; 6] = ["theta0", "thetaf", "inertia", "gravity_moment", "tau_max", "tau_min"];
 
 /// `theta0, thetaf, inertia, gravity_moment, tau_max, tau_min`.
-pub type Problem = [f64; 6];
+pub type LinkProblem = [f64; 6];
 
 /// The numbers of one problem, None if an argument is an array with axes. `tau_min` is `-tau_max` unless given.
 pub fn problem(
@@ -28,7 +28,7 @@ pub fn problem(
     function: &str,
     values: [&Bound<'_, PyAny>; 5],
     tau_min: Option<&Bound<'_, PyAny>>,
-) -> Result<Option<Problem>, Failure> {
+) -> Result<Option<LinkProblem>, Failure> {
     let mut p = [0.0; 6];
     for k in 0..5 {
         match number_or_array(function, NAMES[k], values[k])? {
@@ -60,7 +60,7 @@ pub fn single(
     function: &str,
     values: [&Bound<'_, PyAny>; 5],
     tau_min: Option<&Bound<'_, PyAny>>,
-) -> Result<Problem, Failure> {
+) -> Result<LinkProblem, Failure> {
     if let Some(p) = problem(py, function, values, tau_min)? {
         return Ok(p);
     }

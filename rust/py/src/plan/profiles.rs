@@ -1,6 +1,6 @@
 //! `armlet.trapezoid_time` and `armlet.minimum_jerk_time`.
 
-use super::{Problem, again, float, scalar, single, truth};
+use super::{LinkProblem, again, float, scalar, single, truth};
 use crate::errors::entry;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
@@ -92,13 +92,13 @@ pub fn minimum_jerk_time<'py>(
 #[pyclass(frozen, module = "armlet", name = "ProfileReport")]
 pub struct ProfileReport {
     core: plan::ProfileReport,
-    problem: Problem,
+    problem: LinkProblem,
     /// Of the trapezoid; None for minimum jerk.
     ramp: Option<f64>,
 }
 
 impl ProfileReport {
-    pub fn solve(problem: Problem, ramp: Option<f64>) -> Result<Self, Error> {
+    pub fn solve(problem: LinkProblem, ramp: Option<f64>) -> Result<Self, Error> {
         let [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min] = problem;
         let core = match ramp {
             Some(ramp) => plan::trapezoid_time(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max, ramp)?,

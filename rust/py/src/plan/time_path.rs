@@ -1,7 +1,7 @@
 //! `armlet.time_path`: its arguments.
 
 use super::timed_path::TimedPath;
-use crate::arm::{Arm, Model};
+use crate::arm::{Arm, ArmModel};
 use crate::arrays::{
     Axis, Form, Looked, SCALAR, count, items, number, numbers, object, require_finite, shown, spread, text, vector, whole,
 };
@@ -213,15 +213,15 @@ pub fn time_path<'py>(
         }
         let core = Arc::new(core);
         let mover = match model {
-            Model::Tree(tree) => Mover::Tree(tree),
-            Model::PlanarPr(arm) => Mover::PlanarPr(*arm),
+            ArmModel::Tree(tree) => Mover::Tree(tree),
+            ArmModel::PlanarPr(arm) => Mover::PlanarPr(*arm),
         };
         let answer = long(py, || plan::time_path(mover, core, &limits, &options))?;
         Ok(Bound::new(py, TimedPath::answer(answer))?)
     })
 }
 
-fn own_friction(model: &Model, n: usize) -> Friction {
+fn own_friction(model: &ArmModel, n: usize) -> Friction {
     let limits = model.limits();
     let of = |name: &str| limits.iter().find(|(known, _)| *known == name).map_or(vec![0.0; n], |(_, values)| values.clone());
     Friction { viscous: of("damping"), coulomb: of("friction") }

@@ -229,7 +229,7 @@ impl TimedPath {
     }
 }
 
-type Told = (String, usize, String, f64, String, f64, f64);
+type PickledReason = (String, usize, String, f64, String, f64, f64);
 
 /// A `TimedPath` from what its pickle holds.
 #[entered]
@@ -238,7 +238,7 @@ pub fn _restore_time_path<'py>(
     py: Python<'py>,
     parts: &Bound<'py, PyAny>,
     margin: f64,
-    why: Option<Told>,
+    why: Option<PickledReason>,
 ) -> PyResult<Bound<'py, TimedPath>> {
     const NAME: &str = "_restore_time_path";
     entry(py, NAME, || {
@@ -246,13 +246,13 @@ pub fn _restore_time_path<'py>(
         for part in &items(NAME, "parts", "a list: expected eight arrays", parts, 8)? {
             arrays.push(owned(numbers(NAME, "parts", part, &[WHATEVER])?.1)?);
         }
-        let [knots, coefficients, end, s, x, bend, t, u] =
+        let [knots, coefficients, end, s, x, u_slope, t, u] =
             <[Vec<f64>; 8]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected eight arrays"))?;
         let path = Arc::new(Path::from_parts(knots, coefficients, end)?);
         let core = if x.iter().all(|x| x.is_infinite()) {
             CorePath::still(path)
         } else if u.is_empty() {
-            CorePath::new(path, s, x, bend)?
+            CorePath::new(path, s, x, u_slope)?
         } else {
             CorePath::cubic(path, t, s, x, u)?
         };

@@ -1,6 +1,6 @@
 //! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
 
-use super::{Problem, again, float, part, scalar, single, truth};
+use super::{LinkProblem, again, float, part, scalar, single, truth};
 use crate::arrays::{WHATEVER, numbers, owned, require_finite, written_arrays};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
@@ -72,7 +72,7 @@ pub fn torque_optimal_time<'py>(
 #[pyclass(frozen, module = "armlet", name = "TorqueOptimum")]
 pub struct TorqueOptimum {
     core: plan::TorqueOptimum,
-    problem: Problem,
+    problem: LinkProblem,
     friction: [f64; 2],
     /// Built when asked for: of the best family, of the monotone optimum.
     profiles: [OnceLock<Option<TorqueProfile>>; 2],
@@ -82,7 +82,7 @@ pub struct TorqueOptimum {
 const LOOK: usize = 256;
 
 impl TorqueOptimum {
-    pub fn solve(problem: Problem, friction: [f64; 2]) -> Result<Self, Error> {
+    pub fn solve(problem: LinkProblem, friction: [f64; 2]) -> Result<Self, Error> {
         let [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min] = problem;
         let [viscous, coulomb] = friction;
         let core = if friction == [0.0; 2] {

@@ -26,7 +26,7 @@ use std::cell::RefCell;
 #[pyclass(frozen, module = "armlet")]
 pub struct PrioritySolution {
     /// What a single solve found: its objects are made when they are asked for.
-    found: Option<Found>,
+    found: Option<SingleSolution>,
     v: PyOnceLock<Py<PyAny>>,
     residuals: PyOnceLock<Py<PyAny>>,
     ranks: PyOnceLock<Py<PyAny>>,
@@ -35,7 +35,7 @@ pub struct PrioritySolution {
 }
 
 /// The answer of a single solve: `[v, residuals, scales]`.
-struct Found {
+struct SingleSolution {
     n: usize,
     rows: Vec<usize>,
     numbers: Vec<f64>,
@@ -49,7 +49,7 @@ impl PrioritySolution {
         &self,
         py: Python<'py>,
         field: &PyOnceLock<Py<PyAny>>,
-        make: impl FnOnce(&Found) -> Result<Bound<'py, PyAny>, Failure>,
+        make: impl FnOnce(&SingleSolution) -> Result<Bound<'py, PyAny>, Failure>,
     ) -> PyResult<Py<PyAny>> {
         let made = || match &self.found {
             Some(found) => entry(py, "PrioritySolution", || make(found)).map(Bound::unbind),
@@ -89,7 +89,7 @@ impl PrioritySolution {
 
     #[getter]
     fn scales(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        let of = |found: &Found| copied(py, &[found.rows.len()], &found.numbers[found.numbers.len() - found.rows.len()..]);
+        let of = |found: &SingleSolution| copied(py, &[found.rows.len()], &found.numbers[found.numbers.len() - found.rows.len()..]);
         self.once(py, &self.scales, of)
     }
 
@@ -252,7 +252,7 @@ fn again(jacobians: &[Bound<'_, PyAny>], velocities: &[Bound<'_, PyAny>], keywor
 
 /// What the solver found last.
 fn answer(solver: &Core) -> PrioritySolution {
-    let found = Found {
+    let found = SingleSolution {
         n: solver.n(),
         rows: solver.rows().to_vec(),
         numbers: [solver.v(), solver.residuals(), solver.scales()].concat(),

@@ -6,7 +6,7 @@ use super::stack::{Keywords, MOST_LEVELS, Stack, items, method_name, per_joint, 
 use crate::arrays::{self, copied, count, new_vector, number, of_shape, optional_number, out_slice, shown, whole};
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal_new};
-use armlet_core::priority::{DEFAULT_ROUNDING, Options, PrioritySolver as Core};
+use armlet_core::priority::{DEFAULT_ROUNDING, PriorityOptions, PrioritySolver as Core};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -14,7 +14,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 struct State {
     core: Core,
-    options: Options,
+    options: PriorityOptions,
 }
 
 /// Prioritised velocities for stacks of one size, solved again and again: the buffers are built once.

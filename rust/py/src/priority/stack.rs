@@ -5,7 +5,7 @@ use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use armlet_core::memory;
-use armlet_core::priority::{Method, Options};
+use armlet_core::priority::{PriorityMethod, PriorityOptions};
 use pyo3::prelude::*;
 use std::borrow::Cow;
 
@@ -192,8 +192,8 @@ impl Keywords<'_, '_> {
         self.eps.is_none() && self.weight.is_none() && self.v_min.is_none() && self.v_max.is_none()
     }
 
-    pub fn options(&self, function: &str, n: usize, levels: usize) -> Result<Options, Failure> {
-        let mut options = Options { rounding: self.rounding, ..Options::new(Method::from_name(self.method)?) };
+    pub fn options(&self, function: &str, n: usize, levels: usize) -> Result<PriorityOptions, Failure> {
+        let mut options = PriorityOptions { rounding: self.rounding, ..PriorityOptions::new(PriorityMethod::from_name(self.method)?) };
         if let Some(eps) = self.eps {
             options.eps = Some(per_joint(function, "eps", eps, levels)?);
         }

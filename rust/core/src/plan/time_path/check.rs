@@ -12,7 +12,7 @@
 //! little and a few corrections suffice. Samples come from the dynamics themselves, or from polynomials through the rows of six
 //! grid points, which are then compared with the dynamics in the middle of every segment.
 
-use super::lines::Rows;
+use super::lines::LimitRows;
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use crate::motion::Path;
@@ -27,7 +27,7 @@ pub(super) const INTERPOLATION: f64 = 1e-10;
 /// Points of an interpolation.
 pub(super) const WINDOW: usize = 6;
 
-/// Whole blocks of rows: torques and accelerations as in [`Rows`], then speeds where they are limited.
+/// Whole blocks of rows: torques and accelerations as in [`LimitRows`], then speeds where they are limited.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Limits {
     pub lo: Vec<f64>,
@@ -54,7 +54,7 @@ impl Limits {
 
 /// What a check found.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
+pub(super) struct LimitCheck {
     /// Smallest relative distance to a limit on the samples; negative beyond it.
     pub margin: f64,
     /// Largest relative excess, between the samples too.
@@ -83,15 +83,15 @@ pub(super) struct Course<'a> {
 
 /// Squared path speed and path acceleration at `z` in segment `i`.
 #[inline(always)]
-pub(super) fn state(rows: &Rows, x: &[f64], i: usize, z: f64) -> (f64, f64) {
-    let (h, b) = (rows.s[i + 1] - rows.s[i], rows.bend[i]);
+pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64) {
+    let (h, b) = (rows.s[i + 1] - rows.s[i], rows.u_slope[i]);
     let here = if z == 1.0 { x[i + 1] } else { x[i] + z * (x[i + 1] - x[i]) - z * (1.0 - z) * h * h * b };
     (here.max(0.0), 0.5 * (x[i + 1] - x[i]) / h + (z - 0.5) * h * b)
 }
 
 /// `[tau, a, v]`, `(3 n,)`, by the dynamics at `per` places of the segments listed: the middle, or samples that are even in time. Viscous
 /// friction goes with the root of `x`, which near rest no parabola follows in `s`.
-pub(super) fn measure(course: &Course, rows: &Rows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
+pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
     let n = course.n;
     let count = list.len() * per;
     values.clear();

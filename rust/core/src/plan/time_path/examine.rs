@@ -4,10 +4,10 @@
 //! and a parabola through them leave it as near.
 
 use super::check::{Course, FINE, TOLERANCE, WINDOW};
-use super::lines::{FASTEST, Rows, largest, load, store};
+use super::lines::{FASTEST, LimitRows, largest, load, store};
 use super::samples::{Samples, Segment};
 use crate::interrupt::look;
-use crate::scalar::{Real, Task};
+use crate::scalar::{GenericKernel, Real};
 
 /// A block of rows at the samples of a segment.
 type Fine<S> = [S; FINE + 1];
@@ -34,9 +34,9 @@ struct States {
 
 impl States {
     #[inline(always)]
-    fn of<S: Real>(rows: &Rows, x: &[f64], i: usize) -> Self {
+    fn of<S: Real>(rows: &LimitRows, x: &[f64], i: usize) -> Self {
         let (h, from, to) = (rows.s[i + 1] - rows.s[i], x[i], x[i + 1]);
-        let (rise, turn) = (to - from, h * rows.bend[i]);
+        let (rise, turn) = (to - from, h * rows.u_slope[i]);
         let mean = 0.5 * rise / h;
         let mut states = States::default();
         let mut k = 0;
@@ -62,7 +62,7 @@ const LOOK: usize = 64;
 
 pub(super) struct Examine<'a, F> {
     pub course: &'a Course<'a>,
-    pub rows: &'a Rows,
+    pub rows: &'a LimitRows,
     pub x: &'a [f64],
     pub samples: &'a mut Samples,
     pub narrow: F,
@@ -178,11 +178,11 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
 
 /// The second difference of a row at sample `sub`. A function, since a closure may be left a call, outside of the instruction set.
 #[inline(always)]
-fn bend<S: Real>(values: &Fine<S>, sub: usize) -> S {
+fn second_difference<S: Real>(values: &Fine<S>, sub: usize) -> S {
     values[sub - 1] - (values[sub] + values[sub]) + values[sub + 1]
 }
 
-impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
+impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
     type Output = ();
     #[inline(always)]
     fn run<S: Real>(mut self) {
@@ -247,8 +247,8 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
                 }
                 let (mut top, mut bottom, mut high, mut low) = (fine[0], fine[0], fine[0], fine[0]);
                 // At the ends, what the bends beside them lead to.
-                let mut after = bend(&fine, 1);
-                let mut before = after + after - bend(&fine, 2);
+                let mut after = second_difference(&fine, 1);
+                let mut before = after + after - second_difference(&fine, 2);
                 for sub in 0..FINE {
                     let (f, g) = (fine[sub], fine[sub + 1]);
                     let d = before.abs().max(after.abs());
@@ -260,7 +260,7 @@ impl<F: FnMut(usize, usize, f64, f64)> Task for Examine<'_, F> {
                         let between = half * rest * rest * d.max(tiny).recip();
                         (high, low) = (high.max(f.max(g) + between), low.min(f.min(g) - between));
                     }
-                    let next = if sub + 2 < FINE { bend(&fine, sub + 2) } else { after + after - before };
+                    let next = if sub + 2 < FINE { second_difference(&fine, sub + 2) } else { after + after - before };
                     (before, after) = (after, next);
                 }
                 let (lo, hi) = (load::<S>(&limits.lo, k), load::<S>(&limits.hi, k));

@@ -29,7 +29,7 @@ pub(super) const BLOCK: usize = 8;
 
 /// The rows of a problem on a grid; widths are padded to whole blocks, with limits that never bind.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Rows {
+pub(super) struct LimitRows {
     pub width: usize,
     /// `(N + 1, 3 width)`: `A, B, g` at the grid points, and `(N, 3 width)` half way between them.
     pub coefficients: Vec<f64>,
@@ -45,7 +45,7 @@ pub(super) struct Rows {
     pub tight_lo: Vec<f64>,
     pub tight_hi: Vec<f64>,
     /// `(N,)`: the slope `du/ds` that the path acceleration is given in each segment, about its mean.
-    pub bend: Vec<f64>,
+    pub u_slope: Vec<f64>,
     /// `(N + 1,)`: bounds of `x`.
     pub cap: Vec<f64>,
     /// `(N + 1,)`: path positions.
@@ -54,7 +54,7 @@ pub(super) struct Rows {
     pub x_end: f64,
 }
 
-impl Rows {
+impl LimitRows {
     /// Where a path turns back, what rounding leaves of `A` is none: over so small a number the last digit of `B x` would be any `u`.
     pub fn drop_rounding(&mut self) {
         let width = self.width;
@@ -144,10 +144,10 @@ impl Lines {
     /// The rows of segment `i`: at its start, and at its end with `x + 2 h u` for `x`; limits widened by `widen` of their scale;
     /// into the lists at `place`.
     #[inline(always)]
-    pub fn build<S: Real>(&mut self, rows: &Rows, i: usize, place: usize, widen: f64) {
+    pub fn build<S: Real>(&mut self, rows: &LimitRows, i: usize, place: usize, widen: f64) {
         let w = rows.width;
         let step = rows.s[i + 1] - rows.s[i];
-        let (h, turn, dip) = (S::splat(step), S::splat(0.5 * step * rows.bend[i]), S::splat(0.25 * step * step * rows.bend[i]));
+        let (h, turn, dip) = (S::splat(step), S::splat(0.5 * step * rows.u_slope[i]), S::splat(0.25 * step * step * rows.u_slope[i]));
         let (zero, none, far) = (S::zero(), S::splat(NONE), S::splat(FAR));
         let (standing, widen) = (S::splat(STANDING), S::splat(widen));
         let (mut low, mut high) = (zero, S::splat(FASTEST));

@@ -28,10 +28,10 @@ pub use rows::{Friction, Mover};
 
 use crate::error::Result;
 use crate::motion::{Path, TimedPath};
-use check::{Found, TOLERANCE};
-use reach::{Profile, Stuck, bend, losses, solve};
+use check::{LimitCheck, TOLERANCE};
+use reach::{Profile, Stuck, losses, set_slopes, solve};
 use samples::Samples;
-use setup::{Line, Problem};
+use setup::{Line, PathProblem};
 use std::sync::Arc;
 
 /// Corrections of one grid before it is halved; twice as many under friction, and where it can't be.
@@ -73,9 +73,9 @@ pub struct TimePath {
 
 /// What one grid gave.
 enum Outcome {
-    Done(Found),
+    Done(LimitCheck),
     /// The grid is too coarse: in places, or, where corrections failed, altogether.
-    Coarse(Found, bool),
+    Coarse(LimitCheck, bool),
     Stuck(Stuck),
 }
 
@@ -86,7 +86,7 @@ fn change(new: &[f64], old: &[f64]) -> f64 {
 
 /// The profile with viscous friction, on the rows as they are: chords until it changes little, since they can't cut it off from
 /// rest, then tangents, whose error goes with the square of the change.
-fn with_friction(problem: &mut Problem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
+fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() {
         return Ok(());
     }
@@ -111,7 +111,7 @@ fn with_friction(problem: &mut Problem, profile: &mut Profile) -> std::result::R
 }
 
 /// The profile with friction by tangents, until it stands: what is left of their error would be taken for an excess.
-fn tangents(problem: &mut Problem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
+fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     for _ in 0..TANGENTS {
         let x = profile.x.clone();
         problem.linearise_friction(&x, Line::Tangent);
@@ -130,15 +130,15 @@ fn tangents(problem: &mut Problem, profile: &mut Profile) -> std::result::Result
 }
 
 /// The profile on narrowed rows.
-fn again(problem: &mut Problem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
+fn again(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() { solve(&problem.rows, profile) } else { tangents(problem, profile) }
 }
 
-fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, lost: &mut Vec<f64>, fine: f64, last: bool) -> Outcome {
+fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile, lost: &mut Vec<f64>, fine: f64, last: bool) -> Outcome {
     problem.rows.tight_lo.fill(0.0);
     problem.rows.tight_hi.fill(0.0);
     problem.cap_tight.fill(0.0);
-    problem.rows.bend.fill(0.0);
+    problem.rows.u_slope.fill(0.0);
     profile.forget();
     samples.begin(&problem.course());
     problem.set_caps();
@@ -147,9 +147,9 @@ fn plan(problem: &mut Problem, samples: &mut Samples, profile: &mut Profile, los
         return Outcome::Stuck(stuck);
     }
     for _ in 0..BENDS {
-        bend(&mut problem.rows, profile);
+        set_slopes(&mut problem.rows, profile);
         if solve(&problem.rows, profile).is_err() {
-            problem.rows.bend.fill(0.0);
+            problem.rows.u_slope.fill(0.0);
             profile.forget();
             if let Err(stuck) = solve(&problem.rows, profile) {
                 return Outcome::Stuck(stuck);
@@ -240,7 +240,7 @@ fn halvings(over: f64) -> u32 {
 
 /// The fastest timing of `path` for `mover` under `limits`.
 pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &TimePathOptions) -> Result<TimePath> {
-    let mut problem = Problem::new(mover, path, limits, options)?;
+    let mut problem = PathProblem::new(mover, path, limits, options)?;
     if problem.path.is_point() {
         return problem.hold();
     }
@@ -255,7 +255,7 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
         let (reason, whole) = match outcome {
             Outcome::Done(found) => {
                 let rows = &problem.rows;
-                let motion = TimedPath::new(problem.path.clone(), rows.s.clone(), profile.x.clone(), rows.bend.clone())?;
+                let motion = TimedPath::new(problem.path.clone(), rows.s.clone(), profile.x.clone(), rows.u_slope.clone())?;
                 let moving = motion.duration().is_finite();
                 if moving {
                     let settled = match &best {

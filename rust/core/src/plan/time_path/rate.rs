@@ -14,7 +14,7 @@
 use super::check::TOLERANCE;
 use super::reason::{Bound, PathReason, Shortfall};
 use super::rows::{Ask, Points};
-use super::setup::Problem;
+use super::setup::PathProblem;
 use super::{TimePath, TimePathOptions};
 use crate::error::Result;
 use crate::interrupt::look;
@@ -54,7 +54,7 @@ struct Beyond {
 
 /// What samples of a timing say, `(K, n)` each: static torques, friction and inertia torques, accelerations and speeds.
 struct Samples<'a> {
-    problem: &'a Problem<'a>,
+    problem: &'a PathProblem<'a>,
     rates: &'a [f64],
     per: usize,
     step: f64,
@@ -96,7 +96,7 @@ fn averaged(fast: &TimedPath, window: f64, pieces: usize) -> Nodes {
 }
 
 impl<'a> Samples<'a> {
-    fn new(problem: &'a Problem<'a>, rates: &'a [f64], viscous: &[f64], nodes: &Nodes, per: usize) -> Self {
+    fn new(problem: &'a PathProblem<'a>, rates: &'a [f64], viscous: &[f64], nodes: &Nodes, per: usize) -> Self {
         let (n, segments) = (problem.n, nodes.s.len() - 1);
         let count = segments * per + 1;
         let step = nodes.t[1] / per as f64;
@@ -211,7 +211,7 @@ fn size(near: f64, far: f64) -> f64 {
 }
 
 /// `fast` averaged and slowed until no torque changes faster than `rates`, `(n,)`.
-pub(super) fn limit_rate(problem: &Problem, fast: TimePath, rates: &[f64], options: &TimePathOptions) -> Result<TimePath> {
+pub(super) fn limit_rate(problem: &PathProblem, fast: TimePath, rates: &[f64], options: &TimePathOptions) -> Result<TimePath> {
     let total = fast.motion.duration();
     if !(total > 0.0) {
         return Ok(fast);

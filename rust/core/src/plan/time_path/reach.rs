@@ -13,9 +13,9 @@
 //! follows are known, `u` is given their slope, `u_i + b (s - s_i - h/2)`: that adds constants to the rows, changes nothing else
 //! above, and what is lost goes with `h^2`.
 
-use super::lines::{FAR, Lines, NONE, Rows, STANDING, largest, load};
+use super::lines::{FAR, LimitRows, Lines, NONE, STANDING, largest, load};
 use crate::interrupt::look;
-use crate::scalar::{Real, Task, run_lanes};
+use crate::scalar::{GenericKernel, Real, run_lanes};
 
 /// Segments between two looks whether to stop.
 const LOOK: usize = 1 << 12;
@@ -68,7 +68,7 @@ impl Profile {
         self.stale[i] = true;
     }
 
-    fn begin(&mut self, rows: &Rows) {
+    fn begin(&mut self, rows: &LimitRows) {
         let count = rows.s.len() - 1;
         if !self.whole && self.stale.len() == count {
             return;
@@ -86,13 +86,13 @@ impl Profile {
 }
 
 #[inline(always)]
-fn target(rows: &Rows, i: usize, low: f64, high: f64) -> [f64; 3] {
+fn target(rows: &LimitRows, i: usize, low: f64, high: f64) -> [f64; 3] {
     [0.5 / (rows.s[i + 1] - rows.s[i]), low, high]
 }
 
-struct Solve<'a>(&'a Rows, &'a mut Profile);
+struct Solve<'a>(&'a LimitRows, &'a mut Profile);
 
-impl Task for Solve<'_> {
+impl GenericKernel for Solve<'_> {
     type Output = Result<(), Stuck>;
     #[inline(always)]
     fn run<S: Real>(self) -> Result<(), Stuck> {
@@ -144,13 +144,13 @@ impl Task for Solve<'_> {
 }
 
 /// The fastest profile on the grid.
-pub(super) fn solve(rows: &Rows, profile: &mut Profile) -> Result<(), Stuck> {
+pub(super) fn solve(rows: &LimitRows, profile: &mut Profile) -> Result<(), Stuck> {
     run_lanes(Solve(rows, profile))
 }
 
 /// The limits of `u` at point `i` alone.
 #[inline(always)]
-fn alone<S: Real>(rows: &Rows, i: usize, x: f64) -> [f64; 2] {
+fn alone<S: Real>(rows: &LimitRows, i: usize, x: f64) -> [f64; 2] {
     let w = rows.width;
     let c = &rows.coefficients[i * 3 * w..(i + 1) * 3 * w];
     let x = S::splat(x);
@@ -168,21 +168,21 @@ fn alone<S: Real>(rows: &Rows, i: usize, x: f64) -> [f64; 2] {
     [-largest(-upper), largest(lower)]
 }
 
-struct Bends<'a>(&'a mut Rows, &'a mut Profile);
+struct Bends<'a>(&'a mut LimitRows, &'a mut Profile);
 
-impl Task for Bends<'_> {
+impl GenericKernel for Bends<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Real>(self) {
         let Bends(rows, profile) = self;
         let mut before = alone::<S>(rows, 0, profile.x[0]);
-        for i in 0..rows.bend.len() {
+        for i in 0..rows.u_slope.len() {
             let after = alone::<S>(rows, i + 1, profile.x[i + 1]);
             let h = rows.s[i + 1] - rows.s[i];
             let (x0, x1) = (profile.x[i], profile.x[i + 1]);
             let u = 0.5 * (x1 - x0) / h;
             let room = (before[0] - before[1]).min(after[0] - after[1]);
-            let mut bend = 0.0;
+            let mut u_slope = 0.0;
             for side in 0..2 {
                 let (from, to) = (before[side], after[side]);
                 let (mean, rise) = (0.5 * (from + to), to - from);
@@ -192,11 +192,11 @@ impl Task for Bends<'_> {
                 // x stays well above zero within the segment.
                 let sound = x0.min(x1) + h * u.abs() >= 2.0 * h * rise.abs();
                 if follows && sound && rise.abs() <= 0.2 * room {
-                    bend = rise / h;
+                    u_slope = rise / h;
                 }
             }
-            if rows.bend[i] != bend {
-                rows.bend[i] = bend;
+            if rows.u_slope[i] != u_slope {
+                rows.u_slope[i] = u_slope;
                 profile.touch(i);
             }
             before = after;
@@ -205,14 +205,14 @@ impl Task for Bends<'_> {
 }
 
 /// Give `u` the slope of the limit that it follows, where it follows one.
-pub(super) fn bend(rows: &mut Rows, profile: &mut Profile) {
+pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile) {
     run_lanes(Bends(rows, profile));
 }
 
 /// What a segment may lose, as a share of the duration, for a path acceleration that jumps at one of its ends: there a limit takes
 /// over from another, and ideally does so within the segment.
-pub(super) fn losses(rows: &Rows, profile: &Profile, to: &mut Vec<f64>) {
-    let count = rows.bend.len();
+pub(super) fn losses(rows: &LimitRows, profile: &Profile, to: &mut Vec<f64>) {
+    let count = rows.u_slope.len();
     let x = &profile.x;
     let step = |i: usize| rows.s[i + 1] - rows.s[i];
     let mean = |i: usize| 0.5 * (x[i + 1] - x[i]) / step(i);
@@ -222,7 +222,7 @@ pub(super) fn losses(rows: &Rows, profile: &Profile, to: &mut Vec<f64>) {
     let mut total = time(0);
     for i in 1..count {
         total += time(i);
-        let jump = (mean(i - 1) + 0.5 * step(i - 1) * rows.bend[i - 1] - (mean(i) - 0.5 * step(i) * rows.bend[i])).abs();
+        let jump = (mean(i - 1) + 0.5 * step(i - 1) * rows.u_slope[i - 1] - (mean(i) - 0.5 * step(i) * rows.u_slope[i])).abs();
         for k in [i - 1, i] {
             to[k] = (jump * step(k) / (x[k] + x[k + 1])).min(1.0).max(to[k]);
         }
@@ -230,9 +230,9 @@ pub(super) fn losses(rows: &Rows, profile: &Profile, to: &mut Vec<f64>) {
     (0..count).for_each(|i| to[i] *= 0.25 * time(i) / total);
 }
 
-struct Widened<'a>(&'a Rows, usize, f64, [f64; 2]);
+struct Widened<'a>(&'a LimitRows, usize, f64, [f64; 2]);
 
-impl Task for Widened<'_> {
+impl GenericKernel for Widened<'_> {
     type Output = Option<(f64, f64)>;
     #[inline(always)]
     fn run<S: Real>(self) -> Option<(f64, f64)> {
@@ -245,6 +245,6 @@ impl Task for Widened<'_> {
 }
 
 /// `K_i` where limits are wider by `widen` of their scale, from `K_(i+1)`.
-pub(super) fn widened(rows: &Rows, i: usize, widen: f64, next: [f64; 2]) -> Option<(f64, f64)> {
+pub(super) fn widened(rows: &LimitRows, i: usize, widen: f64, next: [f64; 2]) -> Option<(f64, f64)> {
     run_lanes(Widened(rows, i, widen, next))
 }

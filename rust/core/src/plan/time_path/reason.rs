@@ -2,9 +2,9 @@
 //!
 //! The smallest `w` for which the segment has a speed again when every limit is wider by `w` times its size, by bisection.
 
-use super::check::Found;
+use super::check::LimitCheck;
 use super::reach::{Profile, Stuck, widened};
-use super::setup::Problem;
+use super::setup::PathProblem;
 use std::fmt;
 
 /// What a joint is limited in.
@@ -60,7 +60,7 @@ pub struct PathReason {
     pub speed: f64,
 }
 
-impl Problem<'_> {
+impl PathProblem<'_> {
     /// Kind and joint of a row: 0 torque, 1 acceleration, 2 speed.
     fn kind(&self, row: usize) -> (usize, usize) {
         let n = self.n;
@@ -105,14 +105,14 @@ impl Problem<'_> {
 }
 
 impl PathReason {
-    pub(super) fn find(problem: &Problem, profile: &Profile, stuck: Stuck) -> PathReason {
+    pub(super) fn find(problem: &PathProblem, profile: &Profile, stuck: Stuck) -> PathReason {
         let s = &problem.rows.s;
         match stuck {
             Stuck::Start(low, high) => {
-                let asked = problem.rows.x_start;
-                let nearest = if asked > high { high } else { low };
-                let (row, upper, _) = problem.tightest(0, 0.0, asked);
-                let missing = (asked / nearest.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
+                let wanted = problem.rows.x_start;
+                let nearest = if wanted > high { high } else { low };
+                let (row, upper, _) = problem.tightest(0, 0.0, wanted);
+                let missing = (wanted / nearest.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
                 let reason = problem.reason(Shortfall::StartSpeed, row, upper, s[0], missing);
                 PathReason { speed: nearest.sqrt(), ..reason }
             }
@@ -148,17 +148,17 @@ impl PathReason {
         }
     }
 
-    pub(super) fn holding(problem: &Problem, row: usize, upper: bool, beyond: f64) -> PathReason {
+    pub(super) fn holding(problem: &PathProblem, row: usize, upper: bool, beyond: f64) -> PathReason {
         problem.reason(Shortfall::NoSpeed, row, upper, problem.rows.s[0], beyond)
     }
 
-    pub(super) fn standstill(problem: &Problem, profile: &Profile) -> PathReason {
+    pub(super) fn standstill(problem: &PathProblem, profile: &Profile) -> PathReason {
         let i = (0..problem.rows.s.len() - 1).find(|&i| profile.x[i] == 0.0 && profile.x[i + 1] == 0.0).unwrap_or(0);
         let (row, upper, _) = problem.tightest(i, 0.0, 0.0);
         problem.reason(Shortfall::Standstill, row, upper, problem.rows.s[i], 0.0)
     }
 
-    pub(super) fn unresolved(problem: &Problem, found: &Found) -> PathReason {
+    pub(super) fn unresolved(problem: &PathProblem, found: &LimitCheck) -> PathReason {
         let (i, row) = found.at;
         problem.reason(Shortfall::Unresolved, row, true, problem.rows.s[i], found.excess)
     }

@@ -1,8 +1,8 @@
 //! What is known of the segments of a grid, from one examination to the next: see `check`.
 
-use super::check::{Course, FINE, Found, INTERPOLATION, TOLERANCE, WINDOW, measure};
+use super::check::{Course, FINE, INTERPOLATION, LimitCheck, TOLERANCE, WINDOW, measure};
 use super::examine::Examine;
-use super::lines::Rows;
+use super::lines::LimitRows;
 use super::reach::Profile;
 use crate::scalar::run_lanes;
 
@@ -31,7 +31,7 @@ pub(super) struct Samples {
     /// Segments to be examined.
     pub list: Vec<usize>,
     /// Segments to be measured, and what was measured.
-    asked: Vec<usize>,
+    evaluated: Vec<usize>,
     pub values: Vec<f64>,
     /// Interpolated torques in the middle of every segment, `(N, n)`.
     pub middles: Vec<f64>,
@@ -59,22 +59,28 @@ impl Samples {
 
     /// Margins and excesses; `narrow(segment, row, below, above)` is told what each row is past its limits by, where it is. Segments
     /// that held their limits and did not move are not looked at again.
-    pub fn examine(&mut self, course: &Course, rows: &Rows, profile: &mut Profile, narrow: impl FnMut(usize, usize, f64, f64)) -> Found {
+    pub fn examine(
+        &mut self,
+        course: &Course,
+        rows: &LimitRows,
+        profile: &mut Profile,
+        narrow: impl FnMut(usize, usize, f64, f64),
+    ) -> LimitCheck {
         let Profile { x, moved, .. } = profile;
         self.list.clear();
-        self.asked.clear();
+        self.evaluated.clear();
         for (i, segment) in self.segments.iter().enumerate() {
             if moved[i] || moved[i + 1] || !(segment.excess <= TOLERANCE) {
                 self.list.push(i);
                 if self.exact[i] {
-                    self.asked.push(i);
+                    self.evaluated.push(i);
                 }
             }
         }
         moved.fill(false);
-        measure(course, rows, x, &self.asked, FINE + 1, &mut self.values);
+        measure(course, rows, x, &self.evaluated, FINE + 1, &mut self.values);
         run_lanes(Examine { course, rows, x, samples: self, narrow });
-        let mut found = Found { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
+        let mut found = LimitCheck { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
         for (i, segment) in self.segments.iter().enumerate() {
             if segment.margin < found.margin {
                 found.margin = segment.margin;
@@ -93,16 +99,16 @@ impl Samples {
     }
 
     /// Whether the last examination stands: what it interpolated is what the dynamics say. Where it is not, they are asked next time.
-    pub fn stands(&mut self, course: &Course, rows: &Rows, profile: &Profile) -> bool {
+    pub fn stands(&mut self, course: &Course, rows: &LimitRows, profile: &Profile) -> bool {
         if !course.kinds[0] {
             return true;
         }
         let n = course.n;
-        self.asked.clear();
-        self.asked.extend((0..self.segments.len()).filter(|&i| !self.exact[i] && !self.segments[i].proven));
-        measure(course, rows, &profile.x, &self.asked, 1, &mut self.values);
+        self.evaluated.clear();
+        self.evaluated.extend((0..self.segments.len()).filter(|&i| !self.exact[i] && !self.segments[i].proven));
+        measure(course, rows, &profile.x, &self.evaluated, 1, &mut self.values);
         let mut stands = true;
-        for (&i, measured) in self.asked.iter().zip(self.values.chunks_exact(3 * n)) {
+        for (&i, measured) in self.evaluated.iter().zip(self.values.chunks_exact(3 * n)) {
             // Far from the limits an error does no harm.
             let segment = &mut self.segments[i];
             let least = INTERPOLATION.max(-0.1 * segment.torque);

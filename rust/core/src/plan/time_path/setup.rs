@@ -2,7 +2,7 @@
 
 use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places};
 use super::given::{PathLimits, TimePathOptions, checked};
-use super::lines::{BLOCK, FASTEST, Rows};
+use super::lines::{BLOCK, FASTEST, LimitRows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use super::{PathReason, TimePath};
@@ -27,11 +27,11 @@ const RUN: usize = WINDOW - 1;
 const MOST_HALVINGS: u32 = 3;
 
 /// The problem on a grid.
-pub(super) struct Problem<'a> {
+pub(super) struct PathProblem<'a> {
     pub mover: Mover<'a>,
     pub path: Arc<Path>,
     pub n: usize,
-    pub rows: Rows,
+    pub rows: LimitRows,
     /// `(3 n,)`: torques, accelerations, speeds; infinite where there is no limit.
     pub lo: Vec<f64>,
     pub hi: Vec<f64>,
@@ -56,7 +56,7 @@ pub(super) struct Problem<'a> {
     stops: Vec<f64>,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> PathProblem<'a> {
     pub fn new(mover: Mover<'a>, path: Arc<Path>, given: &PathLimits, options: &TimePathOptions) -> Result<Self> {
         let n = mover.dof();
         let [lo, hi] = checked(n, &path, given, options)?;
@@ -65,10 +65,14 @@ impl<'a> Problem<'a> {
         // Rows of both kinds and of the speeds, the caps and the profiles at each point.
         const ROWS: usize = 12;
         memory::require((s.len() * 8).saturating_mul(ROWS * (3 * n).next_multiple_of(BLOCK) + 64))?;
-        let rows =
-            Rows { s, x_start: options.start_speed * options.start_speed, x_end: options.end_speed * options.end_speed, ..Rows::default() };
+        let rows = LimitRows {
+            s,
+            x_start: options.start_speed * options.start_speed,
+            x_end: options.end_speed * options.end_speed,
+            ..LimitRows::default()
+        };
         let friction = options.friction.clone().filter(|_| given.torque.is_some());
-        let mut problem = Problem {
+        let mut problem = PathProblem {
             mover,
             path,
             n,
@@ -122,7 +126,7 @@ impl<'a> Problem<'a> {
         spans(&rows.s, &self.pieces, &mut self.spans);
         rows.tight_lo = vec![0.0; (points - 1) * width];
         rows.tight_hi = vec![0.0; (points - 1) * width];
-        rows.bend = vec![0.0; points - 1];
+        rows.u_slope = vec![0.0; points - 1];
         rows.coefficients.clear();
         rows.coefficients.resize(points * 3 * width, 0.0);
         self.cap_tight = vec![0.0; points];
@@ -159,7 +163,7 @@ impl<'a> Problem<'a> {
     fn set_middles(&mut self) {
         let w = 3 * self.rows.width;
         let segments = self.pieces.len();
-        let Problem { rows: Rows { coefficients, middles, .. }, stencils: (stencil, _), spans, .. } = self;
+        let PathProblem { rows: LimitRows { coefficients, middles, .. }, stencils: (stencil, _), spans, .. } = self;
         middles.resize(segments * w, 0.0);
         for &(first, last) in spans.iter() {
             for i in first..last {
@@ -266,13 +270,13 @@ impl<'a> Problem<'a> {
             Line::Chord => (1.0, 0.0),
             Line::Tangent => (0.5, 0.5),
         };
-        let Rows { coefficients, middles, moving, s, bend, .. } = &mut self.rows;
+        let LimitRows { coefficients, middles, moving, s, u_slope, .. } = &mut self.rows;
         moving[0].resize((last + 1) * w, 0.0);
         moving[1].resize(last * w, 0.0);
         for k in 0..=2 * last {
             // Grid points, and half way between them. At rest there is no friction.
             let (i, between) = (k / 2, k % 2 == 1);
-            let here = if between { 0.5 * (x[i] + x[i + 1]) - 0.25 * (s[i + 1] - s[i]).powi(2) * bend[i] } else { x[i] };
+            let here = if between { 0.5 * (x[i] + x[i + 1]) - 0.25 * (s[i + 1] - s[i]).powi(2) * u_slope[i] } else { x[i] };
             if !(here > 0.0) {
                 continue;
             }

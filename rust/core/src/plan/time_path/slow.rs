@@ -13,7 +13,7 @@ use super::TimePath;
 use super::check::TOLERANCE;
 use super::reach::Profile;
 use super::samples::Samples;
-use super::setup::Problem;
+use super::setup::PathProblem;
 use crate::error::Result;
 use crate::motion::TimedPath;
 
@@ -24,7 +24,7 @@ const SHARE: f64 = 1e-6;
 /// The faster one of `best` and the profile that was nearest to its limits, slowed. That can't help without friction, with speeds that
 /// are given, or where the arm can't be held.
 pub(super) fn slowed(
-    problem: &mut Problem,
+    problem: &mut PathProblem,
     samples: &mut Samples,
     profile: &mut Profile,
     mut best: Option<TimePath>,
@@ -33,10 +33,10 @@ pub(super) fn slowed(
     if problem.friction.is_none() || rows.x_start > 0.0 || rows.x_end > 0.0 || profile.kept.len() != rows.s.len() {
         return Ok(best);
     }
-    let (kept, bend) = (profile.kept.clone(), rows.bend.clone());
+    let (kept, u_slope) = (profile.kept.clone(), rows.u_slope.clone());
     // The bends are of the profile without friction: a slower one may turn back between two points with them.
-    for bend in [bend, vec![0.0; kept.len() - 1]] {
-        let Some(found) = slowed_with(problem, samples, profile, (&kept, &bend))? else { continue };
+    for u_slope in [u_slope, vec![0.0; kept.len() - 1]] {
+        let Some(found) = slowed_with(problem, samples, profile, (&kept, &u_slope))? else { continue };
         let duration = found.motion.duration();
         if duration.is_finite() && best.as_ref().is_none_or(|best| duration < best.motion.duration()) {
             best = Some(found);
@@ -46,14 +46,14 @@ pub(super) fn slowed(
 }
 
 fn slowed_with(
-    problem: &mut Problem,
+    problem: &mut PathProblem,
     samples: &mut Samples,
     profile: &mut Profile,
-    (kept, bend): (&[f64], &[f64]),
+    (kept, u_slope): (&[f64], &[f64]),
 ) -> Result<Option<TimePath>> {
     let mut margin = f64::NAN;
-    let mut fits = |problem: &mut Problem, c: f64| {
-        problem.rows.bend.iter_mut().zip(bend).for_each(|(to, from)| *to = c * from);
+    let mut fits = |problem: &mut PathProblem, c: f64| {
+        problem.rows.u_slope.iter_mut().zip(u_slope).for_each(|(to, from)| *to = c * from);
         profile.x.iter_mut().zip(kept).for_each(|(to, from)| *to = c * from);
         profile.moved.fill(true);
         let found = samples.examine(&problem.course(), &problem.rows, profile, |_, _, _, _| ());
@@ -72,6 +72,6 @@ fn slowed_with(
         if fits(problem, middle) { low = middle } else { high = middle }
     }
     fits(problem, low);
-    let motion = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone(), problem.rows.bend.clone())?;
+    let motion = TimedPath::new(problem.path.clone(), problem.rows.s.clone(), profile.x.clone(), problem.rows.u_slope.clone())?;
     Ok(Some(TimePath { motion, margin, reason: None }))
 }

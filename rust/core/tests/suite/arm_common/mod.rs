@@ -1,11 +1,11 @@
 //! What the arm tests share: every number, seeded random trees, chains from the vectors.
 
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType};
-use armlet_core::scalar::{Array8, Isa, Kernel, Real, Task};
+use armlet_core::scalar::{Array8, GenericKernel, Isa, Kernel, Real};
 use serde_json::Value;
 
 struct On<S, T>(T, std::marker::PhantomData<S>);
-impl<S: Real, T: Task> Kernel for On<S, T> {
+impl<S: Real, T: GenericKernel> Kernel for On<S, T> {
     type Output = T::Output;
     #[inline(always)]
     fn run(self) -> T::Output {
@@ -13,12 +13,12 @@ impl<S: Real, T: Task> Kernel for On<S, T> {
     }
 }
 
-pub fn on<S: Real, T: Task>(task: T) -> T::Output {
+pub fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
     S::enter(On::<S, T>(task, std::marker::PhantomData))
 }
 
 /// Run the task on every number that this machine has; returns how many.
-pub fn on_every_number<T: Task + Copy>(task: T) -> usize {
+pub fn on_every_number<T: GenericKernel + Copy>(task: T) -> usize {
     on::<f64, T>(task);
     on::<Array8, T>(task);
     let mut count = 2;

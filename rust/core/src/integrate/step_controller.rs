@@ -4,7 +4,7 @@
 //! `h_new = h safety error^-alpha error_old^beta`, within `[shrink, grow]`, never longer right after a rejection.
 
 use super::adaptive::{Accuracy, Work};
-use super::patience::Patience;
+use super::stall::StallDetector;
 use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -25,7 +25,7 @@ const LEAST_ERROR: f64 = 1e-4;
 const BLOWN: f64 = 0.2;
 
 #[derive(Clone, Debug)]
-pub(super) struct Pace<T> {
+pub(super) struct StepController<T> {
     pub tolerance: T,
     pub t: f64,
     pub t_old: f64,
@@ -38,15 +38,15 @@ pub(super) struct Pace<T> {
     /// The first step asked for; zero for a guess.
     pub h_first: f64,
     pub work: Work,
-    patience: Patience,
+    stall: StallDetector,
     error_old: f64,
     rejected: bool,
     blown: bool,
 }
 
-impl<T: Accuracy> Pace<T> {
+impl<T: Accuracy> StepController<T> {
     pub fn new(tolerance: T) -> Self {
-        Pace {
+        StepController {
             tolerance,
             t: 0.0,
             t_old: 0.0,
@@ -56,7 +56,7 @@ impl<T: Accuracy> Pace<T> {
             h_max: f64::INFINITY,
             h_first: 0.0,
             work: Work::default(),
-            patience: Patience::new(),
+            stall: StallDetector::new(),
             error_old: LEAST_ERROR,
             rejected: false,
             blown: false,
@@ -66,7 +66,7 @@ impl<T: Accuracy> Pace<T> {
     pub fn begin(&mut self, t: f64, t_end: f64, input_end: f64) {
         (self.t, self.t_old, self.t_end, self.input_end) = (t, t, t_end, input_end);
         self.error_old = LEAST_ERROR;
-        self.patience.begin(&self.work, t);
+        self.stall.begin(&self.work, t);
     }
 
     /// The latest of `t` and the end of the input.
@@ -140,7 +140,7 @@ impl<T: Accuracy> Pace<T> {
     /// The step to attempt and where it ends, or why there is none.
     pub fn propose(&mut self) -> Result<(f64, f64), Status> {
         let smallest = self.smallest();
-        self.patience.check(&self.work, self.t, self.t_end)?;
+        self.stall.check(&self.work, self.t, self.t_end)?;
         let left = self.t_end - self.t;
         if !(self.h >= smallest) && self.h < left {
             return Err(if self.blown { Status::Diverged } else { Status::StepUnderflow });
@@ -209,10 +209,10 @@ macro_rules! paced {
             $degree
         }
         fn t(&self) -> f64 {
-            self.pace.t
+            self.controller.t
         }
         fn t_old(&self) -> f64 {
-            self.pace.t_old
+            self.controller.t_old
         }
         fn x(&self) -> &B {
             &self.x
@@ -221,13 +221,13 @@ macro_rules! paced {
             &mut self.x
         }
         fn work(&self) -> Work {
-            self.pace.work
+            self.controller.work
         }
         fn limit_step(&mut self, h_max: f64) {
-            self.pace.h_max = h_max;
+            self.controller.h_max = h_max;
         }
         fn first_step(&mut self, h: f64) {
-            self.pace.h_first = h;
+            self.controller.h_first = h;
         }
     };
 }

@@ -12,21 +12,21 @@ const WINDOW: u64 = 10_000;
 const SLOW: u32 = 10;
 
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Patience {
+pub(super) struct StallDetector {
     /// Attempts at which to look next, and the time at the last look.
     look_at: u64,
     t: f64,
     slow: u32,
 }
 
-impl Patience {
+impl StallDetector {
     pub fn new() -> Self {
-        Patience { look_at: 0, t: 0.0, slow: 0 }
+        StallDetector { look_at: 0, t: 0.0, slow: 0 }
     }
 
     /// A segment begins at `t`.
     pub fn begin(&mut self, work: &Work, t: f64) {
-        *self = Patience { look_at: MAX_STEPS.min(work.steps + work.rejections + WINDOW), t, slow: 0 };
+        *self = StallDetector { look_at: MAX_STEPS.min(work.steps + work.rejections + WINDOW), t, slow: 0 };
     }
 
     /// Before an attempt at `t` on the way to `t_end`.
@@ -53,10 +53,10 @@ mod tests {
 
     /// Attempts until a run of constant steps `h` from 0 to 1 ends, after `start` steps of 1e-9.
     fn attempts(h: f64, start: u64) -> (u64, Option<Status>) {
-        let (mut work, mut t, mut patience) = (Work::default(), 0.0, Patience::new());
-        patience.begin(&work, t);
+        let (mut work, mut t, mut stall) = (Work::default(), 0.0, StallDetector::new());
+        stall.begin(&work, t);
         while t < 1.0 {
-            if let Err(status) = patience.check(&work, t, 1.0) {
+            if let Err(status) = stall.check(&work, t, 1.0) {
                 return (work.steps, Some(status));
             }
             t += if work.steps < start { 1e-9 } else { h };
@@ -71,9 +71,9 @@ mod tests {
         // 2,000,000 steps are many and allowed.
         assert_eq!(attempts(5e-7, 0).1, None);
         assert_eq!(attempts(1e-5, (SLOW as u64 - 1) * WINDOW).1, None);
-        let mut patience = Patience::new();
+        let mut stall = StallDetector::new();
         let spent = Work { steps: MAX_STEPS, ..Work::default() };
-        patience.begin(&spent, 0.0);
-        assert_eq!(patience.check(&spent, 0.0, 1.0), Err(Status::MaxSteps));
+        stall.begin(&spent, 0.0);
+        assert_eq!(stall.check(&spent, 0.0, 1.0), Err(Status::MaxSteps));
     }
 }

@@ -17,17 +17,17 @@ pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
 }
 
 /// The entries used last.
-pub struct Kept<T>(Mutex<VecDeque<T>>);
+pub struct Cache<T>(Mutex<VecDeque<T>>);
 
-impl<T> Default for Kept<T> {
+impl<T> Default for Cache<T> {
     fn default() -> Self {
-        Kept(Mutex::default())
+        Cache(Mutex::default())
     }
 }
 
-impl<T: Clone> Kept<T> {
+impl<T: Clone> Cache<T> {
     pub const fn new() -> Self {
-        Kept(Mutex::new(VecDeque::new()))
+        Cache(Mutex::new(VecDeque::new()))
     }
 
     /// The entry that is looked for, if it is there.

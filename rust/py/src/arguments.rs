@@ -13,16 +13,16 @@ const AN_ARM: &str = "an Arm such as planar_pr(..)";
 const A_MOTION: &str = "a Motion such as Hold";
 
 /// The arguments of a law or a plant that stands on an arm.
-pub struct Given<'py> {
+pub struct Arguments<'py> {
     function: &'static str,
     pub arm: Bound<'py, Arm>,
     /// All but the arm, as they are kept.
     pub arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
-impl<'py> Given<'py> {
+impl<'py> Arguments<'py> {
     pub fn new(function: &'static str, arm: &Bound<'py, PyAny>) -> Result<Self, Failure> {
-        Ok(Given { function, arm: object::<Arm>(function, "arm", AN_ARM, arm)?, arguments: Vec::new() })
+        Ok(Arguments { function, arm: object::<Arm>(function, "arm", AN_ARM, arm)?, arguments: Vec::new() })
     }
 
     /// The class whose arguments they are.
