@@ -11,6 +11,11 @@ component() { # command, component: run it, or say that it is not there
 }
 run() { echo "+ $*"; "$@"; }
 if component fmt rustfmt; then run cargo fmt --check; fi
+# Each feature of the core can be turned off. Unit tests are compiled where both are.
+run cargo check --locked --package armlet-core --quiet --no-default-features --lib --tests
+for feature in parallel urdf; do
+    run cargo check --locked --package armlet-core --quiet --no-default-features --lib --features "$feature"
+done
 if component clippy clippy; then run cargo clippy --locked --workspace --all-targets --quiet -- -D warnings; fi
 run "$@" -m ruff check python tests tools examples benches docs
 run "$@" -m mypy

@@ -14,7 +14,9 @@ pub use build::{ChainJoint, JointType};
 pub use classic::{Convention, DhRow};
 pub use joint::{Frame, Joint, JointKind, Limits};
 pub use tree::{BASE, Body, Tree, TreeFrame, second_moment};
-pub use urdf::{MAX_BYTES, MAX_DEPTH, Written};
+pub use urdf::Written;
+#[cfg(feature = "urdf")]
+pub use urdf::{MAX_BYTES, MAX_DEPTH};
 pub use urdf_examples::{EXAMPLES, example_urdf};
 
 use crate::error::{Error, Result, finite};

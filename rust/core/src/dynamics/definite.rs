@@ -68,7 +68,7 @@ fn drawn(arm: &Arm, i: usize, sample: usize) -> f64 {
     if sample == 0 { 0.0 } else { low + share * (high - low) }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "urdf"))]
 mod tests {
     use super::*;
     use crate::arm::{EXAMPLES, STANDARD_GRAVITY};

@@ -45,7 +45,7 @@ pub fn forward_dynamics<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "urdf"))]
 mod tests {
     use super::super::aba;
     use super::*;

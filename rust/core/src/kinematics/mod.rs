@@ -8,7 +8,7 @@ mod jacobian;
 mod task;
 mod task_error;
 mod task_stack;
-#[cfg(test)]
+#[cfg(all(test, feature = "urdf"))]
 mod task_tests;
 
 pub use coordinates::Coordinates;

@@ -17,7 +17,6 @@ use crate::memory;
 use crate::parallel;
 use crate::scalar::Real;
 use crate::status::Status;
-use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What a batch keeps of each run.
@@ -97,7 +96,7 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
     let mut groups = batch_rows::split(&problem, &mut out, lanes)?;
     let interrupted = parallel::run(threads, groups.len(), poll, |stop| {
         let stop: &AtomicBool = stop;
-        let go = |(g, rows): (usize, &mut GroupRecorder)| {
+        let go = |g: usize, rows: &mut GroupRecorder| {
             let (problem, first) = (&problem, g * lanes);
             if stop.load(Ordering::Relaxed) {
                 return true;
@@ -110,7 +109,7 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
             };
             rows.finish(&ended, problem.options.t_end)
         };
-        groups.par_iter_mut().enumerate().with_max_len(1).map(go).reduce(|| false, |a, b| a | b)
+        parallel::any(&mut groups, go)
     });
     drop(groups);
     out.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine().name());

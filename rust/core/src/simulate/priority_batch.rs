@@ -6,7 +6,6 @@ use crate::law::{ArmBatch, ArmSolver};
 use crate::parallel;
 use crate::priority::{PrioritySolver, StackAnswers, StackBatch, StackRows};
 use crate::status::Status;
-use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
 /// Rows solved between two looks at whether to stop: a multiple of all numbers of lanes, so that lane groups do not depend on it.
@@ -112,7 +111,7 @@ fn each<P: Send, L>(
                 last.push(part);
             }
         }
-        shares.into_par_iter().with_max_len(1).for_each_init(&solver, |own, share| {
+        parallel::each_with(shares, &solver, |own, share| {
             for part in share {
                 // A solver that was interrupted is not used again: the others stop too.
                 if stop.load(Ordering::Relaxed) || interruptible(Watch::Flag(stop.clone()), || work(own, part)).is_err() {

@@ -1,7 +1,7 @@
 //! From the links and joints of a file to an arm: one root, no cycles, fixed joints merged, without recursion.
 
-use super::Source;
 use super::element::{Robot, UrdfJoint};
+use super::read::Source;
 use crate::arm::{Arm, Frame, Joint, listed};
 use crate::error::{Error, Result};
 use crate::interrupt::look;

@@ -1,7 +1,7 @@
 //! From XML elements to numbers: links and joints of the file, with the lines they stand on.
 
-use super::plausible::{ANGLE, Bound, DRIVE, INERTIA, LENGTH, MASS, axis_problem};
-use super::{Source, XACRO};
+use super::plausible::{ANGLE, Bound, DRIVE, INERTIA, LENGTH, MASS, axis_problem, negative_moment};
+use super::read::{Source, XACRO};
 use crate::arm::build::unit;
 use crate::arm::{JointKind, Limits};
 use crate::error::Result;
@@ -40,21 +40,8 @@ pub struct UrdfJoint {
     pub friction: f64,
 }
 
-/// Principal moments negative by more than this share of the largest entry are not rounding,
-const NEGATIVE: f64 = 1e-9;
-/// nor by more than this, kg m^2: files print seven or eight decimals (an antenna of one milligram in a public robot
-/// has -3.5e-8). What is below comes with a triangle warning.
-const DIGITS: f64 = 1e-7;
 /// A triangle inequality missed by more than this share is worth a warning.
 const TRIANGLE: f64 = 1e-6;
-
-/// The least principal moment about the centre of mass where it is negative by more than rounding: that of the file's
-/// digits, and that of moving the inertia of a body at `com` to its centre of mass.
-pub fn negative_moment(moments: &Sym3<f64>, mass: f64, com: Vector3<f64>) -> Option<f64> {
-    let largest = moments.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    let moved = 1e-14 * mass * com.dot(com);
-    Some(moments.principal()[0]).filter(|least| *least < -(NEGATIVE * largest + moved + DIGITS))
-}
 
 struct Reader<'a> {
     source: &'a Source<'a>,

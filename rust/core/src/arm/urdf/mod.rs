@@ -7,160 +7,21 @@
 //! what is written and read again is the same arm to the bit, and a number changed by hand still counts.
 //!
 //! Numbers that no machine has are refused (`plausible`), since the dynamics of such an arm would be rounding alone.
-//!
-//! Reading is linear in the size of the file and never recurses: what could make the XML parser slow (many
-//! attributes in one tag, many namespaces, deep nesting) is refused by a scan of the text beforehand.
 
+#[cfg(feature = "urdf")]
 mod assemble;
+#[cfg(feature = "urdf")]
 mod declaration;
+#[cfg(feature = "urdf")]
 mod element;
+// The writer alone needs a few of its bounds.
+#[cfg_attr(not(feature = "urdf"), allow(dead_code))]
 mod plausible;
+#[cfg(feature = "urdf")]
+mod read;
 mod write;
 
-pub(super) use element::negative_moment;
+pub(super) use plausible::negative_moment;
+#[cfg(feature = "urdf")]
+pub use read::{MAX_BYTES, MAX_DEPTH};
 pub use write::Written;
-
-use super::Arm;
-use crate::error::{Error, Result};
-use crate::interrupt::look;
-use crate::memory;
-use std::io::Read;
-use std::path::Path;
-
-/// Largest text that is read.
-pub const MAX_BYTES: usize = 16 << 20;
-/// Deepest nesting of elements.
-pub const MAX_DEPTH: usize = 100;
-/// What an element takes in the document, in the model read from it and in the arm, about.
-const BYTES_PER_ELEMENT: usize = 1 << 10;
-const MAX_ATTRIBUTES: usize = 64;
-const MAX_NAMESPACES: usize = 64;
-const MAX_NODES: u32 = 1_000_000;
-
-/// Where a text came from, for errors: file name and line starts.
-pub(super) struct Source<'a> {
-    file: &'a str,
-    starts: Vec<usize>,
-}
-
-impl<'a> Source<'a> {
-    fn new(file: &'a str, text: &str) -> Self {
-        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(i, _)| i + 1);
-        Source { file, starts: std::iter::once(0).chain(ends).collect() }
-    }
-    /// 1-based line of a byte offset.
-    fn line(&self, at: usize) -> u32 {
-        self.starts.partition_point(|start| *start <= at) as u32
-    }
-    fn error(&self, line: u32, problem: impl Into<String>) -> Error {
-        Error::Model { file: self.file.into(), line, problem: problem.into() }
-    }
-}
-
-impl Arm {
-    /// Read a URDF text. `file` names it in errors. `root` and `tip` are link names: `root` becomes the fixed
-    /// base (gravity is then in its axes), `tip` keeps only the joints between the two.
-    pub fn from_urdf(text: &str, file: &str, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
-        crate::error::finite("gravity", &gravity)?;
-        if text.len() > MAX_BYTES {
-            return Err(Source::new(file, "").error(1, too_large()));
-        }
-        memory::require(text.bytes().filter(|&byte| byte == b'<').count().saturating_mul(BYTES_PER_ELEMENT))?;
-        let source = Source::new(file, text);
-        scan(&source, text)?;
-        let text = &*declaration::forgiven(text);
-        let options = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
-        let document = roxmltree::Document::parse_with_options(text, options).map_err(|e| {
-            let hint = if matches!(&e, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro") { XACRO } else { "" };
-            source.error(e.pos().row, format!("is not well-formed XML: {e}{hint}"))
-        })?;
-        let robot = element::read(&source, &document)?;
-        assemble::arm(&source, robot, gravity, root, tip)
-    }
-
-    /// Read a URDF file.
-    pub fn load_urdf(path: &Path, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
-        let name = path.display().to_string();
-        let cannot =
-            |e: std::io::Error| Error::input("path_or_xml", format!("cannot be read: expected a URDF file or its text, got {name} ({e})"));
-        let mut bytes = Vec::new();
-        let file = std::fs::File::open(path).map_err(cannot)?;
-        file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;
-        let text = match std::str::from_utf8(&bytes) {
-            Ok(text) => text,
-            // A cut multi-byte character at the cap is a matter of size, not of encoding.
-            Err(_) if bytes.len() > MAX_BYTES => return Err(Source::new(&name, "").error(1, too_large())),
-            Err(e) => {
-                let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u32;
-                return Err(Source::new(&name, "").error(line, "is not UTF-8 text: expected a URDF file"));
-            }
-        };
-        Arm::from_urdf(text, &name, gravity, root, tip)
-    }
-}
-
-const XACRO: &str = "; this is a xacro file: expand it first, `xacro robot.xacro > robot.urdf`";
-
-fn too_large() -> String {
-    format!("is too large: expected at most {MAX_BYTES} bytes")
-}
-
-/// Sizes that a robot never needs and a parser suffers from. Counts without understanding: comments and quoted
-/// text are skipped, anything malformed is left to the parser.
-fn scan(source: &Source, text: &str) -> Result<()> {
-    if let Some((at, _)) = text.match_indices("xmlns").nth(MAX_NAMESPACES) {
-        return Err(source.error(source.line(at), format!("declares too many namespaces: expected at most {MAX_NAMESPACES}")));
-    }
-    let bytes = text.as_bytes();
-    let (mut i, mut depth) = (0, 0usize);
-    while let Some(open) = find(bytes, i, b'<') {
-        look();
-        let rest = &text[open..];
-        let skip_to = |end: &str, from: usize| rest[from..].find(end).map_or(bytes.len(), |k| open + from + k + end.len());
-        if rest.starts_with("<!--") {
-            i = skip_to("-->", 4);
-            continue;
-        }
-        if rest.starts_with("<![CDATA[") {
-            i = skip_to("]]>", 9);
-            continue;
-        }
-        if rest.starts_with("<?") {
-            i = skip_to("?>", 2);
-            continue;
-        }
-        let (close, attributes) = tag(bytes, open);
-        if attributes > MAX_ATTRIBUTES {
-            return Err(source.error(source.line(open), format!("has too many attributes: expected at most {MAX_ATTRIBUTES} in one tag")));
-        }
-        if rest.starts_with("</") {
-            depth = depth.saturating_sub(1);
-        } else if !rest.starts_with("<!") && bytes.get(close.wrapping_sub(1)) != Some(&b'/') {
-            depth += 1;
-            if depth > MAX_DEPTH {
-                return Err(source.error(source.line(open), format!("is nested too deeply: expected at most {MAX_DEPTH} levels")));
-            }
-        }
-        i = close + 1;
-    }
-    Ok(())
-}
-
-fn find(bytes: &[u8], from: usize, what: u8) -> Option<usize> {
-    bytes.get(from..)?.iter().position(|b| *b == what).map(|k| from + k)
-}
-
-/// The closing bracket of the tag opened at `open`, and how many attributes it has.
-fn tag(bytes: &[u8], open: usize) -> (usize, usize) {
-    let (mut quote, mut attributes) = (None, 0);
-    for (k, &b) in bytes.iter().enumerate().skip(open + 1) {
-        match (quote, b) {
-            (None, b'"' | b'\'') => quote = Some(b),
-            (None, b'=') => attributes += 1,
-            (None, b'>') => return (k, attributes),
-            (Some(q), b) if q == b => quote = None,
-            _ => {}
-        }
-    }
-    (bytes.len(), attributes)
-}

@@ -1,6 +1,6 @@
 //! An arm as URDF. Reading it back gives the same arm to the bit: where `c = h / m` or the angles round, what they stand for is added.
 
-use super::element::negative_moment;
+use super::plausible::negative_moment;
 use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
 use crate::arm::{Arm, Frame, Joint, JointKind, STANDARD_GRAVITY, listed};
 use crate::interrupt::look;

@@ -1,26 +1,24 @@
 //! Worker threads: a pool made on first use, made anew in a forked child, and a caller that keeps listening
 //! while they work. Work on rows is cut at places that do not depend on the number of threads.
+//!
+//! `pool` has the threads. Without the feature `parallel`, `serial` takes its place: one worker, the same results.
+
+#[cfg(feature = "parallel")]
+mod pool;
+#[cfg(not(feature = "parallel"))]
+#[path = "serial.rs"]
+mod pool;
+
+pub use pool::{any, each_with, run};
 
 use crate::error::{Error, Result};
 use crate::interrupt::{Interrupted, SLICE, Watch, interruptible};
-use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
-use rayon::{ThreadPool, ThreadPoolBuilder};
-use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
-/// Pools by size, of one process. A forked child inherits the map but not the threads.
-static POOLS: Mutex<Option<ProcessPools>> = Mutex::new(None);
-
-/// The process that made the pools, and the pools.
-type ProcessPools = (u32, HashMap<usize, Arc<ThreadPool>>);
-
 /// More threads than this are refused.
 pub const MOST_THREADS: usize = 1024;
-
-/// Pools that are kept while nobody uses them.
-const KEPT_POOLS: usize = 4;
 
 /// `ARMLET_NUM_THREADS` if it is a positive integer, else the cores; at most [`MOST_THREADS`].
 pub fn default_threads() -> usize {
@@ -34,42 +32,6 @@ pub fn require_threads(threads: usize) -> Result<usize> {
         return Ok(threads);
     }
     Err(Error::input("threads", format!("is out of range: expected 1 to {MOST_THREADS}, got {threads}")))
-}
-
-fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
-    let process = std::process::id();
-    let mut pools = lock(&POOLS);
-    match &*pools {
-        Some((owner, _)) if *owner == process => {}
-        // The parent's threads do not exist here: dropping their pool would wait for them for ever.
-        _ => std::mem::forget(pools.replace((process, HashMap::new()))),
-    }
-    let (_, pools) = pools.as_mut()?;
-    if let Some(pool) = pools.get(&threads) {
-        return Some(pool.clone());
-    }
-    if pools.len() >= KEPT_POOLS {
-        // A pool in use is held by its user too.
-        pools.retain(|_, pool| Arc::strong_count(pool) > 1);
-    }
-    let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("armlet-{i}")).build().ok()?;
-    let pool = Arc::new(pool);
-    pools.insert(threads, pool.clone());
-    Some(pool)
-}
-
-/// Run `work(stop)` in a pool of at most `threads` threads, and no more than there are `pieces` of work. `poll` is asked every
-/// 20 ms whether to stop, and its answer is passed on. Where no thread can be had the work is done here.
-pub fn run<R: Send>(threads: usize, pieces: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
-    match pool(threads.min(pieces).clamp(1, MOST_THREADS)) {
-        Some(pool) => on_worker(poll, |stop| pool.install(|| work(stop))),
-        None => {
-            // Parallel iterators outside a pool would start rayon's own threads, and panic where that fails: this thread becomes a pool
-            // of one. Where it is a worker already, it stays one.
-            let _ = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
-            work(&Arc::default())
-        }
-    }
 }
 
 /// Run `work(stop)` on a thread of its own, so that the caller can go on listening: `poll` is asked every 20 ms.
@@ -142,7 +104,7 @@ pub fn pieces<P: Send, R: Send>(
     if threads == 1 {
         return on_worker(poll, |stop| parts.into_iter().map(|part| one(stop, part)).collect());
     }
-    run(threads, parts.len(), poll, |stop| parts.into_par_iter().with_max_len(1).map(|part| one(stop, part)).collect())
+    run(threads, parts.len(), poll, |stop| pool::map(parts, |part| one(stop, part)))
 }
 
 #[cfg(test)]
@@ -169,24 +131,12 @@ mod tests {
     }
 
     #[test]
-    fn threads_are_no_more_than_pieces_and_not_beyond_reason() {
-        for (threads, pieces, expected) in [(8, 3, 3), (2, 100, 2), (4, 0, 1), (10_000_000, 5, 5)] {
-            let count = run(threads, pieces, &mut || false, |_| rayon::current_num_threads());
-            assert_eq!(count, expected, "{threads} threads, {pieces} pieces");
-        }
+    fn threads_beyond_reason_are_refused() {
         assert_eq!(require_threads(MOST_THREADS), Ok(MOST_THREADS));
         for threads in [0, MOST_THREADS + 1, usize::MAX] {
             let error = require_threads(threads).expect_err("out of range");
             assert_eq!(error.to_string(), format!("threads is out of range: expected 1 to 1024, got {threads}"));
         }
-    }
-
-    #[test]
-    fn few_idle_pools_are_kept() {
-        for threads in 1..=20 {
-            assert!(pool(threads).is_some());
-        }
-        assert!(lock(&POOLS).as_ref().is_some_and(|(_, pools)| pools.len() <= 2 * KEPT_POOLS), "other tests hold some at most");
     }
 
     #[test]

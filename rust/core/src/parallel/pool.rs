@@ -1,0 +1,92 @@
+//! Thread pools of rayon: made on first use, kept by size, made anew in a forked child.
+
+use super::{MOST_THREADS, lock, on_worker};
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::collections::HashMap;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+/// Pools by size, of one process. A forked child inherits the map but not the threads.
+static POOLS: Mutex<Option<ProcessPools>> = Mutex::new(None);
+
+/// The process that made the pools, and the pools.
+type ProcessPools = (u32, HashMap<usize, Arc<ThreadPool>>);
+
+/// Pools that are kept while nobody uses them.
+const KEPT_POOLS: usize = 4;
+
+fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
+    let process = std::process::id();
+    let mut pools = lock(&POOLS);
+    match &*pools {
+        Some((owner, _)) if *owner == process => {}
+        // The parent's threads do not exist here: dropping their pool would wait for them for ever.
+        _ => std::mem::forget(pools.replace((process, HashMap::new()))),
+    }
+    let (_, pools) = pools.as_mut()?;
+    if let Some(pool) = pools.get(&threads) {
+        return Some(pool.clone());
+    }
+    if pools.len() >= KEPT_POOLS {
+        // A pool in use is held by its user too.
+        pools.retain(|_, pool| Arc::strong_count(pool) > 1);
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("armlet-{i}")).build().ok()?;
+    let pool = Arc::new(pool);
+    pools.insert(threads, pool.clone());
+    Some(pool)
+}
+
+/// Run `work(stop)` in a pool of at most `threads` threads, and no more than there are `pieces` of work. `poll` is asked every
+/// 20 ms whether to stop, and its answer is passed on. Where no thread can be had the work is done here.
+pub fn run<R: Send>(threads: usize, pieces: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
+    match pool(threads.min(pieces).clamp(1, MOST_THREADS)) {
+        Some(pool) => on_worker(poll, |stop| pool.install(|| work(stop))),
+        None => {
+            // Parallel iterators outside a pool would start rayon's own threads, and panic where that fails: this thread becomes a pool
+            // of one. Where it is a worker already, it stays one.
+            let _ = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+            work(&Arc::default())
+        }
+    }
+}
+
+/// `work` on each part, by the threads of the pool that calls; the results in order.
+pub(super) fn map<P: Send, R: Send, C>(parts: Vec<P>, work: impl Fn(P) -> R + Sync) -> C
+where
+    C: rayon::iter::FromParallelIterator<R>,
+{
+    parts.into_par_iter().with_max_len(1).map(&work).collect()
+}
+
+/// `work(i, part)` on each part, by the threads of the pool that calls; whether any of them said yes.
+pub fn any<P: Send>(parts: &mut [P], work: impl Fn(usize, &mut P) -> bool + Sync) -> bool {
+    parts.par_iter_mut().enumerate().with_max_len(1).map(|(i, part)| work(i, part)).reduce(|| false, |a, b| a | b)
+}
+
+/// `work` on each part with a state that every thread of the pool makes for itself.
+pub fn each_with<P: Send, L>(parts: Vec<P>, state: impl Fn() -> L + Sync, work: impl Fn(&mut L, P) + Sync) {
+    parts.into_par_iter().with_max_len(1).for_each_init(&state, &work);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_no_more_than_pieces_and_not_beyond_reason() {
+        for (threads, pieces, expected) in [(8, 3, 3), (2, 100, 2), (4, 0, 1), (10_000_000, 5, 5)] {
+            let count = run(threads, pieces, &mut || false, |_| rayon::current_num_threads());
+            assert_eq!(count, expected, "{threads} threads, {pieces} pieces");
+        }
+    }
+
+    #[test]
+    fn few_idle_pools_are_kept() {
+        for threads in 1..=20 {
+            assert!(pool(threads).is_some());
+        }
+        assert!(lock(&POOLS).as_ref().is_some_and(|(_, pools)| pools.len() <= 2 * KEPT_POOLS), "other tests hold some at most");
+    }
+}
