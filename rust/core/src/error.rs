@@ -9,21 +9,44 @@ use crate::status::Status;
 pub enum Error {
     /// An argument is not what the function takes: `argument problem: expected .., got .. (first bad index ..)`.
     #[error("{argument} {problem}")]
-    Input { argument: String, problem: String },
+    Input {
+        /// Name of the argument.
+        argument: String,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// A robot model is not well formed; `line` is 1-based in `file`.
     #[error("{file}:{line}: {problem}")]
-    Model { file: String, line: u32, problem: String },
+    Model {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1 on.
+        line: u32,
+        /// What is wrong there.
+        problem: String,
+    },
     /// A solver ended without an answer, at time (or iteration) `t`.
     #[error("{problem}")]
-    Solve { status: Status, t: f64, problem: String },
+    Solve {
+        /// How it ended.
+        status: Status,
+        /// Time, s, or iteration.
+        t: f64,
+        /// What happened.
+        problem: String,
+    },
     /// Stored data is not in the format it claims.
     #[error("{0}")]
     Format(String),
     /// The result does not fit in memory.
     #[error("the result needs {bytes} bytes, more than can be allocated")]
-    Memory { bytes: u128 },
+    Memory {
+        /// Size of the result.
+        bytes: u128,
+    },
 }
 
+/// Result with the error of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {

@@ -6,6 +6,8 @@
 //! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `scalar -> trace -> dynamics -> plan`, and
 //! `integrate` over `error, status, scalar, linalg` alone; `parallel` knows threads, `memory` sizes, and none knows robots.
 
+#![deny(missing_docs)]
+
 pub mod analysis;
 pub mod arm;
 pub mod dynamics;
@@ -14,9 +16,12 @@ pub mod integrate;
 pub mod interrupt;
 pub mod kinematics;
 pub mod law;
+#[doc(hidden)]
 pub mod linalg;
+#[doc(hidden)]
 pub mod memory;
 pub mod motion;
+#[doc(hidden)]
 pub mod parallel;
 pub mod plan;
 pub mod plant;
@@ -25,4 +30,5 @@ pub mod scalar;
 pub mod simulate;
 pub mod spatial;
 pub mod status;
+#[doc(hidden)]
 pub mod trace;

@@ -4,6 +4,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 pub enum Status {
+    /// The run reached its end, or the solve its answer.
     #[default]
     Success = 0,
     /// The state, its derivative or a monitor stopped being finite, or the state passed the limit that the caller set.
@@ -27,6 +28,7 @@ pub enum Status {
 }
 
 impl Status {
+    /// All statuses.
     pub const ALL: [Status; 10] = [
         Status::Success,
         Status::Diverged,
@@ -80,6 +82,7 @@ impl Status {
         }
     }
 
+    /// The number of the status.
     pub fn code(self) -> i32 {
         self as i32
     }

@@ -103,6 +103,7 @@ fn snapped(x: f64) -> f64 {
 /// The base parameters of an arm, and how they were decided.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseParameters {
+    /// The independent columns, and the projection onto them.
     pub independent: Independent,
     /// Names of all columns, `Izz[joint]`.
     pub names: Vec<String>,
@@ -160,6 +161,7 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<Ba
 }
 
 impl BaseParameters {
+    /// Number of base parameters.
     pub fn count(&self) -> usize {
         self.independent.columns.len()
     }

@@ -100,6 +100,7 @@ pub struct ElasticLimits {
     pub reduced_inertia_min: Vec<f64>,
     /// Per joint, the 1-DoF limit with the other joints held, N m/rad, and the stiffness `(J' K_m J)_ii` it bounds.
     pub stiffness_max: Vec<f64>,
+    /// The outer stiffness of the law, row-major.
     pub stiffness: Vec<f64>,
     /// How much stiffer the law may be at this rest.
     pub stiffness_scale_max: f64,

@@ -20,6 +20,7 @@ use crate::plant::PlantSpec;
 /// A pose of rest and what can be said of it.
 #[derive(Clone, Debug)]
 pub struct Equilibrium {
+    /// Joint positions `(n,)`, rad or m.
     pub q: Vec<f64>,
     /// Motors, `(n,)`; empty for a rigid plant.
     pub theta: Vec<f64>,

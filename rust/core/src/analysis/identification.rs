@@ -23,6 +23,7 @@ const BLOCK: usize = 256;
 /// What a record says about the base parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
+    /// The base parameters that were identified.
     pub base: BaseParameters,
     /// `(b,)`.
     pub values: Vec<f64>,
@@ -30,6 +31,7 @@ pub struct Identification {
     pub deviations: Vec<f64>,
     /// `(b, b)` row-major, of what the record shows.
     pub covariance: Vec<f64>,
+    /// Numerical rank of the stacked regressor.
     pub rank: usize,
     /// Of the scaled columns, largest over smallest singular value; infinite where the rank is short.
     pub condition: f64,
@@ -44,7 +46,9 @@ pub struct Identification {
 /// What to identify, and how the record is weighed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
+    /// Identify rotor inertias too.
     pub armature: bool,
+    /// Identify viscous and Coulomb friction too.
     pub friction: bool,
     /// Standard deviation of the torque of each joint, `(n,)`: weights; equal where absent.
     pub noise: Option<&'a [f64]>,

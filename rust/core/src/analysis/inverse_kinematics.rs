@@ -25,11 +25,13 @@ pub struct IkOptions {
     pub max_iterations: usize,
     /// Random starts after the given one.
     pub restarts: usize,
+    /// Seed of the random starts.
     pub seed: u64,
     /// Largest step of a joint, rad or m.
     pub step_max: f64,
     /// Keep to the joint limits of the arm.
     pub limits: bool,
+    /// How the tasks share the joints.
     pub method: PriorityMethod,
     /// Threshold on singular values, one per task or one for all.
     pub eps: Option<Vec<f64>>,
@@ -53,6 +55,7 @@ pub struct IkSolution {
     pub reached: Vec<bool>,
     /// Steps taken from all starts together, and random starts used.
     pub iterations: usize,
+    /// Random starts used.
     pub restarts: usize,
     /// `Success`: every task is reached. `Degraded`: the first is, some lower one is not. `Infeasible`: the first is not, and the
     /// best start came to rest. `MaxSteps`: the first is not, and the best start was still moving.

@@ -19,11 +19,13 @@ use crate::status::Status;
 
 /// What acts on a plant at rest.
 pub struct Rest<'a> {
+    /// The plant.
     pub plant: &'a PlantSpec,
     /// A law of links alone, or one of motors.
     pub law: &'a LawSpec,
     /// `[f; m]`, world axes, at a frame.
     pub wrench: [f64; 6],
+    /// Frame at which the force acts.
     pub frame: Option<usize>,
 }
 

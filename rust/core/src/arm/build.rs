@@ -7,9 +7,12 @@ use crate::memory;
 use crate::spatial::{Inertia, Placement, Vector, Vector3};
 use std::collections::HashSet;
 
+/// Type of a joint in a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointType {
+    /// A joint with one degree of freedom.
     Moving(JointKind),
+    /// A rigid connection.
     Fixed,
 }
 
@@ -30,22 +33,33 @@ impl JointType {
 /// motion about or along `axis`; the body frame is the moved joint frame.
 #[derive(Clone, Debug)]
 pub struct ChainJoint {
+    /// Name; `None` for `"joint1"`, `"joint2"`, ..
     pub name: Option<String>,
+    /// Type of the joint.
     pub kind: JointType,
+    /// Axis in the joint frame, any length > 0.
     pub axis: [f64; 3],
+    /// Roll, pitch and yaw of the joint frame in the parent body frame, rad.
     pub rpy: [f64; 3],
+    /// Origin of the joint frame in the parent body frame, m.
     pub xyz: [f64; 3],
+    /// Inertial parameters of the body, in its frame.
     pub phi: [f64; 10],
     /// Index of the parent in the list, which must come earlier; `Some(None)` is the base, `None` the
     /// previous joint.
     pub parent: Option<Option<usize>>,
+    /// Limits of position, speed and torque.
     pub limits: Limits,
+    /// Rotor inertia seen at the joint, kg m^2 or kg.
     pub armature: f64,
+    /// Viscous friction, N m s/rad or N s/m.
     pub damping: f64,
+    /// Coulomb friction, N m or N.
     pub friction: f64,
 }
 
 impl ChainJoint {
+    /// A joint without limits, rotor and friction, carried by the previous one of the list.
     pub fn new(kind: JointType, axis: [f64; 3], rpy: [f64; 3], xyz: [f64; 3], phi: [f64; 10]) -> Self {
         let limits = Limits::default();
         ChainJoint { name: None, kind, axis, rpy, xyz, phi, parent: None, limits, armature: 0.0, damping: 0.0, friction: 0.0 }

@@ -10,13 +10,17 @@ use crate::interrupt::look;
 use crate::memory;
 use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Vector3};
 
+/// Which axes a DH row joins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
+    /// The joint axis is `z` of the previous frame.
     Standard,
+    /// The joint axis is `z` of the own frame (Craig).
     Modified,
 }
 
 impl Convention {
+    /// `"standard"` or `"modified"`.
     pub fn parse(name: &str) -> Result<Convention> {
         match name {
             "standard" => Ok(Convention::Standard),
@@ -29,10 +33,15 @@ impl Convention {
 /// One Denavit-Hartenberg row; lengths in m, angles in rad.
 #[derive(Clone, Debug)]
 pub struct DhRow {
+    /// Type of the joint.
     pub kind: JointKind,
+    /// Length `a`, m.
     pub a: f64,
+    /// Twist `alpha`, rad.
     pub alpha: f64,
+    /// Offset `d`, m; added to `q` of a prismatic joint.
     pub d: f64,
+    /// Angle `theta`, rad; added to `q` of a revolute joint.
     pub theta: f64,
     /// The body's ten parameters in Denavit-Hartenberg frame `i`.
     pub phi: [f64; 10],

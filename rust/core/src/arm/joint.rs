@@ -2,11 +2,14 @@
 
 use crate::spatial::Placement;
 
+/// How a joint moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
+    /// Rotation within limits.
     Revolute,
     /// Revolute without position limits.
     Continuous,
+    /// Translation along the axis.
     Prismatic,
 }
 
@@ -15,6 +18,7 @@ impl JointKind {
     pub fn is_angle(self) -> bool {
         self != JointKind::Prismatic
     }
+    /// The name in URDF.
     pub fn name(self) -> &'static str {
         match self {
             JointKind::Revolute => "revolute",
@@ -27,9 +31,13 @@ impl JointKind {
 /// Bounds of a joint; infinite where the model gives none. Units: rad or m, per second, N m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
+    /// Least position, rad or m.
     pub lower: f64,
+    /// Largest position, rad or m.
     pub upper: f64,
+    /// Largest speed, rad/s or m/s.
     pub velocity: f64,
+    /// Largest torque, N m, or force, N.
     pub effort: f64,
 }
 
@@ -42,7 +50,9 @@ impl Default for Limits {
 /// A moving joint and the body that it carries; the body frame is the moved joint frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
+    /// Name, unique in the arm.
     pub name: String,
+    /// How it moves.
     pub kind: JointKind,
     /// Index of the joint that carries the parent body, `None` for the base.
     pub parent: Option<usize>,
@@ -50,6 +60,7 @@ pub struct Joint {
     pub placement: Placement,
     /// Unit vector in the joint frame.
     pub axis: [f64; 3],
+    /// Limits of position, speed and torque.
     pub limits: Limits,
     /// Rotor inertia seen at the joint, kg m^2 (kg for a slide): added to the diagonal of `M`.
     pub armature: f64,
@@ -72,8 +83,11 @@ impl Joint {
 /// A named frame fixed to a body (to the base where `body` is `None`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
+    /// Name of the frame.
     pub name: String,
+    /// Index of the joint whose body carries it; `None` for the base.
     pub body: Option<usize>,
+    /// Placement in the body frame.
     pub placement: Placement,
     /// The fixed joint that held it in the file, if there was one.
     pub joint: Option<String>,

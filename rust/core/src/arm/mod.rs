@@ -6,6 +6,7 @@ mod build;
 mod classic;
 mod edit;
 mod joint;
+#[doc(hidden)]
 mod tree;
 mod urdf;
 mod urdf_examples;
@@ -23,14 +24,18 @@ use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::spatial::PARAMETERS;
 
+/// Gravity on Earth along `-z`, m/s^2.
 pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
 /// The model of an arm. Joint order is that of `q`: depth first, siblings in the order given. Two arms are equal where all but their
 /// reports is: what was dropped on the way in does not make another arm.
 #[derive(Clone, Debug)]
 pub struct Arm {
+    /// Name of the robot.
     pub name: String,
+    /// Joints in the order of `q`; parents come before children.
     pub joints: Vec<Joint>,
+    /// Frames, in the order of the description.
     pub frames: Vec<Frame>,
     /// Gravity in world axes, m/s^2.
     pub gravity: [f64; 3],
@@ -50,10 +55,12 @@ impl Arm {
         self.joints.len()
     }
 
+    /// Names of the joints, in the order of `q`.
     pub fn joint_names(&self) -> impl Iterator<Item = &str> {
         self.joints.iter().map(|joint| joint.name.as_str())
     }
 
+    /// Names of the frames.
     pub fn frame_names(&self) -> impl Iterator<Item = &str> {
         self.frames.iter().map(|frame| frame.name.as_str())
     }
@@ -114,6 +121,7 @@ impl Arm {
         Ok(arm)
     }
 
+    /// The arm under other gravity, world axes, m/s^2.
     pub fn with_gravity(&self, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         Ok(Arm { gravity, ..self.clone() })

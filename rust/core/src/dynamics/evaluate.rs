@@ -136,6 +136,7 @@ pub struct Evaluator {
 }
 
 impl Evaluator {
+    /// An evaluator of this arm, with its buffers.
     pub fn new(arm: &Arm) -> Self {
         Evaluator::sized(arm, true)
     }

@@ -4,26 +4,38 @@
 //! Matrices are row-major slices. `trig[i]` is (sin, cos) of angular coordinate `i`, computed once per stage
 //! and shared by plant and law; entries of joints that are not angular are never read.
 
+#[doc(hidden)]
 pub mod aba;
+#[doc(hidden)]
 mod arm_at;
 mod closed_form;
+#[doc(hidden)]
 pub mod coriolis;
+#[doc(hidden)]
 pub mod crba;
 mod definite;
+#[doc(hidden)]
 pub mod derivatives;
+#[doc(hidden)]
 pub mod energy;
 mod evaluate;
+#[doc(hidden)]
 pub mod forward;
+#[doc(hidden)]
 mod functions;
 mod hinge;
 mod model;
+#[doc(hidden)]
 pub mod newton_euler;
 mod planar_pr;
 mod quantities;
 mod query;
+#[doc(hidden)]
 mod recorded;
+#[doc(hidden)]
 pub mod regressor;
 mod tree;
+#[doc(hidden)]
 pub mod workspace;
 
 pub use arm_at::ArmAt;
@@ -41,6 +53,7 @@ use crate::scalar::Real;
 pub trait Dynamics<S: Real> {
     /// Buffers of the algorithms, made once: nothing allocates in a control step.
     type Workspace;
+    /// Buffers for this arm.
     fn workspace(&self) -> Self::Workspace;
 
     /// Number of joints `n`.

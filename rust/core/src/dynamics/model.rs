@@ -14,7 +14,9 @@ use std::sync::Arc;
 /// An arm as the user states it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Model {
+    /// The planar arm of one prismatic and one revolute joint, in closed form.
     PlanarPr(PlanarPr<f64>),
+    /// A tree of bodies.
     Tree(Arc<Arm>),
 }
 
@@ -103,7 +105,9 @@ impl Model {
 /// A model made to run on `S`; its inertial parameters may differ from lane to lane.
 #[derive(Clone, Debug)]
 pub enum AnyArm<S: Real> {
+    /// In closed form.
     PlanarPr(PlanarPr<S>),
+    /// A tree of bodies.
     Tree(Tree<S>),
 }
 

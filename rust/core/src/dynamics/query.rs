@@ -48,6 +48,7 @@ pub enum Quantity {
 /// A quantity with its options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Query {
+    /// What is computed.
     pub quantity: Quantity,
     /// Of pose, position, Jacobian and its rate.
     pub frame: usize,

@@ -15,12 +15,15 @@ pub const MAX_STEPS: u64 = 10_000_000;
 /// Work done so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
+    /// Evaluations of the right-hand side.
     pub evaluations: u64,
     /// Accepted steps.
     pub steps: u64,
+    /// Rejected steps.
     pub rejections: u64,
     /// Of an implicit method: evaluations of the Jacobian, and decompositions of real or complex matrices.
     pub jacobians: u64,
+    /// Decompositions of matrices.
     pub factorisations: u64,
     /// Of a run that ended with [`Status::ExcessAccuracy`]: times this both tolerances can be met; else zero.
     pub coarsen: f64,
@@ -39,8 +42,11 @@ pub trait Accuracy {
 /// The relative and absolute error allowed per step, over the first `controlled` components of the state.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
+    /// Relative tolerance.
     pub rtol: f64,
+    /// Absolute tolerance.
     pub atol: f64,
+    /// Number of components, from the first on, whose error counts.
     pub controlled: usize,
 }
 
@@ -59,7 +65,9 @@ impl Accuracy for Tolerance {
 /// The relative and absolute error allowed per step in each component.
 #[derive(Clone, Debug)]
 pub struct Tolerances {
+    /// Relative tolerance per component.
     pub rtol: Vec<f64>,
+    /// Absolute tolerance per component.
     pub atol: Vec<f64>,
 }
 
@@ -95,7 +103,9 @@ pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     fn t_old(&self) -> f64;
     /// The state reached.
     fn x(&self) -> &B;
+    /// The state, to be set before `begin`.
     fn x_mut(&mut self) -> &mut B;
+    /// The work done so far.
     fn work(&self) -> Work;
     /// Largest step from now on (infinite at first).
     fn limit_step(&mut self, h_max: f64);

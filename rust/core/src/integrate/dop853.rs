@@ -60,6 +60,7 @@ impl Scheme for Order8 {
     }
 }
 
+/// The method of order 8 on a state `B`.
 pub struct Dop853<B, U, T = Tolerance> {
     controller: StepController<T>,
     /// The slopes of the 12 stages, of the end, and of the dense output.
@@ -80,6 +81,7 @@ pub struct Dop853<B, U, T = Tolerance> {
 }
 
 impl<B: Clone, U: Clone, T: Accuracy> Dop853<B, U, T> {
+    /// The method with these tolerances; `state` and `input` give the sizes.
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         Dop853 {
             controller: StepController::new(tolerance),

@@ -62,6 +62,7 @@ impl Scheme for Pair54 {
     }
 }
 
+/// The method of order 5 on a state `B`.
 pub struct Dopri5<B, U, T = Tolerance> {
     controller: StepController<T>,
     /// Slopes of the stages; the last is that of the end.
@@ -75,6 +76,7 @@ pub struct Dopri5<B, U, T = Tolerance> {
 }
 
 impl<B: Clone, U: Clone, T: Accuracy> Dopri5<B, U, T> {
+    /// The method with these tolerances; `state` and `input` give the sizes.
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         let k = std::array::from_fn(|_| state.clone());
         let [error, y, x] = std::array::from_fn(|_| state.clone());

@@ -3,12 +3,14 @@
 use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
 
+/// The explicit Euler method.
 pub struct Euler<B, U> {
     k: B,
     u: U,
 }
 
 impl<B: Clone, U: Clone> Euler<B, U> {
+    /// The method; `state` and `input` give the sizes.
     pub fn new(state: B, input: U) -> Self {
         Euler { k: state, u: input }
     }

@@ -21,6 +21,7 @@ pub struct Event {
 
 /// The functions watched, evaluated by index.
 pub trait Watched {
+    /// Value of event function `i` at time `t` and state `x`.
     fn value(&mut self, i: usize, t: f64, x: &[f64]) -> f64;
 }
 
@@ -33,7 +34,9 @@ impl<G: FnMut(usize, f64, &[f64]) -> f64> Watched for G {
 /// A crossing: which function, when.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
+    /// Index of the event.
     pub index: usize,
+    /// Time of the crossing.
     pub t: f64,
     /// The run ends here.
     pub stops: bool,
@@ -52,6 +55,7 @@ pub struct Watch<B> {
 }
 
 impl<B: Buffer<f64>> Watch<B> {
+    /// A watch of these events; `state` gives the size.
     pub fn new(events: Vec<Event>, state: B) -> Self {
         let n = events.len();
         Watch { events, counts: vec![0; n], signs: vec![0.0; n], values: vec![0.0; n], crossings: Vec::with_capacity(n), at: state }

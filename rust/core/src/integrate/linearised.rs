@@ -23,7 +23,9 @@ pub trait DualSystem<V: Real>: System<Duals<V>> {
 
 /// A system and its twin on dual numbers: together they are [`Differentiable`].
 pub struct Linearised<F, G, V: Real, X, U> {
+    /// The system on plain numbers.
     pub system: F,
+    /// The same system on dual numbers.
     pub twin: G,
     /// Scratch for the twin: state, slope, input.
     x: X,

@@ -45,7 +45,9 @@ pub trait System<S: Real> {
     /// The exogenous signal at one instant.
     type Input: Clone;
 
+    /// The input `u` at time `t`.
     fn input(&mut self, t: f64, u: &mut Self::Input);
+    /// The right-hand side `dx = f(u, x)`.
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
     /// An attempt of an explicit method all at once; false where it is to be made stage by stage.
     fn attempt<C: Scheme, B: Buffer<S>>(&mut self, _: &mut Attempt<S, B>) -> bool {
@@ -80,6 +82,7 @@ pub trait System<S: Real> {
 pub trait Scheme {
     /// Stages after the first, and estimates of the error.
     const STAGES: usize;
+    /// Number of error estimates of the scheme.
     const ESTIMATES: usize;
 
     /// The results of an attempt. `slope(k, y, dx)` is asked for the slope of stage `k + 1` at the state `y`.
@@ -88,9 +91,11 @@ pub trait Scheme {
 
 /// What an attempt of an explicit method is made of.
 pub struct Attempt<'a, S, B> {
+    /// The step, s.
     pub h: S,
     /// When the stages after the first take their inputs.
     pub times: &'a [f64],
+    /// The state at the start of the step.
     pub x: &'a [S],
     /// Those of all stages: the first is given, the others are results.
     pub slopes: &'a mut [B],

@@ -28,6 +28,7 @@ const GAIN: f64 = 2.0;
 /// Contraction of Newton above which the Jacobian is renewed after an accepted step.
 const SLOW: f64 = 1e-3;
 
+/// The method of order 5 on a state `B`.
 pub struct Radau5<S, B, U, A = Tolerance> {
     controller: StepController<A>,
     newton_tolerance: f64,
@@ -70,6 +71,7 @@ struct Newton {
 }
 
 impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
+    /// The method with these tolerances; `state` and `input` give the sizes.
     pub fn new(tolerance: A, state: B, input: U) -> Self {
         let n = state.as_ref().len();
         let three = || std::array::from_fn(|_| state.clone());

@@ -6,6 +6,7 @@
 use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
 
+/// The classical Runge-Kutta method.
 pub struct Rk4<B, U> {
     k: B,
     y: B,
@@ -18,6 +19,7 @@ pub struct Rk4<B, U> {
 }
 
 impl<B: Clone, U: Clone> Rk4<B, U> {
+    /// The method; `state` and `input` give the sizes.
     pub fn new(state: B, input: U) -> Self {
         let (k, y, sum) = (state.clone(), state.clone(), state);
         Rk4 { k, y, sum, start: input.clone(), middle: input.clone(), end: input, end_time: f64::NAN }

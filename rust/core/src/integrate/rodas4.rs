@@ -66,6 +66,7 @@ pub struct Rodas4<B, M, P, U, T = Tolerance> {
 }
 
 impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
+    /// The method with these tolerances; the other arguments give the sizes.
     pub fn new(tolerance: T, state: B, matrix: M, pivots: P, input: U) -> Self {
         Rodas4 {
             controller: StepController::new(tolerance),

@@ -26,6 +26,7 @@ pub struct Ros2<B, M, P, U> {
 }
 
 impl<B: Clone, M: Clone, P, U: Clone> Ros2<B, M, P, U> {
+    /// The method; the arguments give the sizes.
     pub fn new(state: B, matrix: M, pivots: P, input: U) -> Self {
         Ros2 {
             k1: state.clone(),

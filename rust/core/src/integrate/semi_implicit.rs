@@ -8,6 +8,7 @@ use super::{Advance, Buffer, FixedStep, System};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
+/// The semi-implicit Euler method.
 pub struct SemiImplicit<B, U> {
     k: B,
     u: U,

@@ -9,7 +9,9 @@ use crate::status::Status;
 
 /// What a run hands out as it goes.
 pub trait Recorder {
+    /// The state at a requested time, or after a step.
     fn state(&mut self, t: f64, x: &[f64]);
+    /// A crossing of event `index`.
     fn event(&mut self, _index: usize, _t: f64, _x: &[f64]) {}
     /// A value of the polynomial of the step that ends at `t`; called for every node in turn.
     fn node(&mut self, _t: f64, _x: &[f64]) {}
@@ -26,14 +28,18 @@ pub struct Request<'a> {
     pub times: Option<&'a [f64]>,
     /// Hand out the polynomials.
     pub dense: bool,
+    /// Events to locate.
     pub events: &'a [Event],
 }
 
 /// How a run ended, when, and the work it took.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOutcome {
+    /// How it ended.
     pub status: Status,
+    /// Time reached.
     pub t: f64,
+    /// Work done.
     pub work: Work,
 }
 

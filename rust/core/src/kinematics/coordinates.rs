@@ -9,12 +9,15 @@ use crate::kinematics::{Pose, frame_pose, jacobian, jacobian_dot};
 use crate::scalar::Real;
 use crate::spatial::{Matrix, Vector, Vector3, rotation_exp, rotation_log};
 
+/// Names of the rows.
 pub const LETTERS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
 /// A frame of an arm and the rows of `[p; r]` that are controlled, in the order asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coordinates {
+    /// Index of the frame.
     pub frame: usize,
+    /// Rows of the pose: 0 to 2 for position, 3 to 5 for orientation.
     pub rows: Vec<usize>,
 }
 
@@ -35,6 +38,7 @@ pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
 }
 
 impl Coordinates {
+    /// Rows `axes`, such as `"xy"` or `"xyz rx ry rz"`, of a frame of this name.
     pub fn new(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
         Ok(Coordinates { frame: arm.frame_index(frame)?, rows: parse_axes(axes)? })
     }

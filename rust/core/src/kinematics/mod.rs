@@ -7,6 +7,7 @@ pub mod coordinates;
 mod jacobian;
 mod task;
 mod task_error;
+#[doc(hidden)]
 mod task_stack;
 #[cfg(all(test, feature = "urdf"))]
 mod task_tests;
@@ -23,11 +24,14 @@ use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 /// World placement of a body's compiled frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pose<S: Real> {
+    /// `R_WB`.
     pub rotation: Matrix3<S>,
+    /// `p_WB`, m.
     pub origin: Vector3<S>,
 }
 
 impl<S: Real> Pose<S> {
+    /// The world frame itself.
     pub fn identity() -> Self {
         Pose { rotation: Matrix3::IDENTITY.lift(), origin: Vector3::zero() }
     }

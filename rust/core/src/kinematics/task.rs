@@ -23,18 +23,46 @@ pub enum TaskFunction {
     /// Rows of the position and orientation of a frame, world axes.
     Frame(Coordinates),
     /// Positions of chosen joints.
-    Posture { joints: Vec<usize> },
+    Posture {
+        /// Indices of the joints.
+        joints: Vec<usize>,
+    },
     /// Rows (0, 1, 2 for x, y, z) of the centre of mass, world axes.
-    CentreOfMass { rows: Vec<usize> },
+    CentreOfMass {
+        /// Controlled rows.
+        rows: Vec<usize>,
+    },
     /// The direction `axis` of a frame points along a direction of the world; `across` are two unit vectors at right angles to it.
-    Axis { frame: usize, axis: Vector3<f64>, across: [Vector3<f64>; 2] },
+    Axis {
+        /// Index of the frame.
+        frame: usize,
+        /// Unit vector in the frame.
+        axis: Vector3<f64>,
+        /// Two unit vectors at right angles to it.
+        across: [Vector3<f64>; 2],
+    },
     /// Rows of the pose of a frame as seen from another frame.
-    Relative { frame: usize, reference: usize, rows: Vec<usize> },
+    Relative {
+        /// Index of the frame.
+        frame: usize,
+        /// Index of the frame that it is seen from.
+        reference: usize,
+        /// Controlled rows, as in [`Coordinates`].
+        rows: Vec<usize>,
+    },
     /// Chosen joints stay within the narrowed limits `lower`, `upper`.
-    JointLimits { joints: Vec<usize>, lower: Vec<f64>, upper: Vec<f64> },
+    JointLimits {
+        /// Indices of the joints.
+        joints: Vec<usize>,
+        /// Least positions.
+        lower: Vec<f64>,
+        /// Largest positions.
+        upper: Vec<f64>,
+    },
 }
 
 impl TaskFunction {
+    /// Rows `axes` of the pose of a frame.
     pub fn frame(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
         Ok(TaskFunction::Frame(Coordinates::new(arm, frame, axes)?))
     }
@@ -68,6 +96,7 @@ impl TaskFunction {
         Ok(TaskFunction::Axis { frame: arm.frame_index(frame)?, axis, across: [turn.axis(0), turn.axis(1)] })
     }
 
+    /// Rows `axes` of the pose of `frame` relative to `reference`.
     pub fn relative(arm: &Arm, frame: &str, reference: &str, axes: &str) -> Result<Self> {
         let known = |argument: &str, name: &str| {
             arm.frame_index(name).map_err(|error| match error {

@@ -71,7 +71,9 @@ impl AdaptiveSpec {
 /// A base set of parameters: which columns of the regressor stay, and `P` `(b, p)`, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
+    /// Indices of the adapted parameters.
     pub columns: Vec<usize>,
+    /// Projection onto them, row-major.
     pub projection: Vec<f64>,
 }
 

@@ -15,14 +15,19 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 
+/// The adaptive law of an arm, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdaptiveSpec {
     pub(super) model: Model,
+    /// Desired motion.
     pub motion: Motion,
+    /// Position gain `Kp = Kd Lambda`.
     pub kp: Gain,
+    /// Gain `Kd` on `s`.
     pub kd: Gain,
     /// `Kd^-1 Kp`.
     pub lambda: Gain,
+    /// How the estimate moves.
     pub adaptation: Adaptation,
     /// The parameters that are estimated; `None` for all.
     pub base: Option<Base>,
@@ -151,6 +156,7 @@ where
 }
 
 impl<S: Real, D: Dynamics<S>, J, G, B: Clone, P> Adaptive<S, D, J, G, B, P> {
+    /// The law on these numbers, with its buffers.
     pub fn new(arm: D, lambda: J, kd: J, gamma: G, joints: B, parameters: P) -> Self {
         let workspace = arm.workspace();
         let zero = || joints.clone();

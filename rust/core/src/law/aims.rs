@@ -15,6 +15,7 @@ pub enum JointReference {
 /// Rows of a frame's position that a law brings to a target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Aim {
+    /// Index of the frame.
     pub frame: usize,
     /// Which of x, y, z.
     pub rows: Vec<usize>,

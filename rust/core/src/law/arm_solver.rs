@@ -20,6 +20,7 @@ pub struct ArmSolver {
 }
 
 impl ArmSolver {
+    /// A solver for the tasks `functions` of an arm, the highest priority first.
     pub fn new(arm: &Arm, functions: Vec<TaskFunction>, options: &PriorityOptions) -> Result<Self> {
         if functions.is_empty() {
             return Err(Error::input("tasks", "is empty: expected at least one task, got 0"));
@@ -29,6 +30,7 @@ impl ArmSolver {
         Ok(ArmSolver { running: stack.lift(), stack, solver, program: SharedProgram::default() })
     }
 
+    /// Number of joints.
     pub fn n(&self) -> usize {
         self.stack.n()
     }
@@ -38,6 +40,7 @@ impl ArmSolver {
         self.stack.rows()
     }
 
+    /// The task functions, placed on the arm.
     pub fn tasks(&mut self) -> &mut TaskStack {
         &mut self.stack
     }
@@ -50,10 +53,12 @@ impl ArmSolver {
         &self.program
     }
 
+    /// The solver of the maps.
     pub fn solver(&self) -> &PrioritySolver {
         &self.solver
     }
 
+    /// The solver of the maps, to be changed.
     pub fn solver_mut(&mut self) -> &mut PrioritySolver {
         &mut self.solver
     }

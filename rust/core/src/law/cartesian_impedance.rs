@@ -12,9 +12,12 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 
+/// The Cartesian impedance law of an arm, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CartesianImpedanceSpec {
+    /// The arm.
     pub model: Model,
+    /// The controlled rows of a frame.
     pub coordinates: Coordinates,
     /// A fixed pose is a motion that holds.
     pub target: Motion,
@@ -25,6 +28,7 @@ pub struct CartesianImpedanceSpec {
 }
 
 impl CartesianImpedanceSpec {
+    /// The law for the rows `axes` of `frame`; `target`, `stiffness` and `damping` have that many rows.
     pub fn new(model: Model, target: Motion, stiffness: Gain, damping: Gain, frame: &str, axes: &str) -> Result<Self> {
         let coordinates = Coordinates::new(model.tree("arm")?, frame, axes)?;
         let m = coordinates.m();

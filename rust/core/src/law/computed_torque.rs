@@ -11,15 +11,20 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 
+/// The computed-torque law of an arm, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComputedTorqueSpec {
     pub(crate) model: Model,
+    /// Desired motion.
     pub motion: Motion,
+    /// Position gain, 1/s^2.
     pub kp: Gain,
+    /// Velocity gain, 1/s.
     pub kd: Gain,
 }
 
 impl ComputedTorqueSpec {
+    /// The law of this model for a desired motion.
     pub fn new(model: Model, motion: Motion, kp: Gain, kd: Gain) -> Result<Self> {
         let n = model.n();
         require_same_dof(n, &motion)?;
@@ -86,6 +91,7 @@ pub struct ComputedTorque<S: Real, D: Dynamics<S>, J, B> {
 }
 
 impl<S: Real, D: Dynamics<S>, J, B: Clone> ComputedTorque<S, D, J, B> {
+    /// The law on these numbers, with its buffers.
     pub fn new(arm: D, kp: J, kd: J, joints: B) -> Self {
         let workspace = arm.workspace();
         let zero = || joints.clone();

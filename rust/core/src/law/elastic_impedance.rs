@@ -15,9 +15,12 @@ use crate::motion::Motion;
 use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::Real;
 
+/// Cartesian impedance of an arm with elastic joints, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticImpedanceSpec {
+    /// The impedance law of the links.
     pub outer: CartesianImpedanceSpec,
+    /// The reduction of motor inertia.
     pub inner: ReductionSpec,
 }
 

@@ -9,10 +9,14 @@ use std::sync::Arc;
 /// `call(t, x, tau)`; `false` where it has no answer, which ends the run.
 pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
 
+/// A law that is a function of the caller.
 #[derive(Clone)]
 pub struct ExternalSpec {
+    /// The arm.
     pub model: Model,
+    /// The kind of plant it drives.
     pub plant: PlantKind,
+    /// The function.
     pub call: Call,
 }
 
@@ -53,6 +57,7 @@ pub struct External {
 }
 
 impl External {
+    /// The law, with its buffers.
     pub fn new(spec: &ExternalSpec) -> Self {
         let n = spec.model.n();
         External { call: spec.call.clone(), t: 0.0, x: vec![0.0; spec.plant.states(n)], tau: vec![0.0; n] }

@@ -13,6 +13,7 @@ use crate::linalg::ratio_damping;
 use crate::plant::{ElasticSpec, PlantSpec};
 use crate::scalar::Real;
 
+/// Torque feedback that reduces the apparent motor inertia, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReductionSpec {
     /// `K_J`, N m/rad.

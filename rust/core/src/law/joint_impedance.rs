@@ -9,9 +9,12 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 
+/// Joint impedance of an arm with elastic joints, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointImpedanceSpec {
+    /// The impedance law of the links.
     pub outer: PdGravitySpec,
+    /// The reduction of motor inertia.
     pub inner: ReductionSpec,
 }
 

@@ -15,11 +15,17 @@ pub const HORIZON: f64 = 0.1;
 /// Limits as they are given, `(n,)` each, in rad or m, per second and per second squared; `None`: the arm's own, of `a_max` none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LimitOverrides {
+    /// Least positions `(n,)`, rad or m.
     pub q_min: Option<Vec<f64>>,
+    /// Largest positions `(n,)`, rad or m.
     pub q_max: Option<Vec<f64>>,
+    /// Least velocities `(n,)`, rad/s or m/s.
     pub v_min: Option<Vec<f64>>,
+    /// Largest velocities `(n,)`, rad/s or m/s.
     pub v_max: Option<Vec<f64>>,
+    /// Largest accelerations `(n,)`, rad/s^2 or m/s^2.
     pub a_max: Option<Vec<f64>>,
+    /// Time in which a joint can stop at its limit, s.
     pub horizon: Option<f64>,
 }
 

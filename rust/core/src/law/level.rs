@@ -11,6 +11,7 @@ use crate::scalar::Real;
 /// One level of priority: `v = x_d' + K e`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Level {
+    /// The task function.
     pub function: TaskFunction,
     /// A constant target is a motion that holds; of a task that needs none, one of no numbers.
     pub target: Motion,
@@ -21,6 +22,7 @@ pub struct Level {
 }
 
 impl Level {
+    /// One level; `damping = None` is critical damping.
     pub fn new(function: TaskFunction, target: Motion, gain: Gain, damping: Option<Gain>) -> Result<Self> {
         match &target {
             Motion::Hold(target) => function.require_target(target)?,

@@ -5,12 +5,15 @@
 mod adaptation;
 mod adaptive;
 mod aims;
+#[doc(hidden)]
 mod arm_batch;
 mod arm_solver;
 mod cartesian_impedance;
 mod computed_torque;
+#[doc(hidden)]
 mod decided;
 mod elastic_impedance;
+#[doc(hidden)]
 mod evaluator;
 mod external;
 mod inertia_reduction;
@@ -87,7 +90,9 @@ pub trait Law<S: Real> {
 pub trait Definition {
     /// The class in Python.
     const NAME: &'static str;
+    /// The kind of plant it drives.
     const PLANT: PlantKind;
+    /// The law in a loop, on the number `S`.
     type Lanes<S: Real>: Law<S> + Send + 'static;
 
     /// The arm the law was made for.
@@ -108,9 +113,13 @@ pub trait Definition {
 
 /// What a law is asked about: its motions' samples, the plant's state with (sin, cos) of its coordinates, and the law's own.
 pub struct Instant<'a> {
+    /// Samples of the desired motions.
     pub desired: &'a [f64],
+    /// (sin, cos) of the joints.
     pub trig: &'a [(f64, f64)],
+    /// State of the plant.
     pub x: &'a [f64],
+    /// State of the law.
     pub z: &'a [f64],
 }
 
@@ -120,15 +129,25 @@ pub type Term = (&'static str, Vec<usize>, Vec<f64>);
 /// The laws there are.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LawSpec {
+    /// Slotine-Li adaptive control.
     Adaptive(AdaptiveSpec),
+    /// Computed torque.
     ComputedTorque(ComputedTorqueSpec),
+    /// PD with gravity compensation.
     PdGravity(PdGravitySpec),
+    /// Cartesian impedance of a rigid arm.
     CartesianImpedance(CartesianImpedanceSpec),
+    /// Cartesian impedance of an elastic arm.
     ElasticImpedance(ElasticImpedanceSpec),
+    /// Joint impedance of an elastic arm.
     JointImpedance(JointImpedanceSpec),
+    /// PD on motors with gravity compensation.
     MotorPd(MotorPdSpec),
+    /// Full state feedback of an elastic arm.
     StateFeedback(StateFeedbackSpec),
+    /// Velocities of tasks in priority.
     PriorityVelocity(PriorityVelocitySpec),
+    /// Accelerations of tasks in priority.
     PriorityAcceleration(PriorityAccelerationSpec),
     /// A function from outside, asked at samples.
     External(ExternalSpec),
@@ -154,6 +173,7 @@ macro_rules! each {
 }
 
 impl LawSpec {
+    /// The class in Python.
     pub fn name(&self) -> &'static str {
         fn of<D: Definition>(_: &D) -> &'static str {
             D::NAME
@@ -161,6 +181,7 @@ impl LawSpec {
         each!(self, law => of(law), _outside => "PythonLaw")
     }
 
+    /// The kind of plant it drives.
     pub fn plant(&self) -> PlantKind {
         fn of<D: Definition>(_: &D) -> PlantKind {
             D::PLANT
@@ -168,10 +189,12 @@ impl LawSpec {
         each!(self, law => of(law), outside => outside.plant)
     }
 
+    /// The arm it was made for.
     pub fn model(&self) -> &Model {
         each!(self, law => law.model(), outside => &outside.model)
     }
 
+    /// Its desired motions.
     pub fn motions(&self) -> Vec<&Motion> {
         each!(self, law => law.motions(), _outside => Vec::new())
     }
@@ -183,6 +206,7 @@ impl LawSpec {
         breaks
     }
 
+    /// Its state at the start of a run, `(p,)`.
     pub fn initial_state(&self) -> &[f64] {
         each!(self, law => law.initial_state(), _outside => &[])
     }

@@ -18,7 +18,9 @@ pub struct MotorRegulationSpec<const TORQUE: bool> {
     model: Model,
     /// `theta_d`, held.
     target: Motion,
+    /// Position gain of the motors.
     pub kp: Gain,
+    /// Velocity gain of the motors.
     pub kd: Gain,
     /// `Kt` and `Ks`; the identity, unused, without torque feedback.
     kt: Gain,

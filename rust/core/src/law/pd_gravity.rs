@@ -8,15 +8,19 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 
+/// PD with gravity compensation, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PdGravitySpec {
     model: Model,
     target: Motion,
+    /// Position gain, N m/rad or N/m.
     pub kp: Gain,
+    /// Velocity gain, N m s/rad or N s/m.
     pub kd: Gain,
 }
 
 impl PdGravitySpec {
+    /// The law of this model for a target `(n,)`.
     pub fn new(model: Model, target: Vec<f64>, kp: Gain, kd: Gain) -> Result<Self> {
         let n = model.n();
         require_rows("target", n, target.len())?;

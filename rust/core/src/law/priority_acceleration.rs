@@ -18,10 +18,13 @@ use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
+/// Accelerations of tasks in priority, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityAccelerationSpec {
     model: Model,
+    /// Tasks, the highest priority first.
     pub levels: Vec<Level>,
+    /// How the levels share the joints.
     pub options: PriorityOptions,
     /// `c`, 1/s.
     pub joint_damping: f64,

@@ -21,10 +21,13 @@ use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
+/// Velocities of tasks in priority, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityVelocitySpec {
     model: Model,
+    /// Tasks, the highest priority first.
     pub levels: Vec<Level>,
+    /// How the levels share the joints.
     pub options: PriorityOptions,
     /// Of the map `sns`.
     limits: Option<JointLimits>,

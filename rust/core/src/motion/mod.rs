@@ -21,14 +21,20 @@ use crate::scalar::Real;
 pub enum Motion {
     /// `q_d` constant.
     Hold(Vec<f64>),
+    /// Sums of sinusoids.
     Sinusoid(Sinusoid),
+    /// Rest to rest by a quintic.
     Quintic(Quintic),
+    /// Rest to rest at the largest acceleration.
     BangBang(BangBang),
+    /// Samples at equal intervals.
     Table(Table),
+    /// A path with a timing.
     TimedPath(TimedPath),
 }
 
 impl Motion {
+    /// Rest at `q` `(n,)`.
     pub fn hold(q: Vec<f64>) -> Result<Self> {
         finite("q", &q)?;
         if q.is_empty() {

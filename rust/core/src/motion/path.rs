@@ -25,11 +25,15 @@ const SAME: f64 = 1e-12;
 /// What a spline does at its ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ends {
+    /// Zero second derivative at both ends.
     Natural,
+    /// Zero first derivative at both ends.
     Clamped,
+    /// The third derivative is continuous at the first and last inner knot.
     NotAKnot,
 }
 
+/// A cubic spline through waypoints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     n: usize,
@@ -234,6 +238,7 @@ impl Path {
         Ok(Path { n, ends: [coefficients[..n].to_vec(), end], knots, coefficients })
     }
 
+    /// Number of joints `n`.
     pub fn dof(&self) -> usize {
         self.n
     }
@@ -243,6 +248,7 @@ impl Path {
         &self.knots
     }
 
+    /// Coefficients of the pieces, row-major.
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }

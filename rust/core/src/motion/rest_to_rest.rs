@@ -19,7 +19,9 @@ pub struct QuinticTiming;
 #[derive(Clone, Debug, PartialEq)]
 pub struct BangBangTiming;
 
+/// The quintic of zero velocity and acceleration at both ends.
 pub type Quintic = RestToRest<QuinticTiming>;
+/// Full acceleration for half of the duration, then full deceleration.
 pub type BangBang = RestToRest<BangBangTiming>;
 
 #[derive(Clone, Debug, PartialEq)]

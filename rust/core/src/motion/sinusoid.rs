@@ -3,6 +3,7 @@
 use crate::error::{Error, Result, finite};
 use crate::scalar::{Array8, Real};
 
+/// A sum of sinusoids per joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sinusoid {
     offset: Vec<f64>,
@@ -30,6 +31,7 @@ impl Sinusoid {
         Ok(Sinusoid { offset, terms, amplitude, frequency, phase })
     }
 
+    /// Number of joints `n`.
     pub fn dof(&self) -> usize {
         self.offset.len()
     }

@@ -13,6 +13,7 @@ const LOOK: usize = 1 << 10;
 /// A time this close to a knot, in intervals, is that knot.
 const ON_KNOT: f64 = 1e-9;
 
+/// A motion sampled at equal intervals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     start: f64,
@@ -73,18 +74,22 @@ impl Table {
         Ok(Table { start, dt, rate: 1.0 / dt, dof, knots, rows: memory::collected((0..3 * dof * knots).map(&mut next))?.into() })
     }
 
+    /// Number of joints `n`.
     pub fn dof(&self) -> usize {
         self.dof
     }
 
+    /// Time of the first sample, s.
     pub fn start(&self) -> f64 {
         self.start
     }
 
+    /// Time between samples, s.
     pub fn dt(&self) -> f64 {
         self.dt
     }
 
+    /// One row `[q, v, a]` per sample.
     pub fn rows(&self) -> &[f64] {
         &self.rows
     }

@@ -16,6 +16,7 @@ use crate::memory;
 use crate::scalar::Real;
 use std::sync::Arc;
 
+/// A path with the time at which each position is reached.
 #[derive(Clone, Debug)]
 pub struct TimedPath {
     path: Arc<Path>,
@@ -112,10 +113,12 @@ impl TimedPath {
         Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), u_slope, piece: Arc::default(), u: u.into() })
     }
 
+    /// Number of joints `n`.
     pub fn dof(&self) -> usize {
         self.path.dof()
     }
 
+    /// The path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -140,6 +143,7 @@ impl TimedPath {
         self.t[self.t.len() - 1]
     }
 
+    /// Path positions of the grid, `(N + 1,)`.
     pub fn grid(&self) -> &[f64] {
         &self.s
     }

@@ -21,6 +21,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// What the profile can and cannot do. Labels and words are computed on request.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BangBangReport {
+    /// Whether a feasible duration exists.
     pub feasible: bool,
     /// Shortest duration, s; NaN if infeasible.
     pub t_min: f64,
@@ -32,6 +33,7 @@ pub struct BangBangReport {
     pub a_max: f64,
     /// Whether the torque can hold the link at rest at the start, at the end.
     pub hold_start: bool,
+    /// Whether the torque limits hold the link at the end.
     pub hold_end: bool,
     theta0: f64,
     thetaf: f64,
@@ -121,7 +123,9 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
 
 /// Where the answers to many problems go, `(count,)` each: `t_min, t_max, a_min, a_max`, and `feasible, hold_start, hold_end`.
 pub struct BangBangTimes<'a> {
+    /// Durations and accelerations: `t_min`, `t_max`, `a_min`, `a_max`.
     pub numbers: [&'a mut [f64]; 4],
+    /// Feasible, and whether the link is held at start and end.
     pub flags: [&'a mut [bool]; 3],
 }
 

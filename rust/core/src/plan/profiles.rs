@@ -19,6 +19,7 @@ use crate::memory;
 /// The durations that obey the torque bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProfileReport {
+    /// Whether a feasible duration exists.
     pub feasible: bool,
     /// Shortest duration, s; NaN if infeasible.
     pub t_min: f64,
@@ -26,12 +27,15 @@ pub struct ProfileReport {
     pub t_max: f64,
     /// Bounds on `k = inertia D / T^2`, N m.
     pub k_min: f64,
+    /// Upper bound of `k`, N m.
     pub k_max: f64,
     /// Angle at which the upper bound of `k` is reached, rad.
     pub theta_upper: f64,
     /// Angle at which the lower bound is reached, rad; NaN if there is none.
     pub theta_lower: f64,
+    /// Whether the torque limits hold the link at the start.
     pub hold_start: bool,
+    /// Whether the torque limits hold the link at the end.
     pub hold_end: bool,
     /// How much wider both torque bounds must be, N m; 0 if feasible.
     pub missing: f64,

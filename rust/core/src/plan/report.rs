@@ -5,7 +5,9 @@ use std::fmt;
 /// A torque limit of the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limit {
+    /// The lower limit.
     TauMin,
+    /// The upper limit.
     TauMax,
 }
 
@@ -45,9 +47,11 @@ impl fmt::Display for Place {
 /// A torque limit that decides the shortest or the longest duration. Displays as `phase1:switch`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bind {
+    /// The limit.
     pub limit: Limit,
     /// 1 while accelerating, 2 while braking (of three phases: 1, 2, 3).
     pub phase: u8,
+    /// Where in the phase.
     pub place: Place,
     /// Angle where the limit is reached, rad.
     pub theta: f64,
@@ -66,22 +70,31 @@ impl fmt::Display for Bind {
 /// Why a profile is possible or not. The words come from `Display`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
+    /// It is possible.
     Feasible,
     /// The link is to stay where the torque cannot hold it. `missing`: how much wider the limit must be, N m.
     CannotHold {
+        /// The limit.
         limit: Limit,
+        /// Angle of the link, rad.
         theta: f64,
+        /// Missing torque, N m.
         missing: f64,
     },
     /// Gravity alone takes the whole of a limit: no duration, however long, obeys it.
     Blocked {
+        /// Where the upper limit binds.
         upper: Bind,
+        /// Missing torque, N m.
         missing: f64,
     },
     /// One limit asks for a slow motion, the other for a fast one. `missing`: how much wider both must be, N m.
     Conflict {
+        /// Where the upper limit binds.
         upper: Bind,
+        /// Where the lower limit binds.
         lower: Bind,
+        /// Missing torque, N m.
         missing: f64,
     },
 }
@@ -113,28 +126,37 @@ impl fmt::Display for Reason {
 /// Why the monotone motion under full torque exists or not. `missing` is in N m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MonotoneReason {
+    /// It is possible.
     Feasible,
     /// The pushing torque cannot leave the start.
     StartBlocked {
+        /// Missing torque, N m.
         missing: f64,
     },
     /// The braking torque cannot come to rest at the end.
     EndBlocked {
+        /// Missing torque, N m.
         missing: f64,
     },
     /// The height between the ends exceeds the work of the torque over the distance.
     Work {
+        /// Missing torque, N m.
         missing: f64,
     },
     /// The link would come to rest before `x`, where gravity is ahead of the torque.
     Hump {
+        /// Angle along the motion, rad.
         x: f64,
+        /// Missing torque, N m.
         missing: f64,
     },
     /// With friction: the push, which ends at `push`, and the brake, which can begin at `brake`, do not meet at one speed.
     Apart {
+        /// Angle where the push ends, rad.
         push: f64,
+        /// Angle where the brake can begin, rad.
         brake: f64,
+        /// Missing torque, N m.
         missing: f64,
     },
 }

@@ -31,6 +31,7 @@ pub(super) fn select(flag: u64, a: f64, b: f64) -> f64 {
 /// An angle with its sine and its place on the circle.
 #[derive(Debug, Clone, Copy)]
 pub struct Sine<S = f64> {
+    /// The sine.
     pub sin: S,
     /// floor(x / (pi/2)).
     quarter: S,

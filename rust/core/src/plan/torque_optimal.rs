@@ -28,10 +28,12 @@ pub enum Family {
     BackSwing,
     /// Past the goal and back: (+, -, +) for a motion in the positive direction.
     Overshoot,
+    /// No motion was found.
     NoneFound,
 }
 
 impl Family {
+    /// The name used in Python.
     pub fn name(self) -> &'static str {
         match self {
             Family::Monotone => "monotone",
@@ -45,15 +47,19 @@ impl Family {
 /// The best motion of the three families.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Best {
+    /// Its torque sequence.
     pub kind: Family,
     /// Duration, s; NaN if none was found.
     pub t: f64,
     /// Angles (rad) and times (s) of the torque switches, NaN beyond `switches`.
     pub theta_switches: [f64; 2],
+    /// Times of the switches, s.
     pub t_switches: [f64; 2],
+    /// Number of switches.
     pub switches: usize,
     /// Where and when a swing reverses, NaN for the monotone motion.
     pub theta_turn: f64,
+    /// When the swing reverses, s.
     pub t_turn: f64,
 }
 
@@ -64,14 +70,19 @@ pub struct TorqueOptimum {
     pub feasible: bool,
     /// Its duration, s, and its switch, rad and s; NaN if none.
     pub t: f64,
+    /// Angle of the switch, rad.
     pub theta_switch: f64,
+    /// Time of the switch, s.
     pub t_switch: f64,
     /// Its speed at the switch, rad/s, signed.
     pub v_peak: f64,
+    /// Whether the monotone motion is proven to be the fastest of all.
     pub certified_global: bool,
     /// `pi / sqrt(|G|/I - (d/2I)^2)`, s: without Coulomb friction no optimal motion shorter than this has more than one switch.
     pub sturm_bound: f64,
+    /// Why the monotone motion exists or not.
     pub reason: MonotoneReason,
+    /// The fastest motion of the three families.
     pub best: Best,
     pub(super) theta0: f64,
     pub(super) thetaf: f64,

@@ -30,9 +30,13 @@ struct Run {
 /// State and input of a motion: rad, rad/s, rad/s^2, N m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
+    /// Angle, rad.
     pub q: f64,
+    /// Speed, rad/s.
     pub v: f64,
+    /// Acceleration, rad/s^2.
     pub a: f64,
+    /// Torque, N m.
     pub tau: f64,
 }
 

@@ -6,6 +6,7 @@ use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Vector, Vector3};
 
+/// A compliant wall that a frame may touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wall {
     /// The frame that touches it.
@@ -21,6 +22,7 @@ pub struct Wall {
 }
 
 impl Wall {
+    /// A wall through `point` with outward `normal`; stiffness in N/m, damping in N s/m.
     pub fn new(frame: usize, point: [f64; 3], normal: [f64; 3], stiffness: f64, damping: f64) -> Result<Self> {
         finite("point", &point)?;
         finite("normal", &normal)?;
@@ -41,6 +43,7 @@ impl Wall {
 
 /// The walls of the lanes, at one frame.
 pub struct LaneWall<S: Real> {
+    /// Index of the frame.
     pub frame: usize,
     point: Vector3<S>,
     normal: Vector3<S>,
@@ -49,6 +52,7 @@ pub struct LaneWall<S: Real> {
 }
 
 impl<S: Real> LaneWall<S> {
+    /// The walls of the lanes as one.
     pub fn new<'a>(of: impl Fn(usize) -> &'a Wall) -> Self {
         LaneWall {
             frame: of(0).frame,

@@ -11,8 +11,10 @@ use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
+/// An arm with elastic joints, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticSpec {
+    /// The links.
     pub model: Model,
     /// `K`, N m/rad.
     pub stiffness: Gain,
@@ -22,6 +24,7 @@ pub struct ElasticSpec {
     pub joint_damping: Vec<f64>,
     /// Viscous friction `F` of the motors, N m s/rad, `(n,)`, >= 0.
     pub motor_friction: Vec<f64>,
+    /// A wall that a frame may touch.
     pub wall: Option<Wall>,
     /// Of the links.
     pub stops: Option<Stops>,
@@ -29,6 +32,7 @@ pub struct ElasticSpec {
 }
 
 impl ElasticSpec {
+    /// An arm of these links, joint stiffness and motor inertia.
     pub fn new(
         model: Model,
         stiffness: Gain,
@@ -86,6 +90,7 @@ pub struct Elastic<S: Real> {
 }
 
 impl<S: Real> Elastic<S> {
+    /// The plants of the lanes as one.
     pub fn new<'a>(of: impl Fn(usize) -> &'a ElasticSpec, force_frame: Option<usize>) -> Self {
         let n = of(0).model.n();
         Elastic {

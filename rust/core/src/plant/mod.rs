@@ -45,8 +45,11 @@ pub trait Plant<S: Real> {
 /// Which plant a law is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlantKind {
+    /// Rigid joints driven by torques.
     Rigid,
+    /// Elastic joints driven by motors.
     Elastic,
+    /// Joints that follow a velocity exactly.
     Velocity,
 }
 
@@ -73,12 +76,16 @@ impl PlantKind {
 /// A plant as the user states it, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlantSpec {
+    /// Rigid joints.
     Rigid(RigidSpec),
+    /// Elastic joints.
     Elastic(ElasticSpec),
+    /// Velocity-controlled joints.
     Velocity(VelocitySpec),
 }
 
 impl PlantSpec {
+    /// The kind of the plant.
     pub fn kind(&self) -> PlantKind {
         match self {
             PlantSpec::Rigid(_) => PlantKind::Rigid,
@@ -87,6 +94,7 @@ impl PlantSpec {
         }
     }
 
+    /// The arm.
     pub fn model(&self) -> &Model {
         match self {
             PlantSpec::Rigid(plant) => &plant.model,
@@ -153,6 +161,7 @@ impl PlantSpec {
             && self.friction() == other.friction()
     }
 
+    /// The wall that a frame may touch.
     pub fn wall(&self) -> Option<&Wall> {
         match self {
             PlantSpec::Rigid(plant) => plant.wall.as_ref(),
@@ -161,6 +170,7 @@ impl PlantSpec {
         }
     }
 
+    /// The joint stops.
     pub fn stops(&self) -> Option<&Stops> {
         match self {
             PlantSpec::Rigid(plant) => plant.stops.as_ref(),

@@ -8,16 +8,21 @@ use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::scalar::Real;
 use crate::spatial::Vector3;
 
+/// A rigid arm, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigidSpec {
+    /// The arm.
     pub model: Model,
     /// Viscous and Coulomb friction of the model's joints act on the plant.
     pub friction: bool,
+    /// A wall that a frame may touch.
     pub wall: Option<Wall>,
+    /// Joint stops.
     pub stops: Option<Stops>,
 }
 
 impl RigidSpec {
+    /// The arm without friction, wall and stops.
     pub fn new(model: Model) -> Self {
         RigidSpec { model, friction: false, wall: None, stops: None }
     }
@@ -122,6 +127,7 @@ pub struct Rigid<S: Real> {
 }
 
 impl<S: Real> Rigid<S> {
+    /// The plants of the lanes as one.
     pub fn new<'a>(of: impl Fn(usize) -> &'a RigidSpec, force_frame: Option<usize>) -> Self {
         let friction = of(0).friction;
         Rigid { links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame), friction }

@@ -7,6 +7,7 @@
 
 use crate::error::{Error, Result, finite};
 
+/// A joint-torque sensor: noise, bias, resolution and bandwidth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueSensor {
     /// Standard deviation, N m.
@@ -20,6 +21,7 @@ pub struct TorqueSensor {
 }
 
 impl TorqueSensor {
+    /// A sensor; `noise`, `bias` and `resolution` in N m, `bandwidth` in rad/s.
     pub fn new(noise: f64, bias: Vec<f64>, resolution: f64, bandwidth: f64) -> Result<Self> {
         for (name, x) in [("noise", noise), ("resolution", resolution)] {
             if !(x >= 0.0 && x.is_finite()) {

@@ -5,10 +5,12 @@ use super::unilateral::{Touch, push, require_spring, stored};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
+/// Compliant stops at the joint limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stops {
     /// Limits, `(n,)`; infinite for none, rad or m.
     pub lower: Vec<f64>,
+    /// Upper limits `(n,)`.
     pub upper: Vec<f64>,
     /// `(n,)`, N m/rad or N/m.
     pub stiffness: Vec<f64>,
@@ -19,7 +21,9 @@ pub struct Stops {
 /// One stop: of which joint, and at which end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stop {
+    /// Index of the joint.
     pub joint: usize,
+    /// At the upper limit.
     pub upper: bool,
 }
 
@@ -53,6 +57,7 @@ impl Stops {
         (0..self.lower.len()).flat_map(both).filter(|&stop| self.limit(stop).is_finite())
     }
 
+    /// Position of a stop.
     pub fn limit(&self, stop: Stop) -> f64 {
         if stop.upper { self.upper[stop.joint] } else { self.lower[stop.joint] }
     }

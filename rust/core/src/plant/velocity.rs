@@ -4,13 +4,16 @@ use super::{Plant, Power};
 use crate::dynamics::Model;
 use crate::scalar::Real;
 
+/// A velocity-controlled arm, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VelocitySpec {
+    /// The arm.
     pub model: Model,
 }
 
 /// The plant in a loop.
 pub struct Velocity {
+    /// Number of joints.
     pub n: usize,
 }
 

@@ -18,9 +18,13 @@ const COMPATIBLE: f64 = 1e3;
 /// What kind of singularity the stack has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
+    /// Full rank at every level.
     Regular,
+    /// Tasks of full rank that compete for the same joints.
     Algorithmic,
+    /// A task is singular by itself.
     Kinematic,
+    /// Both kinds of singularity.
     Both,
 }
 
@@ -39,12 +43,15 @@ impl Kind {
 /// One level of a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LevelDiagnosis {
+    /// Rows of the level.
     pub rows: usize,
     /// Rank of `J_i` alone, and of `J_i N` below the levels above.
     pub rank: usize,
+    /// Rank in the null space of the higher levels.
     pub projected_rank: usize,
     /// Descending, in the unit of the task over that of the joints.
     pub singular_values: Vec<f64>,
+    /// Singular values in the null space of the higher levels.
     pub projected_singular_values: Vec<f64>,
     /// `rank < rows`.
     pub kinematic: bool,
@@ -66,16 +73,22 @@ pub struct Compatibility {
 /// Ranks, singular values and lost directions of a stack of levels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnosis {
+    /// Number of joints.
     pub n: usize,
+    /// One diagnosis per level.
     pub levels: Vec<LevelDiagnosis>,
+    /// Rank of all levels stacked.
     pub stacked_rank: usize,
+    /// Directions that levels share.
     pub overlap: usize,
+    /// The kind of singularity.
     pub kind: Kind,
     /// Per level, if commands were given.
     pub compatibility: Option<Vec<Compatibility>>,
 }
 
 impl Diagnosis {
+    /// Rank of each level by itself.
     pub fn ranks(&self) -> Vec<usize> {
         self.levels.iter().map(|l| l.rank).collect()
     }

@@ -28,6 +28,7 @@ pub enum PriorityMethod {
 }
 
 impl PriorityMethod {
+    /// All methods.
     pub const ALL: [PriorityMethod; 5] =
         [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Damped, PriorityMethod::Chiaverini, PriorityMethod::Sns];
 
@@ -59,6 +60,7 @@ impl PriorityMethod {
 /// What a solver is built with besides its sizes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PriorityOptions {
+    /// How a level is inverted.
     pub method: PriorityMethod,
     /// Threshold on the singular values of each level, in the unit of the level's Jacobian; one per level or one for all.
     /// `None`: `DEFAULT_EPS` of the level's largest row norm, measured at every solve. Unused by `exact` and `sns`.
@@ -69,10 +71,12 @@ pub struct PriorityOptions {
     pub weight: Option<Vec<f64>>,
     /// Joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s; infinite entries are allowed.
     pub v_min: Option<Vec<f64>>,
+    /// Upper joint velocity bounds.
     pub v_max: Option<Vec<f64>>,
 }
 
 impl PriorityOptions {
+    /// The defaults with this method.
     pub fn new(method: PriorityMethod) -> Self {
         PriorityOptions { method, ..PriorityOptions::default() }
     }

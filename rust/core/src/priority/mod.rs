@@ -9,6 +9,7 @@
 //! `levels` is the general recursion over singular values; `sns` adds bounds. `batch` runs many stacks through the program of the first. `solver`
 //! owns the buffers and chooses.
 
+#[doc(hidden)]
 mod batch;
 mod bounds;
 mod diagnose;
@@ -16,6 +17,7 @@ mod levels;
 mod lq;
 mod method;
 mod metric;
+#[doc(hidden)]
 mod regular;
 mod sns;
 mod solver;

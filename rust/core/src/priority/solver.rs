@@ -38,6 +38,7 @@ pub struct Solution {
     pub ranks: Vec<usize>,
     /// Scale of each level's command; 1 except for `sns`.
     pub scales: Vec<f64>,
+    /// `Success`, or `Degraded` where directions are lost.
     pub status: Status,
 }
 
@@ -90,14 +91,17 @@ impl PrioritySolver {
         Ok(solver)
     }
 
+    /// Number of joints.
     pub fn n(&self) -> usize {
         self.work.n
     }
 
+    /// Rows of each level.
     pub fn rows(&self) -> &[usize] {
         &self.work.rows
     }
 
+    /// How the levels are inverted.
     pub fn method(&self) -> PriorityMethod {
         self.method
     }
@@ -345,6 +349,7 @@ impl PrioritySolver {
         &self.work.lost
     }
 
+    /// Status of the last solve.
     pub fn status(&self) -> Status {
         self.status
     }

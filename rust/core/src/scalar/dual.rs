@@ -7,11 +7,14 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 /// A value and its derivative along the chosen direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dual<S: Real = f64> {
+    /// The value.
     pub value: S,
+    /// Its derivative.
     pub rate: S,
 }
 
 impl<S: Real> Dual<S> {
+    /// A dual number.
     #[inline(always)]
     pub fn new(value: S, rate: S) -> Self {
         Dual { value, rate }

@@ -10,7 +10,9 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 /// A value, and its rate along the direction of each lane of `V`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Duals<V: Real> {
+    /// The value.
     pub value: V::One,
+    /// Its derivatives, one per lane.
     pub rates: V,
 }
 
@@ -21,6 +23,7 @@ impl<V: Real> Duals<V> {
     /// Directions in one evaluation.
     pub const RATES: usize = V::LANES;
 
+    /// A dual number.
     #[inline(always)]
     pub fn new(value: V::One, rates: V) -> Self {
         Duals { value, rates }

@@ -8,10 +8,14 @@
 mod atan;
 pub mod dual;
 pub mod duals;
+#[doc(hidden)]
 pub mod lanes;
+#[doc(hidden)]
 pub mod log;
+#[doc(hidden)]
 pub mod rows;
 mod scalars;
+#[doc(hidden)]
 pub mod trig;
 
 pub use dual::Dual;
@@ -83,9 +87,13 @@ pub trait Real:
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
     /// `1 / self` to 1 ulp, for normal numbers.
     fn recip(self) -> Self;
+    /// Square root.
     fn sqrt(self) -> Self;
+    /// Magnitude.
     fn abs(self) -> Self;
+    /// The larger number.
     fn max(self, other: Self) -> Self;
+    /// The smaller number.
     fn min(self, other: Self) -> Self;
     /// Sine and cosine to 1 ulp for every finite argument.
     fn sin_cos(self) -> (Self, Self);
@@ -105,12 +113,15 @@ pub trait Real:
     fn lt(self, other: Self) -> Self::Mask;
     /// `yes` where the mask holds, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// Whether any lane is true.
     fn any(mask: Self::Mask) -> bool;
+    /// Whether all lanes are true.
     fn all(mask: Self::Mask) -> bool;
 
     /// Run `kernel` compiled for the instruction set of this number.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
 
+    /// Zero in every lane.
     #[inline(always)]
     fn zero() -> Self {
         Self::splat(0.0)
@@ -125,7 +136,9 @@ pub trait Real:
 
 /// Work to be done inside the instruction-set region of a known [`Real`]. `run` must be `#[inline(always)]`.
 pub trait Kernel {
+    /// What it computes.
     type Output;
+    /// Do the work.
     fn run(self) -> Self::Output;
 }
 
@@ -138,7 +151,9 @@ pub fn sign<S: Real>(x: S) -> S {
 
 /// Work that can be done on any [`Real`], before the instruction set is chosen. `run` must be `#[inline(always)]`.
 pub trait GenericKernel {
+    /// What it computes.
     type Output;
+    /// Do the work on the number `S`.
     fn run<S: Real>(self) -> Self::Output;
 }
 

@@ -22,6 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// What a batch keeps of each run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Keep {
+    /// All records.
     All,
     /// The last record.
     Final,
@@ -35,22 +36,31 @@ pub type Metric = (&'static str, Option<usize>, Vec<f64>);
 /// The records of a batch; arrays are row-major, `(B, K, ..)`. Those of an interrupted batch mean nothing.
 #[derive(Clone, Debug, Default)]
 pub struct BatchRuns {
+    /// Times of the records `(K,)`, s.
     pub t: Vec<f64>,
+    /// Positions `(B, K, n)`.
     pub q: Vec<f64>,
+    /// Velocities `(B, K, n)`.
     pub v: Vec<f64>,
+    /// Inputs of the plant `(B, K, n)`.
     pub tau: Vec<f64>,
     /// Motors of elastic plants; else empty.
     pub theta: Vec<f64>,
+    /// Motor velocities.
     pub theta_dot: Vec<f64>,
+    /// States of the laws `(B, K, p)`.
     pub z: Vec<f64>,
+    /// Monitors by name, `(B, K)` each.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
     /// How far the balances of recorded runs are open, see [`super::BALANCES`]; NaN for one that did not reach its end.
     pub balances: [Vec<f64>; 4],
     /// What the runs are summed up by; NaN for one that did not reach its end.
     pub metrics: Vec<Metric>,
+    /// How each run ended.
     pub status: Vec<Status>,
     /// When each run ended.
     pub ended: Vec<f64>,
+    /// Whether the caller interrupted the batch.
     pub interrupted: bool,
     /// How the runs were computed: "machine", "portable" or "direct".
     pub engine: &'static str,

@@ -9,13 +9,17 @@ pub type Wrench = [f64; 6];
 /// A force as a function of time: what `call(t)` gives; `None` stops the run.
 type Signal = Arc<dyn Fn(f64) -> Option<Wrench> + Send + Sync>;
 
+/// An external force in the course of a run.
 #[derive(Clone)]
 pub enum Force {
     /// From `starts[i]` on it is `values[i]`; nothing before the first.
     Steps {
+        /// Times, s, increasing.
         starts: Vec<f64>,
+        /// Wrenches.
         values: Vec<Wrench>,
     },
+    /// A function of the caller.
     Signal(Signal),
 }
 

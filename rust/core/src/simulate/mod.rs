@@ -6,6 +6,7 @@ mod attempt_programs;
 mod balances;
 mod batch;
 mod batch_rows;
+#[doc(hidden)]
 mod batch_stepper;
 mod bound;
 mod closed_loop;
@@ -19,6 +20,7 @@ mod general;
 mod identities;
 mod key;
 mod layout;
+#[doc(hidden)]
 mod listed;
 mod listed_names;
 mod log;
@@ -28,11 +30,13 @@ mod measuring;
 mod monitors;
 mod motor_loop;
 mod notes;
+#[doc(hidden)]
 mod priority_batch;
 mod problem;
 mod program_loop;
 mod program_step;
 mod programs;
+#[doc(hidden)]
 mod rates_loop;
 mod rates_programs;
 mod recorded;
@@ -51,7 +55,9 @@ mod switching;
 mod target_model;
 mod torque_sensing;
 mod watcher;
+#[doc(hidden)]
 mod watching;
+#[doc(hidden)]
 mod world;
 
 pub use crate::parallel::default_threads;

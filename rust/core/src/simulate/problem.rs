@@ -16,17 +16,26 @@ use crate::plant::{PlantKind, PlantSpec};
 /// The numerical method of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
+    /// Explicit Euler.
     Euler,
+    /// Semi-implicit Euler.
     SemiImplicit,
+    /// Runge-Kutta of order 4.
     Rk4,
+    /// L-stable Rosenbrock of order 2.
     Ros2,
+    /// Dormand-Prince of order 5, adaptive.
     Dopri5,
+    /// Dormand-Prince of order 8, adaptive.
     Dop853,
+    /// Radau IIA of order 5, adaptive and implicit.
     Radau5,
+    /// Rosenbrock of order 4, adaptive and implicit.
     Rodas4,
 }
 
 impl Method {
+    /// The methods with their names.
     pub const NAMES: [(&'static str, Method); 8] = [
         ("euler", Method::Euler),
         ("semi_implicit", Method::SemiImplicit),
@@ -38,6 +47,7 @@ impl Method {
         ("rodas4", Method::Rodas4),
     ];
 
+    /// The method of that name. Errors: `Input`, listing the names.
     pub fn from_name(name: &str) -> Result<Self> {
         let names: Vec<&str> = Self::NAMES.iter().map(|(n, _)| *n).collect();
         match Self::NAMES.iter().find(|(n, _)| *n == name) {
@@ -46,6 +56,7 @@ impl Method {
         }
     }
 
+    /// Its name.
     pub fn name(self) -> &'static str {
         Self::NAMES.iter().find(|(_, method)| *method == self).map_or("", |(name, _)| name)
     }
@@ -73,17 +84,23 @@ impl Method {
 /// How to run it.
 #[derive(Clone, Debug)]
 pub struct Options {
+    /// End of the run, s.
     pub t_end: f64,
     /// Step of a fixed-step method.
     pub dt: Option<f64>,
+    /// The numerical method.
     pub method: Method,
+    /// Relative tolerance of an adaptive method.
     pub rtol: f64,
+    /// Absolute tolerance of an adaptive method.
     pub atol: f64,
     /// `None`: the law is evaluated in every stage; else it is asked at samples and its output held.
     pub sampling: Option<Sampling>,
+    /// Times of the records.
     pub times: Times,
     /// Largest |tau| per joint, `(n,)`.
     pub tau_max: Option<Vec<f64>>,
+    /// Compute the monitors of the identities.
     pub monitors: bool,
     /// Positions and velocities of the plant beyond this end the run, rad or m and per second; infinite for none.
     pub state_limit: f64,
@@ -109,6 +126,7 @@ pub struct Problem<'a> {
     pub forces: Vec<&'a Force>,
     /// Where a force acts; `None`: at the law's own frame.
     pub force_frame: Option<usize>,
+    /// How to run it.
     pub options: Options,
     /// What runs are summed up by while they go.
     pub measures: Option<Measures>,
@@ -134,14 +152,17 @@ pub struct Fixed {
 }
 
 impl<'a> Problem<'a> {
+    /// Number of runs `B`.
     pub fn runs(&self) -> usize {
         self.x0.len() / self.plants[0].states()
     }
 
+    /// The plant of a run.
     pub fn plant(&self, run: usize) -> &'a PlantSpec {
         self.plants[if self.plants.len() == 1 { 0 } else { run }]
     }
 
+    /// The law of a run.
     pub fn law(&self, run: usize) -> &'a LawSpec {
         self.laws[if self.laws.len() == 1 { 0 } else { run }]
     }
@@ -151,6 +172,7 @@ impl<'a> Problem<'a> {
         self.plant(0).states() + self.law(0).initial_state().len() + if self.options.monitors { 2 } else { 0 }
     }
 
+    /// The force of a run.
     pub fn force(&self, run: usize) -> Option<&'a Force> {
         match self.forces.as_slice() {
             [] => None,

@@ -17,6 +17,7 @@ const MOST_SAMPLES: f64 = 1e12;
 /// What is measured of a plant, in the order of its state.
 pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
 
+/// How a sampled law measures and acts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampling {
     /// `T`, s.
@@ -35,6 +36,7 @@ pub struct Sampling {
     pub rate_limit: f64,
     /// Elastic joints: the law knows the links through this sensor and the motors' encoders.
     pub torque_sensor: Option<TorqueSensor>,
+    /// Seed of the noise.
     pub seed: u64,
 }
 
@@ -54,6 +56,7 @@ impl Sampling {
         }
     }
 
+    /// Refuse numbers out of range.
     pub fn validate(&self) -> Result<()> {
         positive("sample_time", self.period)?;
         let nonnegative = |name: &str, x: f64| {

@@ -21,23 +21,31 @@ use std::ops::Range;
 /// The records of one run; arrays are row-major with time first.
 #[derive(Clone, Debug, Default)]
 pub struct Run {
+    /// Times of the records `(K,)`, s.
     pub t: Vec<f64>,
     /// `(K, n)`
     pub q: Vec<f64>,
+    /// Velocities `(K, n)`.
     pub v: Vec<f64>,
+    /// Inputs of the plant `(K, n)`.
     pub tau: Vec<f64>,
     /// Motors of an elastic plant, `(K, n)`; else empty.
     pub theta: Vec<f64>,
+    /// Motor velocities.
     pub theta_dot: Vec<f64>,
     /// The law's state, `(K, p)`.
     pub z: Vec<f64>,
     /// `(K,)` per monitor.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
+    /// How it ended.
     pub status: Status,
     /// When it ended: `t_end`, or the time of the fault.
     pub ended: f64,
+    /// Evaluations of the loop.
     pub evaluations: u64,
+    /// Accepted steps.
     pub steps: u64,
+    /// Rejected steps.
     pub rejections: u64,
     /// How it was computed: "machine", "portable" or "direct".
     pub engine: &'static str,

@@ -11,6 +11,7 @@ const QUESTIONS: u32 = 16;
 
 /// What a run asks from time to time.
 pub trait Stop {
+    /// Whether the run is to stop.
     fn requested(&self) -> bool;
 }
 
@@ -29,6 +30,7 @@ pub struct Poller<'a> {
 }
 
 impl<'a> Poller<'a> {
+    /// Ask this function.
     pub fn new(poll: &'a mut dyn FnMut() -> bool) -> Self {
         Poller { poll: RefCell::new(poll), questions: Cell::new(0), next: Cell::new(None), stopped: Cell::new(false) }
     }

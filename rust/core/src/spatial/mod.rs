@@ -4,11 +4,15 @@
 //! `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` with the inertia about the body-frame origin
 //! (SPEC order, that of Pinocchio's `toDynamicParameters`). These orderings stand here and nowhere else.
 
+#[doc(hidden)]
 mod inertia;
+#[doc(hidden)]
 mod matrix;
 pub mod pseudo_inertia;
+#[doc(hidden)]
 mod quarter_turn;
 mod rotation_log;
+#[doc(hidden)]
 mod vector;
 
 pub use inertia::{Inertia, PARAMETERS, parameter};
@@ -22,16 +26,20 @@ use crate::scalar::Real;
 
 /// First row of the linear and of the angular part of a spatial vector.
 pub const LINEAR: usize = 0;
+/// First row of the angular part.
 pub const ANGULAR: usize = 3;
 
 /// `x_A = rotation x_B + translation`: the placement of frame B in frame A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
+    /// `R_AB`.
     pub rotation: Matrix3<f64>,
+    /// `p_AB`, m.
     pub translation: Vector3<f64>,
 }
 
 impl Placement {
+    /// No motion.
     pub const IDENTITY: Placement = Placement { rotation: Matrix3::IDENTITY, translation: Vector3::new(0.0, 0.0, 0.0) };
 
     /// `Rz(yaw) Ry(pitch) Rx(roll)` and a translation, the convention of URDF.
@@ -53,11 +61,14 @@ impl Placement {
 /// A spatial motion or force: `[linear; angular]` at a point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spatial<S: Real> {
+    /// Linear part.
     pub linear: Vector3<S>,
+    /// Angular part.
     pub angular: Vector3<S>,
 }
 
 impl<S: Real> Spatial<S> {
+    /// Zero.
     #[inline]
     pub fn zero() -> Self {
         Spatial { linear: Vector3::zero(), angular: Vector3::zero() }

@@ -11,7 +11,9 @@ use std::fmt::Write;
 /// The text, and what URDF has no place for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
+    /// The URDF text.
     pub text: String,
+    /// What URDF cannot hold, one line each.
     pub report: Vec<String>,
 }
 

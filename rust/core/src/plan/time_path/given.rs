@@ -13,11 +13,15 @@ const MOST: usize = 1_000_000;
 /// acceleration.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathLimits {
+    /// Least and largest torques, N m or N.
     pub torque: Option<(Vec<f64>, Vec<f64>)>,
+    /// Largest speeds, rad/s or m/s.
     pub velocity: Option<Vec<f64>>,
+    /// Largest accelerations, rad/s^2 or m/s^2.
     pub acceleration: Option<Vec<f64>>,
 }
 
+/// Grid, ends and friction of a timing.
 #[derive(Clone, Debug)]
 pub struct TimePathOptions {
     /// Grid points, some for every piece of the path; None for as many as the duration needs to settle.
@@ -26,9 +30,11 @@ pub struct TimePathOptions {
     pub refine: bool,
     /// Path speeds `ds/dt` at the ends.
     pub start_speed: f64,
+    /// Path speed `ds/dt` at the end.
     pub end_speed: f64,
     /// Knots of the path where the motion stops.
     pub stops: Vec<usize>,
+    /// Friction that the torques overcome.
     pub friction: Option<Friction>,
     /// Limits of `|d tau/dt|`, `(n,)`; for motions from rest to rest without stops and without Coulomb friction.
     pub torque_rate: Option<Vec<f64>>,

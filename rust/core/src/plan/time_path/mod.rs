@@ -68,6 +68,7 @@ pub struct TimePath {
     pub motion: TimedPath,
     /// Smallest relative distance to a limit, on ten points per grid segment; NaN without a timing.
     pub margin: f64,
+    /// Why there is no timing; `None` where there is one.
     pub reason: Option<PathReason>,
 }
 

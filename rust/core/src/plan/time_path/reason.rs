@@ -10,14 +10,20 @@ use std::fmt;
 /// What a joint is limited in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
+    /// Upper torque limit.
     TorqueMax,
+    /// Lower torque limit.
     TorqueMin,
+    /// Acceleration limit.
     Acceleration,
+    /// Speed limit.
     Velocity,
+    /// Limit of the torque rate.
     TorqueRate,
 }
 
 impl Bound {
+    /// The name used in Python.
     pub fn name(self) -> &'static str {
         match self {
             Bound::TorqueMax => "tau_max",
@@ -34,7 +40,9 @@ impl Bound {
 pub enum Shortfall {
     /// The limits leave no path speed here, or none that leads on.
     NoSpeed,
+    /// The start speed is out of reach.
     StartSpeed,
+    /// The end speed is out of reach.
     EndSpeed,
     /// The path speed is zero on a whole segment.
     Standstill,
@@ -47,14 +55,19 @@ pub enum Shortfall {
 /// Why there is no timing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathReason {
+    /// What kind of shortfall it is.
     pub what: Shortfall,
+    /// Index of the joint.
     pub joint: usize,
+    /// Name of the joint.
     pub joint_name: String,
     /// Path position.
     pub s: f64,
+    /// The limit that binds.
     pub limit: Bound,
     /// What the limit falls short by: relative to it, and in its unit.
     pub missing: f64,
+    /// The shortfall in the unit of the limit.
     pub missing_units: f64,
     /// The largest (start, end) path speed that would do, where one was asked for.
     pub speed: f64,

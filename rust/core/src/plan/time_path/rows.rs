@@ -14,11 +14,14 @@ use crate::motion::Path;
 /// The arm that moves: a tree of links, or the closed form.
 #[derive(Clone, Copy)]
 pub enum Mover<'a> {
+    /// A tree of bodies.
     Tree(&'a Functions),
+    /// The planar arm in closed form.
     PlanarPr(PlanarPr<f64>),
 }
 
 impl Mover<'_> {
+    /// Number of joints `n`.
     pub fn dof(&self) -> usize {
         match self {
             Mover::Tree(functions) => functions.arm().n(),
@@ -26,6 +29,7 @@ impl Mover<'_> {
         }
     }
 
+    /// Names of the joints.
     pub fn joint_names(&self) -> Vec<String> {
         match self {
             Mover::Tree(functions) => functions.arm().joint_names().map(String::from).collect(),
@@ -61,7 +65,9 @@ impl Mover<'_> {
 /// Joint friction: `viscous v + coulomb sign(v)`, `(n,)` each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Friction {
+    /// Viscous friction per joint, N m s/rad or N s/m.
     pub viscous: Vec<f64>,
+    /// Coulomb friction per joint, N m or N.
     pub coulomb: Vec<f64>,
 }
 
