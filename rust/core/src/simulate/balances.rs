@@ -3,7 +3,7 @@
 //! `E(t) - E(0) - int P dt = 0` and `V1(0) - V1(t) - int s'Kd s dt = 0` hold for the loop, so what is left of them is the error of the
 //! method.
 
-/// What [`open`] computes, by name.
+/// Names of the balances of a run, in the order of `Run::balances`.
 pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise", "lyapunov_error"];
 
 /// The largest `energy_balance` as a part of the largest energy stored or exchanged, and in J; the largest Lyapunov function as a multiple
