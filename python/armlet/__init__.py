@@ -77,13 +77,12 @@ from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
 from .priority import PriorityDiagnosis, diagnose_priority
 from .rest_to_rest import point_to_point
-from .run import BatchRun, Run
+from .run import BatchRun, Run, load
 from .run.events import Event, Events, JointStops, State
 from .run.metrics import Metrics, metrics
 from .run.programs import LoopProgram, loop_program
 from .run.sampling import Sampling, TorqueSensor
 from .run.simulation import simulate, simulate_batch
-from .run.storage import load
 from .scenario import Scenario
 from .status import Status
 from .sweeping import SweepTable, Tuning, sweep, tune

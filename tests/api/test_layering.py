@@ -142,6 +142,61 @@ def test_core_knows_no_python() -> None:
     assert re.search(r"^\s*(pyo3|numpy|armlet-py)\b", manifest, re.MULTILINE) is None
 
 
+def imported(package: Path) -> dict[str, set[str]]:
+    """Which modules of a package each of them imports: at its top, inside functions, or for types alone. The extension is one of them."""
+    files = {path.relative_to(package.parent).with_suffix("").parts: path for path in sources(package, "*.py")}
+    names = {".".join(parts[:-1] if parts[-1] == "__init__" else parts): path for parts, path in files.items()}
+    found: dict[str, set[str]] = {name: set() for name in names}
+    for name, path in names.items():
+        home = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found[name] |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                start = home[: len(home) + 1 - node.level] if node.level else []
+                module = ".".join([*start, *([node.module] if node.module else [])])
+                whole = {alias.name: f"{module}.{alias.name}" for alias in node.names}
+                # `from . import x` is of the module x where there is one, else of the package.
+                found[name] |= {full if full in names else module for alias, full in whole.items() if alias != "_core"}
+    return {name: (modules & set(names)) - {name} for name, modules in found.items()}
+
+
+def circles(package: Path) -> list[tuple[str, ...]]:
+    """Groups of modules each of which needs all the others."""
+    needs = imported(package)
+
+    def under(name: str) -> set[str]:
+        seen, left = set(), [name]
+        while left:
+            fresh = needs[left.pop()] - seen
+            seen |= fresh
+            left += fresh
+        return seen
+
+    below = {name: under(name) for name in needs}
+    return sorted({tuple(sorted(other for other in below[name] if name in below[other])) for name in needs if name in below[name]})
+
+
+def test_no_module_of_python_imports_in_a_circle() -> None:
+    assert circles(PACKAGE) == []
+
+
+def test_circle_rule_sees_planted_violations(tmp_path: Path) -> None:
+    files = {
+        "__init__.py": "from .a import x",
+        "a.py": "from .b import y",
+        "b.py": "def f():\n    from . import a",
+        "c.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .d.e import z",
+        "d/__init__.py": "from .e import z",
+        "d/e.py": "from ..c import w\nfrom .. import _core",
+        "f.py": "from . import b, c",
+    }
+    for name, text in files.items():
+        (tmp_path / "house" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "house" / name).write_text(text)
+    assert circles(tmp_path / "house") == [("house.a", "house.b"), ("house.c", "house.d.e")]
+
+
 def unsafe_files(top: Path) -> list[Path]:
     """Files with `unsafe` code (the lint name unsafe_op_in_unsafe_fn and comments do not count)."""
     return [p for p in sources(top, "*.rs") if re.search(r"\bunsafe\b", without_comments(p.read_text()))]

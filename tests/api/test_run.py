@@ -13,8 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from armlet.errors import FormatError, InputError
-from armlet.run import BatchRun, Run
-from armlet.run.storage import load
+from armlet.run import BatchRun, Run, load
 from armlet.status import Status
 
 T = np.linspace(0.0, 10.0, 400)

@@ -14,8 +14,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from .. import _core
 from ..arguments import one_line
 from ..errors import ArmletError
+from ..figures.style import available
 from .scenarios import register
 
 __all__ = ["main"]
@@ -23,8 +25,6 @@ __all__ = ["main"]
 
 def _demo(args: argparse.Namespace) -> int:
     from ..demo import demonstrate
-    from ..figures.style import available
-
     figures = available()
     report = demonstrate(args.out, figures=figures)
     print(f"\nreport: {report.out / 'report.html'}")
@@ -40,8 +40,6 @@ def _demo(args: argparse.Namespace) -> int:
 def _info(args: argparse.Namespace) -> int:
     import numpy
 
-    from .. import _core
-
     rows = {"armlet": _core.__version__, "python": platform.python_version(), "numpy": numpy.__version__}
     rows |= {"platform": f"{platform.system()} {platform.machine()}"}
     rows |= {name.replace("_", " "): value for name, value in _core.build_info().items() if name != "version"}
@@ -52,8 +50,6 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from .. import _core
-
     parser = argparse.ArgumentParser(prog="armlet", description="Robot-arm control loops closed natively.")
     parser.add_argument("--version", action="version", version=f"armlet {_core.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="command", required=True)

@@ -7,21 +7,22 @@ import json
 import sys
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from .. import _core
 from ..arguments import one_line, shown
 from ..errors import InputError
-
-if TYPE_CHECKING:
-    from ..run.records import Run
-    from ..scenario import Scenario
+from ..figures.style import available, literal
+from ..files import folder_for, write_whole
+from ..run.records import Run
+from ..scenario import TEMPLATES, Scenario, schema, template
+from ..scenario.scenario import read
+from ..sweeping.execution import cells_of, rehearse, sweep
 
 __all__ = ["register"]
 
 
 def _run(args: argparse.Namespace) -> int:
-    from ..scenario import Scenario
-
     scenario = Scenario.load(args.scenario)
     _prepare(args)
     with warnings.catch_warnings(record=True) as warned:
@@ -41,8 +42,6 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _can_plot(command: str) -> None:
-    from ..figures.style import available
-
     if not available():
         raise InputError(f"{command}: --plot needs matplotlib: pip install 'armlet[plot]'")
 
@@ -52,14 +51,10 @@ def _prepare(args: argparse.Namespace) -> None:
     if args.plot:
         _can_plot("run")
     if args.out is not None or args.plot:
-        from ..files import folder_for
-
         folder_for(args.out or Path())
 
 
 def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Path]:
-    from ..files import write_whole
-
     stem = (args.out or Path()) / args.scenario.stem
     written = []
     if args.out is not None:
@@ -68,8 +63,6 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
         written += [stem.with_suffix(".npz"), stem.with_suffix(".csv")]
     if args.plot:
         from matplotlib.figure import Figure
-
-        from ..figures.style import literal
 
         figure = Figure()
         run.plot(figure)
@@ -80,10 +73,6 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
 
 
 def _check(args: argparse.Namespace) -> int:
-    from ..scenario import Scenario
-    from ..scenario.scenario import read
-    from ..sweeping.execution import cells_of, rehearse
-
     if args.scenario.suffix.lower() == ".urdf":
         return _check_robot(args.scenario)
     problems, cells = list(Scenario.problems(read(args.scenario))), 0
@@ -108,8 +97,6 @@ def _check(args: argparse.Namespace) -> int:
 
 
 def _check_robot(path: Path) -> int:
-    from .. import _core
-
     arm = _core.load_urdf(path)
     print(arm)
     print(one_line(f"frames: {', '.join(arm.frame_names)}"))
@@ -119,23 +106,16 @@ def _check_robot(path: Path) -> int:
 
 
 def _new(args: argparse.Namespace) -> int:
-    from ..scenario import template
-
     sys.stdout.write(template(args.template))
     return 0
 
 
 def _schema(args: argparse.Namespace) -> int:
-    from ..scenario import schema
-
     print(json.dumps(schema(), indent=1))
     return 0
 
 
 def _sweep(args: argparse.Namespace) -> int:
-    from ..scenario import Scenario
-    from ..sweeping.execution import sweep
-
     scenario = Scenario.load(args.scenario)
     if "sweep" not in scenario.data:
         raise InputError(f"{args.scenario}: $.sweep: is missing: expected a table with the keys vary, draws, seed, chunk")
@@ -161,8 +141,6 @@ def _sweep(args: argparse.Namespace) -> int:
     print(f"wrote {table.to_csv(args.out / 'table.csv')}")
     if args.plot:
         from matplotlib.figure import Figure
-
-        from ..files import write_whole
 
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         table.plot(fig=figure)
@@ -196,8 +174,6 @@ def _workers(text: str) -> int:
 
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands to the parser's."""
-    from ..scenario import TEMPLATES
-
     run = commands.add_parser("run", help="run a scenario file; print its metrics")
     run.add_argument("scenario", type=Path, metavar="FILE.toml")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder for the run (npz), its table (csv) and its figure")

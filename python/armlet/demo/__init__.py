@@ -10,7 +10,8 @@ from importlib import import_module
 from pathlib import Path
 
 from .. import _core
-from .report import Check, Report
+from .checks import Check
+from .report import Report
 
 __all__ = ["SYSTEMS", "Check", "Report", "demonstrate"]
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from base64 import b64encode
 from html import escape
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .report import Report, Section
+from .checks import Section
 
 __all__ = ["page"]
 
@@ -67,15 +65,15 @@ def _section(section: Section) -> str:
     return "\n".join(lines)
 
 
-def page(report: Report, build: str) -> str:
+def page(sections: list[Section], build: str) -> str:
     """The whole page; `build` says what ran: version, instruction set, machine."""
-    failed = len(report.failed)
-    verdict = f"{len(report.checks) - failed} of {len(report.checks)} checks hold"
-    colour = "FAILED" if failed else "ok"
+    passed = [check.passed for section in sections for check in section.checks]
+    verdict = f"{sum(passed)} of {len(passed)} checks hold"
+    colour = "ok" if all(passed) else "FAILED"
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>armlet demo: {escape(verdict)}</title><style>{STYLE}</style></head><body>\n"
         f'<h1>armlet demo</h1>\n<p class="{colour}">{escape(verdict)}</p>\n<p><small>{escape(build)}</small></p>\n'
-        + "".join(_section(section) for section in report.sections)
+        + "".join(_section(section) for section in sections)
         + "</body></html>\n"
     )

@@ -15,7 +15,7 @@ from ..files import write_whole
 from .style import COLOURS, require, sheet
 
 if TYPE_CHECKING:
-    from ..run.records import Run
+    from ..run.recorded import Recorded
 
 __all__ = ["animate"]
 
@@ -24,7 +24,7 @@ AXES = "xyz"
 PICTURES = 20_000
 
 
-def animate(run: Run, path: str | PathLike[str], arm: Any = None, *, fps: float = 25.0, speed: float = 1.0, size: int = 400) -> None:
+def animate(run: Recorded, path: str | PathLike[str], arm: Any = None, *, fps: float = 25.0, speed: float = 1.0, size: int = 400) -> None:
     """Write the run of a planar arm as a GIF, whole or not at all.
 
     Args:

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from ..arguments import instance, shown
 from ..border import border
 from ..errors import InputError
+from ..run.records import Run
 from .style import COLOURS, literal, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from ..run.records import Run
 
 __all__ = ["compare"]
 
@@ -36,8 +35,6 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
         InputError: no runs, runs of different arms, or not one label per run.
         ImportError: matplotlib is not installed.
     """
-    from ..run.records import Run
-
     if isinstance(runs, Run) or not isinstance(runs, Iterable):
         raise InputError(f"compare: runs is of the wrong type: expected a list of runs, got {shown(runs)}")
     given = [instance("compare", f"runs[{i}]", run, Run, "a run of simulate") for i, run in enumerate(runs)]

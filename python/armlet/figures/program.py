@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..run.programs import LoopProgram
+    from ..run.instructions import Listing
 
 __all__ = ["plot"]
 
@@ -35,7 +35,7 @@ GROUPS = {
 class Flow:
     """Nodes with their column and neighbours: lines, the inputs where they are read, outputs, and points that lead a value on."""
 
-    def __init__(self, program: LoopProgram) -> None:
+    def __init__(self, listing: Listing) -> None:
         self.label: list[str] = []
         self.kind: list[str] = []
         self.column: list[int] = []
@@ -44,12 +44,12 @@ class Flow:
         self.led: dict[tuple[int, int], int] = {}
         made: dict[str, int] = {}
         depth: dict[str, int] = {}
-        for line in program.instructions:
+        for line in listing.instructions:
             column = 1 + max((depth.get(operand, 0) for operand in line.operands), default=0)
             reads = [self._read(operand, column, made) for operand in line.operands]
             made[line.name], depth[line.name] = self._node(SIGNS.get(line.kind, line.kind), line.kind, column, reads), column
         last = 1 + max(self.column, default=0)
-        for output, value in program.outputs.items():
+        for output, value in listing.outputs:
             self._node(output, "output", last, [self._read(value, last, made)])
         self.chain = self._chain()
 
@@ -146,13 +146,14 @@ def _colour(kind: str) -> str:
     return next((colour for colour, kinds in GROUPS.values() if kind in kinds), COLOURS[7])
 
 
-def plot(program: LoopProgram, fig: Figure | None = None) -> Axes:
+def plot(listing: Listing, stage: str, title: str, fig: Figure | None = None) -> Axes:
     """As `LoopProgram.plot` documents it."""
-    if len(program) > LIMIT:
-        problem = f"expected at most {LIMIT} lines, got {len(program)} at stage {program.stage}"
+    lines = len(listing.instructions)
+    if lines > LIMIT:
+        problem = f"expected at most {LIMIT} lines, got {lines} at stage {stage}"
         raise InputError(f"LoopProgram.plot: the program is too long for a figure: {problem}")
     require("LoopProgram.plot")
-    flow = Flow(program)
+    flow = Flow(listing)
     heights = _heights(flow)
     wide, high = max(flow.column, default=0) + 1, max(heights, default=0.0) - min(heights, default=0.0) + 1
     with sheet(fig, (max(4.0, 0.62 * wide + 0.8), max(2.6, 0.36 * high + 1.2))) as figure:
@@ -181,7 +182,7 @@ def plot(program: LoopProgram, fig: Figure | None = None) -> Axes:
                 ax.plot([], [], "o", color=colour, label=name)
         ax.plot([], [], color="0.1", linewidth=1.8, label="longest chain")
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.01), ncols=3 if wide > 8 else 2)
-        ax.set_title(f"{program.plant} under {program.law}: {program.part}, {program.stage}, {len(program)} lines")
+        ax.set_title(title)
         ax.set_axis_off()
         ax.margins(x=0.06, y=0.06)
     return ax

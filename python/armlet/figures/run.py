@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..run.records import Run
+    from ..run.recorded import Recorded
 
 __all__ = ["plot"]
 
 
-def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
+def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
     """Draw the figure of `run`'s law into `fig` (None: a new pyplot figure); returns the axes as an array.
 
     Raises:
@@ -42,7 +42,7 @@ def plot(run: Run, fig: Figure | None = None) -> NDArray[Any]:
     return result
 
 
-def _panels(run: Run) -> list[Any]:
+def _panels(run: Recorded) -> list[Any]:
     """The panels that this run has data for, in reading order."""
     if "residual_1" in run.monitors:
         return [_position, _velocity, _level_errors, _level_residuals]
@@ -93,7 +93,7 @@ def _legend(ax: Axes, columns: int | None = None) -> None:
         ax.legend(handles, labels, loc="upper right", ncols=columns or min(4, len(handles)), handlelength=1.4, columnspacing=1.0)
 
 
-def _position(ax: Axes, run: Run) -> None:
+def _position(ax: Axes, run: Recorded) -> None:
     _lines(ax, run.t, run.q, _joints("q", run.units))
     desired = run.desired()
     if desired is not None:
@@ -104,7 +104,7 @@ def _position(ax: Axes, run: Run) -> None:
     _legend(ax)
 
 
-def _error(ax: Axes, run: Run) -> None:
+def _error(ax: Axes, run: Recorded) -> None:
     desired = run.desired()
     assert desired is not None
     _lines(ax, run.t, desired[0] - run.q, _joints("e", run.units))
@@ -113,7 +113,7 @@ def _error(ax: Axes, run: Run) -> None:
     _legend(ax)
 
 
-def _distance(ax: Axes, run: Run) -> None:
+def _distance(ax: Axes, run: Recorded) -> None:
     assert run.position_error is not None
     count = run.position_error.shape[-1]
     _lines(ax, run.t, run.position_error, [f"task {i + 1}" for i in range(count)])
@@ -123,7 +123,7 @@ def _distance(ax: Axes, run: Run) -> None:
     _legend(ax)
 
 
-def _velocity(ax: Axes, run: Run) -> None:
+def _velocity(ax: Axes, run: Recorded) -> None:
     units = tuple(f"{unit}/s" for unit in run.units)
     _lines(ax, run.t, run.v, _joints("v", units))
     ax.set_ylabel(_axis("velocity", units))
@@ -131,7 +131,7 @@ def _velocity(ax: Axes, run: Run) -> None:
     _legend(ax)
 
 
-def _torque(ax: Axes, run: Run) -> None:
+def _torque(ax: Axes, run: Recorded) -> None:
     assert run.tau is not None
     units = run.input_units
     commanded = units[:1] not in (("N",), ("N m",))
@@ -141,7 +141,7 @@ def _torque(ax: Axes, run: Run) -> None:
     _legend(ax)
 
 
-def _estimate(ax: Axes, run: Run) -> None:
+def _estimate(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     count = run.estimate.shape[-1]
     if count > 12 and count % 10 == 0:
@@ -166,7 +166,7 @@ def _estimate(ax: Axes, run: Run) -> None:
     _legend(ax)
 
 
-def _lyapunov(ax: Axes, run: Run) -> None:
+def _lyapunov(ax: Axes, run: Recorded) -> None:
     values = run.monitors["lyapunov"]
     ax.plot(run.t, values, color=COLOURS[0])
     positive = values[values > 0]
@@ -178,7 +178,7 @@ def _lyapunov(ax: Axes, run: Run) -> None:
     ax.set_title("Lyapunov function")
 
 
-def _magnitude(ax: Axes, run: Run, name: str) -> None:
+def _magnitude(ax: Axes, run: Recorded, name: str) -> None:
     values = np.abs(run.monitors[name])
     # A balance starts at exactly zero, which a logarithmic axis cannot hold.
     shown = values[np.isfinite(values) & (values > 0)]
@@ -188,25 +188,25 @@ def _magnitude(ax: Axes, run: Run, name: str) -> None:
         ax.set_ylim(shown.min() / 10, 10 * shown.max())
 
 
-def _lyapunov_balance(ax: Axes, run: Run) -> None:
+def _lyapunov_balance(ax: Axes, run: Recorded) -> None:
     _magnitude(ax, run, "lyapunov_balance")
     ax.set_ylabel("balance (J)")
     ax.set_title(r"$|V_1(0) - V_1(t) - \int s^\mathsf{T} K_d s\,dt|$")
 
 
-def _energy(ax: Axes, run: Run) -> None:
+def _energy(ax: Axes, run: Recorded) -> None:
     ax.plot(run.t, run.monitors["energy"], color=COLOURS[0])
     ax.set_ylabel("energy (J)")
     ax.set_title("Energy")
 
 
-def _energy_balance(ax: Axes, run: Run) -> None:
+def _energy_balance(ax: Axes, run: Recorded) -> None:
     _magnitude(ax, run, "energy_balance")
     ax.set_ylabel("balance (J)")
     ax.set_title(r"$|E(t) - E(0) - \int P\,dt|$")
 
 
-def _levels(ax: Axes, run: Run, name: str) -> None:
+def _levels(ax: Axes, run: Recorded, name: str) -> None:
     """One line per level of priority, on a logarithmic axis that spans sixteen decades at most."""
     shown = np.concatenate([values[values > 0] for key, values in run.monitors.items() if key.startswith(name)])
     for level in range(sum(key.startswith(name) for key in run.monitors)):
@@ -217,13 +217,13 @@ def _levels(ax: Axes, run: Run, name: str) -> None:
     _legend(ax)
 
 
-def _level_errors(ax: Axes, run: Run) -> None:
+def _level_errors(ax: Axes, run: Recorded) -> None:
     _levels(ax, run, "error")
     ax.set_ylabel("error (m, rad)")
     ax.set_title(r"$|e_i|$ per level of priority")
 
 
-def _level_residuals(ax: Axes, run: Run) -> None:
+def _level_residuals(ax: Axes, run: Recorded) -> None:
     _levels(ax, run, "residual")
     ax.set_ylabel("residual (m/s, rad/s)")
     ax.set_title(r"$|v_i - J_i u|$ per level of priority")

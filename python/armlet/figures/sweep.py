@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,15 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..sweeping.execution import SweepTable
-
 __all__ = ["plot"]
 
 # A quantity that spreads over more than this factor is drawn on a logarithmic scale.
 SPREAD = 8.0
 
 
-def plot(table: SweepTable, quantity: str | None = None, fig: Figure | None = None) -> Axes:
+def plot(table: Mapping[str, NDArray[Any]], quantity: str | None = None, fig: Figure | None = None) -> Axes:
     """Draw `quantity` (None: the first metric) into `fig` (None: a new pyplot figure); returns the axes."""
     require("SweepTable.plot")
     from matplotlib.ticker import LogFormatter

@@ -15,7 +15,8 @@ from ..errors import InputError
 from ..status import Status
 from .balances import Balances, warn_of_balances
 from .metrics import MEASURES, metrics
-from .records import SERIES, BatchRun
+from .recorded import SERIES
+from .records import BatchRun
 from .sampling import Sampling
 
 __all__ = ["batch_of", "forces_of_runs", "in_pieces", "measured_by_records", "require_measures"]

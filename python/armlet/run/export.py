@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import write_whole
+from .recorded import SERIES, Recorded
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .records import Run
-
-__all__ = ["to_csv", "to_parquet", "to_xarray"]
+__all__ = ["pandas_for", "to_csv", "to_parquet", "to_xarray"]
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -58,7 +57,7 @@ def to_parquet(columns: Columns, path: str | PathLike[str]) -> None:
     write_whole(path, lambda file: parquet.write_table(table, file))
 
 
-def to_xarray(run: Run) -> xr.Dataset:
+def to_xarray(run: Recorded) -> xr.Dataset:
     """A dataset over `t` and `joint`, units as attributes.
 
     Raises:
@@ -68,8 +67,6 @@ def to_xarray(run: Run) -> xr.Dataset:
         import xarray
     except ImportError:
         raise ImportError("Run.to_xarray: xarray is not installed: pip install 'armlet[data]'") from None
-    from .records import SERIES
-
     unit = ", ".join(dict.fromkeys(run.units))
     force = ", ".join(dict.fromkeys(run.input_units))
     units = {"q": unit, "theta": unit, "tau": force, "estimate": "SI"}
@@ -83,3 +80,16 @@ def to_xarray(run: Run) -> xr.Dataset:
     coordinates = {"t": ("t", run.t, {"units": "s"}), "joint": np.arange(1, run.q.shape[1] + 1)}
     attributes = {"law": run.law_name, "status": run.status.name.lower()}
     return xarray.Dataset(variables, coordinates, attributes)
+
+
+def pandas_for(caller: str) -> Any:
+    """pandas, for the function `caller`.
+
+    Raises:
+        ImportError: it is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError(f"{caller}: pandas is not installed: pip install 'armlet[data]'") from None
+    return pandas

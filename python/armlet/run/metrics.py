@@ -29,10 +29,10 @@ given) has no error: its error, overshoot and settling time are NaN.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .. import _core
 from ..arguments import choice, instance, integer, number
@@ -40,13 +40,10 @@ from ..border import border, bordered
 from ..errors import InputError
 from ..status import Status
 from .balances import energy_error
-
-if TYPE_CHECKING:
-    from .records import BatchRun, Run
+from .recorded import Array, Recorded
+from .task_errors import frame_errors
 
 __all__ = ["Metrics", "metrics"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "tau_peak")
 PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
@@ -118,7 +115,7 @@ def _shown(value: float, unit: str) -> str:
 
 @border
 def metrics(
-    run: Run | BatchRun,
+    run: Recorded,
     *,
     reference: ArrayLike | None = None,
     band: ArrayLike | None = None,
@@ -151,9 +148,7 @@ def metrics(
     >>> float(found["error_peak"][0]), float(found["settling_time"].round(2)), float(found["overshoot"][0])
     (1.0, 0.58, 0.0)
     """
-    from .records import BatchRun, Run
-
-    instance("metrics", "run", run, (Run, BatchRun), "a run of simulate or simulate_batch")
+    instance("metrics", "run", run, Recorded, "a run of simulate or simulate_batch")
     settle, tolerance = number("metrics", "settle", settle), number("metrics", "tolerance", tolerance)
     if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
         if "error_rms" not in run.stats:
@@ -204,12 +199,10 @@ def metrics(
     return Metrics({name: found[name] for name in ALL if name in found}, run.units, run.input_units)
 
 
-def _of_frame(run: Run | BatchRun, frame: str, q_d: Array | None) -> Array:
+def _of_frame(run: Recorded, frame: str, q_d: Array | None) -> Array:
     if q_d is None or run.arm is None:
         lacks = "no reference of joints" if q_d is None else "no arm, as a run that was read from a file"
         raise InputError(f"metrics: frame is given for a run with {lacks}: expected None")
-    from .task_errors import frame_errors
-
     return frame_errors(run._arms, frame, run.q, np.broadcast_to(q_d, run.q.shape))
 
 
@@ -261,7 +254,7 @@ def _settling(t: Array, size: Array, band: Array) -> Array:
     return result
 
 
-def _outside(run: Run | BatchRun, t: Array) -> Array:
+def _outside(run: Recorded, t: Array) -> Array:
     if run.limits is None:
         return np.full(run.q.shape[:-2], np.nan)
     low, high, speed, effort = (run.limits[name][..., None, :] for name in ("q_min", "q_max", "v_max", "effort"))

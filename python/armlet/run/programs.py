@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from numpy.typing import ArrayLike
 
@@ -13,6 +13,7 @@ from .. import _core
 from ..arguments import choice
 from ..border import border, bordered
 from ..pickling import sealed
+from .instructions import Instruction, Listing
 from .sampling import Sampling
 
 if TYPE_CHECKING:
@@ -22,49 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["Instruction", "LoopProgram", "loop_program"]
 
 STAGES = ("recorded", "simplified", "lowered", "machine")
-# How a line is written; other kinds are written as functions.
-INFIX = {
-    "add": "{} + {}",
-    "sub": "{} - {}",
-    "mul": "{} * {}",
-    "div": "{} / {}",
-    "neg": "-{}",
-    "fma": "{0} * {1} + {2}",
-    "fms": "{0} * {1} - {2}",
-    "fnma": "{2} - {0} * {1}",
-    "fnms": "-{0} * {1} - {2}",
-    "less": "{} < {}",
-    "and": "{} & {}",
-    "andnot": "~{} & {}",
-    "or": "{} | {}",
-    "xor": "{} ^ {}",
-    "shift": "{} << {}",
-}
-
-
-class Instruction(NamedTuple):
-    """One line of a program: `name = kind(operands)`. An operand is the name of an earlier line, of an input, or a number."""
-
-    name: str
-    kind: str
-    operands: tuple[str, ...]
-
-    def __str__(self) -> str:
-        if self.kind in ("load", "move", "store"):
-            return f"{self.name} = {self.operands[0]}"
-        if self.kind not in INFIX:
-            return f"{self.name} = {self.kind}({', '.join(self.operands)})"
-        operands = [f"({operand})" if operand.startswith("-") else operand for operand in self.operands]
-        return f"{self.name} = {INFIX[self.kind].format(*operands)}"
-
-
-class Listing(NamedTuple):
-    """The lines of one stage, and `(output, what it is)`."""
-
-    instructions: tuple[Instruction, ...]
-    outputs: tuple[tuple[str, str], ...]
-
-
 Inputs: TypeAlias = tuple[tuple[tuple[str, str], float | None], ...]
 
 
@@ -155,7 +113,8 @@ class LoopProgram:
         """
         from ..figures.program import plot
 
-        return plot(self, fig)
+        title = f"{self.plant} under {self.law}: {self.part}, {self.stage}, {len(self)} lines"
+        return plot(self._listings[self.stage], self.stage, title, fig)
 
     def __len__(self) -> int:
         return len(self.instructions)

@@ -10,23 +10,19 @@ from __future__ import annotations
 
 import json
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import file_path
-from ..border import border
 from ..errors import FormatError
 from ..files import digest, pack, unpack, write_whole
 from ..status import Status
 from .events import Events
-from .records import SERIES, BatchRun, Run
+from .recorded import SERIES, Recorded
 
-if TYPE_CHECKING:
-    from .records import _Recorded
-
-__all__ = ["load", "save"]
+__all__ = ["read", "save"]
 
 FORMAT = "armlet run"
 VERSION = 1
@@ -35,7 +31,7 @@ DESIRED = ("q_d", "v_d", "a_d")
 EVENTS = ("t", "which", "q", "v", "theta", "theta_dot")
 
 
-def save(run: _Recorded, path: str | PathLike[str]) -> None:
+def save(run: Recorded, path: str | PathLike[str]) -> None:
     """Write `run` to `path`; the file is there whole or not at all, also when the disk is full."""
     items = run._items()
     arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, *SINGLE) if name in items}
@@ -68,13 +64,11 @@ def save(run: _Recorded, path: str | PathLike[str]) -> None:
     write_whole(path, lambda file: pack(file, arrays))
 
 
-@border
-def load(path: str | PathLike[str]) -> Run | BatchRun:
-    """Read a run that `run.save` wrote.
+def read(path: str | PathLike[str]) -> tuple[str, dict[str, Any]]:
+    """The kind of a stored run, "Run" or "BatchRun", and its fields.
 
     Raises:
-        FormatError: the file is no run of armlet, is damaged or cut short, or was written by a newer version.
-        OSError: the file cannot be read.
+        FormatError, OSError: as `load` documents them.
     """
     name = file_path("load", path)
 
@@ -115,4 +109,4 @@ def load(path: str | PathLike[str]) -> Run | BatchRun:
         fields["events"] = Events(names=tuple(header["events"]), **group("events/"))
     if DESIRED[0] in arrays:
         fields["desired"] = tuple(arrays[key] for key in DESIRED)
-    return (Run if header["kind"] == "Run" else BatchRun)(fields)
+    return header["kind"], fields

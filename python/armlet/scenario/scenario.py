@@ -12,38 +12,23 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
-from .. import _core
 from ..arguments import file_path, instance, require_shallow, shown
 from ..border import bordered
 from ..errors import InputError, ModelError, SolveError
 from ..pickling import sealed
+from ..run.records import Run
+from ..run.simulation import simulate
+from .built import Built
 from .fields import Kind, OneOf
 from .tables import KNOWN, LAWS, SCENARIO, arguments
-
-if TYPE_CHECKING:
-    from ..run.records import Run
 
 __all__ = ["Built", "Scenario", "change", "pathed"]
 
 MESSAGE = re.compile(r"^[\w.]+: (?P<key>[\w.\[\]]+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
 RIGID = {"kind": "RigidArm"}
 STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
-
-
-class Built(NamedTuple):
-    """What a scenario stands for: `al.simulate(built.plant, built.law, **built.arguments)`.
-
-    Attributes:
-        plant: the plant.
-        law: the law.
-        arguments: keyword arguments of `simulate`, `q0` among them.
-    """
-
-    plant: _core.Plant
-    law: _core.Law
-    arguments: dict[str, Any]
 
 
 @bordered
@@ -160,8 +145,6 @@ class Scenario:
             InputError: a value does not fit the others.
             SolveError: the run did not reach its end.
         """
-        from ..run.simulation import simulate
-
         built = self.build()
         start = partial(simulate, built.plant, built.law, **built.arguments, throw=throw)
         run: Run = pathed(self.name, "run", start, self.data["run"])
@@ -173,8 +156,6 @@ class Scenario:
         Raises:
             InputError: a value does not fit the others.
         """
-        from ..run.simulation import simulate
-
         built = self.build()
         short = built.arguments | {"t_end": 0.0, "t_eval": None}
         if (built.arguments.get("t_eval") is not None) and max(built.arguments["t_eval"]) > built.arguments["t_end"]:
@@ -183,9 +164,7 @@ class Scenario:
 
     def summary(self) -> str:
         """What stands in the file, in lines: law, plant and time; the joints in their order; what of the robot the loop leaves out."""
-        from .summary import summary
-
-        return summary(self.build(), self.data)
+        return self.build().summary(self.data)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """The same with other values, by dotted path: `replace({"law.kp": 30.0, "run.q0[1]": 0.2})`.

@@ -19,8 +19,8 @@ from ..arguments import choice, file_path, integer, number, shown
 from ..border import border, bordered
 from ..errors import InputError
 from ..pickling import sealed
+from ..run.export import pandas_for, to_csv
 from ..run.metrics import MEASURES
-from ..run.records import _pandas
 from ..scenario import Scenario
 from ..status import Status
 from .chunk import Chunk, Columns, joined, of_cell
@@ -48,13 +48,11 @@ class SweepTable(dict[str, NDArray[Any]]):
 
     def to_pandas(self) -> pd.DataFrame:
         """The same as a pandas table, indexed by `cell`."""
-        frame: pd.DataFrame = _pandas("SweepTable.to_pandas").DataFrame(dict(self)).set_index("cell")
+        frame: pd.DataFrame = pandas_for("SweepTable.to_pandas").DataFrame(dict(self)).set_index("cell")
         return frame
 
     def to_csv(self, path: str | PathLike[str]) -> Path:
         """Write the table as CSV, whole or not at all."""
-        from ..run.export import to_csv
-
         to_csv(self, path)
         return Path(path)
 

@@ -1,0 +1,79 @@
+"""Checks with a computed verdict, and the sections that collect them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Check", "Section"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One claim and what became of it.
+
+    Attributes:
+        what: the claim, in words.
+        expected: the right value: a number, an array, or anything that compares equal; None: the claim is |got| <= tolerance.
+        got: what armlet computed.
+        tolerance: largest deviation allowed, absolute; 0 for values that must be equal.
+        printed: what the exam's printed solution says, where it differs from `expected`.
+        erratum: the number of that erratum, "E1".., else "".
+    """
+
+    what: str
+    expected: Any
+    got: Any
+    tolerance: float = 0.0
+    printed: str = ""
+    erratum: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the claim holds. NaN never does."""
+        if isinstance(self.got, str) or isinstance(self.expected, str):
+            return bool(self.got == self.expected)
+        expected = 0.0 if self.expected is None else self.expected
+        if np.shape(expected) not in ((), np.shape(self.got)) or np.size(self.got) == 0:
+            return False
+        deviation = np.abs(np.asarray(self.got, dtype=np.float64) - np.asarray(expected, dtype=np.float64))
+        return bool(np.all(deviation <= self.tolerance))
+
+    @property
+    def verdict(self) -> str:
+        return "ok" if self.passed else "FAILED"
+
+    def columns(self) -> tuple[str, str, str, str]:
+        """What, expected, got and verdict as texts."""
+        what = f"{self.what} [{self.erratum}, printed: {self.printed}]" if self.erratum else self.what
+        if self.expected is None:
+            return what, f"<= {self.tolerance:g}", _text(self.got, 2), self.verdict
+        bound = f" +- {self.tolerance:g}" if self.tolerance else ""
+        return what, _text(self.expected, zero=self.tolerance) + bound, _text(self.got, zero=self.tolerance), self.verdict
+
+
+def _text(value: Any, digits: int = 6, zero: float = 0.0) -> str:
+    """A value in few characters; magnitudes below `zero` read 0."""
+    if isinstance(value, str):
+        return value
+    array = np.asarray(value)
+    if array.ndim:
+        return "(" + ", ".join(_text(x, digits, zero) for x in array) + ")"
+    if array.dtype == bool:
+        return "yes" if array else "no"
+    if array.dtype.kind not in "iuf":
+        return str(value)
+    return "0" if abs(array) < zero else f"{float(array):.{digits}g}"
+
+
+@dataclass
+class Section:
+    """The checks and figures of one system."""
+
+    title: str
+    checks: list[Check] = field(default_factory=list)
+    figures: list[Path] = field(default_factory=list)
+    seconds: float = 0.0

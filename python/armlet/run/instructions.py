@@ -1,0 +1,49 @@
+"""The lines of a program, and how they are written."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+__all__ = ["Instruction", "Listing"]
+
+# How a line is written; other kinds are written as functions.
+INFIX = {
+    "add": "{} + {}",
+    "sub": "{} - {}",
+    "mul": "{} * {}",
+    "div": "{} / {}",
+    "neg": "-{}",
+    "fma": "{0} * {1} + {2}",
+    "fms": "{0} * {1} - {2}",
+    "fnma": "{2} - {0} * {1}",
+    "fnms": "-{0} * {1} - {2}",
+    "less": "{} < {}",
+    "and": "{} & {}",
+    "andnot": "~{} & {}",
+    "or": "{} | {}",
+    "xor": "{} ^ {}",
+    "shift": "{} << {}",
+}
+
+
+class Instruction(NamedTuple):
+    """One line of a program: `name = kind(operands)`. An operand is the name of an earlier line, of an input, or a number."""
+
+    name: str
+    kind: str
+    operands: tuple[str, ...]
+
+    def __str__(self) -> str:
+        if self.kind in ("load", "move", "store"):
+            return f"{self.name} = {self.operands[0]}"
+        if self.kind not in INFIX:
+            return f"{self.name} = {self.kind}({', '.join(self.operands)})"
+        operands = [f"({operand})" if operand.startswith("-") else operand for operand in self.operands]
+        return f"{self.name} = {INFIX[self.kind].format(*operands)}"
+
+
+class Listing(NamedTuple):
+    """The lines of one stage, and `(output, what it is)`."""
+
+    instructions: tuple[Instruction, ...]
+    outputs: tuple[tuple[str, str], ...]

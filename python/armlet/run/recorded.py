@@ -1,0 +1,191 @@
+"""What a run recorded: its fields by name, the reference that it was to follow, and the units of its joints.
+
+Time is the first axis of a run: `q` is (K, n); a batch of B runs puts its rows before it: (B, K, n).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..errors import InputError
+from ..integration import DenseOutput
+from ..status import Status
+from .events import Events
+from .task_errors import position_errors
+
+__all__ = ["SERIES", "Array", "Recorded"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+# Quantities recorded over time, in the order in which tables and files hold them.
+SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
+# Laws whose target is a joint position, and laws whose motion is not one of joints.
+JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
+TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
+# Fields without a time axis that may be there.
+OTHERS = ("parameters", "target", "limits", "position_error")
+LIMITS = ("q_min", "q_max", "v_max", "effort")
+
+
+class Recorded:
+    """The arrays of a run or of a batch of runs, and where they came from. `Run` and `BatchRun` add what is done with them."""
+
+    t: Array
+    q: Array
+    v: Array
+    tau: Array | None
+    estimate: Array | None
+    theta: Array | None
+    theta_dot: Array | None
+    monitors: dict[str, Array]
+    stats: dict[str, Any]
+    #: How the run ended, one `Status`, or one number per run of a batch.
+    status: Any
+    #: "Adaptive", ..: decides which figure `plot` draws.
+    law_name: str
+    #: The (first) plant's arm; None in a run that was read from a file.
+    arm: Any
+
+    def __init__(self, fields: Mapping[str, Any], law: Any = None, motion: Any = None, plant: Any = None) -> None:
+        given = dict(fields)
+        who = type(self).__name__
+        t = _core.numbers(who, "t", given.pop("t"))
+        self.t = t if t.ndim else t.reshape(1)
+        for name in SERIES:
+            value = given.pop(name) if name in ("q", "v") else given.pop(name, None)
+            setattr(self, name, None if value is None else _core.numbers(who, name, value))
+        self.monitors = {name: _core.numbers(who, name, value) for name, value in (given.pop("monitors", None) or {}).items()}
+        self.stats = dict(given.pop("stats", None) or {})
+        laws, plants = _rows(law), _rows(plant)
+        self.law_name = given.pop("law_name", None) or ("" if law is None else type(laws[0]).__name__)
+        self._desired: tuple[Array, ...] | None = given.pop("desired", None)
+        motions = [None] if self.law_name in TASK_MOTIONS else [getattr(each, "motion", None) for each in laws]
+        motions = motions if motion is None else _rows(motion)
+        if len(motions) > 1 and all(each == motions[0] for each in motions):
+            motions = motions[:1]  # one motion made many times: sampled once
+        self._motions = motions if None not in motions else []
+        arms: list[Any] = [getattr(each, "arm", None) for each in plants]
+        self._laws, self._made_by, self._arms, self.arm = laws, law, arms, arms[0]
+        # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
+        stated = {name: given.pop(name, None) for name in ("parameters", "target", "limits", "units")}
+        if stated["parameters"] is not None:
+            stated["parameters"] = _core.numbers(who, "parameters", stated["parameters"])
+        if stated["units"]:
+            stated["units"] = tuple(stated["units"])
+        self.__dict__.update((name, value) for name, value in stated.items() if value is not None and len(value))
+        self._position_error: Array | None = given.pop("position_error", None)
+        self._set_status(given.pop("status", Status.SUCCESS))
+        self.events: Events | None = given.pop("events", None)
+        self._dense: tuple[DenseOutput, int] | None = given.pop("dense", None)
+        if given:
+            raise InputError(f"{type(self).__name__}: fields are unknown: expected those of a run, got {sorted(given)}")
+
+    @cached_property
+    def parameters(self) -> Array | None:
+        """The plant's true parameters, for comparison with `estimate`; None where unknown."""
+        if None in self._arms:
+            return None
+        parameters = [arm.parameters for arm in self._arms] if len(self._arms) > 1 else self._arms[0].parameters
+        return np.asarray(parameters, dtype=np.float64)
+
+    @cached_property
+    def target(self) -> Array | None:
+        """The joint position that a law of joints holds, (n,) or (B, n); None for other laws."""
+        if self.law_name not in JOINT_TARGETS or self._made_by is None:
+            return None
+        targets = [each.__getnewargs_ex__()[1]["target"] for each in _rows(self._made_by)]
+        return np.array(targets if len(targets) > 1 else targets[0], dtype=np.float64)
+
+    @cached_property
+    def limits(self) -> dict[str, Array] | None:
+        """The arm's `q_min`, `q_max`, `v_max`, `effort`, (n,) or (B, n) each; None where unknown."""
+        return _limits(self._arms)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each joint's position, "rad" or "m"."""
+        types = getattr(self.arm, "joint_types", None) or ("revolute",) * self.q.shape[-1]
+        return tuple("m" if kind in ("prismatic", "P") else "rad" for kind in types)
+
+    def _set_status(self, status: Any) -> None:
+        raise NotImplementedError
+
+    def _items(self) -> dict[str, Any]:
+        """Every field by name, as `__init__` takes them."""
+        items = {name: getattr(self, name) for name in ("t", *SERIES, *OTHERS) if getattr(self, name) is not None}
+        items |= {"monitors": self.monitors, "stats": self.stats, "law_name": self.law_name, "units": self.units, "status": self.status}
+        desired = self.desired()
+        return items if desired is None else items | {"desired": desired}
+
+    def desired(self) -> tuple[Array, Array, Array] | None:
+        """The desired motion `(q_d, v_d, a_d)` at the times of the run, each (K, n); None where the law follows none.
+
+        In a batch whose rows differ in motion or times each is (B, K, n).
+        """
+        if self._desired is None and self._motions:
+            if len(self._motions) == 1 and self.t.ndim == 1:
+                self._desired = _sampled(self._motions[0], self.t, self.q.shape[-1])
+            else:
+                shape = (self.q.shape[0], self.t.shape[-1])
+                motions = self._motions * (shape[0] if len(self._motions) == 1 else 1)
+                rows = [_sampled(m, t, self.q.shape[-1]) for m, t in zip(motions, np.broadcast_to(self.t, shape), strict=True)]
+                self._desired = tuple(np.stack(parts) for parts in zip(*rows, strict=True))
+        return self._desired  # type: ignore[return-value]  # three by construction
+
+    @property
+    def position_error(self) -> Array | None:
+        """How far the frame of each task is from its target, (K, tasks) or (B, K, tasks), m; None for laws without such tasks."""
+        if self._position_error is None and self._laws[0] is not None and self.arm is not None:
+            self._position_error = position_errors(self._laws, self._arms, self.t, self.q)
+            self._laws = [None]  # asked once
+        return self._position_error
+
+    def reference(self) -> tuple[Array, Array | None] | None:
+        """What the joints should do, `(q_d, v_d)`, that broadcast to `q`: the motion, or the target of a law of joints; else None."""
+        desired = self.desired()
+        if desired is not None:
+            return desired[0], desired[1]
+        return None if self.target is None else (self.target[..., None, :], None)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each joint's input: a force, or a velocity where that is what the law commands."""
+        if self.law_name == "PriorityVelocity":
+            return tuple(f"{unit}/s" for unit in self.units)
+        return tuple("N" if unit == "m" else "N m" for unit in self.units)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _core._seal(type(self), (self._items() | {"events": self.events, "dense": self._dense},))
+
+    def _table(self, row: tuple[Any, ...] = ()) -> dict[str, Array]:
+        """Columns over time: q1.., v1.., tau1.., the recorded states and the monitors."""
+        columns: dict[str, Array] = {}
+        for name in SERIES:
+            values = getattr(self, name)
+            if values is not None:
+                columns |= {f"{name}{i + 1}": values[(*row, slice(None), i)] for i in range(values.shape[-1])}
+        return columns | {name: values[row] for name, values in self.monitors.items()}
+
+
+def _limits(arms: list[Any]) -> dict[str, Array] | None:
+    """The limits of the plants' arms; None where one of them states none."""
+    stated: list[Any] = [getattr(arm, "limits", None) for arm in (arms if any(arm is not arms[0] for arm in arms) else arms[:1])]
+    if not all(stated):
+        return None
+    return {name: np.array([each[name] for each in stated] if len(stated) > 1 else stated[0][name]) for name in LIMITS}
+
+
+def _rows(value: Any) -> list[Any]:
+    """One object for all rows, or one per row."""
+    return list(value) if isinstance(value, list | tuple) else [value]
+
+
+def _sampled(motion: Any, t: Array, n: int) -> tuple[Array, ...]:
+    samples = [motion(float(time)) for time in t]
+    return tuple(np.array([sample[i] for sample in samples], dtype=np.float64).reshape(len(t), n) for i in range(3))

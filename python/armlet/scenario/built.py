@@ -1,0 +1,46 @@
+"""What a scenario stands for: a plant, a law, and how long they run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import _core
+
+__all__ = ["Built"]
+
+
+class Built(NamedTuple):
+    """What a scenario stands for: `al.simulate(built.plant, built.law, **built.arguments)`.
+
+    Attributes:
+        plant: the plant.
+        law: the law.
+        arguments: keyword arguments of `simulate`, `q0` among them.
+    """
+
+    plant: _core.Plant
+    law: _core.Law
+    arguments: dict[str, Any]
+
+    def summary(self, data: Mapping[str, Any]) -> str:
+        """Law, plant and time; the joints in the order of every list; what of the robot's file the loop leaves out."""
+        arm, run = self.plant.arm, data["run"]
+        length = f"{run['t_end']:g} s by {run.get('method', 'rk4')}"
+        first = f"{type(self.law).__name__} on {type(self.plant).__name__}, {arm.n} joints, {length}"
+        units = ["m" if kind == "prismatic" else "rad" for kind in arm.joint_types]
+        lines = [first, "joints: " + ", ".join(f"{name} ({unit})" for name, unit in zip(arm.joint_names, units, strict=True))]
+        lines += arm.report
+        if type(self.plant).__name__ == "RigidArm" and not data.get("plant", {}).get("friction", False) and _has_friction(arm):
+            lines.append("left out: the friction of the robot's file (friction = true in [plant] adds it)")
+        return "\n".join(lines)
+
+
+def _has_friction(arm: Any) -> bool:
+    """Whether the joints resist being moved."""
+    if not arm.frame_names:
+        return False  # the closed-form arms have none
+    q, v, a = np.zeros(arm.n), np.ones(arm.n), np.zeros(arm.n)
+    return bool(np.any(arm.inverse_dynamics(q, v, a, friction=True) != arm.inverse_dynamics(q, v, a)))
