@@ -16,7 +16,7 @@ run cargo check --locked --package armlet-core --quiet --no-default-features --l
 for feature in parallel urdf; do
     run cargo check --locked --package armlet-core --quiet --no-default-features --lib --features "$feature"
 done
-RUSTDOCFLAGS='-D warnings' run cargo doc --locked --package armlet-core --no-deps --quiet
+run env RUSTDOCFLAGS='-D warnings' cargo doc --locked --package armlet-core --no-deps --quiet
 if component clippy clippy; then run cargo clippy --locked --workspace --all-targets --quiet -- -D warnings; fi
 run "$@" -m ruff check python tests tools examples benches docs
 run "$@" -m mypy

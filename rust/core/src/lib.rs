@@ -1,11 +1,8 @@
-//! The pure-Rust core of armlet: arms, plants, control laws, motions, planners, task priority and
-//! integrators, and the loops that close them. Knows no Python.
-//!
-//! The layers, lowest first; a module uses only those before it (checked by `tests/api/test_layering.py`):
-//! `interrupt -> error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
-//! with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `scalar -> trace -> dynamics -> plan`, and
-//! `integrate` over `error, status, scalar, linalg` alone; `parallel` knows threads, `memory` sizes, and none knows robots.
-
+#![doc = include_str!("../README.md")]
+// The layers, lowest first; a module uses only those before it (checked by `tests/api/test_layering.py`):
+// `interrupt -> error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
+// with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `scalar -> trace -> dynamics -> plan`, and
+// `integrate` over `error, status, scalar, linalg` alone; `parallel` knows threads, `memory` sizes, and none knows robots.
 #![deny(missing_docs)]
 
 pub mod analysis;

@@ -146,6 +146,11 @@ impl Evaluator {
         Evaluator { engine: Box::new(Engine::new(arm, eager)), n: arm.n(), frames: arm.frames.len() }
     }
 
+    /// Number of joints `n`.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
     /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. Whether every
     /// number of the answer is finite: a singular mass matrix and an overflow are told so.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {

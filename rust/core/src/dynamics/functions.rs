@@ -83,6 +83,7 @@ impl Single {
     }
 }
 
+/// The quantities of an arm for one and for many configurations; a query that is repeated becomes a program.
 pub struct Functions {
     arm: Arc<Arm>,
     single: Mutex<Single>,
@@ -91,10 +92,12 @@ pub struct Functions {
 }
 
 impl Functions {
+    /// The functions of this arm.
     pub fn new(arm: Arc<Arm>) -> Self {
         Functions { single: Single::new(Evaluator::new(&arm)), known: Mutex::default(), arm }
     }
 
+    /// The arm.
     pub fn arm(&self) -> &Arc<Arm> {
         &self.arm
     }

@@ -21,7 +21,6 @@ pub mod energy;
 mod evaluate;
 #[doc(hidden)]
 pub mod forward;
-#[doc(hidden)]
 mod functions;
 mod hinge;
 mod model;
@@ -35,6 +34,7 @@ mod recorded;
 #[doc(hidden)]
 pub mod regressor;
 mod tree;
+mod vectors;
 #[doc(hidden)]
 pub mod workspace;
 

@@ -20,6 +20,12 @@ pub enum Model {
     Tree(Arc<Arm>),
 }
 
+impl From<Arm> for Model {
+    fn from(arm: Arm) -> Self {
+        Model::Tree(Arc::new(arm))
+    }
+}
+
 impl Model {
     /// Number of joints `n`.
     pub fn n(&self) -> usize {

@@ -10,6 +10,7 @@ mod arm_batch;
 mod arm_solver;
 mod cartesian_impedance;
 mod computed_torque;
+mod convert;
 #[doc(hidden)]
 mod decided;
 mod elastic_impedance;

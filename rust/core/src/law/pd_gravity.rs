@@ -7,6 +7,7 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
+use nalgebra::DVector;
 
 /// PD with gravity compensation, validated.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +22,8 @@ pub struct PdGravitySpec {
 
 impl PdGravitySpec {
     /// The law of this model for a target `(n,)`.
-    pub fn new(model: Model, target: Vec<f64>, kp: Gain, kd: Gain) -> Result<Self> {
+    pub fn new(model: Model, target: impl Into<DVector<f64>>, kp: Gain, kd: Gain) -> Result<Self> {
+        let target = Vec::from(target.into().data);
         let n = model.n();
         require_rows("target", n, target.len())?;
         crate::error::finite("target", &target)?;

@@ -4,6 +4,7 @@
 use crate::error::{Error, Result, finite};
 use crate::linalg::cholesky::require_positive_definite;
 use crate::scalar::Real;
+use nalgebra::DMatrix;
 
 /// A positive definite gain of size `n`.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +36,32 @@ impl Gain {
             return Ok(Gain { n, values: (0..n).map(|i| values[i * n + i]).collect() });
         }
         Ok(Gain { n, values })
+    }
+
+    /// The gain of a symmetric positive definite matrix.
+    ///
+    /// ```
+    /// use armlet_core::law::Gain;
+    /// use nalgebra::{dmatrix, dvector};
+    ///
+    /// let gain = Gain::from_matrix("kp", &dmatrix![4.0, 1.0; 1.0, 3.0])?;
+    /// assert_eq!(gain.to_matrix() * dvector![1.0, 1.0], dvector![5.0, 4.0]);
+    /// assert_eq!(Gain::scalar("kd", 2, 5.0)?.to_matrix(), dmatrix![5.0, 0.0; 0.0, 5.0]);
+    /// let error = Gain::from_matrix("kp", &dmatrix![1.0, 2.0; 2.0, 1.0]).unwrap_err();
+    /// assert!(error.to_string().starts_with("kp is not positive definite"));
+    /// # Ok::<(), armlet_core::error::Error>(())
+    /// ```
+    pub fn from_matrix(argument: &str, matrix: &DMatrix<f64>) -> Result<Self> {
+        if !matrix.is_square() {
+            let (rows, columns) = matrix.shape();
+            return Err(Error::input(argument, format!("is not square: expected (n, n), got ({rows}, {columns})")));
+        }
+        Gain::full(argument, matrix.nrows(), matrix.transpose().as_slice().to_vec())
+    }
+
+    /// The gain as a matrix, `(n, n)`.
+    pub fn to_matrix(&self) -> DMatrix<f64> {
+        DMatrix::from_row_slice(self.n, self.n, &self.matrix())
     }
 
     /// A diagonal that may hold zeros: the gain of a task that is only fed forward.

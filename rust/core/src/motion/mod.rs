@@ -2,18 +2,21 @@
 
 mod path;
 mod rest_to_rest;
+mod sample;
 mod sinusoid;
 mod table;
 mod timed_path;
 
 pub use path::{Ends, Path, TERMS};
 pub use rest_to_rest::{BangBang, Quintic};
+pub use sample::MotionSample;
 pub use sinusoid::Sinusoid;
 pub use table::Table;
 pub use timed_path::TimedPath;
 
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
+use nalgebra::DVector;
 
 /// A desired motion of `n` joints. An enum, so that loops are composed without a virtual call or a copy of
 /// their code per motion.
@@ -35,7 +38,8 @@ pub enum Motion {
 
 impl Motion {
     /// Rest at `q` `(n,)`.
-    pub fn hold(q: Vec<f64>) -> Result<Self> {
+    pub fn hold(q: impl Into<DVector<f64>>) -> Result<Self> {
+        let q = Vec::from(q.into().data);
         finite("q", &q)?;
         if q.is_empty() {
             return Err(Error::input("q", "is empty: expected at least one joint, got 0"));

@@ -5,6 +5,7 @@
 
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
+use nalgebra::DVector;
 use std::marker::PhantomData;
 
 /// `s(t)`.
@@ -65,7 +66,9 @@ impl Timing for BangBangTiming {
 }
 
 impl<P: Timing> RestToRest<P> {
-    pub fn new(q0: Vec<f64>, q1: Vec<f64>, duration: f64) -> Result<Self> {
+    /// The motion from `q0` to `q1`, `(n,)` each, in `duration` seconds.
+    pub fn new(q0: impl Into<DVector<f64>>, q1: impl Into<DVector<f64>>, duration: f64) -> Result<Self> {
+        let (q0, q1) = (Vec::from(q0.into().data), Vec::from(q1.into().data));
         finite("q0", &q0)?;
         finite("q1", &q1)?;
         if q0.is_empty() {

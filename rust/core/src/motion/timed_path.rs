@@ -226,7 +226,7 @@ impl TimedPath {
     }
 
     /// `b` of each segment, `(N,)`.
-    pub fn bends(&self) -> &[f64] {
+    pub fn acceleration_slopes(&self) -> &[f64] {
         &self.u_slope
     }
 

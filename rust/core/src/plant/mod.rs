@@ -84,6 +84,24 @@ pub enum PlantSpec {
     Velocity(VelocitySpec),
 }
 
+impl From<RigidSpec> for PlantSpec {
+    fn from(plant: RigidSpec) -> Self {
+        PlantSpec::Rigid(plant)
+    }
+}
+
+impl From<ElasticSpec> for PlantSpec {
+    fn from(plant: ElasticSpec) -> Self {
+        PlantSpec::Elastic(plant)
+    }
+}
+
+impl From<VelocitySpec> for PlantSpec {
+    fn from(plant: VelocitySpec) -> Self {
+        PlantSpec::Velocity(plant)
+    }
+}
+
 impl PlantSpec {
     /// The kind of the plant.
     pub fn kind(&self) -> PlantKind {

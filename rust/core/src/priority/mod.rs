@@ -15,6 +15,7 @@ mod bounds;
 mod diagnose;
 mod levels;
 mod lq;
+mod matrices;
 mod method;
 mod metric;
 #[doc(hidden)]
@@ -26,6 +27,7 @@ mod workspace;
 pub use batch::{FEW, StackAnswers, StackBatch, StackRows};
 pub use bounds::{joint_velocity_bounds, velocity_bounds};
 pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
+pub use matrices::solve_levels;
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 pub use regular::Regular;
 pub use solver::{PrioritySolver, Solution, solve_priority};

@@ -54,6 +54,7 @@ mod sums;
 mod switching;
 mod target_model;
 mod torque_sensing;
+mod typed;
 mod watcher;
 #[doc(hidden)]
 mod watching;

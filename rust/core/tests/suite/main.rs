@@ -14,6 +14,7 @@ mod counting;
 mod elastic_loops;
 mod elastic_oracle;
 mod emulated_loops;
+mod examples;
 // The format of the cases is that of the unit tests.
 #[path = "../../src/trace/harness.rs"]
 mod harness;

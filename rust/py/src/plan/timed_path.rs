@@ -221,7 +221,7 @@ impl TimedPath {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let path = self.core.path();
         let core = &self.core;
-        let timing = [core.grid(), core.squared_speeds(), core.bends(), core.times(), core.node_accelerations()];
+        let timing = [core.grid(), core.squared_speeds(), core.acceleration_slopes(), core.times(), core.node_accelerations()];
         let numbers = [path.knots(), path.coefficients(), path.ends().1].into_iter().chain(timing);
         let arrays = numbers.map(|values| array(py, values)).collect::<PyResult<Vec<_>>>()?;
         let why = self.why.as_ref().map(|w| (&w.text, w.joint, &w.joint_name, w.s, &w.limit, w.missing, w.missing_units));

@@ -1,0 +1,108 @@
+//! The quantities of an arm on nalgebra's types, one configuration at a time.
+//!
+//! Thin: each copies its answer out of [`Evaluator::one`], which loops call with slices of their own.
+
+use super::{Evaluator, Quantity, Query};
+use crate::error::{Error, Result};
+use crate::status::Status;
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+/// # On nalgebra's types
+///
+/// `q`, `v`, `a` and `tau` are `(n,)`; frames are indices, see [`crate::arm::Arm::frame_index`]. Errors: `Input` for a wrong size or a number
+/// that is not finite, `Solve` for an answer that is not finite (a singular mass matrix, an overflow).
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Evaluator;
+/// use nalgebra::dvector;
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let (tip, mut arm) = (arm.frame_index("link2")?, Evaluator::new(&arm));
+/// let (q, v, a) = (dvector![0.3, -0.8], dvector![1.0, 0.5], dvector![0.2, -2.0]);
+/// let tau = arm.inverse_dynamics(&q, &v, &a)?;
+/// let expected = arm.mass_matrix(&q)? * &a + arm.coriolis_matrix(&q, &v)? * &v + arm.gravity(&q)?;
+/// assert!((&tau - expected).norm() < 1e-13);
+/// assert!((arm.forward_dynamics(&q, &v, &tau)? - a).norm() < 1e-12);
+/// let twist = arm.jacobian(&q, tip)? * &v;
+/// assert!((twist[5] - 1.5).abs() < 1e-15);
+/// let pose = arm.pose(&q, tip)?;
+/// assert!((pose.translation.y - (0.5 * 0.3f64.sin() + 0.4 * (-0.5f64).sin())).abs() < 1e-15);
+/// assert!((pose.rotation.angle() - 0.5).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+impl Evaluator {
+    fn answer(&mut self, query: impl Into<Query>, inputs: &[&DVector<f64>]) -> Result<DMatrix<f64>> {
+        let query = query.into();
+        let (rows, columns) = query.shape(self.n());
+        let mut out = vec![0.0; rows * columns];
+        let inputs: Vec<&[f64]> = inputs.iter().map(|input| input.as_slice()).collect();
+        if !self.one(&query, &inputs, &mut out)? {
+            let problem = "the answer is not finite: the mass matrix is singular, or a number overflows";
+            return Err(Error::Solve { status: Status::Diverged, t: 0.0, problem: problem.into() });
+        }
+        Ok(DMatrix::from_row_slice(rows, columns, &out))
+    }
+
+    fn vector(&mut self, quantity: Quantity, inputs: &[&DVector<f64>]) -> Result<DVector<f64>> {
+        self.answer(quantity, inputs).map(|row| row.row(0).transpose())
+    }
+
+    /// `M(q)`, `(n, n)`.
+    pub fn mass_matrix(&mut self, q: &DVector<f64>) -> Result<DMatrix<f64>> {
+        self.answer(Quantity::MassMatrix, &[q])
+    }
+
+    /// `C(q, v)` of Christoffel, `(n, n)`.
+    pub fn coriolis_matrix(&mut self, q: &DVector<f64>, v: &DVector<f64>) -> Result<DMatrix<f64>> {
+        self.answer(Quantity::CoriolisMatrix, &[q, v])
+    }
+
+    /// `g(q)`, `(n,)`.
+    pub fn gravity(&mut self, q: &DVector<f64>) -> Result<DVector<f64>> {
+        self.vector(Quantity::Gravity, &[q])
+    }
+
+    /// `C(q, v) v + g(q)`, `(n,)`.
+    pub fn bias(&mut self, q: &DVector<f64>, v: &DVector<f64>) -> Result<DVector<f64>> {
+        self.vector(Quantity::Bias, &[q, v])
+    }
+
+    /// `tau = M a + C v + g`, `(n,)`.
+    pub fn inverse_dynamics(&mut self, q: &DVector<f64>, v: &DVector<f64>, a: &DVector<f64>) -> Result<DVector<f64>> {
+        self.vector(Quantity::InverseDynamics, &[q, v, a])
+    }
+
+    /// `a = M^-1 (tau - C v - g)`, `(n,)`.
+    pub fn forward_dynamics(&mut self, q: &DVector<f64>, v: &DVector<f64>, tau: &DVector<f64>) -> Result<DVector<f64>> {
+        self.vector(Quantity::ForwardDynamics, &[q, v, tau])
+    }
+
+    /// The Slotine-Li regressor, `(n, 10 n)`: `Y pi = M a_r + C(q, v) v_r + g`.
+    pub fn regressor(&mut self, q: &DVector<f64>, v: &DVector<f64>, v_r: &DVector<f64>, a_r: &DVector<f64>) -> Result<DMatrix<f64>> {
+        self.answer(Quantity::Regressor, &[q, v, v_r, a_r])
+    }
+
+    /// Kinetic and potential energy, J.
+    pub fn energy(&mut self, q: &DVector<f64>, v: &DVector<f64>) -> Result<(f64, f64)> {
+        self.answer(Quantity::Energy, &[q, v]).map(|row| (row[0], row[1]))
+    }
+
+    /// `X_WF`: the pose of a frame in the world.
+    pub fn pose(&mut self, q: &DVector<f64>, frame: usize) -> Result<Isometry3<f64>> {
+        let x = self.answer(Query { frame, ..Quantity::Pose.into() }, &[q])?;
+        let rotation = Rotation3::from_matrix_unchecked(Matrix3::from(x.fixed_view::<3, 3>(0, 0)));
+        let translation = Translation3::from(Vector3::from(x.fixed_view::<3, 1>(0, 3)));
+        Ok(Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation)))
+    }
+
+    /// The geometric Jacobian, `(6, n)`: `J v = [linear; angular]` of the frame's origin, world axes.
+    pub fn jacobian(&mut self, q: &DVector<f64>, frame: usize) -> Result<DMatrix<f64>> {
+        self.answer(Query { frame, ..Quantity::Jacobian.into() }, &[q])
+    }
+
+    /// `dJ/dt`, `(6, n)`.
+    pub fn jacobian_dot(&mut self, q: &DVector<f64>, v: &DVector<f64>, frame: usize) -> Result<DMatrix<f64>> {
+        self.answer(Query { frame, ..Quantity::JacobianDot.into() }, &[q, v])
+    }
+}

@@ -1,0 +1,52 @@
+//! Motions on nalgebra's types: from a kind of motion to [`Motion`], and its values at one time.
+
+use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
+use nalgebra::DVector;
+
+/// Position, velocity and acceleration of a motion at one time, `(n,)` each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionSample {
+    /// `q_d`, rad or m.
+    pub q: DVector<f64>,
+    /// `v_d`, rad/s or m/s.
+    pub v: DVector<f64>,
+    /// `a_d`, rad/s^2 or m/s^2.
+    pub a: DVector<f64>,
+}
+
+impl Motion {
+    /// `q_d`, `v_d` and `a_d` at time `t`.
+    ///
+    /// ```
+    /// use armlet_core::motion::{BangBang, Motion, Quintic};
+    /// use nalgebra::dvector;
+    ///
+    /// let quintic = Motion::from(Quintic::new(dvector![0.0, 1.0], dvector![2.0, 1.0], 4.0)?);
+    /// let middle = quintic.at(2.0);
+    /// assert_eq!(middle.q, dvector![1.0, 1.0]);
+    /// assert_eq!(middle.a, dvector![0.0, 0.0]);
+    /// let fastest = Motion::from(BangBang::new(dvector![0.0], dvector![1.0], 2.0)?);
+    /// assert_eq!(fastest.at(0.0).a, dvector![1.0]);
+    /// assert_eq!(Motion::hold(dvector![0.5])?.at(7.0).v, dvector![0.0]);
+    /// # Ok::<(), armlet_core::error::Error>(())
+    /// ```
+    pub fn at(&self, t: f64) -> MotionSample {
+        let n = self.dof();
+        let mut values = vec![0.0; 3 * n];
+        self.sample(t, &mut values);
+        let [q, v, a] = [0, 1, 2].map(|k| DVector::from_column_slice(&values[k * n..(k + 1) * n]));
+        MotionSample { q, v, a }
+    }
+}
+
+macro_rules! convert {
+    ($($kind:ident)*) => {
+        $(impl From<$kind> for Motion {
+            fn from(motion: $kind) -> Self {
+                Motion::$kind(motion)
+            }
+        })*
+    };
+}
+
+convert!(Sinusoid Quintic BangBang Table TimedPath);

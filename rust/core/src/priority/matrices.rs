@@ -1,0 +1,42 @@
+//! One prioritised solve on nalgebra's types.
+
+use super::{PriorityOptions, Solution, solve_priority};
+use crate::error::{Error, Result};
+use nalgebra::{DMatrix, DVector};
+
+/// Solve `J_i v = v_i` in priority from pairs `(J_i, v_i)`, the highest level first: `J_i` is `(rows_i, n)`, `v_i` is `(rows_i,)`.
+///
+/// Errors: `Input` for shapes that do not fit or numbers that are not finite.
+///
+/// ```
+/// use armlet_core::priority::{PriorityMethod, PriorityOptions, solve_levels};
+/// use nalgebra::{dmatrix, dvector};
+///
+/// let (first, second) = ((dmatrix![1.0, 0.0, 1.0], dvector![1.0]), (dmatrix![0.0, 1.0, 0.0; 1.0, 0.0, 0.0], dvector![2.0, 0.25]));
+/// let solution = solve_levels(&[first, second], &PriorityOptions::new(PriorityMethod::Exact))?;
+/// assert_eq!(solution.ranks, [1, 2]);
+/// assert!((solution.velocities() - dvector![0.25, 2.0, 0.75]).norm() < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub fn solve_levels(levels: &[(DMatrix<f64>, DVector<f64>)], options: &PriorityOptions) -> Result<Solution> {
+    let n = levels.first().map_or(0, |(jacobian, _)| jacobian.ncols());
+    for (i, (jacobian, velocity)) in levels.iter().enumerate() {
+        if jacobian.shape() != (velocity.len(), n) {
+            let (rows, columns) = jacobian.shape();
+            let problem = format!("has the wrong shape: expected ({}, {n}), got ({rows}, {columns}) (first bad index {i})", velocity.len());
+            return Err(Error::input("levels", problem));
+        }
+    }
+    // nalgebra stores columns, the solver reads rows.
+    let jacobians: Vec<DMatrix<f64>> = levels.iter().map(|(jacobian, _)| jacobian.transpose()).collect();
+    let jacobians: Vec<&[f64]> = jacobians.iter().map(|jacobian| jacobian.as_slice()).collect();
+    let velocities: Vec<&[f64]> = levels.iter().map(|(_, velocity)| velocity.as_slice()).collect();
+    solve_priority(n, &jacobians, &velocities, options)
+}
+
+impl Solution {
+    /// The joint velocities, `(n,)`.
+    pub fn velocities(&self) -> DVector<f64> {
+        DVector::from_column_slice(&self.v)
+    }
+}
