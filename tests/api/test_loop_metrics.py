@@ -67,6 +67,16 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
     "limits": lambda: (al.RigidArm(LIMITED), al.PDGravity(LIMITED, [0.3, 0.1], [60.0, 300.0], [2.0, 9.0]), {}),
     "limits of the input": lambda: (RIGID, al.PDGravity(TWO, [0.5, 0.9], [80.0, 60.0], [10.0, 5.0]), {"tau_max": [20.0, 10.0]}),
     "cartesian impedance": lambda: (RIGID, al.CartesianImpedance(TWO, [0.6, 0.4], 300.0, 30.0, **TIP), {}),
+    "cartesian impedance, full gains": lambda: (
+        RIGID,
+        al.CartesianImpedance(TWO, [0.6, 0.4], [[300.0, 20.0], [20.0, 250.0]], [30.0, 20.0], **TIP),
+        {"force": [(0.0, [3.0, 0.0]), (0.0305, [0.0, 2.0])]},
+    ),
+    "cartesian impedance, pushed at another frame": lambda: (
+        al.RigidArm(SIX),
+        al.CartesianImpedance(SIX, [0.5, 0.2, 0.1, 0.1, 0.3, 0.2], 200.0, 30.0, frame=SIX.frame_names[-1], axes="xyz rx ry rz"),
+        {"force": [2.0, 0.0, 1.0, 0.1, 0.0, 0.0], "force_frame": SIX.frame_names[2], "t_end": 0.03},
+    ),
     "elastic impedance": lambda: (ELASTIC, al.ElasticImpedance(TWO, [0.6, 0.4], 300.0, 30.0, [900.0, 700.0], 0.4, 0.1, **TIP), {}),
     "elastic tracking": lambda: (
         ELASTIC,
@@ -80,6 +90,16 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
     "priority of accelerations": lambda: (al.RigidArm(THREE), al.PriorityAcceleration(THREE, tasks()), {}),
     # The arm is drawn straight, where the program of the law declines its steps.
     "priority at a singularity": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks([1.5, 0.3])), {"t_end": 0.6, "dt": 5e-3}),
+    "priority at a singularity, sampled": lambda: (
+        VELOCITY,
+        al.PriorityVelocity(THREE, tasks([1.5, 0.3])),
+        {"t_end": 0.6, "dt": 5e-3, "sample_time": 15e-3},
+    ),
+    "priority of accelerations at a singularity": lambda: (
+        al.RigidArm(THREE),
+        al.PriorityAcceleration(THREE, tasks(), eps=0.2),
+        {"t_end": 0.2, "dt": 2e-3},
+    ),
     # Angles that the program's sines are not made for: the row is run again.
     "angles beyond a million": lambda: (
         RIGID,

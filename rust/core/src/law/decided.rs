@@ -4,19 +4,25 @@ use super::Law;
 use crate::error::Result;
 use crate::priority::{PrioritySolver, Regular};
 use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::trace::{Sym, sym};
 use std::any::Any;
 
 /// A solver of prioritised tasks, as a law sees it.
 pub trait Solve {
     type Number: Real;
 
+    /// The route of this kind with the sizes and options of `solver`; `None` where its method has none.
+    fn of(solver: PrioritySolver) -> Option<Self>
+    where
+        Self: Sized;
     /// The stacked Jacobians and task velocities, to be filled.
     fn inputs(&mut self) -> (&mut [Self::Number], &mut [Self::Number]);
     /// Solve for what was filled in, whose Jacobians have entries with this relative error; within bounds where there are any.
     fn solve(&mut self, rounding: Self::Number, bounds: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()>;
     /// The joint velocities found.
     fn v(&self) -> &[Self::Number];
+    /// What they leave of each level's task velocities, stacked.
+    fn residuals(&self) -> &[Self::Number];
     /// One where they are right, zero where another route has to be taken; `None` where they always are.
     fn stands(&self) -> Option<Self::Number>;
 }
@@ -24,6 +30,9 @@ pub trait Solve {
 impl Solve for PrioritySolver {
     type Number = f64;
 
+    fn of(solver: PrioritySolver) -> Option<Self> {
+        Some(solver)
+    }
     fn inputs(&mut self) -> (&mut [f64], &mut [f64]) {
         PrioritySolver::inputs(self)
     }
@@ -34,6 +43,9 @@ impl Solve for PrioritySolver {
     }
     fn v(&self) -> &[f64] {
         PrioritySolver::v(self)
+    }
+    fn residuals(&self) -> &[f64] {
+        PrioritySolver::residuals(self)
     }
     fn stands(&self) -> Option<f64> {
         None
@@ -48,27 +60,27 @@ pub struct RecordedSolver {
     stands: Sym,
 }
 
-impl RecordedSolver {
-    /// With the sizes and options of `solver`; `None` where its method has no such route.
-    pub fn new(solver: &PrioritySolver) -> Option<Self> {
+impl Solve for RecordedSolver {
+    type Number = Sym;
+
+    fn of(solver: PrioritySolver) -> Option<Self> {
         let total = solver.rows().iter().sum::<usize>();
         let (jacobian, command) = (vec![Sym::zero(); total * solver.n()], vec![Sym::zero(); total]);
         Some(RecordedSolver { route: solver.regular()?, jacobian, command, stands: Sym::zero() })
     }
-}
-
-impl Solve for RecordedSolver {
-    type Number = Sym;
-
     fn inputs(&mut self) -> (&mut [Sym], &mut [Sym]) {
         (&mut self.jacobian, &mut self.command)
     }
     fn solve(&mut self, rounding: Sym, _: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
-        self.stands = self.route.solve(rounding, &self.jacobian, &self.command);
+        // As a single solve rounds, also where the rest is recorded as plain numbers round.
+        self.stands = sym::fused(|| self.route.solve(rounding, &self.jacobian, &self.command));
         Ok(())
     }
     fn v(&self) -> &[Sym] {
         &self.route.v
+    }
+    fn residuals(&self) -> &[Sym] {
+        &self.route.residual
     }
     fn stands(&self) -> Option<Sym> {
         Some(self.stands)

@@ -58,6 +58,16 @@ pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
     if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
 }
 
+/// The norms of what levels of these `rows` have of `e` and of `residuals`, in turn, as many as `out` holds.
+pub(super) fn norms<S: Real>(rows: &[usize], e: &[S], residuals: &[S], out: &mut [S]) {
+    let mut at = 0;
+    for (pair, m) in out.chunks_exact_mut(2).zip(rows) {
+        let norm = |x: &[S]| x[at..at + m].iter().fold(S::zero(), |sum, &x| sum + x * x).sqrt();
+        (pair[0], pair[1]) = (norm(e), norm(residuals));
+        at += m;
+    }
+}
+
 /// Whether both solve the same tasks by the same route: they may differ in targets, gains and thresholds.
 pub(super) fn same_tasks((levels, options): (&[Level], &PriorityOptions), (others, other): (&[Level], &PriorityOptions)) -> bool {
     let given = |options: &PriorityOptions| (options.method, options.eps.is_some(), options.weight.is_some());

@@ -38,7 +38,7 @@ pub use arm_batch::ArmBatch;
 pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
-pub use decided::{Decided, RecordedSolver};
+pub use decided::{Decided, RecordedSolver, Solve};
 pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};

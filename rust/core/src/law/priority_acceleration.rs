@@ -6,7 +6,7 @@
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
-use super::level::{Level, desired_size, require_levels, stack};
+use super::level::{self, Level, desired_size, require_levels, stack};
 use super::{Definition, Instant, Law, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
@@ -62,10 +62,15 @@ impl PriorityAccelerationSpec {
         PrioritySolver::new(n, &[self.rows(), vec![n]].concat(), &self.options)
     }
 
+    /// The law with a solver of this kind; `None` where its method has no such route.
+    pub fn engine<P: Solve>(&self) -> Option<PriorityAcceleration<P>> {
+        P::of(self.solver().ok()?).map(|solver| self.with(solver))
+    }
+
     /// The law on plain numbers.
-    pub fn engine(&self) -> PriorityAcceleration {
-        let Ok(solver) = self.solver() else { unreachable!("refused when the law was made") };
-        self.with(solver)
+    fn plain(&self) -> PriorityAcceleration {
+        let Some(law) = self.engine() else { unreachable!("refused when the law was made") };
+        law
     }
 
     fn with<P: Solve>(&self, solver: P) -> PriorityAcceleration<P> {
@@ -104,14 +109,13 @@ impl Definition for PriorityAccelerationSpec {
 
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
         let (law, n) = (of(0), of(0).model.n());
-        let recorded = || Some(law.with(RecordedSolver::new(&law.solver().ok()?)?));
-        Decided::new::<S>([desired_size(&law.levels), n, 2 * n], || law.engine(), recorded)
+        Decided::new::<S>([desired_size(&law.levels), n, 2 * n], || law.plain(), || law.engine())
     }
 
     /// As of the velocity law, with `e_dot`, `J_dot` and the acceleration; residuals are of accelerations.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
-        let mut law = self.engine();
+        let mut law = self.plain();
         let mut tau = vec![0.0; n];
         law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let total = law.e.len();
@@ -151,19 +155,12 @@ pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
     rate: Vec<P::Number>,
 }
 
-impl PriorityAcceleration {
-    /// The norms of the error and of the residual of each level as of the last evaluation, in turn: m or rad, m/s^2 or rad/s^2.
-    pub fn norms(&self, out: &mut [f64]) {
-        let mut at = 0;
-        for (pair, m) in out.chunks_exact_mut(2).zip(self.stack.rows()) {
-            let norm = |x: &[f64]| x[at..at + m].iter().map(|x| x * x).sum::<f64>().sqrt();
-            (pair[0], pair[1]) = (norm(&self.e), norm(self.solver.residuals()));
-            at += m;
-        }
-    }
-}
-
 impl<P: Solve> PriorityAcceleration<P> {
+    /// The norms of the error and of the residual of each level as of the last evaluation, in turn: m or rad, m/s^2 or rad/s^2.
+    pub fn norms(&self, out: &mut [P::Number]) {
+        level::norms(self.stack.rows(), &self.e, self.solver.residuals(), out);
+    }
+
     fn command(&mut self, desired: &[P::Number], q: &[P::Number], v: &[P::Number]) -> Result<()> {
         let PriorityAcceleration { stack, solver, gains, dampings, limits, bounds: (lower, upper), e, e_dot, rate, joint_damping, .. } =
             self;

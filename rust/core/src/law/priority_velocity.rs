@@ -9,7 +9,7 @@
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
-use super::level::{Level, desired_size, require_levels, stack};
+use super::level::{self, Level, desired_size, require_levels, stack};
 use super::{Definition, Instant, Law, Term};
 use crate::dynamics::Model;
 use crate::error::Result;
@@ -55,10 +55,15 @@ impl PriorityVelocitySpec {
         PrioritySolver::new(self.model.n(), &self.rows(), &self.options)
     }
 
+    /// The law with a solver of this kind; `None` where its method has no such route.
+    pub fn engine<P: Solve>(&self) -> Option<PriorityVelocity<P>> {
+        P::of(self.solver().ok()?).map(|solver| self.with(solver))
+    }
+
     /// The law on plain numbers.
-    pub fn engine(&self) -> PriorityVelocity {
-        let Ok(solver) = self.solver() else { unreachable!("refused when the law was made") };
-        self.with(solver)
+    fn plain(&self) -> PriorityVelocity {
+        let Some(law) = self.engine() else { unreachable!("refused when the law was made") };
+        law
     }
 
     fn with<P: Solve>(&self, solver: P) -> PriorityVelocity<P> {
@@ -101,14 +106,13 @@ impl Definition for PriorityVelocitySpec {
 
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
         let (law, n) = (of(0), of(0).model.n());
-        let recorded = || Some(law.with(RecordedSolver::new(&law.solver().ok()?)?));
-        Decided::new::<S>([desired_size(&law.levels), n, n], || law.engine(), recorded)
+        Decided::new::<S>([desired_size(&law.levels), n, n], || law.plain(), || law.engine())
     }
 
     /// `e`, `J` and the residuals of all levels, one after another, `rows` of each; ranks, the velocity.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
-        let mut law = self.engine();
+        let mut law = self.plain();
         let mut v = vec![0.0; n];
         law.evaluate(at.desired, at.trig, at.x, &[], &mut v, &mut []);
         let (jacobian, command) = law.solver.inputs();
@@ -137,19 +141,12 @@ pub struct PriorityVelocity<P: Solve = PrioritySolver> {
     e: Vec<P::Number>,
 }
 
-impl PriorityVelocity {
-    /// Norms `|e_i|` and `|v_i - J_i u|` of each level as of the last evaluation, in turns, as many as `out` holds.
-    pub fn norms(&self, out: &mut [f64]) {
-        let mut at = 0;
-        for (pair, m) in out.chunks_exact_mut(2).zip(self.stack.rows()) {
-            let norm = |x: &[f64]| x[at..at + m].iter().map(|x| x * x).sum::<f64>().sqrt();
-            (pair[0], pair[1]) = (norm(&self.e), norm(self.solver.residuals()));
-            at += m;
-        }
-    }
-}
-
 impl<P: Solve> PriorityVelocity<P> {
+    /// The norms `|e_i|` and `|v_i - J_i u|` of each level as of the last evaluation, in turn: m or rad, m/s or rad/s.
+    pub fn norms(&self, out: &mut [P::Number]) {
+        level::norms(self.stack.rows(), &self.e, self.solver.residuals(), out);
+    }
+
     fn command(&mut self, desired: &[P::Number], q: &[P::Number]) -> Result<()> {
         let PriorityVelocity { stack, solver, gains, limits, bounds: (lower, upper), e } = self;
         let (jacobian, command) = solver.inputs();

@@ -1,6 +1,7 @@
 //! `A = L L^T` for symmetric positive definite `A`, row-major.
 
 use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
 
 /// Largest asymmetry, relative to the largest entry, that rounding explains.
 const SYMMETRY: f64 = 1e-12;
@@ -9,11 +10,12 @@ const SYMMETRY: f64 = 1e-12;
 /// positive definite.
 pub fn factor(n: usize, a: &[f64]) -> Option<Vec<f64>> {
     let mut l = vec![0.0; n * n];
-    factor_into(n, a, &mut l).then_some(l)
+    (factor_into(n, a, &mut l) == 1.0).then_some(l)
 }
 
-/// The lower factor into the lower triangle of `l`, of which the rest stays; whether `a` is positive definite.
-pub fn factor_into(n: usize, a: &[f64], l: &mut [f64]) -> bool {
+/// The lower factor into the lower triangle of `l`, of which the rest stays; one where `a` is positive definite, else zero.
+pub fn factor_into<S: Real>(n: usize, a: &[S], l: &mut [S]) -> S {
+    let (zero, infinity, mut definite) = (S::zero(), S::splat(f64::INFINITY), S::splat(1.0));
     for i in 0..n {
         for j in 0..=i {
             let mut sum = a[i * n + j];
@@ -22,34 +24,33 @@ pub fn factor_into(n: usize, a: &[f64], l: &mut [f64]) -> bool {
             }
             if i > j {
                 l[i * n + j] = sum / l[j * n + j];
-            } else if sum > 0.0 && sum.is_finite() {
-                l[i * n + i] = sum.sqrt();
             } else {
-                return false;
+                definite = S::select(zero.lt(sum), S::select(sum.lt(infinity), definite, zero), zero);
+                l[i * n + i] = sum.sqrt();
             }
         }
     }
-    true
+    definite
 }
 
 /// Solve `L y = b` in place.
-pub fn solve_lower(n: usize, l: &[f64], x: &mut [f64]) {
+pub fn solve_lower<S: Real>(n: usize, l: &[S], x: &mut [S]) {
     for i in 0..n {
         for k in 0..i {
             x[i] -= l[i * n + k] * x[k];
         }
-        x[i] /= l[i * n + i];
+        x[i] = x[i] / l[i * n + i];
     }
 }
 
 /// Solve `L L^T x = b` in place.
-pub fn solve(n: usize, l: &[f64], x: &mut [f64]) {
+pub fn solve<S: Real>(n: usize, l: &[S], x: &mut [S]) {
     solve_lower(n, l, x);
     for i in (0..n).rev() {
         for k in i + 1..n {
             x[i] -= l[k * n + i] * x[k];
         }
-        x[i] /= l[i * n + i];
+        x[i] = x[i] / l[i * n + i];
     }
 }
 

@@ -41,6 +41,11 @@ impl<S: Real> Theory<S> {
         }
     }
 
+    /// Whether velocities are among the plant's states.
+    pub fn has_velocities(&self) -> bool {
+        self.states > self.moving_q.len()
+    }
+
     /// At state `x = [plant, z, int s' Kd s, int P]`, with the arm moved to its `q`.
     pub fn identities(&mut self, desired: &[S], x: &[S]) -> Identities<S> {
         let n = self.moving_q.len();

@@ -17,7 +17,8 @@ pub struct Key {
     held: bool,
     monitors: bool,
     tau_max: Option<Vec<f64>>,
-    force_frame: Option<usize>,
+    /// Where forces act, and where they were given to act.
+    force_frames: [Option<usize>; 2],
     /// What programs sum up.
     plan: Option<Plan>,
     common: Common,
@@ -32,11 +33,13 @@ pub struct Common {
     pub shared: bool,
     /// The energy watched is the law's own storage function.
     pub storage: bool,
+    /// The target model of an impedance is watched.
+    pub target: bool,
     /// The programs sum runs up, with the positions of frames or without.
     pub sums: bool,
     pub aims: bool,
-    /// They note what records need.
-    pub notes: bool,
+    /// They note what records need, with so many monitors.
+    pub notes: Option<usize>,
 }
 
 impl Common {
@@ -46,9 +49,10 @@ impl Common {
             lanes,
             shared: problem.shares_exogenous(),
             storage: problem.watches_storage(),
+            target: problem.watches_target(),
             sums,
             aims: sums && same_aims(problem),
-            notes: false,
+            notes: None,
         }
     }
 
@@ -69,7 +73,7 @@ impl Key {
             held: o.sampling.is_some(),
             monitors: o.monitors,
             tau_max: o.tau_max.clone(),
-            force_frame: problem.force_frame(),
+            force_frames: [problem.force_frame(), problem.force_frame],
             plan: common.plan(problem, run),
             common,
         }
@@ -78,7 +82,7 @@ impl Key {
     pub fn is_of(&self, problem: &Problem, run: usize, common: Common) -> bool {
         let (o, plant) = (&problem.options, problem.plant(run));
         (self.method, self.held, self.monitors, self.common) == (o.method, o.sampling.is_some(), o.monitors, common)
-            && self.force_frame == problem.force_frame()
+            && self.force_frames == [problem.force_frame(), problem.force_frame]
             && self.tau_max == o.tau_max
             && self.plant.same_shape(plant)
             && self.plant.wall() == plant.wall()

@@ -22,6 +22,8 @@ pub struct Layout {
     /// Numbers of the first record from which monitors count, and all numbers of a record beside the state; none where nothing is noted.
     pub firsts: usize,
     pub noted: usize,
+    /// How many numbers of a record, the last ones, are norms of levels.
+    pub norms: usize,
     /// All inputs of the programs.
     pub all_inputs: usize,
     /// The exogenous input is the same for all lanes.
@@ -93,7 +95,11 @@ impl Layout {
     pub fn own_firsts(&self) -> usize {
         self.noted() + self.noted
     }
-    pub fn slots(&self) -> usize {
+    /// One where the norms of levels in a record are right, else zero.
+    pub fn noted_stands(&self) -> usize {
         self.own_firsts() + self.firsts
+    }
+    pub fn slots(&self) -> usize {
+        self.noted_stands() + usize::from(self.norms > 0)
     }
 }

@@ -27,6 +27,10 @@ pub struct Noting {
     pub along: Vec<u32>,
     /// What monitors count from if it is the first one.
     pub firsts: Vec<u32>,
+    /// Whether the norms of levels are right.
+    pub stands: Vec<u32>,
+    /// Whether a step stands that begins so.
+    pub next: Vec<u32>,
 }
 
 /// The numbers kept after a record.
@@ -211,10 +215,12 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
     }
     let (mut notes, mut noted_step) = (None, None);
     if let Some(noting) = tracing.notes {
-        let alone = [to(layout.noted(), &noting.alone), to(layout.own_firsts(), &noting.firsts)].concat();
+        let stands = to(layout.noted_stands(), &noting.stands);
+        let alone = [to(layout.noted(), &noting.alone), to(layout.own_firsts(), &noting.firsts), stands].concat();
         notes = Some(program("notes".into(), 0, &alone, &none, None));
         if let Step::Whole(_) = step {
-            noted_step = Some(program("noted_step".into(), 0, &[whole, to(layout.noted(), &noting.along)].concat(), &none, Some(stream)));
+            let next = [to(layout.state(), next), to(layout.stands(), &noting.next), to(layout.noted(), &noting.along)].concat();
+            noted_step = Some(program("noted_step".into(), 0, &next, &none, Some(stream)));
         }
     }
     Programs { law, step, sums, along, notes, noted_step }

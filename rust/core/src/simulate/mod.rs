@@ -20,6 +20,7 @@ mod general;
 mod identities;
 mod key;
 mod layout;
+mod level_norms;
 #[doc(hidden)]
 mod listed;
 mod listed_names;

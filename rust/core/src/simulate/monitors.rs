@@ -9,14 +9,17 @@
 //! A law of elastic joints adds `max |tau_J - u|`, and with its own storage function the passivity at the port: what flowed
 //! in there less what is stored, `int F.x_dot - (E(t) - E(0))`, never negative in a passive loop.
 //!
-//! [`Balances`] computes them on any number, so that programs do so within a step; norms of levels need plain numbers.
+//! [`Checks`] computes them on any number, so that programs do so within a step.
 
+use super::force::{Force, Wrench};
 use super::identities::Balances;
+use super::level_norms::LevelNorms;
 use super::problem::Problem;
 use super::target_model::TargetModel;
-use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity};
+use crate::law::{LawSpec, Solve};
 use crate::motion::{Motion, sample_all};
 use crate::plant::PlantKind;
+use crate::priority::PrioritySolver;
 
 /// The energy of a rigid plant, then norms of the error and of the residual of each level of priority.
 const ENERGY_AND_LEVELS: [&str; 19] = [
@@ -60,14 +63,70 @@ pub fn names(problem: &Problem) -> &'static [&'static str] {
     }
 }
 
+/// The monitors of one run: on plain numbers with all routes of a law that decides ranks, or recorded with its regular route.
+pub struct Checks<P: Solve> {
+    balances: Balances<P::Number>,
+    levels: Option<LevelNorms<P>>,
+    target: Option<TargetModel<P::Number>>,
+    states: usize,
+}
+
+impl<P: Solve> Checks<P> {
+    /// Of run `run` of a problem; `storage`, `target`: [`Problem::watches_storage`] and [`Problem::watches_target`].
+    pub fn new(problem: &Problem, run: usize, storage: bool, target: bool) -> Self {
+        let (plant, law) = (problem.plant(run), problem.law(run));
+        Checks {
+            balances: Balances::new(|_| plant, |_| law, storage),
+            levels: LevelNorms::of(law),
+            target: if target { TargetModel::new(problem, run) } else { None },
+            states: plant.states(),
+        }
+    }
+
+    /// How many of a loop's `all` monitors are norms of levels.
+    pub fn norms(&self, all: usize) -> usize {
+        match self.levels {
+            None => 0,
+            Some(_) if self.balances.theory.has_velocities() => all - ENERGY,
+            Some(_) => all,
+        }
+    }
+
+    /// The norms of levels alone, as [`LevelNorms::evaluate`].
+    pub fn evaluate_norms(&mut self, desired: &[P::Number], x: &[P::Number], out: &mut [P::Number]) -> Option<P::Number> {
+        let arm = &mut self.balances.theory.arm;
+        arm.move_to(&x[..arm.trig().len()]);
+        self.levels.as_mut()?.evaluate(desired, arm.trig(), &x[..self.states], out)
+    }
+
+    /// The monitors at state `x = [plant, z, int s' Kd s, int P]` and input `tau` under the desired motions and the wrench, into `out`.
+    /// `first`: see [`Balances::evaluate`]. Returned as by [`LevelNorms::evaluate`].
+    pub fn evaluate(
+        &mut self,
+        (desired, wrench): (&[P::Number], &[P::Number; 6]),
+        (x, tau): (&[P::Number], &[P::Number]),
+        first: impl FnOnce([P::Number; 2]) -> [P::Number; 2],
+        out: &mut [P::Number],
+    ) -> Option<P::Number> {
+        let (out, norms) = out.split_at_mut(out.len() - self.norms(out.len()));
+        let stands = self.evaluate_norms(desired, x, norms);
+        if !out.is_empty() {
+            self.balances.evaluate(desired, x, first, out);
+        }
+        if let Some(target) = &mut self.target {
+            let found = target.evaluate(&mut self.balances.theory.arm, (desired, wrench), &x[..self.states], tau);
+            out[ENERGY..].copy_from_slice(&found);
+        }
+        stands
+    }
+}
+
 /// What the monitors of one run need besides the record.
 pub struct Monitor<'a> {
     motions: Vec<&'a Motion>,
-    balances: Balances<f64>,
-    target: Option<TargetModel<'a>>,
+    force: Option<&'a Force>,
+    checks: Checks<PrioritySolver>,
     desired: Vec<f64>,
-    states: usize,
-    levels: Option<Levels>,
     /// `E` and `V1` at the first record, each with its integral there.
     first: Option<[f64; 2]>,
 }
@@ -75,82 +134,30 @@ pub struct Monitor<'a> {
 impl<'a> Monitor<'a> {
     /// Of run `run` of a problem.
     pub fn new(problem: &Problem<'a>, run: usize) -> Self {
-        let (plant, law, storage) = (problem.plant(run), problem.law(run), problem.watches_storage());
+        let law = problem.law(run);
         Monitor {
             motions: law.motions(),
-            balances: Balances::new(|_| plant, |_| law, storage),
-            target: TargetModel::new(problem, run),
+            force: problem.force(run),
+            checks: Checks::new(problem, run, problem.watches_storage(), problem.watches_target()),
             desired: law.desired(0.0),
-            states: plant.states(),
-            levels: Levels::of(law),
             first: None,
         }
     }
 
-    /// The monitors at time `t`, state `x = [plant, z, int s' Kd s, int P]` and input `tau` into `out`.
+    /// The monitors at time `t`, state `x` and input `tau` into `out`.
     pub fn evaluate(&mut self, t: f64, x: &[f64], tau: &[f64], out: &mut [f64]) {
         if out.is_empty() {
             return;
         }
-        let plant = &x[..self.states];
-        let arm = &mut self.balances.theory.arm;
-        arm.move_to(&x[..arm.trig().len()]);
-        let (out, of_levels) = out.split_at_mut(out.len() - self.levels.as_ref().map_or(0, |levels| levels.monitors(out.len())));
-        if let Some(levels) = &mut self.levels {
-            levels.evaluate(t, arm.trig(), plant, of_levels);
-        }
-        if out.is_empty() {
-            return;
-        }
         sample_all(self.motions.iter().copied(), t, &mut self.desired);
-        self.balances.evaluate(&self.desired, x, |own| *self.first.get_or_insert(own), out);
-        if let Some(target) = &mut self.target {
-            out[ENERGY..].copy_from_slice(&target.evaluate(t, &mut self.balances.theory.arm, &self.desired, plant, tau));
-        }
-    }
-}
-
-/// A law of tasks in priority, asked again at the records.
-struct Levels {
-    law: Engine,
-    motions: Vec<Motion>,
-    desired: Vec<f64>,
-    u: Vec<f64>,
-}
-
-enum Engine {
-    Velocity(Box<PriorityVelocity>),
-    Acceleration(Box<PriorityAcceleration>),
-}
-
-impl Levels {
-    fn of(law: &LawSpec) -> Option<Self> {
-        let engine = match law {
-            LawSpec::PriorityVelocity(spec) => Engine::Velocity(Box::new(spec.engine())),
-            LawSpec::PriorityAcceleration(spec) => Engine::Acceleration(Box::new(spec.engine())),
-            _ => return None,
-        };
-        let motions: Vec<Motion> = law.motions().into_iter().cloned().collect();
-        let (n, width) = (law.model().n(), motions.iter().map(|motion| 3 * motion.dof()).sum());
-        Some(Levels { law: engine, motions, desired: vec![0.0; width], u: vec![0.0; n] })
+        let wrench: Wrench = self.force.map_or([0.0; 6], |force| force.at(t));
+        let first = |own| *self.first.get_or_insert(own);
+        self.checks.evaluate((&self.desired, &wrench), (x, tau), first, out);
     }
 
-    /// How many of a loop's `all` monitors are norms of levels.
-    fn monitors(&self, all: usize) -> usize {
-        if matches!(self.law, Engine::Velocity(_)) { all } else { all - ENERGY }
-    }
-
-    fn evaluate(&mut self, t: f64, trig: &[(f64, f64)], x: &[f64], out: &mut [f64]) {
-        sample_all(&self.motions, t, &mut self.desired);
-        match &mut self.law {
-            Engine::Velocity(law) => {
-                law.evaluate(&self.desired, trig, x, &[], &mut self.u, &mut []);
-                law.norms(out);
-            }
-            Engine::Acceleration(law) => {
-                law.evaluate(&self.desired, trig, x, &[], &mut self.u, &mut []);
-                law.norms(out);
-            }
-        }
+    /// The norms of levels alone, at time `t` and state `x`.
+    pub fn evaluate_norms(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
+        sample_all(self.motions.iter().copied(), t, &mut self.desired);
+        self.checks.evaluate_norms(&self.desired, x, out);
     }
 }

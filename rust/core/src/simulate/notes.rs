@@ -2,11 +2,11 @@
 //!
 //! Monitors round as plain `f64` does, so that a record of a program has the bits of one that is computed directly.
 
-use super::identities::Balances;
-use super::monitors;
+use super::monitors::Checks;
 use super::problem::Problem;
 use super::schedule::Times;
-use crate::law::LawSpec;
+use super::world::Exogenous;
+use crate::law::{LawSpec, RecordedSolver};
 use crate::trace::{Sym, sym};
 
 /// Numbers of the first record from which monitors count.
@@ -17,50 +17,47 @@ pub struct Noted {
     pub numbers: Vec<Sym>,
     /// What monitors count from if this is the first record.
     pub firsts: Vec<Sym>,
+    /// One where the norms of levels are right, zero where the regular route does not stand; `None` without levels.
+    pub stands: Option<Sym>,
 }
 
 pub struct Notes {
-    balances: Option<Balances<Sym>>,
+    checks: Option<Checks<RecordedSolver>>,
     monitors: usize,
 }
 
 impl Problem<'_> {
-    /// Whether the programs of its loops can note all that a record needs: at steps, by monitors without a branch on data.
+    /// Whether the programs of its loops can note all that a record needs: at steps, with norms of levels by a route without a branch.
     pub fn notes_in_programs(&self) -> bool {
-        let levels = |law: &LawSpec| matches!(law, LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_));
-        let alone = self.watches_target() || self.laws.iter().any(|law| levels(law));
-        self.measures.is_none() && matches!(self.options.times, Times::Every(_)) && !(self.options.monitors && alone)
+        let alone = |law: &&LawSpec| law.is_scalar() && !law.is_recordable();
+        let branches = self.options.monitors && self.laws.iter().any(alone);
+        self.measures.is_none() && matches!(self.options.times, Times::Every(_)) && !branches
     }
 }
 
 impl Notes {
-    /// For the run `run` of a problem.
-    pub fn new(problem: &Problem, run: usize, storage: bool) -> Self {
-        let (plant, law) = (problem.plant(run), problem.law(run));
-        let monitors = monitors::names(problem).len();
-        Notes { balances: (monitors > 0).then(|| Balances::new(|_| plant, |_| law, storage)), monitors }
+    /// For the run `run` of a problem with so many monitors; `storage`, `target`: as of [`Checks::new`].
+    pub fn new(problem: &Problem, run: usize, monitors: usize, storage: bool, target: bool) -> Self {
+        Notes { checks: (monitors > 0).then(|| Checks::new(problem, run, storage, target)), monitors }
     }
 
-    /// Monitors, and the numbers from which they count.
-    pub fn sizes(&self) -> (usize, usize) {
-        (self.monitors, if self.monitors > 0 { FIRSTS } else { 0 })
+    /// Monitors, how many of them are norms of levels, and the numbers from which the others count.
+    pub fn sizes(&self) -> (usize, usize, usize) {
+        let norms = self.checks.as_ref().map_or(0, |checks| checks.norms(self.monitors));
+        (self.monitors, norms, if self.monitors > norms { FIRSTS } else { 0 })
     }
 
-    /// The record of the state `x` under the desired motions and the input `tau`; `firsts`: [`Noted::firsts`] of the first one.
-    pub fn take(&mut self, desired: &[Sym], x: &[Sym], tau: &[Sym], firsts: &[Sym]) -> Noted {
-        let mut noted = Noted { numbers: tau.to_vec(), firsts: Vec::new() };
-        if let (Some(balances), &[energy, lyapunov]) = (&mut self.balances, firsts) {
-            let mut values = vec![Sym::default(); self.monitors];
-            sym::unfused(|| {
-                balances.theory.arm.move_to(&x[..tau.len()]);
-                let count_from = |own: [Sym; 2]| {
-                    noted.firsts = own.to_vec();
-                    [energy, lyapunov]
-                };
-                balances.evaluate(desired, x, count_from, &mut values);
-            });
-            noted.numbers.extend(values);
-        }
+    /// The record of the state `x` under the exogenous input and the input `tau`; `firsts`: [`Noted::firsts`] of the first one.
+    pub fn take(&mut self, u: &Exogenous<Sym>, x: &[Sym], tau: &[Sym], firsts: &[Sym]) -> Noted {
+        let mut noted = Noted { numbers: tau.to_vec(), firsts: Vec::new(), stands: None };
+        let Some(checks) = &mut self.checks else { return noted };
+        let mut values = vec![Sym::default(); self.monitors];
+        let count_from = |own: [Sym; 2]| {
+            noted.firsts = own.to_vec();
+            firsts.try_into().unwrap_or(own)
+        };
+        noted.stands = sym::unfused(|| checks.evaluate((&u.desired, &u.wrench), (x, tau), count_from, &mut values));
+        noted.numbers.extend(values);
         noted
     }
 }

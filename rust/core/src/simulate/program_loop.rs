@@ -242,15 +242,19 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
     }
     fn note(&mut self, i: usize, t: f64, x: &[S]) {
         self.answer_in_frames(t, x);
-        let (Some(log), layout, programs) = (&mut self.log, &self.recorded.layout, &self.recorded.programs) else { return };
-        for (k, frame) in self.frames.iter_mut().enumerate() {
-            log.note_state(i, k, frame);
+        let (layout, programs) = (&self.recorded.layout, &self.recorded.programs);
+        for frame in &mut self.frames {
             programs.note(frame);
             if i == 0 && layout.firsts > 0 {
                 let (lanes, own) = (frame.lanes(), layout.own_firsts());
                 frame.numbers_mut().copy_within(own * lanes..(own + layout.firsts) * lanes, layout.firsts() * lanes);
                 programs.note(frame);
             }
+        }
+        self.norms_again(t, x);
+        for (k, frame) in self.frames.iter().enumerate() {
+            let Some(log) = &mut self.log else { return };
+            log.note_state(i, k, frame);
             log.note_rest(i, k, frame);
         }
     }

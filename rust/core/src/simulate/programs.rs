@@ -7,6 +7,7 @@ use super::fixed_steps::Faults;
 use super::general::{General, sampler, start, world};
 use super::key::Common;
 use super::log::Block;
+use super::monitors;
 use super::problem::{Division, Ended, Fixed, Problem};
 use super::program_loop::ProgramLoop;
 use super::program_step::{ProgramStep, tabulate};
@@ -47,7 +48,7 @@ impl Structures {
         if short || late || !recorded::is_recordable(problem) {
             return None;
         }
-        let common = Common { notes: problem.notes_in_programs(), ..Common::of(problem, lanes) };
+        let common = Common { notes: problem.notes_in_programs().then(|| monitors::names(problem).len()), ..Common::of(problem, lanes) };
         let parameters = recorded::loop_parameters(problem, 0, common);
         let seen = recorded::of_run(problem, 0, common, &parameters);
         let first = seen.recorded.clone()?;
@@ -144,7 +145,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let group = General { problem, division, first, stop, sink: &mut chosen, observer: None, rates: None };
         let within = match structures.common {
             Common { sums: true, .. } => Some(fixed.schedule.summing_up()),
-            Common { notes: true, .. } => fixed.schedule.noting(),
+            Common { notes: Some(_), .. } => fixed.schedule.noting(),
             _ => None,
         };
         let within = within.map(|schedule| Fixed { schedule, hold: fixed.hold });

@@ -86,7 +86,8 @@ struct Beside {
 fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, Beside) {
     let closed = assemble(problem, |_| run, common.storage);
     let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.storage));
-    (closed, Beside { sums, notes: common.notes.then(|| Notes::new(problem, run, common.storage)) })
+    let notes = common.notes.map(|monitors| Notes::new(problem, run, monitors, common.storage, common.target));
+    (closed, Beside { sums, notes })
 }
 
 /// A structure that was seen, and what was recorded of it; `tag` tells recordings of one loop apart.
@@ -162,7 +163,8 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     let (closed, beside) = set_up(problem, run, common);
     let given = sym::end_set_up();
     let (kept, lasting) = beside.sums.as_ref().map_or((0, 0), Sums::sizes);
-    let (noted, firsts) = beside.notes.as_ref().map_or((0, 0), |notes| (closed.tau.len() + notes.sizes().0, notes.sizes().1));
+    let (monitors, norms, firsts) = beside.notes.as_ref().map_or((0, 0, 0), Notes::sizes);
+    let noted = beside.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
     let method = problem.options.method;
     let instants = match method {
         Method::Rk4 => <Rk4<Vec<Sym>, Exogenous<Sym>> as Advance<Sym, RecordedLoop, Vec<Sym>>>::INSTANTS,
@@ -181,6 +183,7 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
         guards: usize::from(problem.law(run).is_guarded()),
         firsts,
         noted,
+        norms,
         all_inputs: 0,
         shared: common.shared,
     };
@@ -248,10 +251,7 @@ fn trace(
         let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
         Summing { along, stage, alone: sum_up(&tau, Start::Asked) }
     });
-    let notes = beside.notes.map(|mut notes| {
-        let [along, alone] = [&acting, &tau].map(|tau| notes.take(&u[0].desired, &x, tau, &firsts));
-        Noting { along: entries(along.numbers), alone: entries(alone.numbers), firsts: entries(alone.firsts) }
-    });
+    let notes = beside.notes.map(|mut notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
     let before = sym::recorded().0;
     closed.closed.stands = Sym::splat(1.0);
     closed.rhs(&stage_input, &stage, &mut rates[..layout.states]);
@@ -271,21 +271,29 @@ fn trace(
         Method::Ros2 | Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4 => return None,
     };
     let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
-    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next, sums, notes })
+    // A step whose record does not stand is declined.
+    let notes = notes.map(|[along, alone]| Noting {
+        next: entries(next[layout.states..].iter().map(|&stands| along.stands.map_or(stands, |noted| stands.min(noted))).collect()),
+        along: entries(along.numbers),
+        alone: entries(alone.numbers),
+        firsts: entries(alone.firsts),
+        stands: entries(alone.stands.into_iter().collect()),
+    });
+    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next: entries(next), sums, notes })
 }
 
 fn entries(values: Vec<Sym>) -> Vec<u32> {
     values.into_iter().map(Sym::index).collect()
 }
 
-/// The entries of the next state and of whether it stands, and the cuts of a step in parts.
+/// The next state and whether it stands, and the cuts of a step in parts.
 fn advance<'a, M>(
     mut method: M,
     mut closed: RecordedLoop<'a>,
     u: Vec<Exogenous<Sym>>,
     h: Sym,
     mut x: Vec<Sym>,
-) -> (Vec<u32>, Option<Vec<Cut>>)
+) -> (Vec<Sym>, Option<Vec<Cut>>)
 where
     M: Advance<Sym, RecordedLoop<'a>, Vec<Sym>>,
 {
@@ -294,7 +302,7 @@ where
     }
     method.advance(&mut closed, h, &mut x);
     x.extend((0..closed.layout.guards).map(|_| closed.closed.stands));
-    (x.into_iter().map(Sym::index).collect(), closed.cuts)
+    (x, closed.cuts)
 }
 
 /// A loop whose evaluations are written down.

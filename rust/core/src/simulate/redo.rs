@@ -6,6 +6,7 @@
 use super::closed_loop::ClosedLoop;
 use super::general::assemble;
 use super::layout::Layout;
+use super::monitors::Monitor;
 use super::problem::{Method, Problem};
 use super::program_loop::{MOST_LANES, ProgramLoop};
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit};
@@ -17,6 +18,8 @@ pub trait Direct {
     fn answer(&mut self, t: f64, x: &[f64], tau: &mut [f64], dz: &mut [f64]);
     /// The state after the step `[t, end]` of size `h`; `held`: the input and the rate of the law that act.
     fn step(&mut self, t: f64, h: f64, end: f64, held: Option<(&[f64], &[f64])>, x: &mut [f64]);
+    /// The norms of levels at state `x` and time `t`.
+    fn norms(&mut self, t: f64, x: &[f64], out: &mut [f64]);
 }
 
 /// The run `run` of a problem.
@@ -24,13 +27,16 @@ pub fn direct<'a>(problem: &'a Problem<'a>, run: usize) -> Box<dyn Direct + 'a> 
     let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
     match (problem.options.method, SemiImplicit::new(&closed, x.clone(), u.clone())) {
-        (Method::SemiImplicit, Ok(method)) => Box::new(Steps::new(closed, method, x)),
-        (Method::Euler, _) => Box::new(Steps::new(closed, Euler::new(x.clone(), u), x)),
-        _ => Box::new(Steps::new(closed, Rk4::new(x.clone(), u), x)),
+        (Method::SemiImplicit, Ok(method)) => Box::new(Steps::new((problem, run), closed, method, x)),
+        (Method::Euler, _) => Box::new(Steps::new((problem, run), closed, Euler::new(x.clone(), u), x)),
+        _ => Box::new(Steps::new((problem, run), closed, Rk4::new(x.clone(), u), x)),
     }
 }
 
 struct Steps<'a, S: Real, M> {
+    of: (&'a Problem<'a>, usize),
+    /// Made when it is asked for: it compiles an arm.
+    monitor: Option<Box<Monitor<'a>>>,
     closed: ClosedLoop<'a, S>,
     method: M,
     x: Vec<S>,
@@ -39,9 +45,9 @@ struct Steps<'a, S: Real, M> {
 }
 
 impl<'a, S: Real, M> Steps<'a, S, M> {
-    fn new(closed: ClosedLoop<'a, S>, method: M, x: Vec<S>) -> Self {
+    fn new(of: (&'a Problem<'a>, usize), closed: ClosedLoop<'a, S>, method: M, x: Vec<S>) -> Self {
         let (tau, dz) = (closed.tau.clone(), closed.law_rate().to_vec());
-        Steps { closed, method, x, tau, dz }
+        Steps { of, monitor: None, closed, method, x, tau, dz }
     }
 }
 
@@ -71,6 +77,11 @@ impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for Steps<'a,
         self.method.advance_anew(&mut self.closed, t, h, end, &mut self.x);
         store(x, &self.x);
     }
+
+    fn norms(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
+        let (problem, run) = self.of;
+        self.monitor.get_or_insert_with(|| Box::new(Monitor::new(problem, run))).evaluate_norms(t, x, out);
+    }
 }
 
 /// What a loop of programs needs to redo steps.
@@ -82,13 +93,21 @@ pub struct Redo<'a, S> {
     reach: [f64; MOST_LANES],
     /// State, input and rate of one lane.
     row: (Vec<f64>, Vec<f64>, Vec<f64>),
+    /// Norms of levels of one lane.
+    norms: Vec<f64>,
 }
 
 impl<S: Real> Redo<'_, S> {
     /// Nothing yet.
     pub fn new(layout: &Layout) -> Self {
         let row = (vec![0.0; layout.states], vec![0.0; layout.inputs], vec![0.0; layout.answer]);
-        Redo { direct: Vec::new(), before: vec![S::zero(); layout.carried()], reach: [0.0; MOST_LANES], row }
+        Redo {
+            direct: Vec::new(),
+            before: vec![S::zero(); layout.carried()],
+            reach: [0.0; MOST_LANES],
+            row,
+            norms: vec![0.0; layout.norms],
+        }
     }
 
     pub fn is_empty(&self) -> bool {
@@ -145,6 +164,24 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             for (x, &new) in x.iter_mut().zip(&self.redo.row.0) {
                 let others = *x;
                 *x = S::from_lanes(|i| if i == lane { new } else { others.lane(i) });
+            }
+        }
+    }
+
+    /// Compute the norms of levels at state `x` again in the lanes whose record does not stand. Where the state is no number there is nothing
+    /// to decide.
+    pub(super) fn norms_again(&mut self, t: f64, x: &[S]) {
+        let (stands, first) = (self.recorded.layout.noted_stands(), self.recorded.layout.own_firsts() - self.redo.norms.len());
+        let lanes = if self.redo.norms.is_empty() { 0 } else { S::LANES };
+        for lane in 0..lanes {
+            if self.number(stands, lane) == 1.0 || !x.iter().all(|x| x.lane(lane).is_finite()) {
+                continue;
+            }
+            let (state, norms) = (&mut self.redo.row.0, &mut self.redo.norms);
+            state.iter_mut().zip(x).for_each(|(to, from)| *to = from.lane(lane));
+            self.redo.direct[lane].norms(t, state, norms);
+            for k in 0..self.redo.norms.len() {
+                self.set_number(first + k, lane, self.redo.norms[k]);
             }
         }
     }

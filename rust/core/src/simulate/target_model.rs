@@ -5,60 +5,63 @@
 //! with `J'` the rate of `J` in the last term. That form of `S_x x'` needs no inverse of `J`, so it holds for redundant arms too. `x''` is
 //! `J a + J' v` with the acceleration `a` of the plant; the rate of `J` comes from dual numbers. A moving target has `D_m (x' - x_d')`.
 
-use super::force::Force;
 use super::problem::Problem;
 use crate::dynamics::ArmAt;
-use crate::law::{CartesianImpedanceSpec, LawSpec};
+use crate::kinematics::Coordinates;
+use crate::law::LawSpec;
 use crate::linalg::cholesky;
+use crate::linalg::gain::{AnyGain, Multiply};
 use crate::plant::{Plant, PlantSpec};
-use crate::scalar::Dual;
+use crate::scalar::{Dual, Real};
 
 /// `M_x` counts as defined where the smallest singular value of `J`, its rows scaled to length one, is above this.
 const EPS: f64 = 0.02;
 
-/// One run's.
-pub struct TargetModel<'a> {
-    law: &'a CartesianImpedanceSpec,
-    plant: Box<dyn Plant<f64> + Send>,
-    force: Option<&'a Force>,
+/// One run's, on plain numbers or recorded.
+pub struct TargetModel<S: Real> {
+    coordinates: Coordinates,
+    stiffness: AnyGain<S>,
+    damping: AnyGain<S>,
+    plant: Box<dyn Plant<S> + Send>,
     /// The frame at which the force acts where it is not given in the law's own axes.
     elsewhere: Option<usize>,
-    moving: ArmAt<Dual<f64>>,
-    moving_q: Vec<Dual<f64>>,
-    rates: Vec<f64>,
+    moving: ArmAt<Dual<S>>,
+    moving_q: Vec<Dual<S>>,
+    rates: Vec<S>,
     /// `(n, n)`: `M` and its factor, `C`.
-    mass: Vec<f64>,
-    factor: Vec<f64>,
-    coriolis: Vec<f64>,
+    mass: Vec<S>,
+    factor: Vec<S>,
+    coriolis: Vec<S>,
     /// `(m, n)`: `J` and `J L^-T` of `M = L L'`; `(n,)`: `L^-1` of a torque.
-    jacobian: Vec<f64>,
-    spread: Vec<f64>,
-    torque: Vec<f64>,
+    jacobian: Vec<S>,
+    spread: Vec<S>,
+    torque: Vec<S>,
     /// `(m, m)`: a matrix and its factor.
-    square: Vec<f64>,
-    square_factor: Vec<f64>,
+    square: Vec<S>,
+    square_factor: Vec<S>,
     /// `(m,)`: `x_d - x`, `x' - x_d'`, and the terms of the model.
-    e: Vec<f64>,
-    slip: Vec<f64>,
-    terms: [Vec<f64>; 5],
+    e: Vec<S>,
+    slip: Vec<S>,
+    terms: [Vec<S>; 5],
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+fn dot<S: Real>(a: &[S], b: &[S]) -> S {
+    a.iter().zip(b).fold(S::zero(), |sum, (&a, &b)| sum + a * b)
 }
 
-impl<'a> TargetModel<'a> {
+impl<S: Real> TargetModel<S> {
     /// Of run `run`, where [`Problem::watches_target`].
-    pub fn new(problem: &Problem<'a>, run: usize) -> Option<Self> {
-        let (true, LawSpec::CartesianImpedance(law)) = (problem.watches_target(), problem.law(run)) else { return None };
+    pub fn new(problem: &Problem, run: usize) -> Option<Self> {
+        let LawSpec::CartesianImpedance(law) = problem.law(run) else { return None };
         let plant = problem.plant(run);
         let (n, m) = (plant.n(), law.coordinates.m());
-        let zeros = |k: usize| vec![0.0; k];
+        let zeros = |k: usize| vec![S::zero(); k];
         Some(TargetModel {
-            law,
-            plant: PlantSpec::build::<f64>(|_| plant, problem.force_frame()),
-            force: problem.force(run),
-            elsewhere: problem.force_frame,
+            coordinates: law.coordinates.clone(),
+            stiffness: AnyGain::labelled("stiffness", |_| &law.stiffness),
+            damping: AnyGain::labelled("damping", |_| &law.damping),
+            plant: PlantSpec::build::<S>(|_| plant, problem.force_frame()),
+            elsewhere: problem.force_frame.filter(|_| !problem.forces.is_empty()),
             moving: ArmAt::of_lanes(|_| plant.model()),
             moving_q: vec![Dual::default(); n],
             rates: zeros(2 * n),
@@ -76,49 +79,43 @@ impl<'a> TargetModel<'a> {
         })
     }
 
-    /// The largest term of the model and the largest residual, at time `t`, plant state `x` and input `tau`, with `arm` moved to its `q`;
-    /// zeros where `M_x` is not defined.
-    pub fn evaluate(&mut self, t: f64, arm: &mut ArmAt, desired: &[f64], x: &[f64], tau: &[f64]) -> [f64; 2] {
+    /// The largest term of the model and the largest residual, at plant state `x` and input `tau` under the desired motion and the wrench,
+    /// with `arm` moved to its `q`; zeros where `M_x` is not defined.
+    pub fn evaluate(&mut self, arm: &mut ArmAt<S>, (desired, wrench): (&[S], &[S; 6]), x: &[S], tau: &[S]) -> [S; 2] {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = x.split_at(n);
-        arm.error_and_jacobian(&self.law.coordinates, &desired[..m], &mut self.e, &mut self.jacobian);
-        if !self.is_regular(n, m) {
-            return [0.0; 2];
-        }
+        arm.error_and_jacobian(&self.coordinates, &desired[..m], &mut self.e, &mut self.jacobian);
+        let regular = self.is_regular(n, m);
         arm.mass_matrix(&mut self.mass);
-        if !cholesky::factor_into(n, &self.mass, &mut self.factor) {
-            return [0.0; 2];
-        }
+        let definite = cholesky::factor_into(n, &self.mass, &mut self.factor);
         self.spread.copy_from_slice(&self.jacobian);
         self.spread.chunks_exact_mut(n).for_each(|row| cholesky::solve_lower(n, &self.factor, row));
-        let wrench = self.force.map_or([0.0; 6], |force| force.at(t));
-        self.plant.rates(arm.trig(), x, tau, &wrench, &mut self.rates);
+        self.plant.rates(arm.trig(), x, tau, wrench, &mut self.rates);
         arm.coriolis_matrix(v, &mut self.coriolis);
         for (q, (&value, &rate)) in self.moving_q.iter_mut().zip(q.iter().zip(v)) {
             *q = Dual::new(value, rate);
         }
         self.moving.move_to(&self.moving_q);
-        let (_, moving) = self.moving.jacobian(self.law.coordinates.frame);
+        let (_, moving) = self.moving.jacobian(self.coordinates.frame);
         let [inertial, coupling, damping, spring, force] = &mut self.terms;
         for (torque, row) in self.torque.iter_mut().zip(self.coriolis.chunks_exact(n)) {
             *torque = dot(row, v);
         }
         cholesky::solve_lower(n, &self.factor, &mut self.torque);
-        for (k, &row) in self.law.coordinates.rows.iter().enumerate() {
-            let turning: f64 = moving[row * n..(row + 1) * n].iter().zip(v).map(|(j, v)| j.rate * v).sum();
+        for (k, &row) in self.coordinates.rows.iter().enumerate() {
+            let turning = moving[row * n..(row + 1) * n].iter().zip(v).fold(S::zero(), |sum, (j, &v)| sum + j.rate * v);
             inertial[k] = dot(&self.jacobian[k * n..(k + 1) * n], &self.rates[n..]) + turning;
             coupling[k] = dot(&self.spread[k * n..(k + 1) * n], &self.torque) - turning;
             self.slip[k] = dot(&self.jacobian[k * n..(k + 1) * n], v) - desired[m + k];
+            force[k] = wrench[row];
         }
-        for k in 0..m {
-            damping[k] = (0..m).map(|l| self.law.damping.at(k, l) * self.slip[l]).sum();
-            spring[k] = -(0..m).map(|l| self.law.stiffness.at(k, l) * self.e[l]).sum::<f64>();
-            force[k] = wrench[self.law.coordinates.rows[k]];
-        }
-        if let (Some(frame), Some(_)) = (self.elsewhere, self.force) {
+        self.damping.multiply(&self.slip, damping);
+        self.stiffness.multiply(&self.e, spring);
+        spring.iter_mut().for_each(|spring| *spring = -*spring);
+        if let Some(frame) = self.elsewhere {
             let (_, there) = arm.jacobian(frame);
             for (i, torque) in self.torque.iter_mut().enumerate() {
-                *torque = (0..6).map(|k| there[k * n + i] * wrench[k]).sum();
+                *torque = (0..6).fold(S::zero(), |sum, k| sum + there[k * n + i] * wrench[k]);
             }
             cholesky::solve_lower(n, &self.factor, &mut self.torque);
             for k in 0..m {
@@ -130,34 +127,34 @@ impl<'a> TargetModel<'a> {
                 self.square[k * m + l] = dot(&self.spread[k * n..(k + 1) * n], &self.spread[l * n..(l + 1) * n]);
             }
         }
-        if !cholesky::factor_into(m, &self.square, &mut self.square_factor) {
-            return [0.0; 2];
-        }
+        let invertible = cholesky::factor_into(m, &self.square, &mut self.square_factor);
         cholesky::solve(m, &self.square_factor, inertial);
         cholesky::solve(m, &self.square_factor, coupling);
         if self.elsewhere.is_some() {
             cholesky::solve(m, &self.square_factor, force);
         }
-        let (mut largest, mut worst) = (0.0f64, 0.0f64);
+        let (mut largest, mut worst) = (S::zero(), S::zero());
         for k in 0..m {
             let residual = (inertial[k] + coupling[k] + damping[k] + spring[k] - force[k]).abs();
             // `max` would swallow a NaN.
-            worst = if residual <= worst { worst } else { residual };
+            worst = S::select(residual.lt(worst), worst, residual);
             for term in [&inertial, &coupling, &damping, &spring, &force] {
-                largest = largest.max(term[k].abs());
+                let term = term[k].abs();
+                largest = S::select(largest.lt(term), term, largest);
             }
         }
-        [largest, worst]
+        let there = S::zero().lt(regular * definite * invertible);
+        [largest, worst].map(|x| S::select(there, x, S::zero()))
     }
 
-    /// Whether `J` is far enough from a singularity: with rows of length one, the smallest eigenvalue of `J J'` is above `EPS^2`.
-    fn is_regular(&mut self, n: usize, m: usize) -> bool {
+    /// One where `J` is far enough from a singularity: with rows of length one, the smallest eigenvalue of `J J'` is above `EPS^2`.
+    fn is_regular(&mut self, n: usize, m: usize) -> S {
         for k in 0..m {
             for l in 0..m {
                 let (a, b) = (&self.jacobian[k * n..(k + 1) * n], &self.jacobian[l * n..(l + 1) * n]);
                 self.square[k * m + l] = dot(a, b) / (dot(a, a) * dot(b, b)).sqrt();
             }
-            self.square[k * m + k] -= EPS * EPS;
+            self.square[k * m + k] -= S::splat(EPS * EPS);
         }
         cholesky::factor_into(m, &self.square, &mut self.square_factor)
     }

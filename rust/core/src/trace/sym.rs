@@ -74,7 +74,16 @@ pub fn finish() -> Recording {
 
 /// Record what `f` computes as plain `f64` rounds it: no product is fused with a sum, within sines and cosines neither.
 pub fn unfused<T>(f: impl FnOnce() -> T) -> T {
-    let before = on_tape(|tape| std::mem::replace(&mut tape.unfused, true));
+    rounded(true, f)
+}
+
+/// Record what `f` computes as direct evaluation rounds it, also within [`unfused`].
+pub fn fused<T>(f: impl FnOnce() -> T) -> T {
+    rounded(false, f)
+}
+
+fn rounded<T>(unfused: bool, f: impl FnOnce() -> T) -> T {
+    let before = on_tape(|tape| std::mem::replace(&mut tape.unfused, unfused));
     let made = f();
     on_tape(|tape| tape.unfused = before);
     made

@@ -1,0 +1,51 @@
+//! Norms of the error and of the residual of each level of a law of tasks in priority, which is asked again at the records.
+
+use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity, Solve};
+use crate::scalar::Real;
+
+/// On plain numbers by every route, or recorded by the regular route.
+pub struct LevelNorms<P: Solve> {
+    law: Engine<P>,
+    u: Vec<P::Number>,
+}
+
+enum Engine<P: Solve> {
+    Velocity(Box<PriorityVelocity<P>>),
+    Acceleration(Box<PriorityAcceleration<P>>),
+}
+
+impl<P: Solve> LevelNorms<P> {
+    /// Of a law; `None` for one without levels, and for one whose solver has not this route.
+    pub fn of(law: &LawSpec) -> Option<Self> {
+        let engine = match law {
+            LawSpec::PriorityVelocity(spec) => Engine::Velocity(Box::new(spec.engine()?)),
+            LawSpec::PriorityAcceleration(spec) => Engine::Acceleration(Box::new(spec.engine()?)),
+            _ => return None,
+        };
+        Some(LevelNorms { law: engine, u: vec![P::Number::zero(); law.model().n()] })
+    }
+
+    /// The norms at plant state `x` and its (sin, cos) under the desired motions, as many as `out` holds. One where they are right and zero
+    /// where another route has to be taken; `None` where they always are.
+    pub fn evaluate(
+        &mut self,
+        desired: &[P::Number],
+        trig: &[(P::Number, P::Number)],
+        x: &[P::Number],
+        out: &mut [P::Number],
+    ) -> Option<P::Number> {
+        let LevelNorms { law, u } = self;
+        match law {
+            Engine::Velocity(law) => {
+                law.evaluate(desired, trig, x, &[], u, &mut []);
+                law.norms(out);
+                law.stands()
+            }
+            Engine::Acceleration(law) => {
+                law.evaluate(desired, trig, x, &[], u, &mut []);
+                law.norms(out);
+                law.stands()
+            }
+        }
+    }
+}
