@@ -62,13 +62,13 @@ STACKS ?= 1000000
 test-stacks: $(BUILD)/installed $(BUILD)/requirements ## the disturbance laws of task priority on 1,000,000 random stacks (STACKS=): minutes
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_RANDOM_STACKS=$(STACKS) $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
-		$(ROOT)/tests/laws/test_priority_stacks.py $(PYTEST)
+		$(ROOT)/tests/identities/test_priority_stacks.py $(PYTEST)
 
 CASES ?= 10000000
 test-paths: $(BUILD)/installed $(BUILD)/requirements ## the planners on 10,000,000 random problems (CASES=), an independent checker decides: hours
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_RANDOM_PATHS=$(CASES) ARMLET_RANDOM_LINKS=$(CASES) ARMLET_RANDOM_JOBS="$${JOBS:-$$(nproc)}" \
-		$(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/laws/test_random_plans.py $(PYTEST)
+		$(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/identities/test_random_plans.py $(PYTEST)
 
 SIGNALS ?= 100
 test-latency: $(BUILD)/installed ## Ctrl-C within 100 ms and the interpreter lock within 50 ms, in a table by call (SIGNALS=): 40 minutes

@@ -34,11 +34,12 @@ PARTS = ("rust", "python", "tests", "docs", "examples", "tools", "Cargo.toml", "
 OTHERS = ("Makefile", "CHANGELOG.md", "CONTRIBUTING.md", "RELEASING.md", "LICENSE", "CITATION.cff", "clippy.toml", "rustfmt.toml")
 #: Tests of seconds, in this order; the last compares bits and notices almost everything.
 PYTEST = (
-    "parity", "oracles", "laws/test_adaptive_laws.py", "laws/test_arm_derivatives.py", "laws/test_elastic_laws.py",
-    "laws/test_equilibrium_laws.py", "laws/test_event_laws.py", "laws/test_identification.py", "laws/test_integrate_laws.py",
-    "laws/test_loop_laws.py", "laws/test_mintime_laws.py", "laws/test_priority_limits.py", "laws/test_task_laws.py",
-    "laws/test_time_path_laws.py", "laws/test_torque_sensor_laws.py", "api/test_arm_batches.py", "api/test_batches.py",
-    "api/test_programs.py", "api/test_priority_programs.py", "api/test_run.py", "api/test_bit_hashes.py",
+    "parity", "oracles", "identities/test_adaptive_identities.py", "identities/test_arm_derivatives.py",
+    "identities/test_elastic_identities.py", "identities/test_equilibrium_identities.py", "identities/test_event_identities.py",
+    "identities/test_identification.py", "identities/test_integrate_identities.py", "identities/test_loop_identities.py",
+    "identities/test_mintime_identities.py", "identities/test_priority_limits.py", "identities/test_task_identities.py",
+    "identities/test_time_path_identities.py", "identities/test_torque_sensor_identities.py", "api/test_arm_batches.py",
+    "api/test_batches.py", "api/test_programs.py", "api/test_priority_programs.py", "api/test_run.py", "api/test_bit_hashes.py",
 )  # fmt: skip
 REST = ("lib", "suite", *PYTEST)
 #: Bugs that no fast test can notice, by what they are, and why.

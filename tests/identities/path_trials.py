@@ -1,4 +1,4 @@
-"""Blocks of random paths of small arms, timed one by one and judged together by numpy: as in test_time_path_laws.py, but quick enough
+"""Blocks of random paths of small arms, timed one by one and judged together by numpy: as in test_time_path_identities.py, but quick enough
 for ten million. Nothing of the planner or of the arms' own dynamics is used to judge.
 
     tau_j = sum_(k >= j) m_k (p_k - P_j) x (a_k - g) + I_k phi_k''      (d'Alembert; P_j joint, p_k centre of mass, phi_k absolute angle)
