@@ -105,5 +105,5 @@ class ArmEnv(gymnasium.Env[Array, Array]):
             raise ResetNeeded("ArmEnv.step: the run has not begun, or has ended: expected a call of reset before")
         reward, terminated, truncated, info = self._rows.step(_core.numbers("step", "action", action, self._rows.actions.shape)[None])
         self._ready = not (terminated[0] or truncated[0])
-        told = {name: bool(values[0]) for name, values in info.items()}
-        return self._rows.observe()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), told
+        flags = {name: bool(values[0]) for name, values in info.items()}
+        return self._rows.observe()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), flags

@@ -38,15 +38,15 @@ class Rows:
     def __init__(
         self,
         rows: int,
-        plant: Plant | Arm | Scenario | None = None,
-        task: Task | None = None,
+        plant: Plant | Arm | Scenario | None,
+        task: Task | None,
         *,
-        tau_max: ArrayLike | None = None,
-        dt: float | None = None,
-        period: float = 0.02,
-        horizon: float | None = None,
-        q_limit: ArrayLike | None = None,
-        v_limit: ArrayLike | None = None,
+        tau_max: ArrayLike | None,
+        dt: float | None,
+        period: float,
+        horizon: float | None,
+        q_limit: ArrayLike | None,
+        v_limit: ArrayLike | None,
     ) -> None:
         if isinstance(plant, Scenario):
             built = plant.build()

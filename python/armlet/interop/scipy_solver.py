@@ -79,14 +79,18 @@ def _relative(rtol: Any) -> Any:
     return np.maximum(rtol, LEAST_RTOL)
 
 
-@cache
-def _method(name: str) -> Any:
+def _scipy() -> Any:
     try:
-        scipy: Any = importlib.import_module("scipy.integrate")
+        return importlib.import_module("scipy.integrate")
     except ImportError:
         raise ImportError("scipy_method: scipy is not installed: pip install scipy") from None
 
-    class Polynomial(scipy.DenseOutput):  # type: ignore[misc]
+
+@cache
+def _polynomial() -> Any:
+    """The class of dense outputs, made when scipy is asked for."""
+
+    class Polynomial(_scipy().DenseOutput):  # type: ignore[misc]
         """The polynomial of one step, by its values at the Chebyshev points.
 
         Beyond the step it is extrapolated, as scipy's are, by its Chebyshev series without the coefficients that are rounding errors.
@@ -128,7 +132,14 @@ def _method(name: str) -> Any:
             y: NDArray[np.float64] = (terms @ self._nodes) / terms.sum(axis=1, keepdims=True)
             return y
 
-    class Method(scipy.OdeSolver):  # type: ignore[misc]
+    return Polynomial
+
+
+@cache
+def _method(name: str) -> Any:
+    """The class of the method `name` for `solve_ivp`."""
+
+    class Method(_scipy().OdeSolver):  # type: ignore[misc]
         y: NDArray[np.float64]
         order, error_estimator_order = ADAPTIVE[name]
 
@@ -177,8 +188,8 @@ def _method(name: str) -> Any:
             self.t, self.y = self._stepper.t, self._stepper.y
             return True, None
 
-        def _dense_output_impl(self) -> Polynomial:
-            return Polynomial(self.t_old, self.t, self._stepper.nodes())
+        def _dense_output_impl(self) -> Any:
+            return _polynomial()(self.t_old, self.t, self._stepper.nodes())
 
     Method.__name__ = Method.__qualname__ = name
     Method.__doc__ = f"armlet's {name} for solve_ivp."

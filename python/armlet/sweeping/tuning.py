@@ -70,7 +70,7 @@ class Tuning:
 
 
 @dataclass(frozen=True)
-class _Given(Cells):
+class _ListedCells(Cells):
     """Cells whose values are listed one by one."""
 
     rows: Sequence[dict[str, Any]] = field(default=())
@@ -132,10 +132,7 @@ def tune(
     >>> 14.0 < found.best["law.kd"] < 17.0  # a damping ratio of 0.78, whose overshoot is the band
     True
     """
-    try:
-        optimize: Any = import_module("scipy.optimize")
-    except ImportError:
-        raise ImportError("tune: scipy is not installed: pip install 'armlet[tune]'") from None
+    optimize = _scipy()
     whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
     bare = Scenario({name: table for name, table in whole.data.items() if name != "sweep"}, whole.folder, whole.name)
     candidates, generations = integer("tune", "candidates", candidates, 5), integer("tune", "generations", generations)
@@ -144,22 +141,15 @@ def tune(
     if not isinstance(cost, str) and not callable(cost):
         raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")
     metrics = metrics_arguments("tune", metrics, whole)
-    space = Cells.of(vary, 1, seed).vary
-    for path, spec in space.items():
-        if not isinstance(spec, Mapping) or "normal" in spec:
-            raise InputError(f'tune: vary."{path}" is no range: expected a table with uniform or log_uniform, got {shown(vary[path])}')
-    grid = None if over is None else Cells.of(over, None, seed)
-    runs = candidates * (1 if grid is None else grid.count)
-    if runs > MOST:
-        raise InputError(f"tune: candidates are too many: expected at most {MOST:,} runs in a generation, got {runs}")
-    conditions: list[dict[str, Any]] = [{}] if grid is None else [grid[i] for i in range(len(grid))]
+    space = _ranges(vary, seed)
+    conditions = _conditions(over, seed, candidates)
     tried: list[dict[str, Any]] = []
     paid: list[Array] = []
     raised: list[Exception] = []
 
     def run(rows: list[dict[str, Any]]) -> Array:
         """The costs of these candidates."""
-        cells = _Given({}, None, seed, [row | condition for row in rows for condition in conditions])
+        cells = _ListedCells({}, None, seed, [row | condition for row in rows for condition in conditions])
         table = SweepTable(run_chunk(bare, cells, 0, len(cells), threads, metrics, strict=True))
         each = _costs(table, cost).reshape(len(rows), len(conditions))
         found: Array = each.max(axis=1) if by == "worst" else each.mean(axis=1)
@@ -204,6 +194,32 @@ def tune(
     costs = np.minimum.accumulate([generation.min() for generation in paid])
     best, runs = tried[least], len(tried) * len(conditions)
     return Tuning(best, float(table["cost"][least]), whole.replace(best), costs, table, runs, bool(result.success))
+
+
+def _scipy() -> Any:
+    try:
+        return import_module("scipy.optimize")
+    except ImportError:
+        raise ImportError("tune: scipy is not installed: pip install 'armlet[tune]'") from None
+
+
+def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
+    """What is searched, by path; InputError where an entry is no range."""
+    space = Cells.of(vary, 1, seed).vary
+    for path, spec in space.items():
+        if not isinstance(spec, Mapping) or "normal" in spec:
+            raise InputError(f'tune: vary."{path}" is no range: expected a table with uniform or log_uniform, got {shown(vary[path])}')
+    return space
+
+
+def _conditions(over: Mapping[str, Any] | None, seed: int, candidates: int) -> list[dict[str, Any]]:
+    """The values under which every candidate runs; InputError where a generation has too many runs."""
+    if over is None:
+        return [{}]
+    grid = Cells.of(over, None, seed)
+    if candidates * grid.count > MOST:
+        raise InputError(f"tune: candidates are too many: expected at most {MOST:,} runs in a generation, got {candidates * grid.count}")
+    return [grid[i] for i in range(len(grid))]
 
 
 def _costs(table: SweepTable, cost: str | Callable[[SweepTable], ArrayLike]) -> Array:

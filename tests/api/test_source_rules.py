@@ -1,0 +1,75 @@
+"""The rules of tools/source_rules.py hold for the Python sources, and each of them sees a planted violation."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("source_rules", ROOT / "tools" / "source_rules.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+RULES = tool()
+PYTHON = RULES.sources(ROOT / "python")
+
+
+def test_no_file_of_python_is_too_long() -> None:
+    assert len(PYTHON) > 100
+    assert RULES.long_files(PYTHON) == {}
+
+
+def test_no_function_of_python_is_too_long() -> None:
+    assert {str(path): found for path in PYTHON if (found := RULES.long_functions(path))} == {}
+
+
+def test_no_ten_lines_of_python_stand_twice() -> None:
+    assert RULES.repeated(PYTHON) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("a.py", "def f(x):\n{body}    return x\n", {"f:1": 82}),
+        ("a.py", "# Long: one formula.\ndef f(x):\n{body}    return x\n", {}),
+        ("a.py", "# Long: one formula.\n@g\ndef f(x):\n{body}    return x\n", {}),
+        ("a.py", '# About x.\ndef f(x):\n    """One.\n\n    Two."""\n{body}', {"f:2": 81}),
+        ("a.py", "def f(x):\n{less}    return x\n", {}),
+        ("a.rs", "fn f<T>(x: f64) -> [f64; 2] {{\n{body}}}\n", {"f:1": 82}),
+        ("a.rs", '#[test]\nfn f() {{\n    let c = "}}"; // }}\n{less}}}\nfn g() {{}}\n', {"f:2": 81}),
+        ("a.rs", "// Long: a table.\n#[test]\nfn f() {{\n{body}}}\n", {}),
+        ("a.rs", "trait A {{\n    fn f(x: f64);\n{body}}}\n", {}),
+    ],
+)
+def test_long_functions_are_seen(name: str, text: str, expected: dict[str, int], tmp_path: Path) -> None:
+    (tmp_path / name).write_text(text.format(body="    x = x\n" * 80, less="    x = x\n" * 78))
+    assert RULES.long_functions(tmp_path / name) == expected
+
+
+def test_long_files_are_seen(tmp_path: Path) -> None:
+    (tmp_path / "long.rs").write_text("\n" * 401)
+    (tmp_path / "short.py").write_text("\n" * 400)
+    assert RULES.long_files(RULES.sources(tmp_path)) == {tmp_path / "long.rs": 401}
+
+
+def test_equal_lines_are_seen(tmp_path: Path) -> None:
+    lines = [f"x{i} = {i}" for i in range(12)]
+    (tmp_path / "a.py").write_text("\n".join(["first = 1", *lines, "a = 1"]))
+    (tmp_path / "b.py").write_text("def f():\n" + "\n\n".join("    " + line for line in lines) + "\n    b = 1\n")
+    (tmp_path / "c.py").write_text("\n".join(lines[:9]))
+    (tmp_path / "d.pyi").write_text("\n".join(lines))
+    assert RULES.repeated(RULES.sources(tmp_path)) == [[(tmp_path / "a.py", 2, 12), (tmp_path / "b.py", 2, 12)]]
+    # Parameters of functions are read whole by those who call them.
+    parameters = ",\n".join(f"    x{i}: int = {i}" for i in range(12))
+    (tmp_path / "a.py").write_text(f"def f(\n{parameters},\n): ...\n")
+    (tmp_path / "b.py").write_text(f"def g(\n{parameters},\n): ...\n")
+    assert RULES.repeated(RULES.sources(tmp_path)) == []

@@ -1,0 +1,129 @@
+"""`python tools/source_rules.py`: files and functions that are too long, and runs of equal lines, in the Rust and the Python sources.
+
+A file has at most 400 lines, a function at most 80 without its docstring, and no ten lines that follow one another stand twice. Blank
+lines and indentation do not count for the last, nor do the parameters of Python functions, which a caller reads whole where he calls,
+and stubs, which repeat them. A longer function says why in a comment directly above it: `Long: ..`.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FILE, FUNCTION, RUN = 400, 80, 10
+SUFFIXES = (".rs", ".py", ".pyi")
+REASON = re.compile(r"^\s*(#|//) Long: \S")
+#: What Rust's braces may stand in beside code.
+ASIDE = re.compile(r"""//[^\n]*|/\*.*?\*/|r(#*)".*?"\1|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])'""", re.DOTALL)
+
+
+def sources(*tops: Path) -> list[Path]:
+    """The files of code under the folders."""
+    found = [path for top in tops for path in sorted(top.rglob("*")) if path.suffix in SUFFIXES and "target" not in path.parts]
+    return [path for path in found if path.is_file()]
+
+
+def long_files(paths: list[Path], most: int = FILE) -> dict[Path, int]:
+    """Files with more lines than a reader takes in, and how many they have."""
+    lengths = {path: path.read_text(encoding="utf-8").count("\n") for path in paths}
+    return {path: lines for path, lines in lengths.items() if lines > most}
+
+
+def functions_of_python(source: str) -> list[tuple[str, int, int, int]]:
+    """Name, first line (that of a decorator) and line of the name, from 1, and length without docstring, of each function."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            first = min([node.lineno, *(each.lineno for each in node.decorator_list)])
+            text = node.body[0] if ast.get_docstring(node) is not None else None
+            said = 0 if text is None else (text.end_lineno or 0) - text.lineno + 1
+            found.append((node.name, first, node.lineno, (node.end_lineno or 0) - node.lineno + 1 - said))
+    return found
+
+
+def functions_of_rust(source: str) -> list[tuple[str, int, int, int]]:
+    """As `functions_of_python`; attributes above a function are not told apart from it."""
+    text = ASIDE.sub(lambda match: re.sub(r"[^\n]", " ", match.group()), source)
+    found = []
+    for match in re.finditer(r"\bfn\s+(\w+)", text):
+        depth, opened, end = 0, False, match.end()
+        for mark in re.compile(r"[][(){};]").finditer(text, match.end()):
+            end = mark.end()
+            opened = opened or mark.group() == "{"
+            depth += (mark.group() in "([{") - (mark.group() in ")]}")
+            if depth == 0 and mark.group() in ";}":
+                break  # a declaration without a body, or the end of the body
+        if not opened:
+            continue
+        line = text.count("\n", 0, match.start()) + 1
+        found.append((match.group(1), line, line, text.count("\n", match.start(), end) + 1))
+    return found
+
+
+def long_functions(path: Path, most: int = FUNCTION) -> dict[str, int]:
+    """Functions of a file that are too long, and do not say why, by `name:line`."""
+    source = path.read_text(encoding="utf-8")
+    lines = source.splitlines()
+
+    def says_why(first: int) -> bool:
+        above = first - 2
+        while above >= 0 and re.match(r"\s*(#|//)", lines[above]):
+            if REASON.match(lines[above]):
+                return True
+            above -= 1
+        return False
+
+    functions = functions_of_rust(source) if path.suffix == ".rs" else functions_of_python(source)
+    return {f"{name}:{line}": length for name, first, line, length in functions if length > most and not says_why(first)}
+
+
+def counted_lines(path: Path) -> list[tuple[int, str]]:
+    """The lines of a file that may not stand twice, with their numbers from 1."""
+    source = path.read_text(encoding="utf-8")
+    skipped: set[int] = set()
+    if path.suffix == ".py":
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                skipped |= set(range(node.lineno, node.body[0].lineno))
+    return [(k, line.strip()) for k, line in enumerate(source.splitlines(), 1) if line.strip() and k not in skipped]
+
+
+def repeated(paths: list[Path], run: int = RUN) -> list[list[tuple[Path, int, int]]]:
+    """Runs of at least `run` equal lines: for each the file, its first line from 1 and its number of lines, at every place."""
+    texts: dict[Path, list[tuple[int, str]]] = {}
+    places: dict[tuple[str, ...], list[tuple[Path, int]]] = defaultdict(list)
+    for path in paths:
+        if path.suffix == ".pyi":
+            continue
+        texts[path] = kept = counted_lines(path)
+        for i in range(len(kept) - run + 1):
+            places[tuple(line for _, line in kept[i : i + run])].append((path, i))
+    found: list[list[tuple[Path, int, int]]] = []
+    done: set[tuple[Path, int]] = set()
+    for group in places.values():
+        if len(group) < 2 or any(place in done for place in group):
+            continue
+        length = run
+        while len({texts[path][i + length][1] if i + length < len(texts[path]) else (path, i) for path, i in group}) == 1:
+            length += 1
+        done |= {(path, i + k) for path, i in group for k in range(length - run + 1)}
+        found.append([(path, texts[path][i][0], length) for path, i in group])
+    return found
+
+
+def main() -> int:
+    paths = sources(ROOT / "rust", ROOT / "python")
+    faults = [f"{path.relative_to(ROOT)}: {lines} lines" for path, lines in long_files(paths).items()]
+    faults += [f"{path.relative_to(ROOT)}: {name}: {lines} lines" for path in paths for name, lines in long_functions(path).items()]
+    for group in repeated(paths):
+        faults.append(f"{group[0][2]} equal lines: " + ", ".join(f"{path.relative_to(ROOT)}:{line}" for path, line, _ in group))
+    print("\n".join(faults))
+    return int(bool(faults))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
