@@ -81,8 +81,8 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
         ruckig = importlib.import_module("ruckig")
     except ImportError:
         raise ImportError(f"{_NAME}: ruckig is not installed: pip install 'armlet[ruckig]'") from None
-    way = end - start
-    length = float(np.abs(way).max())
+    displacement = end - start
+    length = float(np.abs(displacement).max())
     if not np.isfinite(length):
         raise InputError(f"{_NAME}: q1 is too far from q0: expected a finite distance, got {length}")
     if length == 0.0:
@@ -91,10 +91,10 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
         return _motion(np.array([0.0, 1.0]), coefficients, end, np.inf, 1.0)
     # Every joint that moves goes a distance of one, in units of the largest time that one limit alone would ask for.
     powers = np.array([[1.0], [2.0], [3.0]])
-    lengths = np.where(way == 0.0, 1.0, np.abs(way))
-    unit = float(((np.abs(way) / limits) ** (1.0 / powers)).max())
+    lengths = np.where(displacement == 0.0, 1.0, np.abs(displacement))
+    unit = float(((np.abs(displacement) / limits) ** (1.0 / powers)).max())
     limits = limits / lengths * unit**powers
-    t, coefficients = _phases(ruckig, np.sign(way), limits)
+    t, coefficients = _phases(ruckig, np.sign(displacement), limits)
     # A motion slower by k has its derivatives divided by k, k^2, k^3.
     used = _largest(t, coefficients) / limits
     k = max(1.0, float((used ** (1.0 / powers)).max()))
@@ -106,11 +106,11 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
     return _motion(t * unit * k, coefficients, end, 1.0, 1.0 - float((used / k**powers).max()))
 
 
-def _phases(ruckig: Any, way: _Array, limits: _Array) -> tuple[_Array, _Array]:
+def _phases(ruckig: Any, displacement: _Array, limits: _Array) -> tuple[_Array, _Array]:
     """Times `(P + 1,)` and coefficients `(P, 6, n)` in `(t - t_p) / (t_(p+1) - t_p)`."""
-    n = way.size
+    n = displacement.size
     given = ruckig.InputParameter(n)
-    given.current_position, given.target_position = [0.0] * n, way.tolist()
+    given.current_position, given.target_position = [0.0] * n, displacement.tolist()
     answer = ruckig.Trajectory(n)
     for cap in _CAPS:
         given.max_velocity, given.max_acceleration, given.max_jerk = np.minimum(limits, np.array(cap)[:, None]).tolist()
@@ -141,8 +141,8 @@ def _phases(ruckig: Any, way: _Array, limits: _Array) -> tuple[_Array, _Array]:
             v += h[p] * (a + h[p] * jerk[p] / 2)
             a += h[p] * jerk[p]
         # At the goal to rounding, where Ruckig promises about 1e-8.
-        if way[j] != 0.0:
-            coefficients[:, :, j] *= way[j] / q
+        if displacement[j] != 0.0:
+            coefficients[:, :, j] *= displacement[j] / q
     return t, coefficients
 
 

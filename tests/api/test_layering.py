@@ -304,7 +304,7 @@ def test_nothing_falls_back_to_the_reference() -> None:
 READ_BY_NUMPY = {
     ("gym/vector.py", "_mask"),
     ("interop/scipy_solver.py", "_call_impl"),
-    ("figures/time_path.py", "room"),
+    ("figures/time_path.py", "margin"),
     ("run/records.py", "_set_status"),
     ("run/task_errors.py", "at"),
     ("interop/verification.py", "_array"),

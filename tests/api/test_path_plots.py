@@ -28,12 +28,12 @@ def test_panels() -> None:
 def test_the_timing_lies_in_its_region() -> None:
     """At every grid point the limits leave some path acceleration; well above the profile, where torque binds, none."""
     figure = PathTiming(ARM, TIMED, tau_max=LIMITS["tau_max"])
-    room = np.array([figure.room(s, r)[0, 0] for s, r in zip(TIMED.s[:, None], TIMED.s_dot[:, None], strict=True)])
-    # On the edge of the region the room is zero, to the tolerance of the limits and their rounding.
-    assert np.all(room >= -1e-6 * np.abs(room).max())
+    margin = np.array([figure.margin(s, r)[0, 0] for s, r in zip(TIMED.s[:, None], TIMED.s_dot[:, None], strict=True)])
+    # On the edge of the region the margin is zero, to the tolerance of the limits and their rounding.
+    assert np.all(margin >= -1e-6 * np.abs(margin).max())
     # Not at the ends, where the spline has no curvature.
-    assert np.mean(figure.room(TIMED.s, [1e3]) < 0.0) > 0.5
-    free = figure.room(TIMED.s, [0.0])
+    assert np.mean(figure.margin(TIMED.s, [1e3]) < 0.0) > 0.5
+    free = figure.margin(TIMED.s, [0.0])
     assert np.all(free > 0.0)
 
 

@@ -161,13 +161,13 @@ def test_pause_speed_and_pace() -> None:
     clock = iter(np.arange(0.0, 1e3, FRAME))
     lab = Lab([Priority()], clock=lambda: float(next(clock)))
     run(lab, 2.0)
-    assert lab.pace == pytest.approx(1.0, rel=1e-9)
+    assert lab.real_time_factor == pytest.approx(1.0, rel=1e-9)
     lab.speed = 0.25
     run(lab, 2.0)
-    assert lab.pace == pytest.approx(0.25, rel=1e-9)
+    assert lab.real_time_factor == pytest.approx(0.25, rel=1e-9)
     lab.paused, stands = True, lab.t
     run(lab, 2.0)
-    assert lab.t == stands and lab.pace == 0.0
+    assert lab.t == stands and lab.real_time_factor == 0.0
     lab.paused, lab.speed = False, 2.0
     assert lab.advance() == 32
     assert lab.advance(10.0) == 200  # a page that slept does not catch up for seconds

@@ -120,8 +120,8 @@ class MinimumTime:
             ax.plot(q, v, color=colour)
         shown = np.concatenate([q for _, _, (_, q, _, _) in motions]) if motions else np.array([self.theta0, self.thetaf])
         speeds = np.concatenate([v for _, _, (_, _, v, _) in motions]) if motions else np.array([-1.0, 1.0])
-        room = 0.25 * float(np.ptp(shown))
-        x = np.linspace(shown.min() - room, shown.max() + room, 2001)
+        margin = 0.25 * float(np.ptp(shown))
+        x = np.linspace(shown.min() - margin, shown.max() + margin, 2001)
         right, left = x[x <= self.thetaf][::-1], x[x >= self.thetaf]
         curves = ((right, -low * (self.thetaf - right), 1.0), (left, high * (left - self.thetaf), -1.0))
         for k, (theta, work, side) in enumerate(curves):

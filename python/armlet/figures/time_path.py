@@ -115,20 +115,20 @@ class PathTiming:
         along.set_xlabel("path position $s$")
         along.set_title("Torque against path position")
 
-    def room(self, s: ArrayLike, r: ArrayLike) -> Array:
+    def margin(self, s: ArrayLike, r: ArrayLike) -> Array:
         """Largest minus smallest path acceleration that the limits leave at path speeds `r` `(R,)` and positions `s` `(S,)`: `(R, S)`.
 
         Negative where no motion passes.
         """
         arm, n = self.arm, self.arm.n
-        q, slope, bend = self.motion.path(s)
+        q, slope, curvature = self.motion.path(s)
         g = arm.gravity(q)
         A = arm.inverse_dynamics(q, np.zeros_like(q), slope) - g
-        B = arm.inverse_dynamics(q, slope, bend) - g
+        B = arm.inverse_dynamics(q, slope, curvature) - g
         least, most = np.full((np.size(r), np.size(s)), -np.inf), np.full((np.size(r), np.size(s)), np.inf)
         speed = np.asarray(r, dtype=np.float64)[:, None]
         rows = [(A, B, g, _core.numbers("PathTiming", "viscous", self.viscous, (), (n,)) * slope, _bounds(self.tau_max, n))]
-        rows.append((slope, bend, np.zeros_like(q), np.zeros_like(q), _bounds(self.a_max, n)))
+        rows.append((slope, curvature, np.zeros_like(q), np.zeros_like(q), _bounds(self.a_max, n)))
         for alpha, beta, rest, rub, (low, high) in rows:
             for j in range(n):
                 if not np.isfinite(high[j]):
@@ -158,7 +158,7 @@ class PathTiming:
         for height in (1.35, 3.0):
             top = height * float(p.s_dot.max())
             r = np.linspace(0.0, top, 400)
-            shut = np.where(self.room(s, r) < 0.0, 1.0, 0.0)
+            shut = np.where(self.margin(s, r) < 0.0, 1.0, 0.0)
             if shut.any():
                 break
         if shut.any():

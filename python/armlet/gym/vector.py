@@ -129,10 +129,10 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         last = np.full(self.num_envs, None, dtype=object)
         for row in np.flatnonzero(ended):
             last[row] = observations[row].copy()
-        told: dict[str, Any] = {"final_obs": last, "_final_obs": ended.copy(), "_final_info": ended.copy()}
+        found: dict[str, Any] = {"final_obs": last, "_final_obs": ended.copy(), "_final_info": ended.copy()}
         final = {name: flags & ended for name, flags in info.items()}
-        told["final_info"] = final | {f"_{name}": ended.copy() for name in info}
-        return told | {name: flags & ~ended for name, flags in info.items()} | {f"_{name}": ~ended for name in info}
+        found["final_info"] = final | {f"_{name}": ended.copy() for name in info}
+        return found | {name: flags & ~ended for name, flags in info.items()} | {f"_{name}": ~ended for name in info}
 
     def _mask(self, given: Any) -> Flags:
         if given is None:

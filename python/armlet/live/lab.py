@@ -187,7 +187,7 @@ class LabPage:
         """How the loop fares, in paragraphs."""
         model = self.model
         state = ("", "paused" if model.paused else "running") if model.status is al.Status.SUCCESS else (model.status.name, "")
-        numbers = f", t = {model.t:.2f} s, real-time factor {model.pace:.2f}, pull {np.linalg.norm(model.force):.1f} N"
+        numbers = f", t = {model.t:.2f} s, real-time factor {model.real_time_factor:.2f}, pull {np.linalg.norm(model.force):.1f} N"
         takes = "Drag a link to pull it, a" if model.system.takes_force else "Drag a"
         hint = f"{takes} coloured handle to move a target, the ground to turn the view."
         return [(state[0], state[1] + numbers), model.message, missing_line(model.system.missing), hint]

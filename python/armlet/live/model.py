@@ -206,7 +206,7 @@ class Lab:
         self._changed = False
 
     @property
-    def pace(self) -> float:
+    def real_time_factor(self) -> float:
         """The real-time factor: seconds of the loop per second of the clock, over the last second or so."""
         with self._lock:
             if len(self._paces) < 2:

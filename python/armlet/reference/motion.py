@@ -122,9 +122,9 @@ class Table:
             return self.q[0 if u < 0.0 else last].copy(), rest, rest.copy()
         k, h = int(u), self.dt
         points = []
-        for row, way in ((k, h), (k + 1, -h)):
-            second = self.q[row] + 2 * way * self.v[row] / 5 + way**2 * self.a[row] / 20
-            points.append([self.q[row], self.q[row] + way * self.v[row] / 5, second])
+        for row, step in ((k, h), (k + 1, -h)):
+            second = self.q[row] + 2 * step * self.v[row] / 5 + step**2 * self.a[row] / 20
+            points.append([self.q[row], self.q[row] + step * self.v[row] / 5, second])
         hull = np.array([*points[0], *points[1][::-1]])
         rate = 5 * np.diff(hull, axis=0) / h
         return _casteljau(hull, u - k), _casteljau(rate, u - k), _casteljau(4 * np.diff(rate, axis=0) / h, u - k)

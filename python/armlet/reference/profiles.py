@@ -70,12 +70,12 @@ def lowest(f: Callable[[Array], Array], low: float, high: float) -> tuple[float,
 def shape(second: Sequence[tuple[float, float, Polynomial]]) -> list[Piece]:
     """(from, to, s, s'') of each piece, from s'' (from, to, s''): s = s' = 0 at the start, scaled to s = 1 at the end."""
     pieces, value, rate = [], 0.0, 0.0
-    for low, high, bend in second:
-        speed = bend.integ(lbnd=low, k=[rate])
-        way = speed.integ(lbnd=low, k=[value])
-        pieces.append((low, high, way, bend))
-        value, rate = float(way(high)), float(speed(high))
-    return [(low, high, way / value, bend / value) for low, high, way, bend in pieces]
+    for low, high, acceleration in second:
+        speed = acceleration.integ(lbnd=low, k=[rate])
+        position = speed.integ(lbnd=low, k=[value])
+        pieces.append((low, high, position, acceleration))
+        value, rate = float(position(high)), float(speed(high))
+    return [(low, high, position / value, acceleration / value) for low, high, position, acceleration in pieces]
 
 
 def _durations(
@@ -86,17 +86,17 @@ def _durations(
     high, low = (tau_max, bottom) if sg > 0.0 else (-bottom, -tau_max)
     x0, D, G, slack = sg * theta0, abs(thetaf - theta0), gravity_moment, SLACK * max(tau_max, -bottom)
 
-    def room(k: float, way: Polynomial, bend: Polynomial) -> Callable[[Array], Array]:
+    def torque_margin(k: float, position: Polynomial, acceleration: Polynomial) -> Callable[[Array], Array]:
         """The distance to the nearer limit at u; negative outside."""
 
         def inside(u: Array) -> Array:
-            tau = k * bend(u) + G * np.sin(x0 + D * way(u))
+            tau = k * acceleration(u) + G * np.sin(x0 + D * position(u))
             return np.minimum(high - tau, tau - low)
 
         return inside
 
     def excess(k: float) -> float:
-        return -min(lowest(room(k, way, bend), a, b)[1] for a, b, way, bend in pieces)
+        return -min(lowest(torque_margin(k, position, acceleration), a, b)[1] for a, b, position, acceleration in pieces)
 
     def edge(inside: float, outside: float) -> float:
         """Where the excess passes zero."""
@@ -110,7 +110,8 @@ def _durations(
         t = 0.0 if hold_start else np.nan
         return ProfileReport(hold_start, t, t, 0.0, 0.0, hold_start, hold_end, 0.0 if hold_start else excess(0.0))
     # Beyond this the torque is outside wherever s'' is largest, whatever gravity does.
-    most = (high - low + 2.0 * abs(G)) / max(abs(float(bend(u))) for a, b, _, bend in pieces for u in np.linspace(a, b, 201))
+    largest = max(abs(float(acceleration(u))) for a, b, _, acceleration in pieces for u in np.linspace(a, b, 201))
+    most = (high - low + 2.0 * abs(G)) / largest
     best, least = (0.0, excess(0.0)) if excess(0.0) <= 0.0 else golden(excess, 0.0, most)
     if least > slack:
         return ProfileReport(False, np.nan, np.nan, np.nan, np.nan, hold_start, hold_end, least)
@@ -159,8 +160,8 @@ def minimum_jerk_time(
     theta0: float, thetaf: float, inertia: float, gravity_moment: float, tau_max: float, *, tau_min: float | None = None
 ) -> ProfileReport:
     """The quintic at rest with zero acceleration at both ends: s'' is the cubic through zero at 0, 1/2 and 1."""
-    bend = Polynomial.fromroots([0.0, 0.5, 1.0])
-    return _durations(theta0, thetaf, inertia, gravity_moment, tau_max, tau_min, shape([(0.0, 1.0, bend)]))
+    acceleration = Polynomial.fromroots([0.0, 0.5, 1.0])
+    return _durations(theta0, thetaf, inertia, gravity_moment, tau_max, tau_min, shape([(0.0, 1.0, acceleration)]))
 
 
 def bang_bang_time(

@@ -27,6 +27,6 @@ def duration(distance: float, v: float, a: float, j: float) -> float:
 
 def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, j_max: ArrayLike) -> Array:
     """The least time of each joint, (n,); the motion takes the largest."""
-    way = np.abs(np.asarray(q1, dtype=np.float64) - np.asarray(q0, dtype=np.float64))
-    limits = (np.broadcast_to(np.asarray(x, dtype=np.float64), way.shape) for x in (v_max, a_max, j_max))
-    return np.array([duration(*map(float, row)) for row in zip(way, *limits, strict=True)])
+    displacement = np.abs(np.asarray(q1, dtype=np.float64) - np.asarray(q0, dtype=np.float64))
+    limits = (np.broadcast_to(np.asarray(x, dtype=np.float64), displacement.shape) for x in (v_max, a_max, j_max))
+    return np.array([duration(*map(float, row)) for row in zip(displacement, *limits, strict=True)])

@@ -177,11 +177,11 @@ def _newton(rows: Rows, b: Array, mu: float) -> tuple[Array, float]:
         slope = 0.5 * rows.B + 0.25 * rows.d / np.sqrt(m)[:, None]
         pair = slope - rows.A / (2.0 * h)[:, None], slope + rows.A / (2.0 * h)[:, None]
         below, above, top = _distances(rows, b)
-        push, bend = 1.0 / above - 1.0 / below, 1.0 / above**2 + 1.0 / below**2
+        first, second = 1.0 / above - 1.0 / below, 1.0 / above**2 + 1.0 / below**2
     for x, near in zip(pair, (k, k + 1), strict=True):
-        np.add.at(gradient, near, (push * x).sum(axis=1))
-        np.add.at(H, (near, near), (bend * x * x).sum(axis=1))
-    across = across + (bend * pair[0] * pair[1]).sum(axis=1)
+        np.add.at(gradient, near, (first * x).sum(axis=1))
+        np.add.at(H, (near, near), (second * x * x).sum(axis=1))
+    across = across + (second * pair[0] * pair[1]).sum(axis=1)
     H[k, k + 1] += across
     H[k + 1, k] += across
     inner = slice(1, -1)

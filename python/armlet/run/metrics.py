@@ -224,10 +224,10 @@ def _rms(values: Array, weights: Array) -> Array:
 
 def _overshoot(q: Array, q_d: Array, v_d: Array | None) -> Array:
     end, start = q_d[..., -1, :], q[..., 0, :]
-    way = end - start
-    forward = np.sign(way)[..., None, :]
+    displacement = end - start
+    forward = np.sign(displacement)[..., None, :]
     beyond = (q * forward).max(axis=-2) - (q_d * forward).max(axis=-2)
-    result: Array = np.where(np.abs(way) > 1e-9, np.maximum(beyond, 0.0) / np.abs(way), np.nan)
+    result: Array = np.where(np.abs(displacement) > 1e-9, np.maximum(beyond, 0.0) / np.abs(displacement), np.nan)
     if v_d is not None:
         result[np.abs(np.broadcast_to(v_d, q.shape)[..., -1, :]) > 1e-9] = np.nan
     return result

@@ -104,11 +104,11 @@ def simulate(
     """
     instance("simulate", "throw", throw, (bool, np.bool_), "True or False")
     keywords = locals()  # a dictionary of its own; the plant, the law and q0 among it are not asked for
-    keywords["events"] = asked = watched(events)
+    keywords["events"] = searched = watched(events)
     fields = _core.simulate(plant, law, q0, keywords)
     ended, balances = fields.pop("ended"), Balances(**fields.pop("balances"))
-    if asked:
-        fields["events"] = Events(names=tuple(event.name for event in asked), **fields["events"])
+    if searched:
+        fields["events"] = Events(names=tuple(event.name for event in searched), **fields["events"])
     if dense:
         states, *polynomials = fields["dense"]
         fields["dense"] = DenseOutput(0.0, *polynomials), states
