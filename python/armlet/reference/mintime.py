@@ -139,18 +139,19 @@ class Link:
 
     def _turn(self, first: float, energy: float) -> float | None:
         """Where the torque up stops the backward motion: the first zero of the energy below `first`."""
-        step, x = 1e-2, first
-        for _ in range(2000):
-            if energy + self.energy(first, x - step, self.up) <= 0.0:
-                low, high = x - step, x
-                for _ in range(200):
-                    middle = 0.5 * (low + high)
-                    if middle in (low, high):
-                        break
-                    low, high = (middle, high) if energy + self.energy(first, middle, self.up) <= 0.0 else (low, middle)
-                return high
-            x -= step
-        return None
+
+        def left(x: Array) -> Array:
+            kept: Array = energy + (x - first) * self.push(first, x, self.up)
+            return kept
+
+        x = first - 1e-2 * np.arange(2001)
+        for _ in range(12):
+            k = int((left(x[1:]) <= 0.0).argmax()) + 1
+            if left(x[k : k + 1])[0] > 0.0:
+                return None
+            # Each round cuts the interval into 64, down to neighbouring numbers.
+            x = np.linspace(x[k - 1], x[k], 65)
+        return float(x[0])
 
     def back_swing(self, x0: float, x1: float, samples: int = 240) -> tuple[float, float, float]:
         """The fastest (-,+,-): T, first and last switch."""
