@@ -10,6 +10,7 @@ import copy
 import importlib.util
 import json
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +32,20 @@ bits = load()
 KEPT = json.loads(bits.FILE.read_text())
 
 
+@pytest.fixture(scope="module")
+def hashes() -> dict[str, Any]:
+    """All hashes by instruction set; the processes run side by side."""
+    names = bits.available()
+    with ThreadPoolExecutor(len(names)) as pool:
+        return dict(zip(names, pool.map(lambda name: bits.of(name, True), names), strict=True))
+
+
 @pytest.mark.parametrize("name", bits.available())
-def test_the_bits_are_those_of_the_file_however_the_work_is_divided(name: str) -> None:
-    found = bits.of(name, True)
+def test_the_bits_are_those_of_the_file_however_the_work_is_divided(name: str, hashes: dict[str, Any]) -> None:
+    found = hashes[name]
     batches = found["batches"]
     assert list(batches) == list(bits.WAYS) and len(batches["as it is"]) == len(bits.BATCHES)
-    differing = {way: [case for case in hashes if hashes[case] != batches["as it is"][case]] for way, hashes in batches.items()}
+    differing = {way: [case for case in each if each[case] != batches["as it is"][case]] for way, each in batches.items()}
     assert {way: cases for way, cases in differing.items() if cases} == {}
     wrong = bits.differences(KEPT, found)
     assert not wrong, "\n".join([*wrong, bits.ADVICE])
