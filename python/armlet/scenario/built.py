@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import _core
 
-__all__ = ["Built"]
+__all__ = ["Built", "summary"]
 
 
 class Built(NamedTuple):
@@ -25,17 +25,18 @@ class Built(NamedTuple):
     law: _core.Law
     arguments: dict[str, Any]
 
-    def summary(self, data: Mapping[str, Any]) -> str:
-        """Law, plant and time; the joints in the order of every list; what of the robot's file the loop leaves out."""
-        arm, run = self.plant.arm, data["run"]
-        length = f"{run['t_end']:g} s by {run.get('method', 'rk4')}"
-        first = f"{type(self.law).__name__} on {type(self.plant).__name__}, {arm.n} joints, {length}"
-        units = ["m" if kind == "prismatic" else "rad" for kind in arm.joint_types]
-        lines = [first, "joints: " + ", ".join(f"{name} ({unit})" for name, unit in zip(arm.joint_names, units, strict=True))]
-        lines += arm.report
-        if type(self.plant).__name__ == "RigidArm" and not data.get("plant", {}).get("friction", False) and _has_friction(arm):
-            lines.append("left out: the friction of the robot's file (friction = true in [plant] adds it)")
-        return "\n".join(lines)
+
+def summary(built: Built, data: Mapping[str, Any]) -> str:
+    """Law, plant and time; the joints in the order of every list; what of the robot's file the loop leaves out."""
+    arm, run = built.plant.arm, data["run"]
+    length = f"{run['t_end']:g} s by {run.get('method', 'rk4')}"
+    first = f"{type(built.law).__name__} on {type(built.plant).__name__}, {arm.n} joints, {length}"
+    units = ["m" if kind == "prismatic" else "rad" for kind in arm.joint_types]
+    lines = [first, "joints: " + ", ".join(f"{name} ({unit})" for name, unit in zip(arm.joint_names, units, strict=True))]
+    lines += arm.report
+    if type(built.plant).__name__ == "RigidArm" and not data.get("plant", {}).get("friction", False) and _has_friction(arm):
+        lines.append("left out: the friction of the robot's file (friction = true in [plant] adds it)")
+    return "\n".join(lines)
 
 
 def _has_friction(arm: Any) -> bool:

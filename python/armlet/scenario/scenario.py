@@ -20,7 +20,7 @@ from ..errors import InputError, ModelError, SolveError
 from ..pickling import sealed
 from ..run.records import Run
 from ..run.simulation import simulate
-from .built import Built
+from .built import Built, summary
 from .fields import Kind, OneOf
 from .tables import KNOWN, LAWS, SCENARIO, arguments
 
@@ -164,7 +164,7 @@ class Scenario:
 
     def summary(self) -> str:
         """What stands in the file, in lines: law, plant and time; the joints in their order; what of the robot the loop leaves out."""
-        return self.build().summary(self.data)
+        return summary(self.build(), self.data)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """The same with other values, by dotted path: `replace({"law.kp": 30.0, "run.q0[1]": 0.2})`.
