@@ -144,7 +144,7 @@ class Link:
             kept: Array = energy + (x - first) * self.push(first, x, self.up)
             return kept
 
-        x = first - 1e-2 * np.arange(2001)
+        x: Array = first - 1e-2 * np.arange(2001, dtype=np.float64)
         for _ in range(12):
             k = int((left(x[1:]) <= 0.0).argmax()) + 1
             if left(x[k : k + 1])[0] > 0.0:
