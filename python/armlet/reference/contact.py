@@ -1,10 +1,10 @@
-"""Contacts that push one way: a wall and joint stops, each given by a depth d(q) that is analytic in q.
+"""Contacts: a wall and joint stops. Each has a penetration depth d(q), an analytic function, and pushes only outwards.
 
     f = max(0, k d + c d_dot) where d > 0, else 0
     tau = -f dd/dq,   stored energy k d^2 / 2,   power lost (f - k d) d_dot
     wall: d = n . (p_wall - p(q)) of the origin p of a frame;   stop: d = q_i - upper_i or lower_i - q_i
 
-The gradient of the depth is a complex step, so that no Jacobian enters.
+The gradient of the depth is a complex step. No Jacobian is needed.
 """
 
 from collections.abc import Callable

@@ -5,7 +5,8 @@
     y' = r(y), downhill, by implicit Euler steps that grow as r falls:   (1/s - dr/dy) dy = r        (pseudo-transient continuation)
     tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c of wall and stops
 
-The law is asked as it is in the loop. Slopes and the linearisation of the whole loop are differences, extrapolated in h^2 (Richardson).
+tau(q) is the torque that the law gives at rest. The Jacobian dr/dy and the linearisation of the loop are central differences,
+extrapolated in h^2 (Richardson).
 """
 
 from collections.abc import Callable
@@ -55,7 +56,7 @@ def descend(r: Callable[[Array], Array], y: Array) -> Array:
     if size == 0.0:
         return y
     for _ in range(300):
-        # Rough slopes suffice on the way; the last steps are Newton's.
+        # An inexact dr/dy slows the descent and does not move its end, where r = 0.
         H = slope(r, y, 1e-4, 2)
         push = r(y)
         size = float(np.abs(push).max())
