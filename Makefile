@@ -39,7 +39,7 @@ test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints,
 	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --doc
 	@rm -rf $(BUILD)/elsewhere && mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_MAKE_TEST=1 ARMLET_SDIST="$$(cat $(BUILD)/sdist.path)" ARMLET_WHEEL="$$(cat $(BUILD)/wheel.path)" \
-		$(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests $(PYTEST)
+		sh $(ROOT)/tools/pytest.sh $(ROOT) $(VENV)/bin/python $(PYTEST)
 
 test-peers: $(BUILD)/installed $(BUILD)/requirements ## arms against Pinocchio and MuJoCo on public robots (installs half a gigabyte)
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/peers.txt -c requirements/test.txt

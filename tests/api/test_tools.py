@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -113,3 +115,27 @@ def test_the_measurement_of_latency_starts_as_make_starts_it() -> None:
     script = TOOLS.parent / "benches" / "latency.py"
     done = subprocess.run([sys.executable, "-P", str(script), "--help"], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and "--trials" in done.stdout, done.stderr[-2000:]
+
+
+def test_the_two_halves_have_every_folder_of_tests() -> None:
+    """Those that `make test` leaves out have a command of their own, and say so in pyproject.toml."""
+    root = TOOLS.parent
+    named = re.findall(r"\$root/tests/(\w+)", (TOOLS / "pytest.sh").read_text())
+    left_out = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]["norecursedirs"]
+    folders = {path.parent.relative_to(root / "tests").parts[0] for path in (root / "tests").rglob("test_*.py")}
+    assert sorted([*named, *left_out]) == sorted(folders)
+
+
+@pytest.mark.parametrize(
+    ("interface", "others", "expected"), [(0, 0, 0), (1, 0, 1), (0, 1, 1), (5, 0, 0), (0, 5, 0), (5, 5, 5), (2, 1, 1), (5, 3, 3)]
+)
+def test_a_failure_of_either_half_fails(interface: int, others: int, expected: int, tmp_path: Path) -> None:
+    python = tmp_path / "python"
+    cases = f'*tests/api*) echo "half 1: $*"; exit {interface};; *) echo "half 2: $*"; exit {others};;'
+    python.write_text(f'#!/bin/sh\ncase "$*" in {cases} esac\n')
+    python.chmod(0o755)
+    command = ["sh", str(TOOLS / "pytest.sh"), "/root", str(python), "-k", "a or b"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == expected, done.stderr
+    assert [line.partition(":")[0] for line in done.stdout.splitlines()] == ["half 2", "half 1"]
+    assert all("-k a or b" in line and "-P -m pytest" in line for line in done.stdout.splitlines())
