@@ -5,6 +5,19 @@ use crate::status::Status;
 
 /// The errors of the core. The binding maps each variant to its Python class and puts the name of the
 /// called function before the message.
+///
+/// ```
+/// use armlet_core::arm::{Arm, STANDARD_GRAVITY};
+/// use armlet_core::error::Error;
+///
+/// let text = "<robot name='r'>\n<link name='a'/>\n<link name='a'/>\n</robot>";
+/// match Arm::from_urdf(text, "r.urdf", STANDARD_GRAVITY, None, None) {
+///     Err(Error::Model { file, line, .. }) => assert_eq!((file.as_str(), line), ("r.urdf", 3)),
+///     other => panic!("{other:?}"),
+/// }
+/// assert!(matches!(Arm::planar(&[-1.0], None, None, None, [0.0; 2]), Err(Error::Input { argument, .. }) if argument == "lengths"));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
     /// An argument is not what the function takes: `argument problem: expected .., got .. (first bad index ..)`.

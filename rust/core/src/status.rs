@@ -1,6 +1,14 @@
 //! How a run ended. A status is data: a diverged run is a result with a time, not a misuse.
 
 /// The outcome of a run or a solve; the numbers are stable and cross into Python as they are.
+///
+/// ```
+/// use armlet_core::status::Status;
+///
+/// assert_eq!((Status::Diverged.code(), Status::Diverged.name()), (1, "diverged"));
+/// assert!(Status::MaxSteps.advice().contains("looser tolerances"));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 pub enum Status {

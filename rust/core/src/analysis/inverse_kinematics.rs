@@ -62,9 +62,9 @@ pub struct IkSolution {
     pub status: Status,
 }
 
-/// Progress of the leading unreached task below this part in `PATIENCE` steps ends a start.
+/// Progress of the leading unreached task below this part in `PROGRESS_STEPS` steps ends a start.
 const PROGRESS: f64 = 1e-3;
-const PATIENCE: usize = 20;
+const PROGRESS_STEPS: usize = 20;
 
 /// The part of the way to the middle of its range that a joint is asked to go in a step, where errors are of order one. It fades
 /// with them, so that the last steps are Newton's.
@@ -84,6 +84,21 @@ struct Attempt {
 }
 
 /// Joint positions where the tasks `goals` are reached, the highest first, from `q0` `(n,)`.
+///
+/// ```
+/// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics};
+/// use armlet_core::arm::Arm;
+/// use armlet_core::kinematics::TaskFunction;
+/// use armlet_core::status::Status;
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let goal = (TaskFunction::frame(&arm, "link2", "xy")?, vec![0.6, 0.3]);
+/// let solution = inverse_kinematics(&arm, &[goal], &[0.1, 0.2], &IkOptions::default())?;
+/// assert_eq!(solution.status, Status::Success);
+/// let (a, b) = (solution.q[0], solution.q[0] + solution.q[1]);
+/// assert!((0.5 * a.cos() + 0.4 * b.cos() - 0.6).abs() < 1e-8 && (0.5 * a.sin() + 0.4 * b.sin() - 0.3).abs() < 1e-8);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOptions) -> Result<IkSolution> {
     let n = arm.n();
     if q0.len() != n {
@@ -225,7 +240,7 @@ impl Newton<'_> {
             self.set_thresholds()?;
             let moved = self.step(&mut q, CENTRING * far.min(1.0))?;
             *iterations += 1;
-            if moved <= 1e-3 * self.search.tolerance || since >= PATIENCE {
+            if moved <= 1e-3 * self.search.tolerance || since >= PROGRESS_STEPS {
                 return Ok(Attempt { q: best.0, misses: best.1, resting: true });
             }
         }

@@ -29,6 +29,24 @@ pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
 /// The model of an arm. Joint order is that of `q`: depth first, siblings in the order given. Two arms are equal where all but their
 /// reports is: what was dropped on the way in does not make another arm.
+///
+/// ```
+/// use armlet_core::arm::{Arm, ChainJoint, Convention, DhRow, JointKind, JointType, STANDARD_GRAVITY};
+///
+/// // A rod of 1 m and 1 kg along x.
+/// let rod = [1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0 / 3.0, 0.0, 0.0, 1.0 / 3.0];
+/// let hinge = ChainJoint::new(JointType::Moving(JointKind::Revolute), [0.0, 1.0, 0.0], [0.0; 3], [0.0; 3], rod);
+/// let elbow = ChainJoint { xyz: [1.0, 0.0, 0.0], ..hinge.clone() };
+/// let arm = Arm::from_chain(&[hinge, elbow], STANDARD_GRAVITY)?;
+/// assert_eq!((arm.n(), arm.frame_names().collect::<Vec<_>>()), (2, vec!["link1", "link2"]));
+///
+/// let row = DhRow { kind: JointKind::Revolute, a: 1.0, alpha: 0.0, d: 0.0, theta: 0.0, phi: rod };
+/// assert_eq!(Arm::from_dh(&[row], Convention::Standard, STANDARD_GRAVITY)?.joint_names().next(), Some("joint1"));
+///
+/// let error = arm.frame_index("hand").unwrap_err();
+/// assert_eq!(error.to_string(), "frame is unknown: expected one of the frames link1, link2, got hand");
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Arm {
     /// Name of the robot.

@@ -63,6 +63,42 @@ impl Scheme for Pair54 {
 }
 
 /// The method of order 5 on a state `B`.
+///
+/// ```
+/// use armlet_core::integrate::events::{Event, Watched};
+/// use armlet_core::integrate::solve::{Recorder, Request, solve};
+/// use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// use armlet_core::scalar::Real;
+/// use armlet_core::status::Status;
+///
+/// /// `x'' = -x`.
+/// struct Oscillator;
+/// impl<S: Real> System<S> for Oscillator {
+///     type Input = ();
+///     fn input(&mut self, _: f64, _: &mut ()) {}
+///     fn rhs(&mut self, _: &(), x: &[S], dx: &mut [S]) {
+///         (dx[0], dx[1]) = (x[1], -x[0]);
+///     }
+/// }
+/// struct Last([f64; 2]);
+/// impl Recorder for Last {
+///     fn state(&mut self, _: f64, x: &[f64]) {
+///         self.0.copy_from_slice(x);
+///     }
+/// }
+/// struct Nothing;
+/// impl Watched for Nothing {
+///     fn value(&mut self, _: usize, _: f64, _: &[f64]) -> f64 {
+///         1.0
+///     }
+/// }
+/// let tolerance = Tolerance { rtol: 1e-10, atol: 1e-12, controlled: 2 };
+/// let (mut method, mut last) = (Dopri5::new(tolerance, [1.0, 0.0], ()), Last([0.0; 2]));
+/// let end = solve(&mut Oscillator, &mut method, (0.0, 1.0), &Request::default(), &mut Nothing, &mut last);
+/// assert_eq!(end.status, Status::Success);
+/// assert!((last.0[0] - 1.0f64.cos()).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Dopri5<B, U, T = Tolerance> {
     controller: StepController<T>,
     /// Slopes of the stages; the last is that of the end.

@@ -7,6 +7,30 @@ use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
 
 /// The classical Runge-Kutta method.
+///
+/// ```
+/// use armlet_core::integrate::{FixedStep, Rk4, System};
+/// use armlet_core::scalar::Real;
+///
+/// /// `x' = t`, whose input is the time.
+/// struct Ramp;
+/// impl<S: Real> System<S> for Ramp {
+///     type Input = f64;
+///     fn input(&mut self, t: f64, u: &mut f64) {
+///         *u = t;
+///     }
+///     fn rhs(&mut self, u: &f64, _: &[S], dx: &mut [S]) {
+///         dx[0] = S::splat(*u);
+///     }
+/// }
+/// let (mut method, mut x) = (Rk4::new([0.0], 0.0), [0.0]);
+/// for k in 0..10 {
+///     let t = 0.1 * f64::from(k);
+///     method.step(&mut Ramp, t, 0.1, t + 0.1, &mut x);
+/// }
+/// assert!((x[0] - 0.5f64).abs() < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Rk4<B, U> {
     k: B,
     y: B,

@@ -16,6 +16,29 @@ use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 /// The adaptive law of an arm, validated.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
+/// use armlet_core::motion::{Motion, Sinusoid};
+/// use armlet_core::plant::{PlantSpec, RigidSpec};
+/// use armlet_core::simulate::{Options, Problem};
+/// use nalgebra::dvector;
+///
+/// let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let (n, p) = (model.n(), model.parameter_count());
+/// let motion = Motion::from(Sinusoid::new(vec![0.0; 2], 1, vec![0.5, 0.3], vec![2.0, 3.0], vec![0.0; 2])?);
+/// let (kp, kd) = (Gain::scalar("kp", n, 50.0)?, Gain::scalar("kd", n, 10.0)?);
+/// let adaptation = Adaptation::Euclidean(Gain::scalar("gamma", p, 2.0)?);
+/// let law = LawSpec::from(AdaptiveSpec::new(model.clone(), motion, kp, kd, adaptation, None, None)?);
+/// let plant = PlantSpec::from(RigidSpec::new(model));
+/// let run = Problem::from_rest(&plant, &law, &dvector![0.0, 0.0], Options::fixed(1.0, 1e-3))?.run()?;
+/// // V1 never rises, whatever the parameters are.
+/// let lyapunov = run.monitor("lyapunov").unwrap_or_default();
+/// assert!(lyapunov.windows(2).all(|v| v[1] <= v[0] + 1e-9 * lyapunov[0]));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdaptiveSpec {
     pub(super) model: Model,

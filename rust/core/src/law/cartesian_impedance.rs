@@ -13,6 +13,26 @@ use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 /// The Cartesian impedance law of an arm, validated.
+///
+/// ```
+/// use armlet_core::analysis::equilibrium::equilibrium;
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::{CartesianImpedanceSpec, Gain, LawSpec};
+/// use armlet_core::motion::Motion;
+/// use armlet_core::plant::{PlantSpec, RigidSpec};
+/// use nalgebra::dvector;
+///
+/// let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let (stiffness, damping) = (Gain::scalar("stiffness", 2, 200.0)?, Gain::scalar("damping", 2, 20.0)?);
+/// let target = Motion::hold(dvector![0.6, 0.3])?;
+/// let law = LawSpec::from(CartesianImpedanceSpec::new(model.clone(), target, stiffness, damping, "link2", "xy")?);
+/// let plant = PlantSpec::from(RigidSpec::new(model));
+/// // A force of 10 N along x moves the tip by F / K = 0.05 m.
+/// let rest = equilibrium(&plant, &law, &[10.0, 0.0, 0.0, 0.0, 0.0, 0.0], None, &[0.9, -1.2])?;
+/// assert!(rest.reachable && rest.stable && (rest.x[0] - 0.65).abs() < 1e-9 && (rest.x[1] - 0.3).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CartesianImpedanceSpec {
     /// The arm.

@@ -14,6 +14,32 @@ use crate::plant::{ElasticSpec, PlantSpec};
 use crate::scalar::Real;
 
 /// Torque feedback that reduces the apparent motor inertia, validated.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, Gain, JointImpedanceSpec, LawSpec, PdGravitySpec, ReductionSpec};
+/// use armlet_core::motion::Motion;
+/// use armlet_core::plant::{ElasticSpec, PlantSpec};
+/// use armlet_core::simulate::{Options, Problem};
+/// use nalgebra::dvector;
+///
+/// let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let (stiffness, motors) = (Gain::scalar("stiffness", 2, 2000.0)?, Gain::scalar("motor_inertia", 2, 0.2)?);
+/// let plant = PlantSpec::from(ElasticSpec::new(model.clone(), stiffness.clone(), motors.clone(), None, None, None)?);
+/// // The motors feel a quarter of their inertia; D0 by a damping ratio of 0.7.
+/// let inner = ReductionSpec::new(2, stiffness, motors, Gain::scalar("reduced_inertia", 2, 0.05)?, None, 0.7, false)?;
+/// let (kp, kd) = (Gain::scalar("kp", 2, 60.0)?, Gain::scalar("kd", 2, 12.0)?);
+/// let outer = PdGravitySpec::new(model.clone(), dvector![0.4, 0.1], kp.clone(), kd.clone())?;
+/// let joint = LawSpec::from(JointImpedanceSpec { outer, inner: inner.clone() });
+/// let outer = CartesianImpedanceSpec::new(model, Motion::hold(dvector![0.7, 0.2])?, kp, kd, "link2", "xy")?;
+/// let cartesian = LawSpec::from(ElasticImpedanceSpec { outer, inner });
+/// for law in [joint, cartesian] {
+///     let run = Problem::from_rest(&plant, &law, &dvector![0.3, 0.4], Options::fixed(0.1, 1e-4))?.run()?;
+///     assert_eq!((run.t.len(), run.theta.len()), (1001, 2002));
+/// }
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReductionSpec {
     /// `K_J`, N m/rad.

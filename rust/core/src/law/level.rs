@@ -9,6 +9,37 @@ use crate::priority::PriorityOptions;
 use crate::scalar::Real;
 
 /// One level of priority: `v = x_d' + K e`.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::kinematics::TaskFunction;
+/// use armlet_core::law::{ArmSolver, Gain, LawSpec, Level, LimitOverrides, PriorityAccelerationSpec};
+/// use armlet_core::motion::Motion;
+/// use armlet_core::plant::{PlantSpec, RigidSpec};
+/// use armlet_core::priority::PriorityOptions;
+/// use armlet_core::simulate::{Options, Problem};
+/// use nalgebra::dvector;
+///
+/// let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81])?;
+/// let (tip, posture) = (TaskFunction::frame(&arm, "link3", "xy")?, TaskFunction::posture(&arm, None)?);
+/// let q0 = dvector![0.3, 0.4, 0.5];
+/// // Joint velocities that move the tip alone, at one configuration.
+/// let mut solver = ArmSolver::new(&arm, vec![tip.clone()], &PriorityOptions::default())?;
+/// solver.solve(q0.as_slice(), &[0.1, 0.0])?;
+/// assert_eq!(solver.solver().ranks(), [2]);
+/// // The same task as the first level of a law of accelerations.
+/// let levels = vec![
+///     Level::new(tip, Motion::hold(dvector![0.7, 0.6])?, Gain::scalar("gain", 2, 25.0)?, None)?,
+///     Level::new(posture, Motion::hold(q0.clone())?, Gain::scalar("gain", 3, 4.0)?, None)?,
+/// ];
+/// let model = Model::from(arm);
+/// let law = PriorityAccelerationSpec::new(model.clone(), levels, PriorityOptions::default(), 1.0, &LimitOverrides::default())?;
+/// let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model)));
+/// let run = Problem::from_rest(&plant, &law, &q0, Options::fixed(0.1, 1e-3))?.run()?;
+/// assert_eq!(run.inputs().shape(), (3, 101));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Level {
     /// The task function.

@@ -13,6 +13,27 @@ use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 /// `TORQUE`: the joint torque and its rate are fed back.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, MotorPdSpec, StateFeedbackSpec};
+/// use armlet_core::plant::{ElasticSpec, PlantSpec};
+/// use armlet_core::simulate::{Options, Problem};
+/// use nalgebra::dvector;
+///
+/// let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let (stiffness, motors) = (Gain::scalar("stiffness", 2, 2000.0)?, Gain::scalar("motor_inertia", 2, 0.2)?);
+/// let plant = PlantSpec::from(ElasticSpec::new(model.clone(), stiffness.clone(), motors.clone(), None, None, None)?);
+/// let gain = |k: f64| Gain::scalar("gain", 2, k);
+/// let motor = MotorPdSpec::new(model.clone(), &[0.4, 0.1], gain(150.0)?, gain(30.0)?, stiffness.clone(), false)?;
+/// let full = StateFeedbackSpec::new(model, &[0.4, 0.1], [gain(150.0)?, gain(30.0)?, gain(1.0)?, gain(0.01)?], stiffness)?;
+/// for law in [LawSpec::from(motor), LawSpec::from(full)] {
+///     let run = Problem::from_rest(&plant, &law, &dvector![0.0, 0.0], Options::fixed(5.0, 1e-3))?.run()?;
+///     assert!((run.positions().column(run.t.len() - 1) - dvector![0.4, 0.1]).norm() < 1e-2, "{}", law.name());
+/// }
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotorRegulationSpec<const TORQUE: bool> {
     model: Model,

@@ -10,6 +10,23 @@ use crate::scalar::Real;
 use nalgebra::DVector;
 
 /// PD with gravity compensation, validated.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec};
+/// use armlet_core::plant::{PlantSpec, RigidSpec};
+/// use armlet_core::simulate::{Options, Problem};
+/// use nalgebra::dvector;
+///
+/// let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let target = dvector![0.5, -0.2];
+/// let law = PdGravitySpec::new(model.clone(), target.clone(), Gain::scalar("kp", 2, 40.0)?, Gain::scalar("kd", 2, 8.0)?)?;
+/// let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model)));
+/// let run = Problem::from_rest(&plant, &law, &dvector![0.0, 0.0], Options::adaptive(8.0))?.run()?;
+/// assert!((run.positions().column(run.t.len() - 1) - target).norm() < 1e-3);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PdGravitySpec {
     model: Model,

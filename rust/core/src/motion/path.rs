@@ -34,6 +34,14 @@ pub enum Ends {
 }
 
 /// A cubic spline through waypoints.
+///
+/// ```
+/// use armlet_core::motion::{Ends, Path};
+///
+/// let (path, knots) = Path::waypoints(&[0.0, 0.0, 1.0, 0.5, 2.0, 0.0], 2, None, Ends::Natural)?;
+/// assert_eq!((path.dof(), path.knots().len(), knots), (2, 3, vec![0, 1, 2]));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     n: usize,

@@ -4,6 +4,17 @@ use crate::error::{Error, Result, finite};
 use crate::scalar::{Array8, Real};
 
 /// A sum of sinusoids per joint.
+///
+/// ```
+/// use armlet_core::motion::{Motion, Sinusoid};
+/// use nalgebra::dvector;
+///
+/// // One term per joint: 1 + 0.5 sin 2 t, and 0.2 sin 3 t.
+/// let motion = Motion::from(Sinusoid::new(vec![1.0, 0.0], 1, vec![0.5, 0.2], vec![2.0, 3.0], vec![0.0; 2])?);
+/// assert_eq!(motion.at(0.0).q, dvector![1.0, 0.0]);
+/// assert!((motion.at(0.0).v - dvector![1.0, 0.6]).norm() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sinusoid {
     offset: Vec<f64>,

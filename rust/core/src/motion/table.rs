@@ -14,6 +14,15 @@ const LOOK: usize = 1 << 10;
 const ON_KNOT: f64 = 1e-9;
 
 /// A motion sampled at equal intervals.
+///
+/// ```
+/// use armlet_core::motion::{Motion, Table};
+///
+/// // One joint, two samples a second apart: position, velocity, acceleration.
+/// let motion = Motion::from(Table::new(0.0, 1.0, 1, vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0])?);
+/// assert_eq!((motion.at(0.5).q[0], motion.at(9.0).q[0]), (0.5, 1.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     start: f64,

@@ -92,6 +92,21 @@ pub struct TorqueOptimum {
 
 /// The fastest `theta0 -> thetaf` (rad), rest to rest, under `tau_min <= tau <= tau_max` (N m): the monotone optimum with its
 /// certificate, and the best of monotone, back-swing and overshoot.
+///
+/// ```
+/// use armlet_core::plan::{Family, bang_bang_time, torque_optimal_time};
+/// use std::f64::consts::PI;
+///
+/// // Without gravity both are bang-bang: T = 2 sqrt(I D / tau).
+/// let (optimum, profile) = (torque_optimal_time(0.0, 1.0, 1.0, 0.0, -4.0, 4.0)?, bang_bang_time(0.0, 1.0, 1.0, 0.0, -4.0, 4.0)?);
+/// assert!((optimum.t - 1.0).abs() < 1e-9 && (profile.t_min - 1.0).abs() < 1e-9);
+/// // Half of the torque that holds the link level does not lift it at once: it swings back first.
+/// let swing = torque_optimal_time(0.0, PI, 1.0, 2.0, -1.0, 1.0)?;
+/// assert!(!swing.feasible && swing.best.kind != Family::Monotone);
+/// let profile = optimum.profile().expect("feasible");
+/// assert!((profile.at(0.5).v - 2.0).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub fn torque_optimal_time(
     theta0: f64,
     thetaf: f64,

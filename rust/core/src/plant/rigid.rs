@@ -9,6 +9,30 @@ use crate::scalar::Real;
 use crate::spatial::Vector3;
 
 /// A rigid arm, validated.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec};
+/// use armlet_core::plant::{PlantSpec, RigidSpec, Stops, Wall};
+/// use armlet_core::simulate::{Options, Problem};
+/// use nalgebra::dvector;
+///
+/// let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let tip = model.tree("arm")?.frame_index("link2")?;
+/// let plant = PlantSpec::from(RigidSpec {
+///     friction: true,
+///     // At x = 0.8 m, with the arm on its left.
+///     wall: Some(Wall::new(tip, [0.8, 0.0, 0.0], [-1.0, 0.0, 0.0], 1e4, 50.0)?),
+///     stops: Some(Stops::new(vec![-2.0; 2], vec![2.0; 2], vec![1e3; 2], vec![10.0; 2])?),
+///     ..RigidSpec::new(model.clone())
+/// });
+/// let law = PdGravitySpec::new(model, dvector![0.0, 0.0], Gain::scalar("kp", 2, 100.0)?, Gain::scalar("kd", 2, 20.0)?)?;
+/// let run = Problem::from_rest(&plant, &law.into(), &dvector![0.8, -0.2], Options::fixed(3.0, 1e-4))?.run()?;
+/// // The target lies 0.1 m behind the wall, which holds the arm back.
+/// assert!(run.positions().column(run.t.len() - 1).amax() > 0.1);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigidSpec {
     /// The arm.

@@ -72,6 +72,25 @@ pub fn lanes() -> usize {
 }
 
 /// Run every run of `problem` on `threads` threads. `poll` is asked every 20 ms whether to stop.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec};
+/// use armlet_core::plant::{PlantSpec, RigidSpec};
+/// use armlet_core::simulate::{Keep, Options, Problem, default_threads, simulate_batch};
+/// use nalgebra::dvector;
+///
+/// let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let law = PdGravitySpec::new(model.clone(), dvector![0.0, 0.0], Gain::scalar("kp", 2, 40.0)?, Gain::scalar("kd", 2, 8.0)?)?;
+/// let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model)));
+/// let mut problem = Problem::from_rest(&plant, &law, &dvector![0.0, 0.0], Options::fixed(0.5, 1e-3))?;
+/// // One hundred starts: positions, then velocities.
+/// problem.x0 = (0..100).flat_map(|k| [0.01 * f64::from(k), 0.0, 0.0, 0.0]).collect();
+/// let runs = simulate_batch(problem, Keep::Final, default_threads(), &mut || false)?;
+/// assert_eq!((runs.q.len(), runs.status.len()), (200, 100));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
     let runs = problem.runs();
     match keep {

@@ -240,6 +240,22 @@ fn halvings(over: f64) -> u32 {
 }
 
 /// The fastest timing of `path` for `mover` under `limits`.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Functions;
+/// use armlet_core::motion::{Ends, Path};
+/// use armlet_core::plan::{Mover, PathLimits, TimePathOptions, time_path};
+/// use std::sync::Arc;
+///
+/// // One uniform rod of 1 m and 1 kg without gravity: I = 1/3, so that T = 2 sqrt(I D / tau).
+/// let arm = Functions::new(Arc::new(Arm::planar(&[1.0], None, None, None, [0.0, 0.0])?));
+/// let (path, _) = Path::waypoints(&[0.0, 1.0], 1, None, Ends::Natural)?;
+/// let limits = PathLimits { torque: Some((vec![-3.0], vec![3.0])), ..PathLimits::default() };
+/// let plan = time_path(Mover::Tree(&arm), Arc::new(path), &limits, &TimePathOptions::default())?;
+/// assert!(plan.reason.is_none() && (plan.motion.duration() - 2.0 / 3.0).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &TimePathOptions) -> Result<TimePath> {
     let mut problem = PathProblem::new(mover, path, limits, options)?;
     if problem.path.is_point() {
