@@ -154,7 +154,7 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     })
 }
 
-/// The rest that `q0` descends to under a constant wrench `[f; m]` (world axes) at `force_frame`.
+/// The rest that `q0` descends to under a constant wrench `[f; m]` (world axes) at `force_frame`; with `None` no force acts.
 ///
 /// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` where the descent does not end.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {

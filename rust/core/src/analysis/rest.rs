@@ -25,7 +25,7 @@ pub struct Rest<'a> {
     pub law: &'a LawSpec,
     /// `[f; m]`, world axes, at a frame.
     pub wrench: [f64; 6],
-    /// Frame at which the force acts.
+    /// Frame at which the force acts; `None` for no force.
     pub frame: Option<usize>,
 }
 

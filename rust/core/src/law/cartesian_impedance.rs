@@ -27,10 +27,12 @@ use crate::scalar::Real;
 /// let (stiffness, damping) = (Gain::scalar("stiffness", 2, 200.0)?, Gain::scalar("damping", 2, 20.0)?);
 /// let target = Motion::hold(dvector![0.6, 0.3])?;
 /// let law = LawSpec::from(CartesianImpedanceSpec::new(model.clone(), target, stiffness, damping, "link2", "xy")?);
+/// let tip = Some(model.tree("arm")?.frame_index("link2")?);
 /// let plant = PlantSpec::from(RigidSpec::new(model));
 /// // A force of 10 N along x moves the tip by F / K = 0.05 m.
-/// let rest = equilibrium(&plant, &law, &[10.0, 0.0, 0.0, 0.0, 0.0, 0.0], None, &[0.9, -1.2])?;
-/// assert!(rest.reachable && rest.stable && (rest.x[0] - 0.65).abs() < 1e-9 && (rest.x[1] - 0.3).abs() < 1e-9);
+/// let rest = equilibrium(&plant, &law, &[10.0, 0.0, 0.0, 0.0, 0.0, 0.0], tip, &[0.9, -1.2])?;
+/// assert!(rest.reachable && rest.stable);
+/// assert!((rest.x[0] - 0.65).abs() < 1e-6 && (rest.x[1] - 0.3).abs() < 1e-6);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
