@@ -214,12 +214,11 @@ def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
 
 def _conditions(over: Mapping[str, Any] | None, seed: int, candidates: int) -> list[dict[str, Any]]:
     """The values under which every candidate runs; InputError where a generation has too many runs."""
-    if over is None:
-        return [{}]
-    grid = Cells.of(over, None, seed)
-    if candidates * grid.count > MOST:
-        raise InputError(f"tune: candidates are too many: expected at most {MOST:,} runs in a generation, got {candidates * grid.count}")
-    return [grid[i] for i in range(len(grid))]
+    grid = None if over is None else Cells.of(over, None, seed)
+    runs = candidates * (1 if grid is None else grid.count)
+    if runs > MOST:
+        raise InputError(f"tune: candidates are too many: expected at most {MOST:,} runs in a generation, got {runs}")
+    return [{}] if grid is None else [grid[i] for i in range(len(grid))]
 
 
 def _costs(table: SweepTable, cost: str | Callable[[SweepTable], ArrayLike]) -> Array:
