@@ -145,3 +145,22 @@ def test_torque_optimal_time() -> None:
         if abs(got.best.t - expected.best.t) <= 1e-8 * got.best.t:
             kinds.append(got.best.kind)
     assert {"monotone", "back-swing", "overshoot"} <= {*kinds} and len(kinds) >= 8
+
+
+@pytest.mark.parametrize("rubs", [False, True], ids=["smooth", "rough"])
+def test_equal_ends(rubs: bool) -> None:
+    """Feasible in no time iff the torque, with Coulomb friction, holds the pose; else the best is a swing that comes back."""
+    rng = np.random.default_rng(8)
+    seen = {True: 0, False: 0}
+    for _ in range(5 if rubs else 20):
+        theta, gravity, up, down = rng.uniform([-5.0, -2.0, 0.1, 0.1], [5.0, 2.0, 1.5, 1.5])
+        options = {"tau_min": -down} | ({"viscous": 0.1, "coulomb": 0.05} if rubs else {})
+        row = (theta, theta, 1.0, gravity, up)
+        got, expected = al.torque_optimal_time(*row, **options), ref.torque_optimal_time(*row, **options)
+        load, help = gravity * np.sin(theta), options.get("coulomb", 0.0)
+        assert got.feasible == got.certified_global == (-down - help <= load <= up + help)
+        agree(got, expected, row, 1e-7 if rubs else 1e-10)
+        assert got.reason == "" if got.feasible else "cannot hold the link at theta" in got.reason
+        assert got.best.t == (0.0 if got.feasible else pytest.approx(expected.best.t, rel=1e-7))
+        seen[got.feasible] += 1
+    assert min(seen.values()) >= 1

@@ -186,7 +186,8 @@ def torque_optimal_time(
     # Between two switches the adjoint psi'' = (d^2/4I^2 - G cos/I) psi has two zeros (Sturm).
     rate = G / inertia - (viscous / (2.0 * inertia)) ** 2
     bound = np.pi / np.sqrt(rate) if rate > 0.0 else np.inf
-    if x0 == x1 and abs(gravity_moment * np.sin(x0)) <= min(up, down) * (1 + SLACK):
+    load, slack = gravity_moment * np.sin(x0), coulomb + SLACK * max(up, down)
+    if x0 == x1 and -down - slack <= load <= up + slack:
         return Optimum(True, 0.0, theta0, 0.0, 0.0, True, bound, Best(0.0, (), "monotone"))
     rubs = viscous != 0.0 or coulomb != 0.0
     link = Link(inertia, gravity_moment, up, down)

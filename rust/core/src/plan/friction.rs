@@ -131,7 +131,7 @@ impl BackSwings for Search {
             return FARTHEST;
         }
         let (distance, p) = (self.x1 - self.x0, self.up.max(self.down) + self.link.g.abs());
-        let brake = if distance <= self.arrives.reach { self.arrives.at(distance).time } else { 0.0 };
+        let brake = if distance > 0.0 && distance <= self.arrives.reach { self.arrives.at(distance).time } else { 0.0 };
         let stretches = if self.link.viscous < 0.0 || self.link.coulomb < 0.0 { 1.0 } else { 2.0 };
         (((limit - brake).max(0.0) / stretches).powi(2) * 0.5 * p / self.link.inertia).min(FARTHEST)
     }
@@ -157,17 +157,17 @@ pub fn torque_optimal_time_with_friction(
         }
     }
     let mut optimum = TorqueOptimum::new(theta0, thetaf, &link, [viscous, coulomb]);
-    if theta0 == thetaf {
-        optimum.set_monotone(0.0, theta0, 0.0, 0.0);
-        optimum.certified_global = true;
+    if theta0 == thetaf && optimum.set_still(&link) {
         return Ok(optimum);
     }
     let sign = 1.0f64.copysign(thetaf - theta0);
     let along = link.along(sign > 0.0);
     let (x0, x1, up, down) = (sign * theta0, sign * thetaf, along.tau_max, -along.tau_min);
-    match (Straight { x0, x1, up, down, link: optimum.link }).solve() {
-        Ok(Meeting { at, push, brake }) => optimum.set_monotone(push.time + brake.time, sign * (x0 + at), push.time, sign * push.speed),
-        Err(reason) => optimum.reason = reason.along(sign),
+    if x0 != x1 {
+        match (Straight { x0, x1, up, down, link: optimum.link }).solve() {
+            Ok(Meeting { at, push, brake }) => optimum.set_monotone(push.time + brake.time, sign * (x0 + at), push.time, sign * push.speed),
+            Err(reason) => optimum.reason = reason.along(sign),
+        }
     }
     let overdamped = optimum.sturm_bound == f64::INFINITY;
     optimum.certified_global =

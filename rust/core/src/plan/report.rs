@@ -128,6 +128,15 @@ impl fmt::Display for Reason {
 pub enum MonotoneReason {
     /// It is possible.
     Feasible,
+    /// Between equal ends: the link is to stay where this limit cannot hold it.
+    CannotHold {
+        /// The limit.
+        limit: Limit,
+        /// The angle, rad.
+        theta: f64,
+        /// The missing torque, N m.
+        missing: f64,
+    },
     /// The pushing torque cannot leave the start.
     StartBlocked {
         /// Missing torque, N m.
@@ -176,6 +185,7 @@ impl fmt::Display for MonotoneReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             MonotoneReason::Feasible => f.write_str("feasible"),
+            &MonotoneReason::CannotHold { limit, theta, missing } => Reason::CannotHold { limit, theta, missing }.fmt(f),
             MonotoneReason::StartBlocked { missing } => {
                 write!(f, "the torque towards the goal cannot leave the start: more than {missing:.6e} N m are missing")
             }

@@ -5,6 +5,7 @@
 //! xs - x0 = ( -u_min D + G (cos x0 - cos x1) ) / (u_max - u_min)
 //! T = int dx / sqrt(2 K(x)/I)     feasible iff K > 0 inside and the net torque is positive at both ends
 //! certified global iff min(u_max, -u_min) >= |G| and T <= pi sqrt(I/|G|)
+//! x0 = x1: T = 0, feasible and certified iff u_min <= G sin x0 <= u_max
 //! ```
 //!
 //! The certificate is Sturm's comparison: the adjoint obeys `psi_ddot = -(G cos theta/I) psi`, so two switches are
@@ -12,8 +13,9 @@
 
 use super::link::{Link, check_ends};
 use super::monotone::Straight;
-use super::report::MonotoneReason;
+use super::report::{Limit, MonotoneReason};
 use super::search::Swing;
+use super::sine::sin_cos;
 use super::steps::Rough;
 use super::swing::{back_swing, overshoot};
 use crate::error::Result;
@@ -122,15 +124,15 @@ pub fn torque_optimal_time(
     let along = link.along(forward);
     let (x0, x1, g, up, down) = (sign * theta0, sign * thetaf, gravity_moment, along.tau_max, -along.tau_min);
     let mut optimum = TorqueOptimum::new(theta0, thetaf, &link, [0.0; 2]);
-    if x0 == x1 {
-        optimum.set_monotone(0.0, theta0, 0.0, 0.0);
-        optimum.certified_global = true;
+    if x0 == x1 && optimum.set_still(&link) {
         return Ok(optimum);
     }
     let unit = (0.5 * inertia).sqrt();
     let straight = Straight::new(x0, x1, g, up, down);
     let monotone = &straight.monotone;
-    optimum.reason = monotone.reason().along(sign);
+    if x0 != x1 {
+        optimum.reason = monotone.reason().along(sign);
+    }
     if optimum.reason == MonotoneReason::Feasible {
         let (push, brake) = monotone.time_factors();
         let v_peak = monotone.push.energy(monotone.push_length).sqrt() / unit;
@@ -169,6 +171,20 @@ impl TorqueOptimum {
             limits: [tau_min, tau_max],
             link: Rough { inertia, g, viscous, coulomb },
         }
+    }
+
+    /// Between equal ends: no time, if the torque and Coulomb friction can hold the pose, and else the reason. Whether they can.
+    pub(super) fn set_still(&mut self, link: &Link) -> bool {
+        let (theta, load) = (self.theta0, link.gravity_moment * sin_cos(self.theta0).0);
+        let missing = [link.tau_min - load, load - link.tau_max].map(|missing| missing - self.link.coulomb);
+        let (limit, missing) = if missing[0] > missing[1] { (Limit::TauMin, missing[0]) } else { (Limit::TauMax, missing[1]) };
+        self.certified_global = missing <= link.slack();
+        if self.certified_global {
+            self.set_monotone(0.0, theta, 0.0, 0.0);
+        } else {
+            self.reason = MonotoneReason::CannotHold { limit, theta, missing };
+        }
+        self.certified_global
     }
 
     #[inline]

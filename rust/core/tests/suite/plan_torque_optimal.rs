@@ -1,7 +1,7 @@
 //! The torque optimum: the public oracle, random problems against a time-stepping checker, symmetry laws, refusals.
 
 use crate::plan_support::{Problem, Random, cases, near, number, oracle, random_count};
-use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, bang_bang_time, torque_optimal_time};
+use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, bang_bang_time, torque_optimal_time, torque_optimal_time_with_friction};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 fn optimum(p: &Problem) -> TorqueOptimum {
@@ -70,6 +70,22 @@ fn a_swing_can_win_and_can_make_feasible() {
     // Far too weak for one reversal.
     let o = torque_optimal_time(0.0, PI, 1.0, 1.0, -0.01, 0.01).unwrap();
     assert!(!o.feasible && o.best.kind == Family::NoneFound && o.best.t.is_nan(), "{o:?}");
+}
+
+#[test]
+fn equal_ends_take_no_time_where_the_torque_holds_the_pose() {
+    // G sin(pi/6) = 1/2: on the limit, and beyond it by more than the slack.
+    let at = |limit: f64| torque_optimal_time(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, limit).unwrap();
+    let o = at(0.5);
+    assert!(o.feasible && o.t == 0.0 && o.certified_global && o.reason == MonotoneReason::Feasible, "{o:?}");
+    let o = at(0.5 - 1e-9);
+    assert!(!o.feasible && o.t.is_nan() && !o.certified_global && o.best.kind != Family::Monotone, "{o:?}");
+    assert!(matches!(o.reason, MonotoneReason::CannotHold { missing, .. } if near(missing, 1e-9, 1e-6)), "{o:?}");
+    // Coulomb friction holds what the torque does not.
+    let o = torque_optimal_time_with_friction(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, 0.4, 0.2, 0.11).unwrap();
+    assert!(o.feasible && o.t == 0.0, "{o:?}");
+    let o = torque_optimal_time_with_friction(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, 0.4, 0.2, 0.09).unwrap();
+    assert!(!o.feasible && matches!(o.reason, MonotoneReason::CannotHold { .. }) && o.best.t.is_finite(), "{o:?}");
 }
 
 #[test]
