@@ -1,7 +1,7 @@
 """What is public, and what a test speaks of: the two lists that `test_coverage.py` compares.
 
-A name is `function`, `Class`, `Arm.method`, `Class.maker` (a class or static method), or one of these with an optional argument:
-`simulate(tau_max)`.
+A name is `function`, `Class`, `Class.method`, `Class.__call__`, or one of these with an optional argument: `simulate(tau_max)`.
+A class that inherits a method lists it without arguments.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from typing import Any
 import armlet as al
 
 HERE = Path(__file__).parent
+# Classes whose objects tests make by name.
+MADE = (al.Law, al.Motion, al.Simulator, al.PrioritySolver)
 DEFINES = (ast.FunctionDef, ast.ClassDef)
 
 
@@ -33,23 +35,31 @@ def public() -> list[str]:
     found = []
     for name in al.__all__:
         entry = getattr(al, name)
-        members = {}
-        if entry is al.Arm:
-            members = {member: getattr(entry, member) for member in dir(entry) if not member.startswith("_")}
-        elif inspect.isclass(entry):
-            made = {m: v for m, v in vars(entry).items() if isinstance(v, (classmethod, staticmethod)) and not m.startswith("_")}
-            members = {member: getattr(entry, member) for member in made}
+        error = inspect.isclass(entry) and issubclass(entry, BaseException)
+        members = methods(entry) if inspect.isclass(entry) and not error else {}
         calls = {name: entry} | {f"{name}.{member}": value for member, value in members.items()}
         for called, value in calls.items():
-            error = inspect.isclass(value) and issubclass(value, BaseException)
-            found += [called, *(f"{called}({argument})" for argument in ([] if error else optional(value)))]
+            inherited = value is not entry and called.rpartition(".")[2] not in vars(entry)
+            found += [called, *(f"{called}({argument})" for argument in ([] if error or inherited else optional(value)))]
     return found
 
 
+def methods(entry: type) -> dict[str, Any]:
+    """The methods that armlet gives a class, calls of its objects included; of `Arm` the properties too."""
+    own = {member for base in entry.__mro__ if base.__module__.startswith("armlet") for member in vars(base)}
+    names = [member for member in dir(entry) if member in own and (member == "__call__" or not member.startswith("_"))]
+    return {member: getattr(entry, member) for member in names if entry is al.Arm or callable(getattr(entry, member))}
+
+
 def words(name: str) -> set[str]:
-    """What a test that covers this name has to speak of: the last name before the bracket, and the argument."""
+    """What a test that covers this name has to speak of: the last name before the bracket, and the argument.
+
+    A method of an object that tests make by its class needs the class too; a call needs the class alone.
+    """
     call, _, argument = name.rstrip(")").partition("(")
-    return {call.rpartition(".")[2], *([argument] if argument else [])}
+    owner, _, last = call.rpartition(".")
+    made = [owner] if issubclass(getattr(al, owner, object), MADE) and owner not in ("Law", "Motion") else []
+    return {*made, *([last] if last != "__call__" else []), *([argument] if argument else [])}
 
 
 @cache
