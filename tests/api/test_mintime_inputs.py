@@ -234,3 +234,16 @@ def test_profile_of_an_optimum() -> None:
     # With friction it holds a little of the torque back.
     rough = al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0, viscous=0.1, coulomb=0.25)
     assert rough.monotone_profile(0.0) == (0.0, 0.0, 0.75, 1.0) and rough.profile(rough.t)[:3] == (1.0, 0.0, 0.0)
+
+
+def test_threads_change_no_bit_and_the_first_bad_problem_is_named() -> None:
+    rng = np.random.default_rng(6)
+    columns = [*rng.uniform(-4.0, 4.0, (2, 40_000)), *rng.uniform(0.1, 2.0, (3, 40_000))]
+    batch = al.bang_bang_time(*columns)
+    for first in range(0, 40_000, 10_000):
+        part = al.bang_bang_time(*(column[first : first + 10_000] for column in columns))
+        for field in ("feasible", "t_min", "t_max", "a_min", "a_max", "hold_start", "hold_end"):
+            np.testing.assert_array_equal(getattr(batch, field)[first : first + 10_000], getattr(part, field), err_msg=field)
+    columns[2][[17_001, 30_000]] = -1.0
+    with pytest.raises(al.InputError, match=r"inertia is not positive: .*first bad index 17001\)"):
+        al.bang_bang_time(*columns)

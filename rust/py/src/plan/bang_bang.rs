@@ -1,19 +1,17 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
+use super::bang_bang_batch::{ANSWER, BangBangBatch, CHUNK};
 use super::{LinkProblem, NAMES, again, float, part, problem, scalar, symmetric, truth};
-use crate::arrays::{copied, index_of, items, new_array, require_finite, shown, signed, written_arrays};
-use crate::broadcast::{Columns, columns};
-use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::{Breaks, long};
-use crate::seal::{Sealed, seal_call};
+use crate::arrays::require_finite;
+use crate::broadcast::columns;
+use crate::errors::{entry, input_error};
+use crate::interrupts::long;
+use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::interrupt::look;
-use armlet_core::memory;
 use armlet_core::plan::{self, Bind as Core};
 use armlet_macros::entered;
-use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
-use pyo3::types::{PyString, PyTuple};
 
 /// The shortest and the longest duration of the symmetric bang-bang acceleration profile, rest to rest, under torque limits.
 ///
@@ -101,13 +99,13 @@ impl BangBangReport {
         plan::bang_bang_time(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)
     }
 
-    fn solve(problem: LinkProblem) -> Result<Self, Error> {
+    pub(super) fn solve(problem: LinkProblem) -> Result<Self, Error> {
         Ok(BangBangReport { core: Self::core(problem)?, problem })
     }
 }
 
 impl BangBangReport {
-    fn why(&self) -> String {
+    pub(super) fn why(&self) -> String {
         if self.core.feasible { String::new() } else { self.core.reason().to_string() }
     }
 }
@@ -287,167 +285,5 @@ impl Bind {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         part(py, &self.owner, self.field)
-    }
-}
-
-/// The answers of `bang_bang_time` to arrays of problems: the fields of `BangBangReport` as arrays of the broadcast shape.
-#[pyclass(frozen, module = "armlet", name = "BangBangBatch")]
-pub struct BangBangBatch {
-    problems: Columns<6>,
-    #[pyo3(get)]
-    feasible: Py<PyAny>,
-    #[pyo3(get)]
-    t_min: Py<PyAny>,
-    #[pyo3(get)]
-    t_max: Py<PyAny>,
-    #[pyo3(get)]
-    a_min: Py<PyAny>,
-    #[pyo3(get)]
-    a_max: Py<PyAny>,
-    #[pyo3(get)]
-    hold_start: Py<PyAny>,
-    #[pyo3(get)]
-    hold_end: Py<PyAny>,
-    /// How many problems are feasible.
-    solved: usize,
-}
-
-/// Problems solved between two looks at the keyboard: some milliseconds.
-const CHUNK: usize = 1 << 13;
-
-/// Bytes of an answer: four numbers, and three flags that are copied once.
-const ANSWER: usize = 4 * 8 + 3 * 2;
-
-/// The most axes of an index: those of numpy's arrays.
-const MOST_AXES: usize = 64;
-
-/// A refused problem of a batch, with its index.
-fn refused(py: Python<'_>, function: &str, shape: &[usize], i: usize, error: Error) -> Failure {
-    match error {
-        Error::Input { argument, problem } => {
-            input_error(py, function, &argument, format!("{problem} (first bad index {})", index_of(shape, i))).into()
-        }
-        other => other.into(),
-    }
-}
-
-impl BangBangBatch {
-    fn solve(py: Python<'_>, problems: Columns<6>) -> Result<Self, Failure> {
-        let n = problems.count;
-        let shape = &problems.shape;
-        let mut flags: [Vec<bool>; 3] = [memory::filled(n, false)?, memory::filled(n, false)?, memory::filled(n, false)?];
-        let column = |k: usize, start: usize, end: usize| {
-            let column = &problems.columns[k];
-            if column.len() == 1 { &column[..] } else { &column[start..end] }
-        };
-        let [t_min, t_max, a_min, a_max] = written_arrays(py, shape, |mut times| {
-            let solved = long(py, || {
-                for start in (0..n).step_by(CHUNK) {
-                    look();
-                    let end = n.min(start + CHUNK);
-                    // The planner's order: the lower bound first.
-                    let columns = [0, 1, 2, 3, 5, 4].map(|k| column(k, start, end));
-                    let (numbers, flags) = (times.each_mut().map(|x| &mut x[start..end]), flags.each_mut().map(|x| &mut x[start..end]));
-                    if let Err((i, error)) = plan::bang_bang_times(columns, plan::BangBangTimes { numbers, flags }) {
-                        return Ok(Err((start + i, error)));
-                    }
-                }
-                Ok(Ok(()))
-            })?;
-            solved.map_err(|(i, error)| refused(py, "bang_bang_time", shape, i, error))?;
-            Ok(())
-        })?
-        .map(Bound::unbind);
-        let solved = flags[0].iter().filter(|&&f| f).count();
-        let [feasible, hold_start, hold_end] = flags;
-        let flag = |x: Vec<bool>| Ok::<_, Failure>(copied(py, shape, &x)?.unbind());
-        Ok(BangBangBatch {
-            feasible: flag(feasible)?,
-            hold_start: flag(hold_start)?,
-            hold_end: flag(hold_end)?,
-            t_min,
-            t_max,
-            a_min,
-            a_max,
-            solved,
-            problems,
-        })
-    }
-
-    /// The report of problem `i` in C order.
-    fn report(&self, i: usize) -> Result<BangBangReport, Error> {
-        BangBangReport::solve(self.problems.row(i))
-    }
-}
-
-#[entered]
-#[pymethods]
-impl BangBangBatch {
-    /// The shape that the arguments broadcast to.
-    #[getter]
-    fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, &self.problems.shape)
-    }
-
-    /// Why no duration works, as in `BangBangReport.reason`: an array of strings, empty where feasible.
-    #[getter]
-    fn reason<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, "BangBangBatch.reason", || {
-            let numpy = py.import("numpy")?;
-            let mut breaks = Breaks::new();
-            let parts = (0..self.problems.count.max(1)).step_by(CHUNK).map(|first| {
-                breaks.pause(py)?;
-                let last = (first + CHUNK).min(self.problems.count);
-                let words = (first..last).map(|i| Ok(self.report(i)?.why())).collect::<Result<Vec<_>, Error>>()?;
-                Ok(numpy.call_method1("array", (words, PyString::new(py, "str")))?)
-            });
-            let words = numpy.call_method1("concatenate", (parts.collect::<Result<Vec<_>, Failure>>()?,))?;
-            Ok(words.call_method1("reshape", (PyTuple::new(py, &self.problems.shape)?,))?)
-        })
-    }
-
-    /// The report of one problem: its index in C order, or one index for each axis.
-    fn __getitem__(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<BangBangReport> {
-        entry(py, "BangBangBatch", || {
-            let what = "an index: expected an integer, or one for each axis";
-            let parts = match index.cast::<PyTuple>() {
-                Ok(parts) => items("BangBangBatch", "index", what, parts, MOST_AXES)?,
-                Err(_) => vec![index.clone()],
-            };
-            let shape: &[usize] = if parts.len() == 1 { &[self.problems.count] } else { &self.problems.shape };
-            let mut flat = Some(0).filter(|_| parts.len() == shape.len());
-            for (part, &n) in parts.iter().zip(shape) {
-                let i = signed(part)
-                    .ok_or_else(|| input_error(py, "BangBangBatch", "index", format!("is not {what}, got {}", part.get_type())))?;
-                let inside = if i < 0 { i.saturating_add_unsigned(n) } else { i };
-                flat = flat.filter(|_| inside >= 0 && inside < n as isize).map(|k| k * n + inside as usize);
-            }
-            let outside = || PyIndexError::new_err(format!("BangBangBatch: index is out of range: expected one in shape {}", shown(shape)));
-            Ok(self.report(flat.ok_or_else(outside)?)?)
-        })
-    }
-
-    fn __repr__(&self) -> String {
-        format!("BangBangBatch({} problems of shape {}, {} feasible)", self.problems.count, shown(&self.problems.shape), self.solved)
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        let shape = &self.problems.shape;
-        let mut kept = Vec::new();
-        for (k, column) in self.problems.columns.iter().enumerate() {
-            // The first column carries the shape, the others only their numbers.
-            let full = k == 0 || column.len() != 1;
-            let axes: &[usize] = if full { shape } else { &[] };
-            let fill = |out: &mut [f64]| {
-                if column.len() == out.len() {
-                    out.copy_from_slice(column)
-                } else {
-                    out.fill(column[0])
-                }
-                Ok(())
-            };
-            kept.push(entry(py, "BangBangBatch", || new_array(py, axes, fill))?);
-        }
-        seal_call(py, "_restore_plan", ("bang_bang_time", PyTuple::new(py, kept)?).into_pyobject(py)?)
     }
 }

@@ -1,6 +1,7 @@
 //! Minimum-time planning of one link under gravity: the arguments of the planners, and their results' pickling.
 
 pub mod bang_bang;
+pub mod bang_bang_batch;
 pub mod profiles;
 pub mod time_path;
 pub mod timed_path;
