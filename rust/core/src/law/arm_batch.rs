@@ -16,8 +16,11 @@ pub struct ArmBatch {
     declined: Vec<usize>,
 }
 
-/// The program of a solver, and the thresholds it was made with.
-type Made = Option<(Option<Vec<f64>>, Option<Evaluation>)>;
+/// What a program was made with: thresholds and bounds.
+type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
+
+/// The program of a solver, and what it was made with.
+type Made = Option<(With, Option<Evaluation>)>;
 
 /// Room for the program of a solver, shared by its copies.
 pub(super) type SharedProgram = Arc<Mutex<Made>>;
@@ -25,16 +28,16 @@ pub(super) type SharedProgram = Arc<Mutex<Made>>;
 /// The program of a solver that has made it already, or a new one. Never waits: a process that was forked while another thread of its
 /// parent held the lock would wait for ever.
 fn program(solver: &ArmSolver) -> Option<Evaluation> {
-    let eps = solver.solver().eps();
+    let (eps, bounds) = (solver.solver().eps(), solver.solver().bounds());
     let mut kept = solver.kept().try_lock().ok();
     if let Some(Some((made_with, program))) = kept.as_deref()
-        && made_with.as_deref() == eps
+        && (made_with.0.as_deref(), made_with.1.as_ref()) == (eps, bounds)
     {
         return program.clone();
     }
     let program = recorded(solver);
     if let Some(kept) = &mut kept {
-        **kept = Some((eps.map(<[f64]>::to_vec), program.clone()));
+        **kept = Some(((eps.map(<[f64]>::to_vec), bounds.cloned()), program.clone()));
     }
     program
 }

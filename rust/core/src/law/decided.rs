@@ -65,8 +65,11 @@ impl Solve for RecordedSolver {
 
     fn of(solver: PrioritySolver) -> Option<Self> {
         let total = solver.rows().iter().sum::<usize>();
+        if solver.method().has_bounds() {
+            return None;
+        }
         let (jacobian, command) = (vec![Sym::zero(); total * solver.n()], vec![Sym::zero(); total]);
-        Some(RecordedSolver { route: solver.regular()?, jacobian, command, stands: Sym::zero() })
+        Some(RecordedSolver { route: solver.regular(), jacobian, command, stands: Sym::zero() })
     }
     fn inputs(&mut self) -> (&mut [Sym], &mut [Sym]) {
         (&mut self.jacobian, &mut self.command)

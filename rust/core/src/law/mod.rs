@@ -305,8 +305,8 @@ impl LawSpec {
     pub fn is_recordable(&self) -> bool {
         match self {
             LawSpec::External(_) => false,
-            LawSpec::PriorityVelocity(law) => law.options.method.has_regular_route(),
-            LawSpec::PriorityAcceleration(law) => law.options.method.has_regular_route(),
+            LawSpec::PriorityVelocity(law) => !law.options.method.has_bounds(),
+            LawSpec::PriorityAcceleration(law) => !law.options.method.has_bounds(),
             _ => true,
         }
     }

@@ -17,7 +17,7 @@ pub const FEW: usize = 32;
 
 impl PrioritySolver {
     /// The regular route for one row or for lanes as a function of what `stack` makes, from so many inputs: rounding, Jacobians and command. The answer:
-    /// one where it stands and zero where it declines, `v` and, if wanted, the residuals. `None` where there is no such route.
+    /// one where it stands and zero where it declines, `v` and, if wanted, the residuals. `None` where it would be too long.
     pub fn recorded<T>(
         &self,
         lanes: bool,
@@ -27,12 +27,11 @@ impl PrioritySolver {
         stack: impl FnOnce(T, &[Sym]) -> (Sym, Vec<Sym>, Vec<Sym>),
     ) -> Option<Evaluation> {
         let size = self.n() * self.n() * self.rows().iter().sum::<usize>();
-        if !self.method().has_regular_route() || size > MOST {
+        if size > MOST {
             return None;
         }
         let set_up = || (self.regular::<Sym>(), set_up());
-        record(lanes, inputs, set_up, |(route, made), inputs| {
-            let Some(mut route) = route else { return Vec::new() };
+        record(lanes, inputs, set_up, |(mut route, made), inputs| {
             let (rounding, jacobian, command) = stack(made, inputs);
             let stands = route.solve(rounding, &jacobian, &command);
             let rest = if residuals { &route.residual[..] } else { &[] };

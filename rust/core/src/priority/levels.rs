@@ -217,7 +217,8 @@ impl Workspace {
             let k = self.project(i)?;
             let (rank, spent) = self.consume_exact_rank(i, &mut condition)?;
             self.ranks[i] = rank;
-            self.lost[i] = kinematic || rank < m.min(k);
+            // A level without freedom has none to lose.
+            self.lost[i] = kinematic && k > 0 || rank < m.min(k);
             if self.is_followed(i) {
                 self.consume(spent);
             }

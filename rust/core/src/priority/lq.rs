@@ -78,8 +78,15 @@ impl<S: Real> Factor<S> {
 
     /// `v = Q' y`.
     pub fn turn_back(&self, v: &mut [S]) {
-        v.copy_from_slice(&self.y);
-        (0..self.fit()).rev().for_each(|at| self.reflect(at, v));
+        self.turn_back_first(self.n, v);
+    }
+
+    /// The same of the first coordinates alone.
+    pub fn turn_back_first(&self, used: usize, v: &mut [S]) {
+        let (first, rest) = v.split_at_mut(used);
+        first.copy_from_slice(&self.y[..used]);
+        rest.fill(S::zero());
+        (0..self.fit().min(used)).rev().for_each(|at| self.reflect(at, v));
     }
 
     /// `|T^-1|_F^2` of the diagonal block of `m` rows from `used` on.

@@ -32,9 +32,9 @@ impl PriorityMethod {
     pub const ALL: [PriorityMethod; 5] =
         [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Damped, PriorityMethod::Chiaverini, PriorityMethod::Sns];
 
-    /// Whether it is equation (5) away from singularities, and then solved without a branch.
-    pub fn has_regular_route(self) -> bool {
-        matches!(self, PriorityMethod::Exact | PriorityMethod::Clamp | PriorityMethod::Damped)
+    /// Whether it keeps joint velocities within bounds. A law has them from its state, and is not recorded.
+    pub fn has_bounds(self) -> bool {
+        self == PriorityMethod::Sns
     }
 
     /// The name used in Python.

@@ -5,7 +5,7 @@
 //! with any number of levels of any size. Five maps realise it (`PriorityMethod`); `diagnose` says which directions of which level
 //! can be commanded at all, and why not. Derivation, limits and a table of the methods: `docs/priority.md`.
 //!
-//! Three layers: `regular` solves (5) by one LQ factorisation where it can prove that every singular value is large;
+//! Three layers: `regular` solves by LQ factorisations where it can prove that every singular value is large and no bound is met;
 //! `levels` is the general recursion over singular values; `sns` adds bounds. `batch` runs many stacks through the program of the first. `solver`
 //! owns the buffers and chooses.
 
@@ -18,6 +18,7 @@ mod lq;
 mod matrices;
 mod method;
 mod metric;
+mod own;
 #[doc(hidden)]
 mod regular;
 mod sns;

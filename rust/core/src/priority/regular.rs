@@ -6,12 +6,16 @@
 //! smallest singular value of `J_i N_{i-1}` from below, and must reach `eps_i` (`clamp`, `damped`) or pass the rank rule with
 //! six digits to spare (`exact`). Otherwise it declines, having decided nothing, and `levels` takes over.
 //!
+//! `sns` is `exact` where zero and the velocities of every level with those above are within the bounds. `chiaverini` sums
+//! `P_{i-1} J_i# v_i` with the ranks of `exact`: `P_{i-1}` drops the coordinates of the levels above, and `1/|J_i#|_F` must reach `eps_i`.
+//!
 //! One source for a single stack and for a recording: nothing here branches on the numbers, so that the program of a recording and a
 //! direct solve of the same instruction set agree to the bit.
 
 use super::lq::{Factor, product, tall};
 use super::method::{DEFAULT_EPS, PriorityMethod};
 use super::metric::Metric;
+use super::own::Own;
 use super::workspace::TAME;
 use crate::scalar::{Float, Real};
 use crate::trace::Evaluation;
@@ -26,10 +30,14 @@ pub struct Regular<S> {
     rows: Vec<usize>,
     /// Levels that fit into the freedom left: their rows come first and are rows of `L`.
     fitting: usize,
-    exact: bool,
+    method: PriorityMethod,
     /// Squares of the thresholds, where they are given.
     eps2: Option<Vec<S>>,
     metric: Option<Metric<S>>,
+    /// Velocity bounds of `sns`, least and most.
+    bounds: [Vec<S>; 2],
+    /// The levels by themselves, of `chiaverini`.
+    own: Option<Own<S>>,
     factor: Factor<S>,
     /// The rows of the level that does not fit, where freedom is left for it.
     tall: Vec<S>,
@@ -44,11 +52,8 @@ pub struct Regular<S> {
 }
 
 impl<S: Real> Regular<S> {
-    /// For levels of these sizes, thresholds and metric; `None` for a method that does not take this route.
-    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
-        if !method.has_regular_route() {
-            return None;
-        }
+    /// For levels of these sizes, thresholds and metric; the bounds of `sns` follow.
+    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Self {
         let (mut fit, mut fitting) = (0, 0);
         while fitting < rows.len() && fit + rows[fitting] <= n {
             fit += rows[fitting];
@@ -61,9 +66,11 @@ impl<S: Real> Regular<S> {
             n,
             rows: rows.to_vec(),
             fitting,
-            exact: method == PriorityMethod::Exact,
+            method,
             eps2: None,
             metric: metric.map(Metric::lift),
+            bounds: [f64::NEG_INFINITY, f64::INFINITY].map(|bound| vec![S::splat(bound); n]),
+            own: (method == PriorityMethod::Chiaverini).then(|| Own::new(n, rows)),
             factor: Factor::new(n, fit),
             tall: zeros(behind * n),
             most2: zeros(rows.len()),
@@ -76,7 +83,14 @@ impl<S: Real> Regular<S> {
         if let Some(eps) = eps {
             route.set_eps(eps);
         }
-        Some(route)
+        route
+    }
+
+    /// Bounds of `sns`, `(n,)`.
+    pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) {
+        for (own, given) in self.bounds.iter_mut().zip([v_min, v_max]) {
+            own.iter_mut().zip(given).for_each(|(own, &bound)| *own = S::from_lanes(|_| bound));
+        }
     }
 
     pub fn set_eps(&mut self, eps: &[f64]) {
@@ -92,18 +106,73 @@ impl<S: Real> Regular<S> {
         for at in 0..fit {
             self.factor.eliminate(at, command[at]);
         }
-        let stands = self.judge(rounding, command);
-        let Regular { n, metric, factor, v, residual, .. } = self;
-        factor.turn_back(v);
-        if let Some(metric) = metric {
-            metric.velocity(v);
+        let mut stands = self.judge(rounding, command);
+        match self.method {
+            PriorityMethod::Exact | PriorityMethod::Clamp | PriorityMethod::Damped => {}
+            PriorityMethod::Chiaverini => stands = self.sum_up(stands, jacobian, command),
+            PriorityMethod::Sns => stands = self.stay_within(stands),
         }
+        self.joint_velocities(self.n);
+        let Regular { n, v, residual, .. } = self;
         // What is not finite compares with nothing.
         let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
         residual.iter_mut().zip(jacobian.chunks_exact(*n)).zip(command).fold(stands, |stands, ((residual, row), &command)| {
             *residual = command - product(row, v);
             S::select(residual.abs().lt(infinity), stands, zero)
         })
+    }
+
+    /// The joint velocities of the first `used` coordinates into `v`.
+    fn joint_velocities(&mut self, used: usize) {
+        self.factor.turn_back_first(used, &mut self.v);
+        if let Some(metric) = &self.metric {
+            metric.velocity(&mut self.v);
+        }
+    }
+
+    /// `stands` where zero and the velocities of every level with those above are within the bounds, else zero.
+    fn stay_within(&mut self, stands: S) -> S {
+        let (mut stands, mut used) = (stands, 0);
+        self.v.fill(S::zero());
+        for i in 0..self.rows.len() {
+            stands = self.within(stands);
+            used = self.n.min(used + self.rows[i]);
+            self.joint_velocities(used);
+        }
+        self.within(stands)
+    }
+
+    /// `stands` where `v` is within the bounds, else zero.
+    fn within(&self, stands: S) -> S {
+        let [lower, upper] = &self.bounds;
+        let bounds = lower.iter().zip(upper);
+        self.v
+            .iter()
+            .zip(bounds)
+            .fold(stands, |stands, (&v, (&lower, &upper))| S::select(v.lt(lower), S::zero(), S::select(upper.lt(v), S::zero(), stands)))
+    }
+
+    /// The coordinates of `sum P_{i-1} J_i# v_i`; `stands` where every level by itself is away from its singularities, else zero.
+    fn sum_up(&mut self, mut stands: S, jacobian: &[S], command: &[S]) -> S {
+        let Regular { n, rows, eps2, metric, factor, own, .. } = self;
+        let (Some(own), mut start) = (own, 0) else { return S::zero() };
+        factor.y.fill(S::zero());
+        for (i, &m) in rows.iter().enumerate().filter(|(_, m)| **m > 0) {
+            // A level without freedom decides nothing here, too.
+            if start >= *n {
+                break;
+            }
+            let level = start..start + m;
+            let [inverse2, most2] = own.solve(i, &jacobian[level.start * *n..level.end * *n], metric.as_ref(), &command[level.clone()]);
+            factor.turn(&mut own.v);
+            for c in start..*n {
+                factor.y[c] += own.v[c];
+            }
+            let excess = inverse2 * threshold2(eps2.as_deref(), i, most2);
+            stands = S::select(S::splat(1.0).lt(excess), S::zero(), S::select(excess.lt(S::splat(2.0)), stands, S::zero()));
+            start = level.end;
+        }
+        stands
     }
 
     /// The stack in the coordinates of the metric, and the norms of its levels.
@@ -114,24 +183,14 @@ impl<S: Real> Regular<S> {
         for (i, &m) in rows.iter().enumerate().take(*fitting + 1) {
             let level = if i < *fitting { &mut factor.l[at..at + m * n] } else { &mut tall[..] };
             debug_assert!(i < *fitting || at == fit, "the level that does not fit comes behind those that do");
-            let (mut most, mut sum) = (S::zero(), S::zero());
-            for (row, given) in level.chunks_exact_mut(n).zip(jacobian[at..].chunks_exact(n)) {
-                row.copy_from_slice(given);
-                if let Some(metric) = metric {
-                    metric.row(row);
-                }
-                let row2 = product(row, row);
-                most = S::select(most.lt(row2), row2, most);
-                sum += row2;
-            }
-            (most2[i], norm2[i]) = (most, sum);
+            [most2[i], norm2[i]] = self::load(&jacobian[at..], metric.as_ref(), level, n);
             at += m * n;
         }
     }
 
     /// Whether every level is regular, with the coordinates of the level that does not fit.
     fn judge(&mut self, rounding: S, command: &[S]) -> S {
-        let Regular { n, rows, fitting, exact, eps2, factor, tall: behind, most2, norm2, r, z, .. } = self;
+        let Regular { n, rows, fitting, method, eps2, factor, tall: behind, most2, norm2, r, z, .. } = self;
         let (one, zero) = (S::splat(1.0), S::zero());
         let (mut stands, mut used, mut condition) = (one, 0, one);
         for (i, &m) in rows.iter().enumerate() {
@@ -149,19 +208,39 @@ impl<S: Real> Regular<S> {
                 tall(behind, &command[used..used + m], used, &mut factor.y, r, z)
             };
             used += p;
-            let excess = if *exact {
+            let excess = if matches!(method, PriorityMethod::Exact | PriorityMethod::Chiaverini | PriorityMethod::Sns) {
                 let relative2 = inverse2 * norm2;
                 let floor = S::splat(EXACT_FLOOR).max(rounding * condition);
                 condition *= relative2.sqrt();
                 relative2 * floor * floor
             } else {
-                inverse2 * eps2.as_ref().map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2[i], |eps2| eps2[i])
+                inverse2 * threshold2(eps2.as_deref(), i, most2[i])
             };
             // NaN fails every comparison and declines.
             stands = S::select(one.lt(excess), zero, S::select(excess.lt(S::splat(2.0)), stands, zero));
         }
         stands
     }
+}
+
+/// Rows of a Jacobian, in the coordinates of the metric; the squares of the largest row norm and of the Frobenius norm.
+pub(super) fn load<S: Real>(jacobian: &[S], metric: Option<&Metric<S>>, rows: &mut [S], n: usize) -> [S; 2] {
+    let (mut most, mut sum) = (S::zero(), S::zero());
+    for (row, given) in rows.chunks_exact_mut(n).zip(jacobian.chunks_exact(n)) {
+        row.copy_from_slice(given);
+        if let Some(metric) = metric {
+            metric.row(row);
+        }
+        let row2 = product(row, row);
+        most = S::select(most.lt(row2), row2, most);
+        sum += row2;
+    }
+    [most, sum]
+}
+
+/// The square of the threshold of level `i`, whose largest row norm is the root of `most2`.
+fn threshold2<S: Real>(eps2: Option<&[S]>, i: usize, most2: S) -> S {
+    eps2.map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2, |eps2| eps2[i])
 }
 
 /// Directions of every level that are realised where the route stands.
@@ -183,9 +262,8 @@ pub(super) struct Single {
 
 impl Single {
     /// As [`Regular::new`].
-    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
-        let direct = Regular::new(n, rows, method, eps, metric)?;
-        Some(Single { direct, program: None })
+    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Self {
+        Single { direct: Regular::new(n, rows, method, eps, metric), program: None }
     }
 
     /// Take this program, of [`PrioritySolver::of_stacks`](super::PrioritySolver), from now on.
@@ -197,6 +275,12 @@ impl Single {
     pub fn set_eps(&mut self, eps: &[f64]) {
         self.program = None;
         self.direct.set_eps(eps);
+    }
+
+    /// The program is of other bounds.
+    pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) {
+        self.program = None;
+        self.direct.set_bounds(v_min, v_max);
     }
 
     /// Solve into `v` and `residual`; false where the route declines.

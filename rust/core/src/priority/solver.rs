@@ -5,7 +5,7 @@
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 use super::metric::Metric;
-use super::regular::{Regular, Single};
+use super::regular::Regular;
 use super::sns::Saturation;
 use super::workspace::{TAME, Workspace};
 use crate::error::{Error, Result, finite, positive};
@@ -68,7 +68,6 @@ impl PrioritySolver {
         // Jacobians twice, two decompositions with their bases, and what the regular route takes.
         let (total, most) = rows.iter().fold((0, n), |(total, most): (usize, usize), &m| (total.saturating_add(m), most.max(m)));
         memory::require((16_usize.saturating_mul(most)).saturating_add(8_usize.saturating_mul(total)).saturating_mul(8 * most))?;
-        let mut work = Workspace::new(n, rows);
         let eps = match options.eps.as_deref() {
             None => None,
             Some([one]) => Some(vec![*one; levels]),
@@ -76,11 +75,8 @@ impl PrioritySolver {
             Some(each) => return Err(Error::input("eps", format!("has the wrong length: expected 1 or {levels}, got {}", each.len()))),
         };
         eps.iter().flatten().try_for_each(|e| positive("eps", *e))?;
-        work.eps = eps;
-        if let Some(weight) = &options.weight {
-            work.metric = Some(Metric::new(weight, n)?);
-        }
-        work.regular = Single::new(n, rows, options.method, work.eps.as_deref(), work.metric.as_ref());
+        let metric = options.weight.as_ref().map(|weight| Metric::new(weight, n)).transpose()?;
+        let work = Workspace::new(n, rows, options.method, eps, metric);
         let saturation = (options.method == PriorityMethod::Sns).then(|| Saturation::new(n));
         let mut solver = PrioritySolver { method: options.method, work, saturation, status: Status::Success, uses: 0 };
         solver.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
@@ -128,9 +124,18 @@ impl PrioritySolver {
         self.work.eps.as_deref()
     }
 
-    /// The route without a branch, for stacks away from singularities, on another number; `None` where the method has none.
-    pub fn regular<S: Real>(&self) -> Option<Regular<S>> {
-        Regular::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
+    /// Bounds of the joint velocities, least and most, where there are any.
+    pub fn bounds(&self) -> Option<&(Vec<f64>, Vec<f64>)> {
+        self.work.bounds.as_ref()
+    }
+
+    /// The route without a branch, for stacks away from singularities, on another number.
+    pub fn regular<S: Real>(&self) -> Regular<S> {
+        let mut route = Regular::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref());
+        if let Some((v_min, v_max)) = self.bounds() {
+            route.set_bounds(v_min, v_max);
+        }
+        route
     }
 
     /// Relative error of the entries of the next Jacobians, `8 eps (1 + sum|q|)` when an arm made them.
@@ -152,9 +157,7 @@ impl PrioritySolver {
             Some(own) => own.copy_from_slice(eps),
             None => self.work.eps = Some(eps.to_vec()),
         }
-        if let Some(regular) = &mut self.work.regular {
-            regular.set_eps(eps);
-        }
+        self.work.regular.set_eps(eps);
         Ok(())
     }
 
@@ -177,6 +180,7 @@ impl PrioritySolver {
         if let Some((lower, upper)) = &mut self.work.bounds {
             lower.copy_from_slice(v_min);
             upper.copy_from_slice(v_max);
+            self.work.regular.set_bounds(v_min, v_max);
         }
         Ok(())
     }
@@ -202,9 +206,7 @@ impl PrioritySolver {
         self.uses += 1;
         if self.uses == OFTEN {
             let program = self.of_stacks(false);
-            if let Some(regular) = &mut self.work.regular {
-                regular.take(program);
-            }
+            self.work.regular.take(program);
         }
     }
 

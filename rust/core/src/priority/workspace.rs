@@ -1,5 +1,6 @@
 //! The buffers of a solve: allocated once, sized by the number of joints and the rows of each level.
 
+use super::method::PriorityMethod;
 use super::metric::Metric;
 use super::regular::{Single, regular_ranks};
 use crate::linalg::svd::Svd;
@@ -36,8 +37,8 @@ pub(super) struct Workspace {
     pub r: Vec<f64>,
     pub t: Vec<f64>,
     pub z: Vec<f64>,
-    /// The regular route, for methods that take it.
-    pub regular: Option<Single>,
+    /// The regular route.
+    pub regular: Single,
     /// The answer in metric coordinates.
     pub y: Vec<f64>,
     /// Results.
@@ -54,7 +55,7 @@ pub(super) struct Workspace {
 }
 
 impl Workspace {
-    pub fn new(n: usize, rows: &[usize]) -> Self {
+    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<Vec<f64>>, metric: Option<Metric>) -> Self {
         let total: usize = rows.iter().sum();
         let most = rows.iter().copied().max().unwrap_or(0).max(n);
         let levels = rows.len();
@@ -79,15 +80,15 @@ impl Workspace {
             r: vec![0.0; most],
             t: vec![0.0; most * n],
             z: vec![0.0; most],
-            regular: None,
+            regular: Single::new(n, rows, method, eps.as_deref(), metric.as_ref()),
             y: vec![0.0; n],
             v: vec![0.0; n],
             residual: vec![0.0; total],
             ranks: vec![0; levels],
             lost: vec![false; levels],
             task_scale: vec![1.0; levels],
-            metric: None,
-            eps: None,
+            metric,
+            eps,
             rounding: super::DEFAULT_ROUNDING,
             bounds: None,
         }
@@ -95,10 +96,11 @@ impl Workspace {
 
     /// Solve into `v`, `residual` and `ranks`; false if some level is not provably regular or some number is not tame.
     pub fn solve_regular(&mut self) -> bool {
-        let Workspace { n, rows, regular, jacobian, command, rounding, v, residual, ranks, .. } = self;
-        let stands = regular.as_mut().is_some_and(|regular| regular.solve(*rounding, jacobian, command, v, residual));
+        let Workspace { n, rows, regular, jacobian, command, rounding, v, residual, ranks, task_scale, .. } = self;
+        let stands = regular.solve(*rounding, jacobian, command, v, residual);
         if stands {
             ranks.iter_mut().zip(regular_ranks(*n, rows)).for_each(|(to, rank)| *to = rank);
+            task_scale.fill(1.0);
         }
         stands
     }

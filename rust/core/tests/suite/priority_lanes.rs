@@ -154,3 +154,49 @@ fn the_number_of_threads_and_of_rows_changes_no_bit() {
     assert!(solve_stacks(&small, &many, answers, 1, &mut || true));
     assert_eq!(status[rows - 1], -1);
 }
+
+#[test]
+fn the_regular_route_is_the_recursion_over_singular_values() {
+    let mut random = Random::new(SEED + 2);
+    for method in PriorityMethod::ALL {
+        let (mut stood, mut declined) = (0, 0);
+        for trial in 0..200 {
+            let b = batch(&mut random, 30);
+            let weight: Vec<f64> = (0..b.n * b.n).map(|k| if k / b.n == k % b.n { 2.0 + (k / b.n) as f64 } else { 0.3 }).collect();
+            // Of one sign in every tenth trial, so that zero is out of bounds.
+            let v_min = vec![if trial % 10 == 9 { 0.1 } else { -1.5 }; b.n];
+            let bounds = (method == PriorityMethod::Sns).then(|| (v_min, vec![2.0; b.n]));
+            let (v_min, v_max) = bounds.unzip();
+            let (eps, weight) = ((trial % 3 == 1).then(|| vec![0.1]), (trial % 4 == 3).then_some(weight));
+            let options = PriorityOptions { v_min, v_max, eps, weight, ..PriorityOptions::new(method) };
+            let mut solver = PrioritySolver::new(b.n, &b.rows, &options).unwrap();
+            let mut route = solver.regular::<f64>();
+            for i in (0..30).filter(|i| i % 5 > 0) {
+                let part = |x: &[Vec<f64>], width: usize| -> Vec<f64> {
+                    x.iter().zip(&b.rows).flat_map(|(x, &m)| x[i * m * width..(i + 1) * m * width].to_vec()).collect()
+                };
+                let (jacobian, command) = (part(&b.jacobians, b.n), part(&b.velocities, 1));
+                if route.solve(8.0 * f64::EPSILON, &jacobian, &command) != 1.0 {
+                    declined += 1;
+                    continue;
+                }
+                stood += 1;
+                let (to, wanted) = solver.inputs();
+                to.copy_from_slice(&jacobian);
+                wanted.copy_from_slice(&command);
+                assert_eq!(solver.run_singular().unwrap(), Status::Success, "{method:?}, rows {:?}", b.rows);
+                assert!(solver.scales().iter().all(|&scale| scale == 1.0));
+                let largest = route.v.iter().fold(1.0f64, |most, v| most.max(v.abs()));
+                for (regular, singular) in route.v.iter().zip(solver.v()) {
+                    // Rounding, times the condition of random stacks.
+                    assert!((regular - singular).abs() < 1e-9 * largest, "{method:?}, rows {:?}: {regular} {singular}", b.rows);
+                }
+                let ranks = solver.ranks().to_vec();
+                solver.run().unwrap();
+                assert_eq!(solver.ranks(), ranks, "{method:?}, rows {:?}", b.rows);
+            }
+        }
+        println!("seed {SEED}: {method:?}: {stood} stood, {declined} declined");
+        assert!(stood > 300 && (declined > 300 || method != PriorityMethod::Sns), "{method:?}: {stood} {declined}");
+    }
+}

@@ -1,0 +1,54 @@
+//! `J_i# v_i` of each level by itself, away from singularities: by an LQ factorisation of its rows, or by least squares where it has more
+//! rows than joints. For the method `chiaverini`.
+
+use super::lq::{Factor, tall};
+use super::metric::Metric;
+use super::regular::load;
+use crate::scalar::Real;
+
+/// The levels, with their buffers.
+#[derive(Debug, Clone)]
+pub(super) struct Own<S> {
+    levels: Vec<Level<S>>,
+    r: Vec<S>,
+    z: Vec<S>,
+    /// `J_i# v_i`, `(n,)`.
+    pub v: Vec<S>,
+}
+
+#[derive(Debug, Clone)]
+struct Level<S> {
+    factor: Factor<S>,
+    /// The rows of a level with more rows than joints.
+    tall: Vec<S>,
+}
+
+impl<S: Real> Own<S> {
+    /// For levels of these rows.
+    pub fn new(n: usize, rows: &[usize]) -> Self {
+        let zeros = |k: usize| vec![S::zero(); k];
+        let most = rows.iter().copied().max().unwrap_or(0).max(n);
+        let level = |&m: &usize| match m <= n {
+            true => Level { factor: Factor::new(n, m), tall: Vec::new() },
+            false => Level { factor: Factor::new(n, 0), tall: zeros(m * n) },
+        };
+        Own { levels: rows.iter().map(level).collect(), r: zeros(most), z: zeros(most), v: zeros(n) }
+    }
+
+    /// Solve level `i` into `v`; `|J_i#|_F^2` and the square of the largest row norm.
+    pub fn solve(&mut self, i: usize, jacobian: &[S], metric: Option<&Metric<S>>, command: &[S]) -> [S; 2] {
+        let Own { levels, r, z, v } = self;
+        let Level { factor, tall: rows } = &mut levels[i];
+        factor.y.fill(S::zero());
+        if rows.is_empty() {
+            let [most2, _] = load(jacobian, metric, &mut factor.l, v.len());
+            command.iter().enumerate().for_each(|(at, &command)| factor.eliminate(at, command));
+            factor.turn_back(v);
+            return [factor.inverse_norm2(0, command.len(), z), most2];
+        }
+        let [most2, _] = load(jacobian, metric, rows, v.len());
+        let inverse2 = tall(rows, command, 0, &mut factor.y, r, z);
+        v.copy_from_slice(&factor.y);
+        [inverse2, most2]
+    }
+}
