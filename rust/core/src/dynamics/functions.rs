@@ -9,13 +9,13 @@ use super::recorded::{ArmCall, ArmFunction};
 use crate::arm::Arm;
 use crate::error::Result;
 use crate::trace::cache::free;
+use crate::trace::function::CALLS;
 use std::sync::{Arc, Mutex};
 
 /// Rows of a query after which its program is made.
 const WORTH: usize = 256;
 
-/// Single calls of a query after which its program is made, and operations beyond which that would take more than 1 ms.
-const CALLS: usize = 16;
+/// Operations beyond which making the program for single calls would take more than 1 ms.
 const SHORT: f64 = 3_000.0;
 
 /// Queries of one arm whose programs are kept.

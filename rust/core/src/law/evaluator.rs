@@ -3,11 +3,8 @@
 use super::{Law, LawSpec};
 use crate::motion::{Motion, sample_all};
 use crate::scalar::{Float, Real};
-use crate::trace::function::{Evaluation, record};
+use crate::trace::function::{CALLS, Evaluation, record};
 use crate::trace::sym::Sym;
-
-/// Calls after which the program of the law is made.
-const CALLS: usize = 16;
 
 /// Joints of the largest arm whose law becomes a program here: more would take longer to record than the calls save.
 const MOST_JOINTS: usize = 12;

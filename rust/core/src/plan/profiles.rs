@@ -197,24 +197,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
     let n = (128 + 24 * (m.x1 - m.x0).min(1e4) as usize).next_multiple_of(2);
     let at = |k: usize| k as f64 / n as f64;
     let (mut upper, mut lower) = ((f64::INFINITY, 0.5), (f64::NEG_INFINITY, 0.5));
-    let polish = |k: usize, f: &dyn Fn(f64) -> f64| {
-        const GOLDEN: f64 = 0.618_033_988_749_894_8;
-        let (mut a, mut b) = (at(k.saturating_sub(1)), at((k + 1).min(n)));
-        let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
-        let (mut fc, mut fd) = (f(c), f(d));
-        for _ in 0..44 {
-            if fc < fd {
-                (b, d, fd) = (d, c, fc);
-                c = b - GOLDEN * (b - a);
-                fc = f(c);
-            } else {
-                (a, c, fc) = (c, d, fd);
-                d = a + GOLDEN * (b - a);
-                fd = f(d);
-            }
-        }
-        if fc < fd { (fc, c) } else { (fd, d) }
-    };
+    let polish = |k: usize, f: &dyn Fn(f64) -> f64| golden(f, at(k.saturating_sub(1)), at((k + 1).min(n)), 44);
     let (up, down) = (|u: f64| m.quintic_bounds(u).1, |u: f64| -m.quintic_bounds(u).0);
     for (f, is_upper) in [(&up as &dyn Fn(f64) -> f64, true), (&down, false)] {
         let (mut before, mut here) = (f64::INFINITY, f(at(0)));
@@ -253,21 +236,27 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
             }
             worst.max(here)
         };
-        least_excess(excess, hi - lo + gravity_moment.abs())
+        // A maximum of lines, so convex in `k`.
+        excess(0.0).min(golden(excess, 0.0, hi - lo + gravity_moment.abs(), 60).0)
     };
     Ok(m.report((lower.0, m.quintic_angle(lower.1)), (upper.0, m.quintic_angle(upper.1)), hold, missing))
 }
 
-/// The least of a convex function of `k >= 0` (a maximum of lines), by golden section on `[0, scale]`.
-fn least_excess(excess: impl Fn(f64) -> f64, scale: f64) -> f64 {
+/// The least of a function with one valley on `[a, b]`, and where, by golden section in so many steps (Kiefer 1953).
+fn golden(f: impl Fn(f64) -> f64, mut a: f64, mut b: f64, steps: usize) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
-    let (mut a, mut b) = (0.0, scale);
-    let mut found = excess(0.0);
-    for _ in 0..60 {
-        let (c, d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
-        let (fc, fd) = (excess(c), excess(d));
-        found = found.min(fc).min(fd);
-        if fc < fd { b = d } else { a = c }
+    let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+    let (mut fc, mut fd) = (f(c), f(d));
+    for _ in 0..steps {
+        if fc < fd {
+            (b, d, fd) = (d, c, fc);
+            c = b - GOLDEN * (b - a);
+            fc = f(c);
+        } else {
+            (a, c, fc) = (c, d, fd);
+            d = a + GOLDEN * (b - a);
+            fd = f(d);
+        }
     }
-    found
+    if fc < fd { (fc, c) } else { (fd, d) }
 }

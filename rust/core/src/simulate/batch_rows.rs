@@ -45,7 +45,6 @@ pub struct GroupRecorder<'a> {
     status: &'a mut [Status],
     ended: &'a mut [f64],
     balances: [&'a mut [f64]; 4],
-    names: &'static [&'static str],
     /// The record that is being written.
     record: Vec<f64>,
     /// The records of each run that are written.
@@ -126,7 +125,6 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
     let mut balances = out.balances.each_mut().map(|numbers| numbers.chunks_mut(lanes));
-    let names = monitors::names(problem);
     // The parts of the series and the metrics are many small vectors.
     let parts = arrays.len() * size_of::<Series>() + metrics.len() * size_of::<&mut [f64]>() + 8 * width;
     memory::require(ended.len() * (size_of::<GroupRecorder>() + parts + 32))?;
@@ -152,7 +150,6 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
         status,
         ended,
         balances: balances.each_mut().map(|numbers| numbers.next().unwrap_or_default()),
-        names,
     }))
 }
 
@@ -249,8 +246,9 @@ impl GroupRecorder<'_> {
             return;
         }
         let all = &self.series[self.series.len() - self.monitors..];
+        let names = monitors::names(self.problem);
         let series = |name: &str| {
-            let of = &all[self.names.iter().position(|known| *known == name)?];
+            let of = &all[names.iter().position(|known| *known == name)?];
             Some(&of.rows[run * self.records..(run + 1) * self.records])
         };
         let open = balances::open(series);

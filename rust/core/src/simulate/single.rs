@@ -60,7 +60,9 @@ struct RunRecorder<'a> {
     columns: Columns,
     /// The numbers of each series in a record.
     numbers: Vec<Range<usize>>,
-    monitor: Option<Monitor<'a>>,
+    problem: &'a Problem<'a>,
+    /// Made for the first record that a program did not note: it compiles an arm.
+    monitor: Option<Box<Monitor<'a>>>,
     values: Vec<f64>,
     /// When a monitor stopped being finite.
     fault: f64,
@@ -78,7 +80,8 @@ impl Sink for RunRecorder<'_> {
         if self.fault.is_finite() || self.full.is_err() {
             return;
         }
-        if let Some(monitor) = &mut self.monitor {
+        if !self.values.is_empty() {
+            let monitor = self.monitor.get_or_insert_with(|| Box::new(Monitor::new(self.problem, 0)));
             monitor.evaluate(t, x, tau, &mut self.values);
             if !all_finite(&self.values) {
                 self.fault = t;
@@ -177,10 +180,9 @@ pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Optio
     let columns = Columns::of(problem);
     let names = monitors::names(problem);
     run.monitors = names.iter().map(|&name| (name, Vec::new())).collect();
-    let monitor = problem.options.monitors.then(|| Monitor::new(problem, 0));
     let values = vec![0.0; names.len()];
     let numbers = columns.series(problem.state_size(), names.len());
-    let mut sink = RunRecorder { run: &mut run, columns, numbers, monitor, values, fault: f64::INFINITY, full: Ok(()) };
+    let mut sink = RunRecorder { run: &mut run, columns, numbers, problem, monitor: None, values, fault: f64::INFINITY, full: Ok(()) };
     if let Division::Fixed(fixed) = &division {
         require_memory(fixed.schedule.count() as u128)?;
         sink.reserve(fixed.schedule.count())?;

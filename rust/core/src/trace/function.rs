@@ -14,6 +14,9 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// Calls for one configuration after which a function's program is made.
+pub const CALLS: usize = 16;
+
 /// Operations of all functions that are kept.
 const KEPT_OPERATIONS: usize = 1 << 20;
 

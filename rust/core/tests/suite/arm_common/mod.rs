@@ -1,7 +1,7 @@
 //! What the arm tests share: every number, seeded random trees, chains from the vectors.
 
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType};
-use armlet_core::scalar::{Array8, GenericKernel, Isa, Kernel, Real};
+use armlet_core::scalar::{Array8, Float, GenericKernel, Isa, Kernel, Real};
 use serde_json::Value;
 
 struct On<S, T>(T, std::marker::PhantomData<S>);
@@ -20,8 +20,9 @@ pub fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
 /// Run the task on every number that this machine has; returns how many.
 pub fn on_every_number<T: GenericKernel + Copy>(task: T) -> usize {
     on::<f64, T>(task);
+    on::<Float, T>(task);
     on::<Array8, T>(task);
-    let mut count = 2;
+    let mut count = 3;
     #[cfg(target_arch = "x86_64")]
     if Isa::best() >= Isa::Avx2 {
         on::<armlet_core::scalar::lanes::Avx2, T>(task);
