@@ -114,6 +114,19 @@ def test_a_large_request_is_an_error(case: str) -> None:
     assert done.stdout.strip() == ("InputError" if "range" in call else "MemoryError")
 
 
+@pytest.mark.parametrize("parent", ["k - 1", "0"], ids=["chain", "star"])
+def test_twenty_thousand_joints_load(parent: str) -> None:
+    """Room for n^2 numbers, 3.2 GB, is made when they are asked for and not before."""
+    joint = '<link name="l{k}"/><joint name="j{k}" type="continuous"><parent link="l{parent}"/><child link="l{k}"/></joint>'
+    links = f"links = ''.join('{joint}'.format(k=k, parent={parent}) for k in range(1, 20001))"
+    text = f"{links}; text = '<robot><link name=\"l0\"/>' + links + '</robot>'"
+    call = "arm = al.load_urdf(text); print(arm.n, np.abs(arm.gravity(np.zeros(arm.n))).max(), arm.position(np.zeros(arm.n), 'l20000'))"
+    script = SCRIPT.format(before=text, call=call).replace("96 * 2**20", "512 * 2**20")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.strip() == "20000 0.0 [0. 0. 0.]"
+
+
 def test_without_room_for_a_thread_the_caller_works() -> None:
     """Eight threads have stacks of 8 MiB and more; what is left is a tenth of that. The rows are the same."""
     q0 = "q0 = np.linspace(0.0, 1.0, 128).reshape(64, 2)"

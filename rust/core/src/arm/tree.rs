@@ -66,11 +66,14 @@ pub struct Tree<S: Real> {
 const SHALLOW: f64 = 7.0;
 /// What a joint whose placement is no quarter turn counts more.
 const GENERAL: f64 = 1.25;
+/// Joints of the largest arm whose mass matrix a workspace keeps: 0.5 MB.
+const MOST_JOINTS: usize = 256;
 
 /// See [`Tree::is_shallow`]
 fn is_shallow(bodies: &[Body<f64>]) -> bool {
     let carried = |i: usize, body: &Body<f64>| (body.end - i) as f64 * if body.quarter.is_some() { 1.0 } else { GENERAL };
-    bodies.iter().enumerate().map(|(i, body)| carried(i, body)).sum::<f64>() <= SHALLOW * bodies.len() as f64
+    let mean_fits = || bodies.iter().enumerate().map(|(i, body)| carried(i, body)).sum::<f64>() <= SHALLOW * bodies.len() as f64;
+    bodies.len() <= MOST_JOINTS && mean_fits()
 }
 
 impl Tree<f64> {

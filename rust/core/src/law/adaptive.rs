@@ -7,7 +7,7 @@
 
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
 use super::projection::Projection;
-use super::{Definition, Instant, Law, Term, require_same_dof, require_size};
+use super::{Build, Definition, Instant, JointReference, Law, Term, require_same_dof, require_size};
 use crate::dynamics::{Dynamics, Model};
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{Gain, Multiply};
@@ -92,21 +92,13 @@ impl AdaptiveSpec {
     }
 }
 
-impl AdaptiveSpec {
-    /// Whether both estimate the same parameters in the same metric, so that they can share lanes.
-    pub(super) fn same_shape(&self, other: &AdaptiveSpec) -> bool {
-        let columns = |law: &AdaptiveSpec| law.base.as_ref().map(|base| base.columns.clone());
-        std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation)
-            && columns(self) == columns(other)
-            && self.projection.is_some() == other.projection.is_some()
-    }
-}
-
 impl Definition for AdaptiveSpec {
-    const NAME: &'static str = "Adaptive";
-    const PLANT: PlantKind = PlantKind::Rigid;
-    type Lanes<S: Real> = AnyAdaptive<S>;
-
+    fn name(&self) -> &'static str {
+        "Adaptive"
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Rigid
+    }
     fn model(&self) -> &Model {
         &self.model
     }
@@ -115,10 +107,6 @@ impl Definition for AdaptiveSpec {
     }
     fn initial_state(&self) -> &[f64] {
         &self.estimate
-    }
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> AnyAdaptive<S> {
-        AnyAdaptive::build(of)
     }
 
     /// `Y`, `s`, `v_r`, `a_r`, `e`, `e_dot`, the torque and the rate of the estimate.
@@ -157,6 +145,29 @@ impl Definition for AdaptiveSpec {
             ("tau", vec![n], tau),
             ("estimate_rate", vec![p], rate),
         ]
+    }
+
+    fn joint_reference(&self) -> Option<JointReference> {
+        Some(JointReference::Motion)
+    }
+    fn adaptive(&self) -> Option<&AdaptiveSpec> {
+        Some(self)
+    }
+}
+
+impl Build for AdaptiveSpec {
+    type Lanes<S: Real> = AnyAdaptive<S>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> AnyAdaptive<S> {
+        AnyAdaptive::build(of)
+    }
+
+    /// Whether both estimate the same parameters in the same metric, so that they can share lanes.
+    fn same_shape(&self, other: &Self) -> bool {
+        let columns = |law: &AdaptiveSpec| law.base.as_ref().map(|base| base.columns.clone());
+        std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation)
+            && columns(self) == columns(other)
+            && self.projection.is_some() == other.projection.is_some()
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::LawSpec;
 use crate::kinematics::{Coordinates, TaskFunction};
+use crate::motion::Motion;
 
 /// Where a law wants the joints.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,33 +24,24 @@ pub struct Aim {
     pub places: Vec<usize>,
 }
 
-impl LawSpec {
-    /// Where the law wants the joints; `None` for a law of tasks.
-    pub fn joint_reference(&self) -> Option<JointReference> {
-        match self {
-            LawSpec::Adaptive(_) | LawSpec::ComputedTorque(_) => Some(JointReference::Motion),
-            LawSpec::PdGravity(_) | LawSpec::JointImpedance(_) => {
-                let n = self.model().n();
-                Some(JointReference::Target(self.desired::<f64>(0.0)[..n].to_vec()))
-            }
-            LawSpec::MotorPd(_) | LawSpec::StateFeedback(_) => self.link_target().map(JointReference::Target),
-            LawSpec::CartesianImpedance(_)
-            | LawSpec::ElasticImpedance(_)
-            | LawSpec::PriorityVelocity(_)
-            | LawSpec::PriorityAcceleration(_)
-            | LawSpec::External(_) => None,
-        }
+impl JointReference {
+    /// What a motion that holds asks for.
+    pub(super) fn held(motion: &Motion) -> Self {
+        let mut sample = vec![0.0; 3 * motion.dof()];
+        motion.sample(0.0, &mut sample);
+        sample.truncate(motion.dof());
+        JointReference::Target(sample)
     }
+}
 
+impl LawSpec {
     /// The tasks of the law that are positions of frames.
     pub fn aims(&self) -> Vec<Aim> {
-        let levels = match self {
-            LawSpec::PriorityVelocity(law) => &law.levels,
-            LawSpec::PriorityAcceleration(law) => &law.levels,
-            _ => return self.coordinates().and_then(|coordinates| aim(coordinates, 0)).into_iter().collect(),
-        };
+        if self.levels().is_empty() {
+            return self.coordinates().and_then(|coordinates| aim(coordinates, 0)).into_iter().collect();
+        }
         let (mut aims, mut first) = (Vec::new(), 0);
-        for level in levels {
+        for level in self.levels() {
             if let TaskFunction::Frame(coordinates) = &level.function {
                 aims.extend(aim(coordinates, first));
             }

@@ -3,7 +3,7 @@
 //! `tau = J' (K_m e + D_m (x_d' - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and
 //! orientation. No inverse of `J`: the law stays defined at singularities.
 
-use super::{Definition, Instant, Law, Term, require_size};
+use super::{Build, Definition, Instant, Law, LawSpec, Term, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::Coordinates;
@@ -64,35 +64,17 @@ impl CartesianImpedanceSpec {
 }
 
 impl Definition for CartesianImpedanceSpec {
-    const NAME: &'static str = "CartesianImpedance";
-    const PLANT: PlantKind = PlantKind::Rigid;
-    type Lanes<S: Real> = CartesianImpedance<S>;
-
+    fn name(&self) -> &'static str {
+        "CartesianImpedance"
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Rigid
+    }
     fn model(&self) -> &Model {
         &self.model
     }
     fn motions(&self) -> Vec<&Motion> {
         vec![&self.target]
-    }
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> CartesianImpedance<S> {
-        let first = of(0);
-        let (n, m) = (first.model.n(), first.coordinates.m());
-        let arm = AnyArm::from_lanes(|i| &of(i).model);
-        let zeros = |k: usize| vec![S::zero(); k];
-        CartesianImpedance {
-            workspace: arm.workspace(),
-            arm,
-            coordinates: first.coordinates.clone(),
-            stiffness: AnyGain::labelled("stiffness", |i| &of(i).stiffness),
-            damping: AnyGain::labelled("damping", |i| &of(i).damping),
-            full: zeros(6 * n),
-            jacobian: zeros(m * n),
-            e: zeros(m),
-            slip: zeros(m),
-            spring: zeros(m),
-            force: zeros(m),
-        }
     }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
@@ -115,6 +97,43 @@ impl Definition for CartesianImpedanceSpec {
             ("u", vec![n], u.clone()),
             ("tau", vec![n], u),
         ]
+    }
+
+    fn coordinates(&self) -> Option<&Coordinates> {
+        Some(&self.coordinates)
+    }
+    fn impedance(&self) -> Option<&CartesianImpedanceSpec> {
+        Some(self)
+    }
+    fn outer(&self) -> Option<LawSpec> {
+        Some(self.clone().into())
+    }
+    fn outer_stiffness(&mut self) -> Option<&mut Gain> {
+        Some(&mut self.stiffness)
+    }
+}
+
+impl Build for CartesianImpedanceSpec {
+    type Lanes<S: Real> = CartesianImpedance<S>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> CartesianImpedance<S> {
+        let first = of(0);
+        let (n, m) = (first.model.n(), first.coordinates.m());
+        let arm = AnyArm::from_lanes(|i| &of(i).model);
+        let zeros = |k: usize| vec![S::zero(); k];
+        CartesianImpedance {
+            workspace: arm.workspace(),
+            arm,
+            coordinates: first.coordinates.clone(),
+            stiffness: AnyGain::labelled("stiffness", |i| &of(i).stiffness),
+            damping: AnyGain::labelled("damping", |i| &of(i).damping),
+            full: zeros(6 * n),
+            jacobian: zeros(m * n),
+            e: zeros(m),
+            slip: zeros(m),
+            spring: zeros(m),
+            force: zeros(m),
+        }
     }
 }
 

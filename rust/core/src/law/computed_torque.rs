@@ -3,7 +3,7 @@
 //! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` on the
 //! exact model. `Kp` is in 1/s^2 and `Kd` in 1/s.
 
-use super::{Definition, Instant, Law, Term, require_same_dof, require_size};
+use super::{Build, Definition, Instant, JointReference, Law, Term, require_same_dof, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
@@ -35,24 +35,17 @@ impl ComputedTorqueSpec {
 }
 
 impl Definition for ComputedTorqueSpec {
-    const NAME: &'static str = "ComputedTorque";
-    const PLANT: PlantKind = PlantKind::Rigid;
-    type Lanes<S: Real> = ComputedTorque<S, AnyArm<S>, AnyGain<S>, Vec<S>>;
-
+    fn name(&self) -> &'static str {
+        "ComputedTorque"
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Rigid
+    }
     fn model(&self) -> &Model {
         &self.model
     }
     fn motions(&self) -> Vec<&Motion> {
         vec![&self.motion]
-    }
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
-        ComputedTorque::new(
-            AnyArm::from_lanes(|i| &of(i).model),
-            AnyGain::labelled("kp", |i| &of(i).kp),
-            AnyGain::labelled("kd", |i| &of(i).kd),
-            vec![S::zero(); of(0).model.n()],
-        )
     }
 
     /// `e`, `e_dot`, the commanded acceleration and the torque.
@@ -74,6 +67,23 @@ impl Definition for ComputedTorqueSpec {
             ("a", vec![n], command),
             ("tau", vec![n], tau),
         ]
+    }
+
+    fn joint_reference(&self) -> Option<JointReference> {
+        Some(JointReference::Motion)
+    }
+}
+
+impl Build for ComputedTorqueSpec {
+    type Lanes<S: Real> = ComputedTorque<S, AnyArm<S>, AnyGain<S>, Vec<S>>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
+        ComputedTorque::new(
+            AnyArm::from_lanes(|i| &of(i).model),
+            AnyGain::labelled("kp", |i| &of(i).kp),
+            AnyGain::labelled("kd", |i| &of(i).kd),
+            vec![S::zero(); of(0).model.n()],
+        )
     }
 }
 

@@ -8,9 +8,10 @@
 
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 use super::inertia_reduction::{Reduction, ReductionSpec, described};
-use super::{Definition, Instant, Law, Term};
+use super::{Build, Definition, Instant, Law, LawSpec, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model};
-use crate::linalg::cholesky;
+use crate::kinematics::Coordinates;
+use crate::linalg::{Gain, cholesky};
 use crate::motion::Motion;
 use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::Real;
@@ -33,19 +34,17 @@ impl ElasticImpedanceSpec {
 }
 
 impl Definition for ElasticImpedanceSpec {
-    const NAME: &'static str = "ElasticImpedance";
-    const PLANT: PlantKind = PlantKind::Elastic;
-    type Lanes<S: Real> = ElasticImpedance<S>;
-
+    fn name(&self) -> &'static str {
+        "ElasticImpedance"
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Elastic
+    }
     fn model(&self) -> &Model {
         &self.outer.model
     }
     fn motions(&self) -> Vec<&Motion> {
         self.outer.motions()
-    }
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> ElasticImpedance<S> {
-        ElasticImpedance { outer: CartesianImpedanceSpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
     }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
@@ -58,6 +57,30 @@ impl Definition for ElasticImpedanceSpec {
         terms.extend(law.inner.terms(&self.inner));
         terms.push(("tau", vec![n], tau));
         terms
+    }
+
+    fn coordinates(&self) -> Option<&Coordinates> {
+        self.outer.coordinates()
+    }
+    fn storage(&self) -> Option<&ElasticImpedanceSpec> {
+        Some(self)
+    }
+    fn reduction(&self) -> Option<&ReductionSpec> {
+        Some(&self.inner)
+    }
+    fn outer(&self) -> Option<LawSpec> {
+        self.outer.outer()
+    }
+    fn outer_stiffness(&mut self) -> Option<&mut Gain> {
+        self.outer.outer_stiffness()
+    }
+}
+
+impl Build for ElasticImpedanceSpec {
+    type Lanes<S: Real> = ElasticImpedance<S>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> ElasticImpedance<S> {
+        ElasticImpedance { outer: CartesianImpedanceSpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
     }
 }
 

@@ -1,6 +1,6 @@
 //! A law asked instant by instant: what `law(t, q, v)` costs from Python. Directly at first, then by its program, with the same bits.
 
-use super::{Law, LawSpec};
+use super::{Law, LawSpec, Route};
 use crate::motion::{Motion, sample_all};
 use crate::scalar::{Float, Real};
 use crate::trace::function::{CALLS, Evaluation, record};
@@ -98,7 +98,7 @@ impl LawEvaluator {
 
 /// The law as a program; none for a law from outside, of a large arm, and for one that decides ranks, whose program holds where it says so.
 fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
-    if matches!(spec, LawSpec::External(_)) || spec.model().n() > MOST_JOINTS {
+    if spec.route() == Route::Outside || spec.model().n() > MOST_JOINTS {
         return None;
     }
     let mut guarded = false;

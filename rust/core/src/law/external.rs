@@ -1,7 +1,8 @@
 //! A law from outside: any function of time, the measured state and nothing else, asked at samples.
 
-use super::{Law, Term};
+use super::{Build, Definition, Instant, Law, Route, Term};
 use crate::dynamics::Model;
+use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 use std::sync::Arc;
@@ -37,14 +38,43 @@ impl ExternalSpec {
     pub fn idle(model: &Model, plant: PlantKind) -> Self {
         ExternalSpec { model: model.clone(), plant, call: Arc::new(|_, _, _| false) }
     }
+}
+
+impl Definition for ExternalSpec {
+    fn name(&self) -> &'static str {
+        "PythonLaw"
+    }
+    fn plant(&self) -> PlantKind {
+        self.plant
+    }
+    fn model(&self) -> &Model {
+        &self.model
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        Vec::new()
+    }
+    fn route(&self) -> Route {
+        Route::Outside
+    }
 
     /// The torque is all there is to say of it.
-    pub fn terms(&self, t: f64, x: &[f64]) -> Vec<Term> {
+    fn terms(&self, at: &Instant) -> Vec<Term> {
         let mut tau = vec![0.0; self.model.n()];
-        if !(self.call)(t, x, &mut tau) {
+        if !(self.call)(at.t, at.x, &mut tau) {
             tau.fill(f64::NAN);
         }
         vec![("tau", vec![tau.len()], tau)]
+    }
+}
+
+impl Build for ExternalSpec {
+    type Lanes<S: Real> = External;
+
+    /// Of one run: such a law knows no lanes.
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> External {
+        let spec = of(0);
+        let n = spec.model.n();
+        External { call: spec.call.clone(), t: 0.0, x: vec![0.0; spec.plant.states(n)], tau: vec![0.0; n] }
     }
 }
 
@@ -54,14 +84,6 @@ pub struct External {
     t: f64,
     x: Vec<f64>,
     tau: Vec<f64>,
-}
-
-impl External {
-    /// The law, with its buffers.
-    pub fn new(spec: &ExternalSpec) -> Self {
-        let n = spec.model.n();
-        External { call: spec.call.clone(), t: 0.0, x: vec![0.0; spec.plant.states(n)], tau: vec![0.0; n] }
-    }
 }
 
 impl<S: Real> Law<S> for External {

@@ -3,8 +3,9 @@
 
 use super::inertia_reduction::{Reduction, ReductionSpec};
 use super::pd_gravity::{PdGravity, PdGravitySpec};
-use super::{Definition, Instant, Law, Term};
+use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Term};
 use crate::dynamics::Model;
+use crate::linalg::Gain;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
@@ -19,19 +20,17 @@ pub struct JointImpedanceSpec {
 }
 
 impl Definition for JointImpedanceSpec {
-    const NAME: &'static str = "JointImpedance";
-    const PLANT: PlantKind = PlantKind::Elastic;
-    type Lanes<S: Real> = JointImpedance<S>;
-
+    fn name(&self) -> &'static str {
+        "JointImpedance"
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Elastic
+    }
     fn model(&self) -> &Model {
         self.outer.model()
     }
     fn motions(&self) -> Vec<&Motion> {
         self.outer.motions()
-    }
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> JointImpedance<S> {
-        JointImpedance { outer: PdGravitySpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
     }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
@@ -43,6 +42,27 @@ impl Definition for JointImpedanceSpec {
         terms.extend(law.inner.terms(&self.inner));
         terms.push(("tau", vec![n], tau));
         terms
+    }
+
+    fn joint_reference(&self) -> Option<JointReference> {
+        self.outer.joint_reference()
+    }
+    fn reduction(&self) -> Option<&ReductionSpec> {
+        Some(&self.inner)
+    }
+    fn outer(&self) -> Option<LawSpec> {
+        self.outer.outer()
+    }
+    fn outer_stiffness(&mut self) -> Option<&mut Gain> {
+        self.outer.outer_stiffness()
+    }
+}
+
+impl Build for JointImpedanceSpec {
+    type Lanes<S: Real> = JointImpedance<S>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> JointImpedance<S> {
+        JointImpedance { outer: PdGravitySpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
     }
 }
 

@@ -34,8 +34,8 @@ pub struct Lyapunov<S: Real> {
 impl<S: Real> Lyapunov<S> {
     /// For the laws `of(lane)`, of one shape, of plants with the arms `plant(lane)`; `None` for laws that adapt nothing.
     pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a Model) -> Option<Self> {
-        let LawSpec::Adaptive(own) = of(0) else { return None };
-        let law = |lane: usize| if let LawSpec::Adaptive(law) = of(lane) { law } else { own };
+        let own = of(0).adaptive()?;
+        let law = |lane: usize| of(lane).adaptive().unwrap_or(own);
         let each = |get: &dyn Fn(usize) -> Vec<f64>| -> Vec<S> {
             let lanes: Vec<Vec<f64>> = (0..S::LANES).map(get).collect();
             (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()

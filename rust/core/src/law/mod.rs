@@ -10,9 +10,9 @@ mod arm_batch;
 mod arm_solver;
 mod cartesian_impedance;
 mod computed_torque;
-mod convert;
 #[doc(hidden)]
 mod decided;
+mod definition;
 mod elastic_impedance;
 #[doc(hidden)]
 mod evaluator;
@@ -39,6 +39,7 @@ pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
 pub use decided::{Decided, RecordedSolver, Solve};
+pub use definition::{Build, Definition, Instant, Route, Term};
 pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
@@ -46,7 +47,6 @@ pub use inertia_reduction::{Reduction, ReductionSpec};
 pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
 pub use joint_limits::{HORIZON, JointLimits, LimitOverrides};
 pub use level::Level;
-use level::same_tasks;
 pub use lyapunov::Lyapunov;
 pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
@@ -56,11 +56,10 @@ pub use projection::Projection;
 pub use sampled_reduction::LockedMotors;
 pub use storage::Storage;
 
-use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::motion::{Motion, sample_all};
-use crate::plant::{PlantKind, PlantSpec};
 use crate::scalar::Real;
+use std::ops::{Deref, DerefMut};
 
 /// A law in a loop: its input to the plant and its own rate, from one evaluation.
 pub trait Law<S: Real> {
@@ -87,49 +86,65 @@ pub trait Law<S: Real> {
     }
 }
 
-/// A law as the user states it, validated.
-pub trait Definition {
-    /// The class in Python.
-    const NAME: &'static str;
-    /// The kind of plant it drives.
-    const PLANT: PlantKind;
-    /// The law in a loop, on the number `S`.
-    type Lanes<S: Real>: Law<S> + Send + 'static;
+/// The kinds of laws: the enum, what it shares with each law, and how loops are made of it. A law stands in its own file and here.
+macro_rules! laws {
+    ($($(#[$doc:meta])* $law:ident($definition:ty),)*) => {
+        /// A law of any kind; what is asked of it is in [`Definition`].
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum LawSpec {
+            $($(#[$doc])* $law($definition),)*
+        }
 
-    /// The arm the law was made for.
-    fn model(&self) -> &Model;
-    /// The desired motions, in the order in which [`Law::evaluate`] reads them.
-    fn motions(&self) -> Vec<&Motion>;
-    /// The law's state at the start of a run, `(p,)`.
-    fn initial_state(&self) -> &[f64] {
-        &[]
-    }
-    /// The laws of the lanes as one; all have the same shape.
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S>
-    where
-        Self: 'a;
-    /// The named parts of the law at one instant.
-    fn terms(&self, at: &Instant) -> Vec<Term>;
+        $(impl From<$definition> for LawSpec {
+            fn from(law: $definition) -> Self {
+                LawSpec::$law(law)
+            }
+        })*
+
+        impl Deref for LawSpec {
+            type Target = dyn Definition;
+
+            fn deref(&self) -> &Self::Target {
+                match self {
+                    $(LawSpec::$law(law) => law,)*
+                }
+            }
+        }
+
+        impl DerefMut for LawSpec {
+            fn deref_mut(&mut self) -> &mut Self::Target {
+                match self {
+                    $(LawSpec::$law(law) => law,)*
+                }
+            }
+        }
+
+        impl LawSpec {
+            /// The laws of the lanes as one, all of the same shape.
+            pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
+                match of(0) {
+                    $(LawSpec::$law(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
+                        LawSpec::$law(law) => law,
+                        other => unreachable!("{} in the lanes of {}", other.name(), of(0).name()),
+                    })),)*
+                }
+            }
+
+            /// Whether both can run side by side in lanes.
+            pub fn same_shape(&self, other: &LawSpec) -> bool {
+                self.model().same_geometry(other.model())
+                    && self.coordinates() == other.coordinates()
+                    && self.initial_state().len() == other.initial_state().len()
+                    && match (self, other) {
+                        $((LawSpec::$law(law), LawSpec::$law(other)) => law.same_shape(other),)*
+                        _ => false,
+                    }
+            }
+        }
+    };
 }
 
-/// What a law is asked about: its motions' samples, the plant's state with (sin, cos) of its coordinates, and the law's own.
-pub struct Instant<'a> {
-    /// Samples of the desired motions.
-    pub desired: &'a [f64],
-    /// (sin, cos) of the joints.
-    pub trig: &'a [(f64, f64)],
-    /// State of the plant.
-    pub x: &'a [f64],
-    /// State of the law.
-    pub z: &'a [f64],
-}
-
-/// A named part of a law: its values, row-major, in its shape.
-pub type Term = (&'static str, Vec<usize>, Vec<f64>);
-
-/// The laws there are.
-#[derive(Clone, Debug, PartialEq)]
-pub enum LawSpec {
+laws! {
     /// Slotine-Li adaptive control.
     Adaptive(AdaptiveSpec),
     /// Computed torque.
@@ -154,62 +169,12 @@ pub enum LawSpec {
     External(ExternalSpec),
 }
 
-/// `$body` with `$law` the definition inside `$spec`, `$other` for a law from outside.
-macro_rules! each {
-    ($spec:expr, $law:ident => $body:expr, $outside:ident => $other:expr) => {
-        match $spec {
-            LawSpec::External($outside) => $other,
-            LawSpec::Adaptive($law) => $body,
-            LawSpec::ComputedTorque($law) => $body,
-            LawSpec::PdGravity($law) => $body,
-            LawSpec::CartesianImpedance($law) => $body,
-            LawSpec::ElasticImpedance($law) => $body,
-            LawSpec::JointImpedance($law) => $body,
-            LawSpec::MotorPd($law) => $body,
-            LawSpec::StateFeedback($law) => $body,
-            LawSpec::PriorityVelocity($law) => $body,
-            LawSpec::PriorityAcceleration($law) => $body,
-        }
-    };
-}
-
 impl LawSpec {
-    /// The class in Python.
-    pub fn name(&self) -> &'static str {
-        fn of<D: Definition>(_: &D) -> &'static str {
-            D::NAME
-        }
-        each!(self, law => of(law), _outside => "PythonLaw")
-    }
-
-    /// The kind of plant it drives.
-    pub fn plant(&self) -> PlantKind {
-        fn of<D: Definition>(_: &D) -> PlantKind {
-            D::PLANT
-        }
-        each!(self, law => of(law), outside => outside.plant)
-    }
-
-    /// The arm it was made for.
-    pub fn model(&self) -> &Model {
-        each!(self, law => law.model(), outside => &outside.model)
-    }
-
-    /// Its desired motions.
-    pub fn motions(&self) -> Vec<&Motion> {
-        each!(self, law => law.motions(), _outside => Vec::new())
-    }
-
     /// Times at which the desired motion jumps, increasing.
     pub fn breaks(&self) -> Vec<f64> {
         let mut breaks: Vec<f64> = self.motions().iter().flat_map(|motion| motion.breaks()).collect();
         breaks.sort_by(f64::total_cmp);
         breaks
-    }
-
-    /// Its state at the start of a run, `(p,)`.
-    pub fn initial_state(&self) -> &[f64] {
-        each!(self, law => law.initial_state(), _outside => &[])
     }
 
     /// What the law's motions ask for at time `t`, as [`Law::evaluate`] reads it.
@@ -220,154 +185,24 @@ impl LawSpec {
         desired
     }
 
-    /// The named parts of the law at time `t`.
-    pub fn terms(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
+    /// The named parts of the law at time `t`, at the plant's state `x` and the law's own `z`.
+    pub fn terms_at(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
         let desired = self.desired(t);
         let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
-        each!(self, law => law.terms(&Instant { desired: &desired, trig: &trig, x, z }), outside => outside.terms(t, x))
-    }
-
-    /// The frame and axes in which the law takes an external force; `None` for a law of joints alone.
-    pub fn coordinates(&self) -> Option<&crate::kinematics::Coordinates> {
-        match self {
-            LawSpec::CartesianImpedance(law) => Some(&law.coordinates),
-            LawSpec::ElasticImpedance(law) => Some(&law.outer.coordinates),
-            _ => None,
-        }
-    }
-
-    /// The motor-inertia reduction inside, for a law that has one.
-    pub fn reduction(&self) -> Option<&ReductionSpec> {
-        match self {
-            LawSpec::ElasticImpedance(law) => Some(&law.inner),
-            LawSpec::JointImpedance(law) => Some(&law.inner),
-            _ => None,
-        }
-    }
-
-    /// The stiffness of the joints that the law believes in, for a law that reads their torques.
-    pub fn joint_stiffness(&self) -> Option<&Gain> {
-        match self {
-            LawSpec::MotorPd(law) => Some(&law.joint_stiffness),
-            LawSpec::StateFeedback(law) => Some(&law.joint_stiffness),
-            _ => self.reduction().map(|reduction| &reduction.joint_stiffness),
-        }
-    }
-
-    /// `(I + Kt)^-1` of a law of motors, by which its answer at rest is the slope of a potential.
-    pub fn torque_share(&self) -> Option<Gain> {
-        match self {
-            LawSpec::MotorPd(law) => Some(law.torque_share()),
-            LawSpec::StateFeedback(law) => Some(law.torque_share()),
-            _ => None,
-        }
-    }
-
-    /// Where a law of motors wants the links, `(n,)`.
-    pub fn link_target(&self) -> Option<Vec<f64>> {
-        match self {
-            LawSpec::MotorPd(law) => Some(law.link_target()),
-            LawSpec::StateFeedback(law) => Some(law.link_target()),
-            _ => None,
-        }
-    }
-
-    /// The law of links alone that asks for the joint torque: the outer loop, or a law of rigid arms that stands on a spring.
-    pub fn outer(&self) -> Option<LawSpec> {
-        match self {
-            LawSpec::ElasticImpedance(law) => Some(LawSpec::CartesianImpedance(law.outer.clone())),
-            LawSpec::JointImpedance(law) => Some(LawSpec::PdGravity(law.outer.clone())),
-            LawSpec::CartesianImpedance(_) | LawSpec::PdGravity(_) => Some(self.clone()),
-            _ => None,
-        }
+        self.terms(&Instant { t, desired: &desired, trig: &trig, x, z })
     }
 
     /// The same law with the stiffness of its outer spring times `kappa`; `None` for a law without one.
     pub fn with_stiffness(&self, kappa: f64) -> Option<LawSpec> {
         let mut law = self.clone();
-        let stiffness = match &mut law {
-            LawSpec::ElasticImpedance(law) => &mut law.outer.stiffness,
-            LawSpec::JointImpedance(law) => &mut law.outer.kp,
-            LawSpec::CartesianImpedance(law) => &mut law.stiffness,
-            LawSpec::PdGravity(law) => &mut law.kp,
-            _ => return None,
-        };
+        let stiffness = law.outer_stiffness()?;
         *stiffness = stiffness.scaled(kappa);
         Some(law)
     }
 
-    /// Whether the law decides on plain numbers, by branches that neither lanes nor dual numbers can take.
-    pub fn is_scalar(&self) -> bool {
-        matches!(self, LawSpec::External(_) | LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_))
-    }
-
-    /// Whether the law can be recorded: if it decides, then by a route without a branch that says where it does not stand.
-    pub fn is_recordable(&self) -> bool {
-        match self {
-            LawSpec::External(_) => false,
-            LawSpec::PriorityVelocity(law) => !law.options.method.has_bounds(),
-            LawSpec::PriorityAcceleration(law) => !law.options.method.has_bounds(),
-            _ => true,
-        }
-    }
-
-    /// Whether it is then asked whether it stands.
-    pub fn is_guarded(&self) -> bool {
-        self.is_scalar() && self.is_recordable()
-    }
-
     /// Rows of each level of a law of tasks in priority; empty for any other.
     pub fn level_rows(&self) -> Vec<usize> {
-        match self {
-            LawSpec::PriorityVelocity(law) => law.rows(),
-            LawSpec::PriorityAcceleration(law) => law.rows(),
-            _ => Vec::new(),
-        }
-    }
-
-    /// Whether the law has a storage function of its own on this plant.
-    pub fn has_storage(&self, plant: &PlantSpec) -> bool {
-        match self {
-            LawSpec::ElasticImpedance(law) => law.has_storage(plant),
-            _ => false,
-        }
-    }
-
-    /// Whether both can run side by side in lanes.
-    pub fn same_shape(&self, other: &LawSpec) -> bool {
-        std::mem::discriminant(self) == std::mem::discriminant(other)
-            && self.model().same_geometry(other.model())
-            && self.coordinates() == other.coordinates()
-            && self.initial_state().len() == other.initial_state().len()
-            && match (self, other) {
-                (LawSpec::Adaptive(law), LawSpec::Adaptive(other)) => law.same_shape(other),
-                (LawSpec::PriorityVelocity(law), LawSpec::PriorityVelocity(other)) => {
-                    same_tasks((&law.levels, &law.options), (&other.levels, &other.options))
-                }
-                (LawSpec::PriorityAcceleration(law), LawSpec::PriorityAcceleration(other)) => {
-                    same_tasks((&law.levels, &law.options), (&other.levels, &other.options))
-                }
-                _ => true,
-            }
-    }
-
-    /// The laws of the lanes as one, all of the same shape.
-    pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
-        macro_rules! gather {
-            ($($variant:ident)*) => {
-                match of(0) {
-                    $(LawSpec::$variant(first) => Box::new(Definition::build::<S>(|i| match of(i) {
-                        LawSpec::$variant(law) => law,
-                        _ => first,
-                    })),)*
-                    LawSpec::External(outside) => Box::new(External::new(outside)),
-                }
-            };
-        }
-        gather!(
-            Adaptive ComputedTorque PdGravity CartesianImpedance ElasticImpedance JointImpedance MotorPd StateFeedback PriorityVelocity
-            PriorityAcceleration
-        )
+        self.levels().iter().map(|level| level.function.rows()).collect()
     }
 }
 

@@ -4,7 +4,7 @@
 //! (De Luca, Siciliano and Zollo 2005); with the joint torque fed back also
 //! `+ Kt (g(q_d) - tau_J) - Ks tau_J_dot` (Albu-Schaeffer and Hirzinger 2001).
 
-use super::{Definition, Instant, Law, Term, require_rows, require_size};
+use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
@@ -46,7 +46,7 @@ pub struct MotorRegulationSpec<const TORQUE: bool> {
     /// `Kt` and `Ks`; the identity, unused, without torque feedback.
     kt: Gain,
     ks: Gain,
-    pub(super) joint_stiffness: Gain,
+    joint_stiffness: Gain,
     /// Gravity follows the motors instead of standing at the target's.
     online: bool,
     /// `g(q_d)` and `K_J^-1 g(q_d)`.
@@ -75,23 +75,6 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
     }
 }
 
-impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
-    /// `(I + Kt)^-1`; the identity without torque feedback.
-    pub(super) fn torque_share(&self) -> Gain {
-        let n = self.model.n();
-        let fed = |k: usize| if TORQUE { self.kt.at(k / n, k % n) } else { 0.0 };
-        let sum = (0..n * n).map(|k| fed(k) + f64::from(u8::from(k / n == k % n))).collect();
-        Gain::unchecked(n, sum).inverse()
-    }
-
-    /// `q_d`.
-    pub(super) fn link_target(&self) -> Vec<f64> {
-        let mut sample = vec![0.0; 3 * self.sag.len()];
-        self.target.sample(0.0, &mut sample);
-        sample.iter().zip(&self.sag).map(|(theta, sag)| theta - sag).collect()
-    }
-}
-
 impl MotorPdSpec {
     /// `target` is `q_d` of the links.
     pub fn new(model: Model, target: &[f64], kp: Gain, kd: Gain, joint_stiffness: Gain, online: bool) -> Result<Self> {
@@ -108,16 +91,58 @@ impl StateFeedbackSpec {
 }
 
 impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
-    const NAME: &'static str = if TORQUE { "StateFeedback" } else { "MotorPD" };
-    const PLANT: PlantKind = PlantKind::Elastic;
-    type Lanes<S: Real> = MotorRegulation<S, TORQUE>;
-
+    fn name(&self) -> &'static str {
+        if TORQUE { "StateFeedback" } else { "MotorPD" }
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Elastic
+    }
     fn model(&self) -> &Model {
         &self.model
     }
     fn motions(&self) -> Vec<&Motion> {
         vec![&self.target]
     }
+
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let n = self.model.n();
+        let mut law = Self::build::<f64>(|_| self);
+        let mut tau = vec![0.0; n];
+        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
+        let theta_d = at.desired[..n].to_vec();
+        let e = (0..n).map(|i| theta_d[i] - at.x[2 * n + i]).collect();
+        let stretch: Vec<f64> = (0..n).map(|i| at.x[2 * n + i] - at.x[i]).collect();
+        vec![
+            ("theta_d", vec![n], theta_d),
+            ("e", vec![n], e),
+            ("tau_J", vec![n], self.joint_stiffness.times(&stretch)),
+            ("g", vec![n], law.compensation(at.x)),
+            ("tau", vec![n], tau),
+        ]
+    }
+
+    fn joint_reference(&self) -> Option<JointReference> {
+        self.link_target().map(JointReference::Target)
+    }
+    fn joint_stiffness(&self) -> Option<&Gain> {
+        Some(&self.joint_stiffness)
+    }
+    /// The identity without torque feedback.
+    fn torque_share(&self) -> Option<Gain> {
+        let n = self.model.n();
+        let fed = |k: usize| if TORQUE { self.kt.at(k / n, k % n) } else { 0.0 };
+        let sum = (0..n * n).map(|k| fed(k) + f64::from(u8::from(k / n == k % n))).collect();
+        Some(Gain::unchecked(n, sum).inverse())
+    }
+    fn link_target(&self) -> Option<Vec<f64>> {
+        let mut sample = vec![0.0; 3 * self.sag.len()];
+        self.target.sample(0.0, &mut sample);
+        Some(sample.iter().zip(&self.sag).map(|(theta, sag)| theta - sag).collect())
+    }
+}
+
+impl<const TORQUE: bool> Build for MotorRegulationSpec<TORQUE> {
+    type Lanes<S: Real> = MotorRegulation<S, TORQUE>;
 
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> MotorRegulation<S, TORQUE> {
         let n = of(0).model.n();
@@ -143,23 +168,6 @@ impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
             part: zeros.clone(),
             work: zeros,
         }
-    }
-
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let mut law = Self::build::<f64>(|_| self);
-        let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
-        let theta_d = at.desired[..n].to_vec();
-        let e = (0..n).map(|i| theta_d[i] - at.x[2 * n + i]).collect();
-        let stretch: Vec<f64> = (0..n).map(|i| at.x[2 * n + i] - at.x[i]).collect();
-        vec![
-            ("theta_d", vec![n], theta_d),
-            ("e", vec![n], e),
-            ("tau_J", vec![n], self.joint_stiffness.times(&stretch)),
-            ("g", vec![n], law.compensation(at.x)),
-            ("tau", vec![n], tau),
-        ]
     }
 }
 

@@ -1,6 +1,6 @@
 //! PD control with gravity compensation (Takegaki and Arimoto 1981): `tau = Kp (q_d - q) - Kd v + g(q)`.
 
-use super::{Definition, Instant, Law, Term, require_rows, require_size};
+use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
@@ -51,26 +51,17 @@ impl PdGravitySpec {
 }
 
 impl Definition for PdGravitySpec {
-    const NAME: &'static str = "PDGravity";
-    const PLANT: PlantKind = PlantKind::Rigid;
-    type Lanes<S: Real> = PdGravity<S>;
-
+    fn name(&self) -> &'static str {
+        "PDGravity"
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Rigid
+    }
     fn model(&self) -> &Model {
         &self.model
     }
     fn motions(&self) -> Vec<&Motion> {
         vec![&self.target]
-    }
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> PdGravity<S> {
-        let arm = AnyArm::from_lanes(|i| &of(i).model);
-        PdGravity {
-            workspace: arm.workspace(),
-            work: vec![S::zero(); of(0).model.n()],
-            arm,
-            kp: AnyGain::labelled("kp", |i| &of(i).kp),
-            kd: AnyGain::labelled("kd", |i| &of(i).kd),
-        }
     }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
@@ -82,6 +73,31 @@ impl Definition for PdGravitySpec {
         let (kp_e, kd_v) = (self.kp.times(&e), self.kd.times(v));
         let tau = (0..n).map(|i| kp_e[i] - kd_v[i] + g[i]).collect();
         vec![("q_d", vec![n], at.desired[..n].to_vec()), ("e", vec![n], e), ("g", vec![n], g), ("tau", vec![n], tau)]
+    }
+
+    fn joint_reference(&self) -> Option<JointReference> {
+        Some(JointReference::held(&self.target))
+    }
+    fn outer(&self) -> Option<LawSpec> {
+        Some(self.clone().into())
+    }
+    fn outer_stiffness(&mut self) -> Option<&mut Gain> {
+        Some(&mut self.kp)
+    }
+}
+
+impl Build for PdGravitySpec {
+    type Lanes<S: Real> = PdGravity<S>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> PdGravity<S> {
+        let arm = AnyArm::from_lanes(|i| &of(i).model);
+        PdGravity {
+            workspace: arm.workspace(),
+            work: vec![S::zero(); of(0).model.n()],
+            arm,
+            kp: AnyGain::labelled("kp", |i| &of(i).kp),
+            kd: AnyGain::labelled("kd", |i| &of(i).kd),
+        }
     }
 }
 

@@ -6,8 +6,8 @@
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
-use super::level::{self, Level, desired_size, require_levels, stack};
-use super::{Definition, Instant, Law, Term};
+use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
+use super::{Build, Definition, Instant, Law, Route, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::TaskStack;
@@ -96,20 +96,17 @@ impl PriorityAccelerationSpec {
 }
 
 impl Definition for PriorityAccelerationSpec {
-    const NAME: &'static str = "PriorityAcceleration";
-    const PLANT: PlantKind = PlantKind::Rigid;
-    type Lanes<S: Real> = Decided<PriorityAcceleration, PriorityAcceleration<RecordedSolver>>;
-
+    fn name(&self) -> &'static str {
+        "PriorityAcceleration"
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Rigid
+    }
     fn model(&self) -> &Model {
         &self.model
     }
     fn motions(&self) -> Vec<&Motion> {
         self.levels.iter().map(|level| &level.target).collect()
-    }
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
-        let (law, n) = (of(0), of(0).model.n());
-        Decided::new::<S>([desired_size(&law.levels), n, 2 * n], || law.plain(), || law.engine())
     }
 
     /// As of the velocity law, with `e_dot`, `J_dot` and the acceleration; residuals are of accelerations.
@@ -135,6 +132,26 @@ impl Definition for PriorityAccelerationSpec {
             ("a", vec![n], law.solver.v().to_vec()),
             ("tau", vec![n], tau),
         ]
+    }
+
+    fn route(&self) -> Route {
+        if self.options.method.has_bounds() { Route::Deciding } else { Route::Guarded }
+    }
+    fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+}
+
+impl Build for PriorityAccelerationSpec {
+    type Lanes<S: Real> = Decided<PriorityAcceleration, PriorityAcceleration<RecordedSolver>>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
+        let (law, n) = (of(0), of(0).model.n());
+        Decided::new::<S>([desired_size(&law.levels), n, 2 * n], || law.plain(), || law.engine())
+    }
+
+    fn same_shape(&self, other: &Self) -> bool {
+        same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
     }
 }
 

@@ -9,8 +9,8 @@
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
-use super::level::{self, Level, desired_size, require_levels, stack};
-use super::{Definition, Instant, Law, Term};
+use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
+use super::{Build, Definition, Instant, Law, Route, Term};
 use crate::dynamics::Model;
 use crate::error::Result;
 use crate::kinematics::TaskStack;
@@ -93,20 +93,17 @@ pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<Priori
 }
 
 impl Definition for PriorityVelocitySpec {
-    const NAME: &'static str = "PriorityVelocity";
-    const PLANT: PlantKind = PlantKind::Velocity;
-    type Lanes<S: Real> = Decided<PriorityVelocity, PriorityVelocity<RecordedSolver>>;
-
+    fn name(&self) -> &'static str {
+        "PriorityVelocity"
+    }
+    fn plant(&self) -> PlantKind {
+        PlantKind::Velocity
+    }
     fn model(&self) -> &Model {
         &self.model
     }
     fn motions(&self) -> Vec<&Motion> {
         self.levels.iter().map(|level| &level.target).collect()
-    }
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
-        let (law, n) = (of(0), of(0).model.n());
-        Decided::new::<S>([desired_size(&law.levels), n, n], || law.plain(), || law.engine())
     }
 
     /// `e`, `J` and the residuals of all levels, one after another, `rows` of each; ranks, the velocity.
@@ -128,6 +125,26 @@ impl Definition for PriorityVelocitySpec {
             ("v", vec![n], v.clone()),
             ("tau", vec![n], v),
         ]
+    }
+
+    fn route(&self) -> Route {
+        if self.options.method.has_bounds() { Route::Deciding } else { Route::Guarded }
+    }
+    fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+}
+
+impl Build for PriorityVelocitySpec {
+    type Lanes<S: Real> = Decided<PriorityVelocity, PriorityVelocity<RecordedSolver>>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
+        let (law, n) = (of(0), of(0).model.n());
+        Decided::new::<S>([desired_size(&law.levels), n, n], || law.plain(), || law.engine())
+    }
+
+    fn same_shape(&self, other: &Self) -> bool {
+        same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
     }
 }
 

@@ -3,7 +3,6 @@
 //! `E = v' M v / 2 + (theta - q)' K_J (theta - q) / 2 + theta_dot' B0 theta_dot / 2 + e' K_m e / 2`, and the springs of wall and stops.
 
 use super::LawSpec;
-use super::elastic_impedance::ElasticImpedanceSpec;
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
 use crate::linalg::gain::{AnyGain, Multiply};
@@ -24,8 +23,8 @@ pub struct Storage<S: Real> {
 impl<S: Real> Storage<S> {
     /// For the laws `of(lane)`, of one shape; `None` for laws without a storage function of their own.
     pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec) -> Option<Self> {
-        let LawSpec::ElasticImpedance(own) = of(0) else { return None };
-        let law = |lane: usize| -> &'a ElasticImpedanceSpec { if let LawSpec::ElasticImpedance(law) = of(lane) { law } else { own } };
+        let own = of(0).storage()?;
+        let law = |lane: usize| of(lane).storage().unwrap_or(own);
         let (n, m) = (own.outer.model.n(), own.outer.coordinates.m());
         Some(Storage {
             coordinates: own.outer.coordinates.clone(),

@@ -16,7 +16,7 @@ use super::world::{Exogenous, World};
 use crate::integrate::{
     Adaptive, Dop853, Dopri5, DualSystem, Euler, FixedStep, Linearised, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System, Tolerance,
 };
-use crate::law::LawSpec;
+use crate::law::{LawSpec, Route};
 use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Array8, Dual8, Float, Real};
 use std::borrow::Cow;
@@ -293,7 +293,7 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
 pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
     let (o, plant) = (&problem.options, problem.plant(run(0)));
     // A law from outside may remember: it is asked once per sample, however often that is looked at.
-    let asked_once = matches!(problem.law(run(0)), LawSpec::External(_));
+    let asked_once = problem.law(run(0)).route() == Route::Outside;
     let dissipated = usize::from(o.monitors && !problem.watches_storage());
     let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);
     o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || asked_once).map(|sampling| {

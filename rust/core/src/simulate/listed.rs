@@ -9,7 +9,7 @@ use super::problem::{Method, Problem};
 use super::rates_programs::{self, Slots};
 use super::recorded;
 use crate::error::{Error, Result};
-use crate::law::LawSpec;
+use crate::law::Route;
 use crate::trace::instruction::{Form, Set};
 use crate::trace::label::Label;
 use crate::trace::listing::{self, Listing, Lowered};
@@ -133,10 +133,10 @@ fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
         Err(Error::input(argument, format!("has the loop run directly, without a program: expected {expected}, got {got}")))
     };
     let method = o.method.name();
-    if let LawSpec::External(_) = law {
+    if law.route() == Route::Outside {
         return directly("law", "a law of armlet such as Adaptive".into(), "a function in Python".into());
     }
-    if fixed && !law.is_recordable() {
+    if fixed && !law.route().is_recordable() {
         return directly(
             "law",
             "a map of task priority such as clamp".into(),
@@ -149,7 +149,7 @@ fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
     if let Some(sampling) = o.sampling.as_ref().filter(|sampling| fixed && sampling.jitter != 0.0) {
         return directly("sample_time", format!("samples without jitter for {method}"), format!("a jitter of {} s", sampling.jitter));
     }
-    if !fixed && law.is_scalar() {
+    if !fixed && law.route().is_scalar() {
         return directly("law", format!("a law without task priority for {method}"), law.name().into());
     }
     if !fixed && !rates_programs::is_recordable(problem) {

@@ -3,7 +3,6 @@
 use super::layout::Layout;
 use super::problem::Problem;
 use super::rates_programs::Slots;
-use crate::law::LawSpec;
 use crate::plant::PlantKind;
 use crate::trace::label::Label;
 use std::collections::HashSet;
@@ -113,7 +112,7 @@ fn states(problem: &Problem) -> Vec<String> {
         PlantKind::Rigid => &["q", "v"],
         PlantKind::Elastic => &["q", "v", "theta", "theta_dot"],
     };
-    let own = if matches!(law, LawSpec::Adaptive(_)) { "estimate" } else { "z" };
+    let own = if law.adaptive().is_some() { "estimate" } else { "z" };
     let plant = parts.iter().flat_map(|part| (1..=plant.n()).map(move |i| format!("{part}{i}")));
     let law = (1..=law.initial_state().len()).map(|k| format!("{own}{k}"));
     let monitors: &[&str] = if problem.options.monitors { &["dissipated", "supplied"] } else { &[] };

@@ -3,7 +3,7 @@
 use super::problem::Problem;
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
-use crate::law::{Aim, JointReference, LawSpec};
+use crate::law::{Aim, JointReference};
 use crate::plant::PlantKind;
 use std::ops::Range;
 
@@ -156,7 +156,7 @@ impl Plan {
             tolerance: measures.tolerance,
             bounds: bounds(plant.model(), velocity),
             energy: problem.options.monitors && !velocity,
-            lyapunov: problem.options.monitors && matches!(law, LawSpec::Adaptive(_)),
+            lyapunov: problem.options.monitors && law.adaptive().is_some(),
             velocity,
             places: MeasureLayout::default(),
         };

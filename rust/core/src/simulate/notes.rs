@@ -6,7 +6,7 @@ use super::monitors::Checks;
 use super::problem::Problem;
 use super::schedule::Times;
 use super::world::Exogenous;
-use crate::law::{LawSpec, RecordedSolver};
+use crate::law::RecordedSolver;
 use crate::trace::{Sym, sym};
 
 /// Numbers of the first record from which monitors count.
@@ -29,8 +29,7 @@ pub struct Notes {
 impl Problem<'_> {
     /// Whether the programs of its loops can note all that a record needs: at steps, with norms of levels by a route without a branch.
     pub fn notes_in_programs(&self) -> bool {
-        let alone = |law: &&LawSpec| law.is_scalar() && !law.is_recordable();
-        let branches = self.options.monitors && self.laws.iter().any(alone);
+        let branches = self.options.monitors && self.laws.iter().any(|law| !law.route().is_recordable());
         self.measures.is_none() && matches!(self.options.times, Times::Every(_)) && !branches
     }
 }

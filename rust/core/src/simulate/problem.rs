@@ -9,7 +9,7 @@ use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
-use crate::law::LawSpec;
+use crate::law::{LawSpec, Route};
 use crate::memory;
 use crate::plant::{PlantKind, PlantSpec};
 
@@ -203,7 +203,10 @@ impl<'a> Problem<'a> {
     pub fn watches_storage(&self) -> bool {
         let o = &self.options;
         let runs = self.plants.len().max(self.laws.len());
-        o.monitors && o.sampling.is_none() && o.tau_max.is_none() && (0..runs).all(|run| self.law(run).has_storage(self.plant(run)))
+        o.monitors
+            && o.sampling.is_none()
+            && o.tau_max.is_none()
+            && (0..runs).all(|run| self.law(run).storage().is_some_and(|law| law.has_storage(self.plant(run))))
     }
 
     /// Whether the target model of an impedance is watched: the law acts alone and at every instant on links that nothing but the given force
@@ -211,7 +214,7 @@ impl<'a> Problem<'a> {
     pub fn watches_target(&self) -> bool {
         let o = &self.options;
         let alone = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(rigid) if !rigid.friction) && plant.is_free();
-        let all = self.laws.iter().all(|law| matches!(law, LawSpec::CartesianImpedance(_))) && self.plants.iter().all(|plant| alone(plant));
+        let all = self.laws.iter().all(|law| law.impedance().is_some()) && self.plants.iter().all(|plant| alone(plant));
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
     }
 
@@ -254,13 +257,13 @@ impl<'a> Problem<'a> {
                 "needs velocities among the states: expected such as rk4 for VelocityArm, got semi_implicit",
             ));
         }
-        if law.is_scalar() && self.options.sampling.is_none() && self.options.method.is_implicit() {
+        if law.route().is_scalar() && self.options.sampling.is_none() && self.options.method.is_implicit() {
             let (name, method) = (law.name(), self.options.method.name());
             let problem =
                 format!("needs derivatives, which {name} has not: expected such as rk4 or dop853, or a sample_time, got {method}");
             return Err(Error::input("method", problem));
         }
-        if matches!(law, LawSpec::External(_)) && self.options.sampling.is_none() {
+        if law.route() == Route::Outside && self.options.sampling.is_none() {
             return Err(Error::input("sample_time", "is missing: expected the period at which a law from outside is asked, got None"));
         }
         let n = plant.n();

@@ -15,6 +15,7 @@ use super::recorded::{self, Recorded, SeenLoop};
 use super::redo;
 use super::schedule::Within;
 use super::sink::Sink;
+use crate::law::Route;
 use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -44,7 +45,7 @@ impl Structures {
         // Samples that are late by chance are late together in lanes.
         let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
         // The routes of a law that decides ranks differ in rounding; else the bits are the same directly.
-        let short = !lanes && fixed.schedule.steps < SHORT && !problem.law(0).is_guarded();
+        let short = !lanes && fixed.schedule.steps < SHORT && problem.law(0).route() != Route::Guarded;
         if short || late || !recorded::is_recordable(problem) {
             return None;
         }

@@ -20,6 +20,7 @@ use super::problem::{Method, Problem};
 use super::sums::Sums;
 use super::world::Exogenous;
 use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
+use crate::law::Route;
 use crate::linalg::Pairs;
 use crate::scalar::Real;
 use crate::trace::cache::Cache;
@@ -64,7 +65,7 @@ impl Recorded {
 /// Whether the loops of a problem may run as programs: fixed explicit steps, a law with a route that does not branch on data.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method, Method::Euler | Method::SemiImplicit | Method::Rk4)
-        && problem.law(0).is_recordable()
+        && problem.law(0).route().is_recordable()
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
 
@@ -180,14 +181,14 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
         lasting,
         inputs: closed.tau.len(),
         answer: closed.law_rate().len(),
-        guards: usize::from(problem.law(run).is_guarded()),
+        guards: usize::from(problem.law(run).route() == Route::Guarded),
         firsts,
         noted,
         norms,
         all_inputs: 0,
         shared: common.shared,
     };
-    let tracing = trace(closed, beside, (method, problem.law(run).is_recordable(), plain), &layout)?;
+    let tracing = trace(closed, beside, (method, problem.law(run).route().is_recordable(), plain), &layout)?;
     layout.all_inputs = sym::recorded().1 as usize;
     let recording = sym::finish();
     if recording.failed {

@@ -8,7 +8,7 @@ use super::rates_loop::{RatesLoop, recorded_loop};
 use super::sampling::Sampling;
 use crate::error::{Error, Result};
 use crate::integrate::{Euler, FixedStep, Rk4, Ros2, SemiImplicit};
-use crate::law::LawSpec;
+use crate::law::Route;
 use crate::scalar::{Float, Real};
 use crate::status::Status;
 
@@ -175,7 +175,7 @@ where
     let hold = o.sampling.as_ref().map_or(0, |sampling| if sampling.is_plain() { (sampling.period / o.grid()).round() as u64 } else { 1 });
     let tau = vec![S::zero(); problem.plant(0).n()];
     let plain = o.sampling.as_ref().is_none_or(Sampling::is_plain);
-    let simple = plain && problem.law(0).initial_state().is_empty() && !matches!(problem.law(0), LawSpec::External(_));
+    let simple = plain && problem.law(0).initial_state().is_empty() && problem.law(0).route() != Route::Outside;
     Box::new(Stepper::<S, F, M> {
         closed,
         method,

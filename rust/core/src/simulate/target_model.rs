@@ -8,7 +8,6 @@
 use super::problem::Problem;
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
-use crate::law::LawSpec;
 use crate::linalg::cholesky;
 use crate::linalg::gain::{AnyGain, Multiply};
 use crate::plant::{Plant, PlantSpec};
@@ -52,7 +51,7 @@ fn dot<S: Real>(a: &[S], b: &[S]) -> S {
 impl<S: Real> TargetModel<S> {
     /// Of run `run`, where [`Problem::watches_target`].
     pub fn new(problem: &Problem, run: usize) -> Option<Self> {
-        let LawSpec::CartesianImpedance(law) = problem.law(run) else { return None };
+        let law = problem.law(run).impedance()?;
         let plant = problem.plant(run);
         let (n, m) = (plant.n(), law.coordinates.m());
         let zeros = |k: usize| vec![S::zero(); k];

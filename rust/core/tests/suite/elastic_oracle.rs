@@ -59,7 +59,7 @@ fn law_values() {
         let (input, expected) = (&case["input"], case["expected"].as_object().unwrap());
         let (_, law) = loop_of(input);
         let x: Vec<f64> = ["q", "qd", "theta", "thetad"].iter().flat_map(|key| numbers(&input[*key])).collect();
-        let terms = law.terms(0.0, &x, &[]);
+        let terms = law.terms_at(0.0, &x, &[]);
         assert_eq!(expected.len(), 11);
         for (name, want) in expected {
             let (_, _, got) = terms.iter().find(|(part, _, _)| part == name).unwrap();

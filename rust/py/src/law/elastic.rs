@@ -3,7 +3,7 @@
 use super::{Arguments, Law};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{
-    CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, LawSpec, MotorPdSpec, PdGravitySpec, ReductionSpec, StateFeedbackSpec,
+    CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, MotorPdSpec, PdGravitySpec, ReductionSpec, StateFeedbackSpec,
 };
 use armlet_core::motion::Motion;
 use armlet_macros::entered;
@@ -50,13 +50,13 @@ fn cartesian<'py>(
     outer: Outer<'_, 'py>,
     inner: Inner<'_, 'py>,
     target: impl FnOnce(&mut Arguments<'py>, usize) -> Result<Motion, Failure>,
-) -> Result<LawSpec, Failure> {
+) -> Result<ElasticImpedanceSpec, Failure> {
     let (frame, axes, m) = given.frame_and_axes(outer.frame, outer.axes)?;
     let target = target(given, m)?;
     let (stiffness, damping) = (given.gain("stiffness", outer.stiffness, m)?, given.gain("damping", outer.damping, m)?);
     let outer = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
     let inner = inner.read(given)?;
-    Ok(LawSpec::ElasticImpedance(ElasticImpedanceSpec { outer, inner }))
+    Ok(ElasticImpedanceSpec { outer, inner })
 }
 
 /// Cartesian impedance through elastic joints: motor-inertia reduction inside, a spring and a damper at the frame outside.
@@ -243,7 +243,7 @@ impl JointImpedance {
             let outer = PdGravitySpec::new(given.model(), target, stiffness, damping)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
             let inner = inner.read(&mut given)?;
-            Ok(given.law(LawSpec::JointImpedance(JointImpedanceSpec { outer, inner })).add_subclass(JointImpedance))
+            Ok(given.law(JointImpedanceSpec { outer, inner }).add_subclass(JointImpedance))
         })
     }
 }
@@ -300,7 +300,7 @@ impl MotorPD {
             let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
             let online = given.flag("online", online)?;
             let spec = MotorPdSpec::new(given.model(), &target, kp, kd, joint_stiffness, online)?;
-            Ok(given.law(LawSpec::MotorPd(spec)).add_subclass(MotorPD))
+            Ok(given.law(spec).add_subclass(MotorPD))
         })
     }
 }
@@ -352,7 +352,7 @@ impl StateFeedback {
             let gains = [given.gain("kp", kp, n)?, given.gain("kd", kd, n)?, given.gain("kt", kt, n)?, given.gain("ks", ks, n)?];
             let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
             let spec = StateFeedbackSpec::new(given.model(), &target, gains, joint_stiffness)?;
-            Ok(given.law(LawSpec::StateFeedback(spec)).add_subclass(StateFeedback))
+            Ok(given.law(spec).add_subclass(StateFeedback))
         })
     }
 }

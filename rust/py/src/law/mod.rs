@@ -36,7 +36,8 @@ pub struct Law {
 
 impl Arguments<'_> {
     /// The law of these arguments.
-    fn law(self, spec: LawSpec) -> PyClassInitializer<Law> {
+    fn law(self, spec: impl Into<LawSpec>) -> PyClassInitializer<Law> {
+        let spec = spec.into();
         let evaluator = Mutex::new(LawEvaluator::new(&spec));
         PyClassInitializer::from(Law { spec, evaluator, arm: self.arm.unbind(), arguments: self.arguments })
     }
@@ -161,7 +162,7 @@ impl Law {
             let (t, x, z) = call_arguments("Law.terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
             let parts = PyDict::new(py);
             let rows = self.spec.level_rows();
-            for (name, shape, values) in self.spec.terms(t, &x, &z) {
+            for (name, shape, values) in self.spec.terms_at(t, &x, &z) {
                 if !rows.is_empty() && matches!(name, "rows" | "ranks") {
                     parts.set_item(name, values.iter().map(|&count| count as usize).collect::<Vec<_>>())?;
                     continue;

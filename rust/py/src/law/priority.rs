@@ -5,7 +5,7 @@ use crate::arrays::optional_number;
 use crate::errors::{Failure, entry};
 use crate::priority::{Keywords, method_name, per_joint};
 use crate::task::each;
-use armlet_core::law::{LawSpec, Level, LimitOverrides, PriorityAccelerationSpec, PriorityVelocitySpec};
+use armlet_core::law::{Level, LimitOverrides, PriorityAccelerationSpec, PriorityVelocitySpec};
 use armlet_core::priority::PriorityOptions;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -111,7 +111,7 @@ impl PriorityVelocity {
             let limits = [("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("a_max", a_max), ("horizon", horizon)];
             let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
             let spec = PriorityVelocitySpec::new(given.model(), levels, options, &limits)?;
-            Ok(given.law(LawSpec::PriorityVelocity(spec)).add_subclass(PriorityVelocity))
+            Ok(given.law(spec).add_subclass(PriorityVelocity))
         })
     }
 }
@@ -176,7 +176,7 @@ impl PriorityAcceleration {
                 given.plain("joint_damping", value);
             }
             let spec = PriorityAccelerationSpec::new(given.model(), levels, options, damping, &limits)?;
-            Ok(given.law(LawSpec::PriorityAcceleration(spec)).add_subclass(PriorityAcceleration))
+            Ok(given.law(spec).add_subclass(PriorityAcceleration))
         })
     }
 }

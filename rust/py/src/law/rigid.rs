@@ -3,7 +3,7 @@
 use super::{Arguments, Law};
 use crate::arrays::{Looked, WHATEVER, numbers, owned, shown};
 use crate::errors::{Failure, entry, input_error};
-use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, LawSpec, PdGravitySpec, Projection};
+use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, PdGravitySpec, Projection};
 use armlet_core::motion::Motion;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -113,7 +113,7 @@ impl Adaptive {
             if let Some(projection) = projection.filter(|projection| !projection.is_none()) {
                 spec = spec.projected(least_bodies(&mut given, projection, p)?)?;
             }
-            Ok(given.law(LawSpec::Adaptive(spec)).add_subclass(Adaptive))
+            Ok(given.law(spec).add_subclass(Adaptive))
         })
     }
 }
@@ -152,7 +152,7 @@ impl ComputedTorque {
             let motion = given.motion("motion", motion)?;
             let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
             let spec = ComputedTorqueSpec::new(model, motion, kp, kd)?;
-            Ok(given.law(LawSpec::ComputedTorque(spec)).add_subclass(ComputedTorque))
+            Ok(given.law(spec).add_subclass(ComputedTorque))
         })
     }
 }
@@ -195,7 +195,7 @@ impl PDGravity {
             let target = given.vector("target", target, n)?;
             let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
             let spec = PdGravitySpec::new(model, target, kp, kd)?;
-            Ok(given.law(LawSpec::PdGravity(spec)).add_subclass(PDGravity))
+            Ok(given.law(spec).add_subclass(PDGravity))
         })
     }
 }
@@ -246,7 +246,7 @@ impl CartesianImpedance {
             let target = given.vector("target", target, m)?;
             let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
             let spec = CartesianImpedanceSpec::new(given.model(), Motion::Hold(target), stiffness, damping, &frame, &axes)?;
-            Ok(given.law(LawSpec::CartesianImpedance(spec)).add_subclass(CartesianImpedance))
+            Ok(given.law(spec).add_subclass(CartesianImpedance))
         })
     }
 }

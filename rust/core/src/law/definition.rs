@@ -1,0 +1,145 @@
+//! What the core asks of a law that a user states. Most of it has an answer that fits most laws.
+
+use super::{AdaptiveSpec, CartesianImpedanceSpec, ElasticImpedanceSpec, JointReference, Law, LawSpec, Level, ReductionSpec};
+use crate::dynamics::Model;
+use crate::kinematics::Coordinates;
+use crate::linalg::Gain;
+use crate::motion::Motion;
+use crate::plant::PlantKind;
+use crate::scalar::Real;
+
+/// A law as the user states it, validated.
+pub trait Definition {
+    /// The class in Python.
+    fn name(&self) -> &'static str;
+    /// The plants that the law is made for.
+    fn plant(&self) -> PlantKind;
+    /// The arm that the law was made for.
+    fn model(&self) -> &Model;
+    /// The desired motions, in the order in which [`Law::evaluate`] reads them.
+    fn motions(&self) -> Vec<&Motion>;
+    /// The named parts of the law at one instant.
+    fn terms(&self, at: &Instant) -> Vec<Term>;
+
+    /// The law's state at the start of a run, `(p,)`.
+    fn initial_state(&self) -> &[f64] {
+        &[]
+    }
+
+    /// How the law can be evaluated.
+    fn route(&self) -> Route {
+        Route::Straight
+    }
+
+    /// Where the law wants the joints; `None` for a law of tasks.
+    fn joint_reference(&self) -> Option<JointReference> {
+        None
+    }
+
+    /// The frame and axes in which the law takes an external force; `None` for a law of joints alone.
+    fn coordinates(&self) -> Option<&Coordinates> {
+        None
+    }
+
+    /// The levels of a law of tasks in priority; none for any other.
+    fn levels(&self) -> &[Level] {
+        &[]
+    }
+
+    /// The adaptation of a law that has one.
+    fn adaptive(&self) -> Option<&AdaptiveSpec> {
+        None
+    }
+
+    /// The law itself, where it is a spring of a frame on a rigid arm.
+    fn impedance(&self) -> Option<&CartesianImpedanceSpec> {
+        None
+    }
+
+    /// The law itself, where it has a storage function of its own.
+    fn storage(&self) -> Option<&ElasticImpedanceSpec> {
+        None
+    }
+
+    /// The motor-inertia reduction inside, for a law that has one.
+    fn reduction(&self) -> Option<&ReductionSpec> {
+        None
+    }
+
+    /// The stiffness of the joints that the law believes in, for a law that reads their torques.
+    fn joint_stiffness(&self) -> Option<&Gain> {
+        self.reduction().map(|reduction| &reduction.joint_stiffness)
+    }
+
+    /// `(I + Kt)^-1` of a law of motors, by which its answer at rest is the slope of a potential.
+    fn torque_share(&self) -> Option<Gain> {
+        None
+    }
+
+    /// Where a law of motors wants the links, `(n,)`.
+    fn link_target(&self) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// The law of links alone that asks for the joint torque: the outer loop, or a law of rigid arms that stands on a spring.
+    fn outer(&self) -> Option<LawSpec> {
+        None
+    }
+
+    /// The stiffness of that spring.
+    fn outer_stiffness(&mut self) -> Option<&mut Gain> {
+        None
+    }
+}
+
+/// A law as loops are made of it, for any number.
+pub trait Build: Definition {
+    type Lanes<S: Real>: Law<S> + Send + 'static;
+
+    /// The laws of the lanes as one; all have the same shape.
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S>
+    where
+        Self: 'a;
+
+    /// Whether both can run side by side in lanes, their arms, coordinates and states being alike.
+    fn same_shape(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+/// How a law can be evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Route {
+    /// In one way for every state, which can be recorded and has derivatives.
+    Straight,
+    /// By decisions on plain numbers; recorded by a way without a branch that says where it does not hold.
+    Guarded,
+    /// By decisions on plain numbers alone.
+    Deciding,
+    /// By a function from outside, at samples alone.
+    Outside,
+}
+
+impl Route {
+    /// Whether the law needs plain numbers, so that neither lanes nor dual numbers can take it.
+    pub fn is_scalar(self) -> bool {
+        self != Route::Straight
+    }
+
+    /// Whether the law can be recorded.
+    pub fn is_recordable(self) -> bool {
+        matches!(self, Route::Straight | Route::Guarded)
+    }
+}
+
+/// What a law is asked about: the time, its motions' samples, the plant's state with (sin, cos) of its coordinates, and the law's own.
+pub struct Instant<'a> {
+    pub t: f64,
+    pub desired: &'a [f64],
+    pub trig: &'a [(f64, f64)],
+    pub x: &'a [f64],
+    pub z: &'a [f64],
+}
+
+/// A named part of a law: its values, row-major, in its shape.
+pub type Term = (&'static str, Vec<usize>, Vec<f64>);
