@@ -3,6 +3,9 @@
 use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
 
+/// The instants of the inputs, as parts of the step.
+pub(super) const INSTANTS: &[f64] = &[0.0];
+
 /// The explicit Euler method.
 pub struct Euler<B, U> {
     k: B,
@@ -25,7 +28,7 @@ impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Euler<B, F::Inp
 }
 
 impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for Euler<B, F::Input> {
-    const INSTANTS: &'static [f64] = &[0.0];
+    const INSTANTS: &'static [f64] = INSTANTS;
 
     fn input(&mut self, _: usize) -> &mut F::Input {
         &mut self.u

@@ -13,6 +13,7 @@ mod euler;
 pub mod events;
 mod fixed;
 mod linearised;
+mod method;
 mod radau5;
 mod radau5_tableau;
 mod rk4;
@@ -31,6 +32,10 @@ pub use dopri5::{Dopri5, Pair54};
 pub use euler::Euler;
 pub use fixed::Steps;
 pub use linearised::{DualSystem, Linearised};
+pub use method::{
+    ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Kind, Method, WithAdaptive, WithExplicitSteps, WithImplicitSteps,
+    WithScheme,
+};
 pub use radau5::Radau5;
 pub use rk4::Rk4;
 pub use rodas4::Rodas4;
@@ -71,6 +76,10 @@ pub trait System<S: Real> {
     /// Positions have their velocities; a method that treats the two apart needs to know.
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.pairs().rate_of(i)
+    }
+    /// Whether its time runs backwards, so that positions change by minus their rates.
+    fn is_reversed(&self) -> bool {
+        false
     }
     /// The positions and rates that the state begins with; none where they stand otherwise.
     fn pairs(&self) -> Pairs {

@@ -6,6 +6,9 @@
 use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
 
+/// The instants of the inputs, as parts of the step.
+pub(super) const INSTANTS: &[f64] = &[0.0, 0.5, 1.0];
+
 /// The classical Runge-Kutta method.
 ///
 /// ```
@@ -69,7 +72,7 @@ impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Rk4<B, F::Input
 }
 
 impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for Rk4<B, F::Input> {
-    const INSTANTS: &'static [f64] = &[0.0, 0.5, 1.0];
+    const INSTANTS: &'static [f64] = INSTANTS;
 
     fn input(&mut self, k: usize) -> &mut F::Input {
         match k {

@@ -8,6 +8,9 @@ use super::{Advance, Buffer, FixedStep, System};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
+/// The instants of the inputs, as parts of the step.
+pub(super) const INSTANTS: &[f64] = &[0.0];
+
 /// The semi-implicit Euler method.
 pub struct SemiImplicit<B, U> {
     k: B,
@@ -32,12 +35,7 @@ impl<B: Clone, U: Clone> SemiImplicit<B, U> {
             let problem = "is semi_implicit: expected a system with positions and velocities, got one that names none";
             return Err(Error::input("method", problem));
         }
-        Ok(SemiImplicit { k: state, u: input, pairs, sign: 1.0 })
-    }
-
-    /// For a system with its time reversed.
-    pub fn backwards(self) -> Self {
-        SemiImplicit { sign: -1.0, ..self }
+        Ok(SemiImplicit { k: state, u: input, pairs, sign: if system.is_reversed() { -1.0 } else { 1.0 } })
     }
 }
 
@@ -50,7 +48,7 @@ impl<S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for SemiImplicit<B,
 }
 
 impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for SemiImplicit<B, F::Input> {
-    const INSTANTS: &'static [f64] = &[0.0];
+    const INSTANTS: &'static [f64] = INSTANTS;
 
     fn input(&mut self, _: usize) -> &mut F::Input {
         &mut self.u

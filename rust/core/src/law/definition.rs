@@ -94,6 +94,7 @@ pub trait Definition {
 
 /// A law as loops are made of it, for any number.
 pub trait Build: Definition {
+    /// The law in a loop, on the number `S`.
     type Lanes<S: Real>: Law<S> + Send + 'static;
 
     /// The laws of the lanes as one; all have the same shape.
@@ -132,12 +133,17 @@ impl Route {
     }
 }
 
-/// What a law is asked about: the time, its motions' samples, the plant's state with (sin, cos) of its coordinates, and the law's own.
+/// What a law is asked about.
 pub struct Instant<'a> {
+    /// The time.
     pub t: f64,
+    /// Samples of the desired motions.
     pub desired: &'a [f64],
+    /// (sin, cos) of the joints.
     pub trig: &'a [(f64, f64)],
+    /// State of the plant.
     pub x: &'a [f64],
+    /// State of the law.
     pub z: &'a [f64],
 }
 

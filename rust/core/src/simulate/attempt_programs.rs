@@ -3,12 +3,12 @@
 use super::closed_loop::ClosedLoop;
 use super::general::assemble;
 use super::key::Common;
-use super::problem::{Method, Problem};
+use super::problem::Problem;
 use super::rates_programs::Slots;
 use super::recorded::{inputs, instant};
 use super::running_rates::write;
 use super::world::Exogenous;
-use crate::integrate::{Attempt, Buffer, Order8, Pair54, Scheme, System};
+use crate::integrate::{Attempt, Buffer, Kind, Scheme, System, WithScheme};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
@@ -54,14 +54,35 @@ impl Layout {
     }
 }
 
+/// The attempts of the run `run` of a problem, to be recorded where they are not too large.
+struct Attempts<'a> {
+    problem: &'a Problem<'a>,
+    run: usize,
+    common: Common,
+    held: bool,
+    slots: &'a Slots,
+    /// Of its rates.
+    operations: usize,
+}
+
+impl WithScheme for Attempts<'_> {
+    type Output = Option<AttemptProgram>;
+
+    fn with<C: Scheme>(self) -> Option<AttemptProgram> {
+        if C::STAGES * self.operations > LARGE {
+            return None;
+        }
+        AttemptProgram::record::<C>(self.problem, self.run, self.common, self.held, self.slots)
+    }
+}
+
 impl AttemptProgram {
     /// That of the problem's method, if there is one and the loop, whose rates have so many operations, is small; `None` where the code
     /// branches on data.
     pub fn of(problem: &Problem, run: usize, common: Common, held: bool, (slots, operations): (&Slots, usize)) -> Option<Self> {
-        match problem.options.method {
-            Method::Dopri5 if Pair54::STAGES * operations <= LARGE => Self::record::<Pair54>(problem, run, common, held, slots),
-            Method::Dop853 if Order8::STAGES * operations <= LARGE => Self::record::<Order8>(problem, run, common, held, slots),
-            _ => None,
+        match problem.options.method.kind() {
+            Kind::ExplicitAdaptive(method) => method.scheme(Attempts { problem, run, common, held, slots, operations }),
+            Kind::ExplicitSteps(_) | Kind::ImplicitSteps(_) | Kind::ImplicitAdaptive(_) => None,
         }
     }
 

@@ -1,12 +1,13 @@
 //! Many arms of one kind stepped by hand, side by side: each row under an input of its own that is held for some steps.
 
 use super::key::Common;
-use super::problem::{Method, Options, Problem};
+use super::problem::{Options, Problem};
 use super::recorded::{self, Recorded};
 use super::redo;
 use super::sampling::Sampling;
 use super::schedule::Times;
 use crate::error::{Result, positive};
+use crate::integrate::Method;
 use crate::law::{ExternalSpec, LawSpec};
 use crate::parallel;
 use crate::plant::PlantSpec;

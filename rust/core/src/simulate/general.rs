@@ -1,11 +1,11 @@
 //! Runs of any plant under any law: one number or lanes, by any method.
 
-use super::adaptive_steps;
+use super::adaptive_steps::{self, Segments};
 use super::closed_loop::{ClosedLoop, Closing};
 use super::fixed_steps::{self, Record};
 use super::force::Wrench;
-use super::problem::{Division, Ended, Fixed, Method, Problem};
-use super::rates_loop::{RatesLoop, Source};
+use super::problem::{Division, Ended, Fixed, Problem};
+use super::rates_loop::{RatesLoop, Solved, Source};
 use super::rates_programs::Rates;
 use super::sampler::Sampler;
 use super::sink::Sink;
@@ -14,7 +14,7 @@ use super::torque_sensing::TorqueSensing;
 use super::watching::{RunObserver, Watching};
 use super::world::{Exogenous, World};
 use crate::integrate::{
-    Adaptive, Dop853, Dopri5, DualSystem, Euler, FixedStep, Linearised, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System, Tolerance,
+    Adaptive, DualSystem, FixedStep, Kind, Linearised, System, Tolerance, WithAdaptive, WithExplicitSteps, WithImplicitSteps,
 };
 use crate::law::{LawSpec, Route};
 use crate::plant::{PlantSpec, Touch};
@@ -162,26 +162,57 @@ impl<'a> General<'a> {
         let mut recorder = Self::recorder(self.problem, self.sink, &time, x.len());
         Ended::Fixed(fixed_steps::run(closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
     }
+}
 
-    fn adaptive<S, F, M>(self, mut closed: F, size: usize, instants: &[f64], mut method: M) -> Ended
-    where
-        S: Real,
-        F: Watched<S>,
-        M: Adaptive<S, F, Vec<S>>,
-    {
-        let Division::Adaptive(segments) = self.division else { unreachable!("an adaptive method divides time itself") };
+/// A run by fixed steps.
+struct FixedRun<'a, 'b> {
+    general: General<'a>,
+    fixed: &'b Fixed,
+}
+
+impl<S: Real, F: Watched<S>> WithExplicitSteps<S, F> for FixedRun<'_, '_> {
+    type Output = Ended;
+
+    fn with<M: FixedStep<S, F, Vec<S>>>(self, mut closed: F, x: Vec<S>, method: M) -> Ended {
+        self.general.fixed(self.fixed, &mut closed, x, method)
+    }
+}
+
+impl<S: Real, F: Watched<S>> WithImplicitSteps<S, F> for FixedRun<'_, '_> {
+    type Output = Ended;
+
+    fn with<M: FixedStep<S, F, Vec<S>>>(self, mut closed: F, x: Vec<S>, method: M) -> Ended {
+        self.general.fixed(self.fixed, &mut closed, x, method)
+    }
+}
+
+/// A run by steps of the method's choice.
+struct AdaptiveRun<'a, 'b> {
+    general: General<'a>,
+    segments: &'b Segments,
+    /// Of the loop's state.
+    size: usize,
+    /// When the samples are.
+    instants: Vec<f64>,
+}
+
+impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
+    type Output = Ended;
+
+    fn with<M: Adaptive<S, F, Vec<S>>>(self, mut closed: F, mut method: M) -> Ended {
+        let General { problem, first, stop, sink, observer, .. } = self.general;
         // Each run has its own instants where samples are late by chance.
-        let segments = segments.with_breaks(instants);
-        let mut recorder = Self::recorder(self.problem, self.sink, &|_| f64::NAN, size);
+        let segments = self.segments.with_breaks(&self.instants);
+        let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, self.size);
         let mut i = 0;
-        let kept = size - if self.problem.options.monitors { 2 } else { 0 };
-        let mut watch = Watching::new(self.problem.plant(self.first), self.observer, kept, method.x());
+        let kept = self.size - if problem.options.monitors { 2 } else { 0 };
+        let mut watch = Watching::new(problem.plant(first), observer, kept, method.x());
         let record = |t: f64, closed: &mut F, x: &Vec<S>| {
             let tau = closed.input_at(t, x);
             recorder.write(i, t, x, tau);
             i += 1;
         };
-        Ended::Adaptive(adaptive_steps::run(&mut closed, &mut method, &segments, self.stop, &mut watch, record))
+        Ended::Adaptive(adaptive_steps::run(&mut closed, &mut method, &segments, stop, &mut watch, record))
     }
 }
 
@@ -194,61 +225,44 @@ impl Problem<'_> {
 impl<'a> General<'a> {
     /// Run the one run `first`, by whatever the method needs.
     pub fn run_single(self) -> Ended {
-        match self.division {
-            _ if self.problem.options.method.is_implicit() => self.implicit(),
-            Division::Fixed(fixed) => self.fixed_steps(fixed),
-            Division::Adaptive(_) => self.explicit(),
-        }
-    }
-
-    /// The run `first` by an explicit method of fixed steps.
-    pub fn fixed_steps(self, fixed: &Fixed) -> Ended {
-        let (mut closed, x) = close::<Float>(self.problem, self.first);
-        let u = closed.instant();
-        match self.problem.options.method {
-            Method::Euler => {
-                let method = Euler::new(x.clone(), u);
-                self.fixed(fixed, &mut closed, x, method)
+        match (self.problem.options.method.kind(), self.division) {
+            (Kind::ExplicitSteps(method), Division::Fixed(fixed)) => {
+                let (closed, x) = close::<Float>(self.problem, self.first);
+                let u = closed.instant();
+                match method.apply(closed, x, u, FixedRun { general: self, fixed }) {
+                    Ok(ended) => ended,
+                    Err(_) => unreachable!("plants without velocities were refused"),
+                }
             }
-            Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
-                Ok(method) => self.fixed(fixed, &mut closed, x, method),
-                Err(_) => unreachable!("plants without velocities were refused"),
-            },
-            _ => {
-                let method = Rk4::new(x.clone(), u);
-                self.fixed(fixed, &mut closed, x, method)
+            (Kind::ImplicitSteps(method), Division::Fixed(fixed)) => {
+                let (closed, x, _, u) = self.implicit();
+                method.apply(closed, x, u, FixedRun { general: self, fixed })
             }
+            (Kind::ExplicitAdaptive(method), Division::Adaptive(segments)) => {
+                let (closed, x) = close::<Float>(self.problem, self.first);
+                let (u, size, controlled) = (closed.instant(), x.len(), closed.controlled());
+                let instants = closed.instants(self.problem.options.t_end);
+                let closed = RatesLoop::explicit(closed, self.source());
+                let tolerance = self.problem.tolerance(controlled);
+                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, size, instants })
+            }
+            (Kind::ImplicitAdaptive(method), Division::Adaptive(segments)) => {
+                let (closed, x, (controlled, instants), u) = self.implicit();
+                let (tolerance, size) = (self.problem.tolerance(controlled), x.len());
+                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, size, instants })
+            }
+            (_, _) => unreachable!("the division is that of the method"),
         }
     }
 
-    /// The run `first` by an explicit method that chooses its steps.
-    fn explicit(self) -> Ended {
-        let (closed, x) = close::<Float>(self.problem, self.first);
-        let (u, size, options) = (closed.instant(), x.len(), &self.problem.options);
-        let (tolerance, instants) = (self.problem.tolerance(closed.controlled()), closed.instants(options.t_end));
-        let closed = RatesLoop::explicit(closed, self.source());
-        match options.method {
-            Method::Dopri5 => self.adaptive(closed, size, &instants, Dopri5::new(tolerance, x, u)),
-            _ => self.adaptive(closed, size, &instants, Dop853::new(tolerance, x, u)),
-        }
-    }
-
-    /// The run `first` by an implicit method.
-    fn implicit(self) -> Ended {
-        let options = &self.problem.options;
+    /// The loop of the run `first` for an implicit method, its state at the start, how many components count with the instants of the
+    /// samples, and room for inputs.
+    #[allow(clippy::type_complexity)]
+    fn implicit(&self) -> (Solved<'a>, Vec<f64>, (usize, Vec<f64>), Exogenous<f64>) {
         let (twins, x) = twins(self.problem, self.first);
-        let (u, n) = (twins.system.instant(), x.len());
-        let (matrix, pivots) = (vec![0.0; n * n], vec![0usize; n]);
-        let (tolerance, instants) = (self.problem.tolerance(twins.system.controlled()), twins.system.instants(options.t_end));
-        let mut closed = RatesLoop::implicit(twins, self.source());
-        match (self.division, options.method) {
-            (Division::Fixed(fixed), _) => {
-                let method = Ros2::new(x.clone(), matrix, pivots, u);
-                self.fixed(fixed, &mut closed, x, method)
-            }
-            (_, Method::Radau5) => self.adaptive(closed, n, &instants, Radau5::new(tolerance, x, u)),
-            _ => self.adaptive(closed, n, &instants, Rodas4::new(tolerance, x, matrix, pivots, u)),
-        }
+        let (u, controlled) = (twins.system.instant(), twins.system.controlled());
+        let instants = twins.system.instants(self.problem.options.t_end);
+        (RatesLoop::implicit(twins, self.source()), x, (controlled, instants), u)
     }
 
     /// Where the run `first` finds its programs.

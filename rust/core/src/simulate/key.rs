@@ -2,7 +2,8 @@
 //! and the numbers of the set-up have zeros and ones in the same places.
 
 use super::measures::{Plan, same_aims};
-use super::problem::{Method, Problem};
+use super::problem::Problem;
+use crate::integrate::Method;
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
 

@@ -5,10 +5,11 @@ use super::key::Common;
 use super::layout::Layout;
 use super::listed_names::{Named, SlotNames};
 use super::loop_programs::Watch;
-use super::problem::{Method, Problem};
+use super::problem::Problem;
 use super::rates_programs::{self, Slots};
 use super::recorded;
 use crate::error::{Error, Result};
+use crate::integrate::Kind;
 use crate::law::Route;
 use crate::trace::instruction::{Form, Set};
 use crate::trace::label::Label;
@@ -38,7 +39,7 @@ pub struct Listed {
 /// The program `part` of the loop of run 0 of a problem, as in a run by itself or among others side by side; `None`: its step, or its rates
 /// where a step is in parts.
 pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
-    let fixed = matches!(problem.options.method, Method::Euler | Method::SemiImplicit | Method::Rk4);
+    let fixed = matches!(problem.options.method.kind(), Kind::ExplicitSteps(_));
     require_recordable(problem, fixed)?;
     problem.validate_loop()?;
     if batch && !fixed {

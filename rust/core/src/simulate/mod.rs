@@ -62,6 +62,7 @@ mod watching;
 #[doc(hidden)]
 mod world;
 
+pub use crate::integrate::Method;
 pub use crate::parallel::default_threads;
 pub use balances::NAMES as BALANCES;
 pub use batch::{BatchRuns, Keep, Metric, lanes, simulate_batch};
@@ -72,7 +73,7 @@ pub use force::{Force, Wrench};
 pub use listed::{Listed, list_loop, watch_steps};
 pub use measures::Measures;
 pub use priority_batch::{solve_rows, solve_stacks};
-pub use problem::{Method, Options, Problem};
+pub use problem::{Options, Problem};
 pub use rates_loop::{Solved, recorded_loop};
 pub use sampling::{CHANNELS, Sampling};
 pub use schedule::Times;

@@ -9,77 +9,10 @@ use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
+use crate::integrate::Method;
 use crate::law::{LawSpec, Route};
 use crate::memory;
 use crate::plant::{PlantKind, PlantSpec};
-
-/// The numerical method of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// Explicit Euler.
-    Euler,
-    /// Semi-implicit Euler.
-    SemiImplicit,
-    /// Runge-Kutta of order 4.
-    Rk4,
-    /// L-stable Rosenbrock of order 2.
-    Ros2,
-    /// Dormand-Prince of order 5, adaptive.
-    Dopri5,
-    /// Dormand-Prince of order 8, adaptive.
-    Dop853,
-    /// Radau IIA of order 5, adaptive and implicit.
-    Radau5,
-    /// Rosenbrock of order 4, adaptive and implicit.
-    Rodas4,
-}
-
-impl Method {
-    /// The methods with their names.
-    pub const NAMES: [(&'static str, Method); 8] = [
-        ("euler", Method::Euler),
-        ("semi_implicit", Method::SemiImplicit),
-        ("rk4", Method::Rk4),
-        ("ros2", Method::Ros2),
-        ("dopri5", Method::Dopri5),
-        ("dop853", Method::Dop853),
-        ("radau5", Method::Radau5),
-        ("rodas4", Method::Rodas4),
-    ];
-
-    /// The method of that name. Errors: `Input`, listing the names.
-    pub fn from_name(name: &str) -> Result<Self> {
-        let names: Vec<&str> = Self::NAMES.iter().map(|(n, _)| *n).collect();
-        match Self::NAMES.iter().find(|(n, _)| *n == name) {
-            Some((_, method)) => Ok(*method),
-            None => Err(Error::input("method", format!("is unknown: expected one of {}, got {name}", names.join(", ")))),
-        }
-    }
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        Self::NAMES.iter().find(|(_, method)| *method == self).map_or("", |(name, _)| name)
-    }
-
-    /// Whether it chooses its own steps.
-    pub fn is_adaptive(self) -> bool {
-        matches!(self, Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4)
-    }
-
-    /// Whether it needs the derivatives of the loop.
-    pub fn is_implicit(self) -> bool {
-        matches!(self, Method::Ros2 | Method::Radau5 | Method::Rodas4)
-    }
-
-    /// Evaluations of the right-hand side in a step of a fixed-step method.
-    pub fn evaluations_per_step(self) -> u64 {
-        match self {
-            Method::Euler | Method::SemiImplicit => 1,
-            Method::Ros2 => 2,
-            _ => 4,
-        }
-    }
-}
 
 /// How to run it.
 #[derive(Clone, Debug)]

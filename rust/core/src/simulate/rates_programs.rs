@@ -10,7 +10,7 @@ use super::force::Force;
 use super::general::assemble;
 use super::key::Common;
 use super::loop_programs::Watch;
-use super::problem::{Method, Problem};
+use super::problem::Problem;
 use super::recorded::{self, Seen, inputs, instant};
 use crate::integrate::System;
 use crate::motion::Motion;
@@ -115,11 +115,11 @@ impl Wanted {
     fn of(problem: &Problem, run: usize) -> Self {
         let moves = |force: &&Force| matches!(force, Force::Signal(_));
         let still = problem.options.sampling.is_some() || problem.law(run).motions().iter().all(|motion| matches!(motion, Motion::Hold(_)));
-        match problem.options.method {
-            Method::Radau5 => Wanted::States,
-            Method::Ros2 | Method::Rodas4 if still && !problem.forces.iter().any(moves) => Wanted::States,
-            Method::Ros2 | Method::Rodas4 => Wanted::Time,
-            _ => Wanted::Rates,
+        let method = problem.options.method;
+        match (method.is_implicit(), method.is_rosenbrock()) {
+            (false, _) => Wanted::Rates,
+            (true, true) if !still || problem.forces.iter().any(moves) => Wanted::Time,
+            (true, _) => Wanted::States,
         }
     }
 }

@@ -16,10 +16,10 @@ use super::key::{Common, Key, MOST_NUMBERS};
 use super::layout::Layout;
 use super::loop_programs::{self, Noting, Programs, Summing, Tracing, Watch};
 use super::notes::Notes;
-use super::problem::{Method, Problem};
+use super::problem::Problem;
 use super::sums::Sums;
 use super::world::Exogenous;
-use crate::integrate::{Advance, Euler, Rk4, SemiImplicit, System};
+use crate::integrate::{Advance, ExplicitSteps, Kind, System, WithExplicitSteps};
 use crate::law::Route;
 use crate::linalg::Pairs;
 use crate::scalar::Real;
@@ -64,7 +64,7 @@ impl Recorded {
 
 /// Whether the loops of a problem may run as programs: fixed explicit steps, a law with a route that does not branch on data.
 pub fn is_recordable(problem: &Problem) -> bool {
-    matches!(problem.options.method, Method::Euler | Method::SemiImplicit | Method::Rk4)
+    matches!(problem.options.method.kind(), Kind::ExplicitSteps(_))
         && problem.law(0).route().is_recordable()
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
@@ -166,11 +166,8 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     let (kept, lasting) = beside.sums.as_ref().map_or((0, 0), Sums::sizes);
     let (monitors, norms, firsts) = beside.notes.as_ref().map_or((0, 0, 0), Notes::sizes);
     let noted = beside.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
-    let method = problem.options.method;
-    let instants = match method {
-        Method::Rk4 => <Rk4<Vec<Sym>, Exogenous<Sym>> as Advance<Sym, RecordedLoop, Vec<Sym>>>::INSTANTS,
-        _ => <Euler<Vec<Sym>, Exogenous<Sym>> as Advance<Sym, RecordedLoop, Vec<Sym>>>::INSTANTS,
-    };
+    let Kind::ExplicitSteps(method) = problem.options.method.kind() else { return None };
+    let instants = method.instants();
     let mut layout = Layout {
         given,
         desired: closed.instant().desired.len(),
@@ -220,7 +217,7 @@ pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
 fn trace(
     closed: ClosedLoop<Sym>,
     beside: Beside,
-    (method, asked, in_parts): (Method, bool, Option<bool>),
+    (method, asked, in_parts): (ExplicitSteps, bool, Option<bool>),
     layout: &Layout,
 ) -> Option<Tracing> {
     let one = || instant(layout.desired, layout.wrench);
@@ -264,13 +261,8 @@ fn trace(
     if in_parts.unwrap_or(sym::recorded().0 - before > LARGE) {
         closed.cuts = Some(Vec::new());
     }
-    let (state, first) = (x.clone(), u[0].clone());
-    let (next, cuts) = match method {
-        Method::Euler => advance(Euler::new(state, first), closed, u, h, x),
-        Method::SemiImplicit => advance(SemiImplicit::new(&closed, state, first).ok()?, closed, u, h, x),
-        Method::Rk4 => advance(Rk4::new(state, first), closed, u, h, x),
-        Method::Ros2 | Method::Dopri5 | Method::Dop853 | Method::Radau5 | Method::Rodas4 => return None,
-    };
+    let first = u[0].clone();
+    let (next, cuts) = method.apply(closed, x, first, OneStep { u, h }).ok()?;
     let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
     // A step whose record does not stand is declined.
     let notes = notes.map(|[along, alone]| Noting {
@@ -287,23 +279,27 @@ fn entries(values: Vec<Sym>) -> Vec<u32> {
     values.into_iter().map(Sym::index).collect()
 }
 
-/// The next state and whether it stands, and the cuts of a step in parts.
-fn advance<'a, M>(
-    mut method: M,
-    mut closed: RecordedLoop<'a>,
+/// A step of size `h` under the inputs `u`.
+struct OneStep {
     u: Vec<Exogenous<Sym>>,
     h: Sym,
-    mut x: Vec<Sym>,
-) -> (Vec<Sym>, Option<Vec<Cut>>)
-where
-    M: Advance<Sym, RecordedLoop<'a>, Vec<Sym>>,
-{
-    for (k, u) in u.into_iter().enumerate() {
-        *method.input(k) = u;
+}
+
+impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
+    /// The next state and whether it stands, and the cuts of a step in parts.
+    type Output = (Vec<Sym>, Option<Vec<Cut>>);
+
+    fn with<M>(self, mut closed: RecordedLoop<'a>, mut x: Vec<Sym>, mut method: M) -> Self::Output
+    where
+        M: Advance<Sym, RecordedLoop<'a>, Vec<Sym>>,
+    {
+        for (k, u) in self.u.into_iter().enumerate() {
+            *method.input(k) = u;
+        }
+        method.advance(&mut closed, self.h, &mut x);
+        x.extend((0..closed.layout.guards).map(|_| closed.closed.stands));
+        (x, closed.cuts)
     }
-    method.advance(&mut closed, h, &mut x);
-    x.extend((0..closed.layout.guards).map(|_| closed.closed.stands));
-    (x, closed.cuts)
 }
 
 /// A loop whose evaluations are written down.

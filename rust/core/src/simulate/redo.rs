@@ -7,9 +7,9 @@ use super::closed_loop::ClosedLoop;
 use super::general::assemble;
 use super::layout::Layout;
 use super::monitors::Monitor;
-use super::problem::{Method, Problem};
+use super::problem::Problem;
 use super::program_loop::{MOST_LANES, ProgramLoop};
-use crate::integrate::{Advance, Euler, Rk4, SemiImplicit};
+use crate::integrate::{Advance, Kind, WithExplicitSteps};
 use crate::scalar::{Float, Real};
 
 /// One run on plain numbers.
@@ -26,10 +26,29 @@ pub trait Direct {
 pub fn direct<'a>(problem: &'a Problem<'a>, run: usize) -> Box<dyn Direct + 'a> {
     let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
-    match (problem.options.method, SemiImplicit::new(&closed, x.clone(), u.clone())) {
-        (Method::SemiImplicit, Ok(method)) => Box::new(Steps::new((problem, run), closed, method, x)),
-        (Method::Euler, _) => Box::new(Steps::new((problem, run), closed, Euler::new(x.clone(), u), x)),
-        _ => Box::new(Steps::new((problem, run), closed, Rk4::new(x.clone(), u), x)),
+    let Kind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("only explicit steps are recorded") };
+    match method.apply(closed, x, u, Redone { problem, run }) {
+        Ok(steps) => steps,
+        Err(_) => unreachable!("plants without velocities were refused"),
+    }
+}
+
+/// Steps that are redone, by any method.
+struct Redone<'a> {
+    problem: &'a Problem<'a>,
+    run: usize,
+}
+
+impl<'a, S: Real> WithExplicitSteps<S, ClosedLoop<'a, S>> for Redone<'a> {
+    type Output = Box<dyn Direct + 'a>;
+
+    fn with<M: Advance<S, ClosedLoop<'a, S>, Vec<S>> + 'static>(
+        self,
+        closed: ClosedLoop<'a, S>,
+        x: Vec<S>,
+        method: M,
+    ) -> Box<dyn Direct + 'a> {
+        Box::new(Steps::new((self.problem, self.run), closed, method, x))
     }
 }
 

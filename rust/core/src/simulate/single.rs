@@ -207,7 +207,7 @@ pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Optio
     match ended {
         Ended::Fixed(faults) => {
             run.steps = faults.steps;
-            run.evaluations = problem.options.method.evaluations_per_step() * faults.steps;
+            run.evaluations = problem.options.method.evaluations_per_step().unwrap_or(0) * faults.steps;
             let fault = faults.at[0].min(fault);
             run.ended = fault.min(problem.options.t_end);
             run.status = match (faults.interrupted, fault.is_finite()) {

@@ -3,11 +3,11 @@
 use super::bound::Bound;
 use super::force::Wrench;
 use super::general::{Watched, close};
-use super::problem::{Method, Problem};
+use super::problem::Problem;
 use super::rates_loop::{RatesLoop, recorded_loop};
 use super::sampling::Sampling;
 use crate::error::{Error, Result};
-use crate::integrate::{Euler, FixedStep, Rk4, Ros2, SemiImplicit};
+use crate::integrate::{FixedStep, Kind, Method, WithExplicitSteps, WithImplicitSteps};
 use crate::law::Route;
 use crate::scalar::{Float, Real};
 use crate::status::Status;
@@ -160,7 +160,38 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     require_fixed_steps(o.method)?;
     problem.validate()?;
     problem.require_memory(1)?;
-    Ok(if o.method == Method::Ros2 { implicit(problem) } else { explicit(problem) })
+    match o.method.kind() {
+        Kind::ExplicitSteps(method) => {
+            let (closed, x) = close::<Float>(problem, 0);
+            let u = closed.instant();
+            method.apply(RatesLoop::stepped(closed.into_owned(), problem), x, u, Boxed(problem))
+        }
+        Kind::ImplicitSteps(method) => {
+            let (closed, x) = recorded_loop(problem);
+            let u = closed.instant();
+            Ok(method.apply(closed, x, u, Boxed(problem)))
+        }
+        Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(_) => unreachable!("refused above"),
+    }
+}
+
+/// A loop stepped by any method of fixed steps.
+struct Boxed<'a>(&'a Problem<'a>);
+
+impl<S: Real, F: Watched<S> + Send + 'static> WithExplicitSteps<S, F> for Boxed<'_> {
+    type Output = Box<dyn Stepping>;
+
+    fn with<M: FixedStep<S, F, Vec<S>> + Send + 'static>(self, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping> {
+        boxed(self.0, closed, x, method)
+    }
+}
+
+impl<S: Real, F: Watched<S> + Send + 'static> WithImplicitSteps<S, F> for Boxed<'_> {
+    type Output = Box<dyn Stepping>;
+
+    fn with<M: FixedStep<S, F, Vec<S>> + Send + 'static>(self, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping> {
+        boxed(self.0, closed, x, method)
+    }
 }
 
 fn boxed<S, F, M>(problem: &Problem, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping>
@@ -191,31 +222,4 @@ where
         simple,
         steps: 0,
     })
-}
-
-fn explicit(problem: &Problem) -> Box<dyn Stepping> {
-    let (closed, x) = close::<Float>(problem, 0);
-    let u = closed.instant();
-    let closed = RatesLoop::stepped(closed.into_owned(), problem);
-    match problem.options.method {
-        Method::Euler => {
-            let method = Euler::new(x.clone(), u);
-            boxed(problem, closed, x, method)
-        }
-        Method::SemiImplicit => match SemiImplicit::new(&closed, x.clone(), u) {
-            Ok(method) => boxed(problem, closed, x, method),
-            Err(_) => unreachable!("plants without velocities were refused"),
-        },
-        _ => {
-            let method = Rk4::new(x.clone(), u);
-            boxed(problem, closed, x, method)
-        }
-    }
-}
-
-fn implicit(problem: &Problem) -> Box<dyn Stepping> {
-    let (closed, x) = recorded_loop(problem);
-    let (u, n) = (closed.instant(), x.len());
-    let method = Ros2::new(x.clone(), vec![0.0; n * n], vec![0usize; n], u);
-    boxed(problem, closed, x, method)
 }

@@ -38,6 +38,9 @@ impl System<f64> for Field {
     fn rate_of(&self, i: usize) -> Option<usize> {
         (i < self.positions).then_some(i + self.positions)
     }
+    fn is_reversed(&self) -> bool {
+        self.slope.direction < 0.0
+    }
     /// An evaluation in Python takes a thousand times as long as one of the core: this many take some 0.3 s.
     fn chatter_budget(&self) -> u64 {
         5_000

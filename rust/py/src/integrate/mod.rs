@@ -162,8 +162,8 @@ pub fn integrate<'py>(
         let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, &settings)?;
         let args = (!args.is_empty()).then(|| args.clone().unbind());
         let slope = Slope::new(NAME, f.clone().unbind(), args.as_ref().map(|args| args.clone_ref(py)), states, direction);
-        let mut field = Field::new(slope, jacobian, (s0, s1), positions, n);
-        let mut method = settings.method(NAME, py, &field, y0, positions)?;
+        let field = Field::new(slope, jacobian, (s0, s1), positions, n);
+        let (mut field, mut method) = settings.stepping(NAME, py, field, y0, positions)?;
 
         let watched: Vec<Event> =
             events.iter().map(|(_, direction, stop_after)| Event { direction: *direction, stop_after: *stop_after }).collect();

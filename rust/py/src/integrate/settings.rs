@@ -5,16 +5,14 @@ use super::slope::States;
 use crate::arrays::{Axis, Form, SCALAR, numbers, optional_number, require_finite, spread, text};
 use crate::errors::{Failure, input_error};
 use armlet_core::integrate::{
-    Adaptive, Dop853, Dopri5, Euler, FixedStep, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, Steps, Tolerances, Work,
+    Adaptive, FixedStep, Kind, Method, Steps, Tolerances, WithAdaptive, WithExplicitSteps, WithImplicitSteps, Work,
 };
 use armlet_core::memory;
 use pyo3::prelude::*;
 
-pub type AdaptiveMethod = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
+/// A method that steps a field, whichever it is.
+pub type Stepping = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
 
-const ADAPTIVE: [&str; 4] = ["dopri5", "dop853", "radau5", "rodas4"];
-const FIXED: [&str; 4] = ["euler", "semi_implicit", "rk4", "ros2"];
-const IMPLICIT: [&str; 3] = ["radau5", "rodas4", "ros2"];
 /// More steps than this is a mistake in the arguments, not a run.
 const MOST_STEPS: f64 = 1e12;
 /// Matrices of an implicit method: the Jacobian, and the largest decomposition, which is complex with its copies.
@@ -28,7 +26,7 @@ const COLUMNS: u128 = 5;
 
 /// How a method is to run, as Python gives it.
 pub struct Settings {
-    name: String,
+    method: Method,
     tolerances: Tolerances,
     dt: Option<f64>,
     max_step: Option<f64>,
@@ -49,11 +47,8 @@ impl Settings {
     ) -> Result<Self, Failure> {
         let py = method.py();
         let refuse = |name: &str, problem: String| Failure::from(input_error(py, function, name, problem));
-        let name = text(function, "method", method)?;
-        let known = [FIXED, ADAPTIVE].concat();
-        if !known.contains(&name.as_str()) {
-            return Err(refuse("method", format!("is unknown: expected one of {}, got {name}", known.join(", "))));
-        }
+        let method = Method::from_name(&text(function, "method", method)?)?;
+        let (name, adaptive) = (method.name(), method.is_adaptive());
         let positive = |argument: &str, value: Option<&Bound<'py, PyAny>>| match optional_number(function, argument, value)? {
             // No limit, as scipy writes it.
             Some(x) if x == f64::INFINITY && argument == "max_step" => Ok(None),
@@ -63,13 +58,13 @@ impl Settings {
             other => Ok(other),
         };
         let (dt, max_step, first_step) = (positive("dt", dt)?, positive("max_step", max_step)?, positive("first_step", first_step)?);
-        if dt.is_none() && FIXED.contains(&name.as_str()) {
+        if dt.is_none() && !adaptive {
             return Err(refuse("dt", format!("is missing: expected a step for {name}, got None")));
         }
-        if dt.is_some() && ADAPTIVE.contains(&name.as_str()) {
+        if dt.is_some() && adaptive {
             return Err(refuse("dt", format!("is given: expected None, as {name} chooses its steps (max_step limits them), got a number")));
         }
-        if let Some(h) = first_step.filter(|&h| h > span && ADAPTIVE.contains(&name.as_str())) {
+        if let Some(h) = first_step.filter(|&h| h > span && adaptive) {
             return Err(refuse("first_step", format!("is longer than the span: expected at most {span}, got {h}")));
         }
         // Below this the error of a step is rounding.
@@ -83,7 +78,7 @@ impl Settings {
         if let Some(i) = atol.iter().position(|&x| !(x >= 0.0)) {
             return Err(refuse("atol", format!("is negative: expected numbers >= 0, got {} (first bad index {i})", atol[i])));
         }
-        Ok(Settings { name, tolerances: Tolerances { rtol, atol }, dt, max_step, first_step })
+        Ok(Settings { method, tolerances: Tolerances { rtol, atol }, dt, max_step, first_step })
     }
 
     /// Refuse steps too short for the span, and states too large for the memory, before anything is made.
@@ -94,47 +89,47 @@ impl Settings {
         }
         let matrices = MATRICES + if states == States::Columns { COLUMNS } else { 0 };
         let matrices = if self.implicit() { matrices * (n as u128).pow(2) } else { 0 };
-        let vectors = n as u128 * if self.name == "dop853" || self.implicit() { VECTORS } else { FEW_VECTORS };
+        let vectors = n as u128 * if self.method == Method::Dop853 || self.implicit() { VECTORS } else { FEW_VECTORS };
         Ok(memory::require(usize::try_from(8 * (matrices + vectors)).unwrap_or(usize::MAX))?)
     }
 
     pub fn adaptive(&self) -> bool {
-        ADAPTIVE.contains(&self.name.as_str())
+        self.method.is_adaptive()
     }
 
     /// Whether the method takes derivatives at all.
     pub fn implicit(&self) -> bool {
-        IMPLICIT.contains(&self.name.as_str())
+        self.method.is_implicit()
     }
 
-    /// Whether the method's order rests on its derivatives.
+    /// Whether derivatives are taken by central differences.
     pub fn central(&self) -> bool {
-        self.name == "rodas4"
+        self.method.needs_exact_derivatives()
     }
 
-    pub fn method(&self, function: &str, py: Python<'_>, field: &Field, y: Vec<f64>, positions: usize) -> Result<AdaptiveMethod, Failure> {
+    /// The method for `field` from `y`, and the field.
+    pub fn stepping(
+        &self,
+        function: &str,
+        py: Python<'_>,
+        field: Field,
+        y: Vec<f64>,
+        positions: usize,
+    ) -> Result<(Field, Stepping), Failure> {
         let n = y.len();
-        let (matrix, pivots) = if self.implicit() { (vec![0.0; n * n], vec![0; n]) } else { Default::default() };
+        if self.method == Method::SemiImplicit && (positions == 0 || 2 * positions > n) {
+            let problem = format!(
+                "is {positions} of {n} components: expected the number p of positions, y = [q (p,), v (p,), rest], for semi_implicit"
+            );
+            return Err(input_error(py, function, "positions", problem).into());
+        }
         let tolerances = self.tolerances.clone();
-        let h = self.dt.unwrap_or(1.0);
-        let mut method: AdaptiveMethod = match self.name.as_str() {
-            "dopri5" => Box::new(Dopri5::new(tolerances, y, 0.0)),
-            "dop853" => Box::new(Dop853::new(tolerances, y, 0.0)),
-            "radau5" => Box::new(Radau5::new(tolerances, y, 0.0)),
-            "rodas4" => Box::new(Rodas4::new(tolerances, y, matrix, pivots, 0.0)),
-            "euler" => fixed(Euler::new(y.clone(), 0.0), h, y),
-            "rk4" => fixed(Rk4::new(y.clone(), 0.0), h, y),
-            "ros2" => fixed(Ros2::new(y.clone(), matrix, pivots, 0.0), h, y),
-            _ => {
-                if positions == 0 || 2 * positions > n {
-                    let problem = format!(
-                        "is {positions} of {n} components: expected the number p of positions, y = [q (p,), v (p,), rest], for semi_implicit"
-                    );
-                    return Err(input_error(py, function, "positions", problem).into());
-                }
-                let method = SemiImplicit::new::<f64, Field>(field, y.clone(), 0.0)?;
-                fixed(if field.slope.direction < 0.0 { method.backwards() } else { method }, h, y)
-            }
+        let by_steps = Driven(self.dt.unwrap_or(1.0));
+        let (field, mut method) = match self.method.kind() {
+            Kind::ExplicitSteps(method) => method.apply(field, y, 0.0, by_steps)?,
+            Kind::ImplicitSteps(method) => method.apply(field, y, 0.0, by_steps),
+            Kind::ExplicitAdaptive(method) => method.apply(field, tolerances, y, 0.0, Driven(0.0)),
+            Kind::ImplicitAdaptive(method) => method.apply(field, tolerances, y, 0.0, Driven(0.0)),
         };
         if let Some(h) = self.max_step {
             method.limit_step(h);
@@ -142,13 +137,42 @@ impl Settings {
         if let Some(h) = self.first_step {
             method.first_step(h);
         }
-        Ok(method)
+        Ok((field, method))
     }
 }
 
-fn fixed<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(method: M, h: f64, y: Vec<f64>) -> AdaptiveMethod {
-    // The field itself counts its evaluations.
-    Box::new(Steps::new(method, h, Work::default(), y, 0.0))
+/// A field that a method drives, in steps of this size where the method takes one.
+struct Driven(f64);
+
+impl Driven {
+    fn steps<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, y: Vec<f64>, method: M) -> Stepping {
+        // The field itself counts its evaluations.
+        Box::new(Steps::new(method, self.0, Work::default(), y, 0.0))
+    }
+}
+
+impl WithExplicitSteps<f64, Field> for Driven {
+    type Output = (Field, Stepping);
+
+    fn with<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, field: Field, y: Vec<f64>, method: M) -> Self::Output {
+        (field, self.steps(y, method))
+    }
+}
+
+impl WithImplicitSteps<f64, Field> for Driven {
+    type Output = (Field, Stepping);
+
+    fn with<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, field: Field, y: Vec<f64>, method: M) -> Self::Output {
+        (field, self.steps(y, method))
+    }
+}
+
+impl WithAdaptive<f64, Field> for Driven {
+    type Output = (Field, Stepping);
+
+    fn with<M: Adaptive<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, field: Field, method: M) -> Self::Output {
+        (field, Box::new(method))
+    }
 }
 
 /// A tolerance of each of `n` components, from one number or `n`.

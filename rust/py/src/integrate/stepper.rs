@@ -3,7 +3,7 @@
 use super::field::Field;
 use super::filled;
 use super::jacobian::Jacobian;
-use super::settings::{AdaptiveMethod, Settings};
+use super::settings::{Settings, Stepping};
 use super::slope::{Slope, States};
 use crate::arrays::{any_vector, flag, number, require_finite};
 use crate::errors::{Failure, entry, input_error};
@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 #[pyclass(module = "armlet._core")]
 pub struct Stepper {
     field: Field,
-    method: AdaptiveMethod,
+    method: Stepping,
     direction: f64,
 }
 
@@ -56,8 +56,8 @@ impl Stepper {
             settings.require_memory(py, NAME, 0.0, n, states)?;
             let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, &settings)?;
             let slope = Slope::new(NAME, f.clone().unbind(), None, states, direction);
-            let mut field = Field::new(slope, jacobian, (start, end), 0, n);
-            let mut method = settings.method(NAME, py, &field, y0, 0)?;
+            let field = Field::new(slope, jacobian, (start, end), 0, n);
+            let (mut field, mut method) = settings.stepping(NAME, py, field, y0, 0)?;
             let begun = method.begin(&mut field, start, end, end);
             if let Some(error) = field.slope.error.take() {
                 return Err(Failure::Python(error));

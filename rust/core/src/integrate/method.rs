@@ -1,0 +1,277 @@
+//! The methods by name: one table. What a caller does with a method is written once for each of four kinds, whichever method it is.
+
+use super::{
+    Accuracy, Adaptive, Advance, Differentiable, Dop853, Dopri5, Euler, FixedStep, Order8, Pair54, Radau5, Rk4, Rodas4, Ros2, Scheme,
+    SemiImplicit, System, euler, rk4, semi_implicit,
+};
+use crate::error::{Error, Result};
+use crate::scalar::Real;
+
+/// The methods with their names in Python, by kind.
+macro_rules! methods {
+    ($($(#[$doc:meta])* $kind:ident { $($(#[$text:meta])* $method:ident $name:literal,)* })*) => {
+        /// The numerical method of a run.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Method {
+            $($($(#[$text])* $method,)*)*
+        }
+
+        /// What a method needs and who chooses its steps.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Kind {
+            $($(#[$doc])* $kind($kind),)*
+        }
+
+        $(
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+            pub enum $kind {
+                $($(#[$text])* $method,)*
+            }
+        )*
+
+        impl Method {
+            /// All of them.
+            pub const ALL: &'static [Method] = &[$($(Method::$method,)*)*];
+
+            /// Its name in Python.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $($(Method::$method => $name,)*)*
+                }
+            }
+
+            /// Its kind.
+            pub fn kind(self) -> Kind {
+                match self {
+                    $($(Method::$method => Kind::$kind($kind::$method),)*)*
+                }
+            }
+        }
+    };
+}
+
+methods! {
+    /// Explicit, by steps of one size.
+    ExplicitSteps {
+        /// Explicit Euler, order 1.
+        Euler "euler",
+        /// Semi-implicit Euler, order 1.
+        SemiImplicit "semi_implicit",
+        /// The classical Runge-Kutta method, order 4.
+        Rk4 "rk4",
+    }
+    /// By the derivatives of the system, by steps of one size.
+    ImplicitSteps {
+        /// An L-stable Rosenbrock method of order 2.
+        Ros2 "ros2",
+    }
+    /// Explicit, by steps of its own choice.
+    ExplicitAdaptive {
+        /// Dormand and Prince, order 5.
+        Dopri5 "dopri5",
+        /// Dormand and Prince, order 8.
+        Dop853 "dop853",
+    }
+    /// By the derivatives of the system, by steps of its own choice.
+    ImplicitAdaptive {
+        /// Radau IIA, order 5.
+        Radau5 "radau5",
+        /// A Rosenbrock method of order 4.
+        Rodas4 "rodas4",
+    }
+}
+
+impl Method {
+    /// The method of this name in Python.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Self::ALL.iter().copied().find(|method| method.name() == name).ok_or_else(|| {
+            let names: Vec<&str> = Self::ALL.iter().map(|method| method.name()).collect();
+            Error::input("method", format!("is unknown: expected one of {}, got {name}", names.join(", ")))
+        })
+    }
+
+    /// Whether it chooses its own steps.
+    pub fn is_adaptive(self) -> bool {
+        match self.kind() {
+            Kind::ExplicitSteps(_) | Kind::ImplicitSteps(_) => false,
+            Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(_) => true,
+        }
+    }
+
+    /// Whether it needs the derivatives of the system.
+    pub fn is_implicit(self) -> bool {
+        match self.kind() {
+            Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) => false,
+            Kind::ImplicitSteps(_) | Kind::ImplicitAdaptive(_) => true,
+        }
+    }
+
+    /// Evaluations of the right-hand side in a step of fixed size; `None` for a method that chooses its steps.
+    pub fn evaluations_per_step(self) -> Option<u64> {
+        match self.kind() {
+            Kind::ExplicitSteps(method) => Some(method.evaluations()),
+            Kind::ImplicitSteps(method) => Some(method.evaluations()),
+            Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(_) => None,
+        }
+    }
+
+    /// Whether it solves linear equations alone, and so needs `df/dt` too.
+    pub fn is_rosenbrock(self) -> bool {
+        match self.kind() {
+            Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => false,
+            Kind::ImplicitSteps(ImplicitSteps::Ros2) | Kind::ImplicitAdaptive(ImplicitAdaptive::Rodas4) => true,
+        }
+    }
+
+    /// Whether its order rests on derivatives that are exact. `radau5` iterates; `ros2` keeps its order with any matrix.
+    pub fn needs_exact_derivatives(self) -> bool {
+        match self.kind() {
+            Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) => false,
+            Kind::ImplicitSteps(ImplicitSteps::Ros2) | Kind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => false,
+            Kind::ImplicitAdaptive(ImplicitAdaptive::Rodas4) => true,
+        }
+    }
+}
+
+/// What is done by an explicit method of fixed steps.
+pub trait WithExplicitSteps<S: Real, F: System<S>> {
+    /// What it gives.
+    type Output;
+
+    /// Do it.
+    fn with<M: FixedStep<S, F, Vec<S>> + Advance<S, F, Vec<S>> + Send + Sync + 'static>(
+        self,
+        system: F,
+        x: Vec<S>,
+        method: M,
+    ) -> Self::Output;
+}
+
+impl ExplicitSteps {
+    /// The instants of the inputs, as parts of the step.
+    pub fn instants(self) -> &'static [f64] {
+        match self {
+            ExplicitSteps::Euler => euler::INSTANTS,
+            ExplicitSteps::SemiImplicit => semi_implicit::INSTANTS,
+            ExplicitSteps::Rk4 => rk4::INSTANTS,
+        }
+    }
+
+    /// Evaluations of the right-hand side in a step.
+    pub fn evaluations(self) -> u64 {
+        match self {
+            ExplicitSteps::Euler | ExplicitSteps::SemiImplicit => 1,
+            ExplicitSteps::Rk4 => 4,
+        }
+    }
+
+    /// For `system` from the state `x`, with room for inputs such as `u`. Refuses a system that the method cannot take.
+    pub fn apply<S, F, T>(self, system: F, x: Vec<S>, u: F::Input, task: T) -> Result<T::Output>
+    where
+        S: Real,
+        F: System<S, Input: Send + Sync + 'static>,
+        T: WithExplicitSteps<S, F>,
+    {
+        let state = x.clone();
+        Ok(match self {
+            ExplicitSteps::Euler => task.with(system, x, Euler::new(state, u)),
+            ExplicitSteps::SemiImplicit => {
+                let method = SemiImplicit::new(&system, state, u)?;
+                task.with(system, x, method)
+            }
+            ExplicitSteps::Rk4 => task.with(system, x, Rk4::new(state, u)),
+        })
+    }
+}
+
+/// What is done by an implicit method of fixed steps.
+pub trait WithImplicitSteps<S: Real, F: System<S>> {
+    /// What it gives.
+    type Output;
+
+    /// Do it.
+    fn with<M: FixedStep<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, x: Vec<S>, method: M) -> Self::Output;
+}
+
+impl ImplicitSteps {
+    /// Evaluations of the right-hand side in a step.
+    pub fn evaluations(self) -> u64 {
+        match self {
+            ImplicitSteps::Ros2 => 2,
+        }
+    }
+
+    /// For `system` from the state `x`, with room for inputs such as `u`.
+    pub fn apply<F, T>(self, system: F, x: Vec<f64>, u: F::Input, task: T) -> T::Output
+    where
+        F: Differentiable<f64, Input: Send + Sync + 'static>,
+        T: WithImplicitSteps<f64, F>,
+    {
+        let n = x.len();
+        match self {
+            ImplicitSteps::Ros2 => {
+                let method = Ros2::new(x.clone(), vec![0.0; n * n], vec![0usize; n], u);
+                task.with(system, x, method)
+            }
+        }
+    }
+}
+
+/// What is done by a method that chooses its steps.
+pub trait WithAdaptive<S: Real, F: System<S>> {
+    /// What it gives.
+    type Output;
+
+    /// Do it.
+    fn with<M: Adaptive<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, method: M) -> Self::Output;
+}
+
+/// What is done with the stages of an explicit method that chooses its steps.
+pub trait WithScheme {
+    /// What it gives.
+    type Output;
+
+    /// Do it.
+    fn with<C: Scheme>(self) -> Self::Output;
+}
+
+impl ExplicitAdaptive {
+    /// For `system` from the state `x`, with room for inputs such as `u`.
+    pub fn apply<S, F, A, T>(self, system: F, accuracy: A, x: Vec<S>, u: F::Input, task: T) -> T::Output
+    where
+        S: Real,
+        F: System<S, Input: Send + Sync + 'static>,
+        A: Accuracy + Send + Sync + 'static,
+        T: WithAdaptive<S, F>,
+    {
+        match self {
+            ExplicitAdaptive::Dopri5 => task.with(system, Dopri5::new(accuracy, x, u)),
+            ExplicitAdaptive::Dop853 => task.with(system, Dop853::new(accuracy, x, u)),
+        }
+    }
+
+    /// Its stages.
+    pub fn scheme<T: WithScheme>(self, task: T) -> T::Output {
+        match self {
+            ExplicitAdaptive::Dopri5 => task.with::<Pair54>(),
+            ExplicitAdaptive::Dop853 => task.with::<Order8>(),
+        }
+    }
+}
+
+impl ImplicitAdaptive {
+    /// For `system` from the state `x`, with room for inputs such as `u`.
+    pub fn apply<F, A, T>(self, system: F, accuracy: A, x: Vec<f64>, u: F::Input, task: T) -> T::Output
+    where
+        F: Differentiable<f64, Input: Send + Sync + 'static>,
+        A: Accuracy + Send + Sync + 'static,
+        T: WithAdaptive<f64, F>,
+    {
+        let n = x.len();
+        match self {
+            ImplicitAdaptive::Radau5 => task.with(system, Radau5::new(accuracy, x, u)),
+            ImplicitAdaptive::Rodas4 => task.with(system, Rodas4::new(accuracy, x, vec![0.0; n * n], vec![0usize; n], u)),
+        }
+    }
+}
