@@ -82,6 +82,7 @@ from .tasks import _restore_arm_solver as _restore_arm_solver
 from .tasks import inverse_kinematics as inverse_kinematics
 
 __all__ = [
+    "ADAPTIVE_METHODS",
     "Adaptive",
     "Arm",
     "ArmPrioritySolver",
@@ -103,6 +104,7 @@ __all__ = [
     "JointLimitTask",
     "Law",
     "Motion",
+    "METHODS",
     "MotorPD",
     "PDGravity",
     "Plant",
@@ -165,4 +167,6 @@ __all__ = [
     "velocity_bounds",
 ]
 
+METHODS: tuple[str, ...]
+ADAPTIVE_METHODS: tuple[str, ...]
 __version__: str

@@ -17,7 +17,7 @@ from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
 from .tasks import prioritised, tasks_of
 
-__all__ = ["ADAPTIVE_METHODS", "ARMS", "JOINT_TARGETS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
+__all__ = ["ARMS", "JOINT_TARGETS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
 
 NUMBER = Numbers()
 POSITIVE = Numbers(low=0.0, strict=True)
@@ -221,8 +221,6 @@ _SAMPLING = Table(
     },
     ("period",),
 )
-METHODS = ("euler", "semi_implicit", "rk4", "ros2", "dopri5", "dop853", "radau5", "rodas4")
-ADAPTIVE_METHODS = METHODS[4:]
 RUN = Table(
     {
         "q0": VECTOR,
@@ -230,7 +228,7 @@ RUN = Table(
         "theta0": VECTOR,
         "theta_dot0": VECTOR,
         "t_end": NOT_NEGATIVE,
-        "method": Text(METHODS),
+        "method": Text(_core.METHODS),
         "dt": POSITIVE,
         "rtol": NOT_NEGATIVE,
         "atol": NOT_NEGATIVE,

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import _core
 from ..errors import ArmletError, InputError
 from ..run.balances import quiet
 from ..run.records import BatchRun
 from ..run.sampling import Sampling
 from ..run.simulation import simulate_batch
 from ..scenario import Scenario
-from ..scenario.tables import ADAPTIVE_METHODS
 from ..status import Status
 from .parameter_space import Cells, columns
 
@@ -155,7 +155,7 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None, metr
     for name in STATES:
         if name in given:
             given[name] = np.array([built.arguments[name] for _, built in members], dtype=np.float64)
-    if given.get("method", "rk4") in ADAPTIVE_METHODS and given.get("t_eval") is None:
+    if given.get("method", "rk4") in _core.ADAPTIVE_METHODS and given.get("t_eval") is None:
         given["t_eval"] = np.linspace(0.0, given["t_end"], 1001)
     if isinstance(given.get("sample_time"), Sampling):
         given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))

@@ -31,6 +31,8 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     use super::*;
+    use armlet_core::integrate::Method;
+    use pyo3::types::PyTuple;
 
     #[pymodule_export]
     use super::about::{build_info, statuses};
@@ -91,6 +93,9 @@ mod _core {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         // A request that can't be met is said once, at import, rather than silently replaced.
         armlet_core::scalar::lanes::isa_request().map_err(pyo3::exceptions::PyImportError::new_err)?;
+        let names = |adaptive: bool| Method::ALL.iter().filter(move |method| method.is_adaptive() || !adaptive).map(|method| method.name());
+        module.add("METHODS", PyTuple::new(module.py(), names(false).collect::<Vec<_>>())?)?;
+        module.add("ADAPTIVE_METHODS", PyTuple::new(module.py(), names(true).collect::<Vec<_>>())?)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }
