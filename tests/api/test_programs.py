@@ -77,6 +77,7 @@ LAWS: dict[str, Callable[[al.Arm, float], Any]] = {
     "pd": lambda arm, _: pd(arm),
     "full gain": lambda arm, _: pd(arm, kp=60.0 * np.eye(arm.n) + 1.0),
     "adaptive": lambda arm, duration: al.Adaptive(arm, quintic(arm, duration), kp=40.0, kd=20.0, gamma=0.2),
+    "pid": lambda arm, _: al.PID(arm, np.full(arm.n, 0.3), kp=60.0, ki=40.0, kd=15.0, tau_max=5.0),
     "computed torque": lambda arm, duration: al.ComputedTorque(arm, quintic(arm, duration), kp=100.0, kd=20.0),
     "impedance": lambda arm, _: al.CartesianImpedance(arm, [0.5, 0.2], 300.0, 60.0, frame=arm.tip_frame, axes="xy"),
 }

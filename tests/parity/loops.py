@@ -60,6 +60,12 @@ def law_pair(rng: np.random.Generator, name: str, arms: tuple[al.Arm, Any]) -> t
         return al.ComputedTorque(ours, motions[0], 100.0, 20.0), reference.ComputedTorque(theirs, motions[1], 100.0, 20.0)
     if name == "PDGravity":
         return al.PDGravity(ours, end, 20.0, 6.0), reference.PDGravity(theirs, end, 20.0, 6.0)
+    if name == "PID":
+        # Some of the joints begin beyond their limits.
+        gains = (rng.uniform(10.0, 30.0, n), rng.uniform(5.0, 40.0, (n, n)) / n + 30.0 * np.eye(n), rng.uniform(2.0, 6.0, n))
+        gains = (gains[0], 0.5 * (gains[1] + gains[1].T), gains[2])
+        limits = rng.uniform(1.0, 30.0, n)
+        return al.PID(ours, end, *gains, tau_max=limits), reference.PID(theirs, end, *gains, tau_max=limits)
     axes = "xyz" if n < 6 else "xyz rz rx"
     m = 3 if n < 6 else 5
     target = np.append(ours.position(np.zeros(n), frame), [0.1, 0.2])[:m]

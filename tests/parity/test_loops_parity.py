@@ -17,7 +17,7 @@ from armlet import reference
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 7])
-@pytest.mark.parametrize("name", ["Adaptive", "ComputedTorque", "PDGravity", "CartesianImpedance"])
+@pytest.mark.parametrize("name", ["Adaptive", "ComputedTorque", "PDGravity", "PID", "CartesianImpedance"])
 def test_a_run_is_the_references(name: str, n: int) -> None:
     rng = np.random.default_rng(1000 * n + len(name))
     arms = pair(rng, n)
@@ -29,9 +29,10 @@ def test_a_run_is_the_references(name: str, n: int) -> None:
     # Ten steps of rounding, amplified by accelerations of some hundreds and by the reference's complex steps.
     for field in ("q", "v", "tau"):
         close(getattr(run, field), theirs[field], 1e-9)
-    if name == "Adaptive":
+    if name in ("Adaptive", "PID"):
         assert run.estimate is not None
         close(run.estimate, theirs["estimate"], 1e-9)
+    if name == "Adaptive":
         close(run.monitors["lyapunov_balance"], theirs["lyapunov_balance"], 1e-9)
     close(run.monitors["energy_balance"], theirs["energy_balance"], 1e-9)
 

@@ -73,6 +73,7 @@ class Values:
     def law(self) -> str:
         n, arm = self.n, self.arm
         rigid = [
+            f"al.PID({arm}, {[0.1] * self.n}, {self.gain()}, {self.gain()}, {self.gain()}, {self.gain()})",
             f"al.ComputedTorque({arm}, {self.motion()}, {self.gain()}, {self.gain()})",
             f"al.PDGravity({arm}, {self.vector(n)}, {self.gain()}, {self.gain()})",
             f"al.Adaptive({arm}, {self.motion()}, {self.gain()}, {self.gain()}, {self.positive()})",

@@ -29,6 +29,7 @@ from .laws import JointImpedance as JointImpedance
 from .laws import Law as Law
 from .laws import MotorPD as MotorPD
 from .laws import PDGravity as PDGravity
+from .laws import PID as PID
 from .laws import StateFeedback as StateFeedback
 from .motions import BangBang as BangBang
 from .motions import Hold as Hold
@@ -107,6 +108,7 @@ __all__ = [
     "METHODS",
     "MotorPD",
     "PDGravity",
+    "PID",
     "Plant",
     "PostureTask",
     "PriorityAcceleration",

@@ -16,6 +16,8 @@ class Law:
     def arm(self) -> Arm: ...
     @property
     def motion(self) -> Motion | None: ...
+    @property
+    def _holds_joints(self) -> bool: ...
     def __call__(
         self,
         /,
@@ -66,6 +68,12 @@ class ComputedTorque(Law):
 @final
 class PDGravity(Law):
     def __new__(cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike) -> Self: ...
+
+@final
+class PID(Law):
+    def __new__(
+        cls, arm: Arm, target: ArrayLike, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike, tau_max: ArrayLike | None = None
+    ) -> Self: ...
 
 @final
 class CartesianImpedance(Law):

@@ -144,6 +144,12 @@ def _torque(ax: Axes, run: Recorded) -> None:
 def _estimate(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     count = run.estimate.shape[-1]
+    if run.law_name == "PID":
+        _lines(ax, run.t, run.estimate, [f"$w_{{{i + 1}}}$" for i in range(count)])
+        ax.set_ylabel(", ".join(dict.fromkeys(run.input_units)))
+        ax.set_title("Integral torques")
+        _legend(ax)
+        return
     if count > 12 and count % 10 == 0:
         # Ten parameters per link are too many to be told apart: one colour per link, and no true values, to which they need not go.
         for link in range(count // 10):

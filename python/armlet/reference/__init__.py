@@ -16,7 +16,7 @@ from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, Jo
 from .inertia import ParameterReport, check_parameters, project_parameters
 from .inverse_kinematics import InverseKinematics, inverse_kinematics
 from .lagrange import Mechanism
-from .law import Adaptive, ComputedTorque, Law, PDGravity
+from .law import PID, Adaptive, ComputedTorque, Law, PDGravity
 from .mintime import torque_optimal_time
 from .motion import BangBang, Hold, Quintic, Sinusoid, Table
 from .plant import ElasticArm, RigidArm
@@ -60,6 +60,7 @@ __all__ = [
     "Mechanism",
     "MotorPD",
     "PDGravity",
+    "PID",
     "ParameterReport",
     "Pendulum",
     "PlanarPR",

@@ -25,8 +25,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 # Quantities recorded over time, in the order in which tables and files hold them.
 SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
-# Laws whose target is a joint position, and laws whose motion is not one of joints.
-JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
+# Laws whose motion is not one of joints.
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Fields without a time axis that may be there.
 OTHERS = ("parameters", "target", "limits", "position_error")
@@ -97,7 +96,7 @@ class Recorded:
     @cached_property
     def target(self) -> Array | None:
         """The joint position that a law of joints holds, (n,) or (B, n); None for other laws."""
-        if self.law_name not in JOINT_TARGETS or self._made_by is None:
+        if self._made_by is None or not all(getattr(each, "_holds_joints", False) for each in _rows(self._made_by)):
             return None
         targets = [each.__getnewargs_ex__()[1]["target"] for each in _rows(self._made_by)]
         return np.array(targets if len(targets) > 1 else targets[0], dtype=np.float64)

@@ -17,7 +17,7 @@ from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
 from .tasks import prioritised, tasks_of
 
-__all__ = ["ARMS", "JOINT_TARGETS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
+__all__ = ["ARMS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
 
 NUMBER = Numbers()
 POSITIVE = Numbers(low=0.0, strict=True)
@@ -182,6 +182,7 @@ LAWS = OneOf(
         "Adaptive": _law(_core.Adaptive, _PD | {"gamma": GAIN}, {"estimate": VECTOR}, _FOLLOWS),
         "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
         "PDGravity": _law(_core.PDGravity, _TARGET | _PD),
+        "PID": _law(_core.PID, _TARGET | _PD | {"ki": GAIN}, {"tau_max": Numbers(depth=1, low=0.0, strict=True)}),
         "CartesianImpedance": _law(_core.CartesianImpedance, _TARGET | _IMPEDANCE | _TIP, _FRAME),
         "ElasticImpedance": _law(_core.ElasticImpedance, _TARGET | _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS),
         "ElasticTracking": _law(_core.ElasticTracking, _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS, _FOLLOWS),
@@ -195,8 +196,6 @@ LAWS = OneOf(
 
 #: What an elastic law knows of the plant, by the name it has there; not given, it knows the plant as it is.
 KNOWN = {"joint_stiffness": "stiffness", "motor_inertia": "motor_inertia"}
-#: Laws whose `target` is a joint position.
-JOINT_TARGETS = ("PDGravity", "JointImpedance", "MotorPD", "StateFeedback")
 
 _CHANNEL = Table({name: NOT_NEGATIVE for name in CHANNELS})
 _TORQUE_SENSOR = Table(

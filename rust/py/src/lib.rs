@@ -50,7 +50,7 @@ mod _core {
     use super::inverse_kinematics::{InverseKinematics, inverse_kinematics};
     #[pymodule_export]
     use super::law::{
-        Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, JointImpedance, Law, MotorPD, PDGravity,
+        Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, JointImpedance, Law, MotorPD, PDGravity, PID,
         PriorityAcceleration, PriorityVelocity, StateFeedback,
     };
     #[pymodule_export]

@@ -24,6 +24,7 @@ mod level;
 mod lyapunov;
 mod motor_regulation;
 mod pd_gravity;
+mod pid;
 mod priority_acceleration;
 mod priority_velocity;
 mod projection;
@@ -50,6 +51,7 @@ pub use level::Level;
 pub use lyapunov::Lyapunov;
 pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
+pub use pid::{Pid, PidSpec};
 pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
 pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
 pub use projection::Projection;
@@ -151,6 +153,8 @@ laws! {
     ComputedTorque(ComputedTorqueSpec),
     /// PD with gravity compensation.
     PdGravity(PdGravitySpec),
+    /// PID with gravity compensation.
+    Pid(PidSpec),
     /// Cartesian impedance of a rigid arm.
     CartesianImpedance(CartesianImpedanceSpec),
     /// Cartesian impedance of an elastic arm.

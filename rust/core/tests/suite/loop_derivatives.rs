@@ -6,7 +6,7 @@ use armlet_core::integrate::{Differentiable, System};
 use armlet_core::kinematics::Coordinates;
 use armlet_core::law::{
     Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, ElasticImpedanceSpec, Gain, JointImpedanceSpec, LawSpec,
-    MotorPdSpec, PdGravitySpec, Projection, ReductionSpec, StateFeedbackSpec,
+    MotorPdSpec, PdGravitySpec, PidSpec, Projection, ReductionSpec, StateFeedbackSpec,
 };
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, Wall};
@@ -109,6 +109,10 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("PDGravity", rigid(), LawSpec::PdGravity(pd.clone())));
     let limit = Some(vec![3.0, 500.0, 500.0, 500.0, 1e-3, 500.0]);
     all.push(Case { tau_max: limit, ..case("PDGravity, saturated", rigid(), LawSpec::PdGravity(pd.clone())) });
+    let pid = PidSpec::new(model.clone(), q_d.clone(), [full(N, 100.0), full(N, 30.0), gain(N, 20.0)]).unwrap();
+    all.push(case("PID", rigid(), LawSpec::from(pid.clone())));
+    let pid = pid.limited(vec![3.0, 500.0, 500.0, 500.0, 1e-3, f64::INFINITY]).unwrap();
+    all.push(case("PID, saturated", rigid(), LawSpec::from(pid)));
     let computed = ComputedTorqueSpec::new(model.clone(), moving(q_d.clone()), full(N, 100.0), gain(N, 20.0)).unwrap();
     all.push(case("ComputedTorque", rigid(), LawSpec::ComputedTorque(computed.clone())));
 
@@ -229,7 +233,7 @@ fn worst(
 #[test]
 fn programs_and_duals_are_the_derivatives_of_every_loop() {
     let at = numbers(N, 0.2, 0.7);
-    let (mut seen, mut wrong) = ([false; 9], Vec::new());
+    let (mut seen, mut wrong) = ([false; 10], Vec::new());
     for Case { name, plant, law, force, tau_max, estimate } in cases(&at) {
         let kind = match &law {
             LawSpec::Adaptive(_) => 0,
@@ -242,6 +246,7 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             LawSpec::StateFeedback(_) => 7,
             // Without derivatives: implicit methods refuse them.
             LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) | LawSpec::External(_) => 8,
+            LawSpec::Pid(_) => 9,
         };
         seen[kind] = true;
         for still in [true, false] {
@@ -279,7 +284,7 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
-    assert_eq!(seen, [true, true, true, true, true, true, true, true, false]);
+    assert_eq!(seen, [true, true, true, true, true, true, true, true, false, true]);
 }
 
 fn rodas4(tau_max: Option<Vec<f64>>, monitors: bool) -> Options {

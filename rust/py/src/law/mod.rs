@@ -6,7 +6,7 @@ mod rigid;
 
 pub use elastic::{ElasticImpedance, ElasticTracking, JointImpedance, MotorPD, StateFeedback};
 pub use priority::{PriorityAcceleration, PriorityVelocity};
-pub use rigid::{Adaptive, CartesianImpedance, ComputedTorque, PDGravity};
+pub use rigid::{Adaptive, CartesianImpedance, ComputedTorque, PDGravity, PID};
 
 use crate::arguments::{Arguments, call, shown_as};
 use crate::arm::Arm;
@@ -14,7 +14,7 @@ use crate::arrays::{new_array, new_vector, number, of_shape, require_finite, vec
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::error::all_finite;
-use armlet_core::law::{LawEvaluator, LawSpec};
+use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -185,6 +185,12 @@ impl Law {
     #[getter]
     fn motion(&self, py: Python<'_>) -> Option<Py<PyAny>> {
         self.arguments.iter().find(|(name, _)| *name == "motion").map(|(_, value)| value.clone_ref(py))
+    }
+
+    /// Whether the law holds a fixed position of the joints, its `target`.
+    #[getter]
+    fn _holds_joints(&self) -> bool {
+        matches!(self.spec.joint_reference(), Some(JointReference::Target(_)))
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
