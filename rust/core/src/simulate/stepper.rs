@@ -148,7 +148,8 @@ where
 /// Refuse a method that can't be stepped by hand.
 pub fn require_fixed_steps(method: Method) -> Result<()> {
     if method.is_adaptive() {
-        let problem = format!("chooses its own steps: expected one of euler, semi_implicit, rk4, ros2, got {}", method.name());
+        let fixed: Vec<&str> = Method::ALL.iter().filter(|method| !method.is_adaptive()).map(|method| method.name()).collect();
+        let problem = format!("chooses its own steps: expected one of {}, got {}", fixed.join(", "), method.name());
         return Err(Error::input("method", problem));
     }
     Ok(())

@@ -4,9 +4,9 @@ mod elastic;
 mod priority;
 mod rigid;
 
-pub use elastic::{ElasticImpedance, ElasticTracking, JointImpedance, MotorPD, StateFeedback};
-pub use priority::{PriorityAcceleration, PriorityVelocity};
-pub use rigid::{Adaptive, CartesianImpedance, ComputedTorque, PDGravity, PID};
+pub use elastic::*;
+pub use priority::*;
+pub use rigid::*;
 
 use crate::arguments::{Arguments, call, shown_as};
 use crate::arm::Arm;
