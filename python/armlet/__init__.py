@@ -9,6 +9,7 @@
 """
 
 from ._core import (
+    PID,
     Adaptive,
     Arm,
     ArmPrioritySolver,
@@ -29,7 +30,6 @@ from ._core import (
     Law,
     Motion,
     MotorPD,
-    PID,
     PDGravity,
     Plant,
     PostureTask,
@@ -89,6 +89,7 @@ from .status import Status
 from .sweeping import SweepTable, Tuning, sweep, tune
 
 __all__ = [
+    "PID",
     "Adaptive",
     "Arm",
     "ArmPrioritySolver",
@@ -127,7 +128,6 @@ __all__ = [
     "Motion",
     "MotorPD",
     "PDGravity",
-    "PID",
     "ParameterReport",
     "Plant",
     "PostureTask",

@@ -20,6 +20,7 @@ from .elastic import smallest_reduced_inertia as smallest_reduced_inertia
 from .elastic import stiffness_limit as stiffness_limit
 from .integration import Stepper as Stepper
 from .integration import integrate as integrate
+from .laws import PID as PID
 from .laws import Adaptive as Adaptive
 from .laws import CartesianImpedance as CartesianImpedance
 from .laws import ComputedTorque as ComputedTorque
@@ -29,7 +30,6 @@ from .laws import JointImpedance as JointImpedance
 from .laws import Law as Law
 from .laws import MotorPD as MotorPD
 from .laws import PDGravity as PDGravity
-from .laws import PID as PID
 from .laws import StateFeedback as StateFeedback
 from .motions import BangBang as BangBang
 from .motions import Hold as Hold
@@ -84,6 +84,8 @@ from .tasks import inverse_kinematics as inverse_kinematics
 
 __all__ = [
     "ADAPTIVE_METHODS",
+    "METHODS",
+    "PID",
     "Adaptive",
     "Arm",
     "ArmPrioritySolver",
@@ -105,10 +107,8 @@ __all__ = [
     "JointLimitTask",
     "Law",
     "Motion",
-    "METHODS",
     "MotorPD",
     "PDGravity",
-    "PID",
     "Plant",
     "PostureTask",
     "PriorityAcceleration",

@@ -36,6 +36,7 @@ from .timed_path import TimedPath
 from .velocity import PriorityAcceleration, PriorityVelocity, VelocityArm
 
 __all__ = [
+    "PID",
     "Adaptive",
     "Arm",
     "AxisTask",
@@ -60,7 +61,6 @@ __all__ = [
     "Mechanism",
     "MotorPD",
     "PDGravity",
-    "PID",
     "ParameterReport",
     "Pendulum",
     "PlanarPR",

@@ -225,6 +225,7 @@ impl PDGravity {
 /// >>> law(0.0, [0.0], [0.0], state=[0.5])
 /// array([9.])
 #[pyclass(frozen, extends = Law, module = "armlet")]
+#[allow(clippy::upper_case_acronyms)] // The name in Python.
 pub struct PID;
 
 #[entered]
