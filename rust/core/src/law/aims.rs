@@ -7,7 +7,7 @@ use crate::motion::Motion;
 /// Where a law wants the joints.
 #[derive(Clone, Debug, PartialEq)]
 pub enum JointReference {
-    /// Its motion: the first of [`LawSpec::motions`].
+    /// Its motion: the first of [`Definition::motions`](super::Definition::motions).
     Motion,
     /// A fixed position, `(n,)`.
     Target(Vec<f64>),
