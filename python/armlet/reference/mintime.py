@@ -180,7 +180,8 @@ def torque_optimal_time(
 ) -> Optimum:
     """The monotone optimum and the best of the monotone, back-swing and overshoot families."""
     bottom = -tau_max if tau_min is None else tau_min
-    sg = 1.0 if thetaf >= theta0 else -1.0
+    # Between equal ends ahead is against gravity.
+    sg = 1.0 if thetaf > theta0 or (thetaf == theta0 and gravity_moment * np.sin(theta0) >= 0.0) else -1.0
     x0, x1, G = sg * theta0, sg * thetaf, abs(gravity_moment)
     up, down = (tau_max, -bottom) if sg > 0.0 else (-bottom, tau_max)
     # Between two switches the adjoint psi'' = (d^2/4I^2 - G cos/I) psi has two zeros (Sturm).

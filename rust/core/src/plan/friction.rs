@@ -160,7 +160,7 @@ pub fn torque_optimal_time_with_friction(
     if theta0 == thetaf && optimum.set_still(&link) {
         return Ok(optimum);
     }
-    let sign = 1.0f64.copysign(thetaf - theta0);
+    let sign = if link.is_ahead(theta0, thetaf) { 1.0 } else { -1.0 };
     let along = link.along(sign > 0.0);
     let (x0, x1, up, down) = (sign * theta0, sign * thetaf, along.tau_max, -along.tau_min);
     if x0 != x1 {

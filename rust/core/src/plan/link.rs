@@ -1,6 +1,6 @@
 //! One revolute link under gravity: `I theta_ddot + G sin theta = tau`, theta on the real line, from the downward vertical.
 
-use super::sine::select;
+use super::sine::{select, sin_cos};
 use crate::error::{Error, Result, finite, positive};
 
 /// The slack that every torque limit is granted, relative to the larger bound: rounding, not disregard.
@@ -20,6 +20,11 @@ pub struct Link {
 }
 
 impl Link {
+    /// Whether the goal lies ahead. Between equal ends ahead is against gravity, so that a mirrored link has the mirrored motion.
+    pub fn is_ahead(&self, theta0: f64, thetaf: f64) -> bool {
+        thetaf > theta0 || thetaf == theta0 && self.gravity_moment * sin_cos(theta0).0 >= 0.0
+    }
+
     /// Checks the numbers: `inertia > 0`, `tau_min <= 0 <= tau_max`, not both zero, all finite.
     #[inline]
     pub fn new(inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<Self> {

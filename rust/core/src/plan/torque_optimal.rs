@@ -119,7 +119,7 @@ pub fn torque_optimal_time(
 ) -> Result<TorqueOptimum> {
     check_ends(theta0, thetaf)?;
     let link = Link::new(inertia, gravity_moment, tau_min, tau_max)?;
-    let forward = thetaf >= theta0;
+    let forward = link.is_ahead(theta0, thetaf);
     let sign = if forward { 1.0 } else { -1.0 };
     let along = link.along(forward);
     let (x0, x1, g, up, down) = (sign * theta0, sign * thetaf, gravity_moment, along.tau_max, -along.tau_min);

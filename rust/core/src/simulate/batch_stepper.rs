@@ -120,7 +120,7 @@ impl BatchStepper {
     /// Rows without a program.
     fn directly(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
         let (problem, h) = (self.problem(), self.options.grid());
-        let mut direct = redo::direct(&problem, 0);
+        let mut direct = redo::direct(&problem, 0, false);
         for (x, tau) in x.chunks_exact_mut(self.states()).zip(tau.chunks_exact(self.plant.n())) {
             (0..steps).for_each(|_| direct.step(0.0, h, h, Some((tau, &[])), x));
             x.iter_mut().for_each(|x| *x += 0.0);

@@ -139,7 +139,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
             given,
         );
         if recorded.layout.guards > 0 {
-            closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, row(lane))).collect());
+            closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, row(lane), recorded.layout.norms > 0)).collect());
         }
         let method = ProgramStep::new(&closed);
         let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };

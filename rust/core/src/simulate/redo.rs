@@ -22,12 +22,12 @@ pub trait Direct {
     fn norms(&mut self, t: f64, x: &[f64], out: &mut [f64]);
 }
 
-/// The run `run` of a problem.
-pub fn direct<'a>(problem: &'a Problem<'a>, run: usize) -> Box<dyn Direct + 'a> {
+/// The run `run` of a problem; `norms`: whether records want the norms of its levels.
+pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn Direct + 'a> {
     let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
     let Kind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("only explicit steps are recorded") };
-    match method.apply(closed, x, u, Redone { problem, run }) {
+    match method.apply(closed, x, u, Redone { problem, run, norms }) {
         Ok(steps) => steps,
         Err(_) => unreachable!("plants without velocities were refused"),
     }
@@ -37,6 +37,7 @@ pub fn direct<'a>(problem: &'a Problem<'a>, run: usize) -> Box<dyn Direct + 'a> 
 struct Redone<'a> {
     problem: &'a Problem<'a>,
     run: usize,
+    norms: bool,
 }
 
 impl<'a, S: Real> WithExplicitSteps<S, ClosedLoop<'a, S>> for Redone<'a> {
@@ -48,26 +49,19 @@ impl<'a, S: Real> WithExplicitSteps<S, ClosedLoop<'a, S>> for Redone<'a> {
         x: Vec<S>,
         method: M,
     ) -> Box<dyn Direct + 'a> {
-        Box::new(Steps::new((self.problem, self.run), closed, method, x))
+        let monitor = self.norms.then(|| Monitor::new(self.problem, self.run));
+        let (tau, dz) = (closed.tau.clone(), closed.law_rate().to_vec());
+        Box::new(Steps { monitor, closed, method, x, tau, dz })
     }
 }
 
 struct Steps<'a, S: Real, M> {
-    of: (&'a Problem<'a>, usize),
-    /// Made when it is asked for: it compiles an arm.
-    monitor: Option<Box<Monitor<'a>>>,
+    monitor: Option<Monitor<'a>>,
     closed: ClosedLoop<'a, S>,
     method: M,
     x: Vec<S>,
     tau: Vec<S>,
     dz: Vec<S>,
-}
-
-impl<'a, S: Real, M> Steps<'a, S, M> {
-    fn new(of: (&'a Problem<'a>, usize), closed: ClosedLoop<'a, S>, method: M, x: Vec<S>) -> Self {
-        let (tau, dz) = (closed.tau.clone(), closed.law_rate().to_vec());
-        Steps { of, monitor: None, closed, method, x, tau, dz }
-    }
 }
 
 fn load<S: Real>(to: &mut [S], from: &[f64]) {
@@ -98,8 +92,10 @@ impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for Steps<'a,
     }
 
     fn norms(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
-        let (problem, run) = self.of;
-        self.monitor.get_or_insert_with(|| Box::new(Monitor::new(problem, run))).evaluate_norms(t, x, out);
+        match &mut self.monitor {
+            Some(monitor) => monitor.evaluate_norms(t, x, out),
+            None => unreachable!("made without norms"),
+        }
     }
 }
 

@@ -275,8 +275,11 @@ fn mirror_and_reversal_laws() {
 
 #[test]
 fn small_arguments_and_refusals() {
-    let o = torque_optimal_time(1.0, 1.0, 1.0, 2.0, -1.0, 1.0).unwrap();
+    // Equal ends: no time where the torque holds the link (2 sin 0.3 < 1), else a swing that comes back (2 sin 1 > 1).
+    let o = torque_optimal_time(0.3, 0.3, 1.0, 2.0, -1.0, 1.0).unwrap();
     assert!(o.feasible && o.t == 0.0 && o.best.t == 0.0 && o.best.kind == Family::Monotone);
+    let o = torque_optimal_time(1.0, 1.0, 1.0, 2.0, -1.0, 1.0).unwrap();
+    assert!(!o.feasible && !o.certified_global && o.best.t > 0.0 && o.best.kind == Family::BackSwing);
     // Tiny moves: a constant field, T = sqrt(2 I D (u1 + u2)/(u1 u2)) with the net torques u.
     for d in [1e-16, 1e-12, 1e-8] {
         let o = torque_optimal_time(0.0, d, 2.0, 0.7, -1.0, 3.0).unwrap();
