@@ -88,8 +88,7 @@ from .scenario import Scenario
 from .status import Status
 from .sweeping import SweepTable, Tuning, sweep, tune
 
-__all__ = [
-    "PID",
+__all__ = [  # noqa: RUF022 - in the order of `dir`
     "Adaptive",
     "Arm",
     "ArmPrioritySolver",
@@ -128,6 +127,7 @@ __all__ = [
     "Motion",
     "MotorPD",
     "PDGravity",
+    "PID",
     "ParameterReport",
     "Plant",
     "PostureTask",

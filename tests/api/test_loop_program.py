@@ -242,7 +242,7 @@ class Own:
 
 
 def sns() -> al.PriorityVelocity:
-    return al.PriorityVelocity(TWO, [al.Task("link2", "x", [0.5], 3.0)], method="chiaverini")
+    return al.PriorityVelocity(TWO, [al.Task("link2", "x", [0.5], 3.0)], method="sns", v_max=2.0)
 
 
 REFUSED: dict[str, tuple[Callable[[], Any], str]] = {

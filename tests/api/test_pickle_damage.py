@@ -54,6 +54,7 @@ THINGS: dict[str, Any] = {
     "Adaptive": al.Adaptive(PR, al.Hold([1.0, 0.0]), 40.0, 20.0, 5.0),
     "ComputedTorque": al.ComputedTorque(PR, al.Hold([1.0, 0.0]), 40.0, 20.0),
     "PDGravity": al.PDGravity(TREE, [0.3, 0.3], 40.0, 20.0),
+    "PID": al.PID(TREE, [0.3, 0.3], 40.0, 10.0, 20.0, tau_max=30.0),
     "CartesianImpedance": al.CartesianImpedance(TREE, [0.5, 0.4], 100.0, 20.0, frame="link2", axes="xy"),
     "ElasticImpedance": al.ElasticImpedance(TREE, [0.5, 0.4], 100.0, 20.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"),
     "ElasticTracking": al.ElasticTracking(TREE, al.Hold([0.5, 0.4]), 100.0, 20.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"),

@@ -149,8 +149,6 @@ def test_walls_at_other_frames_are_other_plants() -> None:
         np.testing.assert_array_equal(batch.q[row], al.simulate(plant, law, [0.3, 0.5], **options).q, err_msg=f"row {row}")
 
 
-@pytest.mark.parametrize("map", ["chiaverini", "sns"])
-def test_other_maps_run_directly(map: str) -> None:
-    more = {"v_max": 2.0} if map == "sns" else {}
-    law = al.PriorityVelocity(FOUR, BOTH, map, **more)
+def test_a_map_with_bounds_runs_directly() -> None:
+    law = al.PriorityVelocity(FOUR, BOTH, "sns", v_max=2.0)
     assert al.simulate(al.VelocityArm(FOUR), law, Q4, t_end=STEPS * DT, dt=DT).stats["engine"] == "direct"
