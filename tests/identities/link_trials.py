@@ -144,7 +144,8 @@ def judge_optima(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list
     feasible, certified = np.array([o.feasible for o in got]), np.array([o.certified_global for o in got])
     t, best = np.array([o.t for o in got]), np.array([o.best.t for o in got])
     theta0, thetaf, inertia, G, high, low = p.T
-    sign = np.where(thetaf >= theta0, 1.0, -1.0)
+    # Between equal ends ahead is against gravity.
+    sign = np.where((thetaf > theta0) | ((thetaf == theta0) & (G * np.sin(theta0) >= 0.0)), 1.0, -1.0)
     x0, x1 = sign * theta0, sign * thetaf
     up, down = np.where(sign > 0, high, -low), np.where(sign > 0, -low, high)
     unit, scale = np.sqrt(0.5 * inertia), np.maximum(high, -low) + np.abs(G)

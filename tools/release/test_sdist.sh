@@ -2,8 +2,7 @@
 # test_sdist.sh SDIST: what travels is enough. The sdist is unpacked, built and installed in an environment of its own. All of its tests are
 # collected, which reads every module and vector they need, and those of TESTS run. `make test` runs the others on the same sdist.
 #
-# Within ten minutes on two busy cores: the packages are installed while the wheel is built, and the wheel without link-time optimisation
-# and in more units, which takes half the processor time.
+# To be quick, the packages are installed while the wheel is built, and the wheel is built without link-time optimisation and in more units.
 set -eu
 sdist=$(cd "$(dirname "${1:?usage: test_sdist.sh SDIST}")" && pwd)/$(basename "$1")
 work=$(mktemp -d)
