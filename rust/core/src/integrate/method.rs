@@ -134,18 +134,40 @@ impl Method {
     }
 }
 
-/// What is done by an explicit method of fixed steps.
+/// What is done by a method of fixed steps.
+pub trait WithSteps<S: Real, F: System<S>> {
+    /// What it gives.
+    type Output;
+
+    /// Do it.
+    fn with<M: FixedStep<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, x: Vec<S>, method: M) -> Self::Output;
+}
+
+/// What is done by an explicit method of fixed steps, whose stages can be recorded. What any method of fixed steps does is one case.
 pub trait WithExplicitSteps<S: Real, F: System<S>> {
     /// What it gives.
     type Output;
 
     /// Do it.
-    fn with<M: FixedStep<S, F, Vec<S>> + Advance<S, F, Vec<S>> + Send + Sync + 'static>(
+    fn with_explicit<M: FixedStep<S, F, Vec<S>> + Advance<S, F, Vec<S>> + Send + Sync + 'static>(
         self,
         system: F,
         x: Vec<S>,
         method: M,
     ) -> Self::Output;
+}
+
+impl<S: Real, F: System<S>, T: WithSteps<S, F>> WithExplicitSteps<S, F> for T {
+    type Output = T::Output;
+
+    fn with_explicit<M: FixedStep<S, F, Vec<S>> + Advance<S, F, Vec<S>> + Send + Sync + 'static>(
+        self,
+        system: F,
+        x: Vec<S>,
+        method: M,
+    ) -> T::Output {
+        self.with(system, x, method)
+    }
 }
 
 impl ExplicitSteps {
@@ -175,23 +197,14 @@ impl ExplicitSteps {
     {
         let state = x.clone();
         Ok(match self {
-            ExplicitSteps::Euler => task.with(system, x, Euler::new(state, u)),
+            ExplicitSteps::Euler => task.with_explicit(system, x, Euler::new(state, u)),
             ExplicitSteps::SemiImplicit => {
                 let method = SemiImplicit::new(&system, state, u)?;
-                task.with(system, x, method)
+                task.with_explicit(system, x, method)
             }
-            ExplicitSteps::Rk4 => task.with(system, x, Rk4::new(state, u)),
+            ExplicitSteps::Rk4 => task.with_explicit(system, x, Rk4::new(state, u)),
         })
     }
-}
-
-/// What is done by an implicit method of fixed steps.
-pub trait WithImplicitSteps<S: Real, F: System<S>> {
-    /// What it gives.
-    type Output;
-
-    /// Do it.
-    fn with<M: FixedStep<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, x: Vec<S>, method: M) -> Self::Output;
 }
 
 impl ImplicitSteps {
@@ -206,7 +219,7 @@ impl ImplicitSteps {
     pub fn apply<F, T>(self, system: F, x: Vec<f64>, u: F::Input, task: T) -> T::Output
     where
         F: Differentiable<f64, Input: Send + Sync + 'static>,
-        T: WithImplicitSteps<f64, F>,
+        T: WithSteps<f64, F>,
     {
         let n = x.len();
         match self {

@@ -33,8 +33,7 @@ pub use euler::Euler;
 pub use fixed::Steps;
 pub use linearised::{DualSystem, Linearised};
 pub use method::{
-    ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Kind, Method, WithAdaptive, WithExplicitSteps, WithImplicitSteps,
-    WithScheme,
+    ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Kind, Method, WithAdaptive, WithExplicitSteps, WithScheme, WithSteps,
 };
 pub use radau5::Radau5;
 pub use rk4::Rk4;

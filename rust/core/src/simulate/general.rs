@@ -13,9 +13,7 @@ use super::stop::Stop;
 use super::torque_sensing::TorqueSensing;
 use super::watching::{RunObserver, Watching};
 use super::world::{Exogenous, World};
-use crate::integrate::{
-    Adaptive, DualSystem, FixedStep, Kind, Linearised, System, Tolerance, WithAdaptive, WithExplicitSteps, WithImplicitSteps,
-};
+use crate::integrate::{Adaptive, DualSystem, FixedStep, Kind, Linearised, System, Tolerance, WithAdaptive, WithSteps};
 use crate::law::{LawSpec, Route};
 use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Array8, Dual8, Float, Real};
@@ -170,15 +168,7 @@ struct FixedRun<'a, 'b> {
     fixed: &'b Fixed,
 }
 
-impl<S: Real, F: Watched<S>> WithExplicitSteps<S, F> for FixedRun<'_, '_> {
-    type Output = Ended;
-
-    fn with<M: FixedStep<S, F, Vec<S>>>(self, mut closed: F, x: Vec<S>, method: M) -> Ended {
-        self.general.fixed(self.fixed, &mut closed, x, method)
-    }
-}
-
-impl<S: Real, F: Watched<S>> WithImplicitSteps<S, F> for FixedRun<'_, '_> {
+impl<S: Real, F: Watched<S>> WithSteps<S, F> for FixedRun<'_, '_> {
     type Output = Ended;
 
     fn with<M: FixedStep<S, F, Vec<S>>>(self, mut closed: F, x: Vec<S>, method: M) -> Ended {
@@ -190,8 +180,6 @@ impl<S: Real, F: Watched<S>> WithImplicitSteps<S, F> for FixedRun<'_, '_> {
 struct AdaptiveRun<'a, 'b> {
     general: General<'a>,
     segments: &'b Segments,
-    /// Of the loop's state.
-    size: usize,
     /// When the samples are.
     instants: Vec<f64>,
 }
@@ -203,9 +191,10 @@ impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
         let General { problem, first, stop, sink, observer, .. } = self.general;
         // Each run has its own instants where samples are late by chance.
         let segments = self.segments.with_breaks(&self.instants);
-        let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, self.size);
+        let size = method.x().len();
+        let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);
         let mut i = 0;
-        let kept = self.size - if problem.options.monitors { 2 } else { 0 };
+        let kept = size - if problem.options.monitors { 2 } else { 0 };
         let mut watch = Watching::new(problem.plant(first), observer, kept, method.x());
         let record = |t: f64, closed: &mut F, x: &Vec<S>| {
             let tau = closed.input_at(t, x);
@@ -235,34 +224,32 @@ impl<'a> General<'a> {
                 }
             }
             (Kind::ImplicitSteps(method), Division::Fixed(fixed)) => {
-                let (closed, x, _, u) = self.implicit();
+                let (closed, x) = self.implicit();
+                let u = closed.instant();
                 method.apply(closed, x, u, FixedRun { general: self, fixed })
             }
             (Kind::ExplicitAdaptive(method), Division::Adaptive(segments)) => {
                 let (closed, x) = close::<Float>(self.problem, self.first);
-                let (u, size, controlled) = (closed.instant(), x.len(), closed.controlled());
+                let (u, controlled) = (closed.instant(), closed.controlled());
                 let instants = closed.instants(self.problem.options.t_end);
                 let closed = RatesLoop::explicit(closed, self.source());
                 let tolerance = self.problem.tolerance(controlled);
-                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, size, instants })
+                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, instants })
             }
             (Kind::ImplicitAdaptive(method), Division::Adaptive(segments)) => {
-                let (closed, x, (controlled, instants), u) = self.implicit();
-                let (tolerance, size) = (self.problem.tolerance(controlled), x.len());
-                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, size, instants })
+                let (closed, x) = self.implicit();
+                let (u, tolerance) = (closed.instant(), self.problem.tolerance(closed.controlled()));
+                let instants = closed.instants(self.problem.options.t_end);
+                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, instants })
             }
             (_, _) => unreachable!("the division is that of the method"),
         }
     }
 
-    /// The loop of the run `first` for an implicit method, its state at the start, how many components count with the instants of the
-    /// samples, and room for inputs.
-    #[allow(clippy::type_complexity)]
-    fn implicit(&self) -> (Solved<'a>, Vec<f64>, (usize, Vec<f64>), Exogenous<f64>) {
+    /// The loop of the run `first` for an implicit method, and its state at the start.
+    fn implicit(&self) -> (Solved<'a>, Vec<f64>) {
         let (twins, x) = twins(self.problem, self.first);
-        let (u, controlled) = (twins.system.instant(), twins.system.controlled());
-        let instants = twins.system.instants(self.problem.options.t_end);
-        (RatesLoop::implicit(twins, self.source()), x, (controlled, instants), u)
+        (RatesLoop::implicit(twins, self.source()), x)
     }
 
     /// Where the run `first` finds its programs.

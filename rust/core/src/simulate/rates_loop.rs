@@ -112,6 +112,16 @@ impl Solved<'_> {
     pub fn instant(&self) -> Exogenous<f64> {
         self.direct.system.instant()
     }
+
+    /// How many numbers of the state the tolerances count.
+    pub fn controlled(&self) -> usize {
+        self.direct.system.controlled()
+    }
+
+    /// When the samples before `t_end` are taken.
+    pub fn instants(&self, t_end: f64) -> Vec<f64> {
+        self.direct.system.instants(t_end)
+    }
 }
 
 impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {

@@ -289,7 +289,7 @@ impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
     /// The next state and whether it stands, and the cuts of a step in parts.
     type Output = (Vec<Sym>, Option<Vec<Cut>>);
 
-    fn with<M>(self, mut closed: RecordedLoop<'a>, mut x: Vec<Sym>, mut method: M) -> Self::Output
+    fn with_explicit<M>(self, mut closed: RecordedLoop<'a>, mut x: Vec<Sym>, mut method: M) -> Self::Output
     where
         M: Advance<Sym, RecordedLoop<'a>, Vec<Sym>>,
     {

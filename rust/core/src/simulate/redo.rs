@@ -40,13 +40,13 @@ struct Redone<'a> {
     norms: bool,
 }
 
-impl<'a, S: Real> WithExplicitSteps<S, ClosedLoop<'a, S>> for Redone<'a> {
+impl<'a> WithExplicitSteps<Float, ClosedLoop<'a, Float>> for Redone<'a> {
     type Output = Box<dyn Direct + 'a>;
 
-    fn with<M: Advance<S, ClosedLoop<'a, S>, Vec<S>> + 'static>(
+    fn with_explicit<M: Advance<Float, ClosedLoop<'a, Float>, Vec<Float>> + 'static>(
         self,
-        closed: ClosedLoop<'a, S>,
-        x: Vec<S>,
+        closed: ClosedLoop<'a, Float>,
+        x: Vec<Float>,
         method: M,
     ) -> Box<dyn Direct + 'a> {
         let monitor = self.norms.then(|| Monitor::new(self.problem, self.run));

@@ -7,7 +7,7 @@ use super::problem::Problem;
 use super::rates_loop::{RatesLoop, recorded_loop};
 use super::sampling::Sampling;
 use crate::error::{Error, Result};
-use crate::integrate::{FixedStep, Kind, Method, WithExplicitSteps, WithImplicitSteps};
+use crate::integrate::{FixedStep, Kind, Method, WithSteps};
 use crate::law::Route;
 use crate::scalar::{Float, Real};
 use crate::status::Status;
@@ -179,15 +179,7 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
 /// A loop stepped by any method of fixed steps.
 struct Boxed<'a>(&'a Problem<'a>);
 
-impl<S: Real, F: Watched<S> + Send + 'static> WithExplicitSteps<S, F> for Boxed<'_> {
-    type Output = Box<dyn Stepping>;
-
-    fn with<M: FixedStep<S, F, Vec<S>> + Send + 'static>(self, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping> {
-        boxed(self.0, closed, x, method)
-    }
-}
-
-impl<S: Real, F: Watched<S> + Send + 'static> WithImplicitSteps<S, F> for Boxed<'_> {
+impl<S: Real, F: Watched<S> + Send + 'static> WithSteps<S, F> for Boxed<'_> {
     type Output = Box<dyn Stepping>;
 
     fn with<M: FixedStep<S, F, Vec<S>> + Send + 'static>(self, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping> {

@@ -4,9 +4,7 @@ use super::field::Field;
 use super::slope::States;
 use crate::arrays::{Axis, Form, SCALAR, numbers, optional_number, require_finite, spread, text};
 use crate::errors::{Failure, input_error};
-use armlet_core::integrate::{
-    Adaptive, FixedStep, Kind, Method, Steps, Tolerances, WithAdaptive, WithExplicitSteps, WithImplicitSteps, Work,
-};
+use armlet_core::integrate::{Adaptive, FixedStep, Kind, Method, Steps, Tolerances, WithAdaptive, WithSteps, Work};
 use armlet_core::memory;
 use pyo3::prelude::*;
 
@@ -144,26 +142,12 @@ impl Settings {
 /// A field that a method drives, in steps of this size where the method takes one.
 struct Driven(f64);
 
-impl Driven {
-    fn steps<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, y: Vec<f64>, method: M) -> Stepping {
+impl WithSteps<f64, Field> for Driven {
+    type Output = (Field, Stepping);
+
+    fn with<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, field: Field, y: Vec<f64>, method: M) -> Self::Output {
         // The field itself counts its evaluations.
-        Box::new(Steps::new(method, self.0, Work::default(), y, 0.0))
-    }
-}
-
-impl WithExplicitSteps<f64, Field> for Driven {
-    type Output = (Field, Stepping);
-
-    fn with<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, field: Field, y: Vec<f64>, method: M) -> Self::Output {
-        (field, self.steps(y, method))
-    }
-}
-
-impl WithImplicitSteps<f64, Field> for Driven {
-    type Output = (Field, Stepping);
-
-    fn with<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, field: Field, y: Vec<f64>, method: M) -> Self::Output {
-        (field, self.steps(y, method))
+        (field, Box::new(Steps::new(method, self.0, Work::default(), y, 0.0)))
     }
 }
 
