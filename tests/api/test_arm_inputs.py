@@ -208,6 +208,7 @@ ZERO = np.zeros(6)
 
 WRONG_KINDS = {
     "pose": (lambda x: ROBOT.pose(ZERO, x), "pose: frame is not a name: expected a string, got"),
+    "pose_vector": (lambda x: ROBOT.pose_vector(ZERO, x), "pose_vector: frame is not a name"),
     "position": (lambda x: ROBOT.position(ZERO, x), "position: frame is not a name"),
     "jacobian": (lambda x: ROBOT.jacobian(ZERO, x), "jacobian: frame is not a name"),
     "jacobian_dot": (lambda x: ROBOT.jacobian_dot(ZERO, ZERO, x), "jacobian_dot: frame is not a name"),

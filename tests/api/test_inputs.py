@@ -175,6 +175,7 @@ def test_names_are_listed() -> None:
     refused(lambda: batch(method=""), "simulate_batch: method is unknown", "rk4, ros2, dopri5, dop853")
     refused(lambda: batch(keep="some"), "simulate_batch: keep is unknown", "all, final", "some")
     refused(lambda: ARM.pose([0.0, 0.0], "tip"), "pose: frame is unknown", "tip")
+    refused(lambda: ARM.pose_vector([0.0, 0.0], "tip"), "pose_vector: frame is unknown", "tip")
     for value in (4, None, b"rk4", ["rk4"]):
         refused(lambda value=value: run(method=value), "simulate:", "method ")
         refused(lambda value=value: batch(keep=value), "simulate_batch:", "keep ")

@@ -25,7 +25,7 @@ CONTRACT = f"{ARMS} {PRIORITY} {MOTIONS} {PLANS} {PLANTS} {LAWS} {RUNS} {ERRORS}
 # Members of the classes; those of results are asked of a result below, where the class has no attribute of its own.
 MEMBERS = {
     "Arm": "from_chain from_dh n joint_names frame_names parameters with_parameters report mass_matrix coriolis_matrix gravity bias "
-    "inverse_dynamics forward_dynamics regressor pose position jacobian jacobian_dot energy",
+    "inverse_dynamics forward_dynamics regressor pose pose_vector position jacobian jacobian_dot energy",
     "PrioritySolver": "solve for_arm",
     "Run": "plot save to_pandas",
 }

@@ -11,6 +11,7 @@ from trees import both, close
 
 import armlet as al
 from armlet import reference as ref
+from armlet.reference.task import pose_vector, rotation_matrix
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -44,8 +45,24 @@ def test_trees(n: int, seed: int) -> None:
     for k in range(len(joints)):
         frame = f"link{k + 1}"
         close(arm.pose(q, frame), reference.pose(Q, frame))
+        close(arm.pose_vector(q, frame), pose_vector(reference, Q, frame), 4.0)  # angles up to pi
         close(arm.jacobian(q, frame), reference.jacobian(Q, frame)[:, :, place])
         close(arm.jacobian_dot(q, v, frame), reference.jacobian_dot(Q, V, frame)[:, :, place], 10.0)
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (2, -3, 6)])
+def test_the_rotation_vector_of_a_pose_at_half_turns(axis: tuple[float, float, float]) -> None:
+    """exp of it is the rotation on both sides of zero and of a half turn; its angle is at most pi. A program gives the same bits."""
+    arm = al.Arm.from_chain([{"type": "R", "axis": axis}])
+    steps = np.array([0.0, 1e-300, 1e-12, 1e-8, 1e-5, 9.9e-5, 1.01e-4, 1e-2, 1.0])
+    q = np.concatenate([turn + side * steps for turn in (-np.pi, 0.0, np.pi) for side in (-1.0, 1.0)])[:, None]
+    many = arm.pose_vector(np.tile(q, (200, 1)), "link1")
+    one = np.array([arm.pose_vector(row, "link1") for row in q])
+    assert np.array_equal(many, np.tile(one, (200, 1)))
+    assert np.all(one[:, :3] == 0.0) and np.linalg.norm(one[:, 3:], axis=1).max() <= np.pi * (1.0 + 4e-16)
+    for vector, X in zip(one[:, 3:], arm.pose(q, "link1"), strict=True):
+        # Both are exact to a few units in the last place of one; the angle is one of up to pi.
+        np.testing.assert_allclose(rotation_matrix(vector), X[:3, :3], rtol=0.0, atol=4e-15)
 
 
 def test_the_trees_are_trees() -> None:

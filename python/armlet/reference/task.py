@@ -56,6 +56,13 @@ def pose_error(X: Array, target: Array, rows: list[int]) -> Array:
     return np.concatenate([full[:3] - X[:3, 3], turn])[rows]
 
 
+def pose_vector(arm: Arm, q: ArrayLike, frame: str) -> Array:
+    """[p; log R] of a frame, (..., 6)."""
+    X = arm.pose(q, frame)
+    turns = [rotation_vector(R) for R in X[..., :3, :3].reshape(-1, 3, 3)]
+    return np.concatenate([X[..., :3, 3], np.reshape(turns, (*X.shape[:-2], 3))], axis=-1)
+
+
 class Coordinates:
     """Rows of one frame of an arm with a target, one entry per row."""
 

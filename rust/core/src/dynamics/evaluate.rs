@@ -28,7 +28,7 @@ pub(super) struct Engine<S: Real> {
 /// `$each` with the type of the quantity of `$query`.
 macro_rules! with_quantity {
     ($query:expr, $name:ident => $each:expr) => {
-        with_quantity!(@ $query, $name, $each, MassMatrix CoriolisMatrix Christoffel Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose
+        with_quantity!(@ $query, $name, $each, MassMatrix CoriolisMatrix Christoffel Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose PoseVector
             Position Jacobian JacobianDot Com ComJacobian PathDynamics InverseDynamicsDerivatives ForwardDynamicsDerivatives)
     };
     (@ $query:expr, $name:ident, $each:expr, $($quantity:ident)*) => {

@@ -7,7 +7,7 @@ use crate::arm::Tree;
 use crate::kinematics as kin;
 use crate::scalar::rows::write_one;
 use crate::scalar::{Real, sign};
-use crate::spatial::{PARAMETERS, Vector};
+use crate::spatial::{PARAMETERS, Vector, rotation_log};
 
 /// How a quantity is computed from the buffers of an engine, trigonometry done.
 pub trait Compute {
@@ -150,6 +150,13 @@ quantity!(Pose, (tree, ws, trig, n, q, v, x, y, out, query, square), {
         out[12 + k] = S::zero();
     }
     out[15] = S::splat(1.0);
+});
+
+quantity!(PoseVector, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    let (r, p) = kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame);
+    let (position, turn) = out.split_at_mut(3);
+    position.copy_from_slice(&p.array());
+    turn.copy_from_slice(&rotation_log(&r).array());
 });
 
 quantity!(Position, (tree, ws, trig, n, q, v, x, y, out, query, square), {

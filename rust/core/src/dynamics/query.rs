@@ -26,6 +26,8 @@ pub enum Quantity {
     Energy,
     /// `q -> (4, 4)`.
     Pose,
+    /// `q -> (6,)`: the position and the rotation vector `log R`.
+    PoseVector,
     /// `q -> (3,)`.
     Position,
     /// `q -> (6, n)`.
@@ -101,6 +103,7 @@ impl Query {
             Quantity::PathDynamics => (3, n),
             Quantity::Energy => (1, 2),
             Quantity::Pose => (4, 4),
+            Quantity::PoseVector => (1, 6),
             Quantity::Position | Quantity::Com => (1, 3),
             Quantity::Jacobian | Quantity::JacobianDot => (6, n),
             Quantity::ComJacobian => (3, n),
@@ -117,7 +120,7 @@ impl Query {
     /// Whether the answer depends on a frame.
     #[inline]
     pub(super) fn is_framed(&self) -> bool {
-        matches!(self.quantity, Quantity::Pose | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)
+        matches!(self.quantity, Quantity::Pose | Quantity::PoseVector | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)
     }
 
     /// Whether these inputs and this room are what is asked for; `check` says what is not.

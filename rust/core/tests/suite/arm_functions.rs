@@ -7,7 +7,7 @@ use armlet_core::dynamics::{Functions, Quantity, Query};
 use armlet_core::scalar::trig::REDUCTION_LIMIT;
 use std::sync::Arc;
 
-pub const ALL: [Quantity; 18] = [
+pub const ALL: [Quantity; 19] = [
     Quantity::MassMatrix,
     Quantity::CoriolisMatrix,
     Quantity::Christoffel,
@@ -18,6 +18,7 @@ pub const ALL: [Quantity; 18] = [
     Quantity::Regressor,
     Quantity::Energy,
     Quantity::Pose,
+    Quantity::PoseVector,
     Quantity::Position,
     Quantity::Jacobian,
     Quantity::JacobianDot,

@@ -29,6 +29,30 @@ impl Arm {
         self.framed("pose", ["q"], [q], Quantity::Pose, frame, out)
     }
 
+    /// The pose of a frame as numbers, `(..., 6)`: its position in m, then its rotation vector `log R` in rad, both in world axes.
+    ///
+    /// The rotation vector is the axis times the angle in [0, pi]; of a half turn either sign of the axis is right. Rows of it are a target of
+    /// `CartesianImpedance`: the pose at joint angles `q` is `arm.pose_vector(q, frame)` for the axes "xyz rx ry rz".
+    ///
+    /// Args and errors: as for `pose`.
+    ///
+    /// Source: Shepperd, Quaternion from rotation matrix, Journal of Guidance and Control 1(3), 1978.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([1.0, 0.5]).pose_vector([0.0, 0.5], "link1").tolist()
+    /// [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    /// >>> al.planar_arm([1.0]).pose_vector([0.5], "link1").round(3)
+    /// array([0.878, 0.479, 0.   , 0.   , 0.   , 0.5  ])
+    #[pyo3(signature = (q, frame, *, out=None))]
+    fn pose_vector<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.framed("pose_vector", ["q"], [q], Quantity::PoseVector, frame, out)
+    }
+
     /// The position `p_WF` of a frame's origin in the world, `(..., 3)`, m.
     ///
     /// Args and errors: as for `pose`.

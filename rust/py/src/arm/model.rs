@@ -146,6 +146,7 @@ impl ArmModel {
             Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => ([n, 0, 0], 1),
             Quantity::Energy => ([2, 0, 0], 1),
             Quantity::Position | Quantity::Com => ([3, 0, 0], 1),
+            Quantity::PoseVector => ([6, 0, 0], 1),
             Quantity::Christoffel => ([n; 3], 3),
             Quantity::Regressor if matches!(self, ArmModel::PlanarPr(_)) => ([2, 3, 0], 2),
             _ => {
