@@ -44,6 +44,10 @@ LONG = {
         "task = al.Task(tip, 'xyz', [9.0, 0.0, 0.0], 1.0)",
         "al.inverse_kinematics(arm, [task], np.zeros(7), restarts=10**6)",
     ),
+    "inverse_kinematics of many": (
+        "task = al.Task(tip, 'xyz', np.full((100, 3), 9.0), 1.0)",
+        "al.inverse_kinematics(arm, [task], np.zeros(7), restarts=10**6)",
+    ),
     "base_parameters": ("many = al.planar_arm(np.ones(60))", "many.base_parameters()"),
     "equilibrium": ("", "al.equilibrium(al.RigidArm(arm), law, q0=np.full(7, 0.3))"),
     "project_parameters": (

@@ -46,7 +46,7 @@ BELOW = {
     "law": {"plant", "priority", "motion"},
     "plan": {"motion", "dynamics"},
     "integrate": {"linalg"},
-    "analysis": {"law", "integrate"},
+    "analysis": {"law", "integrate", "parallel"},
     "simulate": {"law", "integrate", "parallel"},
 }
 

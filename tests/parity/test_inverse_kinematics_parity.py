@@ -93,3 +93,48 @@ def test_ways_to_search(options: dict[str, Any]) -> None:
     levels = ((ref.Task(frame, "xy"), aims[0]), (ref.CentreOfMassTask("z"), aims[1]))
     for (task, aim), reached in zip(levels, found.reached, strict=True):
         assert not reached or float(np.abs(task.error(theirs, found.q, aim)).max()) <= 1.1e-9
+
+
+@pytest.mark.parametrize("n", range(1, 9))
+def test_many_targets(n: int) -> None:
+    """Leading axes of starts and targets broadcast as the reference's do; what one finds in a row is a solution to the other."""
+    arm, theirs, frame, rng = pair(n, 7)
+    q = rng.uniform(0.8 * theirs.limits["lower"], 0.8 * theirs.limits["upper"], (2, n))
+    aims = (np.array([theirs.pose(row, frame)[:2, 3] for row in q])[:, None], theirs.center_of_mass(q[0])[2:])
+    starts = q[0] + rng.uniform(-0.3, 0.3, (3, n))
+    found = al.inverse_kinematics(arm, [al.Task(frame, "xy", aims[0])], starts)
+    want = ref.inverse_kinematics(theirs, [ref.Task(frame, "xy", aims[0])], starts)
+    assert found.q.shape == want.q.shape == (2, 3, n) and found.errors[0].shape == want.errors[0].shape == (2, 3, 2)
+    assert found.reached.tolist() == want.reached.tolist() == [[True] * 3] * 2
+    assert found and found.status.tolist() == [[0] * 3] * 2
+    # 1.1e-9: the tolerance, and the rounding of another evaluation.
+    for i, j in np.ndindex(2, 3):
+        assert np.abs(ref.Task(frame, "xy").error(theirs, found.q[i, j], aims[0][i, 0])).max() <= 1.1e-9
+    both = [[lib.Task(frame, "xy", aims[0]), lib.CentreOfMassTask("z", aims[1])] for lib in (al, ref)]
+    # The other's centre of mass may be out of reach: few starts.
+    two = al.inverse_kinematics(arm, both[0], starts[0], restarts=2)
+    other = ref.inverse_kinematics(theirs, both[1], starts[0], restarts=1)
+    assert two.q.shape == other.q.shape == (2, 1, n) and [e.shape for e in two.errors] == [e.shape for e in other.errors]
+    assert two.reached[0, 0] and other.reached[0, 0]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_several_solutions(count: int) -> None:
+    """Both elbows of a planar arm, the nearer one first, and NaN where there is no third."""
+    arm, theirs = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    points = np.array([[0.3, 0.5], [-0.2, 0.4], [2.0, 0.0]])
+    found = al.inverse_kinematics(arm, [al.Task("link2", "xy", points)], [0.1, 0.2], solutions=count)
+    want = ref.inverse_kinematics(theirs, [ref.Task("link2", "xy", points)], [0.1, 0.2], solutions=count)
+    assert found.q.shape == want.q.shape == (3, count, 2) and found.errors[0].shape == want.errors[0].shape
+    assert found.reached.tolist() == want.reached.tolist()
+    here = min(count, 2)
+    # Newton's last step is quadratic: both end within the tolerance of the error, over the smallest singular value, some 0.2.
+    # Whole turns of joints without limits are free.
+    gap = found.q[:2, :here] - want.q[:2, :here]
+    if count == 2:
+        order = np.argsort(np.sin(found.q[:2, :here, 1])), np.argsort(np.sin(want.q[:2, :here, 1]))
+        gap = np.take_along_axis(found.q[:2, :here], order[0][..., None], 1) - np.take_along_axis(want.q[:2, :here], order[1][..., None], 1)
+        assert np.abs(np.exp(1j * gap) - 1.0).max() < 1e-7
+    for each in (found, want):
+        away = np.linalg.norm(each.q[:2, :here] - [0.1, 0.2], axis=-1)
+        assert np.all(np.diff(away, axis=1) >= 0.0)

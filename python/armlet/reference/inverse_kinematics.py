@@ -3,30 +3,36 @@
     q_j = middle_j + half_j sin z_j within limits, q_j = z_j without: a search without bounds
     level i:  min |e_i(q)|^2 + W sum_(k<i) |e_k(q) - e_k*|^2,  e_k* what the levels above reached      (Levenberg and Marquardt)
     of all starts the best:  the one whose first level that is not reached is nearest
+    of several solutions:    those that reach every level by |q - q0|, then the others as above
 
 The core takes prioritised steps with an active set of limits.
 """
 
+from __future__ import annotations
+
+import copy
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .arm import Arm
 from .lagrange import Array
+from .motion import Hold
 from .tasks import Task
 
 WEIGHT = 1e3  # of the levels above, its root
 STEPS = 100
+SAME = 1e-3  # rad or m: what differs by less, whole turns aside, is the same solution
 
 
 class InverseKinematics(NamedTuple):
-    """q (n,), the errors of each task, and whether each is reached."""
+    """q (n,), the errors of each task, and whether each is reached; of a batch q (..., n), and whether all of a row are."""
 
     q: Array
     errors: list[Array]
-    reached: list[bool]
+    reached: Any
 
 
 def _least_squares(residual: Callable[[Array], tuple[Array, Array]], z: Array) -> Array:
@@ -46,9 +52,53 @@ def _least_squares(residual: Callable[[Array], tuple[Array, Array]], z: Array) -
 
 
 def inverse_kinematics(
-    arm: Arm, tasks: Sequence[Task], q0: ArrayLike, *, tolerance: float = 1e-9, restarts: int = 20, seed: int = 0, limits: bool = True
+    arm: Arm,
+    tasks: Sequence[Task],
+    q0: ArrayLike,
+    *,
+    tolerance: float = 1e-9,
+    restarts: int = 20,
+    seed: int = 0,
+    limits: bool = True,
+    solutions: int | None = None,
 ) -> InverseKinematics:
-    """Tasks with constant targets, the highest first; reached where no entry of an error exceeds the tolerance."""
+    """Tasks with constant targets, the highest first; reached where no entry of an error exceeds the tolerance.
+
+    Leading axes of q0 and of the targets broadcast; `solutions=k` puts k of them on an axis more, NaN where there are fewer.
+    """
+    aims = [np.asarray(task.motion(0.0)[0], dtype=np.float64) for task in tasks]
+    starts = np.asarray(q0, dtype=np.float64)
+    lead = np.broadcast_shapes(starts.shape[:-1], *(aim.shape[:-1] for aim in aims))
+    most = solutions or 1
+    rows = []
+    for index in np.ndindex(*lead):
+        own = [copy.copy(task) for task in tasks]
+        for task, aim in zip(own, aims, strict=True):
+            task.motion = Hold(np.broadcast_to(aim, (*lead, aim.shape[-1]))[index])
+        start = np.broadcast_to(starts, (*lead, arm.n))[index]
+        rows.append(_solutions(arm, own, start, most, tolerance=tolerance, restarts=restarts, seed=seed, limits=limits))
+    if not lead and solutions is None:
+        q, errors, reached = rows[0][0]
+        return InverseKinematics(q, errors, reached)
+    shape = (*lead, *([solutions] if solutions else []))
+    empty = (np.full(arm.n, np.nan), [np.full(e.size, np.nan) for e in rows[0][0][1]], [False]) if rows else None
+    flat = [(each + most * [empty])[:most] for each in rows]
+    found = [one for each in flat for one in each if one is not None]
+    errors = [np.array([one[1][i] for one in found]).reshape(*shape, -1) for i in range(len(tasks))]
+    q = np.array([one[0] for one in found]).reshape(*shape, arm.n)
+    return InverseKinematics(q, errors, np.array([all(one[2]) for one in found]).reshape(shape))
+
+
+def _apart(arm: Arm, a: Array, b: Array) -> float:
+    gap = a - b
+    turns = arm.angles
+    return float(np.abs(np.where(turns, gap - 2 * np.pi * np.round(gap / (2 * np.pi)), gap)).max())
+
+
+def _solutions(
+    arm: Arm, tasks: Sequence[Task], q0: Array, most: int, *, tolerance: float, restarts: int, seed: int, limits: bool
+) -> list[tuple[Array, list[Array], list[bool]]]:
+    """Up to `most` solutions of one target, the best first."""
     bounded = limits & np.isfinite(arm.limits["upper"] - arm.limits["lower"])
     lower, upper = (np.where(bounded, arm.limits[name], side) for name, side in (("lower", -1.0), ("upper", 1.0)))
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
@@ -81,13 +131,17 @@ def inverse_kinematics(
     rng = np.random.default_rng(seed)
     start = np.clip((np.asarray(q0, dtype=np.float64) - middle) / half, -1.0, 1.0)
     z: Array = np.where(bounded, np.arcsin(start), q0)
-    best: tuple[Array, list[Array]] | None = None
+    found: list[tuple[Array, list[Array]]] = []
     for _ in range(1 + restarts):
-        found = search(z)
-        if best is None or misses(found[1]) < misses(best[1]):
-            best = found
-        if not any(misses(best[1])):
+        new = search(z)
+        same = next((i for i, old in enumerate(found) if _apart(arm, old[0], new[0]) <= SAME), None)
+        if same is None:
+            found.append(new)
+        elif misses(new[1]) < misses(found[same][1]):
+            found[same] = new
+        found.sort(key=lambda one: (misses(one[1]), np.linalg.norm(one[0] - q0) if not any(misses(one[1])) else 0.0))
+        del found[most:]
+        if len(found) == most and not any(misses(found[-1][1])):
             break
         z = rng.uniform(-np.pi / 2, np.pi / 2, arm.n)
-    assert best is not None
-    return InverseKinematics(best[0], best[1], [miss == 0.0 for miss in misses(best[1])])
+    return [(q, errors, [miss == 0.0 for miss in misses(errors)]) for q, errors in found]

@@ -1,17 +1,23 @@
 //! `armlet.inverse_kinematics` and its answer.
 
 use crate::arm::Arm;
-use crate::arrays::{Axis, Form, SCALAR, copied, flag, number, numbers, object, owned, vector, whole};
-use crate::errors::entry;
-use crate::interrupts::long;
+use crate::arrays::{Axis, Form, Looked, SCALAR, copied, count, elements, flag, number, numbers, object, owned, shown, taken, whole};
+use crate::broadcast::{common_shape, stretch};
+use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::{long, signalled};
 use crate::priority::{method_name, residual_list, status_member};
 use crate::seal::{Sealed, seal};
-use crate::task::each;
-use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics as core};
+use crate::task::{Goals, each};
+use armlet_core::analysis::inverse_kinematics::{Goal, IkOptions, inverse_kinematics as core, inverse_kinematics_batch};
+use armlet_core::arm::Arm as CoreArm;
+use armlet_core::error::Error;
+use armlet_core::kinematics::TaskFunction;
+use armlet_core::parallel;
 use armlet_core::priority::PriorityMethod;
 use armlet_macros::entered;
+use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyList, PyTuple};
 
 /// Joint positions and what became of each task.
 ///
@@ -19,13 +25,19 @@ use pyo3::types::PyTuple;
 /// each task is reached. `iterations`: steps from all starts together. `restarts`: random starts used. `status`: `Status.SUCCESS`
 /// when every task is reached; `DEGRADED` when the first is and some lower one is not; `INFEASIBLE` when the first is not and
 /// the search came to rest; `MAX_STEPS` when it was still moving.
+///
+/// Of a batch all fields are arrays: `q` `(..., n)`, `errors` a list of `(..., rows_i)`, and `(...)` each `reached` (every task of the
+/// row is reached), `iterations`, `restarts` and `status` (integers, of `Status`). With `solutions=k`: `q` `(..., k, n)`, `errors`
+/// `(..., k, rows_i)`, `reached` and `status` `(..., k)`.
+///
+/// It is true when every task of every target is reached; with `solutions=k`, by the best solution.
 #[pyclass(frozen, get_all, module = "armlet")]
 pub struct InverseKinematics {
     pub q: Py<PyAny>,
     pub errors: Py<PyAny>,
     pub reached: Py<PyAny>,
-    pub iterations: usize,
-    pub restarts: usize,
+    pub iterations: Py<PyAny>,
+    pub restarts: Py<PyAny>,
     pub status: Py<PyAny>,
 }
 
@@ -33,29 +45,31 @@ pub struct InverseKinematics {
 #[pymethods]
 impl InverseKinematics {
     #[new]
-    fn new(q: Py<PyAny>, errors: Py<PyAny>, reached: Py<PyAny>, iterations: usize, restarts: usize, status: Py<PyAny>) -> Self {
+    fn new(q: Py<PyAny>, errors: Py<PyAny>, reached: Py<PyAny>, iterations: Py<PyAny>, restarts: Py<PyAny>, status: Py<PyAny>) -> Self {
         InverseKinematics { q, errors, reached, iterations, restarts, status }
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        let counts = [self.iterations, self.restarts].map(|k| k.into_pyobject(py).map(|k| k.into_any()));
-        let [iterations, restarts] = counts;
-        let parts = [self.q.bind(py).clone(), self.errors.bind(py).clone(), self.reached.bind(py).clone(), iterations?, restarts?];
-        let parts = PyTuple::new(py, parts.into_iter().chain([self.status.bind(py).clone()]).collect::<Vec<_>>())?;
-        seal(py.get_type::<Self>().as_any(), parts, None)
+        let parts = [&self.q, &self.errors, &self.reached, &self.iterations, &self.restarts, &self.status];
+        seal(py.get_type::<Self>().as_any(), PyTuple::new(py, parts.map(|part| part.bind(py)))?, None)
     }
 
     fn __bool__(&self, py: Python<'_>) -> PyResult<bool> {
-        self.reached.bind(py).try_iter()?.try_fold(true, |all, one| Ok(all && one?.is_truthy()?))
+        let reached = self.reached.bind(py);
+        let Ok(axes) = reached.getattr("ndim") else {
+            return reached.try_iter()?.try_fold(true, |all, one| Ok(all && one?.is_truthy()?));
+        };
+        // Several solutions are an axis more than there are counts.
+        let counts = py.import("numpy")?.call_method1("ndim", (self.iterations.bind(py),))?.extract::<usize>()?;
+        let best = if axes.extract::<usize>()? > counts { reached.get_item((py.Ellipsis(), 0))? } else { reached.clone() };
+        best.call_method0("all")?.is_truthy()
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let show = |value: &Py<PyAny>| PyResult::Ok(value.bind(py).repr()?.to_string());
         let (q, reached, status) = (show(&self.q)?, show(&self.reached)?, show(&self.status)?);
-        Ok(format!(
-            "InverseKinematics(q={q}, reached={reached}, iterations={}, restarts={}, status={status})",
-            self.iterations, self.restarts
-        ))
+        let (iterations, restarts) = (show(&self.iterations)?, show(&self.restarts)?);
+        Ok(format!("InverseKinematics(q={q}, reached={reached}, iterations={iterations}, restarts={restarts}, status={status})"))
     }
 }
 
@@ -68,8 +82,8 @@ const NAME: &str = "inverse_kinematics";
 ///
 /// Args:
 ///     arm: the arm, of links.
-///     tasks: `Task` and its kin with constant targets, the highest first; gains play no part.
-///     q0: where to start, `(n,)`, rad or m.
+///     tasks: `Task` and its kin with constant targets `(rows,)` or `(..., rows)`, the highest first; gains play no part.
+///     q0: where to start, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
 ///     method: the map of a step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all that follow).
 ///     eps: threshold on singular values, one number or one per task; None: 0.02 of each task's largest row norm.
 ///     tolerance: a task is reached when every entry of its error is at most this, m or rad.
@@ -78,12 +92,21 @@ const NAME: &str = "inverse_kinematics";
 ///     seed: of the random starts.
 ///     step_max: largest step of a joint, rad or m.
 ///     limits: keep to the arm's joint limits.
+///     solutions: so many different solutions of each target, from up to `restarts` random starts; None: one, without an axis for it.
+///         Best first: those that reach every task by their distance `|q - q0|`, then the others by the error of the first task in which
+///         they differ. Two are the same when no joint differs by more than 1e-3 rad or m, whole turns not counted. Where fewer are
+///         found the rest is NaN, with the status `INFEASIBLE`.
+///     threads: of a batch; None: the environment's `ARMLET_NUM_THREADS`, else the cores.
+///
+/// A batch is solved in threads; every row has the bits of a call for it alone, for any number of threads. A row whose start or target
+/// is not finite, or whose numbers overflow, is NaN with the status `DIVERGED`, and touches no other.
 ///
 /// Returns:
 ///     An `InverseKinematics`; it is true when every task is reached. Never raises for a target out of reach: see its `status`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a task has no constant target, the method is unknown.
+///     InputError: a shape is wrong, leading axes do not broadcast, a number of a single call is not finite, a task has no constant
+///         target, the method is unknown.
 ///
 /// Source: Nakamura and Hanafusa, Inverse kinematic solutions with singularity robustness, J. Dyn. Sys. Meas. Control 108, 1986.
 ///
@@ -92,13 +115,22 @@ const NAME: &str = "inverse_kinematics";
 /// >>> found = al.inverse_kinematics(arm, [al.Task("link3", "xy", [0.6, 0.5])], [0.1, 0.2, 0.3])
 /// >>> found.status, arm.position(found.q, "link3").round(9)
 /// (<Status.SUCCESS: 0>, array([0.6, 0.5, 0. ]))
+///
+/// Many targets, and both elbows of each:
+///
+/// >>> points = [[0.3, 0.5], [0.5, 0.2], [2.0, 0.0]]
+/// >>> found = al.inverse_kinematics(al.planar_arm([0.5, 0.4]), [al.Task("link2", "xy", points)], [0.1, 0.2], solutions=2)
+/// >>> found.q.shape, found.reached
+/// ((3, 2, 2), array([[ True,  True],
+///        [ True,  True],
+///        [False, False]]))
 #[entered]
 #[pyfunction]
 #[pyo3(
     signature = (arm, tasks, q0, *, method=None, eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None,
-                 limits=None),
+                 limits=None, solutions=None, threads=None),
     text_signature = "(arm, tasks, q0, *, method='clamp', eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, \
-                      step_max=None, limits=True)"
+                      step_max=None, limits=True, solutions=None, threads=None)"
 )]
 pub fn inverse_kinematics<'py>(
     py: Python<'py>,
@@ -113,13 +145,21 @@ pub fn inverse_kinematics<'py>(
     seed: Option<&Bound<'py, PyAny>>,
     step_max: Option<&Bound<'py, PyAny>>,
     limits: Option<&Bound<'py, PyAny>>,
+    solutions: Option<&Bound<'py, PyAny>>,
+    threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<InverseKinematics> {
     entry(py, NAME, || {
         let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
         let model = arm.get().model.core();
         let tree = model.tree("arm")?;
-        let (_, goals) = each(NAME, tasks, |task| task.goal(tree))?;
-        let q0 = vector(NAME, "q0", q0, model.n())?;
+        let (_, goals) = each(NAME, tasks, |task| task.goals(tree))?;
+        let alone = solutions.is_none() && goals.iter().all(|goal| goal.lead.is_empty());
+        // A single call refuses what is not one vector by the words that it always had.
+        let wide = Looked::at(NAME, "q0", q0)?.shape.len() > 1;
+        let form = if wide { Form(&[Axis::Leading, Axis::Is(model.n())]) } else { Form(&[Axis::Is(model.n())]) };
+        let (mut lead, q0) = numbers(NAME, "q0", q0, &[form])?;
+        lead.pop();
+        let q0 = owned(q0)?;
         let plain = IkOptions::default();
         let eps = match eps {
             None => None,
@@ -138,15 +178,75 @@ pub fn inverse_kinematics<'py>(
             method: PriorityMethod::from_name(method_name(NAME, method)?)?,
             eps,
         };
-        let rows: Vec<usize> = goals.iter().map(|(function, _)| function.rows()).collect();
+        let threads = match threads {
+            Some(threads) => parallel::require_threads(count(NAME, "threads", threads)?)?,
+            None => parallel::default_threads(),
+        };
+        if !(alone && lead.is_empty()) {
+            let solutions = solutions.map(|k| positive_count("solutions", k)).transpose()?;
+            return many(py, tree, goals, (lead, q0), &search, solutions, threads);
+        }
+        let rows: Vec<usize> = goals.iter().map(|goal| goal.function.rows()).collect();
+        let goals: Vec<Goal> = goals.into_iter().map(|goal| (goal.function, goal.targets)).collect();
         let found = long(py, || core(tree, &goals, &q0, &search))?;
         Ok(InverseKinematics {
             q: copied(py, &[found.q.len()], &found.q)?.unbind(),
             errors: residual_list(py, &rows, &found.errors)?.into_any().unbind(),
-            reached: pyo3::types::PyList::new(py, &found.reached)?.into_any().unbind(),
-            iterations: found.iterations,
-            restarts: found.restarts,
+            reached: PyList::new(py, &found.reached)?.into_any().unbind(),
+            iterations: found.iterations.into_py_any(py)?,
+            restarts: found.restarts.into_py_any(py)?,
             status: status_member(py, found.status)?,
         })
+    })
+}
+
+/// A count above zero.
+fn positive_count(name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    match whole(NAME, name, value)? {
+        0 => Err(Error::input(name, "is not positive: expected at least 1, got 0").into()),
+        k => Ok(k),
+    }
+}
+
+/// Many targets, or several solutions.
+fn many(
+    py: Python<'_>,
+    tree: &CoreArm,
+    goals: Vec<Goals>,
+    (lead0, q0): (Vec<usize>, Vec<f64>),
+    search: &IkOptions,
+    solutions: Option<usize>,
+    threads: usize,
+) -> Result<InverseKinematics, Failure> {
+    let shapes: Vec<Vec<usize>> = goals.iter().map(|goal| goal.lead.clone()).chain([lead0.clone()]).collect();
+    let lead = common_shape(&shapes).ok_or_else(|| {
+        let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
+        input_error(py, NAME, "tasks, q0", format!("do not broadcast: expected leading axes that agree, got {all}"))
+    })?;
+    let (count, k, n) = (elements(&lead)?, solutions.unwrap_or(1), tree.n());
+    let functions: Vec<TaskFunction> = goals.iter().map(|goal| goal.function.clone()).collect();
+    let found = long(py, || {
+        let spread = |from: &[usize], values: Vec<f64>, width: usize| {
+            let single = from.iter().product::<usize>() == 1;
+            if from == lead || single { Ok(values) } else { stretch(from, &lead, &values, width) }
+        };
+        let q0 = spread(&lead0, q0, n)?;
+        let targets = goals.into_iter().map(|goal| spread(&goal.lead, goal.targets, goal.function.target_size()));
+        let targets = targets.collect::<Result<Vec<_>, Error>>()?;
+        inverse_kinematics_batch(tree, &functions, &targets, &q0, count, k, search, threads, &mut signalled)
+    })?;
+    let slots: Vec<usize> = lead.iter().copied().chain(solutions).collect();
+    let wide = |m: usize| slots.iter().copied().chain([m]).collect::<Vec<_>>();
+    let all: Vec<bool> = found.reached.chunks_exact(functions.len()).map(|tasks| tasks.iter().all(|reached| *reached)).collect();
+    let errors = found.errors.into_iter().zip(&functions);
+    let errors = errors.map(|(errors, function)| taken(py, &wide(function.rows()), errors)).collect::<PyResult<Vec<_>>>()?;
+    let counts = |counts: Vec<i64>| if lead.is_empty() { counts[0].into_py_any(py) } else { Ok(taken(py, &lead, counts)?.unbind()) };
+    Ok(InverseKinematics {
+        q: taken(py, &wide(n), found.q)?.unbind(),
+        errors: PyList::new(py, errors)?.into_any().unbind(),
+        reached: copied(py, &slots, &all)?.unbind(),
+        iterations: counts(found.iterations)?,
+        restarts: counts(found.restarts)?,
+        status: taken(py, &slots, found.status)?.unbind(),
     })
 }

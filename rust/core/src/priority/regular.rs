@@ -94,7 +94,9 @@ impl<S: Real> Regular<S> {
     }
 
     pub fn set_eps(&mut self, eps: &[f64]) {
-        self.eps2 = Some(eps.iter().map(|eps| S::from_lanes(|_| eps * eps)).collect());
+        // Set anew in every step of some searches: no allocation where there are some already.
+        let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
+        own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
     }
 
     /// Solve into `v` and `residual` for the stack `(sum rows, n)` and its command; one where the route stands, zero where some level is

@@ -4,7 +4,7 @@ mod kinds;
 
 pub use kinds::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask};
 
-use crate::arrays::{Axis, Form, Looked, SCALAR, items, numbers, owned, require_finite, shown, text};
+use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, numbers, owned, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
 use crate::priority::MOST_LEVELS;
@@ -30,6 +30,20 @@ enum Blueprint {
     JointLimits { joints: Option<Vec<String>>, margin: f64 },
 }
 
+/// Where a task goes.
+enum Aim {
+    Motion(CoreMotion),
+    /// A constant for each row of a batch: the leading axes, and numbers that need not be finite.
+    Rows(Vec<usize>, Vec<f64>),
+}
+
+/// A task function with its constant targets: their leading axes, and `(..., size)` numbers.
+pub struct Goals {
+    pub function: TaskFunction,
+    pub lead: Vec<usize>,
+    pub targets: Vec<f64>,
+}
+
 /// A gain as it was given.
 #[derive(Clone)]
 struct Raw {
@@ -44,8 +58,9 @@ struct Raw {
 /// Args:
 ///     frame: name of the frame.
 ///     axes: its controlled rows, such as "xyz", "xy", "rx ry rz" or "x y rz".
-///     target: a `Motion` of as many numbers as rows, or a constant, m and rad (rotation vector); None where velocities are given
-///         in each call. `motion=` is the same argument by another name.
+///     target: a `Motion` of as many numbers as rows, or a constant `(rows,)`, m and rad (rotation vector); None where velocities are
+///         given in each call. `(..., rows)` is a batch of constants for `inverse_kinematics`, its rows not necessarily finite.
+///         `motion=` is the same argument by another name.
 ///     gain: `K` in `v = x_d' + K e`, 1/s (1/s^2 in `PriorityAcceleration`): scalar, `(rows,)` or `(rows, rows)`, not negative.
 ///     damping: of the error's rate, 1/s, for `PriorityAcceleration`; None: `2 K^1/2`, critical (keyword only).
 ///
@@ -58,7 +73,7 @@ struct Raw {
 #[pyclass(frozen, subclass, module = "armlet", name = "Task")]
 pub struct Task {
     blueprint: Blueprint,
-    target: Option<CoreMotion>,
+    target: Option<Aim>,
     gain: Raw,
     damping: Option<Raw>,
     /// As given, for `repr` and pickling.
@@ -123,15 +138,29 @@ impl Common<'_, '_> {
             None => None,
             Some(given) => {
                 let target = match given.cast::<Motion>() {
-                    Ok(motion) => motion.get().core.clone(),
+                    Ok(motion) => Aim::Motion(motion.get().core.clone()),
                     Err(_) => {
-                        let (shape, values) = numbers(self.name, "target", given, &[Form(&[Axis::Any("rows")])])?;
-                        require_finite(given.py(), self.name, "target", &shape, &values)?;
-                        CoreMotion::Hold(owned(values)?)
+                        let forms = [Form(&[Axis::Any("rows")]), Form(&[Axis::Leading, Axis::Any("rows")])];
+                        let (mut shape, values) = numbers(self.name, "target", given, &forms)?;
+                        if shape.len() == 1 {
+                            require_finite(given.py(), self.name, "target", &shape, &values)?;
+                            Aim::Motion(CoreMotion::Hold(owned(values)?))
+                        } else {
+                            shape.pop();
+                            Aim::Rows(shape, owned(values)?)
+                        }
                     }
                 };
-                // Copied once its shape is known to be right.
-                arguments.push(("target", kept(given)?));
+                // Copied once its shape is known to be right; many rows stay an array.
+                let kept = match &target {
+                    Aim::Motion(_) => kept(given)?,
+                    Aim::Rows(lead, values) => {
+                        let shape: Vec<usize> =
+                            lead.iter().copied().chain([values.len() / lead.iter().product::<usize>().max(1)]).collect();
+                        copied(given.py(), &shape, values)?.unbind()
+                    }
+                };
+                arguments.push(("target", kept));
                 Some(target)
             }
         };
@@ -168,11 +197,21 @@ impl Task {
         }
     }
 
-    /// The task function on an arm with its constant target.
-    pub fn goal(&self, arm: &Arm) -> Result<(TaskFunction, Vec<f64>), Error> {
+    /// The task function on an arm with its constant targets.
+    pub fn goals(&self, arm: &Arm) -> Result<Goals, Error> {
+        if let Some(Aim::Rows(lead, values)) = &self.target {
+            let (function, rows) = (self.function(arm)?, lead.iter().product::<usize>());
+            let size = function.target_size();
+            // An empty batch has no numbers that could tell its width.
+            if rows.checked_mul(size) != Some(values.len()) {
+                let got = shown(&[lead.as_slice(), &[values.len() / rows.max(1)]].concat());
+                return Err(Error::input("target", format!("has the wrong shape: expected (..., {size}), got {got}")));
+            }
+            return Ok(Goals { function, lead: lead.clone(), targets: values.clone() });
+        }
         let Level { function, target, .. } = self.level(arm)?;
         match target {
-            CoreMotion::Hold(target) => Ok((function, target)),
+            CoreMotion::Hold(targets) => Ok(Goals { function, lead: Vec::new(), targets }),
             _ => Err(Error::input("target", "moves: expected a constant, got a motion")),
         }
     }
@@ -182,7 +221,11 @@ impl Task {
         let function = self.function(arm)?;
         let rows = function.rows();
         let target = match &self.target {
-            Some(target) => target.clone(),
+            Some(Aim::Motion(target)) => target.clone(),
+            Some(Aim::Rows(lead, _)) => {
+                let problem = format!("is a batch: expected a Motion or a constant ({rows},), got leading axes {}", shown(lead));
+                return Err(Error::input("target", problem));
+            }
             None if function.target_size() == 0 => CoreMotion::Hold(Vec::new()),
             None => return Err(Error::input("target", "is missing: expected a Motion or a constant, got None")),
         };

@@ -1,0 +1,186 @@
+//! Inverse kinematics of many targets, in threads: every row is the search for its own target, from its own start, with the numbers of
+//! a single call, whatever its neighbours are and however many threads there are.
+
+use super::{IkOptions, IkSolver};
+use crate::arm::Arm;
+use crate::error::{Error, Result};
+use crate::interrupt::{interrupt, look};
+use crate::kinematics::TaskFunction;
+use crate::memory;
+use crate::parallel;
+use crate::status::Status;
+
+/// Targets that a thread takes at a time: a hundred microseconds where they are near, a second where none is in reach.
+const CHUNK: usize = 32;
+
+/// What was found for `count` targets, `k` solutions each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct IkRows {
+    /// `(count, k, n)`, the best first; NaN where a target was not finite, the search overflowed, or nothing more was found.
+    pub q: Vec<f64>,
+    /// Errors of each task, `(count, k, rows)` each.
+    pub errors: Vec<Vec<f64>>,
+    /// Whether each task is reached, `(count, k, tasks)`.
+    pub reached: Vec<bool>,
+    /// Steps taken from all starts together, `(count,)`.
+    pub iterations: Vec<i64>,
+    /// Random starts used, `(count,)`.
+    pub restarts: Vec<i64>,
+    /// As in [`super::IkSolution`], `(count, k)`, by code; `Diverged` where a row is not finite or overflows, `Infeasible` where
+    /// nothing more was found.
+    pub status: Vec<i32>,
+}
+
+/// The rows of one thread.
+struct Part<'a> {
+    first: usize,
+    q: &'a mut [f64],
+    errors: &'a mut [f64],
+    reached: &'a mut [bool],
+    iterations: &'a mut [i64],
+    restarts: &'a mut [i64],
+    status: &'a mut [i32],
+}
+
+/// As [`super::inverse_kinematics`], for `count` targets: `targets` holds `(count, size)` numbers per task, or `(size,)` for all rows,
+/// and `q0` `(count, n)` or `(n,)`. `solutions`: so many different postures per target, the best first. `poll` is asked every 20 ms
+/// whether to stop.
+///
+/// A row that is not finite ends as `Diverged` and touches no other.
+///
+/// ```
+/// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics_batch};
+/// use armlet_core::{arm::Arm, kinematics::TaskFunction};
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let tip = [TaskFunction::frame(&arm, "link2", "xy")?];
+/// let points = vec![0.6, 0.3, 0.2, 0.7];
+/// let found = inverse_kinematics_batch(&arm, &tip, &[points], &[0.1, 0.2], 2, 2, &IkOptions::default(), 1, &mut || false)?;
+/// assert_eq!((found.q.len(), found.reached.as_slice()), (8, &[true; 4][..]));
+/// // Elbow on the one side, elbow on the other.
+/// assert!(found.q[1] * found.q[3] < 0.0);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub fn inverse_kinematics_batch(
+    arm: &Arm,
+    functions: &[TaskFunction],
+    targets: &[Vec<f64>],
+    q0: &[f64],
+    count: usize,
+    solutions: usize,
+    search: &IkOptions,
+    threads: usize,
+    poll: &mut dyn FnMut() -> bool,
+) -> Result<IkRows> {
+    let n = arm.n();
+    search.check()?;
+    if solutions == 0 {
+        return Err(Error::input("solutions", "is not positive: expected at least 1, got 0"));
+    }
+    let widths: Vec<usize> = functions.iter().map(TaskFunction::target_size).collect();
+    let sized = |len: usize, width: usize| len == width || count.checked_mul(width) == Some(len);
+    if !sized(q0.len(), n) || targets.len() != widths.len() || !targets.iter().zip(&widths).all(|(t, &w)| sized(t.len(), w)) {
+        return Err(Error::input("targets", format!("have the wrong shape: expected one row or {count} of each task and of q0")));
+    }
+    let solver = IkSolver::new(arm, functions, search)?;
+    let total: usize = functions.iter().map(TaskFunction::rows).sum();
+    let levels = functions.len();
+    let slots = count.saturating_mul(solutions);
+    memory::require(slots.saturating_mul(8 * (n + 2 * total + 1)).saturating_add(count.saturating_mul(16)))?;
+    let mut rows = IkRows {
+        q: memory::filled(slots * n, f64::NAN)?,
+        errors: Vec::new(),
+        reached: memory::filled(slots * levels, false)?,
+        iterations: memory::filled(count, 0)?,
+        restarts: memory::filled(count, 0)?,
+        status: memory::filled(slots, Status::Infeasible.code())?,
+    };
+    let mut stacked = memory::filled(slots * total, f64::NAN)?;
+    let mut parts = Vec::with_capacity(count.div_ceil(CHUNK));
+    let (mut q, mut errors, mut reached) = (&mut rows.q[..], &mut stacked[..], &mut rows.reached[..]);
+    let (mut iterations, mut restarts, mut status) = (&mut rows.iterations[..], &mut rows.restarts[..], &mut rows.status[..]);
+    for first in (0..count).step_by(CHUNK) {
+        let (size, slots) = (CHUNK.min(count - first), CHUNK.min(count - first) * solutions);
+        parts.push(Part {
+            first,
+            q: cut(&mut q, slots * n),
+            errors: cut(&mut errors, slots * total),
+            reached: cut(&mut reached, slots * levels),
+            iterations: cut(&mut iterations, size),
+            restarts: cut(&mut restarts, size),
+            status: cut(&mut status, slots),
+        });
+    }
+    let given = Given { functions, targets, widths: &widths, q0, n };
+    let ended = parallel::pieces(threads, poll, parts, |part| solve_part(&mut solver.clone(), &given, part, solutions));
+    if ended.is_err() {
+        interrupt();
+    }
+    rows.errors = by_task(&stacked, functions, slots, total)?;
+    Ok(rows)
+}
+
+/// What all rows are made of.
+struct Given<'a> {
+    functions: &'a [TaskFunction],
+    targets: &'a [Vec<f64>],
+    widths: &'a [usize],
+    q0: &'a [f64],
+    n: usize,
+}
+
+fn solve_part(solver: &mut IkSolver, given: &Given, part: Part, solutions: usize) {
+    let (n, levels, total) = (given.n, given.widths.len(), part.errors.len() / part.status.len());
+    let mut targets: Vec<&[f64]> = Vec::with_capacity(levels);
+    for i in 0..part.iterations.len() {
+        let q0 = row(given.q0, n, part.first + i);
+        targets.clear();
+        targets.extend(given.targets.iter().zip(given.widths).map(|(values, &width)| row(values, width, part.first + i)));
+        let fit = given.functions.iter().zip(&targets).all(|(function, target)| function.require_target(target).is_ok());
+        if !fit || q0.iter().any(|q| !q.is_finite()) || solver.solve(&targets, q0, solutions).is_err() {
+            part.status[i * solutions..(i + 1) * solutions].fill(Status::Diverged.code());
+            continue;
+        }
+        (part.iterations[i], part.restarts[i]) = (solver.iterations as i64, solver.restarts as i64);
+        for k in 0..solver.found.len() {
+            let at = i * solutions + k;
+            let IkSolver { newton, found, .. } = &mut *solver;
+            part.q[at * n..(at + 1) * n].copy_from_slice(&found[k].q);
+            part.errors[at * total..(at + 1) * total].copy_from_slice(newton.errors(&found[k].q));
+            part.status[at] = found[k].status().code();
+            let reached = &mut part.reached[at * levels..(at + 1) * levels];
+            reached.iter_mut().zip(&found[k].misses).for_each(|(to, miss)| *to = *miss == 0.0);
+        }
+    }
+}
+
+/// Row `i` of values with rows of this width, or the only one.
+fn row(values: &[f64], width: usize, i: usize) -> &[f64] {
+    let i = if values.len() == width { 0 } else { i };
+    &values[i * width..(i + 1) * width]
+}
+
+/// Take the first `size` entries off.
+fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
+    let (head, tail) = std::mem::take(all).split_at_mut(size);
+    *all = tail;
+    head
+}
+
+/// The stacked errors `(slots, total)`, task by task.
+fn by_task(stacked: &[f64], functions: &[TaskFunction], slots: usize, total: usize) -> Result<Vec<Vec<f64>>> {
+    let (mut at, mut errors) = (0, Vec::with_capacity(functions.len()));
+    for function in functions {
+        let m = function.rows();
+        let mut own = memory::reserved(slots * m)?;
+        for (i, row) in stacked.chunks_exact(total.max(1)).enumerate() {
+            if i % (1 << 12) == 0 {
+                look();
+            }
+            own.extend_from_slice(&row[at..at + m]);
+        }
+        errors.push(own);
+        at += m;
+    }
+    Ok(errors)
+}

@@ -1,0 +1,217 @@
+//! Inverse kinematics of positions: prioritised damped Newton steps within the joint limits (`nakamura1986inverse`,
+//! `siciliano1991priority`; limits as an active set).
+//!
+//! `q <- clip(q + s dq)`, where `dq` solves `J_i dq = e_i` in priority by a map that is bounded at singularities, and `s <= 1`
+//! keeps every joint's step below a cap. A joint at a limit that the step would cross is held: its column becomes zero, and
+//! the step is solved anew. Freedom that is left over while errors are large moves joints towards the middle of their range.
+//! From a start that leads nowhere the search goes on from random ones, seeded. Several solutions of one target come from more starts.
+//!
+//! `newton` has the steps, `batch` the rows of many targets.
+
+mod batch;
+mod newton;
+
+pub use batch::{IkRows, inverse_kinematics_batch};
+
+use crate::arm::Arm;
+use crate::error::{Error, Result, finite, positive};
+use crate::kinematics::TaskFunction;
+use crate::priority::PriorityMethod;
+use crate::status::Status;
+use newton::{Attempt, Newton, better};
+
+/// How to search.
+#[derive(Clone, Debug)]
+pub struct IkOptions {
+    /// A task is reached when every entry of its error is at most this, m or rad.
+    pub tolerance: f64,
+    /// Steps from each start.
+    pub max_iterations: usize,
+    /// Random starts after the given one.
+    pub restarts: usize,
+    /// Seed of the random starts.
+    pub seed: u64,
+    /// Largest step of a joint, rad or m.
+    pub step_max: f64,
+    /// Keep to the joint limits of the arm.
+    pub limits: bool,
+    /// How the tasks share the joints.
+    pub method: PriorityMethod,
+    /// Threshold on singular values, one per task or one for all.
+    pub eps: Option<Vec<f64>>,
+}
+
+impl Default for IkOptions {
+    fn default() -> Self {
+        let (method, eps) = (PriorityMethod::Clamp, None);
+        IkOptions { tolerance: 1e-9, max_iterations: 100, restarts: 50, seed: 0, step_max: 0.5, limits: true, method, eps }
+    }
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IkSolution {
+    /// `(n,)`
+    pub q: Vec<f64>,
+    /// Errors of all tasks at `q`, one after another, `(sum rows,)`.
+    pub errors: Vec<f64>,
+    /// Whether each task is reached.
+    pub reached: Vec<bool>,
+    /// Steps taken from all starts together, and random starts used.
+    pub iterations: usize,
+    /// Random starts used.
+    pub restarts: usize,
+    /// `Success`: every task is reached. `Degraded`: the first is, some lower one is not. `Infeasible`: the first is not, and the
+    /// best start came to rest. `MaxSteps`: the first is not, and the best start was still moving.
+    pub status: Status,
+}
+
+/// Solutions whose joints differ by no more than this, rad or m, are the same one.
+const SAME: f64 = 1e-3;
+
+/// A task with its constant target; `None` for one that needs none.
+pub type Goal = (TaskFunction, Vec<f64>);
+
+/// Joint positions where the tasks `goals` are reached, the highest first, from `q0` `(n,)`.
+///
+/// ```
+/// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics};
+/// use armlet_core::arm::Arm;
+/// use armlet_core::kinematics::TaskFunction;
+/// use armlet_core::status::Status;
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let goal = (TaskFunction::frame(&arm, "link2", "xy")?, vec![0.6, 0.3]);
+/// let solution = inverse_kinematics(&arm, &[goal], &[0.1, 0.2], &IkOptions::default())?;
+/// assert_eq!(solution.status, Status::Success);
+/// let (a, b) = (solution.q[0], solution.q[0] + solution.q[1]);
+/// assert!((0.5 * a.cos() + 0.4 * b.cos() - 0.6).abs() < 1e-8 && (0.5 * a.sin() + 0.4 * b.sin() - 0.3).abs() < 1e-8);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOptions) -> Result<IkSolution> {
+    let (functions, targets): (Vec<TaskFunction>, Vec<&[f64]>) =
+        goals.iter().map(|(function, target)| (function.clone(), target.as_slice())).unzip();
+    let n = arm.n();
+    if q0.len() != n {
+        return Err(Error::input("q0", format!("has the wrong shape: expected ({n},), got ({},)", q0.len())));
+    }
+    finite("q0", q0)?;
+    search.check()?;
+    functions.iter().zip(&targets).try_for_each(|(function, target)| function.require_target(target))?;
+    let mut solver = IkSolver::new(arm, &functions, search)?;
+    solver.solve(&targets, q0, 1)?;
+    Ok(solver.solution(0))
+}
+
+impl IkOptions {
+    fn check(&self) -> Result<()> {
+        positive("tolerance", self.tolerance)?;
+        positive("step_max", self.step_max)?;
+        if self.method == PriorityMethod::Sns {
+            return Err(Error::input("method", "bounds velocities: expected clamp, damped, exact or chiaverini, got sns"));
+        }
+        Ok(())
+    }
+}
+
+/// The search for one target after another, its buffers made once.
+#[derive(Clone)]
+struct IkSolver {
+    newton: Newton,
+    search: IkOptions,
+    start: Vec<f64>,
+    /// The best attempts of the last target, the best first.
+    found: Vec<Attempt>,
+    iterations: usize,
+    restarts: usize,
+}
+
+impl IkSolver {
+    fn new(arm: &Arm, functions: &[TaskFunction], search: &IkOptions) -> Result<Self> {
+        let newton = Newton::new(arm, functions, search)?;
+        Ok(IkSolver { newton, search: search.clone(), start: vec![0.0; arm.n()], found: Vec::new(), iterations: 0, restarts: 0 })
+    }
+
+    /// Search from `q0` `(n,)`, then from random starts, until `solutions` different ones reach every task.
+    fn solve(&mut self, targets: &[&[f64]], q0: &[f64], solutions: usize) -> Result<()> {
+        for (desired, target) in self.newton.desired.iter_mut().zip(targets) {
+            desired[..target.len()].copy_from_slice(target);
+        }
+        let mut random = self.search.seed;
+        (self.iterations, self.restarts) = (0, 0);
+        self.found.clear();
+        self.start.copy_from_slice(q0);
+        loop {
+            self.newton.descend(&self.start, &mut self.iterations)?;
+            self.rank(q0, solutions);
+            let done = self.found.len() >= solutions && self.found.iter().all(Attempt::reached);
+            if done || self.restarts == self.search.restarts {
+                return Ok(());
+            }
+            self.restarts += 1;
+            self.newton.random_start(q0, &mut random, &mut self.start);
+        }
+    }
+
+    /// Put what the last start led to in its place: less missed by the first task that differs goes first; of those that reach
+    /// every task the nearer to `q0`, else the earlier. Of those that are the same posture the better one stays.
+    fn rank(&mut self, q0: &[f64], most: usize) {
+        let IkSolver { newton, found, .. } = self;
+        let new = &newton.found;
+        if let Some(same) = found.iter().position(|old| newton.apart(&old.q, &new.q) <= SAME) {
+            if !better(&new.misses, &found[same].misses) {
+                return;
+            }
+            found.remove(same);
+        }
+        let before = |old: &Attempt| match (old.misses == new.misses, new.reached()) {
+            (false, _) => better(&old.misses, &new.misses),
+            (true, true) => distance(&old.q, q0) <= distance(&new.q, q0),
+            (true, false) => true,
+        };
+        let place = found.iter().position(|old| !before(old)).unwrap_or(found.len());
+        if place < most {
+            found.truncate(most - 1);
+            found.insert(place, new.clone());
+        }
+    }
+
+    /// Solution `i` of the last target.
+    fn solution(&mut self, i: usize) -> IkSolution {
+        let Attempt { q, misses, .. } = &self.found[i];
+        let errors = self.newton.errors(q).to_vec();
+        let reached = misses.iter().map(|miss| *miss == 0.0).collect();
+        let (iterations, restarts, status) = (self.iterations, self.restarts, self.found[i].status());
+        IkSolution { q: q.clone(), errors, reached, iterations, restarts, status }
+    }
+}
+
+impl Attempt {
+    fn status(&self) -> Status {
+        match (self.reached(), self.misses[0] == 0.0, self.resting) {
+            (true, ..) => Status::Success,
+            (_, true, _) => Status::Degraded,
+            (_, _, true) => Status::Infeasible,
+            _ => Status::MaxSteps,
+        }
+    }
+}
+
+/// The square of how far two joint positions are apart.
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+/// Lower and upper limit of each joint, infinite where there are none.
+fn limits(arm: &Arm, keep: bool) -> Result<Vec<(f64, f64)>> {
+    let free = (f64::NEG_INFINITY, f64::INFINITY);
+    let of = |joint: &crate::arm::Joint| if keep { (joint.limits.lower, joint.limits.upper) } else { free };
+    let bounds: Vec<(f64, f64)> = arm.joints.iter().map(of).collect();
+    match bounds.iter().position(|(lower, upper)| !(lower <= upper)) {
+        None => Ok(bounds),
+        Some(i) => Err(Error::input(
+            "arm",
+            format!("has limits out of order: expected lower <= upper, got {} > {} (first bad index {i})", bounds[i].0, bounds[i].1),
+        )),
+    }
+}

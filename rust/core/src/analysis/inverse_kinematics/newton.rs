@@ -1,0 +1,291 @@
+//! The search from one start: prioritised damped Newton steps with an active set of joint limits. Buffers last from target to target,
+//! so that a search allocates nothing after its construction.
+
+use super::{IkOptions, limits};
+use crate::arm::Arm;
+use crate::error::Result;
+use crate::interrupt::look;
+use crate::kinematics::TaskFunction;
+use crate::law::ArmSolver;
+use crate::linalg::dot;
+use crate::priority::{DEFAULT_EPS, PriorityOptions};
+use std::f64::consts::PI;
+
+/// Progress of the leading unreached task below this part in `PROGRESS_STEPS` steps ends a start.
+const PROGRESS: f64 = 1e-3;
+const PROGRESS_STEPS: usize = 20;
+
+/// The part of the way to the middle of its range that a joint is asked to go in a step, where errors are of order one. It fades
+/// with them, so that the last steps are Newton's.
+const CENTRING: f64 = 0.2;
+
+/// Thresholds stay above this: singular values below it are rounding.
+const SMALLEST_EPS: f64 = 1e-9;
+
+/// Where a start led to.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Attempt {
+    /// `(n,)`
+    pub q: Vec<f64>,
+    /// Largest error of each task, zero where it is reached.
+    pub misses: Vec<f64>,
+    /// Whether it came to rest.
+    pub resting: bool,
+}
+
+impl Attempt {
+    /// Whether every task is reached.
+    pub fn reached(&self) -> bool {
+        self.misses.iter().all(|miss| *miss == 0.0)
+    }
+}
+
+/// Whether the misses `a` are better than `b` at the first task in which they differ.
+pub(super) fn better(a: &[f64], b: &[f64]) -> bool {
+    a.iter().zip(b).find(|(a, b)| a != b).is_some_and(|(a, b)| a < b)
+}
+
+/// The steps of one arm and its tasks, for one target after another.
+#[derive(Clone)]
+pub(super) struct Newton {
+    solver: ArmSolver,
+    /// `[x_d, 0, 0]` of each task.
+    pub desired: Vec<Vec<f64>>,
+    /// Lower and upper limit of each joint, infinite where there are none.
+    bounds: Vec<(f64, f64)>,
+    /// Whether each joint turns.
+    angles: Vec<bool>,
+    search: IkOptions,
+    e: Vec<f64>,
+    w: Vec<f64>,
+    held: Vec<bool>,
+    eps: Vec<f64>,
+    q: Vec<f64>,
+    misses: Vec<f64>,
+    mark: Vec<f64>,
+    /// Where the last start led to.
+    pub found: Attempt,
+}
+
+impl Newton {
+    pub fn new(arm: &Arm, functions: &[TaskFunction], search: &IkOptions) -> Result<Self> {
+        let (n, levels) = (arm.n(), functions.len());
+        let bounds = limits(arm, search.limits)?;
+        let options = PriorityOptions { eps: search.eps.clone(), ..PriorityOptions::new(search.method) };
+        let solver = with_centring(arm, functions, &bounds, options)?;
+        let total = functions.iter().map(TaskFunction::rows).sum();
+        Ok(Newton {
+            desired: functions.iter().map(|function| vec![0.0; 3 * function.target_size()]).collect(),
+            bounds,
+            angles: arm.joints.iter().map(|joint| joint.kind.is_angle()).collect(),
+            search: search.clone(),
+            e: vec![0.0; total],
+            w: vec![0.0; total],
+            held: vec![false; n],
+            eps: vec![DEFAULT_EPS; solver.rows().len()],
+            q: vec![0.0; n],
+            misses: vec![0.0; levels],
+            mark: vec![0.0; levels],
+            found: Attempt { q: vec![0.0; n], misses: vec![0.0; levels], resting: false },
+            solver,
+        })
+    }
+
+    /// Errors of all tasks at `q`.
+    pub fn errors(&mut self, q: &[f64]) -> &[f64] {
+        self.solver.tasks().place(q);
+        let mut at = 0;
+        for k in 0..self.desired.len() {
+            let m = self.solver.rows()[k];
+            self.solver.tasks().error(k, &self.desired[k], &mut self.e[at..at + m], &mut self.w[at..at + m], None);
+            at += m;
+        }
+        &self.e
+    }
+
+    /// The largest error of each task into `misses`, zero where it is within the tolerance. An error that is not a number is infinite.
+    fn look_at(&mut self, q: &[f64]) {
+        self.errors(q);
+        let mut at = 0;
+        for (miss, &m) in self.misses.iter_mut().zip(self.solver.rows()) {
+            let e = &self.e[at..at + m];
+            let most = if e.iter().any(|e| e.is_nan()) { f64::INFINITY } else { largest(e) };
+            *miss = if most <= self.search.tolerance { 0.0 } else { most };
+            at += m;
+        }
+    }
+
+    /// Newton steps from `start` until all is reached, nothing moves any more, or the steps are used up; the best goes into `found`.
+    pub fn descend(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
+        // Lent for the time of the search.
+        let mut q = std::mem::take(&mut self.q);
+        q.copy_from_slice(start);
+        let done = self.descend_from(&mut q, iterations);
+        self.q = q;
+        self.found.resting = done?;
+        Ok(())
+    }
+
+    /// Whether it came to rest.
+    fn descend_from(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
+        clip(q, &self.bounds);
+        self.found.q.copy_from_slice(q);
+        self.found.misses.fill(f64::INFINITY);
+        self.mark.fill(f64::INFINITY);
+        let mut since = 0;
+        for _ in 0..self.search.max_iterations.max(1) {
+            look();
+            self.look_at(q);
+            self.keep_best(q);
+            if self.misses.iter().all(|miss| *miss == 0.0) {
+                return Ok(true);
+            }
+            self.solver.prepare(q)?;
+            // A start is given up when its leading unreached task makes no progress worth a step.
+            let ahead = self.misses.iter().zip(&self.mark).find(|(now, before)| now != before);
+            if ahead.is_some_and(|(now, before)| *now < (1.0 - PROGRESS) * before) {
+                self.mark.copy_from_slice(&self.misses);
+                since = 0;
+            } else {
+                since += 1;
+            }
+            let far = largest(&self.e);
+            self.set_thresholds()?;
+            let moved = self.step(q, CENTRING * far.min(1.0))?;
+            *iterations += 1;
+            if moved <= 1e-3 * self.search.tolerance || since >= PROGRESS_STEPS {
+                return Ok(true);
+            }
+        }
+        // The last step has not been looked at.
+        self.look_at(q);
+        self.keep_best(q);
+        Ok(false)
+    }
+
+    fn keep_best(&mut self, q: &[f64]) {
+        if better(&self.misses, &self.found.misses) {
+            self.found.q.copy_from_slice(q);
+            self.found.misses.copy_from_slice(&self.misses);
+        }
+    }
+
+    /// `eps = |e| / step_max`, which bounds a step by `step_max` at any singular value, and at most the threshold of control: near
+    /// the goal a step is Newton's even where singular values are small.
+    fn set_thresholds(&mut self) -> Result<()> {
+        let (n, levels) = (self.held.len(), self.solver.rows().len());
+        let mut at = 0;
+        for k in 0..levels {
+            let m = self.solver.rows()[k];
+            let most = match &self.search.eps {
+                Some(eps) if eps.len() == 1 => eps[0],
+                Some(eps) if k < eps.len() => eps[k],
+                _ => {
+                    let (jacobian, _) = self.solver.solver_mut().inputs();
+                    let rows = jacobian[at * n..(at + m) * n].chunks_exact(n);
+                    DEFAULT_EPS * rows.map(|row| dot(row, row)).fold(0.0, f64::max).sqrt()
+                }
+            };
+            if k < self.desired.len() {
+                let e = &self.e[at..at + m];
+                self.eps[k] = (dot(e, e).sqrt() / self.search.step_max).min(most).max(SMALLEST_EPS);
+            } else {
+                self.eps[k] = most.max(SMALLEST_EPS);
+            }
+            at += m;
+        }
+        self.solver.solver_mut().set_eps(&self.eps)
+    }
+
+    /// One step of `q`, its Jacobians filled in; returns the largest motion of a joint.
+    fn step(&mut self, q: &mut [f64], centring: f64) -> Result<f64> {
+        let n = q.len();
+        self.held.fill(false);
+        // Every round holds one joint more, so that there are at most n + 1.
+        loop {
+            let (jacobian, command) = self.solver.solver_mut().inputs();
+            let (tasks, rest) = command.split_at_mut(self.e.len());
+            tasks.copy_from_slice(&self.e);
+            let ranges = self.bounds.iter().zip(&*q).filter(|((lower, upper), _)| (upper - lower).is_finite());
+            rest.iter_mut().zip(ranges).for_each(|(to, ((lower, upper), q))| *to = centring * (0.5 * (lower + upper) - q));
+            for (i, _) in self.held.iter().enumerate().filter(|(_, held)| **held) {
+                jacobian.chunks_exact_mut(n).for_each(|row| row[i] = 0.0);
+            }
+            self.solver.solver_mut().run()?;
+            let (v, mut more) = (self.solver.solver().v(), false);
+            for i in 0..n {
+                let (lower, upper) = self.bounds[i];
+                if !self.held[i] && ((q[i] <= lower && v[i] < 0.0) || (q[i] >= upper && v[i] > 0.0)) {
+                    self.held[i] = true;
+                    more = true;
+                }
+            }
+            if !more {
+                break;
+            }
+        }
+        let v = self.solver.solver().v();
+        let most = v.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+        let scale = if most > self.search.step_max { self.search.step_max / most } else { 1.0 };
+        let mut moved = 0.0f64;
+        for (i, q) in q.iter_mut().enumerate() {
+            let next = (*q + scale * v[i]).max(self.bounds[i].0).min(self.bounds[i].1);
+            moved = moved.max((next - *q).abs());
+            *q = next;
+        }
+        Ok(moved)
+    }
+
+    /// Uniform within the limits; a joint without them within a turn, or a metre about the given start.
+    pub fn random_start(&self, q0: &[f64], state: &mut u64, start: &mut [f64]) {
+        for (i, (to, &(lower, upper))) in start.iter_mut().zip(&self.bounds).enumerate() {
+            let (around, half) = if self.angles[i] { (0.0, PI) } else { (q0[i], 1.0) };
+            let low = if lower.is_finite() { lower } else { (around - half).min(upper - 2.0 * half) };
+            let high = if upper.is_finite() { upper } else { low + 2.0 * half };
+            *to = low + (high - low) * uniform(state);
+        }
+    }
+
+    /// How far `a` and `b` are apart in the joint that differs most, rad or m; whole turns do not count.
+    pub fn apart(&self, a: &[f64], b: &[f64]) -> f64 {
+        let gap = |(turns, (a, b)): (&bool, (&f64, &f64))| {
+            let gap = b - a;
+            (if *turns { gap - 2.0 * PI * (gap / (2.0 * PI)).round() } else { gap }).abs()
+        };
+        self.angles.iter().zip(a.iter().zip(b)).map(gap).fold(0.0, f64::max)
+    }
+}
+
+/// The largest entry by its size.
+fn largest(e: &[f64]) -> f64 {
+    e.iter().fold(0.0, |most, e| most.max(e.abs()))
+}
+
+/// The tasks, and below them the joints that have a range.
+fn with_centring(arm: &Arm, tasks: &[TaskFunction], bounds: &[(f64, f64)], mut options: PriorityOptions) -> Result<ArmSolver> {
+    let mut functions = tasks.to_vec();
+    let joints: Vec<usize> = (0..bounds.len()).filter(|&i| (bounds[i].1 - bounds[i].0).is_finite()).collect();
+    if !joints.is_empty() && !tasks.is_empty() {
+        functions.push(TaskFunction::Posture { joints });
+        if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == tasks.len() && eps.len() > 1) {
+            eps.push(DEFAULT_EPS);
+        }
+    }
+    ArmSolver::new(arm, functions, &options)
+}
+
+fn clip(q: &mut [f64], bounds: &[(f64, f64)]) {
+    for (q, (lower, upper)) in q.iter_mut().zip(bounds) {
+        *q = q.max(*lower).min(*upper);
+    }
+}
+
+/// A number in [0, 1) of the sequence that `state` stands for (SplitMix64, `steele2014splittable`).
+fn uniform(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^= z >> 31;
+    (z >> 11) as f64 / (1u64 << 53) as f64
+}
