@@ -125,3 +125,10 @@ def test_other_threads_run_while_a_model_is_read() -> None:
     took, gap = longest_gap(lambda: al.load_urdf(space["text"]))
     # An optimised build reads it within the time that a busy machine may take for a turn of a thread.
     assert gap < max(0.5 * took, 0.1)
+
+
+def test_other_threads_run_while_a_list_is_read() -> None:
+    """Reading it takes longer than other threads may wait."""
+    long = [0.0] * 5_000_000
+    took, gap = longest_gap(lambda: al.Hold(long))
+    assert gap < max(0.5 * took, 0.1)

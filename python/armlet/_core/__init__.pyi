@@ -6,6 +6,7 @@ from .arms import _restore_arm as _restore_arm
 from .arms import _restore_planar_pr as _restore_planar_pr
 from .arms import _restore_tree as _restore_tree
 from .arms import _seal as _seal
+from .arms import _share as _share
 from .arms import example_urdf as example_urdf
 from .arms import load_urdf as load_urdf
 from .arms import pendulum as pendulum
@@ -140,6 +141,7 @@ __all__ = [
     "_restore_time_path",
     "_restore_tree",
     "_seal",
+    "_share",
     "bang_bang_time",
     "build_info",
     "damping_from_ratio",

@@ -2,12 +2,12 @@
 
 use crate::errors::Failure;
 use armlet_core::error::Result as CoreResult;
-use armlet_core::interrupt::{Interrupted, SLICE, Watch, interruptible};
+use armlet_core::interrupt::{Interrupted, Watch, interruptible};
 use armlet_core::memory;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use std::cell::RefCell;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 thread_local! {
     /// What a signal's handler raised on this thread, until the call that it interrupted passes it on.
@@ -29,27 +29,28 @@ pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send
     }
 }
 
-/// Whoever waits for the GIL is handed it, and Ctrl-C is heard.
-pub fn pause(py: Python<'_>) -> PyResult<()> {
-    py.detach(|| ());
-    py.check_signals()
-}
+/// The time from one break to the next.
+const BREAK: Duration = Duration::from_millis(10);
 
-/// For loops that need the GIL: every 20 ms other threads get it for a moment, and Ctrl-C is heard.
+/// For loops that need the GIL: every 10 ms other threads get it for a moment, and Ctrl-C is heard.
+///
+/// Python hands the GIL over only to a thread that has waited in vain for its switch interval, 5 ms. Breaks that follow each other faster wake that
+/// thread and take the GIL away again, so that it waits for as long as the loop runs.
 pub struct Breaks {
     next: Instant,
 }
 
 impl Breaks {
     pub fn new() -> Self {
-        Breaks { next: Instant::now() + SLICE }
+        Breaks { next: Instant::now() + BREAK }
     }
 
     /// To be called after every 1 us to 1 ms of work.
     pub fn pause(&mut self, py: Python<'_>) -> PyResult<()> {
         if Instant::now() >= self.next {
-            pause(py)?;
-            self.next = Instant::now() + SLICE;
+            py.detach(|| ());
+            py.check_signals()?;
+            self.next = Instant::now() + BREAK;
         }
         Ok(())
     }

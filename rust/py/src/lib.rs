@@ -78,7 +78,7 @@ mod _core {
         _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
     };
     #[pymodule_export]
-    use super::seal::{_restore, _seal};
+    use super::seal::{_restore, _seal, _share};
     #[pymodule_export]
     use super::simulate::{simulate, simulate_batch};
 

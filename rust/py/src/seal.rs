@@ -4,17 +4,21 @@
 //! `FormatError` and never another object. It detects damage, not intent: unpickle only what you trust.
 
 use crate::errors::format_error;
-use crate::interrupts::pause;
+use crate::interrupts::Breaks;
 use armlet_macros::entered;
 use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyMemoryView, PySlice, PyTuple};
+use std::collections::VecDeque;
+use std::ops::Range;
 
-/// What `__reduce__` returns: `_restore` and the payload.
-pub type Sealed<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
+/// What `__reduce__` returns: `_restore` and the payload, whole or in pieces.
+pub type Sealed<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
 
 /// Bytes that are handled between two moments in which other threads get the interpreter.
 const PIECE: usize = 1 << 20;
+/// Bytes that `pickle` itself copies at a time, while no other thread runs.
+const SHARE: usize = 1 << 25;
 /// Bytes of the digest.
 const DIGEST: usize = 32;
 /// Every Python that armlet supports reads it, so that all versions write the same bytes.
@@ -24,10 +28,17 @@ const PROTOCOL: u8 = 4;
 pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywords: Option<Bound<'py, PyDict>>) -> PyResult<Sealed<'py>> {
     let py = make.py();
     let keywords = keywords.unwrap_or_else(|| PyDict::new(py));
-    let body = py.import("pickle")?.call_method1("dumps", ((make, arguments, keywords), PROTOCOL))?.cast_into::<PyBytes>()?;
-    let digest = digest(&view(&body, 0, body.as_bytes().len())?, body.as_bytes().len())?;
-    let payload = bytes(py, &[digest.as_bytes(), body.as_bytes()])?;
-    Ok((py.import("armlet._core")?.getattr("_restore")?, (payload,)))
+    let file = Bound::new(py, Written { body: Vec::new(), hash: sha256(py)?.unbind() })?;
+    py.import("pickle")?.call_method1("dump", ((make, arguments, keywords), &file, PROTOCOL))?;
+    let file = file.borrow();
+    let digest = digest_of(file.hash.bind(py))?;
+    let payload = if file.body.len() <= SHARE {
+        PyTuple::new(py, [bytes(py, &[digest.as_bytes(), &file.body])?])?
+    } else {
+        let shares = file.body.chunks(SHARE).map(|share| Ok(Share { bytes: bytes(py, &[share])?.unbind() }.into_pyobject(py)?.into_any()));
+        PyTuple::new(py, std::iter::once(Ok(digest.into_any())).chain(shares).collect::<PyResult<Vec<_>>>()?)?
+    };
+    Ok((py.import("armlet._core")?.getattr("_restore")?, payload))
 }
 
 /// What `__reduce__` of a class in Python returns: the pickle of `make(*arguments)`.
@@ -50,12 +61,13 @@ pub fn seal_call<'py>(py: Python<'py>, function: &str, arguments: Bound<'py, PyT
 
 /// These bytes, one after the other, as Python's.
 pub fn bytes<'py>(py: Python<'py>, parts: &[&[u8]]) -> PyResult<Bound<'py, PyBytes>> {
+    let mut breaks = Breaks::new();
     PyBytes::new_with(py, parts.iter().map(|part| part.len()).sum(), |mut out| {
         for piece in parts.iter().flat_map(|part| part.chunks(PIECE)) {
             let (to, rest) = out.split_at_mut(piece.len());
             to.copy_from_slice(piece);
             out = rest;
-            pause(py)?;
+            breaks.pause(py)?;
         }
         Ok(())
     })
@@ -66,32 +78,140 @@ fn view<'py>(bytes: &Bound<'py, PyAny>, first: usize, last: usize) -> PyResult<B
     PyMemoryView::from(bytes)?.get_item(PySlice::new(bytes.py(), first as isize, last as isize, 1))
 }
 
+fn sha256(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    py.import("hashlib")?.call_method0("sha256")
+}
+
 /// Of a megabyte at a time: `hashlib` does not look for signals.
-fn digest<'py>(body: &Bound<'py, PyAny>, length: usize) -> PyResult<Bound<'py, PyBytes>> {
-    let py = body.py();
-    let hash = py.import("hashlib")?.call_method0("sha256")?;
-    for first in (0..length).step_by(PIECE) {
-        hash.call_method1("update", (view(body, first, (first + PIECE).min(length))?,))?;
-        pause(py)?;
+fn update(hash: &Bound<'_, PyAny>, bytes: &Bound<'_, PyAny>, first: usize, last: usize) -> PyResult<()> {
+    let mut breaks = Breaks::new();
+    for first in (first..last).step_by(PIECE) {
+        hash.call_method1("update", (view(bytes, first, (first + PIECE).min(last))?,))?;
+        breaks.pause(hash.py())?;
     }
+    Ok(())
+}
+
+fn digest_of<'py>(hash: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyBytes>> {
     Ok(hash.call_method0("digest")?.cast_into::<PyBytes>()?)
+}
+
+/// The file that a body is pickled to: other threads run meanwhile, as they do not while `pickle.dumps` copies.
+#[pyclass(module = "armlet._core", name = "_Written")]
+struct Written {
+    body: Vec<u8>,
+    hash: Py<PyAny>,
+}
+
+#[entered]
+#[pymethods]
+impl Written {
+    fn write(&mut self, data: &Bound<'_, PyBytes>) -> PyResult<usize> {
+        let (py, bytes, mut breaks) = (data.py(), data.as_bytes(), Breaks::new());
+        update(self.hash.bind(py), data, 0, bytes.len())?;
+        self.body.try_reserve(bytes.len()).map_err(|_| PyMemoryError::new_err("no memory for a pickle"))?;
+        for piece in bytes.chunks(PIECE) {
+            self.body.extend_from_slice(piece);
+            breaks.pause(py)?;
+        }
+        Ok(bytes.len())
+    }
+}
+
+/// Part of a long payload. `pickle` asks for one after the other, and other threads run before each.
+#[pyclass(module = "armlet._core", name = "_Share", frozen)]
+pub struct Share {
+    bytes: Py<PyBytes>,
+}
+
+#[entered]
+#[pymethods]
+impl Share {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        py.detach(|| ());
+        py.check_signals()?;
+        Ok((py.import("armlet._core")?.getattr("_share")?, (self.bytes.bind(py).clone(),)))
+    }
+}
+
+/// Part of a long payload, as it was read.
+#[entered]
+#[pyfunction]
+pub fn _share<'py>(bytes: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>> {
+    bytes.py().detach(|| ());
+    bytes.py().check_signals()?;
+    Ok(bytes.clone())
+}
+
+/// The file that a body is read from: these bytes from `at` on, one after the other.
+#[pyclass(module = "armlet._core", name = "_Reading")]
+struct Reading {
+    parts: VecDeque<Py<PyBytes>>,
+    at: usize,
+}
+
+impl Reading {
+    /// The bytes that come next, as far as they stand together: up to `most` of them, or to the end of the line.
+    fn next(&mut self, py: Python<'_>, most: Option<usize>) -> Option<(Py<PyBytes>, Range<usize>)> {
+        loop {
+            let part = self.parts.front()?;
+            let rest = part.as_bytes(py).get(self.at..).unwrap_or_default();
+            if rest.is_empty() {
+                (self.at, _) = (0, self.parts.pop_front());
+                continue;
+            }
+            let line = || rest.iter().position(|&byte| byte == b'\n').map_or(rest.len(), |end| end + 1);
+            let taken = self.at..self.at + most.unwrap_or_else(line).min(rest.len());
+            self.at = taken.end;
+            return Some((part.clone_ref(py), taken));
+        }
+    }
+}
+
+#[entered]
+#[pymethods]
+impl Reading {
+    fn read<'py>(&mut self, py: Python<'py>, most: usize) -> PyResult<Bound<'py, PyBytes>> {
+        let (mut left, mut found) = (most, Vec::new());
+        while left > 0
+            && let Some((part, range)) = self.next(py, Some(left))
+        {
+            left -= range.len();
+            found.push((part, range));
+        }
+        bytes(py, &found.iter().map(|(part, range)| &part.as_bytes(py)[range.clone()]).collect::<Vec<_>>())
+    }
+
+    fn readline<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let (mut ended, mut found) = (false, Vec::new());
+        while !ended && let Some((part, range)) = self.next(py, None) {
+            ended = part.as_bytes(py)[range.clone()].ends_with(b"\n");
+            found.push((part, range));
+        }
+        bytes(py, &found.iter().map(|(part, range)| &part.as_bytes(py)[range.clone()]).collect::<Vec<_>>())
+    }
 }
 
 /// An object from the payload of its pickle; `FormatError` where the payload is damaged or of another version.
 #[entered]
 #[pyfunction]
-pub fn _restore<'py>(payload: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+#[pyo3(signature = (*payload))]
+pub fn _restore<'py>(payload: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {
     let py = payload.py();
     let damaged = || format_error(py, "unpickle: the stored object is damaged: its checksum does not match");
-    let bytes = payload.cast::<PyBytes>().map_err(|_| damaged())?.as_bytes();
-    let Some((stored, body)) = bytes.split_at_checked(DIGEST) else { return Err(damaged()) };
-    let length = body.len();
-    let body = view(payload, DIGEST, bytes.len())?;
-    if digest(&body, length)?.as_bytes() != stored {
+    let parts: Vec<Bound<'py, PyBytes>> = payload.extract().map_err(|_| damaged())?;
+    let Some((stored, _)) = parts.first().and_then(|first| first.as_bytes().split_at_checked(DIGEST)) else { return Err(damaged()) };
+    let hash = sha256(py)?;
+    for (k, part) in parts.iter().enumerate() {
+        update(&hash, part, if k == 0 { DIGEST } else { 0 }, part.as_bytes().len())?;
+    }
+    if digest_of(&hash)?.as_bytes() != stored {
         return Err(damaged());
     }
+    let parts = parts.iter().map(|part| part.clone().unbind()).collect();
     let made = (|| {
-        let parts = py.import("pickle")?.call_method1("loads", (body,))?;
+        let file = Bound::new(py, Reading { parts, at: DIGEST })?;
+        let parts = py.import("pickle")?.call_method1("load", (file,))?;
         let (make, arguments, keywords): (Bound<'_, PyAny>, Bound<'_, PyTuple>, Bound<'_, PyDict>) = parts.extract()?;
         make.call(arguments, Some(&keywords))
     })();

@@ -3,7 +3,7 @@
 
 use super::raw::in_place;
 use crate::errors::{Failure, input_error};
-use crate::interrupts::{long, pause};
+use crate::interrupts::{Breaks, long};
 use armlet_core::interrupt::look;
 use armlet_core::{error, memory};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
@@ -30,14 +30,14 @@ pub fn copy<T: Copy + Send + Sync>(py: Python<'_>, from: &[T], to: &mut [T]) -> 
 /// The numbers of a large array that can be read in place. Each piece is looked up again: others may have run since the last one.
 pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> Result<Vec<f64>, Failure> {
     let (py, count) = (array.py(), array.len());
-    let mut values = memory::reserved(count)?;
+    let (mut values, mut breaks) = (memory::reserved(count)?, Breaks::new());
     while values.len() < count {
         let Some(all) = in_place(array).filter(|all| all.len() == count) else {
             let problem = "was changed while it was read: expected an array that keeps its size and layout";
             return Err(input_error(py, function, name, problem).into());
         };
         values.extend_from_slice(&all[values.len()..(values.len() + PIECE).min(count)]);
-        pause(py)?;
+        breaks.pause(py)?;
     }
     Ok(values)
 }

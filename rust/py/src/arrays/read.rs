@@ -9,7 +9,7 @@ use super::raw::in_place;
 use super::sequence;
 use super::shape::{Axis, Form, expected, index_of, require_finite, shown};
 use crate::errors::{Failure, input_error};
-use crate::interrupts::pause;
+use crate::interrupts::Breaks;
 use armlet_core::memory;
 use numpy::{Element, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -254,12 +254,12 @@ pub fn copy(array: &Bound<'_, PyAny>, out: &mut Vec<f64>) -> Result<(), (Wrong, 
     let row = shape.iter().skip(1).product::<usize>().max(1);
     if shape.first().is_some_and(|&rows| rows.saturating_mul(row) > PIECE) {
         // Row by row, or some rows at a time: numpy does not look for signals.
-        let start = out.len();
+        let (start, mut breaks) = (out.len(), Breaks::new());
         for first in (0..shape[0]).step_by((PIECE / row).max(1)) {
             let last = (first + (PIECE / row).max(1)).min(shape[0]);
             let before = out.len() - start;
             let rows = array.get_item(PySlice::new(py, first as isize, last as isize, 1));
-            let rows = rows.and_then(|rows| pause(py).map(|()| rows)).map_err(|error| (Wrong::from(error), before))?;
+            let rows = rows.and_then(|rows| breaks.pause(py).map(|()| rows)).map_err(|error| (Wrong::from(error), before))?;
             copy(&if last - first == 1 { rows.get_item(0).map_err(failed)? } else { rows }, out)
                 .map_err(|(wrong, k)| (wrong, before + k))?;
         }

@@ -4,7 +4,7 @@
 use super::read::{Wrong, array_of, copy, object, real, shape_of};
 use super::shape::shown;
 use crate::errors::{Failure, input_error};
-use crate::interrupts::pause;
+use crate::interrupts::Breaks;
 use armlet_core::memory;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyFloat, PyIterator, PyList, PyMapping, PyString, PyTuple};
@@ -108,10 +108,10 @@ pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Re
     if got != n {
         return Err(ragged(format!("{n} and {got}")));
     }
-    let list = value.cast_exact::<PyList>().ok();
+    let (list, mut breaks) = (value.cast_exact::<PyList>().ok(), Breaks::new());
     for i in 0..n {
         if i % POLL == POLL - 1 {
-            pause(value.py())?;
+            breaks.pause(value.py())?;
         }
         let item = match list {
             Some(list) => list.get_item(i).map_err(|error| absent(value, error))?,
@@ -153,13 +153,13 @@ pub fn items<'py>(
     }
     let entries = PyIterator::from_object(value).map_err(|_| not_a_list())?;
     let most = n.unwrap_or(most.min(MOST_UNSIZED));
-    let mut out = memory::reserved(n.unwrap_or(0))?;
+    let (mut out, mut breaks) = (memory::reserved(n.unwrap_or(0))?, Breaks::new());
     for entry in entries {
         if out.len() == most {
             return Err(too_long("more".into()));
         }
         if out.len() % POLL == POLL - 1 {
-            pause(py)?;
+            breaks.pause(py)?;
         }
         if out.len() == out.capacity() {
             memory::more(&mut out, (most / 8).clamp(16, POLL))?;
