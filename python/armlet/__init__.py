@@ -76,6 +76,7 @@ from .figures.comparison import compare
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
+from .printed import export_c
 from .priority import PriorityDiagnosis, diagnose_priority
 from .rest_to_rest import point_to_point
 from .run import BatchRun, Run, load
@@ -168,6 +169,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "elastic_limits",
     "equilibrium",
     "example_urdf",
+    "export_c",
     "from_mujoco",
     "from_pinocchio",
     "integrate",

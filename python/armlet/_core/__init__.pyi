@@ -57,6 +57,8 @@ from .plants import Plant as Plant
 from .plants import RigidArm as RigidArm
 from .plants import VelocityArm as VelocityArm
 from .plants import Wall as Wall
+from .printing import _c_of_arm as _c_of_arm
+from .printing import _c_of_law as _c_of_law
 from .priority import PrioritySolution as PrioritySolution
 from .priority import PrioritySolver as PrioritySolver
 from .priority import diagnose_priority as diagnose_priority
@@ -132,6 +134,8 @@ __all__ = [
     "Wall",
     "_BatchStepper",
     "__version__",
+    "_c_of_arm",
+    "_c_of_law",
     "_restore",
     "_restore_arm",
     "_restore_arm_solver",

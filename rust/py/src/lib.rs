@@ -19,6 +19,7 @@ mod listed;
 mod motion;
 mod plan;
 mod plant;
+mod printed;
 mod priority;
 mod seal;
 mod simulate;
@@ -73,6 +74,8 @@ mod _core {
     use super::plan::torque::{Best, TorqueOptimum, torque_optimal_time};
     #[pymodule_export]
     use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
+    #[pymodule_export]
+    use super::printed::{_c_of_arm, _c_of_law};
     #[pymodule_export]
     use super::priority::{
         _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,

@@ -27,6 +27,7 @@ mod model;
 #[doc(hidden)]
 pub mod newton_euler;
 mod planar_pr;
+mod printed;
 mod quantities;
 mod query;
 #[doc(hidden)]
@@ -44,6 +45,8 @@ pub use evaluate::Evaluator;
 pub use functions::Functions;
 pub use model::{AnyArm, Model};
 pub use planar_pr::PlanarPr;
+pub use printed::CFunction;
+pub(crate) use printed::given;
 pub use query::{Quantity, Query};
 pub use workspace::Workspace;
 

@@ -6,9 +6,11 @@ use super::Query;
 use super::evaluate::Engine;
 use crate::arm::Arm;
 use crate::error::Result;
+use crate::scalar::Real;
 use crate::scalar::rows::{read_one, write_one};
+use crate::trace::Sym;
 use crate::trace::cache::free;
-use crate::trace::function::{Evaluation, record};
+use crate::trace::function::{self, Evaluation, Recorded, record};
 use std::sync::Mutex;
 
 /// Groups of lanes after which is seen whether all their rows were answered.
@@ -27,24 +29,46 @@ fn widths(query: &Query, n: usize) -> Vec<usize> {
     (0..query.inputs().len()).map(|k| query.input_length(k, n)).collect()
 }
 
+/// A query as code that takes inputs one after another, and may fail.
+fn answer_of<S: Real>(mut engine: Engine<S>, mut inputs: &[S], query: &Query, widths: &[usize]) -> Result<Vec<S>> {
+    for (input, &width) in engine.inputs.iter_mut().zip(widths) {
+        let (own, rest) = inputs.split_at(width);
+        input[..width].copy_from_slice(own);
+        inputs = rest;
+    }
+    engine.answer(query).map(<[_]>::to_vec)
+}
+
+/// A query, recorded: its operations.
+pub(super) fn recording(arm: &Arm, query: &Query) -> Result<Recorded> {
+    let widths = widths(query, arm.n());
+    recorded_by(arm, query, &widths, |inputs, set_up, answer| function::recorded(inputs, set_up, answer))
+}
+
 /// A query, recorded now, its program made where its structure is new: for one configuration or for lanes.
 pub(super) fn recorded(arm: &Arm, query: &Query, lanes: bool) -> Result<Evaluation> {
-    let (widths, mut answered) = (widths(query, arm.n()), Ok(()));
-    let answer = |mut engine: Engine<_>, mut inputs: &[_]| {
-        for (input, &width) in engine.inputs.iter_mut().zip(&widths) {
-            let (own, rest) = inputs.split_at(width);
-            input[..width].copy_from_slice(own);
-            inputs = rest;
-        }
-        engine.answer(query).map(<[_]>::to_vec).unwrap_or_else(|error| {
+    let widths = widths(query, arm.n());
+    recorded_by(arm, query, &widths, |inputs, set_up, answer| record(lanes, inputs, set_up, answer))
+}
+
+/// What `record` makes of so many inputs, the set-up and the answer.
+fn recorded_by<T>(
+    arm: &Arm,
+    query: &Query,
+    widths: &[usize],
+    record: impl FnOnce(usize, &dyn Fn() -> Engine<Sym>, &mut dyn FnMut(Engine<Sym>, &[Sym]) -> Vec<Sym>) -> Option<T>,
+) -> Result<T> {
+    let mut answered = Ok(());
+    let mut answer = |engine: Engine<Sym>, inputs: &[Sym]| {
+        answer_of(engine, inputs, query, widths).unwrap_or_else(|error| {
             answered = Err(error);
             Vec::new()
         })
     };
-    let Some(evaluation) = record(lanes, widths.iter().sum(), || Engine::new(arm, false), answer) else {
+    let Some(made) = record(widths.iter().sum(), &|| Engine::new(arm, false), &mut answer) else {
         unreachable!("the code of a quantity does not branch on data")
     };
-    answered.map(|()| evaluation)
+    answered.map(|()| made)
 }
 
 /// A quantity of one configuration at a time.

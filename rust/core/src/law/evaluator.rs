@@ -3,7 +3,7 @@
 use super::{Law, LawSpec, Route};
 use crate::motion::{Motion, sample_all};
 use crate::scalar::{Float, Real};
-use crate::trace::function::{CALLS, Evaluation, record};
+use crate::trace::function::{self, CALLS, Evaluation, Recorded, record};
 use crate::trace::sym::Sym;
 
 /// Joints of the largest arm whose law becomes a program here: more would take longer to record than the calls save.
@@ -31,6 +31,13 @@ impl<S: Real> Engine<S> {
         }
         self.law.evaluate(desired, &self.trig, x, z, &mut self.tau, &mut self.dz);
         &self.tau
+    }
+
+    /// The same for all inputs one after another, of these widths.
+    fn input_of(&mut self, inputs: &[S], widths: [usize; 3]) -> &[S] {
+        let (desired, state) = inputs.split_at(widths[0]);
+        let (x, z) = state.split_at(widths[1]);
+        self.input(desired, x, z)
     }
 }
 
@@ -82,11 +89,8 @@ impl LawEvaluator {
                 return;
             }
         }
-        let all = Float::of(&self.inputs);
-        let (desired, state) = all.split_at(self.widths[0]);
-        let (x, z) = state.split_at(self.widths[1]);
         self.direct.law.at(t);
-        Float::of_mut(tau).copy_from_slice(self.direct.input(desired, x, z));
+        Float::of_mut(tau).copy_from_slice(self.direct.input_of(Float::of(&self.inputs), self.widths));
         self.calls += 1;
         if self.calls >= CALLS
             && let Some(spec) = self.waiting.take()
@@ -107,12 +111,25 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
         widths.iter().sum(),
         || Engine::<Sym>::new(spec),
         |mut law, inputs| {
-            let (desired, state) = inputs.split_at(widths[0]);
-            let (x, z) = state.split_at(widths[1]);
-            let tau = law.input(desired, x, z).to_vec();
+            let tau = law.input_of(inputs, widths).to_vec();
             guarded = law.law.stands().is_some();
             tau
         },
     );
     program.filter(|_| !guarded)
+}
+
+/// The law as operations, from the desired motion, the state of the plant and that of the law, of these widths, to the plant's input and the rate of
+/// the law's state, and last whether both are right where a law says so. `None` where the code branches on data.
+pub(super) fn recording(spec: &LawSpec, widths: [usize; 3]) -> Option<Recorded> {
+    function::recorded(
+        widths.iter().sum(),
+        || Engine::<Sym>::new(spec),
+        |mut law, inputs| {
+            let mut answer = law.input_of(inputs, widths).to_vec();
+            answer.extend(&law.dz);
+            answer.extend(law.law.stands());
+            answer
+        },
+    )
 }

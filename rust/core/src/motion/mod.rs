@@ -1,6 +1,7 @@
 //! Desired motions `t -> (q_d, v_d, a_d)`. Each holds its end, and its start before time zero.
 
 mod path;
+mod printed;
 mod rest_to_rest;
 mod sample;
 mod sinusoid;
@@ -8,6 +9,7 @@ mod table;
 mod timed_path;
 
 pub use path::{Ends, Path, TERMS};
+pub(crate) use printed::array;
 pub use rest_to_rest::{BangBang, Quintic};
 pub use sample::MotionSample;
 pub use sinusoid::Sinusoid;

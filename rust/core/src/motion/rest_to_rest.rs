@@ -89,6 +89,10 @@ impl<P: Timing> RestToRest<P> {
         self.duration
     }
 
+    pub(super) fn ends(&self) -> (&[f64], &[f64]) {
+        (&self.q0, &self.q1)
+    }
+
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let ([s, ds, dds], n) = (P::at(t, self.duration), self.dof());
         for i in 0..n {

@@ -47,10 +47,16 @@ impl Sinusoid {
         self.offset.len()
     }
 
+    /// The offsets, and amplitudes, frequencies and phases.
+    pub(super) fn parts(&self) -> (&[f64], [&[f64]; 3]) {
+        (&self.offset, [&self.amplitude, &self.frequency, &self.phase])
+    }
+
+    /// Never fused: every loop, and a motion by itself, has the same bits.
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.offset.len();
         for i in 0..n {
-            [out[i], out[n + i], out[2 * n + i]] = self.joint(i, S::splat(t));
+            [out[i], out[n + i], out[2 * n + i]] = self.joint(i, t).map(S::splat);
         }
     }
 

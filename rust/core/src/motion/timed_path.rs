@@ -159,7 +159,7 @@ impl TimedPath {
     }
 
     /// Path acceleration at the start and at the end of segment `i`.
-    fn accelerations(&self, i: usize) -> (f64, f64) {
+    pub(super) fn end_accelerations(&self, i: usize) -> (f64, f64) {
         let h = self.s[i + 1] - self.s[i];
         let (mean, turn) = (0.5 * (self.x[i + 1] - self.x[i]) / h, 0.5 * h * self.u_slope[i]);
         (mean - turn, mean + turn)
@@ -172,7 +172,7 @@ impl TimedPath {
             return None;
         }
         if t == self.t[last] {
-            let u = if self.x[last] == 0.0 || !self.u.is_empty() { 0.0 } else { self.accelerations(last - 1).1 };
+            let u = if self.x[last] == 0.0 || !self.u.is_empty() { 0.0 } else { self.end_accelerations(last - 1).1 };
             return Some((last - 1, self.s[last], self.x[last].sqrt(), u));
         }
         let i = self.t.partition_point(|&at| at <= t).clamp(1, last) - 1;
@@ -183,7 +183,7 @@ impl TimedPath {
             let s = (self.s[i] + on).clamp(self.s[0], self.s[last]);
             return Some((i, s, (rate + d * (u + d * jolt / 2.0)).max(0.0), u + d * jolt));
         }
-        let ((u, _), rate, b) = (self.accelerations(i), self.x[i].sqrt(), self.u_slope[i]);
+        let ((u, _), rate, b) = (self.end_accelerations(i), self.x[i].sqrt(), self.u_slope[i]);
         let (cosh, sinh, tanh) = waves(b * d * d);
         let speed = (rate * cosh + u * d * sinh).max(0.0);
         let on = (rate + speed) * d * tanh;
@@ -219,8 +219,8 @@ impl TimedPath {
         if !self.u.is_empty() {
             return vec![0.0, self.t[last]];
         }
-        let largest = (0..last).map(|i| self.accelerations(i)).fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
-        let jump = |i: &usize| (self.accelerations(*i).0 - self.accelerations(*i - 1).1).abs() > 0.01 * largest;
+        let largest = (0..last).map(|i| self.end_accelerations(i)).fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
+        let jump = |i: &usize| (self.end_accelerations(*i).0 - self.end_accelerations(*i - 1).1).abs() > 0.01 * largest;
         let inner = (1..last).filter(jump).map(|i| self.t[i]);
         std::iter::once(0.0).chain(inner).chain([self.t[last]]).filter(|t| t.is_finite()).collect()
     }
@@ -228,6 +228,11 @@ impl TimedPath {
     /// `b` of each segment, `(N,)`.
     pub fn acceleration_slopes(&self) -> &[f64] {
         &self.u_slope
+    }
+
+    /// The piece of the path that each segment lies in; empty where it is looked up.
+    pub(super) fn pieces(&self) -> &[usize] {
+        &self.piece
     }
 
     /// `u` at the points where it is linear in time, `(N + 1,)`; else empty.

@@ -8,6 +8,7 @@
 mod atan;
 pub mod dual;
 pub mod duals;
+pub mod hex;
 #[doc(hidden)]
 pub mod lanes;
 #[doc(hidden)]

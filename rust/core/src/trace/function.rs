@@ -57,18 +57,30 @@ impl std::fmt::Debug for Evaluation {
     }
 }
 
-/// Record `answer` of what `set_up` makes and of so many inputs, for one run or for lanes; `None` where the code branches on data.
-pub fn record<T>(lanes: bool, inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Evaluation> {
+/// A recorded function: its operations, the numbers of its set-up, which are the first inputs, how many inputs follow, and the entries of its answer.
+pub struct Recorded {
+    pub ops: Vec<Op>,
+    pub values: Vec<f64>,
+    pub inputs: usize,
+    pub answer: Vec<u32>,
+}
+
+/// Record `answer` of what `set_up` makes and of so many inputs; `None` where the code branches on data.
+pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Recorded> {
     sym::begin();
     let made = set_up();
-    let layout = Layout { given: sym::end_set_up(), inputs, lanes };
-    let inputs: Vec<Sym> = (0..inputs).map(|_| sym::input()).collect();
-    let answer = answer(made, &inputs).into_iter().map(Sym::index).collect();
+    sym::end_set_up();
+    let given: Vec<Sym> = (0..inputs).map(|_| sym::input()).collect();
+    let answer = answer(made, &given).into_iter().map(Sym::index).collect();
     let recording = sym::finish();
-    if recording.failed {
-        return None;
-    }
-    Some(Evaluation::new(Function::of(recording.ops, answer, layout), &recording.values))
+    (!recording.failed).then_some(Recorded { ops: recording.ops, values: recording.values, inputs, answer })
+}
+
+/// The same as a program, for one run or for lanes.
+pub fn record<T>(lanes: bool, inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Evaluation> {
+    let Recorded { ops, values, answer, .. } = recorded(inputs, set_up, answer)?;
+    let layout = Layout { given: values.len(), inputs, lanes };
+    Some(Evaluation::new(Function::of(ops, answer, layout), &values))
 }
 
 impl Evaluation {

@@ -7,6 +7,7 @@
 //! door. `label`, `listing`: what a reader sees of it.
 
 pub mod aarch64;
+pub mod c;
 pub mod cache;
 #[cfg(test)]
 mod checks;

@@ -1,0 +1,48 @@
+"""A law as C
+==========
+
+An adaptive law of a six-axis arm, written as C99, compiled, and called from Python at the samples of a run of armlet: the torques and the
+estimates are the same, bit for bit.
+
+Run: ``python examples/export_c.py [folder]``
+"""
+
+import ctypes
+import shutil
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+import armlet as al
+
+arm = al.load_urdf(al.example_urdf("six_axis"))
+motion = al.Sinusoid([0.3] * 6, [0.2] * 6, [2.0] * 6, [0.0] * 6)
+law = al.Adaptive(arm, motion, kp=40.0, kd=20.0, gamma=0.05)
+
+folder = sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp()
+files = al.export_c(law, folder, dt=1e-3)
+for file in files:
+    print(f"{file.name:16} {file.stat().st_size / 1000:6.0f} kB")
+
+# The same law in armlet, sampled every millisecond.
+run = al.simulate(al.RigidArm(arm), law, [0.2] * 6, t_end=0.5, dt=1e-3, sample_time=1e-3)
+
+compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+if compiler is None:
+    raise SystemExit("export_c: no C compiler is installed: expected cc, gcc or clang")
+library = f"{folder}/law.so"
+subprocess.run([compiler, "-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", str(files[1]), "-o", library, "-lm"], check=True)
+step, init = ctypes.CDLL(library).law_step, ctypes.CDLL(library).law_init
+
+# tau, estimate, its rate, time, and whether there was a call.
+n, p = 6, 60
+state, tau = np.zeros(n + 2 * p + 2), np.zeros(n)
+pointer = ctypes.POINTER(ctypes.c_double)
+init(state.ctypes.data_as(pointer))
+differences = 0
+for t, q, v, expected, estimate in zip(run.t[:-1], run.q, run.v, run.tau, run.estimate, strict=False):
+    status = step(state.ctypes.data_as(pointer), ctypes.c_double(t), *(x.ctypes.data_as(pointer) for x in (q, v, tau)))
+    differences += status != 0 or not np.array_equal(tau, expected) or not np.array_equal(state[n : n + p], estimate)
+print(f"{len(run.t) - 1} samples, {differences} that differ")

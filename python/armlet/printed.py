@@ -1,0 +1,150 @@
+"""Laws and functions of arms as C99 that runs without armlet: headers, sources and CMake files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from . import _core
+from .arguments import file_path, instance, shown
+from .border import border
+from .errors import InputError
+from .files import folder_for, write_whole
+
+__all__ = ["export_c"]
+
+#: What is exported of an arm where nothing is chosen.
+DYNAMICS = ("mass_matrix", "coriolis_matrix", "gravity", "bias", "inverse_dynamics", "forward_dynamics")
+#: Functions that are of a frame.
+FRAMED = ("pose", "position", "jacobian", "jacobian_dot")
+#: Functions that may take a wrench at a frame.
+LOADED = ("inverse_dynamics", "forward_dynamics")
+#: What every file that armlet wrote begins with.
+STAMPS = ("/* Made by armlet ", "# Made by armlet ")
+
+Function: TypeAlias = str | tuple[str, str]
+
+
+@border
+def export_c(
+    law: _core.Law | _core.Arm,
+    folder: str | PathLike[str],
+    *,
+    functions: Sequence[Function] | None = None,
+    prefix: str | None = None,
+    dt: float | None = None,
+    method: str = "rk4",
+    friction: bool = False,
+    armature: bool = False,
+    fused: bool | None = None,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Write a law, or functions of an arm, as C99 that needs no armlet: a header, a source file and a `CMakeLists.txt`.
+
+    The C allocates nothing, does not recurse, and uses `math.h` and `string.h` alone. It gives the same bits as armlet on this machine
+    where it is compiled with `-ffp-contract=off`, as its CMake file does. A law is `<prefix>_init(state)` and
+    `<prefix>_step(state, t, q, v, tau)`, with `theta, theta_dot` before `tau` for laws of elastic arms. Desired motions are inside.
+    A function of an arm is `<prefix>_<name>(inputs.., out)`, with row-major matrices. Each returns 0, or a status that the header
+    lists: then `tau` is the last answer that was right, and `out` is NaN.
+
+    Args:
+        law: a law or an arm.
+        folder: where the files go; it is made where it is missing.
+        functions: of an arm, which functions: names of `Arm`'s methods such as "mass_matrix", or `(name, frame)`. Functions of a frame
+            without one are of `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` take a wrench `[f; m]` at
+            the frame. None: the equations of motion.
+        prefix: what all names in C begin with, and the names of the files; "law" or "arm" if None.
+        dt: of a law with a state of its own (an estimate, an integral), the step of the sampled loop whose bits the state has, s. Calls at
+            multiples of it advance the state as `simulate(.., dt=dt, sample_time=..)` does. None: one step from call to call.
+        method: how the law's own state advances: "rk4", "euler" or "semi_implicit", as for `simulate`.
+        friction: functions of an arm include friction, as their argument of this name does.
+        armature: the regressor has columns of armature.
+        fused: whether products are fused with sums, by `fma`; None: as armlet does on this machine, which alone has the same bits.
+        overwrite: write over files of these names that armlet did not make.
+
+    Returns:
+        The paths of the files: header, source, `CMakeLists.txt`.
+
+    Raises:
+        InputError: the law is a Python function or branches on its data, a function or a frame is unknown, a file of another origin is
+            in the way, or another argument is not what it should be.
+        OSError: a file cannot be written.
+
+    >>> import armlet as al, tempfile
+    >>> arm = al.planar_arm([0.5, 0.4])
+    >>> law = al.PDGravity(arm, [0.4, 0.9], kp=80.0, kd=16.0)
+    >>> [file.name for file in al.export_c(law, tempfile.mkdtemp())]
+    ['law.h', 'law.c', 'CMakeLists.txt']
+    >>> header, *_ = al.export_c(arm, tempfile.mkdtemp(), functions=["gravity", ("jacobian", "link2")])
+    >>> print(*[line for line in header.read_text().splitlines() if line.startswith("int")], sep="\\n")
+    int arm_gravity(const double q[2], double out[2]);
+    int arm_jacobian_link2(const double q[2], double out[12]);
+    """
+    where = Path(file_path("export_c", folder, "folder"))
+    instance("export_c", "overwrite", overwrite, (bool, np.bool_), "True or False")
+    if isinstance(law, _core.Arm):
+        if dt is not None:
+            raise InputError(f"export_c: dt is not used: expected None for an arm, got {shown(dt)}")
+        named = _named(law, DYNAMICS if functions is None else functions)
+        files = _core._c_of_arm(law, named, "arm" if prefix is None else prefix, fused, friction, armature)
+    else:
+        if not isinstance(law, _core.Law):
+            what = "a function in Python, which has no C" if callable(law) else shown(law)
+            raise InputError(f"export_c: law cannot be exported: expected an arm or a law of armlet such as Adaptive, got {what}")
+        for name, value in (("functions", functions), ("friction", friction), ("armature", armature)):
+            if value is not None and value is not False:
+                raise InputError(f"export_c: {name} is not used: expected none for a law, got {shown(value)}")
+        files = _core._c_of_law(law, "law" if prefix is None else prefix, fused, dt, method)
+    paths = [where / name for name, _ in files]
+    if not overwrite:
+        for path in paths:
+            _require_own(path)
+    folder_for(where)
+    for path, (_, text) in zip(paths, files, strict=True):
+        write_whole(path, lambda file, text=text: file.write(text.encode()))  # type: ignore[misc]
+    return paths
+
+
+def _named(arm: _core.Arm, functions: Sequence[Function]) -> list[tuple[str, str, str | None]]:
+    """Each function with its name in C and its frame."""
+    if isinstance(functions, str) or not isinstance(functions, Sequence) or not len(functions):
+        raise InputError(f"export_c: functions is not a list of names: expected such as ['mass_matrix'], got {shown(functions)}")
+    named: list[tuple[str, str, str | None]] = []
+    for k, function in enumerate(functions):
+        name, frame = (function, None) if isinstance(function, str) else _pair(function, k)
+        if frame is None:
+            named.append((name, name, arm.tip_frame if name in FRAMED else None))
+        else:
+            if name not in (*FRAMED, *LOADED):
+                raise InputError(f"export_c: functions has a frame for {name}: expected none, got {shown(frame)} (first bad index {k})")
+            named.append((f"{name}_{re.sub(r'[^A-Za-z0-9]', '_', frame)}", name, frame))
+    names = [name for name, *_ in named]
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise InputError(f"export_c: functions has {name} twice: expected different names in C (first bad index {k})")
+    return named
+
+
+def _pair(function: object, k: int) -> tuple[str, str]:
+    if isinstance(function, tuple | list) and len(function) == 2 and all(isinstance(part, str) for part in function):
+        return function[0], function[1]
+    raise InputError(
+        f"export_c: functions has an entry that is no name: expected a name or (name, frame), got {shown(function)} (first bad index {k})"
+    )
+
+
+def _require_own(path: Path) -> None:
+    """Refuse to write over a file that armlet did not make."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(max(map(len, STAMPS)))
+    except FileNotFoundError:
+        return
+    if not start.startswith(tuple(stamp.encode() for stamp in STAMPS)):
+        problem = f"expected overwrite=True to replace it, got {shown(str(path))}"
+        raise InputError(f"export_c: folder holds a file that armlet did not make: {problem}")

@@ -1,0 +1,230 @@
+//! Functions of an arm as C: each quantity recorded once and printed, [`crate::trace::c`]. The C gives the bits of [`super::Evaluator`].
+
+use super::{Dynamics, Model, PlanarPr, Quantity, Query};
+use crate::arm::JointKind;
+use crate::error::{Error, Result};
+use crate::scalar::Real;
+use crate::trace::c::{CFile, COptions, CSource, Routine};
+use crate::trace::function::{Recorded, recorded};
+use crate::trace::{Sym, sym};
+
+/// Operations beyond which a function is too long to be printed.
+const LONGEST: f64 = 600_000.0;
+
+/// A function of an arm, to be printed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CFunction {
+    /// Its name in C, behind the prefix.
+    pub name: String,
+    /// What it computes.
+    pub query: Query,
+}
+
+impl Quantity {
+    /// Those that can be printed, with the names of the arm's functions.
+    pub const PRINTED: [(&'static str, Quantity); 17] = [
+        ("mass_matrix", Quantity::MassMatrix),
+        ("coriolis_matrix", Quantity::CoriolisMatrix),
+        ("christoffel", Quantity::Christoffel),
+        ("gravity", Quantity::Gravity),
+        ("bias", Quantity::Bias),
+        ("inverse_dynamics", Quantity::InverseDynamics),
+        ("forward_dynamics", Quantity::ForwardDynamics),
+        ("regressor", Quantity::Regressor),
+        ("energy", Quantity::Energy),
+        ("pose", Quantity::Pose),
+        ("position", Quantity::Position),
+        ("jacobian", Quantity::Jacobian),
+        ("jacobian_dot", Quantity::JacobianDot),
+        ("center_of_mass", Quantity::Com),
+        ("center_of_mass_jacobian", Quantity::ComJacobian),
+        ("inverse_dynamics_derivatives", Quantity::InverseDynamicsDerivatives),
+        ("forward_dynamics_derivatives", Quantity::ForwardDynamicsDerivatives),
+    ];
+
+    /// What the answer is, in a line.
+    fn meaning(self) -> &'static str {
+        match self {
+            Quantity::MassMatrix => "M(q), N x N",
+            Quantity::CoriolisMatrix => "C(q, v) with Christoffel symbols, N x N",
+            Quantity::Christoffel => "the Christoffel symbols c[i][j][k], N x N x N: C[i][j] = sum over k of c[i][j][k] v[k]",
+            Quantity::Gravity => "g(q), N",
+            Quantity::Bias => "C(q, v) v + g(q), N",
+            Quantity::InverseDynamics => "tau = M a + C v + g, N",
+            Quantity::ForwardDynamics => "a = M^-1 (tau - C v - g), N",
+            Quantity::Regressor => "Y with Y pi = M a_r + C(q, v) v_r + g, N x P",
+            Quantity::Energy => "kinetic and potential energy, J",
+            Quantity::Pose => "the pose of the frame in world axes, 4 x 4",
+            Quantity::Position => "the position of the frame in world axes, m",
+            Quantity::Jacobian => "the geometric Jacobian of the frame in world axes, rows [v; w], 6 x N",
+            Quantity::JacobianDot => "the rate of the Jacobian of the frame, 6 x N",
+            Quantity::Com => "the centre of mass in world axes, m",
+            Quantity::ComJacobian => "the Jacobian of the centre of mass, 3 x N",
+            Quantity::InverseDynamicsDerivatives => "d tau/d q over d tau/d v over d tau/d a, 3 N x N",
+            Quantity::ForwardDynamicsDerivatives => "d a/d q over d a/d v over d a/d tau, 3 N x N",
+            Quantity::PathDynamics => "M v, M a + C v and g, 3 x N",
+        }
+    }
+}
+
+impl Model {
+    /// The functions as C: a header, a source file and a CMake file.
+    ///
+    /// ```
+    /// use armlet_core::arm::Arm;
+    /// use armlet_core::dynamics::{CFunction, Model, Quantity};
+    /// use armlet_core::trace::c::COptions;
+    ///
+    /// let arm = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+    /// let gravity = CFunction { name: "gravity".into(), query: Quantity::Gravity.into() };
+    /// let files = arm.export_c(&[gravity], &COptions::new("arm"))?;
+    /// assert_eq!(files[0].name, "arm.h");
+    /// assert!(files[0].text.contains("int arm_gravity(const double q[2], double out[2]);"));
+    /// # Ok::<(), armlet_core::error::Error>(())
+    /// ```
+    pub fn export_c(&self, functions: &[CFunction], options: &COptions) -> Result<Vec<CFile>> {
+        let (mut source, n) = (CSource::new(options)?, self.n());
+        source.define("N", n, "joints");
+        source.write(&answer(source.prefix(), source.upper()));
+        for function in functions {
+            self.print(function, &mut source)?;
+        }
+        let about = format!("Functions of an arm.\n\n{}", self.described());
+        Ok(source.files(&about))
+    }
+
+    fn print(&self, function: &CFunction, source: &mut CSource) -> Result<()> {
+        let (n, query, name) = (self.n(), &function.query, &function.name);
+        let recorded = self.recorded(query)?;
+        let given = given(&recorded);
+        let inputs: Vec<(&str, usize)> = query.inputs().iter().enumerate().map(|(k, &input)| (input, query.input_length(k, n))).collect();
+        let (count, answers) = (inputs.iter().map(|(_, width)| width).sum::<usize>(), recorded.answer.len());
+        let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
+        let (calls, room) = source.routine(&routine, name);
+        let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
+        let parameters: String = inputs.iter().map(|(input, width)| format!("const double {input}[{width}], ")).collect();
+        let head = format!("int {prefix}_{name}({parameters}double out[{answers}])");
+        let work = if room > 0 { format!(", w[{room}]") } else { String::new() };
+        let mut copies = String::new();
+        let mut at = 0;
+        for (input, width) in &inputs {
+            copies += &format!("    memcpy(x + {at}, {input}, {width} * sizeof(double));\n");
+            at += width;
+        }
+        source.write(&format!(
+            "{head}\n{{\n    double x[{count}], y[{answers}]{work};\n    int sound = 1;\n{copies}    if (!{prefix}_finite(x, {count}))\n        \
+return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {prefix}_answer(sound, {answers}, y, out);\n}}\n\n"
+        ));
+        source.declare(&format!("\n/* {}. */\n{head};\n", self.meaning(query)));
+        Ok(())
+    }
+
+    fn meaning(&self, query: &Query) -> String {
+        let mut text = query.quantity.meaning().to_string();
+        if let Model::Tree(arm) = self {
+            if query.is_framed() {
+                text += &format!("; frame {}", arm.frames[query.frame].name);
+            }
+            if let Some(frame) = query.wrench {
+                text += &format!("; wrench [f; n] in world axes at frame {}", arm.frames[frame].name);
+            }
+        }
+        if query.friction {
+            text +=
+                if query.quantity == Quantity::Regressor { "; columns of damping and friction appended" } else { "; friction included" };
+        }
+        if query.armature {
+            text += "; columns of armature appended";
+        }
+        text
+    }
+
+    /// A query, recorded.
+    fn recorded(&self, query: &Query) -> Result<Recorded> {
+        let n = self.n();
+        if query.operations(n) > LONGEST {
+            let problem =
+                format!("has a function that is too long to be printed: expected fewer joints or another function, got {n} joints");
+            return Err(Error::input("arm", problem));
+        }
+        match self {
+            Model::Tree(arm) => {
+                let frames = arm.frames.len();
+                if (query.is_framed() && query.frame >= frames) || query.wrench.is_some_and(|frame| frame >= frames) {
+                    return Err(Error::input("frame", format!("is out of range: expected an index below {frames}")));
+                }
+                super::recorded::recording(arm, query)
+            }
+            Model::PlanarPr(arm) => planar_pr(arm, query),
+        }
+    }
+
+    /// What a header says of the arm: joints with their units, and the inertial parameters.
+    pub(crate) fn described(&self) -> String {
+        let (names, slides): (Vec<String>, Vec<bool>) = match self {
+            Model::PlanarPr(_) => (vec!["p1".into(), "r2".into()], vec![true, false]),
+            Model::Tree(arm) => {
+                (arm.joint_names().map(String::from).collect(), arm.joints.iter().map(|joint| joint.kind == JointKind::Prismatic).collect())
+            }
+        };
+        let mut text = String::from("Joints, in the order of q, v, a and tau:\n");
+        for (i, (name, slides)) in names.iter().zip(slides).enumerate() {
+            let units = if slides { "m, m/s, m/s^2, N" } else { "rad, rad/s, rad/s^2, N m" };
+            text += &format!("  {i}  {name}  ({units})\n");
+        }
+        text += match self {
+            Model::PlanarPr(_) => "Inertial parameters, in this order: A, B, C.",
+            Model::Tree(_) => "Inertial parameters, in this order: per joint m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.",
+        };
+        text
+    }
+}
+
+/// The numbers of the inputs of a recording, of those of the set-up.
+pub(crate) fn given(recorded: &Recorded) -> Vec<Option<f64>> {
+    recorded.values.iter().map(|&x| Some(x)).chain((0..recorded.inputs).map(|_| None)).collect()
+}
+
+/// A query of the planar PR arm, recorded as it is answered: without fused products.
+fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
+    if query.friction || query.armature {
+        return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
+    }
+    let length = if query.quantity == Quantity::Regressor { 6 } else { query.length(2) };
+    let mut known = true;
+    let mut answer = |arm: PlanarPr<Sym>, x: &[Sym]| {
+        let part = |k: usize| x.get(2 * k..2 * k + 2).unwrap_or(&[]);
+        let (q, v, a, b) = (part(0), part(1), part(2), part(3));
+        let trig = [q[0].sin_cos(), q[1].sin_cos()];
+        let mut out = vec![Sym::zero(); length];
+        match query.quantity {
+            Quantity::MassMatrix => arm.mass_matrix(&mut (), &trig, q, &mut out),
+            Quantity::CoriolisMatrix => arm.coriolis_matrix(&mut (), &trig, q, v, &mut out),
+            Quantity::Gravity => arm.gravity(&mut (), &trig, q, &mut out),
+            Quantity::Bias => arm.bias(&mut (), &trig, q, v, &mut out),
+            Quantity::InverseDynamics => arm.inverse_dynamics(&mut (), &trig, q, v, a, &mut out),
+            Quantity::ForwardDynamics => arm.forward_dynamics(&mut (), &trig, q, v, a, &mut out),
+            Quantity::Regressor => arm.regressor(&mut (), &trig, q, v, a, b, &mut out),
+            Quantity::Energy => (out[0], out[1]) = arm.energy(&mut (), &trig, q, v),
+            _ => known = false,
+        }
+        out
+    };
+    let made = recorded(2 * query.inputs().len(), || PlanarPr::from_lanes(|_| *arm), |arm, x| sym::unfused(|| answer(arm, x)));
+    match made {
+        Some(recorded) if known => Ok(recorded),
+        _ => Err(Error::input("functions", "has one that planar_pr does not have: expected its dynamics, such as mass_matrix")),
+    }
+}
+
+/// How an answer is handed out: numbers, or none.
+fn answer(prefix: &str, upper: &str) -> String {
+    format!(
+        "static int {prefix}_refuse(int status, int count, double *out)\n{{\n    int k;\n    for (k = 0; k < count; k++)\n        \
+out[k] = NAN;\n    return status;\n}}\n\n\
+static int {prefix}_answer(int sound, int count, const double *y, double *out)\n{{\n    int k;\n    if (!sound)\n        \
+return {prefix}_refuse({upper}_ANGLE, count, out);\n    if (!{prefix}_finite(y, count))\n        \
+return {prefix}_refuse({upper}_RESULT, count, out);\n    /* No zero is negative. */\n    for (k = 0; k < count; k++)\n        \
+out[k] = y[k] + 0.0;\n    return {upper}_OK;\n}}\n\n"
+    )
+}

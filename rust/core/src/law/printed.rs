@@ -1,0 +1,314 @@
+//! A law as C: `init` and `step` of a controller that is asked at samples, [`crate::trace::c`].
+//!
+//! A step takes the desired motion at time `t`, the measured state and the law's own state `z`, as [`super::LawEvaluator`] and sampled loops do, with
+//! the same bits. From one sample to the next the rate of `z` is held, and `z` advances by the steps of a fixed-step method:
+//!
+//! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)`, `k = z'` (rk4)
+
+use super::evaluator::recording;
+use super::{LawSpec, Route};
+use crate::dynamics::given;
+use crate::error::{Error, Result, positive};
+use crate::motion::{Motion, array};
+use crate::plant::PlantKind;
+use crate::scalar::hex::hex;
+use crate::trace::c::{CFile, COptions, CSource, Routine};
+
+/// Steps between two calls beyond which the time between them is one step.
+const MOST_STEPS: u32 = 10_000;
+
+/// How the law's own state advances from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CTiming {
+    /// The step of the loop whose bits the state has, s; `None`: the time between two calls is one step.
+    pub dt: Option<f64>,
+    /// Whether a step is one of rk4; else one of euler.
+    pub rk4: bool,
+}
+
+/// The sizes of a law.
+struct Sizes {
+    n: usize,
+    /// The law's state.
+    p: usize,
+    /// Desired numbers that move.
+    moving: usize,
+    /// States of the plant that are measured.
+    states: usize,
+    guarded: bool,
+}
+
+impl LawSpec {
+    /// The law as C: a header, a source file and a CMake file.
+    ///
+    /// ```
+    /// use armlet_core::arm::Arm;
+    /// use armlet_core::law::{CTiming, Gain, LawSpec, PdGravitySpec};
+    /// use armlet_core::motion::Motion;
+    /// use armlet_core::trace::c::COptions;
+    /// use nalgebra::dvector;
+    ///
+    /// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+    /// let law = PdGravitySpec::new(arm.into(), dvector![0.3, 0.2], Gain::scalar("kp", 2, 40.0)?, Gain::scalar("kd", 2, 9.0)?)?;
+    /// let files = LawSpec::from(law).export_c(&COptions::new("law"), CTiming { dt: None, rk4: true })?;
+    /// assert!(files[0].text.contains("int law_step("));
+    /// # Ok::<(), armlet_core::error::Error>(())
+    /// ```
+    pub fn export_c(&self, options: &COptions, timing: CTiming) -> Result<Vec<CFile>> {
+        let refused =
+            |why: &str| Err(Error::input("law", format!("has no C: expected a law that is straight-line code, got {} {why}", self.name())));
+        match self.route() {
+            Route::Outside => return refused("of a function in Python"),
+            Route::Deciding => return refused("with a map that branches on its data"),
+            Route::Straight | Route::Guarded => {}
+        }
+        if let Some(dt) = timing.dt {
+            positive("dt", dt)?;
+        }
+        let (mut source, motions) = (CSource::new(options)?, self.motions());
+        let widths =
+            [motions.iter().map(|motion| 3 * motion.dof()).sum(), self.plant().states(self.model().n()), self.initial_state().len()];
+        let Some(recorded) = recording(self, widths) else { return refused("whose code branches on its data") };
+        let mut given = given(&recorded);
+        let mut at = recorded.values.len();
+        for motion in &motions {
+            if let Motion::Hold(q) = motion {
+                let rest = q.iter().copied().chain(std::iter::repeat_n(0.0, 2 * q.len()));
+                given[at..at + 3 * q.len()].iter_mut().zip(rest).for_each(|(given, x)| *given = Some(x));
+            }
+            at += 3 * motion.dof();
+        }
+        let held: usize = motions.iter().map(|motion| if matches!(motion, Motion::Hold(_)) { 3 * motion.dof() } else { 0 }).sum();
+        let sizes = Sizes {
+            n: self.model().n(),
+            p: widths[2],
+            moving: widths[0] - held,
+            states: widths[1],
+            guarded: recorded.answer.len() > self.model().n() + widths[2],
+        };
+        let calls = self.print_motions(&mut source)?;
+        let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
+        let (steps, room) = source.routine(&routine, "evaluate");
+        self.declare(&mut source, &sizes, timing);
+        self.write_state(&mut source, &sizes, timing);
+        self.write_step(&mut source, &sizes, timing, (&calls, &steps, room));
+        Ok(source.files(&self.about(timing)))
+    }
+
+    /// The functions of the motions that move; what calls them.
+    fn print_motions(&self, source: &mut CSource) -> Result<String> {
+        let (mut calls, mut at) = (String::new(), 0);
+        for (k, motion) in self.motions().into_iter().enumerate() {
+            let name = format!("{}_motion_{}", source.prefix(), k + 1);
+            if let Some(text) = motion.print_c(&name, &format!("{}_sin_cos_unfused", source.prefix()))? {
+                source.write(&text);
+                calls += &format!("    {name}(t, x + {at});\n");
+                at += 3 * motion.dof();
+            }
+        }
+        Ok(calls)
+    }
+
+    fn parameters(&self, n: usize) -> String {
+        let names: &[&str] = if self.plant() == PlantKind::Elastic { &["q", "v", "theta", "theta_dot"] } else { &["q", "v"] };
+        names.iter().map(|name| format!("const double {name}[{n}], ")).collect()
+    }
+
+    fn head(&self, prefix: &str, n: usize) -> String {
+        format!("int {prefix}_step({prefix}_state *state, double t, {}double tau[{n}])", self.parameters(n))
+    }
+
+    /// What the header declares.
+    fn declare(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming) {
+        let (prefix, n, p) = (source.prefix().to_string(), sizes.n, sizes.p);
+        source.define("N", n, "joints");
+        source.define("STATES", p, "numbers of the law's own state");
+        if let (Some(dt), true) = (timing.dt, p > 0) {
+            source.define("DT", hex(dt), &format!("step of the law's own state: {dt} s"));
+        }
+        let own = if p == 0 {
+            String::new()
+        } else {
+            format!(
+                "    double state[{p}]; /* the law's own state at the last call */\n    double rate[{p}]; /* its rate, held until the next call */\n    \
+double t; /* time of the last call, s */\n    int started; /* whether there was one */\n"
+            )
+        };
+        let input = match self.plant() {
+            PlantKind::Velocity => "velocity of the joints that is asked for",
+            PlantKind::Rigid => "torque",
+            PlantKind::Elastic => "torque of the motors",
+        };
+        source.declare(&format!(
+            "\n/* A controller. */\ntypedef struct {{\n    double tau[{n}]; /* the last answer that was right; zeros at first */\n{own}}} {prefix}_state;\n\n\
+/* Begin a run. */\nvoid {prefix}_init({prefix}_state *state);\n\n/* One sample: the {input} at time t, s, for the measured state of the joints{}.\n   \
+On a status other than 0 tau is the last answer that was right. */\n{};\n",
+            match self.plant() {
+                PlantKind::Elastic => " and motors",
+                PlantKind::Velocity => "; v is not read",
+                PlantKind::Rigid => "",
+            },
+            self.head(&prefix, n)
+        ));
+    }
+
+    /// `init`, and how the law's own state advances.
+    fn write_state(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming) {
+        let (prefix, upper, p) = (source.prefix().to_string(), source.upper().to_string(), sizes.p);
+        let start = self.initial_state();
+        let filled = p > 0 && start.iter().any(|&x| x != 0.0);
+        let initial = if filled { array("start", start) } else { String::new() };
+        let copied = if filled { "    memcpy(state->state, start, sizeof start);\n" } else { "" };
+        source.write(&format!(
+            "void {prefix}_init({prefix}_state *state)\n{{\n{initial}    memset(state, 0, sizeof *state);\n{copied}}}\n\n"
+        ));
+        if p == 0 {
+            return;
+        }
+        let fma = |a: &str, b: &str, c: &str| if source.fused() { format!("fma({a}, {b}, {c})") } else { format!("{a} * {b} + {c}") };
+        let step = if timing.rk4 {
+            format!(
+                "    const double sixth = h / 6.0;\n    int i;\n    for (i = 0; i < {p}; i++) {{\n        const double k = state->rate[i], \
+two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
+                fma("2.0", "k", "k"),
+                fma("2.0", "k", "two"),
+                fma("sixth", "(four + k)", "state->state[i]")
+            )
+        } else {
+            let sum = fma("h", "state->rate[i]", "state->state[i]");
+            format!("    int i;\n    for (i = 0; i < {p}; i++)\n        state->state[i] = {sum};\n")
+        };
+        let Some(_) = timing.dt else {
+            source.write(&format!("static void {prefix}_advance({prefix}_state *state, double h)\n{{\n{step}}}\n\n"));
+            return;
+        };
+        source.write(&format!("static void {prefix}_advance_by({prefix}_state *state, double h)\n{{\n{step}}}\n\n"));
+        let mut breaks: Vec<f64> = self.breaks().into_iter().filter(|&t| t > 0.0).collect();
+        breaks.dedup();
+        let whole = if breaks.is_empty() {
+            format!("        {prefix}_advance_by(state, {upper}_DT);\n")
+        } else {
+            // As a loop of fixed steps divides a step in which a motion jumps.
+            format!(
+                "        double at = k * {upper}_DT, h = {upper}_DT;
+        const double stop = (k + 1.0) * {upper}_DT;
+        for (;;) {{
+            int jumps = 0;
+            double piece = h;
+            while (next < {0} && breaks[next] <= at + near)
+                next++;
+            if (next < {0} && breaks[next] <= stop + near) {{
+                jumps = 1;
+                piece = fabs(breaks[next] - stop) <= near ? stop - at : breaks[next] - at;
+            }}
+            {prefix}_advance_by(state, piece);
+            if (!jumps)
+                break;
+            next++;
+            at += piece;
+            h = stop - at;
+            if (fabs(at - stop) <= near)
+                break;
+        }}
+",
+                breaks.len()
+            )
+        };
+        let (table, next) = if breaks.is_empty() {
+            (String::new(), "")
+        } else {
+            (array("breaks", &breaks), "    const double near = 1e-9 * DT;\n    int next = 0;\n")
+        };
+        let next = next.replace("DT", &format!("{upper}_DT"));
+        source.write(&format!(
+            "/* From the time of the last call to t: by whole steps, or by one where t is not on their grid. */
+static void {prefix}_advance({prefix}_state *state, double t)
+{{
+{table}{next}    const double first = floor(state->t / {upper}_DT + 0.5), last = floor(t / {upper}_DT + 0.5);
+    double k;
+    if (fabs(t - last * {upper}_DT) > 1e-6 * {upper}_DT || fabs(state->t - first * {upper}_DT) > 1e-6 * {upper}_DT || last - first > {MOST_STEPS}.0) {{
+        {prefix}_advance_by(state, t - state->t);
+        return;
+    }}
+    for (k = first; k < last; k += 1.0) {{
+{whole}    }}
+}}
+
+"
+        ));
+    }
+
+    /// `step`.
+    fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming, (motions, steps, room): (&str, &str, usize)) {
+        let Sizes { n, p, moving, states, guarded } = *sizes;
+        let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
+        let names: &[&str] = match self.plant() {
+            PlantKind::Elastic => &["q", "v", "theta", "theta_dot"],
+            PlantKind::Rigid => &["q", "v"],
+            PlantKind::Velocity => &["q"],
+        };
+        let copies: String = names
+            .iter()
+            .enumerate()
+            .map(|(k, name)| format!("    memcpy(x + {}, {name}, {n} * sizeof(double));\n", moving + k * n))
+            .collect();
+        let unread = if self.plant() == PlantKind::Velocity { "    (void)v;\n" } else { "" };
+        let work = if room > 0 { format!(", w[{room}]") } else { String::new() };
+        let (answers, count) = (n + p + usize::from(guarded), moving + states + p);
+        let advance = if p == 0 {
+            String::new()
+        } else {
+            let argument = if timing.dt.is_some() { "t" } else { "t - state->t" };
+            format!(
+                "    if (state->started && t < state->t) {{\n        memcpy(tau, state->tau, sizeof state->tau);\n        return {upper}_TIME;\n    }}\n    \
+if (state->started)\n        {prefix}_advance(state, {argument});\n    state->t = t;\n    state->started = 1;\n    \
+memcpy(x + {}, state->state, sizeof state->state);\n",
+                moving + states
+            )
+        };
+        let decided =
+            if guarded { format!("    else if (!(y[{}] > 0.5))\n        status = {upper}_UNDECIDED;\n", n + p) } else { String::new() };
+        let rate = if p > 0 { format!("        memcpy(state->rate, y + {n}, sizeof state->rate);\n") } else { String::new() };
+        source.write(&format!(
+            "{}
+{{
+    double x[{count}], y[{answers}]{work};
+    int sound = 1, status = {upper}_OK;
+{unread}{copies}    if (!{prefix}_finite(&t, 1) || !{prefix}_finite(x + {moving}, {states})) {{
+        memcpy(tau, state->tau, sizeof state->tau);
+        return {upper}_NOT_FINITE;
+    }}
+{advance}{motions}{steps}    if (!sound)
+        status = {upper}_ANGLE;
+{decided}    else if (!{prefix}_finite(y, {}))
+        status = {upper}_RESULT;
+    if (status == {upper}_OK) {{
+        memcpy(state->tau, y, sizeof state->tau);
+{rate}    }}
+    memcpy(tau, state->tau, sizeof state->tau);
+    return status;
+}}
+",
+            self.head(&prefix, n),
+            n + p
+        ));
+    }
+
+    /// What the header says of the law.
+    fn about(&self, timing: CTiming) -> String {
+        let mut text = format!("The law {} of armlet, for {}.\n\n{}\n", self.name(), self.plant().name(), self.model().described());
+        for (k, motion) in self.motions().into_iter().enumerate() {
+            text += &format!("Desired motion {}: {}.\n", k + 1, motion.described());
+        }
+        if !self.initial_state().is_empty() {
+            text += &match timing.dt {
+                Some(dt) => format!(
+                    "The law's own state advances by steps of {dt} s ({}) where calls are at multiples of it, as in a sampled loop of armlet with this dt.\n",
+                    if timing.rk4 { "rk4" } else { "euler, semi_implicit" }
+                ),
+                None => "The law's own state advances by one step from call to call.\n".to_string(),
+            };
+        }
+        text.trim_end().to_string()
+    }
+}

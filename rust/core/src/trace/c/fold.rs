@@ -1,0 +1,60 @@
+//! What is known before a routine runs: operations on numbers of the set-up alone, computed once, with the rounding of the program.
+
+use super::super::tape::Op;
+
+/// Entries of a recording that are numbers, and entries that are the same as others.
+pub struct Folded {
+    pub value: Vec<Option<f64>>,
+    /// The entry that stands for each one.
+    pub same: Vec<u32>,
+}
+
+impl Folded {
+    /// `given[k]` is the number of input `k` where that is known; `fused`: products are fused with sums as recorded.
+    pub fn of(ops: &[Op], given: &[Option<f64>], fused: bool) -> Self {
+        let mut folded = Folded { value: vec![None; ops.len()], same: (0..ops.len() as u32).collect() };
+        for (i, &op) in ops.iter().enumerate() {
+            if let Op::Select(mask, yes, no) = op
+                && let Some(mask) = folded.at(mask)
+            {
+                folded.same[i] = folded.same[if mask != 0.0 { yes } else { no } as usize];
+                folded.value[i] = folded.at(folded.same[i]);
+                continue;
+            }
+            // No number is made that is not one: the routine says at run time that its answer is not finite.
+            folded.value[i] = folded.compute(op, given, fused).filter(|x| !x.is_nan());
+        }
+        folded
+    }
+
+    fn at(&self, entry: u32) -> Option<f64> {
+        self.value[self.same[entry as usize] as usize]
+    }
+
+    fn compute(&self, op: Op, given: &[Option<f64>], fused: bool) -> Option<f64> {
+        let at = |entry| self.at(entry);
+        let fma = |a: f64, b: f64, c: f64| if fused { a.mul_add(b, c) } else { a * b + c };
+        Some(match op {
+            Op::Const(bits) => f64::from_bits(bits),
+            Op::Input(k) => return given.get(k as usize).copied().flatten(),
+            Op::Add(a, b) => at(a)? + at(b)?,
+            Op::Sub(a, b) => at(a)? - at(b)?,
+            Op::Mul(a, b) => at(a)? * at(b)?,
+            Op::Div(a, b) => at(a)? / at(b)?,
+            Op::Neg(a) => -at(a)?,
+            Op::Fma(a, b, c) => fma(at(a)?, at(b)?, at(c)?),
+            Op::Fnma(a, b, c) => fma(-at(a)?, at(b)?, at(c)?),
+            Op::Sqrt(a) => at(a)?.sqrt(),
+            Op::Abs(a) => at(a)?.abs(),
+            Op::Max(a, b) => pick(at(a)?, at(b)?, |a, b| a < b),
+            Op::Min(a, b) => pick(at(a)?, at(b)?, |a, b| b < a),
+            Op::Less(a, b) => f64::from(u8::from(at(a)? < at(b)?)),
+            Op::Select(..) | Op::Sin(_) | Op::Cos(_) | Op::UnfusedSin(_) | Op::UnfusedCos(_) => return None,
+        })
+    }
+}
+
+/// The second where the comparison holds, else the first.
+fn pick(a: f64, b: f64, second: impl Fn(f64, f64) -> bool) -> f64 {
+    if second(a, b) { b } else { a }
+}

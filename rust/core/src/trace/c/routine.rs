@@ -1,0 +1,299 @@
+//! A recording as C: one statement per operation, in the order of the recording, in functions of limited length.
+//!
+//! Inputs are in an array `x`, answers go to an array `y`, and what one function leaves to a later one is in an array `w`. The statements round as
+//! the program of the recording does: `fma` is written where the engine fuses, and nowhere else may the compiler do so.
+
+use super::super::tape::Op;
+use super::fold::Folded;
+use crate::scalar::hex::hex;
+use crate::scalar::trig::REDUCTION_LIMIT;
+use std::collections::HashMap;
+use std::fmt::Write;
+
+/// Statements of one function: compilers take long over longer ones.
+const LENGTH: usize = 2000;
+
+const NONE: usize = usize::MAX;
+
+/// A recorded computation, to be printed.
+pub struct Routine<'a> {
+    pub ops: &'a [Op],
+    /// The number of each input where it is known; the others are `x[0]`, `x[1]`, .. in their order.
+    pub given: &'a [Option<f64>],
+    /// The entries that are the answer, `y[0]`, `y[1]`, ..
+    pub answer: &'a [u32],
+    /// Products are fused with sums where they were recorded so.
+    pub fused: bool,
+}
+
+/// A routine as text.
+pub struct Printed {
+    /// The functions that it consists of, each `static`.
+    pub functions: String,
+    /// What runs them, one after another: calls that say whether all angles were in the range of the sines, on the arrays `x`, `w` and `y`.
+    pub calls: Vec<String>,
+    /// Numbers that `w` holds; without any there is no `w`.
+    pub room: usize,
+    /// Statements.
+    pub statements: usize,
+}
+
+/// One statement: a call that takes a sine and a cosine makes two entries.
+struct Statement {
+    makes: Vec<u32>,
+    reads: Vec<u32>,
+}
+
+/// Where an entry is made, and for how long it is read.
+#[derive(Clone, Copy)]
+struct Life {
+    part: usize,
+    last: usize,
+    /// Its place in `w`.
+    slot: usize,
+}
+
+struct Printer<'a> {
+    routine: &'a Routine<'a>,
+    folded: Folded,
+    /// The place of each input in `x`.
+    inputs: Vec<usize>,
+    statements: Vec<Statement>,
+    /// Statements of each part.
+    length: usize,
+    lives: Vec<Life>,
+    /// The places in `y` that each entry goes to.
+    answers: HashMap<u32, Vec<usize>>,
+}
+
+impl Routine<'_> {
+    /// The functions of this routine, whose names begin with `name`; sines are taken by functions whose names begin with `prefix`.
+    pub fn print(&self, name: &str, prefix: &str) -> Printed {
+        let mut next = 0;
+        let place = |given: &Option<f64>| {
+            next += usize::from(given.is_none());
+            next - usize::from(given.is_none())
+        };
+        let inputs = self.given.iter().map(place).collect();
+        let folded = Folded::of(self.ops, self.given, self.fused);
+        let mut answers: HashMap<u32, Vec<usize>> = HashMap::new();
+        for (k, &entry) in self.answer.iter().enumerate() {
+            answers.entry(folded.same[entry as usize]).or_default().push(k);
+        }
+        let lives = vec![Life { part: NONE, last: NONE, slot: NONE }; self.ops.len()];
+        let mut printer = Printer { routine: self, folded, inputs, statements: Vec::new(), length: 0, lives, answers };
+        printer.order();
+        let room = printer.divide();
+        let parts = printer.statements.len().div_ceil(printer.length).max(1);
+        let (mut functions, mut calls) = (String::new(), Vec::new());
+        for part in 0..parts {
+            let (text, call) = printer.part(&format!("{name}_{}", part + 1), prefix, part);
+            functions += &text;
+            calls.push(call);
+        }
+        Printed { functions, calls, room, statements: printer.statements.len() }
+    }
+}
+
+impl Printer<'_> {
+    fn op(&self, entry: u32) -> Op {
+        self.routine.ops[entry as usize]
+    }
+
+    /// Whether an entry is computed at run time.
+    fn is_computed(&self, entry: u32) -> bool {
+        self.folded.value[entry as usize].is_none() && !matches!(self.op(entry), Op::Const(_) | Op::Input(_))
+    }
+
+    /// The entries whose values the statement of `entry` reads: a choice compares by itself.
+    fn reads(&self, entry: u32) -> Vec<u32> {
+        let same = |entry: u32| self.folded.same[entry as usize];
+        let of = |op: Op| op.operands().map(same).collect::<Vec<u32>>();
+        match self.op(entry) {
+            Op::Select(mask, yes, no) => match self.op(same(mask)) {
+                Op::Less(a, b) => vec![same(a), same(b), same(yes), same(no)],
+                _ => vec![same(mask), same(yes), same(no)],
+            },
+            op => of(op),
+        }
+    }
+
+    /// The statements that the answer needs, in the order of the recording.
+    fn order(&mut self) {
+        let count = self.routine.ops.len();
+        let mut needed = vec![false; count];
+        self.answers.keys().for_each(|&entry| needed[entry as usize] = true);
+        for i in (0..count as u32).rev() {
+            if needed[i as usize] && self.is_computed(i) {
+                self.reads(i).into_iter().for_each(|a| needed[a as usize] = true);
+            }
+        }
+        let mut turns: HashMap<(u32, bool), usize> = HashMap::new();
+        for i in (0..count as u32).filter(|&i| needed[i as usize]) {
+            if !self.is_computed(i) {
+                continue;
+            }
+            let turn = match self.op(i) {
+                Op::Sin(a) | Op::Cos(a) => Some((self.folded.same[a as usize], false)),
+                Op::UnfusedSin(a) | Op::UnfusedCos(a) => Some((self.folded.same[a as usize], true)),
+                _ => None,
+            };
+            if let Some(&at) = turn.and_then(|turn| turns.get(&turn)) {
+                self.statements[at].makes.push(i);
+                continue;
+            }
+            if let Some(turn) = turn {
+                turns.insert(turn, self.statements.len());
+            }
+            let reads = self.reads(i).into_iter().filter(|&a| self.is_computed(a)).collect();
+            self.statements.push(Statement { makes: vec![i], reads });
+        }
+    }
+
+    /// Divide the statements into parts of equal length; the numbers that parts leave to later ones.
+    fn divide(&mut self) -> usize {
+        let parts = self.statements.len().div_ceil(LENGTH).max(1);
+        self.length = self.statements.len().div_ceil(parts).max(1);
+        for (k, statement) in self.statements.iter().enumerate() {
+            let part = k / self.length;
+            statement.makes.iter().for_each(|&entry| self.lives[entry as usize] = Life { part, last: part, slot: NONE });
+            statement.reads.iter().for_each(|&entry| self.lives[entry as usize].last = part);
+        }
+        let (mut free, mut room): (Vec<(usize, usize)>, usize) = (Vec::new(), 0);
+        for (k, statement) in self.statements.iter().enumerate() {
+            for &entry in &statement.makes {
+                let life = &mut self.lives[entry as usize];
+                if life.last == life.part {
+                    continue;
+                }
+                // A place is free in the part after the one that reads it last.
+                let at = free.iter().position(|&(last, _)| last < k / self.length);
+                life.slot = at.map_or(room, |at| free.swap_remove(at).1);
+                room = room.max(life.slot + 1);
+                free.push((life.last, life.slot));
+            }
+        }
+        room
+    }
+
+    /// The function of one part, and its call.
+    fn part(&self, name: &str, prefix: &str, part: usize) -> (String, String) {
+        let first = (part * self.length).min(self.statements.len());
+        let last = (first + self.length).min(self.statements.len());
+        let (mut text, mut here) = (String::new(), vec![false; self.routine.ops.len()]);
+        let mut used = Used { turns: false, text: &mut text };
+        if part == 0 {
+            self.leaves(&mut used);
+        }
+        for statement in &self.statements[first..last] {
+            for &entry in &statement.reads {
+                let life = self.lives[entry as usize];
+                if life.part != part && !std::mem::replace(&mut here[entry as usize], true) {
+                    used.line(format_args!("const double t{entry} = w[{}];", life.slot));
+                }
+            }
+            self.statement(statement, prefix, &mut used);
+            for &entry in &statement.makes {
+                for k in self.answers.get(&entry).into_iter().flatten() {
+                    used.line(format_args!("y[{k}] = t{entry};"));
+                }
+                if self.lives[entry as usize].slot != NONE {
+                    used.line(format_args!("w[{}] = t{entry};", self.lives[entry as usize].slot));
+                }
+            }
+        }
+        let turns = used.turns;
+        let arrays = [("x", "const double *restrict x"), ("w", "double *restrict w"), ("y", "double *restrict y")];
+        let arrays: Vec<_> = arrays.into_iter().filter(|(name, _)| text.contains(&format!("{name}["))).collect();
+        let (parameters, arguments): (Vec<_>, Vec<_>) = arrays.into_iter().map(|(name, parameter)| (parameter, name)).unzip();
+        let parameters = if parameters.is_empty() { "void".into() } else { parameters.join(", ") };
+        let (start, end) = if turns { ("    int sound = 1;\n", "sound") } else { ("", "1") };
+        (
+            format!("static int {name}({parameters})\n{{\n{start}{text}    return {end};\n}}\n\n"),
+            format!("{name}({})", arguments.join(", ")),
+        )
+    }
+
+    /// The answers that need no statement.
+    fn leaves(&self, used: &mut Used) {
+        for (k, &entry) in self.routine.answer.iter().enumerate() {
+            let entry = self.folded.same[entry as usize];
+            if !self.is_computed(entry) {
+                used.line(format_args!("y[{k}] = {};", self.operand(entry)));
+            }
+        }
+    }
+
+    /// An entry as it is read.
+    fn operand(&self, entry: u32) -> String {
+        let entry = self.folded.same[entry as usize];
+        match (self.folded.value[entry as usize], self.op(entry)) {
+            (Some(x), _) if x.is_sign_negative() => format!("({})", hex(x)),
+            (Some(x), _) => hex(x),
+            (_, Op::Const(bits)) => hex(f64::from_bits(bits)),
+            (_, Op::Input(k)) => format!("x[{}]", self.inputs[k as usize]),
+            _ => format!("t{entry}"),
+        }
+    }
+
+    fn statement(&self, statement: &Statement, prefix: &str, used: &mut Used) {
+        let entry = statement.makes[0];
+        let at = |a: u32| self.operand(a);
+        let fused = self.routine.fused;
+        let value = match self.op(entry) {
+            Op::Sin(a) | Op::Cos(a) | Op::UnfusedSin(a) | Op::UnfusedCos(a) => return self.turn(statement, &at(a), prefix, used),
+            Op::Const(_) | Op::Input(_) => return,
+            Op::Add(a, b) => format!("{} + {}", at(a), at(b)),
+            Op::Sub(a, b) => format!("{} - {}", at(a), at(b)),
+            Op::Mul(a, b) => format!("{} * {}", at(a), at(b)),
+            Op::Div(a, b) => format!("{} / {}", at(a), at(b)),
+            Op::Neg(a) => format!("-{}", at(a)),
+            Op::Fma(a, b, c) if fused => format!("fma({}, {}, {})", at(a), at(b), at(c)),
+            Op::Fma(a, b, c) => format!("{} * {} + {}", at(a), at(b), at(c)),
+            Op::Fnma(a, b, c) if fused => format!("fma(-{}, {}, {})", at(a), at(b), at(c)),
+            Op::Fnma(a, b, c) => format!("{} - {} * {}", at(c), at(a), at(b)),
+            Op::Sqrt(a) => format!("sqrt({})", at(a)),
+            Op::Abs(a) => format!("fabs({})", at(a)),
+            Op::Max(a, b) => format!("{0} < {1} ? {1} : {0}", at(a), at(b)),
+            Op::Min(a, b) => format!("{1} < {0} ? {1} : {0}", at(a), at(b)),
+            Op::Less(a, b) => format!("{} < {} ? 1.0 : 0.0", at(a), at(b)),
+            Op::Select(mask, yes, no) => {
+                let mask = match self.op(self.folded.same[mask as usize]) {
+                    Op::Less(a, b) => format!("{} < {}", at(a), at(b)),
+                    _ => format!("{} != 0.0", at(mask)),
+                };
+                format!("{mask} ? {} : {}", at(yes), at(no))
+            }
+        };
+        used.line(format_args!("const double t{entry} = {value};"));
+    }
+
+    /// Sine and cosine of an angle.
+    fn turn(&self, statement: &Statement, angle: &str, prefix: &str, used: &mut Used) {
+        let first = statement.makes[0];
+        let unfused = !self.routine.fused || matches!(self.op(first), Op::UnfusedSin(_) | Op::UnfusedCos(_));
+        let of = |sine: bool| {
+            let is = |&&entry: &&u32| matches!(self.op(entry), Op::Sin(_) | Op::UnfusedSin(_)) == sine;
+            statement.makes.iter().find(is).map_or(format!("{}{first}", if sine { "s" } else { "c" }), |entry| format!("t{entry}"))
+        };
+        let (sin, cos) = (of(true), of(false));
+        let function = if unfused { "sin_cos_unfused" } else { "sin_cos" };
+        used.line(format_args!("double {sin}, {cos};"));
+        used.line(format_args!("{prefix}_{function}({angle}, &{sin}, &{cos});"));
+        used.line(format_args!("sound &= fabs({angle}) < {};", hex(REDUCTION_LIMIT)));
+        used.turns = true;
+    }
+}
+
+/// The text of a function, and whether it says that it is sound.
+struct Used<'a> {
+    turns: bool,
+    text: &'a mut String,
+}
+
+impl Used<'_> {
+    fn line(&mut self, line: std::fmt::Arguments) {
+        // Text has room for more.
+        let _ = writeln!(self.text, "    {line}");
+    }
+}

@@ -1,0 +1,200 @@
+//! The files of an export: a header, a source file and a CMake file, put together from routines.
+
+use super::routine::{Printed, Routine};
+use super::sines::sin_cos;
+use crate::error::{Error, Result};
+use std::fmt::Write;
+
+/// The longest prefix of the names.
+const LONGEST: usize = 40;
+
+/// Words that no prefix may be: those of C and C++, and the headers that are included.
+const TAKEN: &str = " auto break case char const continue default do double else enum extern float for goto if inline int long register restrict return short \
+signed sizeof static struct switch typedef union unsigned void volatile while bool class delete new private public this throw try catch \
+template namespace operator using virtual true false asm math string ";
+
+/// A file of an export.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CFile {
+    /// Its name in the folder.
+    pub name: String,
+    /// All of it.
+    pub text: String,
+}
+
+/// How C is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct COptions {
+    /// What all names begin with, and the names of the files.
+    pub prefix: String,
+    /// Products are fused with sums where the engine does so, by `fma`; else they are rounded before.
+    pub fused: bool,
+}
+
+impl COptions {
+    /// With this prefix, and as the engine of this machine rounds.
+    pub fn new(prefix: impl Into<String>) -> Self {
+        COptions { prefix: prefix.into(), fused: crate::scalar::fuses() }
+    }
+
+    /// Refuse a prefix that is no identifier of C.
+    pub fn validate(&self) -> Result<()> {
+        let prefix = self.prefix.as_str();
+        let letters = prefix.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        let starts = prefix.starts_with(|c: char| c.is_ascii_alphabetic());
+        if letters && starts && prefix.len() <= LONGEST && !TAKEN.contains(&format!(" {prefix} ")) {
+            return Ok(());
+        }
+        let expected = format!("a letter, then letters, digits and _, at most {LONGEST}, no word of C");
+        Err(Error::input("prefix", format!("is no name in C: expected {expected}, got {prefix:?}")))
+    }
+}
+
+/// What every header says of its statuses: name, code, meaning.
+pub const STATUSES: [(&str, u32, &str); 6] = [
+    ("OK", 0, "the answer is right"),
+    ("NOT_FINITE", 1, "an argument is infinite or not a number"),
+    ("ANGLE", 2, "an angle has a magnitude of 1e6 rad or more"),
+    ("UNDECIDED", 3, "the tasks are close to a singularity, where ranks have to be decided"),
+    ("RESULT", 4, "a number of the answer is infinite or not a number"),
+    ("TIME", 5, "the time is before that of the last call"),
+];
+
+/// A header and a source file in the making.
+pub struct CSource {
+    options: COptions,
+    upper: String,
+    declarations: String,
+    body: String,
+    statements: usize,
+}
+
+impl CSource {
+    /// Nothing yet.
+    pub fn new(options: &COptions) -> Result<Self> {
+        options.validate()?;
+        let upper = options.prefix.to_ascii_uppercase();
+        Ok(CSource { options: options.clone(), upper, declarations: String::new(), body: String::new(), statements: 0 })
+    }
+
+    /// What all names begin with.
+    pub fn prefix(&self) -> &str {
+        &self.options.prefix
+    }
+
+    /// The same of constants.
+    pub fn upper(&self) -> &str {
+        &self.upper
+    }
+
+    /// Whether products are fused with sums.
+    pub fn fused(&self) -> bool {
+        self.options.fused
+    }
+
+    /// A constant of the header.
+    pub fn define(&mut self, name: &str, value: impl std::fmt::Display, comment: &str) {
+        let upper = &self.upper;
+        self.declare(&format!(
+            "#define {upper}_{name} {value}{}\n",
+            if comment.is_empty() { String::new() } else { format!(" /* {comment} */") }
+        ));
+    }
+
+    /// Text of the header.
+    pub fn declare(&mut self, text: &str) {
+        self.declarations += text;
+    }
+
+    /// Text of the source file.
+    pub fn write(&mut self, text: &str) {
+        self.body += text;
+    }
+
+    /// The functions of a routine; what runs it, line by line, and the room that it takes.
+    pub fn routine(&mut self, routine: &Routine, name: &str) -> (String, usize) {
+        let Printed { functions, calls, room, statements } =
+            routine.print(&format!("{}_{name}", self.options.prefix), &self.options.prefix);
+        self.body += &functions;
+        self.statements += statements;
+        (calls.into_iter().map(|call| format!("    sound &= {call};\n")).collect(), room)
+    }
+
+    /// The files, whose comments begin with `about`.
+    pub fn files(self, about: &str) -> Vec<CFile> {
+        let CSource { options, upper, declarations, body, statements } = self;
+        let COptions { prefix, fused } = options;
+        let version = env!("CARGO_PKG_VERSION");
+        let stamp = format!("Made by armlet {version}");
+        let about = about.replace("*/", "* /").replace("/*", "/ *");
+        let rounding = if fused {
+            "Products are fused with sums where fma() says so, and nowhere else: compile with -ffp-contract=off, on x86-64 also with -mfma."
+        } else {
+            "Every product is rounded before it is added: compile with -ffp-contract=off."
+        };
+        let mut statuses = String::new();
+        for (name, code, meaning) in STATUSES {
+            // Text has room for more.
+            let _ = writeln!(statuses, "    {upper}_{name} = {code}{} /* {meaning} */", if code == 5 { "" } else { "," });
+        }
+        let header = format!(
+            "/* {stamp}: do not edit.\n\n{about}\n\n{rounding}\nMatrices are row-major. Arguments must not overlap. */\n\
+#ifndef {upper}_H\n#define {upper}_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n#define {upper}_ARMLET_VERSION \"{version}\"\n\n\
+/* What functions return. */\nenum {{\n{statuses}}};\n\n{declarations}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n"
+        );
+        let mut shared = String::new();
+        for (name, fused) in [("sin_cos", true), ("sin_cos_unfused", false)] {
+            if body.contains(&format!("{prefix}_{name}(")) {
+                shared += &sin_cos(&format!("{prefix}_{name}"), fused);
+            }
+        }
+        let source = format!("/* {stamp}: do not edit. {statements} statements. {rounding} */\n{}{shared}{body}", prologue(&prefix));
+        vec![
+            CFile { name: format!("{prefix}.h"), text: header },
+            CFile { name: format!("{prefix}.c"), text: source.trim_end().to_string() + "\n" },
+            CFile { name: "CMakeLists.txt".into(), text: cmake(&stamp, &prefix, fused) },
+        ]
+    }
+}
+
+/// What a source file begins with: the rounding that it relies on, and whether numbers are finite.
+fn prologue(prefix: &str) -> String {
+    format!(
+        "#include \"{prefix}.h\"\n#include <math.h>\n#include <string.h>\n\n\
+#if defined(__FAST_MATH__) || (defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0)\n\
+#error \"every operation has to be rounded to double: no -ffast-math, on x86 -mfpmath=sse\"\n#endif\n\
+#if defined(__clang__) || !defined(__GNUC__)\n#pragma STDC FP_CONTRACT OFF\n#endif\n\n\
+static int {prefix}_finite(const double *x, int count)\n{{\n    int finite = 1, k;\n    for (k = 0; k < count; k++)\n        \
+finite &= fabs(x[k]) <= 0x1.fffffffffffffp+1023;\n    return finite;\n}}\n\n"
+    )
+}
+
+/// A CMake file for the library.
+fn cmake(stamp: &str, prefix: &str, fused: bool) -> String {
+    let fma = format!(
+        "if(CMAKE_SYSTEM_PROCESSOR MATCHES \"x86_64|AMD64|amd64\" AND NOT MSVC)\n  # Without it every fma() is a call, with the same result.\n  \
+target_compile_options({prefix} PRIVATE -mfma)\nendif()\n"
+    );
+    format!(
+        "# {stamp}: do not edit.\ncmake_minimum_required(VERSION 3.10)\nproject({prefix} C)\n\nadd_library({prefix} {prefix}.c {prefix}.h)\n\
+set_target_properties({prefix} PROPERTIES C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)\n\
+target_include_directories({prefix} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})\nif(MSVC)\n  target_compile_options({prefix} PRIVATE /fp:precise)\nelse()\n  \
+target_compile_options({prefix} PRIVATE -O2 -ffp-contract=off -fno-math-errno)\n  target_link_libraries({prefix} PUBLIC m)\nendif()\n{}",
+        if fused { fma } else { String::new() }
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::COptions;
+
+    #[test]
+    fn a_prefix_is_a_name_of_c() {
+        for good in ["law", "arm7_left", "L"] {
+            assert!(COptions::new(good).validate().is_ok(), "{good}");
+        }
+        for bad in ["", "7axis", "a-b", "double", "x y", "_x", "é", &"a".repeat(41)] {
+            assert!(COptions::new(bad).validate().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Laws and functions of arms as C: the files of `armlet.export_c`, as pairs of name and text.
+
+use crate::arm::Arm;
+use crate::arrays::{flag, name, object, optional_number, text};
+use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::long;
+use crate::law::Law;
+use armlet_core::dynamics::{CFunction, Quantity, Query};
+use armlet_core::integrate::{Kind, Method};
+use armlet_core::law::CTiming;
+use armlet_core::trace::c::{CFile, COptions};
+use armlet_macros::entered;
+use pyo3::prelude::*;
+
+const NAME: &str = "export_c";
+
+fn options(prefix: &Bound<'_, PyAny>, fused: Option<&Bound<'_, PyAny>>) -> Result<COptions, Failure> {
+    let options = COptions::new(text(NAME, "prefix", prefix)?);
+    Ok(match fused {
+        Some(fused) => COptions { fused: flag(NAME, "fused", fused)?, ..options },
+        None => options,
+    })
+}
+
+fn pairs(files: Vec<CFile>) -> Vec<(String, String)> {
+    files.into_iter().map(|file| (file.name, file.text)).collect()
+}
+
+/// The files of a law; arguments as `armlet.export_c` documents them.
+#[entered]
+#[pyfunction]
+pub fn _c_of_law(
+    py: Python<'_>,
+    law: &Bound<'_, PyAny>,
+    prefix: &Bound<'_, PyAny>,
+    fused: Option<&Bound<'_, PyAny>>,
+    dt: Option<&Bound<'_, PyAny>>,
+    method: &Bound<'_, PyAny>,
+) -> PyResult<Vec<(String, String)>> {
+    entry(py, NAME, || {
+        let law = object::<Law>(NAME, "law", "an arm or a law such as Adaptive", law)?;
+        let (options, dt, given) = (options(prefix, fused)?, optional_number(NAME, "dt", dt)?, name(NAME, "method", method)?);
+        let fixed: Vec<Method> = Method::ALL.iter().copied().filter(|method| matches!(method.kind(), Kind::ExplicitSteps(_))).collect();
+        let Some(method) = fixed.iter().find(|method| method.name() == given) else {
+            let names: Vec<&str> = fixed.iter().map(|method| method.name()).collect();
+            return Err(input_error(py, NAME, "method", format!("is unknown: expected one of {}, got {given:?}", names.join(", "))).into());
+        };
+        let (spec, timing) = (law.get().spec.clone(), CTiming { dt, rk4: method.name() == "rk4" });
+        Ok(pairs(long(py, || spec.export_c(&options, timing))?))
+    })
+}
+
+/// The files of functions of an arm: their names in C, what they compute, and a frame where one is given.
+#[entered]
+#[pyfunction]
+pub fn _c_of_arm(
+    py: Python<'_>,
+    arm: &Bound<'_, PyAny>,
+    functions: Vec<(Bound<'_, PyAny>, Bound<'_, PyAny>, Option<Bound<'_, PyAny>>)>,
+    prefix: &Bound<'_, PyAny>,
+    fused: Option<&Bound<'_, PyAny>>,
+    friction: &Bound<'_, PyAny>,
+    armature: &Bound<'_, PyAny>,
+) -> PyResult<Vec<(String, String)>> {
+    entry(py, NAME, || {
+        let arm = object::<Arm>(NAME, "arm", "an arm or a law such as Adaptive", arm)?;
+        let (options, friction, armature) = (options(prefix, fused)?, flag(NAME, "friction", friction)?, flag(NAME, "armature", armature)?);
+        let model = &arm.get().model;
+        let one = |(name, function, frame): (Bound<PyAny>, Bound<PyAny>, Option<Bound<PyAny>>)| {
+            let (name, function) = (text(NAME, "functions", &name)?, text(NAME, "functions", &function)?);
+            let Some(&(_, quantity)) = Quantity::PRINTED.iter().find(|(known, _)| *known == function) else {
+                let known: Vec<&str> = Quantity::PRINTED.iter().map(|(name, _)| *name).collect();
+                let problem = format!("has one that is unknown: expected some of {}, got {function:?}", known.join(", "));
+                return Err(input_error(py, NAME, "functions", problem).into());
+            };
+            let frame = match &frame {
+                Some(frame) => Some(model.frame(crate::arrays::name(NAME, "functions", frame)?)?),
+                None => None,
+            };
+            let loaded = matches!(quantity, Quantity::InverseDynamics | Quantity::ForwardDynamics);
+            let rubs = loaded || matches!(quantity, Quantity::Bias | Quantity::Regressor);
+            let query = Query {
+                frame: frame.unwrap_or(0),
+                wrench: frame.filter(|_| loaded),
+                friction: friction && rubs,
+                armature: armature && quantity == Quantity::Regressor,
+                ..quantity.into()
+            };
+            Ok::<_, Failure>(CFunction { name, query })
+        };
+        let functions = functions.into_iter().map(one).collect::<Result<Vec<_>, Failure>>()?;
+        let core = model.core();
+        Ok(pairs(long(py, || core.export_c(&functions, &options))?))
+    })
+}

@@ -1,0 +1,85 @@
+"""C of `armlet.export_c`, compiled and called: every C compiler of this machine, with all warnings as errors."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Compilers that are here. armlet itself cannot be built without one, so that a machine without any fails.
+COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] or ["cc"]
+FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-ffp-contract=off", "-O2"]
+
+
+def build(files: list[Path], compiler: str, *more: str) -> Path:
+    """A shared library of the source file."""
+    header, source, _ = files
+    library = source.with_name(f"{source.stem}_{compiler}{len(more)}.so")
+    command = [compiler, *FLAGS, *more, "-fPIC", "-shared", str(source), "-o", str(library), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{' '.join(command)}\n{done.stderr}"
+    assert header.exists()
+    return library
+
+
+def pointer(x: Array) -> Any:
+    return x.ctypes.data_as(ctypes.c_void_p)
+
+
+class Functions:
+    """The functions of an arm."""
+
+    def __init__(self, files: list[Path], compiler: str, *more: str, prefix: str = "arm") -> None:
+        self.library = ctypes.CDLL(str(build(files, compiler, *more)))
+        self.prefix = prefix
+        self.sizes = {name: int(size) for name, size in re.findall(rf"int {prefix}_(\w+)\(.*double out\[(\d+)\]\);", files[0].read_text())}
+
+    def status(self, name: str, *inputs: Any) -> tuple[int, Array]:
+        out = np.empty(self.sizes[name])
+        given = [np.ascontiguousarray(x, dtype=np.float64) for x in inputs]
+        function = getattr(self.library, f"{self.prefix}_{name}")
+        return function(*[pointer(x) for x in given], pointer(out)), out
+
+    def __call__(self, name: str, *inputs: Any) -> Array:
+        status, out = self.status(name, *inputs)
+        assert status == 0
+        return out
+
+
+class Controller:
+    """A law: its state, and steps from state to state."""
+
+    def __init__(self, files: list[Path], compiler: str, *more: str, prefix: str = "law") -> None:
+        self.library = ctypes.CDLL(str(build(files, compiler, *more)))
+        text = files[0].read_text()
+        self.n, self.p = (int(re.findall(rf"#define {prefix.upper()}_{name} (\d+)", text)[0]) for name in ("N", "STATES"))
+        self.step = getattr(self.library, f"{prefix}_step")
+        self.begin = getattr(self.library, f"{prefix}_init")
+        # tau, then state, rate, t and started where the law has a state of its own.
+        self.memory = np.full(self.n + (2 * self.p + 2 if self.p else 0), np.nan)
+        self.init()
+
+    def init(self) -> None:
+        self.begin(pointer(self.memory))
+
+    @property
+    def state(self) -> Array:
+        return self.memory[self.n : self.n + self.p].copy()
+
+    def status(self, t: float, *measured: Any) -> tuple[int, Array]:
+        tau = np.empty(self.n)
+        given = [np.ascontiguousarray(x, dtype=np.float64) for x in measured]
+        return self.step(pointer(self.memory), ctypes.c_double(t), *[pointer(x) for x in given], pointer(tau)), tau
+
+    def __call__(self, t: float, *measured: Any) -> Array:
+        status, tau = self.status(t, *measured)
+        assert status == 0, status
+        return tau

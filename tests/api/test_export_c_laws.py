@@ -1,0 +1,312 @@
+"""Laws as C: the bits of armlet, asked alone and in sampled loops, with the law's own states, every motion and task priority."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from compiled_c import COMPILERS, Controller
+from test_export_c_arms import ARMS, branched
+
+import armlet as al
+
+# What is compared is the law; the runs need not be accurate.
+pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning", "ignore:.*close to unstable:UserWarning")
+
+SIX, SEVEN = (al.load_urdf(al.example_urdf(name)) for name in ("six_axis", "seven_axis"))
+PLANAR = al.planar_arm([0.5, 0.4, 0.3], masses=[3.0, 2.0, 1.0])
+CHAINS = {"planar 3R": PLANAR, "six axes": SIX, "seven axes": SEVEN, "tree": branched()}
+ALL = CHAINS | {"planar_pr": ARMS["planar_pr"](), "pendulum": ARMS["pendulum"]()}
+
+
+def quintic(arm: al.Arm) -> al.Quintic:
+    return al.Quintic(np.zeros(arm.n), np.linspace(0.4, -0.5, arm.n), 0.3)
+
+
+def target(arm: al.Arm) -> np.ndarray:
+    return np.linspace(0.3, -0.4, arm.n)
+
+
+def limits(arm: al.Arm) -> np.ndarray:
+    """The last joint has none."""
+    return np.append(np.full(arm.n - 1, 5.0), np.inf)
+
+
+def full(arm: al.Arm, k: float) -> np.ndarray:
+    return k * np.eye(arm.n) + 0.1
+
+
+RIGID: dict[str, Callable[[al.Arm], al.Law]] = {
+    "PDGravity": lambda arm: al.PDGravity(arm, target(arm), kp=60.0, kd=15.0),
+    "PDGravity, full": lambda arm: al.PDGravity(arm, target(arm), kp=full(arm, 60.0), kd=full(arm, 15.0)),
+    "ComputedTorque": lambda arm: al.ComputedTorque(arm, quintic(arm), kp=100.0, kd=20.0),
+    "PID": lambda arm: al.PID(arm, target(arm), kp=60.0, ki=40.0, kd=15.0),
+    "PID within limits": lambda arm: al.PID(arm, target(arm), kp=60.0, ki=40.0, kd=15.0, tau_max=limits(arm)),
+    "Adaptive": lambda arm: al.Adaptive(arm, quintic(arm), kp=40.0, kd=20.0, gamma=0.2),
+    "Adaptive, estimate": lambda arm: al.Adaptive(arm, quintic(arm), kp=40.0, kd=20.0, gamma=0.2, estimate=0.9 * arm.parameters),
+}
+#: Laws of tasks of a frame.
+FRAMED: dict[str, Callable[[al.Arm], al.Law]] = {
+    "CartesianImpedance": lambda arm: al.CartesianImpedance(arm, [0.5, 0.2], 300.0, 60.0, frame=str(arm.tip_frame), axes="xy"),
+    "CartesianImpedance, turning": lambda arm: al.CartesianImpedance(
+        arm, [0.5, 0.2, 0.1], [300.0, 200.0, 30.0], [60.0, 50.0, 3.0], frame=str(arm.tip_frame), axes="xy rz"
+    ),
+}
+K, B, B0 = 2000.0, 0.3, 0.1
+ELASTIC: dict[str, Callable[[al.Arm], al.Law]] = {
+    "ElasticImpedance": lambda arm: al.ElasticImpedance(arm, [0.5, 0.2], 100.0, 20.0, K, B, B0, frame=str(arm.tip_frame), axes="xy"),
+    "ElasticTracking": lambda arm: al.ElasticTracking(
+        arm, al.Quintic([0.5, 0.2], [0.4, 0.3], 0.3), 100.0, 20.0, K, B, B0, frame=str(arm.tip_frame), axes="xy"
+    ),
+    "JointImpedance": lambda arm: al.JointImpedance(arm, target(arm), 100.0, 20.0, K, B, B0),
+    "MotorPD": lambda arm: al.MotorPD(arm, target(arm), 100.0, 20.0, K),
+    "MotorPD, online": lambda arm: al.MotorPD(arm, target(arm), 100.0, 20.0, K, online=True),
+    "StateFeedback": lambda arm: al.StateFeedback(arm, target(arm), 100.0, 20.0, 0.5, 0.01, K),
+}
+CASES = [(law, arm) for law in RIGID for arm in ALL] + [(law, arm) for law in (*FRAMED, *ELASTIC) for arm in CHAINS]
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(("name", "arm"), CASES)
+def test_a_law_has_the_bits_of_armlet(name: str, arm: str, compiler: str, tmp_path: Path) -> None:
+    law = (RIGID | FRAMED | ELASTIC)[name](ALL[arm])
+    c = Controller(al.export_c(law, tmp_path), compiler)
+    rng, n = np.random.default_rng(11), ALL[arm].n
+    motors = ("theta", "theta_dot") if name in ELASTIC else ()
+    # The state at rest at zero is one of them.
+    for k in range(1000):
+        t, x = rng.uniform(0.0, 0.4), rng.uniform(-3.0, 3.0, (4, n)) * (k > 0)
+        if motors:
+            x[2] = x[0] + rng.uniform(-0.05, 0.05, n)
+        c.init()
+        z = {}
+        if c.p:
+            c.memory[n : n + c.p] = rng.uniform(-2.0, 2.0, c.p)
+            z["state"] = c.state
+        expected = law(t, x[0], x[1], **dict(zip(motors, x[2:], strict=False)), **z)
+        np.testing.assert_array_equal(c(t, *x[: 4 if motors else 2]), expected, err_msg=f"state {k}")
+
+
+MOTIONS: dict[str, Callable[[al.Arm], al.Motion]] = {
+    "Hold": lambda arm: al.Hold(target(arm)),
+    "Quintic": quintic,
+    "BangBang": lambda arm: al.BangBang(np.zeros(arm.n), target(arm), 0.3),
+    "Sinusoid": lambda arm: al.Sinusoid(target(arm), np.full((arm.n, 2), 0.3), [[1.0, 7.3]] * arm.n, [[0.1, -2.0]] * arm.n),
+    "Sinusoid, one term": lambda arm: al.Sinusoid(target(arm), np.zeros(arm.n), np.full(arm.n, 3.0), np.zeros(arm.n)),
+    "Table": lambda arm: al.Table(0.013, *table(arm, 12), start=0.05),
+    "Table of one knot": lambda arm: al.Table(0.013, *table(arm, 1)),
+    "path": lambda arm: al.time_path(arm, waypoints(arm), tau_max=200.0, v_max=3.0, a_max=20.0),
+    "path of limited torque rate": lambda arm: al.time_path(arm, waypoints(arm), tau_max=200.0, v_max=3.0, torque_rate=4000.0),
+    "path of one point": lambda arm: al.time_path(arm, np.array([target(arm), target(arm)]), tau_max=200.0),
+}
+
+
+def table(arm: al.Arm, knots: int) -> np.ndarray:
+    return np.random.default_rng(3).uniform(-1.0, 1.0, (3, knots, arm.n))
+
+
+def waypoints(arm: al.Arm) -> np.ndarray:
+    return np.array([np.zeros(arm.n), target(arm), 0.5 * target(arm) + 0.2, np.full(arm.n, -0.2)])
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_motion_in_c_has_the_bits_of_armlet(name: str, compiler: str, tmp_path: Path) -> None:
+    motion = MOTIONS[name](PLANAR)
+    law = al.ComputedTorque(PLANAR, motion, kp=100.0, kd=20.0)
+    c = Controller(al.export_c(law, tmp_path), compiler)
+    end = getattr(motion, "duration", 0.4)
+    ends = [0.0, end, 0.5 * end, np.nextafter(end, 0.0), np.nextafter(end, 9.0), 0.3, 0.15, -0.1, 1e3]
+    ends += [0.05 + 0.013 * k for k in range(12)] + [float(t) for t in getattr(motion, "times", [])]
+    x = np.random.default_rng(12).uniform(-2.0, 2.0, (1000, 2, 3))
+    times = np.append(ends, np.random.default_rng(13).uniform(-0.05, 1.2 * end + 0.1, 1000 - len(ends)))
+    for t, (q, v) in zip(times, x, strict=True):
+        np.testing.assert_array_equal(c(t, q, v), law(t, q, v), err_msg=f"t = {t!r}")
+
+
+LOOPS: dict[str, Callable[[al.Arm], al.Law]] = {
+    "Adaptive": lambda arm: al.Adaptive(arm, quintic(arm), kp=40.0, kd=20.0, gamma=0.2),
+    "Adaptive, sinusoid": lambda arm: al.Adaptive(arm, MOTIONS["Sinusoid"](arm), kp=40.0, kd=20.0, gamma=0.2),
+    # Its acceleration jumps within a step.
+    "Adaptive, bang-bang": lambda arm: al.Adaptive(arm, al.BangBang(np.zeros(arm.n), target(arm), 0.2347), kp=40.0, kd=20.0, gamma=0.2),
+    "PID": RIGID["PID within limits"],
+    "PDGravity": RIGID["PDGravity"],
+}
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("method", ["rk4", "euler", "semi_implicit"])
+@pytest.mark.parametrize("name", LOOPS)
+def test_the_state_advances_as_in_a_sampled_loop(name: str, method: str, samples: int, tmp_path: Path) -> None:
+    """At every sample of a run the C has the input and the state of the law of the run."""
+    arm, dt = SIX, 1e-3
+    law = LOOPS[name](arm)
+    c = Controller(al.export_c(law, tmp_path, dt=dt, method=method), COMPILERS[0])
+    options: dict[str, Any] = {"t_end": 0.4, "dt": dt, "sample_time": samples * dt, "record_every": samples, "method": method}
+    run = al.simulate(al.RigidArm(arm), law, np.linspace(0.1, -0.2, arm.n), **options)
+    states = run.estimate
+    # The last step ends at `t_end`, which is not a multiple of the step.
+    for k in range(len(run.t) - 1):
+        np.testing.assert_array_equal(c(run.t[k], run.q[k], run.v[k]), run.tau[k], err_msg=f"sample {k}")
+        if states is not None:
+            np.testing.assert_array_equal(c.state, states[k], err_msg=f"sample {k}")
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("arm", ["tree", "six axes"])
+def test_a_loop_closed_by_c_is_the_loop_of_armlet(arm: str, compiler: str, tmp_path: Path) -> None:
+    """The plant is stepped from outside, the C is the controller."""
+    plant, dt, n = al.RigidArm(CHAINS[arm]), 1e-3, CHAINS[arm].n
+    law = al.Adaptive(CHAINS[arm], MOTIONS["Sinusoid"](CHAINS[arm]), kp=40.0, kd=20.0, gamma=0.05)
+    c = Controller(al.export_c(law, tmp_path, dt=dt), compiler)
+    q0 = np.linspace(0.1, -0.2, n)
+    run = al.simulate(plant, law, q0, t_end=0.1, dt=dt, sample_time=dt)
+    sim = al.Simulator(plant, None, q0, dt=dt)
+    for k in range(100):
+        np.testing.assert_array_equal(np.append(sim.q, sim.v), np.append(run.q[k], run.v[k]), err_msg=f"sample {k}")
+        sim.step(c(k * dt, sim.q, sim.v))
+
+
+def test_without_a_step_the_state_advances_by_the_time_between_calls(tmp_path: Path) -> None:
+    law = al.PID(PLANAR, target(PLANAR), kp=60.0, ki=40.0, kd=15.0)
+    c = Controller(al.export_c(law, tmp_path, method="euler"), COMPILERS[0])
+    q, v, w = np.array([0.1, 0.0, -0.1]), np.zeros(3), np.zeros(3)
+    for before, t in ((None, 0.5), (0.5, 0.625), (0.625, 1.0)):
+        if before is not None:
+            w = w + (t - before) * (40.0 * (target(PLANAR) - q))
+        tau = c(t, q, v)
+        # Sums of two terms, one of them fused.
+        np.testing.assert_allclose(c.state, w, rtol=1e-15)
+        np.testing.assert_array_equal(tau, law(t, q, v, state=c.state))
+
+
+def test_off_its_grid_the_state_advances_by_the_time_between_calls(tmp_path: Path) -> None:
+    law = al.PID(PLANAR, target(PLANAR), kp=60.0, ki=40.0, kd=15.0)
+    c = Controller(al.export_c(law, tmp_path, dt=1e-3), COMPILERS[0])
+    rate = 40.0 * (target(PLANAR) - np.zeros(3))
+    for t in (0.0, 0.0004, 0.0021, 0.002105, 50.0, 50.1):
+        c(t, np.zeros(3), np.zeros(3))
+        np.testing.assert_allclose(c.state, t * rate, rtol=1e-12)
+
+
+def test_a_sample_that_fails_has_a_status_and_the_last_answer(tmp_path: Path) -> None:
+    law = al.PID(PLANAR, target(PLANAR), kp=60.0, ki=40.0, kd=15.0)
+    c = Controller(al.export_c(law, tmp_path, dt=1e-3), COMPILERS[0])
+    zeros = np.zeros(3)
+    status, tau = c.status(0.0, [np.nan, 0.0, 0.0], zeros)
+    assert status == 1
+    np.testing.assert_array_equal(tau, zeros)
+    first = c(0.0, [0.1, 0.2, 0.3], zeros)
+    calls: list[tuple[float, Any, int]] = [(np.inf, zeros, 1), (0.001, [0.0, np.inf, 0.0], 1), (0.001, [2e6, 0.0, 0.0], 2)]
+    for t, q, expected in [*calls, (0.001, [0.0, 0.0, 1e5], 0), (0.0, zeros, 5)]:
+        status, tau = c.status(t, q, zeros)
+        assert status == expected
+        if status:
+            np.testing.assert_array_equal(tau, first)
+        else:
+            first = tau
+    status, tau = c.status(0.002, zeros, [0.0, 1e308, 1e308])
+    assert status in (0, 4)
+    again = Controller(al.export_c(law, tmp_path / "again", dt=1e-3), COMPILERS[0])
+    np.testing.assert_array_equal(again(0.0, [0.1, 0.2, 0.3], zeros), law(0.0, [0.1, 0.2, 0.3], zeros))
+
+
+METHODS = ("exact", "clamp", "damped", "chiaverini")
+
+
+def tasks(arm: al.Arm) -> list[al.Task]:
+    frame = str(arm.tip_frame)
+    motion = al.Sinusoid([0.3, 0.2], np.array([[0.1], [0.1]]), [[2.0], [3.0]], [[0.0], [1.0]])
+    return [al.Task(frame, "xy", motion=motion, gain=4.0), al.Task(frame, "z", target=[0.4], gain=2.0)]
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("arm", ["six axes", "seven axes"])
+def test_priority_by_the_regular_route(arm: str, method: str, compiler: str, tmp_path: Path) -> None:
+    """Where ranks need no decision the C has the answer of the programs of loops; where they do it says so."""
+    law = al.PriorityVelocity(CHAINS[arm], tasks(CHAINS[arm]), method=method)
+    c = Controller(al.export_c(law, tmp_path), compiler)
+    n = CHAINS[arm].n
+    plant, dt = al.VelocityArm(CHAINS[arm]), 1e-3
+    rng = np.random.default_rng(14)
+    run = al.simulate(plant, law, rng.uniform(0.3, 1.2, n), t_end=0.5, dt=dt, sample_time=dt)
+    assert run.stats["engine"] == al.build_info()["programs"]
+    answered = [c.status(t, q, np.zeros(n)) for t, q in zip(run.t[:-1], run.q, strict=False)]
+    for k, (status, u) in enumerate(answered):
+        assert status in (0, 3)
+        if status == 0:
+            np.testing.assert_array_equal(u, run.tau[k], err_msg=f"sample {k}")
+    assert sum(status == 0 for status, _ in answered) > 450
+    # On 1,000 random states against the route that decides, which rounds otherwise.
+    regular = 0
+    for q in rng.uniform(-2.0, 2.0, (1000, n)):
+        before = c.memory[:n].copy()
+        status, u = c.status(0.1, q, np.zeros(n))
+        if status == 0:
+            regular += 1
+            expected = law(0.1, q, np.zeros(n))
+            # Velocities of up to some hundred rad/s near singularities, by two routes.
+            np.testing.assert_allclose(u, expected, rtol=1e-7, atol=1e-9)
+        else:
+            assert status == 3
+            np.testing.assert_array_equal(u, before)
+    assert regular > 300
+
+
+def test_at_a_singularity_priority_holds_the_last_answer(tmp_path: Path) -> None:
+    law = al.PriorityVelocity(SIX, tasks(SIX), method="exact")
+    c = Controller(al.export_c(law, tmp_path), COMPILERS[0])
+    u = c(0.0, np.full(6, 0.7), np.zeros(6))
+    status, held = c.status(0.0, np.zeros(6), np.zeros(6))
+    assert status == 3
+    np.testing.assert_array_equal(held, u)
+
+
+def test_priority_of_accelerations(tmp_path: Path) -> None:
+    law = al.PriorityAcceleration(SEVEN, tasks(SEVEN))
+    c = Controller(al.export_c(law, tmp_path), COMPILERS[0])
+    run = al.simulate(al.RigidArm(SEVEN), law, np.full(7, 0.6), t_end=0.3, dt=1e-3, sample_time=1e-3)
+    answered = [c.status(*at) for at in zip(run.t[:-1], run.q, run.v, strict=False)]
+    assert [status for status, _ in answered] == [0] * len(answered)
+    np.testing.assert_array_equal([u for _, u in answered], run.tau[:-1])
+
+
+def test_what_has_no_c_is_refused_by_name(tmp_path: Path) -> None:
+    bounded = al.PriorityVelocity(SIX, tasks(SIX), method="sns", v_max=1.0)
+    refused: list[tuple[Any, dict[str, Any], str]] = [
+        (bounded, {}, "law has no C: .*got PriorityVelocity with a map that branches on its data"),
+        (lambda t, q, v: -q, {}, "law cannot be exported: .*got a function in Python, which has no C"),
+        (3, {}, "law cannot be exported: expected an arm or a law of armlet such as Adaptive, got 3"),
+        (RIGID["PID"](SIX), {"dt": 0.0}, "dt is not positive"),
+        (RIGID["PID"](SIX), {"dt": "1"}, "dt is not a number"),
+        (RIGID["PID"](SIX), {"method": "dopri5"}, "method is unknown: expected one of euler, semi_implicit, rk4"),
+        (RIGID["PID"](SIX), {"functions": ["gravity"]}, "functions is not used"),
+        (RIGID["PID"](SIX), {"friction": True}, "friction is not used"),
+    ]
+    for law, arguments, message in refused:
+        with pytest.raises(al.InputError, match=rf"^export_c: {message}"):
+            al.export_c(law, tmp_path / "out", **arguments)
+    assert not (tmp_path / "out").exists()
+    long = al.ComputedTorque(PLANAR, al.Table(1e-3, *np.zeros((3, 150_000, 3))), kp=100.0, kd=20.0)
+    with pytest.raises(al.InputError, match="motion is too long to be printed"):
+        al.export_c(long, tmp_path / "out")
+
+
+def test_a_library_as_its_cmake_file_says(tmp_path: Path) -> None:
+    """With the options of the CMake file, fused instructions among them, the bits are the same."""
+    law = RIGID["Adaptive"](SIX)
+    files = al.export_c(law, tmp_path)
+    options = re.findall(r"PRIVATE (.*)\)", files[2].read_text())
+    assert options[-2:] == ["-O2 -ffp-contract=off -fno-math-errno", "-mfma"] or options[-1] == "-O2 -ffp-contract=off -fno-math-errno"
+    plain = Controller(files, COMPILERS[0])
+    given = " ".join(option for option in options if option.startswith("-")).split()
+    fast = Controller(files, COMPILERS[0], *given)
+    for x in np.random.default_rng(15).uniform(-2.0, 2.0, (200, 2, 6)):
+        np.testing.assert_array_equal(plain(0.1, *x), fast(0.1, *x))
+        plain.init()
+        fast.init()
