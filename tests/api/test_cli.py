@@ -165,7 +165,8 @@ def test_wrong_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str
     err = capsys.readouterr().err
     assert "usage: armlet" in err
     # Nothing at all is a question: what is there?
-    assert arguments or all(f"  {command} " in err for command in ("demo", "info", "run", "check", "new", "sweep", "schema", "view", "lab"))
+    commands = ("demo", "info", "run", "check", "export", "new", "sweep", "schema", "view", "lab")
+    assert arguments or all(f"  {command} " in err for command in commands)
 
 
 def armlet(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:

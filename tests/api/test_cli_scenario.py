@@ -93,6 +93,36 @@ def test_bad_scenarios(command: str, file: Path, tmp_path: Path, capsys: pytest.
         assert not out.exists()
 
 
+def test_export_writes_the_law_and_functions_of_the_arm(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "c"
+    assert cli.main(["export", str(file), "--out", str(out)]) == 0
+    assert capsys.readouterr().out == "".join(f"wrote {out / name}\n" for name in ("law.h", "law.c", "CMakeLists.txt"))
+    assert "int law_step(" in (out / "law.h").read_text()
+    arm = ["--functions", "mass_matrix,jacobian:link2", "--prefix", "robot"]
+    assert cli.main(["export", str(file), "--out", str(out / "arm"), *arm]) == 0
+    header = (out / "arm" / "robot.h").read_text()
+    assert "int robot_mass_matrix(" in header and "int robot_jacobian_link2(" in header
+    capsys.readouterr()
+    (out / "law.c").write_text("mine")
+    for arguments, message in (
+        (["--out", str(out)], "armlet: export_c: folder holds a file that armlet did not make"),
+        (["--out", str(tmp_path / "d"), "--functions", "mass"], "armlet: export_c: functions has one that is unknown"),
+        (["--out", str(tmp_path / "d"), "--prefix", "7"], "armlet: export_c: prefix is no name in C"),
+    ):
+        assert cli.main(["export", str(file), *arguments]) == 2
+        assert one_line(capsys).startswith(message)
+    assert not (tmp_path / "d").exists()
+    assert cli.main(["export", str(file), "--out", str(out), "--overwrite"]) == 0
+    assert "int law_step(" in (out / "law.c").read_text()
+
+
+def test_exported_states_advance_by_the_steps_of_the_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "adaptive.toml"
+    path.write_text(template("adaptive"))
+    assert cli.main(["export", str(path), "--out", str(tmp_path / "c")]) == 0
+    assert "#define LAW_DT 0x1.0624dd2f1a9fcp-10 /* step of the law's own state: 0.001 s */" in (tmp_path / "c" / "law.h").read_text()
+
+
 def test_check_lists_all_problems(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["check", str(file)]) == 0
     assert "is a scenario: PDGravity on RigidArm, 2 joints, 2 s by rk4" in capsys.readouterr().out

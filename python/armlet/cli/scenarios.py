@@ -1,4 +1,4 @@
-"""The commands about scenario files, `armlet run`, `check`, `new`, `sweep`, `schema`, and those of the browser, `view` and `lab`."""
+"""The commands about scenario files (`armlet run`, `check`, `export`, `new`, `sweep`, `schema`), and those of the browser, `view` and `lab`."""
 
 from __future__ import annotations
 
@@ -105,6 +105,24 @@ def _check_robot(path: Path) -> int:
     return 0
 
 
+def _export(args: argparse.Namespace) -> int:
+    from ..printed import export_c
+
+    built = Scenario.load(args.scenario).build()
+    chosen: dict[str, Any] = {"prefix": args.prefix, "overwrite": args.overwrite}
+    if args.functions is not None:
+        functions = [tuple(name.split(":", 1)) if ":" in name else name for name in args.functions.split(",")]
+        files = export_c(built.plant.arm, args.out, functions=functions, **chosen)
+    else:
+        method, dt = built.arguments.get("method", "rk4"), built.arguments.get("dt")
+        # Other methods advance the law's own state in ways of their own.
+        own = {"method": method, "dt": dt} if method in ("euler", "semi_implicit", "rk4") else {}
+        files = export_c(built.law, args.out, **own, **chosen)
+    for file in files:
+        print(f"wrote {file}")
+    return 0
+
+
 def _new(args: argparse.Namespace) -> int:
     sys.stdout.write(template(args.template))
     return 0
@@ -185,6 +203,14 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     check.add_argument("scenario", type=Path, metavar="FILE.toml|ROBOT.urdf")
     check.set_defaults(run=_check)
+
+    export = commands.add_parser("export", help="write the law of a scenario, or functions of its arm, as C")
+    export.add_argument("scenario", type=Path, metavar="FILE.toml")
+    export.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the header, the source and CMakeLists.txt")
+    export.add_argument("--functions", metavar="NAME,NAME:FRAME", help="of the arm, instead of the law: mass_matrix,jacobian:flange")
+    export.add_argument("--prefix", metavar="NAME", help="what all names in C begin with (default: law, or arm)")
+    export.add_argument("--overwrite", action="store_true", help="write over files that armlet did not make")
+    export.set_defaults(run=_export)
 
     new = commands.add_parser("new", help="print a commented scenario to start from")
     new.add_argument("template", choices=TEMPLATES)

@@ -179,7 +179,7 @@ target_compile_options({prefix} PRIVATE -mfma)\nendif()\n"
         "# {stamp}: do not edit.\ncmake_minimum_required(VERSION 3.10)\nproject({prefix} C)\n\nadd_library({prefix} {prefix}.c {prefix}.h)\n\
 set_target_properties({prefix} PROPERTIES C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)\n\
 target_include_directories({prefix} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})\nif(MSVC)\n  target_compile_options({prefix} PRIVATE /fp:precise)\nelse()\n  \
-target_compile_options({prefix} PRIVATE -O2 -ffp-contract=off -fno-math-errno)\n  target_link_libraries({prefix} PUBLIC m)\nendif()\n{}",
+target_compile_options({prefix} PRIVATE -O3 -ffp-contract=off -fno-math-errno)\n  target_link_libraries({prefix} PUBLIC m)\nendif()\n{}",
         if fused { fma } else { String::new() }
     )
 }
