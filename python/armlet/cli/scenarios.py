@@ -1,4 +1,4 @@
-"""The commands about scenario files (`armlet run`, `check`, `export`, `new`, `sweep`, `schema`), and those of the browser, `view` and `lab`."""
+"""The commands of scenario files (`armlet run`, `check`, `export`, `new`, `sweep`, `schema`), and of the browser, `view` and `lab`."""
 
 from __future__ import annotations
 
