@@ -21,7 +21,7 @@ __all__ = ["export_c"]
 #: What is exported of an arm where nothing is chosen.
 DYNAMICS = ("mass_matrix", "coriolis_matrix", "gravity", "bias", "inverse_dynamics", "forward_dynamics")
 #: Functions that are of a frame.
-FRAMED = ("pose", "position", "jacobian", "jacobian_dot")
+FRAMED = ("pose", "pose_vector", "position", "jacobian", "jacobian_dot")
 #: Functions that may take a wrench at a frame.
 LOADED = ("inverse_dynamics", "forward_dynamics")
 #: What every file that armlet wrote begins with.

@@ -24,6 +24,7 @@ INPUTS = {
     "regressor": 4,
     "energy": 2,
     "pose": 1,
+    "pose_vector": 1,
     "position": 1,
     "jacobian": 1,
     "jacobian_dot": 2,
@@ -32,7 +33,7 @@ INPUTS = {
     "inverse_dynamics_derivatives": 3,
     "forward_dynamics_derivatives": 3,
 }
-FRAMED = ("pose", "position", "jacobian", "jacobian_dot")
+FRAMED = ("pose", "pose_vector", "position", "jacobian", "jacobian_dot")
 
 
 def branched() -> al.Arm:

@@ -22,7 +22,7 @@ pub struct CFunction {
 
 impl Quantity {
     /// Those that can be printed, with the names of the arm's functions.
-    pub const PRINTED: [(&'static str, Quantity); 17] = [
+    pub const PRINTED: [(&'static str, Quantity); 18] = [
         ("mass_matrix", Quantity::MassMatrix),
         ("coriolis_matrix", Quantity::CoriolisMatrix),
         ("christoffel", Quantity::Christoffel),
@@ -33,6 +33,7 @@ impl Quantity {
         ("regressor", Quantity::Regressor),
         ("energy", Quantity::Energy),
         ("pose", Quantity::Pose),
+        ("pose_vector", Quantity::PoseVector),
         ("position", Quantity::Position),
         ("jacobian", Quantity::Jacobian),
         ("jacobian_dot", Quantity::JacobianDot),
@@ -55,6 +56,7 @@ impl Quantity {
             Quantity::Regressor => "Y with Y pi = M a_r + C(q, v) v_r + g, N x P",
             Quantity::Energy => "kinetic and potential energy, J",
             Quantity::Pose => "the pose of the frame in world axes, 4 x 4",
+            Quantity::PoseVector => "the pose of the frame in world axes, [p; rotation vector], 6",
             Quantity::Position => "the position of the frame in world axes, m",
             Quantity::Jacobian => "the geometric Jacobian of the frame in world axes, rows [v; w], 6 x N",
             Quantity::JacobianDot => "the rate of the Jacobian of the frame, 6 x N",
