@@ -27,6 +27,8 @@ LAWS = [
     al.Adaptive(ARM, MOTIONS[3], 40.0, [20.0, 10.0], np.diag([5.0, 4.0, 3.0]), estimate=[0.1, 0.2, 1.0 / 3.0]),
     al.Adaptive(ARM, MOTIONS[0], FULL, FULL, 5.0),
     al.ComputedTorque(ARM, MOTIONS[1], FULL, 20.0),
+    al.Adaptive(ARM, MOTIONS[1], FULL, 20.0, 2.0, friction=["stribeck"], armature=True, leakage=0.1, leakage_form="e", dead_zone=0.2),
+    al.Adaptive(ARM, MOTIONS[1], FULL, 20.0, 2.0, friction=True, friction_speed=[0.1, 0.2], leakage=0.1, leakage_centre=[0.5] * 7),
 ]
 WAYS: dict[str, Callable[[Any], Any]] = {
     **{f"pickle {p}": lambda x, p=p: pickle.loads(pickle.dumps(x, p)) for p in range(2, pickle.HIGHEST_PROTOCOL + 1)},
@@ -57,7 +59,7 @@ def test_motions(back: Callable[[Any], Any], motion: Any) -> None:
 
 
 @way
-@pytest.mark.parametrize("law", LAWS, ids=["adaptive", "adaptive from zero", "computed torque"])
+@pytest.mark.parametrize("law", LAWS, ids=["adaptive", "adaptive from zero", "computed torque", "held back", "with friction"])
 def test_laws_and_plants(back: Callable[[Any], Any], law: Any) -> None:
     plant, other = back(al.RigidArm(ARM)), back(law)
     assert type(plant) is al.RigidArm and plant.arm == ARM and repr(plant) == repr(al.RigidArm(ARM))

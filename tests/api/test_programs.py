@@ -77,6 +77,9 @@ LAWS: dict[str, Callable[[al.Arm, float], Any]] = {
     "pd": lambda arm, _: pd(arm),
     "full gain": lambda arm, _: pd(arm, kp=60.0 * np.eye(arm.n) + 1.0),
     "adaptive": lambda arm, duration: al.Adaptive(arm, quintic(arm, duration), kp=40.0, kd=20.0, gamma=0.2),
+    "adaptive to joints": lambda arm, duration: al.Adaptive(
+        arm, quintic(arm, duration), 40.0, 20.0, 0.2, friction=("viscous", "coulomb", "stribeck"), armature=True, leakage=0.1, dead_zone=0.1
+    ),
     "pid": lambda arm, _: al.PID(arm, np.full(arm.n, 0.3), kp=60.0, ki=40.0, kd=15.0),
     "pid within limits": lambda arm, _: al.PID(arm, np.full(arm.n, 0.3), kp=60.0, ki=40.0, kd=15.0, tau_max=5.0),
     "computed torque": lambda arm, duration: al.ComputedTorque(arm, quintic(arm, duration), kp=100.0, kd=20.0),

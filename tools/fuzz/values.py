@@ -77,6 +77,7 @@ class Values:
             f"al.ComputedTorque({arm}, {self.motion()}, {self.gain()}, {self.gain()})",
             f"al.PDGravity({arm}, {self.vector(n)}, {self.gain()}, {self.gain()})",
             f"al.Adaptive({arm}, {self.motion()}, {self.gain()}, {self.gain()}, {self.positive()})",
+            f"al.Adaptive({arm}, {self.motion()}, {self.gain()}, {self.gain()}, 1.0, friction=True, armature=True, leakage=0.1)",
             f"al.MotorPD({arm}, {self.vector(n)}, 500.0, 20.0, {self.vector(n, 100.0, 1e4)})",
             f"al.JointImpedance({arm}, {self.vector(n)}, {self.gain()}, {self.gain()}, {self.vector(n, 100.0, 1e4)}, 0.5, 0.2)",
         ]
@@ -206,6 +207,10 @@ class Values:
             "kt": self.gain,
             "ks": self.gain,
             "gamma": self.positive,
+            "friction_speed": self.positive,
+            "leakage": self.positive,
+            "leakage_form": lambda: self.text("sigma", "e"),
+            "dead_zone": self.positive,
             "stiffness": self.gain,
             "damping": self.gain,
             "joint_stiffness": lambda: self.vector(n, 100.0, 1e4),

@@ -1,5 +1,6 @@
 """Control laws."""
 
+from collections.abc import Sequence
 from typing import Any, Self, final
 
 from numpy.typing import ArrayLike
@@ -57,7 +58,16 @@ class Adaptive(Law):
         base: BaseParameters | None = None,
         natural: bool = False,
         projection: ArrayLike | None = None,
+        friction: bool | str | Sequence[str] = False,
+        armature: bool = False,
+        friction_speed: ArrayLike | None = None,
+        leakage: float = 0.0,
+        leakage_form: str = "sigma",
+        leakage_centre: ArrayLike | None = None,
+        dead_zone: float = 0.0,
     ) -> Self: ...
+    @property
+    def parameter_names(self) -> tuple[str, ...]: ...
 
 @final
 class ComputedTorque(Law):

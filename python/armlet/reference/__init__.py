@@ -5,6 +5,7 @@ instead of Runge-Kutta pairs, sampling and event simulation instead of closed fo
 """
 
 from . import integrate
+from .adaptive import Adaptive
 from .arm import Arm, planar_arm
 from .contact import JointStops, Wall
 from .diagnosis import diagnose_priority
@@ -16,7 +17,7 @@ from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, Jo
 from .inertia import ParameterReport, check_parameters, project_parameters
 from .inverse_kinematics import InverseKinematics, inverse_kinematics
 from .lagrange import Mechanism
-from .law import PID, Adaptive, ComputedTorque, Law, PDGravity
+from .law import PID, ComputedTorque, Law, PDGravity
 from .mintime import torque_optimal_time
 from .motion import BangBang, Hold, Quintic, Sinusoid, Table
 from .plant import ElasticArm, RigidArm

@@ -88,13 +88,16 @@ def nearest_start(estimate: Array, least: Array) -> Array:
 
 
 def bent_rate(gamma: Array, estimate: Array, y: Array, least: Array) -> Array:
-    """Gamma (y - c g): the rate that stays above half of the least bodies."""
+    """Gamma (y - c g): the rate that stays above half of the least bodies, with which the estimate begins."""
+    beside = np.zeros(y.size - least.size)
+    estimate = estimate[: least.size]
     inverse = _spectral(_bodies(least), lambda x: x**-0.5)
     negative = _negative(inverse @ _bodies(estimate) @ inverse - np.eye(inverse.shape[-1]))
     square = float(np.sum(negative**2))
     if square <= 1e-200:
         return np.asarray(gamma @ y)
     g = np.einsum("bij,pji->bp", inverse @ negative @ inverse, _basis(estimate.size)).reshape(-1)
+    g = np.concatenate([g, beside])
     share = min(1.0, np.sqrt(square) / LAYER)
     c = (share * max(0.0, float(g @ gamma @ y)) + PULL * square) / float(g @ gamma @ g)
     return np.asarray(gamma @ (y - c * g))

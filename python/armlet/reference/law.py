@@ -1,8 +1,5 @@
 """Control laws of rigid arms, typed from their equations; e = q_d - q, C the Christoffel factorisation.
 
-    Adaptive            v_r = v_d + Lambda e,  Lambda = Kd^-1 Kp,  s = v_r - v,  a_r = a_d + Lambda e_dot
-                        tau = Y(q, v, v_r, a_r) a_hat + armature a_r + Kp e + Kd e_dot                  (Slotine and Li 1987)
-                        a_hat_dot = Gamma Y' s, or as `adaptation` has it
     ComputedTorque      tau = M (a_d + Kd e_dot + Kp e) + C v + g
     PDGravity           tau = Kp (q_target - q) - Kd v + g(q)
     PID                 u = Kp (q_target - q) - Kd v + w + g(q),  tau = u within the limits             (Arimoto and Miyazaki 1984)
@@ -16,9 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .adaptation import bent_rate, divergence, least_bodies, natural_rate, nearest_start
-from .identification import BaseParameters
-from .lagrange import Array, Mechanism, solve
+from .lagrange import Array, Mechanism
 from .motion import Motion
 
 Terms = dict[str, Array]
@@ -58,63 +53,6 @@ class Law:
         """tau (n,)."""
         given: list[Any] = [None if x is None else np.asarray(x, dtype=np.float64) for x in (q, v, theta, theta_dot, state)]
         return self.terms(t, *given)["tau"]
-
-
-class Adaptive(Law):
-    """Slotine-Li tracking; the state is the estimate a_hat, of all parameters (p,) or of a base set of them (b,)."""
-
-    def __init__(
-        self,
-        arm: Mechanism,
-        motion: Motion,
-        kp: ArrayLike,
-        kd: ArrayLike,
-        gamma: ArrayLike,
-        estimate: ArrayLike | None = None,
-        *,
-        base: BaseParameters | None = None,
-        natural: bool = False,
-        projection: ArrayLike | None = None,
-    ) -> None:
-        self.columns = np.arange(arm.parameters.size) if base is None else base.columns
-        self.projector = np.eye(self.columns.size) if base is None else base.projection
-        p = self.columns.size
-        self.arm, self.motion, self.natural = arm, motion, natural
-        self.kp, self.kd, self.gamma = gain(kp, arm.n), gain(kd, arm.n), gain(gamma, p // 10 if natural else p)
-        self.slope = solve(self.kd, self.kp)
-        self.state0 = np.zeros(p) if estimate is None else np.array(estimate, dtype=np.float64)
-        self.least = None if projection is None else least_bodies(projection, p)
-        if self.least is not None:
-            self.state0 = nearest_start(self.state0, self.least)
-        self.breaks = getattr(motion, "breaks", ())
-
-    def terms(
-        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
-    ) -> Terms:
-        estimate = self.state0 if state is None else state
-        q_d, v_d, a_d = self.motion(t)
-        e, e_dot = q_d - q, v_d - v
-        v_r, a_r = v_d + self.slope @ e, a_d + self.slope @ e_dot
-        s = v_r - v
-        Y = self.arm.regressor(q, v, v_r, a_r)[:, self.columns]
-        tau = Y @ estimate + self.arm.armature * a_r + self.kp @ e + self.kd @ e_dot
-        rate = self._rate(estimate, Y.T @ s)
-        return {"tau": tau, "state_rate": rate, "Y": Y, "s": s, "e": e, "e_dot": e_dot, "v_r": v_r, "a_r": a_r}
-
-    def _rate(self, estimate: Array, y: Array) -> Array:
-        if self.natural:
-            return natural_rate(estimate, y, np.diag(self.gamma))
-        return bent_rate(self.gamma, estimate, y, self.least) if self.least is not None else self.gamma @ y
-
-    def lyapunov(self, t: float, q: Array, v: Array, state: Array, plant: Mechanism) -> tuple[float, float]:
-        """V1 = s'Ms/2 + d'Gamma^-1 d/2 with the plant's own M and parameters, d = a - a_hat, and its loss rate s'Kd s.
-
-        In the natural metric the divergence of each body over its gamma takes the place of the second term.
-        """
-        s = self.terms(t, q, v, state=state)["s"]
-        d = self.projector @ plant.parameters - state
-        rest = np.sum(divergence(plant.parameters, state) / np.diag(self.gamma)) if self.natural else 0.5 * d @ solve(self.gamma, d)
-        return float(0.5 * s @ plant.mass_matrix(q) @ s + rest), float(s @ self.kd @ s)
 
 
 class ComputedTorque(Law):

@@ -1,6 +1,6 @@
 """One closed loop as one initial value problem, with the theory's integrals carried along as extra states.
 
-    y = [plant state, law state, w_1, w_2],   w_1' = s' Kd s,   w_2' = P
+    y = [plant state, law state, w_1, w_2],   w_1' = -V1' of theory, s' Kd s,   w_2' = P
     lyapunov_balance = V1(0) - V1(t) - w_1,   energy_balance = E(t) - E(0) - w_2
 
 Quadrature and trajectory share one method and one step, so both balances vanish at the method's own order.
@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from .adaptive import Adaptive
 from .contact import pushes
 from .impedance import ElasticImpedance
 from .lagrange import Array
-from .law import Adaptive, Law, Terms
+from .law import Law, Terms
 from .plant import Plant
 from .sampling import Clock, Sampling
 
@@ -67,7 +68,7 @@ class ClosedLoop:
         self.clock: Clock | None = None
         if sampling is not None:
             n = plant.arm.n
-            silent = {"tau": np.zeros(n), "state_rate": np.zeros(law.state0.size), "s": np.zeros(n)}
+            silent = {"tau": np.zeros(n), "state_rate": np.zeros(law.state0.size), "loss": np.zeros(())}
             springs = getattr(plant, "stiffness", np.eye(n))
             self.clock = Clock(sampling, n, grid, silent, springs, getattr(law, "joint_stiffness", springs))
 
@@ -80,7 +81,10 @@ class ClosedLoop:
             self.clock.visit(t, y[self.slices[0]], lambda measured: self._control(t, measured, y[self.slices[1]]))
 
     def _control(self, t: float, measured: Array, state: Array) -> Terms:
-        terms = self.law.terms(t, *self.plant.split(measured), state)
+        q, v, theta, theta_dot = self.plant.split(measured)
+        terms = self.law.terms(t, q, v, theta, theta_dot, state)
+        if isinstance(self.law, Adaptive):
+            terms = terms | {"loss": np.asarray(self.law.loss(terms, q, v, state, self.plant))}
         if self.tau_max is not None:
             terms = terms | {"tau": np.clip(terms["tau"], -self.tau_max, self.tau_max)}
         return terms
@@ -97,7 +101,7 @@ class ClosedLoop:
 
     def __call__(self, t: float, y: Array) -> Array:
         x, terms, load = self._evaluate(t, y)
-        loss = float(terms["s"] @ self.law.kd @ terms["s"]) if isinstance(self.law, Adaptive) else 0.0
+        loss = float(terms["loss"]) if isinstance(self.law, Adaptive) else 0.0
         law = self._storage()
         if law is None:
             power = self.plant.power(x, terms["tau"], load)
@@ -126,6 +130,6 @@ class ClosedLoop:
         if theta is not None:
             row |= {"theta": theta, "theta_dot": theta_dot}
         if isinstance(self.law, Adaptive):
-            row["lyapunov"] = self.law.lyapunov(t, q, v, state, self.plant.arm)[0]
+            row["lyapunov"] = self.law.lyapunov(t, q, v, state, self.plant)
             row["s"] = terms["s"]
         return row

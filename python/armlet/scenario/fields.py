@@ -145,6 +145,21 @@ class Flag(Field):
 
 
 @dataclass(frozen=True)
+class FlagOrNames(Field):
+    """True or false, or some of `choices`, as a list."""
+
+    choices: tuple[str, ...] = ()
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        listed = isinstance(value, list) and all(isinstance(name, str) and name in self.choices for name in value)
+        if not isinstance(value, bool) and not listed:
+            yield f"{path}: expected true, false, or a list of {', '.join(self.choices)}, got {shown(value)}"
+
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(self.choices)}}]}
+
+
+@dataclass(frozen=True)
 class Table(Field):
     """A table with named keys, those of `required` among them."""
 

@@ -14,7 +14,7 @@ from .. import _core
 from ..errors import InputError, ModelError
 from ..run.events import JointStops
 from ..run.sampling import CHANNELS, Sampling, TorqueSensor
-from .fields import Entries, Field, Flag, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
+from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
 from .tasks import prioritised, tasks_of
 
 __all__ = ["ARMS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
@@ -177,9 +177,19 @@ _BOUNDS: dict[str, Field] = {
     "horizon": POSITIVE,
 }
 _REST: dict[str, Field] = {"joint_damping": NOT_NEGATIVE}
+_ADAPTATION: dict[str, Field] = {
+    "estimate": VECTOR,
+    "friction": FlagOrNames(("viscous", "coulomb", "stribeck")),
+    "armature": Flag(),
+    "friction_speed": Numbers(depth=1, low=0.0, strict=True),
+    "leakage": NOT_NEGATIVE,
+    "leakage_form": Text(("sigma", "e")),
+    "leakage_centre": VECTOR,
+    "dead_zone": NOT_NEGATIVE,
+}
 LAWS = OneOf(
     {
-        "Adaptive": _law(_core.Adaptive, _PD | {"gamma": GAIN}, {"estimate": VECTOR}, _FOLLOWS),
+        "Adaptive": _law(_core.Adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
         "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
         "PDGravity": _law(_core.PDGravity, _TARGET | _PD),
         "PID": _law(_core.PID, _TARGET | _PD | {"ki": GAIN}, {"tau_max": Numbers(depth=1, low=0.0, strict=True)}),

@@ -5,8 +5,10 @@
 //!   the pseudo-inertia, which stays physically possible for ever. Lyapunov function: `s' M s / 2 + sum d(P || P_hat) / gamma`.
 
 use super::adaptive::{Adaptive, AdaptiveSpec};
+use super::joint_columns::{JointColumn, LaneColumns};
 use super::projection::{Projection, Projector};
-use super::{Law, require_size};
+use super::restraint::LaneRestraint;
+use super::{Law, Truth, require_size};
 use crate::dynamics::AnyArm;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::Multiply;
@@ -20,25 +22,27 @@ use crate::spatial::pseudo_inertia::{is_positive_definite, natural_rate};
 pub enum Adaptation {
     /// `Gamma`, of the size of the estimate.
     Euclidean(Gain),
-    /// `gamma` of each body, > 0.
+    /// `gamma` of each body, > 0; then of each parameter of a joint's column.
     Natural(Vec<f64>),
 }
 
 impl Adaptation {
-    /// Refuse a gain of the wrong size, and an estimate that the natural metric does not know.
-    pub(super) fn validate(&self, estimate: &[f64]) -> Result<()> {
+    /// Refuse a gain of the wrong size, and an estimate that the natural metric does not know. The last `beside` parameters are of no body.
+    pub(super) fn validate(&self, estimate: &[f64], beside: usize) -> Result<()> {
         match self {
             Adaptation::Euclidean(gamma) => require_size("gamma", gamma, estimate.len()),
             Adaptation::Natural(gamma) => {
                 finite("gamma", gamma)?;
-                if gamma.len() * PARAMETERS != estimate.len() {
-                    let bodies = estimate.len() / PARAMETERS;
-                    return Err(Error::input("gamma", format!("has the wrong size: expected {bodies}, one per body, got {}", gamma.len())));
+                let inertial = estimate.len() - beside;
+                let wanted = inertial / PARAMETERS + beside;
+                if gamma.len() != wanted || !inertial.is_multiple_of(PARAMETERS) {
+                    let what = if beside == 0 { "one per body" } else { "one per body and then one per further parameter" };
+                    return Err(Error::input("gamma", format!("has the wrong size: expected {wanted}, {what}, got {}", gamma.len())));
                 }
                 if let Some(i) = gamma.iter().position(|&g| g <= 0.0) {
                     return Err(Error::input("gamma", format!("is not positive: expected > 0, got {} (first bad index {i})", gamma[i])));
                 }
-                let (bodies, _) = estimate.as_chunks::<PARAMETERS>();
+                let (bodies, _) = estimate[..inertial].as_chunks::<PARAMETERS>();
                 match bodies.iter().position(|pi| !is_positive_definite(pi)) {
                     None => Ok(()),
                     Some(i) => Err(Error::input(
@@ -116,6 +120,37 @@ pub struct AnyAdaptive<S: Real> {
     full: Vec<S>,
     kept: Vec<S>,
     projector: Option<Projector<S>>,
+    /// What there is beyond the plain adaptation.
+    more: Option<More<S>>,
+}
+
+/// Columns of joints, and what holds the estimate back.
+struct More<S> {
+    joints: LaneColumns<S>,
+    restraint: LaneRestraint<S>,
+    /// The entries of the columns of joints.
+    entries: Vec<S>,
+    /// `y = Y' s`, `w` and `y - w`, of the size of the estimate; the last two empty for an estimate that moves freely.
+    y: Vec<S>,
+    w: Vec<S>,
+    back: Vec<S>,
+}
+
+impl<S: Real> More<S> {
+    fn from_lanes<'a>(of: impl Fn(usize) -> &'a AdaptiveSpec) -> Self {
+        let (first, zeros) = (of(0), |k: usize| vec![S::zero(); k]);
+        let p = first.estimate.len();
+        let restraint = LaneRestraint::from_lanes(|i| &of(i).restraint);
+        let held = if restraint.is_none() { 0 } else { p };
+        More {
+            joints: LaneColumns::from_lanes(|i| &of(i).columns),
+            restraint,
+            entries: zeros(first.columns.count()),
+            y: zeros(p),
+            w: zeros(held),
+            back: zeros(held),
+        }
+    }
 }
 
 impl<S: Real> AnyAdaptive<S> {
@@ -140,7 +175,9 @@ impl<S: Real> AnyAdaptive<S> {
                 .collect(),
         };
         let armature = first.model.armature();
+        let known = !first.columns.has(JointColumn::Armature) && armature.iter().any(|&a| a != 0.0);
         let columns = first.base.as_ref().map_or(Vec::new(), |base| base.columns.clone());
+        let size = first.estimate.len();
         AnyAdaptive {
             law: Adaptive::new(
                 AnyArm::from_lanes(|i| &of(i).model),
@@ -150,18 +187,18 @@ impl<S: Real> AnyAdaptive<S> {
                 zeros(n),
                 zeros(p),
             ),
-            armature: if armature.iter().any(|&a| a != 0.0) { armature } else { Vec::new() },
+            armature: if known { armature } else { Vec::new() },
             full: zeros(if columns.is_empty() { 0 } else { p }),
             kept: zeros(columns.len()),
-            projector: first.projection.as_ref().map(|own| Projector::from_lanes(|i| of(i).projection.as_ref().unwrap_or(own))),
+            projector: first.projection.as_ref().map(|own| Projector::from_lanes(|i| of(i).projection.as_ref().unwrap_or(own), size)),
             columns,
             natural,
+            more: (!first.is_plain()).then(|| More::from_lanes(of)),
         }
     }
-}
 
-impl<S: Real> Law<S> for AnyAdaptive<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+    /// The torque of the estimate `z` of the bodies and of known rotors; `Y' s` stays in the law.
+    fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S]) {
         if self.columns.is_empty() {
             self.law.torque(desired, trig, x, z, tau);
         } else {
@@ -173,13 +210,67 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
         for (i, &armature) in self.armature.iter().enumerate() {
             tau[i] = S::splat(armature).mul_add(self.law.a_r[i], tau[i]);
         }
+    }
+
+    /// The torque and the rate with columns of joints and a restraint.
+    fn evaluate_more(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        let Some(mut more) = self.more.take() else { return };
+        let n = tau.len();
+        let inertial = z.len() - more.entries.len();
+        self.torque(desired, trig, x, &z[..inertial], tau);
+        more.joints.fill(&self.law.v_r, &self.law.a_r, &mut more.entries);
+        if self.columns.is_empty() {
+            more.y[..inertial].copy_from_slice(&self.law.yt_s);
+        } else {
+            for (to, &column) in more.y.iter_mut().zip(&self.columns) {
+                *to = self.law.yt_s[column];
+            }
+        }
+        for (k, &entry) in more.entries.iter().enumerate() {
+            tau[k % n] = entry.mul_add(z[inertial + k], tau[k % n]);
+            more.y[inertial + k] = entry * self.law.s[k % n];
+        }
+        let free = more.restraint.is_none();
+        if !free {
+            more.restraint.leak(&self.law.s, z, &more.y, &mut more.w, &mut more.back);
+        }
+        let w = if free { &more.y } else { &more.w };
+        if self.natural.is_empty() {
+            self.law.gamma.multiply(w, dz);
+            if let Some(projector) = &mut self.projector {
+                projector.correct(&self.law.gamma, z, w, dz);
+            }
+        } else {
+            self.natural_rates(z, w, dz);
+        }
+        more.restraint.rest(&self.law.s, &more.y, dz, &mut more.back);
+        self.more = Some(more);
+    }
+
+    /// The rates in the natural metric: of each body, and of what is estimated beside them.
+    fn natural_rates(&self, z: &[S], w: &[S], dz: &mut [S]) {
+        let bodies = (z.len() - self.natural.len()) / (PARAMETERS - 1);
+        let (of_bodies, beside) = dz.split_at_mut(PARAMETERS * bodies);
+        let ((estimates, _), (pushes, _), (rates, _)) =
+            (z.as_chunks::<PARAMETERS>(), w.as_chunks::<PARAMETERS>(), of_bodies.as_chunks_mut::<PARAMETERS>());
+        for (k, rate) in rates.iter_mut().enumerate() {
+            *rate = natural_rate(&estimates[k], &pushes[k], self.natural[k]);
+        }
+        for (k, rate) in beside.iter_mut().enumerate() {
+            *rate = self.natural[bodies + k] * w[PARAMETERS * bodies + k];
+        }
+    }
+}
+
+impl<S: Real> Law<S> for AnyAdaptive<S> {
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        if self.more.is_some() {
+            return self.evaluate_more(desired, trig, x, z, tau, dz);
+        }
+        self.torque(desired, trig, x, z, tau);
         let yt_s = &self.law.yt_s;
         if !self.natural.is_empty() {
-            let ((estimates, _), (pushes, _), (rates, _)) =
-                (z.as_chunks::<PARAMETERS>(), yt_s.as_chunks::<PARAMETERS>(), dz.as_chunks_mut::<PARAMETERS>());
-            for (k, rate) in rates.iter_mut().enumerate() {
-                *rate = natural_rate(&estimates[k], &pushes[k], self.natural[k]);
-            }
+            self.natural_rates(z, yt_s, dz);
         } else if self.columns.is_empty() {
             self.law.gamma.multiply(yt_s, dz);
             if let Some(projector) = &mut self.projector {
@@ -195,5 +286,11 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
 
     fn dissipation(&self) -> S {
         self.law.dissipation()
+    }
+
+    fn dissipation_of(&self, truth: &Truth<S>, x: &[S], z: &[S]) -> S {
+        let Some(more) = &self.more else { return self.dissipation() };
+        let n = self.law.s.len();
+        self.dissipation() - truth.added([&self.law.s, &x[n..2 * n], &self.law.a_r], &more.entries, z, &more.back)
     }
 }

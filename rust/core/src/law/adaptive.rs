@@ -3,10 +3,13 @@
 //! `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`,
 //! `tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot = Y a_hat + Kd s`, `a_hat_dot = Gamma Y^T s`.
 //!
-//! Rotor inertias (armature) are not among the parameters `a`: they are known, and `armature a_r` is added.
+//! Rotor inertias (armature) are among the parameters `a` where they are asked for, as friction is (`joint_columns`). Else they are known, and
+//! `armature a_r` is added.
 
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
+use super::joint_columns::{JointColumn, JointColumns, LaneColumns};
 use super::projection::Projection;
+use super::restraint::Restraint;
 use super::{Build, Definition, Instant, JointReference, Law, Term, require_same_dof, require_size};
 use crate::dynamics::{Dynamics, Model};
 use crate::error::{Error, Result, finite};
@@ -57,6 +60,10 @@ pub struct AdaptiveSpec {
     pub(super) estimate: Vec<f64>,
     /// What keeps the estimate physically possible.
     pub projection: Option<Projection>,
+    /// Rotors and friction that are estimated too, behind the bodies.
+    pub columns: JointColumns,
+    /// Leakage and dead zone.
+    pub restraint: Restraint,
 }
 
 impl AdaptiveSpec {
@@ -70,11 +77,24 @@ impl AdaptiveSpec {
         base: Option<Base>,
         estimate: Option<Vec<f64>>,
     ) -> Result<Self> {
+        Self::with_columns(model, motion, [kp, kd], adaptation, base, JointColumns::default(), estimate)
+    }
+
+    /// The same for an estimate of the bodies, or of a base set, and then of columns of joints; `gains` are `Kp` and `Kd`.
+    pub fn with_columns(
+        model: Model,
+        motion: Motion,
+        [kp, kd]: [Gain; 2],
+        adaptation: Adaptation,
+        base: Option<Base>,
+        columns: JointColumns,
+        estimate: Option<Vec<f64>>,
+    ) -> Result<Self> {
         let (n, all) = (model.n(), model.parameter_count());
         if let Some(base) = &base {
             base.validate(all)?;
         }
-        let p = base.as_ref().map_or(all, |base| base.columns.len());
+        let p = base.as_ref().map_or(all, |base| base.columns.len()) + columns.count();
         require_same_dof(n, &motion)?;
         require_size("kp", &kp, n)?;
         require_size("kd", &kd, n)?;
@@ -86,9 +106,33 @@ impl AdaptiveSpec {
         if base.is_some() && matches!(adaptation, Adaptation::Natural(_)) {
             return Err(Error::input("base", "has no natural metric: expected all parameters for natural adaptation"));
         }
-        adaptation.validate(&estimate)?;
+        adaptation.validate(&estimate, columns.count())?;
         let lambda = kd.solve(&kp);
-        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, adaptation, base, estimate, projection: None })
+        let restraint = Restraint::none();
+        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, adaptation, base, estimate, projection: None, columns, restraint })
+    }
+
+    /// Names of the parameters that are estimated, in their order: of the bodies or a base set, then of the columns of joints.
+    pub fn parameter_names(&self) -> Vec<String> {
+        let all = self.model.column_names(false, false);
+        let mut names = match &self.base {
+            None => all,
+            Some(base) => base.columns.iter().map(|&column| all[column].clone()).collect(),
+        };
+        names.extend(self.columns.names(&self.model));
+        names
+    }
+
+    /// The entries of the columns of joints.
+    fn joint_entries(&self, v_r: &[f64], a_r: &[f64]) -> Vec<f64> {
+        let mut entries = vec![0.0; self.columns.count()];
+        LaneColumns::from_lanes(|_| &self.columns).fill(v_r, a_r, &mut entries);
+        entries
+    }
+
+    /// Whether the bodies alone are estimated, freely.
+    pub(super) fn is_plain(&self) -> bool {
+        self.columns.is_empty() && self.restraint.is_none()
     }
 }
 
@@ -123,11 +167,20 @@ impl Definition for AdaptiveSpec {
         let all = self.model.parameter_count();
         let mut full = vec![0.0; n * all];
         self.model.at(q).regressor(v, &v_r, &a_r, &mut full);
-        let y: Vec<f64> = match &self.base {
-            None => full,
-            Some(base) => full.chunks_exact(all).flat_map(|row| base.columns.iter().map(|&column| row[column])).collect(),
-        };
-        let (kd_s, armature) = (self.kd.times(&s), self.model.armature());
+        let beside = self.joint_entries(&v_r, &a_r);
+        let column = |i: usize, k: usize| if k % n == i { beside[k] } else { 0.0 };
+        let y: Vec<f64> = (0..n)
+            .flat_map(|i| {
+                let row = &full[i * all..(i + 1) * all];
+                let own: Vec<f64> = match &self.base {
+                    None => row.to_vec(),
+                    Some(base) => base.columns.iter().map(|&column| row[column]).collect(),
+                };
+                own.into_iter().chain((0..beside.len()).map(move |k| column(i, k)))
+            })
+            .collect();
+        let known = if self.columns.has(JointColumn::Armature) { vec![0.0; n] } else { self.model.armature() };
+        let (kd_s, armature) = (self.kd.times(&s), known);
         let tau: Vec<f64> = (0..n).map(|i| (0..p).map(|j| y[i * p + j] * z[j]).sum::<f64>() + kd_s[i] + armature[i] * a_r[i]).collect();
         let mut law = Self::build::<f64>(|_| self);
         let mut rate = vec![0.0; p];
@@ -168,6 +221,8 @@ impl Build for AdaptiveSpec {
         std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation)
             && columns(self) == columns(other)
             && self.projection.is_some() == other.projection.is_some()
+            && self.columns.same_kinds(&other.columns)
+            && self.restraint.same_shape(&other.restraint)
     }
 }
 
@@ -181,10 +236,10 @@ where
     lambda: J,
     kd: J,
     pub(super) gamma: G,
-    s: B,
+    pub(super) s: B,
     e: B,
     e_dot: B,
-    v_r: B,
+    pub(super) v_r: B,
     pub(super) a_r: B,
     pub(super) yt_s: P,
 }

@@ -3,8 +3,9 @@
 //! `V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2`, or `s' M s / 2 + sum d(P || P_hat) / gamma` in the natural metric.
 
 use super::{Adaptation, AdaptiveSpec, LawSpec};
-use crate::dynamics::{ArmAt, Model};
+use crate::dynamics::ArmAt;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::plant::PlantSpec;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::divergence;
@@ -32,8 +33,8 @@ pub struct Lyapunov<S: Real> {
 }
 
 impl<S: Real> Lyapunov<S> {
-    /// For the laws `of(lane)`, of one shape, of plants with the arms `plant(lane)`; `None` for laws that adapt nothing.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a Model) -> Option<Self> {
+    /// For the laws `of(lane)`, of one shape, of the plants `plant(lane)`; `None` for laws that adapt nothing.
+    pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
         let own = of(0).adaptive()?;
         let law = |lane: usize| of(lane).adaptive().unwrap_or(own);
         let each = |get: &dyn Fn(usize) -> Vec<f64>| -> Vec<S> {
@@ -55,10 +56,7 @@ impl<S: Real> Lyapunov<S> {
                 Adaptation::Euclidean(_) => Vec::new(),
             })),
         };
-        let truth = each(&|lane| {
-            let parameters = plant(lane).parameters();
-            law(lane).base.as_ref().map_or(parameters.clone(), |base| base.project(&parameters))
-        });
+        let truth = each(&|lane| law(lane).truth(plant(lane)));
         let n = own.model.n();
         let zeros = |k: usize| vec![S::zero(); k];
         Some(Lyapunov {
@@ -104,7 +102,7 @@ impl<S: Real> Lyapunov<S> {
                 half * sum
             }
             Metric::Full(inverse) => half * inverse.quadratic(&self.error),
-            Metric::Natural(gamma) => natural(gamma, &self.truth, estimate),
+            Metric::Natural(gamma) => natural(gamma, &self.truth, &self.error, estimate),
         };
         half.mul_add(kinetic, rest)
     }
@@ -115,9 +113,12 @@ fn euclidean(law: &AdaptiveSpec) -> Option<&Gain> {
     if let Adaptation::Euclidean(gamma) = &law.adaptation { Some(gamma) } else { None }
 }
 
-/// The divergence of all bodies.
-fn natural<S: Real>(gamma: &[S], truth: &[S], estimate: &[S]) -> S {
-    let ((truth, _), (estimate, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());
-    let bodies = truth.iter().zip(estimate).zip(gamma);
-    bodies.fold(S::zero(), |sum, ((pi, pi_hat), &gamma)| sum + divergence(pi, pi_hat) / gamma)
+/// The divergence of all bodies, and half the squares of what is estimated beside them, each over its gain.
+fn natural<S: Real>(gamma: &[S], truth: &[S], error: &[S], estimate: &[S]) -> S {
+    let bodies = (truth.len() - gamma.len()) / (PARAMETERS - 1);
+    let ((pi, _), (pi_hat, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());
+    let pairs = pi.iter().zip(pi_hat).zip(&gamma[..bodies]);
+    let sum = pairs.fold(S::zero(), |sum, ((pi, pi_hat), &gamma)| sum + divergence(pi, pi_hat) / gamma);
+    let beside = error[PARAMETERS * bodies..].iter().zip(&gamma[bodies..]);
+    beside.fold(sum, |sum, (&error, &gamma)| (S::splat(0.5) * error).mul_add(error / gamma, sum))
 }

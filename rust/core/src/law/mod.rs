@@ -18,6 +18,7 @@ mod elastic_impedance;
 mod evaluator;
 mod external;
 mod inertia_reduction;
+mod joint_columns;
 mod joint_impedance;
 mod joint_limits;
 mod level;
@@ -29,8 +30,10 @@ mod printed;
 mod priority_acceleration;
 mod priority_velocity;
 mod projection;
+mod restraint;
 mod sampled_reduction;
 mod storage;
+mod truth;
 
 pub use crate::linalg::gain::Gain;
 pub use adaptation::{Adaptation, AnyAdaptive, Base};
@@ -46,6 +49,7 @@ pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
 pub use inertia_reduction::{Reduction, ReductionSpec};
+pub use joint_columns::{JointColumn, JointColumns};
 pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
 pub use joint_limits::{HORIZON, JointLimits, LimitOverrides};
 pub use level::Level;
@@ -57,8 +61,10 @@ pub use printed::CTiming;
 pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
 pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
 pub use projection::Projection;
+pub use restraint::{LeakageForm, Restraint};
 pub use sampled_reduction::LockedMotors;
 pub use storage::Storage;
+pub use truth::Truth;
 
 use crate::error::{Error, Result};
 use crate::motion::{Motion, sample_all};
@@ -82,6 +88,11 @@ pub trait Law<S: Real> {
     /// The rate at which the law's Lyapunov function falls, as of the last evaluation; zero without one.
     fn dissipation(&self) -> S {
         S::zero()
+    }
+
+    /// The same against what the plant really is, with the parts that need it: `x` is the plant's state and `z` the law's own.
+    fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
+        self.dissipation()
     }
 
     /// The rate of the law's own storage function, as of the last evaluation, when the world outside puts in `outside`.

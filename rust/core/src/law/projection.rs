@@ -207,12 +207,12 @@ pub struct Projector<S> {
 }
 
 impl<S: Real> Projector<S> {
-    /// Projection `of(i)` in lane `i`; all of the same number of bodies.
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Projection) -> Self {
+    /// Projection `of(i)` in lane `i`; all of the same number of bodies, with which an estimate of `p` numbers begins.
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Projection, p: usize) -> Self {
         let Projection { width, factors } = of(0);
         let entry = |k: usize, i: usize, j: usize| S::from_lanes(|lane| inverse(&of(lane).factors[k])[i][j]);
         let inverses = (0..factors.len()).map(|k| std::array::from_fn(|i| std::array::from_fn(|j| entry(k, i, j)))).collect();
-        let zeros = vec![S::zero(); width * factors.len()];
+        let zeros = vec![S::zero(); p];
         Projector { width: *width, inverses, gradient: zeros.clone(), weighted: zeros }
     }
 

@@ -96,7 +96,7 @@ impl crate::scalar::GenericKernel for &Rate<'_> {
     fn run<S: Real>(self) -> Vec<f64> {
         let gamma = Gain::diagonal("gamma", (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect()).unwrap();
         let (p, gain) = (projection(), AnyGain::<S>::from_lanes(|_| &gamma));
-        let mut projector = Projector::<S>::from_lanes(|_| &p);
+        let mut projector = Projector::<S>::from_lanes(|_| &p, 20);
         // The other lanes are inside.
         let z: Vec<S> = (0..20).map(|k| S::from_lanes(|lane| if lane == 0 { self.0[k] } else { BODY[k % 10] })).collect();
         let y: Vec<S> = self.1.iter().map(|&y| S::splat(y)).collect();

@@ -176,7 +176,7 @@ impl PlantSpec {
             && self.model().same_geometry(other.model())
             && self.wall().map(|wall| wall.frame) == other.wall().map(|wall| wall.frame)
             && self.stops().into_iter().flat_map(Stops::all).eq(other.stops().into_iter().flat_map(Stops::all))
-            && self.friction() == other.friction()
+            && self.has_friction() == other.has_friction()
     }
 
     /// The wall that a frame may touch.
@@ -202,7 +202,8 @@ impl PlantSpec {
         self.wall().is_none() && self.stops().is_none()
     }
 
-    fn friction(&self) -> bool {
+    /// Whether the friction of a rigid arm's joints acts.
+    pub fn has_friction(&self) -> bool {
         matches!(self, PlantSpec::Rigid(RigidSpec { friction: true, .. }))
     }
 }

@@ -10,6 +10,8 @@ pub mod dual;
 pub mod duals;
 pub mod hex;
 #[doc(hidden)]
+pub mod hyperbolic;
+#[doc(hidden)]
 pub mod lanes;
 #[doc(hidden)]
 pub mod log;

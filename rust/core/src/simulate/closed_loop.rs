@@ -7,7 +7,7 @@ use super::force::Wrench;
 use super::sampler::Sampler;
 use super::world::{Exogenous, World};
 use crate::integrate::{DualSystem, System};
-use crate::law::Law;
+use crate::law::{Law, Truth};
 use crate::linalg::Pairs;
 use crate::plant::{Plant, Touch};
 use crate::scalar::{Duals, Real};
@@ -55,6 +55,8 @@ pub struct ClosedLoop<'a, S: Real> {
     now: Exogenous<S>,
     /// Room for the answer that acts while another one is worked out.
     acting: (Vec<S>, Vec<S>),
+    /// The plants as the balance of Lyapunov's function counts them; `None` where the law alone knows what it dissipates.
+    truth: Option<Truth<S>>,
 }
 
 impl<'a, S: Real> ClosedLoop<'a, S> {
@@ -88,7 +90,13 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             stands: S::splat(1.0),
             now,
             acting: (vec![S::zero(); n], vec![S::zero(); answer]),
+            truth: None,
         }
+    }
+
+    /// The same loop, whose dissipation is counted against these plants.
+    pub fn judged_by(self, truth: Option<Truth<S>>) -> Self {
+        ClosedLoop { truth, ..self }
     }
 
     /// The same loop with motions, forces and limits of its own.
@@ -110,6 +118,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             stands: self.stands,
             now: self.now,
             acting: self.acting,
+            truth: self.truth,
         }
     }
 
@@ -138,7 +147,10 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         let (rate, dissipated) = self.dz.split_at_mut(self.p);
         self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, rate);
         if let [dissipated] = dissipated {
-            *dissipated = self.law.dissipation();
+            *dissipated = match &self.truth {
+                None => self.law.dissipation(),
+                Some(truth) => self.law.dissipation_of(truth, measured, z),
+            };
         }
         if let Some(stands) = self.law.stands() {
             self.stands = self.stands.min(stands);

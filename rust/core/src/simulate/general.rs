@@ -14,7 +14,7 @@ use super::torque_sensing::TorqueSensing;
 use super::watching::{RunObserver, Watching};
 use super::world::{Exogenous, World};
 use crate::integrate::{Adaptive, DualSystem, FixedStep, Kind, Linearised, System, Tolerance, WithAdaptive, WithSteps};
-use crate::law::{LawSpec, Route};
+use crate::law::{LawSpec, Route, Truth};
 use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Array8, Dual8, Float, Real};
 use std::borrow::Cow;
@@ -287,7 +287,9 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     let closing = Closing { tau_max: o.tau_max.as_deref().map(Cow::Borrowed), held: o.sampling.is_some(), monitored: o.monitors, storage };
     let spec = problem.plant(run(0));
     let sizes = (spec.states(), problem.law(run(0)).initial_state().len(), spec.model().angles());
-    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes)
+    let truth =
+        if closing.watches_dissipation() { Truth::new(|lane| problem.law(run(lane)), |lane| problem.plant(run(lane))) } else { None };
+    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth)
 }
 
 /// The clock of the controllers of the runs `run(lane)`; `None` for a perfect one.

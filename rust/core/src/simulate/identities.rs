@@ -37,7 +37,7 @@ impl<S: Real> Theory<S> {
             coriolis: vec![S::zero(); n * n],
             stored: Stored::new(&plant),
             storage: if storage { Storage::new(&law) } else { None },
-            lyapunov: Lyapunov::new(&law, |lane| plant(lane).model()),
+            lyapunov: Lyapunov::new(&law, &plant),
         }
     }
 

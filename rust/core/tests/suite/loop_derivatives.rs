@@ -5,8 +5,8 @@ use armlet_core::dynamics::Model;
 use armlet_core::integrate::{Differentiable, System};
 use armlet_core::kinematics::Coordinates;
 use armlet_core::law::{
-    Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, ElasticImpedanceSpec, Gain, JointImpedanceSpec, LawSpec,
-    MotorPdSpec, PdGravitySpec, PidSpec, Projection, ReductionSpec, StateFeedbackSpec,
+    Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, ElasticImpedanceSpec, Gain, JointColumn, JointColumns,
+    JointImpedanceSpec, LawSpec, LeakageForm, MotorPdSpec, PdGravitySpec, PidSpec, Projection, ReductionSpec, StateFeedbackSpec,
 };
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, Wall};
@@ -128,6 +128,15 @@ fn cases(at: &[f64]) -> Vec<Case> {
     let natural = Adaptation::Natural(vec![0.1; p / 10]);
     all.push(case("Adaptive, natural", rigid(), LawSpec::Adaptive(adaptive(natural, Some(estimate.clone())))));
     let least: Vec<f64> = truth.iter().map(|x| 0.2 * x).collect();
+    let kinds = [JointColumn::Armature, JointColumn::Viscous, JointColumn::Coulomb, JointColumn::Stribeck];
+    let columns = JointColumns::new(N, &kinds, vec![0.4; N]).unwrap();
+    let (beside, wide) = ([estimate.clone(), vec![0.3; 4 * N]].concat(), Adaptation::Euclidean(gain(p + 4 * N, 0.5)));
+    let gains = [gain(N, 60.0), full(N, 20.0)];
+    let joints = AdaptiveSpec::with_columns(model.clone(), moving(q_d.clone()), gains, wide, None, columns, Some(beside)).unwrap();
+    for (form, what) in [(LeakageForm::Sigma, "sigma"), (LeakageForm::Error, "e")] {
+        let law = joints.clone().leaking(0.2, form, None).unwrap().resting_below(1e-3).unwrap();
+        all.push(case(&format!("Adaptive, joints too, {what}"), rigid(), LawSpec::Adaptive(law)));
+    }
     let projected = adaptive(euclidean(), Some(estimate)).projected(Projection::new(p, &least).unwrap()).unwrap();
     all.push(case("Adaptive, projected", rigid(), LawSpec::Adaptive(projected.clone())));
     // Below the least bodies: eigenvalues of one size and all different, and parameters that are no body.

@@ -1,9 +1,11 @@
 //! `armlet.Law`, the base of all laws, and what their constructors share.
 
+mod adaptive;
 mod elastic;
 mod priority;
 mod rigid;
 
+pub use adaptive::*;
 pub use elastic::*;
 pub use priority::*;
 pub use rigid::*;

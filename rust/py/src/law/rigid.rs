@@ -1,122 +1,12 @@
 //! Laws of rigid arms.
 
 use super::{Arguments, Law};
-use crate::arrays::{Axis, Form, Looked, SCALAR, WHATEVER, numbers, owned, shown, spread};
-use crate::errors::{Failure, entry, input_error};
-use armlet_core::law::{Adaptation, AdaptiveSpec, Base, CartesianImpedanceSpec, ComputedTorqueSpec, PdGravitySpec, PidSpec, Projection};
+use crate::arrays::{Axis, Form, SCALAR, numbers, spread};
+use crate::errors::entry;
+use armlet_core::law::{CartesianImpedanceSpec, ComputedTorqueSpec, PdGravitySpec, PidSpec};
 use armlet_core::motion::Motion;
 use armlet_macros::entered;
 use pyo3::prelude::*;
-
-/// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
-///
-/// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `s = v_r - v`, `Y` the arm's regressor. The error
-/// goes to zero from any initial state and any estimate; the estimate converges only under excitation. Rotors' inertia is
-/// known, not estimated: `armature a_r` of the arm is added to the torque.
-///
-/// Args:
-///     arm: the arm whose regressor is used; its parameters are not.
-///     motion: the desired motion.
-///     kp, kd: positive definite gains: scalar, `(n,)` or `(n, n)`; `kp = kd Lambda`.
-///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`.
-///     estimate: initial estimate `(p,)`; zero if None (keyword only).
-///     base: what `arm.base_parameters()` returns: only this base set of parameters is estimated, and p is its size (keyword only).
-///     natural: adapt in the metric of the bodies' pseudo-inertias: the estimate stays physically possible for ever; it has
-///         to start so, and gamma is a scalar or one number per body (keyword only).
-///     projection: keep the estimate physically possible in the metric of gamma: the least body as a mass in kg (with a radius
-///         of gyration of 0.1 m), or the least bodies as parameters `(p,)`, which the true ones must exceed. A start outside is
-///         moved to the nearest inside (keyword only).
-///
-/// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
-///
-/// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987; natural: Lee, Kwon and Park, A natural
-/// adaptive control law for robot manipulators, IROS 2018; projection: Pomet and Praly, Adaptive nonlinear regulation, IEEE TAC 37(6), 1992.
-///
-/// >>> import armlet as al
-/// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
-/// >>> law = al.Adaptive(arm, al.Hold([1.0, 0.0]), kp=40.0, kd=20.0, gamma=5.0)
-/// >>> law(0.0, [0.0, 0.0], [0.0, 0.0])
-/// array([40.,  0.])
-#[pyclass(frozen, extends = Law, module = "armlet")]
-pub struct Adaptive;
-
-/// The columns and the projection of a `BaseParameters`.
-fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) -> Result<Base, Failure> {
-    let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected what arm.base_parameters() returns, or None");
-    let field = |name: &str| base.getattr(name).map_err(|_| refused());
-    let columns: Vec<usize> = field("columns")?.call_method0("tolist")?.extract().map_err(|_| refused())?;
-    let field = field("projection")?;
-    let (shape, projection) = numbers("Adaptive", "base", &field, &[WHATEVER])?;
-    let projection = owned(projection)?;
-    if shape != [columns.len(), p] {
-        let problem =
-            format!("is of another arm or has columns of friction: expected a projection ({}, {p}), got {}", columns.len(), shown(&shape));
-        return Err(input_error(base.py(), "Adaptive", "base", problem).into());
-    }
-    given.plain("base", base);
-    Ok(Base { columns, projection })
-}
-
-/// The radius of gyration of a least body that is given by its mass, m: that of the metric of `project_parameters`.
-const LENGTH: f64 = 0.1;
-
-/// A mass, or the parameters of the least bodies.
-fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
-    if Looked::at("Adaptive", "projection", projection)?.shape.is_empty() {
-        let mass = given.number("projection", projection)?;
-        return Ok(Projection::of_mass(p, mass, LENGTH)?);
-    }
-    Ok(Projection::new(p, &given.vector("projection", projection, p)?)?)
-}
-
-#[entered]
-#[pymethods]
-impl Adaptive {
-    #[new]
-    #[pyo3(
-        signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=None, projection=None),
-        text_signature = "(arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=False, projection=None)"
-    )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        motion: &Bound<'py, PyAny>,
-        kp: &Bound<'py, PyAny>,
-        kd: &Bound<'py, PyAny>,
-        gamma: &Bound<'py, PyAny>,
-        estimate: Option<&Bound<'py, PyAny>>,
-        base: Option<&Bound<'py, PyAny>>,
-        natural: Option<&Bound<'py, PyAny>>,
-        projection: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        entry(arm.py(), "Adaptive", || {
-            let mut given = Arguments::new("Adaptive", arm)?;
-            let model = given.model();
-            let (n, p) = (model.n(), model.parameter_count());
-            let motion = given.motion("motion", motion)?;
-            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
-            let base = base.filter(|base| !base.is_none()).map(|base| base_of(&mut given, base, p)).transpose()?;
-            let estimated = base.as_ref().map_or(p, |base| base.columns.len());
-            let adaptation = if given.flag("natural", natural)? {
-                let bodies = p / 10;
-                let gamma = given.gain("gamma", gamma, bodies)?;
-                if !gamma.is_diagonal() {
-                    let problem = format!("is a matrix: expected a scalar or ({bodies},), one number per body, for natural adaptation");
-                    return Err(input_error(arm.py(), "Adaptive", "gamma", problem).into());
-                }
-                Adaptation::Natural((0..bodies).map(|i| gamma.at(i, i)).collect())
-            } else {
-                Adaptation::Euclidean(given.gain("gamma", gamma, estimated)?)
-            };
-            let start = estimate.map(|estimate| given.vector("estimate", estimate, estimated)).transpose()?;
-            let mut spec = AdaptiveSpec::new(model, motion, kp, kd, adaptation, base, start)?;
-            if let Some(projection) = projection.filter(|projection| !projection.is_none()) {
-                spec = spec.projected(least_bodies(&mut given, projection, p)?)?;
-            }
-            Ok(given.law(spec).add_subclass(Adaptive))
-        })
-    }
-}
 
 /// Computed torque: `tau = M (a_d + Kd e_dot + Kp e) + C v + g`, so that `e_ddot + Kd e_dot + Kp e = 0`.
 ///

@@ -1,0 +1,140 @@
+"""Adaptive tracking, typed from its equations; e = q_d - q, C the Christoffel factorisation.
+
+    v_r = v_d + Lambda e,  Lambda = Kd^-1 Kp,  s = v_r - v,  a_r = a_d + Lambda e_dot
+    tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot, and armature a_r where it is not estimated          (Slotine and Li 1987)
+    a_hat_dot = Gamma w,  w = Y's, or as `adaptation` has it
+    columns of joints behind the inertial ones: diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
+    leakage             w = Y's - sigma (a_hat - a_0), e-modification with sigma |s|           (Ioannou 1984, Narendra 1987)
+    dead zone           w = 0 while |s| < s_0
+    -V1' = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w of the plant, whatever the law estimates
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .adaptation import bent_rate, divergence, least_bodies, natural_rate, nearest_start
+from .identification import BaseParameters
+from .lagrange import Array, Mechanism, solve
+from .law import Law, Terms, gain
+from .motion import Motion
+
+KINDS = ("armature", "viscous", "coulomb", "stribeck")
+
+
+def columns(v_r: Array, a_r: Array, v_s: Array, kinds: Iterable[str]) -> Array:
+    """The columns of joints, (n, kinds n)."""
+    share = v_r / v_s
+    entries = {
+        "armature": a_r,
+        "viscous": v_r,
+        "coulomb": np.tanh(share),
+        "stribeck": np.exp(-(share**2)) * np.tanh(share),
+    }
+    return np.hstack([np.zeros((v_r.size, 0)), *(np.diag(entries[kind]) for kind in kinds)])
+
+
+class Adaptive(Law):
+    """Slotine-Li tracking; the state is the estimate a_hat: all inertial parameters or a base set of them, then those of joints."""
+
+    def __init__(
+        self,
+        arm: Mechanism,
+        motion: Motion,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        gamma: ArrayLike,
+        estimate: ArrayLike | None = None,
+        *,
+        base: BaseParameters | None = None,
+        natural: bool = False,
+        projection: ArrayLike | None = None,
+        friction: bool | tuple[str, ...] = False,
+        armature: bool = False,
+        friction_speed: ArrayLike = 0.1,
+        leakage: float = 0.0,
+        leakage_form: str = "sigma",
+        leakage_centre: ArrayLike | None = None,
+        dead_zone: float = 0.0,
+    ) -> None:
+        rubbing = ("viscous", "coulomb") if friction is True else friction or ()
+        self.kinds = [kind for kind in KINDS if kind in rubbing or (armature and kind == "armature")]
+        self.v_s = np.broadcast_to(np.asarray(friction_speed, dtype=np.float64), (arm.n,))
+        self.columns = np.arange(arm.parameters.size) if base is None else base.columns
+        self.projector = np.eye(self.columns.size) if base is None else base.projection
+        self.inertial = self.columns.size
+        p = self.inertial + arm.n * len(self.kinds)
+        self.arm, self.motion, self.natural = arm, motion, natural
+        bodies = self.inertial // 10
+        self.kp, self.kd = gain(kp, arm.n), gain(kd, arm.n)
+        self.gamma = gain(gamma, bodies + p - self.inertial if natural else p)
+        self.slope = solve(self.kd, self.kp)
+        self.state0 = np.zeros(p) if estimate is None else np.array(estimate, dtype=np.float64)
+        self.least = None if projection is None else least_bodies(projection, self.inertial)
+        if self.least is not None:
+            self.state0[: self.inertial] = nearest_start(self.state0[: self.inertial], self.least)
+        self.leakage, self.form, self.dead_zone = leakage, leakage_form, dead_zone
+        self.centre = self.state0 if leakage_centre is None else np.asarray(leakage_centre, dtype=np.float64)
+        self.plain = not self.kinds and leakage == 0.0 and dead_zone == 0.0
+        self.breaks = getattr(motion, "breaks", ())
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        estimate = self.state0 if state is None else state
+        q_d, v_d, a_d = self.motion(t)
+        e, e_dot = q_d - q, v_d - v
+        v_r, a_r = v_d + self.slope @ e, a_d + self.slope @ e_dot
+        s = v_r - v
+        Y = np.hstack([self.arm.regressor(q, v, v_r, a_r)[:, self.columns], columns(v_r, a_r, self.v_s, self.kinds)])
+        known = np.zeros(self.arm.n) if "armature" in self.kinds else self.arm.armature * a_r
+        tau = Y @ estimate + known + self.kp @ e + self.kd @ e_dot
+        weight = self.leakage * (float(np.linalg.norm(s)) if self.form == "e" else 1.0)
+        w = Y.T @ s - (weight * (estimate - self.centre) if weight else 0.0)
+        rate = self._rate(estimate, w)
+        if np.linalg.norm(s) < self.dead_zone:
+            w, rate = np.zeros_like(w), np.zeros_like(w)
+        parts = {"tau": tau, "u": tau, "state_rate": rate, "w": w, "Y": Y, "s": s, "e": e, "e_dot": e_dot}
+        return parts | {"v_r": v_r, "a_r": a_r}
+
+    def _rate(self, estimate: Array, w: Array) -> Array:
+        own = self.inertial
+        if self.natural:
+            speed = np.diag(self.gamma)
+            return np.concatenate([natural_rate(estimate[:own], w[:own], speed[: own // 10]), speed[own // 10 :] * w[own:]])
+        return bent_rate(self.gamma, estimate, w, self.least) if self.least is not None else self.gamma @ w
+
+    def truth(self, plant: Any) -> Array:
+        """The plant's parameters, as far as they are estimated."""
+        arm = plant.arm
+        acts = 1.0 if getattr(plant, "friction", False) else 0.0
+        of_joints = {"armature": arm.armature, "viscous": acts * arm.damping, "coulomb": acts * arm.friction, "stribeck": np.zeros(arm.n)}
+        return np.concatenate([self.projector @ arm.parameters, *(of_joints[kind] for kind in self.kinds)])
+
+    def loss(self, terms: Terms, q: Array, v: Array, state: Array, plant: Any) -> float:
+        """-V1', of which a projection is not part."""
+        s, arm = terms["s"], plant.arm
+        if self.plain:
+            return float(s @ self.kd @ s)
+        needed = arm.regressor(q, v, terms["v_r"], terms["a_r"]) @ arm.parameters + arm.armature * terms["a_r"]
+        if getattr(plant, "friction", False):
+            needed = needed + arm.friction_torque(v)
+        return float(s @ (terms["u"] - needed) + (self.truth(plant) - state) @ terms["w"])
+
+    def lyapunov(self, t: float, q: Array, v: Array, state: Array, plant: Any) -> float:
+        """V1 = s'Ms/2 + d'Gamma^-1 d/2 with the plant's own M and parameters, d = a - a_hat.
+
+        In the natural metric the divergence of each body over its gamma takes the place of its part of the second term.
+        """
+        s, own = self.terms(t, q, v, state=state)["s"], self.inertial
+        truth = self.truth(plant)
+        d = truth - state
+        if self.natural:
+            speed = np.diag(self.gamma)
+            of_bodies = np.sum(divergence(truth[:own], state[:own]) / speed[: own // 10])
+            rest = float(of_bodies + 0.5 * np.sum(d[own:] ** 2 / speed[own // 10 :]))
+        else:
+            rest = float(0.5 * d @ solve(self.gamma, d))
+        return float(0.5 * s @ plant.arm.mass_matrix(q) @ s) + rest

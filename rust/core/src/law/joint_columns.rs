@@ -1,0 +1,146 @@
+//! What adaptation estimates beside the bodies: rotors and friction, joint by joint, as columns of the regressor behind the inertial ones.
+//!
+//! ```text
+//! armature (rotors)  diag(a_r)
+//! viscous            diag(v_r)
+//! Coulomb            diag(tanh(v_r / v_s))
+//! Stribeck           diag(exp(-(v_r / v_s)^2) tanh(v_r / v_s))
+//! ```
+//!
+//! in this order. `v_s` rounds off the jump of Coulomb friction, so that the torque is smooth. Source: `SlotineLi1987` for parameters
+//! that enter linearly; Stribeck: `Armstrong1994`.
+
+use crate::dynamics::Model;
+use crate::error::{Error, Result, positive};
+use crate::scalar::Real;
+use crate::scalar::hyperbolic::{decay, tanh};
+
+/// One column per joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum JointColumn {
+    /// `a_r`: the rotor's inertia.
+    Armature,
+    /// `v_r`: viscous friction.
+    Viscous,
+    /// `tanh(v_r / v_s)`: Coulomb friction.
+    Coulomb,
+    /// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`: what friction is larger by near rest.
+    Stribeck,
+}
+
+impl JointColumn {
+    /// What a parameter of it is called, as in [`Model::column_names`].
+    fn name(self) -> &'static str {
+        match self {
+            JointColumn::Armature => "armature",
+            JointColumn::Viscous => "damping",
+            JointColumn::Coulomb => "friction",
+            JointColumn::Stribeck => "stribeck",
+        }
+    }
+}
+
+/// Which columns are estimated.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct JointColumns {
+    kinds: Vec<JointColumn>,
+    /// `v_s`, `(n,)`, rad/s or m/s.
+    speeds: Vec<f64>,
+}
+
+impl JointColumns {
+    /// These kinds for `n` joints, each once, in their own order; `speed`: `v_s` of each joint, > 0.
+    pub fn new(n: usize, kinds: &[JointColumn], speed: Vec<f64>) -> Result<Self> {
+        if speed.len() != n {
+            return Err(Error::input("friction_speed", format!("has the wrong shape: expected ({n},), got ({},)", speed.len())));
+        }
+        speed.iter().try_for_each(|&speed| positive("friction_speed", speed))?;
+        let mut kinds = kinds.to_vec();
+        kinds.sort_unstable();
+        kinds.dedup();
+        Ok(JointColumns { kinds, speeds: speed })
+    }
+
+    /// Whether no column is estimated.
+    pub fn is_empty(&self) -> bool {
+        self.kinds.is_empty()
+    }
+
+    /// How many parameters they are.
+    pub fn count(&self) -> usize {
+        self.kinds.len() * self.speeds.len()
+    }
+
+    /// Whether this kind is estimated.
+    pub fn has(&self, kind: JointColumn) -> bool {
+        self.kinds.contains(&kind)
+    }
+
+    pub(super) fn same_kinds(&self, other: &Self) -> bool {
+        self.kinds == other.kinds
+    }
+
+    /// Their names, `armature[joint]` and so on.
+    pub fn names(&self, model: &Model) -> Vec<String> {
+        let joints: Vec<String> = match model {
+            Model::PlanarPr(_) => ["p1", "r2"].map(String::from).to_vec(),
+            Model::Tree(arm) => arm.joint_names().map(String::from).collect(),
+        };
+        self.kinds.iter().flat_map(|kind| joints.iter().map(move |joint| format!("{}[{joint}]", kind.name()))).collect()
+    }
+
+    /// The true parameters of a plant with this arm, whose friction acts or not.
+    pub(super) fn truth(&self, plant: &Model, friction: bool) -> Vec<f64> {
+        let n = plant.n();
+        let [damping, coulomb] = joint_friction(plant, friction);
+        let of = |kind: &JointColumn| match kind {
+            JointColumn::Armature => plant.armature(),
+            JointColumn::Viscous => damping.clone(),
+            JointColumn::Coulomb => coulomb.clone(),
+            JointColumn::Stribeck => vec![0.0; n],
+        };
+        self.kinds.iter().flat_map(of).collect()
+    }
+}
+
+/// Viscous and Coulomb friction of a plant's joints, `(n,)` each; zero where they do not act.
+pub(super) fn joint_friction(plant: &Model, acts: bool) -> [Vec<f64>; 2] {
+    match plant {
+        Model::Tree(arm) if acts => {
+            [arm.joints.iter().map(|joint| joint.damping).collect::<Vec<f64>>(), arm.joints.iter().map(|joint| joint.friction).collect()]
+        }
+        _ => [vec![0.0; plant.n()], vec![0.0; plant.n()]],
+    }
+}
+
+/// The columns in a loop.
+pub(super) struct LaneColumns<S> {
+    kinds: Vec<JointColumn>,
+    speeds: Vec<S>,
+}
+
+impl<S: Real> LaneColumns<S> {
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a JointColumns) -> Self {
+        let first = of(0);
+        let n = if first.is_empty() { 0 } else { first.speeds.len() };
+        let speeds = S::labelled("friction_speed", 1, || (0..n).map(|k| S::from_lanes(|lane| of(lane).speeds[k])).collect());
+        LaneColumns { kinds: first.kinds.clone(), speeds }
+    }
+
+    /// The entries of the columns, `(kinds n,)`, kind by kind.
+    pub fn fill(&self, v_r: &[S], a_r: &[S], out: &mut [S]) {
+        for (i, &speed) in self.speeds.iter().enumerate() {
+            let n = self.speeds.len();
+            let share = v_r[i] / speed;
+            let smooth = tanh(share);
+            for (k, kind) in self.kinds.iter().enumerate() {
+                out[k * n + i] = match kind {
+                    JointColumn::Armature => a_r[i],
+                    JointColumn::Viscous => v_r[i],
+                    JointColumn::Coulomb => smooth,
+                    JointColumn::Stribeck => decay(share * share) * smooth,
+                };
+            }
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! What holds an estimate back: leakage and a dead zone.
+//!
+//! ```text
+//! a_hat' = Gamma w,   w = y - l  where |s| >= s_0,   w = 0 where |s| < s_0 (dead zone),   y = Y' s
+//! l = sigma (a_hat - a_0)        leakage (sigma modification, IoannouKokotovic1984)
+//! l = sigma |s| (a_hat - a_0)    e-modification (NarendraAnnaswamy1987)
+//! V' = -s'Kd s + (a - a_hat)'(y - w):  with leakage -s'Kd s + (a - a_hat)' l,  in the dead zone -s'Kd s + (a - a_hat)' y
+//! ```
+//!
+//! The estimate stays bounded under disturbances, at the price of an error of the size of `sigma` or `s_0`.
+
+use super::adaptive::AdaptiveSpec;
+use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
+
+/// By what the leakage is weighted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeakageForm {
+    /// A constant: sigma modification.
+    Sigma,
+    /// `|s|`: e-modification.
+    Error,
+}
+
+/// Leakage and dead zone of an adaptation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Restraint {
+    /// `sigma >= 0`; zero without leakage.
+    pub leakage: f64,
+    /// By what it is weighted.
+    pub form: LeakageForm,
+    /// `a_0`, of the size of the estimate.
+    pub centre: Vec<f64>,
+    /// `s_0 >= 0`, rad/s; zero without a dead zone.
+    pub dead_zone: f64,
+}
+
+impl Restraint {
+    /// None at all.
+    pub fn none() -> Self {
+        Restraint { leakage: 0.0, form: LeakageForm::Sigma, centre: Vec::new(), dead_zone: 0.0 }
+    }
+
+    /// Whether the estimate moves freely.
+    pub fn is_none(&self) -> bool {
+        self.leakage == 0.0 && self.dead_zone == 0.0
+    }
+
+    pub(super) fn same_shape(&self, other: &Self) -> bool {
+        (self.leakage > 0.0, self.dead_zone > 0.0, self.form) == (other.leakage > 0.0, other.dead_zone > 0.0, other.form)
+    }
+}
+
+impl AdaptiveSpec {
+    /// The same law with leakage `sigma` towards `centre`, the first estimate unless given.
+    pub fn leaking(mut self, sigma: f64, form: LeakageForm, centre: Option<Vec<f64>>) -> Result<Self> {
+        not_negative("leakage", sigma)?;
+        let centre = centre.unwrap_or_else(|| self.estimate.clone());
+        if centre.len() != self.estimate.len() {
+            let problem = format!("has the wrong shape: expected ({},), got ({},)", self.estimate.len(), centre.len());
+            return Err(Error::input("leakage_centre", problem));
+        }
+        finite("leakage_centre", &centre)?;
+        let centre = if sigma > 0.0 { centre } else { Vec::new() };
+        self.restraint = Restraint { leakage: sigma, form, centre, ..self.restraint };
+        Ok(self)
+    }
+
+    /// The same law, which does not adapt while `|s| < s_0`.
+    pub fn resting_below(mut self, s_0: f64) -> Result<Self> {
+        not_negative("dead_zone", s_0)?;
+        self.restraint.dead_zone = s_0;
+        Ok(self)
+    }
+}
+
+fn not_negative(argument: &str, x: f64) -> Result<()> {
+    if x >= 0.0 && x.is_finite() {
+        return Ok(());
+    }
+    Err(Error::input(argument, format!("is negative or not finite: expected a finite number >= 0, got {x}")))
+}
+
+/// The restraint in a loop.
+pub(super) struct LaneRestraint<S> {
+    leakage: Option<(S, LeakageForm, Vec<S>)>,
+    dead_zone: Option<S>,
+}
+
+impl<S: Real> LaneRestraint<S> {
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Restraint) -> Self {
+        let first = of(0);
+        let leakage = (first.leakage > 0.0).then(|| {
+            let sigma = S::labelled("leakage", 0, || S::from_lanes(|lane| of(lane).leakage));
+            let entry = |k: usize| S::from_lanes(|lane| of(lane).centre[k]);
+            (sigma, first.form, S::labelled("leakage_centre", 1, || (0..first.centre.len()).map(entry).collect()))
+        });
+        let dead_zone = (first.dead_zone > 0.0).then(|| S::labelled("dead_zone", 0, || S::from_lanes(|lane| of(lane).dead_zone)));
+        LaneRestraint { leakage, dead_zone }
+    }
+
+    /// Whether the estimate moves freely.
+    pub fn is_none(&self) -> bool {
+        self.leakage.is_none() && self.dead_zone.is_none()
+    }
+
+    /// `w` outside of the dead zone, from `y` and the estimate; `back` takes `y - w`.
+    pub fn leak(&self, s: &[S], estimate: &[S], y: &[S], w: &mut [S], back: &mut [S]) {
+        let Some((sigma, form, centre)) = &self.leakage else {
+            back.fill(S::zero());
+            return w.copy_from_slice(y);
+        };
+        let sigma = match form {
+            LeakageForm::Sigma => *sigma,
+            LeakageForm::Error => *sigma * square(s).sqrt(),
+        };
+        for k in 0..y.len() {
+            back[k] = sigma * (estimate[k] - centre[k]);
+            w[k] = y[k] - back[k];
+        }
+    }
+
+    /// Stop the rate `dz` within the dead zone, where all of `y` is held back.
+    pub fn rest(&self, s: &[S], y: &[S], dz: &mut [S], back: &mut [S]) {
+        let Some(zone) = self.dead_zone else { return };
+        let inside = square(s).lt(zone * zone);
+        for k in 0..y.len() {
+            dz[k] = S::select(inside, S::zero(), dz[k]);
+            back[k] = S::select(inside, y[k], back[k]);
+        }
+    }
+}
+
+/// `s's`.
+fn square<S: Real>(s: &[S]) -> S {
+    s.iter().fold(S::zero(), |sum, &s| s.mul_add(s, sum))
+}

@@ -1,0 +1,75 @@
+//! What the Lyapunov function of an adaptive law knows that the law does not: the plant's parameters and its friction.
+//!
+//! With friction `tau_f(v)` of the plant, `Y_f a_f` the law's columns of friction at the plant's parameters, and rotors `B` of the plant and
+//! `B_0` of the model where they are not estimated:
+//!
+//! `V1' = -s'Kd s + s'(tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`,
+//!
+//! `y = Y' s`, `a_hat' = Gamma w`. Viscous friction that is estimated leaves `-s' D s` of the second term, Coulomb friction
+//! `s' F (sign v - tanh(v_r / v_s))`.
+
+use super::LawSpec;
+use super::adaptive::AdaptiveSpec;
+use super::joint_columns::{JointColumn, joint_friction};
+use crate::plant::PlantSpec;
+use crate::scalar::{Real, sign};
+
+impl AdaptiveSpec {
+    /// The true parameters of a plant, as far as they are estimated.
+    pub(super) fn truth(&self, plant: &PlantSpec) -> Vec<f64> {
+        let parameters = plant.model().parameters();
+        let mut truth = self.base.as_ref().map_or(parameters.clone(), |base| base.project(&parameters));
+        truth.extend(self.columns.truth(plant.model(), plant.has_friction()));
+        truth
+    }
+}
+
+/// The plants of the lanes, as the balance of Lyapunov's function counts them.
+pub struct Truth<S> {
+    /// `a`.
+    parameters: Vec<S>,
+    /// What the columns of joints have of friction, `a_f`; zero for rotors.
+    rubbing: Vec<S>,
+    /// Viscous and Coulomb friction of the plant, and `B - B_0`, `(n,)` each.
+    viscous: Vec<S>,
+    coulomb: Vec<S>,
+    rotors: Vec<S>,
+}
+
+impl<S: Real> Truth<S> {
+    /// For laws with more than the plain adaptation; `None` for any other.
+    pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
+        let own = of(0).adaptive().filter(|law| !law.is_plain())?;
+        let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).adaptive().unwrap_or(own).truth(plant(lane))).collect();
+        let parameters = S::labelled("plant", 1, || (0..truths[0].len()).map(|k| S::from_lanes(|lane| truths[lane][k])).collect());
+        // What follows belongs to the geometry, which lanes share.
+        let (model, n) = (plant(0).model(), plant(0).n());
+        let fixed = |values: Vec<f64>| values.into_iter().map(S::splat).collect::<Vec<S>>();
+        let [viscous, coulomb] = joint_friction(model, plant(0).has_friction()).map(fixed);
+        let mut rubbing = own.columns.truth(model, plant(0).has_friction());
+        let rotors = if own.columns.has(JointColumn::Armature) {
+            rubbing[..n].fill(0.0);
+            vec![0.0; n]
+        } else {
+            model.armature().iter().zip(own.model.armature()).map(|(there, known)| there - known).collect()
+        };
+        Some(Truth { parameters, rubbing: fixed(rubbing), viscous, coulomb, rotors: fixed(rotors) })
+    }
+
+    /// `s'(tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`: what the plant's friction and the restraint add to `V1'`. `columns`: the
+    /// entries of the columns of joints; `back`: `y - w`.
+    pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], columns: &[S], estimate: &[S], back: &[S]) -> S {
+        let (n, mut sum) = (s.len(), S::zero());
+        for i in 0..n {
+            let friction = self.coulomb[i].mul_add(sign(v[i]), self.viscous[i] * v[i]);
+            sum = s[i].mul_add(self.rotors[i].mul_add(a_r[i], friction), sum);
+        }
+        for (k, (&column, &a)) in columns.iter().zip(&self.rubbing).enumerate() {
+            sum = (column * a).neg_mul_add(s[k % n], sum);
+        }
+        for ((&back, &a), &a_hat) in back.iter().zip(&self.parameters).zip(estimate) {
+            sum = (a - a_hat).mul_add(back, sum);
+        }
+        sum
+    }
+}

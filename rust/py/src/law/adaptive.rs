@@ -1,0 +1,265 @@
+//! Adaptive tracking.
+
+use super::{Arguments, Law};
+use crate::arrays::{Axis, Form, Looked, SCALAR, WHATEVER, flag, name, numbers, owned, shown, spread, text};
+use crate::errors::{Failure, entry, input_error};
+use armlet_core::law::{Adaptation, AdaptiveSpec, Base, JointColumn, JointColumns, LawSpec, LeakageForm, Projection};
+use armlet_macros::entered;
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyString, PyTuple};
+
+/// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
+///
+/// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `s = v_r - v`, `Y` the arm's regressor. The error
+/// goes to zero from any initial state and any estimate; the estimate converges only under excitation. Rotors' inertia is
+/// known unless `armature=True`: `armature a_r` of the arm is added to the torque.
+///
+/// The estimate holds the inertial parameters (or the base set), then, joint by joint each, what is asked for of: armature, `a_r`; damping,
+/// `v_r`; Coulomb friction, `tanh(v_r / v_s)`; Stribeck friction, `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`. `parameter_names` lists them.
+/// With leakage `sigma` towards `a_0`, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`.
+///
+/// Args:
+///     arm: the arm whose regressor is used; its parameters are not.
+///     motion: the desired motion.
+///     kp, kd: positive definite gains: scalar, `(n,)` or `(n, n)`; `kp = kd Lambda`.
+///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`, p the size of the estimate.
+///     estimate: initial estimate `(p,)`; zero if None (keyword only).
+///     base: what `arm.base_parameters()` returns: only this base set of parameters is estimated, and p is its size (keyword only).
+///     natural: adapt in the metric of the bodies' pseudo-inertias: the estimate stays physically possible for ever; it has
+///         to start so, and gamma is a scalar or one number per body, then one per further parameter (keyword only).
+///     projection: keep the estimate physically possible in the metric of gamma: the least body as a mass in kg (with a radius
+///         of gyration of 0.1 m), or the least bodies as parameters `(p,)`, which the true ones must exceed. A start outside is
+///         moved to the nearest inside. Friction and rotors are free (keyword only).
+///     friction: estimate friction: True for "viscous" and "coulomb", or names of these and "stribeck" (keyword only).
+///     armature: estimate the rotors' inertia (keyword only).
+///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
+///     leakage: `sigma`, >= 0, in the inverse unit of gamma and time (keyword only).
+///     leakage_form: "sigma" for a constant, "e" for `sigma |s|` (e-modification) (keyword only).
+///     leakage_centre: `a_0`, `(p,)`; the initial estimate if None (keyword only).
+///     dead_zone: `s_0`, >= 0: the estimate rests while the norm of `s` is below it (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite or negative, a gain is not positive definite, a name is unknown.
+///
+/// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987; natural: Lee, Kwon and Park, A natural
+/// adaptive control law for robot manipulators, IROS 2018; projection: Pomet and Praly, Adaptive nonlinear regulation, IEEE TAC 37(6), 1992; leakage:
+/// Ioannou and Kokotovic, Instability analysis and improvement of robustness of adaptive control, Automatica 20(5), 1984; e-modification:
+/// Narendra and Annaswamy, A new adaptive law for robust adaptation without persistent excitation, IEEE TAC 32(2), 1987.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+/// >>> law = al.Adaptive(arm, al.Hold([1.0, 0.0]), kp=40.0, kd=20.0, gamma=5.0)
+/// >>> law(0.0, [0.0, 0.0], [0.0, 0.0])
+/// array([40.,  0.])
+/// >>> rubbing = al.Adaptive(arm, al.Hold([1.0, 0.0]), 40.0, 20.0, 5.0, friction=True, leakage=0.01)
+/// >>> rubbing.parameter_names
+/// ('A', 'B', 'C', 'damping[p1]', 'damping[r2]', 'friction[p1]', 'friction[r2]')
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct Adaptive;
+
+/// The columns and the projection of a `BaseParameters`.
+fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) -> Result<Base, Failure> {
+    let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected what arm.base_parameters() returns, or None");
+    let field = |name: &str| base.getattr(name).map_err(|_| refused());
+    let columns: Vec<usize> = field("columns")?.call_method0("tolist")?.extract().map_err(|_| refused())?;
+    let field = field("projection")?;
+    let (shape, projection) = numbers("Adaptive", "base", &field, &[WHATEVER])?;
+    let projection = owned(projection)?;
+    if shape != [columns.len(), p] {
+        let problem =
+            format!("is of another arm or has columns of friction: expected a projection ({}, {p}), got {}", columns.len(), shown(&shape));
+        return Err(input_error(base.py(), "Adaptive", "base", problem).into());
+    }
+    given.plain("base", base);
+    Ok(Base { columns, projection })
+}
+
+/// The radius of gyration of a least body that is given by its mass, m: that of the metric of `project_parameters`.
+const LENGTH: f64 = 0.1;
+
+/// A mass, or the parameters of the least bodies.
+fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
+    if Looked::at("Adaptive", "projection", projection)?.shape.is_empty() {
+        let mass = given.number("projection", projection)?;
+        return Ok(Projection::of_mass(p, mass, LENGTH)?);
+    }
+    Ok(Projection::new(p, &given.vector("projection", projection, p)?)?)
+}
+
+/// What is given, `None` counting as nothing.
+fn present<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'py, PyAny>> {
+    value.filter(|value| !value.is_none())
+}
+
+/// `v_s` where nothing is said, rad/s or m/s.
+const FRICTION_SPEED: f64 = 0.1;
+
+/// Kinds of friction by their names.
+fn kinds_of(friction: &Bound<'_, PyAny>) -> Result<Vec<JointColumn>, Failure> {
+    let py = friction.py();
+    if friction.is_instance_of::<PyBool>() {
+        let both = vec![JointColumn::Viscous, JointColumn::Coulomb];
+        return Ok(if flag("Adaptive", "friction", friction)? { both } else { Vec::new() });
+    }
+    let refused = |got: String| {
+        let problem = format!("is unknown: expected a flag or some of 'viscous', 'coulomb', 'stribeck', got {got}");
+        Failure::from(input_error(py, "Adaptive", "friction", problem))
+    };
+    let shown = || friction.repr().map_or_else(|_| "an object".into(), |text| text.to_string());
+    let names = if friction.is_instance_of::<PyString>() {
+        vec![friction.clone()]
+    } else {
+        let listed = friction.try_iter().map_err(|_| refused(shown()))?;
+        listed.take(16).collect::<PyResult<Vec<_>>>()?
+    };
+    let mut kinds = Vec::new();
+    for (i, given) in names.iter().enumerate() {
+        if !given.is_instance_of::<PyString>() {
+            return Err(refused(shown()));
+        }
+        let kind = match name("Adaptive", "friction", given)? {
+            "viscous" => JointColumn::Viscous,
+            "coulomb" => JointColumn::Coulomb,
+            "stribeck" => JointColumn::Stribeck,
+            other => return Err(refused(format!("{other:?} (first bad index {i})"))),
+        };
+        if kinds.contains(&kind) {
+            return Err(input_error(py, "Adaptive", "friction", format!("is named twice (first bad index {i})")).into());
+        }
+        kinds.push(kind);
+    }
+    Ok(kinds)
+}
+
+/// The columns of joints that are asked for.
+fn columns_of<'py>(
+    given: &mut Arguments<'py>,
+    n: usize,
+    friction: Option<&Bound<'py, PyAny>>,
+    armature: Option<&Bound<'py, PyAny>>,
+    speed: Option<&Bound<'py, PyAny>>,
+) -> Result<JointColumns, Failure> {
+    let mut kinds = present(friction).map(kinds_of).transpose()?.unwrap_or_default();
+    if let (Some(friction), false) = (friction, kinds.is_empty()) {
+        let kept = if friction.is_instance_of::<PyBool>() || friction.is_instance_of::<PyString>() {
+            friction.clone()
+        } else {
+            PyTuple::new(friction.py(), friction.try_iter()?.collect::<PyResult<Vec<_>>>()?)?.into_any()
+        };
+        given.plain("friction", &kept);
+    }
+    if given.flag("armature", armature)? {
+        kinds.push(JointColumn::Armature);
+    }
+    let speeds = match present(speed) {
+        None => vec![FRICTION_SPEED; n],
+        Some(speed) => {
+            let (shape, values) = numbers("Adaptive", "friction_speed", speed, &[SCALAR, Form(&[Axis::Is(n)])])?;
+            given.keep("friction_speed", speed)?;
+            spread(&shape, values, n)?
+        }
+    };
+    let columns = JointColumns::new(n, &kinds, speeds)?;
+    Ok(if kinds.is_empty() { JointColumns::default() } else { columns })
+}
+
+/// The law with its leakage and its dead zone.
+fn restrained<'py>(
+    given: &mut Arguments<'py>,
+    spec: AdaptiveSpec,
+    leakage: Option<&Bound<'py, PyAny>>,
+    [form, centre]: [Option<&Bound<'py, PyAny>>; 2],
+    dead_zone: Option<&Bound<'py, PyAny>>,
+) -> Result<AdaptiveSpec, Failure> {
+    let p = spec.parameter_names().len();
+    let sigma = leakage.map(|leakage| given.number("leakage", leakage)).transpose()?.unwrap_or(0.0);
+    let form = match form {
+        None => LeakageForm::Sigma,
+        Some(value) => {
+            let form = match text("Adaptive", "leakage_form", value)?.as_str() {
+                "sigma" => LeakageForm::Sigma,
+                "e" => LeakageForm::Error,
+                other => {
+                    let problem = format!("is unknown: expected 'sigma' or 'e', got {other:?}");
+                    return Err(input_error(value.py(), "Adaptive", "leakage_form", problem).into());
+                }
+            };
+            given.plain("leakage_form", value);
+            form
+        }
+    };
+    let centre = centre.map(|centre| given.vector("leakage_centre", centre, p)).transpose()?;
+    let spec = spec.leaking(sigma, form, centre)?;
+    let s_0 = dead_zone.map(|zone| given.number("dead_zone", zone)).transpose()?.unwrap_or(0.0);
+    Ok(spec.resting_below(s_0)?)
+}
+
+#[entered]
+#[pymethods]
+impl Adaptive {
+    #[new]
+    #[pyo3(
+        signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=None, projection=None, friction=None, armature=None,
+            friction_speed=None, leakage=None, leakage_form=None, leakage_centre=None, dead_zone=None),
+        text_signature = "(arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=False, projection=None, friction=False, \
+            armature=False, friction_speed=None, leakage=0.0, leakage_form='sigma', leakage_centre=None, dead_zone=0.0)"
+    )]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        motion: &Bound<'py, PyAny>,
+        kp: &Bound<'py, PyAny>,
+        kd: &Bound<'py, PyAny>,
+        gamma: &Bound<'py, PyAny>,
+        estimate: Option<&Bound<'py, PyAny>>,
+        base: Option<&Bound<'py, PyAny>>,
+        natural: Option<&Bound<'py, PyAny>>,
+        projection: Option<&Bound<'py, PyAny>>,
+        friction: Option<&Bound<'py, PyAny>>,
+        armature: Option<&Bound<'py, PyAny>>,
+        friction_speed: Option<&Bound<'py, PyAny>>,
+        leakage: Option<&Bound<'py, PyAny>>,
+        leakage_form: Option<&Bound<'py, PyAny>>,
+        leakage_centre: Option<&Bound<'py, PyAny>>,
+        dead_zone: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        entry(arm.py(), "Adaptive", || {
+            let mut given = Arguments::new("Adaptive", arm)?;
+            let model = given.model();
+            let (n, p) = (model.n(), model.parameter_count());
+            let motion = given.motion("motion", motion)?;
+            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+            let base = base.filter(|base| !base.is_none()).map(|base| base_of(&mut given, base, p)).transpose()?;
+            let columns = columns_of(&mut given, n, friction, armature, friction_speed)?;
+            let beside = columns.count();
+            let estimated = base.as_ref().map_or(p, |base| base.columns.len()) + beside;
+            let adaptation = if given.flag("natural", natural)? {
+                let bodies = p / 10;
+                let gamma = given.gain("gamma", gamma, bodies + beside)?;
+                if !gamma.is_diagonal() {
+                    let wanted = bodies + beside;
+                    let problem = format!("is a matrix: expected a scalar or ({wanted},), one number per body, for natural adaptation");
+                    return Err(input_error(arm.py(), "Adaptive", "gamma", problem).into());
+                }
+                Adaptation::Natural((0..bodies + beside).map(|i| gamma.at(i, i)).collect())
+            } else {
+                Adaptation::Euclidean(given.gain("gamma", gamma, estimated)?)
+            };
+            let start = estimate.map(|estimate| given.vector("estimate", estimate, estimated)).transpose()?;
+            let mut spec = AdaptiveSpec::with_columns(model, motion, [kp, kd], adaptation, base, columns, start)?;
+            if let Some(projection) = projection.filter(|projection| !projection.is_none()) {
+                spec = spec.projected(least_bodies(&mut given, projection, p)?)?;
+            }
+            spec = restrained(&mut given, spec, present(leakage), [present(leakage_form), present(leakage_centre)], present(dead_zone))?;
+            Ok(given.law(spec).add_subclass(Adaptive))
+        })
+    }
+
+    /// Names of the parameters that are estimated, in the order of the estimate, `(p,)`.
+    #[getter]
+    fn parameter_names<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        match &slf.as_super().get().spec {
+            LawSpec::Adaptive(law) => PyTuple::new(slf.py(), law.parameter_names()),
+            _ => Ok(PyTuple::empty(slf.py())),
+        }
+    }
+}

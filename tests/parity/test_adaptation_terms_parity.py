@@ -1,0 +1,127 @@
+"""Adaptation of rotors and friction, leakage and dead zone against the reference, whose balance comes from the plant's dynamics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from trees import close, driven_tree
+
+import armlet as al
+from armlet import reference as ref
+
+Array = NDArray[np.float64]
+
+#: By name: the keywords, and what else changes.
+OPTIONS: dict[str, dict[str, Any]] = {
+    "friction": {"friction": True},
+    "all columns": {"friction": ("stribeck", "coulomb", "viscous"), "armature": True, "friction_speed": 0.4},
+    "one column": {"friction": ("coulomb",)},
+    "armature": {"armature": True},
+    "leakage": {"leakage": 0.3},
+    "e-modification": {"leakage": 0.2, "leakage_form": "e", "friction": True},
+    "dead zone": {"dead_zone": 1.0},
+    "leakage and dead zone": {"dead_zone": 1.0, "leakage": 0.1},
+    "base": {"friction": True, "armature": True, "leakage": 0.1},
+    "natural": {"friction": True, "leakage": 0.2, "dead_zone": 0.3},
+    "projection": {"armature": True, "friction": True, "leakage": 0.5},
+}
+
+
+def body(rng: np.random.Generator) -> Array:
+    """Six mass points about a small ball: possible, and far from the border."""
+    phi = np.array([0.1, 0, 0, 0, 0.02, 0, 0.02, 0, 0, 0.02])
+    for m, x, y, z in np.column_stack([rng.uniform(0.2, 0.4, 6), rng.uniform(-0.3, 0.3, (6, 3))]):
+        phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
+    return phi
+
+
+def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
+    """Two laws of one option, and the arms; gamma is full where the metric takes a matrix."""
+    rng = np.random.default_rng([n, sorted(OPTIONS).index(option)])
+    arm, theirs = driven_tree(n, 2)
+    bodies = np.concatenate([body(rng) for _ in range(n)])
+    arm, theirs = arm.with_parameters(bodies), theirs.with_parameters(bodies)
+    motion = rng.uniform(0.2, 0.8, (4, n))
+    keywords = dict(OPTIONS[option])
+    kinds = keywords.get("friction", ())
+    beside = n * ((2 if kinds is True else len(kinds)) + keywords.get("armature", False))
+    own, other, size = {}, {}, 10 * n
+    if option == "base":
+        own["base"], other["base"] = arm.base_parameters(), ref.base_parameters(theirs)
+        size = own["base"].count
+    if option == "projection":
+        own["projection"] = other["projection"] = 0.3 * bodies
+    if option == "natural":
+        own["natural"] = other["natural"] = True
+        gamma: Any = rng.uniform(0.1, 1.0, n + beside)
+    else:
+        root = rng.standard_normal((size + beside, size + beside))
+        gamma = 0.2 * (root @ root.T / (size + beside) + 0.1 * np.eye(size + beside))
+    estimate = np.concatenate([0.25 * bodies[:size], rng.uniform(-0.2, 0.5, beside)])
+    if option == "e-modification":
+        keywords["leakage_centre"] = rng.uniform(0.0, 0.5, size + beside)
+    ours = al.Adaptive(arm, al.Sinusoid(*motion), 30.0, 10.0, gamma, estimate=estimate, **keywords, **own)
+    expected = ref.Adaptive(theirs, ref.Sinusoid(*motion), 30.0, 10.0, gamma, estimate=estimate, **keywords, **other)
+    return ours, expected, (arm, theirs)
+
+
+@pytest.mark.parametrize("n", range(1, 9))
+@pytest.mark.parametrize("option", OPTIONS)
+def test_torques_and_rates(option: str, n: int) -> None:
+    ours, other, _ = pair(option, n)
+    assert len(ours.parameter_names) == other.state0.size
+    rng = np.random.default_rng(n)
+    for t, share in ((0.0, 1.0), (0.9, 1.4)):
+        # Slow and fast: on both sides of the dead zone.
+        for speed in (0.02, 1.0):
+            q, v = rng.uniform(-1.0, 1.0, n), speed * rng.uniform(-1.0, 1.0, n)
+            state = share * other.state0
+            got, want = ours.terms(t, q, v, state=state), other.terms(t, q, v, state=state)
+            for key in ("tau", "Y", "s"):
+                close(got[key], want[key], tolerance=1e-11)
+            # The metric of ten by ten has a condition of 1e4 or so.
+            close(got["estimate_rate"], want["state_rate"], tolerance=1e-10)
+            close(ours(t, q, v, state=state), want["tau"], tolerance=1e-11)
+
+
+@pytest.mark.parametrize("friction", [False, True])
+@pytest.mark.parametrize("option", OPTIONS)
+def test_runs(option: str, friction: bool) -> None:
+    """Steps of the same method, the Lyapunov function and its balance too, for a plant with friction and without."""
+    ours, other, (arm, theirs) = pair(option, 2)
+    start = {"q0": [0.3, -0.2], "v0": [0.4, 0.1]}
+    run = al.simulate(al.RigidArm(arm, friction=friction), ours, **start, t_end=0.1, dt=2e-3)
+    expected = ref.simulate(ref.RigidArm(theirs, friction=friction), other, **start, t_end=0.1, dt=2e-3)
+    for key in ("q", "v", "tau", "estimate"):
+        close(getattr(run, key), expected[key], tolerance=1e-9)
+    for key in ("lyapunov", "lyapunov_balance"):
+        close(run.monitors[key], expected[key], tolerance=1e-9)
+
+
+def test_a_sampled_run() -> None:
+    ours, other, (arm, theirs) = pair("all columns", 3)
+    options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3, "sample_time": 2e-3}
+    run = al.simulate(al.RigidArm(arm, friction=True), ours, [0.1, 0.2, -0.3], **options)
+    expected = ref.simulate(ref.RigidArm(theirs, friction=True), other, [0.1, 0.2, -0.3], **options)
+    for key in ("q", "v", "tau", "estimate"):
+        close(getattr(run, key), expected[key], tolerance=1e-9)
+    close(run.monitors["lyapunov_balance"], expected["lyapunov_balance"], tolerance=1e-9)
+
+
+def test_names_follow_the_regressor() -> None:
+    """The columns are those of `Arm.regressor(armature=True, friction=True)`, but for the smooth Coulomb friction of `v_r`."""
+    arm, _ = driven_tree(3, 2)
+    rng = np.random.default_rng(5)
+    law = al.Adaptive(arm, al.Hold(rng.normal(size=3)), 30.0, 10.0, 1.0, friction=True, armature=True, friction_speed=1e-6)
+    q, v = rng.normal(size=(2, 3))
+    parts = law.terms(0.0, q, v)
+    known = arm.regressor(q, v, parts["v_r"], parts["a_r"], armature=True, friction=True)
+    close(parts["Y"][:, :-3], known[:, :-3])
+    np.testing.assert_array_equal(parts["Y"][:, -3:], np.diag(np.sign(parts["v_r"])))
+    kinds = ("armature", "damping", "friction")
+    assert law.parameter_names[30:] == tuple(f"{kind}[{joint}]" for kind in kinds for joint in arm.joint_names)
+    based = al.Adaptive(arm, al.Hold(np.zeros(3)), 30.0, 10.0, 1.0, base=arm.base_parameters(), friction="viscous")
+    assert set(based.parameter_names[:-3]) < set(law.parameter_names[:30])
