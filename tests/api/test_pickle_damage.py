@@ -80,6 +80,7 @@ THINGS: dict[str, Any] = {
     "ProfileReport with ramps": al.trapezoid_time(*LINK, ramp=0.3),
     "TorqueOptimum": al.torque_optimal_time(*LINK),
     "Best": al.torque_optimal_time(*LINK).best,
+    "SuggestedGains": al.suggest_gains(TREE, 10.0, sample_time=1e-4),
     "Simulator": simulator(),
 }
 SCENARIO = al.Scenario(

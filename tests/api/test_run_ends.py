@@ -250,6 +250,56 @@ class TestSimulator:
         assert np.allclose(1e3 * (elastic.theta - elastic.q), ARM.gravity([0.3, -0.2]))  # type: ignore[operator]
         assert elastic.theta_dot is not None and elastic.theta_dot.tolist() == [1.0, 2.0]
 
+    def test_motors_are_set_too(self) -> None:
+        plant = al.ElasticArm(ARM, 1e3, 0.1)
+        law = al.MotorPD(ARM, [0.2, 0.1], 10.0, 1.0, joint_stiffness=1e3)
+        sim = al.Simulator(plant, law, [0.0, 0.0], dt=1e-4)
+        sim.step()
+        state: dict[str, Any] = {"theta": [0.4, -0.1], "theta_dot": [0.5, 0.6]}
+        sim.set_state([0.3, -0.2], [1.0, 2.0], **state)
+        assert sim.theta.tolist() == [0.4, -0.1] and sim.theta_dot.tolist() == [0.5, 0.6]  # type: ignore[union-attr]
+        for _ in range(20):
+            sim.step()
+        run = al.simulate(plant, law, [0.3, -0.2], v0=[1.0, 2.0], theta0=state["theta"], theta_dot0=state["theta_dot"], t_end=2e-3, dt=1e-4)
+        # The law does not know the time: the same steps from the same state.
+        assert np.array_equal(sim.q, run.q[-1]) and np.array_equal(sim.theta, run.theta[-1])  # type: ignore[arg-type, index]
+        with pytest.raises(al.InputError, match=r"^Simulator.set_state: theta_dot is not finite"):
+            sim.set_state([0.0, 0.0], [0.0, 0.0], theta_dot=[np.nan, 0.0])
+        with pytest.raises(al.InputError, match=r"^Simulator.set_state: theta is not used: expected None for"):
+            al.Simulator(PLANT, LAW, [0.0, 0.0], dt=1e-3).set_state([0.0, 0.0], [0.0, 0.0], theta=[0.0, 0.0])
+
+    def test_the_fastest_joint_is_named(self) -> None:
+        options: dict[str, Any] = {"dt": 1e-2, "v0": [0.0, 2.0], "state_limit": 2.5}
+        with pytest.raises(al.SolveError, match=r"the fastest joint before it: v\[[01]\] = ") as caught:
+            sim = al.Simulator(FLYING, FREE, [0.0, 0.0], **options)
+            for _ in range(1000):
+                sim.step()
+        with pytest.raises(al.SolveError, match=r"the fastest joint at the last record, t = .* s: v\[[01]\] = ") as ended:
+            al.simulate(FLYING, FREE, [0.0, 0.0], t_end=10.0, **options)
+        assert caught.value.t is not None and ended.value.t == pytest.approx(caught.value.t + 1e-2)
+        i = int(np.abs(sim.v).argmax())
+        assert f"v[{i}] = {sim.v[i]:.4f}" in str(caught.value) and f"v[{i}] = {sim.v[i]:.4g}" in str(ended.value)
+
+    @pytest.mark.parametrize("method", ["euler", "semi_implicit", "rk4", "ros2"])
+    @pytest.mark.parametrize("sample_time", [None, 2e-3])
+    def test_steps_have_the_bits_of_the_run(self, method: str, sample_time: float | None) -> None:
+        """Every step of rigid and elastic arms under laws that decide no ranks."""
+        elastic = al.MotorPD(ARM, [0.2, 0.1], 10.0, 1.0, joint_stiffness=1e3)
+        loops: list[tuple[Any, Any]] = [
+            (PLANT, al.ComputedTorque(ARM, al.Quintic([0.3, 0.5], [0.6, 0.1], 0.2), 100.0, 20.0)),
+            (PLANT, al.Adaptive(ARM, al.Hold([0.1, 0.2]), 40.0, 20.0, 2.0)),
+            (PLANT, al.CartesianImpedance(ARM, [1.2, 0.8], 100.0, 20.0, frame="link2", axes="xy")),
+            (al.ElasticArm(ARM, 1e3, 0.1), elastic),
+        ]
+        for plant, law in loops:
+            options: dict[str, Any] = {"dt": 1e-3, "method": method, "sample_time": sample_time}
+            # A step that ends at t_end, or where the motion jumps, is longer or shorter than dt by rounding.
+            run = al.simulate(plant, law, [0.3, 0.5], t_end=0.052, monitors=False, **options)
+            sim = al.Simulator(plant, law, [0.3, 0.5], **options)
+            for k in range(50):
+                sim.step()
+                assert sim.q.tobytes() == run.q[k + 1].tobytes() and sim.v.tobytes() == run.v[k + 1].tobytes()
+
     def test_pickles_after_a_fault(self) -> None:
         sim = al.Simulator(PLANT, LAW, [0.0, 0.0], dt=0.5)
         with pytest.raises(al.SolveError) as caught:

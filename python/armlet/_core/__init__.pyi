@@ -72,6 +72,8 @@ from .simulation import loop_program as loop_program
 from .simulation import simulate as simulate
 from .simulation import simulate_batch as simulate_batch
 from .simulation import statuses as statuses
+from .suggested_gains import SuggestedGains as SuggestedGains
+from .suggested_gains import suggest_gains as suggest_gains
 from .tasks import ArmPrioritySolver as ArmPrioritySolver
 from .tasks import AxisTask as AxisTask
 from .tasks import CentreOfMassTask as CentreOfMassTask
@@ -126,6 +128,7 @@ __all__ = [
     "Sinusoid",
     "StateFeedback",
     "Stepper",
+    "SuggestedGains",
     "Table",
     "Task",
     "TimedPath",
@@ -169,6 +172,7 @@ __all__ = [
     "solve_priority",
     "statuses",
     "stiffness_limit",
+    "suggest_gains",
     "time_path",
     "torque_optimal_time",
     "trapezoid_time",

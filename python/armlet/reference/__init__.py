@@ -31,6 +31,7 @@ from .sampling import Sampling, TorqueSensor
 from .saturation import velocity_bounds
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
+from .suggested_gains import SuggestedGains, suggest_gains
 from .tasks import AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task
 from .time_path import Timing, time_path
 from .timed_path import TimedPath
@@ -74,6 +75,7 @@ __all__ = [
     "Sampling",
     "Sinusoid",
     "StateFeedback",
+    "SuggestedGains",
     "Table",
     "Task",
     "TimedPath",
@@ -106,6 +108,7 @@ __all__ = [
     "smallest_reduced_inertia",
     "solve_priority",
     "stiffness_limit",
+    "suggest_gains",
     "time_path",
     "torque_optimal_time",
     "trapezoid_time",

@@ -115,12 +115,20 @@ def simulate(
     run = Run(fields, law=law, plant=plant)
     if throw and run.status not in (Status.SUCCESS, Status.EVENT):
         advice = advice_on_run(run.status, method, rtol, atol, run.stats)
-        message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}"
+        message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}{_fastest(run)}"
         raise SolveError(message, run.status, ended, run)
     undisturbed = sample_time is None and tau_max is None and force is None
     if run.monitors:
         warn_of_balances("simulate", balances, np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
     return run
+
+
+def _fastest(run: Run) -> str:
+    """The joint that runs away, by the last record of a run that diverged."""
+    if run.status != Status.DIVERGED or not len(run.t):
+        return ""
+    i = int(np.abs(run.v[-1]).argmax())
+    return f"; the fastest joint at the last record, t = {run.t[-1]:.9g} s: v[{i}] = {run.v[-1, i]:.4g}"
 
 
 @border

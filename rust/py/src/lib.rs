@@ -24,7 +24,9 @@ mod priority;
 mod seal;
 mod simulate;
 mod simulator;
+mod simulator_state;
 mod stops;
+mod suggested_gains;
 mod task;
 
 use pyo3::prelude::*;
@@ -89,6 +91,8 @@ mod _core {
     use super::batch_stepper::_BatchStepper;
     #[pymodule_export]
     use super::simulator::{_restore_simulator, Simulator};
+    #[pymodule_export]
+    use super::suggested_gains::{SuggestedGains, suggest_gains};
     #[pymodule_export]
     use super::task::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task};
 

@@ -1,12 +1,13 @@
 //! `armlet.Simulator`: a loop stepped by hand, its state in arrays that stay the same objects.
 
-use crate::arrays::{new_array, object, of_shape, overwrite, require_finite, vector};
+use crate::arrays::{new_array, object, of_shape, overwrite, vector};
 use crate::errors::{Failure, entry, input_error, solve_error};
 use crate::force::{Raised, constant_force, raise};
 use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
 use crate::priority::status_member;
 use crate::seal::{Sealed, seal_call};
+use crate::simulator_state::{fastest, finite_vector, of_motors};
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{Force, Problem, Stepping, Wrench, require_fixed_steps, stepper};
@@ -220,15 +221,32 @@ impl Simulator {
         status_member(py, self.stepping.lock().unwrap_or_else(PoisonError::into_inner).status())
     }
 
-    /// Go on from `q` and `v`, `(n,)`, at the present time; motors of elastic arms are put as `simulate` puts them at the start, and
-    /// the law's own state stays.
-    fn set_state(&mut self, py: Python<'_>, q: &Bound<'_, PyAny>, v: &Bound<'_, PyAny>) -> PyResult<()> {
+    /// Go on from `q` and `v`, `(n,)`, at the present time; the law's own state stays.
+    ///
+    /// Args:
+    ///     q, v: position and velocity of the links, `(n,)`, rad or m and per second.
+    ///     theta, theta_dot: the same of the motors of elastic arms; None: the springs carry gravity, and the motors move with the links, as
+    ///         at the start of `simulate` (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: a shape is wrong, a number is not finite, or motors are given of a plant without elastic joints.
+    #[pyo3(signature = (q, v, *, theta=None, theta_dot=None))]
+    fn set_state(
+        &mut self,
+        py: Python<'_>,
+        q: &Bound<'_, PyAny>,
+        v: &Bound<'_, PyAny>,
+        theta: Option<&Bound<'_, PyAny>>,
+        theta_dot: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
         const NAME: &str = "Simulator.set_state";
         entry(py, NAME, || {
             let n = self.plant.n();
             let (q, v) = (finite_vector(NAME, "q", q, n)?, finite_vector(NAME, "v", v, n)?);
+            let motors = |name: &str, value| of_motors(NAME, name, value, &self.plant);
+            let (theta, theta_dot) = (motors("theta", theta)?, motors("theta_dot", theta_dot)?);
             let v = if self.plant.kind() == PlantKind::Velocity { Vec::new() } else { v };
-            let state = self.plant.initial_state(&q, &v, None, None);
+            let state = self.plant.initial_state(&q, &v, theta.as_deref(), theta_dot.as_deref());
             let mut x = self.x.clone();
             x[..state.len()].copy_from_slice(&state);
             self.stepping().put(&x);
@@ -348,7 +366,10 @@ impl Simulator {
     /// What a step that was not taken raises.
     fn ended(&self, py: Python<'_>, status: Status) -> Result<Failure, Failure> {
         let t = self.t()?;
-        let message = format!("Simulator.step: the step from t = {t} s on diverges: {}", status.advice());
+        let n = self.plant.n();
+        // The state before the step: what comes of it may be NaN throughout.
+        let v = if self.plant.kind() == PlantKind::Velocity { &self.input } else { &self.x[n..2 * n] };
+        let message = format!("Simulator.step: the step from t = {t} s on diverges: {}{}", status.advice(), fastest(v));
         Ok(solve_error(py, message, status, t, self.state(py)?.into_any().unbind()).into())
     }
 
@@ -373,11 +394,4 @@ impl Simulator {
         }
         Ok(())
     }
-}
-
-/// `(n,)` finite numbers.
-fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
-    let values = vector(function, name, value, n)?;
-    require_finite(value.py(), function, name, &[n], &values)?;
-    Ok(values)
 }

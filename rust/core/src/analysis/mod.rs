@@ -10,3 +10,5 @@ pub mod inverse_kinematics;
 pub mod linearisation;
 pub mod loop_slope;
 pub mod rest;
+pub mod suggested_gains;
+mod uniform;

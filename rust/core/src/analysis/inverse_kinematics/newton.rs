@@ -1,6 +1,7 @@
 //! The search from one start: prioritised damped Newton steps with an active set of joint limits. Buffers last from target to target,
 //! so that a search allocates nothing after its construction.
 
+use super::super::uniform::within;
 use super::{IkOptions, limits};
 use crate::arm::Arm;
 use crate::error::Result;
@@ -238,12 +239,7 @@ impl Newton {
 
     /// Uniform within the limits; a joint without them within a turn, or a metre about the given start.
     pub fn random_start(&self, q0: &[f64], state: &mut u64, start: &mut [f64]) {
-        for (i, (to, &(lower, upper))) in start.iter_mut().zip(&self.bounds).enumerate() {
-            let (around, half) = if self.angles[i] { (0.0, PI) } else { (q0[i], 1.0) };
-            let low = if lower.is_finite() { lower } else { (around - half).min(upper - 2.0 * half) };
-            let high = if upper.is_finite() { upper } else { low + 2.0 * half };
-            *to = low + (high - low) * uniform(state);
-        }
+        within(&self.bounds, &self.angles, q0, state, start);
     }
 
     /// How far `a` and `b` are apart in the joint that differs most, rad or m; whole turns do not count.
@@ -278,14 +274,4 @@ fn clip(q: &mut [f64], bounds: &[(f64, f64)]) {
     for (q, (lower, upper)) in q.iter_mut().zip(bounds) {
         *q = q.max(*lower).min(*upper);
     }
-}
-
-/// A number in [0, 1) of the sequence that `state` stands for (SplitMix64, `steele2014splittable`).
-fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^= z >> 31;
-    (z >> 11) as f64 / (1u64 << 53) as f64
 }

@@ -1,0 +1,33 @@
+"""Gains for a bandwidth
+=====================
+
+Gains of a seven-axis arm for 15 rad/s, and how far the sample time may go.
+
+``suggest_gains`` evaluates the mass matrix over the workspace. The step responses below are those of a sampled controller of one
+link, with three bandwidths: a part of the largest stable one, almost all of it, and a tenth more. The last one diverges.
+
+Run: ``python examples/suggested_gains.py``.
+"""
+
+import warnings
+
+import numpy as np
+
+import armlet as al
+
+arm = al.load_urdf(al.example_urdf("seven_axis"))
+print(al.suggest_gains(arm, 15.0, sample_time=1e-4))
+
+link = al.pendulum(0.5, 0.0)
+for part in (0.3, 0.9, 1.1):
+    h = 1e-2
+    w = part * al.suggest_gains(link, 1.0, 1.0, h).computed_torque_limit
+    g = al.suggest_gains(link, w)  # without the sample time nothing is refused
+    run = al.simulate(al.RigidArm(link), al.PDGravity(link, [1.0], g.kp, g.kd), [0.0], t_end=1.0, dt=h, sample_time=h, throw=False)
+    print(f"{part:.1f} of the limit, {w:5.1f} rad/s: {run.status.name}, last error {abs(run.q[-1, 0] - 1.0):.1e} rad")
+
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    g = al.suggest_gains(arm, 15.0, sample_time=5e-2)
+print(said[0].message if said else "no warning")
+assert np.all(g.kp > 0.0)

@@ -1,0 +1,183 @@
+//! Gains for a bandwidth `w` and a damping ratio `z`, from the mass matrix over the workspace.
+//!
+//! Computed torque decouples the joints, `e'' + kd e' + kp e = 0`: `kp = w^2`, `kd = 2 z w`. Laws whose gains are torques get
+//!
+//! `kp = m w^2`, `kd = 2 z m w`, `m = s max_q diag M(q)`, `s` the least number with `M(q) <= diag(m)` at all samples.
+//!
+//! With the mass matrix frozen at `q`, each mode of `M e'' + kd e' + kp e = 0` obeys `l s^2 + 2 z w s + w^2 = 0`, `l` an eigenvalue of
+//! `diag(m)^-1 M` in (0, 1]: its natural frequency is `w / sqrt(l) >= w`, and its damping ratio `z / sqrt(l) >= z`.
+//!
+//! Held for a sample `h`, `x_(k+1) = [1 h; 0 1] x_k - [h^2/2; h] [kp kd] x_k / l` is stable iff `kd h < 2 l` and `kp h < 2 kd` (Jury),
+//! that is `w h < min(4 z, l / z)`. Gains of decoupled joints: `SicilianoEtAl2009`, section 8.5.
+
+use super::uniform::within;
+use crate::dynamics::Model;
+use crate::error::{Error, Result, positive};
+use crate::interrupt::look;
+use crate::linalg::symmetric_eigen;
+use crate::memory;
+use std::fmt;
+
+/// Configurations at which the mass matrix is evaluated.
+pub const SAMPLES: usize = 512;
+
+/// Gains, and what they promise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SuggestedGains {
+    /// Wanted bandwidth, rad/s.
+    pub bandwidth: f64,
+    /// Wanted damping ratio.
+    pub damping_ratio: f64,
+    /// How long a sampled law holds its input, s.
+    pub sample_time: Option<f64>,
+    /// `m` `(n,)`, kg m^2 or kg.
+    pub inertia: Vec<f64>,
+    /// The least `l`: how much lighter than `m` the lightest direction of any sample is, in (0, 1].
+    pub lightest: f64,
+}
+
+impl SuggestedGains {
+    /// Position gains of laws whose gains are torques, `(n,)`, N m/rad or N/m.
+    pub fn kp(&self) -> Vec<f64> {
+        self.inertia.iter().map(|m| m * self.bandwidth * self.bandwidth).collect()
+    }
+
+    /// Velocity gains of these laws, `(n,)`, N m s/rad or N s/m.
+    pub fn kd(&self) -> Vec<f64> {
+        self.inertia.iter().map(|m| 2.0 * self.damping_ratio * m * self.bandwidth).collect()
+    }
+
+    /// `kp` in 1/s^2 and `kd` in 1/s of computed torque, for every joint.
+    pub fn computed_torque(&self) -> (f64, f64) {
+        (self.bandwidth * self.bandwidth, 2.0 * self.damping_ratio * self.bandwidth)
+    }
+
+    /// The bandwidth below which the loop is stable when the input is held for a sample, rad/s: of gains that are torques, and of computed
+    /// torque. None without a sample time.
+    pub fn limits(&self) -> Option<(f64, f64)> {
+        let z = self.damping_ratio;
+        self.sample_time.map(|h| ((4.0 * z).min(self.lightest / z) / h, (4.0 * z).min(1.0 / z) / h))
+    }
+
+    /// The slowest decay and the largest pole of any mode at the samples, rad/s, without sampling.
+    pub fn poles(&self) -> (f64, f64) {
+        let (w, z) = (self.bandwidth, self.damping_ratio);
+        let of = |l: f64| {
+            let root = z * z - l;
+            if root < 0.0 { (z * w / l, w / l.sqrt()) } else { (w / (z + root.sqrt()), w * (z + root.sqrt()) / l) }
+        };
+        // Decay rises up to l = z^2 and falls from there: the least is at an end.
+        let (light, heavy) = (of(self.lightest), of(1.0));
+        (light.0.min(heavy.0), light.1.max(heavy.1))
+    }
+}
+
+/// Gains of an arm for `bandwidth` in rad/s and a damping ratio, for a law that is evaluated all the time or, with `sample_time` in s,
+/// held for that long.
+///
+/// ```
+/// use armlet_core::analysis::suggested_gains::suggest_gains;
+/// use armlet_core::arm::Arm;
+///
+/// let gains = suggest_gains(&Arm::pendulum(2.0, 5.0)?.into(), 10.0, 1.0, Some(1e-3))?;
+/// assert_eq!((gains.kp(), gains.kd()), (vec![200.0], vec![40.0]));
+/// assert_eq!(gains.limits(), Some((1000.0, 1000.0)));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub fn suggest_gains(model: &Model, bandwidth: f64, damping_ratio: f64, sample_time: Option<f64>) -> Result<SuggestedGains> {
+    positive("bandwidth", bandwidth)?;
+    positive("damping_ratio", damping_ratio)?;
+    sample_time.map_or(Ok(()), |h| positive("sample_time", h))?;
+    let (inertia, lightest) = spread(model)?;
+    let gains = SuggestedGains { bandwidth, damping_ratio, sample_time, inertia, lightest };
+    if let (Some(h), Some((_, limit))) = (sample_time, gains.limits())
+        && bandwidth >= limit
+    {
+        return Err(Error::input(
+            "bandwidth",
+            format!("is too large for the sample time: expected below min(4 zeta, 1/zeta)/h = {limit} rad/s at h = {h} s, got {bandwidth}"),
+        ));
+    }
+    if let Some(i) = gains.kp().iter().chain(&gains.kd()).position(|k| !k.is_finite()) {
+        let problem = format!("makes gains that overflow: expected finite ones, got {bandwidth} rad/s (first bad index {})", i % model.n());
+        return Err(Error::input("bandwidth", problem));
+    }
+    Ok(gains)
+}
+
+/// `m` and the least eigenvalue of `diag(m)^-1 M` at samples within the joint limits.
+fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
+    let n = model.n();
+    let bounds = match model {
+        Model::PlanarPr(_) => vec![(f64::NEG_INFINITY, f64::INFINITY); n],
+        Model::Tree(arm) => arm.joints.iter().map(|joint| (joint.limits.lower, joint.limits.upper)).collect(),
+    };
+    let (angles, zeros) = (model.angles(), vec![0.0; n]);
+    let (mut q, mut mass) = (vec![0.0; n], memory::zeros(n * n)?);
+    let mut at = model.at(&q);
+    let mut visit = |each: &mut dyn FnMut(&mut [f64]) -> Result<()>| -> Result<()> {
+        let mut state = 0;
+        for _ in 0..SAMPLES {
+            look();
+            within(&bounds, &angles, &zeros, &mut state, &mut q);
+            at.move_to(&q);
+            at.mass_matrix(&mut mass);
+            each(&mut mass)?;
+        }
+        Ok(())
+    };
+    let mut largest = vec![0.0f64; n];
+    visit(&mut |mass| {
+        largest.iter_mut().enumerate().for_each(|(i, most)| *most = most.max(mass[i * n + i]));
+        Ok(())
+    })?;
+    if let Some(i) = largest.iter().position(|m| !(*m > 0.0 && m.is_finite())) {
+        let problem = format!("has no inertia at a joint: expected diag M(q) > 0, got {} (first bad index {i})", largest[i]);
+        return Err(Error::input("arm", problem));
+    }
+    let (mut most, mut least) = (0.0f64, f64::INFINITY);
+    visit(&mut |mass| {
+        for i in 0..n {
+            for j in 0..n {
+                mass[i * n + j] /= (largest[i] * largest[j]).sqrt();
+            }
+        }
+        let (values, _) = symmetric_eigen(mass, n)?;
+        (most, least) = (most.max(values[n - 1]), least.min(values[0]));
+        Ok(())
+    })?;
+    // Rounding leaves some n eps of the largest eigenvalue.
+    if !(least > 4.0 * n as f64 * f64::EPSILON * most) {
+        let problem = "has a mass matrix that is not positive definite: expected M(q) > 0 within the joint limits";
+        return Err(Error::input("arm", format!("{problem}, got an eigenvalue {least:e} of 1")));
+    }
+    Ok((largest.iter().map(|m| most * m).collect(), least / most))
+}
+
+/// Numbers with four digits in brackets.
+fn shown(values: &[f64]) -> String {
+    format!("[{}]", values.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(", "))
+}
+
+impl fmt::Display for SuggestedGains {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (kp, kd) = self.computed_torque();
+        let (slow, fast) = self.poles();
+        let (w, z) = (self.bandwidth, self.damping_ratio);
+        writeln!(f, "bandwidth {w} rad/s, damping ratio {z}; the mass matrix at {SAMPLES} configurations within the joint limits")?;
+        writeln!(f, "PDGravity, PID, Adaptive (gains are torques; N m/rad and N m s/rad, N/m and N s/m):")?;
+        writeln!(f, "  kp = {}", shown(&self.kp()))?;
+        writeln!(f, "  kd = {}", shown(&self.kd()))?;
+        writeln!(f, "  at these configurations every mode has this bandwidth and damping ratio or more;")?;
+        writeln!(f, "  the slowest decays at {slow:.4} rad/s, the fastest pole is at {fast:.4} rad/s")?;
+        write!(f, "ComputedTorque (gains are accelerations; 1/s^2 and 1/s): kp = {kp}, kd = {kd}")?;
+        if let (Some(h), Some((torque, acceleration))) = (self.sample_time, self.limits()) {
+            let verdict = |limit: f64| if self.bandwidth < limit { "stable" } else { "UNSTABLE" };
+            writeln!(f, "\nheld for a sample h = {h} s, a loop is stable below min(4 zeta, l/zeta)/h, l = 1 for ComputedTorque and")?;
+            writeln!(f, "l = {:.4} for gains that are torques: the lightest direction of M(q) against the kp of its joint", self.lightest)?;
+            writeln!(f, "  ComputedTorque: below {acceleration:.4} rad/s: {}", verdict(acceleration))?;
+            write!(f, "  gains that are torques: below {torque:.4} rad/s: {}; a third of it leaves room for delays", verdict(torque))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,188 @@
+//! `armlet.suggest_gains` and its answer.
+
+use crate::arm::Arm;
+use crate::arrays::{any_vector, copied, number, object, optional_number};
+use crate::errors::{Failure, entry};
+use crate::interrupts::long;
+use crate::seal::{Sealed, seal};
+use armlet_core::analysis::suggested_gains::{SuggestedGains as Core, suggest_gains as core};
+use armlet_macros::entered;
+use pyo3::exceptions::PyUserWarning;
+use pyo3::prelude::*;
+
+/// Gains for a bandwidth, made by `suggest_gains`; `str(g)` explains them.
+///
+/// `kp`, `kd`: `(n,)`, of laws whose gains are torques, N m/rad and N m s/rad (N/m, N s/m): `PDGravity`, `PID`, `JointImpedance`, `Adaptive`.
+/// `computed_torque`: `kp` in 1/s^2 and `kd` in 1/s for `ComputedTorque`. `inertia`: `m` `(n,)`, kg m^2 or kg. `lightest`: the least
+/// eigenvalue of `diag(m)^-1 M(q)` at the samples. `limit` and `computed_torque_limit`: the bandwidth below which the sampled loop is
+/// stable, rad/s, for either kind of law; None without a sample time. `bandwidth`, `damping_ratio`, `sample_time`: as given.
+#[pyclass(frozen, module = "armlet")]
+pub struct SuggestedGains {
+    core: Core,
+}
+
+const NAME: &str = "suggest_gains";
+
+#[entered]
+#[pymethods]
+impl SuggestedGains {
+    #[new]
+    #[pyo3(signature = (bandwidth, damping_ratio, sample_time, inertia, lightest))]
+    fn new(
+        bandwidth: &Bound<'_, PyAny>,
+        damping_ratio: &Bound<'_, PyAny>,
+        sample_time: Option<&Bound<'_, PyAny>>,
+        inertia: &Bound<'_, PyAny>,
+        lightest: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        const NAME: &str = "SuggestedGains";
+        entry(bandwidth.py(), NAME, || {
+            let core = Core {
+                bandwidth: number(NAME, "bandwidth", bandwidth)?,
+                damping_ratio: number(NAME, "damping_ratio", damping_ratio)?,
+                sample_time: optional_number(NAME, "sample_time", sample_time)?,
+                inertia: any_vector(NAME, "inertia", inertia)?,
+                lightest: number(NAME, "lightest", lightest)?,
+            };
+            Ok(SuggestedGains { core })
+        })
+    }
+
+    #[getter]
+    fn bandwidth(&self) -> f64 {
+        self.core.bandwidth
+    }
+
+    #[getter]
+    fn damping_ratio(&self) -> f64 {
+        self.core.damping_ratio
+    }
+
+    #[getter]
+    fn sample_time(&self) -> Option<f64> {
+        self.core.sample_time
+    }
+
+    #[getter]
+    fn lightest(&self) -> f64 {
+        self.core.lightest
+    }
+
+    #[getter]
+    fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, &self.core.inertia)
+    }
+
+    #[getter]
+    fn kp<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, &self.core.kp())
+    }
+
+    #[getter]
+    fn kd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, &self.core.kd())
+    }
+
+    #[getter]
+    fn computed_torque(&self) -> (f64, f64) {
+        self.core.computed_torque()
+    }
+
+    #[getter]
+    fn limit(&self) -> Option<f64> {
+        self.core.limits().map(|(limit, _)| limit)
+    }
+
+    #[getter]
+    fn computed_torque_limit(&self) -> Option<f64> {
+        self.core.limits().map(|(_, limit)| limit)
+    }
+
+    fn __str__(&self) -> String {
+        self.core.to_string()
+    }
+
+    fn __repr__(&self) -> String {
+        let Core { bandwidth, damping_ratio, sample_time, .. } = &self.core;
+        let h = sample_time.map_or("None".to_string(), |h| h.to_string());
+        format!("SuggestedGains(n={}, bandwidth={bandwidth}, damping_ratio={damping_ratio}, sample_time={h})", self.core.inertia.len())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
+        let Core { bandwidth, damping_ratio, sample_time, inertia, lightest } = &self.core;
+        let parts = (*bandwidth, *damping_ratio, *sample_time, array(py, inertia)?, *lightest).into_pyobject(py)?;
+        seal(py.get_type::<Self>().as_any(), parts, None)
+    }
+}
+
+fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+    entry(py, "SuggestedGains", || copied(py, &[values.len()], values))
+}
+
+/// Gains of an arm for a bandwidth and a damping ratio, from its mass matrix over the workspace.
+///
+/// `kp = m w^2` and `kd = 2 zeta m w` for laws whose gains are torques (`PDGravity`, `PID`, `JointImpedance`, `Adaptive`); `kp = w^2` and
+/// `kd = 2 zeta w` for `ComputedTorque`, in `.computed_torque`. `m` is the largest `diag M(q)` of 512 configurations within the joint limits,
+/// times the least number with `M(q) <= diag(m)` at all of them: with `M` frozen there, every mode has at least this natural frequency
+/// and damping ratio. Joints without limits are sampled over a turn, or a metre either way. The same call returns the same gains.
+///
+/// With `sample_time=h` the input is held for `h`, and a loop is stable below `min(4 zeta, l/zeta)/h` rad/s: `l = 1` for `ComputedTorque`, and
+/// the least eigenvalue of `diag(m)^-1 M(q)` for gains that are torques. Gravity must be compensated by the law, and the limit is that
+/// of the mass matrix frozen at a sample.
+///
+/// Args:
+///     arm: the arm; its inertia includes the armature.
+///     bandwidth: `w`, rad/s, > 0.
+///     damping_ratio: `zeta`, > 0; 1 is critical.
+///     sample_time: how long the input of a sampled law is held, s, > 0; None: evaluated all the time.
+///
+/// Returns:
+///     A `SuggestedGains`: `.kp`, `.kd`, and `str(g)` with what they promise.
+///
+/// Raises:
+///     InputError: a number is not positive, `bandwidth` is not below the limit of `ComputedTorque` at this sample time, or the mass
+///         matrix is not positive definite.
+///
+/// Warns:
+///     UserWarning: `bandwidth` is not below the limit of gains that are torques.
+///
+/// Source: Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control, section 8.5, 2009.
+///
+/// >>> import armlet as al
+/// >>> g = al.suggest_gains(al.pendulum(2.0, 5.0), 10.0, sample_time=1e-3)
+/// >>> g.kp, g.kd, g.limit
+/// (array([200.]), array([40.]), 1000.0)
+#[entered]
+#[pyfunction]
+#[pyo3(
+    signature = (arm, bandwidth, damping_ratio=None, sample_time=None),
+    text_signature = "(arm, bandwidth, damping_ratio=1.0, sample_time=None)"
+)]
+pub fn suggest_gains(
+    py: Python<'_>,
+    arm: &Bound<'_, PyAny>,
+    bandwidth: &Bound<'_, PyAny>,
+    damping_ratio: Option<&Bound<'_, PyAny>>,
+    sample_time: Option<&Bound<'_, PyAny>>,
+) -> PyResult<SuggestedGains> {
+    entry(py, NAME, || {
+        let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
+        let model = arm.get().model.core();
+        let bandwidth = number(NAME, "bandwidth", bandwidth)?;
+        let ratio = optional_number(NAME, "damping_ratio", damping_ratio)?.unwrap_or(1.0);
+        let h = optional_number(NAME, "sample_time", sample_time)?;
+        let gains = long(py, || core(&model, bandwidth, ratio, h))?;
+        warn(py, &gains)?;
+        Ok(SuggestedGains { core: gains })
+    })
+}
+
+fn warn(py: Python<'_>, gains: &Core) -> Result<(), Failure> {
+    let Some((limit, _)) = gains.limits().filter(|(limit, _)| gains.bandwidth >= *limit) else { return Ok(()) };
+    let text = format!(
+        "{NAME}: bandwidth is too large for gains that are torques at this sample time: expected below {limit} rad/s, got {}; ComputedTorque is stable",
+        gains.bandwidth
+    );
+    let text = std::ffi::CString::new(text).unwrap_or_default();
+    Ok(PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?)
+}
