@@ -78,6 +78,7 @@ from .figures.comparison import compare
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
+from .null_space import NullSpace
 from .printed import export_c
 from .priority import PriorityDiagnosis, diagnose_priority
 from .rest_to_rest import point_to_point
@@ -129,6 +130,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "ModelError",
     "Motion",
     "MotorPD",
+    "NullSpace",
     "PDGravity",
     "PID",
     "ParameterReport",

@@ -196,7 +196,7 @@ def test_examples_have_a_title() -> None:
     assert [name_of(path) for path in EXAMPLES if not re.match(r'"""(\S.*)\n=+\n\n\S', path.read_text())] == []
 
 
-CONCEPTS = "adaptive arms batches elastic identification integration minimum_time plants_and_laws priority time_path".split()
+CONCEPTS = "adaptive arms batches elastic identification impedance integration minimum_time plants_and_laws priority time_path".split()
 
 
 @pytest.mark.parametrize("concept", CONCEPTS)

@@ -53,7 +53,8 @@ SIGNATURES = {
     "Adaptive": "arm motion kp kd gamma * estimate",
     "ComputedTorque": "arm motion kp kd",
     "PDGravity": "arm target kp kd",
-    "CartesianImpedance": "arm target stiffness damping * frame axes",
+    "CartesianImpedance": "arm target stiffness damping * frame axes nullspace feedforward",
+    "NullSpace": "q_d stiffness damping",
     "ElasticImpedance": "arm target stiffness damping joint_stiffness motor_inertia reduced_inertia * frame axes motor_damping "
     "damping_ratio",
     "PriorityVelocity": "arm tasks * method eps",

@@ -83,6 +83,8 @@ class Values:
         ]
         if self.frame:
             rigid.append(f"al.CartesianImpedance({arm}, [0.3, 0.2], 100.0, 10.0, frame='{self.frame}', axes='xy')")
+            posture = f"nullspace=al.NullSpace({[0.1] * n}, 10.0, 1.0), feedforward=[1.0], compensate_coupling=True, integral_gain=2.0"
+            rigid.append(f"al.CartesianImpedance({arm}, [0.3], 100.0, 10.0, frame='{self.frame}', axes='x', {posture})")
             rigid.append(f"al.PriorityVelocity({arm}, {self.tasks()})")
         return self.chance.choice(rigid)
 
@@ -165,6 +167,7 @@ class Values:
             "ElasticLimits": self.limits,
             "Event": lambda: "al.Event.joint(0, 0.5)",
             "JointStops": lambda: "al.JointStops(1.0)",
+            "NullSpace": lambda: f"al.NullSpace({[0.1] * self.n}, 10.0, 1.0)",
             "Sampling": self.sampling,
             "TorqueSensor": lambda: "al.TorqueSensor()",
             "Status": lambda: "al.Status.SUCCESS",
@@ -184,6 +187,7 @@ class Values:
     def by_name(self, target: str, name: str) -> str | None:
         n, chance = self.n, self.chance
         joints = {"q", "v", "a", "tau", "v_r", "a_r", "q0", "q1", "v0", "theta0", "theta_dot0", "theta", "theta_dot", "target", "phase"}
+        joints.add("q_d")
         if target in {"integrate", "scipy_method"}:
             return self.of_integrate(name)
         if target.endswith("_time") and name in {"theta0", "thetaf"}:
@@ -261,6 +265,12 @@ class Values:
             "tau_max": lambda: self.vector(n, 1.0, 50.0) if not target.endswith("_time") else self.positive(0.0, 20.0),
             "v_max": lambda: self.vector(n, 0.5, 5.0),
             "a_max": lambda: self.vector(n, 0.5, 5.0),
+            "wrench_max": lambda: self.vector(2, 1.0, 50.0),
+            "feedforward": lambda: self.vector(2),
+            "integral_gain": lambda: self.gain(2),
+            "nullspace": lambda: f"al.NullSpace({self.vector(n)}, {self.gain()}, 1.0, projection={self.text('consistent', 'static')})",
+            "projection": lambda: self.text("consistent", "static"),
+            "compensate_coupling": lambda: self.text("True", "False").strip("'"),
             "j_max": lambda: self.vector(n, 0.5, 50.0),
             "v_min": lambda: self.vector(n, -5.0, -0.5),
             "q_min": lambda: self.vector(n, -5.0, -0.5),

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from typing_extensions import disjoint_base
 
 from ..identification import BaseParameters
+from ..null_space import NullSpace
 from ._types import _Array
 from .arms import Arm
 from .motions import Motion
@@ -88,7 +89,21 @@ class PID(Law):
 @final
 class CartesianImpedance(Law):
     def __new__(
-        cls, arm: Arm, target: ArrayLike, stiffness: ArrayLike, damping: ArrayLike, *, frame: str, axes: str | None = None
+        cls,
+        arm: Arm,
+        target: ArrayLike | Motion,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        *,
+        frame: str,
+        axes: str | None = None,
+        nullspace: NullSpace | None = None,
+        feedforward: ArrayLike | None = None,
+        compensate_coupling: bool = False,
+        eps: float | None = None,
+        integral_gain: ArrayLike | None = None,
+        wrench_max: ArrayLike | None = None,
+        tau_max: ArrayLike | None = None,
     ) -> Self: ...
 
 @final
@@ -96,7 +111,7 @@ class ElasticImpedance(Law):
     def __new__(
         cls,
         arm: Arm,
-        target: ArrayLike,
+        target: ArrayLike | Motion,
         stiffness: ArrayLike,
         damping: ArrayLike,
         joint_stiffness: ArrayLike,
@@ -108,6 +123,10 @@ class ElasticImpedance(Law):
         motor_damping: ArrayLike | None = None,
         damping_ratio: float | None = None,
         relative_damping: bool = False,
+        nullspace: NullSpace | None = None,
+        feedforward: ArrayLike | None = None,
+        compensate_coupling: bool = False,
+        eps: float | None = None,
     ) -> Self: ...
 
 @final

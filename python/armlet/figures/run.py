@@ -144,10 +144,11 @@ def _torque(ax: Axes, run: Recorded) -> None:
 def _estimate(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     count = run.estimate.shape[-1]
-    if run.law_name == "PID":
+    if run.law_name in ("PID", "CartesianImpedance"):
+        wrench = run.law_name == "CartesianImpedance"
         _lines(ax, run.t, run.estimate, [f"$w_{{{i + 1}}}$" for i in range(count)])
-        ax.set_ylabel(", ".join(dict.fromkeys(run.input_units)))
-        ax.set_title("Integral torques")
+        ax.set_ylabel("N, N m" if wrench else ", ".join(dict.fromkeys(run.input_units)))
+        ax.set_title("Integral wrench" if wrench else "Integral torques")
         _legend(ax)
         return
     links = run.q.shape[-1]

@@ -20,6 +20,7 @@ from .lagrange import Mechanism
 from .law import PID, ComputedTorque, Law, PDGravity
 from .mintime import torque_optimal_time
 from .motion import BangBang, Hold, Quintic, Sinusoid, Table
+from .null_space import NullSpace
 from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import solve_priority
@@ -62,6 +63,7 @@ __all__ = [
     "Law",
     "Mechanism",
     "MotorPD",
+    "NullSpace",
     "PDGravity",
     "ParameterReport",
     "Pendulum",

@@ -1,12 +1,13 @@
 """Impedance, Cartesian or of the joints, for rigid arms and through elastic joints.
 
-rigid    tau = J'[K_m (x_d - x) + D_m (x_d' - J v)] + g(q)
+rigid    tau = J'[K_m (x_d - x) + D_m (x_d' - J v) + F_ff + w] + N' tau_0 + g(q), w' = K_i (x_d - x); N' and the coupling: `null_space`
+         the wrench and tau within limits; a row of w' is 0 where it would take what is beyond a limit further
 elastic  u = that, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 w + tau_J = u,  tau_J = K_J (theta - q)
          B theta_ddot + tau_J = tau: the motor of inertia B that moves as one of B0 would
          w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
 D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
 E  = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
-P  = F.x_dot - theta_dot'D0 w + x_dot.D_m (x_d' - x_dot) + x_d'.K_m e + (theta_dot - v).u
+P  = F.x_dot - theta_dot'D0 w + x_dot.F_law + (x_d' - x_dot).K_m e + v.(u - J'F_law - g) + (theta_dot - v).u
 """
 
 from typing import Any
@@ -18,7 +19,8 @@ from .arm import Arm
 from .lagrange import Array, Mechanism, solve
 from .law import Law, PDGravity, Terms, gain
 from .motion import Hold, Motion
-from .task import Coordinates
+from .null_space import EPS, NullSpace, clamped, coupling, held, row_rates
+from .task import Coordinates, parse_axes, rotation_vector
 
 
 def power(A: Array, exponent: float) -> Array:
@@ -38,23 +40,69 @@ def ratio_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
 
 
 class CartesianImpedance(Law):
-    """Spring and damper between a frame and its target, gravity compensated."""
+    """Spring and damper between a frame and its target, gravity compensated; the state is the integral wrench w (m,)."""
 
-    def __init__(self, arm: Arm, target: ArrayLike, stiffness: ArrayLike, damping: ArrayLike, *, frame: str, axes: str = "xyz") -> None:
-        self.arm = arm
-        self.motion: Motion = Hold(target)
-        self.coordinates = Coordinates(arm, target, frame, axes)
+    def __init__(
+        self,
+        arm: Arm,
+        target: Any,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        *,
+        frame: str,
+        axes: str = "xyz",
+        nullspace: NullSpace | None = None,
+        feedforward: ArrayLike | None = None,
+        compensate_coupling: bool = False,
+        eps: float | None = None,
+        integral_gain: ArrayLike | None = None,
+        wrench_max: ArrayLike = np.inf,
+        tau_max: ArrayLike = np.inf,
+    ) -> None:
+        self.arm, self.nullspace, self.compensates = arm, nullspace, compensate_coupling
+        self.eps = EPS if eps is None else eps
+        if not callable(target) and np.shape(target) == (4, 4):
+            target = np.concatenate([np.asarray(target)[:3, 3], rotation_vector(np.asarray(target)[:3, :3])])[parse_axes(axes)]
+        self.motion: Motion = target if callable(target) else Hold(target)
+        self.breaks = getattr(target, "breaks", ())
+        self.coordinates = Coordinates(arm, self.motion(0.0)[0], frame, axes)
         rows = len(self.coordinates.rows)
         self.stiffness, self.damping = gain(stiffness, rows), gain(damping, rows)
+        self.feedforward = np.zeros(rows) if feedforward is None else np.asarray(feedforward, dtype=np.float64)
+        self.integral_gain = None if integral_gain is None else gain(integral_gain, rows)
+        self.state0 = np.zeros(0 if integral_gain is None else rows)
+        self.wrench_max: Array = np.broadcast_to(np.asarray(wrench_max, dtype=np.float64), (rows,))
+        self.tau_max: Array = np.broadcast_to(np.asarray(tau_max, dtype=np.float64), (arm.n,))
         self.load = self.coordinates.load
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        x_d, rate, _ = self.motion(t)
+        x_d, rate, acceleration = self.motion(t)
+        rate, acceleration = row_rates(self.coordinates.rows, x_d, rate, acceleration)
         e, J = self.coordinates.error(q, x_d), self.coordinates.jacobian(q)
-        u = J.T @ (self.stiffness @ e + self.damping @ (rate - J @ v)) + self.arm.gravity(q)
-        return {"tau": u, "state_rate": np.zeros(0), "u": u, "e": e, "J": J, "x_d": x_d, "x_dot": J @ v, "rate": rate}
+        F = self.stiffness @ e + self.damping @ (rate - J @ v) + self.feedforward
+        w = self.state0 if state is None else state
+        free = F + w if w.size else F
+        F = np.clip(free, -self.wrench_max, self.wrench_max)
+        more = np.zeros(self.arm.n)
+        if self.compensates:
+            more, added = coupling(self.arm, self.coordinates, q, v, acceleration, self.eps)
+            F = F + added
+        parts = {"e": e, "J": J, "x_d": x_d, "x_dot": J @ v, "rate": rate, "force": F}
+        if self.nullspace is not None:
+            W = self.arm.mass_matrix(q) if self.nullspace.projection == "consistent" else np.eye(q.size)
+            N, L, loss = clamped(J, W, self.coordinates.rows, self.eps)
+            tau_0 = self.nullspace.torque(t, q, v)
+            more = more + N @ tau_0
+            parts |= {"tau_0": tau_0, "null_torque": N @ tau_0, "L": L, "loss": np.array(loss)}
+        u = J.T @ F + self.arm.gravity(q) + more
+        w_rate = np.zeros(0) if self.integral_gain is None else self.integral_gain @ e
+        for k in range(w_rate.size):
+            if held(free[k], self.wrench_max[k], w_rate[k]) or held(u, self.tau_max, J[k] * w_rate[k]):
+                w_rate[k] = 0.0
+        tau = np.clip(u, -self.tau_max, self.tau_max)
+        return parts | {"tau": tau, "state_rate": w_rate, "u": tau, "beside": more}
 
 
 class Reduction:
@@ -94,7 +142,7 @@ class ElasticImpedance(CartesianImpedance, Reduction):
     def __init__(
         self,
         arm: Arm,
-        target: ArrayLike,
+        target: Any,
         stiffness: ArrayLike,
         damping: ArrayLike,
         joint_stiffness: ArrayLike,
@@ -106,8 +154,9 @@ class ElasticImpedance(CartesianImpedance, Reduction):
         motor_damping: ArrayLike | None = None,
         damping_ratio: float = 1.0,
         relative_damping: bool = False,
+        **options: Any,
     ) -> None:
-        CartesianImpedance.__init__(self, arm, target, stiffness, damping, frame=frame, axes=axes)
+        CartesianImpedance.__init__(self, arm, target, stiffness, damping, frame=frame, axes=axes, **options)
         inner = (joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping)
         Reduction.__init__(self, arm.n, *inner)
 
@@ -128,7 +177,8 @@ class ElasticImpedance(CartesianImpedance, Reduction):
         """P above: the rate of E."""
         _, v, _, theta_dot = np.split(x, 4)
         x_dot, rate = terms["x_dot"], terms["rate"]
-        fed = x_dot @ self.damping @ (rate - x_dot) + rate @ self.stiffness @ terms["e"]
+        # The spring's potential takes (x_d' - x_dot).K e; what the law puts in beside gravity is x_dot.F and v.(N' tau_0 + C v).
+        fed = x_dot @ terms["force"] + (rate - x_dot) @ self.stiffness @ terms["e"] + v @ terms["beside"]
         return float(load @ v - theta_dot @ self.motor_damping @ terms["w"] + fed + (theta_dot - v) @ terms["u"])
 
 
@@ -136,8 +186,7 @@ class ElasticTracking(ElasticImpedance):
     """The same about a moving target, a motion of one coordinate per row."""
 
     def __init__(self, arm: Arm, target: Motion, stiffness: ArrayLike, damping: ArrayLike, *inner: ArrayLike, **keywords: Any) -> None:
-        super().__init__(arm, target(0.0)[0], stiffness, damping, *inner, **keywords)
-        self.motion, self.breaks = target, getattr(target, "breaks", ())
+        super().__init__(arm, target, stiffness, damping, *inner, **keywords)
 
 
 class JointImpedance(Law, Reduction):

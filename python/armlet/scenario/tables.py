@@ -15,6 +15,7 @@ from ..errors import InputError, ModelError
 from ..run.events import JointStops
 from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
+from .impedance import OPTIONS, impedance, target_of
 from .tasks import prioritised, tasks_of
 
 __all__ = ["ARMS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
@@ -152,6 +153,7 @@ MOTIONS = OneOf(
 )
 
 _TARGET: dict[str, Field] = {"target": VECTOR}
+_REACHED = target_of(MOTIONS)
 _PD: dict[str, Field] = {"kp": GAIN, "kd": GAIN}
 _IMPEDANCE: dict[str, Field] = {"stiffness": GAIN, "damping": DAMPING}
 _FRAME: dict[str, Field] = {"frame": TEXT, "axes": TEXT}
@@ -193,8 +195,14 @@ LAWS = OneOf(
         "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
         "PDGravity": _law(_core.PDGravity, _TARGET | _PD),
         "PID": _law(_core.PID, _TARGET | _PD | {"ki": GAIN}, {"tau_max": Numbers(depth=1, low=0.0, strict=True)}),
-        "CartesianImpedance": _law(_core.CartesianImpedance, _TARGET | _IMPEDANCE | _TIP, _FRAME),
-        "ElasticImpedance": _law(_core.ElasticImpedance, _TARGET | _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS),
+        "CartesianImpedance": _law(
+            impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | OPTIONS["all"] | OPTIONS["rigid"]
+        ),
+        "ElasticImpedance": _law(
+            impedance(_core.ElasticImpedance, MOTIONS),
+            _REACHED | _IMPEDANCE | _REDUCED | _TIP,
+            _FRAME | _INNER | _INNER_OPTIONS | OPTIONS["all"],
+        ),
         "ElasticTracking": _law(_core.ElasticTracking, _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS, _FOLLOWS),
         "JointImpedance": _law(_core.JointImpedance, _TARGET | _IMPEDANCE | _REDUCED, _INNER | _INNER_OPTIONS),
         "MotorPD": _law(_core.MotorPD, _TARGET | _PD, _SPRING | {"online": Flag()}),

@@ -174,6 +174,11 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         (None, Some(_)) => law.clone(),
         _ => return fault("law", format!("is not at rest by a spring: expected an impedance or PD law, got {}", law.name())),
     };
+    if let LawSpec::CartesianImpedance(task) = &held
+        && !task.options().has_potential()
+    {
+        return fault("law", "has a null space, an integral or limits, hence no potential: expected an impedance law without them".into());
+    }
     if !held.motions().iter().all(|motion| matches!(motion, Motion::Hold(_))) {
         return fault("law", "has a target that moves: expected a law with a fixed target".into());
     }
@@ -196,7 +201,8 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     if let LawSpec::CartesianImpedance(task) = &held {
         // The force as the law's spring sees it, where it acts at the law's own frame.
         let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
-        let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
+        let mut push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
+        push.iter_mut().zip(task.options().feedforward.iter().flatten()).for_each(|(push, &fed)| *push += fed);
         let (mut p, scale, position) = unbalanced(task, &push, &q);
         x = position;
         if same {

@@ -7,7 +7,7 @@ use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{Pose, frame_pose, jacobian, jacobian_dot};
 use crate::scalar::Real;
-use crate::spatial::{Matrix, Vector, Vector3, rotation_exp, rotation_log};
+use crate::spatial::{Matrix, Matrix3, Vector, Vector3, rotation_exp, rotation_log};
 
 /// Names of the rows.
 pub const LETTERS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
@@ -35,6 +35,33 @@ pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
         rows.push(row);
     }
     if rows.is_empty() { Err(refused()) } else { Ok(rows) }
+}
+
+/// The rows of a pose, a homogeneous transform `(4, 4)`, row-major: its position and its rotation vector.
+///
+/// Errors: it is no pose, or it turns about an axis that the rows leave out while they have others of orientation.
+pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
+    /// How far a rotation may be from orthogonal.
+    const ORTHOGONAL: f64 = 1e-6;
+    /// Angles below it are rounding.
+    const STRAIGHT: f64 = 1e-9;
+    let at = |i: usize, j: usize| pose[4 * i + j];
+    let columns = [0, 1, 2].map(|j| Vector3::from([at(0, j), at(1, j), at(2, j)]));
+    let off = |i: usize, j: usize| (columns[i].dot(columns[j]) - f64::from(u8::from(i == j))).abs();
+    let skew = (0..9).map(|k| off(k / 3, k % 3)).fold(0.0, f64::max);
+    let last = (0..4).map(|j| (at(3, j) - f64::from(u8::from(j == 3))).abs()).fold(0.0, f64::max);
+    if !(skew < ORTHOGONAL && last < ORTHOGONAL && columns[0].cross(columns[1]).dot(columns[2]) > 0.0) {
+        return Err(Error::input("target", "is not a pose: expected a rotation, a position and the last row 0 0 0 1"));
+    }
+    let turn = rotation_log(&Matrix3::from_columns(&columns));
+    let left_out = |k: &usize| !rows.contains(k) && turn[k - 3].abs() > STRAIGHT;
+    if let Some(k) = (3..6).find(left_out).filter(|_| rows.iter().any(|&row| row > 2)) {
+        let letter = LETTERS[k];
+        let problem =
+            format!("turns about {letter}: expected axes with {letter}, or a rotation vector without it, got {} rad", turn[k - 3]);
+        return Err(Error::input("target", problem));
+    }
+    Ok(rows.iter().map(|&row| if row < 3 { at(row, 3) } else { turn[row - 3] }).collect())
 }
 
 impl Coordinates {

@@ -1,8 +1,13 @@
 //! Cartesian impedance (Hogan 1985): spring and damper between a frame and its target, gravity compensated,
 //!
 //! `tau = J' (K_m e + D_m (x_d' - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and
-//! orientation. No inverse of `J`: the law stays defined at singularities.
+//! orientation. No inverse of `J`: the law stays defined at singularities. What it may do beside is in [`ImpedanceOptions`].
+//!
+//! Rows of orientation of a moving target are a rotation vector: their `x_d'` and `x_d''` are the angular velocity and acceleration of
+//! `exp` of it, the rows left out being zero.
 
+use super::impedance_options::{Extras, ImpedanceOptions};
+use super::null_space::{NullSpace, Place};
 use super::{Build, Definition, Instant, Law, LawSpec, Term, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
@@ -11,6 +16,7 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
+use crate::spatial::{Vector3, rotation_rate};
 
 /// The Cartesian impedance law of an arm, validated.
 ///
@@ -47,6 +53,9 @@ pub struct CartesianImpedanceSpec {
     pub stiffness: Gain,
     /// `D_m`, N s/m, N m s/rad.
     pub damping: Gain,
+    pub(super) options: ImpedanceOptions,
+    /// Where the integral starts: zeros, `(m,)` or `(0,)`.
+    start: Vec<f64>,
 }
 
 impl CartesianImpedanceSpec {
@@ -59,7 +68,38 @@ impl CartesianImpedanceSpec {
         }
         require_size("stiffness", &stiffness, m)?;
         require_size("damping", &damping, m)?;
-        Ok(CartesianImpedanceSpec { model, coordinates, target, stiffness, damping })
+        Ok(CartesianImpedanceSpec {
+            model,
+            coordinates,
+            target,
+            stiffness,
+            damping,
+            options: ImpedanceOptions::default(),
+            start: Vec::new(),
+        })
+    }
+
+    /// The same law with these options.
+    pub fn with(self, options: ImpedanceOptions) -> Result<Self> {
+        let m = self.coordinates.m();
+        options.validate(m, self.model.n())?;
+        let start = vec![0.0; if options.integral_gain.is_some() { m } else { 0 }];
+        Ok(CartesianImpedanceSpec { options, start, ..self })
+    }
+
+    /// What the law does beside its spring and damper.
+    pub fn options(&self) -> &ImpedanceOptions {
+        &self.options
+    }
+
+    /// Whether the target model of a spring and a damper alone is that of this law.
+    pub fn has_target_model(&self) -> bool {
+        self.options.are_plain() && !self.turns_target()
+    }
+
+    /// Whether the rates of the target are those of a rotation vector that moves.
+    fn turns_target(&self) -> bool {
+        self.coordinates.turns() && !matches!(self.target, Motion::Hold(_))
     }
 }
 
@@ -74,20 +114,24 @@ impl Definition for CartesianImpedanceSpec {
         &self.model
     }
     fn motions(&self) -> Vec<&Motion> {
-        vec![&self.target]
+        std::iter::once(&self.target).chain(self.options.null_space.as_ref().map(|null_space| &null_space.posture)).collect()
+    }
+    fn initial_state(&self) -> &[f64] {
+        &self.start
     }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let (n, m) = (self.model.n(), self.coordinates.m());
         let mut law = Self::build::<f64>(|_| self);
         let mut u = vec![0.0; n];
-        law.evaluate(at.desired, at.trig, at.x, &[], &mut u, &mut []);
+        let mut integral_rate = vec![0.0; at.z.len()];
+        law.evaluate(at.desired, at.trig, at.x, at.z, &mut u, &mut integral_rate);
         let x_dot = law.velocity(&at.x[n..2 * n]);
         let mut position = vec![0.0; m];
         if let AnyArm::Tree(tree) = &law.arm {
             self.coordinates.position(tree, &mut law.workspace.poses, at.trig, &at.x[..n], &mut position);
         }
-        vec![
+        let mut terms = vec![
             ("x", vec![m], position),
             ("x_d", vec![m], at.desired[..m].to_vec()),
             ("x_dot", vec![m], x_dot),
@@ -96,7 +140,14 @@ impl Definition for CartesianImpedanceSpec {
             ("force", vec![m], law.force.clone()),
             ("u", vec![n], u.clone()),
             ("tau", vec![n], u),
-        ]
+        ];
+        if !at.z.is_empty() {
+            terms.extend([("integral", vec![m], at.z.to_vec()), ("integral_rate", vec![m], integral_rate)]);
+        }
+        if let Some(null_space) = &law.null_space {
+            terms.extend(null_space.terms());
+        }
+        terms
     }
 
     fn coordinates(&self) -> Option<&Coordinates> {
@@ -133,7 +184,15 @@ impl Build for CartesianImpedanceSpec {
             slip: zeros(m),
             spring: zeros(m),
             force: zeros(m),
+            acceleration: zeros(m),
+            turns_target: first.turns_target(),
+            null_space: NullSpace::new(|i| of(i).options.null_space(), [m, n]),
+            extras: Extras::new(|i| &of(i).options),
         }
+    }
+
+    fn same_shape(&self, other: &Self) -> bool {
+        self.options.same_shape(&other.options) && self.turns_target() == other.turns_target()
     }
 }
 
@@ -152,8 +211,13 @@ pub struct CartesianImpedance<S: Real> {
     pub(super) slip: Vec<S>,
     /// `K_m e`
     spring: Vec<S>,
-    /// `K_m e + D_m (x_d' - x')`
+    /// `F`: `K_m e + D_m (x_d' - x')` and what the options add.
     force: Vec<S>,
+    /// `x_d''`
+    acceleration: Vec<S>,
+    turns_target: bool,
+    null_space: Option<NullSpace<S>>,
+    extras: Extras<S>,
 }
 
 impl<S: Real> CartesianImpedance<S> {
@@ -165,7 +229,7 @@ impl<S: Real> CartesianImpedance<S> {
 
 impl<S: Real> CartesianImpedance<S> {
     /// `x_dot.(force) + (x_d' - x_dot).K_m e`, as of the last evaluation: what the law's spring takes and its damper loses,
-    /// `-x_dot'D_m x_dot` for a target at rest.
+    /// `-x_dot'D_m x_dot` for a target at rest. With a null space or a compensated coupling also the power of their torque, `v.(N' tau_0 + C v)`.
     pub(super) fn power(&self, x: &[S]) -> S {
         let (m, n) = (self.e.len(), self.jacobian.len() / self.e.len());
         let mut sum = S::zero();
@@ -177,19 +241,44 @@ impl<S: Real> CartesianImpedance<S> {
             sum = rate.mul_add(self.force[k], sum);
             sum = self.slip[k].mul_add(self.spring[k], sum);
         }
+        if let Some(null_space) = &self.null_space {
+            sum = null_space.torque.iter().zip(&x[n..2 * n]).fold(sum, |sum, (&torque, &v)| torque.mul_add(v, sum));
+        }
         sum
+    }
+
+    /// `x_d'` into `slip` and `x_d''`, of the rows of a target whose rotation vector moves.
+    fn turn_rates(&mut self, desired: &[S]) {
+        let m = self.e.len();
+        let rows = &self.coordinates.rows;
+        let part = |k: usize| {
+            let mut vector = [S::zero(); 3];
+            rows.iter().enumerate().filter(|(_, row)| **row > 2).for_each(|(at, row)| vector[row - 3] = desired[k * m + at]);
+            Vector3::from(vector)
+        };
+        let (velocity, acceleration) = rotation_rate(part(0), part(1), part(2));
+        for (at, row) in rows.iter().enumerate().filter(|(_, row)| **row > 2) {
+            (self.slip[at], self.acceleration[at]) = (velocity[row - 3], acceleration[row - 3]);
+        }
     }
 }
 
 impl<S: Real> Law<S> for CartesianImpedance<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = (&x[..n], &x[n..2 * n]);
         self.arm.gravity(&mut self.workspace, trig, q, tau);
-        let CartesianImpedance { arm, workspace, coordinates, full, jacobian, e, slip, spring, force, stiffness, damping } = self;
+        self.slip.copy_from_slice(&desired[m..2 * m]);
+        if self.null_space.is_some() {
+            self.acceleration.copy_from_slice(&desired[2 * m..3 * m]);
+        }
+        if self.turns_target {
+            self.turn_rates(desired);
+        }
+        let CartesianImpedance { arm, workspace, coordinates, full, jacobian, e, slip, spring, force, stiffness, damping, .. } = self;
         arm.error_and_jacobian(workspace, coordinates, full, trig, q, &desired[..m], e, jacobian);
         for k in 0..m {
-            let mut rate = desired[m + k];
+            let mut rate = slip[k];
             for i in 0..n {
                 rate = jacobian[k * n + i].neg_mul_add(v[i], rate);
             }
@@ -198,10 +287,19 @@ impl<S: Real> Law<S> for CartesianImpedance<S> {
         stiffness.multiply(e, spring);
         force.copy_from_slice(spring);
         damping.add_to(slip, force);
+        self.extras.add(e, z, force, dz);
+        if let Some(null_space) = &mut self.null_space {
+            let (posture, acceleration, gravity) = (&desired[3 * m..], &self.acceleration[..], &tau[..]);
+            null_space.evaluate(arm, workspace, coordinates, &Place { trig, q, v, jacobian, acceleration, posture, gravity }, force);
+        }
         for i in 0..n {
             for k in 0..m {
                 tau[i] = jacobian[k * n + i].mul_add(force[k], tau[i]);
             }
         }
+        if let Some(null_space) = &self.null_space {
+            tau.iter_mut().zip(&null_space.torque).for_each(|(tau, &torque)| *tau += torque);
+        }
+        self.extras.limit(jacobian, tau, dz);
     }
 }

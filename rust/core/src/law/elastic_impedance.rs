@@ -82,6 +82,10 @@ impl Build for ElasticImpedanceSpec {
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> ElasticImpedance<S> {
         ElasticImpedance { outer: CartesianImpedanceSpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
     }
+
+    fn same_shape(&self, other: &Self) -> bool {
+        self.outer.same_shape(&other.outer)
+    }
 }
 
 impl ElasticImpedanceSpec {

@@ -5,6 +5,7 @@
 
 pub mod cholesky;
 pub mod clamp;
+pub mod clamped_inverse;
 pub mod eigenvalues;
 pub mod exponential;
 pub mod gain;
@@ -18,6 +19,7 @@ pub mod svd;
 pub mod symmetric_eigen;
 
 pub use clamp::{clamp_gain, clamp_remainder};
+pub use clamped_inverse::ClampedInverse;
 pub use gain::{AnyGain, Gain};
 pub use null_basis::null_basis;
 pub use pinv::pinv;

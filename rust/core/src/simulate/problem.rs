@@ -147,7 +147,8 @@ impl<'a> Problem<'a> {
     pub fn watches_target(&self) -> bool {
         let o = &self.options;
         let alone = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(rigid) if !rigid.friction) && plant.is_free();
-        let all = self.laws.iter().all(|law| law.impedance().is_some()) && self.plants.iter().all(|plant| alone(plant));
+        let all = self.laws.iter().all(|law| law.impedance().is_some_and(|law| law.has_target_model()))
+            && self.plants.iter().all(|plant| alone(plant));
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
     }
 

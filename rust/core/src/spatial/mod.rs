@@ -12,6 +12,7 @@ pub mod pseudo_inertia;
 #[doc(hidden)]
 mod quarter_turn;
 mod rotation_log;
+mod rotation_rate;
 #[doc(hidden)]
 mod vector;
 
@@ -20,6 +21,7 @@ pub use matrix::{Matrix, RotationMatrix, Sym3};
 pub use nalgebra::{Matrix3, Vector3};
 pub use quarter_turn::QuarterTurn;
 pub use rotation_log::{rotation_exp, rotation_log};
+pub use rotation_rate::rotation_rate;
 pub use vector::{Lift, Vector};
 
 use crate::scalar::Real;

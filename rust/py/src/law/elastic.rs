@@ -1,5 +1,6 @@
 //! Laws of arms with elastic joints.
 
+use super::impedance::{self, Given};
 use super::{Arguments, Law};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{
@@ -42,20 +43,22 @@ struct Outer<'a, 'py> {
     damping: &'a Bound<'py, PyAny>,
     frame: &'a Bound<'py, PyAny>,
     axes: Option<&'a Bound<'py, PyAny>>,
+    options: Given<'a, 'py>,
 }
 
-/// The law of both loops about the target that `target` reads, of so many coordinates.
+/// The law of both loops about the target that `target` reads, of these axes.
 fn cartesian<'py>(
     given: &mut Arguments<'py>,
     outer: Outer<'_, 'py>,
     inner: Inner<'_, 'py>,
-    target: impl FnOnce(&mut Arguments<'py>, usize) -> Result<Motion, Failure>,
+    target: impl FnOnce(&mut Arguments<'py>, &str) -> Result<Motion, Failure>,
 ) -> Result<ElasticImpedanceSpec, Failure> {
     let (frame, axes, m) = given.frame_and_axes(outer.frame, outer.axes)?;
-    let target = target(given, m)?;
+    let target = target(given, &axes)?;
     let (stiffness, damping) = (given.gain("stiffness", outer.stiffness, m)?, given.gain("damping", outer.damping, m)?);
-    let outer = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
+    let law = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
     let inner = inner.read(given)?;
+    let outer = law.with(outer.options.read(given, m)?)?;
     Ok(ElasticImpedanceSpec { outer, inner })
 }
 
@@ -68,7 +71,7 @@ fn cartesian<'py>(
 ///
 /// Args:
 ///     arm: the model of the links: its kinematics and its gravity.
-///     target: `x_d`, one number per row, m or rad.
+///     target: `x_d`, one number per row, m or rad; a pose `(4, 4)`; or a motion of the rows.
 ///     stiffness, damping: `K` and `D`, positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
 ///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     motor_inertia, reduced_inertia: `B` and `B0`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
@@ -77,6 +80,7 @@ fn cartesian<'py>(
 ///     motor_damping: `D0`, N m s/rad, positive definite; by `damping_ratio` if None (keyword only).
 ///     damping_ratio: `zeta` > 0 of `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2` (keyword only).
 ///     relative_damping: `D0` acts on `theta_dot - v`: the error to the rigid target is 10 to 20 times smaller (keyword only).
+///     nullspace, feedforward, compensate_coupling, eps: options of the outer loop, as for `CartesianImpedance` (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
@@ -104,9 +108,11 @@ impl ElasticImpedance {
     #[new]
     #[pyo3(
         signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
-                     motor_damping=None, damping_ratio=None, relative_damping=None),
+                     motor_damping=None, damping_ratio=None, relative_damping=None, nullspace=None, feedforward=None,
+                     compensate_coupling=None, eps=None),
         text_signature = "(arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None, \
-                          motor_damping=None, damping_ratio=None, relative_damping=False)"
+                          motor_damping=None, damping_ratio=None, relative_damping=False, nullspace=None, feedforward=None, \
+                          compensate_coupling=False, eps=None)"
     )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
@@ -121,13 +127,18 @@ impl ElasticImpedance {
         motor_damping: Option<&Bound<'py, PyAny>>,
         damping_ratio: Option<&Bound<'py, PyAny>>,
         relative_damping: Option<&Bound<'py, PyAny>>,
+        nullspace: Option<&Bound<'py, PyAny>>,
+        feedforward: Option<&Bound<'py, PyAny>>,
+        compensate_coupling: Option<&Bound<'py, PyAny>>,
+        eps: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ElasticImpedance";
         entry(arm.py(), NAME, || {
             let mut given = Arguments::new(NAME, arm)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let outer = Outer { stiffness, damping, frame, axes };
-            let law = cartesian(&mut given, outer, inner, |given, m| Ok(Motion::Hold(given.vector("target", target, m)?)))?;
+            let options = Given { nullspace, feedforward, compensate_coupling, eps, ..Given::default() };
+            let outer = Outer { stiffness, damping, frame, axes, options };
+            let law = cartesian(&mut given, outer, inner, |given, axes| impedance::target(given, target, axes))?;
             Ok(given.law(law).add_subclass(ElasticImpedance))
         })
     }
@@ -182,7 +193,7 @@ impl ElasticTracking {
         entry(arm.py(), NAME, || {
             let mut given = Arguments::new(NAME, arm)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let outer = Outer { stiffness, damping, frame, axes };
+            let outer = Outer { stiffness, damping, frame, axes, options: Given::default() };
             let law = cartesian(&mut given, outer, inner, |given, _| given.motion("target", target))?;
             Ok(given.law(law).add_subclass(ElasticTracking))
         })

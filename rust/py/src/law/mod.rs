@@ -2,11 +2,13 @@
 
 mod adaptive;
 mod elastic;
+mod impedance;
 mod priority;
 mod rigid;
 
 pub use adaptive::*;
 pub use elastic::*;
+pub use impedance::CartesianImpedance;
 pub use priority::*;
 pub use rigid::*;
 

@@ -3,8 +3,7 @@
 use super::{Arguments, Law};
 use crate::arrays::{Axis, Form, SCALAR, numbers, spread};
 use crate::errors::entry;
-use armlet_core::law::{CartesianImpedanceSpec, ComputedTorqueSpec, PdGravitySpec, PidSpec};
-use armlet_core::motion::Motion;
+use armlet_core::law::{ComputedTorqueSpec, PdGravitySpec, PidSpec};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
@@ -144,57 +143,6 @@ impl PID {
                 given.keep("tau_max", limits)?;
             }
             Ok(given.law(spec).add_subclass(PID))
-        })
-    }
-}
-
-/// Cartesian impedance: a spring and a damper between a frame and its target, `tau = J'(K (x_d - x) - D J v) + g(q)`.
-///
-/// `axes` chooses the rows, in order: letters of "xyz" for position, "rx ry rz" for orientation (error `log(R_d R')`,
-/// `R_d` from the target's rotation vector). The law has no inverse of `J` and stays defined at singularities.
-///
-/// Args:
-///     arm: the model: its kinematics and its gravity.
-///     target: `x_d`, one number per row, m or rad.
-///     stiffness, damping: positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
-///     frame: name of the controlled frame (keyword only).
-///     axes: the rows, such as "xyz", "xy" or "xyz rx ry rz" (keyword only).
-///
-/// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
-///
-/// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985.
-///
-/// >>> import armlet as al
-/// >>> arm = al.planar_arm([0.5, 0.4])
-/// >>> law = al.CartesianImpedance(arm, [0.4, 0.5], [300.0, 200.0], [40.0, 30.0], frame="link2", axes="xy")
-/// >>> run = al.simulate(al.RigidArm(arm), law, [0.3, 1.0], t_end=3.0, method="dop853", t_eval=[0.0, 3.0])
-/// >>> arm.position(run.q[-1], "link2").round(3)
-/// array([0.4, 0.5, 0. ])
-#[pyclass(frozen, extends = Law, module = "armlet")]
-pub struct CartesianImpedance;
-
-#[entered]
-#[pymethods]
-impl CartesianImpedance {
-    #[new]
-    #[pyo3(signature = (arm, target, stiffness, damping, *, frame, axes=None))]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        stiffness: &Bound<'py, PyAny>,
-        damping: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        axes: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "CartesianImpedance";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
-            let target = given.vector("target", target, m)?;
-            let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
-            let spec = CartesianImpedanceSpec::new(given.model(), Motion::Hold(target), stiffness, damping, &frame, &axes)?;
-            Ok(given.law(spec).add_subclass(CartesianImpedance))
         })
     }
 }

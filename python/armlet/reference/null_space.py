@@ -1,0 +1,101 @@
+"""The null space of an impedance law and the coupling with its frame (Khatib 1987; Ott 2008), by singular values.
+
+    G = S J W^-1/2 = U diag(s) V',  W = M (consistent) or 1 (static);  S scales the rows of position and those of orientation,
+                                    each to a root mean square of one
+    N' = W^1/2 (1 - V diag(min(1, (s/eps)^2)) V') W^-1/2,   L = S U diag(1 / max(s, eps)^2) U' S
+    tau_0 = K_n (q_n - q) + D_n (q_n' - v),   coupling: C v to the torque, L (x_d'' - J_dot v) to the wrench
+
+A rotation vector r that moves: w = A r', A = int_0^1 exp(s r) ds, by Gauss-Legendre quadrature, and w' = A r'' + A' r' with
+d exp(s r)/dt = [s A(s r) r']x exp(s r).
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .arm import Arm
+from .lagrange import Array
+from .law import gain
+from .motion import Hold, Motion
+from .task import Coordinates, rotation_matrix
+
+EPS = 0.02
+_X, _W = np.polynomial.legendre.leggauss(12)
+NODES, WEIGHTS = 0.5 + 0.5 * _X, 0.5 * _W  # on [0, 1]
+
+
+@dataclass
+class NullSpace:
+    """q_d (n,) or a motion; gains scalar, (n,) or (n, n)."""
+
+    q_d: Any
+    stiffness: ArrayLike
+    damping: ArrayLike
+    projection: str = field(default="consistent", kw_only=True)
+
+    def torque(self, t: float, q: Array, v: Array) -> Array:
+        """tau_0 (n,)."""
+        motion: Motion = self.q_d if callable(self.q_d) else Hold(self.q_d)
+        q_n, rate, _ = motion(t)
+        return gain(self.stiffness, q.size) @ (q_n - q) + gain(self.damping, q.size) @ (rate - v)
+
+
+def clamped(J: Array, W: Array, rows: list[int], eps: float) -> tuple[Array, Array, float]:
+    """N' (n, n), L (m, m) and the loss, the largest 1 - min(1, (s/eps)^2)."""
+    values, vectors = np.linalg.eigh(W)
+    root, inverse = (vectors * values**0.5) @ vectors.T, (vectors * values**-0.5) @ vectors.T
+    G = J @ inverse
+    scales = np.ones(len(rows))
+    for turns in (False, True):
+        block = [k for k, row in enumerate(rows) if (row > 2) == turns]
+        size = np.sqrt(np.mean(np.sum(G[block] ** 2, axis=1))) if block else 0.0
+        scales[block] = 1.0 / size if size > 0.0 else 1.0
+    U, s, Vt = np.linalg.svd(scales[:, None] * G)
+    s = np.concatenate([s, np.zeros(U.shape[0] - s.size)])
+    kept = np.minimum(1.0, (s / eps) ** 2)
+    V = Vt[: min(s.size, Vt.shape[0])].T
+    N = root @ (np.eye(W.shape[0]) - (V * kept[: V.shape[1]]) @ V.T) @ inverse
+    L = scales[:, None] * ((U / np.maximum(s, eps) ** 2) @ U.T) * scales
+    return N, L, float(1.0 - kept.min())
+
+
+def coupling(arm: Arm, at: Coordinates, q: Array, v: Array, acceleration: Array, eps: float) -> tuple[Array, Array]:
+    """C v (n,) and L (x_d'' - J_dot v) (m,)."""
+    _, L, _ = clamped(at.jacobian(q), arm.mass_matrix(q), at.rows, eps)
+    J_dot = arm.jacobian_dot(q, v, at.frame)[at.rows]
+    return arm.coriolis_matrix(q, v) @ v, L @ (acceleration - J_dot @ v)
+
+
+def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
+    """Angular velocity and acceleration of exp(r), (3,) each."""
+
+    def mean(scale: float) -> Array:
+        """A(scale r), in two halves: twelve nodes each hold turns of some radians to rounding."""
+        parts = [0.5 * w * rotation_matrix(scale * 0.5 * (half + x) * r) for half in (0, 1) for x, w in zip(NODES, WEIGHTS, strict=True)]
+        total: Array = np.sum(parts, axis=0)
+        return total
+
+    A = mean(1.0)
+    change = np.zeros(3)
+    for half in (0, 1):
+        for x, w in zip(NODES, WEIGHTS, strict=True):
+            s = 0.5 * (half + x)
+            change += 0.5 * w * np.cross(s * mean(s) @ rate, rotation_matrix(s * r) @ rate)
+    return A @ rate, A @ acceleration + change
+
+
+def row_rates(rows: list[int], target: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
+    """x_d' and x_d'' of rows, those of orientation as angular velocity and acceleration."""
+    if max(rows) < 3:
+        return rate, acceleration
+    full = np.zeros((3, 6))
+    full[:, rows] = target, rate, acceleration
+    full[1, 3:], full[2, 3:] = rate_of_rotation(*full[:, 3:])
+    return full[1, rows], full[2, rows]
+
+
+def held(free: Array, limit: Array, push: Array) -> bool:
+    """Whether some push takes its number further beyond its limit."""
+    return bool(np.any((np.abs(free) > limit) & (push * free > 0.0)))

@@ -1,0 +1,48 @@
+"""What impedance laws take as tables: a target that moves, and a null space."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from .. import _core
+from ..null_space import NullSpace
+from .fields import Entries, Field, Flag, Numbers, OneOf, Table, Text
+
+__all__ = ["OPTIONS", "impedance", "target_of"]
+
+_LIMIT = Numbers(depth=1, low=0.0, strict=True)
+_GAIN = Numbers(depth=2, low=0.0)
+_NULL_SPACE = Table(
+    {"q_d": Numbers(depth=1, scalar=False), "stiffness": _GAIN, "damping": _GAIN, "projection": Text(("consistent", "static"))},
+    ("q_d", "stiffness", "damping"),
+)
+
+#: Of the laws with a frame: those of all, and those of `CartesianImpedance` alone.
+OPTIONS: dict[str, dict[str, Field]] = {
+    "all": {
+        "nullspace": _NULL_SPACE,
+        "feedforward": Numbers(depth=1, scalar=False),
+        "compensate_coupling": Flag(),
+        "eps": Numbers(low=0.0, strict=True),
+    },
+    "rigid": {"integral_gain": _GAIN, "wrench_max": _LIMIT, "tau_max": _LIMIT},
+}
+
+
+def target_of(motions: OneOf) -> dict[str, Field]:
+    """The rows, a pose (4, 4), or a table of a motion of the rows."""
+    return {"target": Entries({"plain": Numbers(depth=2, scalar=False), "table": motions})}
+
+
+def impedance(law: Callable[..., _core.Law], motions: OneOf) -> Callable[..., _core.Law]:
+    """The constructor of a law whose target and null space may be tables."""
+
+    def make(arm: _core.Arm, target: Any, nullspace: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Law:
+        if isinstance(target, Mapping):
+            target = motions.kinds[target["kind"]].make(**{key: value for key, value in target.items() if key != "kind"})
+        if nullspace is not None:
+            keywords["nullspace"] = NullSpace(**nullspace)
+        return law(arm, target, **keywords)
+
+    return make

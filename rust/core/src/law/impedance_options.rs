@@ -1,0 +1,178 @@
+//! What a Cartesian impedance law may do beyond its spring and damper: a wrench `F_ff` fed forward, integral action, limits of its own,
+//! a null space and a compensated coupling ([`super::NullSpaceSpec`]):
+//!
+//! `F = K_m e + D_m (x_d' - x') + F_ff + w` within `wrench_max`, `w' = K_i e`, `tau = J' F + ..` within `tau_max`.
+//!
+//! Conditional integration (Astrom and Hagglund, Advanced PID Control, 3.5): row `k` of `w` stops while `F_k` is beyond its limit and
+//! `w_k'` would push it further, or while some torque `tau_i` is beyond its limit and `J_ki w_k'` would push that further.
+
+use super::null_space::{NULL_SPACE_EPS, NullSpaceSpec};
+use super::require_size;
+use crate::error::{Error, Result, finite, positive};
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::scalar::Real;
+
+/// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImpedanceOptions {
+    /// The posture in the null space.
+    pub null_space: Option<NullSpaceSpec>,
+    /// Add `C v` and `L (x_d'' - J_dot v)`.
+    pub compensate_coupling: bool,
+    /// The clamp of `L`, relative to the root mean square of the rows of a unit; between 0 and 1.
+    pub eps: f64,
+    /// `F_ff`, `(m,)`, N and N m.
+    pub feedforward: Option<Vec<f64>>,
+    /// `K_i`, N/(m s) and N m/(rad s).
+    pub integral_gain: Option<Gain>,
+    /// The largest wrench in each row, N and N m; infinity is no limit.
+    pub wrench_max: Option<Vec<f64>>,
+    /// The largest torque of each joint, N m or N; infinity is no limit.
+    pub tau_max: Option<Vec<f64>>,
+}
+
+impl Default for ImpedanceOptions {
+    fn default() -> Self {
+        ImpedanceOptions {
+            null_space: None,
+            compensate_coupling: false,
+            eps: NULL_SPACE_EPS,
+            feedforward: None,
+            integral_gain: None,
+            wrench_max: None,
+            tau_max: None,
+        }
+    }
+}
+
+fn require_limits(argument: &str, n: usize, limits: Option<&Vec<f64>>) -> Result<()> {
+    let Some(limits) = limits else { return Ok(()) };
+    require_length(argument, n, limits.len())?;
+    match limits.iter().position(|&limit| !(limit > 0.0)) {
+        Some(i) => Err(Error::input(argument, format!("is not positive: expected numbers > 0, got {} (first bad index {i})", limits[i]))),
+        None => Ok(()),
+    }
+}
+
+fn require_length(argument: &str, n: usize, got: usize) -> Result<()> {
+    if got == n {
+        return Ok(());
+    }
+    Err(Error::input(argument, format!("has the wrong shape: expected ({n},), got ({got},)")))
+}
+
+impl ImpedanceOptions {
+    /// Refuse options that do not fit a law of `m` rows and `n` joints.
+    pub(super) fn validate(&self, m: usize, n: usize) -> Result<()> {
+        positive("eps", self.eps)?;
+        if self.eps >= 1.0 {
+            return Err(Error::input("eps", format!("is too large: expected below 1, got {}", self.eps)));
+        }
+        if let Some(null_space) = &self.null_space {
+            require_length("nullspace", n, null_space.posture.dof())?;
+            require_size("nullspace", &null_space.stiffness, n)?;
+            require_size("nullspace", &null_space.damping, n)?;
+        }
+        if let Some(feedforward) = &self.feedforward {
+            require_length("feedforward", m, feedforward.len())?;
+            finite("feedforward", feedforward)?;
+        }
+        if let Some(gain) = &self.integral_gain {
+            require_size("integral_gain", gain, m)?;
+        }
+        require_limits("wrench_max", m, self.wrench_max.as_ref())?;
+        require_limits("tau_max", n, self.tau_max.as_ref())
+    }
+
+    /// What the null space and the coupling are made of.
+    pub(super) fn null_space(&self) -> (Option<&NullSpaceSpec>, bool, f64) {
+        (self.null_space.as_ref(), self.compensate_coupling, self.eps)
+    }
+
+    /// Whether the law is more than a spring and a damper, for what speaks of those alone.
+    pub fn are_plain(&self) -> bool {
+        *self == ImpedanceOptions { eps: self.eps, ..Self::default() }
+    }
+
+    /// Whether the torque is anything but `J' F + g` with the `F` of a potential and a constant.
+    pub fn has_potential(&self) -> bool {
+        self.null_space.is_none() && self.integral_gain.is_none() && self.wrench_max.is_none() && self.tau_max.is_none()
+    }
+
+    /// Whether both make loops of one shape.
+    pub(super) fn same_shape(&self, other: &Self) -> bool {
+        let shape = |o: &Self| {
+            let projection = o.null_space.as_ref().map(|null_space| null_space.projection);
+            let given = [o.feedforward.is_some(), o.integral_gain.is_some(), o.wrench_max.is_some(), o.tau_max.is_some()];
+            (projection, o.compensate_coupling, given)
+        };
+        shape(self) == shape(other)
+    }
+}
+
+/// The wrench that is fed forward, the integral and the limits, on one number.
+pub(super) struct Extras<S> {
+    feedforward: Option<Vec<S>>,
+    integral_gain: Option<AnyGain<S>>,
+    wrench_max: Option<Vec<S>>,
+    tau_max: Option<Vec<S>>,
+}
+
+impl<S: Real> Extras<S> {
+    /// For the options of the lanes, of one shape.
+    pub fn new<'a>(of: impl Fn(usize) -> &'a ImpedanceOptions) -> Self {
+        let numbers = |name: &'static str, get: fn(&ImpedanceOptions) -> &Option<Vec<f64>>| {
+            let count = get(of(0)).as_ref()?.len();
+            let at = |k: usize| S::from_lanes(|lane| get(of(lane)).as_ref().map_or(f64::NAN, |numbers| numbers[k]));
+            Some(S::labelled(name, 1, || (0..count).map(at).collect()))
+        };
+        let first = of(0);
+        let gain = |own: &'a Gain| AnyGain::labelled("integral_gain", |lane| of(lane).integral_gain.as_ref().unwrap_or(own));
+        Extras {
+            feedforward: numbers("feedforward", |options| &options.feedforward),
+            integral_gain: first.integral_gain.as_ref().map(gain),
+            wrench_max: numbers("law_wrench_max", |options| &options.wrench_max),
+            tau_max: numbers("law_tau_max", |options| &options.tau_max),
+        }
+    }
+
+    /// `F_ff` and `w`, added to the wrench, which stays within its limits; the rate `dz` of `w` for the error `e`.
+    pub fn add(&self, e: &[S], z: &[S], force: &mut [S], dz: &mut [S]) {
+        if let Some(feedforward) = &self.feedforward {
+            force.iter_mut().zip(feedforward).for_each(|(force, &added)| *force += added);
+        }
+        if let Some(gain) = &self.integral_gain {
+            force.iter_mut().zip(z).for_each(|(force, &w)| *force += w);
+            gain.multiply(e, dz);
+        }
+        let Some(limits) = &self.wrench_max else { return };
+        for (k, &limit) in limits.iter().enumerate() {
+            let free = force[k];
+            if let Some(rate) = dz.get_mut(k) {
+                *rate = held(free, limit, *rate, *rate);
+            }
+            force[k] = free.clamped(-limit, limit);
+        }
+    }
+
+    /// The torque within its limits, and the rate `dz` of the integral where it would push it further.
+    pub fn limit(&self, jacobian: &[S], tau: &mut [S], dz: &mut [S]) {
+        let Some(limits) = &self.tau_max else { return };
+        let n = tau.len();
+        for (k, rate) in dz.iter_mut().enumerate() {
+            for (i, &limit) in limits.iter().enumerate() {
+                *rate = held(tau[i], limit, jacobian[k * n + i] * *rate, *rate);
+            }
+        }
+        for (tau, &limit) in tau.iter_mut().zip(limits) {
+            *tau = tau.clamped(-limit, limit);
+        }
+    }
+}
+
+/// `rate`, or zero where `push` takes `free` further beyond its limit.
+fn held<S: Real>(free: S, limit: S, push: S, rate: S) -> S {
+    let zero = S::zero();
+    let down = S::select(free.lt(-limit), S::select(push.lt(zero), zero, rate), rate);
+    S::select(limit.lt(free), S::select(zero.lt(push), zero, rate), down)
+}

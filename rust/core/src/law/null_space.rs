@@ -1,0 +1,294 @@
+//! The null space of an impedance law, and the coupling between its motion and the frame (Khatib 1987; Ott 2008):
+//!
+//! `tau_0 = K_n (q_n - q) + D_n (q_n' - v)` acts as `N' tau_0`, `N' = I - J' L J W^-1`, `L = (J W^-1 J')^-1`, with
+//!
+//! - `W = M`, dynamically consistent: `J M^-1 N' = 0`, so `tau_0` gives the frame no acceleration;
+//! - `W = I`, static: `N' = I - J' (J')#`.
+//!
+//! With the coupling compensated the law adds `C v`, and `L (x_d'' - J_dot v)` to its wrench: then `L x'' = F` whatever the null motion does.
+//!
+//! Near singularities `L = max(J W^-1 J', eps^2)^-1`, position and orientation each in units of the root mean square of their rows of
+//! `J W^-1/2`: so `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. A direction of singular value
+//! `sigma` keeps `1 - min(1, (sigma/eps)^2)` of `tau_0`: the largest of these is the loss.
+
+use super::{Term, require_rows, require_size};
+use crate::dynamics::{AnyArm, Dynamics, Workspace};
+use crate::error::{Error, Result};
+use crate::kinematics::Coordinates;
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::{ClampedInverse, cholesky};
+use crate::motion::Motion;
+use crate::scalar::Real;
+
+/// The clamp unless another one is given, the `eps` of task priority.
+pub const NULL_SPACE_EPS: f64 = 0.02;
+
+/// How a joint torque is projected into the null space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NullProjection {
+    /// In the metric of the mass matrix: the frame is not accelerated.
+    Consistent,
+    /// In the metric of the joint coordinates.
+    Static,
+}
+
+impl NullProjection {
+    /// The projection of this name.
+    pub fn of_name(name: &str) -> Result<Self> {
+        match name {
+            "consistent" => Ok(NullProjection::Consistent),
+            "static" => Ok(NullProjection::Static),
+            _ => Err(Error::input("projection", format!("is unknown: expected consistent or static, got {name}"))),
+        }
+    }
+}
+
+/// A spring and a damper of the joints in the null space of an impedance law, validated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NullSpaceSpec {
+    /// `q_n`; a fixed posture is a motion that holds.
+    pub posture: Motion,
+    /// `K_n`, N m/rad or N/m.
+    pub stiffness: Gain,
+    /// `D_n`, N m s/rad or N s/m.
+    pub damping: Gain,
+    /// The projector.
+    pub projection: NullProjection,
+}
+
+impl NullSpaceSpec {
+    /// For an arm of `n` joints.
+    pub fn new(n: usize, posture: Motion, stiffness: Gain, damping: Gain, projection: NullProjection) -> Result<Self> {
+        require_rows("q_d", n, posture.dof())?;
+        require_size("stiffness", &stiffness, n)?;
+        require_size("damping", &damping, n)?;
+        Ok(NullSpaceSpec { posture, stiffness, damping, projection })
+    }
+}
+
+/// What a law with a null space or a compensated coupling needs, on one number.
+pub(super) struct NullSpace<S: Real> {
+    posture: Option<(AnyGain<S>, AnyGain<S>, NullProjection)>,
+    coupling: bool,
+    /// `eps^2`.
+    floor: S,
+    /// `(n, n)`: `M` and its factor.
+    mass: Vec<S>,
+    factor: Vec<S>,
+    consistent: Projector<S>,
+    fixed: Projector<S>,
+    rate: Vec<S>,
+    full: Vec<S>,
+    /// `(m,)`
+    wrench: Vec<S>,
+    work: Vec<S>,
+    /// `tau_0` and `N' tau_0`, `(n,)`.
+    tau_0: Vec<S>,
+    projected: Vec<S>,
+    /// `N' tau_0 + C v`, `(n,)`.
+    pub torque: Vec<S>,
+}
+
+impl NullSpace<f64> {
+    /// `L` `(m, m)` of the projector, its loss, `tau_0` and `N' tau_0`, as of the last evaluation.
+    pub fn terms(&self) -> Vec<Term> {
+        let (projector, n) = (self.projector(), self.tau_0.len());
+        let m = self.wrench.len();
+        let mut terms = vec![("L", vec![m, m], projector.l.clone()), ("loss", Vec::new(), vec![projector.loss])];
+        if self.posture.is_some() {
+            terms.extend([("tau_0", vec![n], self.tau_0.clone()), ("null_torque", vec![n], self.projected.clone())]);
+        }
+        terms
+    }
+}
+
+/// `L` of the rows `J W^-1/2`.
+struct Projector<S: Real> {
+    inverse: ClampedInverse<S>,
+    /// `(m, n)`
+    spread: Vec<S>,
+    /// `(m, m)`
+    square: Vec<S>,
+    l: Vec<S>,
+    scales: Vec<S>,
+    /// `1 - min(1, (sigma/eps)^2)` of the smallest singular value.
+    loss: S,
+}
+
+impl<S: Real> Projector<S> {
+    fn new(m: usize, n: usize) -> Self {
+        let zeros = |k: usize| vec![S::zero(); k];
+        Projector {
+            inverse: ClampedInverse::new(m),
+            spread: zeros(m * n),
+            square: zeros(m * m),
+            l: zeros(m * m),
+            scales: zeros(m),
+            loss: S::zero(),
+        }
+    }
+
+    /// `L` from the rows in `spread`, of these rows of a pose.
+    fn prepare(&mut self, rows: &[usize], floor: S) {
+        let (m, one, zero) = (rows.len(), S::splat(1.0), S::zero());
+        let n = self.spread.len() / m;
+        for k in 0..m {
+            for l in 0..=k {
+                let (a, b) = (&self.spread[k * n..(k + 1) * n], &self.spread[l * n..(l + 1) * n]);
+                let entry = a.iter().zip(b).fold(zero, |sum, (&a, &b)| a.mul_add(b, sum));
+                (self.square[k * m + l], self.square[l * m + k]) = (entry, entry);
+            }
+        }
+        for turns in [false, true] {
+            let of = |&k: &usize| (rows[k] > 2) == turns;
+            let count = (0..m).filter(of).count();
+            let sum = (0..m).filter(of).fold(zero, |sum, k| sum + self.square[k * m + k]) * S::splat(1.0 / count.max(1) as f64);
+            // Rows that no joint moves have no unit.
+            let moved = S::splat(f64::MIN_POSITIVE).lt(sum);
+            let scale = S::select(moved, one / S::select(moved, sum, one).sqrt(), one);
+            (0..m).filter(of).for_each(|k| self.scales[k] = scale);
+        }
+        for k in 0..m {
+            for l in 0..m {
+                self.square[k * m + l] = self.square[k * m + l] * (self.scales[k] * self.scales[l]);
+            }
+        }
+        let least = self.inverse.compute(&self.square, floor, &mut self.l);
+        for k in 0..m {
+            for l in 0..m {
+                self.l[k * m + l] = self.l[k * m + l] * (self.scales[k] * self.scales[l]);
+            }
+        }
+        self.loss = one - (least.max(zero) / floor).min(one);
+    }
+
+    /// `L x`.
+    fn apply(&self, x: &[S], out: &mut [S]) {
+        for (row, out) in self.l.chunks_exact(x.len()).zip(out) {
+            *out = row.iter().zip(x).fold(S::zero(), |sum, (&l, &x)| l.mul_add(x, sum));
+        }
+    }
+}
+
+/// Where a law is: its joints, its Jacobian, what its motions ask for.
+pub(super) struct Place<'a, S> {
+    pub trig: &'a [(S, S)],
+    pub q: &'a [S],
+    pub v: &'a [S],
+    pub jacobian: &'a [S],
+    /// `x_d''`.
+    pub acceleration: &'a [S],
+    /// `q_n` and `q_n'`; empty without a null space.
+    pub posture: &'a [S],
+    /// `g(q)`.
+    pub gravity: &'a [S],
+}
+
+impl<S: Real> NullSpace<S> {
+    /// For the laws of the lanes, of `m` rows and `n` joints; `None` where neither a null space nor the coupling is asked for.
+    pub fn new<'a>(of: impl Fn(usize) -> (Option<&'a NullSpaceSpec>, bool, f64), [m, n]: [usize; 2]) -> Option<Self> {
+        let (first, coupling, _) = of(0);
+        if first.is_none() && !coupling {
+            return None;
+        }
+        let zeros = |k: usize| vec![S::zero(); k];
+        let posture = first.map(|first| {
+            let spec = |lane: usize| of(lane).0.unwrap_or(first);
+            let stiffness = AnyGain::labelled("null_stiffness", |lane| &spec(lane).stiffness);
+            let damping = AnyGain::labelled("null_damping", |lane| &spec(lane).damping);
+            (stiffness, damping, first.projection)
+        });
+        Some(NullSpace {
+            posture,
+            coupling,
+            floor: S::labelled("null_eps_squared", 0, || S::from_lanes(|lane| of(lane).2 * of(lane).2)),
+            mass: zeros(n * n),
+            factor: zeros(n * n),
+            consistent: Projector::new(m, n),
+            fixed: Projector::new(m, n),
+            rate: zeros(m * n),
+            full: zeros(6 * n),
+            wrench: zeros(m),
+            work: zeros(m.max(n)),
+            tau_0: zeros(n),
+            projected: zeros(n),
+            torque: zeros(n),
+        })
+    }
+
+    /// The projector of the null space, or that of the coupling.
+    fn projector(&self) -> &Projector<S> {
+        match self.posture {
+            Some((_, _, NullProjection::Static)) => &self.fixed,
+            _ => &self.consistent,
+        }
+    }
+
+    /// The torque beside `J' F + g` into `self.torque`; what compensates the coupling is added to the wrench `force`.
+    pub fn evaluate(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
+        let n = at.q.len();
+        let consistent = matches!(self.posture, Some((_, _, NullProjection::Consistent)));
+        if consistent || self.coupling {
+            arm.mass_matrix(ws, at.trig, at.q, &mut self.mass);
+            cholesky::factor_into(n, &self.mass, &mut self.factor);
+            self.consistent.spread.copy_from_slice(at.jacobian);
+            self.consistent.spread.chunks_exact_mut(n).for_each(|row| cholesky::solve_lower(n, &self.factor, row));
+            self.consistent.prepare(&coordinates.rows, self.floor);
+        }
+        self.torque.fill(S::zero());
+        if self.coupling {
+            arm.bias(ws, at.trig, at.q, at.v, &mut self.torque);
+            self.torque.iter_mut().zip(at.gravity).for_each(|(torque, &g)| *torque -= g);
+            self.couple(arm, ws, coordinates, at, force);
+        }
+        if self.posture.is_some() {
+            self.project(&coordinates.rows, at);
+        }
+    }
+
+    /// `F += L (x_d'' - J_dot v)`.
+    fn couple(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
+        let (n, m) = (at.q.len(), force.len());
+        if let AnyArm::Tree(tree) = arm {
+            coordinates.jacobian_dot(tree, &mut ws.poses, &mut ws.motion, &mut self.full, at.trig, at.q, at.v, &mut self.rate);
+        }
+        for k in 0..m {
+            let row = &self.rate[k * n..(k + 1) * n];
+            self.wrench[k] = row.iter().zip(at.v).fold(at.acceleration[k], |rest, (&j, &v)| j.neg_mul_add(v, rest));
+        }
+        self.consistent.apply(&self.wrench, &mut self.work[..m]);
+        force.iter_mut().zip(&self.work).for_each(|(force, &added)| *force += added);
+    }
+
+    /// `N' tau_0`, added to the torque.
+    fn project(&mut self, rows: &[usize], at: &Place<S>) {
+        let (n, m) = (at.q.len(), self.wrench.len());
+        let Some((stiffness, damping, projection)) = &self.posture else { return };
+        for i in 0..n {
+            self.work[i] = at.posture[i] - at.q[i];
+        }
+        stiffness.multiply(&self.work[..n], &mut self.tau_0);
+        for i in 0..n {
+            self.work[i] = at.posture[n + i] - at.v[i];
+        }
+        damping.add_to(&self.work[..n], &mut self.tau_0);
+        self.work[..n].copy_from_slice(&self.tau_0);
+        let projector = if *projection == NullProjection::Static {
+            self.fixed.spread.copy_from_slice(at.jacobian);
+            self.fixed.prepare(rows, self.floor);
+            &self.fixed
+        } else {
+            cholesky::solve_lower(n, &self.factor, &mut self.work[..n]);
+            &self.consistent
+        };
+        for (row, wrench) in projector.spread.chunks_exact(n).zip(&mut self.wrench) {
+            *wrench = row.iter().zip(&self.work).fold(S::zero(), |sum, (&a, &b)| a.mul_add(b, sum));
+        }
+        projector.apply(&self.wrench, &mut self.work[..m]);
+        for i in 0..n {
+            let rest = (0..m).fold(self.tau_0[i], |rest, k| at.jacobian[k * n + i].neg_mul_add(self.work[k], rest));
+            self.projected[i] = rest;
+            self.torque[i] += rest;
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! `f(A) = max(A, c)^-1` of a symmetric positive semidefinite matrix, its eigenvalues raised to at least `c`, without a branch on the data:
+//! by a fixed number of sweeps of Jacobi's method (Golub and Van Loan, Matrix Computations, 8.5).
+//!
+//! With `A = G G'` and `c = eps^2`, `G' f(A)` is the pseudo-inverse of `G` with the spectral clamp `sigma / max(sigma, eps)^2`.
+//!
+//! With `B = V' A V` nearly diagonal, `f(A) = V F V'`, `F_ii = f(B_ii)` and `F_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` (Daleckii and
+//! Krein): what is left beside the diagonal counts to first order, and the rates of `V` cancel in those of the result.
+
+use crate::scalar::Real;
+
+/// Sweeps after which what is left beside the diagonal is below 1e-7 of the largest eigenvalue, by number of rows: it counts squared.
+const SWEEPS: [usize; 7] = [0, 0, 1, 4, 5, 6, 7];
+
+/// Two eigenvalues that differ by less than this share of all are not turned: the divided difference is exact for them.
+const SAME: f64 = 1e-7;
+
+/// The inverse of matrices of one size, with its buffers.
+#[derive(Clone, Debug)]
+pub struct ClampedInverse<S> {
+    m: usize,
+    b: Vec<S>,
+    v: Vec<S>,
+    f: Vec<S>,
+    row: Vec<S>,
+}
+
+impl<S: Real> ClampedInverse<S> {
+    /// For matrices `(m, m)`, `m` at most six: the rows of a frame.
+    pub fn new(m: usize) -> Self {
+        let zeros = |k: usize| vec![S::zero(); k];
+        ClampedInverse { m, b: zeros(m * m), v: zeros(m * m), f: zeros(m * m), row: zeros(m) }
+    }
+
+    /// `f(a)` into `out`, `(m, m)`; the smallest eigenvalue of `a`.
+    pub fn compute(&mut self, a: &[S], floor: S, out: &mut [S]) -> S {
+        let m = self.m;
+        self.b.copy_from_slice(a);
+        for (k, v) in self.v.iter_mut().enumerate() {
+            *v = if k % (m + 1) == 0 { S::splat(1.0) } else { S::zero() };
+        }
+        let size = a.iter().fold(S::zero(), |sum, &x| x.mul_add(x, sum));
+        let least = size.mul_add(S::splat(SAME * SAME), S::splat(f64::MIN_POSITIVE));
+        for _ in 0..SWEEPS[m.min(SWEEPS.len() - 1)] {
+            for p in 0..m {
+                for q in p + 1..m {
+                    self.turn(p, q, least);
+                }
+            }
+        }
+        self.raise(floor);
+        for i in 0..m {
+            for j in 0..m {
+                self.row[j] = (0..m).fold(S::zero(), |sum, k| self.v[i * m + k].mul_add(self.f[k * m + j], sum));
+            }
+            for j in 0..=i {
+                let entry = (0..m).fold(S::zero(), |sum, k| self.row[k].mul_add(self.v[j * m + k], sum));
+                (out[i * m + j], out[j * m + i]) = (entry, entry);
+            }
+        }
+        (1..m).fold(self.b[0], |least, i| least.min(self.b[i * m + i]))
+    }
+
+    /// Turn the axes `p` and `q` so that nothing is left between them; eigenvalues as close as `least`, a square, are not turned.
+    fn turn(&mut self, p: usize, q: usize, least: S) {
+        let (m, zero, one) = (self.m, S::zero(), S::splat(1.0));
+        let (b, v) = (&mut self.b, &mut self.v);
+        let between = b[p * m + q];
+        // tan of the smaller angle: 2 b_pq / (d + sign(d) sqrt(d^2 + 4 b_pq^2)).
+        let (twice, d) = (between + between, b[q * m + q] - b[p * m + p]);
+        let square = d.mul_add(d, twice * twice);
+        let there = least.lt(square);
+        let root = S::select(there, square, one).sqrt();
+        let t = S::select(there, twice / S::select(d.lt(zero), d - root, d + root), zero);
+        let c = one / t.mul_add(t, one).sqrt();
+        let s = t * c;
+        b[p * m + p] = t.neg_mul_add(between, b[p * m + p]);
+        b[q * m + q] = t.mul_add(between, b[q * m + q]);
+        let rest = S::select(there, zero, between);
+        (b[p * m + q], b[q * m + p]) = (rest, rest);
+        for k in (0..m).filter(|&k| k != p && k != q) {
+            let (x, y) = (b[k * m + p], b[k * m + q]);
+            let (x, y) = (s.neg_mul_add(y, c * x), s.mul_add(x, c * y));
+            (b[k * m + p], b[p * m + k], b[k * m + q], b[q * m + k]) = (x, x, y, y);
+        }
+        for row in v.chunks_exact_mut(m) {
+            (row[p], row[q]) = (s.neg_mul_add(row[q], c * row[p]), s.mul_add(row[p], c * row[q]));
+        }
+    }
+
+    /// `F` from `B`: `1 / max(l, c)`, and its divided differences `-share / (max(l, c) max(k, c))`.
+    fn raise(&mut self, floor: S) {
+        let (m, zero, one) = (self.m, S::zero(), S::splat(1.0));
+        for i in 0..m {
+            let own = self.b[i * m + i];
+            self.f[i * m + i] = one / own.max(floor);
+            for j in 0..i {
+                let other = self.b[j * m + j];
+                let (low, high) = (own.min(other), own.max(other));
+                let (some, both) = (low.lt(floor), high.lt(floor));
+                // Of one side: 1 or 0, whatever the distance is.
+                let apart = S::select(both, one, S::select(some, high - low, one));
+                let share = S::select(both, zero, S::select(some, (high - floor) / apart, one));
+                let entry = -(share * self.b[i * m + j] * self.f[i * m + i] * self.f[j * m + j]);
+                (self.f[i * m + j], self.f[j * m + i]) = (entry, entry);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::symmetric_eigen;
+    use crate::scalar::Dual;
+
+    /// A positive semidefinite matrix with entries of random size, of a rank up to `m`.
+    fn matrix(m: usize, seed: u64) -> Vec<f64> {
+        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+        let mut next = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let n = 7;
+        let mut g: Vec<f64> = (0..m * n).map(|_| next()).collect();
+        // Rows that are almost or wholly the same.
+        if seed.is_multiple_of(3) && m > 1 {
+            let near = 10f64.powf(20.0 * next() - 10.0) * f64::from(u8::from(seed.is_multiple_of(2)));
+            for k in 0..n {
+                g[(m - 1) * n + k] = g[k] + near * next();
+            }
+        }
+        (0..m * m).map(|at| (0..n).map(|k| g[at / m * n + k] * g[at % m * n + k]).sum()).collect()
+    }
+
+    #[test]
+    fn it_is_the_function_of_the_eigenvalues() {
+        for m in 1..=6 {
+            for seed in 0..200 {
+                let a = matrix(m, 7 * seed + m as u64);
+                let floor = 1e-3;
+                let (values, vectors) = symmetric_eigen(&a, m).expect("finite");
+                let mut got = vec![0.0; m * m];
+                let least = ClampedInverse::new(m).compute(&a, floor, &mut got);
+                assert!((least - values[0]).abs() < 1e-14 * (1.0 + values[m - 1]), "{m} {seed}: {least} against {}", values[0]);
+                for i in 0..m {
+                    for j in 0..m {
+                        let want: f64 = (0..m).map(|k| vectors[k * m + i] * vectors[k * m + j] / values[k].max(floor)).sum();
+                        // Rounding of the eigenvalues by the bound 1/c^2 of the slope.
+                        assert!((got[i * m + j] - want).abs() < 1e-8, "{m} {seed}: {} against {want}", got[i * m + j]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn its_rate_is_that_of_the_function() {
+        for m in 2..=6 {
+            for seed in 0..30 {
+                let (a, rate) = (matrix(m, 5 * seed + 1), matrix(m, 5 * seed + 2));
+                let floor = 0.05;
+                let at = |h: f64| {
+                    let moved: Vec<f64> = a.iter().zip(&rate).map(|(a, r)| a + h * r).collect();
+                    let mut out = vec![0.0; m * m];
+                    ClampedInverse::new(m).compute(&moved, floor, &mut out);
+                    out
+                };
+                let moving: Vec<Dual> = a.iter().zip(&rate).map(|(&a, &r)| Dual::new(a, r)).collect();
+                let mut out = vec![Dual::default(); m * m];
+                ClampedInverse::new(m).compute(&moving, Dual::new(floor, 0.0), &mut out);
+                let (ahead, behind) = (at(1e-5), at(-1e-5));
+                for k in 0..m * m {
+                    let slope = (ahead[k] - behind[k]) / 2e-5;
+                    // Differences: h^2 of the third derivative, 1e4 of numbers up to 1/c = 20.
+                    assert!((out[k].rate - slope).abs() < 1e-4 * (1.0 + slope.abs()), "{m} {seed}: {} against {slope}", out[k].rate);
+                }
+            }
+        }
+        // Equal eigenvalues: the rate of 1/A at A = 1 is minus that of A.
+        let moving = [Dual::new(1.0, 0.3), Dual::new(0.0, 0.2), Dual::new(0.0, 0.2), Dual::new(1.0, -0.1)];
+        let mut out = [Dual::default(); 4];
+        ClampedInverse::new(2).compute(&moving, Dual::new(1e-4, 0.0), &mut out);
+        for (got, want) in out.iter().zip([-0.3, -0.2, -0.2, 0.1]) {
+            assert!((got.rate - want).abs() < 1e-15);
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! `al.CartesianImpedance`, and what the impedance laws have in common: their targets and their options.
+
+use super::{Arguments, Law};
+use crate::arrays::{Axis, Form, SCALAR, new_vector, numbers, owned, require_finite, spread, text};
+use crate::errors::{Failure, entry, input_error};
+use crate::motion::Motion as PyMotion;
+use armlet_core::kinematics::coordinates::{parse_axes, rows_of_pose};
+use armlet_core::law::{CartesianImpedanceSpec, ImpedanceOptions, NullProjection, NullSpaceSpec};
+use armlet_core::linalg::gain::Gain;
+use armlet_core::motion::Motion;
+use armlet_macros::entered;
+use pyo3::prelude::*;
+
+/// Gains that may be zero: a scalar, `(n,)`, or a positive definite `(n, n)`.
+fn gain_or_zero<'py>(function: &str, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Gain, Failure> {
+    let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Is(n)])];
+    let (shape, values) = numbers(function, name, value, &forms)?;
+    require_finite(value.py(), function, name, &shape, &values)?;
+    match shape.len() {
+        2 => Ok(Gain::full(name, n, owned(values)?)?),
+        _ => Ok(Gain::not_negative(name, spread(&shape, values, n)?)?),
+    }
+}
+
+/// The options of an impedance law, as they are given.
+#[derive(Default)]
+pub(super) struct Given<'a, 'py> {
+    pub nullspace: Option<&'a Bound<'py, PyAny>>,
+    pub feedforward: Option<&'a Bound<'py, PyAny>>,
+    pub compensate_coupling: Option<&'a Bound<'py, PyAny>>,
+    pub eps: Option<&'a Bound<'py, PyAny>>,
+    pub integral_gain: Option<&'a Bound<'py, PyAny>>,
+    pub wrench_max: Option<&'a Bound<'py, PyAny>>,
+    pub tau_max: Option<&'a Bound<'py, PyAny>>,
+}
+
+impl<'py> Given<'_, 'py> {
+    /// The options of a law of `m` rows.
+    pub fn read(&self, given: &mut Arguments<'py>, m: usize) -> Result<ImpedanceOptions, Failure> {
+        let n = given.model().n();
+        fn there<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'py, PyAny>> {
+            value.filter(|value| !value.is_none())
+        }
+        let mut options = ImpedanceOptions::default();
+        if let Some(value) = there(self.nullspace) {
+            options.null_space = Some(null_space(given.function(), value, n)?);
+            given.plain("nullspace", value);
+        }
+        if let Some(value) = there(self.feedforward) {
+            options.feedforward = Some(given.vector("feedforward", value, m)?);
+        }
+        options.compensate_coupling = given.flag("compensate_coupling", there(self.compensate_coupling))?;
+        if let Some(value) = there(self.eps) {
+            options.eps = given.number("eps", value)?;
+        }
+        if let Some(value) = there(self.integral_gain) {
+            options.integral_gain = Some(gain_or_zero(given.function(), "integral_gain", value, m)?);
+            given.keep("integral_gain", value)?;
+        }
+        for (name, value, count) in [("wrench_max", self.wrench_max, m), ("tau_max", self.tau_max, n)] {
+            let Some(value) = there(value) else { continue };
+            let (shape, values) = numbers(given.function(), name, value, &[SCALAR, Form(&[Axis::Is(count)])])?;
+            let limits = Some(spread(&shape, values, count)?);
+            if name == "tau_max" {
+                options.tau_max = limits;
+            } else {
+                options.wrench_max = limits;
+            }
+            given.keep(name, value)?;
+        }
+        Ok(options)
+    }
+}
+
+/// The null space as an `armlet.NullSpace` states it.
+fn null_space(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<NullSpaceSpec, Failure> {
+    let field = |name: &str| {
+        let refused = |_| input_error(value.py(), function, "nullspace", "is of the wrong type: expected a NullSpace or None");
+        value.getattr(name).map_err(refused)
+    };
+    let q_d = field("q_d")?;
+    let posture = match q_d.cast::<PyMotion>() {
+        Ok(motion) => motion.get().core.clone(),
+        Err(_) => {
+            let (shape, values) = numbers(function, "q_d", &q_d, &[Form(&[Axis::Is(n)])])?;
+            require_finite(value.py(), function, "q_d", &shape, &values)?;
+            Motion::Hold(owned(values)?)
+        }
+    };
+    let stiffness = gain_or_zero(function, "stiffness", &field("stiffness")?, n)?;
+    let damping = gain_or_zero(function, "damping", &field("damping")?, n)?;
+    let projection = NullProjection::of_name(&text(function, "projection", &field("projection")?)?)?;
+    Ok(NullSpaceSpec::new(n, posture, stiffness, damping, projection)?)
+}
+
+/// The target of an impedance law: a motion of its rows, the rows themselves, or a pose `(4, 4)`, of which the rows are kept.
+pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>, axes: &str) -> Result<Motion, Failure> {
+    if value.cast::<PyMotion>().is_ok() {
+        return given.motion("target", value);
+    }
+    let rows = parse_axes(axes)?;
+    let Ok((shape, pose)) = numbers(given.function(), "target", value, &[Form(&[Axis::Is(4), Axis::Is(4)])]) else {
+        return Ok(Motion::Hold(given.vector("target", value, rows.len())?));
+    };
+    require_finite(value.py(), given.function(), "target", &shape, &pose)?;
+    let values = rows_of_pose(&pose, &rows)?;
+    let kept = new_vector(value.py(), values.len(), |out| {
+        out.copy_from_slice(&values);
+        Ok(())
+    })?;
+    given.plain("target", &kept);
+    Ok(Motion::Hold(values))
+}
+
+/// Cartesian impedance: a spring and a damper between a frame and its target, `tau = J'(K (x_d - x) + D (x_d' - J v)) + g(q)`.
+///
+/// `axes` chooses the rows, in order: letters of "xyz" for position, "rx ry rz" for orientation (error `log(R_d R')`,
+/// `R_d` from the target's rotation vector). The law has no inverse of `J` and stays defined at singularities. With options,
+///
+///     F = K e + D (x_d' - J v) + F_ff + w,  w' = K_i e        within wrench_max
+///     tau = J' F + N' tau_0 + g(q)                            within tau_max
+///
+/// `N' tau_0` is the torque of a `NullSpace`. With `compensate_coupling` the law adds `C v` to the torque and `L (x_d'' - J_dot v)` to the
+/// wrench, `L = (J M^-1 J')^-1`: then `L (x'' - x_d'') = F` whatever the null motion does, at full rank and without an external force.
+/// Near singularities `L` is clamped: singular values of `J M^-1/2` count as `eps`, each unit relative to the root mean square of its rows.
+///
+/// The integral wrench `w` `(m,)` is the law's state: `run.estimate` records it, and it starts at zero. A row of it stops while `F` or a
+/// torque is beyond a limit and the row would go further that way.
+///
+/// Args:
+///     arm: the model: its kinematics, its gravity, and for the options its mass matrix.
+///     target: `x_d`, one number per row, m or rad; a pose `(4, 4)`; or a motion of the rows, whose rotation vector may move.
+///         `arm.pose_vector(q, frame)` is the pose at joint angles, for the axes "xyz rx ry rz".
+///     stiffness, damping: positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
+///     frame: name of the controlled frame (keyword only).
+///     axes: the rows, such as "xyz", "xy" or "xyz rx ry rz" (keyword only).
+///     nullspace: a `NullSpace`, for arms of more joints than rows (keyword only).
+///     feedforward: `F_ff`, a wrench in the law's rows `(m,)`, N and N m (keyword only).
+///     compensate_coupling: compensate what couples the null motion and the frame (keyword only).
+///     eps: the clamp of `L` and of the null space, between 0 and 1; 0.02 if None (keyword only).
+///     integral_gain: `K_i`, N/(m s) and N m/(rad s), at least zero: scalar, `(m,)`, or positive definite `(m, m)` (keyword only).
+///     wrench_max: the largest `F` of each row, N and N m, scalar or `(m,)`; no limit if None (keyword only).
+///     tau_max: the largest torque that the law asks for, N m or N, scalar or `(n,)`; no limit if None (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown, a limit is not positive,
+///         a target `(4, 4)` is no pose.
+///
+/// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985; Khatib, A unified approach for motion
+/// and force control of robot manipulators: the operational space formulation, IEEE J. Robotics and Automation 3(1), 1987.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> law = al.CartesianImpedance(arm, [0.4, 0.5], [300.0, 200.0], [40.0, 30.0], frame="link2", axes="xy")
+/// >>> run = al.simulate(al.RigidArm(arm), law, [0.3, 1.0], t_end=3.0, method="dop853", t_eval=[0.0, 3.0])
+/// >>> arm.position(run.q[-1], "link2").round(3)
+/// array([0.4, 0.5, 0. ])
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct CartesianImpedance;
+
+#[entered]
+#[pymethods]
+impl CartesianImpedance {
+    #[new]
+    #[pyo3(
+        signature = (arm, target, stiffness, damping, *, frame, axes=None, nullspace=None, feedforward=None, compensate_coupling=None,
+                     eps=None, integral_gain=None, wrench_max=None, tau_max=None),
+        text_signature = "(arm, target, stiffness, damping, *, frame, axes=None, nullspace=None, feedforward=None, \
+                          compensate_coupling=False, eps=None, integral_gain=None, wrench_max=None, tau_max=None)"
+    )]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        target: &Bound<'py, PyAny>,
+        stiffness: &Bound<'py, PyAny>,
+        damping: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        axes: Option<&Bound<'py, PyAny>>,
+        nullspace: Option<&Bound<'py, PyAny>>,
+        feedforward: Option<&Bound<'py, PyAny>>,
+        compensate_coupling: Option<&Bound<'py, PyAny>>,
+        eps: Option<&Bound<'py, PyAny>>,
+        integral_gain: Option<&Bound<'py, PyAny>>,
+        wrench_max: Option<&Bound<'py, PyAny>>,
+        tau_max: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        const NAME: &str = "CartesianImpedance";
+        entry(arm.py(), NAME, || {
+            let mut given = Arguments::new(NAME, arm)?;
+            let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
+            let target = self::target(&mut given, target, &axes)?;
+            let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
+            let spec = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
+            let options = Given { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
+            let spec = spec.with(options.read(&mut given, m)?)?;
+            Ok(given.law(spec).add_subclass(CartesianImpedance))
+        })
+    }
+}

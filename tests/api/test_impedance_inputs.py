@@ -1,0 +1,165 @@
+"""Options and targets of impedance laws: what is refused and how, poses and motions as targets, batches, scenarios."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet.scenario import Scenario
+
+ARM = al.planar_arm([0.5, 0.4, 0.3])
+NAN, INF = float("nan"), float("inf")
+POSTURE = al.NullSpace([0.3, 0.4, 0.5], 20.0, 2.0)
+GIVEN: dict[str, Any] = {"arm": ARM, "target": [0.5, 0.3], "stiffness": 300.0, "damping": 30.0, "frame": "link3", "axes": "xy"}
+
+
+def law(**changes: Any) -> al.CartesianImpedance:
+    return al.CartesianImpedance(**(GIVEN | changes))
+
+
+def refused(call: Callable[[], Any], *words: str) -> None:
+    with pytest.raises(al.InputError) as caught:
+        call()
+    message = str(caught.value)
+    for word in ("expected", *words):
+        assert word in message, (word, message)
+
+
+def posture(*given: Any, **more: Any) -> al.CartesianImpedance:
+    return law(nullspace=al.NullSpace(*given, **more))
+
+
+@pytest.mark.parametrize("made", ["CartesianImpedance", "ElasticImpedance"])
+def test_options(made: str) -> None:
+    inner = {} if made == "CartesianImpedance" else {"joint_stiffness": 800.0, "motor_inertia": 0.4, "reduced_inertia": 0.1}
+
+    def take(**changes: Any) -> Callable[[], Any]:
+        return lambda: getattr(al, made)(**(GIVEN | inner | changes))
+
+    refused(take(nullspace=3.0), f"{made}: nullspace is of the wrong type", "NullSpace")
+    refused(take(nullspace=al.NullSpace([0.1, 0.2], 1.0, 1.0)), f"{made}: q_d", "(3,)", "(2,)")
+    refused(take(nullspace=al.NullSpace([0.1, 0.2, NAN], 1.0, 1.0)), f"{made}: q_d is not finite", "index 2")
+    refused(take(nullspace=al.NullSpace(al.Hold([0.1, 0.2]), 1.0, 1.0)), "q_d", "expected 3, got 2")
+    refused(take(nullspace=al.NullSpace([0.1] * 3, -1.0, 1.0)), "stiffness is negative")
+    refused(take(nullspace=al.NullSpace([0.1] * 3, 1.0, [1.0, 1.0])), "damping", "(3,)")
+    refused(take(nullspace=al.NullSpace([0.1] * 3, np.ones((3, 3)), 1.0)), "stiffness is not positive definite")
+    refused(take(feedforward=[1.0]), f"{made}: feedforward", "(2,)")
+    refused(take(feedforward=[1.0, INF]), f"{made}: feedforward is not finite", "index 1")
+    for eps, words in ((0.0, "is not positive"), (1.0, "is too large"), (NAN, "not finite"), ("x", "eps")):
+        refused(take(eps=eps), "eps", words)
+    refused(take(compensate_coupling=2.0), "compensate_coupling")
+
+
+def test_options_of_the_rigid_law() -> None:
+    refused(lambda: law(integral_gain=-1.0), "CartesianImpedance: integral_gain is negative")
+    refused(lambda: law(integral_gain=[1.0]), "integral_gain", "(2,)")
+    for name, count in (("wrench_max", 2), ("tau_max", 3)):
+        refused(lambda name=name: law(**{name: 0.0}), f"{name} is not positive")
+        refused(lambda name=name: law(**{name: NAN}), f"{name} is not positive")
+        refused(lambda name=name: law(**{name: [1.0]}), name, f"({count},)")
+        assert law(**{name: INF})(0.0, [0.1] * 3, [0.0] * 3) == pytest.approx(law()(0.0, [0.1] * 3, [0.0] * 3), abs=0.0)
+    with pytest.raises(al.InputError, match="nullspace is of the wrong type"):
+        law(nullspace=[0.1, 0.2, 0.3])
+
+
+def test_null_spaces() -> None:
+    refused(lambda: al.NullSpace([0.1], 1.0, 1.0, projection="dynamic"), "NullSpace: projection is unknown", "consistent, static")
+    refused(lambda: al.NullSpace("x", 1.0, 1.0), "NullSpace: q_d")
+    refused(lambda: al.NullSpace([0.1], [[[1.0]]], 1.0), "NullSpace: stiffness")
+    given = np.array([0.3, 0.4, 0.5])
+    made = al.NullSpace(given, 20.0, 2.0)
+    given[:] = 9.0
+    assert made == POSTURE and pickle.loads(pickle.dumps(made)) == made
+    assert repr(made) == "NullSpace(q_d=(0.3, 0.4, 0.5), stiffness=20.0, damping=2.0, projection='consistent')"
+    moving = law(nullspace=al.NullSpace(al.Quintic([0.0] * 3, [0.3] * 3, 1.0), 20.0, 0.0))
+    again = pickle.loads(pickle.dumps(moving))
+    q, v = [0.2, 0.5, 0.4], [0.1, -0.2, 0.3]
+    assert np.array_equal(moving(0.5, q, v), again(0.5, q, v)) and repr(again) == repr(moving)
+    assert np.abs(moving(0.0, q, v) - moving(1.0, q, v)).max() > 1e-3
+
+
+def test_a_pose_as_target() -> None:
+    six = al.load_urdf(al.example_urdf("six_axis"))
+    q = np.array([0.3, -0.4, 0.5, 0.2, -0.6, 0.1])
+    frame = six.tip_frame
+    rows = {"frame": frame, "axes": "xyz rx ry rz"}
+    by_pose = al.CartesianImpedance(six, six.pose(q, frame), 300.0, 30.0, **rows)
+    by_rows = al.CartesianImpedance(six, six.pose_vector(q, frame), 300.0, 30.0, **rows)
+    # The rotation vector of the rounded pose.
+    np.testing.assert_allclose(by_pose.terms(0.0, q, np.zeros(6))["e"], np.zeros(6), atol=1e-15)
+    np.testing.assert_allclose(by_pose(0.0, q + 0.1, q), by_rows(0.0, q + 0.1, q), rtol=0.0, atol=1e-12)
+    assert np.array_equal(pickle.loads(pickle.dumps(by_pose))(0.0, q + 0.1, q), by_pose(0.0, q + 0.1, q))
+    place = al.CartesianImpedance(six, six.pose(q, frame), 300.0, 30.0, frame=frame)
+    np.testing.assert_allclose(place.terms(0.0, q, q)["e"], np.zeros(3), atol=1e-15)
+    planar = al.CartesianImpedance(ARM, ARM.pose([0.3, 0.4, 0.5], "link3"), 300.0, 30.0, frame="link3", axes="xy rz")
+    np.testing.assert_allclose(planar.terms(0.0, [0.3, 0.4, 0.5], [0.0] * 3)["e"], np.zeros(3), atol=1e-15)
+    for broken in (2.0 * np.eye(4), np.diag([1.0, 1.0, -1.0, 1.0]), np.zeros((4, 4)), np.eye(4)[::-1], np.full((4, 4), NAN)):
+        refused(lambda broken=broken: al.CartesianImpedance(six, broken, 300.0, 30.0, **rows), "target")
+    refused(lambda: al.CartesianImpedance(six, six.pose(q, frame), 300.0, 30.0, frame=frame, axes="xyz rz"), "target turns about rx")
+    refused(lambda: law(target=np.eye(3)), "target", "(2,)")
+    refused(lambda: law(target=al.Hold([0.5])), "target", "(2,)")
+
+
+def test_a_rest_needs_a_potential() -> None:
+    plant = al.RigidArm(ARM)
+    for options in ({"nullspace": POSTURE}, {"integral_gain": 1.0}, {"wrench_max": 10.0}, {"tau_max": 10.0}):
+        refused(lambda options=options: al.equilibrium(plant, law(**options), q0=[0.2, 0.5, 0.4]), "equilibrium: law", "potential")
+    pushed = al.equilibrium(plant, law(), [6.0, -3.0], q0=[0.2, 0.5, 0.4])
+    fed = al.equilibrium(plant, law(feedforward=[6.0, -3.0]), q0=[0.2, 0.5, 0.4])
+    # The same rest, found from the same start to 1e-9.
+    np.testing.assert_allclose(fed.x, pushed.x, atol=1e-8)
+    assert fed.reachable and not fed.spurious
+
+
+def test_rows_of_a_batch_are_the_runs() -> None:
+    """Postures, limits and wrenches that differ; laws of another shape among them."""
+    laws = [
+        law(nullspace=al.NullSpace([0.3, 0.4, k], 20.0 + k, 2.0), feedforward=[k, -k], integral_gain=5.0, tau_max=20.0 + k, eps=0.1)
+        for k in (0.1, 0.5, 0.9)
+    ]
+    laws.append(law(nullspace=al.NullSpace([0.3, 0.4, 0.2], 20.0, 2.0, projection="static"), integral_gain=5.0, compensate_coupling=True))
+    q0, options = [0.2, 0.5, 0.4], {"t_end": 0.1, "dt": 1e-3, "record_every": 20}
+    batch = al.simulate_batch(al.RigidArm(ARM), laws, [q0] * 4, **options)
+    for row, each in enumerate(laws):
+        run = al.simulate(al.RigidArm(ARM), each, q0, **options)
+        for name in ("q", "v", "tau", "estimate"):
+            # The states of a row and of a run alone differ by roundings.
+            np.testing.assert_allclose(getattr(batch, name)[row], getattr(run, name), rtol=1e-9, atol=1e-10)
+
+
+def test_scenarios() -> None:
+    table: dict[str, Any] = {
+        "arm": {"kind": "planar_arm", "lengths": [0.5, 0.4, 0.3]},
+        "law": {
+            "kind": "CartesianImpedance",
+            "target": {"kind": "Quintic", "q0": [0.8, 0.5], "q1": [0.5, 0.3], "duration": 0.1},
+            "stiffness": 300.0,
+            "damping": 30.0,
+            "frame": "link3",
+            "axes": "xy",
+            "nullspace": {"q_d": [0.3, 0.4, 0.5], "stiffness": 20.0, "damping": 2.0, "projection": "static"},
+            "feedforward": [1.0, 2.0],
+            "compensate_coupling": True,
+            "eps": 0.1,
+            "integral_gain": 5.0,
+            "wrench_max": 80.0,
+            "tau_max": [50.0, 40.0, 30.0],
+        },
+        "run": {"q0": [0.2, 0.5, 0.4], "t_end": 0.1, "dt": 1e-3},
+    }
+    made = law(
+        target=al.Quintic([0.8, 0.5], [0.5, 0.3], 0.1),
+        nullspace=al.NullSpace([0.3, 0.4, 0.5], 20.0, 2.0, projection="static"),
+        **{name: table["law"][name] for name in ("feedforward", "compensate_coupling", "eps", "integral_gain", "wrench_max", "tau_max")},
+    )
+    run = Scenario(table).run()
+    assert np.array_equal(run.q, al.simulate(al.RigidArm(ARM), made, [0.2, 0.5, 0.4], t_end=0.1, dt=1e-3).q)
+    table["law"]["nullspace"]["projection"] = "dynamic"
+    refused(lambda: Scenario(table), "$.law.nullspace.projection")
+    table["law"]["nullspace"] = {"q_d": [0.3, 0.4], "stiffness": 20.0, "damping": 2.0}
+    refused(lambda: Scenario(table).run(), "q_d")

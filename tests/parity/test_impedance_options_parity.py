@@ -1,0 +1,161 @@
+"""Null space, coupling, feed-forward, integral and limits of impedance laws against `armlet.reference`, n from 1 to 8.
+
+The core raises eigenvalues of `J M^-1 J'` by Jacobi's method and turns rotation vectors in closed form; the reference decomposes
+`J M^-1/2` into singular values and integrates rotations by quadrature.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from loops import Array, close, pair
+
+import armlet as al
+from armlet import reference
+
+AXES = {1: "x", 2: "xy", 3: "xyz", 4: "z ry x", 5: "xyz rz rx", 6: "xyz rx ry rz", 7: "xyz rx ry rz", 8: "rz xyz rx ry"}
+# Eigenvalues against singular values: rounding over eps^2 = 4e-4 of torques of some hundreds.
+TOLERANCE = 1e-10
+
+
+def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
+    root = rng.normal(size=(n, n))
+    return np.asarray(scale * (root @ root.T / n + np.eye(n)))
+
+
+def options(rng: np.random.Generator, n: int, m: int, *, wide: bool = False) -> dict[str, Any]:
+    """Random options but for the null space."""
+    return {
+        "feedforward": rng.normal(size=m),
+        "compensate_coupling": bool(rng.random() < 0.7),
+        "eps": [None, 0.1, 0.5][int(rng.integers(3))],
+        "integral_gain": definite(rng, m, 20.0) if rng.random() < 0.5 else rng.uniform(0.0, 20.0, m),
+        "wrench_max": 1e9 if wide else rng.uniform(5.0, 100.0, m),
+        "tau_max": 1e9 if wide else rng.uniform(5.0, 50.0, n),
+    }
+
+
+def laws(rng: np.random.Generator, arms: tuple[al.Arm, Any], n: int, **more: Any) -> tuple[Any, Any]:
+    frame, axes = arms[0].frame_names[-1], AXES[n]
+    m = len(reference.task.parse_axes(axes))
+    posture, gains = rng.uniform(-1.0, 1.0, n), (definite(rng, n, 20.0), rng.uniform(0.0, 4.0, n))
+    projection = ["consistent", "static"][int(rng.integers(2))]
+    given = options(rng, n, m, **more)
+    stiffness, damping = definite(rng, m, 100.0), definite(rng, m, 10.0)
+    # A motion of the rows, whose rotation vector passes by one and by half a turn.
+    kind = int(rng.integers(3))
+    amplitude, frequency, phase = rng.uniform(0.1, 1.5, m), rng.uniform(0.5, 3.0, m), rng.uniform(-1.0, 1.0, m)
+    offset = rng.uniform(-1.0, 1.0, m)
+    pose = np.asarray(arms[0].pose(rng.uniform(-1.0, 1.0, n), frame))
+    if kind == 2 and m == len(set(axes.split()) & {"rx", "ry", "rz"}) + 3 and n >= 6:
+        targets: tuple[Any, Any] = (pose, pose)
+    elif kind:
+        targets = (al.Sinusoid(offset, amplitude, frequency, phase), reference.Sinusoid(offset, amplitude, frequency, phase))
+    else:
+        targets = (offset, offset)
+    return tuple(
+        kit.CartesianImpedance(
+            arm,
+            target,
+            stiffness,
+            damping,
+            frame=frame,
+            axes=axes,
+            nullspace=kit.NullSpace(posture, *gains, projection=projection),
+            **given,
+        )
+        for kit, arm, target in ((al, arms[0], targets[0]), (reference, arms[1], targets[1]))
+    )  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("n", range(1, 9))
+def test_terms_and_torques(n: int, seed: int) -> None:
+    rng = np.random.default_rng([n, seed])
+    arms = pair(rng, n)
+    law, theirs = laws(rng, arms, n)
+    for _ in range(3):
+        t, q, v = float(rng.uniform(0.0, 2.0)), rng.uniform(-1.5, 1.5, n), rng.normal(size=n)
+        w = 10.0 * rng.normal(size=len(theirs.state0))
+        parts, wanted = law.terms(t, q, v, state=w), theirs.terms(t, q, v, state=w)
+        for name in ("e", "J", "force", "tau_0", "null_torque", "L", "loss", "tau"):
+            close(parts[name], wanted[name], TOLERANCE)
+        close(parts["integral_rate"], wanted["state_rate"], TOLERANCE)
+        close(law(t, q, v, state=w), wanted["tau"], TOLERANCE)
+
+
+@pytest.mark.parametrize("projection", ["consistent", "static"])
+@pytest.mark.parametrize("bend", [0.0, 1e-300, 1e-9, 1e-3, 0.02, 0.05, np.pi])
+def test_terms_at_singularities(bend: float, projection: str) -> None:
+    """A planar arm stretched out and folded, position and orientation; the loss is one there and zero far away."""
+    arms = al.planar_arm([0.5, 0.4, 0.3, 0.2]), reference.planar_arm([0.5, 0.4, 0.3, 0.2])
+    q, v = np.array([0.4, bend, bend, bend]), np.array([0.3, -0.2, 0.5, 0.1])
+    losses = []
+    for axes, target in (("xy", [0.7, 0.4]), ("xyz rz", [0.7, 0.4, 0.0, 0.3]), ("z rx", [0.1, 0.2])):
+        law, theirs = (
+            kit.CartesianImpedance(
+                arm,
+                target,
+                300.0,
+                30.0,
+                frame="link4",
+                axes=axes,
+                compensate_coupling=True,
+                nullspace=kit.NullSpace(np.full(4, 0.5), 20.0, 2.0, projection=projection),
+            )
+            for kit, arm in zip((al, reference), arms, strict=True)
+        )
+        parts, wanted = law.terms(0.0, q, v), theirs.terms(0.0, q, v)
+        for name in ("null_torque", "loss", "tau"):
+            close(parts[name], wanted[name], TOLERANCE)
+        losses.append(float(parts["loss"]))
+    # Rows that nothing moves are lost, whatever the pose.
+    assert losses[1] == losses[2] == 1.0
+    # The square of a singular value that is zero is known to rounding, over eps^2.
+    assert (losses[0] > 1.0 - 1e-9) if bend in (0.0, 1e-300, 1e-9, np.pi) else (losses[0] < 1.0 - 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("n", [2, 4, 7])
+def test_runs(n: int, seed: int) -> None:
+    rng = np.random.default_rng([n, seed, 5])
+    arms = pair(rng, n)
+    law, theirs = laws(rng, arms, n)
+    q0, v0 = rng.uniform(-0.3, 0.3, (2, n))
+    settings: dict[str, Any] = {"t_end": 0.012, "dt": 1e-3, "v0": v0}
+    run = al.simulate(al.RigidArm(arms[0]), law, q0, **settings)
+    wanted = reference.simulate(reference.RigidArm(arms[1]), theirs, q0, **settings)
+    # Twelve steps of rounding, amplified by accelerations of some hundreds.
+    for name in ("q", "v", "tau", "estimate"):
+        close(getattr(run, name), wanted[name], 1e-8)
+    close(run.monitors["energy_balance"], wanted["energy_balance"], 1e-8)
+
+
+@pytest.mark.parametrize("compensate", [False, True])
+@pytest.mark.parametrize("n", [2, 4, 7])
+def test_elastic_runs(n: int, compensate: bool) -> None:
+    """The same options of the outer loop, and the balance of the law's own storage function, in which the projected torque counts."""
+    rng = np.random.default_rng([n, 9])
+    arms = pair(rng, n)
+    frame, axes = arms[0].frame_names[-1], {2: "x", 4: "xyz", 7: "xyz"}[n]
+    m = len(axes)
+    inner = (definite(rng, n, 800.0), rng.uniform(0.3, 0.5, n), rng.uniform(0.1, 0.2, n))
+    posture = rng.uniform(-0.5, 0.5, n)
+    motion = (rng.uniform(-0.5, 0.5, m), rng.uniform(0.1, 0.2, m), np.full(m, 2.0), np.zeros(m))
+    law, theirs = (
+        kit.ElasticImpedance(
+            arm, kit.Sinusoid(*motion), 100.0, 10.0, *inner, frame=frame, axes=axes, nullspace=kit.NullSpace(posture, 20.0, 2.0),
+            feedforward=np.ones(m), compensate_coupling=compensate, eps=0.1,
+        )
+        for kit, arm in zip((al, reference), arms, strict=True)
+    )  # fmt: skip
+    q0, v0 = rng.uniform(-0.3, 0.3, (2, n))
+    settings: dict[str, Any] = {"t_end": 0.01, "dt": 1e-3, "v0": v0}
+    run = al.simulate(al.ElasticArm(arms[0], inner[0], inner[1]), law, q0, **settings)
+    wanted = reference.simulate(reference.ElasticArm(arms[1], inner[0], inner[1]), theirs, q0, **settings)
+    for name in ("q", "v", "tau", "theta"):
+        close(getattr(run, name), wanted[name], 1e-8)
+    for name in ("energy", "energy_balance"):
+        close(run.monitors[name], wanted[name], 1e-8)
