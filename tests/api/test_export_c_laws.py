@@ -303,7 +303,7 @@ def test_a_library_as_its_cmake_file_says(tmp_path: Path) -> None:
     files = al.export_c(law, tmp_path)
     options = re.findall(r"PRIVATE (.*)\)", files[2].read_text())
     assert options[1] == "-O3 -ffp-contract=off -fno-math-errno"
-    assert options[2:] == (["-mfma"] if "fma(" in files[1].read_text() else [])
+    assert options[2:] == ["-march=native", *(["-mfma"] if "fma(" in files[1].read_text() else [])]
     plain = Controller(files, COMPILERS[0])
     given = " ".join(option for option in options if option.startswith("-")).split()
     fast = Controller(files, COMPILERS[0], *given)

@@ -14,6 +14,9 @@ use pyo3::prelude::*;
 
 const NAME: &str = "export_c";
 
+/// A function of an arm: its name in C, its name, and a frame.
+type Named<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
+
 fn options(prefix: &Bound<'_, PyAny>, fused: Option<&Bound<'_, PyAny>>) -> Result<COptions, Failure> {
     let options = COptions::new(text(NAME, "prefix", prefix)?);
     Ok(match fused {
@@ -56,7 +59,7 @@ pub fn _c_of_law(
 pub fn _c_of_arm(
     py: Python<'_>,
     arm: &Bound<'_, PyAny>,
-    functions: Vec<(Bound<'_, PyAny>, Bound<'_, PyAny>, Option<Bound<'_, PyAny>>)>,
+    functions: Vec<Named<'_>>,
     prefix: &Bound<'_, PyAny>,
     fused: Option<&Bound<'_, PyAny>>,
     friction: &Bound<'_, PyAny>,
@@ -66,7 +69,7 @@ pub fn _c_of_arm(
         let arm = object::<Arm>(NAME, "arm", "an arm or a law such as Adaptive", arm)?;
         let (options, friction, armature) = (options(prefix, fused)?, flag(NAME, "friction", friction)?, flag(NAME, "armature", armature)?);
         let model = &arm.get().model;
-        let one = |(name, function, frame): (Bound<PyAny>, Bound<PyAny>, Option<Bound<PyAny>>)| {
+        let one = |(name, function, frame): Named| {
             let (name, function) = (text(NAME, "functions", &name)?, text(NAME, "functions", &function)?);
             let Some(&(_, quantity)) = Quantity::PRINTED.iter().find(|(known, _)| *known == function) else {
                 let known: Vec<&str> = Quantity::PRINTED.iter().map(|(name, _)| *name).collect();

@@ -171,15 +171,18 @@ finite &= fabs(x[k]) <= 0x1.fffffffffffffp+1023;\n    return finite;\n}}\n\n"
 
 /// A CMake file for the library.
 fn cmake(stamp: &str, prefix: &str, fused: bool) -> String {
+    let upper = prefix.to_ascii_uppercase();
     let fma = format!(
         "if(CMAKE_SYSTEM_PROCESSOR MATCHES \"x86_64|AMD64|amd64\" AND NOT MSVC)\n  # Without it every fma() is a call, with the same result.\n  \
 target_compile_options({prefix} PRIVATE -mfma)\nendif()\n"
     );
     format!(
         "# {stamp}: do not edit.\ncmake_minimum_required(VERSION 3.10)\nproject({prefix} C)\n\nadd_library({prefix} {prefix}.c {prefix}.h)\n\
+option({upper}_NATIVE \"compile for the processor of this machine alone\" OFF)\n\
 set_target_properties({prefix} PROPERTIES C_STANDARD 99 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)\n\
 target_include_directories({prefix} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})\nif(MSVC)\n  target_compile_options({prefix} PRIVATE /fp:precise)\nelse()\n  \
-target_compile_options({prefix} PRIVATE -O3 -ffp-contract=off -fno-math-errno)\n  target_link_libraries({prefix} PUBLIC m)\nendif()\n{}",
+target_compile_options({prefix} PRIVATE -O3 -ffp-contract=off -fno-math-errno)\n  target_link_libraries({prefix} PUBLIC m)\n  if({upper}_NATIVE)\n    target_compile_options({prefix} PRIVATE -march=native)\n  \
+endif()\nendif()\n{}",
         if fused { fma } else { String::new() }
     )
 }

@@ -1,0 +1,172 @@
+"""ratio = time of a step of exported C / time of the same law in armlet: laws of seven axes, and the longest of many steps.
+
+The C is compiled with the options of its CMake file. Its step evaluates the motion and computes the torque; of an adaptive law it also
+advances the 70 estimates and computes their rates. The yardstick is `law(t, q, v)` from Python, a program of machine code that evaluates
+the motion and computes the torque alone. What Python adds to a call is that of a law of one joint less the step of its C, and is taken
+off. The steps are timed one by one by the clock of the system, whose reading is part of each figure.
+
+    python -P benches/bench_export_c.py --readme             # the figures of benches/README.md
+    python -P benches/bench_export_c.py --steps 100000       # a quicker look
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+import reporting
+import timing
+
+import armlet as al
+
+GOAL = 1.1
+# Calls of a round, of both.
+CALLS = 2000
+
+DRIVER = """
+#define _POSIX_C_SOURCE 199309L
+#include "law.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+static double now(void)
+{
+    struct timespec at;
+    clock_gettime(CLOCK_MONOTONIC, &at);
+    return 1e9 * (double)at.tv_sec + (double)at.tv_nsec;
+}
+
+/* Steps in a row, their mean; then one by one, how many took so many ns. */
+int main(int count, char **arguments)
+{
+    static long took[1000];
+    const long steps = count > 1 ? atol(arguments[1]) : 1000000L;
+    law_state state;
+    double q[LAW_N], v[LAW_N], tau[LAW_N], best = 1e30, worst = 0.0, sum = 0.0;
+    long k, round, beyond = 0, seen = 0;
+    int i, part = 0;
+    const double parts[3] = {0.5, 0.99, 0.9999};
+    for (i = 0; i < LAW_N; i++) {
+        q[i] = 0.1 * i;
+        v[i] = 0.2 - 0.05 * i;
+    }
+    law_init(&state);
+    for (round = 0; round < 20; round++) {
+        const double start = now();
+        for (k = 0; k < CALLS; k++)
+            if (law_step(&state, 1e-3 * (double)(CALLS * round + k), q, v, tau) != LAW_OK)
+                return 1;
+        const double each = (now() - start) / CALLS;
+        best = each < best ? each : best;
+    }
+    law_init(&state);
+    for (k = 0; k < steps; k++) {
+        const double start = now();
+        const int status = law_step(&state, 1e-3 * (double)k, q, v, tau);
+        const double each = now() - start;
+        if (status != LAW_OK)
+            return 1;
+        sum += tau[0];
+        worst = each > worst ? each : worst;
+        took[each < 9990.0 ? (int)(each / 10.0) : 999]++;
+        beyond += each > 10000.0;
+    }
+    printf("%.1f %.0f %ld", best, worst, beyond);
+    for (i = 0; i < 1000 && part < 3; i++)
+        for (seen += took[i]; part < 3 && (double)seen >= parts[part] * (double)steps; part++)
+            printf(" %d", 10 * i + 10);
+    printf(" %g\\n", sum);
+    return 0;
+}
+"""
+
+
+ARM = al.load_urdf(al.example_urdf("seven_axis"))
+MOTION = al.Sinusoid([0.3] * 7, [0.2] * 7, [2.0] * 7, [0.0] * 7)
+SMALL = al.PDGravity(al.pendulum(0.3, 2.0), [0.5], kp=4.0, kd=1.0)
+LAWS: dict[str, al.Law] = {
+    "ComputedTorque": al.ComputedTorque(ARM, MOTION, 100.0, 20.0),
+    "Adaptive": al.Adaptive(ARM, MOTION, kp=40.0, kd=20.0, gamma=1e-6),
+}
+
+
+def compiled(law: al.Law, folder: Path) -> Path:
+    """The program of a law and the driver."""
+    compiler = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
+    if compiler is None:
+        raise SystemExit("bench_export_c: no C compiler is installed: expected gcc, clang or cc")
+    files = al.export_c(law, folder, dt=1e-3)
+    (folder / "main.c").write_text(DRIVER.replace("CALLS", str(CALLS)))
+    lines = re.findall(r"PRIVATE (-.*)\)", files[2].read_text())
+    options = [option for line in lines for option in line.split() if option != "-march=native"]
+    command = [compiler, "-std=c99", *options, str(folder / "main.c"), str(files[1]), "-o", str(folder / "main"), "-lm"]
+    subprocess.run(command, check=True)
+    return folder / "main"
+
+
+def stepped(program: Path, steps: int) -> list[float]:
+    """A step in a row, the longest, the number beyond 10 us, and the median, 99 % and 99.99 % of steps one by one, ns."""
+    done = subprocess.run([str(program), str(steps)], capture_output=True, text=True, check=True).stdout.split()
+    return [float(x) for x in done[:6]]
+
+
+def called(law: al.Law) -> float:
+    """The least mean of some rounds of calls from Python, ns."""
+    n, best = law.arm.n, np.inf
+    q, v = 0.1 * np.arange(n), 0.2 - 0.05 * np.arange(n)
+    for start in range(10):
+        before = time.perf_counter()
+        for k in range(CALLS):
+            law(1e-3 * (CALLS * start + k), q, v)
+        best = min(best, (time.perf_counter() - before) / CALLS)
+    return 1e9 * best
+
+
+def main() -> None:
+    parser = reporting.arguments(__doc__.splitlines()[0])
+    parser.add_argument("--steps", type=int, default=10_000_000, help="steps that are timed one by one")
+    given = parser.parse_args()
+    reporting.require_release("bench_export_c")
+    timing.pin([given.core])
+    with tempfile.TemporaryDirectory() as folder:
+        small = compiled(SMALL, Path(folder) / "small")
+        programs = {name: compiled(law, Path(folder) / name) for name, law in LAWS.items()}
+        alone = {name: stepped(program, given.steps) for name, program in programs.items()}
+        # In turns; the least of each, since a busy machine only adds.
+        least = {name: [np.inf, np.inf] for name in (*LAWS, "small")}
+        for _ in range(given.rounds):
+            for name, law in (LAWS | {"small": SMALL}).items():
+                each = stepped(programs.get(name, small), 1)[0], called(law)
+                least[name] = [min(pair) for pair in zip(least[name], each, strict=True)]
+        python = least["small"][1] - least["small"][0]
+        rows = {name: ([least[name][0], *alone[name][1:]], least[name][1] - python) for name in LAWS}
+    ratios = {name: steps[0] / engine for name, (steps, engine) in rows.items()}
+    ratio, machine = ratios["ComputedTorque"], timing.machine()
+    lines = [
+        f"{machine['cpu']}, {machine['cores']} cores; armlet {al.__version__}, {al.build_info()['profile']} build.",
+        "",
+        *reporting.target_table([("one step in C / the same work in armlet", f"<= {GOAL}", f"{ratio:.2f}", ratio <= GOAL)]),
+        "",
+        f"| seven axes, {given.steps:,} steps | armlet, ns | C, ns | ratio | median | 99 % | 99.99 % | longest | beyond 10 us |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for name, (steps, engine) in rows.items():
+        step, worst, beyond, *parts = steps
+        shown = " | ".join(f"{x:.0f}" for x in (*parts, worst, beyond))
+        lines.append(f"| {name} | {engine:.0f} | {step:.0f} | {ratios[name]:.2f} | {shown} |")
+    reporting.finish("export_c", "\n".join(lines), given.readme)
+    if ratio > GOAL:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()
