@@ -55,6 +55,19 @@ FRAMED: dict[str, Callable[[al.Arm], al.Law]] = {
     "CartesianImpedance, turning": lambda arm: al.CartesianImpedance(
         arm, [0.5, 0.2, 0.1], [300.0, 200.0, 30.0], [60.0, 50.0, 3.0], frame=str(arm.tip_frame), axes="xy rz"
     ),
+    "CartesianImpedance, null space": lambda arm: al.CartesianImpedance(
+        arm,
+        al.Quintic([0.5, 0.2], [0.4, 0.3], 0.3),
+        300.0,
+        60.0,
+        frame=str(arm.tip_frame),
+        axes="xy",
+        nullspace=al.NullSpace(target(arm), 20.0, 5.0),
+        compensate_coupling=True,
+    ),
+    "CartesianImpedance, integral": lambda arm: al.CartesianImpedance(
+        arm, [0.5, 0.2], 300.0, 60.0, frame=str(arm.tip_frame), axes="xy", integral_gain=50.0, wrench_max=80.0, tau_max=30.0
+    ),
 }
 K, B, B0 = 2000.0, 0.3, 0.1
 ELASTIC: dict[str, Callable[[al.Arm], al.Law]] = {
