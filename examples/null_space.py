@@ -46,7 +46,7 @@ if len(sys.argv) > 1:
     for i, color in enumerate(COLOURS[: arm.n]):
         axes[0].plot(times, runs["coupling compensated"].q[:, i], color=color, label=f"q{i + 1}")
     axes[0].set(title="joints, coupling compensated", xlabel="time (s)", ylabel="angle (rad)")
-    axes[0].legend(fontsize=8, ncols=4, loc="center", bbox_to_anchor=(0.5, 0.36))
+    axes[0].legend(fontsize=8, ncols=4, loc="center", bbox_to_anchor=(0.5, 0.2))
     for name, color in zip(runs, COLOURS[:3], strict=True):
         axes[1].semilogy(times[1:], 1e3 * moved[name][1:], color=color, label=name)
         axes[2].semilogy(times[1:], kinetic[name][1:], color=color, label=name)
