@@ -324,8 +324,6 @@ class Values:
             "inertia": lambda: "np.eye(3) * 0.1" if target == "Arm.with_payload" else self.positive(0.5, 3.0),
             "state": lambda: self.vector(3),
             "s": lambda: self.vector(3, 0.0, 1.0),
-            "folder": lambda: "'c'",
-            "prefix": lambda: self.text("law", "arm", "robot_1"),
             "functions": lambda: self.text("['gravity']", "['bias', 'regressor']", "['pose']").strip('"'),
             "ramp": lambda: self.positive(0.01, 0.5),
             "animate": lambda: "",
