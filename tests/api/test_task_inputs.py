@@ -79,7 +79,7 @@ BAD: list[tuple[Callable[[], Any], str]] = [
     (lambda: al.PriorityVelocity(ARM, [al.Task("link4", "xy", [[1.0, 2.0]])]), r"tasks\[0\].target is a batch"),
     (
         lambda: al.inverse_kinematics(ARM, [al.Task("link4", "xy", np.ones((5, 3)))], Q),
-        r"tasks\[0\].target has the wrong shape: expected \(..., 2\)",
+        r"Task: target has the wrong shape: expected \(rows,\) or \(..., 2\), got \(5, 3\)",
     ),
     (lambda: al.inverse_kinematics(ARM, [al.Task("link4", "xy", np.ones((5, 2)))], np.ones((3, 4))), "tasks, q0 do not broadcast"),
     (lambda: al.inverse_kinematics(ARM, [TIP], Q, solutions=0), "solutions is not positive"),

@@ -4,7 +4,7 @@ mod kinds;
 
 pub use kinds::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask};
 
-use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, numbers, owned, require_finite, shown, text};
+use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
 use crate::priority::MOST_LEVELS;
@@ -42,6 +42,20 @@ pub struct Goals {
     pub function: TaskFunction,
     pub lead: Vec<usize>,
     pub targets: Vec<f64>,
+}
+
+impl Blueprint {
+    /// Numbers in a target, where they are known without the arm.
+    fn target_size(&self) -> Option<usize> {
+        match self {
+            Blueprint::Frame { axes, .. } | Blueprint::CentreOfMass { axes } | Blueprint::Relative { axes, .. } => {
+                parse_axes(axes).ok().map(|rows| rows.len())
+            }
+            Blueprint::Posture { joints } => joints.as_ref().map(Vec::len),
+            Blueprint::Axis { .. } => Some(3),
+            Blueprint::JointLimits { .. } => None,
+        }
+    }
 }
 
 /// A gain as it was given.
@@ -140,8 +154,13 @@ impl Common<'_, '_> {
                 let target = match given.cast::<Motion>() {
                     Ok(motion) => Aim::Motion(motion.get().core.clone()),
                     Err(_) => {
-                        let forms = [Form(&[Axis::Any("rows")]), Form(&[Axis::Leading, Axis::Any("rows")])];
-                        let (mut shape, values) = numbers(self.name, "target", given, &forms)?;
+                        let single = Form(&[Axis::Any("rows")]);
+                        // A batch is seen to be one of this task before it is read.
+                        let looked = Looked::at(self.name, "target", given)?;
+                        let width = [Axis::Leading, blueprint.target_size().map_or(Axis::Any("rows"), Axis::Is)];
+                        let forms = [single, Form(&width)];
+                        let count = if looked.shape.len() > 1 { 2 } else { 1 };
+                        let (mut shape, values) = looked.of(&forms[..count])?.values()?;
                         if shape.len() == 1 {
                             require_finite(given.py(), self.name, "target", &shape, &values)?;
                             Aim::Motion(CoreMotion::Hold(owned(values)?))
