@@ -74,6 +74,7 @@ from ._core import (
 )
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
+from .excitation import ExcitingMotion, exciting_motion
 from .figures.comparison import compare
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
@@ -114,6 +115,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "Equilibrium",
     "Event",
     "Events",
+    "ExcitingMotion",
     "FormatError",
     "Hold",
     "Identification",
@@ -175,6 +177,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "equilibrium",
     "example_urdf",
     "export_c",
+    "exciting_motion",
     "from_mujoco",
     "from_pinocchio",
     "integrate",

@@ -135,6 +135,7 @@ PYTHON: dict[str, Any] = {
     "BaseParameters": TREE.base_parameters(),
     "ParameterReport": TREE.check_parameters(TREE.parameters),
     "Identification": TREE.identify(*DRIVEN),
+    "ExcitingMotion": al.ExcitingMotion([0.0], [[0.5, 0.2]], [[1.0, 2.0]], [[0.3, 0.1]], 6.0, 3.5, [0.1, 0.2]),
 }
 EVERY = THINGS | PYTHON
 each = pytest.mark.parametrize("thing", EVERY.values(), ids=EVERY.keys())

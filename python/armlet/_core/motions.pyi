@@ -21,7 +21,7 @@ class Motion:
 class Hold(Motion):
     def __new__(cls, q: ArrayLike) -> Self: ...
 
-@final
+@disjoint_base
 class Sinusoid(Motion):
     def __new__(cls, offset: ArrayLike, amplitude: ArrayLike, frequency: ArrayLike, phase: ArrayLike) -> Self: ...
 

@@ -12,6 +12,7 @@ from .diagnosis import diagnose_priority
 from .edit import from_dh, locked, with_frame, with_payload
 from .elastic import ElasticLimits, damping_from_ratio, elastic_limits, smallest_reduced_inertia, stiffness_limit
 from .events import Event
+from .excitation import Excitation, excitation
 from .identification import BaseParameters, Identification, base_parameters, identify
 from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, JointImpedance
 from .inertia import ParameterReport, check_parameters, project_parameters
@@ -54,6 +55,7 @@ __all__ = [
     "ElasticTracking",
     "Equilibrium",
     "Event",
+    "Excitation",
     "Hold",
     "Identification",
     "InverseKinematics",
@@ -92,6 +94,7 @@ __all__ = [
     "diagnose_priority",
     "elastic_limits",
     "equilibrium",
+    "excitation",
     "forward_dynamics_derivatives",
     "from_dh",
     "identify",

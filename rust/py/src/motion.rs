@@ -121,7 +121,7 @@ fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Resu
 /// >>> q_d, v_d, a_d = al.Sinusoid([0.0], [0.5], [2.0], [0.0])(0.0)
 /// >>> v_d
 /// array([1.])
-#[pyclass(frozen, extends = Motion, module = "armlet")]
+#[pyclass(frozen, subclass, extends = Motion, module = "armlet")]
 pub struct Sinusoid;
 
 #[entered]

@@ -1,0 +1,357 @@
+"""Periodic motions that show the parameters of an arm well: finite Fourier series within limits (Swevers et al. 1997).
+
+    q(t) = o + sum_l (A_l sin(l w t) + B_l cos(l w t)),   w = 2 pi / duration,   l = 1 .. harmonics
+    F = sum_k Y_b(t_k)' N^-2 Y_b(t_k),   N = diag(noise);   the motion maximises log det F (D-optimality)
+
+Each joint's series is divided by a smooth maximum of its shares of the limits, so that limits of position, speed and acceleration hold for
+any coefficients. Limits of torque are a penalty. The gradient is exact: `Y_b` is linear in `a`, quadratic in `v` and in the position of a
+slide, and a trigonometric polynomial of degree two in an angle, whose slope four values give (Riesz 1914).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from ._core import Arm, Sinusoid
+from .arguments import instance, integer, number, positive
+from .border import border
+from .errors import InputError
+
+__all__ = ["ExcitingMotion", "exciting_motion"]
+
+_NAME = "exciting_motion"
+_Array = NDArray[np.float64]
+# Exponents of the smooth maximum, one search after the other.
+_POWERS = 16, 64, 256
+# Weight of the squared excess over a torque limit against log det F, and the share of the limit from which it counts.
+_PENALTY, _SHARE = 1e3, 0.97
+# Points per period and harmonic at which limits are checked in the end.
+_CHECKED = 64
+
+
+class ExcitingMotion(Sinusoid):
+    """A `Sinusoid` with period `duration` that shows the base parameters of an arm; made by `exciting_motion`.
+
+    Attributes:
+        duration: the period, s.
+        condition: of the regressor of one period, columns scaled to one: largest over smallest singular value.
+        deviations: standard deviations of the base parameters after one period of samples, `(b,)`.
+    """
+
+    duration: float
+    condition: float
+    deviations: _Array
+
+    def __new__(
+        cls,
+        offset: ArrayLike,
+        amplitude: ArrayLike,
+        frequency: ArrayLike,
+        phase: ArrayLike,
+        duration: float,
+        condition: float,
+        deviations: ArrayLike,
+    ) -> ExcitingMotion:
+        self = super().__new__(cls, offset, amplitude, frequency, phase)
+        name = "ExcitingMotion"
+        self.duration, self.condition = positive(name, "duration", duration), number(name, "condition", condition)
+        self.deviations = _core.numbers(name, "deviations", deviations, ("b",)).copy()
+        return self
+
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]:
+        nothing, keywords = super().__getnewargs_ex__()
+        return nothing, keywords | {"duration": self.duration, "condition": self.condition, "deviations": self.deviations}
+
+    def __repr__(self) -> str:
+        return f"<ExcitingMotion: {self.n} joints, period {self.duration:g} s, condition {self.condition:.3g}>"
+
+
+class _Limits(NamedTuple):
+    """Of each joint, `(n,)`: the middle and half the width of its range, its speed, acceleration and torque."""
+
+    middle: _Array
+    half: _Array
+    speed: _Array
+    acceleration: _Array
+    torque: _Array
+
+
+def _limits(arm: Arm, given: Any) -> _Limits:
+    """The arm's own limits, with those that are given in their place."""
+    n = arm.n
+    own = {name: np.asarray(values) for name, values in arm.limits.items()}
+    default = {"q_min": -np.inf, "q_max": np.inf, "v_max": np.inf, "a_max": np.inf, "effort": np.inf}
+    found = {name: np.array(own.get(name, np.full(n, value))) for name, value in default.items()}
+    if given is not None and not isinstance(given, Mapping):
+        raise InputError(f"{_NAME}: limits is of the wrong type: expected a dict of {', '.join(default)}, got {type(given).__name__}")
+    for name, value in (given or {}).items():
+        if name not in default:
+            raise InputError(f"{_NAME}: limits has an unknown name: expected one of {', '.join(default)}, got {name!r}")
+        array = _core.numbers(_NAME, f"limits[{name!r}]", value, (), (n,))
+        bad = np.isnan(array) | ((array <= 0.0) if name in ("v_max", "a_max", "effort") else False)
+        if np.any(bad):
+            k = int(np.argmax(np.atleast_1d(bad)))
+            kind = "a number" if name.startswith("q_") else "a number > 0"
+            raise InputError(f"{_NAME}: limits[{name!r}] is not {kind}: expected {kind}, got {array.flat[k]} (first bad index {k})")
+        found[name] = np.broadcast_to(array, (n,)).copy()
+    lower, upper = found["q_min"], found["q_max"]
+    whole = np.isfinite(lower) & np.isfinite(upper)
+    # A joint with one limit or none moves about zero, or inside its one limit.
+    middle = np.where(whole, 0.5 * (np.where(whole, lower, 0.0) + np.where(whole, upper, 0.0)), np.clip(0.0, lower, upper))
+    half = np.minimum(upper - middle, middle - lower)
+    for k in range(n):
+        if not half[k] > 0.0:
+            raise InputError(
+                f"{_NAME}: limits leave joint {arm.joint_names[k]} no room (first bad index {k}): expected q_min < 0 < q_max or a range"
+            )
+        if not np.isfinite([half[k], found["v_max"][k], found["a_max"][k]]).any():
+            raise InputError(
+                f"{_NAME}: limits do not bound joint {arm.joint_names[k]} (first bad index {k}): expected q_min and q_max, v_max or a_max"
+            )
+    return _Limits(middle, half, found["v_max"], found["a_max"], found["effort"])
+
+
+class _Series(NamedTuple):
+    """Fourier series at times of one period: `terms @ c` is the position, and so on for its derivatives; `(K, 2 N + 1)`."""
+
+    terms: _Array
+    rates: _Array
+    accelerations: _Array
+
+
+def _series(duration: float, harmonics: int, count: int) -> _Series:
+    t = np.arange(count) * (duration / count)
+    w = 2.0 * np.pi / duration * np.arange(1, harmonics + 1)
+    sin, cos = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    one = np.ones((count, 1))
+    return _Series(
+        np.hstack([one, sin, cos]), np.hstack([0.0 * one, w * cos, -w * sin]), np.hstack([0.0 * one, -w * w * sin, -w * w * cos])
+    )
+
+
+class _Problem:
+    """Minus log det F with its gradient, for unscaled coefficients `(n, 2 N + 1)`."""
+
+    def __init__(self, arm: Arm, limits: _Limits, series: _Series, noise: _Array, armature: bool, friction: bool) -> None:
+        self.arm, self.limits, self.series, self.noise = arm, limits, series, noise
+        self.base = arm.base_parameters(armature=armature, friction=friction)
+        self.slides = [kind == "prismatic" for kind in arm.joint_types]
+        self.power = _POWERS[0]
+        # The arm in closed form has neither drives nor limits.
+        self.rubs = bool(arm.limits)
+
+    def scaled(self, c: _Array) -> tuple[_Array, Any]:
+        """Coefficients within the limits, and what turns a slope by them into one by `c`."""
+        limits, p = self.limits, self.power
+        weights = [np.where(np.isfinite(limit), 1.0 / limit, 0.0)[:, None] for limit in (limits.half, limits.speed, limits.acceleration)]
+        shares = np.hstack([weight * (c @ rows.T) for weight, rows in zip(weights, self.series, strict=True)])
+        # In parts of the largest share nothing overflows.
+        peak = np.abs(shares).max(axis=1, keepdims=True)
+        parts = np.abs(shares / peak)
+        size = np.sum(parts**p, axis=1, keepdims=True)
+        norm = peak * size ** (1.0 / p)
+        slopes = np.split(np.sign(shares) * parts ** (p - 1) * (size ** (1.0 / p - 1.0)), 3, axis=1)
+        slope = np.sum([weight * (each @ rows) for weight, each, rows in zip(weights, slopes, self.series, strict=True)], axis=0)
+
+        def back(g: _Array) -> _Array:
+            found: _Array = (g - np.sum(g * c, axis=1, keepdims=True) / norm * slope) / norm
+            return found
+
+        return c / norm, back
+
+    def motion(self, c: _Array, series: _Series | None = None) -> tuple[_Array, _Array, _Array]:
+        """Positions, speeds and accelerations `(K, n)` of scaled coefficients."""
+        terms, rates, accelerations = series or self.series
+        return self.limits.middle + terms @ c.T, rates @ c.T, accelerations @ c.T
+
+    def regressor(self, q: _Array, v: _Array, a: _Array) -> _Array:
+        """`Y_b / noise`, `(..., n, b)`."""
+        found: _Array = self.base.regressor(q, v, v, a) / self.noise[:, None]
+        return found
+
+    def slopes(self, G: _Array, q: _Array, v: _Array, a: _Array) -> tuple[_Array, _Array, _Array]:
+        """Of `<G, Y_b / noise>` by `q`, `v` and `a`, each `(K, n)`."""
+        n = q.shape[1]
+        out = np.zeros((3, *q.shape))
+        for k in range(n):
+            unit = np.eye(n)[k]
+
+            def along(dq: float = 0.0, dv: float = 0.0, da: float = 0.0, unit: _Array = unit) -> _Array:
+                found: _Array = np.einsum("kib,kib->k", G, self.regressor(q + dq * unit, v + dv * unit, a + da * unit))
+                return found
+
+            if self.slides[k]:
+                out[0, :, k] = 0.5 * (along(dq=1.0) - along(dq=-1.0))
+            else:
+                weights = 1.0 / (8.0 * np.sin(np.pi / 8.0 * np.array([1, 3, 5, 7])) ** 2) * [1, -1, 1, -1]
+                out[0, :, k] = sum(w * along(dq=(2 * i + 1) * np.pi / 4.0) for i, w in enumerate(weights))
+            out[2, :, k] = 0.5 * (along(da=1.0) - along(da=-1.0))
+            out[1, :, k] = self._by_speed(G, q, v, a, k)
+        return out[0], out[1], out[2]
+
+    def _by_speed(self, G: _Array, q: _Array, v: _Array, a: _Array, k: int) -> _Array:
+        """The columns are quadratic in the speeds but for Coulomb friction, whose slope is zero where it has one."""
+        unit = np.eye(q.shape[1])[k]
+        h = 1.0
+        difference = 0.5 / h * (self.regressor(q, v + h * unit, a) - self.regressor(q, v - h * unit, a))
+        if self.base.friction:
+            first = len(self.base.names) - q.shape[1]
+            difference[..., self.base.columns >= first] = 0.0
+        found: _Array = np.einsum("kib,kib->k", G, difference)
+        return found
+
+    def cost(self, flat: _Array) -> tuple[float, _Array]:
+        """Minus log det F with the penalty on torques, and its gradient."""
+        c = flat.reshape(len(self.limits.half), -1)
+        scaled, back = self.scaled(c)
+        q, v, a = self.motion(scaled)
+        W = self.regressor(q, v, a)
+        F = np.einsum("kib,kic->bc", W, W)
+        sign, logdet = np.linalg.slogdet(F)
+        if not sign > 0.0 or not np.isfinite(logdet):
+            return 1e10, np.zeros_like(flat)
+        gq, gv, ga = self.slopes(-2.0 * (W @ np.linalg.inv(F)), q, v, a)
+        value = -float(logdet)
+        bounded = np.isfinite(self.limits.torque)
+        if bounded.any():
+            limit = np.where(bounded, self.limits.torque, 1.0)
+            tau = self.arm.inverse_dynamics(q, v, a, friction=self.rubs)
+            over = np.where(bounded, np.maximum(np.abs(tau) / limit - _SHARE, 0.0), 0.0)
+            value += _PENALTY / len(q) * float(np.sum(over**2))
+            push = 2.0 * _PENALTY / len(q) * over * np.sign(tau) / limit
+            for g, J in zip((gq, gv, ga), self.arm.inverse_dynamics_derivatives(q, v, a, friction=self.rubs), strict=True):
+                g += np.einsum("ki,kij->kj", push, J)
+        terms, rates, accelerations = self.series
+        return value, back(gq.T @ terms + gv.T @ rates + ga.T @ accelerations).ravel()
+
+    def fitted(self, c: _Array, duration: float, harmonics: int) -> _Array:
+        """The largest multiple of these coefficients whose limits hold at every time; torques at `_CHECKED` points per harmonic."""
+        count = _CHECKED * harmonics
+        series = _series(duration, harmonics, count)
+        # A trigonometric polynomial exceeds its largest value at these points by no more than this factor (Ehlich and Zeller 1964).
+        beyond = 1.0 / np.cos(np.pi * harmonics / count)
+        limits = self.limits
+        shares = [np.abs(c @ rows.T).max(axis=1) * beyond / limit for rows, limit in zip(series, limits[1:4], strict=True)]
+        c = c / np.max(shares, axis=0)[:, None] * (1.0 - 1e-12)
+
+        def within(share: float) -> bool:
+            q, v, a = self.motion(share * c, series)
+            tau = np.abs(self.arm.inverse_dynamics(q, v, a, friction=self.rubs))
+            return bool((tau <= limits.torque * (1.0 - 1e-3)).all())
+
+        if within(1.0):
+            return c
+        if not within(0.0):
+            g = np.abs(self.arm.inverse_dynamics(limits.middle, 0.0 * limits.middle, 0.0 * limits.middle))
+            k = int(np.argmax(g / limits.torque))
+            raise InputError(
+                f"{_NAME}: limits leave joint {self.arm.joint_names[k]} no torque (first bad index {k}): "
+                f"expected an effort above {g[k]:.3g}, which holds the arm in the middle of its ranges, got {limits.torque[k]:.3g}"
+            )
+        low, high = 0.0, 1.0
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if within(middle) else (low, middle)
+        return low * c
+
+
+@border
+def exciting_motion(
+    arm: Arm,
+    duration: float,
+    *,
+    limits: Mapping[str, ArrayLike] | None = None,
+    harmonics: int = 5,
+    samples: int | None = None,
+    noise: ArrayLike = 1.0,
+    armature: bool = False,
+    friction: bool = False,
+    starts: int = 1,
+    iterations: int = 200,
+    seed: int = 0,
+) -> ExcitingMotion:
+    """A periodic motion within limits whose record shows the base parameters of an arm best. Needs scipy (`armlet[tune]`).
+
+    Limits of position, speed and acceleration hold at every time. Limits of torque hold at 64 points per harmonic, for the arm's own
+    parameters and friction.
+
+    Args:
+        arm: its own parameters count for limits of torque alone.
+        duration: the period, s.
+        limits: `q_min`, `q_max` (rad or m), `v_max` (per s), `a_max` (per s^2), `effort` (N m or N), each a number or `(n,)`. They
+            replace the arm's own; an arm has no `a_max`. Each joint needs a bound other than `effort`.
+        harmonics: of the fundamental frequency `2 pi / duration`.
+        samples: how many of one period `condition` and `deviations` count; None: 20 per harmonic. At least 4 per harmonic.
+        noise: standard deviation of the measured torque, N m or N: a number or `(n,)`.
+        armature, friction: columns of `Arm.regressor` for rotors and friction are among the parameters.
+        starts: random starts of the search; the best is returned.
+        iterations: the most there are in each search.
+        seed: of the starts.
+
+    Returns:
+        A motion, with `duration`, `condition` and `deviations` of `arm.base_parameters(armature=armature, friction=friction)`.
+
+    Raises:
+        InputError: an argument is not what it should be, a joint is not bounded, or the torques cannot hold the arm.
+        ImportError: scipy is not installed.
+
+    Source: Swevers, Ganseman, Tukel, de Schutter and van Brussel, Optimal robot excitation and identification, IEEE T-RA 13, 1997.
+
+    >>> import armlet as al
+    >>> arm = al.planar_arm([0.5, 0.4])
+    >>> m = al.exciting_motion(arm, 5.0, limits={"q_min": -1.5, "q_max": 1.5, "v_max": 3.0, "a_max": 10.0}, harmonics=3)
+    >>> m.condition < 20.0, m.deviations.shape
+    (True, (6,))
+    """
+    instance(_NAME, "arm", arm, Arm, "an Arm")
+    duration = positive(_NAME, "duration", duration, sys.float_info.max)
+    harmonics, starts = integer(_NAME, "harmonics", harmonics, 1), integer(_NAME, "starts", starts, 1)
+    iterations, seed = integer(_NAME, "iterations", iterations, 1), integer(_NAME, "seed", seed)
+    samples = 20 * harmonics if samples is None else integer(_NAME, "samples", samples, 4 * harmonics)
+    sigma = np.broadcast_to(_core.numbers(_NAME, "noise", noise, (), (arm.n,)), (arm.n,))
+    if not (sigma > 0.0).all() or not np.isfinite(sigma).all():
+        k = int(np.argmax(~((sigma > 0.0) & np.isfinite(sigma))))
+        raise InputError(f"{_NAME}: noise is not positive: expected finite numbers > 0, got {sigma[k]} (first bad index {k})")
+    for name, value in (("armature", armature), ("friction", friction)):
+        instance(_NAME, name, value, (bool, np.bool_), "True or False")
+    bounds = _limits(arm, limits)
+    try:
+        optimize = import_module("scipy.optimize")
+    except ImportError:
+        raise ImportError(f"{_NAME}: scipy is not installed: pip install 'armlet[tune]'") from None
+    problem = _Problem(arm, bounds, _series(duration, harmonics, samples), sigma, bool(armature), bool(friction))
+    best: tuple[float, _Array] | None = None
+    for start in range(starts):
+        flat = np.random.default_rng([seed, start]).normal(size=arm.n * (2 * harmonics + 1))
+        for problem.power in _POWERS:
+            flat = optimize.minimize(problem.cost, flat, jac=True, method="L-BFGS-B", options={"maxiter": iterations}).x
+        fitted = problem.fitted(problem.scaled(flat.reshape(arm.n, -1))[0], duration, harmonics)
+        W = problem.regressor(*problem.motion(fitted))
+        logdet = float(np.linalg.slogdet(np.einsum("kib,kic->bc", W, W))[1])
+        if best is None or logdet > best[0]:
+            best = logdet, fitted
+    assert best is not None
+    return _motion(problem, best[1], duration, harmonics)
+
+
+def _motion(problem: _Problem, c: _Array, duration: float, harmonics: int) -> ExcitingMotion:
+    """The motion of these coefficients, with what its record shows."""
+    q, v, a = problem.motion(c)
+    W = problem.regressor(q, v, a).reshape(-1, problem.base.count)
+    lengths = np.linalg.norm(W, axis=0)
+    R = np.linalg.qr(W / np.where(lengths > 0.0, lengths, 1.0), mode="r")
+    singular = np.linalg.svd(R, compute_uv=False)
+    seen = singular[-1] > 1e-13 * singular[0]
+    deviations = np.linalg.norm(np.linalg.inv(R), axis=1) / lengths if seen else np.full(problem.base.count, np.inf)
+    sin, cos = c[:, 1 : harmonics + 1], c[:, harmonics + 1 :]
+    frequency = np.broadcast_to(2.0 * np.pi / duration * np.arange(1, harmonics + 1), sin.shape)
+    offset = problem.limits.middle + c[:, 0]
+    condition = float(singular[0] / singular[-1]) if seen else np.inf
+    return ExcitingMotion(offset, np.hypot(sin, cos), frequency, np.arctan2(cos, sin), duration, condition, deviations)

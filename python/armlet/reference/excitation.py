@@ -1,0 +1,42 @@
+"""What one record of a motion says of the base parameters of an arm.
+
+    W = rows Y_b(q_k, v_k, a_k) / noise = U S V',   deviations = sqrt(diag((W'W)^-1)) = |V S^-1| by rows
+    condition = S_1 / S_b of W with columns of length one                                        (Gautier and Khalil 1992)
+
+The core accumulates `W'W` for its search and takes deviations from a triangle of `W`; here they come from one dense decomposition.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .identification import base_parameters
+from .lagrange import Array, Mechanism
+
+
+class Excitation(NamedTuple):
+    """Condition, and deviations (b,) of the base parameters, for torque noise as given."""
+
+    condition: float
+    deviations: Array
+
+
+def excitation(
+    arm: Mechanism,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    *,
+    noise: ArrayLike = 1.0,
+    armature: bool = False,
+    friction: bool = False,
+) -> Excitation:
+    """Of samples (K, n) of a motion."""
+    q, v, a = (np.asarray(x, dtype=np.float64) for x in (q, v, a))
+    columns = base_parameters(arm, armature=armature, friction=friction).columns
+    Y = arm.regressor(q, v, v, a, armature=armature, friction=friction)[..., columns]
+    W = (Y / np.broadcast_to(noise, (arm.n,))[:, None]).reshape(-1, columns.size)
+    lengths = np.linalg.norm(W, axis=0)
+    _, sigma, V = np.linalg.svd(W / lengths, full_matrices=False)
+    return Excitation(float(sigma[0] / sigma[-1]), np.linalg.norm(V.T / sigma, axis=1) / lengths)
