@@ -51,6 +51,7 @@ THINGS: dict[str, Any] = {
     "ElasticArm": al.ElasticArm(TREE, 800.0, 0.4),
     "VelocityArm": al.VelocityArm(TREE),
     "Wall": al.Wall("link2", [0.7, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=1e4),
+    "MomentumObserver": al.MomentumObserver(TREE, 40.0, threshold=0.5),
     "Adaptive": al.Adaptive(PR, al.Hold([1.0, 0.0]), 40.0, 20.0, 5.0),
     "ComputedTorque": al.ComputedTorque(PR, al.Hold([1.0, 0.0]), 40.0, 20.0),
     "PDGravity": al.PDGravity(TREE, [0.3, 0.3], 40.0, 20.0),

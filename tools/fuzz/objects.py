@@ -133,6 +133,7 @@ class Objects:
         link = f"{self.number()}, {self.number()}, 1.2, 5.0, {self.positive(1.0, 20.0)}"
         made: dict[str, Callable[[], str]] = {
             "Arm": lambda: self.arm,
+            "MomentumObserver": lambda: f"al.MomentumObserver({self.arm}, {self.gain()}, threshold=0.1)",
             "Law": self.law,
             "Motion": self.motion,
             "Plant": self.plant,

@@ -64,8 +64,10 @@ from .priority import PrioritySolver as PrioritySolver
 from .priority import diagnose_priority as diagnose_priority
 from .priority import solve_priority as solve_priority
 from .priority import velocity_bounds as velocity_bounds
+from .simulation import MomentumObserver as MomentumObserver
 from .simulation import Simulator as Simulator
 from .simulation import _BatchStepper as _BatchStepper
+from .simulation import _restore_observer as _restore_observer
 from .simulation import _restore_simulator as _restore_simulator
 from .simulation import build_info as build_info
 from .simulation import loop_program as loop_program
@@ -111,6 +113,7 @@ __all__ = [
     "JointImpedance",
     "JointLimitTask",
     "Law",
+    "MomentumObserver",
     "Motion",
     "MotorPD",
     "PDGravity",
@@ -142,6 +145,7 @@ __all__ = [
     "_restore",
     "_restore_arm",
     "_restore_arm_solver",
+    "_restore_observer",
     "_restore_plan",
     "_restore_planar_pr",
     "_restore_simulator",

@@ -22,6 +22,7 @@ from .law import PID, ComputedTorque, Law, PDGravity
 from .mintime import torque_optimal_time
 from .motion import BangBang, Hold, Quintic, Sinusoid, Table
 from .null_space import NullSpace
+from .observer import MomentumObserver
 from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import solve_priority
@@ -64,6 +65,7 @@ __all__ = [
     "JointStops",
     "Law",
     "Mechanism",
+    "MomentumObserver",
     "MotorPD",
     "NullSpace",
     "PDGravity",

@@ -17,6 +17,7 @@ mod keywords;
 mod law;
 mod listed;
 mod motion;
+mod observer;
 mod plan;
 mod plant;
 mod printed;
@@ -60,6 +61,8 @@ mod _core {
     use super::listed::loop_program;
     #[pymodule_export]
     use super::motion::{BangBang, Hold, Motion, Quintic, Sinusoid, Table};
+    #[pymodule_export]
+    use super::observer::{_restore_observer, MomentumObserver};
     #[pymodule_export]
     use super::plan::_restore_plan;
     #[pymodule_export]

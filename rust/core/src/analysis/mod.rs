@@ -9,6 +9,7 @@ pub mod identification;
 pub mod inverse_kinematics;
 pub mod linearisation;
 pub mod loop_slope;
+pub mod momentum_observer;
 pub mod rest;
 pub mod suggested_gains;
 mod uniform;

@@ -1,0 +1,98 @@
+"""Momentum observer (De Luca et al. 2006), typed from its equations.
+
+    p = M v,  b = tau + M' v - C v - g - tau_f:  p' = b + tau_ext, with M' v in place of (C + C') v
+    r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - b_(k-1) dt)),  tau of b the torque that acted since sample k-1
+    motors of elastic joints: M = B, b = tau = tau_m - tau_J
+    wrench F = (J')# r with singular values below eps clamped; unexplained r - J'F
+    contact: the outermost joint with |r_i| above its threshold
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .lagrange import Array
+from .law import gain
+from .priority import clamp_inverse
+
+
+class MomentumObserver:
+    """The torque from outside, from positions (n,) or (B, n), velocities and torques."""
+
+    def __init__(
+        self,
+        arm: Any,
+        K: ArrayLike,
+        *,
+        friction: bool = False,
+        motor_inertia: ArrayLike | None = None,
+        threshold: ArrayLike | None = None,
+    ) -> None:
+        self.arm, self.friction = arm, friction
+        self.gain = gain(K, arm.n)
+        self.inertia = None if motor_inertia is None else gain(motor_inertia, arm.n)
+        self.threshold = None if threshold is None else np.broadcast_to(np.asarray(threshold, dtype=np.float64), (arm.n,))
+        self.residual: Array | None = None
+        self.momentum: Array = np.zeros(arm.n)
+        self.drift: Array = np.zeros(arm.n)
+
+    def _look(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """p, and b without tau."""
+        if self.inertia is not None:
+            return v @ self.inertia.T, np.zeros_like(v)
+        rate = self.arm.mass_matrix_rate(q, v)
+        drift = np.einsum("...ij,...j->...i", rate, v) - self.arm.bias(q, v)
+        if self.friction:
+            drift = drift - self.arm.friction_torque(v)
+        return np.einsum("...ij,...j->...i", self.arm.mass_matrix(q), v), drift
+
+    def reset(self, q: ArrayLike, v: ArrayLike) -> None:
+        """Start with r = 0."""
+        q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
+        self.momentum, self.drift = self._look(q, v)
+        self.residual = np.zeros_like(q)
+
+    def update(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, dt: float) -> Array:
+        """r of the next sample; the first one starts."""
+        q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
+        if self.residual is None:
+            self.reset(q, v)
+            return np.zeros_like(q)
+        before, known = self.momentum, np.asarray(tau, dtype=np.float64) + self.drift
+        self.momentum, self.drift = self._look(q, v)
+        gained = self.residual + (self.momentum - before - known * dt) @ self.gain.T
+        r = np.asarray(np.linalg.solve(np.eye(self.arm.n) + self.gain * dt, gained[..., None])[..., 0], dtype=np.float64)
+        self.residual = r
+        return r.copy()
+
+    def wrench(self, q: ArrayLike, frame: str, eps: float | None = None) -> Array:
+        """[f; m] (..., 6) at a frame."""
+        assert self.residual is not None
+        q = np.asarray(q, dtype=np.float64)
+        found = []
+        for row, r in zip(q.reshape(-1, self.arm.n), self.residual.reshape(-1, self.arm.n), strict=True):
+            transposed = self.arm.jacobian(row, frame).T
+            bound = 0.02 * float(np.linalg.norm(transposed, axis=1).max()) if eps is None else eps
+            # Of the two shapes the one whose A A' is the smaller: the other one's kernel is not to be clamped.
+            wide = transposed.shape[0] <= 6
+            inverse = clamp_inverse(transposed, bound) if wide else clamp_inverse(transposed.T, bound).T
+            found.append(inverse @ r)
+        return np.reshape(found, (*q.shape[:-1], 6))
+
+    def unexplained(self, q: ArrayLike, frame: str, eps: float | None = None) -> Array:
+        """r - J'F, of the shape of q."""
+        assert self.residual is not None
+        J = self.arm.jacobian(q, frame)
+        return np.asarray(self.residual - np.einsum("...ki,...k->...i", J, self.wrench(q, frame, eps)))
+
+    def calibrate(self, residuals: ArrayLike, sigmas: float = 5.0) -> None:
+        """Thresholds |mean| + sigmas standard deviations of residuals (K, n)."""
+        r = np.asarray(residuals, dtype=np.float64)
+        self.threshold = np.abs(r.mean(axis=0)) + sigmas * r.std(axis=0, ddof=1)
+
+    def contact(self) -> int:
+        """Index of the joint of the touched link of a chain, -1 without contact."""
+        assert self.residual is not None and self.threshold is not None
+        above = np.flatnonzero(np.abs(self.residual) > self.threshold)
+        return int(above[-1]) if above.size else -1

@@ -1,0 +1,327 @@
+//! `armlet.MomentumObserver`.
+
+use crate::arguments::{Arguments, call, shown_as};
+use crate::arm::Arm;
+use crate::arrays::{Axis, Form, SCALAR, new_array, number, numbers, owned, require_finite, spread, text};
+use crate::errors::{Failure, entry, input_error};
+use crate::seal::{Sealed, seal_call};
+use armlet_core::analysis::momentum_observer::{MomentumObserver as Core, ObserverState};
+use armlet_macros::entered;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyInt, PyTuple};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+const NAME: &str = "MomentumObserver";
+
+/// The torque from outside, without accelerations: `r_dot = K (tau_ext - r)`, from positions, velocities and torques.
+///
+/// With `p = M v` and Christoffel `C`, `r = K [p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds]`. A sample holds the integrand and solves for
+/// `r`: `r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))`. `q`, `v` and `tau` are `(n,)`, or `(B, n)` for
+/// arms that move side by side. Elastic joints: `tau` is the torque of the joints for the links.
+///
+/// Args:
+///     arm: the model.
+///     gain: `K`, 1/s, positive definite: scalar, `(n,)` or `(n, n)`.
+///     friction: take the model's viscous and Coulomb friction off; else `r` holds it (keyword only).
+///     motor_inertia: observe the motors of elastic joints instead: `B`, kg m^2, scalar, `(n,)` or `(n, n)`. Then `q`, `v` are theirs, `tau` is
+///         `tau_m - tau_J`, and `r` goes to minus the friction of the motors (keyword only).
+///     threshold: `|r_i|` above it is contact, N m or N, > 0: scalar or `(n,)`; see `calibrate` (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///
+/// Source: De Luca, Albu-Schaeffer, Haddadin and Hirzinger, Collision detection and safe reaction with the DLR-III lightweight
+/// manipulator arm, IROS 2006.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4], gravity=[0.0, 0.0])
+/// >>> obs = al.MomentumObserver(arm, 50.0)
+/// >>> obs.reset([0.3, 0.5], [0.0, 0.0])
+/// >>> for _ in range(1000):
+/// ...     r = obs.update([0.3, 0.5], [0.0, 0.0], [-1.0, 0.5], 1e-3)  # at rest: something holds against these torques
+/// >>> r.round(6)
+/// array([ 1. , -0.5])
+#[pyclass(frozen, module = "armlet")]
+pub struct MomentumObserver {
+    core: Mutex<Core>,
+    /// Whether the last samples were rows.
+    batched: Mutex<bool>,
+    /// The arm it was made for.
+    #[pyo3(get)]
+    arm: Py<Arm>,
+    arguments: Vec<(&'static str, Py<PyAny>)>,
+}
+
+/// An argument of samples: its shape and numbers.
+type Rows = (Vec<usize>, Vec<f64>);
+
+impl MomentumObserver {
+    fn core(&self) -> MutexGuard<'_, Core> {
+        self.core.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn batched(&self) -> bool {
+        *self.batched.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Arrays `(n,)` or `(B, n)`, all of one shape.
+    fn rows<const K: usize>(&self, function: &str, given: [(&'static str, &Bound<'_, PyAny>); K]) -> Result<[Rows; K], Failure> {
+        let n = self.core().n();
+        let forms = [Form(&[Axis::Is(n)]), Form(&[Axis::Any("B"), Axis::Is(n)])];
+        let mut all = std::array::from_fn(|_| (Vec::new(), Vec::new()));
+        for (k, (name, value)) in given.iter().enumerate() {
+            let (shape, values) = numbers(function, name, value, &forms)?;
+            require_finite(value.py(), function, name, &shape, &values)?;
+            all[k] = (shape.to_vec(), owned(values)?);
+            if all[k].0 != all[0].0 {
+                let problem = format!("has another shape than {}: expected {:?}, got {:?}", given[0].0, all[0].0, all[k].0);
+                return Err(input_error(value.py(), function, name, problem).into());
+            }
+        }
+        Ok(all)
+    }
+
+    /// Refuse rows of another number than those of the samples before.
+    fn same_rows(&self, py: Python<'_>, function: &str, shape: &[usize]) -> Result<(), Failure> {
+        let core = self.core();
+        let rows = core.state().residual.len() / core.n();
+        if rows > 0 && shape != self.shape(rows, core.n()) {
+            let problem = format!("has another shape than before: expected {:?}, got {shape:?}", self.shape(rows, core.n()));
+            return Err(input_error(py, function, "q", problem).into());
+        }
+        Ok(())
+    }
+
+    /// The shape of rows of so many numbers.
+    fn shape(&self, rows: usize, width: usize) -> Vec<usize> {
+        if self.batched() { vec![rows, width] } else { vec![width] }
+    }
+
+    fn wrench_and_rest(
+        &self,
+        function: &str,
+        q: &Bound<'_, PyAny>,
+        frame: &Bound<'_, PyAny>,
+        eps: Option<&Bound<'_, PyAny>>,
+    ) -> Result<(usize, [Vec<f64>; 2]), Failure> {
+        let [(shape, q_values)] = self.rows(function, [("q", q)])?;
+        self.same_rows(q.py(), function, &shape)?;
+        let frame = text(function, "frame", frame)?;
+        let eps = eps.filter(|eps| !eps.is_none()).map(|eps| number(function, "eps", eps)).transpose()?;
+        let mut core = self.core();
+        let rows = q_values.len() / core.n();
+        let (mut wrench, mut rest) = (vec![0.0; 6 * rows], vec![0.0; q_values.len()]);
+        core.wrench(&q_values, &frame, eps, &mut wrench, &mut rest)?;
+        Ok((rows, [wrench, rest]))
+    }
+}
+
+/// A copy of numbers as an array.
+fn array<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
+    new_array(py, shape, |out| {
+        out.copy_from_slice(values);
+        Ok(())
+    })
+}
+
+#[entered]
+#[pymethods]
+impl MomentumObserver {
+    #[new]
+    #[pyo3(
+        signature = (arm, gain, *, friction=None, motor_inertia=None, threshold=None),
+        text_signature = "(arm, gain, *, friction=False, motor_inertia=None, threshold=None)"
+    )]
+    fn new<'py>(
+        arm: &Bound<'py, PyAny>,
+        gain: &Bound<'py, PyAny>,
+        friction: Option<&Bound<'py, PyAny>>,
+        motor_inertia: Option<&Bound<'py, PyAny>>,
+        threshold: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        entry(arm.py(), NAME, || {
+            let mut given = Arguments::new(NAME, arm)?;
+            let model = given.model();
+            let n = model.n();
+            let gain = given.gain("gain", gain, n)?;
+            let friction = given.flag("friction", friction)?;
+            if friction {
+                model.tree("friction")?;
+            }
+            let mut core = Core::new(model, gain, friction)?;
+            if let Some(inertia) = motor_inertia.filter(|inertia| !inertia.is_none()) {
+                core = core.of_motors(given.gain("motor_inertia", inertia, n)?)?;
+            }
+            if let Some(threshold) = threshold.filter(|threshold| !threshold.is_none()) {
+                let (shape, values) = numbers(NAME, "threshold", threshold, &[SCALAR, Form(&[Axis::Is(n)])])?;
+                core.set_thresholds(spread(&shape, values, n)?)?;
+                given.keep("threshold", threshold)?;
+            }
+            let Arguments { arm, arguments, .. } = given;
+            Ok(MomentumObserver { core: Mutex::new(core), batched: Mutex::new(false), arm: arm.unbind(), arguments })
+        })
+    }
+
+    /// Start at `q`, `v`, `(n,)` or `(B, n)`, with `r = 0`.
+    fn reset(&self, py: Python<'_>, q: &Bound<'_, PyAny>, v: &Bound<'_, PyAny>) -> PyResult<()> {
+        entry(py, "MomentumObserver.reset", || {
+            let [(shape, q), (_, v)] = self.rows("MomentumObserver.reset", [("q", q), ("v", v)])?;
+            py.detach(|| self.core().reset(&q, &v))?;
+            *self.batched.lock().unwrap_or_else(PoisonError::into_inner) = shape.len() > 1;
+            Ok(())
+        })
+    }
+
+    /// The next sample: `r`, N m or N, of the shape of `q`.
+    ///
+    /// Args:
+    ///     q, v: positions and velocities now, `(n,)` or `(B, n)`.
+    ///     tau: the torques that acted since the last sample, of the same shape.
+    ///     dt: the time since then, s, > 0.
+    ///
+    /// Without `reset` the first sample starts, with `r = 0`.
+    fn update<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        tau: &Bound<'py, PyAny>,
+        dt: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        const FUNCTION: &str = "MomentumObserver.update";
+        entry(py, FUNCTION, || {
+            let [(shape, q), (_, v), (_, tau)] = self.rows(FUNCTION, [("q", q), ("v", v), ("tau", tau)])?;
+            let dt = number(FUNCTION, "dt", dt)?;
+            self.same_rows(py, FUNCTION, &shape)?;
+            let started = !self.core().state().residual.is_empty();
+            py.detach(|| self.core().update(&q, &v, &tau, dt))?;
+            if !started {
+                *self.batched.lock().unwrap_or_else(PoisonError::into_inner) = shape.len() > 1;
+            }
+            let core = self.core();
+            array(py, &shape, &core.state().residual)
+        })
+    }
+
+    /// The last `r`, `(n,)` or `(B, n)`; None before the first sample.
+    #[getter]
+    fn residual<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        entry(py, "MomentumObserver.residual", || {
+            let core = self.core();
+            let (values, n) = (&core.state().residual, core.n());
+            let shape = self.shape(values.len() / n, n);
+            if values.is_empty() { Ok(None) } else { Ok(Some(array(py, &shape, values)?)) }
+        })
+    }
+
+    /// The thresholds of contact `(n,)`, N m or N; None where there are none.
+    #[getter]
+    fn threshold<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        entry(py, "MomentumObserver.threshold", || {
+            let core = self.core();
+            core.thresholds().map(|thresholds| array(py, &[thresholds.len()], thresholds)).transpose()
+        })
+    }
+
+    /// The wrench `[f; m]`, N and N m in world axes, at a frame that explains `r` best: `(6,)` or `(B, 6)`.
+    ///
+    /// Least squares of `r = J' F`, of smallest norm; singular values of `J'` below `eps` are clamped, by default below 0.02 of its largest
+    /// row norm. `q` is that of the last sample.
+    #[pyo3(signature = (q, frame, *, eps=None))]
+    fn wrench<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        eps: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        entry(py, "MomentumObserver.wrench", || {
+            let (rows, [wrench, _]) = self.wrench_and_rest("MomentumObserver.wrench", q, frame, eps)?;
+            array(py, &self.shape(rows, 6), &wrench)
+        })
+    }
+
+    /// What of `r` the wrench at this frame leaves: `r - J' F`, of the shape of `q`; arguments as for `wrench`.
+    #[pyo3(signature = (q, frame, *, eps=None))]
+    fn unexplained<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        eps: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        entry(py, "MomentumObserver.unexplained", || {
+            let (rows, [_, rest]) = self.wrench_and_rest("MomentumObserver.unexplained", q, frame, eps)?;
+            let n = rest.len() / rows;
+            array(py, &self.shape(rows, n), &rest)
+        })
+    }
+
+    /// Set the thresholds from residuals of free motion, `(K, n)`: `|mean| + sigmas` standard deviations of each joint.
+    #[pyo3(signature = (residuals, sigmas=None), text_signature = "($self, residuals, sigmas=5.0)")]
+    fn calibrate(&self, py: Python<'_>, residuals: &Bound<'_, PyAny>, sigmas: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        const FUNCTION: &str = "MomentumObserver.calibrate";
+        entry(py, FUNCTION, || {
+            let n = self.core().n();
+            let (shape, values) = numbers(FUNCTION, "residuals", residuals, &[Form(&[Axis::Any("K"), Axis::Is(n)])])?;
+            require_finite(py, FUNCTION, "residuals", &shape, &values)?;
+            let sigmas = sigmas.map_or(Ok(5.0), |sigmas| number(FUNCTION, "sigmas", sigmas))?;
+            Ok(self.core().calibrate(&values, sigmas)?)
+        })
+    }
+
+    /// The joint of the touched link: its index, or -1 without contact; `(B,)` for rows.
+    ///
+    /// It is the outermost joint with `|r_i|` above its threshold: what acts on a link loads no joint beyond it. Of several branches, the one
+    /// furthest above counts.
+    fn contact<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        entry(py, "MomentumObserver.contact", || {
+            let found: Vec<i64> = self.core().contacts()?.into_iter().map(|joint| joint.map_or(-1, |joint| joint as i64)).collect();
+            if self.batched() {
+                Ok(numpy::PyArray1::from_vec(py, found).into_any())
+            } else {
+                Ok(PyInt::new(py, found.first().copied().unwrap_or(-1)).into_any())
+            }
+        })
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
+    }
+
+    /// Made anew, with its thresholds and what it remembers.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
+        let (_, keywords) = call(self.arm.bind(py), &self.arguments)?;
+        let core = self.core();
+        let ObserverState { residual, momentum, drift } = core.state().clone();
+        let thresholds = core.thresholds().map(<[f64]>::to_vec);
+        let parts: Bound<'py, PyTuple> = (keywords, (residual, momentum, drift), thresholds, self.batched()).into_pyobject(py)?;
+        seal_call(py, "_restore_observer", parts)
+    }
+}
+
+/// A pickled MomentumObserver: its arguments, what it remembers, its thresholds, and whether its samples were rows.
+#[entered]
+#[pyfunction]
+pub fn _restore_observer<'py>(
+    py: Python<'py>,
+    keywords: Bound<'py, PyDict>,
+    state: (Vec<f64>, Vec<f64>, Vec<f64>),
+    thresholds: Option<Vec<f64>>,
+    batched: bool,
+) -> PyResult<Bound<'py, PyAny>> {
+    let made = py.get_type::<MomentumObserver>().call((), Some(&keywords))?;
+    let observer = made.cast::<MomentumObserver>()?.clone();
+    entry(py, NAME, || {
+        let observer = observer.get();
+        let (residual, momentum, drift) = state;
+        let mut core = observer.core();
+        core.resume(ObserverState { residual, momentum, drift })?;
+        if let Some(thresholds) = thresholds {
+            core.set_thresholds(thresholds)?;
+        }
+        *observer.batched.lock().unwrap_or_else(PoisonError::into_inner) = batched;
+        Ok(())
+    })?;
+    Ok(made)
+}
