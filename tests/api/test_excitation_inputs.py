@@ -93,3 +93,11 @@ def test_without_scipy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setitem(sys.modules, "scipy.optimize", None)
     with pytest.raises(ImportError, match=r"exciting_motion: scipy is not installed: pip install 'armlet\[tune\]'"):
         short()
+
+
+def test_a_scenario_has_it() -> None:
+    limits = {"q_min": -1.0, "q_max": [1.0, 0.8], "v_max": 3.0, "a_max": 10.0, "effort": 50.0}
+    motion = {"kind": "ExcitingMotion", "duration": 4.0, "limits": limits, "harmonics": 1, "iterations": 1}
+    law, run = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}, {"q0": [0.0, 0.0], "t_end": 0.1, "dt": 1e-2}
+    scenario = al.Scenario({"arm": {"kind": "planar_arm", "lengths": [0.5, 0.4]}, "motion": motion, "law": law, "run": run})
+    assert scenario.run().q.shape == (11, 2)

@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import _core
 from ..errors import InputError, ModelError
+from ..excitation import exciting_motion
 from ..run.events import JointStops
 from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
@@ -29,6 +30,7 @@ ROWS = Numbers(depth=2, scalar=False)
 GAIN = Numbers(depth=2, low=0.0, strict=True)
 DAMPING = Numbers(depth=2, low=0.0)
 TEXT = Text()
+EACH_POSITIVE = Numbers(depth=1, low=0.0, strict=True)
 
 
 def _urdf(path: str | None = None, xml: str | None = None, **keywords: Any) -> _core.Arm:
@@ -147,6 +149,23 @@ MOTIONS = OneOf(
             {"path": ROWS, "tau_max": POSITIVES, "v_max": POSITIVES, "a_max": POSITIVES, "stops": Numbers(1, False, 0.0)},
             ("path",),
             _core.time_path,
+            ("arm",),
+        ),
+        "ExcitingMotion": Kind(
+            {
+                "duration": POSITIVE,
+                "limits": Table({"q_min": Numbers(1), "q_max": Numbers(1)} | dict.fromkeys(("v_max", "a_max", "effort"), EACH_POSITIVE)),
+                "harmonics": Integer(1),
+                "samples": Integer(1),
+                "noise": EACH_POSITIVE,
+                "armature": Flag(),
+                "friction": Flag(),
+                "starts": Integer(1),
+                "iterations": Integer(1),
+                "seed": Integer(0),
+            },
+            ("duration",),
+            exciting_motion,
             ("arm",),
         ),
     }
