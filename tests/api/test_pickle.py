@@ -28,6 +28,7 @@ LAWS = [
     al.Adaptive(ARM, MOTIONS[0], FULL, FULL, 5.0),
     al.ComputedTorque(ARM, MOTIONS[1], FULL, 20.0),
     al.Adaptive(ARM, MOTIONS[1], FULL, 20.0, 2.0, friction=["stribeck"], armature=True, leakage=0.1, leakage_form="e", dead_zone=0.2),
+    al.Adaptive(ARM, MOTIONS[1], FULL, 20.0, 2.0, composite=FULL, composite_rate=3.0),
     al.Adaptive(ARM, MOTIONS[1], FULL, 20.0, 2.0, friction=True, friction_speed=[0.1, 0.2], leakage=0.1, leakage_centre=[0.5] * 7),
 ]
 WAYS: dict[str, Callable[[Any], Any]] = {
@@ -59,7 +60,7 @@ def test_motions(back: Callable[[Any], Any], motion: Any) -> None:
 
 
 @way
-@pytest.mark.parametrize("law", LAWS, ids=["adaptive", "adaptive from zero", "computed torque", "held back", "with friction"])
+@pytest.mark.parametrize("law", LAWS, ids=["adaptive", "adaptive from zero", "computed torque", "held back", "composite", "with friction"])
 def test_laws_and_plants(back: Callable[[Any], Any], law: Any) -> None:
     plant, other = back(al.RigidArm(ARM)), back(law)
     assert type(plant) is al.RigidArm and plant.arm == ARM and repr(plant) == repr(al.RigidArm(ARM))

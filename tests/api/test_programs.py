@@ -89,6 +89,9 @@ LAWS: dict[str, Callable[[al.Arm, float], Any]] = {
     "adaptive to joints": lambda arm, duration: al.Adaptive(
         arm, quintic(arm, duration), 40.0, 20.0, 0.2, friction=("viscous", "coulomb", "stribeck"), armature=True, leakage=0.1, dead_zone=0.1
     ),
+    "composite adaptive": lambda arm, duration: al.Adaptive(
+        arm, quintic(arm, duration), 40.0, 20.0, 0.2, friction=True, armature=True, composite=0.3, composite_rate=8.0
+    ),
     "pid": lambda arm, _: al.PID(arm, np.full(arm.n, 0.3), kp=60.0, ki=40.0, kd=15.0),
     "pid within limits": lambda arm, _: al.PID(arm, np.full(arm.n, 0.3), kp=60.0, ki=40.0, kd=15.0, tau_max=5.0),
     "computed torque": lambda arm, duration: al.ComputedTorque(arm, quintic(arm, duration), kp=100.0, kd=20.0),

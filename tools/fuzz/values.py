@@ -47,6 +47,7 @@ class Values(Objects):
             "kt": self.gain,
             "ks": self.gain,
             **dict.fromkeys(["gamma", "gain", "friction_speed", "leakage", "dead_zone", "threshold", "sigmas"], self.positive),
+            **dict.fromkeys(["composite", "composite_rate"], self.positive),
             "residuals": lambda: self.matrix(4, n),
             "leakage_form": lambda: self.text("sigma", "e"),
             "stiffness": self.gain,

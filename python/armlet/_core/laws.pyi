@@ -66,6 +66,8 @@ class Adaptive(Law):
         leakage_form: str = "sigma",
         leakage_centre: ArrayLike | None = None,
         dead_zone: float = 0.0,
+        composite: ArrayLike | None = None,
+        composite_rate: float = 10.0,
     ) -> Self: ...
     @property
     def parameter_names(self) -> tuple[str, ...]: ...

@@ -151,22 +151,25 @@ def _estimate(ax: Axes, run: Recorded) -> None:
         ax.set_title("Integral wrench" if wrench else "Integral torques")
         _legend(ax)
         return
+    # Behind the estimate a composite law keeps its filters.
+    estimate = run.estimate[..., : run._estimated]
+    count = estimate.shape[-1]
     links = run.q.shape[-1]
     if count > 12 and count >= 10 * links:
         # Ten parameters per link are too many to be told apart: one colour per link, and no true values, to which they need not go.
         for link in range(links):
             lines = ax.plot(
-                run.t, run.estimate[:, 10 * link : 10 * link + 10], color=COLOURS[link % len(COLOURS)], linewidth=0.8, alpha=0.8
+                run.t, estimate[:, 10 * link : 10 * link + 10], color=COLOURS[link % len(COLOURS)], linewidth=0.8, alpha=0.8
             )
             lines[0].set_label(f"link {link + 1}")
         if count > 10 * links:
-            lines = ax.plot(run.t, run.estimate[:, 10 * links :], color="0.4", linestyle="--", linewidth=0.8)
+            lines = ax.plot(run.t, estimate[:, 10 * links :], color="0.4", linestyle="--", linewidth=0.8)
             lines[0].set_label("rotors, friction")
         ax.set_ylabel("parameters (kg, kg m, kg m²)" if count == 10 * links else "parameters (SI)")
         ax.set_title("Parameter estimates, ten per link")
         _legend(ax)
         return
-    _lines(ax, run.t, run.estimate, [rf"$\hat{{a}}_{{{i + 1}}}$" for i in range(count)])
+    _lines(ax, run.t, estimate, [rf"$\hat{{a}}_{{{i + 1}}}$" for i in range(count)])
     if run.parameters is not None and run.parameters.shape == (count,):
         for i, value in enumerate(run.parameters):
             # Shifted dashes, so that equal parameters do not hide each other.

@@ -6,6 +6,8 @@
     columns of joints behind the inertial ones: diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
     leakage             w = Y's - sigma (a_hat - a_0), e-modification with sigma |s|           (Ioannou 1984, Narendra 1987)
     dead zone           w = 0 while |s| < s_0
+    composite           w = Y's + W'R e_W,  e_W = tau_W - W a_hat,  W' = Y(q, v, v, a) - lambda W,  tau_W' = tau - lambda tau_W
+                        with the plant's own acceleration a, from W = 0 and tau_W = 0                         (Slotine and Li 1989)
     -V1' = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w of the plant, whatever the law estimates
 """
 
@@ -58,6 +60,8 @@ class Adaptive(Law):
         leakage_form: str = "sigma",
         leakage_centre: ArrayLike | None = None,
         dead_zone: float = 0.0,
+        composite: ArrayLike | None = None,
+        composite_rate: float = 10.0,
     ) -> None:
         rubbing = ("viscous", "coulomb") if friction is True else friction or ()
         self.kinds = [kind for kind in KINDS if kind in rubbing or (armature and kind == "armature")]
@@ -76,14 +80,20 @@ class Adaptive(Law):
         if self.least is not None:
             self.state0[: self.inertial] = nearest_start(self.state0[: self.inertial], self.least)
         self.leakage, self.form, self.dead_zone = leakage, leakage_form, dead_zone
-        self.centre = self.state0 if leakage_centre is None else np.asarray(leakage_centre, dtype=np.float64)
-        self.plain = not self.kinds and leakage == 0.0 and dead_zone == 0.0
+        self.centre = self.state0.copy() if leakage_centre is None else np.asarray(leakage_centre, dtype=np.float64)
+        self.weight, self.rate = (None if composite is None else gain(composite, arm.n)), composite_rate
+        self.plain = not self.kinds and leakage == 0.0 and dead_zone == 0.0 and composite is None
+        self.p = p
+        self.plant: Any = None
+        if self.weight is not None:
+            self.state0 = np.concatenate([self.state0, np.zeros(arm.n * p + arm.n)])
         self.breaks = getattr(motion, "breaks", ())
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        estimate = self.state0 if state is None else state
+        state = self.state0 if state is None else state
+        estimate = state[: self.p]
         q_d, v_d, a_d = self.motion(t)
         e, e_dot = q_d - q, v_d - v
         v_r, a_r = v_d + self.slope @ e, a_d + self.slope @ e_dot
@@ -93,11 +103,30 @@ class Adaptive(Law):
         tau = Y @ estimate + known + self.kp @ e + self.kd @ e_dot
         weight = self.leakage * (float(np.linalg.norm(s)) if self.form == "e" else 1.0)
         w = Y.T @ s - (weight * (estimate - self.centre) if weight else 0.0)
+        filters = self._filters(q, v, tau, state)
+        if filters:
+            w = w + filters["W"].T @ self.weight @ filters["e_W"]
         rate = self._rate(estimate, w)
         if np.linalg.norm(s) < self.dead_zone:
             w, rate = np.zeros_like(w), np.zeros_like(w)
+        rate = np.concatenate([rate, *filters.pop("rates", [])])
         parts = {"tau": tau, "u": tau, "state_rate": rate, "w": w, "Y": Y, "s": s, "e": e, "e_dot": e_dot}
-        return parts | {"v_r": v_r, "a_r": a_r}
+        return parts | filters | {"v_r": v_r, "a_r": a_r}
+
+    def _filters(self, q: Array, v: Array, tau: Array, state: Array) -> dict[str, Any]:
+        """W, tau_W, e_W and the rates of the first two; nothing without them."""
+        n, p, arm = self.arm.n, self.p, self.arm
+        if self.weight is None:
+            return {}
+        if self.plant is None:
+            a = arm.forward_dynamics(q, v, tau)
+        else:
+            a = self.plant.rates(np.concatenate([q, v]), tau, np.zeros(n))[n:]
+        W, tau_W = state[p : p + n * p].reshape(n, p), state[p + n * p :]
+        now = np.hstack([arm.regressor(q, v, v, a)[:, self.columns], columns(v, a, self.v_s, self.kinds)])
+        known = np.zeros(n) if "armature" in self.kinds else arm.armature * a
+        rates = [(now - self.rate * W).ravel(), tau - known - self.rate * tau_W]
+        return {"W": W, "tau_W": tau_W, "e_W": tau_W - W @ state[:p], "rates": rates}
 
     def _rate(self, estimate: Array, w: Array) -> Array:
         own = self.inertial
@@ -121,7 +150,7 @@ class Adaptive(Law):
         needed = arm.regressor(q, v, terms["v_r"], terms["a_r"]) @ arm.parameters + arm.armature * terms["a_r"]
         if getattr(plant, "friction", False):
             needed = needed + arm.friction_torque(v)
-        return float(s @ (terms["u"] - needed) + (self.truth(plant) - state) @ terms["w"])
+        return float(s @ (terms["u"] - needed) + (self.truth(plant) - state[: self.p]) @ terms["w"])
 
     def lyapunov(self, t: float, q: Array, v: Array, state: Array, plant: Any) -> float:
         """V1 = s'Ms/2 + d'Gamma^-1 d/2 with the plant's own M and parameters, d = a - a_hat.
@@ -129,7 +158,7 @@ class Adaptive(Law):
         In the natural metric the divergence of each body over its gamma takes the place of its part of the second term.
         """
         s, own = self.terms(t, q, v, state=state)["s"], self.inertial
-        truth = self.truth(plant)
+        truth, state = self.truth(plant), state[: self.p]
         d = truth - state
         if self.natural:
             speed = np.diag(self.gamma)

@@ -61,6 +61,8 @@ class ClosedLoop:
         sampling: Sampling | None = None,
         grid: float = 0.0,
     ) -> None:
+        if isinstance(law, Adaptive):
+            law.plant = plant
         self.plant, self.law, self.force, self.tau_max = plant, law, force, tau_max
         # load(q, F) is the joint torque J'F of an external force.
         self.load = load if load is not None else getattr(law, "load", None)

@@ -71,6 +71,8 @@ class Recorded:
         self._motions = motions if None not in motions else []
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
         self._laws, self._made_by, self._arms, self.arm = laws, law, arms, arms[0]
+        # How much of the law's own state is an estimate; filters may follow.
+        self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
         # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
         stated = {name: given.pop(name, None) for name in ("parameters", "target", "limits", "units")}
         if stated["parameters"] is not None:

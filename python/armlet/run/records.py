@@ -45,8 +45,8 @@ class Run(_Stored):
         t: times, (K,), s.
         q, v: joint positions and velocities, (K, n), rad or m, rad/s or m/s.
         tau: the plant's input, (K, n), N m or N; right-continuous; the motors' torque for elastic arms.
-        estimate: the law's own state, (K, p): the parameter estimate of Adaptive, the integral torque of PID, the integral wrench of
-            CartesianImpedance; None for laws without one.
+        estimate: the law's own state, (K, p): the parameter estimate of Adaptive (then its filters, if composite), the integral torque of
+            PID, the integral wrench of CartesianImpedance; None for laws without one.
         theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad, rad/s; else None.
         status: how the run ended (`armlet.Status`), with advice.
         stats: what it cost: counts of steps, evaluations, rejections; where the status is EXCESS_ACCURACY `coarsen`: times this both

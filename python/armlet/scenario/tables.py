@@ -207,6 +207,8 @@ _ADAPTATION: dict[str, Field] = {
     "leakage_form": Text(("sigma", "e")),
     "leakage_centre": VECTOR,
     "dead_zone": NOT_NEGATIVE,
+    "composite": GAIN,
+    "composite_rate": POSITIVE,
 }
 LAWS = OneOf(
     {

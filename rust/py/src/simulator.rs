@@ -51,6 +51,7 @@ pub struct Simulator {
     /// Locked by nobody: the lock is what lets Python share the object.
     stepping: Mutex<Box<dyn Stepping>>,
     plant: PlantSpec,
+    law: LawSpec,
     dt: f64,
     start: Vec<f64>,
     raised: Raised,
@@ -125,14 +126,14 @@ impl Simulator {
                 // Nobody is asked: the clock of a law that is not there does not matter.
                 given.keywords.set_item("sample_time", given.required("dt")?)?;
             }
-            let n = plant.n();
             given.required("dt")?;
             require_fixed_steps(given.method()?)?;
+            let n = plant.n();
             let options = given.options(n)?;
             let dt = options.dt.unwrap_or_default();
             let (_, x0) = given.initial_states(&[&plant], q0, false)?;
             let (force, force_frame) = given.force(&plant, &law, &raised)?;
-            let start: Vec<f64> = x0.iter().chain(law.initial_state()).copied().collect();
+            let start: Vec<f64> = x0.iter().copied().chain(law.start(&x0)).collect();
             let problem = Problem {
                 plants: vec![&plant],
                 laws: vec![&law],
@@ -172,6 +173,7 @@ impl Simulator {
                 estimate: (p > 0).then(|| array(p)).transpose()?,
                 start,
                 plant,
+                law,
             };
             simulator.show(py)?;
             Ok(simulator)
@@ -249,6 +251,7 @@ impl Simulator {
             let state = self.plant.initial_state(&q, &v, theta.as_deref(), theta_dot.as_deref());
             let mut x = self.x.clone();
             x[..state.len()].copy_from_slice(&state);
+            self.law.restart(&state, &mut x[state.len()..]);
             self.stepping().put(&x);
             self.show(py)
         })
@@ -268,6 +271,7 @@ impl Simulator {
                 let v = if self.plant.kind() == PlantKind::Velocity { Vec::new() } else { read("v0", v0, &self.start[n..2 * n])? };
                 let x = self.plant.initial_state(&q, &v, None, None);
                 start[..x.len()].copy_from_slice(&x);
+                self.law.restart(&x, &mut start[x.len()..]);
             }
             self.stepping().reset(&start);
             self.show(py)
@@ -294,8 +298,7 @@ impl Simulator {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let law = self.made_of.bind(py).get_item(1)?;
-        let law = if self.has_law { law.get_type().name()?.to_string() } else { "no law".into() };
+        let law = if self.has_law { self.made_of.bind(py).get_item(1)?.get_type().name()?.to_string() } else { "no law".into() };
         Ok(format!("Simulator({law}, n={}, t={} s, dt={} s)", self.plant.n(), self.t()?, self.dt))
     }
 

@@ -5,6 +5,7 @@
 //!   the pseudo-inertia, which stays physically possible for ever. Lyapunov function: `s' M s / 2 + sum d(P || P_hat) / gamma`.
 
 use super::adaptive::{Adaptive, AdaptiveSpec};
+use super::composite::LaneComposite;
 use super::joint_columns::{JointColumn, LaneColumns};
 use super::projection::{Projection, Projector};
 use super::restraint::LaneRestraint;
@@ -68,6 +69,7 @@ impl AdaptiveSpec {
         }
         projection.start(&mut self.estimate);
         self.projection = Some(projection);
+        self.lengthen();
         Ok(self)
     }
 }
@@ -128,6 +130,7 @@ pub struct AnyAdaptive<S: Real> {
 struct More<S> {
     joints: LaneColumns<S>,
     restraint: LaneRestraint<S>,
+    composite: Option<LaneComposite<S>>,
     /// The entries of the columns of joints.
     entries: Vec<S>,
     /// `y = Y' s`, `w` and `y - w`, of the size of the estimate; the last two empty for an estimate that moves freely.
@@ -141,10 +144,12 @@ impl<S: Real> More<S> {
         let (first, zeros) = (of(0), |k: usize| vec![S::zero(); k]);
         let p = first.estimate.len();
         let restraint = LaneRestraint::from_lanes(|i| &of(i).restraint);
-        let held = if restraint.is_none() { 0 } else { p };
+        let composite = first.composite.is_some().then(|| LaneComposite::from_lanes(&of));
+        let held = if restraint.is_none() && composite.is_none() { 0 } else { p };
         More {
             joints: LaneColumns::from_lanes(|i| &of(i).columns),
             restraint,
+            composite,
             entries: zeros(first.columns.count()),
             y: zeros(p),
             w: zeros(held),
@@ -216,6 +221,8 @@ impl<S: Real> AnyAdaptive<S> {
     fn evaluate_more(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         let Some(mut more) = self.more.take() else { return };
         let n = tau.len();
+        let (z, filters) = z.split_at(more.y.len());
+        let (dz, filter_rates) = dz.split_at_mut(more.y.len());
         let inertial = z.len() - more.entries.len();
         self.torque(desired, trig, x, &z[..inertial], tau);
         more.joints.fill(&self.law.v_r, &self.law.a_r, &mut more.entries);
@@ -230,9 +237,13 @@ impl<S: Real> AnyAdaptive<S> {
             tau[k % n] = entry.mul_add(z[inertial + k], tau[k % n]);
             more.y[inertial + k] = entry * self.law.s[k % n];
         }
-        let free = more.restraint.is_none();
+        let free = more.w.is_empty();
         if !free {
             more.restraint.leak(&self.law.s, z, &more.y, &mut more.w, &mut more.back);
+        }
+        if let Some(composite) = &mut more.composite {
+            composite.look(&self.law.arm, &mut self.law.workspace, &more.joints, trig, x);
+            composite.push(&x[n..2 * n], tau, [z, filters], [&mut more.w, &mut more.back, filter_rates]);
         }
         let w = if free { &more.y } else { &more.w };
         if self.natural.is_empty() {

@@ -7,6 +7,7 @@
 //! `armature a_r` is added.
 
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
+use super::composite::Composite;
 use super::joint_columns::{JointColumn, JointColumns, LaneColumns};
 use super::projection::Projection;
 use super::restraint::Restraint;
@@ -64,6 +65,10 @@ pub struct AdaptiveSpec {
     pub columns: JointColumns,
     /// Leakage and dead zone.
     pub restraint: Restraint,
+    /// Adaptation by the filtered dynamics too.
+    pub composite: Option<Composite>,
+    /// The law's state at the start of a run from rest.
+    pub(super) start: Vec<f64>,
 }
 
 impl AdaptiveSpec {
@@ -109,7 +114,9 @@ impl AdaptiveSpec {
         adaptation.validate(&estimate, columns.count())?;
         let lambda = kd.solve(&kp);
         let restraint = Restraint::none();
-        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, adaptation, base, estimate, projection: None, columns, restraint })
+        let start = estimate.clone();
+        let (projection, composite) = (None, None);
+        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, adaptation, base, estimate, projection, columns, restraint, composite, start })
     }
 
     /// Names of the parameters that are estimated, in their order: of the bodies or a base set, then of the columns of joints.
@@ -132,7 +139,7 @@ impl AdaptiveSpec {
 
     /// Whether the bodies alone are estimated, freely.
     pub(super) fn is_plain(&self) -> bool {
-        self.columns.is_empty() && self.restraint.is_none()
+        self.columns.is_empty() && self.restraint.is_none() && self.composite.is_none()
     }
 }
 
@@ -150,13 +157,16 @@ impl Definition for AdaptiveSpec {
         vec![&self.motion]
     }
     fn initial_state(&self) -> &[f64] {
-        &self.estimate
+        &self.start
+    }
+    fn restart(&self, x: &[f64], z: &mut [f64]) {
+        self.start_filters(x, z);
     }
 
     /// `Y`, `s`, `v_r`, `a_r`, `e`, `e_dot`, the torque and the rate of the estimate.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
-        let (p, z) = (at.z.len(), at.z);
+        let (p, z) = (self.estimate.len(), at.z);
         let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);
         let e: Vec<f64> = (0..n).map(|i| desired[i] - q[i]).collect();
         let e_dot: Vec<f64> = (0..n).map(|i| desired[n + i] - v[i]).collect();
@@ -183,9 +193,10 @@ impl Definition for AdaptiveSpec {
         let (kd_s, armature) = (self.kd.times(&s), known);
         let tau: Vec<f64> = (0..n).map(|i| (0..p).map(|j| y[i * p + j] * z[j]).sum::<f64>() + kd_s[i] + armature[i] * a_r[i]).collect();
         let mut law = Self::build::<f64>(|_| self);
-        let mut rate = vec![0.0; p];
+        let mut rate = vec![0.0; z.len()];
         law.evaluate(desired, at.trig, at.x, z, &mut vec![0.0; n], &mut rate);
-        vec![
+        rate.truncate(p);
+        let mut terms = vec![
             ("q_d", vec![n], desired[..n].to_vec()),
             ("v_d", vec![n], desired[n..2 * n].to_vec()),
             ("a_d", vec![n], desired[2 * n..].to_vec()),
@@ -197,7 +208,11 @@ impl Definition for AdaptiveSpec {
             ("Y", vec![n, p], y),
             ("tau", vec![n], tau),
             ("estimate_rate", vec![p], rate),
-        ]
+        ];
+        if let Some([w, tau_w, e_w]) = self.filtered(at.trig, at.x, z) {
+            terms.extend([("W", vec![n, p], w), ("tau_W", vec![n], tau_w), ("e_W", vec![n], e_w)]);
+        }
+        terms
     }
 
     fn joint_reference(&self) -> Option<JointReference> {
@@ -223,6 +238,7 @@ impl Build for AdaptiveSpec {
             && self.projection.is_some() == other.projection.is_some()
             && self.columns.same_kinds(&other.columns)
             && self.restraint.same_shape(&other.restraint)
+            && self.composite.is_some() == other.composite.is_some()
     }
 }
 
@@ -231,8 +247,8 @@ pub struct Adaptive<S, D: Dynamics<S>, J, G, B, P>
 where
     S: Real,
 {
-    arm: D,
-    workspace: D::Workspace,
+    pub(super) arm: D,
+    pub(super) workspace: D::Workspace,
     lambda: J,
     kd: J,
     pub(super) gamma: G,

@@ -26,6 +26,9 @@ pub trait Definition {
         &[]
     }
 
+    /// Forget in the law's state `z` what came before the plant's state `x`: filters of the plant's motion start there.
+    fn restart(&self, _x: &[f64], _z: &mut [f64]) {}
+
     /// How the law can be evaluated.
     fn route(&self) -> Route {
         Route::Straight

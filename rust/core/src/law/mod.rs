@@ -9,6 +9,7 @@ mod aims;
 mod arm_batch;
 mod arm_solver;
 mod cartesian_impedance;
+mod composite;
 mod computed_torque;
 #[doc(hidden)]
 mod decided;
@@ -44,6 +45,7 @@ pub use aims::{Aim, JointReference};
 pub use arm_batch::ArmBatch;
 pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
+pub use composite::Composite;
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
 pub use decided::{Decided, RecordedSolver, Solve};
 pub use definition::{Build, Definition, Instant, Route, Term};
@@ -196,6 +198,13 @@ impl LawSpec {
         let mut breaks: Vec<f64> = self.motions().iter().flat_map(|motion| motion.breaks()).collect();
         breaks.sort_by(f64::total_cmp);
         breaks
+    }
+
+    /// The law's state at the start of a run from the plant's state `x0`.
+    pub fn start(&self, x0: &[f64]) -> Vec<f64> {
+        let mut z = self.initial_state().to_vec();
+        self.restart(x0, &mut z);
+        z
     }
 
     /// What the law's motions ask for at time `t`, as [`Law::evaluate`] reads it.

@@ -310,7 +310,9 @@ pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) 
 pub fn start<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize) -> Vec<S> {
     let (states, p) = (problem.plant(0).states(), problem.law(0).initial_state().len());
     let of_plant = (0..states).map(|k| S::from_lanes(|lane| problem.x0[run(lane) * states + k]));
-    let of_law = (0..p).map(|k| S::from_lanes(|lane| problem.law(run(lane)).initial_state()[k]));
+    let laws: Vec<Vec<f64>> =
+        (0..S::LANES).map(|lane| problem.law(run(lane)).start(&problem.x0[run(lane) * states..(run(lane) + 1) * states])).collect();
+    let of_law = (0..p).map(|k| S::from_lanes(|lane| laws[lane][k]));
     let quadratures = if problem.options.monitors { 2 } else { 0 };
     of_plant.chain(of_law).chain((0..quadratures).map(|_| S::zero())).collect()
 }

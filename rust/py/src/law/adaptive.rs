@@ -3,6 +3,7 @@
 use super::{Arguments, Law};
 use crate::arrays::{Axis, Form, Looked, SCALAR, WHATEVER, flag, name, numbers, owned, shown, spread, text};
 use crate::errors::{Failure, entry, input_error};
+use armlet_core::error::positive;
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, JointColumn, JointColumns, LawSpec, LeakageForm, Projection};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -17,6 +18,10 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// The estimate holds the inertial parameters (or the base set), then, joint by joint each, what is asked for of: armature, `a_r`; damping,
 /// `v_r`; Coulomb friction, `tanh(v_r / v_s)`; Stribeck friction, `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`. `parameter_names` lists them.
 /// With leakage `sigma` towards `a_0`, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`.
+///
+/// With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)`, `e_W = tau_W - W a_hat`: `tau_W = W a` are the dynamics through `1/(p + lambda)`,
+/// without acceleration. The torque that is filtered is the law's own: nothing may saturate or act beside it. Filters `(n b + k + n,)` follow the estimate in
+/// the law's state: the columns of b inertial parameters, k entries of friction and rotors, and torques. `terms` has `W`, `tau_W` and `e_W`.
 ///
 /// Args:
 ///     arm: the arm whose regressor is used; its parameters are not.
@@ -37,6 +42,8 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     leakage_form: "sigma" for a constant, "e" for `sigma |s|` (e-modification) (keyword only).
 ///     leakage_centre: `a_0`, `(p,)`; the initial estimate if None (keyword only).
 ///     dead_zone: `s_0`, >= 0: the estimate rests while the norm of `s` is below it (keyword only).
+///     composite: positive definite weight `R`, scalar, `(n,)` or `(n, n)`, of the error of the filtered dynamics; None without (keyword only).
+///     composite_rate: `lambda` of the filter, 1/s, > 0 (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite or negative, a gain is not positive definite, a name is unknown.
@@ -44,7 +51,8 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987; natural: Lee, Kwon and Park, A natural
 /// adaptive control law for robot manipulators, IROS 2018; projection: Pomet and Praly, Adaptive nonlinear regulation, IEEE TAC 37(6), 1992; leakage:
 /// Ioannou and Kokotovic, Instability analysis and improvement of robustness of adaptive control, Automatica 20(5), 1984; e-modification:
-/// Narendra and Annaswamy, A new adaptive law for robust adaptation without persistent excitation, IEEE TAC 32(2), 1987.
+/// Narendra and Annaswamy, A new adaptive law for robust adaptation without persistent excitation, IEEE TAC 32(2), 1987; composite:
+/// Slotine and Li, Composite adaptive control of robot manipulators, Automatica 25(4), 1989.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
@@ -194,15 +202,36 @@ fn restrained<'py>(
     Ok(spec.resting_below(s_0)?)
 }
 
+/// `lambda` of composite adaptation where nothing is said, 1/s.
+const COMPOSITE_RATE: f64 = 10.0;
+
+/// The law whose estimate follows the filtered dynamics too, where a weight is given.
+fn filtered<'py>(
+    given: &mut Arguments<'py>,
+    spec: AdaptiveSpec,
+    weight: Option<&Bound<'py, PyAny>>,
+    rate: Option<&Bound<'py, PyAny>>,
+) -> Result<AdaptiveSpec, Failure> {
+    let n = given.model().n();
+    let weight = weight.map(|weight| given.gain("composite", weight, n)).transpose()?;
+    let rate = rate.map(|rate| given.number("composite_rate", rate)).transpose()?.unwrap_or(COMPOSITE_RATE);
+    positive("composite_rate", rate)?;
+    Ok(match weight {
+        None => spec,
+        Some(weight) => spec.composite(rate, weight)?,
+    })
+}
+
 #[entered]
 #[pymethods]
 impl Adaptive {
     #[new]
     #[pyo3(
         signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=None, projection=None, friction=None, armature=None,
-            friction_speed=None, leakage=None, leakage_form=None, leakage_centre=None, dead_zone=None),
+            friction_speed=None, leakage=None, leakage_form=None, leakage_centre=None, dead_zone=None, composite=None, composite_rate=None),
         text_signature = "(arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=False, projection=None, friction=False, \
-            armature=False, friction_speed=None, leakage=0.0, leakage_form='sigma', leakage_centre=None, dead_zone=0.0)"
+            armature=False, friction_speed=None, leakage=0.0, leakage_form='sigma', leakage_centre=None, dead_zone=0.0, \
+            composite=None, composite_rate=10.0)"
     )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
@@ -221,6 +250,8 @@ impl Adaptive {
         leakage_form: Option<&Bound<'py, PyAny>>,
         leakage_centre: Option<&Bound<'py, PyAny>>,
         dead_zone: Option<&Bound<'py, PyAny>>,
+        composite: Option<&Bound<'py, PyAny>>,
+        composite_rate: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "Adaptive", || {
             let mut given = Arguments::new("Adaptive", arm)?;
@@ -250,6 +281,7 @@ impl Adaptive {
                 spec = spec.projected(least_bodies(&mut given, projection, p)?)?;
             }
             spec = restrained(&mut given, spec, present(leakage), [present(leakage_form), present(leakage_centre)], present(dead_zone))?;
+            spec = filtered(&mut given, spec, present(composite), present(composite_rate))?;
             Ok(given.law(spec).add_subclass(Adaptive))
         })
     }

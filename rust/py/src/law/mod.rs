@@ -82,7 +82,7 @@ fn call_arguments(
     let initial = spec.initial_state();
     let z = match state {
         Some(state) => vector(function, "state", state, initial.len())?,
-        None => initial.to_vec(),
+        None => spec.start(&x),
     };
     Ok((t, x, z))
 }

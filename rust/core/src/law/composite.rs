@@ -1,0 +1,238 @@
+//! Composite adaptation (SlotineLi1989): the estimate also follows the error of the filtered dynamics, of which no acceleration is part.
+//!
+//! ```text
+//! a_hat' = Gamma (Y' s + W' R e_W),   e_W = tau_W - W a_hat,   V' = -s'Kd s - e_W' R e_W
+//! ```
+//!
+//! `W` and `tau_W` are the dynamics through the filter `1/(p + lambda)`. With `M v = Y_M(q, v) a` and `g - C' v = Y_D(q, v) a`,
+//! `d/dt (M v) = tau + C' v - g`, and the filtered derivative is integrated by parts:
+//!
+//! ```text
+//! W = Y_M + X,   X' = -lambda (Y_M + X) + Y_D,   X(0) = -Y_M(q_0, v_0)
+//! ```
+//!
+//! so that `W(0) = 0`: the start of `X` carries the momentum at the start, `exp(-lambda t) M(q_0) v_0`. Of the columns of joints armature is
+//! such a momentum, of `v`, and friction such a drift. Rotors `B` that are known: `tau_W = X_tau - B v`, `X_tau' = -lambda X_tau + tau + lambda B v`.
+//!
+//! `Y_M = Y(q, 0, 0, v) - Y_g` and `Y_g = Y(q, 0, 0, 0)`; row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
+//!
+//! The law's state is the estimate, then `X` of the bodies `(n, b)`, of the columns of joints, and `X_tau` `(n,)`.
+
+use super::adaptive::AdaptiveSpec;
+use super::joint_columns::{JointColumn, LaneColumns};
+use super::require_size;
+use crate::dynamics::{AnyArm, Dynamics};
+use crate::error::{Result, positive};
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::scalar::Real;
+
+/// The filter and the weight of composite adaptation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Composite {
+    /// `lambda` of the filter, 1/s, > 0.
+    pub rate: f64,
+    /// `R`, of the size of the joints.
+    pub weight: Gain,
+}
+
+impl AdaptiveSpec {
+    /// The same law, whose estimate follows the filtered dynamics too: `lambda`, 1/s, and `R`, of the size of the joints.
+    pub fn composite(mut self, rate: f64, weight: Gain) -> Result<Self> {
+        positive("composite_rate", rate)?;
+        require_size("composite", &weight, self.model.n())?;
+        self.composite = Some(Composite { rate, weight });
+        self.lengthen();
+        Ok(self)
+    }
+
+    /// The state at the start of a run from rest: the estimate, and filters that are empty.
+    pub(super) fn lengthen(&mut self) {
+        self.start.clone_from(&self.estimate);
+        if self.composite.is_some() {
+            let (n, beside) = (self.model.n(), self.columns.count());
+            let bodies = self.estimate.len() - beside;
+            self.start.resize(self.estimate.len() + n * bodies + beside + n, 0.0);
+        }
+    }
+
+    /// Empty the filters of the law's state `z` at the plant's state `x`.
+    pub(super) fn start_filters(&self, x: &[f64], z: &mut [f64]) {
+        if self.composite.is_none() {
+            return;
+        }
+        let n = self.model.n();
+        let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut lanes = LaneComposite::<f64>::from_lanes(|_| self);
+        let arm = AnyArm::from_lanes(|_| &self.model);
+        lanes.look(&arm, &mut arm.workspace(), &LaneColumns::from_lanes(|_| &self.columns), &trig, x);
+        lanes.begin(&x[n..2 * n], &mut z[self.estimate.len()..]);
+    }
+
+    /// `W` `(n, p)`, `tau_W` and `e_W` at a state.
+    pub(super) fn filtered(&self, trig: &[(f64, f64)], x: &[f64], z: &[f64]) -> Option<[Vec<f64>; 3]> {
+        self.composite.as_ref()?;
+        let (n, p) = (self.model.n(), self.estimate.len());
+        let mut lanes = LaneComposite::<f64>::from_lanes(|_| self);
+        let arm = AnyArm::from_lanes(|_| &self.model);
+        lanes.look(&arm, &mut arm.workspace(), &LaneColumns::from_lanes(|_| &self.columns), trig, x);
+        lanes.compare(&x[n..2 * n], &z[..p], &z[p..]);
+        let (bodies, beside) = (lanes.bodies, &lanes.beside);
+        let w = (0..n).flat_map(|i| {
+            let row = lanes.w[i * bodies..(i + 1) * bodies].iter().copied();
+            row.chain((0..beside.len()).map(move |k| if k % n == i { beside[k] } else { 0.0 }))
+        });
+        Some([w.collect(), lanes.tau.clone(), lanes.error.clone()])
+    }
+}
+
+/// The filters in a loop.
+pub(super) struct LaneComposite<S> {
+    rate: S,
+    weight: AnyGain<S>,
+    /// Columns of `Y` that are estimated.
+    columns: Vec<usize>,
+    bodies: usize,
+    /// How many columns of joints are momenta: armature's.
+    rotors: usize,
+    /// Known rotors `(n,)`.
+    armature: Vec<f64>,
+    /// All of `Y_M`, `Y_g` and one row of `Y_D`.
+    momentum: Vec<S>,
+    gravity: Vec<S>,
+    row: Vec<S>,
+    /// `Y_M` and `Y_D` of the columns that are estimated, `(n, bodies)`, and the entries of the columns of joints.
+    y_m: Vec<S>,
+    y_d: Vec<S>,
+    entries: Vec<S>,
+    /// `W`: of the bodies, and the entries of the columns of joints.
+    w: Vec<S>,
+    beside: Vec<S>,
+    tau: Vec<S>,
+    /// `e_W` and `R e_W`.
+    error: Vec<S>,
+    push: Vec<S>,
+    zeros: Vec<S>,
+    nothing: Vec<S>,
+    unit: Vec<S>,
+    unused: Vec<S>,
+}
+
+impl<S: Real> LaneComposite<S> {
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a AdaptiveSpec) -> Self {
+        let first = of(0);
+        let (n, all, beside) = (first.model.n(), first.model.parameter_count(), first.columns.count());
+        let bodies = first.estimate.len() - beside;
+        let zeros = |k: usize| vec![S::zero(); k];
+        let idle = Composite { rate: f64::NAN, weight: Gain::unchecked(1, vec![1.0]) };
+        let own = |lane: usize| of(lane).composite.as_ref();
+        let estimated = first.columns.has(JointColumn::Armature);
+        LaneComposite {
+            rate: S::labelled("composite_rate", 0, || S::from_lanes(|lane| own(lane).map_or(f64::NAN, |own| own.rate))),
+            weight: AnyGain::labelled("composite", |lane| own(lane).map_or(&idle.weight, |own| &own.weight)),
+            columns: first.base.as_ref().map_or((0..all).collect(), |base| base.columns.clone()),
+            bodies,
+            rotors: if estimated { n } else { 0 },
+            armature: if estimated { vec![0.0; n] } else { first.model.armature() },
+            momentum: zeros(n * all),
+            gravity: zeros(n * all),
+            row: zeros(all),
+            y_m: zeros(n * bodies),
+            y_d: zeros(n * bodies),
+            entries: zeros(beside),
+            w: zeros(n * bodies),
+            beside: zeros(beside),
+            tau: zeros(n),
+            error: zeros(n),
+            push: zeros(n),
+            zeros: zeros(n),
+            nothing: zeros(all),
+            unit: zeros(n),
+            unused: zeros(n),
+        }
+    }
+
+    /// `Y_M`, `Y_D` and the entries of the columns of joints at the plant's state `x`.
+    pub fn look<D: Dynamics<S>>(&mut self, arm: &D, ws: &mut D::Workspace, joints: &LaneColumns<S>, trig: &[(S, S)], x: &[S]) {
+        let (n, all) = (self.zeros.len(), self.nothing.len());
+        let (q, v, zero) = (&x[..n], &x[n..2 * n], &self.zeros);
+        arm.regressor(ws, trig, q, zero, zero, v, &mut self.momentum);
+        arm.regressor(ws, trig, q, zero, zero, zero, &mut self.gravity);
+        for i in 0..n {
+            self.unit[i] = S::splat(1.0);
+            arm.regressor_products(ws, trig, q, v, &self.unit, zero, &self.nothing, v, &mut self.unused, &mut self.row);
+            self.unit[i] = S::zero();
+            for (k, &column) in self.columns.iter().enumerate() {
+                let own = self.gravity[i * all + column];
+                let weighed = (0..n).fold(S::zero(), |sum, j| v[j].mul_add(self.gravity[j * all + column], sum));
+                self.y_m[i * self.bodies + k] = self.momentum[i * all + column] - own;
+                self.y_d[i * self.bodies + k] = own - (self.row[column] - weighed);
+            }
+        }
+        joints.fill(v, v, &mut self.entries);
+    }
+
+    /// `X` where nothing has been filtered yet.
+    fn begin(&self, v: &[S], x: &mut [S]) {
+        let (of_bodies, rest) = x.split_at_mut(self.y_m.len());
+        let (beside, of_tau) = rest.split_at_mut(self.entries.len());
+        for (x, &y) in of_bodies.iter_mut().zip(&self.y_m) {
+            *x = -y;
+        }
+        for (x, &entry) in beside[..self.rotors].iter_mut().zip(&self.entries) {
+            *x = -entry;
+        }
+        for ((x, &b), &v) in of_tau.iter_mut().zip(&self.armature).zip(v) {
+            *x = S::splat(b) * v;
+        }
+    }
+
+    /// `W`, `tau_W` and `e_W` of the estimate and the filters `x`.
+    fn compare(&mut self, v: &[S], estimate: &[S], x: &[S]) {
+        let (n, bodies) = (self.zeros.len(), self.bodies);
+        let (of_bodies, rest) = x.split_at(self.y_m.len());
+        let (beside, of_tau) = rest.split_at(self.entries.len());
+        for ((w, &y), &x) in self.w.iter_mut().zip(&self.y_m).zip(of_bodies) {
+            *w = y + x;
+        }
+        self.beside.copy_from_slice(beside);
+        for (w, &entry) in self.beside[..self.rotors].iter_mut().zip(&self.entries) {
+            *w += entry;
+        }
+        for i in 0..n {
+            self.tau[i] = S::splat(self.armature[i]).neg_mul_add(v[i], of_tau[i]);
+            let row = self.w[i * bodies..(i + 1) * bodies].iter().zip(estimate);
+            self.error[i] = row.fold(self.tau[i], |left, (&w, &a)| w.neg_mul_add(a, left));
+        }
+        for (k, (&w, &a)) in self.beside.iter().zip(&estimate[bodies..]).enumerate() {
+            self.error[k % n] = w.neg_mul_add(a, self.error[k % n]);
+        }
+    }
+
+    /// `W' R e_W` is added to `w` and taken from `back`; the filters' rate under the torque goes to `dx`. After [`Self::look`].
+    pub fn push(&mut self, v: &[S], tau: &[S], [estimate, x]: [&[S]; 2], [w, back, dx]: [&mut [S]; 3]) {
+        let (n, bodies) = (self.zeros.len(), self.bodies);
+        self.compare(v, estimate, x);
+        self.weight.multiply(&self.error, &mut self.push);
+        for k in 0..estimate.len() {
+            let more = if k < bodies {
+                (0..n).fold(S::zero(), |sum, i| self.w[i * bodies + k].mul_add(self.push[i], sum))
+            } else {
+                self.beside[k - bodies] * self.push[(k - bodies) % n]
+            };
+            w[k] += more;
+            back[k] -= more;
+        }
+        let (of_bodies, rest) = dx.split_at_mut(self.w.len());
+        let (beside, of_tau) = rest.split_at_mut(self.beside.len());
+        for ((dx, &w), &drift) in of_bodies.iter_mut().zip(&self.w).zip(&self.y_d) {
+            *dx = self.rate.neg_mul_add(w, drift);
+        }
+        for (k, dx) in beside.iter_mut().enumerate() {
+            let drift = if k < self.rotors { S::zero() } else { self.entries[k] };
+            *dx = self.rate.neg_mul_add(self.beside[k], drift);
+        }
+        for (i, dx) in of_tau.iter_mut().enumerate() {
+            *dx = self.rate.neg_mul_add(self.tau[i], tau[i]);
+        }
+    }
+}

@@ -1,0 +1,116 @@
+"""Composite adaptation against the reference, whose filters take the plant's own acceleration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from trees import close, driven_tree
+
+import armlet as al
+from armlet import reference as ref
+
+Array = NDArray[np.float64]
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "alone": {},
+    "full weight": {},
+    "columns": {"friction": ("viscous",), "armature": True},
+    "leakage": {"friction": True, "friction_speed": 0.4, "leakage": 0.2},
+    "dead zone": {"dead_zone": 1.0, "armature": True},
+    "base": {"friction": True, "friction_speed": 0.5},
+    "natural": {"friction": True, "friction_speed": 0.5},
+    "projection": {"armature": True},
+}
+
+
+def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
+    """Two laws of one option, and the arms."""
+    rng = np.random.default_rng([n, sorted(OPTIONS).index(option)])
+    arm, theirs = driven_tree(n, 2)
+    ball = np.array([1.0, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1])
+    bodies = np.tile(ball, n) + 0.02 * rng.uniform(-1.0, 1.0, 10 * n)
+    arm, theirs = arm.with_parameters(bodies), theirs.with_parameters(bodies)
+    keywords = dict(OPTIONS[option])
+    kinds = keywords.get("friction", ())
+    beside = n * ((2 if kinds is True else len(kinds)) + keywords.get("armature", False))
+    own, other, size = {}, {}, 10 * n
+    if option == "base":
+        own["base"], other["base"] = arm.base_parameters(), ref.base_parameters(theirs)
+        size = own["base"].count
+    if option == "projection":
+        own["projection"] = other["projection"] = 0.3 * bodies
+    if option == "natural":
+        own["natural"] = other["natural"] = True
+    weight: Any = 0.4
+    if option == "full weight":
+        root = rng.standard_normal((n, n))
+        weight = 0.2 * (root @ root.T + np.eye(n))
+    gamma = rng.uniform(0.1, 0.3, n + beside if option == "natural" else size + beside)
+    estimate = np.concatenate([0.5 * bodies[:size], rng.uniform(0.0, 0.3, beside)])
+    common: dict[str, Any] = {"estimate": estimate, "composite": weight, "composite_rate": 4.0, **keywords}
+    motion = rng.uniform(0.2, 0.8, (4, n))
+    ours = al.Adaptive(arm, al.Sinusoid(*motion), 30.0, 10.0, gamma, **common, **own)
+    expected = ref.Adaptive(theirs, ref.Sinusoid(*motion), 30.0, 10.0, gamma, **common, **other)
+    return ours, expected, (arm, theirs)
+
+
+def state_of(law: Any, own: Any, q: Array, v: Array, state: Array) -> Array:
+    """The state of the core's law, which holds W less the momentum's columns, from that of the reference."""
+    n, p, b = law.arm.n, law.p, law.inertial
+    W, tau_W = state[p : p + n * p].reshape(n, p), state[p + n * p :]
+    still = np.zeros(n)
+    momentum = (law.arm.regressor(q, still, still, v) - law.arm.regressor(q, still, still, still))[:, law.columns]
+    joints = np.arange(p - b) % n
+    beside = W[joints, b + np.arange(p - b)]
+    known = law.arm.armature
+    if "armature" in law.kinds:
+        beside[:n] -= v
+        known = still
+    return np.concatenate([state[:p], (W[:, :b] - momentum).ravel(), beside, tau_W + known * v])
+
+
+@pytest.mark.parametrize("n", range(1, 9))
+@pytest.mark.parametrize("option", OPTIONS)
+def test_terms(option: str, n: int) -> None:
+    ours, other, _ = pair(option, n)
+    rng = np.random.default_rng(n)
+    p = len(ours.parameter_names)
+    q, v = rng.uniform(-1.0, 1.0, (2, n))
+    # At the start nothing has been filtered, whatever the state of the arm is.
+    start = ours.terms(0.2, q, v)
+    for key in ("W", "tau_W", "e_W"):
+        np.testing.assert_array_equal(start[key], np.zeros_like(start[key]))
+    filtered = rng.uniform(-0.5, 0.5, (n, p))
+    # What is of a joint is of no other.
+    beside = np.arange(p - other.inertial)
+    filtered[:, other.inertial :] *= beside % n == np.arange(n)[:, None]
+    state = np.concatenate([1.2 * other.state0[:p], filtered.ravel(), rng.uniform(-1.0, 1.0, n)])
+    got, want = ours.terms(0.3, q, v, state=state_of(other, ours, q, v, state)), other.terms(0.3, q, v, state=state)
+    for key in ("tau", "W", "tau_W", "e_W"):
+        close(got[key], want[key], tolerance=1e-11)
+    # The metric of ten by ten has a condition of 1e4 or so.
+    close(got["estimate_rate"], want["state_rate"][:p], tolerance=1e-10)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+@pytest.mark.parametrize("option", ["alone", "columns", "full weight"])
+def test_runs(option: str, n: int) -> None:
+    """RK4 of two forms of the same filters, which differ by its error: 1e-3^4 times rates to the fifth."""
+    ours, other, (arm, theirs) = pair(option, n)
+    friction = option == "columns"
+    rng = np.random.default_rng(n)
+    start = dict(zip(("q0", "v0"), rng.uniform(-0.5, 0.5, (2, n)), strict=True))
+    run = al.simulate(al.RigidArm(arm, friction=friction), ours, **start, t_end=0.1, dt=1e-3)
+    expected = ref.simulate(ref.RigidArm(theirs, friction=friction), other, **start, t_end=0.1, dt=1e-3)
+    p = len(ours.parameter_names)
+    for key in ("q", "v", "tau"):
+        close(getattr(run, key), expected[key], tolerance=1e-7)
+    close(run.estimate[:, :p], expected["estimate"][:, :p], tolerance=1e-7)
+    at_end = ours.terms(0.1, run.q[-1], run.v[-1], state=run.estimate[-1])
+    close(at_end["W"].ravel(), expected["estimate"][-1, p:-n], tolerance=1e-7)
+    close(at_end["tau_W"], expected["estimate"][-1, -n:], tolerance=1e-7)
+    for key in ("lyapunov", "lyapunov_balance"):
+        close(run.monitors[key], expected[key], tolerance=1e-7)
