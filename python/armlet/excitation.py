@@ -10,7 +10,6 @@ slide, and a trigonometric polynomial of degree two in an angle, whose slope fou
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -34,6 +33,8 @@ _POWERS = 16, 64, 256
 _PENALTY, _SHARE = 1e3, 0.97
 # Points per period and harmonic at which limits are checked in the end.
 _CHECKED = 64
+# Periods below the first, s, and above its inverse, and finite limits above the second are no robot's.
+_LEAST, _MOST = 1e-6, 1e9
 
 
 class ExcitingMotion(Sinusoid):
@@ -100,6 +101,12 @@ def _limits(arm: Arm, given: Any) -> _Limits:
             k = int(np.argmax(np.atleast_1d(bad)))
             kind = "a number" if name.startswith("q_") else "a number > 0"
             raise InputError(f"{_NAME}: limits[{name!r}] is not {kind}: expected {kind}, got {array.flat[k]} (first bad index {k})")
+        large = np.isfinite(array) & (np.abs(array) > _MOST)
+        if np.any(large):
+            k = int(np.argmax(np.atleast_1d(large)))
+            raise InputError(
+                f"{_NAME}: limits[{name!r}] is too large: expected at most {_MOST:g}, got {array.flat[k]:g} (first bad index {k})"
+            )
         found[name] = np.broadcast_to(array, (n,)).copy()
     lower, upper = found["q_min"], found["q_max"]
     whole = np.isfinite(lower) & np.isfinite(upper)
@@ -311,7 +318,9 @@ def exciting_motion(
     (True, (6,))
     """
     instance(_NAME, "arm", arm, Arm, "an Arm")
-    duration = positive(_NAME, "duration", duration, sys.float_info.max)
+    duration = positive(_NAME, "duration", duration)
+    if not _LEAST <= duration <= 1.0 / _LEAST:
+        raise InputError(f"{_NAME}: duration is out of range: expected {_LEAST:g} to {1.0 / _LEAST:g} s, got {duration:g}")
     harmonics, starts = integer(_NAME, "harmonics", harmonics, 1), integer(_NAME, "starts", starts, 1)
     iterations, seed = integer(_NAME, "iterations", iterations, 1), integer(_NAME, "seed", seed)
     samples = 20 * harmonics if samples is None else integer(_NAME, "samples", samples, 4 * harmonics)

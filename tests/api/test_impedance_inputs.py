@@ -42,15 +42,16 @@ def test_options(made: str) -> None:
         return lambda: getattr(al, made)(**(GIVEN | inner | changes))
 
     refused(take(nullspace=3.0), f"{made}: nullspace is of the wrong type", "NullSpace")
-    refused(take(nullspace=al.NullSpace([0.1, 0.2], 1.0, 1.0)), f"{made}: q_d", "(3,)", "(2,)")
-    refused(take(nullspace=al.NullSpace([0.1, 0.2, NAN], 1.0, 1.0)), f"{made}: q_d is not finite", "index 2")
-    refused(take(nullspace=al.NullSpace(al.Hold([0.1, 0.2]), 1.0, 1.0)), "q_d", "expected 3, got 2")
-    refused(take(nullspace=al.NullSpace([0.1] * 3, -1.0, 1.0)), "stiffness is negative")
-    refused(take(nullspace=al.NullSpace([0.1] * 3, 1.0, [1.0, 1.0])), "damping", "(3,)")
-    refused(take(nullspace=al.NullSpace([0.1] * 3, np.ones((3, 3)), 1.0)), "stiffness is not positive definite")
+    refused(take(nullspace=al.NullSpace([0.1, 0.2], 1.0, 1.0)), f"{made}: nullspace.q_d", "(3,)", "(2,)")
+    refused(take(nullspace=al.NullSpace([0.1, 0.2, NAN], 1.0, 1.0)), f"{made}: nullspace.q_d is not finite", "index 2")
+    refused(take(nullspace=al.NullSpace(al.Hold([0.1, 0.2]), 1.0, 1.0)), "nullspace.q_d", "expected 3, got 2")
+    refused(take(nullspace=al.NullSpace([0.1] * 3, -1.0, 1.0)), "nullspace.stiffness is negative")
+    refused(take(nullspace=al.NullSpace([0.1] * 3, 1.0, [1.0, 1.0])), "nullspace.damping", "(3,)")
+    refused(take(nullspace=al.NullSpace([0.1] * 3, np.ones((3, 3)), 1.0)), "nullspace.stiffness is not positive definite")
     refused(take(feedforward=[1.0]), f"{made}: feedforward", "(2,)")
     refused(take(feedforward=[1.0, INF]), f"{made}: feedforward is not finite", "index 1")
-    for eps, words in ((0.0, "is not positive"), (1.0, "is too large"), (NAN, "not finite"), ("x", "eps")):
+    outside = [(eps, "is out of range") for eps in (1.0, 1e-8, 1e-320)]
+    for eps, words in ((0.0, "is not positive"), *outside, (NAN, "not finite"), ("x", "eps")):
         refused(take(eps=eps), "eps", words)
     refused(take(compensate_coupling=2.0), "compensate_coupling")
 

@@ -115,3 +115,25 @@ def test_answers_and_tasks_of_batches_are_pickled() -> None:
     other = pickle.loads(pickle.dumps(found))
     np.testing.assert_array_equal(found.q, other.q)
     assert other.status.tolist() == [0, 1] and "status=" in repr(other)
+
+
+def test_a_single_target_that_overflows_is_a_status_too() -> None:
+    arm = al.planar_arm([0.5, 0.4])
+    for far in (1e200, 1e308):
+        single = al.inverse_kinematics(arm, [al.Task("link2", "xy", [far, 0.0])], [0.1, 0.2])
+        row = al.inverse_kinematics(arm, [al.Task("link2", "xy", [[far, 0.0]])], [0.1, 0.2])
+        assert not single and single.status == row.status[0]
+        np.testing.assert_array_equal(single.q, row.q[0])
+    assert single.status is al.Status.DIVERGED and np.isnan(single.q).all()
+
+
+def test_a_lower_task_does_not_keep_the_first_from_being_reached() -> None:
+    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    low, high = arm.limits["q_min"], arm.limits["q_max"]
+    targets = arm.position(np.random.default_rng(1).uniform(low, high, (24, 7)), "tcp")
+    tip, posture = al.Task("tcp", "xyz", targets), al.PostureTask(np.zeros(7))
+    assert al.inverse_kinematics(arm, [tip], np.zeros(7)).reached.all()
+    both = al.inverse_kinematics(arm, [tip, posture], np.zeros(7), restarts=2)
+    assert (both.status == al.Status.DEGRADED).all()
+    # The tolerance of the search.
+    assert np.abs(arm.position(both.q, "tcp") - targets).max() < 1e-6

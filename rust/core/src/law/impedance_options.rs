@@ -12,6 +12,9 @@ use crate::error::{Error, Result, finite, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
+/// The least clamp: its square stays above the rounding of `J M^-1 J'`, whose rows are scaled to one.
+const LEAST_EPS: f64 = 1e-7;
+
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImpedanceOptions {
@@ -65,8 +68,8 @@ impl ImpedanceOptions {
     /// Refuse options that do not fit a law of `m` rows and `n` joints.
     pub(super) fn validate(&self, m: usize, n: usize) -> Result<()> {
         positive("eps", self.eps)?;
-        if self.eps >= 1.0 {
-            return Err(Error::input("eps", format!("is too large: expected below 1, got {}", self.eps)));
+        if !(LEAST_EPS..1.0).contains(&self.eps) {
+            return Err(Error::input("eps", format!("is out of range: expected at least {LEAST_EPS:e} and below 1, got {:e}", self.eps)));
         }
         if let Some(null_space) = &self.null_space {
             require_length("nullspace", n, null_space.posture.dof())?;

@@ -59,9 +59,9 @@ pub struct NullSpaceSpec {
 impl NullSpaceSpec {
     /// For an arm of `n` joints.
     pub fn new(n: usize, posture: Motion, stiffness: Gain, damping: Gain, projection: NullProjection) -> Result<Self> {
-        require_rows("q_d", n, posture.dof())?;
-        require_size("stiffness", &stiffness, n)?;
-        require_size("damping", &damping, n)?;
+        require_rows("nullspace.q_d", n, posture.dof())?;
+        require_size("nullspace.stiffness", &stiffness, n)?;
+        require_size("nullspace.damping", &damping, n)?;
         Ok(NullSpaceSpec { posture, stiffness, damping, projection })
     }
 }

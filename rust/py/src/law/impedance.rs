@@ -82,14 +82,14 @@ fn null_space(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Res
     let posture = match q_d.cast::<PyMotion>() {
         Ok(motion) => motion.get().core.clone(),
         Err(_) => {
-            let (shape, values) = numbers(function, "q_d", &q_d, &[Form(&[Axis::Is(n)])])?;
-            require_finite(value.py(), function, "q_d", &shape, &values)?;
+            let (shape, values) = numbers(function, "nullspace.q_d", &q_d, &[Form(&[Axis::Is(n)])])?;
+            require_finite(value.py(), function, "nullspace.q_d", &shape, &values)?;
             Motion::Hold(owned(values)?)
         }
     };
-    let stiffness = gain_or_zero(function, "stiffness", &field("stiffness")?, n)?;
-    let damping = gain_or_zero(function, "damping", &field("damping")?, n)?;
-    let projection = NullProjection::of_name(&text(function, "projection", &field("projection")?)?)?;
+    let stiffness = gain_or_zero(function, "nullspace.stiffness", &field("stiffness")?, n)?;
+    let damping = gain_or_zero(function, "nullspace.damping", &field("damping")?, n)?;
+    let projection = NullProjection::of_name(&text(function, "nullspace.projection", &field("projection")?)?)?;
     Ok(NullSpaceSpec::new(n, posture, stiffness, damping, projection)?)
 }
 

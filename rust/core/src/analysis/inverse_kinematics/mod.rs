@@ -62,7 +62,7 @@ pub struct IkSolution {
     /// Random starts used.
     pub restarts: usize,
     /// `Success`: every task is reached. `Degraded`: the first is, some lower one is not. `Infeasible`: the first is not, and the
-    /// best start came to rest. `MaxSteps`: the first is not, and the best start was still moving.
+    /// best start came to rest. `MaxSteps`: the first is not, and the best start was still moving. `Diverged`: the numbers overflow.
     pub status: Status,
 }
 
@@ -99,8 +99,19 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOpti
     search.check()?;
     functions.iter().zip(&targets).try_for_each(|(function, target)| function.require_target(target))?;
     let mut solver = IkSolver::new(arm, &functions, search)?;
-    solver.solve(&targets, q0, 1)?;
-    Ok(solver.solution(0))
+    match solver.solve(&targets, q0, 1) {
+        Ok(()) => Ok(solver.solution(0)),
+        // A target so far away that the search overflows, as in a batch.
+        Err(Error::Solve { .. }) => Ok(IkSolution {
+            q: vec![f64::NAN; n],
+            errors: vec![f64::NAN; functions.iter().map(TaskFunction::rows).sum()],
+            reached: vec![false; functions.len()],
+            iterations: 0,
+            restarts: 0,
+            status: Status::Diverged,
+        }),
+        Err(error) => Err(error),
+    }
 }
 
 impl IkOptions {

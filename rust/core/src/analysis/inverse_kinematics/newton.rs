@@ -12,6 +12,8 @@ use crate::linalg::dot;
 use crate::priority::{DEFAULT_EPS, PriorityOptions};
 use std::f64::consts::PI;
 
+/// Newton steps of the highest tasks alone, where lower ones keep them from being reached.
+const LAST_STEPS: usize = 10;
 /// Progress of the leading unreached task below this part in `PROGRESS_STEPS` steps ends a start.
 const PROGRESS: f64 = 1e-3;
 const PROGRESS_STEPS: usize = 20;
@@ -121,10 +123,35 @@ impl Newton {
         // Lent for the time of the search.
         let mut q = std::mem::take(&mut self.q);
         q.copy_from_slice(start);
-        let done = self.descend_from(&mut q, iterations);
+        let done = self.descend_from(&mut q, iterations).and_then(|resting| Ok(self.without_lower_tasks(&mut q, iterations)? || resting));
         self.q = q;
         self.found.resting = done?;
         Ok(())
+    }
+
+    /// Newton steps from the best that was found, for the first task that is missed and those above it; the tasks below ask for no motion.
+    /// Far from their targets they move the joints so much that the bend of a higher task keeps it from being reached. Whether it is reached.
+    fn without_lower_tasks(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
+        let Some(missed) = self.found.misses.iter().position(|miss| *miss > 0.0).filter(|k| k + 1 < self.desired.len()) else {
+            return Ok(false);
+        };
+        let rows = self.solver.rows()[..=missed].iter().sum();
+        q.copy_from_slice(&self.found.q);
+        for _ in 0..LAST_STEPS {
+            look();
+            self.solver.prepare(q)?;
+            self.look_at(q);
+            self.e[rows..].fill(0.0);
+            self.set_thresholds()?;
+            self.step(q, 0.0)?;
+            *iterations += 1;
+            self.look_at(q);
+            self.keep_best(q);
+            if self.misses[missed] == 0.0 {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Whether it came to rest.
