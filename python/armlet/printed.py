@@ -58,10 +58,10 @@ def export_c(
         functions: of an arm, which functions: names of `Arm`'s methods such as "mass_matrix", or `(name, frame)`. Functions of a frame
             without one are of `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` take a wrench `[f; m]` at
             the frame. None: the equations of motion.
-        prefix: what all names in C begin with, and the names of the files; "law" or "arm" if None.
+        prefix: what all names in C begin with, and the names of the files and of the target of CMake; "law" or "arm" if None.
         dt: of a law with a state of its own (an estimate, an integral), the step of the sampled loop whose bits the state has, s. Calls at
             multiples of it advance the state as `simulate(.., dt=dt, sample_time=..)` does. None: one step from call to call.
-        method: how the law's own state advances: "rk4", "euler" or "semi_implicit", as for `simulate`.
+        method: how the law's own state advances: "rk4", "euler" or "semi_implicit", as for `simulate`. Not for an arm.
         friction: functions of an arm include friction, as their argument of this name does.
         armature: the regressor has columns of armature.
         fused: whether products are fused with sums, by `fma`; None: as armlet does on this machine, which alone has the same bits.
@@ -90,6 +90,8 @@ def export_c(
     if isinstance(law, _core.Arm):
         if dt is not None:
             raise InputError(f"export_c: dt is not used: expected None for an arm, got {shown(dt)}")
+        if not (isinstance(method, str) and method == "rk4"):
+            raise InputError(f"export_c: method is not used: expected none for an arm, got {shown(method)}")
         named = _named(law, DYNAMICS if functions is None else functions)
         files = _core._c_of_arm(law, named, "arm" if prefix is None else prefix, fused, friction, armature)
     else:

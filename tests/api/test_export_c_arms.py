@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import re
+import subprocess
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
-from compiled_c import COMPILERS, Functions
+from compiled_c import COMPILERS, Functions, build
 
 import armlet as al
 
@@ -57,6 +60,21 @@ ARMS = {
     "tree": branched,
 }
 
+#: Names of links that would end a comment, begin one, or go on into the next line.
+NAMES = [
+    "t */ int injected(void){return 42;} /* ",
+    "a*/b",
+    "a/*b",
+    "*",
+    "/*/",
+    "a\\",
+    "a??/",
+    "a??/\nb",
+    "a\nint injected;",
+    "\u202ea\u2028",
+    "Gr\u00fc\u00dfe",
+]
+
 
 def expected(arm: al.Arm, name: str, inputs: list[Any], **options: Any) -> np.ndarray:
     frame = [arm.tip_frame] if name in FRAMED else []
@@ -101,6 +119,40 @@ def test_friction_armature_and_wrenches_are_part_of_it(compiler: str, tmp_path: 
             answer = getattr(arm, name)(q, v, a, wrench=wrench, wrench_frame=frame, friction=True)
             np.testing.assert_array_equal(c(f"{name}_{behind}", q, v, a, wrench), answer)
         np.testing.assert_array_equal(c(f"jacobian_{behind}", q), arm.jacobian(q, frame).ravel())
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("name", ["planar 3R", "six axes", "tree"])
+def test_derivatives_with_friction_have_the_bits_of_armlet(name: str, compiler: str, tmp_path: Path) -> None:
+    bare = ARMS[name]()
+    arm = bare.with_drives(damping=[0.7] * bare.n, friction=[0.1] * bare.n)
+    names = ["inverse_dynamics_derivatives", "forward_dynamics_derivatives"]
+    c = Functions(al.export_c(arm, tmp_path, functions=names, friction=True), compiler)
+    rng = np.random.default_rng(11)
+    for inputs in rng.uniform(-3.0, 3.0, (100, 3, arm.n)):
+        for function in names:
+            answer = expected(arm, function, list(inputs), friction=True).ravel()
+            assert not np.array_equal(answer, expected(arm, function, list(inputs)).ravel())
+            np.testing.assert_array_equal(c(function, *inputs), answer, err_msg=function)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("name", NAMES, ids=range(len(NAMES)))
+def test_a_name_from_a_file_is_no_code(name: str, compiler: str, tmp_path: Path) -> None:
+    body = "<inertial><mass value='1.5'/><inertia ixx='0.02' iyy='0.03' izz='0.01' ixy='0' ixz='0' iyz='0'/></inertial>"
+    joint = f"<joint name={quoteattr('j' + name)} type='continuous'><parent link='base'/><child link={quoteattr(name)}/></joint>"
+    arm = al.load_urdf(f"<robot name={quoteattr(name)}><link name='base'/><link name={quoteattr(name)}>{body}</link>{joint}</robot>")
+    name = name.strip()
+    assert arm.tip_frame == name
+    framed = [*FRAMED, ("inverse_dynamics", name), ("forward_dynamics", name)]
+    law = al.PDGravity(arm, [0.4], kp=80.0, kd=16.0)
+    for prefix, files in (("arm", al.export_c(arm, tmp_path, functions=framed)), ("law", al.export_c(law, tmp_path / "law"))):
+        library = build(files, compiler, "-pedantic", "-Wtrigraphs")
+        symbols = subprocess.run(["nm", "-D", "--defined-only", str(library)], capture_output=True, text=True, check=True).stdout
+        exported = {line.split()[-1] for line in symbols.splitlines()} - {"_init", "_fini"}
+        declared = set(re.findall(rf"^(?:int|void) ({prefix}_\w+)\(", files[0].read_text(), re.MULTILINE))
+        assert exported == declared
+        assert len(exported) == (len(framed) if prefix == "arm" else 2)
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
@@ -164,6 +216,12 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"friction": 2}, "friction is not a flag"),
     ({"fused": "yes"}, "fused is not a flag"),
     ({"dt": 1e-3}, "dt is not used"),
+    ({"method": "nonsense"}, "method is not used: expected none for an arm, got 'nonsense'"),
+    ({"method": "euler"}, "method is not used"),
+    *[
+        ({"prefix": name}, "prefix is no name for a target of CMake")
+        for name in ("test", "all", "clean", "install", "help", "package", "ALL_BUILD", "m")
+    ],
 ]
 
 

@@ -81,7 +81,8 @@ pub fn _c_of_arm(
                 None => None,
             };
             let loaded = matches!(quantity, Quantity::InverseDynamics | Quantity::ForwardDynamics);
-            let rubs = loaded || matches!(quantity, Quantity::Bias | Quantity::Regressor);
+            let slopes = matches!(quantity, Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives);
+            let rubs = loaded || slopes || matches!(quantity, Quantity::Bias | Quantity::Regressor);
             let query = Query {
                 frame: frame.unwrap_or(0),
                 wrench: frame.filter(|_| loaded),

@@ -4,7 +4,7 @@ use super::{Dynamics, Model, PlanarPr, Quantity, Query};
 use crate::arm::JointKind;
 use crate::error::{Error, Result};
 use crate::scalar::Real;
-use crate::trace::c::{CFile, COptions, CSource, Routine};
+use crate::trace::c::{CFile, COptions, CSource, Routine, comment};
 use crate::trace::function::{Recorded, recorded};
 use crate::trace::{Sym, sym};
 
@@ -125,10 +125,10 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
         let mut text = query.quantity.meaning().to_string();
         if let Model::Tree(arm) = self {
             if query.is_framed() {
-                text += &format!("; frame {}", arm.frames[query.frame].name);
+                text += &format!("; frame {}", comment(&arm.frames[query.frame].name));
             }
             if let Some(frame) = query.wrench {
-                text += &format!("; wrench [f; n] in world axes at frame {}", arm.frames[frame].name);
+                text += &format!("; wrench [f; n] in world axes at frame {}", comment(&arm.frames[frame].name));
             }
         }
         if query.friction {
@@ -166,7 +166,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
         let (names, slides): (Vec<String>, Vec<bool>) = match self {
             Model::PlanarPr(_) => (vec!["p1".into(), "r2".into()], vec![true, false]),
             Model::Tree(arm) => {
-                (arm.joint_names().map(String::from).collect(), arm.joints.iter().map(|joint| joint.kind == JointKind::Prismatic).collect())
+                (arm.joint_names().map(comment).collect(), arm.joints.iter().map(|joint| joint.kind == JointKind::Prismatic).collect())
             }
         };
         let mut text = String::from("Joints, in the order of q, v, a and tau:\n");

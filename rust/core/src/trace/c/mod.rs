@@ -3,10 +3,12 @@
 //! The text is C99 that uses `math.h` and `string.h` alone, allocates nothing and does not recurse. It gives the bits of the engine, if products are fused
 //! with sums where the text says so and nowhere else: `-ffp-contract=off`.
 
+mod comment;
 mod fold;
 mod routine;
 mod sines;
 mod source;
 
+pub use comment::comment;
 pub use routine::{Printed, Routine};
 pub use source::{CFile, COptions, CSource, STATUSES};

@@ -1,5 +1,6 @@
 //! The files of an export: a header, a source file and a CMake file, put together from routines.
 
+use super::comment::comment;
 use super::routine::{Printed, Routine};
 use super::sines::sin_cos;
 use crate::error::{Error, Result};
@@ -12,6 +13,10 @@ const LONGEST: usize = 40;
 const TAKEN: &str = " auto break case char const continue default do double else enum extern float for goto if inline int long register restrict return short \
 signed sizeof static struct switch typedef union unsigned void volatile while bool class delete new private public this throw try catch \
 template namespace operator using virtual true false asm math string ";
+
+/// Names that CMake keeps for targets of its own, and the library that the target links.
+const TARGETS: &str = " all ALL_BUILD help install INSTALL preinstall clean edit_cache rebuild_cache list_install_components depend ZERO_CHECK test RUN_TESTS \
+package PACKAGE package_source m ";
 
 /// A file of an export.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,12 +42,16 @@ impl COptions {
         COptions { prefix: prefix.into(), fused: crate::scalar::fuses() }
     }
 
-    /// Refuse a prefix that is no identifier of C.
+    /// Refuse a prefix that is no identifier of C, or no name for a target of CMake.
     pub fn validate(&self) -> Result<()> {
         let prefix = self.prefix.as_str();
         let letters = prefix.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         let starts = prefix.starts_with(|c: char| c.is_ascii_alphabetic());
         if letters && starts && prefix.len() <= LONGEST && !TAKEN.contains(&format!(" {prefix} ")) {
+            if TARGETS.contains(&format!(" {prefix} ")) {
+                let expected = "a name that is neither a target that CMake makes nor the library m";
+                return Err(Error::input("prefix", format!("is no name for a target of CMake: expected {expected}, got {prefix:?}")));
+            }
             return Ok(());
         }
         let expected = format!("a letter, then letters, digits and _, at most {LONGEST}, no word of C");
@@ -126,7 +135,7 @@ impl CSource {
         let COptions { prefix, fused } = options;
         let version = env!("CARGO_PKG_VERSION");
         let stamp = format!("Made by armlet {version}");
-        let about = about.replace("*/", "* /").replace("/*", "/ *");
+        let about = about.lines().map(comment).collect::<Vec<_>>().join("\n");
         let rounding = if fused {
             "Products are fused with sums where fma() says so, and nowhere else: compile with -ffp-contract=off, on x86-64 also with -mfma."
         } else {
@@ -196,7 +205,7 @@ mod tests {
         for good in ["law", "arm7_left", "L"] {
             assert!(COptions::new(good).validate().is_ok(), "{good}");
         }
-        for bad in ["", "7axis", "a-b", "double", "x y", "_x", "é", &"a".repeat(41)] {
+        for bad in ["", "7axis", "a-b", "double", "x y", "_x", "é", "test", "install", "m", &"a".repeat(41)] {
             assert!(COptions::new(bad).validate().is_err(), "{bad}");
         }
     }

@@ -1,0 +1,42 @@
+//! Text from outside, such as names in files, that is safe within a comment of C.
+
+/// The text on one line, for a comment: none of its characters ends the comment, begins another one or goes on into the next line.
+///
+/// A space parts `*/`, `/*` and `??`. A question mark stands for a backslash and for what is no letter, digit, sign of ASCII or space.
+pub fn comment(text: &str) -> String {
+    let mut safe = String::with_capacity(text.len());
+    let mut last = ' ';
+    for c in text.chars() {
+        let c = if c == ' ' || c.is_alphanumeric() || (c.is_ascii_graphic() && c != '\\') { c } else { '?' };
+        if matches!((last, c), ('*', '/') | ('/', '*') | ('?', '?')) {
+            safe.push(' ');
+        }
+        safe.push(c);
+        last = c;
+    }
+    safe
+}
+
+#[cfg(test)]
+mod tests {
+    use super::comment;
+
+    #[test]
+    fn a_comment_keeps_names_and_parts_what_is_code() {
+        for name in ["", "link1", "tool0 (left)", "arm/link-2", "Größe", "a*b?"] {
+            assert_eq!(comment(name), name);
+        }
+        for (name, safe) in [
+            ("a*/b", "a* /b"),
+            ("a/*b", "a/ *b"),
+            ("/*/", "/ * /"),
+            ("a\\", "a?"),
+            ("???/", "? ? ?/"),
+            ("a\n\tb", "a? ?b"),
+            ("\u{202e}\u{2028}\u{0}*/", "? ? ?* /"),
+        ] {
+            assert_eq!(comment(name), safe);
+            assert_eq!(comment(safe), safe, "twice is as once");
+        }
+    }
+}
