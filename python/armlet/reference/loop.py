@@ -70,7 +70,7 @@ class ClosedLoop:
         self.clock: Clock | None = None
         if sampling is not None:
             n = plant.arm.n
-            silent = {"tau": np.zeros(n), "state_rate": np.zeros(law.state0.size), "loss": np.zeros(())}
+            silent = {"tau": np.zeros(n), "s": np.zeros(n), "state_rate": np.zeros(law.state0.size), "loss": np.zeros(())}
             springs = getattr(plant, "stiffness", np.eye(n))
             self.clock = Clock(sampling, n, grid, silent, springs, getattr(law, "joint_stiffness", springs))
 

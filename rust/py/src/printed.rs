@@ -1,7 +1,7 @@
 //! Laws and functions of arms as C: the files of `armlet.export_c`, as pairs of name and text.
 
 use crate::arm::Arm;
-use crate::arrays::{flag, name, object, optional_number, text};
+use crate::arrays::{flag, items, name, object, optional_number, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::law::Law;
@@ -13,6 +13,9 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 
 const NAME: &str = "export_c";
+
+/// Functions of one arm that are exported together.
+const MOST_FUNCTIONS: usize = 10_000;
 
 /// A function of an arm: its name in C, its name, and a frame.
 type Named<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
@@ -59,7 +62,7 @@ pub fn _c_of_law(
 pub fn _c_of_arm(
     py: Python<'_>,
     arm: &Bound<'_, PyAny>,
-    functions: Vec<Named<'_>>,
+    functions: &Bound<'_, PyAny>,
     prefix: &Bound<'_, PyAny>,
     fused: Option<&Bound<'_, PyAny>>,
     friction: &Bound<'_, PyAny>,
@@ -92,7 +95,9 @@ pub fn _c_of_arm(
             };
             Ok::<_, Failure>(CFunction { name, query })
         };
-        let functions = functions.into_iter().map(one).collect::<Result<Vec<_>, Failure>>()?;
+        let given = items(NAME, "functions", "a list of functions: expected triples of texts", functions, MOST_FUNCTIONS)?;
+        let triples = given.iter().map(|triple| triple.extract::<Named>()).collect::<PyResult<Vec<_>>>()?;
+        let functions = triples.into_iter().map(one).collect::<Result<Vec<_>, Failure>>()?;
         let core = model.core();
         Ok(pairs(long(py, || core.export_c(&functions, &options))?))
     })
