@@ -33,7 +33,8 @@ use std::sync::{Mutex, PoisonError};
 ///         fixed steps: "euler", "semi_implicit", "rk4" or "ros2" (keyword only). With `force_frame` alone `step(force=)` pushes there.
 ///
 /// `status` is `Status.SUCCESS` until a step diverges: the state is then not finite, or beyond `state_limit`. Such a step raises and is
-/// not taken: the arrays keep the state before it, and every further step raises, too, until `set_state` or `reset`.
+/// not taken: the arrays keep the state and the input before it, and every further step raises, too, until `set_state` or `reset`.
+/// `tau` is the input that acted: within `tau_max`.
 ///
 /// Raises:
 ///     InputError: an argument is not what it should be.
@@ -101,11 +102,8 @@ impl Simulator {
             let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
             const KNOWN: [&str; 10] =
                 ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max", "state_limit"];
-            for key in keywords.keys() {
-                let key = key.to_string();
-                if !KNOWN.contains(&key.as_str()) {
-                    return Err(input_error(py, NAME, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into());
-                }
+            if let Some(key) = keywords.keys().iter().map(|key| key.to_string()).find(|key| !KNOWN.contains(&key.as_str())) {
+                return Err(input_error(py, NAME, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into());
             }
             for (name, value) in [("record_every", 1), ("t_end", 0)] {
                 keywords.set_item(name, value)?;
@@ -328,20 +326,21 @@ impl Simulator {
             return Err(PyTypeError::new_err(problem));
         }
         let at = (stepping.steps(), self.x.clone(), self.input.clone());
-        (self.made_of.clone_ref(py), at).into_pyobject(py)
+        (self.made_of.clone_ref(py), at, stepping.status() != Status::Success).into_pyobject(py)
     }
 }
 
-/// A pickled Simulator: what it was made of, its steps, state and input.
+/// A pickled Simulator: what it was made of, its steps, state and input, and whether its last step diverged.
 #[entered]
 #[pyfunction]
+#[pyo3(signature = (made_of, at, diverged=false))]
 pub fn _restore_simulator(
     py: Python<'_>,
     made_of: (Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyDict>),
     at: (u64, Vec<f64>, Vec<f64>),
+    diverged: bool,
 ) -> PyResult<Simulator> {
-    let (plant, law, q0, keywords) = made_of;
-    let (steps, x, input) = at;
+    let ((plant, law, q0, keywords), (steps, x, input)) = (made_of, at);
     let mut simulator = Simulator::new(&plant, &law, &q0, Some(&keywords))?;
     entry(py, NAME, || {
         for (name, length, expected) in [("state", x.len(), simulator.x.len()), ("input", input.len(), simulator.input.len())] {
@@ -349,7 +348,7 @@ pub fn _restore_simulator(
                 return Err(input_error(py, NAME, name, format!("has the wrong length: expected {expected}, got {length}")).into());
             }
         }
-        simulator.stepping().resume(steps, &x, &input);
+        simulator.stepping().resume(steps, &x, &input, diverged);
         simulator.show(py)
     })?;
     Ok(simulator)

@@ -15,9 +15,9 @@ use crate::status::Status;
 /// What a stepped loop does, on whatever number it runs.
 pub trait Stepping: Send {
     /// Advance by one step under `tau` `(n,)`, or under the law where there is none, and under the wrench `push` in place of the
-    /// problem's force. A step that diverges is not taken: the state stays, and so does the status until a new state is given.
+    /// problem's force. A step that diverges is not taken: state and input stay, and so does the status until a new state is given.
     fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status;
-    /// The plant's state and the law's, `(states + p,)`, into `x`; the input of the last step into `tau`.
+    /// The plant's state and the law's, `(states + p,)`, into `x`; the input of the last step, within its limits, into `tau`.
     fn read(&self, x: &mut [f64], tau: &mut [f64]);
     /// Start anew at `t = 0` from `x`, `(states + p,)`.
     fn reset(&mut self, x: &[f64]);
@@ -29,8 +29,8 @@ pub trait Stepping: Send {
     fn steps(&self) -> u64;
     /// Whether [`Stepping::resume`] goes on from here to the bit: between two samples that takes more than the state and the input.
     fn resumable(&self) -> bool;
-    /// Go on after `steps` steps from the state `x` and the input `tau` that [`Stepping::read`] gave.
-    fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64]);
+    /// Go on after `steps` steps from the state `x` and the input `tau` that [`Stepping::read`] gave, and from a step that diverged, if so.
+    fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64], diverged: bool);
 }
 
 /// The loop, its method and its state.
@@ -46,8 +46,8 @@ struct Stepper<S, F, M> {
     plain: bool,
     simple: bool,
     steps: u64,
-    /// The state at the start of the last step.
-    before: Vec<S>,
+    /// The state at the start of the last step, and the input of the one before.
+    before: (Vec<S>, Vec<S>),
     bound: Bound,
     status: Status,
     pushed: bool,
@@ -63,7 +63,8 @@ where
         if self.status != Status::Success {
             return self.status;
         }
-        self.before.copy_from_slice(&self.x);
+        self.before.0.copy_from_slice(&self.x);
+        self.before.1.copy_from_slice(&self.tau);
         if push.is_some() || self.pushed {
             // The force jumps.
             self.closed.push(push);
@@ -84,15 +85,18 @@ where
                     self.closed.sample(t, &self.x);
                     self.method.restart();
                 }
-                let input = self.closed.input_at(t, &self.x);
-                self.tau.copy_from_slice(input);
             }
         }
+        self.tau.copy_from_slice(self.closed.input_at(t, &self.x));
         self.method.step(&mut self.closed, t, self.dt, end, &mut self.x);
         if self.bound.holds(&self.x) {
             self.steps += 1;
         } else {
-            self.x.copy_from_slice(&self.before);
+            self.x.copy_from_slice(&self.before.0);
+            self.tau.copy_from_slice(&self.before.1);
+            if tau.is_some() {
+                self.closed.drive(Some(&self.tau), false);
+            }
             self.method.restart();
             self.status = Status::Diverged;
         }
@@ -135,13 +139,16 @@ where
         self.steps == 0 || self.hold == 0 || self.simple || self.plain && self.steps.is_multiple_of(self.hold)
     }
 
-    fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64]) {
+    fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64], diverged: bool) {
         self.reset(x);
         for (to, &from) in self.tau.iter_mut().zip(tau) {
             *to = S::splat(from);
         }
         self.closed.drive(Some(&self.tau), false);
         self.steps = steps;
+        if diverged {
+            self.status = Status::Diverged;
+        }
     }
 }
 
@@ -203,7 +210,7 @@ where
     Box::new(Stepper::<S, F, M> {
         closed,
         method,
-        before: x.clone(),
+        before: (x.clone(), tau.clone()),
         bound,
         status,
         pushed: false,
