@@ -184,3 +184,53 @@ def test_bad_arguments() -> None:
     refused("residuals", lambda: observer.calibrate([[0.0, 1.0]]))
     refused("residuals have no noise", lambda: observer.calibrate(np.zeros((5, 2))))
     refused("sigmas", lambda: observer.calibrate(np.ones((5, 2)), sigmas=0.0))
+
+
+@pytest.mark.parametrize("gain", [20.0, [[20.0, 1.0], [1.0, 30.0]]], ids=["diagonal", "full"])
+@pytest.mark.parametrize("rows", [None, 3])
+def test_a_sample_that_overflows_is_refused(gain: Any, rows: int | None) -> None:
+    """What no finite residual follows from is refused by name and index, and changes nothing."""
+    shape, at, index = ((2,), 1, "1") if rows is None else ((rows, 2), (2, 1), r"\(2, 1\)")
+    observer, other = al.MomentumObserver(TWO, gain), al.MomentumObserver(TWO, gain)
+    zero, large, one = np.zeros(shape), np.zeros(shape), np.ones(shape)
+    large[at] = 1e308
+    fast = large + 1e10
+
+    def refused(argument: str, call: Any) -> None:
+        with pytest.raises(
+            al.InputError, match=rf"{argument} is too large: expected a finite residual, got 1e308 \(first bad index {index}\)"
+        ):
+            call()
+
+    refused("v", lambda: observer.update(one, fast, zero, 1e-3))
+    assert observer.residual is None
+    for each in (observer, other):
+        each.reset(zero, zero)
+        each.update(zero, one, zero, 1e-3)
+    refused("v", lambda: observer.reset(one, fast))
+    refused("v", lambda: observer.update(one, fast, zero, 1e-3))
+    refused("tau", lambda: observer.update(zero, zero, large, 1e3))
+    with pytest.raises(al.InputError, match="tau is too large"):
+        observer.update(zero, zero, zero + 1e308, 1e3)
+    with pytest.raises(al.InputError, match="dt is too large for this gain"):
+        observer.update(zero, zero, zero, 1e308)
+    again = pickle.loads(pickle.dumps(observer))
+    for each in (observer, again):
+        np.testing.assert_array_equal(each.residual, other.residual)
+    expected = other.update(one, zero, one, 1e-3)
+    for each in (observer, again):
+        np.testing.assert_array_equal(each.update(one, zero, one, 1e-3), expected)
+
+
+def test_no_rows_are_refused() -> None:
+    observer, none = al.MomentumObserver(TWO, 20.0), np.zeros((0, 2))
+    for call in (lambda: observer.reset(none, none), lambda: observer.update(none, none, none, 1e-3)):
+        with pytest.raises(al.InputError, match="q has no rows: expected at least one row of 2"):
+            call()
+    assert observer.residual is None
+
+
+def test_motors_have_no_friction_of_the_model() -> None:
+    with pytest.raises(al.InputError, match="friction goes with no motor_inertia: expected False"):
+        al.MomentumObserver(TWO, 20.0, motor_inertia=1.0, friction=True)
+    assert al.MomentumObserver(TWO, 20.0, motor_inertia=1.0, friction=False).residual is None

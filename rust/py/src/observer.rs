@@ -22,7 +22,7 @@ const NAME: &str = "MomentumObserver";
 /// Args:
 ///     arm: the model.
 ///     gain: `K`, 1/s, positive definite: scalar, `(n,)` or `(n, n)`.
-///     friction: take the model's viscous and Coulomb friction off; else `r` holds it (keyword only).
+///     friction: take the model's viscous and Coulomb friction off; else `r` holds it. Not with `motor_inertia` (keyword only).
 ///     motor_inertia: observe the motors of elastic joints instead: `B`, kg m^2, scalar, `(n,)` or `(n, n)`. Then `q`, `v` are theirs, `tau` is
 ///         `tau_m - tau_J`, and `r` goes to minus the friction of the motors (keyword only).
 ///     threshold: `|r_i|` above it is contact, N m or N, > 0: scalar or `(n,)`; see `calibrate` (keyword only).
@@ -180,6 +180,9 @@ impl MomentumObserver {
     ///     dt: the time since then, s, > 0.
     ///
     /// Without `reset` the first sample starts, with `r = 0`.
+    ///
+    /// Raises:
+    ///     InputError: a shape is wrong, or a number is not finite or so large that `r` would not be; the observer stays as it was.
     fn update<'py>(
         &self,
         py: Python<'py>,

@@ -37,10 +37,13 @@ pub struct MomentumObserver {
     gain: Gain,
     /// Viscous and Coulomb friction that is taken off; zero where it is not known.
     friction: [Vec<f64>; 2],
+    takes_friction: bool,
     motors: Option<Gain>,
     thresholds: Option<Vec<f64>>,
     arm: ArmAt<f64>,
     state: ObserverState,
+    /// The state before the last sample, which comes back where that is refused.
+    before: ObserverState,
     /// The `dt` of `factor`, which is of `I + K dt`.
     dt: f64,
     factor: Vec<f64>,
@@ -62,15 +65,17 @@ impl MomentumObserver {
             Model::Tree(arm) if friction => arm.joints.iter().map(get).collect(),
             _ => vec![0.0; n],
         };
-        let friction = [of(|joint| joint.damping), of(|joint| joint.friction)];
+        let (takes_friction, friction) = (friction, [of(|joint| joint.damping), of(|joint| joint.friction)]);
         Ok(MomentumObserver {
             arm: ArmAt::of_lanes(|_| &model),
             model,
             gain,
             friction,
+            takes_friction,
             motors: None,
             thresholds: None,
             state: ObserverState::default(),
+            before: ObserverState::default(),
             dt: f64::NAN,
             factor: vec![0.0; n * n],
             mass: vec![0.0; n * n],
@@ -83,6 +88,10 @@ impl MomentumObserver {
 
     /// The same for motors of this inertia `B`, which have positions, velocities and torques `tau_m - tau_J` of their own.
     pub fn of_motors(mut self, inertia: Gain) -> Result<Self> {
+        if self.takes_friction {
+            let problem = "goes with no motor_inertia: expected False, since the model's friction is that of its joints, got True";
+            return Err(Error::input("friction", problem));
+        }
         if inertia.n() != self.n() {
             return Err(Error::input("motor_inertia", format!("has the wrong size: expected {}, got {}", self.n(), inertia.n())));
         }
@@ -160,6 +169,7 @@ impl MomentumObserver {
     /// Start at positions and velocities, rows of `n`, with no torque from outside.
     pub fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<()> {
         self.check(&[("q", q), ("v", v)], None)?;
+        self.before.clone_from(&self.state);
         self.state = ObserverState { residual: vec![0.0; q.len()], momentum: vec![0.0; q.len()], drift: vec![0.0; q.len()] };
         let n = self.n();
         for row in 0..q.len() / n {
@@ -168,10 +178,11 @@ impl MomentumObserver {
             self.state.momentum[at.clone()].copy_from_slice(&self.work);
             self.drift(&v[at.clone()], at);
         }
-        Ok(())
+        self.accept(q, v, None)
     }
 
     /// A sample: positions and velocities now, and the torques that acted since the last one, `dt` ago; rows of `n`. The first sample starts.
+    /// One after which a number would not be finite is refused, and changes nothing.
     pub fn update(&mut self, q: &[f64], v: &[f64], tau: &[f64], dt: f64) -> Result<()> {
         positive("dt", dt)?;
         if self.state.residual.is_empty() {
@@ -181,6 +192,7 @@ impl MomentumObserver {
         self.check(&[("q", q), ("v", v), ("tau", tau)], Some(self.state.residual.len()))?;
         let n = self.n();
         self.prepare(dt)?;
+        self.before.clone_from(&self.state);
         for row in 0..q.len() / n {
             let at = row * n..(row + 1) * n;
             self.look(&q[at.clone()], &v[at.clone()]);
@@ -206,7 +218,30 @@ impl MomentumObserver {
             }
             self.drift(&v[at.clone()], at);
         }
-        Ok(())
+        self.accept(q, v, Some((tau, dt)))
+    }
+
+    /// Refuse a sample after which a number is not finite, with the state before it. `tau`: the torques and how long they acted.
+    fn accept(&mut self, q: &[f64], v: &[f64], tau: Option<(&[f64], f64)>) -> Result<()> {
+        let ObserverState { residual, momentum, drift } = &self.state;
+        let (n, rows) = (self.n(), residual.len() / self.n());
+        let Some(bad) = (0..q.len()).find(|&i| !(residual[i].is_finite() && momentum[i].is_finite() && drift[i].is_finite())) else {
+            return Ok(());
+        };
+        let row = bad / n * n..(bad / n + 1) * n;
+        let of_state = row.clone().any(|i| !(momentum[i].is_finite() && drift[i].is_finite()));
+        // The largest number of the row that bears on what overflows; of equal ones the first.
+        let sizes = |i: usize| match tau {
+            Some((tau, dt)) if !of_state => [((tau[i] * dt).abs(), "tau", tau[i]), (momentum[i].abs(), "v", v[i])],
+            _ => [(q[i].abs(), "q", q[i]), (v[i].abs(), "v", v[i])],
+        };
+        let all = row.rev().flat_map(|i| sizes(i).map(|size| (i, size)));
+        let largest = all.max_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        std::mem::swap(&mut self.state, &mut self.before);
+        let Some((i, (_, argument, value))) = largest else { return Ok(()) };
+        let index = if rows > 1 { format!("({}, {})", i / n, i % n) } else { format!("{i}") };
+        let problem = format!("is too large: expected a finite residual, got {value:e} (first bad index {index})");
+        Err(Error::input(argument, problem))
     }
 
     /// `I + K dt`: its diagonal, or its Cholesky factor.
@@ -218,6 +253,9 @@ impl MomentumObserver {
         self.dt = f64::NAN;
         if self.gain.is_diagonal() {
             (0..n).for_each(|i| self.factor[i] = self.gain.at(i, i).mul_add(dt, 1.0));
+            if self.factor[..n].iter().any(|f| !f.is_finite()) {
+                return Err(self.too_large(dt));
+            }
         } else {
             for k in 0..n * n {
                 let one = if k / n == k % n { 1.0 } else { 0.0 };
@@ -225,11 +263,15 @@ impl MomentumObserver {
             }
             // The least pivot: that of a sum with the identity is positive but for overflow.
             if !(factor_into(n, &self.mass, &mut self.factor) > 0.0) {
-                return Err(Error::input("dt", format!("is too large for this gain: expected a finite I + K dt, got {dt}")));
+                return Err(self.too_large(dt));
             }
         }
         self.dt = dt;
         Ok(())
+    }
+
+    fn too_large(&self, dt: f64) -> Error {
+        Error::input("dt", format!("is too large for this gain: expected a finite I + K dt, got {dt:e}"))
     }
 
     /// Move the arm to `q`, with `p` in `work` and `M`, `C` at hand.
@@ -337,8 +379,11 @@ impl MomentumObserver {
     fn check(&self, arguments: &[(&str, &[f64])], length: Option<usize>) -> Result<()> {
         let n = self.n();
         let wanted = length.unwrap_or(arguments[0].1.len());
+        if wanted == 0 {
+            return Err(Error::input(arguments[0].0, format!("has no rows: expected at least one row of {n}")));
+        }
         for (name, values) in arguments {
-            if values.len() != wanted || values.is_empty() || !values.len().is_multiple_of(n) {
+            if values.len() != wanted || !values.len().is_multiple_of(n) {
                 let problem = format!("has the wrong size: expected {} rows of {n}, got {} numbers", wanted / n, values.len());
                 return Err(Error::input(*name, problem));
             }
