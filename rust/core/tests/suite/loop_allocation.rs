@@ -136,9 +136,11 @@ fn steps_allocate_nothing() {
                 };
                 // The first run makes the programs of the loop.
                 allocations(plant, law, *force, method, (sample, every), steps[1]);
-                let [few, many] = steps.map(|steps| allocations(plant, law, *force, method, (sample, every), steps));
+                // Tests beside this one fill the store of programs. A run that has to make its program again is not counted.
+                let least = |steps| (0..3).map(|_| allocations(plant, law, *force, method, (sample, every), steps)).min();
+                let [few, many] = steps.map(least);
                 assert_eq!(few, many, "{what}, {method:?}, sampled at {sample:?}, every step recorded: {every}");
-                assert!(few > 0);
+                assert!(few > Some(0));
             }
         }
     }
