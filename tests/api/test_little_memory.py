@@ -14,6 +14,11 @@ CASES = {
     "many links": ("lengths = np.ones(10**5)", "al.planar_arm(lengths)"),
     "many joints": ("joints = [{'type': 'R'}] * 10**5", "al.Arm.from_chain(joints)"),
     "many rows of a fit": ("x = np.zeros((3 * 10**6, 2))", "arm.identify(x, x, x, x)"),
+    "many observed arms": ("obs = al.MomentumObserver(arm, 50.0); q = np.broadcast_to(np.zeros(2), (10**7, 2))", "obs.reset(q, q)"),
+    "many wrenches": (
+        "obs = al.MomentumObserver(arm, 50.0); obs.reset([0.1, 0.2], [0.0, 0.0]); q = np.broadcast_to(np.zeros(2), (10**7, 2))",
+        "obs.wrench(q, 'link2')",
+    ),
     "many steps": ("f = lambda t, y: y", "al.integrate(f, (0.0, 1.0), np.zeros(512), method='rk4', dt=2.0**-15)"),
     "many problems": ("x = np.broadcast_to(1.0, 10**8)", "al.bang_bang_time(0.0, x, 1.0, 1.0, 3.0)"),
     "a long motion": ("q = np.zeros(2 * 10**7)", "al.Hold(q)"),

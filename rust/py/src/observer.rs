@@ -2,12 +2,16 @@
 
 use crate::arguments::{Arguments, call, shown_as};
 use crate::arm::Arm;
-use crate::arrays::{Axis, Form, SCALAR, new_array, number, numbers, owned, require_finite, spread, text};
+use crate::arrays::{Axis, Form, SCALAR, copied, number, numbers, owned, require_finite, spread, taken, text};
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::long;
 use crate::seal::{Sealed, seal_call};
 use armlet_core::analysis::momentum_observer::{MomentumObserver as Core, ObserverState};
+use armlet_core::error::Result as CoreResult;
+use armlet_core::memory;
 use armlet_macros::entered;
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 use pyo3::types::{PyDict, PyInt, PyTuple};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -43,30 +47,53 @@ const NAME: &str = "MomentumObserver";
 /// array([ 1. , -0.5])
 #[pyclass(frozen, module = "armlet")]
 pub struct MomentumObserver {
-    core: Mutex<Core>,
-    /// Whether the last samples were rows.
-    batched: Mutex<bool>,
+    observed: Mutex<Observed>,
     /// The arm it was made for.
     #[pyo3(get)]
     arm: Py<Arm>,
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
+/// An observer, and whether its samples are rows.
+struct Observed {
+    core: Core,
+    batched: bool,
+}
+
+impl Observed {
+    /// The shape of so many numbers of each arm that is observed.
+    fn shape(&self, width: usize) -> Vec<usize> {
+        if self.batched { vec![self.core.rows(), width] } else { vec![width] }
+    }
+
+    /// Refuse rows of another number than those of the samples before.
+    fn require_rows(&self, py: Python<'_>, function: &str, shape: &[usize]) -> Result<(), Failure> {
+        let expected = self.shape(self.core.n());
+        if self.core.rows() > 0 && shape != expected {
+            let problem = format!("has another shape than before: expected {expected:?}, got {shape:?}");
+            return Err(input_error(py, function, "q", problem).into());
+        }
+        Ok(())
+    }
+}
+
 /// An argument of samples: its shape and numbers.
 type Rows = (Vec<usize>, Vec<f64>);
 
 impl MomentumObserver {
-    fn core(&self) -> MutexGuard<'_, Core> {
-        self.core.lock().unwrap_or_else(PoisonError::into_inner)
+    /// It waits without the interpreter lock: whoever holds this one may want that.
+    fn observed(&self, py: Python<'_>) -> MutexGuard<'_, Observed> {
+        self.observed.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn batched(&self) -> bool {
-        *self.batched.lock().unwrap_or_else(PoisonError::into_inner)
+    /// The observer, and what `work` makes of it without the interpreter lock.
+    fn detached<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Observed) -> CoreResult<T> + Send) -> Result<T, Failure> {
+        long(py, || work(&mut self.observed.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 
     /// Arrays `(n,)` or `(B, n)`, all of one shape.
     fn rows<const K: usize>(&self, function: &str, given: [(&'static str, &Bound<'_, PyAny>); K]) -> Result<[Rows; K], Failure> {
-        let n = self.core().n();
+        let n = self.observed(given[0].1.py()).core.n();
         let forms = [Form(&[Axis::Is(n)]), Form(&[Axis::Any("B"), Axis::Is(n)])];
         let mut all = std::array::from_fn(|_| (Vec::new(), Vec::new()));
         for (k, (name, value)) in given.iter().enumerate() {
@@ -81,47 +108,27 @@ impl MomentumObserver {
         Ok(all)
     }
 
-    /// Refuse rows of another number than those of the samples before.
-    fn same_rows(&self, py: Python<'_>, function: &str, shape: &[usize]) -> Result<(), Failure> {
-        let core = self.core();
-        let rows = core.state().residual.len() / core.n();
-        if rows > 0 && shape != self.shape(rows, core.n()) {
-            let problem = format!("has another shape than before: expected {:?}, got {shape:?}", self.shape(rows, core.n()));
-            return Err(input_error(py, function, "q", problem).into());
-        }
-        Ok(())
-    }
-
-    /// The shape of rows of so many numbers.
-    fn shape(&self, rows: usize, width: usize) -> Vec<usize> {
-        if self.batched() { vec![rows, width] } else { vec![width] }
-    }
-
-    fn wrench_and_rest(
+    /// The wrenches and what they leave, each as an array.
+    fn wrench_and_rest<'py>(
         &self,
         function: &str,
-        q: &Bound<'_, PyAny>,
-        frame: &Bound<'_, PyAny>,
-        eps: Option<&Bound<'_, PyAny>>,
-    ) -> Result<(usize, [Vec<f64>; 2]), Failure> {
-        let [(shape, q_values)] = self.rows(function, [("q", q)])?;
-        self.same_rows(q.py(), function, &shape)?;
+        q: &Bound<'py, PyAny>,
+        frame: &Bound<'py, PyAny>,
+        eps: Option<&Bound<'py, PyAny>>,
+    ) -> Result<[Bound<'py, PyAny>; 2], Failure> {
+        let py = q.py();
+        let [(shape, q)] = self.rows(function, [("q", q)])?;
         let frame = text(function, "frame", frame)?;
         let eps = eps.filter(|eps| !eps.is_none()).map(|eps| number(function, "eps", eps)).transpose()?;
-        let mut core = self.core();
-        let rows = q_values.len() / core.n();
-        let (mut wrench, mut rest) = (vec![0.0; 6 * rows], vec![0.0; q_values.len()]);
-        core.wrench(&q_values, &frame, eps, &mut wrench, &mut rest)?;
-        Ok((rows, [wrench, rest]))
+        self.observed(py).require_rows(py, function, &shape)?;
+        let (wrench, rest, [wide, narrow]) = self.detached(py, |observed| {
+            let (rows, n) = (observed.core.rows(), observed.core.n());
+            let (mut wrench, mut rest) = (memory::zeros(6 * rows)?, memory::zeros(n * rows)?);
+            observed.core.wrench(&q, &frame, eps, &mut wrench, &mut rest)?;
+            Ok((wrench, rest, [6, n].map(|width| observed.shape(width))))
+        })?;
+        Ok([taken(py, &wide, wrench)?, taken(py, &narrow, rest)?])
     }
-}
-
-/// A copy of numbers as an array.
-fn array<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
-    new_array(py, shape, |out| {
-        out.copy_from_slice(values);
-        Ok(())
-    })
 }
 
 #[entered]
@@ -158,7 +165,8 @@ impl MomentumObserver {
                 given.keep("threshold", threshold)?;
             }
             let Arguments { arm, arguments, .. } = given;
-            Ok(MomentumObserver { core: Mutex::new(core), batched: Mutex::new(false), arm: arm.unbind(), arguments })
+            let observed = Mutex::new(Observed { core, batched: false });
+            Ok(MomentumObserver { observed, arm: arm.unbind(), arguments })
         })
     }
 
@@ -166,9 +174,11 @@ impl MomentumObserver {
     fn reset(&self, py: Python<'_>, q: &Bound<'_, PyAny>, v: &Bound<'_, PyAny>) -> PyResult<()> {
         entry(py, "MomentumObserver.reset", || {
             let [(shape, q), (_, v)] = self.rows("MomentumObserver.reset", [("q", q), ("v", v)])?;
-            py.detach(|| self.core().reset(&q, &v))?;
-            *self.batched.lock().unwrap_or_else(PoisonError::into_inner) = shape.len() > 1;
-            Ok(())
+            self.detached(py, |observed| {
+                observed.core.reset(&q, &v)?;
+                observed.batched = shape.len() > 1;
+                Ok(())
+            })
         })
     }
 
@@ -195,14 +205,13 @@ impl MomentumObserver {
         entry(py, FUNCTION, || {
             let [(shape, q), (_, v), (_, tau)] = self.rows(FUNCTION, [("q", q), ("v", v), ("tau", tau)])?;
             let dt = number(FUNCTION, "dt", dt)?;
-            self.same_rows(py, FUNCTION, &shape)?;
-            let started = !self.core().state().residual.is_empty();
-            py.detach(|| self.core().update(&q, &v, &tau, dt))?;
-            if !started {
-                *self.batched.lock().unwrap_or_else(PoisonError::into_inner) = shape.len() > 1;
-            }
-            let core = self.core();
-            array(py, &shape, &core.state().residual)
+            self.observed(py).require_rows(py, FUNCTION, &shape)?;
+            let residual = self.detached(py, |observed| {
+                observed.core.update(&q, &v, &tau, dt)?;
+                observed.batched = shape.len() > 1;
+                memory::copied(&observed.core.state().residual)
+            })?;
+            Ok(taken(py, &shape, residual)?)
         })
     }
 
@@ -210,10 +219,9 @@ impl MomentumObserver {
     #[getter]
     fn residual<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         entry(py, "MomentumObserver.residual", || {
-            let core = self.core();
-            let (values, n) = (&core.state().residual, core.n());
-            let shape = self.shape(values.len() / n, n);
-            if values.is_empty() { Ok(None) } else { Ok(Some(array(py, &shape, values)?)) }
+            let observed = self.observed(py);
+            let values = &observed.core.state().residual;
+            if values.is_empty() { Ok(None) } else { Ok(Some(copied(py, &observed.shape(observed.core.n()), values)?)) }
         })
     }
 
@@ -221,8 +229,8 @@ impl MomentumObserver {
     #[getter]
     fn threshold<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         entry(py, "MomentumObserver.threshold", || {
-            let core = self.core();
-            core.thresholds().map(|thresholds| array(py, &[thresholds.len()], thresholds)).transpose()
+            let observed = self.observed(py);
+            observed.core.thresholds().map(|thresholds| copied(py, &[thresholds.len()], thresholds)).transpose()
         })
     }
 
@@ -239,8 +247,8 @@ impl MomentumObserver {
         eps: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "MomentumObserver.wrench", || {
-            let (rows, [wrench, _]) = self.wrench_and_rest("MomentumObserver.wrench", q, frame, eps)?;
-            array(py, &self.shape(rows, 6), &wrench)
+            let [wrench, _] = self.wrench_and_rest("MomentumObserver.wrench", q, frame, eps)?;
+            Ok(wrench)
         })
     }
 
@@ -254,9 +262,8 @@ impl MomentumObserver {
         eps: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "MomentumObserver.unexplained", || {
-            let (rows, [_, rest]) = self.wrench_and_rest("MomentumObserver.unexplained", q, frame, eps)?;
-            let n = rest.len() / rows;
-            array(py, &self.shape(rows, n), &rest)
+            let [_, rest] = self.wrench_and_rest("MomentumObserver.unexplained", q, frame, eps)?;
+            Ok(rest)
         })
     }
 
@@ -265,11 +272,11 @@ impl MomentumObserver {
     fn calibrate(&self, py: Python<'_>, residuals: &Bound<'_, PyAny>, sigmas: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         const FUNCTION: &str = "MomentumObserver.calibrate";
         entry(py, FUNCTION, || {
-            let n = self.core().n();
+            let n = self.observed(py).core.n();
             let (shape, values) = numbers(FUNCTION, "residuals", residuals, &[Form(&[Axis::Any("K"), Axis::Is(n)])])?;
             require_finite(py, FUNCTION, "residuals", &shape, &values)?;
             let sigmas = sigmas.map_or(Ok(5.0), |sigmas| number(FUNCTION, "sigmas", sigmas))?;
-            Ok(self.core().calibrate(&values, sigmas)?)
+            Ok(self.observed(py).core.calibrate(&values, sigmas)?)
         })
     }
 
@@ -279,9 +286,10 @@ impl MomentumObserver {
     /// furthest above counts.
     fn contact<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "MomentumObserver.contact", || {
-            let found: Vec<i64> = self.core().contacts()?.into_iter().map(|joint| joint.map_or(-1, |joint| joint as i64)).collect();
-            if self.batched() {
-                Ok(numpy::PyArray1::from_vec(py, found).into_any())
+            let observed = self.observed(py);
+            let found: Vec<i64> = observed.core.contacts()?.into_iter().map(|joint| joint.map_or(-1, |joint| joint as i64)).collect();
+            if observed.batched {
+                Ok(taken(py, &[found.len()], found)?)
             } else {
                 Ok(PyInt::new(py, found.first().copied().unwrap_or(-1)).into_any())
             }
@@ -295,10 +303,10 @@ impl MomentumObserver {
     /// Made anew, with its thresholds and what it remembers.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let (_, keywords) = call(self.arm.bind(py), &self.arguments)?;
-        let core = self.core();
-        let ObserverState { residual, momentum, drift } = core.state().clone();
-        let thresholds = core.thresholds().map(<[f64]>::to_vec);
-        let parts: Bound<'py, PyTuple> = (keywords, (residual, momentum, drift), thresholds, self.batched()).into_pyobject(py)?;
+        let observed = self.observed(py);
+        let ObserverState { residual, momentum, drift } = observed.core.state().clone();
+        let thresholds = observed.core.thresholds().map(<[f64]>::to_vec);
+        let parts: Bound<'py, PyTuple> = (keywords, (residual, momentum, drift), thresholds, observed.batched).into_pyobject(py)?;
         seal_call(py, "_restore_observer", parts)
     }
 }
@@ -318,12 +326,12 @@ pub fn _restore_observer<'py>(
     entry(py, NAME, || {
         let observer = observer.get();
         let (residual, momentum, drift) = state;
-        let mut core = observer.core();
-        core.resume(ObserverState { residual, momentum, drift })?;
+        let mut observed = observer.observed(py);
+        observed.core.resume(ObserverState { residual, momentum, drift })?;
         if let Some(thresholds) = thresholds {
-            core.set_thresholds(thresholds)?;
+            observed.core.set_thresholds(thresholds)?;
         }
-        *observer.batched.lock().unwrap_or_else(PoisonError::into_inner) = batched;
+        observed.batched = batched;
         Ok(())
     })?;
     Ok(made)

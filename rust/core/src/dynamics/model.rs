@@ -4,7 +4,7 @@
 
 use super::workspace::Workspace;
 use super::{Dynamics, PlanarPr};
-use crate::arm::{Arm, Tree};
+use crate::arm::{Arm, Joint, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{self, Coordinates};
 use crate::scalar::Real;
@@ -62,6 +62,15 @@ impl Model {
             Model::PlanarPr(_) => vec![0.0; 2],
             Model::Tree(arm) => arm.joints.iter().map(|joint| joint.armature).collect(),
         }
+    }
+
+    /// Viscous and Coulomb friction of the joints, `(n,)` each; zero where it does not act.
+    pub fn friction(&self, acts: bool) -> [Vec<f64>; 2] {
+        let of = |get: fn(&Joint) -> f64| match self {
+            Model::Tree(arm) if acts => arm.joints.iter().map(get).collect(),
+            _ => vec![0.0; self.n()],
+        };
+        [of(|joint| joint.damping), of(|joint| joint.friction)]
     }
 
     /// Names of the columns of the regressor: inertial, then armature, then friction where asked for.

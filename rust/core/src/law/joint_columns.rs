@@ -92,7 +92,7 @@ impl JointColumns {
     /// The true parameters of a plant with this arm, whose friction acts or not.
     pub(super) fn truth(&self, plant: &Model, friction: bool) -> Vec<f64> {
         let n = plant.n();
-        let [damping, coulomb] = joint_friction(plant, friction);
+        let [damping, coulomb] = plant.friction(friction);
         let of = |kind: &JointColumn| match kind {
             JointColumn::Armature => plant.armature(),
             JointColumn::Viscous => damping.clone(),
@@ -100,16 +100,6 @@ impl JointColumns {
             JointColumn::Stribeck => vec![0.0; n],
         };
         self.kinds.iter().flat_map(of).collect()
-    }
-}
-
-/// Viscous and Coulomb friction of a plant's joints, `(n,)` each; zero where they do not act.
-pub(super) fn joint_friction(plant: &Model, acts: bool) -> [Vec<f64>; 2] {
-    match plant {
-        Model::Tree(arm) if acts => {
-            [arm.joints.iter().map(|joint| joint.damping).collect::<Vec<f64>>(), arm.joints.iter().map(|joint| joint.friction).collect()]
-        }
-        _ => [vec![0.0; plant.n()], vec![0.0; plant.n()]],
     }
 }
 

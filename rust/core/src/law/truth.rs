@@ -10,7 +10,7 @@
 
 use super::LawSpec;
 use super::adaptive::AdaptiveSpec;
-use super::joint_columns::{JointColumn, joint_friction};
+use super::joint_columns::JointColumn;
 use crate::plant::PlantSpec;
 use crate::scalar::{Real, sign};
 
@@ -45,7 +45,7 @@ impl<S: Real> Truth<S> {
         // What follows belongs to the geometry, which lanes share.
         let (model, n) = (plant(0).model(), plant(0).n());
         let fixed = |values: Vec<f64>| values.into_iter().map(S::splat).collect::<Vec<S>>();
-        let [viscous, coulomb] = joint_friction(model, plant(0).has_friction()).map(fixed);
+        let [viscous, coulomb] = model.friction(plant(0).has_friction()).map(fixed);
         let mut rubbing = own.columns.truth(model, plant(0).has_friction());
         let rotors = if own.columns.has(JointColumn::Armature) {
             rubbing[..n].fill(0.0);

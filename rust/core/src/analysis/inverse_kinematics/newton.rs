@@ -137,10 +137,10 @@ impl Newton {
         };
         let rows = self.solver.rows()[..=missed].iter().sum();
         q.copy_from_slice(&self.found.q);
+        self.look_at(q);
         for _ in 0..LAST_STEPS {
             look();
             self.solver.prepare(q)?;
-            self.look_at(q);
             self.e[rows..].fill(0.0);
             self.set_thresholds()?;
             self.step(q, 0.0)?;

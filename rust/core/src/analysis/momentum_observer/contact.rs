@@ -1,0 +1,125 @@
+//! What the torque from outside says: the link that is touched, and the wrench at a frame.
+
+use super::MomentumObserver;
+use crate::dynamics::Model;
+use crate::error::{Error, Result, finite, positive};
+use crate::linalg::{axpy, clamp_gain, dot};
+
+/// Share of the largest row norm of `J'` below which singular values are clamped where nothing is said.
+const SHARE: f64 = 0.02;
+
+impl MomentumObserver {
+    /// The thresholds of contact `(n,)`, > 0.
+    pub fn set_thresholds(&mut self, thresholds: Vec<f64>) -> Result<()> {
+        if thresholds.len() != self.n() {
+            let problem = format!("has the wrong shape: expected ({},), got ({},)", self.n(), thresholds.len());
+            return Err(Error::input("threshold", problem));
+        }
+        thresholds.iter().try_for_each(|&threshold| positive("threshold", threshold))?;
+        self.thresholds = Some(thresholds);
+        Ok(())
+    }
+
+    /// The thresholds of contact, where they are known.
+    pub fn thresholds(&self) -> Option<&[f64]> {
+        self.thresholds.as_deref()
+    }
+
+    /// Thresholds from residuals of free motion, rows of `n`: the size of their mean and so many standard deviations beside it.
+    pub fn calibrate(&mut self, residuals: &[f64], sigmas: f64) -> Result<()> {
+        let n = self.n();
+        positive("sigmas", sigmas)?;
+        finite("residuals", residuals)?;
+        let rows = residuals.len() / n;
+        if rows < 2 || !residuals.len().is_multiple_of(n) {
+            return Err(Error::input(
+                "residuals",
+                format!("has the wrong shape: expected (K, {n}) with K >= 2, got {} numbers", residuals.len()),
+            ));
+        }
+        let of_joint = |i: usize| residuals.iter().skip(i).step_by(n);
+        let thresholds = (0..n).map(|i| {
+            let mean = of_joint(i).sum::<f64>() / rows as f64;
+            let square = of_joint(i).map(|r| (r - mean) * (r - mean)).sum::<f64>() / (rows - 1) as f64;
+            mean.abs() + sigmas * square.sqrt()
+        });
+        let thresholds: Vec<f64> = thresholds.collect();
+        if let Some(i) = thresholds.iter().position(|&threshold| !(threshold > 0.0)) {
+            return Err(Error::input(
+                "residuals",
+                format!("have no noise: expected residuals that vary, got zeros (first bad index (0, {i}))"),
+            ));
+        }
+        self.set_thresholds(thresholds)
+    }
+
+    /// The wrench `[f; m]` at a frame, rows of 6, and what of the residual it does not explain, rows of `n`; `eps`: see the head.
+    pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], rest: &mut [f64]) -> Result<()> {
+        if self.motors.is_some() {
+            return Err(Error::input("frame", "is of no use: expected an observer of links, got one of motors"));
+        }
+        let frame = self.model.tree("frame")?.frame_index(frame)?;
+        let n = self.n();
+        if let Some(eps) = eps {
+            positive("eps", eps)?;
+        }
+        if self.state.residual.is_empty() {
+            return Err(Error::input("q", "comes too early: expected update() or reset() before"));
+        }
+        self.check(&[("q", q)], Some(self.state.residual.len()))?;
+        for (row, q) in q.chunks_exact(n).enumerate() {
+            let r = &self.state.residual[row * n..(row + 1) * n];
+            self.arm.move_to(q);
+            let (_, jacobian) = self.arm.jacobian(frame);
+            for i in 0..n {
+                for k in 0..6 {
+                    self.transposed[6 * i + k] = jacobian[k * n + i];
+                }
+            }
+            self.svd.decompose(&self.transposed, n, 6)?;
+            let largest = self.transposed.chunks_exact(6).map(|row| dot(row, row).sqrt()).fold(0.0, f64::max);
+            let eps = eps.unwrap_or(SHARE * largest);
+            let f = &mut out[6 * row..6 * (row + 1)];
+            f.fill(0.0);
+            // Rounding of the Jacobian is no direction.
+            let null = 1e-14 * largest;
+            for j in 0..self.svd.s().len() {
+                let sigma = self.svd.s()[j];
+                if sigma > null {
+                    axpy(clamp_gain(sigma, eps) * dot(self.svd.u(j), r), self.svd.v(j), f);
+                }
+            }
+            for i in 0..n {
+                rest[row * n + i] = r[i] - dot(&self.transposed[6 * i..6 * (i + 1)], f);
+            }
+        }
+        Ok(())
+    }
+
+    /// The joint of the touched link of each row; `None` without contact.
+    pub fn contacts(&self) -> Result<Vec<Option<usize>>> {
+        let Some(thresholds) = &self.thresholds else {
+            return Err(Error::input("threshold", "is missing: expected thresholds (n,) or calibrate() before"));
+        };
+        let parent = |i: usize| match &self.model {
+            Model::Tree(arm) => arm.joints[i].parent,
+            Model::PlanarPr(_) => i.checked_sub(1),
+        };
+        let n = self.n();
+        let of_row = |r: &[f64]| {
+            let above = |i: usize| r[i].abs() > thresholds[i];
+            // Inwards of another one that is above, a joint carries what acts further out.
+            let mut inner = vec![false; n];
+            for i in (0..n).filter(|&i| above(i)) {
+                let mut next = parent(i);
+                while let Some(k) = next.filter(|&k| !inner[k]) {
+                    inner[k] = true;
+                    next = parent(k);
+                }
+            }
+            let outermost = (0..n).filter(|&i| above(i) && !inner[i]);
+            outermost.max_by(|&a, &b| (r[a].abs() / thresholds[a]).total_cmp(&(r[b].abs() / thresholds[b])))
+        };
+        Ok(self.state.residual.chunks_exact(n).map(of_row).collect())
+    }
+}

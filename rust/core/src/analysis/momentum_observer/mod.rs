@@ -1,0 +1,278 @@
+//! Momentum observer (`DeLuca2006`): the torque from outside, from positions, velocities and motor torques, without accelerations.
+//!
+//! ```text
+//! p = M v,   p' = tau + tau_ext - tau_f + C' v - g          (M' = C + C', C the Christoffel factorisation)
+//! r = K [ p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds ]        =>        r' = K (tau_ext - r)
+//! sampled: r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))
+//! ```
+//!
+//! With `M = B`, `C = g = 0` and the torque `tau_m - tau_J` it observes the motors of elastic joints: `r` goes to minus their friction.
+//!
+//! At a frame `r = J' F`: `F` by least squares, singular values of `J'` below `eps` clamped (`linalg::clamp`); `r - J' F` is the rest.
+//! The touched link is the outermost one whose joint has `|r_i|` above its threshold: what acts on a link loads no joint beyond it.
+
+mod contact;
+
+use crate::dynamics::{ArmAt, Model};
+use crate::error::{Error, Result, finite, positive};
+use crate::linalg::cholesky::{factor_into, solve};
+use crate::linalg::gain::{Diagonal, Full, Multiply};
+use crate::linalg::{AnyGain, Gain, Svd, axpy, dot};
+use crate::memory::zeros;
+use crate::scalar::sign;
+use std::ops::Range;
+
+/// The state of an observer: rows of `n` numbers each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ObserverState {
+    /// The estimate of the torque from outside.
+    pub residual: Vec<f64>,
+    /// `p` at the last sample.
+    pub momentum: Vec<f64>,
+    /// `C' v - g - tau_f` there.
+    pub drift: Vec<f64>,
+}
+
+impl ObserverState {
+    fn zeros(size: usize) -> Result<Self> {
+        Ok(ObserverState { residual: zeros(size)?, momentum: zeros(size)?, drift: zeros(size)? })
+    }
+
+    /// The first place with a number that is not finite.
+    fn bad(&self) -> Option<usize> {
+        let sound = |i: &usize| self.residual[*i].is_finite() && self.momentum[*i].is_finite() && self.drift[*i].is_finite();
+        (0..self.residual.len()).find(|i| !sound(i))
+    }
+}
+
+/// The observer of one arm, or of several that move side by side.
+pub struct MomentumObserver {
+    model: Model,
+    gain: AnyGain<f64>,
+    /// Viscous and Coulomb friction that is taken off; zero where it is not known.
+    friction: [Vec<f64>; 2],
+    takes_friction: bool,
+    motors: Option<AnyGain<f64>>,
+    thresholds: Option<Vec<f64>>,
+    arm: ArmAt<f64>,
+    state: ObserverState,
+    /// Room for the state after a sample, which takes the place of `state` where it is finite.
+    next: ObserverState,
+    /// The `dt` of `factor`, which is of `I + K dt`.
+    dt: f64,
+    factor: Vec<f64>,
+    mass: Vec<f64>,
+    coriolis: Vec<f64>,
+    work: Vec<f64>,
+    svd: Svd,
+    transposed: Vec<f64>,
+}
+
+impl MomentumObserver {
+    /// The observer of this model with the gain `K`, 1/s, of size `n`. `friction`: the model's viscous and Coulomb friction is known.
+    pub fn new(model: Model, gain: Gain, friction: bool) -> Result<Self> {
+        let n = model.n();
+        if gain.n() != n {
+            return Err(Error::input("gain", format!("has the wrong size: expected {n}, got {}", gain.n())));
+        }
+        Ok(MomentumObserver {
+            arm: ArmAt::of_lanes(|_| &model),
+            friction: model.friction(friction),
+            model,
+            gain: AnyGain::from_lanes(|_| &gain),
+            takes_friction: friction,
+            motors: None,
+            thresholds: None,
+            state: ObserverState::default(),
+            next: ObserverState::default(),
+            dt: f64::NAN,
+            factor: vec![0.0; n * n],
+            mass: vec![0.0; n * n],
+            coriolis: vec![0.0; n * n],
+            work: vec![0.0; n],
+            svd: Svd::new(n, 6),
+            transposed: vec![0.0; 6 * n],
+        })
+    }
+
+    /// The same for motors of this inertia `B`, which have positions, velocities and torques `tau_m - tau_J` of their own.
+    pub fn of_motors(mut self, inertia: Gain) -> Result<Self> {
+        if self.takes_friction {
+            let problem = "goes with no motor_inertia: expected False, since the model's friction is that of its joints, got True";
+            return Err(Error::input("friction", problem));
+        }
+        if inertia.n() != self.n() {
+            return Err(Error::input("motor_inertia", format!("has the wrong size: expected {}, got {}", self.n(), inertia.n())));
+        }
+        self.motors = Some(AnyGain::from_lanes(|_| &inertia));
+        Ok(self)
+    }
+
+    /// Number of joints.
+    pub fn n(&self) -> usize {
+        self.model.n()
+    }
+
+    /// What it remembers; empty before the first sample.
+    pub fn state(&self) -> &ObserverState {
+        &self.state
+    }
+
+    /// How many arms it observes; 0 before the first sample.
+    pub fn rows(&self) -> usize {
+        self.state.residual.len() / self.n()
+    }
+
+    /// Go on from a state that was remembered.
+    pub fn resume(&mut self, state: ObserverState) -> Result<()> {
+        let size = state.residual.len();
+        if !size.is_multiple_of(self.n()) || state.momentum.len() != size || state.drift.len() != size {
+            return Err(Error::input("state", format!("has the wrong size: expected three times rows of {}", self.n())));
+        }
+        for (name, values) in [("residual", &state.residual), ("momentum", &state.momentum), ("drift", &state.drift)] {
+            finite(name, values)?;
+        }
+        (self.next, self.state) = (ObserverState::zeros(size)?, state);
+        Ok(())
+    }
+
+    /// Start at positions and velocities, rows of `n`, with no torque from outside.
+    pub fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<()> {
+        self.check(&[("q", q), ("v", v)], None)?;
+        let n = self.n();
+        let [mut state, next] = [ObserverState::zeros(q.len())?, ObserverState::zeros(q.len())?];
+        for first in (0..q.len()).step_by(n) {
+            self.look(&mut state, q, v, first..first + n);
+        }
+        self.accepted(&state, q, v, None)?;
+        (self.state, self.next) = (state, next);
+        Ok(())
+    }
+
+    /// A sample: positions and velocities now, and the torques that acted since the last one, `dt` ago; rows of `n`. The first sample starts.
+    /// One after which a number would not be finite is refused, and changes nothing.
+    pub fn update(&mut self, q: &[f64], v: &[f64], tau: &[f64], dt: f64) -> Result<()> {
+        positive("dt", dt)?;
+        if self.rows() == 0 {
+            self.check(&[("q", q), ("v", v), ("tau", tau)], None)?;
+            return self.reset(q, v);
+        }
+        self.check(&[("q", q), ("v", v), ("tau", tau)], Some(self.state.residual.len()))?;
+        self.prepare(dt)?;
+        let mut next = std::mem::take(&mut self.next);
+        let n = self.n();
+        for first in (0..q.len()).step_by(n) {
+            let row = first..first + n;
+            self.look(&mut next, q, v, row.clone());
+            self.correct(&mut next.residual[row.clone()], &next.momentum[row.clone()], &tau[row.clone()], row.start);
+        }
+        let accepted = self.accepted(&next, q, v, Some((tau, dt)));
+        self.next = next;
+        if accepted.is_ok() {
+            std::mem::swap(&mut self.state, &mut self.next);
+        }
+        accepted
+    }
+
+    /// `r` of the row that starts here, by what its momentum gained beyond what is known of.
+    fn correct(&mut self, residual: &mut [f64], momentum: &[f64], tau: &[f64], first: usize) {
+        let n = residual.len();
+        let before = first..first + n;
+        let (p, drift) = (&self.state.momentum[before.clone()], &self.state.drift[before.clone()]);
+        for (i, gained) in self.work.iter_mut().enumerate() {
+            *gained = momentum[i] - p[i] - (tau[i] + drift[i]) * self.dt;
+        }
+        residual.copy_from_slice(&self.state.residual[before]);
+        self.gain.add_to(&self.work, residual);
+        match &self.gain {
+            AnyGain::Diagonal(_) => residual.iter_mut().zip(&self.factor).for_each(|(r, f)| *r /= f),
+            AnyGain::Full(_) => solve(n, &self.factor, residual),
+        }
+    }
+
+    /// Refuse a state that is not finite, by the argument that made it so. `tau`: the torques and how long they acted.
+    fn accepted(&self, state: &ObserverState, q: &[f64], v: &[f64], tau: Option<(&[f64], f64)>) -> Result<()> {
+        let Some(bad) = state.bad() else { return Ok(()) };
+        let (n, rows) = (self.n(), q.len() / self.n());
+        let row = bad / n * n..(bad / n + 1) * n;
+        let of_state = row.clone().any(|i| !(state.momentum[i].is_finite() && state.drift[i].is_finite()));
+        // The largest number of the row that bears on what overflows; of equal ones the first.
+        let sizes = |i: usize| match tau {
+            Some((tau, dt)) if !of_state => [((tau[i] * dt).abs(), "tau", tau[i]), (state.momentum[i].abs(), "v", v[i])],
+            _ => [(q[i].abs(), "q", q[i]), (v[i].abs(), "v", v[i])],
+        };
+        let all = row.rev().flat_map(|i| sizes(i).map(|size| (i, size)));
+        let largest = all.max_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        let Some((i, (_, argument, value))) = largest else { return Ok(()) };
+        let index = if rows > 1 { format!("({}, {})", i / n, i % n) } else { format!("{i}") };
+        let problem = format!("is too large: expected a finite residual, got {value:e} (first bad index {index})");
+        Err(Error::input(argument, problem))
+    }
+
+    /// `I + K dt`: its diagonal, or its Cholesky factor.
+    fn prepare(&mut self, dt: f64) -> Result<()> {
+        if dt == self.dt {
+            return Ok(());
+        }
+        let n = self.n();
+        self.dt = f64::NAN;
+        let finite = match &self.gain {
+            AnyGain::Diagonal(Diagonal(k)) => {
+                self.factor.iter_mut().zip(k).for_each(|(f, k)| *f = k.mul_add(dt, 1.0));
+                self.factor[..n].iter().all(|f| f.is_finite())
+            }
+            AnyGain::Full(Full(k)) => {
+                for (at, (sum, k)) in self.mass.iter_mut().zip(k).enumerate() {
+                    *sum = k.mul_add(dt, if at / n == at % n { 1.0 } else { 0.0 });
+                }
+                // The least pivot: that of a sum with the identity is positive but for overflow.
+                factor_into(n, &self.mass, &mut self.factor) > 0.0
+            }
+        };
+        if !finite {
+            return Err(Error::input("dt", format!("is too large for this gain: expected a finite I + K dt, got {dt:e}")));
+        }
+        self.dt = dt;
+        Ok(())
+    }
+
+    /// `p` and `C' v - g - tau_f` of this row, into the state.
+    fn look(&mut self, state: &mut ObserverState, q: &[f64], v: &[f64], row: Range<usize>) {
+        let (q, v) = (&q[row.clone()], &v[row.clone()]);
+        let (momentum, drift) = (&mut state.momentum[row.clone()], &mut state.drift[row]);
+        if let Some(inertia) = &self.motors {
+            return inertia.multiply(v, momentum);
+        }
+        self.arm.move_to(q);
+        self.arm.mass_matrix(&mut self.mass);
+        for (p, row) in momentum.iter_mut().zip(self.mass.chunks_exact(v.len())) {
+            *p = dot(row, v);
+        }
+        self.arm.gravity(drift);
+        let [viscous, coulomb] = &self.friction;
+        for (i, drift) in drift.iter_mut().enumerate() {
+            *drift = -*drift - viscous[i] * v[i] - coulomb[i] * sign(v[i]);
+        }
+        self.arm.coriolis_matrix(v, &mut self.coriolis);
+        for (row, &v) in self.coriolis.chunks_exact(v.len()).zip(v) {
+            axpy(v, row, drift);
+        }
+    }
+
+    /// Rows of `n` finite numbers, all of one length.
+    fn check(&self, arguments: &[(&str, &[f64])], length: Option<usize>) -> Result<()> {
+        let n = self.n();
+        let wanted = length.unwrap_or(arguments[0].1.len());
+        if wanted == 0 {
+            return Err(Error::input(arguments[0].0, format!("has no rows: expected at least one row of {n}")));
+        }
+        for (name, values) in arguments {
+            if values.len() != wanted || !values.len().is_multiple_of(n) {
+                let problem = format!("has the wrong size: expected {} rows of {n}, got {} numbers", wanted / n, values.len());
+                return Err(Error::input(*name, problem));
+            }
+            finite(name, values)?;
+        }
+        Ok(())
+    }
+}
