@@ -14,6 +14,7 @@
 
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::Multiply;
+use crate::linalg::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::{Pseudo, adjoint, factor, parameters_of, pseudo_inertia};
@@ -24,8 +25,6 @@ const LAYER: f64 = 0.5;
 const PULL: f64 = 10.0;
 /// Sweeps of Jacobi's method: the fourth leaves rounding of a 4 x 4 matrix, as convergence is quadratic.
 const SWEEPS: usize = 6;
-/// Eigenvalues that differ by less, relative to the matrix, count as one. Rounding of the rates is 1e-16 over this.
-const SAME: f64 = 1e-7;
 /// Parameters of the planar PR.
 const PR: usize = 3;
 
@@ -111,25 +110,17 @@ fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
 fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut a = *a;
-    let size = a.as_flattened().iter().fold(zero, |sum, &x| x.mul_add(x, sum));
-    let least = size.mul_add(S::splat(SAME * SAME), S::splat(f64::MIN_POSITIVE));
+    let least = least_to_turn(a.as_flattened());
     let mut v: Pseudo<S> = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { one } else { zero }));
     for _ in 0..SWEEPS {
         for p in 0..3 {
             for q in p + 1..4 {
-                let (twice, d) = (a[p][q] + a[p][q], a[q][q] - a[p][p]);
-                // tan of the smaller angle: 2 a_pq / (d + sign(d) sqrt(d^2 + 4 a_pq^2)), zero where there is nothing to turn.
-                let square = d.mul_add(d, twice * twice);
-                let there = least.lt(square);
-                let root = S::select(there, square, one).sqrt();
-                let t = S::select(there, twice / S::select(d.lt(zero), d - root, d + root), zero);
-                let c = one / t.mul_add(t, one).sqrt();
-                let s = t * c;
+                let rotation = JacobiRotation::new(a[p][p], a[q][q], a[p][q], least);
                 for row in a.iter_mut().chain(v.iter_mut()) {
-                    (row[p], row[q]) = (s.neg_mul_add(row[q], c * row[p]), s.mul_add(row[p], c * row[q]));
+                    (row[p], row[q]) = rotation.turn(row[p], row[q]);
                 }
                 for j in 0..4 {
-                    (a[p][j], a[q][j]) = (s.neg_mul_add(a[q][j], c * a[p][j]), s.mul_add(a[p][j], c * a[q][j]));
+                    (a[p][j], a[q][j]) = rotation.turn(a[p][j], a[q][j]);
                 }
             }
         }

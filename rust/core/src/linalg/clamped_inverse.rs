@@ -6,13 +6,11 @@
 //! With `B = V' A V` nearly diagonal, `f(A) = V F V'`, `F_ii = f(B_ii)` and `F_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` (Daleckii and
 //! Krein): what is left beside the diagonal counts to first order, and the rates of `V` cancel in those of the result.
 
+use super::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
 
 /// Sweeps after which what is left beside the diagonal is below 1e-7 of the largest eigenvalue, by number of rows: it counts squared.
 const SWEEPS: [usize; 7] = [0, 0, 1, 4, 5, 6, 7];
-
-/// Two eigenvalues that differ by less than this share of all are not turned: the divided difference is exact for them.
-const SAME: f64 = 1e-7;
 
 /// The inverse of matrices of one size, with its buffers.
 #[derive(Clone, Debug)]
@@ -38,8 +36,7 @@ impl<S: Real> ClampedInverse<S> {
         for (k, v) in self.v.iter_mut().enumerate() {
             *v = if k % (m + 1) == 0 { S::splat(1.0) } else { S::zero() };
         }
-        let size = a.iter().fold(S::zero(), |sum, &x| x.mul_add(x, sum));
-        let least = size.mul_add(S::splat(SAME * SAME), S::splat(f64::MIN_POSITIVE));
+        let least = least_to_turn(a);
         for _ in 0..SWEEPS[m.min(SWEEPS.len() - 1)] {
             for p in 0..m {
                 for q in p + 1..m {
@@ -60,30 +57,22 @@ impl<S: Real> ClampedInverse<S> {
         (1..m).fold(self.b[0], |least, i| least.min(self.b[i * m + i]))
     }
 
-    /// Turn the axes `p` and `q` so that nothing is left between them; eigenvalues as close as `least`, a square, are not turned.
+    /// Turn the axes `p` and `q` so that nothing is left between them; `least`: see [`least_to_turn`].
     fn turn(&mut self, p: usize, q: usize, least: S) {
-        let (m, zero, one) = (self.m, S::zero(), S::splat(1.0));
+        let m = self.m;
         let (b, v) = (&mut self.b, &mut self.v);
         let between = b[p * m + q];
-        // tan of the smaller angle: 2 b_pq / (d + sign(d) sqrt(d^2 + 4 b_pq^2)).
-        let (twice, d) = (between + between, b[q * m + q] - b[p * m + p]);
-        let square = d.mul_add(d, twice * twice);
-        let there = least.lt(square);
-        let root = S::select(there, square, one).sqrt();
-        let t = S::select(there, twice / S::select(d.lt(zero), d - root, d + root), zero);
-        let c = one / t.mul_add(t, one).sqrt();
-        let s = t * c;
-        b[p * m + p] = t.neg_mul_add(between, b[p * m + p]);
-        b[q * m + q] = t.mul_add(between, b[q * m + q]);
-        let rest = S::select(there, zero, between);
+        let rotation = JacobiRotation::new(b[p * m + p], b[q * m + q], between, least);
+        b[p * m + p] = rotation.t.neg_mul_add(between, b[p * m + p]);
+        b[q * m + q] = rotation.t.mul_add(between, b[q * m + q]);
+        let rest = S::select(rotation.there, S::zero(), between);
         (b[p * m + q], b[q * m + p]) = (rest, rest);
         for k in (0..m).filter(|&k| k != p && k != q) {
-            let (x, y) = (b[k * m + p], b[k * m + q]);
-            let (x, y) = (s.neg_mul_add(y, c * x), s.mul_add(x, c * y));
+            let (x, y) = rotation.turn(b[k * m + p], b[k * m + q]);
             (b[k * m + p], b[p * m + k], b[k * m + q], b[q * m + k]) = (x, x, y, y);
         }
         for row in v.chunks_exact_mut(m) {
-            (row[p], row[q]) = (s.neg_mul_add(row[q], c * row[p]), s.mul_add(row[p], c * row[q]));
+            (row[p], row[q]) = rotation.turn(row[p], row[q]);
         }
     }
 

@@ -10,6 +10,7 @@ pub mod eigenvalues;
 pub mod exponential;
 pub mod gain;
 pub mod householder;
+pub mod jacobi_rotation;
 pub mod lu;
 pub mod null_basis;
 pub mod pinv;
