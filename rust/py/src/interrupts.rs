@@ -32,6 +32,12 @@ pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send
 /// The time from one break to the next.
 const BREAK: Duration = Duration::from_millis(10);
 
+/// Whoever waits for the GIL is handed it, and Ctrl-C is heard.
+pub fn pause(py: Python<'_>) -> PyResult<()> {
+    py.detach(|| ());
+    py.check_signals()
+}
+
 /// For loops that need the GIL: every 10 ms other threads get it for a moment, and Ctrl-C is heard.
 ///
 /// Python hands the GIL over only to a thread that has waited in vain for its switch interval, 5 ms. Breaks that follow each other faster wake that
@@ -48,8 +54,7 @@ impl Breaks {
     /// To be called after every 1 us to 1 ms of work.
     pub fn pause(&mut self, py: Python<'_>) -> PyResult<()> {
         if Instant::now() >= self.next {
-            py.detach(|| ());
-            py.check_signals()?;
+            pause(py)?;
             self.next = Instant::now() + BREAK;
         }
         Ok(())

@@ -4,7 +4,7 @@
 //! `FormatError` and never another object. It detects damage, not intent: unpickle only what you trust.
 
 use crate::errors::format_error;
-use crate::interrupts::Breaks;
+use crate::interrupts::{Breaks, pause};
 use armlet_macros::entered;
 use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::prelude::*;
@@ -128,8 +128,7 @@ pub struct Share {
 #[pymethods]
 impl Share {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
-        py.detach(|| ());
-        py.check_signals()?;
+        pause(py)?;
         Ok((py.import("armlet._core")?.getattr("_share")?, (self.bytes.bind(py).clone(),)))
     }
 }
@@ -138,8 +137,7 @@ impl Share {
 #[entered]
 #[pyfunction]
 pub fn _share<'py>(bytes: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>> {
-    bytes.py().detach(|| ());
-    bytes.py().check_signals()?;
+    pause(bytes.py())?;
     Ok(bytes.clone())
 }
 
