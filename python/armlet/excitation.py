@@ -11,7 +11,6 @@ slide, and a trigonometric polynomial of degree two in an angle, whose slope fou
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ from ._core import Arm, Sinusoid
 from .arguments import instance, integer, number, positive
 from .border import border
 from .errors import InputError
+from .extras import extra
 
 __all__ = ["ExcitingMotion", "exciting_motion"]
 
@@ -31,6 +31,9 @@ _Array = NDArray[np.float64]
 _POWERS = 16, 64, 256
 # Weight of the squared excess over a torque limit against log det F, and the share of the limit from which it counts.
 _PENALTY, _SHARE = 1e3, 0.97
+# Weights and steps whose sum is the slope of a parabola, and of a trigonometric polynomial of degree two (Riesz).
+_SLIDE = (0.5, 1.0), (-0.5, -1.0)
+_TURN = tuple(((-1) ** i / (8.0 * np.sin(x / 2.0) ** 2), x) for i, x in enumerate(np.pi / 4.0 * np.array([1, 3, 5, 7])))
 # Points per period and harmonic at which limits are checked in the end.
 _CHECKED = 64
 # Periods below the first, s, and above its inverse, and finite limits above the second are no robot's.
@@ -84,6 +87,13 @@ class _Limits(NamedTuple):
     torque: _Array
 
 
+def _refuse(name: str, values: _Array, bad: NDArray[np.bool_], problem: str) -> None:
+    """An InputError that names the first bad number of a limit."""
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise InputError(f"{_NAME}: limits[{name!r}] {problem}, got {values.flat[k]} (first bad index {k})")
+
+
 def _limits(arm: Arm, given: Any) -> _Limits:
     """The arm's own limits, with those that are given in their place."""
     n = arm.n
@@ -96,17 +106,9 @@ def _limits(arm: Arm, given: Any) -> _Limits:
         if name not in default:
             raise InputError(f"{_NAME}: limits has an unknown name: expected one of {', '.join(default)}, got {name!r}")
         array = _core.numbers(_NAME, f"limits[{name!r}]", value, (), (n,))
-        bad = np.isnan(array) | ((array <= 0.0) if name in ("v_max", "a_max", "effort") else False)
-        if np.any(bad):
-            k = int(np.argmax(np.atleast_1d(bad)))
-            kind = "a number" if name.startswith("q_") else "a number > 0"
-            raise InputError(f"{_NAME}: limits[{name!r}] is not {kind}: expected {kind}, got {array.flat[k]} (first bad index {k})")
-        large = np.isfinite(array) & (np.abs(array) > _MOST)
-        if np.any(large):
-            k = int(np.argmax(np.atleast_1d(large)))
-            raise InputError(
-                f"{_NAME}: limits[{name!r}] is too large: expected at most {_MOST:g}, got {array.flat[k]:g} (first bad index {k})"
-            )
+        kind = "a number" if name.startswith("q_") else "a number > 0"
+        _refuse(name, array, np.isnan(array) | (kind == "a number > 0") & (array <= 0.0), f"is not {kind}: expected {kind}")
+        _refuse(name, array, np.isfinite(array) & (np.abs(array) > _MOST), f"is too large: expected at most {_MOST:g}")
         found[name] = np.broadcast_to(array, (n,)).copy()
     lower, upper = found["q_min"], found["q_max"]
     whole = np.isfinite(lower) & np.isfinite(upper)
@@ -185,34 +187,21 @@ class _Problem:
 
     def slopes(self, G: _Array, q: _Array, v: _Array, a: _Array) -> tuple[_Array, _Array, _Array]:
         """Of `<G, Y_b / noise>` by `q`, `v` and `a`, each `(K, n)`."""
-        n = q.shape[1]
         out = np.zeros((3, *q.shape))
-        for k in range(n):
-            unit = np.eye(n)[k]
-
-            def along(dq: float = 0.0, dv: float = 0.0, da: float = 0.0, unit: _Array = unit) -> _Array:
-                found: _Array = np.einsum("kib,kib->k", G, self.regressor(q + dq * unit, v + dv * unit, a + da * unit))
-                return found
-
-            if self.slides[k]:
-                out[0, :, k] = 0.5 * (along(dq=1.0) - along(dq=-1.0))
-            else:
-                weights = 1.0 / (8.0 * np.sin(np.pi / 8.0 * np.array([1, 3, 5, 7])) ** 2) * [1, -1, 1, -1]
-                out[0, :, k] = sum(w * along(dq=(2 * i + 1) * np.pi / 4.0) for i, w in enumerate(weights))
-            out[2, :, k] = 0.5 * (along(da=1.0) - along(da=-1.0))
-            out[1, :, k] = self._by_speed(G, q, v, a, k)
+        for k, unit in enumerate(np.eye(q.shape[1])):
+            by_position = sum(w * self.regressor(q + step * unit, v, a) for w, step in (_SLIDE if self.slides[k] else _TURN))
+            by_acceleration = 0.5 * (self.regressor(q, v, a + unit) - self.regressor(q, v, a - unit))
+            for i, slope in enumerate((by_position, self._by_speed(q, v, a, unit), by_acceleration)):
+                out[i, :, k] = np.einsum("kib,kib->k", G, slope)
         return out[0], out[1], out[2]
 
-    def _by_speed(self, G: _Array, q: _Array, v: _Array, a: _Array, k: int) -> _Array:
+    def _by_speed(self, q: _Array, v: _Array, a: _Array, unit: _Array) -> _Array:
         """The columns are quadratic in the speeds but for Coulomb friction, whose slope is zero where it has one."""
-        unit = np.eye(q.shape[1])[k]
-        h = 1.0
-        difference = 0.5 / h * (self.regressor(q, v + h * unit, a) - self.regressor(q, v - h * unit, a))
+        difference = 0.5 * (self.regressor(q, v + unit, a) - self.regressor(q, v - unit, a))
         if self.base.friction:
             first = len(self.base.names) - q.shape[1]
             difference[..., self.base.columns >= first] = 0.0
-        found: _Array = np.einsum("kib,kib->k", G, difference)
-        return found
+        return difference
 
     def cost(self, flat: _Array) -> tuple[float, _Array]:
         """Minus log det F with the penalty on torques, and its gradient."""
@@ -331,10 +320,7 @@ def exciting_motion(
     for name, value in (("armature", armature), ("friction", friction)):
         instance(_NAME, name, value, (bool, np.bool_), "True or False")
     bounds = _limits(arm, limits)
-    try:
-        optimize = import_module("scipy.optimize")
-    except ImportError:
-        raise ImportError(f"{_NAME}: scipy is not installed: pip install 'armlet[tune]'") from None
+    optimize = extra(_NAME, "scipy.optimize", "armlet[tune]")
     problem = _Problem(arm, bounds, _series(duration, harmonics, samples), sigma, bool(armature), bool(friction))
     best: tuple[float, _Array] | None = None
     for start in range(starts):

@@ -9,7 +9,6 @@ is checked against the limits and slowed by what rounding left beyond them.
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from ._core import TimedPath, _restore_time_path
 from .arguments import finite
 from .border import border
 from .errors import InputError, SolveError
+from .extras import extra
 from .status import Status
 
 __all__ = ["point_to_point"]
@@ -77,10 +77,7 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
     n = start.size
     end = _vector("q1", q1, n, False)
     limits = np.stack([_vector(name, value, n, True) for name, value in (("v_max", v_max), ("a_max", a_max), ("j_max", j_max))])
-    try:
-        ruckig = importlib.import_module("ruckig")
-    except ImportError:
-        raise ImportError(f"{_NAME}: ruckig is not installed: pip install 'armlet[ruckig]'") from None
+    ruckig = extra(_NAME, "ruckig", "armlet[ruckig]")
     displacement = end - start
     length = float(np.abs(displacement).max())
     if not np.isfinite(length):

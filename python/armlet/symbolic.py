@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from .errors import InputError
+from .extras import extra
 from .trigonometric import Polynomials
 
 __all__ = ["Formulas", "of_planar_pr", "of_tree"]
@@ -33,10 +33,7 @@ ARGUMENTS = {"M": ("q",), "C": ("q", "v"), "g": ("q",), "Y": ("q", "v", "v_r", "
 
 
 def _sympy() -> Any:
-    try:
-        return import_module("sympy")
-    except ImportError:
-        raise ImportError("symbolic: sympy is not installed: pip install 'armlet[sympy]'") from None
+    return extra("symbolic", "sympy", "armlet[sympy]")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

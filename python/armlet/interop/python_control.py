@@ -14,7 +14,6 @@ difference `f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -25,6 +24,7 @@ from .._core import Arm, ElasticArm, Law, Plant, RigidArm, VelocityArm
 from ..arguments import finite, number
 from ..border import border
 from ..errors import InputError
+from ..extras import extra
 from ..run.simulation import simulate
 
 __all__ = ["to_control"]
@@ -71,10 +71,7 @@ def to_control(
     >>> al.to_control(arm, law).state_labels
     ['q1', 'v1']
     """
-    try:
-        control: Any = import_module("control")
-    except ImportError:
-        raise ImportError("to_control: python-control is not installed: pip install 'armlet[control]'") from None
+    control = extra("to_control", "control", "armlet[control]", "python-control")
     loop = _Loop(plant if isinstance(plant, Plant) else RigidArm(_arm(plant)), law)
     names = {"inputs": loop.inputs, "outputs": loop.outputs, "states": loop.states}
     if x0 is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import warnings
 from collections.abc import Callable
 from functools import cache
@@ -15,6 +14,7 @@ from .. import _core
 from ..arguments import shown
 from ..border import border
 from ..errors import InputError
+from ..extras import extra
 from ..status import Status
 
 __all__ = ["scipy_method"]
@@ -80,10 +80,7 @@ def _relative(rtol: Any) -> Any:
 
 
 def _scipy() -> Any:
-    try:
-        return importlib.import_module("scipy.integrate")
-    except ImportError:
-        raise ImportError("scipy_method: scipy is not installed: pip install scipy") from None
+    return extra("scipy_method", "scipy.integrate", "scipy")
 
 
 @cache

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
 import socket
 import sys
@@ -12,6 +11,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from ..errors import InputError
+from ..extras import extra
 from .origin import own_pages_only, refuses_strangers
 
 __all__ = ["Server", "address", "close_server", "load_viser", "open_server", "serve"]
@@ -27,10 +27,7 @@ def load_viser(command: str) -> Any:
     Raises:
         ImportError: it is not installed; the message says how to get it.
     """
-    try:
-        return importlib.import_module("viser")
-    except ImportError:
-        raise ImportError(f"{command}: viser is not installed: pip install 'armlet[live]'") from None
+    return extra(command, "viser", "armlet[live]")
 
 
 def open_server(command: str, host: str, port: int) -> Server:

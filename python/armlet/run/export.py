@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from importlib import import_module
 from os import PathLike
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..extras import extra
 from ..files import write_whole
 from .recorded import SERIES, Recorded
 
@@ -48,11 +48,7 @@ def to_parquet(columns: Columns, path: str | PathLike[str]) -> None:
     Raises:
         ImportError: pyarrow is not installed.
     """
-    try:
-        pyarrow: Any = import_module("pyarrow")
-        parquet: Any = import_module("pyarrow.parquet")
-    except ImportError:
-        raise ImportError("Run.to_parquet: pyarrow is not installed: pip install 'armlet[data]'") from None
+    pyarrow, parquet = (extra("Run.to_parquet", module, "armlet[data]") for module in ("pyarrow", "pyarrow.parquet"))
     table = pyarrow.table({name: pyarrow.array(np.asarray(values)) for name, values in columns.items()})
     write_whole(path, lambda file: parquet.write_table(table, file))
 
@@ -63,10 +59,7 @@ def to_xarray(run: Recorded) -> xr.Dataset:
     Raises:
         ImportError: xarray is not installed.
     """
-    try:
-        import xarray
-    except ImportError:
-        raise ImportError("Run.to_xarray: xarray is not installed: pip install 'armlet[data]'") from None
+    xarray = extra("Run.to_xarray", "xarray", "armlet[data]")
     unit = ", ".join(dict.fromkeys(run.units))
     force = ", ".join(dict.fromkeys(run.input_units))
     units = {"q": unit, "theta": unit, "tau": force, "estimate": "SI"}
@@ -79,7 +72,8 @@ def to_xarray(run: Recorded) -> xr.Dataset:
     variables |= {name: (("t",), values) for name, values in run.monitors.items()}
     coordinates = {"t": ("t", run.t, {"units": "s"}), "joint": np.arange(1, run.q.shape[1] + 1)}
     attributes = {"law": run.law_name, "status": run.status.name.lower()}
-    return xarray.Dataset(variables, coordinates, attributes)
+    found: xr.Dataset = xarray.Dataset(variables, coordinates, attributes)
+    return found
 
 
 def pandas_for(caller: str) -> Any:
@@ -88,8 +82,4 @@ def pandas_for(caller: str) -> Any:
     Raises:
         ImportError: it is not installed.
     """
-    try:
-        import pandas
-    except ImportError:
-        raise ImportError(f"{caller}: pandas is not installed: pip install 'armlet[data]'") from None
-    return pandas
+    return extra(caller, "pandas", "armlet[data]")

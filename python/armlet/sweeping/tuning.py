@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from os import PathLike
 from typing import Any, Literal, TypeAlias
 
@@ -21,6 +20,7 @@ from .. import _core
 from ..arguments import choice, integer, number, shown
 from ..border import border, bordered
 from ..errors import InputError
+from ..extras import extra
 from ..pickling import sealed
 from ..scenario import Scenario
 from ..status import Status
@@ -197,10 +197,7 @@ def tune(
 
 
 def _scipy() -> Any:
-    try:
-        return import_module("scipy.optimize")
-    except ImportError:
-        raise ImportError("tune: scipy is not installed: pip install 'armlet[tune]'") from None
+    return extra("tune", "scipy.optimize", "armlet[tune]")
 
 
 def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
