@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
 
 import armlet as al
 
@@ -38,14 +36,3 @@ def batch(**changes: Any) -> al.BatchRun:
 def adaptive(**changes: Any) -> al.Adaptive:
     given = {"arm": ARM, "motion": HOLD, "kp": 40.0, "kd": 20.0, "gamma": 5.0} | changes
     return al.Adaptive(**given)
-
-
-def refused(call: Callable[[], Any], *words: str) -> None:
-    """An InputError whose message holds these words."""
-    with pytest.raises(al.InputError) as caught:
-        call()
-    assert isinstance(caught.value, ValueError) and isinstance(caught.value, al.ArmletError)
-    message = str(caught.value)
-    assert "expected" in message, message
-    for word in words:
-        assert word in message, (word, message)

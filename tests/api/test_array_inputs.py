@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pr_loops import ARM, HOLD, LAW, NAN, PLANT, RUN, adaptive, batch, refused, run
+from pr_loops import ARM, HOLD, LAW, NAN, PLANT, RUN, adaptive, batch, run
+from refusals import refused
 
 import armlet as al
 

@@ -6,7 +6,8 @@ import os
 import subprocess
 import sys
 
-from pr_loops import batch, refused
+from pr_loops import batch
+from refusals import refused
 
 import armlet as al
 

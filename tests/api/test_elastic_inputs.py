@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 import functools
 import pickle
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refused
 
 import armlet as al
 
@@ -43,14 +43,6 @@ LAWS: dict[str, al.Law] = {
     "motor": al.MotorPD(ARM, [0.3, 1.0], 100.0, 10.0, 800.0, online=True),
     "state": al.StateFeedback(ARM, [0.3, 1.0], 100.0, 10.0, 1.0, 0.02, 800.0),
 }
-
-
-def refused(call: Callable[[], Any], *words: str) -> None:
-    with pytest.raises(al.InputError) as caught:
-        call()
-    message = str(caught.value)
-    for word in ("expected", *words):
-        assert word in message, (word, message)
 
 
 @pytest.mark.parametrize("name", ["stiffness", "damping", "joint_stiffness", "motor_inertia", "reduced_inertia", "motor_damping"])

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
+from refusals import refused
 
 import armlet as al
 
@@ -17,14 +16,6 @@ PLANT = al.RigidArm(ARM)
 ELASTIC = al.ElasticArm(ARM, [800.0, 500.0], [0.4, 0.25])
 STATE = al.StateFeedback(ARM, [0.3, 1.0], 200.0, 20.0, 1.0, 0.02, [800.0, 500.0])
 NAN, INF = float("nan"), float("inf")
-
-
-def refused(call: Callable[[], Any], *words: str) -> None:
-    with pytest.raises(al.InputError) as caught:
-        call()
-    message = str(caught.value)
-    for word in ("expected", *words):
-        assert word in message, (word, message)
 
 
 def run(**options: Any) -> al.Run:

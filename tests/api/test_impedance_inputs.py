@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refused
 
 import armlet as al
 from armlet.scenario import Scenario
@@ -20,14 +21,6 @@ GIVEN: dict[str, Any] = {"arm": ARM, "target": [0.5, 0.3], "stiffness": 300.0, "
 
 def law(**changes: Any) -> al.CartesianImpedance:
     return al.CartesianImpedance(**(GIVEN | changes))
-
-
-def refused(call: Callable[[], Any], *words: str) -> None:
-    with pytest.raises(al.InputError) as caught:
-        call()
-    message = str(caught.value)
-    for word in ("expected", *words):
-        assert word in message, (word, message)
 
 
 def posture(*given: Any, **more: Any) -> al.CartesianImpedance:

@@ -9,23 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from adaptation_loops import MOTION, START, TIGHT, robot
 
 import armlet as al
-
-TIGHT: dict[str, Any] = {"method": "dop853", "rtol": 1e-11, "atol": 1e-12}
-#: A reversal is quicker than its Coulomb friction could hold: no joint sticks, which no step would pass.
-MOTION = al.Sinusoid([0.1, 0.2], [0.5, 0.6], [3.0, 4.0], [0.0, 0.0])
-START: dict[str, Any] = {"q0": [0.3, -0.2], "v0": [1.5, 2.4]}
-
-
-def robot(damping: float = 0.6, friction: float = 0.15, armature: float = 0.2) -> al.Arm:
-    """Two joints across each other, under gravity."""
-    drives = {"damping": damping, "friction": friction, "armature": armature}
-    bodies = [[2, 0.4, 0, 0, 0.02, 0, 0.12, 0, 0, 0.12], [1, 0.2, 0, 0, 0.02, 0, 0.06, 0, 0, 0.06]]
-    axes, places = [[0, 0, 1], [0, 1, 0]], [[0, 0, 0], [0.4, 0, 0]]
-    rows = zip(axes, places, bodies, strict=True)
-    return al.Arm.from_chain([{"type": "R", "axis": axis, "xyz": xyz, "phi": phi} | drives for axis, xyz, phi in rows])
-
 
 CASES: dict[str, dict[str, Any]] = {
     "viscous": {"friction": ("viscous",)},
@@ -55,7 +41,7 @@ def made(name: str, arm: al.Arm, **more: Any) -> al.Adaptive:
 @pytest.mark.parametrize("name", CASES)
 def test_the_balance_closes(name: str, rubs: bool) -> None:
     """With the plant's true friction and rotors, Coulomb's jump included."""
-    arm = robot()
+    arm = robot(friction=0.15)
     run = al.simulate(al.RigidArm(arm, friction=rubs), made(name, arm), **START, t_end=2.0, **TIGHT)
     value = run.monitors["lyapunov"]
     assert np.max(np.abs(run.monitors["lyapunov_balance"])) <= 1e-9 * max(1.0, float(value[0]))
@@ -65,20 +51,20 @@ def test_the_balance_closes(name: str, rubs: bool) -> None:
 
 def test_rotors_that_the_law_does_not_know_are_counted() -> None:
     """The law's arm has other rotors: the difference works on s."""
-    law = made("friction", robot(armature=0.2))
-    plant = al.RigidArm(robot(armature=0.35), friction=True)
+    law = made("friction", robot(friction=0.15, armature=0.2))
+    plant = al.RigidArm(robot(friction=0.15, armature=0.35), friction=True)
     run = al.simulate(plant, law, **START, t_end=1.0, **TIGHT)
     assert np.max(np.abs(run.monitors["lyapunov_balance"])) <= 1e-9
 
 
 def test_viscous_friction_alone_never_lets_the_function_rise() -> None:
-    arm = robot(friction=0.0)
+    arm = robot()
     run = al.simulate(al.RigidArm(arm, friction=True), made("viscous", arm), **START, t_end=3.0, **TIGHT)
     assert np.all(np.diff(run.monitors["lyapunov"]) <= 1e-12)
 
 
 def test_the_estimate_rests_in_the_dead_zone() -> None:
-    arm = robot()
+    arm = robot(friction=0.15)
     law = made("dead zone", arm)
     run = al.simulate(al.RigidArm(arm), law, **START, t_end=3.0, dt=1e-3)
     s = np.array([np.linalg.norm(law.terms(t, q, v)["s"]) for t, q, v in zip(run.t, run.q, run.v, strict=True)])
@@ -91,7 +77,7 @@ def test_the_estimate_rests_in_the_dead_zone() -> None:
 @pytest.mark.parametrize("form", ["sigma", "e"])
 def test_leakage_bounds_an_estimate_that_a_load_would_drive_away(form: str) -> None:
     """A force that the model does not have drives the free estimate on and on; with leakage it comes to rest."""
-    arm, hold = robot(), al.Hold([0.2, 0.3])
+    arm, hold = robot(friction=0.15), al.Hold([0.2, 0.3])
     options: dict[str, Any] = {"t_end": 60.0, "dt": 2e-3, "record_every": 500, "force_frame": "link2"}
     load = [(0.5 * k, [0.0, 0.0, (-1.0) ** k * 6.0]) for k in range(120)]
     grown = {}
@@ -106,7 +92,7 @@ def test_leakage_bounds_an_estimate_that_a_load_would_drive_away(form: str) -> N
 
 def test_friction_is_found_under_excitation() -> None:
     """With enough frequencies the estimate of friction goes to the plant's."""
-    arm = robot(friction=0.0)
+    arm = robot()
     rich = al.Sinusoid([0.1, 0.2], [[0.5, 0.3], [0.6, 0.3]], [[1.1, 3.1], [1.7, 4.3]], [[0.0, 1.0], [0.5, 0.2]])
     law = al.Adaptive(arm, rich, 60.0, 20.0, 3.0, friction=("viscous",), base=arm.base_parameters())
     run = al.simulate(al.RigidArm(arm, friction=True), law, [0.1, 0.2], t_end=60.0, dt=2e-3, record_every=1000)
@@ -136,11 +122,11 @@ def test_friction_is_found_under_excitation() -> None:
 )
 def test_bad_arguments(keywords: dict[str, Any], message: str) -> None:
     with pytest.raises(al.InputError, match=message):
-        al.Adaptive(robot(), MOTION, 60.0, 20.0, 0.5, **keywords)
+        al.Adaptive(robot(friction=0.15), MOTION, 60.0, 20.0, 0.5, **keywords)
 
 
 def test_gamma_takes_the_size_of_the_estimate() -> None:
-    arm = robot()
+    arm = robot(friction=0.15)
     law = al.Adaptive(arm, MOTION, 60.0, 20.0, np.full(26, 0.5), friction=True, armature=True)
     assert len(law.parameter_names) == 26
     with pytest.raises(al.InputError, match="gamma"):

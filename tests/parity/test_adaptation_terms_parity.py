@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from adaptive_options import columns_beside, laws, parametrisation
 from numpy.typing import NDArray
 from trees import close, driven_tree
 
@@ -46,16 +47,9 @@ def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
     arm, theirs = arm.with_parameters(bodies), theirs.with_parameters(bodies)
     motion = rng.uniform(0.2, 0.8, (4, n))
     keywords = dict(OPTIONS[option])
-    kinds = keywords.get("friction", ())
-    beside = n * ((2 if kinds is True else len(kinds)) + keywords.get("armature", False))
-    own, other, size = {}, {}, 10 * n
-    if option == "base":
-        own["base"], other["base"] = arm.base_parameters(), ref.base_parameters(theirs)
-        size = own["base"].count
-    if option == "projection":
-        own["projection"] = other["projection"] = 0.3 * bodies
+    beside = columns_beside(n, keywords)
+    own, other, size = parametrisation(option, (arm, theirs), bodies)
     if option == "natural":
-        own["natural"] = other["natural"] = True
         gamma: Any = rng.uniform(0.1, 1.0, n + beside)
     else:
         root = rng.standard_normal((size + beside, size + beside))
@@ -63,8 +57,8 @@ def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
     estimate = np.concatenate([0.25 * bodies[:size], rng.uniform(-0.2, 0.5, beside)])
     if option == "e-modification":
         keywords["leakage_centre"] = rng.uniform(0.0, 0.5, size + beside)
-    ours = al.Adaptive(arm, al.Sinusoid(*motion), 30.0, 10.0, gamma, estimate=estimate, **keywords, **own)
-    expected = ref.Adaptive(theirs, ref.Sinusoid(*motion), 30.0, 10.0, gamma, estimate=estimate, **keywords, **other)
+    common = {"estimate": estimate, **keywords}
+    ours, expected = laws((arm, theirs), motion, gamma, common | own, common | other)
     return ours, expected, (arm, theirs)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from adaptive_options import columns_beside, laws, parametrisation
 from numpy.typing import NDArray
 from trees import close, driven_tree
 
@@ -34,16 +35,8 @@ def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
     bodies = np.tile(ball, n) + 0.02 * rng.uniform(-1.0, 1.0, 10 * n)
     arm, theirs = arm.with_parameters(bodies), theirs.with_parameters(bodies)
     keywords = dict(OPTIONS[option])
-    kinds = keywords.get("friction", ())
-    beside = n * ((2 if kinds is True else len(kinds)) + keywords.get("armature", False))
-    own, other, size = {}, {}, 10 * n
-    if option == "base":
-        own["base"], other["base"] = arm.base_parameters(), ref.base_parameters(theirs)
-        size = own["base"].count
-    if option == "projection":
-        own["projection"] = other["projection"] = 0.3 * bodies
-    if option == "natural":
-        own["natural"] = other["natural"] = True
+    beside = columns_beside(n, keywords)
+    own, other, size = parametrisation(option, (arm, theirs), bodies)
     weight: Any = 0.4
     if option == "full weight":
         root = rng.standard_normal((n, n))
@@ -52,8 +45,7 @@ def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
     estimate = np.concatenate([0.5 * bodies[:size], rng.uniform(0.0, 0.3, beside)])
     common: dict[str, Any] = {"estimate": estimate, "composite": weight, "composite_rate": 4.0, **keywords}
     motion = rng.uniform(0.2, 0.8, (4, n))
-    ours = al.Adaptive(arm, al.Sinusoid(*motion), 30.0, 10.0, gamma, **common, **own)
-    expected = ref.Adaptive(theirs, ref.Sinusoid(*motion), 30.0, 10.0, gamma, **common, **other)
+    ours, expected = laws((arm, theirs), motion, gamma, common | own, common | other)
     return ours, expected, (arm, theirs)
 
 
