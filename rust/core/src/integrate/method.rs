@@ -1,8 +1,8 @@
 //! The methods by name: one table. What a caller does with a method is written once for each of four kinds, whichever method it is.
 
 use super::{
-    Accuracy, Adaptive, Advance, Differentiable, Dop853, Dopri5, Euler, FixedStep, Order8, Pair54, Radau5, Rk4, Rodas4, Ros2, Scheme,
-    SemiImplicit, System, euler, rk4, semi_implicit,
+    Accuracy, Adaptive, Advance, Differentiable, Dop853, Dopri5, EqualSteps, Euler, FixedStep, Forward1, Kutta4, Order8, Pair54, Radau5,
+    Rk4, Rodas4, Ros2, Scheme, SemiImplicit, System, semi_implicit,
 };
 use crate::error::{Error, Result};
 use crate::scalar::Real;
@@ -174,17 +174,18 @@ impl ExplicitSteps {
     /// The instants of the inputs, as parts of the step.
     pub fn instants(self) -> &'static [f64] {
         match self {
-            ExplicitSteps::Euler => euler::INSTANTS,
+            ExplicitSteps::Euler => Forward1::INSTANTS,
             ExplicitSteps::SemiImplicit => semi_implicit::INSTANTS,
-            ExplicitSteps::Rk4 => rk4::INSTANTS,
+            ExplicitSteps::Rk4 => Kutta4::INSTANTS,
         }
     }
 
     /// Evaluations of the right-hand side in a step.
     pub fn evaluations(self) -> u64 {
         match self {
-            ExplicitSteps::Euler | ExplicitSteps::SemiImplicit => 1,
-            ExplicitSteps::Rk4 => 4,
+            ExplicitSteps::Euler => Forward1::STAGES.len() as u64,
+            ExplicitSteps::SemiImplicit => 1,
+            ExplicitSteps::Rk4 => Kutta4::STAGES.len() as u64,
         }
     }
 

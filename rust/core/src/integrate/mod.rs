@@ -9,6 +9,8 @@ mod columns;
 mod dop853;
 mod dop853_tableau;
 mod dopri5;
+mod embedded;
+mod equal_steps;
 mod euler;
 pub mod events;
 mod fixed;
@@ -29,14 +31,16 @@ pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
 pub use columns::column_groups;
 pub use dop853::{Dop853, Order8};
 pub use dopri5::{Dopri5, Pair54};
-pub use euler::Euler;
+pub use embedded::{Embedded, Scheme};
+pub use equal_steps::{EqualSteps, Explicit, Stage};
+pub use euler::{Euler, Forward1};
 pub use fixed::Steps;
 pub use linearised::{DualSystem, Linearised};
 pub use method::{
     ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Kind, Method, WithAdaptive, WithExplicitSteps, WithScheme, WithSteps,
 };
 pub use radau5::Radau5;
-pub use rk4::Rk4;
+pub use rk4::{Kutta4, Rk4};
 pub use rodas4::Rodas4;
 pub use ros2::Ros2;
 pub use semi_implicit::SemiImplicit;
@@ -84,17 +88,6 @@ pub trait System<S: Real> {
     fn pairs(&self) -> Pairs {
         Pairs::default()
     }
-}
-
-/// The stages of an explicit method, whose first slope is known and whose last argument is the new state.
-pub trait Scheme {
-    /// Stages after the first, and estimates of the error.
-    const STAGES: usize;
-    /// Number of error estimates of the scheme.
-    const ESTIMATES: usize;
-
-    /// The results of an attempt. `slope(k, y, dx)` is asked for the slope of stage `k + 1` at the state `y`.
-    fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, slope: impl FnMut(usize, &[S], &mut [S]));
 }
 
 /// What an attempt of an explicit method is made of.

@@ -396,12 +396,7 @@ where
     }
 
     fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
-        let h = self.controller.t - self.controller.t_old;
-        if h == 0.0 || t >= self.controller.t {
-            out.clone_from(&self.x);
-            return;
-        }
-        let s = (t - self.controller.t_old) / h;
+        let Some((s, _)) = self.controller.within(t) else { return out.clone_from(&self.x) };
         for c in 0..self.x.as_ref().len() {
             out.as_mut()[c] = Self::extrapolate(&self.z_old, self.x_old.as_ref(), s, c);
         }

@@ -256,12 +256,7 @@ where
     }
 
     fn interpolate(&mut self, _: &mut F, t: f64, out: &mut B) {
-        let h = self.controller.t - self.controller.t_old;
-        if h == 0.0 || t >= self.controller.t {
-            out.clone_from(&self.x);
-            return;
-        }
-        let theta = (t - self.controller.t_old) / h;
+        let Some((theta, _)) = self.controller.within(t) else { return out.clone_from(&self.x) };
         let (r, q) = (S::splat(theta), S::splat(1.0 - theta));
         let (x0, x1, out) = (self.x_old.as_ref(), self.x.as_ref(), out.as_mut());
         for c in 0..x0.len() {

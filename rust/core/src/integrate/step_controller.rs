@@ -11,7 +11,7 @@ use crate::status::Status;
 
 /// The constants of the step control.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Control {
+pub struct Control {
     pub safety: f64,
     pub alpha: f64,
     pub beta: f64,
@@ -25,7 +25,7 @@ const LEAST_ERROR: f64 = 1e-4;
 const BLOWN: f64 = 0.2;
 
 #[derive(Clone, Debug)]
-pub(super) struct StepController<T> {
+pub struct StepController<T> {
     pub tolerance: T,
     pub t: f64,
     pub t_old: f64,
@@ -72,6 +72,12 @@ impl<T: Accuracy> StepController<T> {
     /// The latest of `t` and the end of the input.
     pub fn input_time(&self, t: f64) -> f64 {
         t.min(self.input_end)
+    }
+
+    /// Where `t` is in the last step, as a part of its size, and this size; `None` at its end.
+    pub fn within(&self, t: f64) -> Option<(f64, f64)> {
+        let h = self.t - self.t_old;
+        if h == 0.0 || t >= self.t { None } else { Some(((t - self.t_old) / h, h)) }
     }
 
     pub fn done(&self) -> bool {
@@ -204,7 +210,7 @@ pub(super) fn finite<S: Real>(x: &[S]) -> bool {
 
 /// The parts of [`super::Adaptive`] that are the pace's: for a method with fields `pace` and `x`.
 macro_rules! paced {
-    ($degree:literal) => {
+    ($degree:expr) => {
         fn dense_degree(&self) -> usize {
             $degree
         }

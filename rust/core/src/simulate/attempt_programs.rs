@@ -97,7 +97,7 @@ impl AttemptProgram {
             closed.hold_input(&tau, &answer);
         }
         let zeros = vec![Sym::zero(); slots.states()];
-        let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::ESTIMATES]);
+        let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::E.len()]);
         slopes[0] = first;
         let mut attempt = Attempt { h, times: &[], x: &x, slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
         C::stages(&mut attempt, |k, y, dx| closed.rhs(&instants[k], y, dx));
@@ -106,7 +106,7 @@ impl AttemptProgram {
         if recording.failed {
             return None;
         }
-        let places = Layout { slots: slots.clone(), stages: C::STAGES, estimates: C::ESTIMATES };
+        let places = Layout { slots: slots.clone(), stages: C::STAGES, estimates: C::E.len() };
         let results = y.iter().chain(slopes[1..].iter().flatten()).chain(estimates.iter().flatten());
         let outputs: Vec<(u32, u32)> = results.enumerate().map(|(k, value)| ((places.results() + k) as u32, value.index())).collect();
         let part = Part { ops: &recording.ops, start: 0, outputs: &outputs, places: &SlotTable::default() };

@@ -1,0 +1,235 @@
+//! Explicit Runge-Kutta methods with an embedded error estimate: one loop for every tableau whose last stage is the first of the next step
+//! (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6),
+//!
+//! `k_i = f(t + c_i h, x + h sum_j a_ij k_j)`, `x_new` the argument of the last stage, estimates `sum_j e_j k_j`,
+//! dense output over the last step from rows `h sum_j d_j k_j`, for which a method may have more stages.
+
+use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::chatter::Chatter;
+use super::step_controller::{Control, StepController, finite, paced};
+use super::{Attempt, Buffer, System};
+use crate::scalar::Real;
+use crate::status::Status;
+use std::marker::PhantomData;
+
+/// The tableau of an explicit method whose first slope is known, and what is its own: the norm of its error and its dense output.
+pub trait Scheme {
+    /// Stages after the first. The argument of the last one is the new state.
+    const STAGES: usize;
+    /// Times of all stages, those of the dense output last.
+    const C: &'static [f64];
+    /// Row `i` weighs the earlier slopes in the argument of stage `i`.
+    const A: &'static [&'static [f64]];
+    /// Weights of the slopes in the estimates of the error.
+    const E: &'static [&'static [f64]];
+    /// Weights of the slopes in the rows of the dense output.
+    const D: &'static [&'static [f64]];
+    /// Degree of the dense output.
+    const DEGREE: usize;
+    /// Constants of the step controller.
+    const CONTROL: Control;
+
+    /// The error of a step of `h` from `x` to `y`, accepted below 1.
+    fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64;
+
+    /// The dense output of one component in the step `h` as `(x(t) - x_old) / r` with `r = (t - t_old) / h`, `q = 1 - r`, from the change
+    /// `delta` over the step, the slopes `f` at its ends, and the rows.
+    fn dense<S: Real>(at: (S, S), h: S, delta: S, f: [S; 2], row: impl Fn(usize) -> S) -> S;
+
+    /// The results of an attempt. `slope(k, y, dx)` is asked for the slope of stage `k + 1` at the state `y`.
+    fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
+        let Attempt { h, x, slopes, y, estimates, .. } = attempt;
+        for i in 1..=Self::STAGES {
+            argument(Self::A[i], *h, x, slopes, y);
+            slope(i - 1, y, slopes[i].as_mut());
+        }
+        for (estimate, weights) in estimates.iter_mut().zip(Self::E) {
+            combine(weights, slopes, estimate.as_mut());
+        }
+    }
+}
+
+/// `sum_j w_j k_j` into `out`.
+fn combine<S: Real, B: Buffer<S>>(weights: &[f64], k: &[B], out: &mut [S]) {
+    let first = S::splat(weights[0]);
+    for (out, &k) in out.iter_mut().zip(k[0].as_ref()) {
+        *out = first * k;
+    }
+    for (&weight, k) in weights.iter().zip(k).skip(1).filter(|(weight, _)| **weight != 0.0) {
+        let weight = S::splat(weight);
+        for (out, &k) in out.iter_mut().zip(k.as_ref()) {
+            *out = weight.mul_add(k, *out);
+        }
+    }
+}
+
+/// The argument of a stage into `y`: `x + h sum_j w_j k_j`.
+fn argument<S: Real, B: Buffer<S>>(weights: &[f64], h: S, x: &[S], k: &[B], y: &mut [S]) {
+    combine(weights, k, y);
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y = h.mul_add(*y, x);
+    }
+}
+
+/// The method of the tableau `C` on a state `B`.
+pub struct Embedded<C, B, U, T = Tolerance> {
+    controller: StepController<T>,
+    /// Slopes of the stages up to that of the end, then those of the dense output.
+    k: Vec<B>,
+    estimates: Vec<B>,
+    /// Rows of the dense output.
+    rows: Vec<B>,
+    /// Times of the inputs of an attempt.
+    times: Vec<f64>,
+    y: B,
+    x: B,
+    x_old: B,
+    u: U,
+    /// The time of `u`, NaN when there is none to reuse.
+    u_time: f64,
+    /// Whether `rows` belong to the last step.
+    dense_ready: bool,
+    chatter: Chatter<B>,
+    scheme: PhantomData<C>,
+}
+
+impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
+    /// The method with these tolerances; `state` and `input` give the sizes.
+    pub fn new(tolerance: T, state: B, input: U) -> Self {
+        let like = |rows: &[&[f64]]| vec![state.clone(); rows.len()];
+        Embedded {
+            controller: StepController::new(tolerance),
+            chatter: Chatter::new(&state),
+            k: like(C::A),
+            estimates: like(C::E),
+            rows: like(C::D),
+            times: vec![0.0; C::STAGES],
+            y: state.clone(),
+            x: state.clone(),
+            x_old: state,
+            u: input,
+            u_time: f64::NAN,
+            dense_ready: false,
+            scheme: PhantomData,
+        }
+    }
+
+    /// Try a step of `h`: the new state in `y`, its slope behind those of the stages; returns the error.
+    fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
+    where
+        S: Real,
+        F: System<S, Input = U>,
+        B: Buffer<S>,
+    {
+        let Embedded { controller, k, estimates, times, y, x, u, u_time, .. } = self;
+        for (time, c) in times.iter_mut().zip(&C::C[1..]) {
+            *time = controller.input_time(controller.t + c * h);
+        }
+        let mut attempt = Attempt { h: S::splat(h), times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates };
+        if system.attempt::<C, B>(&mut attempt) {
+            *u_time = f64::NAN;
+        } else {
+            C::stages(&mut attempt, |i, y, dx| {
+                if times[i] != *u_time {
+                    system.input(times[i], u);
+                    *u_time = times[i];
+                }
+                system.rhs(u, y, dx);
+            });
+        }
+        controller.work.evaluations += C::STAGES as u64;
+        if !finite(y.as_ref()) || !finite(k[C::STAGES].as_ref()) {
+            return f64::NAN;
+        }
+        C::error(controller, h, x.as_ref(), y.as_ref(), estimates)
+    }
+
+    /// The slopes and rows of the dense output over the last step, of size `h`.
+    fn prepare_dense<S, F>(&mut self, system: &mut F, h: f64)
+    where
+        S: Real,
+        F: System<S, Input = U>,
+        B: Buffer<S>,
+    {
+        for i in C::STAGES + 1..C::A.len() {
+            argument(C::A[i], S::splat(h), self.x_old.as_ref(), &self.k, self.y.as_mut());
+            system.input(self.controller.input_time(self.controller.t_old + C::C[i] * h), &mut self.u);
+            system.rhs(&self.u, self.y.as_ref(), self.k[i].as_mut());
+            self.controller.work.evaluations += 1;
+            self.u_time = f64::NAN;
+        }
+        for (row, weights) in self.rows.iter_mut().zip(C::D) {
+            let row = row.as_mut();
+            combine(weights, &self.k, row);
+            row.iter_mut().for_each(|sum| *sum = S::splat(h) * *sum);
+        }
+        self.dense_ready = true;
+    }
+}
+
+impl<C, S, F, B, U, T> Adaptive<S, F, B> for Embedded<C, B, U, T>
+where
+    C: Scheme,
+    S: Real,
+    F: System<S, Input = U>,
+    B: Buffer<S>,
+    U: Clone,
+    T: Accuracy,
+{
+    paced!(C::DEGREE);
+
+    fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
+        self.controller.begin(t, t_end, input_end);
+        self.x_old.clone_from(&self.x);
+        self.dense_ready = false;
+        self.u_time = f64::NAN;
+        system.input(t, &mut self.u);
+        system.rhs(&self.u, self.x.as_ref(), self.k[0].as_mut());
+        self.controller.work.evaluations += 1;
+        if !finite(self.x.as_ref()) || !finite(self.k[0].as_ref()) {
+            return Err(Status::Diverged);
+        }
+        let [k0, k1, ..] = &mut self.k[..] else { unreachable!("a pair has several stages") };
+        self.controller.guess::<S, F, B>(system, &mut self.u, &self.x, k0, &mut self.y, k1, C::DEGREE as f64);
+        Ok(())
+    }
+
+    fn step(&mut self, system: &mut F) -> Result<bool, Status> {
+        if self.controller.done() {
+            return Ok(true);
+        }
+        if self.chatter.due(&self.controller.work) {
+            self.u_time = f64::NAN;
+            self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
+        }
+        // The slopes of the last step served its dense output until now.
+        if self.controller.t > self.controller.t_old {
+            self.k.swap(0, C::STAGES);
+            self.controller.t_old = self.controller.t;
+        }
+        self.dense_ready = false;
+        self.controller.open();
+        loop {
+            let (h, t_new) = self.controller.propose()?;
+            let error = self.attempt::<S, F>(system, h);
+            if self.controller.judge(error, h, t_new, &C::CONTROL) {
+                std::mem::swap(&mut self.x_old, &mut self.x);
+                std::mem::swap(&mut self.x, &mut self.y);
+                return Ok(self.controller.done());
+            }
+        }
+    }
+
+    fn interpolate(&mut self, system: &mut F, t: f64, out: &mut B) {
+        let Some((part, h)) = self.controller.within(t) else { return out.clone_from(&self.x) };
+        if !self.dense_ready {
+            self.prepare_dense::<S, F>(system, h);
+        }
+        let (r, at, h) = (S::splat(part), (S::splat(part), S::splat(1.0 - part)), S::splat(h));
+        let (x0, x1, f0, f1) = (self.x_old.as_ref(), self.x.as_ref(), self.k[0].as_ref(), self.k[C::STAGES].as_ref());
+        for (c, out) in out.as_mut().iter_mut().enumerate() {
+            let dense = C::dense(at, h, x1[c] - x0[c], [f0[c], f1[c]], |row| self.rows[row].as_ref()[c]);
+            *out = dense.mul_add(r, x0[c]);
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Explicit Runge-Kutta methods of fixed step whose stages each need the last slope alone:
+//!
+//! `k_i = f(t + c_i h, x + a_i h k_{i-1})`, `x += h/d sum_i b_i k_i`. The input is taken once per distinct `c`, and the end's serves the
+//! next step.
+
+use super::{Advance, Buffer, FixedStep, System};
+use crate::scalar::Real;
+use std::marker::PhantomData;
+
+/// A stage of such a method.
+#[derive(Clone, Copy, Debug)]
+pub struct Stage {
+    /// The number of its instant.
+    pub instant: usize,
+    /// The part `a` of the step in its argument.
+    pub part: f64,
+    /// Its weight `b` in the sum.
+    pub weight: f64,
+}
+
+/// The tableau of such a method.
+pub trait EqualSteps {
+    /// The instants of the inputs, as parts of the step, increasing.
+    const INSTANTS: &'static [f64];
+    /// The stages.
+    const STAGES: &'static [Stage];
+    /// The divisor `d` of the sum.
+    const DIVISOR: f64;
+}
+
+/// The method of the tableau `C` on a state `B`.
+pub struct Explicit<C, B, U> {
+    k: B,
+    y: B,
+    sum: B,
+    /// The input at each instant.
+    inputs: Vec<U>,
+    /// The time of the last one, NaN when there is none to reuse.
+    end_time: f64,
+    tableau: PhantomData<C>,
+}
+
+impl<C: EqualSteps, B: Clone, U: Clone> Explicit<C, B, U> {
+    /// The method; `state` and `input` give the sizes.
+    pub fn new(state: B, input: U) -> Self {
+        let (k, y, sum) = (state.clone(), state.clone(), state);
+        Explicit { k, y, sum, inputs: vec![input; C::INSTANTS.len()], end_time: f64::NAN, tableau: PhantomData }
+    }
+}
+
+impl<C: EqualSteps, S: Real, F: System<S>, B: Buffer<S>> FixedStep<S, F, B> for Explicit<C, B, F::Input> {
+    fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
+        let last = C::INSTANTS.len() - 1;
+        let known = self.end_time == t;
+        if known {
+            self.inputs.swap(0, last);
+        }
+        for (input, part) in self.inputs.iter_mut().zip(C::INSTANTS).skip(usize::from(known)) {
+            system.input(if *part == 1.0 { end } else { t + part * h }, input);
+        }
+        if C::INSTANTS[last] == 1.0 {
+            self.end_time = end;
+        }
+        self.advance(system, S::splat(h), x);
+    }
+
+    fn restart(&mut self) {
+        self.end_time = f64::NAN;
+    }
+}
+
+impl<C: EqualSteps, S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for Explicit<C, B, F::Input> {
+    const INSTANTS: &'static [f64] = C::INSTANTS;
+
+    fn input(&mut self, k: usize) -> &mut F::Input {
+        &mut self.inputs[k]
+    }
+
+    fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
+        let (x, k, y, sum) = (x.as_mut(), self.k.as_mut(), self.y.as_mut(), self.sum.as_mut());
+        for (i, stage) in C::STAGES.iter().enumerate() {
+            let weight = S::splat(stage.weight);
+            if i == 0 {
+                system.rhs(&self.inputs[stage.instant], x, k);
+                for c in 0..x.len() {
+                    sum[c] = weight * k[c];
+                }
+            } else {
+                let part = S::splat(stage.part) * h;
+                for c in 0..x.len() {
+                    y[c] = part.mul_add(k[c], x[c]);
+                }
+                system.rhs(&self.inputs[stage.instant], y, k);
+                for c in 0..x.len() {
+                    sum[c] = weight.mul_add(k[c], sum[c]);
+                }
+            }
+        }
+        let part = h / S::splat(C::DIVISOR);
+        for c in 0..x.len() {
+            x[c] = part.mul_add(sum[c], x[c]);
+        }
+    }
+}
