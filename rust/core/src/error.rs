@@ -67,6 +67,14 @@ impl Error {
     pub fn input(argument: impl Into<String>, problem: impl Into<String>) -> Self {
         Error::Input { argument: argument.into(), problem: problem.into() }
     }
+
+    /// The same refusal under the name that the argument has for the caller.
+    pub fn of_argument(self, argument: impl Into<String>) -> Self {
+        match self {
+            Error::Input { problem, .. } => Error::input(argument, problem),
+            other => other,
+        }
+    }
 }
 
 /// Numbers that are read between two looks whether to stop.

@@ -97,7 +97,9 @@ mod _core {
     #[pymodule_export]
     use super::suggested_gains::{SuggestedGains, suggest_gains};
     #[pymodule_export]
-    use super::task::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task};
+    use super::task::Task;
+    #[pymodule_export]
+    use super::task::kinds::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -3,15 +3,15 @@
 //! `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0` (a slide: `R_i = R_p R_0`, `o_i = o_p + R_p p_0 + z_i q`),
 //! from the base outwards; `z_i` is the third column of `R_i`.
 
+mod bodies;
 pub mod coordinates;
 mod jacobian;
-mod task;
-mod task_error;
+pub mod task;
 #[doc(hidden)]
 mod task_stack;
-#[cfg(all(test, feature = "urdf"))]
-mod task_tests;
 
+pub use bodies::Bodies;
+use bodies::Column;
 pub use coordinates::Coordinates;
 pub use jacobian::{com, com_jacobian, frame_pose, jacobian, jacobian_dot, jacobian_on_zeros};
 pub use task::TaskFunction;

@@ -4,6 +4,7 @@ use super::{Blueprint, Common, Task, axes_of, names};
 use crate::arrays::{number, text, vector};
 use crate::errors::entry;
 use armlet_core::error::Error;
+use armlet_core::kinematics::TaskFunction;
 use armlet_macros::entered;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -42,7 +43,9 @@ impl PostureTask {
                 Some(joints) => vec![("joints", joints.clone().into_py_any(py)?)],
                 None => Vec::new(),
             };
-            let task = Common { name: NAME, target, motion, gain, damping }.task(Blueprint::Posture { joints }, own)?;
+            let size = joints.as_ref().map(Vec::len);
+            let blueprint = Blueprint::new(size, move |arm| TaskFunction::posture(arm, joints.as_deref()));
+            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
             Ok(PyClassInitializer::from(task).add_subclass(PostureTask))
         })
     }
@@ -76,7 +79,8 @@ impl CentreOfMassTask {
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "CentreOfMassTask";
         entry(axes.py(), NAME, || {
-            let blueprint = Blueprint::CentreOfMass { axes: axes_of(NAME, axes)? };
+            let (letters, rows) = axes_of(NAME, axes)?;
+            let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::centre_of_mass(arm, &letters));
             let own = vec![("axes", axes.clone().unbind())];
             let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
             Ok(PyClassInitializer::from(task).add_subclass(CentreOfMassTask))
@@ -121,7 +125,8 @@ impl AxisTask {
             if v.iter().all(|x| *x == 0.0) {
                 return Err(Error::input("axis", "has no direction: expected a vector of length > 0, got zeros").into());
             }
-            let blueprint = Blueprint::Axis { frame: text(NAME, "frame", frame)?, axis: [v[0], v[1], v[2]] };
+            let (name, along) = (text(NAME, "frame", frame)?, [v[0], v[1], v[2]]);
+            let blueprint = Blueprint::new(Some(3), move |arm| TaskFunction::axis(arm, &name, along));
             let own = vec![("frame", frame.clone().unbind()), ("axis", v.into_py_any(axis.py())?)];
             let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
             Ok(PyClassInitializer::from(task).add_subclass(AxisTask))
@@ -162,7 +167,8 @@ impl RelativeTask {
         const NAME: &str = "RelativeTask";
         entry(frame.py(), NAME, || {
             let (name, other) = (text(NAME, "frame", frame)?, text(NAME, "reference", reference)?);
-            let blueprint = Blueprint::Relative { frame: name, reference: other, axes: axes_of(NAME, axes)? };
+            let (letters, rows) = axes_of(NAME, axes)?;
+            let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::relative(arm, &name, &other, &letters));
             let own = [("frame", frame), ("reference", reference), ("axes", axes)];
             let own = own.into_iter().map(|(name, value)| (name, value.clone().unbind())).collect();
             let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
@@ -211,8 +217,8 @@ impl JointLimitTask {
             if let Some(joints) = &joints {
                 own.push(("joints", joints.clone().into_py_any(py)?));
             }
-            let task =
-                Common { name: NAME, target: None, motion: None, gain, damping }.task(Blueprint::JointLimits { joints, margin }, own)?;
+            let blueprint = Blueprint::new(None, move |arm| TaskFunction::joint_limits(arm, joints.as_deref(), margin));
+            let task = Common { name: NAME, target: None, motion: None, gain, damping }.task(blueprint, own)?;
             Ok(PyClassInitializer::from(task).add_subclass(JointLimitTask))
         })
     }

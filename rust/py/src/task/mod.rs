@@ -1,8 +1,6 @@
 //! `armlet.Task` and its kin: what of an arm is to be controlled, before the arm is known.
 
-mod kinds;
-
-pub use kinds::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask};
+pub mod kinds;
 
 use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
@@ -19,15 +17,14 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
+/// The task function on an arm.
+type OnArm = Box<dyn Fn(&Arm) -> Result<TaskFunction, Error> + Send + Sync>;
+
 /// What a task controls, by the names in an arm.
-#[derive(Clone, PartialEq)]
-enum Blueprint {
-    Frame { frame: String, axes: String },
-    Posture { joints: Option<Vec<String>> },
-    CentreOfMass { axes: String },
-    Axis { frame: String, axis: [f64; 3] },
-    Relative { frame: String, reference: String, axes: String },
-    JointLimits { joints: Option<Vec<String>>, margin: f64 },
+struct Blueprint {
+    on: OnArm,
+    /// Numbers in a target, where they are known without the arm.
+    target_size: Option<usize>,
 }
 
 /// Where a task goes.
@@ -45,16 +42,8 @@ pub struct Goals {
 }
 
 impl Blueprint {
-    /// Numbers in a target, where they are known without the arm.
-    fn target_size(&self) -> Option<usize> {
-        match self {
-            Blueprint::Frame { axes, .. } | Blueprint::CentreOfMass { axes } | Blueprint::Relative { axes, .. } => {
-                parse_axes(axes).ok().map(|rows| rows.len())
-            }
-            Blueprint::Posture { joints } => joints.as_ref().map(Vec::len),
-            Blueprint::Axis { .. } => Some(3),
-            Blueprint::JointLimits { .. } => None,
-        }
+    fn new(target_size: Option<usize>, on: impl Fn(&Arm) -> Result<TaskFunction, Error> + Send + Sync + 'static) -> Self {
+        Blueprint { on: Box::new(on), target_size }
     }
 }
 
@@ -157,7 +146,7 @@ impl Common<'_, '_> {
                         let single = Form(&[Axis::Any("rows")]);
                         // A batch is seen to be one of this task before it is read.
                         let looked = Looked::at(self.name, "target", given)?;
-                        let width = [Axis::Leading, blueprint.target_size().map_or(Axis::Any("rows"), Axis::Is)];
+                        let width = [Axis::Leading, blueprint.target_size.map_or(Axis::Any("rows"), Axis::Is)];
                         let forms = [single, Form(&width)];
                         let count = if looked.shape.len() > 1 { 2 } else { 1 };
                         let (mut shape, values) = looked.of(&forms[..count])?.values()?;
@@ -206,14 +195,7 @@ impl Common<'_, '_> {
 impl Task {
     /// The task function on an arm.
     pub fn function(&self, arm: &Arm) -> Result<TaskFunction, Error> {
-        match &self.blueprint {
-            Blueprint::Frame { frame, axes } => TaskFunction::frame(arm, frame, axes),
-            Blueprint::Posture { joints } => TaskFunction::posture(arm, joints.as_deref()),
-            Blueprint::CentreOfMass { axes } => TaskFunction::centre_of_mass(arm, axes),
-            Blueprint::Axis { frame, axis } => TaskFunction::axis(arm, frame, *axis),
-            Blueprint::Relative { frame, reference, axes } => TaskFunction::relative(arm, frame, reference, axes),
-            Blueprint::JointLimits { joints, margin } => TaskFunction::joint_limits(arm, joints.as_deref(), *margin),
-        }
+        (self.blueprint.on)(arm)
     }
 
     /// The task function on an arm with its constant targets.
@@ -291,10 +273,11 @@ fn names(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Vec<
     Ok(Some(items.iter().map(|item| text(function, "joints", item)).collect::<Result<_, _>>()?))
 }
 
-fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<String, Failure> {
+/// The letters of an argument `axes`, and their number.
+fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<(String, usize), Failure> {
     let axes = text(function, "axes", axes)?;
-    parse_axes(&axes)?;
-    Ok(axes)
+    let rows = parse_axes(&axes)?.len();
+    Ok((axes, rows))
 }
 
 #[entered]
@@ -312,7 +295,8 @@ impl Task {
     ) -> PyResult<Self> {
         const NAME: &str = "Task";
         entry(frame.py(), NAME, || {
-            let blueprint = Blueprint::Frame { frame: text(NAME, "frame", frame)?, axes: axes_of(NAME, axes)? };
+            let (name, (letters, rows)) = (text(NAME, "frame", frame)?, axes_of(NAME, axes)?);
+            let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::frame(arm, &name, &letters));
             let own = vec![("frame", frame.clone().unbind()), ("axes", axes.clone().unbind())];
             Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)
         })
@@ -321,11 +305,12 @@ impl Task {
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
         let py = slf.py();
         let mut parts = Vec::new();
+        let of_frame = slf.get().arguments.get(1).is_some_and(|(name, _)| *name == "axes");
         for (i, (name, value)) in slf.get().arguments.iter().enumerate() {
             let shown = value.bind(py).repr()?.to_string();
             // Positional as long as nothing was left out.
             let plain = i < 2 || (i == 2 && *name == "target") || (i == 3 && *name == "gain" && slf.get().arguments[2].0 == "target");
-            let keyword = !plain || *name == "damping" || !matches!(slf.get().blueprint, Blueprint::Frame { .. });
+            let keyword = !plain || *name == "damping" || !of_frame;
             parts.push(if keyword { format!("{name}={shown}") } else { shown });
         }
         Ok(format!("{}({})", slf.get_type().name()?, parts.join(", ")))

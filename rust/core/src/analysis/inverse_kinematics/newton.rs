@@ -7,6 +7,7 @@ use crate::arm::Arm;
 use crate::error::Result;
 use crate::interrupt::look;
 use crate::kinematics::TaskFunction;
+use crate::kinematics::task::Posture;
 use crate::law::ArmSolver;
 use crate::linalg::dot;
 use crate::priority::{DEFAULT_EPS, PriorityOptions};
@@ -289,7 +290,7 @@ fn with_centring(arm: &Arm, tasks: &[TaskFunction], bounds: &[(f64, f64)], mut o
     let mut functions = tasks.to_vec();
     let joints: Vec<usize> = (0..bounds.len()).filter(|&i| (bounds[i].1 - bounds[i].0).is_finite()).collect();
     if !joints.is_empty() && !tasks.is_empty() {
-        functions.push(TaskFunction::Posture { joints });
+        functions.push(Posture { joints }.into());
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == tasks.len() && eps.len() > 1) {
             eps.push(DEFAULT_EPS);
         }

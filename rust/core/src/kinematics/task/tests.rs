@@ -1,7 +1,8 @@
 //! Jacobians and their rates against central differences of the errors, on an arm with branches, slides and bends.
 
-use super::{TaskFunction, TaskStack};
+use super::{Axis, JointLimits, TaskFunction};
 use crate::arm::{Arm, STANDARD_GRAVITY, example_urdf};
+use crate::kinematics::{Pose, TaskStack, frame_pose};
 use crate::spatial::{Matrix, Vector};
 
 /// Central differences err by h^2/6 of a third derivative, at most 10 here, and by rounding over h.
@@ -45,7 +46,7 @@ fn targets_at(arm: &Arm, stack: &mut TaskStack, q: &[f64]) -> Vec<Vec<f64>> {
             let (m, size) = (function.rows(), function.target_size());
             let (mut e, mut w) = (vec![0.0; m], vec![0.0; m]);
             let mut desired = vec![0.0; 3 * size];
-            if let TaskFunction::Axis { frame, axis, .. } = function {
+            if let TaskFunction::Axis(Axis { frame, axis, .. }) = function {
                 let pose = arm_pose(arm, q, *frame);
                 desired[..3].copy_from_slice(&pose.apply(*axis).array());
             } else {
@@ -61,8 +62,8 @@ fn targets_at(arm: &Arm, stack: &mut TaskStack, q: &[f64]) -> Vec<Vec<f64>> {
 fn arm_pose(arm: &Arm, q: &[f64], frame: usize) -> crate::spatial::Matrix3<f64> {
     let tree = crate::arm::Tree::<f64>::new(arm);
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
-    let mut poses = vec![super::Pose::identity(); q.len()];
-    super::frame_pose(&tree, &mut poses, &trig, q, frame).0
+    let mut poses = vec![Pose::identity(); q.len()];
+    frame_pose(&tree, &mut poses, &trig, q, frame).0
 }
 
 fn moved(q: &[f64], v: &[f64], h: f64) -> Vec<f64> {
@@ -140,7 +141,7 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
     stack.place(&q);
     let (mut e, mut v, mut a) = ([0.0; 2], [0.0; 2], [0.0; 2]);
     stack.error(0, &desired, &mut e, &mut v, Some(&mut a));
-    let TaskFunction::Axis { frame, across, .. } = stack.functions()[0].clone() else { panic!("an axis") };
+    let TaskFunction::Axis(Axis { frame, across, .. }) = stack.functions()[0].clone() else { panic!("an axis") };
     let r = arm_pose(&arm, &q, frame);
     // Across d the spin w has the components of w itself; its rate there is that of w less its part along d, -(w.d) w x d.
     let spin_dot = turn.scale(-w.dot(d));
@@ -158,7 +159,7 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
 fn joint_limits_pull_back_out_of_the_margin_alone() {
     let arm = arm("seven_axis");
     let function = TaskFunction::joint_limits(&arm, None, 0.1).unwrap();
-    let TaskFunction::JointLimits { joints, lower, upper } = function.clone() else { panic!("joint limits") };
+    let TaskFunction::JointLimits(JointLimits { joints, lower, upper }) = function.clone() else { panic!("joint limits") };
     let mut stack = TaskStack::new(&arm, vec![function]);
     let mut q: Vec<f64> = vec![0.0; arm.n()];
     for (i, &joint) in joints.iter().enumerate() {

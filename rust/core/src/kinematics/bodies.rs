@@ -1,0 +1,152 @@
+//! The bodies of an arm at one state, or at one state per lane, as its tasks read them.
+//!
+//! Column of a turning joint `[z x (p - o); z]`, its rate `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`.
+
+use super::jacobian::of_frame;
+use super::{Pose, from_parent, place_body};
+use crate::arm::{BASE, Tree};
+use crate::scalar::Real;
+use crate::spatial::{Matrix, Matrix3, Vector, Vector3};
+
+/// The bodies of one arm; evaluation allocates nothing.
+#[derive(Clone, Debug)]
+pub struct Bodies<S: Real = f64> {
+    pub(super) tree: Tree<S>,
+    /// Bodies that are placed, from the first on.
+    needed: usize,
+    trig: Vec<(S, S)>,
+    pub(super) q: Vec<S>,
+    pub(super) poses: Vec<Pose<S>>,
+    /// Angular velocity of each body and velocity of its origin.
+    pub(super) motion: Vec<(Vector3<S>, Vector3<S>)>,
+    /// Mass, first moment and momentum of each subtree.
+    pub(super) subtrees: Vec<(S, Vector3<S>, Vector3<S>)>,
+}
+
+/// Position, rotation, angular velocity and velocity of a frame.
+#[derive(Clone, Copy)]
+pub(super) struct Moving<S: Real> {
+    pub r: Matrix3<S>,
+    pub p: Vector3<S>,
+    pub w: Vector3<S>,
+    pub u: Vector3<S>,
+}
+
+/// The column of one joint: linear and angular part, and the rates of both.
+pub(super) struct Column<S: Real> {
+    pub joint: usize,
+    pub linear: Vector3<S>,
+    pub angular: Vector3<S>,
+    pub linear_dot: Vector3<S>,
+    pub angular_dot: Vector3<S>,
+}
+
+impl<S: Real> Bodies<S> {
+    /// Those of a tree of which the first `needed` are placed.
+    pub(super) fn new(tree: Tree<S>, needed: usize) -> Self {
+        let n = tree.n();
+        Bodies {
+            needed,
+            trig: vec![(S::zero(), S::splat(1.0)); n],
+            q: vec![S::zero(); n],
+            poses: vec![Pose::identity(); n],
+            motion: vec![(Vector3::zero(), Vector3::zero()); n],
+            subtrees: vec![(S::zero(), Vector3::zero(), Vector3::zero()); n],
+            tree,
+        }
+    }
+
+    pub(super) fn n(&self) -> usize {
+        self.q.len()
+    }
+
+    /// How many bodies, from the first on, have to be placed for a frame.
+    pub(super) fn below(tree: &Tree<S>, frame: usize) -> usize {
+        tree.frames.get(frame).map_or(0, |at| if at.body == BASE { 0 } else { at.body + 1 })
+    }
+
+    /// Place the bodies at `q` `(n,)`.
+    pub(super) fn place(&mut self, q: &[S]) {
+        for i in 0..self.needed {
+            if self.tree.bodies[i].revolute {
+                self.trig[i] = q[i].sin_cos();
+            }
+        }
+        self.place_known(q);
+    }
+
+    fn place_known(&mut self, q: &[S]) {
+        self.q.copy_from_slice(q);
+        super::place(&self.tree, &self.trig, q, &mut self.poses[..self.needed]);
+    }
+
+    /// As [`Bodies::place`] with the (sin, cos) of the joints known.
+    pub(super) fn place_at(&mut self, q: &[S], trig: &[(S, S)]) {
+        self.trig.copy_from_slice(trig);
+        self.place_known(q);
+    }
+
+    /// How the bodies of the last placement move at joint rates `v` `(n,)`.
+    pub(super) fn set_moving(&mut self, v: &[S]) {
+        let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
+        let mut last = base();
+        for i in 0..self.needed {
+            let body = &self.tree.bodies[i];
+            let (parent, (w, u)) = from_parent(body.parent, i, last, |p| (self.poses[p], self.motion[p]), base);
+            let pose = place_body(body, &parent, self.trig[i], self.q[i]);
+            let swept = w.cross_add(pose.origin - parent.origin, u);
+            let z = pose.z();
+            self.motion[i] = if body.revolute { (z.scale_add(v[i], w), swept) } else { (w, z.scale_add(v[i], swept)) };
+            last = (pose, self.motion[i]);
+        }
+    }
+
+    /// Where a frame is, and how it moves where that is asked for.
+    pub(super) fn frame(&self, frame: usize, moving: bool) -> Moving<S> {
+        let (r, p) = of_frame(&self.tree, &self.poses, frame);
+        let body = self.tree.frames[frame].body;
+        if !moving || body == BASE {
+            return Moving { r, p, w: Vector3::zero(), u: Vector3::zero() };
+        }
+        let (w, u) = self.motion[body];
+        Moving { r, p, w, u: w.cross_add(p - self.poses[body].origin, u) }
+    }
+
+    /// The columns of the geometric Jacobian of a frame, joint by joint from the frame to the base.
+    pub(super) fn columns(&self, frame: usize, at: &Moving<S>, rate: bool, mut put: impl FnMut(Column<S>)) {
+        let mut i = self.tree.frames[frame].body;
+        let none = Vector3::zero();
+        while i != BASE {
+            let (z, o, revolute) = (self.poses[i].z(), self.poses[i].origin, self.tree.bodies[i].revolute);
+            let (linear, angular) = if revolute { (z.cross(at.p - o), z) } else { (z, none) };
+            let (linear_dot, angular_dot) = if !rate {
+                (none, none)
+            } else {
+                let (w, u) = self.motion[i];
+                let z_dot = w.cross(z);
+                if revolute { (z_dot.cross_add(at.p - o, z.cross(at.u - u)), z_dot) } else { (z_dot, none) }
+            };
+            put(Column { joint: i, linear, angular, linear_dot, angular_dot });
+            i = self.tree.bodies[i].parent;
+        }
+    }
+
+    /// Mass, first moment and, where `rate` asks for it, momentum of each subtree.
+    pub(super) fn gather_subtrees(&mut self, rate: bool) {
+        let n = self.n();
+        for (i, body) in self.tree.bodies.iter().enumerate() {
+            let m = body.inertia.mass;
+            let arm = self.poses[i].rotation.apply(body.inertia.moment);
+            let momentum = if rate { self.motion[i].0.cross_add(arm, self.motion[i].1.scale(m)) } else { Vector3::zero() };
+            self.subtrees[i] = (m, self.poses[i].origin.scale_add(m, arm), momentum);
+        }
+        for i in (0..n).rev() {
+            let parent = self.tree.bodies[i].parent;
+            if parent != BASE {
+                let (m, h, p) = self.subtrees[i];
+                let up = &mut self.subtrees[parent];
+                *up = (up.0 + m, up.1 + h, up.2 + p);
+            }
+        }
+    }
+}

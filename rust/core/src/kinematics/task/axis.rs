@@ -1,0 +1,105 @@
+//! A direction of a frame points along a direction of the world: the turn vector from `a` to `a_d`, in the frame's two directions across
+//! `a`, and the same rows of `R' J_w`.
+
+use super::{TaskFunction, TaskKind};
+use crate::arm::{Arm, Tree};
+use crate::error::{Error, Result, finite};
+use crate::kinematics::Bodies;
+use crate::scalar::Real;
+use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
+
+/// The direction `axis` of a frame points along a direction of the world.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Index of the frame.
+    pub frame: usize,
+    /// Unit vector in the frame.
+    pub axis: Vector3<f64>,
+    /// Two unit vectors at right angles to it.
+    pub across: [Vector3<f64>; 2],
+}
+
+impl TaskFunction {
+    /// `axis`: a direction of the frame, any length > 0.
+    pub fn axis(arm: &Arm, frame: &str, axis: [f64; 3]) -> Result<Self> {
+        let axis = direction("axis", axis)?;
+        let turn = Matrix3::taking_z_to(axis);
+        Ok(Axis { frame: arm.frame_index(frame)?, axis, across: [turn.axis(0), turn.axis(1)] }.into())
+    }
+}
+
+impl TaskKind for Axis {
+    fn rows(&self) -> usize {
+        2
+    }
+
+    fn target_size(&self) -> usize {
+        3
+    }
+
+    fn require(&self, target: &[f64]) -> Result<()> {
+        direction("target", [target[0], target[1], target[2]]).map(|_| ())
+    }
+
+    fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize {
+        Bodies::below(tree, self.frame)
+    }
+
+    fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]) {
+        let r = at.frame(self.frame, false).r;
+        let world = self.across.map(|b| r.apply(b.lift()));
+        let d = three(target);
+        let turn = turn_between(r.apply(self.axis.lift()), d.scale(S::splat(1.0) / d.dot(d).sqrt()), world[0]);
+        e.iter_mut().zip(world).for_each(|(e, b)| *e = b.dot(turn));
+    }
+
+    /// The direction turns at `d x d' / |d|^2`.
+    fn feedforward<S: Real>(&self, at: &Bodies<S>, desired: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
+        let r = at.frame(self.frame, false).r;
+        let world = self.across.map(|b| r.apply(b.lift()));
+        let [d, d_dot, d_ddot] = desired.map(three);
+        let (one, square) = (S::splat(1.0), d.dot(d));
+        let spin = d.cross(d_dot).scale(one / square);
+        let spin_dot = (d.cross(d_ddot) - spin.scale(S::splat(2.0) * d.dot(d_dot))).scale(one / square);
+        w.iter_mut().zip(world).for_each(|(w, b)| *w = b.dot(spin));
+        if let Some(a) = a {
+            a.iter_mut().zip(world).for_each(|(a, b)| *a = b.dot(spin_dot));
+        }
+    }
+
+    fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]) {
+        let (n, frame) = (at.n(), at.frame(self.frame, rate));
+        let world = self.across.map(|b| frame.r.apply(b.lift()));
+        at.columns(self.frame, &frame, rate, |c| {
+            for (row, &b) in world.iter().enumerate() {
+                j[row * n + c.joint] = if rate { frame.w.cross(b).dot(c.angular) + b.dot(c.angular_dot) } else { b.dot(c.angular) };
+            }
+        });
+    }
+}
+
+fn three<S: Real>(x: &[S]) -> Vector3<S> {
+    Vector3::from([x[0], x[1], x[2]])
+}
+
+/// A unit vector along `x`.
+fn direction(argument: &str, x: [f64; 3]) -> Result<Vector3<f64>> {
+    finite(argument, &x)?;
+    // Scaled first: squares of extreme entries would overflow or vanish.
+    let most = x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+    if most == 0.0 {
+        return Err(Error::input(argument, "has no direction: expected a vector of length > 0, got zeros"));
+    }
+    let v = Vector3::from(x.map(|x| x / most));
+    Ok(v.scale(1.0 / v.norm()))
+}
+
+/// The turn vector that takes the unit vector `a` to `d` the short way; `across` chooses the way from opposite to aligned.
+fn turn_between<S: Real>(a: Vector3<S>, d: Vector3<S>, across: Vector3<S>) -> Vector3<S> {
+    let (axis, cosine) = (a.cross(d), a.dot(d));
+    let sine = axis.dot(axis).sqrt();
+    let angle = sine.atan2(cosine);
+    let turns = S::zero().lt(sine);
+    let part = angle / sine;
+    Vector3::from(std::array::from_fn(|k| S::select(turns, axis[k] * part, across[k] * angle)))
+}

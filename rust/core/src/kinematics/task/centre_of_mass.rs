@@ -1,0 +1,71 @@
+//! Rows of the centre of mass: `c_d - c`, `sum m_b J_b / m`.
+//!
+//! Column of a turning joint `z x (H - m o) / m_total` with the mass `m` and the first moment `H` of the subtree about the world origin.
+
+use super::{TaskFunction, TaskKind};
+use crate::arm::{Arm, BASE, Tree};
+use crate::error::{Error, Result};
+use crate::kinematics::Bodies;
+use crate::kinematics::coordinates::parse_axes;
+use crate::scalar::Real;
+use crate::spatial::{Vector, Vector3};
+
+/// Rows of the centre of mass, world axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CentreOfMass {
+    /// Controlled rows: 0, 1, 2 for x, y, z.
+    pub rows: Vec<usize>,
+}
+
+impl TaskFunction {
+    /// `axes`: letters of "xyz".
+    pub fn centre_of_mass(arm: &Arm, axes: &str) -> Result<Self> {
+        let rows = parse_axes(axes)?;
+        if rows.iter().any(|&row| row > 2) {
+            return Err(Error::input("axes", format!("names a rotation: expected letters of \"xyz\" for a centre of mass, got {axes:?}")));
+        }
+        let mass: f64 = arm.joints.iter().map(|joint| joint.parameters[0]).sum();
+        if !(mass > 0.0) {
+            return Err(Error::input("arm", format!("has no mass: expected a total mass > 0 for a centre of mass, got {mass}")));
+        }
+        Ok(CentreOfMass { rows }.into())
+    }
+}
+
+impl TaskKind for CentreOfMass {
+    fn rows(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize {
+        tree.n()
+    }
+
+    fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]) {
+        at.gather_subtrees(false);
+        let top = at.subtrees.iter().zip(&at.tree.bodies).filter(|(_, body)| body.parent == BASE);
+        let (m, h) = top.fold((S::zero(), Vector3::zero()), |(m, h), (s, _)| (m + s.0, h + s.1));
+        for ((e, &row), &x) in e.iter_mut().zip(&self.rows).zip(target) {
+            *e = x - h[row] / m;
+        }
+    }
+
+    fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]) {
+        at.gather_subtrees(rate);
+        let n = at.n();
+        let top = at.subtrees.iter().zip(&at.tree.bodies).filter(|(_, body)| body.parent == BASE);
+        let inverse = S::splat(1.0) / top.fold(S::zero(), |sum, (subtree, _)| sum + subtree.0);
+        for (i, body) in at.tree.bodies.iter().enumerate() {
+            let (m, moment, momentum) = at.subtrees[i];
+            let (z, o) = (at.poses[i].z(), at.poses[i].origin);
+            let column = if !rate {
+                if body.revolute { z.cross(moment - o.scale(m)) } else { z.scale(m) }
+            } else {
+                let (w, u) = at.motion[i];
+                let z_dot = w.cross(z);
+                if body.revolute { z_dot.cross_add(moment - o.scale(m), z.cross(momentum - u.scale(m))) } else { z_dot.scale(m) }
+            };
+            self.rows.iter().enumerate().for_each(|(row, &axis)| j[row * n + i] = column[axis] * inverse);
+        }
+    }
+}

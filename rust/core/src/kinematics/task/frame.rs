@@ -1,0 +1,60 @@
+//! Rows of the position and orientation of a frame: `x_d - p`, `log(R_d R')`, rows of the geometric Jacobian.
+
+use super::{TaskFunction, TaskKind};
+use crate::arm::{Arm, Tree};
+use crate::error::Result;
+use crate::kinematics::{Bodies, Coordinates};
+use crate::scalar::Real;
+use crate::spatial::{Matrix, Matrix3, Vector, Vector3, rotation_exp, rotation_log};
+
+impl TaskFunction {
+    /// Rows `axes` of the pose of a frame.
+    pub fn frame(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
+        Ok(Coordinates::new(arm, frame, axes)?.into())
+    }
+}
+
+impl TaskKind for Coordinates {
+    fn rows(&self) -> usize {
+        self.m()
+    }
+
+    fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize {
+        Bodies::below(tree, self.frame)
+    }
+
+    fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]) {
+        let frame = at.frame(self.frame, false);
+        pose_error(&self.rows, frame.r, frame.p, target, e);
+    }
+
+    fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]) {
+        let n = at.n();
+        at.columns(self.frame, &at.frame(self.frame, rate), rate, |c| {
+            let (linear, angular) = if rate { (c.linear_dot, c.angular_dot) } else { (c.linear, c.angular) };
+            for (row, &axis) in self.rows.iter().enumerate() {
+                j[row * n + c.joint] = if axis < 3 { linear[axis] } else { angular[axis - 3] };
+            }
+        });
+    }
+}
+
+/// The error to a target of the rows of the pose `r`, `p`.
+pub(super) fn pose_error<S: Real>(rows: &[usize], r: Matrix3<S>, p: Vector3<S>, target: &[S], e: &mut [S]) {
+    let turns = rows.iter().any(|&row| row > 2);
+    let turn = if turns { rotation_log(&desired_rotation(rows, target).times(r.transpose())) } else { Vector3::zero() };
+    for ((e, &row), &x) in e.iter_mut().zip(rows).zip(target) {
+        *e = if row < 3 { x - p[row] } else { turn[row - 3] };
+    }
+}
+
+/// The rotation whose vector has these rows, and zeros elsewhere.
+fn desired_rotation<S: Real>(rows: &[usize], target: &[S]) -> Matrix3<S> {
+    let mut vector = [S::zero(); 3];
+    for (&row, &x) in rows.iter().zip(target) {
+        if row > 2 {
+            vector[row - 3] = x;
+        }
+    }
+    rotation_exp(vector)
+}

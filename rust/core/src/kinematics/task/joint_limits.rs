@@ -1,0 +1,83 @@
+//! Chosen joints stay within narrowed limits: the way back out of the margin, zero inside, rows of the identity.
+
+use super::posture::identity_rows;
+use super::{TaskFunction, TaskKind, chosen};
+use crate::arm::{Arm, Tree};
+use crate::error::{Error, Result};
+use crate::kinematics::Bodies;
+use crate::scalar::Real;
+
+/// Chosen joints stay within the narrowed limits `lower`, `upper`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointLimits {
+    /// Indices of the joints.
+    pub joints: Vec<usize>,
+    /// Least positions.
+    pub lower: Vec<f64>,
+    /// Largest positions.
+    pub upper: Vec<f64>,
+}
+
+impl TaskFunction {
+    /// All joints that have limits; `margin` is the part of the range at either end that is to be left, 0 to 0.5 (centring).
+    pub fn joint_limits(arm: &Arm, joints: Option<&[String]>, margin: f64) -> Result<Self> {
+        if !(0.0..=0.5).contains(&margin) {
+            return Err(Error::input("margin", format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}")));
+        }
+        let limited = |i: &usize| arm.joints[*i].limits.lower.is_finite() && arm.joints[*i].limits.upper.is_finite();
+        let joints: Vec<usize> = match joints {
+            None => (0..arm.n()).filter(limited).collect(),
+            Some(names) => chosen(arm, names)?,
+        };
+        if let Some(&i) = joints.iter().find(|i| !limited(i)) {
+            return Err(Error::input(
+                "joints",
+                format!("has no limits: expected joints with two finite limits, got {}", arm.joints[i].name),
+            ));
+        }
+        if joints.is_empty() {
+            return Err(Error::input("arm", "has no joint with limits: expected at least one, got none"));
+        }
+        let narrowed = |i: usize, from_lower: f64| {
+            let limits = &arm.joints[i].limits;
+            limits.lower + from_lower * (limits.upper - limits.lower)
+        };
+        let lower = joints.iter().map(|&i| narrowed(i, margin)).collect();
+        let upper = joints.iter().map(|&i| narrowed(i, 1.0 - margin)).collect();
+        Ok(JointLimits { joints, lower, upper }.into())
+    }
+}
+
+impl TaskKind for JointLimits {
+    fn rows(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// The limits are the target.
+    fn target_size(&self) -> usize {
+        0
+    }
+
+    fn bodies<S: Real>(&self, _: &Tree<S>) -> usize {
+        0
+    }
+
+    fn error<S: Real>(&self, at: &mut Bodies<S>, _: &[S], e: &mut [S]) {
+        for (row, &joint) in self.joints.iter().enumerate() {
+            e[row] = at.q[joint].max(S::splat(self.lower[row])).min(S::splat(self.upper[row])) - at.q[joint];
+        }
+    }
+
+    fn feedforward<S: Real>(&self, _: &Bodies<S>, _: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
+        w.fill(S::zero());
+        if let Some(a) = a {
+            a.fill(S::zero());
+        }
+    }
+
+    fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]) {
+        if !rate {
+            identity_rows(&self.joints, at.n(), j);
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! Task functions of an arm: error `e(q)`, feed-forward `w`, Jacobian `J(q)` and `dJ/dt`, so that a command
+//! `J v = w + K e` makes the error decay (closed-loop inverse kinematics, `siciliano1990kinematic`).
+//!
+//! A kind of task is declared in its own file and in the table `tasks!`.
+//!
+//! | task | error | Jacobian |
+//! |---|---|---|
+//! | frame | `x_d - p`, `log(R_d R')` | rows of the geometric one |
+//! | posture | `q_d - q` of chosen joints | rows of the identity |
+//! | centre of mass | `c_d - c` | `sum m_b J_b / m` |
+//! | axis | turn vector from `a` to `a_d`, in the frame's two directions across `a` | the same rows of `R' J_w` |
+//! | relative | `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')` | `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)` |
+//! | joint limits | way back out of the margin, zero inside | rows of the identity |
+
+mod axis;
+mod centre_of_mass;
+mod frame;
+mod joint_limits;
+mod posture;
+mod relative;
+#[cfg(all(test, feature = "urdf"))]
+mod tests;
+
+pub use axis::Axis;
+pub use centre_of_mass::CentreOfMass;
+pub use joint_limits::JointLimits;
+pub use posture::Posture;
+pub use relative::Relative;
+
+use super::{Bodies, Coordinates};
+use crate::arm::{Arm, Tree};
+use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
+
+/// A kind of task on an arm.
+pub trait TaskKind {
+    /// Number of rows of its Jacobian.
+    fn rows(&self) -> usize;
+
+    /// Numbers in its target.
+    fn target_size(&self) -> usize {
+        self.rows()
+    }
+
+    /// Refuse a constant target of the right size that the task cannot have.
+    fn require(&self, _target: &[f64]) -> Result<()> {
+        Ok(())
+    }
+
+    /// How many bodies have to be placed for it, from the first on.
+    fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize;
+
+    /// The error `e` `(rows,)` to a target.
+    fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]);
+
+    /// The feed-forward velocity `w` of a target `[x_d, x_d', x_d'']`, and the acceleration into `a` where it is asked for.
+    fn feedforward<S: Real>(&self, _at: &Bodies<S>, [_, rate, acceleration]: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
+        w.copy_from_slice(rate);
+        if let Some(a) = a {
+            a.copy_from_slice(acceleration);
+        }
+    }
+
+    /// The Jacobian `(rows, n)`, row-major, or its `rate` `dJ/dt`, into zeros.
+    fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]);
+}
+
+/// The kinds of tasks: the enum, and what it asks of each.
+macro_rules! tasks {
+    ($($(#[$doc:meta])* $kind:ident($definition:ty),)*) => {
+        /// What of an arm is controlled.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum TaskFunction {
+            $($(#[$doc])* $kind($definition),)*
+        }
+
+        $(impl From<$definition> for TaskFunction {
+            fn from(task: $definition) -> Self {
+                TaskFunction::$kind(task)
+            }
+        })*
+
+        impl TaskKind for TaskFunction {
+            fn rows(&self) -> usize {
+                match self {
+                    $(TaskFunction::$kind(task) => task.rows(),)*
+                }
+            }
+            fn target_size(&self) -> usize {
+                match self {
+                    $(TaskFunction::$kind(task) => task.target_size(),)*
+                }
+            }
+            fn require(&self, target: &[f64]) -> Result<()> {
+                match self {
+                    $(TaskFunction::$kind(task) => task.require(target),)*
+                }
+            }
+            fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize {
+                match self {
+                    $(TaskFunction::$kind(task) => task.bodies(tree),)*
+                }
+            }
+            fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]) {
+                match self {
+                    $(TaskFunction::$kind(task) => task.error(at, target, e),)*
+                }
+            }
+            fn feedforward<S: Real>(&self, at: &Bodies<S>, desired: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
+                match self {
+                    $(TaskFunction::$kind(task) => task.feedforward(at, desired, w, a),)*
+                }
+            }
+            fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]) {
+                match self {
+                    $(TaskFunction::$kind(task) => task.jacobian(at, rate, j),)*
+                }
+            }
+        }
+    };
+}
+
+tasks! {
+    /// Rows of the position and orientation of a frame, world axes.
+    Frame(Coordinates),
+    /// Positions of chosen joints.
+    Posture(Posture),
+    /// Rows of the centre of mass, world axes.
+    CentreOfMass(CentreOfMass),
+    /// A direction of a frame points along a direction of the world.
+    Axis(Axis),
+    /// Rows of the pose of a frame as seen from another frame.
+    Relative(Relative),
+    /// Chosen joints stay within narrowed limits.
+    JointLimits(JointLimits),
+}
+
+impl TaskFunction {
+    /// Number of rows of its Jacobian.
+    pub fn rows(&self) -> usize {
+        TaskKind::rows(self)
+    }
+
+    /// Numbers in its target: the rows, but a direction `(3,)` of an axis, and none where the limits are the target.
+    pub fn target_size(&self) -> usize {
+        TaskKind::target_size(self)
+    }
+
+    /// Refuse a constant target that the task cannot have.
+    pub fn require_target(&self, target: &[f64]) -> Result<()> {
+        finite("target", target)?;
+        if target.len() != self.target_size() {
+            return Err(Error::input(
+                "target",
+                format!("has the wrong shape: expected ({},), got ({},)", self.target_size(), target.len()),
+            ));
+        }
+        self.require(target)
+    }
+}
+
+/// The index of a frame that an argument names.
+fn frame_of(arm: &Arm, argument: &str, name: &str) -> Result<usize> {
+    arm.frame_index(name).map_err(|error| error.of_argument(argument))
+}
+
+/// Indices of joints by name, each once.
+fn chosen(arm: &Arm, names: &[String]) -> Result<Vec<usize>> {
+    let mut joints = Vec::with_capacity(names.len());
+    for name in names {
+        let joint = arm.joint_index(name).map_err(|error| error.of_argument("joints"))?;
+        if joints.contains(&joint) {
+            return Err(Error::input("joints", format!("repeats a joint: expected each once, got {name} again")));
+        }
+        joints.push(joint);
+    }
+    if joints.is_empty() {
+        return Err(Error::input("joints", "is empty: expected at least one joint, got none"));
+    }
+    Ok(joints)
+}

@@ -1,0 +1,68 @@
+//! Rows of the pose of a frame as seen from another frame: `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')`;
+//! Jacobian `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)`.
+
+use super::frame::pose_error;
+use super::{TaskFunction, TaskKind, frame_of};
+use crate::arm::{Arm, Tree};
+use crate::error::{Error, Result};
+use crate::kinematics::coordinates::parse_axes;
+use crate::kinematics::{Bodies, Column};
+use crate::scalar::Real;
+use crate::spatial::{Matrix, Vector, Vector3};
+
+/// Rows of the pose of a frame as seen from another frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Relative {
+    /// Index of the frame.
+    pub frame: usize,
+    /// Index of the frame that it is seen from.
+    pub reference: usize,
+    /// Controlled rows, as in [`Coordinates`](crate::kinematics::Coordinates).
+    pub rows: Vec<usize>,
+}
+
+impl TaskFunction {
+    /// Rows `axes` of the pose of `frame` relative to `reference`.
+    pub fn relative(arm: &Arm, frame: &str, reference: &str, axes: &str) -> Result<Self> {
+        let (frame, reference) = (frame_of(arm, "frame", frame)?, frame_of(arm, "reference", reference)?);
+        if frame == reference {
+            return Err(Error::input("reference", "is the frame itself: expected another frame"));
+        }
+        Ok(Relative { frame, reference, rows: parse_axes(axes)? }.into())
+    }
+}
+
+impl TaskKind for Relative {
+    fn rows(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize {
+        Bodies::below(tree, self.frame).max(Bodies::below(tree, self.reference))
+    }
+
+    fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]) {
+        let (f, r) = (at.frame(self.frame, false), at.frame(self.reference, false));
+        pose_error(&self.rows, r.r.transpose().times(f.r), r.r.apply_transposed(f.p - r.p), target, e);
+    }
+
+    fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]) {
+        let (n, f, r) = (at.n(), at.frame(self.frame, rate), at.frame(self.reference, rate));
+        let (d, d_dot) = (f.p - r.p, f.u - r.u);
+        let mut add = |c: &Column<S>, linear: Vector3<S>, angular: Vector3<S>, linear_dot: Vector3<S>, angular_dot: Vector3<S>| {
+            // The rate of R_r' x is R_r'(x' - w_r x x).
+            let (linear, angular) =
+                if rate { (linear_dot - r.w.cross(linear), angular_dot - r.w.cross(angular)) } else { (linear, angular) };
+            let (linear, angular) = (r.r.apply_transposed(linear), r.r.apply_transposed(angular));
+            for (row, &axis) in self.rows.iter().enumerate() {
+                j[row * n + c.joint] += if axis < 3 { linear[axis] } else { angular[axis - 3] };
+            }
+        };
+        at.columns(self.frame, &f, rate, |c| add(&c, c.linear, c.angular, c.linear_dot, c.angular_dot));
+        at.columns(self.reference, &r, rate, |c| {
+            let linear = d.cross(c.angular) - c.linear;
+            let linear_dot = d_dot.cross(c.angular) + d.cross(c.angular_dot) - c.linear_dot;
+            add(&c, linear, -c.angular, linear_dot, -c.angular_dot);
+        });
+    }
+}
