@@ -24,8 +24,10 @@ ALLOWED = (al.ArmletError, TypeError, MemoryError, OSError)
 #: By the protocols of Python and the documentation: an index beyond the end, a package that is not installed.
 ALLOWED_BY_PROTOCOL = {"__getitem__": (IndexError,), "": (ImportError,)}
 MADE: dict[str, Any] = {}
-#: s that a call may take longer for each number of its result: an answer of 10^8 rows is work that was asked for.
-EACH = 1e-7
+#: s that a call may take longer for each number of its result, and of its arguments: an answer of 10^8 rows is work that was asked for.
+EACH, READ = 1e-7, 1e-8
+#: s for a search whose length its caller sets by options.
+LONG = {"exciting_motion": 20.0}
 # Objects with a state are made anew for every call.
 STATEFUL = ("al.Simulator", "al.PrioritySolver")
 
@@ -86,7 +88,8 @@ def run(made: Call, limit: float) -> tuple[str, str] | None:
         fault = fault_of(error, made)
     # The smaller of the two: other work on the machine is not the call's.
     spent = min(time.perf_counter() - wall, time.process_time() - work)
-    if fault is None and spent > limit + EACH * numbers_of(space.get("result")):
+    read = READ * sum(numbers_of(space[variable]) for variable, _, _ in made.arguments)
+    if fault is None and spent > max(limit, LONG.get(made.target, 0.0)) + read + EACH * numbers_of(space.get("result")):
         fault = "slow", f"{spent:.1f} s"
     if fault is None:
         changed = [variable for variable, held in before.items() if fingerprint(space[variable]) != held]
