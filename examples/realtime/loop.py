@@ -1,0 +1,27 @@
+"""The loop that all programs of this folder run: an arm, a law, a start, and the messages between robot and controller.
+
+Messages are datagrams of float64 in the order of this machine. Command `k` is `[k, tau (n)]` and acts for one sample. The answer is the
+state `[k + 1, q (n), v (n)]` after it. Command -1 has any torques, and its answer is the state at the start.
+"""
+
+import numpy as np
+
+import armlet as al
+
+HOST = "127.0.0.1"
+START = -1.0
+
+arm = al.load_urdf(al.example_urdf("seven_axis"))
+plant = al.RigidArm(arm)
+motion = al.Sinusoid([0.3] * arm.n, [0.2] * arm.n, [2.0] * arm.n, [0.0] * arm.n)
+law = al.Adaptive(arm, motion, kp=40.0, kd=20.0, gamma=0.1)
+q0 = np.full(arm.n, 0.25)
+n = arm.n
+
+
+def expected(rate: float, samples: int) -> np.ndarray:
+    """`[q, v]` after so many samples of the same loop in armlet alone."""
+    dt = 1.0 / rate
+    # One step more: the last one ends at `t_end`, which rounds in another way than `samples` steps of `dt`.
+    run = al.simulate(plant, law, q0, t_end=(samples + 1) * dt, dt=dt, sample_time=dt, monitors=False)
+    return np.concatenate([run.q[samples], run.v[samples]])
