@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import matplotlib
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -72,13 +73,51 @@ def test_the_distance_of_a_cartesian_law() -> None:
     assert not [ax for ax in run().plot(Figure()).flat if ax.get_ylabel() == "distance (m)"]
 
 
+def test_the_rotation_of_a_law_with_orientation_rows() -> None:
+    law = al.CartesianImpedance(ARM, [0.5, 0.5, 0.9], 300.0, 40.0, frame="link2", axes="xy rz")
+    made = al.simulate(al.RigidArm(ARM), law, [0.3, 1.0], t_end=0.1, method="dop853")
+    (panel,) = [ax for ax in made.plot(Figure()).flat if ax.get_ylabel() == "angle (rad)"]
+    np.testing.assert_allclose(panel.get_lines()[0].get_ydata(), np.abs(0.9 - made.q.sum(axis=1)), rtol=0.0, atol=1e-14)
+
+
 def test_estimates_of_many_links() -> None:
-    """A colour per link, named; forty lines of their own would say nothing."""
-    law = al.Adaptive(ARM, al.Sinusoid([0.1, 0.2], [0.3, 0.3], [1.0, 2.0], [0.0, 0.0]), 50.0, 5.0, 1.0)
+    """A panel per kind of parameter, with its unit, and a colour per link; forty lines in one panel would say nothing."""
+    law = al.Adaptive(ARM, al.Sinusoid([0.1, 0.2], [0.3, 0.3], [1.0, 2.0], [0.0, 0.0]), 50.0, 5.0, 1.0, friction=True)
     axes = al.simulate(al.RigidArm(ARM), law, [0.0, 0.0], t_end=0.1, dt=1e-3).plot(Figure())
-    (panel,) = [ax for ax in axes.flat if "estimates" in ax.get_title(loc="left")]
-    assert len(panel.get_lines()) == 20 and len({line.get_color() for line in panel.get_lines()}) == 2
-    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["link 1", "link 2"]
+    panels = [ax for ax in axes.flat if "Estimates" in ax.get_title(loc="left")]
+    assert [len(panel.get_lines()) for panel in panels] == [2, 6, 12, 4]
+    assert [panel.get_ylabel() for panel in panels[:2]] == ["masses (kg)", "first moments (kg m)"]
+    assert all(len({line.get_color() for line in panel.get_lines()}) == 2 for panel in panels)
+
+
+def test_joints_are_named_once() -> None:
+    """Above the panels, with what dashes are; no panel has a legend over its data."""
+    law = al.ComputedTorque(ARM, al.Quintic([0.0, 0.0], [0.5, 0.5], 1.0), 50.0, 10.0)
+    figure = Figure()
+    axes = al.simulate(al.RigidArm(ARM), law, [0.0, 0.0], t_end=0.1, dt=1e-3).plot(figure)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["1 joint1", "2 joint2", "desired"]
+    assert not [ax for ax in axes.flat if ax.get_legend()]
+
+
+def test_limits_that_a_run_comes_near() -> None:
+    joints = [{"type": "R", "axis": [0, 0, 1], "phi": [1, 0, 0, 0, 1, 0, 1, 0, 0, 1], "effort": 10.0, "upper": 0.5, "lower": -40.0}] * 2
+    arm = al.Arm.from_chain(joints)
+    figure = Figure()
+    law = al.PDGravity(arm, [0.4, 0.1], 20.0, 5.0)
+    axes = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=3.0, dt=1e-3).plot(figure)
+    drawn = {ax.get_title(loc="left"): [line.get_ydata()[0] for line in ax.get_lines() if line.get_gid() == "limit"] for ax in axes.flat}
+    assert drawn["Joint positions"] == [0.5, 0.5] and drawn["Joint torques"] == [10.0, 10.0]
+    assert figure.legends[0].get_texts()[-1].get_text() == "limit"
+
+
+def test_many_joints_share_no_panel() -> None:
+    """Up to seven in one, each with the names of its joints."""
+    arm = al.planar_arm([0.1] * 9)
+    axes = al.simulate(al.RigidArm(arm), al.PDGravity(arm, [0.1] * 9, 1.0, 0.1), [0.0] * 9, t_end=1e-3, method="dop853").plot(Figure())
+    titles = [ax.get_title(loc="left") for ax in axes.flat]
+    assert titles[:2] == ["Joint positions, 1 to 5", "Joint positions, 6 to 9"] and "Joint torques, 6 to 9" in titles
+    assert [text.get_text() for text in axes[0, 1].get_legend().get_texts()] == [f"{i} joint{i}" for i in range(6, 10)]
 
 
 @pytest.mark.parametrize("name", DRAWN)

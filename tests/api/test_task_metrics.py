@@ -107,3 +107,20 @@ def test_refusals(tmp_path: Path) -> None:
     run.save(tmp_path / "run.npz")
     with pytest.raises(al.InputError, match="no arm, as a run that was read from a file"):
         al.load(tmp_path / "run.npz").metrics(frame="link1")
+
+
+def test_the_rotation_from_the_target(tmp_path: Path) -> None:
+    """The norm of the law's own error in its orientation rows, for any angle; a saved run keeps it."""
+    arm = al.load_urdf(al.example_urdf("six_axis"))
+    rng = np.random.default_rng(5)
+    for axes, rows in (("xyz rx ry rz", [3, 4, 5]), ("z rx rz", [1, 2]), ("rx ry rz", [0, 1, 2])):
+        m = len(axes.split()[0].replace("r", "")) if axes.startswith(("xyz", "z ")) else 0
+        target = rng.uniform(-1.5, 1.5, m + len(rows))
+        law = al.CartesianImpedance(arm, target, 1.0, 1.0, frame="flange", axes=axes)
+        t, q = np.linspace(0.0, 1.0, 20), rng.uniform(-3.0, 3.0, (20, 6))
+        run = al.Run({"t": t, "q": q, "v": 0.0 * q}, law=law, plant=al.RigidArm(arm))
+        expected = [np.linalg.norm(law.terms(0.0, each, 0.0 * each)["e"][rows]) for each in q]
+        assert run.orientation_error is not None
+        np.testing.assert_allclose(run.orientation_error[:, 0], expected, rtol=0.0, atol=2e-14)
+    run.save(path := tmp_path / "run.npz")
+    np.testing.assert_array_equal(al.load(path).orientation_error, run.orientation_error)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,14 @@ if TYPE_CHECKING:
 __all__ = ["plot"]
 
 
+Panel: TypeAlias = Callable[["Axes", "Recorded"], None]
+
+#: Joints of one panel, as many as there are colours that stand out.
+MOST = 7
+#: The ten parameters of a link, by kind: their places, what they are, and their unit.
+KINDS = ((slice(0, 1), "masses", "kg"), (slice(1, 4), "first moments", "kg m"), (slice(4, 10), "moments of inertia", "kg m²"))
+
+
 def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
     """Draw the figure of `run`'s law into `fig` (None: a new pyplot figure); returns the axes as an array.
 
@@ -28,7 +38,7 @@ def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
     panels = _panels(run)
     columns = 2 if len(panels) == 4 else min(3, len(panels))
     rows = -(-len(panels) // columns)
-    with sheet(fig, (4.0 * columns, 2.9 * rows)) as figure:
+    with sheet(fig, (4.0 * columns, 2.7 * rows + 0.5)) as figure:
         axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
         for ax, panel in zip(axes.flat, panels, strict=False):
             panel(ax, run)
@@ -38,137 +48,200 @@ def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
             # The lowest panel of every column, also where the last row is not full.
             axes.flat[last].set_xlabel("time (s)")
             axes.flat[last].tick_params(labelbottom=True)
+        if run.q.shape[-1] <= MOST:
+            _legend_of_joints(figure, run)
     result: NDArray[Any] = axes
     return result
 
 
-def _panels(run: Recorded) -> list[Any]:
+def _panels(run: Recorded) -> list[Panel]:
     """The panels that this run has data for, in reading order."""
+    positions, velocities = _of_joints(_position, run), _of_joints(_velocity, run)
     if "residual_1" in run.monitors:
-        return [_position, _velocity, _level_errors, _level_residuals]
-    panels: list[Any] = [_position]
-    if run.desired() is not None:
-        panels.append(_error)
-    else:
-        panels.append(_velocity)
+        return [*positions, *velocities, _level_errors, _level_residuals]
+    panels = [*positions, *(velocities if run.desired() is None else _of_joints(_error, run))]
     if run.position_error is not None:
         panels.append(_distance)
+    if run.orientation_error is not None:
+        panels.append(_turn)
     if run.tau is not None:
-        panels.append(_torque)
+        panels += _of_joints(_torque, run)
     if run.estimate is not None and run.estimate.shape[-1]:
-        panels.append(_estimate)
+        panels += _estimates(run)
     # One identity per figure: the Lyapunov function where the law has one, the energy elsewhere.
-    watched = {"lyapunov": _lyapunov, "lyapunov_balance": _lyapunov_balance}
+    watched: dict[str, Panel] = {"lyapunov": _lyapunov, "lyapunov_balance": _lyapunov_balance}
     if "lyapunov" not in run.monitors:
         watched = {"energy": _energy, "energy_balance": _energy_balance}
     panels += [panel for name, panel in watched.items() if name in run.monitors]
     return panels
 
 
-def _lines(ax: Axes, t: NDArray[Any], values: NDArray[Any], labels: list[str], **style: Any) -> None:
+def _of_joints(draw: Callable[[Axes, Recorded, slice], None], run: Recorded) -> list[Panel]:
+    """A panel for the joints; several where they are too many to be told apart, each with a legend."""
+
+    def panel(ax: Axes, run: Recorded, joints: slice) -> None:
+        draw(ax, run, joints)
+        if joints.stop - joints.start < run.q.shape[-1]:
+            ax.set_title(f"{ax.get_title(loc='left')}, {joints.start + 1} to {joints.stop}")
+            names = _names(run)[joints]
+            for line, name in zip(ax.get_lines(), names, strict=False):
+                line.set_label(name)
+            _legend(ax)
+
+    n = run.q.shape[-1]
+    starts = range(0, n, -(-n // -(-n // MOST)))
+    return [partial(panel, joints=slice(start, min(start + starts.step, n))) for start in starts]
+
+
+def _names(run: Recorded) -> list[str]:
+    """`1 shoulder`, ..: the joints by number, and by name where the arm is known."""
+    names = getattr(run.arm, "joint_names", None) or [""] * run.q.shape[-1]
+    return [f"{i + 1} {literal(name).strip()}".strip() for i, name in enumerate(names)]
+
+
+def _legend_of_joints(figure: Figure, run: Recorded) -> None:
+    """One legend above all panels: a colour per joint, and what dashes and dots are."""
+    from matplotlib.lines import Line2D
+
+    entries = [Line2D([], [], color=COLOURS[i], label=name) for i, name in enumerate(_names(run))]
+    if run.desired() is not None:
+        entries.append(Line2D([], [], color="0.4", linestyle="--", linewidth=1.0, label="desired"))
+    if any(line.get_gid() == "limit" for ax in figure.axes for line in ax.get_lines()):
+        entries.append(Line2D([], [], color="0.4", linestyle=":", linewidth=1.0, label="limit"))
+    figure.legend(handles=entries, loc="outside upper center", ncols=min(len(entries), 7), title="joint", handlelength=1.4)
+
+
+def _lines(ax: Axes, t: NDArray[Any], values: NDArray[Any], labels: list[str] | None = None, **style: Any) -> None:
     for i in range(values.shape[-1]):
-        ax.plot(t, values[:, i], color=COLOURS[i % len(COLOURS)], label=labels[i], **style)
+        ax.plot(t, values[:, i], color=COLOURS[i % len(COLOURS)], label=labels[i] if labels else None, **style)
 
 
-def _joints(symbol: str, units: tuple[str, ...]) -> list[str]:
-    """Legend texts; joints of different kinds carry their own unit."""
-    mixed = len(set(units)) > 1
-    return [rf"${symbol}_{{{i + 1}}}$" + (f" ({literal(unit)})" if mixed else "") for i, unit in enumerate(units)]
+def _limits(ax: Axes, run: Recorded, joints: slice, upper: str, lower: str | None = None) -> None:
+    """Dotted lines at the limits that the run comes near; others would squeeze what is to be seen."""
+    if run.limits is None:
+        return
+    low, high = ax.get_ylim()
+    room = 0.5 * (high - low)
+    least = -run.limits[upper] if lower is None else run.limits[lower]
+    for bounds in (run.limits[upper], least):
+        for i, bound in enumerate(bounds[joints]):
+            if low - room < bound < high + room:
+                ax.axhline(bound, color=COLOURS[i], linestyle=":", linewidth=1.0, gid="limit")
 
 
 def _axis(name: str, units: tuple[str, ...]) -> str:
     return f"{name} ({literal(', '.join(dict.fromkeys(units)))})"
 
 
-def _legend(ax: Axes, columns: int | None = None) -> None:
-    """A legend above the data, never over it."""
+def _legend(ax: Axes) -> None:
+    """A legend beside the panel, never over the data."""
     handles, labels = ax.get_legend_handles_labels()
     if 1 < len(handles) <= 12:
-        ax.margins(y=0.08)
-        low, high = ax.get_ylim()
-        if ax.get_yscale() == "linear":
-            ax.set_ylim(low, high + 0.22 * (high - low))
-        else:
-            ax.set_ylim(low, high * (high / low) ** 0.22)
-        ax.legend(handles, labels, loc="upper right", ncols=columns or min(4, len(handles)), handlelength=1.4, columnspacing=1.0)
+        ax.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2, borderpad=0.0)
 
 
-def _position(ax: Axes, run: Recorded) -> None:
-    _lines(ax, run.t, run.q, _joints("q", run.units))
+def _position(ax: Axes, run: Recorded, joints: slice) -> None:
+    _lines(ax, run.t, run.q[:, joints])
     desired = run.desired()
     if desired is not None:
-        _lines(ax, run.t, desired[0], [""] * run.q.shape[1], linestyle="--", linewidth=1.0, alpha=0.8)
-        ax.plot([], [], color="0.4", linestyle="--", linewidth=1.0, label="desired")
-    ax.set_ylabel(_axis("position", run.units))
+        _lines(ax, run.t, desired[0][:, joints], linestyle="--", linewidth=1.0, alpha=0.8)
+    _limits(ax, run, joints, "q_max", "q_min")
+    ax.set_ylabel(_axis("position", run.units[joints]))
     ax.set_title("Joint positions")
-    _legend(ax)
 
 
-def _error(ax: Axes, run: Recorded) -> None:
+def _error(ax: Axes, run: Recorded, joints: slice) -> None:
     desired = run.desired()
     assert desired is not None
-    _lines(ax, run.t, desired[0] - run.q, _joints("e", run.units))
-    ax.set_ylabel(_axis("error", run.units))
+    _lines(ax, run.t, (desired[0] - run.q)[:, joints])
+    ax.set_ylabel(_axis("error", run.units[joints]))
     ax.set_title(r"Tracking error $e = q_d - q$")
+
+
+def _task_errors(ax: Axes, run: Recorded, errors: NDArray[Any], unit: str, what: str) -> None:
+    count = errors.shape[-1]
+    _lines(ax, run.t, errors, [f"task {i + 1}" for i in range(count)])
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel(unit)
+    ax.set_title(f"{what} of {'the' if count == 1 else 'each'} frame from its target")
     _legend(ax)
 
 
 def _distance(ax: Axes, run: Recorded) -> None:
     assert run.position_error is not None
-    count = run.position_error.shape[-1]
-    _lines(ax, run.t, run.position_error, [f"task {i + 1}" for i in range(count)])
-    ax.set_ylim(bottom=0.0)
-    ax.set_ylabel("distance (m)")
-    ax.set_title("Distance of the frame from its target" if count == 1 else "Distance of each frame from its target")
-    _legend(ax)
+    _task_errors(ax, run, run.position_error, "distance (m)", "Distance")
 
 
-def _velocity(ax: Axes, run: Recorded) -> None:
-    units = tuple(f"{unit}/s" for unit in run.units)
-    _lines(ax, run.t, run.v, _joints("v", units))
-    ax.set_ylabel(_axis("velocity", units))
+def _turn(ax: Axes, run: Recorded) -> None:
+    assert run.orientation_error is not None
+    _task_errors(ax, run, run.orientation_error, "angle (rad)", "Rotation")
+
+
+def _velocity(ax: Axes, run: Recorded, joints: slice) -> None:
+    _lines(ax, run.t, run.v[:, joints])
+    _limits(ax, run, joints, "v_max")
+    ax.set_ylabel(_axis("velocity", tuple(f"{unit}/s" for unit in run.units[joints])))
     ax.set_title("Joint velocities")
-    _legend(ax)
 
 
-def _torque(ax: Axes, run: Recorded) -> None:
+def _torque(ax: Axes, run: Recorded, joints: slice) -> None:
     assert run.tau is not None
     units = run.input_units
     commanded = units[:1] not in (("N",), ("N m",))
-    _lines(ax, run.t, run.tau, _joints("u" if commanded else r"\tau", units))
-    ax.set_ylabel(_axis("input", units))
+    _lines(ax, run.t, run.tau[:, joints])
+    _limits(ax, run, joints, "v_max" if commanded else "effort")
+    ax.set_ylabel(_axis("input", units[joints]))
     ax.set_title("Commanded velocities" if commanded else "Joint forces and torques" if len(set(units)) > 1 else "Joint torques")
+
+
+def _estimates(run: Recorded) -> list[Panel]:
+    """The panels of the law's own state."""
+    assert run.estimate is not None
+    if run.law_name in ("PID", "CartesianImpedance"):
+        return [_integral]
+    # Behind the estimate a composite law keeps its filters.
+    count = run.estimate[..., : run._estimated].shape[-1]
+    links = run.q.shape[-1]
+    if count <= 12 or count < 10 * links:
+        return [_estimate]
+    beside: list[Panel] = [_rotors_and_friction] if count > 10 * links else []
+    return [*(partial(_bodies, kind=kind) for kind in KINDS), *beside]
+
+
+def _integral(ax: Axes, run: Recorded) -> None:
+    assert run.estimate is not None
+    wrench = run.law_name == "CartesianImpedance"
+    _lines(ax, run.t, run.estimate, [f"$w_{{{i + 1}}}$" for i in range(run.estimate.shape[-1])])
+    ax.set_ylabel("N, N m" if wrench else ", ".join(dict.fromkeys(run.input_units)))
+    ax.set_title("Integral wrench" if wrench else "Integral torques")
     _legend(ax)
+
+
+def _bodies(ax: Axes, run: Recorded, kind: tuple[slice, str, str]) -> None:
+    """The estimates of one kind, a colour per link: no true values, to which they need not go."""
+    assert run.estimate is not None
+    places, what, unit = kind
+    for link in range(run.q.shape[-1]):
+        own = run.estimate[:, 10 * link : 10 * link + 10]
+        ax.plot(run.t, own[:, places], color=COLOURS[link % len(COLOURS)], linewidth=0.8, alpha=0.8)
+    ax.set_ylabel(f"{what} ({unit})")
+    ax.set_title(f"Estimates: {what}")
+
+
+def _rotors_and_friction(ax: Axes, run: Recorded) -> None:
+    assert run.estimate is not None
+    n = run.q.shape[-1]
+    beside = run.estimate[:, 10 * n : run._estimated]
+    for i in range(beside.shape[-1]):
+        ax.plot(run.t, beside[:, i], color=COLOURS[i % n % len(COLOURS)], linestyle=("-", "--", ":", "-.")[i // n], linewidth=0.8)
+    ax.set_ylabel("parameters (SI)")
+    ax.set_title("Estimates: rotors, friction")
 
 
 def _estimate(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
-    count = run.estimate.shape[-1]
-    if run.law_name in ("PID", "CartesianImpedance"):
-        wrench = run.law_name == "CartesianImpedance"
-        _lines(ax, run.t, run.estimate, [f"$w_{{{i + 1}}}$" for i in range(count)])
-        ax.set_ylabel("N, N m" if wrench else ", ".join(dict.fromkeys(run.input_units)))
-        ax.set_title("Integral wrench" if wrench else "Integral torques")
-        _legend(ax)
-        return
-    # Behind the estimate a composite law keeps its filters.
     estimate = run.estimate[..., : run._estimated]
     count = estimate.shape[-1]
-    links = run.q.shape[-1]
-    if count > 12 and count >= 10 * links:
-        # Ten parameters per link are too many to be told apart: one colour per link, and no true values, to which they need not go.
-        for link in range(links):
-            lines = ax.plot(
-                run.t, estimate[:, 10 * link : 10 * link + 10], color=COLOURS[link % len(COLOURS)], linewidth=0.8, alpha=0.8
-            )
-            lines[0].set_label(f"link {link + 1}")
-        if count > 10 * links:
-            lines = ax.plot(run.t, estimate[:, 10 * links :], color="0.4", linestyle="--", linewidth=0.8)
-            lines[0].set_label("rotors, friction")
-        ax.set_ylabel("parameters (kg, kg m, kg m²)" if count == 10 * links else "parameters (SI)")
-        ax.set_title("Parameter estimates, ten per link")
-        _legend(ax)
-        return
     _lines(ax, run.t, estimate, [rf"$\hat{{a}}_{{{i + 1}}}$" for i in range(count)])
     if run.parameters is not None and run.parameters.shape == (count,):
         for i, value in enumerate(run.parameters):

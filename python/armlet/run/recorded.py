@@ -5,7 +5,7 @@ Time is the first axis of a run: `q` is (K, n); a batch of B runs puts its rows 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..integration import DenseOutput
 from ..status import Status
 from .events import Events
-from .task_errors import position_errors
+from .task_errors import orientation_errors, position_errors
 
 __all__ = ["SERIES", "Array", "Recorded"]
 
@@ -28,7 +28,7 @@ SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
 # Laws whose motion is not one of joints.
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Fields without a time axis that may be there.
-OTHERS = ("parameters", "target", "limits", "position_error")
+OTHERS = ("parameters", "target", "limits", "position_error", "orientation_error")
 LIMITS = ("q_min", "q_max", "v_max", "effort")
 
 
@@ -74,13 +74,12 @@ class Recorded:
         # How much of the law's own state is an estimate; filters may follow.
         self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
         # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
-        stated = {name: given.pop(name, None) for name in ("parameters", "target", "limits", "units")}
+        stated = {name: given.pop(name, None) for name in (*OTHERS, "units")}
         if stated["parameters"] is not None:
             stated["parameters"] = _core.numbers(who, "parameters", stated["parameters"])
         if stated["units"]:
             stated["units"] = tuple(stated["units"])
         self.__dict__.update((name, value) for name, value in stated.items() if value is not None and len(value))
-        self._position_error: Array | None = given.pop("position_error", None)
         self._set_status(given.pop("status", Status.SUCCESS))
         self.events: Events | None = given.pop("events", None)
         self._dense: tuple[DenseOutput, int] | None = given.pop("dense", None)
@@ -139,13 +138,19 @@ class Recorded:
                 self._desired = tuple(np.stack(parts) for parts in zip(*rows, strict=True))
         return self._desired  # type: ignore[return-value]  # three by construction
 
-    @property
+    @cached_property
     def position_error(self) -> Array | None:
         """How far the frame of each task is from its target, (K, tasks) or (B, K, tasks), m; None for laws without such tasks."""
-        if self._position_error is None and self._laws[0] is not None and self.arm is not None:
-            self._position_error = position_errors(self._laws, self._arms, self.t, self.q)
-            self._laws = [None]  # asked once
-        return self._position_error
+        return self._of_tasks(position_errors)
+
+    @cached_property
+    def orientation_error(self) -> Array | None:
+        """The angle between the frame of each task and its target, (K, tasks) or (B, K, tasks), rad; None for laws without such tasks."""
+        return self._of_tasks(orientation_errors)
+
+    def _of_tasks(self, errors: Callable[..., Array | None]) -> Array | None:
+        known = self._laws[0] is not None and self.arm is not None
+        return errors(self._laws, self._arms, self.t, self.q) if known else None
 
     def reference(self) -> tuple[Array, Array | None] | None:
         """What the joints should do, `(q_d, v_d)`, that broadcast to `q`: the motion, or the target of a law of joints; else None."""
