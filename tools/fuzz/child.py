@@ -57,11 +57,11 @@ def fault_of(error: BaseException, made: Call) -> tuple[str, str] | None:
     return "panic" if panic else "foreign exception", f"{type(error).__name__}{place}: {' '.join(str(error).split())[:160]}"
 
 
-def numbers_of(result: Any) -> int:
-    """How many numbers a result holds."""
-    if isinstance(result, tuple | list):
-        return sum(map(numbers_of, result[:100]))
-    return result.size if isinstance(result, np.ndarray) else 0
+def numbers_of(value: Any, depth: int = 0) -> int:
+    """How many numbers of arrays a result or an argument holds."""
+    if isinstance(value, tuple | list) and depth < 6:
+        return sum(numbers_of(item, depth + 1) for item in value[:100])
+    return value.size if isinstance(value, np.ndarray) else 0
 
 
 def run(made: Call, limit: float) -> tuple[str, str] | None:
