@@ -139,13 +139,7 @@ def _sweep(args: argparse.Namespace) -> int:
         raise InputError(f"{args.scenario}: $.sweep: is missing: expected a table with the keys vary, draws, seed, chunk")
     if args.plot:
         _can_plot("sweep")
-    tty = sys.stderr.isatty()
-
-    def progress(done: int, total: int) -> None:
-        if tty:
-            print(f"\r{done} of {total} runs", end="\n" if done == total else "", file=sys.stderr, flush=True)
-
-    given: dict[str, Any] = {"out": args.out, "progress": progress}
+    given: dict[str, Any] = {"out": args.out, "progress": sys.stderr.isatty()}
     if args.workers is None:
         table = sweep(scenario, **given)
     else:

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from ..arguments import choice, instance, shown
+from ..arguments import choice, instance
 from ..border import border
-from ..errors import InputError, SolveError
+from ..errors import SolveError
 from ..integration import DenseOutput
+from ..progress import reporter
 from ..status import Status, advice_on_run
 from .balances import Balances, warn_of_balances
 from .batches import batch_of, forces_of_runs, in_pieces, measured_by_records, require_measures
@@ -156,7 +157,7 @@ def simulate_batch(
     threads: int | None = None,
     keep: Literal["all", "final", "metrics"] = "all",
     metrics: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
     out: Mapping[str, NDArray[Any]] | None = None,
 ) -> BatchRun:
     """Run B closed loops side by side, in lanes and threads; the fields are those of a run with a leading axis B.
@@ -176,7 +177,8 @@ def simulate_batch(
         keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record. The metrics are reduced while the
             runs go, so the memory does not depend on the number of steps; `batch.metrics()` has the numbers of `armlet.metrics`.
         metrics: with keep="metrics", what `armlet.metrics` takes beside the run: `band`, `settle`, `tolerance`, `reference`, `frame`.
-        progress: called as `progress(done, runs)` after every piece of the batch.
+        progress: True writes the runs done and the remaining time to standard error; a function is called as `progress(done, runs)` after
+            every piece of the batch.
         out: arrays of yours by name ("q", "v", "tau", "status", ..) that get the rows piece by piece: after Ctrl-C they hold what was
             finished, and NaN and `Status.INTERRUPTED` elsewhere.
         (the rest): as for `simulate`.
@@ -200,9 +202,8 @@ def simulate_batch(
         keywords["force"] = forces_of_runs(force, len(q0) if isinstance(q0, Sized) else 0)
     undisturbed = sample_time is None and tau_max is None and force is None
     choice("simulate_batch", "keep", keep, ("all", "final", "metrics"))
-    if progress is not None and not callable(progress):
-        raise InputError(f"simulate_batch: progress is not callable: expected a function or None, got {shown(progress)}")
+    report = reporter("simulate_batch", progress, "runs")
     keywords["metrics"] = require_measures(keep, metrics)
-    if progress is not None or out is not None or measured_by_records(keywords):
-        return in_pieces(plants, laws, q0, keywords, progress, out, undisturbed)
+    if report is not None or out is not None or measured_by_records(keywords):
+        return in_pieces(plants, laws, q0, keywords, report, out, undisturbed)
     return batch_of(plants, laws, q0, keywords, undisturbed)

@@ -19,6 +19,7 @@ from ..arguments import choice, file_path, integer, number, shown
 from ..border import border, bordered
 from ..errors import InputError
 from ..pickling import sealed
+from ..progress import Progress, reporter
 from ..run.export import pandas_for, to_csv
 from ..run.metrics import MEASURES
 from ..scenario import Scenario
@@ -102,7 +103,7 @@ def sweep(
     executor: Executor | None = None,
     chunk: int | None = None,
     threads: int | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
     **metrics: Any,
 ) -> SweepTable:
     """Run a scenario once for every cell of a grid, or for random draws, and sum every run up by its metrics.
@@ -121,7 +122,8 @@ def sweep(
             threads of this process.
         chunk: cells per chunk; None: up to 256, fewer where runs are long.
         threads: per chunk; None: 1 with an executor, else as `simulate_batch`.
-        progress: called with the numbers of finished and of all cells.
+        progress: True writes the cells done and the remaining time to standard error; a function is called with the numbers of finished
+            and of all cells.
         **metrics: for `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`.
 
     Returns:
@@ -148,8 +150,7 @@ def sweep(
     chunk = _chunk_size(whole.data["run"]) if given is None else integer("sweep", "chunk", given, 1)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"sweep: executor is of the wrong type: expected one of concurrent.futures or None, got {shown(executor)}")
-    if progress is not None and not callable(progress):
-        raise InputError(f"sweep: progress is not callable: expected a function or None, got {shown(progress)}")
+    report = reporter("sweep", progress, "cells")
     if threads is not None:
         threads = integer("sweep", "threads", threads, 1)
     folder = None if out is None else file_path("sweep", out, "out")
@@ -170,6 +171,8 @@ def sweep(
         else:
             done[start] = kept
     finished = sum(len(kept["cell"]) for kept in done.values())
+    if isinstance(report, Progress):
+        report.start(finished)
     each = threads if executor is None else threads or 1
     chunks = (Chunk(bare, cells, start, min(start + chunk, len(cells)), each, metrics) for start in missing)
     from .workers import results  # process pools take a while to import
@@ -179,8 +182,8 @@ def sweep(
             store.write(start, result)
         done[start] = result
         finished += len(result["cell"])
-        if progress is not None:
-            progress(finished, len(cells))
+        if report is not None:
+            report(finished, len(cells))
     if store:
         store.tidy()
     return SweepTable(joined([done[start] for start in sorted(done)]))

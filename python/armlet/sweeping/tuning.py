@@ -22,6 +22,7 @@ from ..border import border, bordered
 from ..errors import InputError
 from ..extras import extra
 from ..pickling import sealed
+from ..progress import Progress, reporter
 from ..scenario import Scenario
 from ..status import Status
 from .chunk import run_chunk
@@ -95,7 +96,7 @@ def tune(
     tolerance: float = 0.01,
     seed: int = 0,
     threads: int | None = None,
-    progress: Callable[[int, float], object] | None = None,
+    progress: Callable[[int, float], object] | bool | None = None,
     **metrics: Any,
 ) -> Tuning:
     """Search the gains, or any other values of a scenario, whose runs cost least. Needs scipy (`armlet[tune]`).
@@ -115,7 +116,8 @@ def tune(
         tolerance: ends the search when the deviation of the candidates' costs is below this part of their mean.
         seed: of the search, and of noise inside the runs.
         threads: as for `simulate_batch`.
-        progress: called with the number of a generation and the least cost so far.
+        progress: True writes the generations done and the remaining time to standard error; a function is called with the number of a
+            generation and the least cost so far.
         **metrics: for `armlet.metrics`.
 
     Raises:
@@ -141,6 +143,7 @@ def tune(
     if not isinstance(cost, str) and not callable(cost):
         raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")
     metrics = metrics_arguments("tune", metrics, whole)
+    listener = _listener(progress, generations)
     space = _ranges(vary, seed)
     conditions = _conditions(over, seed, candidates)
     tried: list[dict[str, Any]] = []
@@ -167,8 +170,7 @@ def tune(
             raise
 
     def report(intermediate_result: Any) -> None:
-        if progress is not None:
-            progress(len(paid) - 1, float(intermediate_result.fun))
+        listener(len(paid) - 1, float(intermediate_result.fun))
 
     first = np.random.default_rng(seed).permuted(np.tile((np.arange(candidates) + 0.5) / candidates, (len(space), 1)), axis=1)
     try:
@@ -189,6 +191,8 @@ def tune(
         if raised:
             raise raised[0] from None
         raise
+    if progress is True:
+        listener(generations, 0.0)
     table = SweepTable({"cell": np.arange(len(tried))} | columns(tried) | {"cost": np.concatenate(paid)})
     least = int(np.argmin(table["cost"]))
     costs = np.minimum.accumulate([generation.min() for generation in paid])
@@ -198,6 +202,14 @@ def tune(
 
 def _scipy() -> Any:
     return extra("tune", "scipy.optimize", "armlet[tune]")
+
+
+def _listener(progress: Any, generations: int) -> Callable[[int, float], object]:
+    """What is called with the number of a generation and the least cost so far."""
+    report = reporter("tune", progress, "generations")
+    if isinstance(report, Progress):
+        return lambda k, cost: report(k, generations)
+    return report or (lambda k, cost: None)
 
 
 def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
