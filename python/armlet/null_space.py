@@ -58,8 +58,9 @@ class NullSpace:
     def __post_init__(self) -> None:
         if not isinstance(self.q_d, _core.Motion):
             object.__setattr__(self, "q_d", _plain(_core.numbers("NullSpace", "q_d", self.q_d, ("n",)).tolist()))
+        n = self.q_d.n if isinstance(self.q_d, _core.Motion) else len(self.q_d)  # type: ignore[arg-type]  # a tuple by now
         for name in ("stiffness", "damping"):
-            value = _core.numbers("NullSpace", name, getattr(self, name), (), ("n",), ("n", "n")).tolist()
+            value = _core.numbers("NullSpace", name, getattr(self, name), (), (n,), (n, n)).tolist()
             object.__setattr__(self, name, _plain(value))
         choice("NullSpace", "projection", self.projection, ("consistent", "static"))
 
