@@ -99,11 +99,13 @@ def positive(function: str, name: str, value: object, most: float = math.inf) ->
     return x
 
 
-def integer(function: str, name: str, value: object, least: int = 0) -> int:
-    """An integer >= `least`; numpy's too, but neither True nor 1.0."""
+def integer(function: str, name: str, value: object, least: int = 0, most: int | None = None) -> int:
+    """An integer >= `least`, and at most `most`; numpy's too, but neither True nor 1.0."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or value < least:  # type: ignore[operator]  # an integer by now
         raise InputError(f"{function}: {name} is not a count: expected an integer >= {least}, got {shown(value)}")
+    if most is not None and value > most:  # type: ignore[operator]
+        raise InputError(f"{function}: {name} is beyond reason: expected at most {most:,}, got {shown(value)}")
     return int(value)  # type: ignore[call-overload,no-any-return]
 
 

@@ -283,11 +283,11 @@ def exciting_motion(
         duration: the period, s.
         limits: `q_min`, `q_max` (rad or m), `v_max` (per s), `a_max` (per s^2), `effort` (N m or N), each a number or `(n,)`. They
             replace the arm's own; an arm has no `a_max`. Each joint needs a bound other than `effort`.
-        harmonics: of the fundamental frequency `2 pi / duration`.
+        harmonics: of the fundamental frequency `2 pi / duration`, at most 1,000.
         samples: how many of one period `condition` and `deviations` count; None: 20 per harmonic. At least 4 per harmonic.
         noise: standard deviation of the measured torque, N m or N: a number or `(n,)`.
         armature, friction: columns of `Arm.regressor` for rotors and friction are among the parameters.
-        starts: random starts of the search; the best is returned.
+        starts: random starts of the search, at most 1,000; the best is returned.
         iterations: the most there are in each search.
         seed: of the starts.
 
@@ -310,9 +310,9 @@ def exciting_motion(
     duration = positive(_NAME, "duration", duration)
     if not _LEAST <= duration <= 1.0 / _LEAST:
         raise InputError(f"{_NAME}: duration is out of range: expected {_LEAST:g} to {1.0 / _LEAST:g} s, got {duration:g}")
-    harmonics, starts = integer(_NAME, "harmonics", harmonics, 1), integer(_NAME, "starts", starts, 1)
-    iterations, seed = integer(_NAME, "iterations", iterations, 1), integer(_NAME, "seed", seed)
-    samples = 20 * harmonics if samples is None else integer(_NAME, "samples", samples, 4 * harmonics)
+    harmonics, starts = integer(_NAME, "harmonics", harmonics, 1, 1000), integer(_NAME, "starts", starts, 1, 1000)
+    iterations, seed = integer(_NAME, "iterations", iterations, 1, 1_000_000), integer(_NAME, "seed", seed)
+    samples = 20 * harmonics if samples is None else integer(_NAME, "samples", samples, 4 * harmonics, 1_000_000)
     sigma = np.broadcast_to(_core.numbers(_NAME, "noise", noise, (), (arm.n,)), (arm.n,))
     if not (sigma > 0.0).all() or not np.isfinite(sigma).all():
         k = int(np.argmax(~((sigma > 0.0) & np.isfinite(sigma))))

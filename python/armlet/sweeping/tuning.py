@@ -137,7 +137,7 @@ def tune(
     optimize = _scipy()
     whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
     bare = Scenario({name: table for name, table in whole.data.items() if name != "sweep"}, whole.folder, whole.name)
-    candidates, generations = integer("tune", "candidates", candidates, 5), integer("tune", "generations", generations)
+    candidates, generations = integer("tune", "candidates", candidates, 5), integer("tune", "generations", generations, 0, MOST)
     choice("tune", "by", by, ("worst", "mean"))
     tolerance = number("tune", "tolerance", tolerance)
     if not isinstance(cost, str) and not callable(cost):
