@@ -25,7 +25,7 @@ ALLOWED = (al.ArmletError, TypeError, MemoryError, OSError)
 ALLOWED_BY_PROTOCOL = {"__getitem__": (IndexError,), "": (ImportError,)}
 MADE: dict[str, Any] = {}
 #: s that a call may take longer for each number of its result, and of its arguments: an answer of 10^8 rows is work that was asked for.
-EACH, READ = 1e-7, 1e-8
+EACH, READ = 1e-7, 3e-8
 #: s for a search whose length its caller sets by options.
 LONG = {"exciting_motion": 20.0}
 # Objects with a state are made anew for every call.
