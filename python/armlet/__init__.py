@@ -86,9 +86,11 @@ from .priority import PriorityDiagnosis, diagnose_priority
 from .rest_to_rest import point_to_point
 from .run import BatchRun, Run, load
 from .run.events import Event, Events, JointStops, State
+from .run.gradients import gradient
 from .run.metrics import Metrics, metrics
 from .run.programs import LoopProgram, loop_program
 from .run.sampling import Sampling, TorqueSensor
+from .run.sensitivity import Sensitivity
 from .run.simulation import simulate, simulate_batch
 from .scenario import Scenario
 from .status import Status
@@ -152,6 +154,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "Run",
     "Sampling",
     "Scenario",
+    "Sensitivity",
     "Simulator",
     "Sinusoid",
     "SolveError",
@@ -182,6 +185,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "export_c",
     "from_mujoco",
     "from_pinocchio",
+    "gradient",
     "integrate",
     "inverse_kinematics",
     "load",

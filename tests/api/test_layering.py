@@ -312,6 +312,7 @@ READ_BY_NUMPY = {
     ("gym/vector.py", "_mask"),
     ("interop/scipy_solver.py", "_call_impl"),
     ("figures/time_path.py", "margin"),
+    ("run/named_numbers.py", "_as_numbers"),
     ("run/records.py", "_set_status"),
     ("run/task_errors.py", "at"),
     ("interop/verification.py", "_array"),

@@ -122,6 +122,7 @@ PYTHON: dict[str, Any] = {
     "Events": RUN.events,
     "State": RUN.sample(0.005),
     "JointStops": al.JointStops(1e3, lower=-1.0, upper=1.0),
+    "Sensitivity": al.Sensitivity("law.kp", (2,), *np.random.default_rng(2).normal(size=(3, 2, 2, 2))),
     "Sampling": al.Sampling(1e-3, noise={"q": 1e-3}, torque_sensor=al.TorqueSensor(bias=[0.1, 0.2])),
     "TorqueSensor": al.TorqueSensor(bias=[0.1, 0.2]),
     "Scenario": SCENARIO,

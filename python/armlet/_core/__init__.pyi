@@ -66,9 +66,11 @@ from .priority import solve_priority as solve_priority
 from .priority import velocity_bounds as velocity_bounds
 from .simulation import MomentumObserver as MomentumObserver
 from .simulation import Simulator as Simulator
+from .simulation import _adjoint as _adjoint
 from .simulation import _BatchStepper as _BatchStepper
 from .simulation import _restore_observer as _restore_observer
 from .simulation import _restore_simulator as _restore_simulator
+from .simulation import _sensitivities as _sensitivities
 from .simulation import build_info as build_info
 from .simulation import loop_program as loop_program
 from .simulation import simulate as simulate

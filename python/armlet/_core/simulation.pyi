@@ -15,6 +15,18 @@ def build_info() -> dict[str, Any]: ...
 def statuses() -> list[tuple[int, str, str]]: ...
 def simulate(plant: Plant, law: Law | Callable[..., ArrayLike], q0: ArrayLike, keywords: dict[str, Any]) -> dict[str, Any]: ...
 def simulate_batch(plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, keywords: dict[str, Any]) -> dict[str, Any]: ...
+def _sensitivities(
+    plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, weights: ArrayLike, keywords: dict[str, Any]
+) -> dict[str, _Array]: ...
+def _adjoint(
+    plant: Plant | Sequence[Plant],
+    law: Law | Sequence[Law],
+    q0: ArrayLike,
+    weights: ArrayLike,
+    slopes: dict[str, Any],
+    bytes: int,
+    keywords: dict[str, Any],
+) -> _Array: ...
 def loop_program(plant: Plant, law: Law | Callable[..., ArrayLike], keywords: dict[str, Any]) -> dict[str, Any]: ...
 def _restore_simulator(
     made_of: tuple[Plant, Any, Any, dict[str, Any]], at: tuple[int, Sequence[float], Sequence[float]], diverged: bool = False
@@ -60,6 +72,7 @@ class Simulator:
 def _restore_observer(
     keywords: dict[str, Any], state: tuple[list[float], list[float], list[float]], thresholds: list[float] | None, batched: bool
 ) -> MomentumObserver: ...
+
 @final
 class MomentumObserver:
     @property

@@ -13,6 +13,7 @@ from .edit import from_dh, locked, with_frame, with_payload
 from .elastic import ElasticLimits, damping_from_ratio, elastic_limits, smallest_reduced_inertia, stiffness_limit
 from .events import Event
 from .excitation import Excitation, excitation
+from .gradient import gradient, sensitivity
 from .identification import BaseParameters, Identification, base_parameters, identify
 from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, JointImpedance
 from .inertia import ParameterReport, check_parameters, project_parameters
@@ -99,6 +100,7 @@ __all__ = [
     "excitation",
     "forward_dynamics_derivatives",
     "from_dh",
+    "gradient",
     "identify",
     "integrate",
     "inverse_dynamics_derivatives",
@@ -111,6 +113,7 @@ __all__ = [
     "planar_pr",
     "point_to_point",
     "project_parameters",
+    "sensitivity",
     "simulate",
     "smallest_reduced_inertia",
     "solve_priority",

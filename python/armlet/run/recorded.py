@@ -82,6 +82,7 @@ class Recorded:
         self.__dict__.update((name, value) for name, value in stated.items() if value is not None and len(value))
         self._set_status(given.pop("status", Status.SUCCESS))
         self.events: Events | None = given.pop("events", None)
+        self.sensitivity: dict[str, Any] | None = given.pop("sensitivity", None)
         self._dense: tuple[DenseOutput, int] | None = given.pop("dense", None)
         if given:
             raise InputError(f"{type(self).__name__}: fields are unknown: expected those of a run, got {sorted(given)}")
@@ -167,7 +168,7 @@ class Recorded:
         return tuple("N" if unit == "m" else "N m" for unit in self.units)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _core._seal(type(self), (self._items() | {"events": self.events, "dense": self._dense},))
+        return _core._seal(type(self), (self._items() | {"events": self.events, "dense": self._dense, "sensitivity": self.sensitivity},))
 
     def _table(self, row: tuple[Any, ...] = ()) -> dict[str, Array]:
         """Columns over time: q1.., v1.., tau1.., the recorded states and the monitors."""

@@ -53,6 +53,8 @@ class Run(_Stored):
             tolerances can be met.
         monitors: the identities that were watched, by name, each (K,).
         events: the crossings of the events asked for (`armlet.Events`); None where none were.
+        sensitivity: derivatives of the series (`armlet.Sensitivity`) by the names that `simulate(sensitivity=)` was given. None without
+            names, for a run that did not reach its end, and for one that was read from a file.
     """
 
     status: Status

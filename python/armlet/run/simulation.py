@@ -20,6 +20,7 @@ from .batches import batch_of, forces_of_runs, in_pieces, measured_by_records, r
 from .events import Event, Events, watched
 from .records import BatchRun, Run
 from .sampling import Sampling
+from .sensitivity import of_run, require_names, vary
 
 __all__ = ["simulate", "simulate_batch"]
 
@@ -50,6 +51,7 @@ def simulate(
     state_limit: float = 1e6,
     events: Event | Callable[..., float] | Sequence[Event | Callable[..., float]] | None = None,
     dense: bool = False,
+    sensitivity: str | Sequence[str] | None = None,
     throw: bool = True,
 ) -> Run:
     """Close the loop of `plant` and `law` and run it from rest, or from `v0`, with no Python inside.
@@ -83,6 +85,9 @@ def simulate(
         events: zero crossings to be located in a run of an adaptive method: `Event`s, or functions `g(t, q, v)`, which are Python inside
             the loop; `Run.events` has them. One that stops the run ends it with `Status.EVENT`.
         dense: keep the polynomial of every step of an adaptive method: `run.sample(t)` is the state at any time.
+        sensitivity: names of numbers of the loop such as `["law.kp", "arm.parameters", "q0"]`: `Run.sensitivity` has the derivatives of all
+            series with respect to them, by explicit methods. An unknown name is refused with the names there are; the page on gradients
+            has the rules.
         throw: raise where the run does not reach its end; False returns what there is, with its status.
 
     Returns:
@@ -106,6 +111,9 @@ def simulate(
     instance("simulate", "throw", throw, (bool, np.bool_), "True or False")
     keywords = locals()  # a dictionary of its own; the plant, the law and q0 among it are not asked for
     keywords["events"] = searched = watched(events)
+    names = None if sensitivity is None else require_names("simulate", "sensitivity", sensitivity)
+    if names is not None:
+        vary("simulate", plant, law, q0, keywords, names)  # what is wrong with the names is said before the run
     fields = _core.simulate(plant, law, q0, keywords)
     ended, balances = fields.pop("ended"), Balances(**fields.pop("balances"))
     if searched:
@@ -113,6 +121,8 @@ def simulate(
     if dense:
         states, *polynomials = fields["dense"]
         fields["dense"] = DenseOutput(0.0, *polynomials), states
+    if names is not None and fields["status"] == Status.SUCCESS:
+        fields["sensitivity"] = of_run(plant, law, q0, keywords, names, fields["t"])
     run = Run(fields, law=law, plant=plant)
     if throw and run.status not in (Status.SUCCESS, Status.EVENT):
         advice = advice_on_run(run.status, method, rtol, atol, run.stats)

@@ -10,6 +10,7 @@ mod elastic;
 mod errors;
 mod event;
 mod force;
+mod gradient;
 mod integrate;
 mod interrupts;
 mod inverse_kinematics;
@@ -48,6 +49,8 @@ mod _core {
     use super::arrays::python::numbers;
     #[pymodule_export]
     use super::elastic::{damping_from_ratio, elastic_limits, equilibrium, smallest_reduced_inertia, stiffness_limit};
+    #[pymodule_export]
+    use super::gradient::{_adjoint, _sensitivities};
     #[pymodule_export]
     use super::integrate::{Stepper, integrate};
     #[pymodule_export]

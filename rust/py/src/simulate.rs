@@ -24,7 +24,7 @@ const A_PLANT: &str = "a plant such as RigidArm";
 const FEW: usize = 1024;
 
 /// One object, or a list of them.
-fn several<'py, T: pyo3::PyClass>(
+pub fn several<'py, T: pyo3::PyClass>(
     function: &str,
     name: &str,
     expected: &str,

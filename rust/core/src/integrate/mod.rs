@@ -26,6 +26,7 @@ mod semi_implicit;
 pub mod solve;
 mod stall;
 mod step_controller;
+mod tableau;
 
 pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
 pub use columns::column_groups;
@@ -44,6 +45,7 @@ pub use rk4::{Kutta4, Rk4};
 pub use rodas4::Rodas4;
 pub use ros2::Ros2;
 pub use semi_implicit::SemiImplicit;
+pub use tableau::Tableau;
 
 use crate::linalg::Pairs;
 use crate::scalar::Real;

@@ -1,11 +1,9 @@
 //! The clock of a sampled loop as it runs: which sample a time belongs to, what the law answered there, and which answer acts.
 
-use super::sampling::{CHANNELS, Sampling};
+use super::sampling::{CHANNELS, ON_TIME, Sampling};
 use super::torque_sensing::{Sensed, TorqueSensing};
 use crate::scalar::Real;
 
-/// A time this close to an instant, in periods, is that instant.
-const ON_TIME: f64 = 1e-9;
 /// Answers kept: a faulty block of steps is run again from its start, whose input must still be known.
 const KEPT: usize = 64;
 
@@ -51,24 +49,6 @@ impl<S: Real> Sampler<S> {
         self.sampling.instant(self.seeds[0], k, self.grid)
     }
 
-    /// The last sample taken at or before `t`; `None` before the first.
-    fn last_sample(&self, t: f64) -> Option<u64> {
-        let slack = ON_TIME * self.sampling.period;
-        let k = ((t + slack) / self.sampling.period).floor().max(0.0) as u64;
-        if self.instant(k) <= t + slack { Some(k) } else { k.checked_sub(1) }
-    }
-
-    /// The sample whose answer acts at `t`.
-    fn acting(&self, t: f64) -> Option<u64> {
-        self.last_sample(t - self.sampling.delay)
-    }
-
-    /// The sample to take at `t`, if one falls there.
-    fn due(&self, t: f64) -> Option<u64> {
-        let k = self.last_sample(t)?;
-        ((self.instant(k) - t).abs() <= ON_TIME * self.sampling.period).then_some(k)
-    }
-
     fn slot(&self, k: u64) -> usize {
         (k % self.ring.len() as u64) as usize
     }
@@ -77,7 +57,7 @@ impl<S: Real> Sampler<S> {
     /// `law(measured, tau, dz)` is asked where a sample is taken; `tau` and `dz` are what acts from now on.
     pub fn run(&mut self, t: f64, x: &[S], n: usize, mut law: impl FnMut(&[S], &mut [S], &mut [S]), tau: &mut [S], dz: &mut [S]) {
         // Shown the same instant twice, at a record and at a step, it samples once.
-        if let Some(k) = self.due(t).filter(|&k| self.ring[self.slot(k)].index != k) {
+        if let Some(k) = self.sampling.due(self.seeds[0], self.grid, t).filter(|&k| self.ring[self.slot(k)].index != k) {
             let slot = self.slot(k);
             let empty = Entry { index: k, measured: Vec::new(), sensed: Sensed::new(0), tau: Vec::new(), dz: Vec::new() };
             let mut entry = std::mem::replace(&mut self.ring[slot], empty);
@@ -94,7 +74,7 @@ impl<S: Real> Sampler<S> {
             self.limit_rate(k, &mut entry.tau);
             self.ring[slot] = entry;
         }
-        if let Some(k) = self.acting(t) {
+        if let Some(k) = self.sampling.acting(self.seeds[0], self.grid, t) {
             let entry = &self.ring[self.slot(k)];
             if entry.index == k {
                 tau.copy_from_slice(&entry.tau);

@@ -14,6 +14,9 @@ const MOST_LATE: f64 = 1e5;
 /// More samples than this in one run are another.
 const MOST_SAMPLES: f64 = 1e12;
 
+/// A time this close to an instant, in periods, is that instant.
+pub(super) const ON_TIME: f64 = 1e-9;
+
 /// What is measured of a plant, in the order of its state.
 pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
 
@@ -106,6 +109,24 @@ impl Sampling {
         let late = if self.jitter > 0.0 { self.jitter * uniform(seed, k, JITTER) } else { 0.0 };
         let late = if grid > 0.0 { (late / grid).floor() * grid } else { late };
         k as f64 * self.period + late
+    }
+
+    /// The last sample taken at or before `t`; `None` before the first.
+    fn last_sample(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
+        let slack = ON_TIME * self.period;
+        let k = ((t + slack) / self.period).floor().max(0.0) as u64;
+        if self.instant(seed, k, grid) <= t + slack { Some(k) } else { k.checked_sub(1) }
+    }
+
+    /// The sample whose answer acts at `t`.
+    pub(super) fn acting(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
+        self.last_sample(seed, grid, t - self.delay)
+    }
+
+    /// The sample to take at `t`, if one falls there.
+    pub(super) fn due(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
+        let k = self.last_sample(seed, grid, t)?;
+        ((self.instant(seed, k, grid) - t).abs() <= ON_TIME * self.period).then_some(k)
     }
 
     /// The measurement of entry `i` of channel `channel` at sample `k`.

@@ -1,5 +1,6 @@
 //! Derivatives of recordings against dual numbers: operation by operation, at corners, and of random recordings.
 
+use super::adjoint::adjoint;
 use super::differentiate::Differentiation;
 use super::sym::{self, Sym};
 use super::tape::{Op, Tape};
@@ -174,4 +175,44 @@ fn what_does_not_move_costs_nothing() {
     assert_eq!(rates[1], 0);
     // The rate of b and one product.
     assert_eq!(differentiation.length() as usize, ops.len() + 2);
+}
+
+/// The derivatives of `outputs` at `x` along `x_dot`, weighed by `y_bar`: by the adjoint, and by differentiation.
+fn weighed(ops: &[Op], outputs: &[u32], (x, x_dot, y_bar): (&[f64], &[f64], &[f64])) -> (f64, f64) {
+    let moving: Vec<u32> = (0..x.len() as u32).collect();
+    let (all, bars) = adjoint(ops.to_vec(), x.len(), outputs, &moving);
+    let got = values(&all, &[x, y_bar].concat());
+    let forward: f64 = both(ops, outputs, x, x_dot).iter().zip(y_bar).map(|((rate, _), weight)| rate * weight).sum();
+    (bars.iter().zip(x_dot).map(|(&bar, rate)| got[bar as usize] * rate).sum(), forward)
+}
+
+#[test]
+fn the_adjoint_of_random_recordings_is_that_of_their_derivatives() {
+    let mut numbers = Random(11);
+    let mut most = 0.0f64;
+    for trial in 0..300 {
+        let (ops, outputs) = random(&mut numbers);
+        let mut some = |count: usize| (0..count).map(|_| numbers.number()).collect::<Vec<f64>>();
+        let (x, x_dot, y_bar) = (some(3), some(3), some(outputs.len()));
+        let (got, expected) = weighed(&ops, &outputs, (&x, &x_dot, &y_bar));
+        most = most.max(expected.abs());
+        // Rounding of some hundred operations, of numbers that may cancel.
+        assert!((got - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "{trial}: {got} {expected}");
+    }
+    assert!(most > 1.0, "the outputs move: {most}");
+}
+
+#[test]
+fn the_branch_that_is_not_taken_has_no_part_in_the_adjoint() {
+    // Where a < 1 it is a b; else it divides by a - 1/2, takes a root and multiplies.
+    sym::begin();
+    sym::end_set_up();
+    let (a, b) = (sym::input(), sym::input());
+    let far = (b / (a - Sym::splat(0.5))).mul_add(b, (a - Sym::splat(0.5)).sqrt() / b) * a;
+    let y = Sym::select(a.lt(Sym::splat(1.0)), a * b, far);
+    let ops = sym::finish().ops;
+    for a in [0.25, 0.5, 1.5] {
+        let (got, expected) = weighed(&ops, &[y.index()], (&[a, 2.0], &[0.3, 0.7], &[1.0]));
+        assert!((got - expected).abs() < 1e-14, "{a}: {got} {expected}");
+    }
 }

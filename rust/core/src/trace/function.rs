@@ -78,9 +78,16 @@ pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnc
 
 /// The same as a program, for one run or for lanes.
 pub fn record<T>(lanes: bool, inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Evaluation> {
-    let Recorded { ops, values, answer, .. } = recorded(inputs, set_up, answer)?;
-    let layout = Layout { given: values.len(), inputs, lanes };
-    Some(Evaluation::new(Function::of(ops, answer, layout), &values))
+    recorded(inputs, set_up, answer).map(|recorded| recorded.program(lanes))
+}
+
+impl Recorded {
+    /// The program of this function, for one run or for lanes.
+    pub fn program(self, lanes: bool) -> Evaluation {
+        let Recorded { ops, values, inputs, answer } = self;
+        let layout = Layout { given: values.len(), inputs, lanes };
+        Evaluation::new(Function::of(ops, answer, layout), &values)
+    }
 }
 
 impl Evaluation {

@@ -1,12 +1,13 @@
 //! From a recorded computation to a program: a loop is recorded once with the number [`Sym`], simplified, lowered to straight-line
 //! instructions of one instruction set, and run for one run or for many lanes.
 //!
-//! `sym`, `tape`: recording and folding. `differentiate`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
+//! `sym`, `tape`: recording and folding. `differentiate`, `adjoint`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
 //! `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without it. `frame`: the memory a program
 //! runs on; `rows`: the caller's rows to it and back. `function`: functions of numbers that are kept. `program`: all of it behind one
 //! door. `label`, `listing`: what a reader sees of it.
 
 pub mod aarch64;
+pub mod adjoint;
 pub mod c;
 pub mod cache;
 #[cfg(test)]

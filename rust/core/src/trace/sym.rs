@@ -8,7 +8,7 @@
 //! of a lane fails the recording: [`Recording::failed`].
 
 use super::label::Label;
-use super::tape::{Op, Tape};
+use super::tape::{Moving, Op, Tape};
 use crate::scalar::{Kernel, Real};
 use std::cell::RefCell;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -46,6 +46,12 @@ pub fn begin() {
 /// The same, which `folds` or keeps every operation.
 pub fn begin_that(folds: bool) {
     on_tape(|tape| *tape = Tape::that(folds));
+}
+
+/// Start a new recording, in whose set-up the numbers `moving` are inputs of their own whatever their value.
+pub fn begin_moving(moving: Moving) {
+    begin();
+    on_tape(|tape| tape.moving = moving);
 }
 
 /// End the set-up; how many inputs it declared.

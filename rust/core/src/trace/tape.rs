@@ -82,6 +82,15 @@ impl Hasher for Multiplicative {
 /// The index of a key that is there already.
 pub type Memo<K> = HashMap<K, u32, BuildHasherDefault<Multiplicative>>;
 
+/// Which numbers of a set-up are inputs of their own, whatever their value.
+#[derive(Clone, Debug)]
+pub enum Moving {
+    Nothing,
+    All,
+    /// By their order.
+    These(Vec<bool>),
+}
+
 pub(super) struct Tape {
     pub ops: Vec<Op>,
     memo: Memo<Op>,
@@ -97,6 +106,7 @@ pub(super) struct Tape {
     pub failed: bool,
     /// Products are rounded before they are added.
     pub unfused: bool,
+    pub moving: Moving,
     folds: bool,
 }
 
@@ -120,6 +130,7 @@ impl Tape {
             set_up: true,
             failed: false,
             unfused: false,
+            moving: Moving::Nothing,
             folds,
         };
         for x in [0.0, 1.0, -1.0] {
@@ -156,10 +167,19 @@ impl Tape {
         self.push(Op::Input(self.inputs - 1))
     }
 
+    /// Whether the next number of the set-up is an input of its own.
+    fn next_moves(&self) -> bool {
+        match &self.moving {
+            Moving::Nothing => false,
+            Moving::All => true,
+            Moving::These(moving) => moving.get(self.structure.len()).is_some_and(|&moves| moves),
+        }
+    }
+
     /// A number of the set-up: an input, unless it is 0, 1 or -1 and belongs to the structure.
     pub fn given(&mut self, x: f64) -> u32 {
         let label = self.labels.next();
-        let entry = if x == 0.0 || x.abs() == 1.0 {
+        let entry = if (x == 0.0 || x.abs() == 1.0) && !self.next_moves() {
             self.constant(x)
         } else {
             self.values.push(x);
@@ -172,6 +192,9 @@ impl Tape {
 
     /// A number of the set-up that is the same input wherever it has the same value.
     pub fn shared(&mut self, x: f64) -> u32 {
+        if self.next_moves() {
+            return self.given(x);
+        }
         if let Some(&known) = self.by_value.get(&x.to_bits()) {
             self.labels.next();
             self.structure.push(known);

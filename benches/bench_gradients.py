@@ -1,0 +1,64 @@
+"""Gradients of runs of a seven-axis arm under adaptive control: how many runs they cost.
+
+python -P benches/bench_gradients.py              the table
+python -P benches/bench_gradients.py --readme     the same, written into benches/README.md
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import armlet as al
+
+sys.path.insert(0, str(Path(__file__).parent))
+import reporting
+import timing
+
+ARM = al.load_urdf(al.example_urdf("seven_axis"))
+LAW = al.Adaptive(ARM, al.Quintic(np.zeros(7), np.full(7, 0.5), 1.0), np.full(7, 40.0), np.full(7, 20.0), np.full(70, 0.2))
+PLANT, Q0 = al.RigidArm(ARM), np.zeros(7)
+OPTIONS: dict[str, Any] = {"t_end": 2.0, "dt": 1e-3, "monitors": False}
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """The least of five times, after one call that makes the programs."""
+    work()
+    times = []
+    for _ in range(5):
+        began = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def main() -> None:
+    options = reporting.arguments("armlet's gradients of runs").parse_args()
+    reporting.require_release("bench_gradients")
+    share = timing.busy()
+    run = seconds(lambda: al.simulate(PLANT, LAW, Q0, **OPTIONS))
+    cases: dict[str, Callable[[], object]] = {
+        "tangents, 7 parameters (kp)": lambda: al.simulate(PLANT, LAW, Q0, sensitivity="law.kp", **OPTIONS),
+        "tangents, 14 parameters (kp, kd)": lambda: al.simulate(PLANT, LAW, Q0, sensitivity=["law.kp", "law.kd"], **OPTIONS),
+        "tangents, 70 parameters (estimate)": lambda: al.simulate(PLANT, LAW, Q0, sensitivity="law.estimate", **OPTIONS),
+        "adjoint, 7 parameters (kp)": lambda: al.gradient("error_rms", PLANT, LAW, Q0, "law.kp", **OPTIONS),
+        "adjoint, 70 parameters (estimate)": lambda: al.gradient("error_rms", PLANT, LAW, Q0, "law.estimate", **OPTIONS),
+        "adjoint, 70 parameters, 1 MiB": lambda: al.gradient("error_rms", PLANT, LAW, Q0, "law.estimate", memory=1 << 20, **OPTIONS),
+    }
+    lines = ["| what | time | runs |", "|---|---:|---:|", f"| run of 2000 steps | {1e3 * run:.1f} ms | 1 |"]
+    for name, work in cases.items():
+        took = seconds(work)
+        lines.append(f"| {name} | {1e3 * took:.1f} ms | {took / run:.1f} |")
+        print(lines[-1], flush=True)
+    machine = timing.machine()
+    head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; others took {share:.0%} of them at first. Least of five."
+    reporting.finish("gradients", "\n".join([head, "", *lines]), options.readme)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""The gradient of a loss of a run, by the adjoint of the run or along its tangents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import _core
+from ..arguments import count, instance
+from ..border import border
+from ..errors import InputError
+from ..scenario import Scenario
+from .losses import Loss, along_tangents, evaluated
+from .recorded import Array
+from .sensitivity import naming, require_names, run_keywords, split, vary
+from .simulation import simulate
+
+__all__ = ["gradient"]
+
+#: What `simulate` takes for granted of what derivatives read.
+DEFAULTS = {"method": "rk4", "record_every": 1}
+
+
+@border
+def gradient(
+    loss: Loss,
+    plant: _core.Plant | Scenario,
+    law: _core.Law | None = None,
+    q0: ArrayLike | None = None,
+    names: str | Sequence[str] | None = None,
+    *,
+    memory: int = 1 << 26,
+    **keywords: Any,
+) -> tuple[float, dict[str, Array]]:
+    """The value of a loss of a closed loop, and its derivatives with respect to named numbers of the loop.
+
+    The loss is `L(q_0, .., q_K, v_0, .., tau_K)` of the records of one run. The discrete adjoint goes back through all steps of the run,
+
+        l_K = L_x(K),   l_k = Phi_x' l_(k+1) + L_x(k),   dL/dp = x0_p' l_0 + sum Phi_p' l_(k+1) + L_p,
+
+    at a cost that does not depend on the number of parameters.
+
+    Args:
+        loss: one of these three.
+            A name, or a dict of names with weights: "error_rms", "error_final", "tau_rms" are the sums over the joints of the squares of
+            these metrics.
+            A function `loss(run) -> (value, slopes)`: `slopes` is a dict of the derivatives by series, such as `{"q": (K, n)}`.
+            A function `loss(run) -> value` that numpy computes for complex numbers too. It is differentiated by complex steps along the
+            tangents of the run, one per parameter: use it for few parameters. `run` has `t`, `q`, `v`, `tau`, `estimate`, `theta`,
+            `theta_dot`.
+        plant: the plant; or a `Scenario` in place of plant, law, q0 and keywords.
+        law: the law.
+        q0: initial position, (n,), rad or m.
+        names: names of numbers such as `["law.kp", "arm.parameters", "q0"]`, as for `simulate(sensitivity=)`.
+        memory: bytes for states that are kept on the way. What lies between two of them is computed again.
+        keywords: the keywords of `simulate`, `t_end` among them.
+
+    Returns:
+        The value, and by name an array of the shape of the number: units of the loss per unit of the number.
+
+    Raises:
+        InputError: an argument is not what it should be; a function without slopes is not analytic.
+        SolveError: the run did not reach its end, or has no derivative there.
+
+    Source:
+        Griewank and Walther 2008 [GriewankWalther2008], chapters 3 and 12.
+
+    >>> import armlet as al
+    >>> arm = al.planar_arm([0.5, 0.4])
+    >>> law = al.PDGravity(arm, target=[0.4, 0.9], kp=[8.0, 6.0], kd=[1.6, 1.2])
+    >>> names = ["law.kp", "law.kd"]
+    >>> value, slopes = al.gradient("error_rms", al.RigidArm(arm), law, [0.0, 0.0], names, t_end=1.0, dt=1e-3)
+    >>> slopes["law.kp"].shape
+    (2,)
+    """
+    count("gradient", "memory", memory)
+    if isinstance(plant, Scenario):
+        built = plant.build()
+        if law is not None or q0 is not None:
+            raise InputError("gradient: law and q0 are those of the scenario: expected None")
+        plant, law = built.plant, built.law
+        keywords = {**built.arguments, **keywords}
+        q0 = keywords.pop("q0")
+    instance("gradient", "plant", plant, _core.Plant, "a plant such as RigidArm, or a Scenario")
+    chosen = require_names("gradient", "names", names)
+    for name in ("sensitivity", "throw"):
+        if name in keywords:
+            raise InputError(f"gradient: {name} is not used: expected the other keywords of simulate")
+    keywords = {"monitors": False, **keywords}
+    loops = vary("gradient", plant, law, q0, keywords, chosen)
+    assert law is not None and q0 is not None, "both were looked at"
+    run = simulate(plant, law, q0, **keywords)
+    value, slopes = evaluated(loss, run)
+    if not callable(loss):
+        _require_still_reference(loss, chosen)
+    given = run_keywords({**DEFAULTS, **keywords}, loops, run.t)
+    with naming("gradient", loops):
+        if slopes is None:
+            assert callable(loss), "a loss without slopes is a function"
+            flat = along_tangents(loss, run, _core._sensitivities(*loops.runs, given))
+        else:
+            flat = _core._adjoint(*loops.runs, slopes, int(memory), given)
+    return value, {named.name: np.array(flat[part]).reshape(named.value.shape) for named, part in split(loops.names)}
+
+
+def _require_still_reference(loss: Any, names: Sequence[str]) -> None:
+    """Refuse names that move the reference from which a named term counts the error."""
+    terms = [loss] if isinstance(loss, str) else list(loss)
+    moving = [name for name in names if name.startswith("law.motion.") or name == "law.target"]
+    if moving and any(term.startswith("error") for term in terms):
+        problem = f"expected no name that moves the reference, got {moving[0]}; a function that counts from a fixed reference takes it"
+        raise InputError(f"gradient: loss measures the error from the reference of the law: {problem}")

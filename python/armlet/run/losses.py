@@ -1,0 +1,121 @@
+"""Losses of a run with their slopes: the derivatives with respect to each recorded number.
+
+A loss is a table of named terms with weights, a function that returns its value and its slopes, or a function that returns its value alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import SimpleNamespace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from .. import _core
+from ..arguments import number, shown
+from ..errors import InputError
+from .metrics import _weights
+from .recorded import SERIES, Array
+from .records import Run
+
+__all__ = ["TERMS", "Loss", "along_tangents", "evaluated"]
+
+Loss: TypeAlias = str | Mapping[str, float] | Callable[[Any], Any]
+
+#: Named terms: sums over the joints of the squares of these metrics.
+TERMS = ("error_rms", "error_final", "tau_rms")
+COMPLEX_STEP = 1e-30
+# A central difference of a loss is this close to the complex step where the loss is analytic.
+ANALYTIC = 1e-5
+
+
+def evaluated(loss: Loss, run: Run) -> tuple[float, dict[str, Array] | None]:
+    """The value of a loss, and its slopes by series; no slopes where the function returns a number alone.
+
+    Raises:
+        InputError: the loss is no such thing, or returns something else.
+    """
+    if isinstance(loss, str):
+        loss = {loss: 1.0}
+    if isinstance(loss, Mapping):
+        return _named(loss, run)
+    if not callable(loss):
+        raise InputError(f"gradient: loss is of the wrong type: expected names of {list(TERMS)} or a function, got {shown(loss)}")
+    found = loss(run)
+    if not isinstance(found, tuple):
+        return _finite("loss", found), None
+    if len(found) != 2 or not isinstance(found[1], Mapping):
+        raise InputError(f"gradient: loss returned something else: expected a number or (value, slopes by name), got {shown(found)}")
+    value, given = found
+    there = [name for name in SERIES if getattr(run, name) is not None]
+    slopes = {}
+    for name, slope in given.items():
+        if name not in there:
+            raise InputError(f"gradient: loss returned slopes of an unknown series: expected names of {there}, got {shown(name)}")
+        slopes[name] = _core.numbers("gradient", f"slopes[{name!r}]", slope, getattr(run, name).shape)
+        if not np.isfinite(slopes[name]).all():
+            raise InputError(f"gradient: slopes[{name!r}] are not finite: expected finite numbers")
+    return _finite("loss", value), slopes
+
+
+def _finite(name: str, value: object) -> float:
+    found = number("gradient", name, value)
+    if not math.isfinite(found):
+        raise InputError(f"gradient: {name} is not finite: expected a finite number, got {found}")
+    return found
+
+
+def _named(weights: Mapping[str, float], run: Run) -> tuple[float, dict[str, Array]]:
+    value, slopes = 0.0, {"q": np.zeros_like(run.q), "tau": np.zeros_like(run.q)}
+    times = _weights(run.t)[:, None]
+    for name, given in weights.items():
+        if name not in TERMS:
+            raise InputError(f"gradient: loss has an unknown name: expected names of {list(TERMS)}, got {shown(name)}")
+        weight = _finite(f"loss[{name!r}]", given)
+        if name == "tau_rms":
+            series, values = "tau", run.tau
+            assert values is not None, "a run of simulate has its input"
+        else:
+            reference = run.reference()
+            if reference is None:
+                raise InputError(f"gradient: loss names {name}, which {run.law_name} has not: expected a law with a reference of joints")
+            series, values = "q", run.q - np.broadcast_to(reference[0], run.q.shape)
+        if name == "error_final":
+            value += weight * float((values[-1] ** 2).sum())
+            slopes[series][-1] += 2.0 * weight * values[-1]
+        else:
+            value += weight * float((times * values**2).sum())
+            slopes[series] += 2.0 * weight * times * values
+    return value, slopes
+
+
+def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Array]) -> Array:
+    """The derivatives of a loss along tangents of its series `(K, .., P)`, by one complex step each, `(P,)`.
+
+    Raises:
+        InputError: the loss is not analytic: a central difference along all tangents at once says otherwise.
+    """
+    at = {name: getattr(run, name) for name in SERIES}
+
+    def moved(direction: Mapping[str, Array], step: complex) -> Any:
+        return loss(
+            SimpleNamespace(t=run.t, **{name: x if name not in direction else x + step * direction[name] for name, x in at.items()})
+        )
+
+    count = rates["q"].shape[-1]
+    derivatives = np.empty(count)
+    for p in range(count):
+        value = moved({name: rate[..., p] for name, rate in rates.items()}, 1j * COMPLEX_STEP)
+        derivatives[p] = np.imag(value) / COMPLEX_STEP
+    # All directions at once, each as long as the others, against a central difference.
+    sizes = np.max([np.abs(rate).reshape(-1, count).max(axis=0) for rate in rates.values()], axis=0)
+    scales = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
+    together = {name: rate @ scales for name, rate in rates.items()}
+    step = 1e-6
+    central = (_finite("loss", moved(together, step)) - _finite("loss", moved(together, -step))) / (2.0 * step)
+    expected, size = float(derivatives @ scales), float(np.abs(derivatives) @ scales)
+    if not abs(central - expected) <= ANALYTIC * max(size, abs(central)) + 1e-9 * abs(_finite("loss", moved({}, 0.0))):
+        problem = f"a central difference is {central:.6g}, the complex step {expected:.6g}"
+        raise InputError(f"gradient: loss is not analytic: expected one without abs, norm or conj, or (value, slopes), since {problem}")
+    return derivatives

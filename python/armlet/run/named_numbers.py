@@ -1,0 +1,204 @@
+"""The numbers of a closed loop by name, and loops in which one of them differs a little.
+
+`"law.kp"` is an argument of the law, `"plant.stiffness"` one of the plant, `"arm.parameters"` the inertial parameters of the plant's arm,
+`"law.arm.parameters"` those that the law believes in, `"law.motion.amplitude"` an argument of its motion, `"law.tasks.0.gain"` one of its
+first task, and `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
+
+The derivative of the set-up with respect to a number is a difference of fourth order of what the programs read, never of a run: with the
+step `d = 2^-10` of the number it is exact to some 1e-12 where the set-up computes with it, and to 1e-13 where it passes it on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..arguments import shown
+from ..errors import InputError
+from .recorded import Array
+
+__all__ = ["NamedNumber", "Varied", "named_numbers", "varied"]
+
+START = ("q0", "v0", "theta0", "theta_dot0")
+#: Offsets in steps, and weights of the differences from the middle: at both sides, above, below.
+RULES = (
+    ((-2.0, -1.0, 1.0, 2.0), (1 / 12, -8 / 12, 8 / 12, -1 / 12)),
+    ((1.0, 2.0, 3.0, 4.0), (4.0, -3.0, 4 / 3, -1 / 4)),
+    ((-1.0, -2.0, -3.0, -4.0), (-4.0, 3.0, -4 / 3, 1 / 4)),
+)
+STEP = 2.0**-10
+
+
+@dataclass(frozen=True)
+class NamedNumber:
+    """A name with the value that it has in a loop."""
+
+    name: str
+    value: Array
+
+
+@dataclass(frozen=True)
+class Varied:
+    """Loops in which named numbers differ: run 0 is the loop itself, and four follow for each number.
+
+    Attributes:
+        plants, laws: one, or one per run.
+        start: q0, v0, .. of each run, (R, n); None where they are left to the loop.
+        weights: of the differences of the four runs from run 0, (P, 4).
+        names: the names, with their values, in the order of the P numbers.
+    """
+
+    plants: Any
+    laws: Any
+    start: dict[str, Array | None]
+    weights: Array
+    names: tuple[NamedNumber, ...]
+
+    @property
+    def runs(self) -> tuple[Any, Any, Any, Array]:
+        """The first arguments of the core's functions."""
+        return self.plants, self.laws, self.start["q0"], self.weights
+
+
+def named_numbers(plant: Any, law: Any, start: Mapping[str, Array | None]) -> dict[str, Array]:
+    """Every name of a loop with its value."""
+    found = {name: value for name, value in start.items() if value is not None}
+    found["v0"] = found.get("v0", np.zeros_like(found["q0"]))
+    for name, value in _numbers(plant, "plant."):
+        found[name.removeprefix("plant.") if name == "plant.arm.parameters" else name] = value
+    found.update(_numbers(law, "law."))
+    return found
+
+
+def _arguments(thing: Any) -> Mapping[str, Any]:
+    """What an object was made of, by name."""
+    if isinstance(thing, list | tuple):
+        return {str(i): each for i, each in enumerate(thing)}
+    make = getattr(thing, "__getnewargs_ex__", None)
+    arguments: Mapping[str, Any] = make()[1] if make is not None else {}
+    return arguments
+
+
+def _numbers(thing: Any, prefix: str) -> Iterator[tuple[str, Array]]:
+    if isinstance(thing, _core.Arm):
+        yield f"{prefix}parameters", np.asarray(thing.parameters, dtype=np.float64)
+        return
+    for name, value in _arguments(thing).items():
+        numbers = _as_numbers(value)
+        if numbers is not None:
+            yield prefix + name, numbers
+        else:
+            yield from _numbers(value, f"{prefix}{name}.")
+    if isinstance(thing, _core.Adaptive) and _arguments(thing).get("estimate") is None:
+        yield f"{prefix}estimate", np.zeros(len(thing.parameter_names))
+
+
+def _as_numbers(value: Any) -> Array | None:
+    """An argument as an array of numbers; None where it is something else."""
+    if isinstance(value, bool | np.bool_ | int | str) or value is None:
+        return None
+    if isinstance(value, list | tuple) and not all(isinstance(each, float | int | list | tuple | np.ndarray) for each in value):
+        return None
+    try:
+        numbers = np.asarray(value)
+    except ValueError:
+        return None
+    return numbers.astype(np.float64) if numbers.dtype.kind == "f" and numbers.size else None
+
+
+def _with(thing: Any, path: Sequence[str], value: Array) -> Any:
+    """The object with another number at the end of the path."""
+    if isinstance(thing, _core.Arm):
+        return thing.with_parameters(value)
+    name, *rest = path
+    if isinstance(thing, list | tuple):
+        return [_with(each, rest, value) if str(i) == name else each for i, each in enumerate(thing)]
+    places, arguments = thing.__getnewargs_ex__()
+    return type(thing)(*places, **{**arguments, name: _with(arguments[name], rest, value) if rest else value})
+
+
+def _loop(plant: Any, law: Any, start: Mapping[str, Any], name: str, value: Array) -> tuple[Any, Any, Mapping[str, Any]]:
+    """The loop with another value of this name."""
+    if name in START:
+        return plant, law, {**start, name: value}
+    path = ("plant.arm.parameters" if name == "arm.parameters" else name).split(".")
+    if path[0] == "plant":
+        return _with(plant, path[1:], value), law, start
+    return plant, _with(law, path[1:], value), start
+
+
+def _scale(name: str, value: Array, index: tuple[int, ...]) -> float:
+    """The size of an entry, of which the step is a part."""
+    largest = float(np.abs(value).max()) or 1.0
+    if name.endswith("arm.parameters"):
+        return largest  # the set-up passes them on
+    size = abs(float(value[index]))
+    if value.ndim == 2 and value.shape[0] == value.shape[1]:
+        i, j = index
+        size = max(size, math.sqrt(abs(float(value[i, i] * value[j, j]))))
+    return size or largest
+
+
+def _variants(loop: tuple[Any, Any, Mapping[str, Any]], named: NamedNumber, index: tuple[int, ...]) -> tuple[list[Any], list[float]]:
+    """Four loops and their weights for one entry."""
+    step = STEP * 2.0 ** math.floor(math.log2(_scale(named.name, named.value, index)))
+    refused: InputError | None = None
+    mirrored = len(index) == 2 and index[0] != index[1] and named.value.shape[0] == named.value.shape[1]
+    for symmetric in (False, True) if mirrored else (False,):
+        for offsets, weights in RULES:
+            try:
+                loops = [_loop(*loop, named.name, _moved(named.value, index, offset * step, symmetric)) for offset in offsets]
+            except InputError as error:
+                refused = error
+                continue
+            return loops, [weight / step for weight in weights]
+    raise InputError(f"sensitivity: {named.name} cannot be varied at {shown(float(named.value[index]))}: {refused}")
+
+
+def _moved(value: Array, index: tuple[int, ...], by: float, symmetric: bool) -> Array:
+    moved = value.copy()
+    if symmetric:  # a symmetric matrix stays one: half of the entry and half of its mirror
+        moved[index] += by / 2
+        moved[index[::-1]] += by / 2
+    else:
+        moved[index] += by
+    return moved
+
+
+def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None], names: Sequence[str]) -> Varied:
+    """The loops in which the numbers of these names differ.
+
+    Raises:
+        InputError: a name is not one of the loop, or stands twice; a number cannot be varied.
+    """
+    known = named_numbers(plant, law, start)
+    chosen = []
+    for i, name in enumerate(names):
+        if name not in known:
+            problem = f"expected names of {sorted(known)}, got {shown(name)} (first bad index {i})"
+            raise InputError(f"{function}: sensitivity has an unknown name: {problem}")
+        if name in names[:i]:
+            raise InputError(f"{function}: sensitivity names {name} twice: expected each name once (first bad index {i})")
+        chosen.append(NamedNumber(name, known[name]))
+    plants, laws, starts, weights = [plant], [law], [dict(start)], []
+    for named in chosen:
+        for index in np.ndindex(named.value.shape):
+            loops, own = _variants((plant, law, start), named, index)
+            weights.append(own)
+            for other, control, begun in loops:
+                plants.append(other)
+                laws.append(control)
+                starts.append(dict(begun))
+    rows: dict[str, Array | None] = {}
+    for part in START:
+        values = [each.get(part) for each in starts]
+        given = next((each for each in values if each is not None), None)
+        rows[part] = None if given is None else np.array([np.zeros_like(given) if each is None else each for each in values])
+    one_plant, one_law = all(each is plant for each in plants), all(each is law for each in laws)
+    weighed = np.array(weights, dtype=np.float64).reshape(-1, 4)
+    return Varied(plant if one_plant else plants, law if one_law else laws, rows, weighed, tuple(chosen))

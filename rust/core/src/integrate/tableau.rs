@@ -1,0 +1,70 @@
+//! The stages of an explicit method as numbers, for whoever differentiates a step:
+//!
+//! `k_i = f(t + c_i h, x + h sum_j a_ij k_j)`, `x + h sum_i b_i k_i` is the next state.
+//!
+//! The semi-implicit method is the exception: positions take the new rates, see [`Tableau::follows`].
+
+use super::{EqualSteps, ExplicitAdaptive, ExplicitSteps, Forward1, Kind, Kutta4, Method, Order8, Pair54, Scheme};
+
+/// The stages of one step.
+#[derive(Clone, Debug)]
+pub struct Tableau {
+    /// The instants of the stages, as parts of the step.
+    pub c: Vec<f64>,
+    /// The weights of earlier slopes in the argument of each stage.
+    pub a: Vec<Vec<f64>>,
+    /// The weights of the slopes in the step.
+    pub b: Vec<f64>,
+    /// Whether positions follow the new rates, `x_p += h x_r`.
+    pub follows: bool,
+}
+
+impl Tableau {
+    fn equal<C: EqualSteps>(follows: bool) -> Self {
+        let row = |i: usize| (0..i).map(|j| if j + 1 == i { C::STAGES[i].part } else { 0.0 }).collect();
+        Tableau {
+            c: C::STAGES.iter().map(|stage| C::INSTANTS[stage.instant]).collect(),
+            a: (0..C::STAGES.len()).map(row).collect(),
+            b: C::STAGES.iter().map(|stage| stage.weight / C::DIVISOR).collect(),
+            follows,
+        }
+    }
+
+    fn embedded<C: Scheme>() -> Self {
+        let stages = C::A[..C::STAGES].iter().map(|row| row.to_vec()).collect();
+        Tableau { c: C::C[..C::STAGES].to_vec(), a: stages, b: C::A[C::STAGES].to_vec(), follows: false }
+    }
+}
+
+impl Method {
+    /// Its tableau; `None` for an implicit method.
+    pub fn tableau(self) -> Option<Tableau> {
+        match self.kind() {
+            Kind::ExplicitSteps(ExplicitSteps::Euler) => Some(Tableau::equal::<Forward1>(false)),
+            Kind::ExplicitSteps(ExplicitSteps::SemiImplicit) => Some(Tableau::equal::<Forward1>(true)),
+            Kind::ExplicitSteps(ExplicitSteps::Rk4) => Some(Tableau::equal::<Kutta4>(false)),
+            Kind::ExplicitAdaptive(ExplicitAdaptive::Dopri5) => Some(Tableau::embedded::<Pair54>()),
+            Kind::ExplicitAdaptive(ExplicitAdaptive::Dop853) => Some(Tableau::embedded::<Order8>()),
+            Kind::ImplicitSteps(_) | Kind::ImplicitAdaptive(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tableaus_are_consistent() {
+        let mut found = 0;
+        for tableau in Method::ALL.iter().filter_map(|method| method.tableau()) {
+            found += 1;
+            assert_eq!((tableau.a.len(), tableau.c.len()), (tableau.b.len(), tableau.b.len()));
+            assert!((tableau.b.iter().sum::<f64>() - 1.0).abs() < 1e-14);
+            for (i, (row, c)) in tableau.a.iter().zip(&tableau.c).enumerate() {
+                assert!((row.iter().sum::<f64>() - c).abs() < 1e-13, "{i}");
+            }
+        }
+        assert_eq!(found, 5);
+    }
+}

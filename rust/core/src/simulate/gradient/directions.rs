@@ -1,0 +1,129 @@
+//! What moves with each parameter: numbers of the set-up, the state at the start, and desired motions.
+
+use super::Parameter;
+use crate::error::{Error, Result};
+use crate::interrupt::look;
+use crate::memory;
+use crate::simulate::general::{assemble, start, world};
+use crate::simulate::problem::Problem;
+use crate::simulate::world::World;
+use crate::trace::Sym;
+use crate::trace::sym;
+use crate::trace::tape::Moving;
+
+/// Desired motions of the runs in which a parameter differs.
+struct Drive<'a> {
+    parameter: usize,
+    worlds: Vec<(World<'a>, f64)>,
+}
+
+/// The rates of all parameters.
+pub struct Directions<'a> {
+    pub count: usize,
+    /// Which numbers of the set-up move, in their order, and how many do.
+    pub moving: Vec<bool>,
+    pub moved: usize,
+    /// Their rates, `(moved, count)`.
+    pub set_up: Vec<f64>,
+    /// The rates of the state at the start, `(states, count)`.
+    pub start: Vec<f64>,
+    /// A run for each parameter, to compare its recording.
+    pub runs: Vec<usize>,
+    base: World<'a>,
+    drives: Vec<Drive<'a>>,
+    width: usize,
+}
+
+/// `sum w_i (f_i - f_0)`: exactly zero where nothing differs.
+fn combined(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f64)) {
+    for (k, &of) in base.iter().enumerate() {
+        put(k, others.iter().map(|(other, weight)| weight * (other[k] - of)).sum());
+    }
+}
+
+/// All numbers of the set-up of run `run`.
+fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
+    look();
+    sym::begin_moving(Moving::All);
+    drop(assemble::<Sym>(problem, |_| run, false));
+    sym::finish().values
+}
+
+impl<'a> Directions<'a> {
+    pub fn of(problem: &'a Problem<'a>, parameters: &[Parameter]) -> Result<Self> {
+        let base = numbers(problem, 0);
+        let count = parameters.len();
+        let own = |run: usize| std::ptr::eq(problem.plant(run), problem.plant(0)) && std::ptr::eq(problem.law(run), problem.law(0));
+        let mut rates = memory::zeros(base.len().saturating_mul(count))?;
+        let starts = |run: usize| start::<f64>(problem, |_| run);
+        let first = starts(0);
+        let mut start = memory::zeros(first.len().saturating_mul(count))?;
+        let (motions, breaks) = (problem.law(0).motions(), problem.law(0).breaks());
+        let mut drives = Vec::new();
+        for (p, parameter) in parameters.iter().enumerate() {
+            let other_breaks = |run: usize| problem.law(run).breaks() != breaks;
+            if parameter.iter().any(|&(run, _)| other_breaks(run)) {
+                return Err(refused(p, "moves an instant at which the motion jumps"));
+            }
+            let differ: Vec<(Vec<f64>, f64)> =
+                parameter.iter().filter(|&&(run, _)| !own(run)).map(|&(run, weight)| (numbers(problem, run), weight)).collect();
+            if differ.iter().any(|(values, _)| values.len() != base.len()) {
+                return Err(refused(p, "changes what the loop computes, such as an option that is on or off"));
+            }
+            let differ: Vec<(&[f64], f64)> = differ.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
+            combined(&base, &differ, |k, rate| rates[k * count + p] = rate);
+            let others: Vec<(Vec<f64>, f64)> = parameter.iter().map(|&(run, weight)| (starts(run), weight)).collect();
+            let others: Vec<(&[f64], f64)> = others.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
+            combined(&first, &others, |k, rate| start[k * count + p] = rate);
+            let moves = |run: usize| problem.law(run).motions().iter().zip(&motions).any(|(motion, of)| !motion.is_same(of));
+            if parameter.iter().any(|&(run, _)| moves(run)) {
+                let worlds = parameter.iter().map(|&(run, weight)| (world(problem, 1, |_| run), weight)).collect();
+                drives.push(Drive { parameter: p, worlds });
+            }
+        }
+        let moving: Vec<bool> = rates.chunks_exact(count.max(1)).map(|row| row.iter().any(|&rate| rate != 0.0)).collect();
+        let set_up = rates.chunks_exact(count.max(1)).zip(&moving).filter(|(_, moves)| **moves).flat_map(|(row, _)| row).copied().collect();
+        let desired: usize = motions.iter().map(|motion| 3 * motion.dof()).sum();
+        let width = desired + if problem.forces.is_empty() { 0 } else { 6 };
+        let runs = parameters.iter().map(|parameter| parameter.first().map_or(0, |&(run, _)| run)).collect();
+        let moved = moving.iter().filter(|&&moves| moves).count();
+        let base = world(problem, 1, |_| 0);
+        Ok(Directions { count, moving, moved, set_up, start, runs, base, drives, width })
+    }
+
+    /// Numbers of what comes from outside at one instant.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Whether a parameter moves a desired motion.
+    pub fn drives(&self) -> bool {
+        !self.drives.is_empty()
+    }
+
+    /// What comes from outside at `t`.
+    pub fn input(&self, t: f64, u: &mut [f64]) {
+        if self.width > 0 {
+            self.base.sample_each(0, &[t], self.width, u);
+        }
+    }
+
+    /// The rates of what comes from outside at `t`: `put(slot, parameter, rate)` for those that move; `u` is the input itself, and `room` has
+    /// two rows.
+    pub fn input_rates(&self, t: f64, u: &[f64], room: &mut [f64], mut put: impl FnMut(usize, usize, f64)) {
+        let (row, rates) = room.split_at_mut(self.width);
+        for Drive { parameter, worlds } in &self.drives {
+            rates.fill(0.0);
+            for (world, weight) in worlds {
+                world.sample_each(0, &[t], self.width, row);
+                rates.iter_mut().zip(row.iter().zip(u)).for_each(|(rate, (other, of))| *rate += weight * (other - of));
+            }
+            rates.iter().enumerate().for_each(|(slot, &rate)| put(slot, *parameter, rate));
+        }
+    }
+}
+
+/// The parameter of this number has no derivative; the binding knows its name.
+pub fn refused(parameter: usize, why: &str) -> Error {
+    Error::input("sensitivity", format!("names a number without a derivative: it {why} (first bad index {parameter})"))
+}

@@ -1,0 +1,242 @@
+//! The rates and the law of a loop as functions of numbers, with their tangents and adjoints.
+
+use super::directions::{Directions, refused};
+use crate::error::{Error, Result};
+use crate::integrate::System;
+use crate::interrupt::look;
+use crate::law::Route;
+use crate::simulate::closed_loop::ClosedLoop;
+use crate::simulate::general::assemble;
+use crate::simulate::problem::Problem;
+use crate::simulate::recorded::{inputs, instant};
+use crate::trace::Evaluation;
+use crate::trace::adjoint::adjoint;
+use crate::trace::differentiate::Differentiation;
+use crate::trace::function::Recorded;
+use crate::trace::sym::{self, Sym};
+use crate::trace::tape::{Moving, Op};
+
+/// Sizes of what a loop's functions read and answer.
+#[derive(Clone, Copy, Debug)]
+pub struct Sizes {
+    /// Numbers from outside at one instant, the desired ones first.
+    pub desired: usize,
+    pub width: usize,
+    pub n: usize,
+    /// The states of the plant, and with those of the law.
+    pub plant: usize,
+    pub states: usize,
+    /// The input and the rate of the law's state.
+    pub answer: usize,
+    /// Whether the law is asked at samples.
+    pub sampled: bool,
+    guards: usize,
+    /// Numbers of the set-up that move, and whether what comes from outside does.
+    pub moved: usize,
+    pub drives: bool,
+}
+
+impl Sizes {
+    fn of(problem: &Problem, directions: &Directions) -> Self {
+        let (n, p, plant) = (problem.plant(0).n(), problem.law(0).initial_state().len(), problem.plant(0).states());
+        Sizes {
+            desired: directions.width() - if problem.forces.is_empty() { 0 } else { 6 },
+            width: directions.width(),
+            n,
+            plant,
+            states: plant + p,
+            answer: n + p,
+            sampled: problem.options.sampling.is_some(),
+            guards: usize::from(problem.law(0).route() == Route::Guarded),
+            moved: directions.moved,
+            drives: directions.drives(),
+        }
+    }
+
+    /// Numbers of the rates of what comes from outside.
+    pub fn driven(&self) -> usize {
+        if self.drives { self.width } else { 0 }
+    }
+}
+
+/// A recorded function `y = f(c, u, x, held)`.
+pub struct Function {
+    ops: Vec<Op>,
+    values: Vec<f64>,
+    /// Numbers of `u`, of `x` and of what is held.
+    read: [usize; 3],
+    answer: Vec<u32>,
+    /// How many of the answers, the last ones, say whether the others hold.
+    guards: usize,
+    /// The inputs that move: of the set-up, from outside, the state, what is held.
+    moving: Vec<u32>,
+}
+
+/// The functions of a loop.
+pub struct LoopFunctions {
+    pub sizes: Sizes,
+    /// The rates of the state: under the law, or under what is held.
+    pub rates: Function,
+    /// The input and the rate of the law.
+    pub law: Function,
+}
+
+impl LoopFunctions {
+    pub fn of(problem: &Problem, directions: &Directions) -> Result<Self> {
+        let sizes = Sizes::of(problem, directions);
+        let branches = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
+        let both = |run: usize| Some((rates(problem, run, directions, &sizes)?, law(problem, run, directions, &sizes)?));
+        let (rates, law) = both(0).ok_or_else(branches)?;
+        for (p, &run) in directions.runs.iter().enumerate() {
+            look();
+            let (other, other_law) = both(run).ok_or_else(branches)?;
+            if other.ops != rates.ops || other_law.ops != law.ops {
+                return Err(refused(p, "is a constant of the loop's program"));
+            }
+        }
+        Ok(LoopFunctions { sizes, rates, law })
+    }
+}
+
+/// Record a function of the loop of run `run`.
+fn record(
+    problem: &Problem,
+    run: usize,
+    directions: &Directions,
+    sizes: &Sizes,
+    held: bool,
+    body: impl FnOnce(&mut ClosedLoop<Sym>, crate::simulate::Exogenous<Sym>, Vec<Sym>, Vec<Sym>) -> Vec<Sym>,
+) -> Option<Function> {
+    sym::begin_moving(Moving::These(directions.moving.clone()));
+    let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, false);
+    let given = sym::end_set_up() as u32;
+    let u = instant(sizes.desired, sizes.width - sizes.desired);
+    let x = inputs(sizes.states);
+    let acting = inputs(if held { sizes.answer } else { 0 });
+    let read = [sizes.width, sizes.states, acting.len()];
+    let mut answer = body(&mut closed, u, x, acting);
+    answer.extend((0..sizes.guards).map(|_| closed.stands));
+    drop(closed);
+    let recording = sym::finish();
+    if recording.failed {
+        return None;
+    }
+    let entry = |(_, &entry): (_, &u32)| if let Op::Input(slot) = recording.ops[entry as usize] { Some(slot) } else { None };
+    let mut moving: Vec<u32> = directions.moving.iter().zip(&recording.structure).filter(|(moves, _)| **moves).filter_map(entry).collect();
+    let first = given + if sizes.drives { 0 } else { sizes.width as u32 };
+    moving.extend(first..given + read.iter().sum::<usize>() as u32);
+    let answer = answer.into_iter().map(Sym::index).collect();
+    Some(Function { ops: recording.ops, values: recording.values, read, answer, guards: sizes.guards, moving })
+}
+
+fn rates(problem: &Problem, run: usize, directions: &Directions, sizes: &Sizes) -> Option<Function> {
+    record(problem, run, directions, sizes, sizes.sampled, |closed, u, x, acting| {
+        if sizes.sampled {
+            let (tau, dz) = acting.split_at(sizes.n);
+            closed.hold_input(tau, dz);
+        }
+        let mut dx = x.clone();
+        closed.rhs(&u, &x, &mut dx);
+        dx
+    })
+}
+
+fn law(problem: &Problem, run: usize, directions: &Directions, sizes: &Sizes) -> Option<Function> {
+    record(problem, run, directions, sizes, false, |closed, u, x, _| {
+        closed.turn_to(&x);
+        closed.answer(&u, &x);
+        closed.tau.iter().chain(closed.law_rate()).copied().collect()
+    })
+}
+
+impl Function {
+    fn inputs(&self) -> usize {
+        self.read.iter().sum()
+    }
+
+    fn recorded(&self, ops: Vec<Op>, more: usize, answer: Vec<u32>) -> Recorded {
+        Recorded { ops, values: self.values.clone(), inputs: self.inputs() + more, answer }
+    }
+
+    /// Numbers of an answer, without the guards.
+    pub fn answers(&self) -> usize {
+        self.answer.len() - self.guards
+    }
+
+    /// The function itself, for one run.
+    pub fn value(&self) -> Call {
+        Call::new(self, self.recorded(self.ops.clone(), 0, self.answer.clone()).program(false))
+    }
+
+    /// With the rates of its answers behind them, from the rates of the inputs that move; a direction per lane.
+    pub fn tangent(&self) -> Call {
+        let mut work = Differentiation::new(self.ops.clone(), self.values.len() + self.inputs());
+        let rates = work.along(&self.moving, &self.answer[..self.answers()]);
+        let answer = [&self.answer[..], &rates].concat();
+        Call::new(self, self.recorded(work.finish(), self.moving.len(), answer).program(true))
+    }
+
+    /// The weights of the inputs that move, from those of the answers.
+    pub fn adjoint(&self) -> Call {
+        let inputs = self.values.len() + self.inputs();
+        let (ops, mut answer) = adjoint(self.ops.clone(), inputs, &self.answer[..self.answers()], &self.moving);
+        answer.splice(0..0, self.answer.iter().copied());
+        Call::new(self, self.recorded(ops, self.answers(), answer).program(false))
+    }
+}
+
+/// A function ready to be called.
+#[derive(Clone)]
+pub struct Call {
+    evaluation: Evaluation,
+    read: [usize; 3],
+    answers: usize,
+    guards: usize,
+}
+
+impl Call {
+    fn new(function: &Function, evaluation: Evaluation) -> Self {
+        Call { evaluation, read: function.read, answers: function.answers(), guards: function.guards }
+    }
+
+    pub fn lanes(&self) -> usize {
+        self.evaluation.lanes()
+    }
+
+    /// The same arguments in every lane.
+    pub fn give(&mut self, parts: [&[f64]; 3]) {
+        let (lanes, count) = (self.lanes(), self.read.iter().sum());
+        let numbers = self.evaluation.inputs(0, count).chunks_exact_mut(lanes);
+        numbers.zip(parts.into_iter().flatten()).for_each(|(to, &x)| to.fill(x));
+    }
+
+    /// `count` inputs behind the arguments from `first` on, of all lanes.
+    pub fn more(&mut self, first: usize, count: usize) -> &mut [f64] {
+        let read: usize = self.read.iter().sum();
+        self.evaluation.inputs(read + first, count)
+    }
+
+    /// Evaluate; refuses angles beyond those that programs are made for, and answers that do not hold.
+    pub fn run(&mut self, t: f64) -> Result<()> {
+        use crate::status::Status;
+        self.evaluation.run();
+        let failed = |status, problem: &str| Err(Error::Solve { status, t, problem: format!("{problem} at t = {t} s") });
+        if !self.evaluation.is_near(0) {
+            return failed(Status::Diverged, "an angle passed 10^6 rad");
+        }
+        if self.guards > 0 && !(self.evaluation.output(self.answers)[0] > 0.0) {
+            return failed(Status::Degraded, "the tasks are near a singularity, where the law decides ranks and the run has no derivative");
+        }
+        Ok(())
+    }
+
+    /// The answers, of all lanes.
+    pub fn answers(&self) -> &[f64] {
+        self.evaluation.outputs(0, self.answers)
+    }
+
+    /// `count` numbers behind the answers from `first` on, of all lanes.
+    pub fn behind(&self, first: usize, count: usize) -> &[f64] {
+        self.evaluation.outputs(self.answers + self.guards + first, count)
+    }
+}

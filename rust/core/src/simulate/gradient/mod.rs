@@ -1,0 +1,104 @@
+//! Derivatives of a run with respect to numbers of its set-up and its start (Griewank and Walther 2008; Hairer, Norsett and Wanner, section
+//! I.14).
+//!
+//! A run is a list of operations on one state `X`: steps `x' = x + h sum b_i k_i`, samples of the law, and records. Forward: the tangents
+//! `X_p` go through the same operations. Backward: the adjoint of each operation, in reverse order, from states that were kept or are
+//! computed again. The rates and the law are recorded programs, differentiated as programs. Adaptive methods repeat the steps that the run
+//! took, so that step sizes have no derivative.
+//!
+//! A parameter is stated by runs of the problem in which it differs, with weights: `d/dp F = sum w_i F_i`. The differences are taken of the
+//! numbers of the set-up alone, never of a run.
+
+mod backward;
+mod directions;
+mod forward;
+mod functions;
+mod timeline;
+mod walk;
+
+use super::columns::Columns;
+use super::problem::Problem;
+use super::schedule::Times;
+use super::stop::Stop;
+use crate::error::{Error, Result};
+use crate::integrate::Tableau;
+use directions::Directions;
+use functions::LoopFunctions;
+use std::ops::Range;
+use timeline::Timeline;
+
+/// How a number differs between runs of a problem: runs and weights of its derivative.
+pub type Parameter = Vec<(usize, f64)>;
+
+/// The names of the series of a record, and where they are in it.
+pub type RecordParts = Vec<(&'static str, Range<usize>)>;
+
+/// The parts of a record `[x, tau]`, and how many numbers it has.
+pub fn record_parts(problem: &Problem) -> (RecordParts, usize) {
+    let columns = Columns::of(problem);
+    let size = problem.plant(0).states() + columns.p;
+    let names = ["q", "v", "tau", "theta", "theta_dot", "estimate"];
+    (names.into_iter().zip(columns.series(size, 0)).filter(|(_, range)| !range.is_empty()).collect(), size + columns.n)
+}
+
+/// A run that is ready to be differentiated.
+struct Prepared<'a> {
+    single: Problem<'a>,
+    tableau: Tableau,
+    directions: Directions<'a>,
+    functions: LoopFunctions,
+    timeline: Timeline,
+}
+
+/// Run 0 of a problem by itself.
+fn single<'a>(problem: &Problem<'a>) -> Problem<'a> {
+    let states = problem.plant(0).states();
+    Problem {
+        plants: vec![problem.plant(0)],
+        laws: vec![problem.law(0)],
+        x0: problem.x0[..states].to_vec(),
+        forces: problem.force(0).into_iter().collect(),
+        force_frame: problem.force_frame,
+        options: problem.options.clone(),
+        measures: None,
+    }
+}
+
+fn prepare<'a>(problem: &'a Problem<'a>, parameters: &[Parameter], stop: &dyn Stop) -> Result<Prepared<'a>> {
+    problem.validate()?;
+    let (o, law) = (&problem.options, problem.law(0));
+    debug_assert!(!o.monitors && matches!(o.times, Times::At(_)), "the derivatives are those of a run without monitors, at given times");
+    let Some(tableau) = o.method.tableau() else {
+        let problem =
+            format!("has no derivatives of runs: expected one of euler, semi_implicit, rk4, dopri5, dop853, got {}", o.method.name());
+        return Err(Error::input("method", problem));
+    };
+    let refused = |argument: &str, expected: &str, got: &str| {
+        Err(Error::input(argument, format!("has no derivatives of runs: expected {expected}, got {got}")))
+    };
+    if !law.route().is_recordable() {
+        return refused("law", "a law that is recorded as a program", law.name());
+    }
+    if o.sampling.as_ref().is_some_and(|sampling| sampling.torque_sensor.is_some()) {
+        return refused("sample_time", "a Sampling without torque_sensor", "one with it");
+    }
+    if o.method.is_adaptive() && !problem.plant(0).is_free() {
+        return refused("plant", "a plant without a wall or stops for an adaptive method, or fixed steps", "one with contacts");
+    }
+    let single = single(problem);
+    let timeline = Timeline::of(&single, stop)?;
+    let directions = Directions::of(problem, parameters)?;
+    let functions = LoopFunctions::of(problem, &directions)?;
+    Ok(Prepared { single, tableau, directions, functions, timeline })
+}
+
+/// The derivatives of the records `[x, tau]` of run 0 of `problem`, at the times of its options: `(records, numbers, parameters)`.
+pub fn sensitivities(problem: &Problem, parameters: &[Parameter], stop: &dyn Stop) -> Result<Vec<f64>> {
+    forward::run(&prepare(problem, parameters, stop)?)
+}
+
+/// `sum_k w_k' dr_k/dp` of the records `r_k = [x, tau]` of run 0 of `problem`, for the weights `(records, numbers)`: one number per
+/// parameter. States are kept in at most some `memory` bytes; what lies between them is computed again.
+pub fn adjoint(problem: &Problem, parameters: &[Parameter], weights: &[f64], memory: usize, stop: &dyn Stop) -> Result<Vec<f64>> {
+    backward::run(&prepare(problem, parameters, stop)?, weights, memory)
+}

@@ -1,0 +1,156 @@
+//! A run as a list of operations: its steps, its samples and its records, in order.
+
+use crate::error::{Error, Result};
+use crate::interrupt::look;
+use crate::memory::append;
+use crate::simulate::problem::{Division, Problem};
+use crate::simulate::sampling::Sampling;
+use crate::simulate::schedule::{Schedule, Times};
+use crate::simulate::single::simulate;
+use crate::simulate::stop::Stop;
+use crate::status::Status;
+
+/// A time this close to the end of a step, in steps, is that end.
+const ON_STEP: f64 = 1e-9;
+
+/// One operation on the state of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Operation {
+    /// The law answers sample `k`.
+    Sample { k: u64, t: f64 },
+    /// The answer to sample `k` acts from now on; none before the first.
+    Act(Option<u64>),
+    /// A step of size `h` from `t` to `end`, which is before a jump of the input there.
+    Step { t: f64, h: f64, end: f64 },
+    /// Record `i`.
+    Record { i: usize, t: f64 },
+    /// What follows is beside the path of the run.
+    Leave,
+    /// Go on from the last `Leave`.
+    Back,
+}
+
+/// The operations of a run, and the clock of its controller.
+pub struct Timeline {
+    pub operations: Vec<Operation>,
+    pub sampling: Option<Sampling>,
+    pub grid: f64,
+    pub records: usize,
+}
+
+/// The operations of a run as they are listed.
+struct Listing<'a> {
+    timeline: Timeline,
+    breaks: &'a [f64],
+    sampled: Option<u64>,
+    acting: Option<Option<u64>>,
+}
+
+impl Timeline {
+    /// The operations of the one run of a problem, whose options have the times of its records. An adaptive method is run for its steps.
+    pub fn of(problem: &Problem, stop: &dyn Stop) -> Result<Self> {
+        let o = &problem.options;
+        let timeline = Timeline { operations: Vec::new(), sampling: o.sampling.clone(), grid: o.grid(), records: 0 };
+        let list = |breaks| Listing { timeline, breaks, sampled: None, acting: None };
+        match problem.validate()? {
+            Division::Fixed(fixed) => list(&fixed.schedule.breaks).fixed(&fixed.schedule, fixed.hold),
+            Division::Adaptive(segments) => {
+                let mut whole = problem.clone();
+                whole.options.times = Times::Every(1);
+                let run = simulate(&whole, stop)?;
+                if run.status != Status::Success {
+                    let problem = format!("the run ended at t = {} s: {}", run.ended, run.status.name());
+                    return Err(Error::Solve { status: run.status, t: run.ended, problem });
+                }
+                let Times::At(records) = &o.times else { return Ok(list(&[]).timeline) };
+                list(&segments.breaks).adaptive(&run.t, records)
+            }
+        }
+    }
+}
+
+impl Listing<'_> {
+    fn push(&mut self, operation: Operation) -> Result<()> {
+        append(&mut self.timeline.operations, &[operation])
+    }
+
+    fn record(&mut self, t: f64) -> Result<()> {
+        let i = self.timeline.records;
+        self.timeline.records += 1;
+        self.push(Operation::Record { i, t })
+    }
+
+    /// What the controller does at `t`.
+    fn sample(&mut self, t: f64) -> Result<()> {
+        let Some(sampling) = &self.timeline.sampling else { return Ok(()) };
+        let (seed, grid) = (sampling.seed, self.timeline.grid);
+        let (due, acting) = (sampling.due(seed, grid, t), sampling.acting(seed, grid, t));
+        if let Some(k) = due.filter(|&k| self.sampled != Some(k)) {
+            self.sampled = Some(k);
+            self.push(Operation::Sample { k, t })?;
+        }
+        if self.acting != Some(acting) {
+            self.acting = Some(acting);
+            self.push(Operation::Act(acting))?;
+        }
+        Ok(())
+    }
+
+    /// From `t` to `end` by `h`, in pieces where the input jumps.
+    fn step(&mut self, mut t: f64, mut h: f64, end: f64) -> Result<()> {
+        let close = ON_STEP * h;
+        let first = self.breaks.partition_point(|&jump| jump <= t + close);
+        for i in first..self.breaks.len() {
+            let jump = self.breaks[i];
+            if jump >= end - close {
+                let ends = jump <= end + close;
+                return self.push(Operation::Step { t, h, end: if ends { jump.min(end).next_down() } else { end } });
+            }
+            self.push(Operation::Step { t, h: jump - t, end: jump.next_down() })?;
+            (t, h) = (jump, end - jump);
+        }
+        self.push(Operation::Step { t, h, end })
+    }
+
+    /// A record at `t` beside the path, `offset` after its last point.
+    fn aside(&mut self, from: f64, t: f64) -> Result<()> {
+        self.push(Operation::Leave)?;
+        self.step(from, t - from, t)?;
+        self.record(t)?;
+        self.push(Operation::Back)
+    }
+
+    fn fixed(mut self, schedule: &Schedule, hold: usize) -> Result<Timeline> {
+        for step in 0..=schedule.steps {
+            look();
+            let t = schedule.time(step);
+            if hold != 0 && step.is_multiple_of(hold) {
+                self.sample(t)?;
+            }
+            while let Some(record) = schedule.record(self.timeline.records).filter(|record| record.step == step) {
+                if record.offset == 0.0 { self.record(record.t)? } else { self.aside(t, t + record.offset)? }
+            }
+            if step < schedule.steps {
+                let end = schedule.time(step + 1);
+                self.step(t, if step + 1 < schedule.steps { schedule.dt } else { end - t }, end)?;
+            }
+        }
+        Ok(self.timeline)
+    }
+
+    fn adaptive(mut self, path: &[f64], records: &[f64]) -> Result<Timeline> {
+        for (j, &t) in path.iter().enumerate() {
+            look();
+            self.sample(t)?;
+            let next = path.get(j + 1).copied();
+            let close = next.map_or(f64::INFINITY, |next| ON_STEP * (next - t));
+            while let Some(&at) = records.get(self.timeline.records).filter(|&&at| next.is_none_or(|next| at < next - close)) {
+                if at - t <= close { self.record(at)? } else { self.aside(t, at)? }
+            }
+            if let Some(next) = next {
+                self.step(t, next - t, next)?;
+            }
+        }
+        Ok(self.timeline)
+    }
+}

@@ -1,0 +1,223 @@
+//! The state of a run as one vector, and what each operation does to it.
+
+use super::Prepared;
+use super::functions::{Call, Sizes};
+use super::timeline::{Operation, Timeline};
+use crate::error::{Error, Result, all_finite};
+use crate::integrate::Tableau;
+use crate::interrupt::look;
+use crate::linalg::Pairs;
+use crate::simulate::general::start;
+use crate::simulate::sampling::CHANNELS;
+use crate::status::Status;
+use std::ops::Range;
+
+/// Where the parts of a state are: `[x, what acts, answers, measurements]`, the last three of a sampled loop alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Places {
+    states: usize,
+    plant: usize,
+    answer: usize,
+    /// Answers and measurements that are kept, in rings.
+    answers: usize,
+    measurements: usize,
+}
+
+impl Places {
+    pub fn of(sizes: &Sizes, timeline: &Timeline) -> Self {
+        let Sizes { states, plant, answer, .. } = *sizes;
+        let Some(sampling) = &timeline.sampling else { return Places { states, plant, answer: 0, answers: 0, measurements: 0 } };
+        let waiting = (sampling.delay / sampling.period).ceil() as usize;
+        Places { states, plant, answer, answers: waiting + 2, measurements: sampling.sensor_delay + 1 }
+    }
+    pub fn x(&self) -> Range<usize> {
+        0..self.states
+    }
+    /// The states of the law.
+    pub fn z(&self) -> Range<usize> {
+        self.plant..self.states
+    }
+    pub fn acting(&self) -> Range<usize> {
+        self.states..self.states + self.answer
+    }
+    /// The answer to sample `k`.
+    pub fn answer(&self, k: u64) -> Range<usize> {
+        let first = self.states + self.answer * (1 + (k % self.answers as u64) as usize);
+        first..first + self.answer
+    }
+    /// What was measured at sample `k`.
+    pub fn measured(&self, k: u64) -> Range<usize> {
+        let first = self.states + self.answer * (1 + self.answers) + self.plant * (k % self.measurements as u64) as usize;
+        first..first + self.plant
+    }
+    pub fn size(&self) -> usize {
+        if self.answers == 0 { self.states } else { self.states + self.answer * (1 + self.answers) + self.plant * self.measurements }
+    }
+}
+
+/// Which measurement the law sees at sample `k`.
+pub fn seen(timeline: &Timeline, k: u64) -> u64 {
+    k.saturating_sub(timeline.sampling.as_ref().map_or(0, |sampling| sampling.sensor_delay as u64))
+}
+
+/// The positions whose rates are components of the state: `(position, rate)`.
+pub fn followers(sizes: &Sizes) -> Vec<(usize, usize)> {
+    let pairs = Pairs { joints: sizes.n, count: sizes.plant / (2 * sizes.n) };
+    (0..sizes.plant).filter_map(|i| pairs.rate_of(i).map(|rate| (i, rate))).collect()
+}
+
+/// Runs the operations on plain numbers.
+pub struct Walker<'a> {
+    prepared: &'a Prepared<'a>,
+    pub places: Places,
+    rates: Call,
+    law: Call,
+    u: Vec<f64>,
+    /// The arguments and the slopes of the stages, of the step seen last.
+    pub points: Vec<f64>,
+    pub slopes: Vec<f64>,
+    followers: Vec<(usize, usize)>,
+    /// Which inputs the limit of their rate held back, at the sample seen last.
+    pub limited: Vec<bool>,
+    /// What the law was shown there.
+    pub shown: Vec<f64>,
+    /// The path that a record beside it left.
+    left: Vec<f64>,
+}
+
+impl<'a> Walker<'a> {
+    pub fn new(prepared: &'a Prepared<'a>) -> Self {
+        let (sizes, stages) = (&prepared.functions.sizes, prepared.tableau.b.len());
+        Walker {
+            prepared,
+            places: Places::of(sizes, &prepared.timeline),
+            rates: prepared.functions.rates.value(),
+            law: prepared.functions.law.value(),
+            u: vec![0.0; sizes.width],
+            points: vec![0.0; stages * sizes.states],
+            slopes: vec![0.0; stages * sizes.states],
+            followers: followers(sizes),
+            limited: vec![false; sizes.n],
+            shown: vec![0.0; sizes.states],
+            left: Vec::new(),
+        }
+    }
+
+    /// The state at the start.
+    pub fn start(&self) -> Vec<f64> {
+        let mut state = start::<f64>(&self.prepared.single, |_| 0);
+        state.resize(self.places.size(), 0.0);
+        state
+    }
+
+    pub fn apply(&mut self, operation: Operation, state: &mut [f64]) -> Result<()> {
+        look();
+        match operation {
+            Operation::Sample { k, t } => self.sample(k, t, state),
+            Operation::Act(k) => {
+                act(&self.places, k, state);
+                Ok(())
+            }
+            Operation::Step { t, h, end } => self.step((t, h, end), state),
+            Operation::Record { .. } => Ok(()),
+            Operation::Leave => {
+                self.left = state.to_vec();
+                Ok(())
+            }
+            Operation::Back => {
+                state.copy_from_slice(&self.left);
+                Ok(())
+            }
+        }
+    }
+
+    /// Measure, ask the law, and limit the rate of its input.
+    pub fn sample(&mut self, k: u64, t: f64, state: &mut [f64]) -> Result<()> {
+        let (places, n) = (self.places, self.prepared.functions.sizes.n);
+        let Some(sampling) = &self.prepared.timeline.sampling else { return Ok(()) };
+        let measured = places.measured(k);
+        for i in 0..measured.len() {
+            let channel = i / n;
+            let x = state[i];
+            state[measured.start + i] = if channel < CHANNELS.len() { sampling.measure(sampling.seed, k, channel, i % n, x) } else { x };
+        }
+        let (plant, law) = self.shown.split_at_mut(places.z().start);
+        plant.copy_from_slice(&state[places.measured(seen(&self.prepared.timeline, k))]);
+        law.copy_from_slice(&state[places.z()]);
+        self.prepared.directions.input(t, &mut self.u);
+        self.law.give([&self.u, &self.shown, &[]]);
+        self.law.run(t)?;
+        state[places.answer(k)].copy_from_slice(self.law.answers());
+        self.limited.fill(false);
+        if sampling.rate_limit.is_finite() {
+            let instant = |k: u64| sampling.instant(sampling.seed, k, self.prepared.timeline.grid);
+            let since = k.checked_sub(1).map_or(sampling.period, |before| instant(k) - instant(before));
+            let most = sampling.rate_limit * since;
+            for i in 0..n {
+                let last = k.checked_sub(1).map_or(0.0, |before| state[places.answer(before).start + i]);
+                let tau = &mut state[places.answer(k).start + i];
+                self.limited[i] = (*tau - last).abs() > most;
+                *tau = tau.clamp(last - most, last + most);
+            }
+        }
+        Ok(())
+    }
+
+    /// The points and slopes of the stages of a step.
+    pub fn stages(&mut self, (t, h, end): (f64, f64, f64), state: &[f64]) -> Result<()> {
+        let Tableau { c, a, b, .. } = &self.prepared.tableau;
+        let (x, size) = (&state[self.places.x()], self.places.states);
+        for i in 0..b.len() {
+            let (earlier, later) = self.slopes.split_at_mut(i * size);
+            let point = &mut self.points[i * size..(i + 1) * size];
+            add_slopes(x, h, &a[i], earlier, point);
+            let instant = (t + c[i] * h).min(end);
+            self.prepared.directions.input(instant, &mut self.u);
+            self.rates.give([&self.u, point, &state[self.places.acting()]]);
+            self.rates.run(instant)?;
+            later[..size].copy_from_slice(self.rates.answers());
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, (t, h, end): (f64, f64, f64), state: &mut [f64]) -> Result<()> {
+        self.stages((t, h, end), state)?;
+        advance(&self.prepared.tableau, h, &self.slopes, &self.followers, &mut state[self.places.x()], 1);
+        if !all_finite(&state[self.places.x()]) {
+            let problem = format!("the run diverged at t = {end} s");
+            return Err(Error::Solve { status: Status::Diverged, t: end, problem });
+        }
+        Ok(())
+    }
+}
+
+/// The answer to sample `k` acts, or nothing does.
+pub fn act(places: &Places, k: Option<u64>, state: &mut [f64]) {
+    match k {
+        Some(k) => state.copy_within(places.answer(k), places.acting().start),
+        None => state[places.acting()].fill(0.0),
+    }
+}
+
+/// `y = x + h sum_j a_j k_j`, of slopes one after another.
+pub fn add_slopes(x: &[f64], h: f64, a: &[f64], slopes: &[f64], y: &mut [f64]) {
+    y.copy_from_slice(x);
+    for (&a, slope) in a.iter().zip(slopes.chunks_exact(x.len().max(1))).filter(|(a, _)| **a != 0.0) {
+        y.iter_mut().zip(slope).for_each(|(y, k)| *y = (h * a).mul_add(*k, *y));
+    }
+}
+
+/// The next state in place of `x`, or that of its rates along `lanes` directions.
+pub fn advance(tableau: &Tableau, h: f64, slopes: &[f64], followers: &[(usize, usize)], x: &mut [f64], lanes: usize) {
+    let before: Vec<f64> = if tableau.follows { x.to_vec() } else { Vec::new() };
+    for (&b, slope) in tableau.b.iter().zip(slopes.chunks_exact(x.len().max(1))) {
+        x.iter_mut().zip(slope).for_each(|(x, k)| *x = (h * b).mul_add(*k, *x));
+    }
+    if tableau.follows {
+        for &(position, rate) in followers {
+            for lane in 0..lanes {
+                x[position * lanes + lane] = h.mul_add(x[rate * lanes + lane], before[position * lanes + lane]);
+            }
+        }
+    }
+}
