@@ -167,6 +167,7 @@ class Objects:
             "ElasticLimits": self.limits,
             "Event": lambda: "al.Event.joint(0, 0.5)",
             "JointStops": lambda: "al.JointStops(1.0)",
+            "Sensitivity": lambda: f"al.simulate({self.loop()}, t_end=0.01, dt=1e-3, sensitivity='q0').sensitivity['q0']",
             "ExcitingMotion": lambda: "al.ExcitingMotion([0.0], [[0.5, 0.2]], [[1.0, 2.0]], [[0.3, 0.1]], 6.0, 3.5, [0.1, 0.2])",
             "NullSpace": lambda: f"al.NullSpace({[0.1] * self.n}, 10.0, 1.0)",
             "Sampling": self.sampling,
