@@ -18,7 +18,7 @@ NAMES = {
     "JointImpedance": r"JointImpedance|joint_impedance",
     "ros2": r"Ros2|\bros2\b",
     "CentreOfMass": r"CentreOfMass",
-    "VelocityArm": r"VelocityArm",
+    "VelocityArm": r"VelocityArm|\bVelocitySpec",
     "skewness": r"[sS]kewness",
 }
 ROWS = re.findall(r"^\| (an? [^|]+?) \| `(\w+)` \| (\d+) \| (`[^|]+`) \|$", PAGE, re.MULTILINE)

@@ -6,7 +6,7 @@ use crate::interrupts::{long, signalled};
 use crate::plant::Plant;
 use armlet_core::memory;
 use armlet_core::parallel::default_threads;
-use armlet_core::plant::{PlantKind, PlantSpec};
+use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::BatchStepper;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -86,7 +86,7 @@ impl _BatchStepper {
                     return Err(input_error(py, NAME, "rows", problem).into());
                 }
                 let (q, v) = (&q[k * n..(k + 1) * n], &v[k * n..(k + 1) * n]);
-                let v: &[f64] = if self.plant.kind() == PlantKind::Velocity { &[] } else { v };
+                let v: &[f64] = if self.plant.kind().has_speeds() { v } else { &[] };
                 self.x[row * states..(row + 1) * states].copy_from_slice(&self.plant.initial_state(q, v, None, None));
                 self.tau[row * n..(row + 1) * n].fill(0.0);
             }
@@ -129,7 +129,7 @@ impl _BatchStepper {
                 Ok(())
             })
         };
-        let v = if self.plant.kind() == PlantKind::Velocity { column(&self.tau, n, 0) } else { column(&self.x, states, n) };
+        let v = if self.plant.kind().has_speeds() { column(&self.x, states, n) } else { column(&self.tau, n, 0) };
         Ok((column(&self.x, states, 0)?.into_any(), v?.into_any()))
     }
 }

@@ -92,7 +92,7 @@ pub fn equilibrium<'py>(
         put(&fields, "q", &found.q)?;
         put(&fields, "tau", &found.tau)?;
         put(&fields, "x", &found.x)?;
-        if matches!(plant, PlantSpec::Elastic(_)) {
+        if plant.elastic().is_some() {
             put(&fields, "theta", &found.theta)?;
         }
         fields.set_item("reachable", found.reachable)?;

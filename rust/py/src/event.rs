@@ -6,7 +6,7 @@ use crate::force::{self, Raised};
 use armlet_core::dynamics::Model;
 use armlet_core::integrate::solve::node;
 use armlet_core::memory;
-use armlet_core::plant::{PlantKind, PlantSpec, Stop};
+use armlet_core::plant::{PlantSpec, Stop};
 use armlet_core::simulate::{Crossings, Event, EventFunction, Polynomials, RunObserver};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -68,8 +68,9 @@ fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, r
             EventFunction::Joint { joint: joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)?, below: false }
         }
         "speed" => {
-            if plant.kind() == PlantKind::Velocity {
-                return Err(refuse(arguments, "watch a speed: expected a plant with speeds among its states, got VelocityArm".into()));
+            if !plant.kind().has_speeds() {
+                let name = plant.kind().name();
+                return Err(refuse(arguments, format!("watch a speed: expected a plant with speeds among its states, got {name}")));
             }
             EventFunction::Speed { at: n + joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)? }
         }

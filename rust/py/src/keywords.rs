@@ -10,8 +10,8 @@ use crate::law::Law;
 use crate::motion::Motion;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::memory;
+use armlet_core::plant::PlantSpec;
 use armlet_core::plant::sensors::TorqueSensor;
-use armlet_core::plant::{PlantKind, PlantSpec};
 use armlet_core::simulate::{self as core, Force, Measures, Method, Options, Sampling, Times};
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -161,7 +161,7 @@ impl<'py> Keywords<'py> {
         let mut rest = [const { None }; 3];
         for (part, name) in rest.iter_mut().zip(["v0", "theta0", "theta_dot0"]) {
             let Some(value) = self.get(name)? else { continue };
-            if name != "v0" && plants[0].kind() != PlantKind::Elastic {
+            if name != "v0" && !plants[0].kind().has_motors() {
                 let problem = format!("is not used: expected None for {}", plants[0].kind().name());
                 return Err(input_error(value.py(), self.function, name, problem).into());
             }

@@ -160,7 +160,7 @@ impl RigidArm {
             let wall = self::wall(&mut given, NAME, wall)?;
             let stops = self::stops(&mut given, NAME, stops)?;
             let spec = RigidSpec { friction, wall, stops, ..RigidSpec::new(given.model()) };
-            Ok(given.plant(PlantSpec::Rigid(spec)).add_subclass(RigidArm))
+            Ok(given.plant(spec.into()).add_subclass(RigidArm))
         })
     }
 }
@@ -181,7 +181,7 @@ impl VelocityArm {
         entry(arm.py(), "VelocityArm", || {
             let given = Arguments::new("VelocityArm", arm)?;
             let spec = VelocitySpec { model: given.model() };
-            Ok(given.plant(PlantSpec::Velocity(spec)).add_subclass(VelocityArm))
+            Ok(given.plant(spec.into()).add_subclass(VelocityArm))
         })
     }
 }
@@ -235,7 +235,7 @@ impl ElasticArm {
             let wall = self::wall(&mut given, NAME, wall)?;
             let stops = self::stops(&mut given, NAME, stops)?;
             let spec = ElasticSpec::new(model, stiffness, inertia, damping, friction, wall)?.with_stops(stops);
-            Ok(given.plant(PlantSpec::Elastic(spec)).add_subclass(ElasticArm))
+            Ok(given.plant(spec.into()).add_subclass(ElasticArm))
         })
     }
 }

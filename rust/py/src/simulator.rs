@@ -9,7 +9,7 @@ use crate::priority::status_member;
 use crate::seal::{Sealed, seal_call};
 use crate::simulator_state::{fastest, finite_vector, of_motors};
 use armlet_core::law::{ExternalSpec, LawSpec};
-use armlet_core::plant::{PlantKind, PlantSpec};
+use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{Force, Problem, Stepping, Wrench, require_fixed_steps, stepper};
 use armlet_core::status::Status;
 use armlet_macros::entered;
@@ -151,7 +151,7 @@ impl Simulator {
             let own = py.import("copy")?.call_method1("deepcopy", ((made_of.2, made_of.3),))?;
             let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();
             let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
-            let elastic = plant.kind() == PlantKind::Elastic;
+            let elastic = plant.kind().has_motors();
             let p = law.initial_state().len();
             let mut simulator = Simulator {
                 stepping: Mutex::new(stepping),
@@ -245,7 +245,7 @@ impl Simulator {
             let (q, v) = (finite_vector(NAME, "q", q, n)?, finite_vector(NAME, "v", v, n)?);
             let motors = |name: &str, value| of_motors(NAME, name, value, &self.plant);
             let (theta, theta_dot) = (motors("theta", theta)?, motors("theta_dot", theta_dot)?);
-            let v = if self.plant.kind() == PlantKind::Velocity { Vec::new() } else { v };
+            let v = if self.plant.kind().has_speeds() { v } else { Vec::new() };
             let state = self.plant.initial_state(&q, &v, theta.as_deref(), theta_dot.as_deref());
             let mut x = self.x.clone();
             x[..state.len()].copy_from_slice(&state);
@@ -266,7 +266,7 @@ impl Simulator {
                     value.map_or_else(|| Ok(from.to_vec()), |value| finite_vector("Simulator.reset", name, value, n))
                 };
                 let q = read("q0", q0, &self.start[..n])?;
-                let v = if self.plant.kind() == PlantKind::Velocity { Vec::new() } else { read("v0", v0, &self.start[n..2 * n])? };
+                let v = if self.plant.kind().has_speeds() { read("v0", v0, &self.start[n..2 * n])? } else { Vec::new() };
                 let x = self.plant.initial_state(&q, &v, None, None);
                 start[..x.len()].copy_from_slice(&x);
                 self.law.restart(&x, &mut start[x.len()..]);
@@ -370,7 +370,7 @@ impl Simulator {
         let t = self.t()?;
         let n = self.plant.n();
         // The state before the step: what comes of it may be NaN throughout.
-        let v = if self.plant.kind() == PlantKind::Velocity { &self.input } else { &self.x[n..2 * n] };
+        let v = if self.plant.kind().has_speeds() { &self.x[n..2 * n] } else { &self.input };
         let message = format!("Simulator.step: the step from t = {t} s on diverges: {}{}", status.advice(), fastest(v));
         Ok(solve_error(py, message, status, t, self.state(py)?.into_any().unbind()).into())
     }
@@ -385,7 +385,7 @@ impl Simulator {
         let (n, kind) = (self.plant.n(), self.plant.kind());
         let states = kind.states(n);
         overwrite(self.q.bind(py), &self.x[..n])?;
-        overwrite(self.v.bind(py), if kind == PlantKind::Velocity { &self.input } else { &self.x[n..2 * n] })?;
+        overwrite(self.v.bind(py), if kind.has_speeds() { &self.x[n..2 * n] } else { &self.input })?;
         overwrite(self.tau.bind(py), &self.input)?;
         if let (Some(theta), Some(theta_dot)) = (&self.theta, &self.theta_dot) {
             overwrite(theta.bind(py), &self.x[2 * n..3 * n])?;

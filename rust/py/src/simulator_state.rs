@@ -2,7 +2,7 @@
 
 use crate::arrays::{require_finite, vector};
 use crate::errors::{Failure, input_error};
-use armlet_core::plant::{PlantKind, PlantSpec};
+use armlet_core::plant::PlantSpec;
 use pyo3::prelude::*;
 
 /// `(n,)` finite numbers.
@@ -15,7 +15,7 @@ pub fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: us
 /// The same of motors, which only plants with elastic joints have.
 pub fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
     let Some(value) = value else { return Ok(None) };
-    if plant.kind() != PlantKind::Elastic {
+    if !plant.kind().has_motors() {
         let problem = format!("is not used: expected None for {}", plant.kind().name());
         return Err(input_error(value.py(), function, name, problem).into());
     }

@@ -119,7 +119,7 @@ pub fn elastic_limits(
     sample_time: Option<f64>,
     bandwidth: f64,
 ) -> Result<ElasticLimits> {
-    let (PlantSpec::Elastic(elastic), Some(inner)) = (plant, law.reduction()) else {
+    let (Some(elastic), Some(inner)) = (plant.elastic(), law.reduction()) else {
         return Err(Error::input("law", format!("has no motor loop: expected a law such as ElasticImpedance, got {}", law.name())));
     };
     let rest = equilibrium(plant, law, wrench, force_frame, q0)?;

@@ -191,7 +191,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     let mut state = q.clone();
     state.resize(2 * n, 0.0);
     let mut theta = Vec::new();
-    if let PlantSpec::Elastic(plant) = plant {
+    if let Some(plant) = plant.elastic() {
         let stretch = plant.stiffness.inverse().times(&tau);
         theta = q.iter().zip(stretch).map(|(q, s)| q + s).collect();
         state.extend(&theta);
@@ -221,8 +221,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
             reachable = !short || (!pressed && reaches(task, &push, q0));
         }
     } else if let Some(target) = held.link_target() {
-        let knows =
-            plant.model() == law.model() && matches!(plant, PlantSpec::Elastic(plant) if law.joint_stiffness() == Some(&plant.stiffness));
+        let knows = plant.model() == law.model() && plant.elastic().is_some_and(|plant| law.joint_stiffness() == Some(&plant.stiffness));
         let away = q.iter().zip(&target).any(|(q, target)| (q - target).abs() > 1e-6 * (1.0 + target.abs()));
         spurious = knows && !pressed && wrench.iter().all(|&w| w == 0.0) && away;
     }

@@ -32,10 +32,7 @@ pub struct Rest<'a> {
 impl Rest<'_> {
     /// The stiffness of the plant's joints and `(I + Kt)^-1`, where the motors are unknowns beside the links.
     fn motors(&self) -> Option<(&Gain, Gain)> {
-        match (self.plant, self.law.torque_share()) {
-            (PlantSpec::Elastic(plant), Some(share)) => Some((&plant.stiffness, share)),
-            _ => None,
-        }
+        Some((&self.plant.elastic()?.stiffness, self.law.torque_share()?))
     }
 
     /// What the joints carry at `q`, `L(q)` `(n,)`, and the wall's force.

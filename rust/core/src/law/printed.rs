@@ -110,7 +110,8 @@ impl LawSpec {
     }
 
     fn parameters(&self, n: usize) -> String {
-        let names: &[&str] = if self.plant() == PlantKind::Elastic { &["q", "v", "theta", "theta_dot"] } else { &["q", "v"] };
+        // Every step takes `v`, read or not.
+        let names = if self.plant().has_speeds() { self.plant().parts() } else { &["q", "v"] };
         names.iter().map(|name| format!("const double {name}[{n}], ")).collect()
     }
 
@@ -242,17 +243,13 @@ static void {prefix}_advance({prefix}_state *state, double t)
     fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming, (motions, steps, room): (&str, &str, usize)) {
         let Sizes { n, p, moving, states, guarded } = *sizes;
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
-        let names: &[&str] = match self.plant() {
-            PlantKind::Elastic => &["q", "v", "theta", "theta_dot"],
-            PlantKind::Rigid => &["q", "v"],
-            PlantKind::Velocity => &["q"],
-        };
-        let copies: String = names
+        let parts = self.plant().parts();
+        let copies: String = parts
             .iter()
             .enumerate()
             .map(|(k, name)| format!("    memcpy(x + {}, {name}, {n} * sizeof(double));\n", moving + k * n))
             .collect();
-        let unread = if self.plant() == PlantKind::Velocity { "    (void)v;\n" } else { "" };
+        let unread = if self.plant().has_speeds() { "" } else { "    (void)v;\n" };
         let work = if room > 0 { format!(", w[{room}]") } else { String::new() };
         let (answers, count) = (n + p + usize::from(guarded), moving + states + p);
         let advance = if p == 0 {

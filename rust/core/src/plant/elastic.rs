@@ -5,7 +5,7 @@
 
 use super::rigid::Links;
 use super::stops::Stops;
-use super::{Plant, Power, Touch, Wall};
+use super::{Build, Definition, Plant, Power, Touch, Wall};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
@@ -78,6 +78,30 @@ impl ElasticSpec {
     }
 }
 
+impl Definition for ElasticSpec {
+    fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn wall(&self) -> Option<&Wall> {
+        self.wall.as_ref()
+    }
+
+    fn stops(&self) -> Option<&Stops> {
+        self.stops.as_ref()
+    }
+
+    fn elastic(&self) -> Option<&ElasticSpec> {
+        Some(self)
+    }
+
+    fn initial_state(&self, q0: &[f64], v0: &[f64], theta0: Option<&[f64]>, theta_dot0: Option<&[f64]>) -> Vec<f64> {
+        let resting = || self.resting_motor(q0);
+        let theta = theta0.map_or_else(resting, <[f64]>::to_vec);
+        [q0, v0, &theta, theta_dot0.unwrap_or(v0)].concat()
+    }
+}
+
 /// The plant in a loop.
 pub struct Elastic<S: Real> {
     links: Links<S>,
@@ -89,9 +113,10 @@ pub struct Elastic<S: Real> {
     work: Vec<S>,
 }
 
-impl<S: Real> Elastic<S> {
-    /// The plants of the lanes as one.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a ElasticSpec, force_frame: Option<usize>) -> Self {
+impl Build for ElasticSpec {
+    type Lanes<S: Real> = Elastic<S>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Elastic<S> {
         let n = of(0).model.n();
         Elastic {
             links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame),

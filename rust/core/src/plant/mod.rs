@@ -4,6 +4,7 @@
 //! `W = [f; m]` (world axes) acts at one frame as `J' W`; a wall pushes back where a frame enters it.
 
 mod contact;
+mod definition;
 mod elastic;
 mod rigid;
 pub mod sensors;
@@ -13,6 +14,7 @@ pub mod unilateral;
 mod velocity;
 
 pub use contact::{LaneWall, Wall};
+pub use definition::{Build, Definition};
 pub use elastic::{Elastic, ElasticSpec};
 pub use rigid::{Rigid, RigidSpec};
 pub use stops::{Stop, Stops};
@@ -20,8 +22,8 @@ pub use stored::Stored;
 pub use unilateral::Touch;
 pub use velocity::{Velocity, VelocitySpec};
 
-use crate::dynamics::Model;
 use crate::scalar::Real;
+use std::ops::Deref;
 
 /// Power into a plant: its sum is the rate of the stored energy.
 #[derive(Clone, Copy, Debug)]
@@ -42,85 +44,101 @@ pub trait Plant<S: Real> {
     fn hold(&mut self, _contacts: &[Touch]) {}
 }
 
-/// Which plant a law is made for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PlantKind {
+/// The kinds of plants: the enums, names and parts of the state, and how loops are made of them. A plant stands in its own file and here.
+macro_rules! plants {
+    ($($(#[$doc:meta])* $kind:ident($definition:ty) $name:literal [$($part:literal)*],)*) => {
+        /// Which plant a law is made for.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum PlantKind {
+            $($(#[$doc])* $kind,)*
+        }
+
+        /// A plant of any kind; what is asked of it is in [`Definition`].
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum PlantSpec {
+            $($(#[$doc])* $kind($definition),)*
+        }
+
+        $(impl From<$definition> for PlantSpec {
+            fn from(plant: $definition) -> Self {
+                PlantSpec::$kind(plant)
+            }
+        })*
+
+        impl PlantKind {
+            /// The class in Python.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(PlantKind::$kind => $name,)*
+                }
+            }
+
+            /// The parts of the state, `n` numbers each.
+            pub fn parts(self) -> &'static [&'static str] {
+                match self {
+                    $(PlantKind::$kind => &[$($part),*],)*
+                }
+            }
+        }
+
+        impl Deref for PlantSpec {
+            type Target = dyn Definition;
+
+            fn deref(&self) -> &Self::Target {
+                match self {
+                    $(PlantSpec::$kind(plant) => plant,)*
+                }
+            }
+        }
+
+        impl PlantSpec {
+            /// The kind of the plant.
+            pub fn kind(&self) -> PlantKind {
+                match self {
+                    $(PlantSpec::$kind(_) => PlantKind::$kind,)*
+                }
+            }
+
+            /// The plants of the lanes as one, with the wrench acting at `force_frame`.
+            pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
+                match of(0) {
+                    $(PlantSpec::$kind(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
+                        PlantSpec::$kind(plant) => plant,
+                        other => unreachable!("{} in the lanes of {}", other.kind().name(), of(0).kind().name()),
+                    }, force_frame)),)*
+                }
+            }
+        }
+    };
+}
+
+plants! {
     /// Rigid joints driven by torques.
-    Rigid,
+    Rigid(RigidSpec) "RigidArm" ["q" "v"],
     /// Elastic joints driven by motors.
-    Elastic,
+    Elastic(ElasticSpec) "ElasticArm" ["q" "v" "theta" "theta_dot"],
     /// Joints that follow a velocity exactly.
-    Velocity,
+    Velocity(VelocitySpec) "VelocityArm" ["q"],
 }
 
 impl PlantKind {
-    /// The class in Python.
-    pub fn name(self) -> &'static str {
-        match self {
-            PlantKind::Rigid => "RigidArm",
-            PlantKind::Elastic => "ElasticArm",
-            PlantKind::Velocity => "VelocityArm",
-        }
-    }
-
     /// Size of the state of a plant of `n` joints.
     pub fn states(self, n: usize) -> usize {
-        match self {
-            PlantKind::Rigid => 2 * n,
-            PlantKind::Elastic => 4 * n,
-            PlantKind::Velocity => n,
-        }
+        self.parts().len() * n
     }
-}
 
-/// A plant as the user states it, validated.
-#[derive(Clone, Debug, PartialEq)]
-pub enum PlantSpec {
-    /// Rigid joints.
-    Rigid(RigidSpec),
-    /// Elastic joints.
-    Elastic(ElasticSpec),
-    /// Velocity-controlled joints.
-    Velocity(VelocitySpec),
-}
-
-impl From<RigidSpec> for PlantSpec {
-    fn from(plant: RigidSpec) -> Self {
-        PlantSpec::Rigid(plant)
+    /// Whether velocities are among the states.
+    pub fn has_speeds(self) -> bool {
+        self.parts().contains(&"v")
     }
-}
 
-impl From<ElasticSpec> for PlantSpec {
-    fn from(plant: ElasticSpec) -> Self {
-        PlantSpec::Elastic(plant)
-    }
-}
-
-impl From<VelocitySpec> for PlantSpec {
-    fn from(plant: VelocitySpec) -> Self {
-        PlantSpec::Velocity(plant)
+    /// Whether positions and velocities of motors are among the states.
+    pub fn has_motors(self) -> bool {
+        self.parts().contains(&"theta")
     }
 }
 
 impl PlantSpec {
-    /// The kind of the plant.
-    pub fn kind(&self) -> PlantKind {
-        match self {
-            PlantSpec::Rigid(_) => PlantKind::Rigid,
-            PlantSpec::Elastic(_) => PlantKind::Elastic,
-            PlantSpec::Velocity(_) => PlantKind::Velocity,
-        }
-    }
-
-    /// The arm.
-    pub fn model(&self) -> &Model {
-        match self {
-            PlantSpec::Rigid(plant) => &plant.model,
-            PlantSpec::Elastic(plant) => &plant.model,
-            PlantSpec::Velocity(plant) => &plant.model,
-        }
-    }
-
     /// Number of joints, which is that of inputs.
     pub fn n(&self) -> usize {
         self.model().n()
@@ -129,45 +147,6 @@ impl PlantSpec {
     /// Size of the state `x`.
     pub fn states(&self) -> usize {
         self.kind().states(self.n())
-    }
-
-    /// `x` at the start: `theta0 = None` is where the springs carry gravity, `theta_dot0 = None` moves with the links.
-    pub fn initial_state(&self, q0: &[f64], v0: &[f64], theta0: Option<&[f64]>, theta_dot0: Option<&[f64]>) -> Vec<f64> {
-        let mut x = q0.to_vec();
-        match self {
-            PlantSpec::Velocity(_) => {}
-            PlantSpec::Rigid(_) => x.extend(v0),
-            PlantSpec::Elastic(plant) => {
-                x.extend(v0);
-                match theta0 {
-                    Some(theta) => x.extend(theta),
-                    None => x.extend(plant.resting_motor(q0)),
-                }
-                x.extend(theta_dot0.unwrap_or(v0));
-            }
-        }
-        x
-    }
-
-    /// The plants of the lanes as one, with the wrench acting at `force_frame`.
-    pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
-        match of(0) {
-            PlantSpec::Rigid(first) => Box::new(Rigid::new(
-                |i| match of(i) {
-                    PlantSpec::Rigid(plant) => plant,
-                    _ => first,
-                },
-                force_frame,
-            )),
-            PlantSpec::Elastic(first) => Box::new(Elastic::new(
-                |i| match of(i) {
-                    PlantSpec::Elastic(plant) => plant,
-                    _ => first,
-                },
-                force_frame,
-            )),
-            PlantSpec::Velocity(plant) => Box::new(Velocity { n: plant.model.n() }),
-        }
     }
 
     /// Whether both can run side by side in lanes.
@@ -179,31 +158,8 @@ impl PlantSpec {
             && self.has_friction() == other.has_friction()
     }
 
-    /// The wall that a frame may touch.
-    pub fn wall(&self) -> Option<&Wall> {
-        match self {
-            PlantSpec::Rigid(plant) => plant.wall.as_ref(),
-            PlantSpec::Elastic(plant) => plant.wall.as_ref(),
-            PlantSpec::Velocity(_) => None,
-        }
-    }
-
-    /// The joint stops.
-    pub fn stops(&self) -> Option<&Stops> {
-        match self {
-            PlantSpec::Rigid(plant) => plant.stops.as_ref(),
-            PlantSpec::Elastic(plant) => plant.stops.as_ref(),
-            PlantSpec::Velocity(_) => None,
-        }
-    }
-
     /// Whether nothing can be touched.
     pub fn is_free(&self) -> bool {
         self.wall().is_none() && self.stops().is_none()
-    }
-
-    /// Whether the friction of a rigid arm's joints acts.
-    pub fn has_friction(&self) -> bool {
-        matches!(self, PlantSpec::Rigid(RigidSpec { friction: true, .. }))
     }
 }

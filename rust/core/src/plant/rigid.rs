@@ -2,7 +2,7 @@
 
 use super::contact::LaneWall;
 use super::stops::{LaneStops, Stops};
-use super::{Plant, Power, Touch, Wall};
+use super::{Build, Definition, Plant, Power, Touch, Wall};
 use crate::dynamics::energy::friction_torque;
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::scalar::Real;
@@ -49,6 +49,24 @@ impl RigidSpec {
     /// The arm without friction, wall and stops.
     pub fn new(model: Model) -> Self {
         RigidSpec { model, friction: false, wall: None, stops: None }
+    }
+}
+
+impl Definition for RigidSpec {
+    fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn wall(&self) -> Option<&Wall> {
+        self.wall.as_ref()
+    }
+
+    fn stops(&self) -> Option<&Stops> {
+        self.stops.as_ref()
+    }
+
+    fn has_friction(&self) -> bool {
+        self.friction
     }
 }
 
@@ -150,9 +168,10 @@ pub struct Rigid<S: Real> {
     friction: bool,
 }
 
-impl<S: Real> Rigid<S> {
-    /// The plants of the lanes as one.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a RigidSpec, force_frame: Option<usize>) -> Self {
+impl Build for RigidSpec {
+    type Lanes<S: Real> = Rigid<S>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Rigid<S> {
         let friction = of(0).friction;
         Rigid { links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame), friction }
     }

@@ -27,17 +27,14 @@ impl<S: Real> Stored<S> {
     /// For the plants `of(lane)`, of one shape.
     pub fn new<'a>(of: impl Fn(usize) -> &'a PlantSpec) -> Self {
         let first = of(0);
-        let springs = match first {
-            PlantSpec::Elastic(own) => {
-                let elastic = |lane: usize| if let PlantSpec::Elastic(plant) = of(lane) { plant } else { own };
-                Some(Springs {
-                    stiffness: AnyGain::from_lanes(|lane| &elastic(lane).stiffness),
-                    motor_inertia: AnyGain::from_lanes(|lane| &elastic(lane).motor_inertia),
-                    stretch: vec![S::zero(); own.model.n()],
-                })
+        let springs = first.elastic().map(|own| {
+            let elastic = |lane: usize| of(lane).elastic().unwrap_or(own);
+            Springs {
+                stiffness: AnyGain::from_lanes(|lane| &elastic(lane).stiffness),
+                motor_inertia: AnyGain::from_lanes(|lane| &elastic(lane).motor_inertia),
+                stretch: vec![S::zero(); own.model.n()],
             }
-            PlantSpec::Rigid(_) | PlantSpec::Velocity(_) => None,
-        };
+        });
         Stored {
             n: first.n(),
             wall: first.wall().map(|own| LaneWall::new(|lane| of(lane).wall().unwrap_or(own))),

@@ -1,6 +1,6 @@
 //! An arm whose joint velocities are the input: `q' = u`.
 
-use super::{Plant, Power};
+use super::{Build, Definition, Plant, Power};
 use crate::dynamics::Model;
 use crate::scalar::Real;
 
@@ -9,6 +9,24 @@ use crate::scalar::Real;
 pub struct VelocitySpec {
     /// The arm.
     pub model: Model,
+}
+
+impl Definition for VelocitySpec {
+    fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn initial_state(&self, q0: &[f64], _: &[f64], _: Option<&[f64]>, _: Option<&[f64]>) -> Vec<f64> {
+        q0.to_vec()
+    }
+}
+
+impl Build for VelocitySpec {
+    type Lanes<S: Real> = Velocity;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, _: Option<usize>) -> Velocity {
+        Velocity { n: of(0).model.n() }
+    }
 }
 
 /// The plant in a loop.

@@ -42,7 +42,7 @@ impl Columns {
 
     /// Motor positions per record: none without elastic joints.
     pub fn motors(&self) -> usize {
-        if self.kind == PlantKind::Elastic { self.n } else { 0 }
+        if self.kind.has_motors() { self.n } else { 0 }
     }
 
     /// The places in a record of a state `x = [plant, z, ..]` of `size` numbers and its input, which is the velocity where it is commanded.
@@ -50,7 +50,7 @@ impl Columns {
         let (n, states, motors) = (self.n, self.kind.states(self.n), self.motors());
         SampleColumns {
             q: 0..n,
-            v: if self.kind == PlantKind::Velocity { size..size + n } else { n..2 * n },
+            v: if self.kind.has_speeds() { n..2 * n } else { size..size + n },
             tau: size..size + n,
             theta: states - 2 * motors..states - motors,
             theta_dot: states - motors..states,
@@ -69,7 +69,7 @@ impl Columns {
     /// The parts of a state `x` under the input `tau`.
     pub fn split<'a, S>(&self, x: &'a [S], tau: &'a [S]) -> Parts<'a, S> {
         let SampleColumns { q, v, theta, theta_dot, z, .. } = self.places(x.len());
-        let v = if self.kind == PlantKind::Velocity { tau } else { &x[v] };
+        let v = if self.kind.has_speeds() { &x[v] } else { tau };
         Parts { q: &x[q], v, theta: &x[theta], theta_dot: &x[theta_dot], z: &x[z] }
     }
 }

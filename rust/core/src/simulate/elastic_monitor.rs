@@ -17,8 +17,7 @@ impl<S: Real> TorqueError<S> {
     pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec) -> Option<Self> {
         law(0).reduction()?;
         let outer = (0..S::LANES).map(|lane| law(lane).outer()).collect::<Option<Vec<LawSpec>>>()?;
-        let stiffness = |lane: usize| if let PlantSpec::Elastic(plant) = plant(lane) { Some(&plant.stiffness) } else { None };
-        let stiffness = (0..S::LANES).map(stiffness).collect::<Option<Vec<_>>>()?;
+        let stiffness = (0..S::LANES).map(|lane| plant(lane).elastic().map(|plant| &plant.stiffness)).collect::<Option<Vec<_>>>()?;
         let n = plant(0).n();
         Some(TorqueError {
             law: LawSpec::build::<S>(|lane| &outer[lane]),

@@ -3,7 +3,6 @@
 use super::layout::Layout;
 use super::problem::Problem;
 use super::rates_programs::Slots;
-use crate::plant::PlantKind;
 use crate::trace::label::Label;
 use std::collections::HashSet;
 
@@ -107,13 +106,8 @@ impl SlotNames {
 /// The components of a loop's state.
 fn states(problem: &Problem) -> Vec<String> {
     let (plant, law) = (problem.plant(0), problem.law(0));
-    let parts: &[&str] = match plant.kind() {
-        PlantKind::Velocity => &["q"],
-        PlantKind::Rigid => &["q", "v"],
-        PlantKind::Elastic => &["q", "v", "theta", "theta_dot"],
-    };
     let own = if law.adaptive().is_some() { "estimate" } else { "z" };
-    let plant = parts.iter().flat_map(|part| (1..=plant.n()).map(move |i| format!("{part}{i}")));
+    let plant = plant.kind().parts().iter().flat_map(|part| (1..=plant.n()).map(move |i| format!("{part}{i}")));
     let law = (1..=law.initial_state().len()).map(|k| format!("{own}{k}"));
     let monitors: &[&str] = if problem.options.monitors { &["dissipated", "supplied"] } else { &[] };
     plant.chain(law).chain(monitors.iter().map(|&name| name.to_owned())).collect()

@@ -4,7 +4,6 @@ use super::problem::Problem;
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::law::{Aim, JointReference};
-use crate::plant::PlantKind;
 use std::ops::Range;
 
 /// What the caller wants to know.
@@ -143,7 +142,7 @@ impl Plan {
         let angles = plant.model().angles();
         let of_unit = |angle: bool| (0..n).filter(|&i| angles[i] == angle).collect::<Vec<_>>();
         let units = [of_unit(true), of_unit(false)].into_iter().filter(|joints| !joints.is_empty()).collect();
-        let velocity = plant.kind() == PlantKind::Velocity;
+        let velocity = !plant.kind().has_speeds();
         let mut plan = Plan {
             n,
             wanted,

@@ -18,7 +18,6 @@ use super::problem::Problem;
 use super::target_model::TargetModel;
 use crate::law::{LawSpec, Solve};
 use crate::motion::{Motion, sample_all};
-use crate::plant::PlantKind;
 use crate::priority::PrioritySolver;
 
 /// The energy of a rigid plant, then norms of the error and of the residual of each level of priority.
@@ -58,7 +57,7 @@ pub fn names(problem: &Problem) -> &'static [&'static str] {
         LawSpec::Adaptive(_) => &["skewness", "energy", "energy_balance", "lyapunov", "lyapunov_balance"],
         LawSpec::PriorityVelocity(law) => &ENERGY_AND_LEVELS[ENERGY..ENERGY_AND_LEVELS.len().min(ENERGY + 2 * law.levels.len())],
         LawSpec::PriorityAcceleration(law) => &ENERGY_AND_LEVELS[..ENERGY_AND_LEVELS.len().min(ENERGY + 2 * law.levels.len())],
-        _ if law.plant() == PlantKind::Velocity => &[],
+        _ if !law.plant().has_speeds() => &[],
         _ => &["skewness", "energy", "energy_balance"],
     }
 }

@@ -3,26 +3,21 @@
 use super::problem::Problem;
 use crate::error::{Error, Result};
 use crate::law::LockedMotors;
-use crate::plant::PlantSpec;
 
 impl Problem<'_> {
     /// The sample time at which the motor loop of the first run becomes unstable with locked links, where that is less than `times` the
     /// sample time of the problem; `None` without such a limit, or where the sample time itself is unstable.
     pub fn sample_time_limit(&self, times: f64) -> Option<f64> {
         let period = self.options.sampling.as_ref()?.period;
-        match (self.plants.first()?, self.laws.first()?.reduction()?) {
-            (PlantSpec::Elastic(plant), law) => {
-                let limit = LockedMotors::new(plant, law, f64::INFINITY).unstable_between(period, times * period);
-                (limit > 0.0 && limit.is_finite()).then_some(limit)
-            }
-            _ => None,
-        }
+        let (plant, law) = (self.plants.first()?.elastic()?, self.laws.first()?.reduction()?);
+        let limit = LockedMotors::new(plant, law, f64::INFINITY).unstable_between(period, times * period);
+        (limit > 0.0 && limit.is_finite()).then_some(limit)
     }
 
     /// Refuse a sample time that no motor loop stands.
     pub(super) fn validate_motor_loops(&self, period: f64) -> Result<()> {
         for run in 0..self.plants.len().max(self.laws.len()) {
-            let (PlantSpec::Elastic(plant), Some(law)) = (self.plant(run), self.law(run).reduction()) else { continue };
+            let (Some(plant), Some(law)) = (self.plant(run).elastic(), self.law(run).reduction()) else { continue };
             let motors = LockedMotors::new(plant, law, f64::INFINITY);
             // Islands of stability beyond the first limit are no place to be.
             let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.unstable_up_to(period) } else { f64::INFINITY };

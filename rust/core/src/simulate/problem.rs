@@ -146,7 +146,7 @@ impl<'a> Problem<'a> {
     /// touches.
     pub fn watches_target(&self) -> bool {
         let o = &self.options;
-        let alone = |plant: &PlantSpec| matches!(plant, PlantSpec::Rigid(rigid) if !rigid.friction) && plant.is_free();
+        let alone = |plant: &PlantSpec| plant.kind() == PlantKind::Rigid && !plant.has_friction() && plant.is_free();
         let all = self.laws.iter().all(|law| law.impedance().is_some_and(|law| law.has_target_model()))
             && self.plants.iter().all(|plant| alone(plant));
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
@@ -185,11 +185,10 @@ impl<'a> Problem<'a> {
             );
             return Err(Error::input("law", problem));
         }
-        if self.options.method == Method::SemiImplicit && plant.kind() == PlantKind::Velocity {
-            return Err(Error::input(
-                "method",
-                "needs velocities among the states: expected such as rk4 for VelocityArm, got semi_implicit",
-            ));
+        if self.options.method == Method::SemiImplicit && !plant.kind().has_speeds() {
+            let name = plant.kind().name();
+            let problem = format!("needs velocities among the states: expected such as rk4 for {name}, got semi_implicit");
+            return Err(Error::input("method", problem));
         }
         if law.route().is_scalar() && self.options.sampling.is_none() && self.options.method.is_implicit() {
             let (name, method) = (law.name(), self.options.method.name());

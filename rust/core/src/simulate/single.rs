@@ -14,7 +14,6 @@ use super::stop::Stop;
 use super::watching::RunObserver;
 use crate::error::{Error, Result, all_finite};
 use crate::memory::{self, append};
-use crate::plant::PlantKind;
 use crate::status::Status;
 use std::ops::Range;
 
@@ -111,7 +110,7 @@ impl RunRecorder<'_> {
         for series in [&mut run.q, &mut run.v, &mut run.tau] {
             memory::more(series, n * records)?;
         }
-        if kind == PlantKind::Elastic {
+        if kind.has_motors() {
             memory::more(&mut run.theta, n * records)?;
             memory::more(&mut run.theta_dot, n * records)?;
         }

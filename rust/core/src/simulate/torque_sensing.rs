@@ -9,7 +9,6 @@ use super::problem::Problem;
 use super::sampling::{Sampling, gaussian};
 use crate::error::{Error, Result};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
-use crate::plant::PlantSpec;
 use crate::plant::sensors::TorqueSensor;
 use crate::scalar::Real;
 
@@ -46,12 +45,9 @@ impl<S: Real> TorqueSensing<S> {
     pub fn of(problem: &Problem, sampling: &Sampling, run: impl Fn(usize) -> usize) -> Option<Self> {
         let sensor = sampling.torque_sensor.clone()?;
         let springs: Vec<(&Gain, Gain)> = (0..S::LANES)
-            .map(|lane| match problem.plant(run(lane)) {
-                PlantSpec::Elastic(plant) => {
-                    let believed = problem.law(run(lane)).joint_stiffness().unwrap_or(&plant.stiffness);
-                    Some((&plant.stiffness, believed.inverse()))
-                }
-                _ => None,
+            .map(|lane| {
+                let stiffness = &problem.plant(run(lane)).elastic()?.stiffness;
+                Some((stiffness, problem.law(run(lane)).joint_stiffness().unwrap_or(stiffness).inverse()))
             })
             .collect::<Option<_>>()?;
         let zeros = vec![S::zero(); problem.plant(0).n()];
@@ -96,7 +92,7 @@ impl Problem<'_> {
     pub(super) fn validate_torque_sensor(&self, sampling: &Sampling) -> Result<()> {
         let Some(sensor) = &sampling.torque_sensor else { return Ok(()) };
         let plant = self.plant(0);
-        if !matches!(plant, PlantSpec::Elastic(_)) {
+        if plant.elastic().is_none() {
             let problem = format!("has nothing to sense: expected a plant with elastic joints, got {}", plant.kind().name());
             return Err(Error::input("torque_sensor", problem));
         }

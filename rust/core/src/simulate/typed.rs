@@ -3,7 +3,7 @@
 use super::{DEFAULT_STATE_LIMIT, Method, Options, Problem, Run, Times, simulate};
 use crate::error::{Error, Result};
 use crate::law::LawSpec;
-use crate::plant::{PlantKind, PlantSpec};
+use crate::plant::PlantSpec;
 use nalgebra::{DMatrixView, DVector};
 use std::sync::atomic::AtomicBool;
 
@@ -41,8 +41,9 @@ impl<'a> Problem<'a> {
                 return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", value.len())));
             }
         }
-        if plant.kind() == PlantKind::Velocity && v0.iter().any(|v| *v != 0.0) {
-            return Err(Error::input("v0", "is not a state of the plant: expected zeros for VelocityArm"));
+        if !plant.kind().has_speeds() && v0.iter().any(|v| *v != 0.0) {
+            let problem = format!("is not a state of the plant: expected zeros for {}", plant.kind().name());
+            return Err(Error::input("v0", problem));
         }
         let x0 = plant.initial_state(q0.as_slice(), v0.as_slice(), None, None);
         Ok(Problem { plants: vec![plant], laws: vec![law], x0, forces: Vec::new(), force_frame: None, options, measures: None })

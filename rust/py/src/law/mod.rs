@@ -65,18 +65,18 @@ fn call_arguments(
     let n = spec.model().n();
     let mut x = vector(function, "q", q, n)?;
     let rates = vector(function, "v", v, n)?;
-    if spec.plant() != PlantKind::Velocity {
+    if spec.plant().has_speeds() {
         x.extend(rates);
     }
     for (name, value) in ["theta", "theta_dot"].into_iter().zip(motors) {
-        match (value, spec.plant()) {
-            (Some(value), PlantKind::Elastic) => x.extend(vector(function, name, value, n)?),
-            (None, PlantKind::Elastic) => {
+        match (value, spec.plant().has_motors()) {
+            (Some(value), true) => x.extend(vector(function, name, value, n)?),
+            (None, true) => {
                 let problem = format!("is missing: expected ({n},) for a law of elastic arms, got None");
                 return Err(input_error(py, function, name, problem).into());
             }
-            (Some(_), _) => return Err(input_error(py, function, name, "is not used: expected None for a law of rigid arms").into()),
-            (None, _) => {}
+            (Some(_), false) => return Err(input_error(py, function, name, "is not used: expected None for a law of rigid arms").into()),
+            (None, false) => {}
         }
     }
     let initial = spec.initial_state();

@@ -1,0 +1,47 @@
+//! What the core asks of a plant that a user states. Most of it has an answer that fits most plants.
+
+use super::{ElasticSpec, Plant, Stops, Wall};
+use crate::dynamics::Model;
+use crate::scalar::Real;
+
+/// A plant as the user states it, validated.
+pub trait Definition {
+    /// The arm.
+    fn model(&self) -> &Model;
+
+    /// `x` at the start: `theta0 = None` is where the springs carry gravity, `theta_dot0 = None` moves with the links.
+    fn initial_state(&self, q0: &[f64], v0: &[f64], _theta0: Option<&[f64]>, _theta_dot0: Option<&[f64]>) -> Vec<f64> {
+        [q0, v0].concat()
+    }
+
+    /// The wall that a frame may touch.
+    fn wall(&self) -> Option<&Wall> {
+        None
+    }
+
+    /// The joint stops.
+    fn stops(&self) -> Option<&Stops> {
+        None
+    }
+
+    /// Whether the friction of a rigid arm's joints acts.
+    fn has_friction(&self) -> bool {
+        false
+    }
+
+    /// The plant itself, where its joints are elastic.
+    fn elastic(&self) -> Option<&ElasticSpec> {
+        None
+    }
+}
+
+/// A plant as loops are made of it, for any number.
+pub trait Build: Definition {
+    /// The plant in a loop, on the number `S`.
+    type Lanes<S: Real>: Plant<S> + Send + 'static;
+
+    /// The plants of the lanes as one, with the wrench acting at `force_frame`; all have the same shape.
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Self::Lanes<S>
+    where
+        Self: 'a;
+}
