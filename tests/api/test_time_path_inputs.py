@@ -31,6 +31,61 @@ def test_speeds(name: str, bad: Any) -> None:
         al.time_path(ARM, PATH, tau_max=30.0, **{name: bad})
 
 
+@pytest.mark.parametrize("bad", [math.nan, "1", 1j, [1.0, math.nan], [[1.0]], np.ones((2, 3)), True, [1.0] * 3], ids=repr)
+@pytest.mark.parametrize("name", ["q_min", "q_max"])
+def test_position_limits(name: str, bad: Any) -> None:
+    with pytest.raises(al.InputError, match=rf"^time_path: {name} "):
+        al.time_path(ARM, PATH, tau_max=30.0, **{name: bad})
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 0.0, -1.0, "1", 1j, [1.0], True], ids=repr)
+@pytest.mark.parametrize("name", ["tip_speed", "tip_acceleration"])
+def test_limits_of_a_frame(name: str, bad: Any) -> None:
+    with pytest.raises(al.InputError, match=rf"^time_path: {name} "):
+        al.time_path(ARM, PATH, tau_max=30.0, frame="link2", **{name: bad})
+
+
+def test_frames() -> None:
+    with pytest.raises(al.InputError, match=r"^time_path: q_min, q_max are out of order: expected q_min <= q_max, got 1 and 0"):
+        al.time_path(ARM, PATH, tau_max=30.0, q_min=1.0, q_max=0.0)
+    with pytest.raises(al.InputError, match=r"^time_path: frame is missing"):
+        al.time_path(ARM, PATH, tau_max=30.0, tip_speed=1.0)
+    with pytest.raises(al.InputError, match=r"^time_path: frame is not used"):
+        al.time_path(ARM, PATH, tau_max=30.0, frame="link2")
+    for bad in ("tool", 3, ""):
+        with pytest.raises(al.InputError, match=r"^time_path: frame "):
+            al.time_path(ARM, PATH, tau_max=30.0, tip_speed=1.0, frame=bad)  # type: ignore[arg-type]
+    with pytest.raises(al.InputError, match=r"^time_path: frame is unknown.*planar_pr"):
+        al.time_path(al.planar_pr(2.0, 0.5, 0.5), PATH, tau_max=30.0, tip_speed=1.0, frame="link2")
+    # A frame that stands still bounds nothing.
+    with pytest.raises(
+        al.InputError, match=r"^time_path: tau_max, a_max are both missing: expected one of them where the frame stands still"
+    ):
+        al.time_path(ARM, [[0.0, 0.0], [0.0, 1.0]], tip_acceleration=1.0, frame="link1")
+    assert al.time_path(ARM, [[0.0, 0.0], [0.0, 1.0]], tip_acceleration=1.0, a_max=1.0, frame="link1").feasible
+
+
+@pytest.mark.parametrize("name", ["tau_max", "v_max", "a_max"])
+def test_limits_that_vary(name: str) -> None:
+    good = {"tau_max": 30.0, name: np.full((3, 2), 30.0)}
+    assert al.time_path(ARM, PATH, **good).feasible
+    for bad in (np.full((4, 2), 30.0), np.full((3, 3), 30.0), np.full((3, 2), -1.0), np.full((3, 2), math.nan), np.zeros((3, 2))):
+        with pytest.raises(al.InputError, match=rf"^time_path: {name} "):
+            al.time_path(ARM, PATH, **{**good, name: bad})
+    for wrong in (lambda s: [1.0] * 3, lambda s: "x", lambda s: -1.0, lambda s: math.nan):
+        with pytest.raises(al.InputError, match=rf"^time_path: {name} "):
+            al.time_path(ARM, PATH, **{**good, name: wrong})
+    with pytest.raises(ZeroDivisionError):
+        al.time_path(ARM, PATH, **{**good, name: lambda s: 1 / 0})
+    # Of two joints and two waypoints (2, 2) is lower and upper for torques, a row per waypoint for the others.
+    if name != "tau_max":
+        assert al.time_path(ARM, PATH[:2], **{**good, name: [[1.0, 2.0], [3.0, 1.0]]}).feasible
+    # A callable path has no waypoints.
+    with pytest.raises(al.InputError, match=rf"^time_path: {name} "):
+        al.time_path(ARM, lambda s: [s, s], **good)
+    assert al.time_path(ARM, lambda s: [s, s], **{**good, name: lambda s: 30.0}).feasible
+
+
 WRONG = [[[0.0, 0.0]], [[0.0], [1.0]], [0.0, 1.0], [[0.0, math.nan], [1.0, 1.0]], [[0.0, 1.0], [math.inf, 1.0]], "path", None, 3.0]
 
 

@@ -112,6 +112,8 @@ class Values(Objects):
             "v_min": lambda: self.vector(n, -5.0, -0.5),
             "q_min": lambda: self.vector(n, -5.0, -0.5),
             "q_max": lambda: self.vector(n, 0.5, 5.0),
+            "tip_speed": lambda: self.positive(0.05, 5.0),
+            "tip_acceleration": lambda: self.positive(0.05, 50.0),
             "torque_rate": lambda: self.vector(n, 10.0, 500.0),
             "knots": lambda: "np.linspace(0.0, 1.0, 4)",
             "stops": lambda: "[1]" if target == "time_path" else "al.JointStops(1e3, 1.0, lower=-1.0, upper=1.0)",

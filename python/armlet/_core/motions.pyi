@@ -41,9 +41,9 @@ def time_path(
     arm: Arm,
     path: ArrayLike | Callable[[float], Any],
     *,
-    tau_max: ArrayLike | None = None,
-    v_max: ArrayLike | None = None,
-    a_max: ArrayLike | None = None,
+    tau_max: ArrayLike | Callable[[float], ArrayLike] | None = None,
+    v_max: ArrayLike | Callable[[float], ArrayLike] | None = None,
+    a_max: ArrayLike | Callable[[float], ArrayLike] | None = None,
     knots: ArrayLike | None = None,
     spline: str | None = None,
     stops: Iterable[int] | None = None,
@@ -54,6 +54,11 @@ def time_path(
     refine: bool = True,
     samples: int | None = None,
     torque_rate: ArrayLike | None = None,
+    q_min: ArrayLike | None = None,
+    q_max: ArrayLike | None = None,
+    tip_speed: _Number | None = None,
+    tip_acceleration: _Number | None = None,
+    frame: str | None = None,
 ) -> TimedPath: ...
 def _restore_time_path(parts: Sequence[_Array], margin: float, why: tuple[Any, ...] | None) -> TimedPath: ...
 

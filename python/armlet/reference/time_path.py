@@ -4,6 +4,7 @@
     minimise  T = sum 2 h / (b_k^1/2 + b_(k+1)^1/2)
     subject to, in the middle of each segment,   tau = A u + B m + g + d q' m^1/2 + c sign(q') within tau_max
                                                  a = q' u + q'' m within a_max,      and at each s_k  |q'| b_k^1/2 <= v_max
+    of a frame's origin  |p' u + p'' m| <= tip_acceleration in the middle of each segment,  |p'| b_k^1/2 <= tip_speed at each s_k
     A = M q',  B = M q'' + C(q, q') q'
     by Newton's method on  T/mu - sum log(distance to each limit),  mu falling to zero         (Verscheure et al. 2009)
 
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .lagrange import Array, Mechanism
+from .path_limits import leaves_range, tip_slopes, two_sided
 from .timing import cubic_spline, positions
 
 Path = Callable[[Array], tuple[Array, Array, Array]]
@@ -43,15 +45,8 @@ class Rows(NamedTuple):
     high: Array
     top: Array
     h: Array
-
-
-def two_sided(limit: ArrayLike | None, n: int) -> tuple[Array, Array]:
-    """Lower and upper limits (n,) from None, a scalar, (n,), or (n, 2)."""
-    values = np.asarray(np.inf if limit is None else limit, dtype=np.float64)
-    if values.ndim == 2:
-        return values[:, 0], values[:, 1]
-    high = np.broadcast_to(values, (n,))
-    return -high, high
+    tip: Array
+    """p' and p'' in parts of the limit of acceleration, (2, segments, 3); zero without one."""
 
 
 def path_of(path: Any, knots: ArrayLike | None, spline: str | None, samples: int) -> tuple[Path, Array]:
@@ -81,9 +76,17 @@ def time_path(
     friction: bool | ArrayLike = False,
     grid: int = 301,
     samples: int = 201,
+    q_min: ArrayLike | None = None,
+    q_max: ArrayLike | None = None,
+    tip_speed: float | None = None,
+    tip_acceleration: float | None = None,
+    frame: str | None = None,
 ) -> Timing:
     """Waypoints (K, n) joined by a cubic spline, or a callable on [0, 1]: q(s), or q, q', q''; arguments as those of `armlet.time_path`."""
     at, smooth = path_of(path, knots, spline, samples)
+    if leaves_range(lambda s: at(s)[0], smooth, q_min, q_max):
+        return Timing(np.nan, np.zeros(0), np.zeros(0))
+    origin = (lambda s: arm.position(at(s)[0], frame)) if frame is not None else None  # type: ignore[attr-defined]
     damping, coulomb = (arm.damping, arm.friction) if friction is True else (np.zeros(arm.n) if friction is False else friction, 0.0)
     parts = []
     cuts = [0, *sorted(stops), smooth.size - 1]
@@ -92,7 +95,11 @@ def time_path(
         counts = np.maximum(8, np.ceil(grid * np.diff(inside) / (smooth[-1] - smooth[0]))).astype(int)
         s = np.concatenate([[inside[0]], *(np.linspace(a, b, k + 1)[1:] for a, b, k in zip(inside[:-1], inside[1:], counts, strict=True))])
         ends = (start_speed if first == 0 else 0.0, end_speed if last == smooth.size - 1 else 0.0)
-        b = _fastest(_rows(arm, at, s, tau_max, v_max, a_max, np.asarray(damping), np.asarray(coulomb)), ends)
+        limits = tuple(two_sided(limit, arm.n, 0.5 * (s[:-1] + s[1:]), smooth) for limit in (tau_max, a_max))
+        rows = _rows(arm, at, s, limits, two_sided(v_max, arm.n, s, smooth)[1], np.asarray(damping), np.asarray(coulomb))
+        if origin is not None:
+            rows = _with_tip(rows, origin, s, inside, tip_speed, tip_acceleration)
+        b = _fastest(rows, ends)
         if b is None:
             return Timing(np.nan, np.zeros(0), np.zeros(0))
         parts.append((s, np.sqrt(b)))
@@ -100,21 +107,40 @@ def time_path(
     return Timing(duration, np.concatenate([s for s, _ in parts]), np.concatenate([r for _, r in parts]))
 
 
-def _rows(arm: Mechanism, at: Path, s: Array, tau_max: Any, v_max: Any, a_max: Any, damping: Array, coulomb: Array) -> Rows:
-    h, n = np.diff(s), arm.n
+def _with_tip(rows: Rows, origin: Callable[[Array], Array], s: Array, inside: Array, speed: float | None, most: float | None) -> Rows:
+    """The rows with the limits of a frame's origin."""
+
+    def slopes(x: Array) -> Array:
+        # Piece by piece, since the third derivative of the path jumps.
+        found = np.zeros((2, x.size, 3))
+        for a, b in itertools.pairwise(inside):
+            here = (x >= a) & (x <= b)
+            found[:, here] = tip_slopes(origin, x[here], (float(a), float(b)))
+        return found
+
+    top, tip = rows.top, rows.tip
+    if speed is not None:
+        with np.errstate(divide="ignore"):
+            top = np.minimum(top, np.square(speed / np.linalg.norm(slopes(s)[0], axis=1)))
+    if most is not None:
+        tip = slopes(0.5 * (s[:-1] + s[1:])) / most
+    return rows._replace(top=top, tip=tip)
+
+
+def _rows(arm: Mechanism, at: Path, s: Array, limits: Any, v_max: Array, damping: Array, coulomb: Array) -> Rows:
+    h = np.diff(s)
     q, dq, ddq = at(0.5 * (s[:-1] + s[1:]))
     mass = arm.mass_matrix(q)
     turning = np.einsum("kij,kj->ki", mass, ddq) + np.einsum("kij,kj->ki", arm.coriolis_matrix(q, dq), dq)
-    low, high = (np.concatenate(pair) for pair in zip(two_sided(tau_max, n), two_sided(a_max, n), strict=True))
-    used = np.isfinite(low) | np.isfinite(high)
+    low, high = (np.concatenate(pair, axis=1) for pair in zip(*limits, strict=True))
+    used = (np.isfinite(low) | np.isfinite(high)).any(axis=0)
     A = np.concatenate([np.einsum("kij,kj->ki", mass, dq), dq], axis=1)
     g = np.concatenate([arm.gravity(q) + coulomb * np.sign(dq), np.zeros_like(dq)], axis=1)
     B, d = np.concatenate([turning, ddq], axis=1), np.concatenate([damping * dq, np.zeros_like(dq)], axis=1)
-    slow = np.full(s.size, np.inf)
-    if v_max is not None:
-        with np.errstate(divide="ignore"):
-            slow = np.square(two_sided(v_max, n)[1] / np.abs(at(s)[1])).min(axis=1)
-    return Rows(A[:, used], B[:, used], g[:, used], d[:, used], low[used], high[used], slow, h)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slow = np.square(v_max / np.abs(at(s)[1])).min(axis=1)
+    tip = np.zeros((2, h.size, 3))
+    return Rows(A[:, used], B[:, used], g[:, used], d[:, used], low[:, used], high[:, used], slow, h, tip)
 
 
 def _fastest(rows: Rows, ends: tuple[float, float]) -> Array | None:
@@ -151,9 +177,16 @@ def _distances(rows: Rows, b: Array) -> tuple[Array, Array, Array]:
     return value - rows.low, rows.high - value, rows.top - b
 
 
+def _tip(rows: Rows, b: Array) -> tuple[Array, Array]:
+    """The acceleration of the frame's origin in parts of its limit, (segments, 3), and what is left of the square of the limit."""
+    u, m = np.diff(b) / (2.0 * rows.h), 0.5 * (b[:-1] + b[1:])
+    w = rows.tip[0] * u[:, None] + rows.tip[1] * m[:, None]
+    return w, 1.0 - np.square(w).sum(axis=1)
+
+
 def _barrier(rows: Rows, b: Array, mu: float) -> float:
     inner = b[1:-1]
-    found = [inner, *_distances(rows, b)[:2], _distances(rows, b)[2][1:-1]]
+    found = [inner, *_distances(rows, b)[:2], _distances(rows, b)[2][1:-1], _tip(rows, b)[1]]
     if min(float(part.min(initial=np.inf)) for part in found) <= 0.0:
         return float("inf")
     r = np.sqrt(b)
@@ -178,10 +211,17 @@ def _newton(rows: Rows, b: Array, mu: float) -> tuple[Array, float]:
         pair = slope - rows.A / (2.0 * h)[:, None], slope + rows.A / (2.0 * h)[:, None]
         below, above, top = _distances(rows, b)
         first, second = 1.0 / above - 1.0 / below, 1.0 / above**2 + 1.0 / below**2
+    w, left = _tip(rows, b)
+    moves = [rows.tip[1] / 2 + side * rows.tip[0] / (2.0 * h)[:, None] for side in (-1.0, 1.0)]
+    slopes = [2.0 * (w * move).sum(axis=1) / left for move in moves]
+    ball = [[slopes[i] * slopes[j] + 2.0 * (moves[i] * moves[j]).sum(axis=1) / left for j in range(2)] for i in range(2)]
+    for i, near in enumerate((k, k + 1)):
+        np.add.at(gradient, near, slopes[i])
+        np.add.at(H, (near, near), ball[i][i])
     for x, near in zip(pair, (k, k + 1), strict=True):
         np.add.at(gradient, near, (first * x).sum(axis=1))
         np.add.at(H, (near, near), (second * x * x).sum(axis=1))
-    across = across + (second * pair[0] * pair[1]).sum(axis=1)
+    across = across + (second * pair[0] * pair[1]).sum(axis=1) + ball[0][1]
     H[k, k + 1] += across
     H[k + 1, k] += across
     inner = slice(1, -1)

@@ -31,6 +31,8 @@ GAIN = Numbers(depth=2, low=0.0, strict=True)
 DAMPING = Numbers(depth=2, low=0.0)
 TEXT = Text()
 EACH_POSITIVE = Numbers(depth=1, low=0.0, strict=True)
+EACH = Numbers(depth=1)
+ALONG = Numbers(depth=2, scalar=False, low=0.0, strict=True)
 
 
 def _urdf(path: str | None = None, xml: str | None = None, **keywords: Any) -> _core.Arm:
@@ -146,7 +148,16 @@ MOTIONS = OneOf(
         ),
         "Table": Kind({"dt": POSITIVE, "q": ROWS, "v": ROWS, "a": ROWS, "start": NUMBER}, ("dt", "q", "v", "a"), _core.Table),
         "TimedPath": Kind(
-            {"path": ROWS, "tau_max": POSITIVES, "v_max": POSITIVES, "a_max": POSITIVES, "stops": Numbers(1, False, 0.0)},
+            {
+                "path": ROWS,
+                "stops": Numbers(1, False, 0.0),
+                "q_min": EACH,
+                "q_max": EACH,
+                "tip_speed": POSITIVE,
+                "tip_acceleration": POSITIVE,
+                "frame": TEXT,
+            }
+            | dict.fromkeys(("tau_max", "v_max", "a_max"), ALONG),
             ("path",),
             _core.time_path,
             ("arm",),

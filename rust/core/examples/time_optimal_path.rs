@@ -19,7 +19,7 @@ pub fn main() -> Result<()> {
     let limits = PathLimits {
         torque: Some((torques.iter().map(|tau| -tau).collect(), torques.clone())),
         velocity: Some(arm.joints.iter().map(|joint| joint.limits.velocity).collect()),
-        acceleration: None,
+        ..PathLimits::default()
     };
     let functions = Functions::new(Arc::new(arm.clone()));
     let plan = time_path(Mover::Tree(&functions), Arc::new(path), &limits, &TimePathOptions::default())?;

@@ -32,6 +32,6 @@ pub use friction::torque_optimal_time_with_friction;
 pub use link::Link;
 pub use profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
 pub use report::{Bind, Limit, MonotoneReason, Place, Reason};
-pub use time_path::{Bound, FINE, Friction, Mover, PathLimits, PathReason, Shortfall, TimePath, TimePathOptions, time_path};
+pub use time_path::{Bound, FINE, Friction, Mover, PathLimits, PathReason, Shortfall, TimePath, TimePathOptions, TipLimits, time_path};
 pub use torque_optimal::{Best, Family, TorqueOptimum, torque_optimal_time};
 pub use trajectory::{Sample, TorqueProfile};

@@ -31,7 +31,8 @@ fn straight_line() {
 #[test]
 fn turning_back_with_much_torque() {
     let q = [0.3171705300029175, 1.1445280548279282, 0.24228325436612685, -0.5987319715652603, 0.2792056757544894];
-    let limits = PathLimits { torque: Some((vec![-1e6], vec![1e6])), velocity: Some(vec![3.16264401]), acceleration: None };
+    let limits =
+        PathLimits { torque: Some((vec![-1e6], vec![1e6])), velocity: Some(vec![3.16264401]), acceleration: None, ..PathLimits::default() };
     for (grid, end_speed) in [(50, 0.0), (101, 0.0), (201, 0.0), (202, 0.0), (401, 0.0), (801, 0.0), (201, 0.6079677785133834)] {
         let options = TimePathOptions { grid: Some(grid), end_speed, ..TimePathOptions::default() };
         let p = timed(&pendulum(), &q, limits.clone(), options);

@@ -2,6 +2,7 @@
 
 pub mod bang_bang;
 pub mod bang_bang_batch;
+pub mod path_limits;
 pub mod profiles;
 pub mod time_path;
 pub mod timed_path;

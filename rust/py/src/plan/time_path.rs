@@ -1,47 +1,21 @@
 //! `armlet.time_path`: its arguments.
 
+use super::path_limits::{Along, NAME, limit};
 use super::timed_path::TimedPath;
 use crate::arm::{Arm, ArmModel};
-use crate::arrays::{
-    Axis, Form, Looked, SCALAR, count, items, number, numbers, object, require_finite, shown, spread, text, vector, whole,
-};
+use crate::arrays::{Axis, Form, Looked, count, items, number, numbers, object, require_finite, shown, text, vector, whole};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use armlet_core::motion::{Ends, Path};
-use armlet_core::plan::{self, Friction, Mover, PathLimits, TimePathOptions};
+use armlet_core::plan::{self, Friction, Mover, TimePathOptions};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::Arc;
 
-const NAME: &str = "time_path";
 /// Points at which a callable path is asked, unless told otherwise.
 const SAMPLES: usize = 201;
 const MOST_SAMPLES: usize = 1_000_000;
-
-/// `(n,)` from a scalar or `(n,)`.
-fn limit(name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
-    let (shape, values) = numbers(NAME, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
-    require_finite(value.py(), NAME, name, &shape, &values)?;
-    spread(&shape, values, n)
-}
-
-/// Lower and upper limits from a scalar or `(n,)`, symmetric, or from `(n, 2)`.
-fn torque(value: &Bound<'_, PyAny>, n: usize) -> Result<(Vec<f64>, Vec<f64>), Failure> {
-    let py = value.py();
-    let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Is(2)])];
-    let (shape, values) = numbers(NAME, "tau_max", value, &forms)?;
-    require_finite(py, NAME, "tau_max", &shape, &values)?;
-    if shape.len() == 2 {
-        return Ok((values.chunks_exact(2).map(|row| row[0]).collect(), values.chunks_exact(2).map(|row| row[1]).collect()));
-    }
-    let upper = spread(&shape, values, n)?;
-    if let Some(k) = upper.iter().position(|x| !(*x > 0.0)) {
-        let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {k})") };
-        return Err(input_error(py, NAME, "tau_max", format!("is not positive: expected numbers > 0, got {}{at}", upper[k])).into());
-    }
-    Ok((upper.iter().map(|x| -x).collect(), upper))
-}
 
 fn ends(value: Option<&Bound<'_, PyAny>>, default: Ends) -> Result<Ends, Failure> {
     let Some(value) = value else { return Ok(default) };
@@ -97,6 +71,52 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
     Ok(if parts == 3 { Path::table(&s, q, dq, ddq, n)? } else { Path::spline(&s, q, n, ends)? })
 }
 
+/// What a `CartesianPath` has for this function: its waypoints, and their path positions.
+const JOINED: &str = "_waypoints_and_knots";
+
+/// The path of waypoints, of a `CartesianPath` or of a callable, and the knot of every waypoint.
+fn path_of(
+    path: &Bound<'_, PyAny>,
+    n: usize,
+    knots: Option<&Bound<'_, PyAny>>,
+    spline: Option<&Bound<'_, PyAny>>,
+    stops: Option<&Bound<'_, PyAny>>,
+    samples: Option<&Bound<'_, PyAny>>,
+) -> Result<(Path, Vec<usize>), Failure> {
+    let py = path.py();
+    let joined = path.getattr_opt(JOINED)?;
+    if path.is_callable() && joined.is_none() {
+        for (name, value) in [("knots", knots), ("stops", stops)] {
+            if value.is_some() {
+                return Err(input_error(py, NAME, name, "is not used: expected None for a callable path").into());
+            }
+        }
+        let samples = samples.map_or(Ok(SAMPLES), |value| count(NAME, "samples", value))?;
+        if !(4..=MOST_SAMPLES).contains(&samples) {
+            let problem = format!("is out of range: expected 4 to {MOST_SAMPLES}, got {samples}");
+            return Err(input_error(py, NAME, "samples", problem).into());
+        }
+        return Ok((sampled(path, n, samples, ends(spline, Ends::NotAKnot)?)?, Vec::new()));
+    }
+    let kind = if joined.is_some() { "a CartesianPath" } else { "waypoints" };
+    for (name, value) in
+        [("samples", samples), ("knots", knots.filter(|_| joined.is_some())), ("spline", spline.filter(|_| joined.is_some()))]
+    {
+        if value.is_some() {
+            return Err(input_error(py, NAME, name, format!("is not used: expected None for {kind}")).into());
+        }
+    }
+    let (points, own) = match joined {
+        Some(joined) => (joined.get_item(0)?, Some(joined.get_item(1)?)),
+        None => (path.clone(), knots.cloned()),
+    };
+    let (shape, q) = numbers(NAME, "path", &points, &[Form(&[Axis::Any("K"), Axis::Is(n)])])?;
+    require_finite(py, NAME, "path", &shape, &q)?;
+    let default = if kind == "waypoints" { Ends::Natural } else { Ends::NotAKnot };
+    let knots = own.as_ref().map(|value| vector(NAME, "knots", value, shape[0])).transpose()?;
+    Ok(Path::waypoints(&q, n, knots.as_deref(), ends(spline, default)?)?)
+}
+
 /// The fastest timing of a path of an arm under limits of torque, speed and acceleration.
 ///
 /// `q(s)`, `v = q' ds/dt`, `a = q' u + q'' (ds/dt)^2`, `tau = M a + C v + g`: reachability analysis on a grid of `s`, checked ten
@@ -108,7 +128,10 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
 ///         `q(s)` `(n,)`, which is replaced by the spline through `samples` of its points, or `q, q', q''`, three of `(n,)`,
 ///         replaced by the quintic Hermite path through them. The motion follows that spline.
 ///     tau_max: torque limit, N m or N: number or `(n,)` for both signs, or `(n, 2)` lower and upper (keyword only, as all below).
-///     v_max, a_max: limits of joint speed and acceleration: number or `(n,)`. One of `tau_max` and `a_max` is needed.
+///     v_max, a_max: limits of joint speed and acceleration: number or `(n,)`. One of `tau_max`, `a_max` and `tip_acceleration` is required.
+///         `tau_max`, `v_max` and `a_max` may vary along the path, with the same limit for both signs: `(K, n)` at the waypoints, or a
+///         callable `s -> (n,)` that is called at the path's knots; linear in `s` between them. A `tau_max` of shape `(n, 2)` is lower
+///         and upper.
 ///     knots: path positions of the waypoints, `(K,)`, rising; distances between them, from 0 to 1, if None.
 ///     spline: ends of the spline: "natural" (default for waypoints), "clamped", "not-a-knot" (default for a callable).
 ///     stops: indices of waypoints where the arm stops on its way.
@@ -119,6 +142,11 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
 ///     samples: how many points of a callable are asked for, 201.
 ///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`; from rest to rest, without stops and Coulomb friction. The
 ///         fastest timing is averaged over a window of time and slowed until it holds; not the fastest that does.
+///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite where a joint has none. The whole path is checked, between
+///         waypoints too, and a path that leaves them has no timing. None: not checked; the limits of the arm are not read.
+///     tip_speed: largest speed of the origin of `frame`, m/s.
+///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2.
+///     frame: name of the frame that they limit.
 ///
 /// Returns:
 ///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False and `p.reason` says why.
@@ -139,7 +167,7 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
 /// [0.125, 1.0, 4.0]
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None, torque_rate=None))]
+#[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None, torque_rate=None, q_min=None, q_max=None, tip_speed=None, tip_acceleration=None, frame=None))]
 pub fn time_path<'py>(
     py: Python<'py>,
     arm: &Bound<'py, PyAny>,
@@ -157,18 +185,18 @@ pub fn time_path<'py>(
     refine: bool,
     samples: Option<&Bound<'py, PyAny>>,
     torque_rate: Option<&Bound<'py, PyAny>>,
+    q_min: Option<&Bound<'py, PyAny>>,
+    q_max: Option<&Bound<'py, PyAny>>,
+    tip_speed: Option<&Bound<'py, PyAny>>,
+    tip_acceleration: Option<&Bound<'py, PyAny>>,
+    frame: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, TimedPath>> {
     entry(py, NAME, || {
         let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
         let model = &arm.get().model;
         let n = model.n();
-        let of = |name: &str, value: Option<&Bound<'py, PyAny>>| value.map(|value| limit(name, value, n)).transpose();
-        let limits = PathLimits {
-            torque: tau_max.map(|value| torque(value, n)).transpose()?,
-            velocity: of("v_max", v_max)?,
-            acceleration: of("a_max", a_max)?,
-        };
-        let mut options = TimePathOptions { refine, torque_rate: of("torque_rate", torque_rate)?, ..TimePathOptions::default() };
+        let torque_rate = torque_rate.map(|value| limit("torque_rate", value, n)).transpose()?;
+        let mut options = TimePathOptions { refine, torque_rate, ..TimePathOptions::default() };
         for (name, value, to) in [("start_speed", start_speed, &mut options.start_speed), ("end_speed", end_speed, &mut options.end_speed)]
         {
             if let Some(value) = value {
@@ -183,27 +211,7 @@ pub fn time_path<'py>(
             Some(value) if value.is_instance_of::<pyo3::types::PyBool>() => value.extract::<bool>()?.then(|| own_friction(model, n)),
             Some(value) => Some(Friction { viscous: limit("friction", value, n)?, coulomb: vec![0.0; n] }),
         };
-        let (core, knot) = if path.is_callable() {
-            for (name, value) in [("knots", knots), ("stops", stops)] {
-                if value.is_some() {
-                    return Err(input_error(py, NAME, name, "is not used: expected None for a callable path").into());
-                }
-            }
-            let samples = samples.map_or(Ok(SAMPLES), |value| count(NAME, "samples", value))?;
-            if !(4..=MOST_SAMPLES).contains(&samples) {
-                let problem = format!("is out of range: expected 4 to {MOST_SAMPLES}, got {samples}");
-                return Err(input_error(py, NAME, "samples", problem).into());
-            }
-            (sampled(path, n, samples, ends(spline, Ends::NotAKnot)?)?, Vec::new())
-        } else {
-            if samples.is_some() {
-                return Err(input_error(py, NAME, "samples", "is not used: expected None for waypoints").into());
-            }
-            let (shape, q) = numbers(NAME, "path", path, &[Form(&[Axis::Any("K"), Axis::Is(n)])])?;
-            require_finite(py, NAME, "path", &shape, &q)?;
-            let knots = knots.map(|value| vector(NAME, "knots", value, shape[0])).transpose()?;
-            Path::waypoints(&q, n, knots.as_deref(), ends(spline, Ends::Natural)?)?
-        };
+        let (core, knot) = path_of(path, n, knots, spline, stops, samples)?;
         if let Some(value) = stops {
             for stop in items(NAME, "stops", "a list: expected indices of waypoints", value, knot.len())? {
                 let k = whole(NAME, "stops", &stop).ok().and_then(|k| knot.get(k).copied());
@@ -212,6 +220,8 @@ pub fn time_path<'py>(
             }
         }
         let core = Arc::new(core);
+        let tip = [tip_speed, tip_acceleration, frame];
+        let limits = Along { path: &core, knot: &knot }.limits(model, [tau_max, v_max, a_max], [q_min, q_max], tip)?;
         let mover = match model {
             ArmModel::Tree(tree) => Mover::Tree(tree),
             ArmModel::PlanarPr(arm) => Mover::PlanarPr(*arm),

@@ -20,7 +20,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq)]
 struct Why {
     text: String,
-    joint: usize,
+    joint: Option<usize>,
     joint_name: String,
     s: f64,
     limit: String,
@@ -176,7 +176,8 @@ impl TimedPath {
         self.why.as_ref().map(|why| why.text.as_str())
     }
 
-    /// The reason as a dict: `joint`, `joint_name`, `s`, `limit`, `missing` (relative), `missing_units` (N m, rad/s^2, ..).
+    /// The reason as a dict: `joint`, `joint_name`, `s`, `limit`, `missing` (relative), `missing_units` (N m, rad/s^2, ..). For limits
+    /// of a frame `joint` is None and `joint_name` the frame's name. For position limits `missing` is relative to their range.
     #[getter]
     fn shortfall<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(why) = &self.why else { return Ok(None) };
@@ -229,7 +230,7 @@ impl TimedPath {
     }
 }
 
-type PickledReason = (String, usize, String, f64, String, f64, f64);
+type PickledReason = (String, Option<usize>, String, f64, String, f64, f64);
 
 /// A `TimedPath` from what its pickle holds.
 #[entered]

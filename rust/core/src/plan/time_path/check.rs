@@ -12,9 +12,11 @@
 //! little and a few corrections suffice. Samples come from the dynamics themselves, or from polynomials through the rows of six
 //! grid points, which are then compared with the dynamics in the middle of every segment.
 
+use super::along::Along;
 use super::lines::LimitRows;
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
+use super::tip::TIP;
 use crate::motion::Path;
 use crate::scalar::sign;
 
@@ -77,8 +79,21 @@ pub(super) struct Course<'a> {
     pub slopes: &'a [f64],
     pub stride: usize,
     pub friction: Option<&'a Friction>,
+    /// Limits that vary along the path, and the frame whose origin is limited: such rows are asked of the dynamics, not interpolated.
+    pub along: &'a Along,
+    pub tip: Option<usize>,
+    /// The first of the rows of speeds, and of the norms of the frame's acceleration and speed.
+    pub speeds: Option<usize>,
+    pub norms: Option<usize>,
     pub limits: &'a Limits,
     pub stencil: &'a Stencil<WINDOW>,
+}
+
+impl Course<'_> {
+    /// Numbers per measured sample.
+    pub fn measured(&self) -> usize {
+        3 * self.n + if self.tip.is_some() { TIP } else { 0 }
+    }
 }
 
 /// Squared path speed and path acceleration at `z` in segment `i`.
@@ -89,13 +104,13 @@ pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64)
     (here.max(0.0), 0.5 * (x[i + 1] - x[i]) / h + (z - 0.5) * h * b)
 }
 
-/// `[tau, a, v]`, `(3 n,)`, by the dynamics at `per` places of the segments listed: the middle, or samples that are even in time. Viscous
+/// `[tau, a, v]`, `(3 n,)`, in parts of limits that vary, and acceleration and velocity of the frame, by the dynamics at `per` places of the segments listed: the middle, or samples that are even in time. Viscous
 /// friction goes with the root of `x`, which near rest no parabola follows in `s`.
 pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
-    let n = course.n;
+    let (n, stride) = (course.n, course.measured());
     let count = list.len() * per;
     values.clear();
-    values.resize(count * 3 * n, 0.0);
+    values.resize(count * stride, 0.0);
     if count == 0 {
         return;
     }
@@ -117,12 +132,20 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
         (x.sqrt(), u)
     };
     let ask = Ask::Motion { rate: &rate };
-    Points { mover: course.mover, path: course.path, at: &at, count, stride: 3 * n, out: values, ask }.run();
+    Points { mover: course.mover, path: course.path, at: &at, count, stride, out: values, ask, tip: course.tip }.run();
     if let Some(friction) = course.friction {
-        for row in values.chunks_exact_mut(3 * n) {
+        for row in values.chunks_exact_mut(stride) {
             for j in 0..n {
                 let v = row[2 * n + j];
                 row[j] += friction.viscous[j] * v + friction.coulomb[j] * sign(v);
+            }
+        }
+    }
+    if course.along.any() {
+        for (k, row) in values.chunks_exact_mut(stride).enumerate() {
+            let (piece, s) = at(k);
+            for kind in 0..3 {
+                (0..n).for_each(|j| row[kind * n + j] /= course.along.limit(course.path, kind, j, piece, s));
             }
         }
     }

@@ -6,6 +6,7 @@
 use super::check::{Course, FINE, TOLERANCE, WINDOW};
 use super::lines::{FASTEST, LimitRows, largest, load, store};
 use super::samples::{Samples, Segment};
+use super::tip::length;
 use crate::interrupt::look;
 use crate::scalar::{GenericKernel, Real};
 
@@ -157,10 +158,10 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
     /// The same from measured samples, those of the segment that is number `order` of them.
     #[inline(always)]
     fn copy(&self, order: usize, values: &mut [f64]) {
-        let Examine { course, rows, samples: Samples { values: measured, .. }, .. } = self;
-        let (n, width) = (course.n, course.limits.lo.len());
+        let Examine { course, samples: Samples { values: measured, .. }, .. } = self;
+        let (n, width, stride) = (course.n, course.limits.lo.len(), course.measured());
         for sub in 0..=FINE {
-            let from = &measured[(order * (FINE + 1) + sub) * 3 * n..][..3 * n];
+            let from = &measured[(order * (FINE + 1) + sub) * stride..][..stride];
             let to = &mut values[sub * width..(sub + 1) * width];
             let mut at = 0;
             for (kind, wanted) in course.kinds.into_iter().enumerate() {
@@ -169,8 +170,11 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
                     at += n;
                 }
             }
-            if width > rows.width {
-                to[rows.width..rows.width + n].copy_from_slice(&from[2 * n..]);
+            if let Some(first) = course.speeds {
+                to[first..first + n].copy_from_slice(&from[2 * n..3 * n]);
+            }
+            if let Some(first) = course.norms {
+                (to[first], to[first + 1]) = (length(&from[3 * n..]), length(&from[3 * n + 3..]));
             }
         }
     }

@@ -1,16 +1,19 @@
 //! What the planner is given, and whether it can be.
 
 use super::FIRST_GRID;
+use super::along::Along;
 use super::lines::FASTEST;
-use super::rows::Friction;
-use crate::error::{Error, Result, finite};
+use super::rows::{Friction, Mover};
+use super::tip::TipLimits;
+use crate::error::{Error, Result, finite, positive};
 use crate::motion::Path;
 
 /// Most grid points asked for.
 const MOST: usize = 1_000_000;
 
-/// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque and
-/// acceleration.
+/// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque,
+/// acceleration and the frame's acceleration. Symmetric ones may vary along the path: `(P + 1, n)`, at its knots, and linear in `s`
+/// between them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathLimits {
     /// Least and largest torques, N m or N.
@@ -19,6 +22,10 @@ pub struct PathLimits {
     pub velocity: Option<Vec<f64>>,
     /// Largest accelerations, rad/s^2 or m/s^2.
     pub acceleration: Option<Vec<f64>>,
+    /// Least and largest positions, rad or m; infinite where there is none.
+    pub position: Option<(Vec<f64>, Vec<f64>)>,
+    /// Limits of a frame's origin.
+    pub tip: Option<TipLimits>,
 }
 
 /// Grid, ends and friction of a timing.
@@ -60,6 +67,16 @@ fn sized(name: &str, values: &[f64], n: usize) -> Result<()> {
     finite(name, values)
 }
 
+/// Values at each of `rows` knots, `(rows, n)`, or constant ones, `(n,)`.
+fn sized_along(name: &str, values: &[f64], rows: usize, n: usize) -> Result<bool> {
+    if values.len() != rows * n {
+        sized(name, values, n)?;
+        return Ok(false);
+    }
+    finite(name, values)?;
+    Ok(true)
+}
+
 fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
     sized(name, values, n)?;
     match values.iter().position(|x| !(*x > 0.0)) {
@@ -69,10 +86,13 @@ fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
 }
 
 impl PathLimits {
-    /// `(3 n,)` each: of torques, accelerations and speeds, infinite where there is none.
-    fn bounds(&self, n: usize) -> Result<[Vec<f64>; 2]> {
+    /// Bounds of torques, accelerations and speeds, infinite where there is none; one where they vary.
+    fn bounds(&self, n: usize, rows: usize) -> Result<Checked> {
         let mut bounds = [vec![f64::NEG_INFINITY; 3 * n], vec![f64::INFINITY; 3 * n]];
-        if let Some((lo, hi)) = &self.torque {
+        let mut along = Along { n, ..Along::default() };
+        let torque = self.torque.as_ref().filter(|(_, hi)| hi.len() != rows * n);
+        let varying = self.torque.as_ref().filter(|(_, hi)| hi.len() == rows * n);
+        if let Some((lo, hi)) = torque {
             sized("tau_max", hi, n)?;
             sized("tau_max", lo, n)?;
             if let Some(i) = (0..n).find(|&i| !(lo[i] < hi[i])) {
@@ -82,31 +102,84 @@ impl PathLimits {
             bounds[0][..n].copy_from_slice(lo);
             bounds[1][..n].copy_from_slice(hi);
         }
-        for (k, name, values) in [(1, "a_max", &self.acceleration), (2, "v_max", &self.velocity)] {
-            if let Some(values) = values {
-                all_positive(name, values, n)?;
-                for i in 0..n {
-                    (bounds[0][k * n + i], bounds[1][k * n + i]) = (-values[i], values[i]);
-                }
+        let varying = varying.map(|(_, hi)| hi);
+        for (k, name, values) in [(0, "tau_max", varying), (1, "a_max", self.acceleration.as_ref()), (2, "v_max", self.velocity.as_ref())] {
+            let Some(values) = values else { continue };
+            if sized_along(name, values, rows, n)? {
+                all_positive(name, values, values.len())?;
+                bounds[0][k * n..(k + 1) * n].fill(-1.0);
+                bounds[1][k * n..(k + 1) * n].fill(1.0);
+                along.limits[k] = values.clone();
+                continue;
+            }
+            all_positive(name, values, n)?;
+            for i in 0..n {
+                (bounds[0][k * n + i], bounds[1][k * n + i]) = (-values[i], values[i]);
             }
         }
-        Ok(bounds)
+        let [lo, hi] = bounds;
+        Ok(Checked { lo, hi, along })
+    }
+
+    fn check_positions(&self, n: usize) -> Result<()> {
+        let Some((lower, upper)) = &self.position else { return Ok(()) };
+        for (name, values) in [("q_min", lower), ("q_max", upper)] {
+            if values.len() != n || values.iter().any(|x| x.is_nan()) {
+                return Err(Error::input(name, format!("is not a limit: expected ({n},) numbers, got {values:?}")));
+            }
+        }
+        match (0..n).find(|&i| !(lower[i] <= upper[i])) {
+            None => Ok(()),
+            Some(i) => Err(Error::input(
+                "q_min, q_max",
+                format!("are out of order: expected q_min <= q_max, got {} and {} (first bad index {i})", lower[i], upper[i]),
+            )),
+        }
+    }
+
+    fn check_tip(&self, mover: Mover) -> Result<()> {
+        let Some(TipLimits { frame, speed, acceleration }) = &self.tip else { return Ok(()) };
+        let frames = match mover {
+            Mover::Tree(functions) => functions.arm().frames.len(),
+            Mover::PlanarPr(_) => 0,
+        };
+        if *frame >= frames {
+            return Err(Error::input("frame", format!("is out of range: expected the index of one of {frames} frames, got {frame}")));
+        }
+        for (name, value) in [("tip_speed", speed), ("tip_acceleration", acceleration)] {
+            if let Some(value) = value {
+                positive(name, *value)?;
+            }
+        }
+        Ok(())
     }
 }
 
+/// Limits as the planner has them.
+pub(super) struct Checked {
+    /// `(3 n,)` each.
+    pub lo: Vec<f64>,
+    pub hi: Vec<f64>,
+    pub along: Along,
+}
+
 /// The bounds of the limits, if all that is given fits together.
-pub(super) fn checked(n: usize, path: &Path, limits: &PathLimits, options: &TimePathOptions) -> Result<[Vec<f64>; 2]> {
+pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &TimePathOptions) -> Result<Checked> {
+    let n = mover.dof();
     if path.dof() != n {
         return Err(Error::input("path", format!("has the wrong number of joints: expected {n}, got {}", path.dof())));
     }
-    if limits.torque.is_none() && limits.acceleration.is_none() {
+    let tip = limits.tip.as_ref().and_then(|tip| tip.acceleration);
+    if limits.torque.is_none() && limits.acceleration.is_none() && tip.is_none() {
         return Err(Error::input("tau_max, a_max", "are both missing: expected a limit of torque or of acceleration, got None"));
     }
+    limits.check_positions(n)?;
+    limits.check_tip(mover)?;
     let points = options.points();
     if !(2..=MOST).contains(&points) {
         return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST} points, got {points}")));
     }
-    let bounds = limits.bounds(n)?;
+    let bounds = limits.bounds(n, path.knots().len())?;
     let jumps = options.friction.as_ref().is_some_and(|friction| friction.coulomb.iter().any(|c| *c != 0.0));
     if let Some(rates) = &options.torque_rate {
         all_positive("torque_rate", rates, n)?;

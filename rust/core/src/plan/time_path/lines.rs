@@ -8,7 +8,9 @@
 //! `U - L` is concave, so Newton's method on its active pair of lines finds an end of `{x : L(x) <= U(x)}` in a few steps, from
 //! outside. The lanes run over the rows. Lines are kept: a pass forwards and later passes build only those of rows that changed.
 
+use super::tip::{Ball, Tangent};
 use crate::scalar::Real;
+use nalgebra::Vector3;
 
 /// Above every squared path speed.
 pub(super) const FASTEST: f64 = 1e60;
@@ -52,6 +54,8 @@ pub(super) struct LimitRows {
     pub s: Vec<f64>,
     pub x_start: f64,
     pub x_end: f64,
+    /// First of the three rows that are the acceleration of a frame's origin, and the limit of its norm.
+    pub ball: Option<(usize, f64)>,
 }
 
 impl LimitRows {
@@ -80,6 +84,8 @@ pub(super) struct Lines {
     high: Vec<f64>,
     /// `3 width`.
     width: usize,
+    /// `(N,)`: what a limit of the frame's acceleration leaves at the three points; empty without one.
+    balls: Vec<[Ball; 3]>,
 }
 
 /// `U`, `L` at `x`, and where their lines stand in the lists; `WAY` is the way into `K_(i+1)`.
@@ -88,9 +94,13 @@ struct Gap {
     upper_at: usize,
     lower: f64,
     lower_at: usize,
+    /// The tangents of a limit of the frame's acceleration where that is nearest.
+    upper_tangent: (f64, f64),
+    lower_tangent: (f64, f64),
 }
 
 const WAY: usize = usize::MAX;
+const BALL: usize = usize::MAX - 1;
 
 impl Gap {
     #[inline(always)]
@@ -131,8 +141,9 @@ pub(super) fn largest<S: Real>(x: S) -> f64 {
 
 impl Lines {
     /// Room for `segments` segments of `width` rows.
-    pub fn resize(&mut self, segments: usize, width: usize) {
+    pub fn resize(&mut self, segments: usize, width: usize, balls: bool) {
         self.width = 3 * width;
+        self.balls.resize(if balls { segments } else { 0 }, Default::default());
         for values in [&mut self.upper, &mut self.lower, &mut self.slope] {
             values.resize(segments * self.width, 0.0);
         }
@@ -204,6 +215,39 @@ impl Lines {
         }
         self.low[place] = largest(low).max(0.0);
         self.high[place] = -largest(-high);
+        if let Some((k, radius)) = rows.ball {
+            self.build_balls(rows, i, place, k, radius * (1.0 + widen.lane(0)));
+        }
+    }
+
+    /// The limit `radius` of the frame's acceleration, rows `k` and the two after it, at the three points of segment `i`.
+    fn build_balls(&mut self, rows: &LimitRows, i: usize, place: usize, k: usize, radius: f64) {
+        let w = rows.width;
+        let h = rows.s[i + 1] - rows.s[i];
+        let (turn, dip) = (0.5 * h * rows.u_slope[i], 0.25 * h * h * rows.u_slope[i]);
+        let row = |from: &[f64], at: usize| Vector3::new(from[at], from[at + 1], from[at + 2]);
+        let (first, last) = (&rows.coefficients[i * 3 * w..], &rows.coefficients[(i + 1) * 3 * w..]);
+        let middle = &rows.middles[i * 3 * w..];
+        let (b0, b2, bm) = (row(first, w + k), row(last, w + k), row(middle, w + k));
+        let (p0, p2, pm) = (row(first, k), row(last, k), row(middle, k));
+        let start = [p0, b0, -turn * p0];
+        let end = [p2 + 2.0 * h * b2, b2, turn * p2];
+        let between = [pm + h * bm, bm, -dip * bm];
+        let raised = std::array::from_fn(|at| between[at] + SHARE * (between[at] - 0.5 * (start[at] + end[at])));
+        let radius = radius - rows.tight_hi[i * w + k];
+        self.balls[place] = [start, end, raised].map(|vectors| Ball::new(vectors, radius));
+        for (near, far) in self.balls[place].map(|ball| ball.range()) {
+            (self.low[place], self.high[place]) = (self.low[place].max(near), self.high[place].min(far));
+        }
+    }
+
+    /// The tangents at `x` of the lowest upper and of the highest lower limit of `u` by the frame's acceleration.
+    #[inline(always)]
+    fn ball_tangents(&self, i: usize, x: f64) -> Option<[Tangent; 2]> {
+        let [a, b, c] = self.balls.get(i)?.each_ref().map(|ball| ball.tangents(x));
+        let lower = |a: Tangent, b: Tangent| if b.value < a.value { b } else { a };
+        let higher = |a: Tangent, b: Tangent| if b.value > a.value { b } else { a };
+        Some([lower(lower(a[0], b[0]), c[0]), higher(higher(a[1], b[1]), c[1])])
     }
 
     /// `U` at `x` in segment `i`.
@@ -217,7 +261,8 @@ impl Lines {
             least = least.min(load::<S>(slope, k).mul_add(S::splat(x), load::<S>(upper, k)));
             k += S::LANES;
         }
-        -largest(-least)
+        let least = -largest(-least);
+        self.ball_tangents(i, x).map_or(least, |[upper, _]| least.min(upper.value))
     }
 
     /// `U` and `L` at `x`, together with the way into `K_(i+1)`.
@@ -247,7 +292,17 @@ impl Lines {
             (down, down_lane) = if l > down { (l, lane) } else { (down, down_lane) };
         }
         let place = |lane: usize, block: S| if lane == WAY { WAY } else { first + block.lane(lane) as usize + lane };
-        Gap { upper: up, upper_at: place(up_lane, least_at), lower: down, lower_at: place(down_lane, most_at) }
+        let (mut upper_at, mut lower_at) = (place(up_lane, least_at), place(down_lane, most_at));
+        let (mut upper_tangent, mut lower_tangent) = ((0.0, 0.0), (0.0, 0.0));
+        if let Some([least, most]) = self.ball_tangents(i, x) {
+            if least.value < up {
+                (up, upper_at, upper_tangent) = (least.value, BALL, (least.rest, least.slope));
+            }
+            if most.value > down {
+                (down, lower_at, lower_tangent) = (most.value, BALL, (most.rest, most.slope));
+            }
+        }
+        Gap { upper: up, upper_at, lower: down, lower_at, upper_tangent, lower_tangent }
     }
 
     /// The end of `K_i` seen from `from`, which is on the side of `away`; never beyond `limit`.
@@ -260,9 +315,13 @@ impl Lines {
             if gap.open() {
                 return Some(x);
             }
-            let line = |list: &[f64], at: usize, way: f64| if at == WAY { (way * inverse, -inverse) } else { (list[at], self.slope[at]) };
-            let (upper_rest, upper_slope) = line(&self.upper, gap.upper_at, high);
-            let (lower_rest, lower_slope) = line(&self.lower, gap.lower_at, low);
+            let line = |list: &[f64], at: usize, way: f64, tangent: (f64, f64)| match at {
+                WAY => (way * inverse, -inverse),
+                BALL => tangent,
+                at => (list[at], self.slope[at]),
+            };
+            let (upper_rest, upper_slope) = line(&self.upper, gap.upper_at, high, gap.upper_tangent);
+            let (lower_rest, lower_slope) = line(&self.lower, gap.lower_at, low, gap.lower_tangent);
             let slope = upper_slope - lower_slope;
             // The gap must widen on the way in, and the way must not be over.
             if !(slope * away < 0.0) || x == limit {

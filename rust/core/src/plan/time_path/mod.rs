@@ -6,12 +6,17 @@
 //!    is done again, until nothing exceeds a limit anywhere (`check`). Where the grid is too coarse for that it is halved.
 //! 4. Under friction that may end where no speed is left: the timing that came nearest is then slowed (`slow`).
 //! 5. Where torques may change only so fast, the timing is averaged over time and slowed (`rate`).
-//! 6. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
+//! 6. Limits of a frame's origin (`tip`), limits that vary along the path (`along`), and position limits (`positions`).
+//! 7. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
+mod along;
 mod check;
 mod examine;
+mod friction;
 mod given;
+mod grid;
 mod lines;
+mod positions;
 mod rate;
 mod reach;
 mod reason;
@@ -20,18 +25,21 @@ mod samples;
 mod setup;
 mod slow;
 mod stencil;
+mod tip;
 
 pub use check::FINE;
 pub use given::{PathLimits, TimePathOptions};
 pub use reason::{Bound, PathReason, Shortfall};
 pub use rows::{Friction, Mover};
+pub use tip::TipLimits;
 
 use crate::error::Result;
 use crate::motion::{Path, TimedPath};
 use check::{LimitCheck, TOLERANCE};
+use friction::Line;
 use reach::{Profile, Stuck, losses, set_slopes, solve};
 use samples::Samples;
-use setup::{Line, PathProblem};
+use setup::PathProblem;
 use std::sync::Arc;
 
 /// Corrections of one grid before it is halved; twice as many under friction, and where it can't be.
@@ -174,6 +182,8 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
         let mut caps = std::mem::take(&mut problem.cap_tight);
         narrowed.clear();
         let now = samples.examine(&problem.course(), &problem.rows, profile, |i, row, under, over| {
+            // The norm of the frame's acceleration is narrowed in the first of its rows.
+            let row = if problem.norms == Some(row) { problem.rows.ball.map_or(row, |(first, _)| first) } else { row };
             if row < width {
                 let (lo, hi) = (tight_lo[i * width + row] + beyond * under, tight_hi[i * width + row] + beyond * over);
                 for at in i.saturating_sub(spread)..=(i + spread).min(count - 1) {
@@ -258,9 +268,15 @@ fn halvings(over: f64) -> u32 {
 /// ```
 pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &TimePathOptions) -> Result<TimePath> {
     let mut problem = PathProblem::new(mover, path, limits, options)?;
+    if let Some((lower, upper)) = &limits.position
+        && let Some(reason) = positions::beyond(mover, &problem.path, lower, upper)
+    {
+        return problem.refuse(reason);
+    }
     if problem.path.is_point() {
         return problem.hold();
     }
+    problem.require_motion()?;
     let (mut samples, mut profile) = (Samples::default(), Profile::default());
     let (mut grids, mut halvings_left) = if options.refine || options.grid.is_none() { (GRIDS, HALVINGS) } else { (1, 0) };
     let (mut best, mut spare): (Option<TimePath>, Option<TimePath>) = (None, None);

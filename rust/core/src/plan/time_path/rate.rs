@@ -15,6 +15,7 @@ use super::check::TOLERANCE;
 use super::reason::{Bound, PathReason, Shortfall};
 use super::rows::{Ask, Points};
 use super::setup::PathProblem;
+use super::tip::length;
 use super::{TimePath, TimePathOptions};
 use crate::error::Result;
 use crate::interrupt::look;
@@ -47,7 +48,7 @@ struct Nodes {
 #[derive(Clone, Copy, Debug)]
 struct Beyond {
     excess: f64,
-    joint: usize,
+    joint: Option<usize>,
     limit: Bound,
     s: f64,
 }
@@ -61,8 +62,11 @@ struct Samples<'a> {
     s: Vec<f64>,
     held: Vec<f64>,
     rubbed: Vec<f64>,
-    /// `(K, 3 n)`: torques, accelerations, speeds.
+    /// `(K, stride)`: torques, accelerations, speeds; acceleration and velocity of the frame's origin.
     all: Vec<f64>,
+    stride: usize,
+    /// `(K, 3 n)`: limits that vary along the path, or ones.
+    along: Vec<f64>,
 }
 
 /// The average of `fast` over a window before each time.
@@ -109,61 +113,85 @@ impl<'a> Samples<'a> {
         };
         let states: Vec<[f64; 3]> = (0..count).map(|k| state(k).0).collect();
         let at = |k: usize| (problem.path.piece(states[k][0]), states[k][0]);
+        let (tip, stride) = (problem.tip.as_ref().map(|tip| tip.frame), problem.course().measured());
         let ask = |rate: &dyn Fn(usize) -> (f64, f64)| {
-            let mut out = vec![0.0; count * 3 * n];
-            let (mover, path, stride) = (problem.mover, &*problem.path, 3 * n);
-            Points { mover, path, at: &at, count, stride, out: &mut out, ask: Ask::Motion { rate } }.run();
+            let mut out = vec![0.0; count * stride];
+            let (mover, path) = (problem.mover, &*problem.path);
+            Points { mover, path, at: &at, count, stride, out: &mut out, ask: Ask::Motion { rate }, tip }.run();
             out
         };
         let held = ask(&|_| (0.0, 0.0));
         let mut all = ask(&|k| (states[k][1], states[k][2]));
-        let held: Vec<f64> = held.chunks_exact(3 * n).flat_map(|row| row[..n].to_vec()).collect();
+        let held: Vec<f64> = held.chunks_exact(stride).flat_map(|row| row[..n].to_vec()).collect();
         let mut rubbed = vec![0.0; count * n];
         for k in 0..count {
             for j in 0..n {
-                all[3 * n * k + j] -= held[n * k + j];
-                rubbed[n * k + j] = viscous[j] * all[3 * n * k + 2 * n + j];
+                all[stride * k + j] -= held[n * k + j];
+                rubbed[n * k + j] = viscous[j] * all[stride * k + 2 * n + j];
             }
         }
-        Samples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all }
+        let limit = |k: usize, at_row: usize| problem.along.limit(&problem.path, at_row / n, at_row % n, at(k).0, states[k][0]);
+        let along = (0..count * 3 * n).map(|i| limit(i / (3 * n), i % (3 * n))).collect();
+        Samples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all, stride, along }
     }
 
     /// The furthest beyond a limit (or nearest to one) when all is slower by `k`; ends at the first sample beyond if `any`.
     fn worst(&self, k: f64, any: bool) -> Beyond {
-        let Samples { problem, rates, per, step, s, held, rubbed, all } = self;
+        let Samples { problem, rates, per, step, s, held, rubbed, all, stride, along } = self;
         let (n, per) = (problem.n, *per);
         let (lo, hi) = (&problem.lo, &problem.hi);
         let (by, by2, by_step) = (1.0 / k, 1.0 / (k * k), 1.0 / (k * step));
-        let mut worst = Beyond { excess: f64::NEG_INFINITY, joint: 0, limit: Bound::TorqueRate, s: s[0] };
+        let mut worst = Beyond { excess: f64::NEG_INFINITY, joint: None, limit: Bound::TorqueRate, s: s[0] };
         for i in 0..(s.len() - 1) / per {
             if i % LOOK == 0 {
                 look();
             }
             for j in 0..n {
-                let torque = |m: usize| held[n * m + j] + rubbed[n * m + j] * by + all[3 * n * m + j] * by2;
-                let [top, bottom, bent, rate] = span(i * per..=(i + 1) * per, torque);
-                let [high, low, more, _] = span(i * per..=(i + 1) * per, |m| all[3 * n * m + n + j] * by2);
+                let torque = |m: usize| held[n * m + j] + rubbed[n * m + j] * by + all[stride * m + j] * by2;
+                let [_, _, turned, rate] = span(i * per..=(i + 1) * per, torque);
+                let [top, bottom, bent, _] = span(i * per..=(i + 1) * per, |m| torque(m) / along[3 * n * m + j]);
+                let [high, low, more, _] = span(i * per..=(i + 1) * per, |m| all[stride * m + n + j] * by2 / along[3 * n * m + n + j]);
                 let steep = high.max(-low) + more;
-                let [high, low, more, _] = span(i * per..=(i + 1) * per, |m| all[3 * n * m + 2 * n + j] * by);
+                let [high, low, more, _] =
+                    span(i * per..=(i + 1) * per, |m| all[stride * m + 2 * n + j] * by / along[3 * n * m + 2 * n + j]);
                 let fast = high.max(-low) + more;
                 let sides = [
                     ((top + bent - hi[j]) / size(hi[j], lo[j]), Bound::TorqueMax),
                     ((lo[j] - bottom + bent) / size(lo[j], hi[j]), Bound::TorqueMin),
-                    ((rate + 2.0 * bent) * by_step / rates[j] - 1.0, Bound::TorqueRate),
+                    ((rate + 2.0 * turned) * by_step / rates[j] - 1.0, Bound::TorqueRate),
                     (steep / hi[n + j] - 1.0, Bound::Acceleration),
                     (fast / hi[2 * n + j] - 1.0, Bound::Velocity),
                 ];
                 for (excess, limit) in sides {
                     if excess > worst.excess || excess.is_nan() && hi[j].is_finite() {
-                        worst = Beyond { excess, joint: j, limit, s: s[i * per] };
+                        worst = Beyond { excess, joint: Some(j), limit, s: s[i * per] };
                     }
                 }
                 if any && !(worst.excess <= TOLERANCE) {
                     return worst;
                 }
             }
+            self.look_at_tip(i, [by2, by], &mut worst);
+            if any && !(worst.excess <= TOLERANCE) {
+                return worst;
+            }
         }
         worst
+    }
+
+    /// Acceleration and speed of the frame's origin on segment `i`.
+    fn look_at_tip(&self, i: usize, by: [f64; 2], worst: &mut Beyond) {
+        let Some(tip) = &self.problem.tip else { return };
+        let first = 3 * self.problem.n;
+        for (part, most, limit) in [(0, tip.acceleration, Bound::TipAcceleration), (1, tip.speed, Bound::TipSpeed)] {
+            let Some(most) = most else { continue };
+            let norm = |m: usize| length(&self.all[self.stride * m + first + 3 * part..]) * by[part];
+            let [high, _, more, _] = span(i * self.per..=(i + 1) * self.per, norm);
+            let excess = (high + more) / most - 1.0;
+            if excess > worst.excess || excess.is_nan() {
+                *worst = Beyond { excess, joint: None, limit, s: self.s[i * self.per] };
+            }
+        }
     }
 
     /// The least factor found between one that holds all limits and one that doesn't, to `share` of it.
@@ -242,14 +270,19 @@ pub(super) fn limit_rate(problem: &PathProblem, fast: TimePath, rates: &[f64], o
     let (samples, nodes) = sampled(best.map_or(total, |(_, window, _)| window), FINEST);
     let Some(k) = best.and_then(|_| samples.slowing(1e-7)) else {
         let Beyond { excess, joint, limit, s } = samples.worst(SLOWEST, true);
-        let size = match limit {
-            Bound::TorqueRate => rates[joint],
-            Bound::TorqueMin => problem.lo[joint].abs(),
-            _ => problem.hi[joint].abs(),
+        let kind = match limit {
+            Bound::Acceleration => 1,
+            Bound::Velocity => 2,
+            Bound::TipAcceleration => 3,
+            Bound::TipSpeed => 4,
+            _ => 0,
         };
-        let joint_name = problem.mover.joint_names().get(joint).cloned().unwrap_or_default();
-        let (what, speed) = (Shortfall::Slow, f64::NAN);
-        return problem.refuse(PathReason { what, joint, joint_name, s, limit, missing: excess, missing_units: excess * size, speed });
+        let reason = problem.reason_of(Shortfall::Slow, (kind, joint.unwrap_or(0)), limit != Bound::TorqueMin, s, excess);
+        if limit == Bound::TorqueRate {
+            let missing_units = excess * joint.map_or(0.0, |joint| rates[joint]);
+            return problem.refuse(PathReason { limit, missing_units, ..reason });
+        }
+        return problem.refuse(reason);
     };
     let margin = -samples.worst(k, false).excess;
     let scaled = |values: &[f64], by: f64| values.iter().map(|x| x * by).collect::<Vec<f64>>();

@@ -14,8 +14,10 @@
 //! above, and what is lost goes with `h^2`.
 
 use super::lines::{FAR, LimitRows, Lines, NONE, STANDING, largest, load};
+use super::tip::Ball;
 use crate::interrupt::look;
 use crate::scalar::{GenericKernel, Real, run_lanes};
+use nalgebra::Vector3;
 
 /// Segments between two looks whether to stop.
 const LOOK: usize = 1 << 12;
@@ -81,7 +83,7 @@ impl Profile {
             flags.clear();
             flags.resize(length, true);
         }
-        self.lines.resize(count, rows.width);
+        self.lines.resize(count, rows.width, rows.ball.is_some());
     }
 }
 
@@ -150,10 +152,10 @@ pub(super) fn solve(rows: &LimitRows, profile: &mut Profile) -> Result<(), Stuck
 
 /// The limits of `u` at point `i` alone.
 #[inline(always)]
-fn alone<S: Real>(rows: &LimitRows, i: usize, x: f64) -> [f64; 2] {
+fn alone<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
     let w = rows.width;
     let c = &rows.coefficients[i * 3 * w..(i + 1) * 3 * w];
-    let x = S::splat(x);
+    let x = S::splat(at);
     let (mut upper, mut lower) = (S::splat(FAR), S::splat(-FAR));
     let mut k = 0;
     while k < w {
@@ -165,7 +167,11 @@ fn alone<S: Real>(rows: &LimitRows, i: usize, x: f64) -> [f64; 2] {
         lower = lower.max(S::select(idle, S::splat(-FAR), a.min(b)));
         k += S::LANES;
     }
-    [-largest(-upper), largest(lower)]
+    let (upper, lower) = (-largest(-upper), largest(lower));
+    let Some((k, radius)) = rows.ball else { return [upper, lower] };
+    let row = |at: usize| Vector3::new(c[at], c[at + 1], c[at + 2]);
+    let [most, least] = Ball::new([row(k), row(w + k), Vector3::zeros()], radius).tangents(at);
+    [upper.min(most.value), lower.max(least.value)]
 }
 
 struct Bends<'a>(&'a mut LimitRows, &'a mut Profile);
@@ -238,7 +244,7 @@ impl GenericKernel for Widened<'_> {
     fn run<S: Real>(self) -> Option<(f64, f64)> {
         let Widened(rows, i, widen, [low, high]) = self;
         let mut lines = Lines::default();
-        lines.resize(1, rows.width);
+        lines.resize(1, rows.width, rows.ball.is_some());
         lines.build::<S>(rows, i, 0, widen);
         lines.controllable::<S>(0, rows.cap[i], target(rows, i, low, high))
     }

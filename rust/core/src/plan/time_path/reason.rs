@@ -20,6 +20,14 @@ pub enum Bound {
     Velocity,
     /// Limit of the torque rate.
     TorqueRate,
+    /// Speed of the frame's origin.
+    TipSpeed,
+    /// Acceleration of the frame's origin.
+    TipAcceleration,
+    /// Upper position limit.
+    PositionMax,
+    /// Lower position limit.
+    PositionMin,
 }
 
 impl Bound {
@@ -31,6 +39,10 @@ impl Bound {
             Bound::Acceleration => "a_max",
             Bound::Velocity => "v_max",
             Bound::TorqueRate => "torque_rate",
+            Bound::TipSpeed => "tip_speed",
+            Bound::TipAcceleration => "tip_acceleration",
+            Bound::PositionMax => "q_max",
+            Bound::PositionMin => "q_min",
         }
     }
 }
@@ -50,6 +62,8 @@ pub enum Shortfall {
     Unresolved,
     /// No timing keeps the rates of torque, however slow.
     Slow,
+    /// The path itself leaves the position limits.
+    Position,
 }
 
 /// Why there is no timing.
@@ -57,9 +71,9 @@ pub enum Shortfall {
 pub struct PathReason {
     /// What kind of shortfall it is.
     pub what: Shortfall,
-    /// Index of the joint.
-    pub joint: usize,
-    /// Name of the joint.
+    /// Index of the joint; `None` for a frame's origin.
+    pub joint: Option<usize>,
+    /// Name of the joint, or of the frame.
     pub joint_name: String,
     /// Path position.
     pub s: f64,
@@ -71,12 +85,20 @@ pub struct PathReason {
     pub missing_units: f64,
     /// The largest (start, end) path speed that would do, where one was asked for.
     pub speed: f64,
+    /// The joint position that is beyond its limit; else NaN.
+    pub position: f64,
 }
 
 impl PathProblem<'_> {
-    /// Kind and joint of a row: 0 torque, 1 acceleration, 2 speed.
+    /// Kind and joint of a row: 0 torque, 1 acceleration, 2 speed; 3 acceleration, 4 speed of the frame's origin.
     fn kind(&self, row: usize) -> (usize, usize) {
         let n = self.n;
+        if let Some(first) = self.norms.filter(|first| row >= *first) {
+            return (3 + (row - first).min(1), 0);
+        }
+        if row >= n * self.kinds.iter().filter(|kind| **kind).count() && row < self.rows.width && self.tip.is_some() {
+            return (3, 0);
+        }
         if row >= self.rows.width {
             return (2, (row - self.rows.width).min(n - 1));
         }
@@ -85,18 +107,31 @@ impl PathProblem<'_> {
     }
 
     fn reason(&self, what: Shortfall, row: usize, upper: bool, s: f64, missing: f64) -> PathReason {
-        let (kind, joint) = self.kind(row);
+        self.reason_of(what, self.kind(row), upper, s, missing)
+    }
+
+    /// Of a limit by its kind and joint.
+    pub(super) fn reason_of(&self, what: Shortfall, (kind, joint): (usize, usize), upper: bool, s: f64, missing: f64) -> PathReason {
         let limit = match kind {
             0 if upper => Bound::TorqueMax,
             0 => Bound::TorqueMin,
             1 => Bound::Acceleration,
-            _ => Bound::Velocity,
+            2 => Bound::Velocity,
+            3 => Bound::TipAcceleration,
+            _ => Bound::TipSpeed,
         };
-        let (lo, hi) = (self.lo[kind * self.n + joint].abs(), self.hi[kind * self.n + joint].abs());
+        let (speed, position) = (f64::NAN, f64::NAN);
+        if let (3.., Some(tip)) = (kind, &self.tip) {
+            let size = if kind == 3 { tip.acceleration } else { tip.speed }.unwrap_or(0.0);
+            let joint_name = self.mover.frame_name(tip.frame);
+            return PathReason { what, joint: None, joint_name, s, limit, missing, missing_units: missing * size, speed, position };
+        }
+        let varying = self.along.limit(&self.path, kind, joint, self.path.piece(s), s);
+        let (lo, hi) = (varying * self.lo[kind * self.n + joint].abs(), varying * self.hi[kind * self.n + joint].abs());
         let (near, far) = if upper { (hi, lo) } else { (lo, hi) };
         let size = if near > 0.0 { near } else { far };
         let joint_name = self.mover.joint_names().get(joint).cloned().unwrap_or_default();
-        PathReason { what, joint, joint_name, s, limit, missing, missing_units: missing * size, speed: f64::NAN }
+        PathReason { what, joint: Some(joint), joint_name, s, limit, missing, missing_units: missing * size, speed, position }
     }
 
     /// The row that is nearest to (or furthest beyond) a limit at `(u, x)` of point `i`, and its relative excess.
@@ -111,6 +146,12 @@ impl PathProblem<'_> {
             let under = (self.rows.lo[k] - value) / self.rows.scale_lo[k];
             if over.max(under) > worst.2 {
                 worst = (k, over >= under, over.max(under));
+            }
+        }
+        if let Some((k, radius)) = self.rows.ball {
+            let over = (0..3).map(|axis| (c[k + axis] * u + c[w + k + axis] * x).powi(2)).sum::<f64>().sqrt() / radius - 1.0;
+            if over > worst.2 {
+                worst = (k, true, over);
             }
         }
         worst
@@ -130,8 +171,7 @@ impl PathReason {
                 PathReason { speed: nearest.sqrt(), ..reason }
             }
             Stuck::End(cap) => {
-                let (joint, _) = problem.fastest(problem.rows.s.len() - 1);
-                let row = problem.rows.width + joint;
+                let (row, _) = problem.fastest(problem.rows.s.len() - 1);
                 let missing = (problem.rows.x_end / cap.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
                 let reason = problem.reason(Shortfall::EndSpeed, row, true, s[s.len() - 1], missing);
                 PathReason { speed: cap.sqrt(), ..reason }
@@ -179,15 +219,21 @@ impl PathReason {
 
 impl fmt::Display for PathReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let PathReason { joint, joint_name, s, limit, missing, missing_units, speed, .. } = self;
-        let name = limit.name();
-        let short = format!("{name} of joint {joint} ({joint_name}) is {missing_units:.6e} short ({:.3e} of it) at s = {s:.9}", missing);
+        let PathReason { joint, joint_name, s, limit, missing, missing_units, speed, position, .. } = self;
+        let limited = match joint {
+            Some(joint) => format!("{} of joint {joint} ({joint_name})", limit.name()),
+            None => format!("{} of frame {joint_name}", limit.name()),
+        };
+        let short = format!("{limited} is {missing_units:.6e} short ({:.3e} of it) at s = {s:.9}", missing);
         match self.what {
             Shortfall::NoSpeed => write!(f, "the limits leave no path speed: {short}"),
             Shortfall::StartSpeed => write!(f, "start_speed is not possible: expected at most {speed:.9e} (the nearest that is): {short}"),
             Shortfall::EndSpeed => write!(f, "end_speed is not possible: expected at most {speed:.9e}: {short}"),
             Shortfall::Standstill => {
-                write!(f, "the limits allow no motion from s = {s:.9}: {name} of joint {joint} ({joint_name}) holds the arm there")
+                write!(f, "the limits allow no motion from s = {s:.9}: {limited} holds the arm there")
+            }
+            Shortfall::Position => {
+                write!(f, "the path leaves the position limits: q = {position:.9} is {missing_units:.6e} beyond {limited} at s = {s:.9}")
             }
             Shortfall::Slow => write!(f, "no timing keeps the torque rate, however slow: {short}"),
             Shortfall::Unresolved => write!(f, "no grid resolves the limits: {short}"),

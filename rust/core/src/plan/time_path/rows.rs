@@ -4,8 +4,9 @@
 //! tau = A u + B x + g (+ friction),   A = M q',   B = M q'' + C(q, q') q',   g = g(q)
 //! ```
 //!
-//! as one function of the arm (Bobrow, Dubowsky and Gibson 1985).
+//! as one function of the arm (Bobrow, Dubowsky and Gibson 1985). The origin of a frame moves as in `tip`.
 
+use super::tip::{self, TIP};
 use crate::dynamics::{Functions, PlanarPr, Quantity, Query};
 use crate::error::Result;
 use crate::interrupt::look;
@@ -34,6 +35,30 @@ impl Mover<'_> {
         match self {
             Mover::Tree(functions) => functions.arm().joint_names().map(String::from).collect(),
             Mover::PlanarPr(_) => vec!["p1".into(), "r2".into()],
+        }
+    }
+
+    /// Name of a frame.
+    pub(super) fn frame_name(&self, frame: usize) -> String {
+        match self {
+            Mover::Tree(functions) => functions.arm().frame_names().nth(frame).unwrap_or_default().to_string(),
+            Mover::PlanarPr(_) => String::new(),
+        }
+    }
+
+    /// Matrices of a frame at `count` points, `(count, n)` each input. Points that are not finite have NaN.
+    pub(super) fn matrices(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) {
+        let n = self.dof();
+        let Mover::Tree(functions) = self else { return out.fill(f64::NAN) };
+        if functions.rows(query, inputs, count, out).is_ok() {
+            return;
+        }
+        let length = out.len() / count;
+        for (k, out) in out.chunks_exact_mut(length).enumerate() {
+            let row: Vec<&[f64]> = inputs.iter().map(|x| &x[k * n..(k + 1) * n]).collect();
+            if functions.rows(query, &row, 1, out).is_err() {
+                out.fill(f64::NAN);
+            }
         }
     }
 
@@ -82,12 +107,15 @@ pub(super) struct Points<'a> {
     pub stride: usize,
     pub out: &'a mut [f64],
     pub ask: Ask<'a>,
+    /// The frame whose origin is limited.
+    pub tip: Option<usize>,
 }
 
 pub(super) enum Ask<'a> {
-    /// `[A, B, g]`, each `width` long, torques first, then accelerations if `accelerations`; and `q'` into `slopes` `(count, slope_stride)`.
-    Coefficients { width: usize, torques: bool, accelerations: bool, slopes: &'a mut [f64], slope_stride: usize },
-    /// `[tau, a, v]`, `(3 n,)`, at the path speed and acceleration given.
+    /// `[A, B, g]`, each `width` long, torques first, then accelerations if `accelerations`, then those of the frame; `q'` into `slopes`
+    /// `(count, slope_stride)`, and behind it the slope of the frame's origin.
+    Coefficients { width: usize, torques: bool, accelerations: bool, origins: bool, slopes: &'a mut [f64], slope_stride: usize },
+    /// `[tau, a, v]`, `(3 n,)`, at the path speed and acceleration given; then acceleration and velocity of the frame's origin.
     Motion { rate: &'a (dyn Fn(usize) -> (f64, f64) + 'a) },
 }
 
@@ -96,7 +124,7 @@ const LOOK: usize = 64;
 
 impl Points<'_> {
     pub fn run(self) {
-        let Points { mover, path, at, count, stride, out, mut ask } = self;
+        let Points { mover, path, at, count, stride, out, mut ask, tip } = self;
         let n = mover.dof();
         let (quantity, needed) = match &ask {
             Ask::Motion { .. } => (Quantity::InverseDynamics, true),
@@ -111,6 +139,7 @@ impl Points<'_> {
         let mut points = [const { Vec::new() }; 3];
         points.iter_mut().for_each(|x| x.resize(LOOK * n, 0.0));
         let mut answers = vec![0.0; LOOK * length];
+        let mut tips = vec![0.0; if tip.is_some() { LOOK * TIP } else { 0 }];
         for first in (0..count).step_by(LOOK) {
             look();
             let block = LOOK.min(count - first);
@@ -133,14 +162,22 @@ impl Points<'_> {
                 let given = points.each_ref().map(|x| &x[..block * n]);
                 mover.rows(&query, given, block, &mut answers[..block * length]);
             }
+            if let Some(frame) = tip {
+                tip::motion(mover, frame, points.each_ref().map(|x| &x[..block * n]), block, TIP, &mut tips);
+            }
             let [_, v, a] = &points;
             for k in 0..block {
                 let (row, answer) = (&mut out[(first + k) * stride..(first + k + 1) * stride], &answers[k * length..(k + 1) * length]);
                 let (v, a) = (&v[k * n..(k + 1) * n], &a[k * n..(k + 1) * n]);
                 let mut put = |at: usize, from: &[f64]| row[at..at + n].copy_from_slice(from);
                 match &mut ask {
-                    Ask::Motion { .. } => [answer, a, v].into_iter().enumerate().for_each(|(i, from)| put(i * n, from)),
-                    Ask::Coefficients { width, torques, accelerations, slopes, slope_stride } => {
+                    Ask::Motion { .. } => {
+                        [answer, a, v].into_iter().enumerate().for_each(|(i, from)| put(i * n, from));
+                        if tip.is_some() {
+                            row[3 * n..3 * n + TIP].copy_from_slice(&tips[k * TIP..(k + 1) * TIP]);
+                        }
+                    }
+                    Ask::Coefficients { width, torques, accelerations, origins, slopes, slope_stride } => {
                         if *torques {
                             (0..3).for_each(|i| put(i * *width, &answer[i * n..(i + 1) * n]));
                         }
@@ -151,6 +188,16 @@ impl Points<'_> {
                         }
                         let at = (first + k) * *slope_stride;
                         slopes[at..at + n].copy_from_slice(v);
+                        if tip.is_some() {
+                            let own = &tips[k * TIP..(k + 1) * TIP];
+                            let first = n * (usize::from(*torques) + usize::from(*accelerations));
+                            // At path speed one and no path acceleration: p'' and p'.
+                            if *origins {
+                                row[first..first + 3].copy_from_slice(&own[3..]);
+                                row[*width + first..*width + first + 3].copy_from_slice(&own[..3]);
+                            }
+                            slopes[at + n] = tip::length(&own[3..]);
+                        }
                     }
                 }
             }

@@ -50,8 +50,9 @@ impl Samples {
         self.exact.clear();
         for (k, &(first, last)) in course.spans.iter().enumerate() {
             self.span.resize(last, k);
-            // Friction bends the rows; few points can't be interpolated.
-            self.exact.resize(last, course.friction.is_some() || last - first + 1 < WINDOW);
+            // Friction and limits that vary bend the rows; few points can't be interpolated.
+            let bent = course.friction.is_some() || course.along.any() || course.tip.is_some();
+            self.exact.resize(last, bent || last - first + 1 < WINDOW);
         }
         self.middles.clear();
         self.middles.resize(count * course.n, 0.0);
@@ -108,7 +109,7 @@ impl Samples {
         self.evaluated.extend((0..self.segments.len()).filter(|&i| !self.exact[i] && !self.segments[i].proven));
         measure(course, rows, &profile.x, &self.evaluated, 1, &mut self.values);
         let mut stands = true;
-        for (&i, measured) in self.evaluated.iter().zip(self.values.chunks_exact(3 * n)) {
+        for (&i, measured) in self.evaluated.iter().zip(self.values.chunks_exact(course.measured())) {
             // Far from the limits an error does no harm.
             let segment = &mut self.segments[i];
             let least = INTERPOLATION.max(-0.1 * segment.torque);

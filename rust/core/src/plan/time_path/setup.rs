@@ -1,30 +1,19 @@
 //! The rows of the problem on a grid.
 
+use super::along::Along;
 use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places};
-use super::given::{PathLimits, TimePathOptions, checked};
+use super::given::{Checked, PathLimits, TimePathOptions, checked};
+use super::grid::{grid, spans};
 use super::lines::{BLOCK, FASTEST, LimitRows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
+use super::tip::TipLimits;
 use super::{PathReason, TimePath};
 use crate::error::{Error, Result, finite};
 use crate::memory;
 use crate::motion::{Path, TimedPath};
 use crate::scalar::sign;
 use std::sync::Arc;
-
-/// What stands for the root of `x`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Line {
-    Chord,
-    Tangent,
-}
-
-/// Fewest segments of a piece, unless the pieces are many.
-pub(super) const PIECE: usize = 5;
-/// Segments that are halved together: enough to be interpolated.
-const RUN: usize = WINDOW - 1;
-/// Halvings of a segment from one grid to the next.
-const MOST_HALVINGS: u32 = 3;
 
 /// The problem on a grid.
 pub(super) struct PathProblem<'a> {
@@ -40,15 +29,20 @@ pub(super) struct PathProblem<'a> {
     pub kinds: [bool; 2],
     stencils: (Stencil<4>, Stencil<WINDOW>),
     /// The segments of each piece.
-    spans: Vec<(usize, usize)>,
+    pub spans: Vec<(usize, usize)>,
     /// `n` in whole blocks.
-    stride: usize,
+    pub stride: usize,
     pub friction: Option<Friction>,
+    pub along: Along,
+    pub tip: Option<TipLimits>,
+    /// The first rows of speeds and of the frame's norms in `limits`.
+    speeds: Option<usize>,
+    pub norms: Option<usize>,
     pub pieces: Vec<usize>,
-    /// `(N + 1, n)`: `q'`.
-    slopes: Vec<f64>,
+    /// `(N + 1, stride)`: `q'`, and the slope of the frame's origin.
+    pub slopes: Vec<f64>,
     /// `(N + 1, 2 n)`: `B` and `g` of the torques without friction.
-    bare: Vec<f64>,
+    pub bare: Vec<f64>,
     /// `(N + 1,)`: relative narrowing of the caps.
     pub cap_tight: Vec<f64>,
     /// `(N + 1,)`: the bounds of `x` from the speed limits as they are.
@@ -59,7 +53,7 @@ pub(super) struct PathProblem<'a> {
 impl<'a> PathProblem<'a> {
     pub fn new(mover: Mover<'a>, path: Arc<Path>, given: &PathLimits, options: &TimePathOptions) -> Result<Self> {
         let n = mover.dof();
-        let [lo, hi] = checked(n, &path, given, options)?;
+        let Checked { lo, hi, along } = checked(mover, &path, given, options)?;
         let stops = options.stops.iter().map(|&k| path.knots()[k]).collect();
         let (s, pieces) = grid(&path, options.points());
         // Rows of both kinds and of the speeds, the caps and the profiles at each point.
@@ -83,8 +77,12 @@ impl<'a> PathProblem<'a> {
             kinds: [given.torque.is_some(), given.acceleration.is_some()],
             stencils: (Stencil::new(&[0.5]), Stencil::new(&inner_places())),
             spans: Vec::new(),
-            stride: n.next_multiple_of(BLOCK),
+            stride: (n + usize::from(given.tip.is_some())).next_multiple_of(BLOCK),
             friction,
+            along,
+            tip: given.tip.clone(),
+            speeds: None,
+            norms: None,
             pieces,
             slopes: Vec::new(),
             bare: Vec::new(),
@@ -103,11 +101,16 @@ impl<'a> PathProblem<'a> {
     }
 
     /// The rows on the present grid.
-    fn fill(&mut self) {
+    pub fn fill(&mut self) {
         let n = self.n;
         let mut limits = Limits::default();
         for kind in (0..2).filter(|&kind| self.kinds[kind]) {
             (kind * n..(kind + 1) * n).for_each(|k| limits.push(self.lo[k], self.hi[k]));
+        }
+        let ball = self.tip.as_ref().and_then(|tip| tip.acceleration).map(|most| (limits.lo.len(), most));
+        if let Some((_, most)) = ball {
+            // Each part of the frame's acceleration is inside the limit of its norm.
+            (0..3).for_each(|_| limits.push(-most, most));
         }
         // Rows that only fill a block: 0 u + 0 x + 0 between -1 and 1.
         let fill = |limits: &mut Limits| (limits.lo.len()..limits.lo.len().next_multiple_of(BLOCK)).for_each(|_| limits.push(-1.0, 1.0));
@@ -116,10 +119,20 @@ impl<'a> PathProblem<'a> {
         let points = self.rows.s.len();
         let rows = &mut self.rows;
         rows.width = width;
+        rows.ball = ball;
         (rows.lo, rows.hi) = (limits.lo.clone(), limits.hi.clone());
         (rows.scale_lo, rows.scale_hi) = (limits.scale_lo.clone(), limits.scale_hi.clone());
         if self.hi[2 * n] < f64::INFINITY {
+            self.speeds = Some(limits.lo.len());
             (2 * n..3 * n).for_each(|k| limits.push(self.lo[k], self.hi[k]));
+            fill(&mut limits);
+        }
+        if let Some(tip) = &self.tip {
+            self.norms = Some(limits.lo.len());
+            for most in [tip.acceleration, tip.speed] {
+                let most = most.unwrap_or(f64::MAX);
+                limits.push(-most, most);
+            }
             fill(&mut limits);
         }
         self.limits = limits;
@@ -139,17 +152,22 @@ impl<'a> PathProblem<'a> {
             width,
             torques: self.kinds[0],
             accelerations: self.kinds[1],
+            origins: ball.is_some(),
             slopes: &mut self.slopes,
             slope_stride: self.stride,
         };
-        Points { mover: self.mover, path: &self.path, at: &at, count: points, stride: 3 * width, out: &mut rows.coefficients, ask }.run();
+        let tip = self.tip.as_ref().map(|tip| tip.frame);
+        Points { mover: self.mover, path: &self.path, at: &at, count: points, stride: 3 * width, out: &mut rows.coefficients, ask, tip }
+            .run();
+        self.divide_by_limits();
         self.rows.drop_rounding();
         if let (Some(friction), true) = (&self.friction, self.kinds[0]) {
             self.bare.resize(points * 2 * n, 0.0);
             for i in 0..points {
                 for j in 0..n {
+                    let limit = self.along_at(0, i, j);
                     let c = &mut self.rows.coefficients[i * 3 * width..];
-                    c[2 * width + j] += friction.coulomb[j] * sign(self.slopes[i * self.stride + j]);
+                    c[2 * width + j] += friction.coulomb[j] * sign(self.slopes[i * self.stride + j]) / limit;
                     (self.bare[2 * i * n + j], self.bare[(2 * i + 1) * n + j]) = (c[width + j], c[2 * width + j]);
                 }
             }
@@ -159,8 +177,27 @@ impl<'a> PathProblem<'a> {
         self.set_caps();
     }
 
+    /// A limit that varies, at point `i`; one where it does not.
+    pub fn along_at(&self, kind: usize, i: usize, joint: usize) -> f64 {
+        self.along.limit(&self.path, kind, joint, self.pieces[i.min(self.pieces.len() - 1)], self.rows.s[i])
+    }
+
+    /// Rows under limits that vary, in parts of them.
+    fn divide_by_limits(&mut self) {
+        let (n, width) = (self.n, self.rows.width);
+        for kind in (0..2).filter(|&kind| !self.along.limits[kind].is_empty()) {
+            let first = if kind == 1 && self.kinds[0] { n } else { 0 };
+            for i in 0..self.rows.s.len() {
+                for j in 0..n {
+                    let limit = self.along_at(kind, i, j);
+                    (0..3).for_each(|part| self.rows.coefficients[(3 * i + part) * width + first + j] /= limit);
+                }
+            }
+        }
+    }
+
     /// The rows half way between grid points, interpolated; linearly where a piece has too few points.
-    fn set_middles(&mut self) {
+    pub fn set_middles(&mut self) {
         let w = 3 * self.rows.width;
         let segments = self.pieces.len();
         let PathProblem { rows: LimitRows { coefficients, middles, .. }, stencils: (stencil, _), spans, .. } = self;
@@ -201,18 +238,29 @@ impl<'a> PathProblem<'a> {
             slopes: &self.slopes,
             stride: self.stride,
             friction: self.friction.as_ref(),
+            along: &self.along,
+            tip: self.tip.as_ref().map(|tip| tip.frame),
+            speeds: self.speeds,
+            norms: self.norms,
             limits: &self.limits,
             stencil: &self.stencils.1,
         }
     }
 
-    /// The joint that limits the path speed at point `i` by its own speed, and the path speed then.
+    /// The row of `limits` that limits the path speed at point `i` by a speed, and the path speed then.
     pub fn fastest(&self, i: usize) -> (usize, f64) {
-        let mut most = (0, f64::INFINITY);
+        let mut most = (self.speeds.unwrap_or(0), f64::INFINITY);
         for j in 0..self.n {
             let slope = self.slopes[i * self.stride + j].abs();
-            if slope > 0.0 && self.hi[2 * self.n + j] / slope < most.1 {
-                most = (j, self.hi[2 * self.n + j] / slope);
+            let limit = self.hi[2 * self.n + j] * self.along_at(2, i, j);
+            if slope > 0.0 && limit / slope < most.1 {
+                most = (self.speeds.unwrap_or(0) + j, limit / slope);
+            }
+        }
+        if let (Some(row), Some(speed)) = (self.norms, self.tip.as_ref().and_then(|tip| tip.speed)) {
+            let slope = self.slopes[i * self.stride + self.n];
+            if slope > 0.0 && speed / slope < most.1 {
+                most = (row + 1, speed / slope);
             }
         }
         most
@@ -241,87 +289,21 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// Rows without viscous friction.
-    pub fn forget_friction(&mut self) {
-        if self.friction.is_none() {
-            return;
+    /// Without limits of torque and of joint acceleration the frame has to move all along the path.
+    pub fn require_motion(&self) -> Result<()> {
+        if self.kinds != [false; 2] {
+            return Ok(());
         }
-        self.rows.moving.iter_mut().for_each(Vec::clear);
-        let (n, w) = (self.n, self.rows.width);
-        for i in 0..self.rows.s.len() {
-            for j in 0..n {
-                let c = &mut self.rows.coefficients[i * 3 * w..];
-                (c[w + j], c[2 * w + j]) = (self.bare[2 * i * n + j], self.bare[(2 * i + 1) * n + j]);
-            }
+        let slope = |i: usize| self.slopes[i * self.stride + self.n];
+        let largest = (0..self.rows.s.len()).map(slope).fold(0.0, f64::max);
+        let still = |i: &usize| !(slope(*i) > 1e-9 * largest) && !(slope(i + 1) > 1e-9 * largest);
+        match (0..self.pieces.len()).find(still) {
+            None => Ok(()),
+            Some(i) => Err(Error::input(
+                "tau_max, a_max",
+                format!("are both missing: expected one of them where the frame stands still, at s = {}", self.rows.s[i]),
+            )),
         }
-        self.set_middles();
-    }
-
-    /// Viscous friction `d q' sqrt(x)` as a line through its value at the profile: the chord from rest, `d q' x / sqrt(x0)`, which
-    /// leaves what is possible at low speeds possible, or the tangent, `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
-    pub fn linearise_friction(&mut self, x: &[f64], line: Line) {
-        if self.friction.is_none() {
-            return;
-        }
-        self.forget_friction();
-        let Some(friction) = &self.friction else { return };
-        let (n, w, last) = (self.n, self.rows.width, x.len() - 1);
-        let (slope, rest) = match line {
-            Line::Chord => (1.0, 0.0),
-            Line::Tangent => (0.5, 0.5),
-        };
-        let LimitRows { coefficients, middles, moving, s, u_slope, .. } = &mut self.rows;
-        moving[0].resize((last + 1) * w, 0.0);
-        moving[1].resize(last * w, 0.0);
-        for k in 0..=2 * last {
-            // Grid points, and half way between them. At rest there is no friction.
-            let (i, between) = (k / 2, k % 2 == 1);
-            let here = if between { 0.5 * (x[i] + x[i + 1]) - 0.25 * (s[i + 1] - s[i]).powi(2) * u_slope[i] } else { x[i] };
-            if !(here > 0.0) {
-                continue;
-            }
-            let root = here.sqrt();
-            let c = if between { &mut middles[i * 3 * w..] } else { &mut coefficients[i * 3 * w..] };
-            let part = &mut moving[usize::from(between)][i * w..];
-            for j in 0..n {
-                let along = |i: usize| self.slopes[i * self.stride + j];
-                let push = friction.viscous[j] * if between { 0.5 * (along(i) + along(i + 1)) } else { along(i) };
-                c[w + j] += slope * push / root;
-                part[j] = rest * push * root;
-            }
-        }
-    }
-
-    /// Halve segment `i` `times(i)` times. What is halved is a run of some segments, so that the rows can be interpolated in it.
-    /// Whether anything was.
-    pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
-        let (mut fine, mut pieces) = (Vec::new(), Vec::new());
-        let s = &self.rows.s;
-        for &(first, last) in &self.spans {
-            let runs = ((last - first) / RUN).max(1);
-            let end = |run: usize| first + (last - first) * run / runs;
-            for run in 0..runs {
-                // The neighbours of a run may be as coarse as it is.
-                let near = end(run).saturating_sub(1).max(first)..(end(run + 1) + 1).min(last);
-                let parts = 1_usize << near.map(&times).max().unwrap_or(0).min(MOST_HALVINGS);
-                for i in end(run)..end(run + 1) {
-                    for k in 0..parts {
-                        let at = if k == 0 { s[i] } else { s[i] + (s[i + 1] - s[i]) * (k as f64 / parts as f64) };
-                        if k == 0 || (at > fine[fine.len() - 1] && at < s[i + 1]) {
-                            fine.push(at);
-                            pieces.push(self.pieces[i]);
-                        }
-                    }
-                }
-            }
-        }
-        fine.push(s[s.len() - 1]);
-        let more = fine.len() > s.len();
-        (self.rows.s, self.pieces) = (fine, pieces);
-        if more {
-            self.fill();
-        }
-        more
     }
 
     /// The answer for a path that is one point: no time, if the arm can hold itself there.
@@ -340,39 +322,4 @@ impl<'a> PathProblem<'a> {
         let motion = TimedPath::new(self.path.clone(), ends, vec![f64::NAN; 2], vec![0.0])?;
         Ok(TimePath { motion, margin: f64::NAN, reason: Some(reason) })
     }
-}
-
-/// The even runs of segments within the pieces.
-fn spans(s: &[f64], pieces: &[usize], spans: &mut Vec<(usize, usize)>) {
-    spans.clear();
-    let step = |i: usize| s[i + 1] - s[i];
-    let mut first = 0;
-    for i in 1..=pieces.len() {
-        // Steps differ by rounding or by a factor of two.
-        if i == pieces.len() || pieces[i] != pieces[first] || !(1.5 * step(i) > step(first) && step(i) < 1.5 * step(first)) {
-            spans.push((first, i));
-            first = i;
-        }
-    }
-}
-
-/// About `points` points, evenly within each piece, and the piece of each segment.
-fn grid(path: &Path, points: usize) -> (Vec<f64>, Vec<usize>) {
-    let knots = path.knots();
-    let total = knots[knots.len() - 1] - knots[0];
-    let (mut s, mut pieces) = (Vec::new(), Vec::new());
-    let fewest = if PIECE * (knots.len() - 1) < points { PIECE } else { 1 };
-    for p in 0..knots.len() - 1 {
-        let (a, b) = (knots[p], knots[p + 1]);
-        let segments = (((b - a) / total * (points - 1) as f64).round() as usize).max(fewest);
-        for k in 0..segments {
-            let at = a + (b - a) * (k as f64 / segments as f64);
-            if s.last().is_none_or(|last| at > *last) {
-                s.push(at);
-                pieces.push(p);
-            }
-        }
-    }
-    s.push(knots[knots.len() - 1]);
-    (s, pieces)
 }

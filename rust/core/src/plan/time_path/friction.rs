@@ -1,0 +1,66 @@
+//! Viscous friction `d q' r` in rows that are linear in `x = r^2`: its chord from rest, or its tangent, at a profile.
+
+use super::lines::LimitRows;
+use super::setup::PathProblem;
+
+/// What stands for the root of `x`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Line {
+    Chord,
+    Tangent,
+}
+
+impl PathProblem<'_> {
+    /// Rows without viscous friction.
+    pub fn forget_friction(&mut self) {
+        if self.friction.is_none() {
+            return;
+        }
+        self.rows.moving.iter_mut().for_each(Vec::clear);
+        let (n, w) = (self.n, self.rows.width);
+        for i in 0..self.rows.s.len() {
+            for j in 0..n {
+                let c = &mut self.rows.coefficients[i * 3 * w..];
+                (c[w + j], c[2 * w + j]) = (self.bare[2 * i * n + j], self.bare[(2 * i + 1) * n + j]);
+            }
+        }
+        self.set_middles();
+    }
+
+    /// Viscous friction `d q' sqrt(x)` as a line through its value at the profile: the chord from rest, `d q' x / sqrt(x0)`, which
+    /// leaves what is possible at low speeds possible, or the tangent, `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
+    pub fn linearise_friction(&mut self, x: &[f64], line: Line) {
+        if self.friction.is_none() {
+            return;
+        }
+        self.forget_friction();
+        let Some(friction) = &self.friction else { return };
+        let (n, w, last) = (self.n, self.rows.width, x.len() - 1);
+        let (slope, rest) = match line {
+            Line::Chord => (1.0, 0.0),
+            Line::Tangent => (0.5, 0.5),
+        };
+        let (varying, path, pieces, points) = (&self.along, &self.path, &self.pieces, self.rows.s.clone());
+        let limit = |i: usize, j: usize| varying.limit(path, 0, j, pieces[i.min(pieces.len() - 1)], points[i]);
+        let LimitRows { coefficients, middles, moving, s, u_slope, .. } = &mut self.rows;
+        moving[0].resize((last + 1) * w, 0.0);
+        moving[1].resize(last * w, 0.0);
+        for k in 0..=2 * last {
+            // Grid points, and half way between them. At rest there is no friction.
+            let (i, between) = (k / 2, k % 2 == 1);
+            let here = if between { 0.5 * (x[i] + x[i + 1]) - 0.25 * (s[i + 1] - s[i]).powi(2) * u_slope[i] } else { x[i] };
+            if !(here > 0.0) {
+                continue;
+            }
+            let root = here.sqrt();
+            let c = if between { &mut middles[i * 3 * w..] } else { &mut coefficients[i * 3 * w..] };
+            let part = &mut moving[usize::from(between)][i * w..];
+            for j in 0..n {
+                let along = |i: usize| self.slopes[i * self.stride + j] / limit(i, j);
+                let push = friction.viscous[j] * if between { 0.5 * (along(i) + along(i + 1)) } else { along(i) };
+                c[w + j] += slope * push / root;
+                part[j] = rest * push * root;
+            }
+        }
+    }
+}

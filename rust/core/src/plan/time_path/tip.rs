@@ -1,0 +1,137 @@
+//! The origin `p` of a frame along a path, and its limits: with `p' = J q'` and `p'' = J q'' + (dJ/ds) q'`
+//!
+//! ```text
+//! velocity = p' r,   |p'| r <= V                        one bound of the path speed
+//! acceleration = p' u + p'' x,   |p' u + p'' x| <= A      a convex set in the plane of u and x
+//! ```
+//!
+//! At a point of a segment the acceleration is `a u + b x + m`. With `c = a x b / |a|` and `d = a x m / |a|` the limits of `u` at `x` are
+//!
+//! ```text
+//! u = -a.(b x + m) / |a|^2 +- sqrt(A^2 - |c x + d|^2) / |a|
+//! ```
+//!
+//! The upper one is concave and the lower one convex, so the tangents of both serve Newton's method of `lines` as lines do.
+
+use super::lines::{FAR, FASTEST, NONE};
+use super::rows::Mover;
+use crate::dynamics::{Quantity, Query};
+use nalgebra::Vector3;
+
+/// Limits of the origin of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TipLimits {
+    /// Index of the frame.
+    pub frame: usize,
+    /// Largest speed, m/s.
+    pub speed: Option<f64>,
+    /// Largest acceleration, m/s^2.
+    pub acceleration: Option<f64>,
+}
+
+/// Numbers per point: acceleration and velocity.
+pub(super) const TIP: usize = 6;
+
+/// Part of the squared limit below which a root has the slope that it has there: at zero itself the slope is infinite.
+const STEEP: f64 = 1e-14;
+
+/// What the limit of acceleration leaves of `u` at one point of a segment.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Ball {
+    /// `u` of the smallest acceleration: `middle[0] + middle[1] x`.
+    middle: [f64; 2],
+    /// `c` and `d`.
+    across: [Vector3<f64>; 2],
+    radius: f64,
+    /// `1 / |a|`; zero where the frame does not move with `u`.
+    by: f64,
+}
+
+/// `u = value` at some `x`, and the tangent there: `rest + slope x`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tangent {
+    pub value: f64,
+    pub rest: f64,
+    pub slope: f64,
+}
+
+impl Ball {
+    /// The acceleration `a u + b x + m` within `radius`.
+    pub fn new([a, b, m]: [Vector3<f64>; 3], radius: f64) -> Self {
+        let size = a.norm();
+        if size < NONE {
+            return Ball { middle: [0.0; 2], across: [b, m], radius, by: 0.0 };
+        }
+        let along = a / size;
+        let middle = [-along.dot(&m) / size, -along.dot(&b) / size];
+        Ball { middle, across: [b - along * along.dot(&b), m - along * along.dot(&m)], radius, by: 1.0 / size }
+    }
+
+    /// The interval of `x` in which some `u` is left.
+    pub fn range(&self) -> (f64, f64) {
+        let [c, d] = self.across;
+        let (cc, cd, left) = (c.norm_squared(), c.dot(&d), self.radius * self.radius - d.norm_squared());
+        if !(self.radius > 0.0) || left < 0.0 && cc == 0.0 {
+            return (FASTEST, 0.0);
+        }
+        let root = cd * cd + cc * left;
+        if root < 0.0 {
+            return (FASTEST, 0.0);
+        }
+        let root = root.sqrt();
+        // Each root by the form that does not cancel.
+        let (far, near) = if cd > 0.0 { (left / (cd + root), -(cd + root) / cc) } else { ((root - cd) / cc, -left / (root - cd)) };
+        let usable = |x: f64, other: f64| if x.is_nan() { other } else { x };
+        (usable(near, 0.0).max(0.0), usable(far, FASTEST).min(FASTEST))
+    }
+
+    /// The tangents of the upper and of the lower limit of `u` at `x`.
+    #[inline(always)]
+    pub fn tangents(&self, x: f64) -> [Tangent; 2] {
+        if self.by == 0.0 {
+            return [FAR, -FAR].map(|value| Tangent { value, rest: value, slope: 0.0 });
+        }
+        let [c, d] = self.across;
+        let here = c * x + d;
+        let size = here.norm();
+        let left = (self.radius - size) * (self.radius + size);
+        let half = left.max(0.0).sqrt();
+        let steep = left.max(STEEP * self.radius * self.radius).sqrt();
+        let fall = c.dot(&here) / steep;
+        [1.0, -1.0].map(|side| {
+            let value = self.middle[0] + self.middle[1] * x + side * half * self.by;
+            let slope = self.middle[1] - side * fall * self.by;
+            Tangent { value, rest: value - slope * x, slope }
+        })
+    }
+}
+
+/// Velocity and acceleration of the frame's origin at `count` points `q, v, a`, `(count, n)` each: `[acceleration, velocity]` into
+/// `out`, `stride` numbers apart.
+pub(super) fn motion(mover: Mover, frame: usize, points: [&[f64]; 3], count: usize, stride: usize, out: &mut [f64]) {
+    let n = mover.dof();
+    let [q, v, a] = points;
+    let of = |quantity: Quantity, inputs: &[&[f64]]| {
+        let query = Query { frame, ..Query::from(quantity) };
+        let mut matrices = vec![0.0; count * 6 * n];
+        mover.matrices(&query, inputs, count, &mut matrices);
+        matrices
+    };
+    let jacobians = of(Quantity::Jacobian, &[q]);
+    let changes = of(Quantity::JacobianDot, &[q, v]);
+    for k in 0..count {
+        let out = &mut out[k * stride..k * stride + TIP];
+        let (v, a) = (&v[k * n..(k + 1) * n], &a[k * n..(k + 1) * n]);
+        for axis in 0..3 {
+            let at = (k * 6 + axis) * n;
+            let (row, change) = (&jacobians[at..at + n], &changes[at..at + n]);
+            out[axis] = (0..n).map(|j| row[j] * a[j] + change[j] * v[j]).sum();
+            out[3 + axis] = (0..n).map(|j| row[j] * v[j]).sum();
+        }
+    }
+}
+
+/// The length of the first three numbers.
+pub(super) fn length(values: &[f64]) -> f64 {
+    Vector3::new(values[0], values[1], values[2]).norm()
+}
