@@ -73,6 +73,7 @@ from ._core import (
     trapezoid_time,
     velocity_bounds,
 )
+from .cartesian import CartesianPath, cartesian_path
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .excitation import ExcitingMotion, exciting_motion
@@ -108,6 +109,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "BaseParameters",
     "BatchRun",
     "CartesianImpedance",
+    "CartesianPath",
     "CentreOfMassTask",
     "ComputedTorque",
     "DenseOutput",
@@ -175,6 +177,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "__version__",
     "bang_bang_time",
     "build_info",
+    "cartesian_path",
     "compare",
     "damping_from_ratio",
     "diagnose_priority",

@@ -7,6 +7,8 @@ instead of Runge-Kutta pairs, sampling and event simulation instead of closed fo
 from . import integrate
 from .adaptive import Adaptive
 from .arm import Arm, planar_arm
+from .cartesian_path import cartesian_path
+from .cartesian_path import curve as cartesian_curve
 from .contact import JointStops, Wall
 from .diagnosis import diagnose_priority
 from .edit import from_dh, locked, with_frame, with_payload
@@ -92,6 +94,8 @@ __all__ = [
     "Wall",
     "bang_bang_time",
     "base_parameters",
+    "cartesian_curve",
+    "cartesian_path",
     "check_parameters",
     "damping_from_ratio",
     "diagnose_priority",

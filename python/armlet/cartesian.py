@@ -1,0 +1,326 @@
+"""Joint paths along poses: lines, rounded corners and splines of a frame, by inverse kinematics at knots that follow the error.
+
+    q(s), s in [0, 1]:  not-a-knot cubic spline through q_k,  X(q_k) = X_d(s_k)
+    error on a segment:  largest of nine samples + d/8,  d the largest second difference of the samples
+    segments above the tolerance are halved; the spline between knots has an error of the order of h^4 where the curve is smooth
+
+Inverse kinematics continues from knot to knot, so that the path stays on one branch.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core, rotations
+from ._core import Arm, Task
+from .arguments import choice, finite, instance, number, text
+from .errors import InputError, SolveError
+from .pose_curves import PoseCurve, cubic, slopes
+from .status import Status
+
+__all__ = ["CartesianPath", "cartesian_path"]
+
+_NAME = "cartesian_path"
+_Array = NDArray[Any]
+_ALL = "xyzrxryrz"
+# Knots of a segment at first, and of a path at most.
+_FIRST, _MOST = 8, 20_000
+# Largest step of a joint from knot to knot, rad or m, and the shortest part of a path that is divided.
+_STEP, _LEAST = 0.5, 1e-9
+# Samples of a segment.
+_SAMPLES = np.linspace(0.0, 1.0, 9)
+# Ratio of singular values below which a posture is near a singularity.
+_SINGULAR = 1e-2
+
+
+class _Problem(NamedTuple):
+    arm: Arm
+    frame: str
+    axes: str
+    curve: PoseCurve
+    tolerance: _Array
+    limits: bool
+
+    def solve(self, s: _Array, q: _Array, **options: Any) -> tuple[_Array, _Array]:
+        """Joint positions (M, n) at s (M,) from q (M, n), and whether each was found."""
+        task = Task(self.frame, self.axes, target=self.curve.at(s))
+        accuracy = max(1e-11, min(1e-9, 1e-3 * float(self.tolerance.min())))
+        keywords = {"tolerance": accuracy, "restarts": 0, "limits": self.limits} | options
+        found = _core.inverse_kinematics(self.arm, [task], q, **keywords)
+        reached: _Array = np.asarray(found.reached).reshape(s.size, -1)
+        return found.q, np.asarray(reached.all(axis=1))
+
+    def errors(self, q: _Array, s: _Array) -> _Array:
+        """Distance, m, and angle, rad, (M, 2) of the frame from the curve."""
+        curve, wanted = self.curve, self.curve.at(s)
+        letters = _columns(self.axes)
+        got = self.arm.pose_vector(q, self.frame)
+        places = [k for k, letter in enumerate(letters) if letter < 3]
+        away = np.linalg.norm(got[:, [letters[k] for k in places]] - wanted[:, places], axis=1)
+        turned = np.zeros(s.size)
+        if curve.turns:
+            turned = rotations.angle(rotations.of_vector(got[:, 3:]), rotations.of_vector(wanted[:, curve.turns]))
+        elif curve.single:
+            apart = got[:, [letters[k] for k in curve.single]] - wanted[:, curve.single]
+            turned = np.abs(np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi).max(axis=1)
+        return np.stack([away, turned], axis=1)
+
+
+class CartesianPath:
+    """A joint path along poses; made by `cartesian_path`, and a path for `time_path`. `path(s)` gives `q, q', q''`, `(..., n)` each.
+
+    Attributes:
+        s: path positions of the knots, 0 to 1, `(K,)`.
+        q: joint positions there, `(K, n)`; up to where the arm can't follow if `feasible` is False.
+        error: largest distance, m, and angle, rad, of the frame from the curve, with a bound between samples, `(2,)`; NaN if not feasible.
+        corners: indices of the knots at the poses; `stops=path.corners[1:-1]` lets `time_path` stop there.
+        length: of the curve, m; one radian counts as 0.1 m.
+        feasible: whether the arm can follow.
+        reason: why it can't; None if it can.
+        shortfall: the reason as a dict: `kind` ("limit", "singularity", "unreachable", "jump" or "unresolved"), `s`, `length` (m from the
+            start), `target` (the rows there) and `joint` (the joint at its limit, or None).
+    """
+
+    def __init__(
+        self, s: ArrayLike, q: ArrayLike, error: ArrayLike, corners: list[int], length: float, shortfall: dict[str, Any] | None
+    ) -> None:
+        name = "CartesianPath"
+        self.s = finite(name, "s", _core.numbers(name, "s", s, ("K",))).copy()
+        self.q = finite(name, "q", _core.numbers(name, "q", q, (self.s.size, "n"))).copy()
+        self.error = _core.numbers(name, "error", error, (2,)).copy()
+        self.corners, self.length, self.shortfall = list(corners), number(name, "length", length), shortfall
+        self._slopes = slopes(self.s, self.q, natural=False) if self.s.size >= 4 else None
+
+    @property
+    def feasible(self) -> bool:
+        return self.shortfall is None
+
+    @property
+    def reason(self) -> str | None:
+        why = self.shortfall
+        if why is None:
+            return None
+        told = {
+            "limit": f"joint {why['joint']} is at its limit",
+            "singularity": "the arm is at a singularity",
+            "unreachable": "the pose is out of reach",
+            "jump": "the joints would have to jump to another posture",
+            "unresolved": f"the tolerance takes more than {_MOST} knots",
+        }
+        return f"the arm can't follow the poses from s = {why['s']:.9f} ({why['length']:.6g} m from the start): {told[why['kind']]}"
+
+    def __bool__(self) -> bool:
+        return self.feasible
+
+    def __call__(self, s: ArrayLike) -> tuple[_Array, _Array, _Array]:
+        """Value, slope and curvature of the joint path at s."""
+        self._require()
+        at = finite("CartesianPath", "s", _core.numbers("CartesianPath", "s", s))
+        if np.any(at < 0.0) or np.any(at > 1.0):
+            raise InputError("CartesianPath: s is not on the path: expected 0 to 1")
+        parts = cubic(self.s, self.q, np.asarray(self._slopes), np.ravel(at))
+        q, dq, ddq = (part.reshape(*at.shape, -1) for part in parts)
+        return q, dq, ddq
+
+    @property
+    def _waypoints_and_knots(self) -> tuple[_Array, _Array]:
+        """What `time_path` takes."""
+        self._require()
+        return self.q, self.s
+
+    def _require(self) -> None:
+        if not self.feasible:
+            raise SolveError(f"CartesianPath: {self.reason}", Status.INFEASIBLE, partial=self)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, CartesianPath):
+            return NotImplemented
+        return bool(np.array_equal(self.s, other.s) and np.array_equal(self.q, other.q) and self.reason == other.reason)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return CartesianPath, (self.s, self.q, self.error, self.corners, self.length, self.shortfall)
+
+    def __repr__(self) -> str:
+        if not self.feasible:
+            return f"<CartesianPath: {self.reason}>"
+        return f"<CartesianPath: {self.s.size} knots, {self.length:.4g} m, within {self.error[0]:.1e} m and {self.error[1]:.1e} rad>"
+
+
+def _columns(axes: str) -> list[int]:
+    """Columns of [p; rotation vector] that the letters name."""
+    plain = axes.replace(" ", "").replace(",", "")
+    columns, turned = [], 0
+    for letter in plain:
+        if letter == "r":
+            turned = 3
+            continue
+        columns.append(turned + "xyz".index(letter))
+        turned = 0
+    return columns
+
+
+def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
+    """Rows (K, m) of the poses given."""
+    given = finite(_NAME, "poses", _core.numbers(_NAME, "poses", poses, ("K", 4, 4), ("K", m)))
+    if given.ndim == 3:
+        turn, last = given[:, :3, :3], given[:, 3]
+        off = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max() if given.size else 0.0
+        if off > 1e-6 or np.abs(last - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0) > 1e-6 or np.any(np.linalg.det(turn) < 0.0):
+            raise InputError(f"{_NAME}: poses is not made of poses: expected rotations, positions and the last row 0 0 0 1")
+        whole = np.concatenate([given[:, :3, 3], rotations.vector(rotations.of_matrix(turn))], axis=1)
+        return np.asarray(whole[:, columns])
+    return given
+
+
+def cartesian_path(
+    arm: Arm,
+    poses: ArrayLike,
+    q0: ArrayLike,
+    *,
+    frame: str,
+    tolerance: ArrayLike = 1e-4,
+    axes: str | None = None,
+    kind: str = "lines",
+    blend: float = 0.0,
+    limits: bool = True,
+) -> CartesianPath:
+    """Find a joint path that leads a frame along poses.
+
+    Args:
+        arm: an arm with frames.
+        poses: `(K, 4, 4)`, `(K, 6)` rows of position (m) and rotation vector (rad), or `(K, m)` rows of `axes`; world axes. Two or more.
+        q0: where the search for the first pose starts, `(n,)`, rad or m; it decides the branch.
+        frame: name of the frame (keyword only, as all below).
+        tolerance: largest error between knots: a number for m and rad, or `(2,)`.
+        axes: letters such as "xyz" or "x y rz"; None: the whole pose. Of orientation one letter or all three.
+        kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
+        blend: radius of the rounded corners of lines, m; at most half of each segment. Without it the path turns within the tolerance.
+        limits: keep to the joint limits of the arm.
+
+    Returns:
+        A `CartesianPath`. Poses that the arm can't follow are not an error: `feasible` is False and `reason` says where and why.
+
+    Raises:
+        InputError: a shape is wrong, a number is not finite or out of range, a name is unknown, or all poses are the same.
+
+    Source: docs/time_path.md.
+
+    >>> import armlet as al
+    >>> arm = al.planar_arm([0.5, 0.4])
+    >>> path = al.cartesian_path(arm, [[0.6, 0.0], [0.6, 0.4]], [-0.5, 1.0], frame="link2", axes="xy", tolerance=1e-5)
+    >>> path.feasible, bool(path.error[0] <= 1e-5)
+    (True, True)
+    >>> q, dq, ddq = path(0.5)
+    >>> [round(float(x), 4) for x in arm.position(q, "link2")]
+    [0.6, 0.2, 0.0]
+    """
+    instance(_NAME, "arm", arm, Arm, "an Arm such as planar_arm(..)")
+    frame, kind = text(_NAME, "frame", frame), choice(_NAME, "kind", kind, ("lines", "spline"))
+    letters = _ALL if axes is None else text(_NAME, "axes", axes)
+    try:
+        Task(frame, letters, target=np.zeros(len(_columns(letters)) or 1))
+        arm.position(np.zeros(arm.n), frame)
+    except (InputError, ValueError) as error:
+        message = str(error).partition(": ")[2] or f"axes is not made of x y z rx ry rz: expected such as 'xyz', got {letters!r}"
+        raise InputError(f"{_NAME}: {message}") from None
+    columns = _columns(letters)
+    turns = [k for k, column in enumerate(columns) if column > 2]
+    if len(turns) == 2:
+        raise InputError(f"{_NAME}: axes names two axes of rotation: expected one or all three, got {letters!r}")
+    rows = _rows(poses, len(columns), columns)
+    start = finite(_NAME, "q0", _core.numbers(_NAME, "q0", q0, (arm.n,)))
+    bound = np.broadcast_to(finite(_NAME, "tolerance", _core.numbers(_NAME, "tolerance", tolerance, (), (2,))), (2,))
+    blend = number(_NAME, "blend", blend)
+    if not np.all(bound >= 1e-8):
+        raise InputError(f"{_NAME}: tolerance is out of range: expected numbers >= 1e-08, got {bound.min()}")
+    if not 0.0 <= blend < np.inf:
+        raise InputError(f"{_NAME}: blend is out of range: expected a radius >= 0, got {blend}")
+    if rows.shape[0] < 2:
+        raise InputError(f"{_NAME}: poses are too few: expected two or more, got {rows.shape[0]}")
+    whole = PoseCurve(rows, turns if len(turns) == 3 else [], turns if len(turns) == 1 else [], kind == "spline", blend)
+    if not whole.length > 0.0:
+        raise InputError(f"{_NAME}: poses are all the same: expected two different ones")
+    new = np.concatenate([[True], np.diff(whole.along) > 1e-12 * whole.length])
+    curve = PoseCurve(rows[new], whole.turns, whole.single, whole.smooth, blend)
+    found = _followed(_Problem(arm, frame, letters, curve, bound, bool(limits)), start)
+    if found.shortfall is None:
+        # Of repeated poses the knot is the same.
+        found.corners = [found.corners[k] for k in np.cumsum(new) - 1]
+    return found
+
+
+def _followed(problem: _Problem, start: _Array) -> CartesianPath:
+    """The path from the solution nearest to `start`."""
+    curve = problem.curve
+    breaks = curve.corners
+    wanted = np.unique(np.concatenate([np.linspace(a, b, _FIRST + 1) for a, b in itertools.pairwise(breaks)]))
+    first, reached = problem.solve(np.zeros(1), start[None])
+    if not reached[0]:
+        return _refused(problem, np.zeros(1), start[None], 0.0)
+    s, q, waiting = [0.0], [first[0]], list(wanted[:0:-1])
+    while waiting:
+        at = waiting[-1]
+        found, reached = problem.solve(np.array([at]), q[-1][None])
+        if reached[0] and np.abs(found[0] - q[-1]).max() <= _STEP:
+            s.append(waiting.pop())
+            q.append(found[0])
+        elif at - s[-1] < 1e-6:
+            return _refused(problem, np.array(s), np.array(q), at)
+        else:
+            waiting.append(0.5 * (s[-1] + at))
+    return _refined(problem, np.array(s), np.array(q))
+
+
+def _refined(problem: _Problem, s: _Array, q: _Array) -> CartesianPath:
+    """Halve segments until the spline keeps to the tolerance."""
+    while True:
+        h = np.diff(s)
+        places = (s[:-1, None] + _SAMPLES * h[:, None]).clip(0.0, 1.0)
+        between = cubic(s, q, slopes(s, q, natural=False), places.ravel())[0]
+        samples = problem.errors(between, places.ravel()).reshape(h.size, _SAMPLES.size, 2)
+        bend = np.abs(np.diff(samples, n=2, axis=1)).max(axis=1)
+        error = samples.max(axis=1) + bend / 8.0
+        coarse = (error > problem.tolerance).any(axis=1)
+        if not coarse.any():
+            corners = [int(np.argmin(np.abs(s - at))) for at in problem.curve.corners]
+            return CartesianPath(s, q, error.max(axis=0), corners, problem.curve.length, None)
+        if s.size + coarse.sum() > _MOST or h[coarse].min() < _LEAST:
+            worst = int(np.argmin(np.where(coarse, h, np.inf)))
+            kind = "unresolved" if h[coarse].min() >= _LEAST else "jump"
+            return _refused(problem, s[: worst + 1], q[: worst + 1], float(s[worst]), kind)
+        middles = s[:-1][coarse] + 0.5 * h[coarse]
+        found, reached = problem.solve(middles, cubic(s, q, slopes(s, q, natural=False), middles)[0])
+        if not reached.all():
+            at = float(middles[np.argmin(reached)])
+            known = s < at
+            return _refused(problem, s[known], q[known], at)
+        where = np.flatnonzero(coarse) + 1
+        s, q = np.insert(s, where, middles), np.insert(q, where, found, axis=0)
+
+
+def _refused(problem: _Problem, s: _Array, q: _Array, at: float, kind: str | None = None) -> CartesianPath:
+    """The answer that the arm can't follow at `at`, with the reason."""
+    target, last = np.array([at]), q[-1:]
+    joint = None
+    if kind is None:
+        anywhere = bool(problem.solve(target, last, restarts=50)[1][0])
+        free, reached = problem.solve(target, last, limits=False)
+        lower, upper = problem.arm.limits["q_min"], problem.arm.limits["q_max"]
+        past = np.maximum(lower - free[0], free[0] - upper)
+        jacobian = problem.arm.jacobian(last[0], problem.frame)[_columns(problem.axes)]
+        sizes = np.linalg.svd(jacobian, compute_uv=False)
+        if reached[0] and past.max() > 0.0 and problem.limits and np.abs(free - last).max() <= _STEP:
+            kind, joint = "limit", int(past.argmax())
+        elif not anywhere:
+            kind = "unreachable"
+        else:
+            kind = "singularity" if sizes[-1] < _SINGULAR * sizes[0] else "jump"
+    length = problem.curve.length
+    why = {"kind": kind, "s": float(at), "length": float(at * length), "target": problem.curve.at(target)[0], "joint": joint}
+    return CartesianPath(s, q, [np.nan, np.nan], [], length, why)

@@ -1,0 +1,153 @@
+"""Curves through poses: straight lines and geodesics, with rounded corners, or one smooth spline.
+
+length of a segment:  l = sqrt(|dp|^2 + (0.1 m/rad angle)^2),   s = sum of lengths before / all of them
+corner of radius r:   lerp(lerp(A, C, t), lerp(C, B, t), t),   A and B at the distance r from the corner C
+spline:               natural cubic of positions and quaternions over s, quaternions normalised
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations
+
+__all__ = ["PoseCurve", "cubic", "slopes"]
+
+_Array = NDArray[Any]
+# What one radian counts as, m.
+_ARM = 0.1
+
+
+def slopes(s: _Array, q: _Array, natural: bool) -> _Array:
+    """Slopes (K, n) of the C2 cubic spline through q (K, n) at s (K,), K >= 4: natural, or not-a-knot."""
+    h = np.diff(s)
+    secant = np.diff(q, axis=0) / h[:, None]
+    low, diagonal, up = np.zeros(s.size), np.ones(s.size), np.zeros(s.size)
+    right = np.zeros_like(q)
+    low[1:-1], diagonal[1:-1], up[1:-1] = h[1:], 2.0 * (h[:-1] + h[1:]), h[:-1]
+    right[1:-1] = 3.0 * (h[1:, None] * secant[:-1] + h[:-1, None] * secant[1:])
+    if natural:
+        diagonal[[0, -1]], up[0], low[-1] = 2.0, 1.0, 1.0
+        right[0], right[-1] = 3.0 * secant[0], 3.0 * secant[-1]
+    else:
+        for end, (a, b), (near, far) in ((0, h[:2], secant[:2]), (-1, h[:-3:-1], secant[:-3:-1])):
+            diagonal[end] = b
+            (up if end == 0 else low)[end] = a + b
+            right[end] = ((a + 2.0 * (a + b)) * b * near + a * a * far) / (a + b)
+    for k in range(1, s.size):
+        factor = low[k] / diagonal[k - 1]
+        diagonal[k] -= factor * up[k - 1]
+        right[k] -= factor * right[k - 1]
+    found = right
+    found[-1] /= diagonal[-1]
+    for k in range(s.size - 2, -1, -1):
+        found[k] = (right[k] - up[k] * found[k + 1]) / diagonal[k]
+    return found
+
+
+def cubic(s: _Array, q: _Array, d: _Array, at: _Array) -> tuple[_Array, _Array, _Array]:
+    """Value, slope and curvature at `at` (M,) of the cubic pieces with values q and slopes d (K, n) at s (K,)."""
+    k = np.clip(np.searchsorted(s, at, side="right") - 1, 0, s.size - 2)
+    h = (s[k + 1] - s[k])[:, None]
+    x = (at - s[k])[:, None] / h
+    step, first, last = q[k + 1] - q[k], h * d[k], h * d[k + 1]
+    c2, c3 = 3.0 * step - 2.0 * first - last, first + last - 2.0 * step
+    return q[k] + x * (first + x * (c2 + x * c3)), (first + x * (2.0 * c2 + 3.0 * x * c3)) / h, (2.0 * c2 + 6.0 * x * c3) / h**2
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCurve:
+    """A curve through rows (K, m) of poses; `turns` are the columns of a rotation vector, or none of them.
+
+    Attributes:
+        rows: the poses, `(K, m)`.
+        turns: columns of all three parts of the rotation vector, or an empty list.
+        single: columns of single angles, rad.
+        smooth: a spline instead of lines.
+        blend: radius of corners, m.
+    """
+
+    rows: _Array
+    turns: list[int]
+    single: list[int]
+    smooth: bool
+    blend: float
+
+    def __post_init__(self) -> None:
+        places = [k for k in range(self.rows.shape[1]) if k not in self.turns]
+        scale = np.array([_ARM if k in self.single else 1.0 for k in places])
+        moved = np.diff(self.rows[:, places] * scale, axis=0)
+        lengths = np.square(moved).sum(axis=1)
+        quaternions = rotations.of_vector(self.rows[:, self.turns]) if self.turns else np.zeros((self.rows.shape[0], 4))
+        if self.turns:
+            for k in range(1, quaternions.shape[0]):
+                if quaternions[k] @ quaternions[k - 1] < 0.0:
+                    quaternions[k] *= -1.0
+            lengths = lengths + np.square(_ARM * rotations.angle(quaternions[:-1], quaternions[1:]))
+        along = np.concatenate([[0.0], np.cumsum(np.sqrt(lengths))])
+        values = {"places": places, "quaternions": quaternions, "along": along}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    places: Any = None
+    quaternions: Any = None
+    along: Any = None
+
+    @property
+    def length(self) -> float:
+        """Of the curve, m."""
+        return float(self.along[-1])
+
+    @property
+    def corners(self) -> _Array:
+        """Where the poses are, 0 to 1, `(K,)`."""
+        return np.asarray(self.along / self.along[-1])
+
+    def at(self, s: _Array) -> _Array:
+        """Rows (M, m) at s (M,)."""
+        l = s * self.length
+        if self.smooth and self.along.size > 2:
+            return self._spline(l)
+        place, turn = self._line(l)
+        for k in range(1, self.along.size - 1):
+            r = min(self.blend, *(0.5 * np.diff(self.along)[k - 1 : k + 1]))
+            near = np.abs(l - self.along[k]) < r
+            if r > 0.0 and near.any():
+                place[near], turn[near] = self._corner(k, r, l[near])
+        return self._joined(place, turn)
+
+    def _joined(self, place: _Array, turn: _Array) -> _Array:
+        rows = np.empty((place.shape[0], self.rows.shape[1]))
+        rows[:, self.places] = place
+        if self.turns:
+            rows[:, self.turns] = rotations.vector(turn)
+        return rows
+
+    def _line(self, l: _Array) -> tuple[_Array, _Array]:
+        k = np.clip(np.searchsorted(self.along, l, side="right") - 1, 0, self.along.size - 2)
+        u = (l - self.along[k]) / (self.along[k + 1] - self.along[k])
+        place = self.rows[:, self.places]
+        place = place[k] + u[:, None] * (place[k + 1] - place[k])
+        return place, rotations.slerp(self.quaternions[k], self.quaternions[k + 1], u) if self.turns else self.quaternions[k]
+
+    def _corner(self, k: int, r: float, l: _Array) -> tuple[_Array, _Array]:
+        t = (l - self.along[k] + r) / (2.0 * r)
+        ends = self._line(np.array([self.along[k] - r, self.along[k] + r]))
+        (a, b), c = ends[0], self.rows[k, self.places]
+        u = t[:, None]
+        place = (1 - u) ** 2 * a + 2 * u * (1 - u) * c + u**2 * b
+        corner = np.broadcast_to(self.quaternions[k], (t.size, 4))
+        if not self.turns:
+            return place, corner
+        first, last = (np.broadcast_to(end, (t.size, 4)) for end in ends[1])
+        return place, rotations.slerp(rotations.slerp(first, corner, t), rotations.slerp(corner, last, t), t)
+
+    def _spline(self, l: _Array) -> _Array:
+        values = np.concatenate([self.rows[:, self.places], self.quaternions], axis=1)
+        found = cubic(self.along, values, slopes(self.along, values, natural=True), l)[0]
+        turn = found[:, len(self.places) :]
+        return self._joined(found[:, : len(self.places)], turn / np.linalg.norm(turn, axis=1, keepdims=True) if self.turns else turn)

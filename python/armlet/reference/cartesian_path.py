@@ -1,0 +1,113 @@
+"""Joint positions along poses, at places that are given: plain Newton steps of inverse kinematics from place to place.
+
+    lines:    p = p_0 + u dp,   R = R_0 (R_0' R_1)^u by the eigenvalues of R_0' R_1
+    corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), rotations by two geodesics and one between them
+    spline:   natural cubic of positions and of quaternions, eigenvectors of the profile matrix of R (Bar-Itzhack 2000)
+    q <- q + J^+ e
+
+The core makes a spline whose knots follow its error; it has quaternions throughout.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .arm import Arm
+from .lagrange import Array
+from .timing import cubic_spline
+
+ARM = 0.1  # m per rad
+STEPS = 50
+
+
+def power(R: Array, u: float) -> Array:
+    """R^u."""
+    values, vectors = np.linalg.eig(R)
+    return np.array(np.real(vectors @ np.diag(np.exp(1j * u * np.angle(values))) @ np.linalg.inv(vectors)))
+
+
+def rotation_angle(R: Array) -> float:
+    return float(np.abs(np.angle(np.linalg.eigvals(R))).max())
+
+
+def geodesic(a: Array, b: Array, u: float) -> Array:
+    return np.array(a @ power(a.T @ b, u))
+
+
+def quaternion(R: Array) -> Array:
+    """[w, x, y, z], the eigenvector of the largest eigenvalue."""
+    K = np.empty((4, 4))
+    K[0, 0] = np.trace(R)
+    K[0, 1:] = K[1:, 0] = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+    K[1:, 1:] = R + R.T - np.trace(R) * np.eye(3)
+    return np.array(np.linalg.eigh(K)[1][:, -1])
+
+
+def matrix(q: Array) -> Array:
+    w, v = q[0], q[1:]
+    skew = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.array(np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew)
+
+
+def curve(poses: Array, s: Array, kind: str, blend: float) -> list[tuple[Array, Array]]:
+    """Position and rotation of the curve through poses (K, 4, 4) at s, 0 to 1."""
+    p, R = poses[:, :3, 3], poses[:, :3, :3]
+    lengths = [np.hypot(np.linalg.norm(p[k + 1] - p[k]), ARM * rotation_angle(R[k].T @ R[k + 1])) for k in range(len(p) - 1)]
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+
+    def line(l: float) -> tuple[Array, Array]:
+        k = min(int(np.searchsorted(along, l, side="right")) - 1, len(lengths) - 1)
+        u = (l - along[k]) / lengths[k]
+        return p[k] + u * (p[k + 1] - p[k]), geodesic(R[k], R[k + 1], u)
+
+    def point(l: float) -> tuple[Array, Array]:
+        for k in range(1, len(lengths)):
+            r = min(blend, lengths[k - 1] / 2, lengths[k] / 2)
+            if abs(l - along[k]) < r:
+                t = (l - along[k] + r) / (2 * r)
+                (A, first), (B, last) = line(along[k] - r), line(along[k] + r)
+                turned = geodesic(geodesic(first, R[k], t), geodesic(R[k], last, t), t)
+                return p[k] + (1 - t) ** 2 * (A - p[k]) + t**2 * (B - p[k]), turned
+        return line(l)
+
+    if kind == "lines" or len(p) == 2:
+        return [point(float(x) * along[-1]) for x in s]
+    quaternions = [quaternion(R[0])]
+    for turn in R[1:]:
+        new = quaternion(turn)
+        quaternions.append(new if new @ quaternions[-1] >= 0.0 else -new)
+    values = cubic_spline(along, np.concatenate([p, quaternions], axis=1))(s * along[-1])[0]
+    return [(row[:3], matrix(row[3:] / np.linalg.norm(row[3:]))) for row in values]
+
+
+def cartesian_path(
+    arm: Arm,
+    poses: ArrayLike,
+    q0: ArrayLike,
+    s: ArrayLike,
+    *,
+    frame: str,
+    rows: Sequence[int] = range(6),
+    kind: str = "lines",
+    blend: float = 0.0,
+) -> Array:
+    """Joint positions (M, n) at s (M,) along poses (K, 4, 4); `rows` of [position; rotation] are followed. NaN where Newton fails."""
+    s, q, chosen = np.asarray(s, dtype=np.float64), np.asarray(q0, dtype=np.float64), np.asarray(list(rows))
+    found = np.full((s.size, q.size), np.nan)
+    for i, (p, R) in enumerate(curve(np.asarray(poses, dtype=np.float64), s, kind, blend)):
+        for _ in range(STEPS):
+            pose = arm.pose(q, frame)
+            off = R @ pose[:3, :3].T
+            axis: Any = 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
+            # The sine of the angle: as good as the angle where the steps end.
+            error = np.concatenate([p - pose[:3, 3], axis])[chosen]
+            if np.abs(error).max() < 1e-12:
+                break
+            q = q + np.linalg.pinv(arm.jacobian(q, frame)[chosen]) @ error
+        else:
+            if np.abs(error).max() > 1e-9:
+                return found
+        found[i] = q
+    return found

@@ -1,0 +1,101 @@
+"""Joint paths along poses against plain Newton steps at dense places; the curve is made by other means there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import reference as ref
+
+PLACES = np.linspace(0.0, 1.0, 161)
+JOINTS = [
+    {"type": "R", "axis": axis, "rpy": [0, 0, 0], "xyz": xyz, "phi": [1.0] + [0.0] * 9}
+    for axis, xyz in (
+        ([0, 0, 1], [0, 0, 0.3]),
+        ([0, 1, 0], [0.1, 0, 0.1]),
+        ([0, 1, 0], [0, 0, 0.5]),
+        ([1, 0, 0], [0.2, 0, 0.05]),
+        ([0, 1, 0], [0.3, 0, 0]),
+        ([1, 0, 0], [0.1, 0, 0]),
+    )
+]
+START = np.array([0.2, 0.4, -0.3, 0.3, 0.8, -0.4])
+
+
+def poses(rng: np.random.Generator, arm: al.Arm, count: int) -> np.ndarray:
+    """Of postures near each other, so that the way between them is open."""
+    q = START + np.concatenate([np.zeros((1, 6)), rng.uniform(-0.25, 0.25, (count - 1, 6))])
+    return np.asarray(arm.pose(q, "link6"))
+
+
+@pytest.mark.parametrize("options", [{}, {"blend": 0.03}, {"kind": "spline"}], ids=str)
+@pytest.mark.parametrize("tolerance", [1e-4, [1e-6, 1e-5]], ids=["wide", "tight"])
+def test_cartesian_path(options: dict[str, Any], tolerance: Any) -> None:
+    """The tip is within the tolerance of the other curve everywhere; the joints within it through the inverse of the Jacobian."""
+    rng = np.random.default_rng(11)
+    arm, checker = al.Arm.from_chain(JOINTS), ref.Arm.from_chain(JOINTS)
+    for count in (2, 3, 4):
+        given = poses(rng, arm, count)
+        path = al.cartesian_path(arm, given, START, frame="link6", tolerance=tolerance, **options)
+        assert isinstance(path, al.CartesianPath) and path.feasible, path.reason
+        metres, radians = np.broadcast_to(tolerance, 2)
+        assert np.all(path.error <= [metres, radians])
+        q = path(PLACES)[0]
+        curve = ref.cartesian_curve(given, PLACES, options.get("kind", "lines"), options.get("blend", 0.0))
+        for (p, R), pose in zip(curve, checker.pose(q, "link6"), strict=True):
+            assert np.linalg.norm(pose[:3, 3] - p) <= metres + 1e-9
+            # The angle of a rotation near none: twice the sine of its half.
+            assert np.linalg.norm(pose[:3, :3] - R) / np.sqrt(2.0) <= radians + 1e-8
+        wanted = ref.cartesian_path(checker, given, START, PLACES, frame="link6", **options)
+        smallest = np.linalg.svd(checker.jacobian(q, "link6"), compute_uv=False)[:, -1].min()
+        assert np.abs(q - wanted).max() <= 2.0 * np.hypot(metres, radians) / smallest
+
+
+def test_rows() -> None:
+    """Two rows of a planar arm."""
+    arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    ends, start = np.array([[0.6, 0.0], [0.3, 0.5]]), np.array([-0.5, 1.0])
+    matrices = np.tile(np.eye(4), (2, 1, 1))
+    matrices[:, :2, 3] = ends
+    path = al.cartesian_path(arm, ends, start, frame="link2", axes="xy", tolerance=1e-6)
+    wanted = ref.cartesian_path(checker, matrices, start, PLACES, frame="link2", rows=[0, 1])
+    np.testing.assert_allclose(path(PLACES)[0], wanted, rtol=0.0, atol=1e-5)
+
+
+LIMITED = """<robot name="two"><link name="base"/>
+<link name="upper"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<link name="lower"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<link name="tip"/>
+<joint name="one" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" effort="9" velocity="9"/></joint>
+<joint name="two" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.5 0 0"/><axis xyz="0 0 1"/>
+<limit lower="0.2" upper="1.2" effort="9" velocity="9"/></joint>
+<joint name="end" type="fixed"><parent link="lower"/><child link="tip"/><origin xyz="0.4 0 0"/></joint></robot>"""
+
+
+def test_a_joint_at_its_limit() -> None:
+    """The path ends where the second joint of the reference passes 1.2 rad; without limits it goes on."""
+    arm, checker = al.load_urdf(LIMITED), ref.planar_arm([0.5, 0.4])
+    ends, start = np.array([[0.8, 0.0], [0.4, 0.0]]), np.array([-0.3, 0.7])
+    matrices = np.tile(np.eye(4), (2, 1, 1))
+    matrices[:, :2, 3] = ends
+    path = al.cartesian_path(arm, ends, start, frame="tip", axes="xy")
+    wanted = ref.cartesian_path(checker, matrices, start, PLACES, frame="link2", rows=[0, 1])[:, 1]
+    assert not path.feasible and (path.shortfall["kind"], path.shortfall["joint"]) == ("limit", 1)
+    assert path.shortfall["s"] == pytest.approx(np.interp(1.2, wanted, PLACES), abs=1e-3)
+    assert al.cartesian_path(arm, ends, start, frame="tip", axes="xy", limits=False).feasible
+
+
+def test_out_of_reach() -> None:
+    """Both end where the circle of the stretched arm is crossed."""
+    arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    path = al.cartesian_path(arm, [[0.6, 0.0], [1.2, 0.0]], [-0.5, 1.0], frame="link2", axes="xy")
+    assert not path.feasible and path.shortfall["kind"] == "unreachable"
+    assert path.shortfall["s"] == pytest.approx(0.5, abs=1e-4) and path.shortfall["length"] == pytest.approx(0.3, abs=1e-4)
+    matrices = np.tile(np.eye(4), (2, 1, 1))
+    matrices[:, 0, 3] = 0.6, 1.2
+    wanted = ref.cartesian_path(checker, matrices, [-0.5, 1.0], PLACES, frame="link2", rows=[0, 1])
+    assert np.isfinite(wanted[PLACES < 0.49]).all() and np.isnan(wanted[PLACES > 0.51]).all()
