@@ -26,6 +26,9 @@ Array: TypeAlias = NDArray[np.float64]
 #: Parent (-1: the base), placement in it (rotation by rows, offset), axis, whether it slides, ten parameters, rotor inertia.
 Joint: TypeAlias = tuple[int, list[list[float]], list[float], list[float], bool, list[float], float]
 
+#: The coordinate that moves a joint, with multiplier and offset.
+Row: TypeAlias = tuple[int, float, float]
+
 PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 AXES = "xyz"
 #: The arguments of each matrix.
@@ -170,8 +173,31 @@ def of_planar_pr(parameters: Sequence[float]) -> Formulas:
     )
 
 
-def of_tree(joints: Sequence[Joint], gravity: Sequence[float], lengths: bool) -> Formulas:
-    """The formulas of a tree of bodies, by the energies of each body in its own axes."""
+def of_tree(joints: Sequence[Joint], gravity: Sequence[float], lengths: bool, rows: Sequence[Row] | None = None) -> Formulas:
+    """The formulas of a tree of bodies, by the energies of each body in its own axes; `rows`: which coordinates move the joints."""
+    formulas = _of_bodies(joints, gravity, lengths)
+    return formulas if rows is None else _joined(formulas, rows)
+
+
+def _joined(bodies: Formulas, rows: Sequence[Row]) -> Formulas:
+    """With `q_b = G q + c`: `G' M G`, `G' C G`, `G' g`, `G' Y` at the positions and rates of the bodies' joints."""
+    sympy = _sympy()
+    n = 1 + max(coordinate for coordinate, *_ in rows)
+    q, v, v_r, a_r = states = tuple(_symbols(sympy, n))
+    exact = [(k, sympy.nsimplify(m), sympy.nsimplify(c)) for k, m, c in rows]
+    G = sympy.Matrix(len(rows), n, lambda i, k: exact[i][1] if exact[i][0] == k else 0)
+    at: dict[Any, Any] = {}
+    for own, state in zip((bodies.q, bodies.v, bodies.v_r, bodies.a_r), states, strict=True):
+        at |= {x: m * state[k] + (c if own is bodies.q else 0) for x, (k, m, c) in zip(own, exact, strict=True)}
+
+    def projected(matrix: Any) -> Any:
+        return sympy.ImmutableMatrix(G.T * matrix.subs(at, simultaneous=True))
+
+    M, C = (sympy.ImmutableMatrix(projected(matrix) * G) for matrix in (bodies.M, bodies.C))
+    return Formulas(q, v, v_r, a_r, M, C, projected(bodies.g), projected(bodies.Y), bodies.values)
+
+
+def _of_bodies(joints: Sequence[Joint], gravity: Sequence[float], lengths: bool) -> Formulas:
     sympy = _sympy()
     n = len(joints)
     q, v, v_r, a_r = _symbols(sympy, n)

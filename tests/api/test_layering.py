@@ -22,7 +22,6 @@ LINES = 400
 LONGER = {
     "rust/core/src/integrate/radau5.rs": 404,
     "rust/core/tests/suite/arm_urdf.rs": 489,
-    "rust/py/src/arm/construct.rs": 408,
 }
 
 # What each module of the core may use directly, before closing over the chain.

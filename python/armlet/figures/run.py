@@ -201,7 +201,7 @@ def _estimates(run: Recorded) -> list[Panel]:
         return [_integral]
     # Behind the estimate a composite law keeps its filters.
     count = run.estimate[..., : run._estimated].shape[-1]
-    links = run.q.shape[-1]
+    links = _links(count, run.q.shape[-1])
     if count <= 12 or count < 10 * links:
         return [_estimate]
     beside: list[Panel] = [_rotors_and_friction] if count > 10 * links else []
@@ -217,11 +217,16 @@ def _integral(ax: Axes, run: Recorded) -> None:
     _legend(ax)
 
 
+def _links(count: int, n: int) -> int:
+    """The bodies of an arm with `n` coordinates: of `count` parameters ten each, the rest one per coordinate and kind of drive."""
+    return next((links for links in range(n, count // 10 + 1) if (count - 10 * links) in (0, n, 2 * n, 3 * n, 4 * n)), n)
+
+
 def _bodies(ax: Axes, run: Recorded, kind: tuple[slice, str, str]) -> None:
     """The estimates of one kind, a colour per link: no true values, to which they need not go."""
     assert run.estimate is not None
     places, what, unit = kind
-    for link in range(run.q.shape[-1]):
+    for link in range(_links(run.estimate[..., : run._estimated].shape[-1], run.q.shape[-1])):
         own = run.estimate[:, 10 * link : 10 * link + 10]
         ax.plot(run.t, own[:, places], color=COLOURS[link % len(COLOURS)], linewidth=0.8, alpha=0.8)
     ax.set_ylabel(f"{what} ({unit})")
@@ -231,7 +236,7 @@ def _bodies(ax: Axes, run: Recorded, kind: tuple[slice, str, str]) -> None:
 def _rotors_and_friction(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     n = run.q.shape[-1]
-    beside = run.estimate[:, 10 * n : run._estimated]
+    beside = run.estimate[:, 10 * _links(run.estimate[..., : run._estimated].shape[-1], n) : run._estimated]
     for i in range(beside.shape[-1]):
         ax.plot(run.t, beside[:, i], color=COLOURS[i % n % len(COLOURS)], linestyle=("-", "--", ":", "-.")[i // n], linewidth=0.8)
     ax.set_ylabel("parameters (SI)")

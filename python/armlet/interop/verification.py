@@ -92,10 +92,10 @@ class _Pinocchio:
     def __init__(self, arm: Arm, model: Any) -> None:
         self.pin, self.model, self.data = import_module("pinocchio"), model, model.createData()
         joints = {model.names[i]: model.joints[i] for i in range(1, model.njoints) if model.joints[i].nv == 1}
-        _match(arm.joint_names, joints, "pinocchio")
-        self.joints = [joints[name] for name in arm.joint_names]
+        _match(arm.file_joint_names, joints, "pinocchio")
+        self.joints = [joints[name] for name in arm.file_joint_names]
         self.rows = np.array([joint.idx_v for joint in self.joints], dtype=np.intp)
-        self.n, self.gravity = arm.n, np.array(model.gravity.linear)
+        self.n, self.gravity = len(self.joints), np.array(model.gravity.linear)
         self.armature = np.array(model.armature)[self.rows]
         self.conventions = []
         if list(self.rows) != list(range(model.nv)):
@@ -165,11 +165,11 @@ class _MuJoCo:
         self.mj, self.model = import_module("mujoco"), model
         self.data = self.mj.MjData(model)
         joints = {model.joint(j).name or f"joint{j}": j for j in range(model.njnt)}
-        _match(arm.joint_names, joints, "mujoco")
-        index = np.array([joints[name] for name in arm.joint_names], dtype=np.intp)
+        _match(arm.file_joint_names, joints, "mujoco")
+        index = np.array([joints[name] for name in arm.file_joint_names], dtype=np.intp)
         self.rows = np.array(model.jnt_dofadr)[index]
         self.coordinates = np.array(model.jnt_qposadr)[index]
-        self.n, self.gravity = arm.n, mujoco_model.gravity(model)
+        self.n, self.gravity = len(index), mujoco_model.gravity(model)
         self.armature = np.array(model.dof_armature)[self.rows] + mujoco_model.motors(model)[0][index]
         self.conventions = []
         if list(self.rows) != list(range(model.nv)):
@@ -227,7 +227,50 @@ class _MuJoCo:
         return _array(np.linalg.solve(self.mass_matrix(), tau - self.inverse_dynamics(v, np.zeros(self.n))))
 
 
+class _Joined:
+    """A model some joints of which follow others in the arm, `q_joints = G q + c`: `G' M G` and so on."""
+
+    def __init__(self, arm: Arm, peer: Peer) -> None:
+        self.peer, self.arm = peer, arm
+        offset = arm.file_positions(np.zeros(arm.n))
+        self.G = np.array(arm.file_positions(np.eye(arm.n)) - offset).T
+        self.gravity, self.armature = peer.gravity, peer.armature @ self.G**2
+        self.conventions = peer.conventions
+        self.conventions.append(f"{len(self.G) - arm.n} joints of the model follow others in the arm: compared by projection")
+
+    def frames(self) -> list[str]:
+        return self.peer.frames()
+
+    def at(self, q: _Array, v: _Array) -> None:
+        self.v = v
+        self.peer.at(self.arm.file_positions(q), self.G @ v)
+
+    def pose(self, frame: str) -> _Array:
+        return self.peer.pose(frame)
+
+    def jacobian(self, frame: str) -> _Array:
+        return _array(self.peer.jacobian(frame) @ self.G)
+
+    def mass_matrix(self) -> _Array:
+        return _array(self.G.T @ self.peer.mass_matrix() @ self.G)
+
+    def coriolis_matrix(self) -> _Array | None:
+        matrix = self.peer.coriolis_matrix()
+        return None if matrix is None else _array(self.G.T @ matrix @ self.G)
+
+    def inverse_dynamics(self, v: _Array, a: _Array) -> _Array:
+        return _array(self.G.T @ self.peer.inverse_dynamics(self.G @ v, self.G @ a))
+
+    def forward_dynamics(self, tau: _Array) -> _Array:
+        return _array(np.linalg.solve(self.mass_matrix(), tau - self.inverse_dynamics(self.v, np.zeros(len(tau)))))
+
+
 def _peer(arm: Arm, model: Any) -> Peer:
+    own = _own_peer(arm, model)
+    return own if len(arm.file_joint_names) == arm.n else _Joined(arm, own)
+
+
+def _own_peer(arm: Arm, model: Any) -> Peer:
     module = getattr(type(model), "__module__", "")
     library = module.split(".")[0] if isinstance(module, str) else ""
     if library == "pinocchio":

@@ -20,6 +20,7 @@ from .inertia import PSEUDO, parameters_of, pseudo_inertia
 from .lagrange import STEP, Analytic, Array, Mechanism, vectors
 
 Joint = Mapping[str, Any]
+Mover = tuple[int, float, float]
 LIMITS = {"lower": -np.inf, "upper": np.inf, "velocity": np.inf}
 
 
@@ -57,13 +58,17 @@ class Arm(Mechanism):
         frames: Mapping[str, tuple[int, Array]],
         gravity: ArrayLike = (0.0, 0.0, -9.81),
         armature: ArrayLike = 0.0,
+        movers: Sequence[Mover] | None = None,
     ) -> None:
-        super().__init__(len(parents), parameters, armature)
+        #: Of each joint the coordinate that moves it, with multiplier and offset.
+        self.movers = list(movers or [(index, 1.0, 0.0) for index in range(len(parents))])
+        super().__init__(len({coordinate for coordinate, *_ in self.movers}), parameters, armature)
         self.parents, self.places, self.twists = list(parents), list(places), list(twists)
         self.frames = dict(frames)
         self.gravity_vector: Array = np.array(gravity, dtype=np.float64)
         self._powers = [(place, place @ twist, place @ twist @ twist) for place, twist in zip(places, twists, strict=True)]
-        self.angles: Any = np.array([bool(second.any()) for _, _, second in self._powers])
+        turns = [bool(second.any()) for _, _, second in self._powers]
+        self.angles: Any = np.array([turns[self.movers.index((k, 1.0, 0.0))] for k in range(self.n)])
         self.joint_names: tuple[str, ...] = tuple(f"joint{index + 1}" for index in range(self.n))
         self.limits: dict[str, Array] = {key: np.full(self.n, value) for key, value in LIMITS.items()}  # rad or m, per second
         self._walked: tuple[tuple[Any, ...], tuple[list[Analytic], list[Analytic]]] | None = None
@@ -71,9 +76,12 @@ class Arm(Mechanism):
     @classmethod
     def from_chain(cls, joints: Sequence[Joint], gravity: ArrayLike = (0.0, 0.0, -9.81), armature: ArrayLike | None = None) -> Self:
         """Joints as dicts: type R | P | revolute | continuous | prismatic | fixed, axis, rpy, xyz, phi; parent: the index of the
-        joint that carries it (-1 the base; left out: the joint before); name, lower, upper, velocity, armature, damping, friction."""
+        joint that carries it (-1 the base; left out: the joint before); name, lower, upper, velocity, armature, damping, friction;
+        mimic: the index `joint` of a joint that it follows, multiplier, offset."""
         carrier: list[tuple[int, Array]] = []  # of each joint's frame: moving body and constant offset from it
-        parents, places, twists, moving = [], [], [], []
+        parents: list[int] = []
+        places, twists, moving = [], [], []
+        seats: dict[int, int] = {}  # of a moving joint of the list: its place among them
         inertias: list[Array] = []
         for index, joint in enumerate(joints):
             above = int(joint.get("parent", index - 1))
@@ -95,6 +103,7 @@ class Arm(Mechanism):
                 twist[:3, 3] = axis
             else:
                 raise ValueError(f"from_chain: type is unknown: got {joint['type']!r} (joint {index})")
+            seats[index] = len(parents)
             parents.append(body)
             places.append(offset)
             twists.append(twist)
@@ -102,11 +111,21 @@ class Arm(Mechanism):
             moving.append(joint)
             carrier.append((len(parents) - 1, np.eye(4)))
         frames = {f"link{index + 1}": frame for index, frame in enumerate(carrier)}
-        arm = cls(parents, places, twists, np.concatenate([parameters_of(p) for p in inertias]), frames, gravity)
-        arm.joint_names = tuple(str(joint.get("name", f"joint{k + 1}")) for k, joint in enumerate(moving))
-        arm.limits = {key: np.array([float(joint.get(key, value)) for joint in moving]) for key, value in LIMITS.items()}
-        drives = {key: [float(joint.get(key, 0.0)) for joint in moving] for key in ("armature", "damping", "friction")}
-        return arm.with_drives(**drives).with_drives(armature=armature)
+        leads = [k for k, joint in enumerate(moving) if "mimic" not in joint]
+        movers = [_mover(moving, seats, leads, k) for k in range(len(moving))]
+        arm = cls(parents, places, twists, np.concatenate([parameters_of(p) for p in inertias]), frames, gravity, 0.0, movers)
+        arm.joint_names = tuple(str(moving[k].get("name", f"joint{k + 1}")) for k in leads)
+        low, high, fast = ([float(joint.get(key, value)) for joint in moving] for key, value in LIMITS.items())
+        G = np.array([[m * (k == column) for column in range(len(leads))] for k, m, _ in movers]).reshape(len(moving), len(leads))
+        for column in range(len(leads)):
+            # Where every joint of the coordinate is inside its limits.
+            rows = [(k, *movers[k][1:]) for k in np.flatnonzero(G[:, column])]
+            ends = [sorted(((low[k] - c) / m, (high[k] - c) / m)) for k, m, c in rows]
+            arm.limits["lower"][column], arm.limits["upper"][column] = max(low for low, _ in ends), min(high for _, high in ends)
+            arm.limits["velocity"][column] = min(fast[k] / abs(m) for k, m, _ in rows)
+        drives = {key: np.array([float(joint.get(key, 0.0)) for joint in moving]) for key in ("armature", "damping", "friction")}
+        weights = {"armature": G**2, "damping": G**2, "friction": np.abs(G)}
+        return arm.with_drives(**{key: value @ weights[key] for key, value in drives.items()}).with_drives(armature=armature)
 
     def with_gravity(self, gravity: ArrayLike) -> Self:
         """The same arm under another gravity (3,), m/s^2."""
@@ -137,10 +156,11 @@ class Arm(Mechanism):
         poses: list[Analytic] = []
         slopes: list[Analytic] = []
         for index, parent in enumerate(self.parents):
-            step = self._joint(index, q[..., index])
+            coordinate, multiplier, offset = self.movers[index]
+            step = self._joint(index, multiplier * q[..., coordinate] + offset)
             pose = (poses[parent] if parent >= 0 else base) @ step
             slope = (slopes[parent] if parent >= 0 else still) @ step[..., None, :, :]
-            slope[..., index, :, :] = pose @ self.twists[index]
+            slope[..., coordinate, :, :] += multiplier * (pose @ self.twists[index])
             poses.append(pose)
             slopes.append(slope)
         return poses, slopes
@@ -204,6 +224,16 @@ class Arm(Mechanism):
         """dJ/dt along v, (..., 6, n), one complex step in the direction of v."""
         q, v = vectors(q, v, n=self.n)
         return np.array(self._jacobian(q + 1j * STEP * v, frame).imag / STEP)
+
+
+def _mover(moving: Sequence[Joint], seats: Mapping[int, int], leads: Sequence[int], index: int) -> Mover:
+    """The coordinate of a moving joint, with multiplier and offset, by way of all that it follows."""
+    multiplier, offset = 1.0, 0.0
+    while (follows := moving[index].get("mimic")) is not None:
+        offset += multiplier * float(follows.get("offset", 0.0))
+        multiplier *= float(follows.get("multiplier", 1.0))
+        index = seats[int(follows["joint"])]
+    return leads.index(index), multiplier, offset
 
 
 def planar_arm(

@@ -63,7 +63,7 @@ def _arm(keys: Mapping[str, Field], required: tuple[str, ...], make: Any) -> Kin
     return Kind(dict(keys) | {"payload": _PAYLOAD}, required, arm)
 
 
-_TREE: dict[str, Field] = {"gravity": VECTOR, "root": TEXT, "tip": TEXT}
+_TREE: dict[str, Field] = {"gravity": VECTOR, "root": TEXT, "tip": TEXT, "mimic": Text(("joined", "independent"))}
 _JOINT = Table(
     {
         "type": Text(("R", "P", "F", "revolute", "continuous", "prismatic", "fixed")),
@@ -80,6 +80,7 @@ _JOINT = Table(
         "armature": NOT_NEGATIVE,
         "damping": NOT_NEGATIVE,
         "friction": NOT_NEGATIVE,
+        "mimic": Table({"joint": Integer(0), "multiplier": NUMBER, "offset": NUMBER}, ("joint",)),
     },
     ("type",),
 )

@@ -26,7 +26,7 @@ fn joint(plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> 
     let n = plant.n();
     if let Ok(name) = value.extract::<String>() {
         let names: Vec<&str> = match plant.model() {
-            Model::Tree(arm) => arm.joints.iter().map(|joint| joint.name.as_str()).collect(),
+            Model::Tree(arm) => arm.joint_names().collect(),
             Model::PlanarPr(_) => Vec::new(),
         };
         let unknown = || refuse(value, format!("name an unknown joint: expected one of ({}), got {name:?}", names.join(", ")));

@@ -12,7 +12,7 @@ pub fn stops(function: &'static str, model: &Model, value: Option<&Bound<'_, PyA
     let n = model.n();
     let limits = |upper: bool| -> Vec<f64> {
         match model {
-            Model::Tree(arm) => arm.joints.iter().map(|joint| if upper { joint.limits.upper } else { joint.limits.lower }).collect(),
+            Model::Tree(arm) => arm.independent().map(|joint| if upper { joint.limits.upper } else { joint.limits.lower }).collect(),
             Model::PlanarPr(_) => vec![if upper { f64::INFINITY } else { f64::NEG_INFINITY }; n],
         }
     };

@@ -220,11 +220,11 @@ fn nearest(arm: &Model, base: &BaseParameters, values: &[f64], options: &Options
     let mut pi = arm.parameters();
     if let Model::Tree(arm) = arm {
         if options.armature {
-            pi.extend(arm.joints.iter().map(|joint| joint.armature));
+            pi.extend(arm.independent().map(|joint| joint.armature));
         }
         if options.friction {
-            pi.extend(arm.joints.iter().map(|joint| joint.damping));
-            pi.extend(arm.joints.iter().map(|joint| joint.friction));
+            pi.extend(arm.independent().map(|joint| joint.damping));
+            pi.extend(arm.independent().map(|joint| joint.friction));
         }
     }
     let row = |k: usize| &projection[k * p..(k + 1) * p];

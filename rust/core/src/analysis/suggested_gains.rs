@@ -110,7 +110,7 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
     let n = model.n();
     let bounds = match model {
         Model::PlanarPr(_) => vec![(f64::NEG_INFINITY, f64::INFINITY); n],
-        Model::Tree(arm) => arm.joints.iter().map(|joint| (joint.limits.lower, joint.limits.upper)).collect(),
+        Model::Tree(arm) => arm.independent().map(|joint| (joint.limits.lower, joint.limits.upper)).collect(),
     };
     let (angles, zeros) = (model.angles(), vec![0.0; n]);
     let (mut q, mut mass) = (vec![0.0; n], memory::zeros(n * n)?);

@@ -1,6 +1,7 @@
 //! Arms from lists of joints.
 
-use super::{Arm, Frame, Joint, JointKind, Limits, writable};
+use super::mimic::{Leader, no_room, resolved};
+use super::{Arm, Follows, Frame, Joint, JointKind, Limits, writable};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::memory;
@@ -56,13 +57,15 @@ pub struct ChainJoint {
     pub damping: f64,
     /// Coulomb friction, N m or N.
     pub friction: f64,
+    /// The joint of the list that it follows, with multiplier and offset: `q = multiplier q_leader + offset`.
+    pub mimic: Option<Follows>,
 }
 
 impl ChainJoint {
     /// A joint without limits, rotor and friction, carried by the previous one of the list.
     pub fn new(kind: JointType, axis: [f64; 3], rpy: [f64; 3], xyz: [f64; 3], phi: [f64; 10]) -> Self {
         let limits = Limits::default();
-        ChainJoint { name: None, kind, axis, rpy, xyz, phi, parent: None, limits, armature: 0.0, damping: 0.0, friction: 0.0 }
+        ChainJoint { name: None, kind, axis, rpy, xyz, phi, parent: None, limits, armature: 0.0, damping: 0.0, friction: 0.0, mimic: None }
     }
 }
 
@@ -84,10 +87,11 @@ impl Arm {
         }
         require_memory(list.len())?;
         let parents = parents_of(list)?;
-        let mut arm = Arm { name: "chain".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
+        let mut arm = Arm { name: "chain".into(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         // Of each list entry: the joint that carries it and its placement in that joint's body frame.
         let mut place: Vec<(Option<usize>, Placement)> = vec![(None, Placement::IDENTITY); list.len()];
         let mut names = HashSet::new();
+        let mut index = vec![None; list.len()];
         for i in depth_first(&parents) {
             look();
             let item = &list[i];
@@ -113,7 +117,8 @@ impl Arm {
                     if !names.insert(name.clone()) {
                         return Err(Error::input(at("name"), format!("is a duplicate: expected distinct names, got {name} again")));
                     }
-                    place[i] = (Some(arm.joints.len()), Placement::IDENTITY);
+                    index[i] = Some(arm.joints.len());
+                    place[i] = (index[i], Placement::IDENTITY);
                     arm.frames.push(Frame { body: Some(arm.joints.len()), placement: Placement::IDENTITY, joint: None, ..frame });
                     arm.joints.push(Joint {
                         limits: item.limits,
@@ -126,7 +131,42 @@ impl Arm {
                 }
             }
         }
+        arm.follow(&list.iter().map(|item| item.mimic).collect::<Vec<_>>(), &index)?;
         Ok(arm)
+    }
+
+    /// Join the joints of a list with those that they follow; `index`: where the entries of the list are in the arm.
+    fn follow(&mut self, given: &[Option<Follows>], index: &[Option<usize>]) -> Result<()> {
+        for (i, follows) in given.iter().enumerate() {
+            let Some((leader, multiplier, offset)) = *follows else { continue };
+            let refused = |problem: &str| Err(Error::input(format!("joints[{i}].mimic"), problem.to_string()));
+            finite(&format!("joints[{i}].mimic"), &[multiplier, offset])?;
+            if leader >= given.len() {
+                return refused(&format!("is out of range: expected an index below {}, got {leader}", given.len()));
+            }
+            if index[leader].is_none() || index[i].is_none() {
+                return refused("is for joints that move: expected no fixed joint on either side");
+            }
+        }
+        let followed = resolved(given).map_err(|i| {
+            Error::input(format!("joints[{i}].mimic"), "leads back to the joint itself: expected a leader that follows no follower of it")
+        })?;
+        let mut pairs = Vec::new();
+        for (follows, joint) in followed.into_iter().zip(index) {
+            let (Some((leader, multiplier, offset)), Some(joint)) = (follows, *joint) else { continue };
+            let Some(at) = index[leader] else { continue };
+            let (of, own) = (&self.joints[at], &self.joints[joint]);
+            let (sum, empty) = of.moved().with(&own.moved(), multiplier, offset);
+            if empty {
+                self.report.push(no_room(&own.name, &of.name));
+            }
+            pairs.push((joint, Leader { at: Some(at), name: of.name.clone(), moved: of.moved(), multiplier, offset }));
+            self.joints[at].set_moved(&sum);
+            self.joints[joint].undriven();
+        }
+        self.set_mimics(pairs)?;
+        self.report_mimics();
+        Ok(())
     }
 
     /// Add a body that is fixed to another; what is fixed to the base does not move and has no effect.

@@ -57,7 +57,7 @@ impl Arm {
             return Err(Error::input("rows", "is empty: expected at least one row, got none"));
         }
         require_memory(rows.len())?;
-        let mut arm = Arm { name: "dh".into(), joints: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
+        let mut arm = Arm { name: "dh".into(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
         let mut before = Placement::IDENTITY;
         for (i, row) in rows.iter().enumerate() {
             for (what, value) in [("a", row.a), ("alpha", row.alpha), ("d", row.d), ("theta", row.theta)] {

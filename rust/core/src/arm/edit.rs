@@ -1,7 +1,8 @@
 //! Arms made from arms: payload, tool frames, locked joints, sub-chains.
 
+use super::mimic::Leader;
 use super::urdf::negative_moment;
-use super::{Arm, Frame, JointKind, writable};
+use super::{Arm, Frame, JointKind, Mimic, writable};
 use crate::error::{Error, Result, finite};
 use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Sym3, Vector, Vector3};
 
@@ -52,19 +53,24 @@ impl Arm {
 
     /// The arm with joints held at values: they leave `q`, their bodies join their parents.
     pub fn locked(&self, joints: &[(&str, f64)]) -> Result<Arm> {
-        let mut held = vec![None; self.n()];
+        let (mut held, indices) = (vec![None; self.joints.len()], self.independent_indices());
         for (name, value) in joints {
             finite(&format!("joints[{name}]"), &[*value])?;
-            held[self.joint_index(name)?] = Some(*value);
+            held[indices[self.joint_index(name)?]] = Some(*value);
         }
-        let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), ..self.clone() };
+        for mimic in &self.mimics {
+            held[mimic.joint] = held[mimic.leader].map(|x| mimic.multiplier * x + mimic.offset);
+        }
+        let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), mimics: Vec::new(), ..self.clone() };
         // Of each old body: the body that carries it now, and where.
-        let mut moved: Vec<(Option<usize>, Placement)> = Vec::with_capacity(self.n());
-        for (joint, held) in self.joints.iter().zip(held) {
+        let mut moved: Vec<(Option<usize>, Placement)> = Vec::with_capacity(self.joints.len());
+        let mut index = vec![None; self.joints.len()];
+        for (i, (joint, held)) in self.joints.iter().zip(held).enumerate() {
             let (body, place) = joint.parent.map_or((None, Placement::IDENTITY), |p| moved[p]);
             let placement = place.then(&joint.placement);
             let Some(value) = held else {
-                moved.push((Some(arm.joints.len()), Placement::IDENTITY));
+                index[i] = Some(arm.joints.len());
+                moved.push((index[i], Placement::IDENTITY));
                 arm.joints.push(super::Joint { parent: body, placement, ..joint.clone() });
                 continue;
             };
@@ -85,6 +91,7 @@ impl Arm {
             let name = frame.body.filter(|_| locked && frame.joint.is_none()).map(|b| self.joints[b].name.clone());
             arm.frames.push(Frame { body, placement: place.then(&frame.placement), joint: name.or(frame.joint.clone()), ..frame.clone() });
         }
+        self.mimics_of(&mut arm, |i| index[i])?;
         Ok(arm)
     }
 
@@ -96,13 +103,13 @@ impl Arm {
         let base = root.and_then(|f| self.frames[f].body);
         let back = root.map_or(Placement::IDENTITY, |f| self.frames[f].placement.inverse());
         // Which bodies hang on the base, in one pass since parents come first.
-        let mut below = vec![false; self.n()];
+        let mut below = vec![false; self.joints.len()];
         for (i, joint) in self.joints.iter().enumerate() {
             below[i] = joint.parent == base || joint.parent.is_some_and(|p| below[p]);
         }
         let mut kept = below.clone();
         if let Some(tip) = tip {
-            kept = vec![false; self.n()];
+            kept = vec![false; self.joints.len()];
             let mut body = self.frames[tip].body;
             while body != base {
                 let Some(b) = body.filter(|&b| below[b]) else {
@@ -112,8 +119,8 @@ impl Arm {
                 body = self.joints[b].parent;
             }
         }
-        let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), ..self.clone() };
-        let mut index = vec![None; self.n()];
+        let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), mimics: Vec::new(), ..self.clone() };
+        let mut index = vec![None; self.joints.len()];
         for (i, joint) in self.joints.iter().enumerate().filter(|(i, _)| kept[*i]) {
             index[i] = Some(arm.joints.len());
             let on_base = joint.parent == base;
@@ -128,10 +135,21 @@ impl Arm {
                 _ => {}
             }
         }
-        let gone: Vec<&str> = (0..self.n()).filter(|&i| !kept[i]).map(|i| self.joints[i].name.as_str()).collect();
+        self.mimics_of(&mut arm, |i| index[i])?;
+        let gone: Vec<&str> = (0..self.joints.len()).filter(|&i| !kept[i]).map(|i| self.joints[i].name.as_str()).collect();
         if !gone.is_empty() {
             arm.report.push(format!("dropped: joints outside the sub-chain, and what they carry: {}", super::listed(&gone)));
         }
         Ok(arm)
+    }
+
+    /// Give a part of this arm the joints that follow others: `index(i)` is joint `i` there, `None` where it is gone.
+    fn mimics_of(&self, part: &mut Arm, index: impl Fn(usize) -> Option<usize>) -> Result<()> {
+        let leader = |mimic: &Mimic| {
+            let (Mimic { multiplier, offset, .. }, of) = (*mimic, &self.joints[mimic.leader]);
+            Leader { at: index(mimic.leader), name: of.name.clone(), moved: of.moved(), multiplier, offset }
+        };
+        let kept: Vec<(usize, Leader)> = self.mimics.iter().filter_map(|mimic| Some((index(mimic.joint)?, leader(mimic)))).collect();
+        part.set_mimics(kept)
     }
 }

@@ -1,11 +1,12 @@
 //! Arms: trees of revolute, continuous, prismatic and fixed joints. [`Arm`] is the model as the user sees it,
 //! [`Tree`] its compiled form. Fixed joints are merged into bodies when a model is read; the links that
-//! hung on them stay as frames.
+//! hung on them stay as frames. Joints that follow another one (mimic joints) are one degree of freedom with it.
 
 mod build;
 mod classic;
 mod edit;
 mod joint;
+mod mimic;
 #[doc(hidden)]
 mod tree;
 mod urdf;
@@ -14,10 +15,11 @@ mod urdf_examples;
 pub use build::{ChainJoint, JointType};
 pub use classic::{Convention, DhRow};
 pub use joint::{Frame, Joint, JointKind, Limits};
+pub use mimic::{Follows, Joining, Mimic};
 pub use tree::{BASE, Body, Tree, TreeFrame, second_moment};
 pub use urdf::Written;
 #[cfg(feature = "urdf")]
-pub use urdf::{MAX_BYTES, MAX_DEPTH};
+pub use urdf::{MAX_BYTES, MAX_DEPTH, MimicMode, UrdfOptions};
 pub use urdf_examples::{EXAMPLES, example_urdf};
 
 use crate::error::{Error, Result, finite};
@@ -51,8 +53,10 @@ pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 pub struct Arm {
     /// Name of the robot.
     pub name: String,
-    /// Joints in the order of `q`; parents come before children.
+    /// Joints, depth first; parents come before children. Those that follow no other one are in the order of `q`.
     pub joints: Vec<Joint>,
+    /// Joints that follow another one, in the order of `joints`.
+    pub mimics: Vec<Mimic>,
     /// Frames, in the order of the description.
     pub frames: Vec<Frame>,
     /// Gravity in world axes, m/s^2.
@@ -63,19 +67,20 @@ pub struct Arm {
 
 impl PartialEq for Arm {
     fn eq(&self, other: &Self) -> bool {
-        (&self.name, &self.joints, &self.frames, self.gravity) == (&other.name, &other.joints, &other.frames, other.gravity)
+        (&self.name, &self.joints, &self.mimics, &self.frames, self.gravity)
+            == (&other.name, &other.joints, &other.mimics, &other.frames, other.gravity)
     }
 }
 
 impl Arm {
-    /// Number of joints.
+    /// Number of joints that move independently: of coordinates.
     pub fn n(&self) -> usize {
-        self.joints.len()
+        self.joints.len() - self.mimics.len()
     }
 
-    /// Names of the joints, in the order of `q`.
+    /// Names of the independent joints, in the order of `q`.
     pub fn joint_names(&self) -> impl Iterator<Item = &str> {
-        self.joints.iter().map(|joint| joint.name.as_str())
+        self.independent().map(|joint| joint.name.as_str())
     }
 
     /// Names of the frames.
@@ -86,7 +91,7 @@ impl Arm {
     /// The frame at the tip: of those that move the one with the longest way from the base, `sum |p|` over the offsets of joints and
     /// frame. Of equal ones the last; `None` where nothing moves.
     pub fn tip_frame(&self) -> Option<usize> {
-        let mut reach = Vec::<f64>::with_capacity(self.n());
+        let mut reach = Vec::<f64>::with_capacity(self.joints.len());
         for joint in &self.joints {
             reach.push(joint.parent.map_or(0.0, |parent| reach[parent]) + joint.placement.translation.norm());
         }
@@ -95,17 +100,17 @@ impl Arm {
         moving.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
     }
 
-    /// Inertial parameters `(10 n,)`, SPEC order, in the body frames.
+    /// Inertial parameters `(10,)` of the body of every joint, SPEC order, in the body frames.
     pub fn parameters(&self) -> Vec<f64> {
         self.joints.iter().flat_map(|joint| joint.parameters).collect()
     }
 
     /// The arm with other inertial parameters: any finite numbers.
     pub fn with_parameters(&self, pi: &[f64]) -> Result<Arm> {
-        if pi.len() != PARAMETERS * self.n() {
+        if pi.len() != PARAMETERS * self.joints.len() {
             return Err(Error::input(
                 "parameters",
-                format!("has the wrong length: expected {} (10 per joint), got {}", PARAMETERS * self.n(), pi.len()),
+                format!("has the wrong length: expected {} (10 per joint), got {}", PARAMETERS * self.joints.len(), pi.len()),
             ));
         }
         finite("parameters", pi)?;
@@ -132,8 +137,8 @@ impl Arm {
                 return Err(Error::input(name, format!("has the wrong length: expected {}, got {}", self.n(), values.len())));
             }
             finite(name, values)?;
-            for (joint, &value) in arm.joints.iter_mut().zip(values) {
-                *part(joint) = value;
+            for (i, &value) in self.independent_indices().into_iter().zip(values) {
+                *part(&mut arm.joints[i]) = value;
             }
         }
         Ok(arm)

@@ -4,7 +4,7 @@
 //! subspace is `e_z` and a joint rotation touches two columns. `turn` leads back to the body frame of the
 //! model. Geometry is the same in all lanes; inertial parameters may differ from lane to lane.
 
-use super::Arm;
+use super::{Arm, Joining};
 use crate::interrupt::look;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
@@ -58,6 +58,8 @@ pub struct Tree<S: Real> {
     pub bodies: Vec<Body<S>>,
     pub frames: Vec<TreeFrame>,
     pub gravity: Vector3<f64>,
+    /// Which coordinates move the bodies, where the joints of some follow others.
+    pub joining: Option<Joining>,
     /// Whether its branches are so short that forward dynamics takes less time by the mass matrix than by articulated bodies.
     pub is_shallow: bool,
 }
@@ -130,7 +132,8 @@ impl Tree<f64> {
                 TreeFrame { body: frame.body.unwrap_or(BASE), placement: back.then(&frame.placement) }
             })
             .collect();
-        let mut tree = Tree { is_shallow: is_shallow(&bodies), bodies, frames, gravity: Vector3::from(arm.gravity) };
+        let (shallow, gravity) = (is_shallow(&bodies), Vector3::from(arm.gravity));
+        let mut tree = Tree { is_shallow: shallow, bodies, frames, gravity, joining: arm.joining() };
         tree.set_parameters(&arm.parameters());
         tree
     }
@@ -178,6 +181,7 @@ impl Tree<f64> {
                 .collect(),
             frames: first.frames.clone(),
             gravity: first.gravity,
+            joining: first.joining.clone(),
             is_shallow: first.is_shallow,
         }
     }
@@ -220,8 +224,42 @@ impl<S: Real> Tree<S> {
         }
     }
 
+    /// Number of coordinates: of bodies, less those whose joints follow others.
+    #[inline]
     pub fn n(&self) -> usize {
-        self.bodies.len()
+        self.joining.as_ref().map_or(self.bodies.len(), |joining| joining.leaders.len())
+    }
+
+    /// The coordinate that moves a body, and the rate of its joint per unit rate of that.
+    #[inline]
+    pub fn mover(&self, body: usize) -> (usize, f64) {
+        self.joining.as_ref().map_or((body, 1.0), |joining| (joining.rows[body].0, joining.rows[body].1))
+    }
+
+    /// The body of the joint of a coordinate.
+    #[inline]
+    pub fn leader(&self, coordinate: usize) -> &Body<S> {
+        &self.bodies[self.joining.as_ref().map_or(coordinate, |joining| joining.leaders[coordinate])]
+    }
+
+    /// Sine, cosine and position of the joint of a body from those of the coordinates.
+    #[inline]
+    pub fn position(&self, body: usize, trig: &[(S, S)], q: &[S]) -> ((S, S), S) {
+        let Some(joining) = &self.joining else { return (trig[body], q[body]) };
+        let (k, multiplier, offset) = joining.rows[body];
+        if joining.leaders[k] == body {
+            return (trig[k], q[k]);
+        }
+        let position = S::splat(multiplier).mul_add(q[k], S::splat(offset));
+        (position.sin_cos(), position)
+    }
+
+    /// Rate of the joint of a body from those of the coordinates.
+    #[inline]
+    pub fn rate(&self, body: usize, v: &[S]) -> S {
+        let Some(joining) = &self.joining else { return v[body] };
+        let (k, multiplier, _) = joining.rows[body];
+        S::splat(multiplier) * v[k]
     }
 }
 

@@ -23,7 +23,7 @@ pub fn forward_dynamics<S: Real>(
     tau: &[S],
     a: &mut [S],
 ) {
-    let n = tree.n();
+    let n = tree.bodies.len();
     let base = || (Pose::identity(), Vector3::zero());
     let mut last = base();
     for i in 0..n {

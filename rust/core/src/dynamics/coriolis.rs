@@ -36,7 +36,7 @@ pub fn coriolis_matrix<S: Real>(
     v: &[S],
     c: &mut [S],
 ) {
-    let n = tree.n();
+    let n = tree.bodies.len();
     let base = || (Pose::identity(), Vector3::zero(), Vector3::zero());
     let mut last = base();
     for i in 0..n {

@@ -65,7 +65,7 @@ pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig
 
 /// As [`mass_matrix`], where `m` holds zeros or an earlier `M` of this tree: what vanishes is the same in every state.
 pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
-    let n = tree.n();
+    let n = tree.bodies.len();
     let m = &mut m[..n * n];
     mass_matrix_entries(tree, composites, trig, q, |i, j, x| {
         m[i * n + j] = x;
@@ -81,7 +81,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
     q: &[S],
     mut put: impl FnMut(usize, usize, S),
 ) {
-    let n = tree.n();
+    let n = tree.bodies.len();
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
     let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);

@@ -4,8 +4,8 @@
 //! (Jain 2011, section 7.5), so that `M > 0` where all `D_i > 0`: linear in the number of joints. What rounds has the scale of the
 //! subtree's second moment about the joint (of its mass, for a slide).
 
-use super::{Workspace, aba};
-use crate::arm::{Arm, BASE, JointKind, Tree, listed};
+use super::{Dynamics, Workspace, aba};
+use crate::arm::{Arm, BASE, Joint, JointKind, Tree, listed};
 use crate::spatial::Inertia;
 use std::f64::consts::PI;
 
@@ -20,11 +20,12 @@ const ROUNDING: f64 = 1e-12;
 pub fn indefinite(arm: &Arm) -> Option<String> {
     let tree = Tree::<f64>::new(arm);
     let mut ws = Workspace::new(&tree);
+    let movers: Vec<&Joint> = arm.independent().collect();
     let (mut bad, mut count) = (vec![false; arm.n()], 0);
     let samples = (WORK / arm.n().max(1)).clamp(1, SAMPLES);
     for sample in 0..samples {
-        let q: Vec<f64> = (0..arm.n()).map(|i| drawn(arm, i, sample)).collect();
-        let found = free_joints(&tree, &mut ws, &q);
+        let q: Vec<f64> = (0..arm.n()).map(|i| drawn(movers[i], i, sample)).collect();
+        let found = if tree.joining.is_some() { free_coordinates(&tree, &mut ws, &q) } else { free_joints(&tree, &mut ws, &q) };
         count += usize::from(found.iter().any(|free| *free));
         for (bad, free) in bad.iter_mut().zip(found) {
             *bad |= free;
@@ -37,7 +38,7 @@ pub fn indefinite(arm: &Arm) -> Option<String> {
 
 /// The joints that move no inertia, those that they carry being free.
 fn free_joints(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool> {
-    let n = tree.n();
+    let n = tree.bodies.len();
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
     let (zero, mut a) = (vec![0.0; n], vec![0.0; n]);
     aba::forward_dynamics(tree, &mut ws.poses, &mut ws.articulated, &trig, q, &zero, &zero, &mut a);
@@ -57,9 +58,29 @@ fn free_joints(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool
     free
 }
 
+/// The coordinates of joints that others follow where `M` has no pivot, from its factors.
+fn free_coordinates(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool> {
+    let n = tree.n();
+    let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
+    let mut m = vec![0.0; n * n];
+    tree.mass_matrix(ws, &trig, q, &mut m);
+    let scales: Vec<f64> = (0..n).map(|i| m[i * n + i]).collect();
+    let mut free = vec![false; n];
+    for k in 0..n {
+        let pivot = m[k * n + k];
+        free[k] = !(pivot > ROUNDING * scales[k].abs());
+        for i in (k + 1..n).filter(|_| !free[k]) {
+            let share = m[i * n + k] / pivot;
+            for j in k + 1..n {
+                m[i * n + j] -= share * m[k * n + j];
+            }
+        }
+    }
+    free
+}
+
 /// A position of joint `i`, the same in every run: zero first, then inside the limits.
-fn drawn(arm: &Arm, i: usize, sample: usize) -> f64 {
-    let joint = &arm.joints[i];
+fn drawn(joint: &Joint, i: usize, sample: usize) -> f64 {
     let far = if joint.kind == JointKind::Prismatic { 1.0 } else { PI };
     let within = |x: f64, other: f64| if x.is_finite() && x.abs() < 1e3 { x } else { other };
     let (low, high) = (within(joint.limits.lower, -far), within(joint.limits.upper, far));

@@ -13,7 +13,9 @@
 //!
 //! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`. Forward: `d a = -M^-1 d tau`, `d a / d tau = M^-1`.
 
+use super::Dynamics;
 use super::crba::joint_column;
+use super::joined::Joined;
 use super::workspace::{Composite, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
 use crate::kinematics::{Pose, place_body};
@@ -39,7 +41,15 @@ pub struct Slope<S: Real> {
 
 /// `d tau / d q` at `(q, v, a)`, `(n, n)` row-major: row `i`, column `j` is `d tau_i / d q_j`.
 pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
-    let n = tree.n();
+    match Joined::of(tree) {
+        Some(joined) => joined.inverse_dynamics_by_q(ws, (trig, q), v, a, d),
+        None => bodies_by_q(tree, ws, trig, q, v, a, d),
+    }
+}
+
+/// The same in the coordinates of the bodies' own joints.
+pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
+    let n = tree.bodies.len();
     let Workspace { poses, composites, slopes, .. } = ws;
     let ground = Slope { a: -tree.gravity.lift::<S>(), ..Slope::default() };
     let root = Pose::identity();
@@ -134,13 +144,14 @@ pub fn inverse_dynamics_by_v<S: Real>(
     friction: bool,
     d: &mut [S],
 ) {
-    super::coriolis::coriolis_matrix(tree, &mut ws.poses, &mut ws.composites, &mut ws.columns, trig, q, v, d);
+    tree.coriolis_matrix(ws, trig, q, v, d);
     for x in d.iter_mut() {
         *x = *x + *x;
     }
     if friction {
-        for (i, body) in tree.bodies.iter().enumerate() {
-            d[i * tree.n() + i] += S::splat(body.damping);
+        let n = tree.n();
+        for i in 0..n {
+            d[i * n + i] += S::splat(tree.leader(i).damping);
         }
     }
 }
@@ -198,7 +209,7 @@ pub fn forward_dynamics_derivatives<S: Real>(
     by_tau: &mut [S],
 ) {
     let n = tree.n();
-    super::crba::mass_matrix(tree, &mut ws.mass, trig, q, m);
+    tree.mass_matrix(ws, trig, q, m);
     factor(n, m);
     let minus = S::splat(-1.0);
     inverse_dynamics_by_q(tree, ws, trig, q, v, a, by_q);

@@ -11,7 +11,7 @@ use crate::spatial::{Lift, Matrix, Vector, Vector3};
 
 /// `g(q)` from the mass and first moment of every subtree.
 pub fn gravity<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], composites: &mut [Composite<S>], trig: &[(S, S)], q: &[S], g: &mut [S]) {
-    let n = tree.n();
+    let n = tree.bodies.len();
     let mut last = Pose::identity();
     for i in 0..n {
         let body = &tree.bodies[i];
@@ -41,7 +41,7 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
     let (mut twice, mut potential) = (S::zero(), S::zero());
     let base = || (Pose::identity(), Vector3::zero(), Vector3::zero());
     let mut last = base();
-    for i in 0..tree.n() {
+    for i in 0..tree.bodies.len() {
         let body = &tree.bodies[i];
         let (parent, w_p, u_p) = from_parent(body.parent, i, last, |p| (poses[p], columns[p].w, columns[p].velocity), base);
         let pose = place_body(body, &parent, trig[i], q[i]);
@@ -68,8 +68,8 @@ pub fn friction_torque<S: Real>(body: &Body<S>, v: S) -> S {
 
 /// `tau += damping v + friction sign(v)`.
 pub fn add_friction<S: Real>(tree: &Tree<S>, v: &[S], tau: &mut [S]) {
-    for (i, body) in tree.bodies.iter().enumerate() {
-        tau[i] += friction_torque(body, v[i]);
+    for i in 0..tree.n() {
+        tau[i] += friction_torque(tree.leader(i), v[i]);
     }
 }
 
@@ -84,7 +84,9 @@ pub fn add_wrench<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize, wren
     let point = poses[i].rotation.apply_add(tree.frames[frame].placement.translation.lift(), poses[i].origin);
     while i != BASE {
         let z = poses[i].z();
-        tau[i] += if tree.bodies[i].revolute { z.dot((point - poses[i].origin).cross_add(f, moment)) } else { z.dot(f) };
+        let torque = if tree.bodies[i].revolute { z.dot((point - poses[i].origin).cross_add(f, moment)) } else { z.dot(f) };
+        let (k, multiplier) = tree.mover(i);
+        tau[k] = if tree.joining.is_some() { S::splat(multiplier).mul_add(torque, tau[k]) } else { tau[k] + torque };
         i = tree.bodies[i].parent;
     }
 }

@@ -2,7 +2,7 @@
 //! What a binding needs, and no more: shapes are checked here once, outputs are the caller's.
 
 use super::quantities::{self, Compute};
-use super::{Quantity, Query, Workspace};
+use super::{Quantity, Query, Size, Workspace};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::scalar::rows::read_one;
@@ -47,7 +47,7 @@ impl<S: Real> Engine<S> {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
         let zeros = |k: usize| vec![S::zero(); k];
-        let largest = (n * n * (PARAMETERS + 3)).max(6 * n).max(16);
+        let largest = (n * (PARAMETERS * tree.bodies.len() + 3 * n)).max(6 * n).max(16);
         let eager = eager && largest <= EAGER;
         Engine {
             ws,
@@ -62,9 +62,9 @@ impl<S: Real> Engine<S> {
 
     /// Room for what is asked, or an error that says how much it would be.
     fn grow(&mut self, query: &Query) -> Result<()> {
-        let n = self.tree.n();
+        let (n, size) = (self.tree.n(), self.tree.size());
         let square = if matches!(query.quantity, Quantity::ForwardDynamicsDerivatives | Quantity::Christoffel) { n * n } else { 0 };
-        enlarge(&mut self.out, query.length(n), S::zero())?;
+        enlarge(&mut self.out, query.length(size), S::zero())?;
         enlarge(&mut self.square, square, S::zero())
     }
 
@@ -73,7 +73,7 @@ impl<S: Real> Engine<S> {
         // Known here while compiling, so that what depends on it is decided then.
         let query = &Query { quantity: Q::QUANTITY, ..*query };
         let n = self.tree.n();
-        let mut sound = query.fits(inputs, 1, n, self.tree.frames.len(), out.len());
+        let mut sound = query.fits(inputs, 1, self.tree.size(), self.tree.frames.len(), out.len());
         if !sound {
             return false;
         }
@@ -98,7 +98,7 @@ impl<S: Real> Engine<S> {
 
     fn make_room_for(&mut self, query: &Query) {
         if self.answered != Some(*query) {
-            self.out[..query.length(self.tree.n())].fill(S::zero());
+            self.out[..query.length(self.tree.size())].fill(S::zero());
             self.answered = Some(*query);
         }
     }
@@ -113,7 +113,7 @@ impl<S: Real> Engine<S> {
         self.make_room_for(query);
         self.turn();
         with_quantity!(query, Q => Q::compute(self, query));
-        Ok(&self.out[..query.length(self.tree.n())])
+        Ok(&self.out[..query.length(self.tree.size())])
     }
 }
 
@@ -131,7 +131,7 @@ fn enlarge<T: Copy>(buffer: &mut Vec<T>, length: usize, fill: T) -> Result<()> {
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     engine: Box<Engine<Float>>,
-    n: usize,
+    size: Size,
     frames: usize,
 }
 
@@ -143,12 +143,17 @@ impl Evaluator {
 
     /// `eager`: with room for every answer.
     pub(super) fn sized(arm: &Arm, eager: bool) -> Self {
-        Evaluator { engine: Box::new(Engine::new(arm, eager)), n: arm.n(), frames: arm.frames.len() }
+        Evaluator { engine: Box::new(Engine::new(arm, eager)), size: arm.size(), frames: arm.frames.len() }
     }
 
     /// Number of joints `n`.
     pub fn n(&self) -> usize {
-        self.n
+        self.size.n
+    }
+
+    /// How many coordinates and bodies there are.
+    pub fn size(&self) -> Size {
+        self.size
     }
 
     /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. Whether every
@@ -157,14 +162,14 @@ impl Evaluator {
         self.engine.grow(query)?;
         let sound = self.engine.dispatch(query, inputs, out);
         if !sound {
-            check(query, inputs, 1, self.n, self.frames, out.len())?;
+            check(query, inputs, 1, self.size, self.frames, out.len())?;
         }
         Ok(sound)
     }
 }
 
 /// Whether arguments and room are what `query` asks for at `count` configurations, and every number finite.
-pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> Result<()> {
+pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> Result<()> {
     let names = query.inputs();
     if inputs.len() != names.len() {
         return Err(Error::input(
@@ -173,7 +178,7 @@ pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, fr
         ));
     }
     for (k, (name, given)) in names.iter().zip(inputs).enumerate() {
-        let want = count * query.input_length(k, n);
+        let want = count * query.input_length(k, size.n);
         if given.len() != want {
             return Err(Error::input(*name, format!("has the wrong length: expected {want}, got {}", given.len())));
         }
@@ -185,7 +190,7 @@ pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, n: usize, fr
     if (query.is_framed() || query.wrench.is_some()) && frame >= frames {
         return Err(Error::input("frame", format!("is out of range: expected an index below {frames}, got {frame}")));
     }
-    let want = count * query.length(n);
+    let want = count * query.length(size);
     if out != want {
         return Err(Error::input("out", format!("has the wrong length: expected {want}, got {out}")));
     }

@@ -11,7 +11,7 @@ use crate::scalar::Real;
 
 /// `a = M^-1 (tau - C v - g)`; `ws.factors` has room.
 pub fn forward_dynamics<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
-    let n = tree.n();
+    let n = tree.bodies.len();
     let Factors { matrix, inverse } = &mut ws.factors;
     newton_euler::newton_euler::<S, false>(tree, &mut ws.links, trig, q, v, v, None, a);
     for i in 0..n {
@@ -80,7 +80,7 @@ mod tests {
         for (branches, n, quarters) in [(1, 1, true), (1, 7, true), (1, 9, false), (3, 5, true), (3, 4, false)] {
             let tree = tree(branches, n, quarters);
             assert!(tree.is_shallow);
-            let (mut ws, n) = (Workspace::new(&tree), tree.n());
+            let (mut ws, n) = (Workspace::new(&tree), tree.bodies.len());
             let wave = |from: f64, size: f64| (0..n).map(|i| size * (from + 2.3 * i as f64).sin()).collect::<Vec<f64>>();
             let (q, v, tau) = (wave(0.4, 1.5), wave(1.0, 2.0), wave(2.0, 30.0));
             let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();

@@ -76,7 +76,7 @@ impl Single {
         let answer = self.evaluator.one(query, inputs, out)?;
         let cached = &mut self.cached[at];
         cached.calls = cached.calls.saturating_add(1);
-        if cached.calls == CALLS && query.operations(arm.n()) <= SHORT {
+        if cached.calls == CALLS && query.operations(arm.size()) <= SHORT {
             cached.program = Some(ArmCall::new(arm, query)?);
         }
         Ok(answer)
@@ -116,7 +116,7 @@ impl Functions {
         let waiting = |known: &Known| if known.function.is_some() { usize::MAX } else { known.rows };
         let Some(known) = free(&self.known) else { return false };
         let rows = known.iter().find(|known| known.query == *query).map_or(0, waiting);
-        rows < usize::MAX && rows + count >= WORTH && query.operations(self.arm.n()) <= LONG
+        rows < usize::MAX && rows + count >= WORTH && query.operations(self.arm.size()) <= LONG
     }
 
     /// Make ready for `count` more rows: the program of the query, where it is repaid.
@@ -140,8 +140,8 @@ impl Functions {
     /// Every configuration of the inputs, written out in full, to the rows of `out`. Whether every number of the answer is finite. How
     /// rows are divided into calls does not change their bits.
     pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
-        let (n, length) = (self.arm.n(), query.length(self.arm.n()));
-        check(query, inputs, count, n, self.arm.frames.len(), out.len())?;
+        let (n, length) = (self.arm.n(), query.length(self.arm.size()));
+        check(query, inputs, count, self.arm.size(), self.arm.frames.len(), out.len())?;
         if out.is_empty() {
             return Ok(true);
         }

@@ -23,6 +23,7 @@ mod evaluate;
 pub mod forward;
 mod functions;
 mod hinge;
+mod joined;
 mod model;
 #[doc(hidden)]
 pub mod newton_euler;
@@ -47,7 +48,7 @@ pub use model::{AnyArm, Model};
 pub use planar_pr::PlanarPr;
 pub use printed::CFunction;
 pub(crate) use printed::given;
-pub use query::{Quantity, Query};
+pub use query::{Quantity, Query, Size};
 pub use workspace::Workspace;
 
 use crate::scalar::Real;

@@ -3,7 +3,7 @@
 //! Each quantity is a function of its own: laws and plants share one copy of the code, at the price of a call.
 
 use super::workspace::Workspace;
-use super::{Dynamics, PlanarPr};
+use super::{Dynamics, PlanarPr, Size};
 use crate::arm::{Arm, Joint, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{self, Coordinates};
@@ -35,6 +35,14 @@ impl Model {
         }
     }
 
+    /// How many coordinates and bodies there are.
+    pub fn size(&self) -> Size {
+        match self {
+            Model::PlanarPr(_) => Size { n: 2, bodies: 2 },
+            Model::Tree(arm) => arm.size(),
+        }
+    }
+
     /// Number of inertial parameters `p`.
     pub fn parameter_count(&self) -> usize {
         self.parameters().len()
@@ -52,7 +60,7 @@ impl Model {
     pub fn angles(&self) -> Vec<bool> {
         match self {
             Model::PlanarPr(_) => vec![false, true],
-            Model::Tree(arm) => arm.joints.iter().map(|joint| joint.kind.is_angle()).collect(),
+            Model::Tree(arm) => arm.independent().map(|joint| joint.kind.is_angle()).collect(),
         }
     }
 
@@ -60,14 +68,14 @@ impl Model {
     pub fn armature(&self) -> Vec<f64> {
         match self {
             Model::PlanarPr(_) => vec![0.0; 2],
-            Model::Tree(arm) => arm.joints.iter().map(|joint| joint.armature).collect(),
+            Model::Tree(arm) => arm.independent().map(|joint| joint.armature).collect(),
         }
     }
 
     /// Viscous and Coulomb friction of the joints, `(n,)` each; zero where it does not act.
     pub fn friction(&self, acts: bool) -> [Vec<f64>; 2] {
         let of = |get: fn(&Joint) -> f64| match self {
-            Model::Tree(arm) if acts => arm.joints.iter().map(get).collect(),
+            Model::Tree(arm) if acts => arm.independent().map(get).collect(),
             _ => vec![0.0; self.n()],
         };
         [of(|joint| joint.damping), of(|joint| joint.friction)]
@@ -78,7 +86,7 @@ impl Model {
         let Model::Tree(arm) = self else { return ["A", "B", "C"].map(String::from).to_vec() };
         let of_joints = |what: &'static str| arm.joint_names().map(move |joint| format!("{what}[{joint}]"));
         let mut names: Vec<String> =
-            arm.joint_names().flat_map(|joint| parameter::NAMES.iter().map(move |name| format!("{name}[{joint}]"))).collect();
+            arm.joints.iter().flat_map(|joint| parameter::NAMES.iter().map(move |name| format!("{name}[{}]", joint.name))).collect();
         if armature {
             names.extend(of_joints("armature"));
         }
@@ -105,6 +113,7 @@ impl Model {
                 Arc::ptr_eq(a, b)
                     || (a.gravity == b.gravity
                         && a.frames == b.frames
+                        && a.mimics == b.mimics
                         && a.joints.len() == b.joints.len()
                         && a.joints.iter().zip(&b.joints).all(|(x, y)| {
                             let mut x = x.clone();
@@ -168,9 +177,13 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
 
     fn workspace(&self) -> Workspace<S> {
         match self {
-            AnyArm::PlanarPr(_) => {
-                Workspace::new(&Tree { bodies: Vec::new(), frames: Vec::new(), gravity: Vector3::from([0.0; 3]), is_shallow: false })
-            }
+            AnyArm::PlanarPr(_) => Workspace::new(&Tree {
+                bodies: Vec::new(),
+                frames: Vec::new(),
+                gravity: Vector3::from([0.0; 3]),
+                joining: None,
+                is_shallow: false,
+            }),
             AnyArm::Tree(tree) => Workspace::new(tree),
         }
     }

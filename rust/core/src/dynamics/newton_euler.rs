@@ -104,7 +104,7 @@ pub(crate) fn outwards<S: Real, const POLAR: bool>(
 
 /// From `f` and `n` of every body in its own axes, which are in `links`, the joint forces `S_i . F_i`, `F_i` summed over the subtree.
 pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S, S)], mut tau: impl FnMut(usize, S)) {
-    for i in (0..tree.n()).rev() {
+    for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];
         let Link { p, f, n: moment, .. } = links[i];
         tau(i, if body.revolute { moment[2] } else { f[2] });
@@ -129,7 +129,7 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
     tau: &mut [S],
 ) {
     let mut motion = BodyMotion::default();
-    for i in 0..tree.n() {
+    for i in 0..tree.bodies.len() {
         let body = &tree.bodies[i];
         if body.parent != BASE && body.parent + 1 != i {
             motion = links[body.parent].motion;
@@ -145,7 +145,7 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
     }
     inwards(tree, links, trig, |i, force| tau[i] = force);
     if let Some(ar) = ar {
-        for i in 0..tree.n() {
+        for i in 0..tree.bodies.len() {
             tau[i] = S::splat(tree.bodies[i].armature).mul_add(ar[i], tau[i]);
         }
     }

@@ -1,6 +1,6 @@
 //! Functions of an arm as C: each quantity recorded once and printed, [`crate::trace::c`]. The C gives the bits of [`super::Evaluator`].
 
-use super::{Dynamics, Model, PlanarPr, Quantity, Query};
+use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
 use crate::error::{Error, Result};
 use crate::scalar::Real;
@@ -144,7 +144,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
     /// A query, recorded.
     fn recorded(&self, query: &Query) -> Result<Recorded> {
         let n = self.n();
-        if query.operations(n) > LONGEST {
+        if query.operations(self.size()) > LONGEST {
             let problem =
                 format!("has a function that is too long to be printed: expected fewer joints or another function, got {n} joints");
             return Err(Error::input("arm", problem));
@@ -166,7 +166,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
         let (names, slides): (Vec<String>, Vec<bool>) = match self {
             Model::PlanarPr(_) => (vec!["p1".into(), "r2".into()], vec![true, false]),
             Model::Tree(arm) => {
-                (arm.joint_names().map(comment).collect(), arm.joints.iter().map(|joint| joint.kind == JointKind::Prismatic).collect())
+                (arm.joint_names().map(comment).collect(), arm.independent().map(|joint| joint.kind == JointKind::Prismatic).collect())
             }
         };
         let mut text = String::from("Joints, in the order of q, v, a and tau:\n");
@@ -178,6 +178,12 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
             Model::PlanarPr(_) => "Inertial parameters, in this order: A, B, C.",
             Model::Tree(_) => "Inertial parameters, in this order: per joint m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.",
         };
+        if let Model::Tree(arm) = self {
+            for mimic in &arm.mimics {
+                let (joint, leader) = (comment(&arm.joints[mimic.joint].name), comment(&arm.joints[mimic.leader].name));
+                text += &format!("\nJoint {joint} follows: {} {leader} + {}.", mimic.multiplier, mimic.offset);
+            }
+        }
         text
     }
 }
@@ -192,7 +198,7 @@ fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
     if query.friction || query.armature {
         return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
     }
-    let length = if query.quantity == Quantity::Regressor { 6 } else { query.length(2) };
+    let length = if query.quantity == Quantity::Regressor { 6 } else { query.length(Size { n: 2, bodies: 2 }) };
     let mut known = true;
     let mut answer = |arm: PlanarPr<Sym>, x: &[Sym]| {
         let part = |k: usize| x.get(2 * k..2 * k + 2).unwrap_or(&[]);

@@ -2,6 +2,7 @@
 
 use super::energy::{add_friction, add_wrench};
 use super::evaluate::Engine;
+use super::joined::Joined;
 use super::{Dynamics, Quantity, Query, coriolis, crba, derivatives, regressor};
 use crate::arm::Tree;
 use crate::kinematics as kin;
@@ -23,7 +24,8 @@ pub trait Compute {
 /// What friction leaves of a torque.
 fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S]) {
     if query.friction {
-        for (i, body) in tree.bodies.iter().enumerate() {
+        for i in 0..tree.n() {
+            let body = tree.leader(i);
             let viscous = S::splat(body.damping).neg_mul_add(v[i], tau[i]);
             tau[i] = S::splat(body.friction).neg_mul_add(sign(v[i]), viscous);
         }
@@ -39,9 +41,10 @@ macro_rules! quantity {
             fn compute<S: Real>(engine: &mut Engine<S>, $query: &Query) {
                 let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square, .. } = engine;
                 let $n = $tree.n();
+                let size = $tree.size();
                 let [q, v, x, $y] = inputs;
                 let ($trig, $q, $v, $x) = (&trig[..$n], &q[..$n], &v[..$n], &mut x[..$n]);
-                let $out = &mut out[..$query.length($n)];
+                let $out = &mut out[..$query.length(size)];
                 $body
             }
         }
@@ -52,12 +55,20 @@ pub struct MassMatrix;
 impl Compute for MassMatrix {
     const QUANTITY: Quantity = Quantity::MassMatrix;
     fn compute<S: Real>(engine: &mut Engine<S>, _: &Query) {
+        if let Some(joined) = Joined::of(&engine.tree) {
+            let n = engine.tree.n();
+            return joined.mass_matrix(&mut engine.ws, (&engine.trig, &engine.inputs[0]), &mut engine.out[..n * n]);
+        }
         // Zeroed before the first of many, as for the Jacobian.
         crba::mass_matrix_on_zeros(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], &mut engine.out);
     }
     /// Entry by entry: four at once would have to wait for the last one by one.
-    fn answer<S: Real>(engine: &mut Engine<S>, _: &Query, out: &mut [f64]) -> bool {
+    fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
         let n = engine.tree.n();
+        if engine.tree.joining.is_some() {
+            Self::compute(engine, query);
+            return write_one(&engine.out[..n * n], out);
+        }
         if engine.tree.bodies.iter().any(|body| body.end < n) {
             out.fill(0.0);
         }
@@ -125,10 +136,13 @@ quantity!(ForwardDynamics, (tree, ws, trig, n, q, v, x, y, out, query, square), 
 });
 
 quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    let (_, width) = query.shape(n);
-    regressor::regressor_on_zeros(tree, width, &mut ws.links, &mut ws.fields, trig, q, v, x, &y[..n], out);
+    let (_, width) = query.shape(tree.size());
+    match Joined::of(tree) {
+        Some(joined) => joined.regressor(ws, (trig, q), [v, x, &y[..n]], width, out),
+        None => regressor::regressor_on_zeros(tree, width, &mut ws.links, &mut ws.fields, trig, q, v, x, &y[..n], out),
+    }
     for i in 0..n {
-        let mut at = i * width + PARAMETERS * n + i;
+        let mut at = i * width + PARAMETERS * tree.bodies.len() + i;
         if query.armature {
             out[at] = y[i];
             at += n;

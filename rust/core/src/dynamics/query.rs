@@ -1,6 +1,7 @@
 //! What can be asked of an arm: the quantities of [`super::Evaluator`], their inputs, options and shapes.
 
-use crate::scalar::{Isa, isa};
+use crate::arm::{Arm, Tree};
+use crate::scalar::{Isa, Real, isa};
 use crate::spatial::PARAMETERS;
 
 /// What can be asked; inputs in this order, each `(n,)` except a wrench `(6,)`.
@@ -45,6 +46,31 @@ pub enum Quantity {
     PathDynamics,
     /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
     ForwardDynamicsDerivatives,
+}
+
+/// What the shapes of answers depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Coordinates.
+    pub n: usize,
+    /// Bodies: as many, and one for each joint that follows another.
+    pub bodies: usize,
+}
+
+impl Arm {
+    /// How many coordinates and bodies there are.
+    #[inline]
+    pub fn size(&self) -> Size {
+        Size { n: self.n(), bodies: self.joints.len() }
+    }
+}
+
+impl<S: Real> Tree<S> {
+    /// How many coordinates and bodies there are.
+    #[inline]
+    pub fn size(&self) -> Size {
+        Size { n: self.n(), bodies: self.bodies.len() }
+    }
 }
 
 /// A quantity with its options.
@@ -94,12 +120,12 @@ impl Query {
 
     /// Rows and columns of the output; one row for vectors.
     #[inline]
-    pub fn shape(&self, n: usize) -> (usize, usize) {
+    pub fn shape(&self, Size { n, bodies }: Size) -> (usize, usize) {
         match self.quantity {
             Quantity::MassMatrix | Quantity::CoriolisMatrix => (n, n),
             Quantity::Christoffel => (n * n, n),
             Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => (1, n),
-            Quantity::Regressor => (n, n * (PARAMETERS + usize::from(self.armature) + 2 * usize::from(self.friction))),
+            Quantity::Regressor => (n, PARAMETERS * bodies + n * (usize::from(self.armature) + 2 * usize::from(self.friction))),
             Quantity::PathDynamics => (3, n),
             Quantity::Energy => (1, 2),
             Quantity::Pose => (4, 4),
@@ -112,8 +138,8 @@ impl Query {
     }
 
     #[inline]
-    pub(super) fn length(&self, n: usize) -> usize {
-        let (rows, columns) = self.shape(n);
+    pub(super) fn length(&self, size: Size) -> usize {
+        let (rows, columns) = self.shape(size);
         rows * columns
     }
 
@@ -124,17 +150,17 @@ impl Query {
     }
 
     /// Whether these inputs and this room are what is asked for; `check` says what is not.
-    pub(super) fn fits(&self, inputs: &[&[f64]], count: usize, n: usize, frames: usize, out: usize) -> bool {
+    pub(super) fn fits(&self, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> bool {
         let expected = self.inputs().len();
-        let mut fits = inputs.len() == expected && out == count * self.length(n);
+        let mut fits = inputs.len() == expected && out == count * self.length(size);
         for k in 0..4 {
-            fits &= k >= expected || inputs.get(k).is_some_and(|given| given.len() == count * self.input_length(k, n));
+            fits &= k >= expected || inputs.get(k).is_some_and(|given| given.len() == count * self.input_length(k, size.n));
         }
         fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
     }
 
     /// About how many operations one configuration takes, zeros and common terms aside.
-    pub(super) fn operations(&self, n: usize) -> f64 {
+    pub(super) fn operations(&self, Size { n, bodies }: Size) -> f64 {
         use Quantity::*;
         let joint = match self.quantity {
             ForwardDynamics | ForwardDynamicsDerivatives => 350.0,
@@ -152,17 +178,19 @@ impl Query {
         let solved = if self.quantity == ForwardDynamicsDerivatives { 3.5 } else { 0.0 };
         // Christoffel symbols are a Coriolis matrix per joint.
         let times = if self.quantity == Christoffel { n as f64 } else { 1.0 };
-        let n = n as f64;
-        times * n * (joint + n * (pair + n * solved))
+        let (n, bodies) = (n as f64, bodies as f64);
+        // A projected mass matrix has no zeros.
+        let joined = if bodies > n && matches!(self.quantity, ForwardDynamics | ForwardDynamicsDerivatives) { n * n * n } else { 0.0 };
+        times * (bodies * (joint + bodies * pair) + n * n * n * solved + joined)
     }
 
     /// About how long one of many configurations takes on this machine, ns: good enough to choose how to run them.
-    pub fn nanoseconds(&self, n: usize) -> f64 {
+    pub fn nanoseconds(&self, size: Size) -> f64 {
         let slower = match isa() {
             Isa::Baseline => 4.0,
             Isa::Avx2 => 2.0,
             Isa::Avx512 => 1.0,
         };
-        10.0 + slower * (0.05 * self.operations(n) + 0.1 * self.length(n) as f64)
+        10.0 + slower * (0.05 * self.operations(size) + 0.1 * self.length(size) as f64)
     }
 }

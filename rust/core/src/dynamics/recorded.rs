@@ -81,7 +81,7 @@ pub(super) struct ArmCall {
 
 impl ArmCall {
     pub fn new(arm: &Arm, query: &Query) -> Result<Self> {
-        Ok(ArmCall { widths: widths(query, arm.n()), length: query.length(arm.n()), evaluation: recorded(arm, query, false)? })
+        Ok(ArmCall { widths: widths(query, arm.n()), length: query.length(arm.size()), evaluation: recorded(arm, query, false)? })
     }
 
     /// One configuration: whether all is as it should be. If not, direct evaluation has the answer.
@@ -106,7 +106,7 @@ impl ArmCall {
 impl ArmFunction {
     pub fn new(arm: &Arm, query: &Query) -> Result<Self> {
         let first = recorded(arm, query, true)?;
-        Ok(ArmFunction { others: Mutex::new(vec![first.clone()]), first, widths: widths(query, arm.n()), length: query.length(arm.n()) })
+        Ok(ArmFunction { others: Mutex::new(vec![first.clone()]), first, widths: widths(query, arm.n()), length: query.length(arm.size()) })
     }
 
     /// All configurations of the inputs, which are what the query asks for. `direct` answers rows that turn by angles for which programs

@@ -125,7 +125,7 @@ pub fn regressor_on_zeros<S: Real>(
     ar: &[S],
     y: &mut [S],
 ) {
-    let n = tree.n();
+    let n = tree.bodies.len();
     let mut put = |joint: usize, body: usize, block: &[S; PARAMETERS]| {
         y[joint * width + PARAMETERS * body..][..PARAMETERS].copy_from_slice(block);
     };
@@ -189,7 +189,7 @@ pub fn regressor_products<S: Real>(
     yt_s: &mut [S],
 ) {
     let mut motion = BodyMotion::default();
-    for i in 0..tree.n() {
+    for i in 0..tree.bodies.len() {
         let body = &tree.bodies[i];
         if body.parent != BASE && body.parent + 1 != i {
             motion = links[body.parent].motion;

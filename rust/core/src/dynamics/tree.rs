@@ -1,5 +1,6 @@
-//! A tree of bodies as [`Dynamics`]: each quantity by its recursion.
+//! A tree of bodies as [`Dynamics`]: each quantity by its recursion, projected where joints follow others.
 
+use super::joined::Joined;
 use super::workspace::Workspace;
 use super::{Dynamics, aba, coriolis, crba, energy, forward, newton_euler, regressor};
 use crate::arm::Tree;
@@ -15,30 +16,48 @@ impl<S: Real> Dynamics<S> for Tree<S> {
         self.n()
     }
     fn parameter_count(&self) -> usize {
-        PARAMETERS * self.n()
+        PARAMETERS * self.bodies.len()
     }
     fn is_angle(&self, joint: usize) -> bool {
-        self.bodies[joint].revolute
+        self.leader(joint).revolute
     }
     fn parameters(&self, pi: &mut [S]) {
         self.write_parameters(pi);
     }
     fn mass_matrix(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
+        if let Some(joined) = Joined::of(self) {
+            return joined.mass_matrix(ws, (trig, q), m);
+        }
         crba::mass_matrix(self, &mut ws.mass, trig, q, m);
     }
     fn coriolis_matrix(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]) {
+        if let Some(joined) = Joined::of(self) {
+            return joined.coriolis_matrix(ws, (trig, q), v, c);
+        }
         coriolis::coriolis_matrix(self, &mut ws.poses, &mut ws.composites, &mut ws.columns, trig, q, v, c);
     }
     fn gravity(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], g: &mut [S]) {
+        if let Some(joined) = Joined::of(self) {
+            return joined.gravity(ws, (trig, q), g);
+        }
         energy::gravity(self, &mut ws.poses, &mut ws.composites, trig, q, g);
     }
     fn bias(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], out: &mut [S]) {
+        if let Some(joined) = Joined::of(self) {
+            return joined.inverse_dynamics(ws, (trig, q), v, None, out);
+        }
         newton_euler::newton_euler::<S, false>(self, &mut ws.links, trig, q, v, v, None, out);
     }
     fn inverse_dynamics(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], tau: &mut [S]) {
+        if let Some(joined) = Joined::of(self) {
+            return joined.inverse_dynamics(ws, (trig, q), v, Some(a), tau);
+        }
         newton_euler::newton_euler::<S, false>(self, &mut ws.links, trig, q, v, v, Some(a), tau);
     }
     fn forward_dynamics(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
+        if let Some(joined) = Joined::of(self) {
+            return joined.forward_dynamics(ws, (trig, q), v, tau, a);
+        }
         if self.is_shallow {
             forward::forward_dynamics(self, ws, trig, q, v, tau, a);
         } else {
@@ -46,7 +65,10 @@ impl<S: Real> Dynamics<S> for Tree<S> {
         }
     }
     fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
-        regressor::regressor(self, PARAMETERS * self.n(), &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
+        if let Some(joined) = Joined::of(self) {
+            return joined.regressor(ws, (trig, q), [v, v_r, a_r], self.parameter_count(), y);
+        }
+        regressor::regressor(self, self.parameter_count(), &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
     }
     fn regressor_products(
         &self,
@@ -61,9 +83,15 @@ impl<S: Real> Dynamics<S> for Tree<S> {
         y_pi: &mut [S],
         yt_s: &mut [S],
     ) {
+        if let Some(joined) = Joined::of(self) {
+            return joined.regressor_products(ws, (trig, q), [v, v_r, a_r, s], pi, y_pi, yt_s);
+        }
         regressor::regressor_products(self, &mut ws.links, trig, q, v, v_r, a_r, pi, s, y_pi, yt_s);
     }
     fn energy(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
+        if let Some(joined) = Joined::of(self) {
+            return joined.energy(ws, (trig, q), v);
+        }
         energy::energy(self, &mut ws.poses, &mut ws.columns, trig, q, v)
     }
 }

@@ -34,7 +34,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, Un
 impl Evaluator {
     fn answer(&mut self, query: impl Into<Query>, inputs: &[&DVector<f64>]) -> Result<DMatrix<f64>> {
         let query = query.into();
-        let (rows, columns) = query.shape(self.n());
+        let (rows, columns) = query.shape(self.size());
         let mut out = vec![0.0; rows * columns];
         let inputs: Vec<&[f64]> = inputs.iter().map(|input| input.as_slice()).collect();
         if !self.one(&query, &inputs, &mut out)? {

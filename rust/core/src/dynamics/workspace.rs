@@ -2,6 +2,7 @@
 
 use super::crba;
 use super::derivatives::Slope;
+use super::joined::Spread;
 use super::regressor::Field;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
@@ -115,11 +116,13 @@ pub struct Workspace<S: Real> {
     pub motion: Vec<(Vector3<S>, Vector3<S>)>,
     /// Mass of each subtree and its first moment about the joint.
     pub subtrees: Vec<(S, Vector3<S>)>,
+    /// For joints that follow others.
+    pub spread: Spread<S>,
 }
 
 impl<S: Real> Workspace<S> {
     pub fn new(tree: &Tree<S>) -> Self {
-        let n = tree.n();
+        let n = tree.bodies.len();
         Workspace {
             poses: vec![Pose::identity(); n],
             links: vec![Link::default(); n],
@@ -132,6 +135,7 @@ impl<S: Real> Workspace<S> {
             slopes: vec![Slope::default(); n],
             motion: vec![(Vector3::zero(), Vector3::zero()); n],
             subtrees: vec![(S::zero(), Vector3::zero()); n],
+            spread: Spread::new(tree),
         }
     }
 }

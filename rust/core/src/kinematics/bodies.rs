@@ -34,7 +34,9 @@ pub(super) struct Moving<S: Real> {
 
 /// The column of one joint: linear and angular part, and the rates of both.
 pub(super) struct Column<S: Real> {
+    /// The coordinate that moves it, and its rate per unit rate of that.
     pub joint: usize,
+    pub multiplier: f64,
     pub linear: Vector3<S>,
     pub angular: Vector3<S>,
     pub linear_dot: Vector3<S>,
@@ -44,14 +46,14 @@ pub(super) struct Column<S: Real> {
 impl<S: Real> Bodies<S> {
     /// Those of a tree of which the first `needed` are placed.
     pub(super) fn new(tree: Tree<S>, needed: usize) -> Self {
-        let n = tree.n();
+        let (n, bodies) = (tree.n(), tree.bodies.len());
         Bodies {
             needed,
             trig: vec![(S::zero(), S::splat(1.0)); n],
             q: vec![S::zero(); n],
-            poses: vec![Pose::identity(); n],
-            motion: vec![(Vector3::zero(), Vector3::zero()); n],
-            subtrees: vec![(S::zero(), Vector3::zero(), Vector3::zero()); n],
+            poses: vec![Pose::identity(); bodies],
+            motion: vec![(Vector3::zero(), Vector3::zero()); bodies],
+            subtrees: vec![(S::zero(), Vector3::zero(), Vector3::zero()); bodies],
             tree,
         }
     }
@@ -67,8 +69,10 @@ impl<S: Real> Bodies<S> {
 
     /// Place the bodies at `q` `(n,)`.
     pub(super) fn place(&mut self, q: &[S]) {
-        for i in 0..self.needed {
-            if self.tree.bodies[i].revolute {
+        // A body that is needed may follow any coordinate.
+        let needed = if self.tree.joining.is_some() { q.len() } else { self.needed };
+        for i in 0..needed {
+            if self.tree.leader(i).revolute {
                 self.trig[i] = q[i].sin_cos();
             }
         }
@@ -93,10 +97,11 @@ impl<S: Real> Bodies<S> {
         for i in 0..self.needed {
             let body = &self.tree.bodies[i];
             let (parent, (w, u)) = from_parent(body.parent, i, last, |p| (self.poses[p], self.motion[p]), base);
-            let pose = place_body(body, &parent, self.trig[i], self.q[i]);
+            let ((trig, q), rate) = (self.tree.position(i, &self.trig, &self.q), self.tree.rate(i, v));
+            let pose = place_body(body, &parent, trig, q);
             let swept = w.cross_add(pose.origin - parent.origin, u);
             let z = pose.z();
-            self.motion[i] = if body.revolute { (z.scale_add(v[i], w), swept) } else { (w, z.scale_add(v[i], swept)) };
+            self.motion[i] = if body.revolute { (z.scale_add(rate, w), swept) } else { (w, z.scale_add(rate, swept)) };
             last = (pose, self.motion[i]);
         }
     }
@@ -126,21 +131,21 @@ impl<S: Real> Bodies<S> {
                 let z_dot = w.cross(z);
                 if revolute { (z_dot.cross_add(at.p - o, z.cross(at.u - u)), z_dot) } else { (z_dot, none) }
             };
-            put(Column { joint: i, linear, angular, linear_dot, angular_dot });
+            let (joint, multiplier) = self.tree.mover(i);
+            put(Column { joint, multiplier, linear, angular, linear_dot, angular_dot });
             i = self.tree.bodies[i].parent;
         }
     }
 
     /// Mass, first moment and, where `rate` asks for it, momentum of each subtree.
     pub(super) fn gather_subtrees(&mut self, rate: bool) {
-        let n = self.n();
         for (i, body) in self.tree.bodies.iter().enumerate() {
             let m = body.inertia.mass;
             let arm = self.poses[i].rotation.apply(body.inertia.moment);
             let momentum = if rate { self.motion[i].0.cross_add(arm, self.motion[i].1.scale(m)) } else { Vector3::zero() };
             self.subtrees[i] = (m, self.poses[i].origin.scale_add(m, arm), momentum);
         }
-        for i in (0..n).rev() {
+        for i in (0..self.tree.bodies.len()).rev() {
             let parent = self.tree.bodies[i].parent;
             if parent != BASE {
                 let (m, h, p) = self.subtrees[i];

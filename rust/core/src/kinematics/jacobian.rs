@@ -1,7 +1,8 @@
 //! Poses of frames, geometric Jacobians in world axes at the frame origin `p`, and the centre of mass.
 //!
 //! Column of a revolute joint `[z x (p - o); z]`, of a slide `[z; 0]`; their time derivatives with `z' = w x z`,
-//! `o'` and `p'` the velocities of the joint and of the frame. Matrices are `(6, n)` or `(3, n)`, row-major.
+//! `o'` and `p'` the velocities of the joint and of the frame. Matrices are `(6, n)` or `(3, n)`, row-major. Columns of joints that
+//! follow others are added to their leaders', times the multiplier.
 
 use super::{Pose, from_parent, place_body};
 use crate::arm::{BASE, Tree};
@@ -42,23 +43,33 @@ pub fn jacobian_on_zeros<S: Real>(
     frame: usize,
     j: &mut [S],
 ) -> Vector3<S> {
-    let n = tree.n();
     let (_, p) = frame_pose(tree, poses, trig, q, frame);
+    if tree.joining.is_some() {
+        j.fill(S::zero());
+    }
     let mut i = tree.frames[frame].body;
     while i != BASE {
         let z = poses[i].z();
         let (linear, angular) = if tree.bodies[i].revolute { (z.cross(p - poses[i].origin), z) } else { (z, Vector3::zero()) };
-        write(j, n, i, linear, angular);
+        write(tree, j, i, linear, angular);
         i = tree.bodies[i].parent;
     }
     p
 }
 
-fn write<S: Real>(j: &mut [S], n: usize, i: usize, linear: Vector3<S>, angular: Vector3<S>) {
+/// The column of a body, into zeros or what other joints of its coordinate left.
+fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, angular: Vector3<S>) {
+    let (n, (i, multiplier)) = (tree.n(), tree.mover(body));
     for k in 0..3 {
-        j[(LINEAR + k) * n + i] = linear[k];
-        j[(ANGULAR + k) * n + i] = angular[k];
+        put(tree, multiplier, &mut j[(LINEAR + k) * n + i], linear[k]);
+        put(tree, multiplier, &mut j[(ANGULAR + k) * n + i], angular[k]);
     }
+}
+
+/// An entry of a column: added, where joints follow others.
+#[inline]
+pub(super) fn put<S: Real>(tree: &Tree<S>, multiplier: f64, entry: &mut S, value: S) {
+    *entry = if tree.joining.is_some() { S::splat(multiplier).mul_add(value, *entry) } else { value };
 }
 
 /// `dJ/dt` `(6, n)` at joint rates `v`. `motion` has room for `(w, velocity)` of every body.
@@ -72,16 +83,16 @@ pub fn jacobian_dot<S: Real>(
     frame: usize,
     j: &mut [S],
 ) {
-    let n = tree.n();
     let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
     let mut last = base();
     for i in 0..needed(tree, frame) {
         let body = &tree.bodies[i];
         let (parent, (w, u)) = from_parent(body.parent, i, last, |p| (poses[p], motion[p]), base);
-        let pose = place_body(body, &parent, trig[i], q[i]);
+        let ((trig, q), rate) = (tree.position(i, trig, q), tree.rate(i, v));
+        let pose = place_body(body, &parent, trig, q);
         let swept = w.cross_add(pose.origin - parent.origin, u);
         let z = pose.z();
-        motion[i] = if body.revolute { (z.scale_add(v[i], w), swept) } else { (w, z.scale_add(v[i], swept)) };
+        motion[i] = if body.revolute { (z.scale_add(rate, w), swept) } else { (w, z.scale_add(rate, swept)) };
         poses[i] = pose;
         last = (pose, motion[i]);
     }
@@ -101,15 +112,14 @@ pub fn jacobian_dot<S: Real>(
         } else {
             (z_dot, Vector3::zero())
         };
-        write(j, n, i, linear, angular);
+        write(tree, j, i, linear, angular);
         i = tree.bodies[i].parent;
     }
 }
 
 /// Mass of the moving bodies and their centre of mass in the world; NaN for a massless arm.
 pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S]) -> (S, Vector3<S>) {
-    let n = tree.n();
-    super::place(tree, trig, q, &mut poses[..n]);
+    super::place(tree, trig, q, &mut poses[..tree.bodies.len()]);
     let (mut mass, mut moment) = (S::zero(), Vector3::zero());
     for (body, pose) in tree.bodies.iter().zip(poses.iter()) {
         mass += body.inertia.mass;
@@ -133,13 +143,16 @@ pub fn com_jacobian<S: Real>(
     for (i, body) in tree.bodies.iter().enumerate() {
         subtree[i] = (body.inertia.mass, poses[i].rotation.apply(body.inertia.moment));
     }
-    for i in (0..n).rev() {
+    if tree.joining.is_some() {
+        j.fill(S::zero());
+    }
+    for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];
         let (m, h) = subtree[i];
         let z = poses[i].z();
-        let column = if body.revolute { z.cross(h) } else { z.scale(m) };
+        let (column, (at, multiplier)) = (if body.revolute { z.cross(h) } else { z.scale(m) }, tree.mover(i));
         for k in 0..3 {
-            j[k * n + i] = column[k] * inverse;
+            put(tree, multiplier, &mut j[k * n + at], column[k] * inverse);
         }
         if body.parent != BASE {
             let p = poses[i].origin - poses[body.parent].origin;

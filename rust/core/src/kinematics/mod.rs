@@ -87,7 +87,8 @@ pub fn place<S: Real>(tree: &Tree<S>, trig: &[(S, S)], q: &[S], poses: &mut [Pos
     for i in 0..poses.len() {
         let body = &tree.bodies[i];
         let parent = from_parent(body.parent, i, last, |p| poses[p], Pose::identity);
-        last = place_body(body, &parent, trig[i], q[i]);
+        let (trig, q) = tree.position(i, trig, q);
+        last = place_body(body, &parent, trig, q);
         poses[i] = last;
     }
 }

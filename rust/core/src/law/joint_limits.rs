@@ -64,7 +64,7 @@ impl JointLimits {
     /// The limits given, the arm's own where they are not. Errors: wrong lengths, NaN, limits out of order or on the wrong side of
     /// zero, no finite limit at all.
     pub fn new(model: &Model, given: &LimitOverrides) -> Result<Self> {
-        let joints = &model.tree("arm")?.joints;
+        let joints: Vec<&crate::arm::Joint> = model.tree("arm")?.independent().collect();
         let n = joints.len();
         let own = |of: fn(&crate::arm::Limits) -> f64| joints.iter().map(|joint| of(&joint.limits)).collect::<Vec<f64>>();
         let mirrored = |x: &Vec<f64>| x.iter().map(|x| -x).collect::<Vec<f64>>();

@@ -84,7 +84,7 @@ impl PriorityVelocitySpec {
 pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<PriorityOptions> {
     let arm = model.tree("arm")?;
     if options.method == PriorityMethod::Sns && options.v_min.is_none() && options.v_max.is_none() {
-        let limits: Vec<f64> = arm.joints.iter().map(|joint| joint.limits.velocity).collect();
+        let limits: Vec<f64> = arm.independent().map(|joint| joint.limits.velocity).collect();
         if limits.iter().any(|limit| limit.is_finite()) {
             options.v_max = Some(limits);
         }

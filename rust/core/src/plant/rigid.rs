@@ -188,8 +188,8 @@ impl<S: Real> Plant<S> for Rigid<S> {
             dx[i] = v[i];
         }
         if let (true, AnyArm::Tree(tree)) = (self.friction, &self.links.arm) {
-            for (i, body) in tree.bodies.iter().enumerate() {
-                let loss = friction_torque(body, v[i]);
+            for i in 0..n {
+                let loss = friction_torque(tree.leader(i), v[i]);
                 self.links.effort[i] -= loss;
                 outside = loss.neg_mul_add(v[i], outside);
             }

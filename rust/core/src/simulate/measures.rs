@@ -233,7 +233,7 @@ pub fn same_aims(problem: &Problem) -> bool {
 /// The limits that the model states; `None` for a model that states none.
 fn bounds(model: &Model, velocity: bool) -> Option<Bounds> {
     let Model::Tree(arm) = model else { return None };
-    let of = |get: &dyn Fn(&crate::arm::Joint) -> f64| arm.joints.iter().map(get).collect::<Vec<f64>>();
+    let of = |get: &dyn Fn(&crate::arm::Joint) -> f64| arm.independent().map(get).collect::<Vec<f64>>();
     let speed = of(&|joint| joint.limits.velocity);
     // The input of an arm under velocity control is held against its speed.
     let effort = if velocity { speed.clone() } else { of(&|joint| joint.limits.effort) };

@@ -3,7 +3,7 @@
 use crate::arm_common::{Rng, random_tree};
 use crate::arm_functions::ALL;
 use crate::counting::counted;
-use armlet_core::dynamics::{Evaluator, Query};
+use armlet_core::dynamics::{Evaluator, Query, Size};
 
 #[test]
 fn evaluation_does_not_allocate() {
@@ -13,7 +13,7 @@ fn evaluation_does_not_allocate() {
     let numbers = rng.vector(7, 1.0);
     for quantity in ALL {
         let query = Query { frame: arm.frames.len() - 1, friction: true, armature: true, ..quantity.into() };
-        let (rows, columns) = query.shape(7);
+        let (rows, columns) = query.shape(Size { n: 7, bodies: 7 });
         let mut out = vec![f64::NAN; rows * columns];
         let inputs = [&numbers[..]; 4];
         let ((), count) = counted(|| {

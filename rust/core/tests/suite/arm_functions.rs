@@ -73,7 +73,7 @@ impl Both {
         Both { functions, query, inputs }
     }
     fn length(&self) -> usize {
-        let (rows, columns) = self.query.shape(self.functions.arm().n());
+        let (rows, columns) = self.query.shape(self.functions.arm().size());
         rows * columns
     }
     fn width(&self, k: usize) -> usize {

@@ -2,7 +2,7 @@
 
 use crate::arm_common::{Rng, close, largest, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, Tree};
-use armlet_core::dynamics::{Dynamics, Evaluator, Quantity, Query, Workspace, energy};
+use armlet_core::dynamics::{Dynamics, Evaluator, Quantity, Query, Size, Workspace, energy};
 use armlet_core::kinematics;
 use armlet_core::scalar::{GenericKernel, Real};
 use armlet_core::spatial::{Matrix, Vector, Vector3};
@@ -289,7 +289,7 @@ fn dynamics_along_a_path_are_inverse_dynamics_in_parts() {
 }
 
 fn quantity_length(quantity: Quantity, n: usize) -> usize {
-    let (rows, columns) = Query::from(quantity).shape(n);
+    let (rows, columns) = Query::from(quantity).shape(Size { n, bodies: n });
     rows * columns
 }
 
@@ -330,5 +330,5 @@ fn derivatives_agree_with_differences() {
 }
 
 fn slopes_shape(quantity: Quantity, n: usize) -> usize {
-    Query::from(quantity).shape(n).0 / n
+    Query::from(quantity).shape(Size { n, bodies: n }).0 / n
 }

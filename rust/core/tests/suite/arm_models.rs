@@ -9,7 +9,7 @@ use armlet_core::error::Error;
 
 fn ask(arm: &Arm, query: impl Into<Query>, inputs: &[&[f64]]) -> Vec<f64> {
     let query = query.into();
-    let (rows, columns) = query.shape(arm.n());
+    let (rows, columns) = query.shape(arm.size());
     let mut out = vec![f64::NAN; rows * columns];
     Evaluator::new(arm).one(&query, inputs, &mut out).unwrap();
     out

@@ -1,18 +1,19 @@
 //! The constructors of arms, and what pickling stores.
 
+use super::lists::{as_list, chain_joint, dh_row};
 use super::stored::stored;
 use super::{Arm, ArmModel};
-use crate::arrays::{Looked, any_vector, items, name, number as scalar, quoted, require_finite, shown, text, vector};
+use crate::arrays::{any_vector, name, number as scalar, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, paused};
 use crate::seal::{Sealed, seal_call};
-use armlet_core::arm::{self as core, ChainJoint, Convention, DhRow, Frame, Joint, JointKind, JointType, Limits};
+use armlet_core::arm::{self as core, Convention, Frame, Joint, JointType, Limits, MimicMode, UrdfOptions};
 use armlet_core::dynamics::{PlanarPr, indefinite};
 use armlet_core::memory;
 use armlet_core::spatial::{Matrix3, Placement, Vector3};
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyString, PyTuple};
+use pyo3::types::{PyList, PyString, PyTuple};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -63,6 +64,13 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 ///     path_or_xml: a path, or a string that holds the XML itself.
 ///     gravity: world axes, `(3,)`, m/s^2; (0, 0, -9.81) if None (keyword only).
 ///     root, tip: links between which a sub-chain is taken (keyword only).
+///     mimic: "joined": a joint with `<mimic>` is one degree of freedom with its leader; "independent": a joint like the others
+///         (keyword only).
+///
+/// A joint that follows another one, `q_joint = multiplier q_leader + offset`, keeps its body. `q` has no entry for it, and
+/// `arm.file_positions(q)` has its position. Its limits of position and speed narrow the leader's. Its armature and damping count
+/// `multiplier**2` at the leader, its Coulomb friction `|multiplier|`. The effort limit is the leader's own: one motor moves them all.
+/// A leader that `root` and `tip` leave out is replaced by the first of its followers.
 ///
 /// The order of `q` is depth first, siblings in file order; frames are the link names. Meshes are never opened.
 /// What looks odd, and what armlet does not keep, is listed in `arm.report`, also where the mass matrix is not positive definite.
@@ -76,19 +84,21 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 /// 2
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (path_or_xml, *, gravity=None, root=None, tip=None))]
+#[pyo3(signature = (path_or_xml, *, gravity=None, root=None, tip=None, mimic=None), text_signature = "(path_or_xml, *, gravity=None, root=None, tip=None, mimic='joined')")]
 pub fn load_urdf(
     py: Python<'_>,
     path_or_xml: &Bound<'_, PyAny>,
     gravity: Option<&Bound<'_, PyAny>>,
     root: Option<&Bound<'_, PyAny>>,
     tip: Option<&Bound<'_, PyAny>>,
+    mimic: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Arm> {
     const NAME: &str = "load_urdf";
     entry(py, NAME, || {
         let root = root.map(|root| name(NAME, "root", root)).transpose()?;
         let tip = tip.map(|tip| name(NAME, "tip", tip)).transpose()?;
-        let gravity = gravity3(NAME, gravity)?;
+        let mimic = mimic.map_or(Ok(MimicMode::default()), |mimic| Ok::<_, Failure>(MimicMode::parse(name(NAME, "mimic", mimic)?)?))?;
+        let options = UrdfOptions { gravity: gravity3(NAME, gravity)?, root, tip, mimic };
         // In place: a model as text may be large.
         let text: Cow<'_, str> = match path_or_xml.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
             Some(text) => text.into(),
@@ -101,9 +111,9 @@ pub fn load_urdf(
         let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
         long(py, || {
             let mut arm = if is_xml {
-                core::Arm::from_urdf(&text, "<string>", gravity, root, tip)?
+                core::Arm::read_urdf(&text, "<string>", &options)?
             } else {
-                core::Arm::load_urdf(Path::new(&*text), gravity, root, tip)?
+                core::Arm::load_urdf(Path::new(&*text), &options)?
             };
             arm.report.extend(indefinite(&arm));
             Ok(arm.into())
@@ -174,133 +184,6 @@ pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bou
     entry(py, NAME, || Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into()))
 }
 
-/// A finite number, or a decimal string as exact inputs are written.
-fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
-    let decimal = value.extract::<String>().ok().and_then(|text| text.trim().parse().ok());
-    let x = decimal.map_or_else(|| scalar(function, name, value), Ok)?;
-    require_finite(value.py(), function, name, &[], &[x])?;
-    Ok(x)
-}
-
-/// Entry `key` of dict `i` of a list: a vector of `N` numbers, or `default` where it is not given.
-fn entry_of<const N: usize>(
-    function: &str,
-    joint: &Bound<'_, PyDict>,
-    (list, i): (&str, usize),
-    key: &str,
-    default: [f64; N],
-) -> Result<[f64; N], Failure> {
-    let Some(value) = joint.get_item(key)? else { return Ok(default) };
-    let name = format!("{list}[{i}][{key:?}]");
-    let items = items(function, &name, &format!("a list: expected {N} numbers"), &value, 1024)?;
-    if items.len() != N {
-        let problem = format!("has the wrong length: expected {N}, got {}", items.len());
-        return Err(input_error(joint.py(), function, &name, problem).into());
-    }
-    let mut out = [0.0; N];
-    for (x, item) in out.iter_mut().zip(&items) {
-        *x = number(function, &name, item)?;
-    }
-    Ok(out)
-}
-
-/// Entry `key` of dict `i` of a list: a number, or `default`.
-fn scalar_of(function: &str, joint: &Bound<'_, PyDict>, (list, i): (&str, usize), key: &str, default: f64) -> Result<f64, Failure> {
-    joint.get_item(key)?.map_or(Ok(default), |value| number(function, &format!("{list}[{i}][{key:?}]"), &value))
-}
-
-/// Refuse a key that means nothing: a misspelt one would silently be its default.
-fn known_keys(function: &str, given: &Bound<'_, PyDict>, (list, i): (&str, usize), known: &[&str]) -> Result<(), Failure> {
-    for key in given.keys() {
-        if !key.extract::<String>().is_ok_and(|key| known.contains(&key.as_str())) {
-            let problem = format!("has an unknown key: expected one of {}, got {}", known.join(", "), quoted(&key));
-            return Err(input_error(given.py(), function, &format!("{list}[{i}]"), problem).into());
-        }
-    }
-    Ok(())
-}
-
-const CHAIN_KEYS: [&str; 14] =
-    ["type", "axis", "rpy", "xyz", "phi", "parent", "name", "lower", "upper", "velocity", "effort", "armature", "damping", "friction"];
-const DH_KEYS: [&str; 6] = ["type", "a", "alpha", "d", "theta", "phi"];
-
-fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result<ChainJoint, Failure> {
-    let (py, at) = (joint.py(), ("joints", i));
-    let refuse = |key: &str, problem: String| -> Failure { input_error(py, function, &format!("joints[{i}]{key}"), problem).into() };
-    let joint = joint.cast::<PyDict>().map_err(|_| refuse("", format!("is not a dict: got {}", joint.get_type())))?;
-    known_keys(function, joint, at, &CHAIN_KEYS)?;
-    let kind = joint.get_item("type")?.and_then(|kind| kind.extract::<String>().ok());
-    let Some(kind) = kind.as_deref().and_then(JointType::parse) else {
-        let got = joint.get_item("type")?.map_or("nothing".to_string(), |kind| quoted(&kind));
-        return Err(refuse(
-            "[\"type\"]",
-            format!("is unknown: expected one of R, P, F, revolute, continuous, prismatic, fixed, got {got}"),
-        ));
-    };
-    let axis = entry_of(function, joint, at, "axis", [0.0, 0.0, 1.0])?;
-    let (rpy, xyz) = (entry_of(function, joint, at, "rpy", [0.0; 3])?, entry_of(function, joint, at, "xyz", [0.0; 3])?);
-    let mut out = ChainJoint::new(kind, axis, rpy, xyz, entry_of(function, joint, at, "phi", [0.0; 10])?);
-    if let Some(name) = joint.get_item("name")? {
-        out.name = Some(text(function, &format!("joints[{i}][\"name\"]"), &name)?);
-    }
-    if let Some(parent) = joint.get_item("parent")? {
-        let parent: Option<i64> =
-            parent.extract().map_err(|_| refuse("[\"parent\"]", "is not an index: expected an integer or None".into()))?;
-        out.parent = Some(match parent {
-            None | Some(-1) => None,
-            Some(p) if p >= 0 => Some(p as usize),
-            Some(p) => return Err(refuse("[\"parent\"]", format!("is not an index: expected -1, None or an earlier joint, got {p}"))),
-        });
-    }
-    // Infinity is no bound, as in `Arm.limits`.
-    let limit = |key: &str, none: f64| match joint.get_item(key)? {
-        Some(value) if scalar(function, &format!("joints[{i}][{key:?}]"), &value).is_ok_and(|x| x == none) => Ok(none),
-        _ => scalar_of(function, joint, at, key, none),
-    };
-    let infinity = f64::INFINITY;
-    out.limits = Limits {
-        lower: limit("lower", -infinity)?,
-        upper: limit("upper", infinity)?,
-        velocity: limit("velocity", infinity)?,
-        effort: limit("effort", infinity)?,
-    };
-    out.armature = scalar_of(function, joint, at, "armature", 0.0)?;
-    out.damping = scalar_of(function, joint, at, "damping", 0.0)?;
-    out.friction = scalar_of(function, joint, at, "friction", 0.0)?;
-    Ok(out)
-}
-
-fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow, Failure> {
-    let py = row.py();
-    if let Ok(joint) = row.cast::<PyDict>() {
-        let at = ("rows", i);
-        known_keys(function, joint, at, &DH_KEYS)?;
-        let kind = match joint.get_item("type")? {
-            None => JointKind::Revolute,
-            Some(given) => match given.extract::<String>().ok().as_deref().and_then(JointType::parse) {
-                Some(JointType::Moving(kind)) => kind,
-                _ => {
-                    let problem = format!("is unknown: expected one of R, P, revolute, continuous, prismatic, got {}", quoted(&given));
-                    return Err(input_error(py, function, &format!("rows[{i}][\"type\"]"), problem).into());
-                }
-            },
-        };
-        let get = |key: &str| scalar_of(function, joint, at, key, 0.0);
-        let phi = entry_of(function, joint, at, "phi", [0.0; 10])?;
-        return Ok(DhRow { kind, a: get("a")?, alpha: get("alpha")?, d: get("d")?, theta: get("theta")?, phi });
-    }
-    let name = format!("rows[{i}]");
-    let looked = Looked::at(function, &name, row)?;
-    if looked.shape != [4] {
-        let shape = &looked.shape;
-        let problem = format!("has the wrong shape: expected (4,) (a, alpha, d, theta) or a dict, got {}", shown(shape));
-        return Err(input_error(py, function, &name, problem).into());
-    }
-    let (shape, x) = looked.values()?;
-    require_finite(py, function, &name, &shape, &x)?;
-    Ok(DhRow { kind: JointKind::Revolute, a: x[0], alpha: x[1], d: x[2], theta: x[3], phi: [0.0; 10] })
-}
-
 /// What a joint and a frame are there: plain tuples.
 type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10]);
 type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
@@ -334,7 +217,7 @@ pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
             if body.is_some_and(|b| b >= count) { Err(damaged()) } else { Ok(Frame { name, body, placement: placed(placement), joint }) }
         };
         let frames = paused(&memory::collected(frames.iter())?, frame)?;
-        long(py, || Ok(core::Arm { name, joints, frames, gravity, report }.into()))
+        long(py, || Ok(core::Arm { name, joints, mimics: Vec::new(), frames, gravity, report }.into()))
     })
 }
 
@@ -347,7 +230,8 @@ impl Arm {
     /// normalised for you; `rpy`, `xyz`: placement of the joint frame in the parent's body frame at q = 0 (rad, m);
     /// `phi`: the ten inertial parameters about the body frame's origin. Optional: `parent` (index of an earlier joint,
     /// -1 or None for the base; the previous joint if not given), `name`, `lower`, `upper`, `velocity`, `effort`,
-    /// `armature`, `damping`, `friction`. Frames "link1" .. are the body frames.
+    /// `armature`, `damping`, `friction`, `mimic`: a dict with `joint`, the index of the joint that it follows, `multiplier` (1) and
+    /// `offset` (0), as `<mimic>` of a URDF. Frames "link1" .. are the body frames.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.Arm.from_chain([{"type": "R", "axis": [0, 0, 1], "phi": [1, 0.5, 0, 0, 0, 0, 0, 0, 0, 0.3]}])
@@ -398,11 +282,4 @@ impl Arm {
             }
         }
     }
-}
-
-/// The most joints of a list.
-const MOST_JOINTS: usize = 1 << 24;
-
-fn as_list<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Failure> {
-    items(function, name, "a list: expected one entry per joint", value, MOST_JOINTS)
 }

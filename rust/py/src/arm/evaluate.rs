@@ -79,7 +79,7 @@ impl Arm {
         out: Option<&Bound<'py, PyAny>>,
     ) -> Option<Bound<'py, PyAny>> {
         let n = self.model.n();
-        if n > FEW && query.nanoseconds(n) >= LONG {
+        if n > FEW && query.nanoseconds(self.model.size()) >= LONG {
             return None;
         }
         let mut lengths = [n; K];
@@ -223,7 +223,7 @@ impl Arm {
         parts: impl FnOnce(usize) -> Vec<P> + Send,
         work: impl Fn(&Broadcast<K>, P) -> Result<bool, Error> + Sync,
     ) -> Result<bool, Failure> {
-        let (each, count) = (query.nanoseconds(self.model.n()), inputs.count);
+        let (each, count) = (query.nanoseconds(self.model.size()), inputs.count);
         let prepare = || if count > 1 { self.model.prepare(query, count) } else { Ok(()) };
         if each * (count as f64) < LONG && !self.model.is_due(query, count) {
             prepare()?;

@@ -98,12 +98,12 @@ impl Arm {
         entry(py, NAME, || {
             let tree = self.model.tree(NAME)?;
             let pi = match pi {
-                Some(pi) => vector(NAME, "pi", pi, 10 * tree.n())?,
+                Some(pi) => vector(NAME, "pi", pi, 10 * tree.joints.len())?,
                 None => tree.parameters(),
             };
             let bodies = long(py, || consistency::check_parameters(&pi))?;
             let fields = PyDict::new(py);
-            fields.set_item("joints", PyTuple::new(py, self.model.joint_names())?)?;
+            fields.set_item("joints", PyTuple::new(py, self.model.file_joint_names())?)?;
             let values: Vec<f64> = bodies.iter().flat_map(|body| body.eigenvalues).collect();
             fields.set_item("eigenvalues", copied(py, &[bodies.len(), 4], &values)?)?;
             fields.set_item("problems", PyTuple::new(py, bodies.iter().map(|body| body.problem.as_str()))?)?;
@@ -127,7 +127,7 @@ impl Arm {
     ) -> PyResult<Bound<'py, PyAny>> {
         const NAME: &str = "project_parameters";
         entry(py, NAME, || {
-            let pi = vector(NAME, "pi", pi, 10 * self.model.tree(NAME)?.n())?;
+            let pi = vector(NAME, "pi", pi, 10 * self.model.tree(NAME)?.joints.len())?;
             projected(py, &pi, length, floor)
         })
     }

@@ -1,7 +1,7 @@
 //! The model behind `armlet.Arm`: a closed-form arm or a tree, with one way to ask either.
 
 use armlet_core::arm::{Arm as CoreArm, JointKind};
-use armlet_core::dynamics::{Functions, PlanarPr, Quantity, Query};
+use armlet_core::dynamics::{Functions, PlanarPr, Quantity, Query, Size};
 use armlet_core::error::{Error, Result, all_finite, finite};
 use std::sync::Arc;
 
@@ -64,6 +64,29 @@ impl ArmModel {
         }
     }
 
+    pub fn size(&self) -> Size {
+        match self {
+            ArmModel::PlanarPr(_) => Size { n: 2, bodies: 2 },
+            ArmModel::Tree(tree) => tree.arm().size(),
+        }
+    }
+
+    /// Names of all joints, those that follow others included.
+    pub fn file_joint_names(&self) -> Vec<String> {
+        match self {
+            ArmModel::PlanarPr(_) => self.joint_names(),
+            ArmModel::Tree(tree) => tree.arm().joints.iter().map(|joint| joint.name.clone()).collect(),
+        }
+    }
+
+    /// The positions of these joints at `q` `(n,)`.
+    pub fn file_positions(&self, q: &[f64], out: &mut [f64]) {
+        match self {
+            ArmModel::Tree(tree) => tree.arm().joint_positions(q, out),
+            ArmModel::PlanarPr(_) => out.copy_from_slice(q),
+        }
+    }
+
     pub fn joint_names(&self) -> Vec<String> {
         match self {
             ArmModel::PlanarPr(_) => vec!["p1".into(), "r2".into()],
@@ -74,7 +97,7 @@ impl ArmModel {
     pub fn joint_types(&self) -> Vec<String> {
         match self {
             ArmModel::PlanarPr(_) => vec!["prismatic".into(), "revolute".into()],
-            ArmModel::Tree(tree) => tree.arm().joints.iter().map(|joint| joint.kind.name().to_string()).collect(),
+            ArmModel::Tree(tree) => tree.arm().independent().map(|joint| joint.kind.name().to_string()).collect(),
         }
     }
 
@@ -126,8 +149,8 @@ impl ArmModel {
     /// Limits and drives of the joints, by name.
     pub fn limits(&self) -> Vec<(&'static str, Vec<f64>)> {
         let ArmModel::Tree(tree) = self else { return Vec::new() };
-        let joints = &tree.arm().joints;
-        let of = |get: &dyn Fn(&armlet_core::arm::Joint) -> f64| joints.iter().map(get).collect::<Vec<f64>>();
+        let arm = tree.arm();
+        let of = |get: &dyn Fn(&armlet_core::arm::Joint) -> f64| arm.independent().map(get).collect::<Vec<f64>>();
         vec![
             ("q_min", of(&|j| j.limits.lower)),
             ("q_max", of(&|j| j.limits.upper)),
@@ -150,7 +173,7 @@ impl ArmModel {
             Quantity::Christoffel => ([n; 3], 3),
             Quantity::Regressor if matches!(self, ArmModel::PlanarPr(_)) => ([2, 3, 0], 2),
             _ => {
-                let (rows, columns) = query.shape(n);
+                let (rows, columns) = query.shape(self.size());
                 ([rows, columns, 0], 2)
             }
         }
@@ -212,12 +235,21 @@ impl ArmModel {
             ArmModel::Tree(tree) => tree.arm(),
         };
         let mut text = format!("Arm {:?}: {} joints, {} frames, gravity {:?}", tree.name, tree.n(), tree.frames.len(), tree.gravity);
-        let wide = tree.joint_names().map(str::len).max().unwrap_or(0).max(5);
+        let wide = tree.joints.iter().map(|joint| joint.name.len()).max().unwrap_or(0).max(5);
         text += &format!(
             "\n  {:>3}  {:wide$}  {:10}  {:>10}  {:>10}  {:>9}  {:>9}  {:>9}",
             "", "joint", "type", "lower", "upper", "v_max", "effort", "mass"
         );
+        let mut coordinate = 0;
         for (i, joint) in tree.joints.iter().enumerate() {
+            if let Some(mimic) = tree.mimics.iter().find(|mimic| mimic.joint == i) {
+                let (leader, kind, mass) = (&tree.joints[mimic.leader].name, joint.kind.name(), joint.parameters[0]);
+                let follows = format!("= {} {leader} + {}", mimic.multiplier, mimic.offset);
+                text += &format!("\n  {:>3}  {:wide$}  {kind:10}  {follows:<44}  {mass:>9.4}", "", joint.name);
+                continue;
+            }
+            let i = coordinate;
+            coordinate += 1;
             let unit = if joint.kind == JointKind::Prismatic { "m" } else { "rad" };
             let limit = |x: f64| if x.is_finite() { format!("{x:.4} {unit}") } else { "-".into() };
             let number = |x: f64| if x.is_finite() { format!("{x:.4}") } else { "-".into() };

@@ -2,8 +2,10 @@
 //! links is written and read without the interpreter's lock.
 //!
 //! ```text
-//! integers  joints, frames, remarks; the parent of each joint; the body of each frame and whether a joint leads to it; lengths of strings
-//! numbers   gravity; of each joint its placement, axis, limits and drive, ten parameters; of each frame its placement
+//! integers  joints, frames, remarks; the parent of each joint; the body of each frame and whether a joint leads to it; each joint that
+//!           follows another one, and that one; lengths of strings
+//! numbers   gravity; of each joint its placement, axis, limits and drive, ten parameters; of each frame its placement; multiplier and
+//!           offset of each joint that follows another one
 //! text      the arm's name; of each joint its name and kind; of each frame its name and its joint's; the remarks of the report
 //! ```
 
@@ -11,7 +13,7 @@ use super::Arm;
 use crate::errors::{Failure, entry};
 use crate::interrupts::long;
 use crate::seal::bytes;
-use armlet_core::arm::{self as core, Frame, Joint, JointType, Limits};
+use armlet_core::arm::{self as core, Frame, Joint, JointType, Limits, Mimic};
 use armlet_core::error::{Error, Result as CoreResult};
 use armlet_core::interrupt::look;
 use armlet_core::memory;
@@ -82,6 +84,11 @@ impl Stored {
             out.text(&f.name)?;
             out.text(f.joint.as_deref().unwrap_or_default())?;
         }
+        for m in &arm.mimics {
+            out.integer(m.joint as i64)?;
+            out.integer(m.leader as i64)?;
+            out.numbers(&[m.multiplier, m.offset])?;
+        }
         arm.report.iter().try_for_each(|remark| out.text(remark))?;
         memory::append(&mut out.integers, &out.lengths)?;
         Ok(out)
@@ -144,6 +151,11 @@ impl<'a> Reader<'a> {
         Some(Joint { name, kind, parent, placement, axis, limits, armature, damping, friction, parameters })
     }
 
+    fn mimic(&mut self, joints: usize) -> Option<Mimic> {
+        let (joint, leader, [multiplier, offset]) = (self.index(joints)??, self.index(joints)??, self.numbers()?);
+        Some(Mimic { joint, leader, multiplier, offset })
+    }
+
     fn frame(&mut self, joints: usize) -> Option<Frame> {
         let (body, led) = (self.index(joints)?, self.integer()? == 1);
         let (placement, name, joint) = (self.placement()?, self.text()?.to_string(), self.text()?);
@@ -160,15 +172,18 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
     let (joints, frames, remarks) = (count()?, count()?, count()?);
     // Counts are at most the number of integers: no sum overflows, and what is reserved is in proportion to what was read.
     let strings = 1 + 2 * joints + 2 * frames + remarks;
-    if integers.len() != 3 + joints + 2 * frames + strings || numbers.len() != 3 + JOINT * joints + PLACEMENT * frames {
+    let (own_integers, own_numbers) = (3 + joints + 2 * frames + strings, 3 + JOINT * joints + PLACEMENT * frames);
+    let mimics = integers.len().checked_sub(own_integers).ok_or_else(damaged)? / 2;
+    if integers.len() != own_integers + 2 * mimics || numbers.len() != own_numbers + 2 * mimics {
         return Err(damaged());
     }
-    (reader.integers, reader.lengths) = reader.integers.split_at(joints + 2 * frames);
+    (reader.integers, reader.lengths) = reader.integers.split_at(joints + 2 * frames + 2 * mimics);
     let name = reader.text().ok_or_else(damaged)?.to_string();
     let gravity = reader.numbers().ok_or_else(damaged)?;
     let mut arm = core::Arm {
         name,
         joints: memory::reserved(joints)?,
+        mimics: memory::reserved(mimics)?,
         frames: memory::reserved(frames)?,
         gravity,
         report: memory::reserved(remarks)?,
@@ -180,6 +195,12 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
     for _ in 0..frames {
         look();
         arm.frames.push(reader.frame(joints).ok_or_else(damaged)?);
+    }
+    for _ in 0..mimics {
+        arm.mimics.push(reader.mimic(joints).ok_or_else(damaged)?);
+    }
+    if !arm.mimics_are_sound() {
+        return Err(damaged());
     }
     for _ in 0..remarks {
         arm.report.push(reader.text().ok_or_else(damaged)?.to_string());

@@ -41,7 +41,7 @@ impl Arm {
         let py = slf.py();
         entry(py, NAME, || {
             let lengths = flag_or_false(NAME, "lengths", lengths)?;
-            let n = slf.get().model.n();
+            let n = slf.get().model.size().bodies;
             if n > MOST_JOINTS {
                 let problem = format!("has too many joints for formulas that one can read: expected at most {MOST_JOINTS}, got {n}");
                 return Err(input_error(py, NAME, "arm", problem).into());
@@ -62,7 +62,8 @@ impl Arm {
                     (parent, rotation, joint.placement.translation.array(), joint.axis, slides, joint.parameters, joint.armature)
                 })
                 .collect();
-            Ok(module.getattr("of_tree")?.call1((joints, arm.gravity, lengths))?)
+            let rows = arm.joining().map(|joining| joining.rows);
+            Ok(module.getattr("of_tree")?.call1((joints, arm.gravity, lengths, rows))?)
         })
     }
 }

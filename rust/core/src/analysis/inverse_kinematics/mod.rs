@@ -217,7 +217,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 fn limits(arm: &Arm, keep: bool) -> Result<Vec<(f64, f64)>> {
     let free = (f64::NEG_INFINITY, f64::INFINITY);
     let of = |joint: &crate::arm::Joint| if keep { (joint.limits.lower, joint.limits.upper) } else { free };
-    let bounds: Vec<(f64, f64)> = arm.joints.iter().map(of).collect();
+    let bounds: Vec<(f64, f64)> = arm.independent().map(of).collect();
     match bounds.iter().position(|(lower, upper)| !(lower <= upper)) {
         None => Ok(bounds),
         Some(i) => Err(Error::input(

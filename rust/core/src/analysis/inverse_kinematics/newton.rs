@@ -81,7 +81,7 @@ impl Newton {
         Ok(Newton {
             desired: functions.iter().map(|function| vec![0.0; 3 * function.target_size()]).collect(),
             bounds,
-            angles: arm.joints.iter().map(|joint| joint.kind.is_angle()).collect(),
+            angles: arm.independent().map(|joint| joint.kind.is_angle()).collect(),
             search: search.clone(),
             e: vec![0.0; total],
             w: vec![0.0; total],

@@ -101,20 +101,20 @@ impl MomentumObserver {
         let Some(thresholds) = &self.thresholds else {
             return Err(Error::input("threshold", "is missing: expected thresholds (n,) or calibrate() before"));
         };
-        let parent = |i: usize| match &self.model {
-            Model::Tree(arm) => arm.joints[i].parent,
-            Model::PlanarPr(_) => i.checked_sub(1),
-        };
         let n = self.n();
+        let parents: Vec<Option<usize>> = match &self.model {
+            Model::Tree(arm) => arm.parents(),
+            Model::PlanarPr(_) => (0..n).map(|i| i.checked_sub(1)).collect(),
+        };
         let of_row = |r: &[f64]| {
             let above = |i: usize| r[i].abs() > thresholds[i];
             // Inwards of another one that is above, a joint carries what acts further out.
             let mut inner = vec![false; n];
             for i in (0..n).filter(|&i| above(i)) {
-                let mut next = parent(i);
+                let mut next = parents[i];
                 while let Some(k) = next.filter(|&k| !inner[k]) {
                     inner[k] = true;
-                    next = parent(k);
+                    next = parents[k];
                 }
             }
             let outermost = (0..n).filter(|&i| above(i) && !inner[i]);

@@ -1,14 +1,17 @@
 //! From the links and joints of a file to an arm: one root, no cycles, fixed joints merged, without recursion.
 
 use super::element::{Robot, UrdfJoint};
-use super::read::Source;
+use super::followers;
+use super::read::{Source, UrdfOptions};
 use crate::arm::{Arm, Frame, Joint, listed};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::spatial::Placement;
 use std::collections::HashMap;
 
-pub fn arm(source: &Source, robot: Robot, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
+pub fn arm(source: &Source, mut robot: Robot, options: &UrdfOptions) -> Result<Arm> {
+    let UrdfOptions { gravity, root, tip, mimic } = *options;
+    let followed = followers::join(source, &mut robot, mimic)?;
     let tree = LinkTree::new(source, &robot)?;
     let named = |argument: &str, name: &str| {
         tree.index
@@ -19,7 +22,9 @@ pub fn arm(source: &Source, robot: Robot, gravity: [f64; 3], root: Option<&str>,
     let base = root.map_or(Ok(tree.root), |name| named("root", name))?;
     let path = tip.map(|name| named("tip", name).and_then(|tip| tree.path(&robot, base, tip))).transpose()?;
 
-    let mut arm = Arm { name: robot.name.clone(), joints: Vec::new(), frames: Vec::new(), gravity, report: robot.report.clone() };
+    let mut arm =
+        Arm { name: robot.name.clone(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: robot.report.clone() };
+    let mut index = vec![None; robot.joints.len()];
     let (mut cut, mut on_base) = (Vec::new(), Vec::new());
     // The link, the joint that leads to it, the moving body that carries that joint, and the placement of its parent link there.
     let mut stack: Vec<(usize, Option<usize>, Option<usize>, Placement)> = vec![(base, None, None, Placement::IDENTITY)];
@@ -28,16 +33,17 @@ pub fn arm(source: &Source, robot: Robot, gravity: [f64; 3], root: Option<&str>,
         let placement = through.map_or(parent, |j| parent.then(&robot.joints[j].placement));
         let frame = Frame { name: robot.links[link].name.clone(), body: carrier, placement, joint: None };
         let inertia = &robot.links[link].inertia;
-        let (body, place) = match through.map(|j| &robot.joints[j]) {
-            Some(joint) if joint.kind.is_some() => {
+        let (body, place) = match through.map(|j| (j, &robot.joints[j])) {
+            Some((j, joint)) if joint.kind.is_some() => {
                 let own = Some(arm.joints.len());
+                index[j] = own;
                 arm.frames.push(Frame { body: own, placement: Placement::IDENTITY, ..frame });
                 arm.joints.push(moving(joint, carrier, placement));
                 arm.merge(own, inertia, &Placement::IDENTITY);
                 (own, Placement::IDENTITY)
             }
             fixed => {
-                arm.frames.push(Frame { joint: fixed.map(|joint| joint.name.clone()), ..frame });
+                arm.frames.push(Frame { joint: fixed.map(|(_, joint)| joint.name.clone()), ..frame });
                 arm.merge(carrier, inertia, &placement);
                 if carrier.is_none() && !inertia.is_zero() {
                     on_base.push(robot.links[link].name.as_str());
@@ -66,6 +72,7 @@ pub fn arm(source: &Source, robot: Robot, gravity: [f64; 3], root: Option<&str>,
     .map(|(what, names)| what.to_string() + &listed(&names))
     .collect();
     arm.report.extend(kept);
+    followers::set(&mut arm, &robot, &followed, &index)?;
     Ok(arm)
 }
 

@@ -38,6 +38,15 @@ pub struct UrdfJoint {
     pub armature: f64,
     pub damping: f64,
     pub friction: f64,
+    pub mimic: Option<Imitated>,
+}
+
+/// What an element `mimic` says.
+pub struct Imitated {
+    pub line: u32,
+    pub leader: String,
+    pub multiplier: f64,
+    pub offset: f64,
 }
 
 /// A triangle inequality missed by more than this share is worth a warning.
@@ -281,9 +290,15 @@ impl Reader<'_> {
             armature: 0.0,
             damping: 0.0,
             friction: 0.0,
+            mimic: None,
             name,
         };
-        let Some(kind) = kind else { return Ok(out) };
+        let Some(kind) = kind else {
+            if let Some(node) = mimic {
+                self.warn(node, format!("fixed joint {} cannot follow another one: its mimic is ignored", out.name));
+            }
+            return Ok(out);
+        };
         if let Some(axis) = axis {
             let given = self.vector(axis, "xyz")?.unwrap_or(out.axis);
             if given == [0.0; 3] {
@@ -307,9 +322,10 @@ impl Reader<'_> {
                 }
             }
         }
-        if let Some(mimic) = mimic {
-            let problem = format!("joint {} mimics {}: kept as an independent joint", out.name, mimic.attribute("joint").unwrap_or("?"));
-            self.warn(mimic, problem);
+        if let Some(node) = mimic {
+            let leader = self.required(node, "joint")?.to_string();
+            let (multiplier, offset) = (self.number(node, "multiplier")?.unwrap_or(1.0), self.number(node, "offset")?.unwrap_or(0.0));
+            out.mimic = Some(Imitated { line: self.line(node), leader, multiplier, offset });
         }
         Ok(out)
     }

@@ -1,5 +1,5 @@
 //! URDF in and out. Kept: links as frames, inertia, joints (revolute, continuous, prismatic, fixed), limits,
-//! damping, Coulomb friction, and rotor inertia as the attribute `armature` of `<dynamics>` (an extension: URDF
+//! joints that follow others (mimic), damping, Coulomb friction, and rotor inertia as the attribute `armature` of `<dynamics>` (an extension: URDF
 //! has no place for it). Everything else is counted in the report; meshes are never opened.
 //!
 //! Angles and centres of mass round what an arm holds, a rotation and ten parameters. Where they do, the writer adds these as the attributes
@@ -15,13 +15,17 @@ mod declaration;
 #[cfg(feature = "urdf")]
 mod element;
 // The writer alone needs a few of its bounds.
+#[cfg(feature = "urdf")]
+mod followers;
 #[cfg_attr(not(feature = "urdf"), allow(dead_code))]
 mod plausible;
 #[cfg(feature = "urdf")]
 mod read;
 mod write;
 
+#[cfg(feature = "urdf")]
+pub use followers::MimicMode;
 pub(super) use plausible::negative_moment;
 #[cfg(feature = "urdf")]
-pub use read::{MAX_BYTES, MAX_DEPTH};
+pub use read::{MAX_BYTES, MAX_DEPTH, UrdfOptions};
 pub use write::Written;

@@ -3,8 +3,9 @@
 //! Reading is linear in the size of the file and never recurses: what could make the XML parser slow (many
 //! attributes in one tag, many namespaces, deep nesting) is refused by a scan of the text beforehand.
 
+use super::followers::MimicMode;
 use super::{assemble, declaration, element};
-use crate::arm::Arm;
+use crate::arm::{Arm, STANDARD_GRAVITY};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory;
@@ -41,11 +42,36 @@ impl<'a> Source<'a> {
     }
 }
 
+/// How a URDF is read. `root` and `tip` are link names: `root` becomes the fixed base (gravity is then in its axes), `tip` keeps only the
+/// joints between the two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UrdfOptions<'a> {
+    /// World axes, m/s^2.
+    pub gravity: [f64; 3],
+    /// The fixed base; the root of the file if `None`.
+    pub root: Option<&'a str>,
+    /// The end of the chain; the whole tree if `None`.
+    pub tip: Option<&'a str>,
+    /// What becomes of joints that follow others.
+    pub mimic: MimicMode,
+}
+
+impl Default for UrdfOptions<'_> {
+    fn default() -> Self {
+        UrdfOptions { gravity: STANDARD_GRAVITY, root: None, tip: None, mimic: MimicMode::default() }
+    }
+}
+
 impl Arm {
-    /// Read a URDF text. `file` names it in errors. `root` and `tip` are link names: `root` becomes the fixed
+    /// Read a URDF text, as [`Arm::read_urdf`] does. `file` names it in errors. `root` and `tip` are link names: `root` becomes the fixed
     /// base (gravity is then in its axes), `tip` keeps only the joints between the two.
     pub fn from_urdf(text: &str, file: &str, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
-        crate::error::finite("gravity", &gravity)?;
+        Arm::read_urdf(text, file, &UrdfOptions { gravity, root, tip, ..Default::default() })
+    }
+
+    /// Read a URDF text. `file` names it in errors.
+    pub fn read_urdf(text: &str, file: &str, options: &UrdfOptions) -> Result<Arm> {
+        crate::error::finite("gravity", &options.gravity)?;
         if text.len() > MAX_BYTES {
             return Err(Source::new(file, "").error(1, too_large()));
         }
@@ -53,17 +79,17 @@ impl Arm {
         let source = Source::new(file, text);
         scan(&source, text)?;
         let text = &*declaration::forgiven(text);
-        let options = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
-        let document = roxmltree::Document::parse_with_options(text, options).map_err(|e| {
+        let parsing = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
+        let document = roxmltree::Document::parse_with_options(text, parsing).map_err(|e| {
             let hint = if matches!(&e, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro") { XACRO } else { "" };
             source.error(e.pos().row, format!("is not well-formed XML: {e}{hint}"))
         })?;
         let robot = element::read(&source, &document)?;
-        assemble::arm(&source, robot, gravity, root, tip)
+        assemble::arm(&source, robot, options)
     }
 
     /// Read a URDF file.
-    pub fn load_urdf(path: &Path, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
+    pub fn load_urdf(path: &Path, options: &UrdfOptions) -> Result<Arm> {
         let name = path.display().to_string();
         let cannot =
             |e: std::io::Error| Error::input("path_or_xml", format!("cannot be read: expected a URDF file or its text, got {name} ({e})"));
@@ -79,7 +105,7 @@ impl Arm {
                 return Err(Source::new(&name, "").error(line, "is not UTF-8 text: expected a URDF file"));
             }
         };
-        Arm::from_urdf(text, &name, gravity, root, tip)
+        Arm::read_urdf(text, &name, options)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::plausible::negative_moment;
 use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
-use crate::arm::{Arm, Frame, Joint, JointKind, STANDARD_GRAVITY, listed};
+use crate::arm::{Arm, Frame, JointKind, STANDARD_GRAVITY, listed};
 use crate::interrupt::look;
 use crate::spatial::{Inertia, PARAMETERS, Placement, RotationMatrix, Vector, Vector3};
 use std::collections::HashSet;
@@ -33,7 +33,7 @@ impl Arm {
             name
         };
         // Links that stand for the base and for every body: a frame that coincides, else one made up here.
-        let mut own: Vec<Option<usize>> = vec![None; self.n() + 1];
+        let mut own: Vec<Option<usize>> = vec![None; self.joints.len() + 1];
         let slot = |body: Option<usize>| body.map_or(0, |b| b + 1);
         for (k, frame) in self.frames.iter().enumerate() {
             if frame.joint.is_none() && frame.placement == Placement::IDENTITY && own[slot(frame.body)].is_none() {
@@ -41,7 +41,7 @@ impl Arm {
             }
         }
         let mut made = Vec::new();
-        let names: Vec<String> = (0..=self.n())
+        let names: Vec<String> = (0..=self.joints.len())
             .map(|s| match own[s] {
                 Some(k) => self.frames[k].name.clone(),
                 None => {
@@ -59,7 +59,7 @@ impl Arm {
                 let parameters = s.checked_sub(1).map(|b| &self.joints[b].parameters);
                 link(&mut out, name, parameters, &mut report);
                 if s > 0 {
-                    moving(&mut out, &self.joints[s - 1], name, &names, &mut report);
+                    self.moving(&mut out, s - 1, name, &names, &mut report);
                 }
             }
         }
@@ -73,7 +73,7 @@ impl Arm {
             } else {
                 link(&mut out, &frame.name, frame.body.map(|b| &self.joints[b].parameters), &mut report);
                 if let Some(b) = frame.body {
-                    moving(&mut out, &self.joints[b], &frame.name, &names, &mut report);
+                    self.moving(&mut out, b, &frame.name, &names, &mut report);
                 }
             }
         }
@@ -89,6 +89,33 @@ impl Arm {
         }
         Written { text: out, report }
     }
+
+    /// A joint that moves, and who it follows.
+    fn moving(&self, out: &mut String, i: usize, child: &str, names: &[String], report: &mut Vec<String>) {
+        let joint = &self.joints[i];
+        let parent = &names[joint.parent.map_or(0, |p| p + 1)];
+        if DRIVE.problem(&[joint.damping, joint.friction, joint.armature]).is_some() {
+            report.push(format!("joint {} has no possible drive: armlet refuses its damping, friction or armature", joint.name));
+        }
+        far(&joint.name, &joint.placement, report);
+        let _ = writeln!(out, "  <joint name=\"{}\" type=\"{}\">", escaped(&joint.name), joint.kind.name());
+        ends(out, parent, child, &joint.placement);
+        let _ = writeln!(out, "    <axis xyz=\"{}\"/>", numbers(&joint.axis));
+        let limits = [
+            ("lower", joint.limits.lower, joint.kind != JointKind::Continuous),
+            ("upper", joint.limits.upper, joint.kind != JointKind::Continuous),
+            ("velocity", joint.limits.velocity, true),
+            ("effort", joint.limits.effort, true),
+        ];
+        attributes(out, "limit", limits.into_iter().filter(|(_, x, kept)| *kept && x.is_finite()).map(|(name, x, _)| (name, x)));
+        let dynamics = [("damping", joint.damping), ("friction", joint.friction), ("armature", joint.armature)];
+        attributes(out, "dynamics", dynamics.into_iter().filter(|(_, x)| *x != 0.0));
+        if let Some(mimic) = self.mimics.iter().find(|mimic| mimic.joint == i) {
+            let (leader, multiplier, offset) = (escaped(&self.joints[mimic.leader].name), mimic.multiplier, mimic.offset);
+            let _ = writeln!(out, "    <mimic joint=\"{leader}\" multiplier=\"{multiplier:?}\" offset=\"{offset:?}\"/>");
+        }
+        out.push_str("  </joint>\n");
+    }
 }
 
 /// Say of an origin that a reader would refuse.
@@ -96,27 +123,6 @@ fn far(joint: &str, placement: &Placement, report: &mut Vec<String>) {
     if LENGTH.problem(&placement.translation.array()).is_some() {
         report.push(format!("joint {joint} is implausibly far away: armlet refuses its origin"));
     }
-}
-
-fn moving(out: &mut String, joint: &Joint, child: &str, names: &[String], report: &mut Vec<String>) {
-    let parent = &names[joint.parent.map_or(0, |p| p + 1)];
-    if DRIVE.problem(&[joint.damping, joint.friction, joint.armature]).is_some() {
-        report.push(format!("joint {} has no possible drive: armlet refuses its damping, friction or armature", joint.name));
-    }
-    far(&joint.name, &joint.placement, report);
-    let _ = writeln!(out, "  <joint name=\"{}\" type=\"{}\">", escaped(&joint.name), joint.kind.name());
-    ends(out, parent, child, &joint.placement);
-    let _ = writeln!(out, "    <axis xyz=\"{}\"/>", numbers(&joint.axis));
-    let limits = [
-        ("lower", joint.limits.lower, joint.kind != JointKind::Continuous),
-        ("upper", joint.limits.upper, joint.kind != JointKind::Continuous),
-        ("velocity", joint.limits.velocity, true),
-        ("effort", joint.limits.effort, true),
-    ];
-    attributes(out, "limit", limits.into_iter().filter(|(_, x, kept)| *kept && x.is_finite()).map(|(name, x, _)| (name, x)));
-    let dynamics = [("damping", joint.damping), ("friction", joint.friction), ("armature", joint.armature)];
-    attributes(out, "dynamics", dynamics.into_iter().filter(|(_, x)| *x != 0.0));
-    out.push_str("  </joint>\n");
 }
 
 fn attributes<'a>(out: &mut String, element: &str, list: impl Iterator<Item = (&'a str, f64)>) {

@@ -5,6 +5,7 @@ use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result, finite};
 use crate::kinematics::Bodies;
+use crate::kinematics::jacobian::put;
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 
@@ -72,7 +73,8 @@ impl TaskKind for Axis {
         let world = self.across.map(|b| frame.r.apply(b.lift()));
         at.columns(self.frame, &frame, rate, |c| {
             for (row, &b) in world.iter().enumerate() {
-                j[row * n + c.joint] = if rate { frame.w.cross(b).dot(c.angular) + b.dot(c.angular_dot) } else { b.dot(c.angular) };
+                let entry = if rate { frame.w.cross(b).dot(c.angular) + b.dot(c.angular_dot) } else { b.dot(c.angular) };
+                put(&at.tree, c.multiplier, &mut j[row * n + c.joint], entry);
             }
         });
     }

@@ -7,6 +7,7 @@ use crate::arm::{Arm, BASE, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::Bodies;
 use crate::kinematics::coordinates::parse_axes;
+use crate::kinematics::jacobian::put;
 use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3};
 
@@ -38,7 +39,7 @@ impl TaskKind for CentreOfMass {
     }
 
     fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize {
-        tree.n()
+        tree.bodies.len()
     }
 
     fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]) {
@@ -65,7 +66,10 @@ impl TaskKind for CentreOfMass {
                 let z_dot = w.cross(z);
                 if body.revolute { z_dot.cross_add(moment - o.scale(m), z.cross(momentum - u.scale(m))) } else { z_dot.scale(m) }
             };
-            self.rows.iter().enumerate().for_each(|(row, &axis)| j[row * n + i] = column[axis] * inverse);
+            let (joint, multiplier) = at.tree.mover(i);
+            for (row, &axis) in self.rows.iter().enumerate() {
+                put(&at.tree, multiplier, &mut j[row * n + joint], column[axis] * inverse);
+            }
         }
     }
 }

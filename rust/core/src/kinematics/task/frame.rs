@@ -3,6 +3,7 @@
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};
 use crate::error::Result;
+use crate::kinematics::jacobian::put;
 use crate::kinematics::{Bodies, Coordinates};
 use crate::scalar::Real;
 use crate::spatial::{Matrix, Matrix3, Vector, Vector3, rotation_exp, rotation_log};
@@ -33,7 +34,8 @@ impl TaskKind for Coordinates {
         at.columns(self.frame, &at.frame(self.frame, rate), rate, |c| {
             let (linear, angular) = if rate { (c.linear_dot, c.angular_dot) } else { (c.linear, c.angular) };
             for (row, &axis) in self.rows.iter().enumerate() {
-                j[row * n + c.joint] = if axis < 3 { linear[axis] } else { angular[axis - 3] };
+                let entry = if axis < 3 { linear[axis] } else { angular[axis - 3] };
+                put(&at.tree, c.multiplier, &mut j[row * n + c.joint], entry);
             }
         });
     }

@@ -2,7 +2,7 @@
 
 use super::posture::identity_rows;
 use super::{TaskFunction, TaskKind, chosen};
-use crate::arm::{Arm, Tree};
+use crate::arm::{Arm, Joint, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::Bodies;
 use crate::scalar::Real;
@@ -24,22 +24,20 @@ impl TaskFunction {
         if !(0.0..=0.5).contains(&margin) {
             return Err(Error::input("margin", format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}")));
         }
-        let limited = |i: &usize| arm.joints[*i].limits.lower.is_finite() && arm.joints[*i].limits.upper.is_finite();
+        let movers: Vec<&Joint> = arm.independent().collect();
+        let limited = |i: &usize| movers[*i].limits.lower.is_finite() && movers[*i].limits.upper.is_finite();
         let joints: Vec<usize> = match joints {
             None => (0..arm.n()).filter(limited).collect(),
             Some(names) => chosen(arm, names)?,
         };
         if let Some(&i) = joints.iter().find(|i| !limited(i)) {
-            return Err(Error::input(
-                "joints",
-                format!("has no limits: expected joints with two finite limits, got {}", arm.joints[i].name),
-            ));
+            return Err(Error::input("joints", format!("has no limits: expected joints with two finite limits, got {}", movers[i].name)));
         }
         if joints.is_empty() {
             return Err(Error::input("arm", "has no joint with limits: expected at least one, got none"));
         }
         let narrowed = |i: usize, from_lower: f64| {
-            let limits = &arm.joints[i].limits;
+            let limits = &movers[i].limits;
             limits.lower + from_lower * (limits.upper - limits.lower)
         };
         let lower = joints.iter().map(|&i| narrowed(i, margin)).collect();

@@ -55,7 +55,8 @@ impl TaskKind for Relative {
                 if rate { (linear_dot - r.w.cross(linear), angular_dot - r.w.cross(angular)) } else { (linear, angular) };
             let (linear, angular) = (r.r.apply_transposed(linear), r.r.apply_transposed(angular));
             for (row, &axis) in self.rows.iter().enumerate() {
-                j[row * n + c.joint] += if axis < 3 { linear[axis] } else { angular[axis - 3] };
+                let entry = if axis < 3 { linear[axis] } else { angular[axis - 3] };
+                j[row * n + c.joint] += if at.tree.joining.is_some() { S::splat(c.multiplier) * entry } else { entry };
             }
         };
         at.columns(self.frame, &f, rate, |c| add(&c, c.linear, c.angular, c.linear_dot, c.angular_dot));

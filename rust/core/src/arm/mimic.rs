@@ -1,0 +1,246 @@
+//! Joints that follow another one, `q_follower = multiplier q_leader + offset`: one degree of freedom with their leader.
+//!
+//! A follower keeps its body. Its drive and its limits are those of the leader from then on: `tau = G' tau_joints` with
+//! `q_joints = G q + c` adds `multiplier^2` of its rotor inertia and viscous friction and `|multiplier|` of its Coulomb friction, and
+//! what its limits allow narrows the leader's. The effort limit stays the leader's: its motor moves them all.
+
+use super::{Arm, Joint, Limits, listed};
+use crate::error::{Error, Result, finite};
+use crate::interrupt::look;
+
+/// A joint that follows another one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mimic {
+    /// Index of the joint that follows.
+    pub joint: usize,
+    /// Index of the joint that it follows, which follows none.
+    pub leader: usize,
+    /// Its rate per unit rate of the leader.
+    pub multiplier: f64,
+    /// Its position where the leader's is zero, rad or m.
+    pub offset: f64,
+}
+
+/// Of an arm with joints that follow others: `q_joints = G q + c`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joining {
+    /// Of every joint the coordinate that moves it, with multiplier and offset.
+    pub rows: Vec<Follows>,
+    /// Of every coordinate the index of its joint.
+    pub leaders: Vec<usize>,
+}
+
+/// Bodies of the largest arm with joints that follow: the matrices of its joints are formed and projected.
+pub const MOST_BODIES: usize = 256;
+
+/// Which joint another one follows, with multiplier and offset, before chains of followers are resolved.
+pub type Follows = (usize, f64, f64);
+
+/// Of every joint the free joint that it follows, through chains of followers; `None` for free ones. Errors: the index of a joint that
+/// follows itself, directly or by way of others.
+pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Follows>>, usize> {
+    let (mut out, mut known) = (given.to_vec(), vec![false; given.len()]);
+    let mut way = Vec::new();
+    for start in 0..given.len() {
+        look();
+        let mut i = start;
+        while let (false, Some((leader, ..))) = (known[i], given[i]) {
+            // On the way already: `known` is set below, so that a cycle is as long as the list at most.
+            if way.len() > given.len() {
+                return Err(start);
+            }
+            way.push(i);
+            i = leader;
+        }
+        known[i] = true;
+        while let Some(j) = way.pop() {
+            if let Some((leader, m, c)) = given[j] {
+                out[j] = Some(out[leader].map_or((leader, m, c), |(root, m_0, c_0)| (root, m * m_0, m * c_0 + c)));
+            }
+            known[j] = true;
+        }
+    }
+    Ok(out)
+}
+
+/// What moves with a coordinate: limits and drive.
+#[derive(Clone, Copy, Debug)]
+pub struct Moved {
+    pub limits: Limits,
+    pub armature: f64,
+    pub damping: f64,
+    pub friction: f64,
+}
+
+impl Moved {
+    /// A leader with a follower. The second answer: whether the limits of the follower leave the leader no room, and are left out.
+    pub fn with(&self, follower: &Moved, multiplier: f64, offset: f64) -> (Moved, bool) {
+        let own = self.limits;
+        let size = multiplier.abs();
+        let mut out = Moved {
+            limits: own,
+            armature: self.armature + multiplier * multiplier * follower.armature,
+            damping: self.damping + multiplier * multiplier * follower.damping,
+            friction: self.friction + size * follower.friction,
+        };
+        if multiplier == 0.0 {
+            return (out, false);
+        }
+        let ends = [follower.limits.lower, follower.limits.upper].map(|end| (end - offset) / multiplier);
+        let (lower, upper) = (own.lower.max(ends[0].min(ends[1])), own.upper.min(ends[0].max(ends[1])));
+        out.limits.velocity = own.velocity.min(follower.limits.velocity / size);
+        let empty = !(lower < upper) && own.lower < own.upper;
+        if !empty {
+            (out.limits.lower, out.limits.upper) = (lower, upper);
+        }
+        (out, empty)
+    }
+
+    /// The same coordinate counted in the positions of a follower.
+    fn counted_by(&self, multiplier: f64, offset: f64) -> Moved {
+        let ends = [self.limits.lower, self.limits.upper].map(|end| multiplier * end + offset);
+        let size = multiplier.abs();
+        let (lower, upper) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+        let limits = Limits { lower, upper, velocity: size * self.limits.velocity, effort: self.limits.effort / size };
+        Moved { limits, armature: self.armature / (size * size), damping: self.damping / (size * size), friction: self.friction / size }
+    }
+}
+
+impl Joint {
+    /// Its limits and drive.
+    pub(super) fn moved(&self) -> Moved {
+        Moved { limits: self.limits, armature: self.armature, damping: self.damping, friction: self.friction }
+    }
+
+    /// Take its drive away, which is its leader's.
+    pub(super) fn undriven(&mut self) {
+        (self.armature, self.damping, self.friction) = (0.0, 0.0, 0.0);
+    }
+
+    pub(super) fn set_moved(&mut self, moved: &Moved) {
+        (self.limits, self.armature) = (moved.limits, moved.armature);
+        (self.damping, self.friction) = (moved.damping, moved.friction);
+    }
+}
+
+/// The line of a report about limits that leave no room.
+pub fn no_room(follower: &str, leader: &str) -> String {
+    format!("limits of {follower}, which follows {leader}, leave {leader} no room: left out")
+}
+
+impl Arm {
+    /// The joints that follow no other one: those of the coordinates, in the order of `q`.
+    pub fn independent(&self) -> impl Iterator<Item = &Joint> {
+        let mut followers = self.mimics.iter().map(|mimic| mimic.joint).peekable();
+        self.joints.iter().enumerate().filter(move |(i, _)| followers.next_if_eq(i).is_none()).map(|(_, joint)| joint)
+    }
+
+    /// The index in `joints` of each coordinate.
+    pub fn independent_indices(&self) -> Vec<usize> {
+        let mut followers = self.mimics.iter().map(|mimic| mimic.joint).peekable();
+        (0..self.joints.len()).filter(|i| followers.next_if_eq(i).is_none()).collect()
+    }
+
+    /// The positions of all joints, those that follow included, at `q` `(n,)`: `G q + c` into `out`.
+    pub fn joint_positions(&self, q: &[f64], out: &mut [f64]) {
+        match self.joining() {
+            None => out.copy_from_slice(q),
+            Some(joining) => {
+                out.iter_mut().zip(&joining.rows).for_each(|(x, &(k, m, c))| *x = if (m, c) == (1.0, 0.0) { q[k] } else { m * q[k] + c })
+            }
+        }
+    }
+
+    /// Whether `mimics` are what readers make: in order, finite, of joints that are there and lead no other one.
+    pub fn mimics_are_sound(&self) -> bool {
+        let mut follows = vec![false; self.joints.len()];
+        for mimic in &self.mimics {
+            match follows.get_mut(mimic.joint) {
+                Some(flag) if !*flag => *flag = true,
+                _ => return false,
+            }
+        }
+        let sound = |m: &Mimic| follows.get(m.leader) == Some(&false) && m.multiplier.is_finite() && m.offset.is_finite();
+        let ordered = self.mimics.windows(2).all(|pair| pair[0].joint < pair[1].joint);
+        ordered && self.mimics.iter().all(sound) && (self.mimics.is_empty() || self.joints.len() <= MOST_BODIES)
+    }
+
+    /// Of every coordinate the next one inwards, `None` at the base.
+    pub fn parents(&self) -> Vec<Option<usize>> {
+        let joining = self.joining();
+        let coordinate = |i: usize| joining.as_ref().map_or(i, |joining| joining.rows[i].0);
+        let inwards = |(k, i): (usize, usize)| {
+            let mut next = self.joints[i].parent;
+            while let Some(j) = next.filter(|&j| coordinate(j) == k) {
+                next = self.joints[j].parent;
+            }
+            next.map(coordinate)
+        };
+        self.independent_indices().into_iter().enumerate().map(inwards).collect()
+    }
+
+    /// Which coordinates move the joints, where some follow others.
+    pub fn joining(&self) -> Option<Joining> {
+        if self.mimics.is_empty() {
+            return None;
+        }
+        let leaders = self.independent_indices();
+        let mut rows: Vec<Follows> = vec![(0, 1.0, 0.0); self.joints.len()];
+        for (k, &i) in leaders.iter().enumerate() {
+            rows[i].0 = k;
+        }
+        for mimic in &self.mimics {
+            rows[mimic.joint] = (rows[mimic.leader].0, mimic.multiplier, mimic.offset);
+        }
+        Some(Joining { rows, leaders })
+    }
+
+    /// Set who follows whom: pairs of a joint and what it follows. Of the followers of a joint that is no part of the arm the first leads.
+    pub(super) fn set_mimics(&mut self, mut followers: Vec<(usize, Leader)>) -> Result<()> {
+        followers.sort_by_key(|(joint, _)| *joint);
+        let (mut first, mut mimics): (Vec<&(usize, Leader)>, _) = (Vec::new(), Vec::new());
+        for pair @ (joint, Leader { at, name, multiplier, offset, .. }) in &followers {
+            look();
+            let (joint, multiplier, offset) = (*joint, *multiplier, *offset);
+            finite(&format!("mimic of {}", self.joints[joint].name), &[multiplier, offset])?;
+            if let Some(leader) = *at {
+                mimics.push(Mimic { joint, leader, multiplier, offset });
+            } else if let Some((leader, other)) = first.iter().find(|(_, other)| other.name == *name) {
+                let ratio = multiplier / other.multiplier;
+                mimics.push(Mimic { joint, leader: *leader, multiplier: ratio, offset: offset - ratio * other.offset });
+            } else if multiplier != 0.0 {
+                first.push(pair);
+            }
+        }
+        for (joint, leader) in first {
+            self.joints[*joint].set_moved(&leader.moved.counted_by(leader.multiplier, leader.offset));
+            self.report
+                .push(format!("joint {} leads in the place of {}, which is no part of the arm", self.joints[*joint].name, leader.name));
+        }
+        if !mimics.is_empty() && self.joints.len() > MOST_BODIES {
+            let problem = "has too many joints for some that follow others: expected at most";
+            let hint = "read it with mimic=\"independent\"";
+            return Err(Error::input("mimic", format!("{problem} {MOST_BODIES}, got {}; {hint}", self.joints.len())));
+        }
+        self.mimics = mimics;
+        Ok(())
+    }
+
+    /// A line of the report: who follows whom.
+    pub(super) fn report_mimics(&mut self) {
+        let told = |m: &Mimic| format!("{} = {} {} + {}", self.joints[m.joint].name, m.multiplier, self.joints[m.leader].name, m.offset);
+        let lines: Vec<String> = self.mimics.iter().map(told).collect();
+        if !lines.is_empty() {
+            self.report.push(format!("joined with their leaders: {}", listed(&lines.iter().map(String::as_str).collect::<Vec<_>>())));
+        }
+    }
+}
+
+/// What a joint follows: its index in the arm, or `None` for a joint that is no part of it, whose limits and drive are `moved`.
+pub struct Leader {
+    pub at: Option<usize>,
+    pub name: String,
+    pub moved: Moved,
+    pub multiplier: f64,
+    pub offset: f64,
+}

@@ -1,0 +1,59 @@
+//! The joints of the model's file, those that follow others included.
+
+use super::Arm;
+use crate::arrays::{elements, new_array, require_finite};
+use crate::broadcast::broadcast;
+use crate::errors::entry;
+use armlet_core::interrupt::look;
+use armlet_macros::entered;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+#[entered]
+#[pymethods]
+impl Arm {
+    /// Names of all joints, those that follow others included: `joint_names` for most arms.
+    ///
+    /// >>> import armlet as al
+    /// >>> finger = {"type": "P", "axis": [1, 0, 0], "parent": None, "phi": [0.1] + 9 * [0]}
+    /// >>> gripper = al.Arm.from_chain([finger, {**finger, "mimic": {"joint": 0, "multiplier": -1.0}}])
+    /// >>> gripper.n, gripper.joint_names, gripper.file_joint_names
+    /// (1, ('joint1',), ('joint1', 'joint2'))
+    #[getter]
+    fn file_joint_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        Self::named(py, &self.model.file_joint_names())
+    }
+
+    /// Positions of all joints, `(..., len(file_joint_names))`, rad or m: `multiplier q_leader + offset` for those that follow others.
+    ///
+    /// Args:
+    ///     q: positions, `(..., n)`, rad or m.
+    ///
+    /// Raises:
+    ///     InputError: `q` is not finite or has the wrong shape.
+    ///
+    /// >>> import armlet as al
+    /// >>> finger = {"type": "P", "axis": [1, 0, 0], "parent": None, "phi": [0.1] + 9 * [0]}
+    /// >>> gripper = al.Arm.from_chain([finger, {**finger, "mimic": {"joint": 0, "multiplier": -1.0, "offset": 0.1}}])
+    /// >>> gripper.file_positions([[0.0], [0.04]])
+    /// array([[0.  , 0.1 ],
+    ///        [0.04, 0.06]])
+    fn file_positions<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        const NAME: &str = "file_positions";
+        entry(py, NAME, || {
+            let inputs = broadcast(NAME, ["q"], [q], [self.model.n()])?;
+            let width = self.model.size().bodies;
+            let shape: Vec<usize> = inputs.shape.iter().copied().chain([width]).collect();
+            elements(&shape)?;
+            let given: Vec<usize> = inputs.shape.iter().copied().chain([self.model.n()]).collect();
+            require_finite(py, NAME, "q", &given, &inputs.rows(0, 0, inputs.count))?;
+            new_array(py, &shape, |out| {
+                for (i, out) in out.chunks_exact_mut(width.max(1)).enumerate() {
+                    look();
+                    self.model.file_positions(inputs.row(0, i), out);
+                }
+                Ok(())
+            })
+        })
+    }
+}
