@@ -27,6 +27,8 @@ class Values(Objects):
             return self.of_integrate(name)
         if target.endswith("_time") and name in {"theta0", "thetaf"}:
             return self.number() if chance.random() < 0.8 else self.vector(2)
+        if target == "Sensitivity":
+            return {"name": "'q0'", "shape": f"({n},)"}.get(name, f"np.zeros((3, {n}, {n}))")
         if name == "target" and "Task" in target:
             return self.vector({"PostureTask": n, "AxisTask": 3}.get(target, 2))
         if name == "target" and target in {"ElasticTracking"}:
@@ -117,6 +119,13 @@ class Values(Objects):
             "torque_rate": lambda: self.vector(n, 10.0, 500.0),
             "knots": lambda: "np.linspace(0.0, 1.0, 4)",
             "stops": lambda: "[1]" if target == "time_path" else "al.JointStops(1e3, 1.0, lower=-1.0, upper=1.0)",
+            "mimic": lambda: self.text("joined", "independent"),
+            "loss": lambda: chance.choice(["{'error_rms': 1.0, 'tau_rms': 0.1}", "lambda run: np.sum(run.q[-1] ** 2)"]),
+            "names": lambda: chance.choice(["'q0'", "['law.kp', 'q0']", "'arm.parameters'"]),
+            "sensitivity": lambda: chance.choice(["'q0'", "['law.kp', 'v0']", "'arm.parameters'"]),
+            "poses": lambda: self.matrix(3, 6),
+            "tolerance": self.positive,
+            "blend": lambda: self.positive(0.0, 0.1),
             "lengths": lambda: self.vector(n, 0.1, 1.0),
             "masses": lambda: self.vector(n, 0.1, 1.0),
             "coms": lambda: self.vector(n, 0.1, 1.0),
