@@ -18,7 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core, rotations
 from ._core import Arm, Task
 from .arguments import choice, finite, instance, number, text
+from .border import border, bordered
 from .errors import InputError, SolveError
+from .pickling import sealed
 from .pose_curves import PoseCurve, cubic, slopes
 from .status import Status
 
@@ -70,6 +72,8 @@ class _Problem(NamedTuple):
         return np.stack([away, turned], axis=1)
 
 
+@bordered
+@sealed
 class CartesianPath:
     """A joint path along poses; made by `cartesian_path`, and a path for `time_path`. `path(s)` gives `q, q', q''`, `(..., n)` each.
 
@@ -104,14 +108,14 @@ class CartesianPath:
         why = self.shortfall
         if why is None:
             return None
-        told = {
+        texts = {
             "limit": f"joint {why['joint']} is at its limit",
             "singularity": "the arm is at a singularity",
             "unreachable": "the pose is out of reach",
             "jump": "the joints would have to jump to another posture",
             "unresolved": f"the tolerance takes more than {_MOST} knots",
         }
-        return f"the arm can't follow the poses from s = {why['s']:.9f} ({why['length']:.6g} m from the start): {told[why['kind']]}"
+        return f"the arm can't follow the poses from s = {why['s']:.9f} ({why['length']:.6g} m from the start): {texts[why['kind']]}"
 
     def __bool__(self) -> bool:
         return self.feasible
@@ -142,9 +146,6 @@ class CartesianPath:
         return bool(np.array_equal(self.s, other.s) and np.array_equal(self.q, other.q) and self.reason == other.reason)
 
     __hash__ = None  # type: ignore[assignment]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return CartesianPath, (self.s, self.q, self.error, self.corners, self.length, self.shortfall)
 
     def __repr__(self) -> str:
         if not self.feasible:
@@ -178,6 +179,7 @@ def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
     return given
 
 
+@border
 def cartesian_path(
     arm: Arm,
     poses: ArrayLike,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["angle", "of_matrix", "of_vector", "slerp", "vector"]
+__all__ = ["after", "angle", "inverse", "of_matrix", "of_vector", "slerp", "vector"]
 
 _Array = NDArray[Any]
 
@@ -51,20 +51,25 @@ def of_matrix(matrices: _Array) -> _Array:
     return np.asarray(chosen / np.linalg.norm(chosen, axis=-1, keepdims=True))
 
 
-def _after(a: _Array, b: _Array) -> _Array:
+def after(a: _Array, b: _Array) -> _Array:
     """The product a b."""
     w = a[..., :1] * b[..., :1] - (a[..., 1:] * b[..., 1:]).sum(axis=-1, keepdims=True)
     return np.concatenate([w, a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + np.cross(a[..., 1:], b[..., 1:])], axis=-1)
 
 
+def inverse(q: _Array) -> _Array:
+    """The rotations back."""
+    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
 def _between(a: _Array, b: _Array) -> _Array:
     """The rotation vector from a to b, in the axes of a."""
-    return vector(_after(a * np.array([1.0, -1.0, -1.0, -1.0]), b))
+    return vector(after(inverse(a), b))
 
 
 def slerp(a: _Array, b: _Array, u: _Array) -> _Array:
     """The geodesic from a to b at u (...,)."""
-    return _after(a, of_vector(u[..., None] * _between(a, b)))
+    return after(a, of_vector(u[..., None] * _between(a, b)))
 
 
 def angle(a: _Array, b: _Array) -> _Array:

@@ -17,6 +17,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import rotations
+
 __all__ = ["frame_errors", "orientation_errors", "position_errors"]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -104,40 +106,9 @@ def _rotation(aim: _Aim, arm: Any, t: Array, q: Array) -> Array:
     wanted = np.zeros((*q.shape[:-1], 3))
     wanted[..., list(aim.rows)] = aim.at(t)
     R = _finite(lambda q: arm.pose(q, aim.frame)[..., :3, :3], q)
-    apart: Array = _rotation_vector(_rotation_matrix(wanted) @ np.swapaxes(R, -1, -2))[..., list(aim.rows)]
+    turn = rotations.after(rotations.of_vector(wanted), rotations.inverse(rotations.of_matrix(R)))
+    apart: Array = rotations.vector(turn)[..., list(aim.rows)]
     return apart
-
-
-def _rotation_matrix(r: Array) -> Array:
-    """Of rotation vectors (..., 3), by Rodrigues' formula."""
-    angle = np.linalg.norm(r, axis=-1)[..., None, None]
-    K = np.zeros((*r.shape[:-1], 3, 3))
-    K[..., 2, 1], K[..., 0, 2], K[..., 1, 0] = r[..., 0], r[..., 1], r[..., 2]
-    K -= np.swapaxes(K, -1, -2)
-    found: Array = np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * K @ K
-    return found
-
-
-def _rotation_vector(R: Array) -> Array:
-    """Of rotation matrices (..., 3, 3): twice the vector part of the quaternion, stretched to the angle."""
-    trace = np.trace(R, axis1=-2, axis2=-1)
-    diagonal = np.diagonal(R, axis1=-2, axis2=-1)
-    # The symmetric matrix whose largest eigenvector is the quaternion (Bar-Itzhack 2000); no formula has to be chosen by case.
-    N = np.zeros((*R.shape[:-2], 4, 4))
-    N[..., :3, :3] = R + np.swapaxes(R, -1, -2)
-    for i in range(3):
-        N[..., i, i] = 2.0 * diagonal[..., i] - trace
-    axis = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
-    N[..., :3, 3] = N[..., 3, :3] = axis
-    N[..., 3, 3] = trace
-    bad = ~np.isfinite(N).all(axis=(-2, -1))
-    N[bad] = 0.0
-    quaternion = np.linalg.eigh(N)[1][..., -1]
-    quaternion *= np.where(quaternion[..., 3:] < 0.0, -1.0, 1.0)
-    half = np.arctan2(np.linalg.norm(quaternion[..., :3], axis=-1), quaternion[..., 3])[..., None]
-    found: Array = 2.0 * quaternion[..., :3] / np.sinc(half / np.pi)
-    found[bad] = np.nan
-    return found
 
 
 def _position(arm: Any, q: Array, frame: str) -> Array:
