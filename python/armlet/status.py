@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import IntEnum
+from typing import Any
 
-__all__ = ["Status"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Status", "having"]
 
 
 class Status(IntEnum):
@@ -55,6 +59,15 @@ _ADVICE = {
 
 # An explicit method may end so on a stiff problem.
 _MAY_BE_STIFF = {Status.STEP_UNDERFLOW, Status.MAX_STEPS, Status.STALLED}
+
+
+def having(statuses: NDArray[Any], status: Status) -> NDArray[np.bool_]:
+    """Which of these are `status`.
+
+    It is compared as a plain integer. Compared with a member of an enumeration, numpy asks that class for attributes, in Python code up to
+    3.11, and drops what is raised there: a Ctrl-C that comes meanwhile would be lost.
+    """
+    return np.asarray(statuses == int(status))
 
 
 def advice_on_run(status: Status, method: str, rtol: object, atol: object, stats: Mapping[str, float]) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -132,3 +135,36 @@ def test_other_threads_run_while_a_list_is_read() -> None:
     long = [0.0] * 5_000_000
     took, gap = longest_gap(lambda: al.Hold(long))
     assert gap < max(0.5 * took, 0.1)
+
+
+LOST = """
+import signal, sys
+import numpy as np
+from armlet.status import Status, having
+signal.signal(signal.SIGINT, signal.default_int_handler)
+statuses = np.zeros(1000, dtype=np.int64)
+for _ in sys.stdin:
+    try:
+        print("ready", flush=True)
+        while True:
+            having(statuses, Status.SUCCESS)
+    except KeyboardInterrupt:
+        pass
+    print("interrupted", flush=True)
+"""
+
+
+def test_no_signal_is_lost_in_a_comparison_of_statuses() -> None:
+    """numpy drops exceptions while it looks at an operand that is no plain number; a batch compares its statuses after every call."""
+    with subprocess.Popen([sys.executable, "-c", LOST], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdin is not None and child.stdout is not None
+        guard = threading.Timer(60.0, child.kill)
+        guard.start()
+        for _ in range(40):
+            child.stdin.write("\n")
+            child.stdin.flush()
+            assert child.stdout.readline() == "ready\n"
+            child.send_signal(signal.SIGINT)
+            assert child.stdout.readline() == "interrupted\n"
+        guard.cancel()
+        child.stdin.close()

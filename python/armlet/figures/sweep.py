@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..arguments import choice
 from ..errors import InputError
-from ..status import Status
+from ..status import Status, having
 from .style import COLOURS, literal, require, sheet
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def plot(table: Mapping[str, NDArray[Any]], quantity: str | None = None, fig: Fi
     # A figure that is given keeps its size and layout.
     with sheet(fig, (6.4, 4.6) if fig is None else None) as figure:
         ax: Axes = figure.subplots()
-        good = (table["status"] == Status.SUCCESS) & np.isfinite(table[quantity])
+        good = having(table["status"], Status.SUCCESS) & np.isfinite(table[quantity])
         x, value = table[varied[0]], table[quantity]
         size = float(np.clip(3e4 / len(x), 2.0, 25.0))
         if len(varied) == 1:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from ..arguments import choice, finite, instance, shown
 from ..errors import InputError
-from ..status import Status
+from ..status import Status, having
 from .balances import Balances, warn_of_balances
 from .metrics import MEASURES, metrics
 from .recorded import SERIES
@@ -82,11 +82,11 @@ def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undi
     if found:
         rest = {name: found.pop(name) for name in ("energy_missing", "lyapunov_rise", "lyapunov_error")}
         balances = Balances(found["energy_error"], **rest)
-        completed = (fields["status"] == Status.SUCCESS).astype(np.float64)
+        completed = having(fields["status"], Status.SUCCESS).astype(np.float64)
         fields["stats"] |= found | {"completed": completed}
     batch = BatchRun(fields, law=law, plant=plant)
     if found or batch.monitors:
-        warn_of_balances("simulate_batch", balances, batch.status == Status.SUCCESS, undisturbed)
+        warn_of_balances("simulate_batch", balances, having(batch.status, Status.SUCCESS), undisturbed)
     return batch
 
 

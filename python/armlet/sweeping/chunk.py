@@ -16,7 +16,7 @@ from ..run.records import BatchRun
 from ..run.sampling import Sampling
 from ..run.simulation import simulate_batch
 from ..scenario import Scenario
-from ..status import Status
+from ..status import Status, having
 from .parameter_space import Cells, columns
 
 __all__ = ["TRIES", "Chunk", "Columns", "joined", "of_cell", "run_chunk"]
@@ -167,7 +167,7 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None, metr
 def joined(parts: Sequence[Columns]) -> Columns:
     """Chunks one below the other; where one has no metrics, since all its cells failed, NaN."""
     names = dict.fromkeys(name for part in parts for name in part)
-    known = [set(part) - {"error"} for part in parts if np.any(part["status"] != Status.INTERRUPTED)]
+    known = [set(part) - {"error"} for part in parts if not having(part["status"], Status.INTERRUPTED).all()]
     if any(each != known[0] for each in known):
         raise InputError("sweep: cells have different metrics: expected one number of joints and one kind of plant in all cells")
 

@@ -24,7 +24,7 @@ from ..extras import extra
 from ..pickling import sealed
 from ..progress import Progress, reporter
 from ..scenario import Scenario
-from ..status import Status
+from ..status import Status, having
 from .chunk import run_chunk
 from .execution import SweepTable, metrics_arguments
 from .parameter_space import MOST, Cells, columns, drawn
@@ -238,5 +238,5 @@ def _costs(table: SweepTable, cost: str | Callable[[SweepTable], ArrayLike]) -> 
         values = table[cost]
     else:
         values = _core.numbers("tune", "cost", cost(table), (table.rows,))
-    good = np.isfinite(values) & (table["status"] == Status.SUCCESS)
+    good = np.isfinite(values) & having(table["status"], Status.SUCCESS)
     return np.where(good, values, FAILED)
