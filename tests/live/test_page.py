@@ -24,12 +24,13 @@ from armlet.arguments import one_line
 from armlet.live.lab import LabPage
 from armlet.live.model import Lab
 from armlet.live.origin import refuses_strangers
-from armlet.live.scene import mesh_of, quaternion
+from armlet.live.scene import mesh_of
 from armlet.live.server import address, close_server, open_server, serve
 from armlet.live.shapes import Shape, between
 from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Priority, Robot
 from armlet.live.view import ViewPage, roll_pitch_yaw
 from armlet.live.words import escaped
+from armlet.rotations import of_matrix
 
 
 @pytest.fixture
@@ -107,7 +108,7 @@ def test_view_shows_where_its_sliders_are(server: Any) -> None:
     page.frame()
     for frame, handle in page.scene.frames.items():
         pose = np.asarray(arm.pose(page.q, frame))
-        assert np.allclose(handle.position, pose[:3, 3]) and np.allclose(handle.wxyz, quaternion(pose[:3, :3]))
+        assert np.allclose(handle.position, pose[:3, 3]) and np.allclose(handle.wxyz, of_matrix(pose[:3, :3]))
     x, y, z = arm.position(page.q, "right_hand")
     assert page.text.shown.startswith(f"right_hand at ({x:.3f}, {y:.3f}, {z:.3f}) m")
     # The pose, not the position alone: the angles that are shown give the rotation back.
@@ -156,7 +157,7 @@ def test_quaternions(axis: tuple[float, float, float], angle: float) -> None:
     k = np.cross(np.eye(3), axis)
     R = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
     expected = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))])
-    got = quaternion(R)
+    got = of_matrix(R)
     # Of a 4 x 4 eigenvector: a few roundings, of either sign.
     assert min(np.abs(got - expected).max(), np.abs(got + expected).max()) < 1e-14
 

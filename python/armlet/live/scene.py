@@ -12,24 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from .. import rotations
 from .server import Server
 from .shapes import Array, Shape
 
-__all__ = ["ArmScene", "quaternion"]
+__all__ = ["ArmScene"]
 
 GREEN, RED = (0, 158, 115), (213, 94, 0)
 # Each arm has nodes of its own names: a page that has not yet dropped a node would give its pose to the next one of the same name.
 ROOTS = count()
-
-
-def quaternion(R: Array) -> Array:
-    """The unit quaternion (w, x, y, z) of a rotation: the eigenvector of the largest eigenvalue of Bar-Itzhack's symmetric matrix."""
-    K = np.zeros((4, 4))
-    K[0, 0] = np.trace(R)
-    K[0, 1:] = K[1:, 0] = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
-    K[1:, 1:] = R + R.T - np.trace(R) * np.eye(3)
-    w: Array = np.linalg.eigh(K)[1][:, -1]
-    return w
 
 
 def mesh_of(shape: Shape) -> tuple[Any, Any]:
@@ -69,7 +60,7 @@ class ArmScene:
         scene.configure_default_lights(cast_shadow=False)
         scene.add_grid("/grid", 6.0 * reach, 6.0 * reach, cell_size=0.25 * reach, section_size=reach)
         self.root = f"/arm{next(ROOTS)}"
-        scene.add_frame(self.root, show_axes=False, wxyz=quaternion(rotation))
+        scene.add_frame(self.root, show_axes=False, wxyz=rotations.of_matrix(rotation))
         for k, shape in enumerate(shapes):
             handle = self._body(k, shape)
             if shape.frame is not None:
@@ -85,7 +76,7 @@ class ArmScene:
                 self.frames[shape.frame] = scene.add_frame(f"{self.root}/frame{len(self.frames)}", show_axes=False, **sizes)
             parent = self.frames[shape.frame].name
         vertices, faces = mesh_of(shape)
-        placed = {"position": shape.pose[:3, 3], "wxyz": quaternion(shape.pose[:3, :3])}
+        placed = {"position": shape.pose[:3, 3], "wxyz": rotations.of_matrix(shape.pose[:3, :3])}
         return scene.add_mesh_simple(f"{parent}/shape{k}", vertices, faces, color=shape.colour, **placed)
 
     def look(self) -> None:
@@ -100,7 +91,7 @@ class ArmScene:
         """Move the arm: the pose of each of its frames, (4, 4), in the axes of its base."""
         for frame, pose in poses.items():
             self.frames[frame].position = pose[:3, 3]
-            self.frames[frame].wxyz = quaternion(pose[:3, :3])
+            self.frames[frame].wxyz = rotations.of_matrix(pose[:3, :3])
 
     def goal(self, point: Array | None) -> None:
         """Show where the tip should be, (3,), m; None hides it."""
