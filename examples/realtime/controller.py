@@ -1,7 +1,7 @@
 """The controller in Python: `python controller.py PORT RATE SAMPLES OUT` runs the law on a clock.
 
-It writes `OUT`, an archive of numpy: `late (K,)`, how late each cycle began, and `done (K,)`, when its command was on its way, both in s
-after the deadline; `state`, the last answer; what the system permitted.
+It writes `OUT`, an archive of numpy. `late (K,)` is when each cycle began, and `done (K,)` when its command was sent, both in s after the
+deadline. `state` is the last answer. The other entries say what the system permitted.
 """
 
 import socket

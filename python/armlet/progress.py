@@ -16,7 +16,7 @@ __all__ = ["Progress", "reporter"]
 class Progress:
     """Called with what is done and the whole: writes one line over and over, with the remaining time.
 
-    The remaining time supposes that what is left goes as fast as what was done since the first call or `start`.
+    The remaining time is an estimate: the rest goes at the mean speed since the object was made, or since `start`.
     """
 
     def __init__(self, what: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
