@@ -19,5 +19,6 @@ done
 run env RUSTDOCFLAGS='-D warnings' cargo doc --locked --package armlet-core --no-deps --quiet
 if component clippy clippy; then run cargo clippy --locked --workspace --all-targets --quiet -- -D warnings; fi
 run "$@" -m ruff check python tests tools examples benches docs
+run "$@" tools/words.py
 run "$@" -m mypy
 run "$@" -m mypy.stubtest armlet._core --allowlist tools/stubtest_allowlist.txt

@@ -1,0 +1,62 @@
+"""`tools/words.py` counts long sentences and banned words, and its allowances only shrink. `make check` runs it on the sources."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("words", ROOT / "tools" / "words.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+WORDS = tool()
+LONG = "word " * 25 + "end."
+SHORT = "word " * 24 + "end."
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("a.md", f"{SHORT} {SHORT}\n", (0, 0)),
+        ("a.md", f"{LONG}\n", (1, 0)),
+        ("a.md", f"{LONG[:60]}\n{LONG[60:]} {SHORT}\n", (1, 0)),
+        ("a.md", f"- {SHORT[:-1]}\n- {SHORT}\n", (0, 0)),
+        ("a.md", f"- {SHORT[:-1]}\n  {SHORT}\n", (1, 0)),
+        ("a.md", f"| {SHORT} | {SHORT} |\n", (0, 0)),
+        ("a.md", f"| {LONG} | short |\n", (1, 0)),
+        ("a.md", f"```python\n{LONG} told\n```\n\n    {LONG} told\n", (0, 0)),
+        ("a.md", f"Code `{LONG}` and a [link]({LONG}) are one word each.\n", (0, 0)),
+        ("a.md", "The pace is told; the space is not. Task 2 asks for nothing.\n", (0, 2)),
+        ("a.md", "Nothing is wrong with `ways` and `pace`.\n", (0, 0)),
+        ("a.py", f'"""{LONG}"""\n\n\ndef f():\n    """All the same."""\n    raise ValueError(f"{{f}} was told {SHORT}")\n', (2, 2)),
+        ("a.py", f'"""Sum.\n\nArgs:\n    x: {SHORT}\n    y: {SHORT}\n\n>>> {LONG}\n"""\n', (0, 0)),
+        ("a.rs", f'//! {LONG}\n\n/// Told.\nfn f() {{\n    // {LONG}\n    let a = "{SHORT} \\\n        word";\n}}\n', (1, 1)),
+    ],
+)
+def test_faults_are_seen(name: str, text: str, expected: tuple[int, int], tmp_path: Path) -> None:
+    (tmp_path / name).write_text(text)
+    assert tuple(map(len, WORDS.faults(tmp_path / name))) == expected
+
+
+def test_allowances_only_shrink(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "tools").mkdir()
+    (tmp_path / "README.md").write_text(f"{LONG} We were told.\n")
+    allowed = tmp_path / WORDS.ALLOWED
+    allowed.write_text("")
+    assert WORDS.main([], tmp_path) == 1 and "README.md: (1, 1) long" in capsys.readouterr().out
+    assert WORDS.main(["--lower"], tmp_path) == 1 and allowed.read_text() == ""  # it raises nothing
+    allowed.write_text('"README.md" = [1, 1]\n')
+    assert WORDS.main([], tmp_path) == 0
+    allowed.write_text('"README.md" = [2, 1]\n"gone.md" = [1, 0]\n')
+    assert WORDS.main([], tmp_path) == 1 and "for README.md, gone.md" in capsys.readouterr().out
+    assert WORDS.main(["--lower"], tmp_path) == 0 and allowed.read_text() == '"README.md" = [1, 1]\n'

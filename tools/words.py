@@ -1,0 +1,134 @@
+"""`python tools/words.py`: banned words and sentences of more than 25 words in pages, docstrings, Rust documentation and messages.
+
+`tools/words_allowed.toml` has a line `"file" = [long sentences, banned words]` for each file with faults. More faults fail; fewer fail too,
+until `python tools/words.py --lower` lowers the numbers. `python tools/words.py FILE..` prints every fault of these files.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+ALLOWED = Path("tools/words_allowed.toml")
+LONGEST = 25
+#: A pattern, without regard to case, and what to write instead.
+BANNED = {
+    r"all the same": "nevertheless, or the same",
+    r"as it is(?= *[,.;])": "unchanged",
+    r"ask(s|ed)?(?! for\b)": "require, command, or evaluate",
+    r"ben(d|ds|t|ding)(?! over)": "limit, change, or curve",
+    r"humps?": "maximum of gravity",
+    r"of (its|their|one's) own": "separate, or name the thing",
+    r"paces?": "step-size controller, or rate",
+    r"rooms?": "memory, workspace, or package",
+    r"say(s)? so": "report",
+    r"sooner": "earlier, or faster",
+    r"st(ands?|ood)(?! for\b)": "is",
+    r"swing window": "search interval",
+    r"the given": "name the argument",
+    r"the house": "the project",
+    r"t(ells?|old|elling)": "report, or distinguish",
+    r"(two|three|both|other) ways": "methods",
+    r"watch(es|ed|ing)?": "monitor",
+    r"what is left": "the remainder, or name the thing",
+    r"whatever": "for every",
+}
+PATTERN = re.compile(r"\b(?:" + "|".join(f"(?:{word})" for word in BANNED) + r")\b", re.IGNORECASE)
+# Code is one word, and so is a formula.
+CODE = re.compile(r"``[^`]+``|`[^`\n]+`|\$[^$\n]+\$|\{[^{}]*\}")
+LINK = re.compile(r"!?\[([^]]*)\]\([^)]*\)")
+# The start of a list item, of a row or cell of a table, of an argument `name: ..`, of a comment of a directive.
+ITEM = re.compile(r"^\s*(?:[-*+] |\d+\. |#+ |\||(?:\w+(?:, \w+)*): |:\w+: )|^\s*(?:Args|Returns|Raises|Warns|Yields):$|^```.*$")
+SENTENCE = re.compile(r"(?<=[.!?])[)\"*]*\s+(?=\S)(?<!e\.g\. )(?<!i\.e\. )(?<!cf\. )(?<!Eq\. )(?<!no\. )(?<!\.\. )|\|")
+LITERAL = re.compile(r"""//[^\n]*|/\*.*?\*/|r(#*)"(?P<raw>.*?)"\1|"(?P<text>(?:\\.|[^"\\])*)"|'(?:\\.|[^'\\])'""", re.DOTALL)
+
+
+def sentences(prose: str) -> Iterator[str]:
+    """The sentences of prose; blocks of code, indented formulas and doctests are none."""
+    prose = re.sub(r"^```(?!\{).*?^```$", "", prose, flags=re.MULTILINE | re.DOTALL)
+    piece: list[str] = []
+    after_blank, item = True, False
+    for line in [*prose.splitlines(), ""]:
+        formula = line.startswith("    ") and after_blank and not item
+        starts = bool(ITEM.match(line))
+        if starts or formula or not line.strip() or line.lstrip().startswith((">>>", "...")):
+            text = CODE.sub(" x ", LINK.sub(r"\1", " ".join(piece)))
+            yield from (sentence.strip() for sentence in SENTENCE.split(text) if sentence.strip())
+            piece = []
+        if line.strip() and not formula and not line.lstrip().startswith((">>>", "...")):
+            piece.append(ITEM.sub("", line) if not line.lstrip().startswith("|") else line)
+        item = starts or (item and line.startswith("  "))
+        after_blank = not line.strip() or formula
+
+
+def texts(path: Path) -> Iterator[str]:
+    """What a file says to its readers: the page, or documentation and messages of code."""
+    source = path.read_text(encoding="utf-8")
+    if path.suffix == ".md":
+        yield source
+    elif path.suffix == ".rs":
+        yield from (
+            re.sub(r"^\s*//[/!] ?", "", block, flags=re.MULTILINE) for block in re.findall(r"(?:^\s*//[/!].*\n)+", source, re.MULTILINE)
+        )
+        for match in LITERAL.finditer(source):
+            yield re.sub(r"\\\n\s*", "", match["text"] or match["raw"] or "")
+    else:
+        tree = ast.parse(source)
+        formatted = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+        documents = set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node):
+                documents.add(id(node.body[0].value))
+                yield ast.get_docstring(node) or ""
+        for node in ast.walk(tree):
+            if isinstance(node, ast.JoinedStr):
+                yield "".join(str(part.value) if isinstance(part, ast.Constant) else " x " for part in node.values)
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str) and not {id(node)} & (formatted | documents):
+                yield node.value
+
+
+def faults(path: Path) -> tuple[list[str], list[str]]:
+    """The long sentences and the banned words of a file, each with its sentence."""
+    found = [sentence for text in texts(path) for sentence in sentences(text)]
+    long = [s for s in found if sum(bool(re.search(r"[^\W_]", word)) for word in s.split()) > LONGEST]
+    return long, [f"{match.group()}: {s}" for s in found for match in PATTERN.finditer(s)]
+
+
+def read(root: Path) -> dict[str, tuple[int, int]]:
+    """How many faults of both kinds each file has."""
+    paths = [root / "README.md", root / "CONTRIBUTING.md", *(root / "docs").rglob("*.md")]
+    paths += [
+        *(root / "python/armlet").rglob("*.py"),
+        *(path for top in ("core", "py", "macros") for path in (root / "rust" / top / "src").rglob("*.rs")),
+    ]
+    counts = {path.relative_to(root).as_posix(): faults(path) for path in sorted(paths) if path.exists()}
+    return {name: (len(long), len(banned)) for name, (long, banned) in counts.items() if long or banned}
+
+
+def main(arguments: list[str], root: Path = ROOT) -> int:
+    if arguments and arguments != ["--lower"]:
+        for name in arguments:
+            long, banned = faults(Path(name))
+            print("\n".join([*(f"{name}: long: {each}" for each in long), *(f"{name}: banned: {each}" for each in banned)]))
+        return 0
+    allowed = {name: tuple(numbers) for name, numbers in tomllib.loads((root / ALLOWED).read_text(encoding="utf-8")).items()}
+    found = read(root)
+    over = {name: found[name] for name in found if any(a > b for a, b in zip(found[name], allowed.get(name, (0, 0)), strict=True))}
+    under = [name for name in allowed if any(a < b for a, b in zip(found.get(name, (0, 0)), allowed[name], strict=True))]
+    for name, numbers in over.items():
+        print(f"{name}: {numbers} long sentences and banned words, {allowed.get(name, (0, 0))} allowed, see `python tools/words.py {name}`")
+    if arguments:
+        kept = {name: [min(a, b) for a, b in zip(found.get(name, (0, 0)), allowed[name], strict=True)] for name in allowed}
+        (root / ALLOWED).write_text("".join(f'"{name}" = {kept[name]}\n' for name in sorted(kept) if any(kept[name])), encoding="utf-8")
+    elif under:
+        print(f"{ALLOWED} allows more than is found: `python tools/words.py --lower` lowers it for {', '.join(under)}")
+    return int(bool(over) or (bool(under) and not arguments))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
