@@ -22,10 +22,12 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_gallery.gen_gallery",
     "sphinxcontrib.bibtex",
+    "sphinx-mathjax-offline",  # MathJax among the pages: formulas are rendered without a network
     "house",
 ]
 root_doc = "index"
@@ -38,6 +40,7 @@ html_show_sphinx = False
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 myst_heading_anchors = 4
+myst_fence_as_directive = ["math"]  # the fence that GitHub renders too
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "alpha"
 autosummary_generate = True

@@ -15,7 +15,7 @@ def links(app: object, name: str, source: list[str]) -> None:
     if name.startswith(("auto_examples", "api/")):
         return
     pieces = FENCE.split(source[0])
-    pieces[::2] = [piece.replace("(../benches/README.md)", "(benchmarks.md)") for piece in pieces[::2]]  # copied in by tools/docs.sh
+    pieces[::2] = [piece.replace("(../benches/README.md", "(benchmarks.md") for piece in pieces[::2]]  # copied in by tools/docs.sh
     pieces[::2] = [CITATION.sub(lambda m: "{cite}`" + m[1].replace(", ", ",") + "`", piece) for piece in pieces[::2]]
     source[0] = "".join(pieces)
     if name == "index":

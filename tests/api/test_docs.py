@@ -204,7 +204,7 @@ def test_concept_pages_are_complete(concept: str) -> None:
     """Equation, code that runs, figure of an example, limits, and where the code and its example stand."""
     text = (ROOT / f"docs/{concept}.md").read_text()
     wanted = {
-        "equation": r"^    .*[=<]",
+        "equation": r"^    .*[=<]|^```math$",
         "code that runs": r"^```python$",
         "figure": r"^```\{figure\} auto_examples/images/sphx_glr_\w+_001\.png$",
         "limits": r"^## Limits$",
