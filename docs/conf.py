@@ -40,6 +40,7 @@ html_show_sphinx = False
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 myst_heading_anchors = 4
+myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]  # the fence that GitHub renders too
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "alpha"
