@@ -28,9 +28,9 @@ class Equilibrium:
         tau: the plant's input there, (n,), N m or N: g(q) - J'F.
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
-        reachable: whether x_d + K^-1 F can be reached at all; False where a wall or a joint stop holds the arm back.
-        spurious: at rest with the spring unbalanced: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0; of `MotorPD` and
-            `StateFeedback` that know the plant, away from the target with nothing that pushes.
+        reachable: whether the arm can reach x_d + K^-1 F; False if a wall or a joint stop holds the arm.
+        spurious: an equilibrium with an unbalanced spring: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0. For `MotorPD`
+            and `StateFeedback` that know the plant: an equilibrium off the target, without force and contact.
         wall_force: of the plant's wall on its frame, (3,), world axes, N; None without a wall.
         stable: whether no eigenvalue lies to the right; free motions of a redundant arm have eigenvalues at zero.
         eigenvalues: of the closed loop linearised at rest, complex, 1/s, by real part.
@@ -59,7 +59,7 @@ class ElasticLimits:
         stiffness: what it bounds: the diagonal of J'K J, (n,), N m/rad.
         stiffness_scale_max: by how much K may be multiplied before the linearised loop becomes unstable.
         eigenvalues: of the closed loop linearised at rest, complex, 1/s, by real part.
-        reduced_inertia_min: smallest B0 of each motor at the sample time asked about, (n,), kg m^2; None without one.
+        reduced_inertia_min: smallest B0 of each motor at `sample_time`, (n,), kg m^2; None without one.
     """
 
     sample_time_max: float
@@ -74,21 +74,26 @@ class ElasticLimits:
 def equilibrium(
     plant: _core.Plant, law: _core.Law, force: ArrayLike | None = None, *, q0: ArrayLike, force_frame: str | None = None
 ) -> Equilibrium:
-    """The rest that `q0` descends to under a constant force: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K^-1 tau.
+    """Find the equilibrium near `q0` under a constant force: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K^-1 tau.
 
-    An impedance law rests at x_d + K^-1 F where that pose is reachable and regular. Rest at a singular pose with the spring
-    unbalanced is flagged as spurious, a rest that the loop leaves as not stable.
+    The equilibrium of an impedance law is x_d + K^-1 F if that pose is reachable and regular. At a singular pose with an unbalanced
+    spring, `spurious` is true. If the loop leaves the equilibrium, `stable` is false.
 
     Args:
-        plant: `RigidArm` or `ElasticArm`; its wall and its joint stops push back.
+        plant: `RigidArm` or `ElasticArm`, with its wall and its joint stops.
         law: an impedance law, a PD law of links or of motors, or state feedback, with a fixed target.
-        force: constant force in the law's axes at its frame, N or N m; none if None.
-        q0: where the search starts, (n,), rad or m.
-        force_frame: the frame at which the force acts instead; then it is (3,), or (6,) as [f; m], in world axes.
+        force: constant force in the law's axes at its frame, N or N m; None: no force.
+        q0: start of the search, (n,), rad or m.
+        force_frame: another frame at which the force acts. The force is then (3,), or (6,) as [f; m], in world axes.
+
+    Returns:
+        Positions of links and motors, (n,), rad or m, the torque, the tip, the eigenvalues, 1/s, and the flags.
 
     Raises:
-        InputError: an argument is not what it should be.
-        SolveError: the descent did not end.
+        InputError: an argument is not valid; the message names it.
+        SolveError: the search did not converge.
+
+    Source: [Spong1987, Ott2008]; docs/elastic.md.
 
     >>> import armlet as al
     >>> arm = al.planar_arm([0.5, 0.4])
@@ -113,20 +118,25 @@ def elastic_limits(
     sample_time: float | None = None,
     sensor_bandwidth: float | None = None,
 ) -> ElasticLimits:
-    """The limits of a motor-inertia reduction at the rest that `q0` descends to: sample time, B0 and stiffness.
+    """Compute the limits of a motor-inertia reduction at an equilibrium: sample time, B0 and stiffness.
 
-    Maps of the smallest B0 over sample time, sensor bandwidth and damping ratio: `smallest_reduced_inertia`.
+    `smallest_reduced_inertia` computes maps of the smallest B0 over sample time, sensor bandwidth and damping ratio.
 
     Args:
         plant: the elastic arm.
         law: `ElasticImpedance` or `JointImpedance`.
-        q0, force, force_frame: as for `equilibrium`.
-        sample_time: the controller's, s; asks for `reduced_inertia_min`, at the law's own damping ratio.
-        sensor_bandwidth: of a first-order joint-torque sensor, rad/s; no lag if None.
+        q0, force, force_frame: start of the search, and external force, as for `equilibrium`.
+        sample_time: period of the controller, s. It is required for `reduced_inertia_min`, which uses the law's damping ratio.
+        sensor_bandwidth: bandwidth of a first-order joint-torque sensor, rad/s; None: no lag.
+
+    Returns:
+        The largest sample time, s, the smallest B0, (n,), kg m^2, and the largest stable factor of the stiffness.
 
     Raises:
-        InputError: an argument is not what it should be.
-        SolveError: the descent did not end.
+        InputError: an argument is not valid; the message names it.
+        SolveError: the search did not converge.
+
+    Source: [Ott2008] for the reduction; docs/elastic.md.
 
     >>> import armlet as al
     >>> arm = al.planar_arm([0.5, 0.4])

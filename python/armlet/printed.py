@@ -46,34 +46,36 @@ def export_c(
 ) -> list[Path]:
     """Write a law, or functions of an arm, as C99 that needs no armlet: a header, a source file and a `CMakeLists.txt`.
 
-    The C allocates nothing, does not recurse, and uses `math.h` and `string.h` alone. It gives the same bits as armlet on this machine
-    where it is compiled with `-ffp-contract=off`, as its CMake file does. A law is `<prefix>_init(state)` and
+    The C code allocates nothing, does not recurse, and uses `math.h` and `string.h` alone. It has the same bits as armlet on this machine
+    if it is compiled with `-ffp-contract=off`, as its CMake file does. A law is `<prefix>_init(state)` and
     `<prefix>_step(state, t, q, v, tau)`, with `theta, theta_dot` before `tau` for laws of elastic arms. Desired motions are inside.
-    A function of an arm is `<prefix>_<name>(inputs.., out)`, with row-major matrices. Each returns 0, or a status that the header
-    lists: then `tau` is the last answer that was right, and `out` is NaN.
+    A function of an arm is `<prefix>_<name>(inputs.., out)`, with row-major matrices. Each function returns 0, or a status that the header
+    lists. After an error `tau` is the last valid output, and `out` is NaN.
 
     Args:
         law: a law or an arm.
-        folder: where the files go; it is made where it is missing.
-        functions: of an arm, which functions: names of `Arm`'s methods such as "mass_matrix", or `(name, frame)`. Functions of a frame
-            without one are of `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` take a wrench `[f; m]` at
-            the frame. None: the equations of motion.
-        prefix: what all names in C begin with, and the names of the files and of the target of CMake; "law" or "arm" if None.
-        dt: of a law with a state of its own (an estimate, an integral), the step of the sampled loop whose bits the state has, s. Calls at
-            multiples of it advance the state as `simulate(.., dt=dt, sample_time=..)` does. None: one step from call to call.
-        method: how the law's own state advances: "rk4", "euler" or "semi_implicit", as for `simulate`. Not for an arm.
-        friction: functions of an arm include friction, as their argument of this name does.
+        folder: folder of the files. It is made if it does not exist.
+        functions: functions of an arm: names of `Arm`'s methods such as "mass_matrix", or `(name, frame)`. The default frame is
+            `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` take a wrench `[f; m]` at
+            the frame, N and N m. None: the equations of motion.
+        prefix: start of all names in C, and name of the files and of the CMake target; None: "law" or "arm".
+        dt: step of the sampled loop, s, for a law with a state (an estimate, an integral). Calls at
+            multiples of it advance the state with the bits of `simulate(.., dt=dt, sample_time=..)`. None: one step from call to call.
+        method: integration of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Not for an arm.
+        friction: functions of an arm include friction, as with their argument of this name.
         armature: the regressor has columns of armature.
-        fused: whether products are fused with sums, by `fma`; None: as armlet does on this machine, which alone has the same bits.
-        overwrite: write over files of these names that armlet did not make.
+        fused: fuse products with sums by `fma`. None: as armlet does on this machine; only this choice has the same bits.
+        overwrite: overwrite files of these names that armlet did not make.
 
     Returns:
         The paths of the files: header, source, `CMakeLists.txt`.
 
     Raises:
-        InputError: the law is a Python function or branches on its data, a function or a frame is unknown, a file of another origin is
-            in the way, or another argument is not what it should be.
+        InputError: the law is a Python function or branches on its data, or a function or a frame is unknown. Or a file of another origin
+            exists, or another argument is not valid.
         OSError: a file cannot be written.
+
+    Source: docs/export_c.md.
 
     >>> import armlet as al, tempfile
     >>> arm = al.planar_arm([0.5, 0.4])

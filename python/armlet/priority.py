@@ -63,19 +63,23 @@ class PriorityDiagnosis:
 def diagnose_priority(
     jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike] | None = None, rounding: float = 8 * float(np.finfo(np.float64).eps)
 ) -> PriorityDiagnosis:
-    """Say which directions of which level can be commanded.
+    """Diagnose which directions of which level can be commanded.
 
-    Algorithmic iff `rank J_E < min(sum rank J_i, n)`, kinematic iff some `rank J_i` is below its number of rows.
+    The stack is algorithmic if and only if `rank J_E < min(sum rank J_i, n)`. It is kinematic if and only if some `rank J_i` is below its
+    number of rows.
 
     Args:
         jacobians: one (rows_i, n) per level, the highest first.
-        rhs: the task velocities (rows_i,) per level, to learn whether they can be executed; None: directions alone.
-        rounding: relative error of the entries; 8 eps (1 + sum |q|) where joint angles made them.
+        rhs: the task velocities (rows_i,) per level, to test whether they can be executed; None: directions alone.
+        rounding: relative error of the entries; 8 eps (1 + sum |q|) if they were computed from joint angles.
+
+    Returns:
+        The kind, the ranks and singular values of each level, the lost directions, and, with `rhs`, the lost part of each command.
 
     Raises:
-        InputError: shapes that do not fit, an empty stack, numbers that are not finite.
+        InputError: shapes that do not match, an empty stack, numbers that are not finite.
 
-    Source: Chiaverini, Singularity-robust task-priority redundancy resolution, T-RA 13(3), 1997, for the two kinds of singularity.
+    Source: [chiaverini1997singularity] for the two kinds of singularity; docs/priority.md.
 
     >>> import armlet as al
     >>> d = al.diagnose_priority([[[1.0, 0.0]], [[2.0, 0.0]]], rhs=[[1.0], [2.0]])

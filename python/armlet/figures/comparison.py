@@ -24,16 +24,29 @@ DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 
 @border
 def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Figure | None = None) -> NDArray[Any]:
-    """Draw error (or position, where a run follows nothing) and input of several runs, joint by joint; returns the axes as an array.
+    """Draw the errors and inputs of several runs, joint by joint. A run without a desired motion has its position instead of the error.
 
     Args:
-        runs: at least one, with the same joints.
-        labels: one name per run; "1", "2", .. with the law's name if None.
-        fig: a matplotlib figure to draw into; None makes one with pyplot.
+        runs: at least one run; all have the same joints.
+        labels: one name per run; None: "1", "2", .. with the law's name.
+        fig: a matplotlib figure for the drawing; None makes one with pyplot.
+
+    Returns:
+        The axes, (n, 2): errors on the left in rad or m, inputs on the right in N m or N.
 
     Raises:
         InputError: no runs, runs of different arms, or not one label per run.
         ImportError: matplotlib is not installed.
+
+    Source: docs/plants_and_laws.md.
+
+    >>> import armlet as al
+    >>> from matplotlib.figure import Figure
+    >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+    >>> laws = [al.ComputedTorque(arm, al.Hold([1.0, 0.0]), kp=kp, kd=20.0) for kp in (50.0, 100.0)]
+    >>> runs = [al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=1.0, dt=1e-2) for law in laws]
+    >>> al.compare(runs, ["soft", "stiff"], fig=Figure()).shape
+    (2, 2)
     """
     if isinstance(runs, Run) or not isinstance(runs, Iterable):
         raise InputError(f"compare: runs is of the wrong type: expected a list of runs, got {shown(runs)}")

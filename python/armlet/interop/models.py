@@ -1,7 +1,7 @@
 """Arms from models of other libraries, and a comparison with them: `from_pinocchio`, `from_mujoco`, `verify`.
 
-The other library is imported only where its model is given. Both describe a tree of moving bodies; what differs is told in
-`arm.report` and in the table of `verify`.
+The other library is imported only with its model. Both libraries describe a tree of moving bodies. `arm.report` and the table of
+`verify` list the differences.
 """
 
 from __future__ import annotations
@@ -97,13 +97,21 @@ def _expect(model: Any, function: str, kind: str, attribute: str) -> None:
 
 @border
 def from_pinocchio(model: Any) -> Arm:
-    """The arm of a `pinocchio.Model`: fixed base; revolute, unbounded and prismatic joints, any axes, any tree.
+    """Make the arm of a `pinocchio.Model` with a fixed base: revolute, unbounded and prismatic joints, any axes, any tree.
 
-    Kept: joint and frame names, placements, inertias, limits, armature, damping, friction, gravity. The order of `q` is depth
-    first, which on branched robots is not Pinocchio's; continuous joints have one coordinate here and two there.
+    The arm has joint and frame names, placements, inertias, limits, armature, damping, friction and gravity. The order of `q` is depth
+    first. On branched robots this differs from Pinocchio. Continuous joints have one coordinate here and two in Pinocchio.
+
+    Args:
+        model: a `pinocchio.Model`.
+
+    Returns:
+        The arm, with the units of the model: m, kg, rad.
 
     Raises:
-        InputError: not a model, or a joint of another type (free flyer, spherical, mimic), named.
+        InputError: not a model, or a joint of another type (free flyer, spherical, mimic); the message names it.
+
+    Source: docs/migration.md.
     """
     _expect(model, "from_pinocchio", "pinocchio.Model", "jointPlacements")
     joints, frames, report = [], [], []
@@ -176,15 +184,23 @@ def _bound(value: float, sign: float) -> float:
 
 @border
 def from_mujoco(model: Any) -> Arm:
-    """The arm of a `mujoco.MjModel`: hinges and slides, any tree, bodies with several joints too.
+    """Make the arm of a `mujoco.MjModel`: hinges and slides, any tree, also bodies with several joints.
 
-    Kept: joint and body names, placements, reference positions, inertias, position limits, limits of the actuators' force on a joint,
-    armature and damping (those of actuators on the joint too), dry friction, gravity; a frame for every body and every site.
-    Dropped and listed in `arm.report`: what else actuators do, springs, tendons, equality constraints, gravity compensation, fluid
-    forces, damping that is not linear, sites that have a body's name.
+    The arm has joint and body names, placements, reference positions, inertias, position limits and gravity. It has the limits of the
+    actuators' force on a joint, armature, damping (including that of actuators on the joint) and dry friction. Every body and every site
+    has a frame. `arm.report` lists the parts that are dropped. They are other effects of actuators, springs, tendons, equality constraints and gravity
+    compensation. They are also fluid forces, nonlinear damping, and sites with the name of a body.
+
+    Args:
+        model: a `mujoco.MjModel`.
+
+    Returns:
+        The arm, with the units of the model: m, kg, rad.
 
     Raises:
-        InputError: not a model, or a free or ball joint, named.
+        InputError: not a model, or a free or ball joint; the message names it.
+
+    Source: docs/interop.md.
     """
     _expect(model, "from_mujoco", "mujoco.MjModel", "body_parentid")
     joints, frames, report = [], [], []

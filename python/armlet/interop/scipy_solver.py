@@ -29,21 +29,23 @@ LEAST_RTOL = 100 * np.finfo(np.float64).eps
 
 @border
 def scipy_method(name: str) -> Any:
-    """A class for `solve_ivp(method=...)`: the steps, the polynomials and the Jacobians are armlet's, the loop is scipy's.
+    """Return a class for `solve_ivp(method=...)` with armlet's steps, polynomials and Jacobians in scipy's loop.
 
     Args:
         name: "dopri5", "dop853", "radau5" or "rodas4".
 
     Returns:
-        A subclass of `scipy.integrate.OdeSolver`. It takes the arguments of scipy's own: rtol and atol (numbers or (n,)), max_step,
-        first_step, vectorized, and for "radau5" and "rodas4" jac (a matrix, a sparse one, or a callable) and jac_sparsity. The bound of
-        time may be infinite. It counts as scipy does: nfev without the evaluations for differences, njev without constant Jacobians.
-        Options of other solvers raise scipy's UserWarning, unknown ones InputError; complex states are refused (ValueError). What the
-        class refuses itself is an InputError.
+        A subclass of `scipy.integrate.OdeSolver`. It takes the arguments of scipy's own solvers: rtol and atol (numbers or (n,)), max_step,
+        first_step and vectorized. "radau5" and "rodas4" also take jac (a matrix, a sparse one, or a callable) and jac_sparsity. The bound
+        of time may be infinite. It counts as scipy does: nfev without the evaluations for differences, njev without constant Jacobians.
+        Options of other solvers raise scipy's UserWarning, and unknown ones InputError. Complex states raise ValueError. Other errors of
+        the class are InputErrors.
 
     Raises:
         InputError: the name is unknown.
         ImportError: scipy is not installed.
+
+    Source: [HairerNorsettWanner1993, HairerWanner1996]; docs/integration.md.
 
     >>> import armlet as al
     >>> from scipy.integrate import solve_ivp

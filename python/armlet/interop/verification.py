@@ -284,21 +284,23 @@ def _own_peer(arm: Arm, model: Any) -> Peer:
 def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: float = 1e-10) -> Verification:
     """Compare an arm with a `pinocchio.Model` or a `mujoco.MjModel`: poses, Jacobians, `M`, `C`, `g`, inverse and forward dynamics.
 
-    Joints are matched by name; joints that the model has beyond the arm's are held at their neutral position.
+    Joints are matched by name. Further joints of the model are held at their neutral position.
 
     Args:
         arm: an arm of links.
         against: the model (keyword only).
-        samples, seed: how many random states, and of which seed (keyword only).
-        rtol: the largest difference that counts as agreement, relative to the largest entry of the quantity (keyword only);
-            forward dynamics is compared through `M`, as a torque.
+        samples, seed: number of random states, and their seed (keyword only).
+        rtol: largest difference that counts as agreement, relative to the largest entry of the quantity (keyword only).
+            Forward dynamics is compared through `M`, as a torque.
 
     Returns:
-        A `Verification`: true where all numbers agree, `.rows`, `.conventions`; its text is a table.
+        A `Verification`: true if all numbers agree, with `.rows` and `.conventions`. Its text is a table.
 
     Raises:
         InputError: `against` is of another type, or lacks a joint of the arm.
         ImportError: the library is not installed.
+
+    Source: docs/arms.md.
     """
     instance("verify", "arm", arm, Arm, "an Arm")
     samples, seed, rtol = integer("verify", "samples", samples, 1), integer("verify", "seed", seed), number("verify", "rtol", rtol)

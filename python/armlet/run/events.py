@@ -1,4 +1,4 @@
-"""What is watched in a run of an adaptive method, and what was found."""
+"""Events in a run of an adaptive method, and their crossings."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ MOST_EVENTS = 4096
 @sealed
 @dataclass(frozen=True)
 class JointStops:
-    """Joint stops of a plant: beyond a limit a joint meets a spring and a damper, `tau = max(0, k d + c d_dot)` away from it.
+    """Joint stops of a plant: a spring and a damper beyond each limit, `tau = max(0, k d + c d_dot)` away from it.
 
-    `d` is the depth beyond the limit. A stop pushes one way: it never holds a joint back.
+    `d` is the depth beyond the limit. A stop only pushes. It never pulls a joint back.
 
     Args:
         stiffness: `k` > 0, N m/rad or N/m, scalar or (n,).
@@ -36,7 +36,9 @@ class JointStops:
         lower, upper: the limits, scalar or (n,), rad or m, infinite for none; None: those of the arm.
 
     Raises:
-        InputError: where the plant is made: a number is of the wrong sign, lower is not below upper, there is no limit at all.
+        InputError: raised by the plant: a number has the wrong sign, lower is not below upper, or there is no limit at all.
+
+    Source: docs/plants_and_laws.md.
 
     >>> import armlet as al
     >>> plant = al.RigidArm(al.planar_arm([0.5, 0.4]), stops=al.JointStops(1e4, 20.0, lower=-2.0, upper=2.0))
@@ -73,16 +75,21 @@ def _argument(i: int, value: Any) -> Any:
 @sealed
 @dataclass(frozen=True)
 class Event:
-    """A zero crossing to be located in a run: `simulate(..., events=[al.Event.joint(0, 0.5, stop=True)])`.
+    """A zero crossing that a run locates: `simulate(..., events=[al.Event.joint(0, 0.5, stop=True)])`.
 
-    The functions of the named kinds are evaluated natively; `function` is Python inside the loop, and slow. The function is looked at in
-    four places of every step, so that two crossings within a quarter of a step are missed.
+    Named kinds are evaluated natively. `function` is Python inside the loop, and slow. The event function is evaluated at
+    four points of every step. So two crossings within a quarter of a step are missed.
 
     Args:
-        kind, arguments: what is watched; made by the methods below.
-        direction: rising crossings only where > 0, falling ones only where < 0, both where 0.
-        stop: end the run at this many crossings (True is 1); 0 records them alone.
-        name: what `Run.events` calls it.
+        kind, arguments: the monitored quantity; the methods below make them.
+        direction: > 0: rising crossings only; < 0: falling ones only; 0: both.
+        stop: end the run at this many crossings (True is 1); 0 only records them.
+        name: name in `Run.events`.
+
+    Raises:
+        InputError: the kind is unknown, or a number is not valid; raised by `simulate`.
+
+    Source: docs/plants_and_laws.md; the root search is that of [Chandrupatla1997].
 
     >>> import armlet as al
     >>> al.Event.plane("link2", [0.6, 0.0, 0.0], [1.0, 0.0, 0.0], direction=1).name

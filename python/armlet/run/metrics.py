@@ -123,22 +123,30 @@ def metrics(
     tolerance: float = TOLERANCE,
     frame: str | None = None,
 ) -> Metrics:
-    """Sum a run up, or every run of a batch: errors, settling time, overshoot, torques, limits and monitors.
+    """Compute the metrics of a run, or of every run of a batch: errors, settling time, overshoot, torques, limits and monitors.
 
-    A monitor is violated at a record where `lyapunov` has risen since the last by more than `tolerance` of its largest value so far,
-    where `lyapunov_balance` or `energy_balance` is beyond `tolerance` of the largest Lyapunov function or energy so far, or `skewness`
-    beyond `tolerance` of 1. `simulate_batch(keep="metrics")` finds the same numbers while the runs go, without records.
+    `simulate_batch(keep="metrics")` computes the same numbers during the runs, without records. A record counts as a violated monitor in
+    three cases:
+
+    - `lyapunov` has risen since the last record by more than `tolerance` of its largest value so far;
+    - `lyapunov_balance` or `energy_balance` exceeds `tolerance` of the largest Lyapunov function or energy so far;
+    - `skewness` exceeds `tolerance`.
 
     Args:
         run: the run, or the batch.
-        reference: the reference in place of the law's motion or target, (n,) or (K, n), rad or m.
-        band: of the settling time, a number or (n,), rad or m; None: `settle` times the largest error of the joints of the same unit.
-        settle: see `band`.
-        tolerance: of the monitors, relative.
-        frame: measure the position of this frame against where the joints' reference has it, in place of the law's tasks.
+        reference: a reference in place of the law's motion or target, (n,) or (K, n), rad or m.
+        band: band of the settling time, a number or (n,), rad or m; None: `settle` times the largest error of the joints of the same unit.
+        settle: relative band of the settling time, if `band` is None.
+        tolerance: relative tolerance of the monitors.
+        frame: measure the position error of this frame in place of the law's tasks. Its reference follows from that of the joints.
+
+    Returns:
+        A dict of the metrics by name: (n,), (tasks,) or a number for a run, with a leading axis B for a batch. `unit(name)` has the unit.
 
     Raises:
         InputError: the batch kept no records, or a shape is wrong.
+
+    Source: docs/scenarios.md.
 
     >>> import armlet as al
     >>> arm = al.planar_pr(2.0, 0.5, 0.5)

@@ -174,25 +174,27 @@ def loop_program(
     part: str | None = None,
     stage: str = "simplified",
 ) -> LoopProgram:
-    """The program that `simulate` runs for the loop of `plant` and `law`, to be read.
+    """Return the program that `simulate` runs for the loop of `plant` and `law`.
 
-    `x_next = step(x, u, h)` for small loops under fixed steps, the rates `x' = f(x, u)` for larger ones and for adaptive methods. Bits do
-    not depend on the stage: evaluated in order, the lines of every stage give the same numbers (with `fma` rounded once).
+    It is `x_next = step(x, u, h)` for small loops under fixed steps, and the rates `x' = f(x, u)` for larger ones and for adaptive methods.
+    The lines of every stage, evaluated in order, have the same bits (`fma` rounds once).
 
     Args:
         plant, law, method, sample_time, force, force_frame, tau_max, monitors: as for `simulate`. A monitored loop computes more.
-        batch: the program of `simulate_batch`, which computes a run in every lane of a register; for fixed steps.
-        part: which of the loop's programs, by its name in `LoopProgram.parts`; None is "step", or "rates" where a step is in parts.
-        stage: "recorded", "simplified", "lowered" or "machine"; `LoopProgram.at` gives the others.
+        batch: the program of `simulate_batch`, which computes one run in every lane of a register; for fixed steps.
+        part: one of the loop's programs, by its name in `LoopProgram.parts`; None: "step", or "rates" for a step in several parts.
+        stage: "recorded", "simplified", "lowered" or "machine"; `LoopProgram.at` returns the others.
 
     Returns:
-        The program. Names of its inputs: `q1, v1, theta1, theta_dot1` are the state, `estimate1` or `z1` that of the law. `q_d1, v_d1,
-        a_d1` are the desired motion at the start of a step (`_mid` and `_end` in its middle and at its end), `x1_d1, xdot1_d1,
-        xddot1_d1` one that is not of the joints. `h` is the step, `kp1, kd1, ..` are gains, `m1, mx1, Ixx1, ..` parameters of body 1 in
-        axes with z along its joint. What has no name is `c17`.
+        The program. Names of its inputs: `q1, v1, theta1, theta_dot1` are the state, and `estimate1` or `z1` that of the law. `q_d1, v_d1,
+        a_d1` are the desired motion at the start of a step (`_mid` and `_end` in its middle and at its end). `x1_d1, xdot1_d1,
+        xddot1_d1` are a desired motion of a task. `h` is the step, `kp1, kd1, ..` are gains. `m1, mx1, Ixx1, ..` are parameters of body 1
+        in axes with z along its joint. An input without a name is `c17`.
 
     Raises:
-        InputError: an argument is not what it should be, or the loop runs directly, without a program; the message says why.
+        InputError: an argument is not valid, or the loop runs directly, without a program; the message has the reason.
+
+    Source: docs/programs.md.
 
     >>> import armlet as al
     >>> arm = al.planar_pr(2.0, 0.5, 0.5)

@@ -45,16 +45,16 @@ class Run(_Stored):
         t: times, (K,), s.
         q, v: joint positions and velocities, (K, n), rad or m, rad/s or m/s.
         tau: the plant's input, (K, n), N m or N; right-continuous; the motors' torque for elastic arms.
-        estimate: the law's own state, (K, p): the parameter estimate of Adaptive (then its filters, if composite), the integral torque of
-            PID, the integral wrench of CartesianImpedance; None for laws without one.
+        estimate: the state of the law, (K, p); None for laws without one. It is the parameter estimate of Adaptive (then its filters, if
+            composite), the integral torque of PID, or the integral wrench of CartesianImpedance.
         theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad, rad/s; else None.
         status: how the run ended (`armlet.Status`), with advice.
         stats: what it cost: counts of steps, evaluations, rejections; where the status is EXCESS_ACCURACY `coarsen`: times this both
             tolerances can be met.
-        monitors: the identities that were watched, by name, each (K,).
-        events: the crossings of the events asked for (`armlet.Events`); None where none were.
-        sensitivity: derivatives of the series (`armlet.Sensitivity`) by the names that `simulate(sensitivity=)` was given. None without
-            names, for a run that did not reach its end, and for one that was read from a file.
+        monitors: the monitored identities by name, each (K,).
+        events: the crossings of the events (`armlet.Events`); None without events.
+        sensitivity: derivatives of the series (`armlet.Sensitivity`) by the names of `simulate(sensitivity=)`. None without
+            names, for a run that ended early, and for a run read from a file.
     """
 
     status: Status
@@ -192,11 +192,29 @@ class BatchRun(_Stored):
 
 @border
 def load(path: str | PathLike[str]) -> Run | BatchRun:
-    """Read a run that `run.save` wrote.
+    """Read a run from a file of `run.save`.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The run or the batch, with the same arrays to the bit.
 
     Raises:
-        FormatError: the file is no run of armlet, is damaged or cut short, or was written by a newer version.
+        FormatError: the file is not a run of armlet, is damaged or cut short, or is of a newer version.
         OSError: the file cannot be read.
+
+    Source: docs/plants_and_laws.md.
+
+    >>> import armlet as al, tempfile
+    >>> from pathlib import Path
+    >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+    >>> law = al.ComputedTorque(arm, al.Hold([1.0, 0.0]), kp=100.0, kd=20.0)
+    >>> run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=0.1, dt=1e-2)
+    >>> path = Path(tempfile.mkdtemp()) / "run.npz"
+    >>> run.save(path)
+    >>> (al.load(path).q == run.q).all()
+    np.True_
     """
     kind, fields = read(path)
     return (Run if kind == "Run" else BatchRun)(fields)

@@ -25,19 +25,20 @@ class TorqueSensor:
     """The joint-torque sensors of an elastic arm in a sampled loop, `Sampling(torque_sensor=...)`.
 
     `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise)/resolution) resolution`, with `tau_J = K (theta - q)`. The law
-    knows the links through it and the motors' encoders, as on light-weight arms: it sees `q = theta - K^-1 reading`, `K` its own joint
-    stiffness, so that its `tau_J` is the reading. The filters begin at rest; between samples the torque is taken to move in a straight
-    line, for which they are exact.
+    computes the link positions from the reading and the motors' encoders, as on light-weight arms: `q = theta - K^-1 reading`. `K` is its
+    joint stiffness, so its `tau_J` is the reading. The filters start at rest. They are exact for a torque that is linear between samples.
 
     Args:
         noise: standard deviation, N m.
         bias: constant error, N m, scalar or (n,).
-        resolution: step of the reading, N m; none if 0.
-        bandwidth: `w_c` of the first-order filter, rad/s; none if infinite.
+        resolution: resolution of the reading, N m; 0: exact.
+        bandwidth: `w_c` of the first-order filter, rad/s; infinite: no filter.
 
     Raises:
-        InputError: an argument is no number; where it is used: a number is of the wrong sign or not finite, the plant has no elastic
-            joints.
+        InputError: an argument is not a number. `simulate` also raises it for a wrong sign, a number that is not finite, or a plant
+            without elastic joints.
+
+    Source: docs/elastic.md.
 
     >>> import armlet as al
     >>> al.Sampling(1e-3, torque_sensor=al.TorqueSensor(noise=0.1, bandwidth=2000.0)).torque_sensor.noise
@@ -72,25 +73,27 @@ class _Effects:
 @sealed
 @dataclass(frozen=True)
 class Sampling(_Effects):
-    """How a law is sampled, in place of a plain `sample_time`.
+    """Sampling of a law, in place of a plain `sample_time`.
 
-    Sample `k` is taken at `k period + j`, `j` uniform in [0, jitter]; the law sees what was measured `sensor_delay` samples before, with
-    noise and in steps of the resolution; its answer acts `delay` later and is then held. Random numbers depend on the seed, the sample
-    and the channel alone: the same seed gives the same run, and row i of a batch is the run with seed + i.
+    Sample `k` is taken at `k period + j`, with `j` uniform in [0, jitter]. The law receives the measurement of `sensor_delay` samples
+    before, with noise and resolution. Its output acts `delay` later and is then held. Random numbers depend only on the seed, the sample
+    and the channel. So the same seed has the same run, and row i of a batch is the run with seed + i.
 
     Args:
         period: time between samples, s.
-        delay: from a sample to the moment its answer acts, s; a fixed-step method needs a multiple of its step.
+        delay: time from a sample until its output acts, s; a multiple of the step for a fixed-step method.
         jitter: largest lateness of a sample, s, below the period; a fixed-step method rounds it down to its steps.
-        sensor_delay: samples between what is measured and what the law sees.
-        noise: standard deviation of a measured quantity, by name: "q", "v", "theta", "theta_dot".
-        resolution: step of a measured quantity, by name, such as 2 pi / 2**14 of an encoder.
-        rate_limit: largest change of the input per second, N m/s, from no input before the first sample.
+        sensor_delay: number of samples between the measurement and its use in the law.
+        noise: standard deviation of a measured quantity, by name: "q", "v", "theta", "theta_dot"; rad or m, and per second.
+        resolution: resolution of a measured quantity, by name and in its unit, such as 2 pi / 2**14 of an encoder.
+        rate_limit: largest change of the input per second, N m/s; the rate limiter starts at zero input.
         torque_sensor: `TorqueSensor` of an elastic arm, in place of encoders of the links.
         seed: integer >= 0.
 
     Raises:
-        InputError: an argument is no number, a quantity's name is unknown; the rest is checked where it is used.
+        InputError: an argument is not a number, or a quantity's name is unknown. `simulate` checks the other conditions.
+
+    Source: docs/plants_and_laws.md.
 
     >>> import armlet as al
     >>> al.Sampling(1e-3, delay=5e-4, noise={"v": 0.01}, seed=3).delay

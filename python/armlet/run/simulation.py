@@ -54,52 +54,53 @@ def simulate(
     sensitivity: str | Sequence[str] | None = None,
     throw: bool = True,
 ) -> Run:
-    """Close the loop of `plant` and `law` and run it from rest, or from `v0`, with no Python inside.
+    """Run the closed loop of `plant` and `law` from rest, or from `v0`, without Python inside the loop.
 
     Args:
-        plant: what is controlled, such as `RigidArm(arm)`.
-        law: what controls it, made for an arm with as many joints; or any callable `law(t, q, v) -> tau` (`law(t, q)` for a VelocityArm,
-            `law(t, q, v, theta, theta_dot)` for an ElasticArm), which is Python inside the loop, asked once per sample: slow.
+        plant: the controlled system, such as `RigidArm(arm)`.
+        law: the control law, made for an arm with as many joints. A callable `law(t, q, v) -> tau` is also accepted: `law(t, q)` for a
+            VelocityArm, and `law(t, q, v, theta, theta_dot)` for an ElasticArm. It is called once per sample and is slow.
         q0: initial position, (n,), rad or m.
         t_end: length of the run, s.
-        dt: step of a fixed-step method, s; a last shorter step ends a run that is not a multiple of it. None for an adaptive method; with
-            a fixed-step method and a `sample_time` None is that time.
-        v0: initial velocity, (n,); zero if None.
-        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,); None: the springs carry gravity, the motors
-            move with the links.
-        method: "euler", "semi_implicit", "rk4", "ros2" (fixed steps, need `dt`; ros2 is implicit and L-stable) or "dopri5", "dop853",
-            "radau5", "rodas4" (adaptive, `rtol` and `atol`; the last two are implicit, for stiff plants).
-        rtol, atol: relative and absolute error allowed per step of an adaptive method; None: 1e-8 and 1e-10, and always None for a
-            fixed-step method.
-        sample_time: None evaluates the law inside every stage; a period in s holds its output that long, as a real controller does; a
+        dt: step of a fixed-step method, s. If the run is not a multiple of it, the last step is shorter. None for an adaptive method. With
+            a fixed-step method and a `sample_time`, None takes that time.
+        v0: initial velocity, (n,), rad/s or m/s; zero if None.
+        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad and rad/s. With None the springs carry
+            gravity, and the motors move with the links.
+        method: "euler", "semi_implicit", "rk4" or "ros2" take fixed steps and require `dt`; "ros2" is implicit and L-stable. "dopri5",
+            "dop853", "radau5" and "rodas4" are adaptive and use `rtol` and `atol`. "radau5" and "rodas4" are implicit, for stiff plants.
+        rtol, atol: relative and absolute error per step of an adaptive method; None: 1e-8 and 1e-10. None for a fixed-step method.
+        sample_time: None evaluates the law in every stage. A period in s holds its output for that time, as a real controller does. A
             `Sampling` adds delay, jitter, noise, quantisation, joint-torque sensors and a rate limit.
-        record_every: record the start and every so many steps, and the end.
-        t_eval: record exactly these times instead, increasing, in [0, t_end].
-        force: external force: None, constant, `[(t_start, F), ...]` piecewise constant, or a callable `F(t)`; in the law's axes at its
-            frame, N or N m. A callable is Python inside the loop, and slow.
-        force_frame: the frame at which the force acts instead; then it is (3,), or (6,) as [f; m], in world axes.
+        record_every: number of steps between records. The start and the end are always recorded.
+        t_eval: record exactly at these times instead, (K,), increasing, in [0, t_end], s.
+        force: external force: None, constant, `[(t_start, F), ...]` piecewise constant, or a callable `F(t)`. It is in the law's axes at
+            its frame, N or N m. A callable is Python inside the loop, and slow.
+        force_frame: another frame at which the force acts. The force is then (3,), or (6,) as [f; m], in world axes.
         tau_max: the input saturates at this magnitude, scalar or (n,), N m or N.
-        monitors: integrate and record the identities that theory promises: see `Run.monitors`. A monitor that is not finite ends the run.
-        state_limit: a position or velocity of the plant (links and motors) beyond this ends the run with `Status.DIVERGED`, rad or m and
-            per second; `math.inf` for no limit.
-        events: zero crossings to be located in a run of an adaptive method: `Event`s, or functions `g(t, q, v)`, which are Python inside
-            the loop; `Run.events` has them. One that stops the run ends it with `Status.EVENT`.
-        dense: keep the polynomial of every step of an adaptive method: `run.sample(t)` is the state at any time.
-        sensitivity: names of numbers of the loop such as `["law.kp", "arm.parameters", "q0"]`: `Run.sensitivity` has the derivatives of all
-            series with respect to them, by explicit methods. An unknown name is refused with the names there are; the page on gradients
-            has the rules.
-        throw: raise where the run does not reach its end; False returns what there is, with its status.
+        monitors: compute and record the identities of the theory: see `Run.monitors`. A monitor that is not finite ends the run.
+        state_limit: a larger position or velocity of links or motors ends the run with `Status.DIVERGED`, rad or m and
+            per second. `math.inf` sets no limit.
+        events: zero crossings that an adaptive method locates: `Event`s, or functions `g(t, q, v)`, which are Python inside
+            the loop. `Run.events` has the crossings. An event with `stop` ends the run with `Status.EVENT`.
+        dense: keep the polynomial of every step of an adaptive method. `run.sample(t)` is then the state at any time.
+        sensitivity: names of numbers of the loop, such as `["law.kp", "arm.parameters", "q0"]`. `Run.sensitivity` has the derivatives of
+            all series with respect to them, for explicit methods. The error for an unknown name lists the valid names. See
+            docs/gradients.md.
+        throw: raise an error if the run ends early. False returns the partial run with its status.
 
     Returns:
-        The recorded run.
+        The recorded run. Time is the first axis of its arrays: `run.q` is (K, n).
 
     Raises:
-        InputError: an argument is not what it should be.
-        SolveError: the run did not reach its end; `.status`, `.t` and `.partial` say how, when and what there is.
+        InputError: an argument is not valid; the message names it.
+        SolveError: the run ended early; `.status`, `.t` and `.partial` have the reason, the time and the partial run.
 
     Warns:
-        UserWarning: the energy balance misses more than a tenth of the energy turned over, or the Lyapunov function of a law that acts at
-            every instant rises tenfold: the steps are too coarse for the loop. `metrics(run)["energy_error"]` is that fraction.
+        UserWarning: the steps are too coarse for the loop. Either the energy balance misses more than a tenth of the energy turned over, or
+            the Lyapunov function of a continuous law rises tenfold. `metrics(run)["energy_error"]` is that fraction.
+
+    Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
 
     >>> import armlet as al
     >>> arm = al.planar_pr(2.0, 0.5, 0.5)
@@ -170,32 +171,42 @@ def simulate_batch(
     progress: Callable[[int, int], object] | bool | None = None,
     out: Mapping[str, NDArray[Any]] | None = None,
 ) -> BatchRun:
-    """Run B closed loops side by side, in lanes and threads; the fields are those of a run with a leading axis B.
+    """Run B closed loops in lanes and threads. The fields are those of a run with a leading axis B.
 
-    A run that fails or passes `state_limit` does not raise: `status` has one entry per run, its rows are NaN from the fault on, and the
-    other runs keep their bits. One warning names how many runs have balances that do not close. The same inputs give the same bits for
+    A failed run does not raise an error: `status` has one entry per run, and its rows are NaN from the fault on. The
+    other runs keep their bits. One warning counts the runs whose balances do not close. The results have the same bits for
     every number of threads.
 
     Args:
         plant, law: one for all runs, or a list with one per run.
-        q0, v0, theta0, theta_dot0: initial states, (B, n).
-        force: one for all runs as for `simulate` (no callable), or one per run: constants (B, k), or a list of B lists
-            `[(t_start, F), ...]`.
-        threads: worker threads, 1 to 1024; None follows ARMLET_NUM_THREADS, then the cores. No more start than there are groups of runs.
-        t_eval: needed by an adaptive method that keeps "all": its runs step at different times. With keep="metrics" None measures each
-            accepted step.
-        keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record. The metrics are reduced while the
-            runs go, so the memory does not depend on the number of steps; `batch.metrics()` has the numbers of `armlet.metrics`.
-        metrics: with keep="metrics", what `armlet.metrics` takes beside the run: `band`, `settle`, `tolerance`, `reference`, `frame`.
-        progress: True writes the runs done and the remaining time to standard error; a function is called as `progress(done, runs)` after
-            every piece of the batch.
-        out: arrays of yours by name ("q", "v", "tau", "status", ..) that get the rows piece by piece: after Ctrl-C they hold what was
-            finished, and NaN and `Status.INTERRUPTED` elsewhere.
-        (the rest): as for `simulate`.
+        q0, v0, theta0, theta_dot0: initial states, (B, n), rad or m and per second.
+        t_end, dt: length of all runs and step of a fixed-step method, s, as for `simulate`.
+        method, rtol, atol: method and error per step, as for `simulate`.
+        sample_time: period of the law in s, or a `Sampling`, as for `simulate`.
+        record_every: number of steps between records.
+        t_eval: times of the records, (K,), s. An adaptive method that keeps "all" requires it, because its runs step at different times.
+            With keep="metrics" None measures each accepted step.
+        force: one for all runs as for `simulate` (no callable), or one per run, N or N m. One per run is an array of constants (B, k), or
+            a list of B lists `[(t_start, F), ...]`.
+        force_frame, tau_max: frame of the force, and largest input, N m or N, as for `simulate`.
+        monitors, state_limit: as for `simulate`.
+        threads: worker threads, 1 to 1024; None takes ARMLET_NUM_THREADS, or else the number of cores. Never more than groups of runs.
+        keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record. Metrics are computed during the
+            runs, so the memory does not depend on the number of steps. `batch.metrics()` has the numbers of `armlet.metrics`.
+        metrics: with keep="metrics", arguments of `armlet.metrics` beside the run: `band`, `settle`, `tolerance`, `reference`, `frame`.
+        progress: True writes the number of finished runs and the remaining time to standard error. A function is called as
+            `progress(done, runs)` after every piece of the batch.
+        out: arrays of the caller by name ("q", "v", "tau", "status", ..) that receive the rows piece by piece. After Ctrl-C they have the
+            finished rows, and NaN and `Status.INTERRUPTED` elsewhere.
+
+    Returns:
+        The runs: `batch.q` is (B, K, n), `batch.status` is (B,), and `batch[i]` is the `Run` of row i.
 
     Raises:
-        InputError: an argument is not what it should be.
-        MemoryError: the records do not fit in memory; said before the batch starts.
+        InputError: an argument is not valid; the message names it.
+        MemoryError: the records do not fit in memory; raised before the batch starts.
+
+    Source: docs/batches.md.
 
     >>> import numpy as np
     >>> import armlet as al

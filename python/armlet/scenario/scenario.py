@@ -1,7 +1,7 @@
-"""A scenario: the tables of one closed loop, checked, and what they build.
+"""A scenario: the checked tables of one closed loop, and the objects made from them.
 
-Constructors check what depends on the arm (shapes, positive definiteness, names of frames); their messages come back with the path
-of the key they are about: `$.law.kd[1]: is not positive definite: expected > 0, got -2`.
+Constructors check conditions that depend on the arm: shapes, positive definiteness, names of frames. Their messages start with the path
+of the key: `$.law.kd[1]: is not positive definite: expected > 0, got -2`.
 """
 
 from __future__ import annotations
@@ -35,15 +35,17 @@ STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
 @sealed
 @dataclass(frozen=True, eq=True)
 class Scenario:
-    """Arm, plant, motion, law and run as plain tables, as a scenario file holds them.
+    """Arm, plant, motion, law and run as plain tables, as in a scenario file.
 
     Args:
-        data: the tables; checked here.
-        folder: where relative paths in them start.
-        name: how messages call it, a file's path.
+        data: the tables; the constructor checks them.
+        folder: start of relative paths in the tables.
+        name: name in messages, such as a file's path.
 
     Raises:
-        InputError: a key is unknown, missing, or does not hold what it should; the message names its path and what is allowed.
+        InputError: a key is unknown or missing, or its value is not valid; the message has its path and the valid values.
+
+    Source: docs/scenarios.md.
 
     >>> import armlet as al
     >>> law = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}
@@ -163,7 +165,7 @@ class Scenario:
         pathed(self.name, "run", lambda: simulate(built.plant, built.law, **short, throw=False), self.data["run"])
 
     def summary(self) -> str:
-        """What stands in the file, in lines: law, plant and time; the joints in their order; what of the robot the loop leaves out."""
+        """Lines of text: law, plant and time; the joints in their order; parts of the robot that the loop leaves out."""
         return summary(self.build(), self.data)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:

@@ -1,6 +1,6 @@
-"""Many runs of one scenario: every cell of a grid, or random draws; on threads, processes or a cluster; to be gone on with after a stop.
+"""Many runs of one scenario: every cell of a grid, or random draws. They run on threads, processes or a cluster, and can be resumed.
 
-Cells go to the executor in chunks, a chunk runs as one batch, and the client writes it down. A row's bits depend on its cell alone.
+Cells go to the executor in chunks. A chunk runs as one batch, and the client stores it. A row's bits depend on its cell alone.
 """
 
 from __future__ import annotations
@@ -106,34 +106,36 @@ def sweep(
     progress: Callable[[int, int], object] | bool | None = None,
     **metrics: Any,
 ) -> SweepTable:
-    """Run a scenario once for every cell of a grid, or for random draws, and sum every run up by its metrics.
+    """Run a scenario for every cell of a grid, or for random draws, and compute the metrics of every run.
 
     The table has the same bits for every executor and every number of workers (on one instruction set). With `out`, finished chunks are
-    kept there; the same call goes on where an earlier one was stopped, however it was.
+    stored there. The same call resumes an interrupted sweep.
 
     Args:
-        scenario: what to run, or the path of its file.
-        vary: by path (`"law.kd[0]"`): a list of values, `{"linspace": [a, b, n]}`, `{"geomspace": [a, b, n]}`; with `draws` also
+        scenario: the scenario, or the path of its file.
+        vary: values by path (`"law.kd[0]"`): a list, `{"linspace": [a, b, n]}` or `{"geomspace": [a, b, n]}`. With `draws` also
             `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None: the scenario's `[sweep]`.
-        draws: how many random cells, at most 10^8; None: the product of the lists.
-        seed: of the draws, and of noise and jitter inside the runs; 0 if None and the scenario has none.
-        out: folder for finished chunks and the head of the sweep; None keeps nothing.
+        draws: number of random cells, at most 10^8; None: the product of the lists.
+        seed: seed of the draws, and of noise and jitter in the runs; None: the scenario's, or else 0.
+        out: folder for finished chunks and the head of the sweep; None stores nothing.
         executor: any `concurrent.futures.Executor`, such as `ProcessPoolExecutor(8)` or dask's `client.get_executor()`; None uses the
             threads of this process.
-        chunk: cells per chunk; None: up to 256, fewer where runs are long.
-        threads: per chunk; None: 1 with an executor, else as `simulate_batch`.
-        progress: True writes the cells done and the remaining time to standard error; a function is called with the numbers of finished
-            and of all cells.
-        **metrics: for `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`.
+        chunk: cells per chunk; None: up to 256, and fewer for long runs.
+        threads: threads per chunk; None: 1 with an executor, else as `simulate_batch`.
+        progress: True writes the number of finished cells and the remaining time to standard error. A function is called with the numbers
+            of finished and of all cells.
+        **metrics: arguments of `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`.
 
     Returns:
-        The table; a run that failed has its status and NaN. A cell that raises, or whose worker dies in it, is tried three times at most;
-        then it has `Status.INTERRUPTED`, NaN and its error in the column `error`, and the sweep goes on.
+        The table. A failed run has its status and NaN. A cell that raises, or whose worker dies, is tried at most three times. Then it has
+        `Status.INTERRUPTED`, NaN and its error in the column `error`, and the sweep continues.
 
     Raises:
-        InputError: the scenario, the first or the last cell, or `vary` is not what it should be, or `out` holds another sweep.
-        SolveError: the executor's workers died, and it is neither a `ProcessPoolExecutor`, which is replaced, nor Dask's, which replaces
-            its own; or new workers cannot start. Finished chunks are in `out`.
+        InputError: the scenario, the first or the last cell, or `vary` is not valid, or `out` has another sweep.
+        SolveError: the executor's workers died and cannot be replaced, or new workers cannot start. A `ProcessPoolExecutor` is replaced,
+            and Dask replaces its workers. Finished chunks are in `out`.
+
+    Source: docs/sweeps.md.
 
     >>> import armlet as al
     >>> law = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}

@@ -2,7 +2,7 @@
 
     minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c)
 
-`g` is the inverse of each entry's distribution, as in the draws of a sweep: "uniform" searches on a linear scale, "log_uniform" on a
+`g` is the inverse of each entry's distribution, as in the draws of a sweep. "uniform" searches on a linear scale, and "log_uniform" on a
 logarithmic one.
 """
 
@@ -99,29 +99,32 @@ def tune(
     progress: Callable[[int, float], object] | bool | None = None,
     **metrics: Any,
 ) -> Tuning:
-    """Search the gains, or any other values of a scenario, whose runs cost least. Needs scipy (`armlet[tune]`).
+    """Search the gains, or any other values of a scenario, with the lowest cost. Needs scipy (`armlet[tune]`).
 
-    Each generation of candidates, under all conditions, is one batch. The same seed gives the same answer, to the bit, for every number of
+    Each generation of candidates, under all conditions, is one batch. The same seed has the same result, to the bit, for every number of
     threads.
 
     Args:
-        scenario: what to run, or the path of its file.
-        vary: by path (`"law.kd[0]"`) what to search: `{"uniform": [low, high]}` or `{"log_uniform": [low, high]}`.
-        cost: name of a metric's column (`"error_rms1"`, `"settling_time"`), or a function of the table of a generation, which has the
-            columns of `sweep` and one row per run, that returns one number per row. Less is better; NaN, and a run that fails, cost most.
-        over: conditions that each candidate has to live with, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`; None: the scenario's.
-        by: a candidate costs its worst condition, or the mean of them.
-        candidates: how many make a generation, >= 5.
-        generations: the most there are after the first.
-        tolerance: ends the search when the deviation of the candidates' costs is below this part of their mean.
-        seed: of the search, and of noise inside the runs.
+        scenario: the scenario, or the path of its file.
+        vary: search intervals by path (`"law.kd[0]"`): `{"uniform": [low, high]}` or `{"log_uniform": [low, high]}`.
+        cost: name of a metric's column (`"error_rms1"`, `"settling_time"`), or a function of the table of a generation. The table has the
+            columns of `sweep` and one row per run, and the function returns one number per row. NaN and a failed run have the highest cost.
+        over: conditions for each candidate, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`; None: the scenario's.
+        by: "worst": the cost of a candidate is that of its worst condition. "mean": it is the mean over the conditions.
+        candidates: candidates per generation, >= 5.
+        generations: largest number of generations after the first.
+        tolerance: the search ends when the deviation of the candidates' costs is below this part of their mean.
+        seed: seed of the search, and of noise in the runs.
         threads: as for `simulate_batch`.
-        progress: True writes the generations done and the remaining time to standard error; a function is called with the number of a
-            generation and the least cost so far.
+        progress: True writes the number of finished generations and the remaining time to standard error. A function is called with the
+            number of a generation and the lowest cost so far.
         **metrics: for `armlet.metrics`.
 
+    Returns:
+        The best values by path, their cost, and the table of their runs.
+
     Raises:
-        InputError: an argument is not what it should be.
+        InputError: an argument is not valid; the message names it.
         ImportError: scipy is not installed.
 
     Source: [storn1997differential].

@@ -1,0 +1,107 @@
+"""Docstrings of public functions and constructors have all parts; `docstrings_missing.toml` lists what is missing, and only shrinks.
+
+The parts are `args` (an entry for every argument of the signature), `returns` (functions), `raises`, `source` (`Source: ..`, or a key of
+docs/references.bib) and `example`. Classes that only armlet makes have no constructor of their own and are left out.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import armlet as al
+
+ROOT = Path(__file__).resolve().parents[2]
+KEYS = set(re.findall(r"^@\w+\{([^,]+),", (ROOT / "docs/references.bib").read_text(), re.MULTILINE))
+ALLOWED: dict[str, list[str]] = tomllib.loads((Path(__file__).parent / "docstrings_missing.toml").read_text())
+SECTION = r"^{}:\n((?:    .*\n|\n)+)"
+
+
+def callables() -> list[str]:
+    """Public functions, and classes whose signature or docstring shows a constructor."""
+    found = []
+    for name in al.__all__:
+        thing = getattr(al, name)
+        if inspect.isclass(thing) and issubclass(thing, Exception):
+            continue
+        if inspect.isroutine(thing) or (inspect.isclass(thing) and "Args:" in (thing.__doc__ or "")):
+            found.append(name)
+    return sorted(found)
+
+
+def parameters(thing: Any) -> list[str]:
+    return [each.name for each in inspect.signature(thing).parameters.values() if each.kind not in (each.VAR_KEYWORD, each.VAR_POSITIONAL)]
+
+
+def missing(text: str, names: list[str], function: bool) -> list[str]:
+    """The parts that a docstring lacks."""
+    text = inspect.cleandoc(text) + "\n"
+    section = re.search(SECTION.format("Args"), text, re.MULTILINE)
+    entries = re.findall(r"^    ([\w, *]+):", section.group(1) if section else "", re.MULTILINE)
+    described = {name.strip(" *") for entry in entries for name in entry.split(",")}
+    cited = {key for group in re.findall(r"\[([\w, ]+)\]", text) for key in group.split(", ")}
+    present = {
+        "args": set(names) <= described,
+        "returns": not function or bool(re.search(SECTION.format("Returns"), text, re.MULTILINE)),
+        "raises": bool(re.search(SECTION.format("Raises"), text, re.MULTILINE)),
+        "source": bool(re.search(r"^Source: \S|^Source:\n    \S", text, re.MULTILINE)) or bool(cited & KEYS),
+        "example": ">>>" in text,
+    }
+    return [part for part, there in present.items() if not there]
+
+
+def lacks(name: str) -> list[str]:
+    thing = getattr(al, name)
+    return missing(thing.__doc__ or "", parameters(thing), function=not inspect.isclass(thing))
+
+
+@pytest.mark.parametrize("name", callables())
+def test_docstring_has_all_parts(name: str) -> None:
+    assert lacks(name) == ALLOWED.get(name, [])
+
+
+def test_allowances_name_what_exists() -> None:
+    assert set(ALLOWED) <= set(callables())
+    assert len(callables()) > 60
+
+
+FULL = """Sum.
+
+Args:
+    x, y: numbers, (n,), m.
+    scale: a factor.
+
+Returns:
+    Their sum, m.
+
+Raises:
+    InputError: no numbers.
+
+Source: docs/conventions.md.
+
+>>> 1 + 1
+2
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (FULL, []),
+        (FULL.replace("    scale: a factor.\n", ""), ["args"]),
+        (FULL.replace("Returns:\n    Their sum, m.\n\n", ""), ["returns"]),
+        (FULL.replace("Raises:", "Errors:"), ["raises"]),
+        (FULL.replace("Source: docs/conventions.md.", ""), ["source"]),
+        (FULL.replace("Source: docs/conventions.md.", "As in [Spong1987]."), []),
+        (FULL.replace("Source: docs/conventions.md.", "As in [Nobody1987]."), ["source"]),
+        (FULL.replace(">>> 1", "1"), ["example"]),
+        ("", ["args", "returns", "raises", "source", "example"]),
+    ],
+)
+def test_missing_parts_are_seen(text: str, expected: list[str]) -> None:
+    assert missing(text, ["x", "y", "scale"], function=True) == expected
