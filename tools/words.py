@@ -44,7 +44,9 @@ CODE = re.compile(r"``[^`]+``|`[^`\n]+`|\$[^$\n]+\$|\{[^{}]*\}")
 LINK = re.compile(r"!?\[([^]]*)\]\([^)]*\)")
 # The start of a list item, of a row or cell of a table, of an argument `name: ..`, of a comment of a directive.
 ITEM = re.compile(r"^\s*(?:[-*+] |\d+\. |#+ |\||(?:\w+(?:, \w+)*): |:\w+: )|^\s*(?:Args|Returns|Raises|Warns|Yields):$|^```.*$")
-SENTENCE = re.compile(r"(?<=[.!?])[)\"*]*\s+(?=\S)(?<!e\.g\. )(?<!i\.e\. )(?<!cf\. )(?<!Eq\. )(?<!no\. )(?<!\.\. )|\|")
+# Columns aligned by blanks: formulas and tables, cell by cell.
+COLUMNS = re.compile(r"\S {3,}\S")
+SENTENCE = re.compile(r" {3,}|(?<=[.!?])[)\"*]*\s+(?=\S)(?<!e\.g\. )(?<!i\.e\. )(?<!cf\. )(?<!Eq\. )(?<!no\. )(?<!\.\. )|\|")
 LITERAL = re.compile(r"""//[^\n]*|/\*.*?\*/|r(#*)"(?P<raw>.*?)"\1|"(?P<text>(?:\\.|[^"\\])*)"|'(?:\\.|[^'\\])'""", re.DOTALL)
 
 
@@ -55,13 +57,13 @@ def sentences(prose: str) -> Iterator[str]:
     after_blank, item = True, False
     for line in [*prose.splitlines(), ""]:
         formula = line.startswith("    ") and after_blank and not item
-        starts = bool(ITEM.match(line))
+        starts = bool(ITEM.match(line) or COLUMNS.search(line))
         if starts or formula or not line.strip() or line.lstrip().startswith((">>>", "...")):
             text = CODE.sub(" x ", LINK.sub(r"\1", " ".join(piece)))
             yield from (sentence.strip() for sentence in SENTENCE.split(text) if sentence.strip())
             piece = []
         if line.strip() and not formula and not line.lstrip().startswith((">>>", "...")):
-            piece.append(ITEM.sub("", line) if not line.lstrip().startswith("|") else line)
+            piece.append((ITEM.sub("", line) if not line.lstrip().startswith("|") else line).strip())
         item = starts or (item and line.startswith("  "))
         after_blank = not line.strip() or formula
 

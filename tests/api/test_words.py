@@ -39,6 +39,7 @@ SHORT = "word " * 24 + "end."
         ("a.md", "The pace is told; the space is not. Task 2 asks for nothing.\n", (0, 2)),
         ("a.md", "Nothing is wrong with `ways` and `pace`.\n", (0, 0)),
         ("a.py", f'"""{LONG}"""\n\n\ndef f():\n    """All the same."""\n    raise ValueError(f"{{f}} was told {SHORT}")\n', (2, 2)),
+        ("a.py", f'"""Sum.\n\na = b    {SHORT}\nbb = c   {SHORT}\n"""\n', (0, 0)),
         ("a.py", f'"""Sum.\n\nArgs:\n    x: {SHORT}\n    y: {SHORT}\n\n>>> {LONG}\n"""\n', (0, 0)),
         ("a.rs", f'//! {LONG}\n\n/// Told.\nfn f() {{\n    // {LONG}\n    let a = "{SHORT} \\\n        word";\n}}\n', (1, 1)),
     ],
