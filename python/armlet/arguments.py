@@ -44,7 +44,7 @@ def one_line(text: str) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as a message quotes it: short, in one line, whatever it is."""
+    """The text of a value in a message: short, in one line, for every type."""
     if isinstance(value, np.ndarray) and value.size > 100:
         return f"an array {value.shape} of {value.dtype}"
     try:

@@ -1,8 +1,8 @@
 """What may leave armlet: its own errors, TypeError, MemoryError, OSError; ImportError of an extra that is not installed.
 
-Arguments are checked by those who take them. What they overlook, a ValueError of numpy or an AttributeError of a stranger's object, is a
-fault of armlet, and `border` turns it into an `InternalError`, as the extension does with a panic. What the caller's own functions raise
-passes: a law in Python may fail in its own way.
+Each function checks its arguments. A check may miss a ValueError of numpy or an AttributeError of a foreign object. This is a fault of
+armlet. `border` changes it into an `InternalError`, as the extension does with a panic. Exceptions of the caller's functions pass
+unchanged, such as those of a law in Python.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def bordered(kind: C) -> C:
 
 
 def _of_the_caller(trace: TracebackType | None) -> bool:
-    """Whether code of neither armlet nor a package that it asks was running."""
+    """Whether the running code belonged neither to armlet nor to a package that it calls."""
     while trace is not None:
         package = str(trace.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
         if package not in OURS:

@@ -85,8 +85,8 @@ class CartesianPath:
         length: of the curve, m; one radian counts as 0.1 m.
         feasible: whether the arm can follow.
         reason: why it can't; None if it can.
-        shortfall: the reason as a dict: `kind` ("limit", "singularity", "unreachable", "jump" or "unresolved"), `s`, `length` (m from the
-            start), `target` (the rows there) and `joint` (the joint at its limit, or None).
+        shortfall: the reason as a dict. `kind` is "limit", "singularity", "unreachable", "jump" or "unresolved". `length` is in m from the
+            start, beside `s`. `target` has the rows there, and `joint` is the joint at its limit, or None.
     """
 
     def __init__(

@@ -3,9 +3,9 @@
     q(t) = o + sum_l (A_l sin(l w t) + B_l cos(l w t)),   w = 2 pi / duration,   l = 1 .. harmonics
     F = sum_k Y_b(t_k)' N^-2 Y_b(t_k),   N = diag(noise);   the motion maximises log det F (D-optimality)
 
-Each joint's series is divided by a smooth maximum of its shares of the limits, so that limits of position, speed and acceleration hold for
-any coefficients. Limits of torque are a penalty. The gradient is exact: `Y_b` is linear in `a`, quadratic in `v` and in the position of a
-slide, and a trigonometric polynomial of degree two in an angle, whose slope four values give (Riesz 1914).
+Each joint's series is divided by a smooth maximum of its shares of the limits. So limits of position, speed and acceleration hold for
+any coefficients. Limits of torque are a penalty. The gradient is exact. `Y_b` is linear in `a`, and quadratic in `v` and in the position of
+a slide. In an angle it is a trigonometric polynomial of degree two, whose slope follows from four values (Riesz 1914).
 """
 
 from __future__ import annotations

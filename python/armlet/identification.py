@@ -62,7 +62,7 @@ class BaseParameters:
 
     @property
     def values(self) -> _Array:
-        """The base parameters of the arm as it is, (b,)."""
+        """The base parameters of the arm with its present parameters, (b,)."""
         limits = self.arm.limits
         extra = [limits["armature"]] if self.armature else []
         extra += [limits["damping"], limits["friction"]] if self.friction else []

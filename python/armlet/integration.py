@@ -69,8 +69,8 @@ class Integration:
         y: the states, (K, n); time is the first axis.
         status: how it ended (`armlet.Status`): SUCCESS, or EVENT where an event ended it.
         ended: the time reached.
-        stats: evaluations of f (those for differences included), steps, rejections, jacobians (none of a constant one), factorisations;
-            where the status is EXCESS_ACCURACY `coarsen`: times this both tolerances can be met.
+        stats: evaluations of f (including differences), steps, rejections, jacobians (none of a constant one) and factorisations. With the
+            status EXCESS_ACCURACY also `coarsen`: the factor that makes both tolerances feasible.
         t_events, y_events: per event the times (m,) and states (m, n) of its crossings.
         dense: the solution between the steps, where `dense_output=True` asked for it.
     """
@@ -158,7 +158,7 @@ def integrate(
         t_eval: record exactly these times, in the order of the span; None records every step.
         dense_output: keep the polynomials of the steps: `result.dense(t)`.
         events: functions g(t, y, *args) -> float whose zero crossings are located to rounding. The attribute `direction` of a function
-            chooses rising (> 0) or falling (< 0) crossings, along the run; `terminal` ends the run at that many crossings (True: one).
+            selects rising (> 0) or falling (< 0) crossings, along the run. `terminal` ends the run at that many crossings (True: one).
         jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n); sparse matrices are made dense. None
             differences f: forward for "radau5" and "ros2", which correct themselves, central for "rodas4", whose order rests on it.
             "rodas4" and "ros2" also difference f in time.

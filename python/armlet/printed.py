@@ -68,7 +68,7 @@ def export_c(
         overwrite: overwrite files of these names that armlet did not make.
 
     Returns:
-        The paths of the files: header, source, `CMakeLists.txt`.
+        The paths of the files, in the order header, source, `CMakeLists.txt`.
 
     Raises:
         InputError: the law is a Python function or branches on its data, or a function or a frame is unknown. Or a file of another origin

@@ -3,8 +3,8 @@
     |v_j| <= v_max_j,   |a_j| <= a_max_j,   |da_j/dt| <= j_max_j,   q_j(t) a cubic in each of at most seven phases
 
 The time-optimal phases are those of Ruckig (Berscheid and Kroger 2021, MIT licence), an optional extra that is imported when the
-function is called. It is given the problem in units in which distances and durations are of the order of one, and what it answers
-is checked against the limits and slowed by what rounding left beyond them.
+function is called. The problem is scaled so that distances and durations are of the order of one. The result is checked against the limits.
+If rounding exceeds them, the motion is slowed.
 """
 
 from __future__ import annotations

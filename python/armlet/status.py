@@ -64,8 +64,8 @@ _MAY_BE_STIFF = {Status.STEP_UNDERFLOW, Status.MAX_STEPS, Status.STALLED}
 def having(statuses: NDArray[Any], status: Status) -> NDArray[np.bool_]:
     """Which of these are `status`.
 
-    It is compared as a plain integer. Compared with a member of an enumeration, numpy asks that class for attributes, in Python code up to
-    3.11, and drops what is raised there: a Ctrl-C that comes meanwhile would be lost.
+    It is compared as a plain integer. For a comparison with a member of an enumeration, numpy reads attributes of that class. Up to Python
+    3.11 this is Python code, and numpy drops its exceptions. A Ctrl-C at that moment would be lost.
     """
     return np.asarray(statuses == int(status))
 

@@ -262,7 +262,7 @@ def _unit_energies(
 ) -> tuple[dict[tuple[int, int], Any], dict[tuple[int, int], Any]]:
     """`M_k` (n, n) and the gravity torque `g_k` (n,) of each unit parameter `(body, kind)`.
 
-    In a body's axes, with the velocity `u_j` of its origin and the angular velocity `w_j` for a unit rate of joint `j`:
+    In a body's axes, `u_j` is the velocity of its origin and `w_j` the angular velocity for a unit rate of joint `j`:
     `M_jk = m u_j.u_k + u_j.(w_k x h) + u_k.(w_j x h) + w_j.I w_k`, `g_j = -(m gamma.u_j + gamma.(w_j x h))`, `gamma` gravity.
     """
     n, zero = len(joints), trig.zero

@@ -121,7 +121,7 @@ class Polynomials:
         return self._decimals(min(by_polynomial, by_wave, key=self.sympy.count_ops))
 
     def _grouped(self, terms: Sequence[tuple[Any, Any]], written: Callable[[Any], Any]) -> Any:
-        """Rates of polynomials that differ by a factor alone stand together."""
+        """Group the rates of polynomials that differ by a factor alone."""
         groups: dict[Any, tuple[Any, list[Any]]] = {}
         for rate, p in terms:
             if p:

@@ -1,7 +1,7 @@
 """The command line: `armlet demo`, `armlet info`, and those of scenario files (`scenarios.py`).
 
-A command is one function that takes the parsed arguments and returns the exit code: 0 done, 1 a check failed, 2 it could not be
-done (one line says why), 130 interrupted.
+A command is one function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed. 2: the command could
+not run, and one line has the reason. 130: interrupted.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     tau = Y a_hat + Kp e + Kd e_dot,   a_hat_dot = Gamma Y's,   Y (A, B, C)' = M a_r + S v_r
 
-Theory promises, and each run is checked for: M' - 2S skew; V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never increases and
-V1(0) - V1(t) is the integral of s'Kd s; e -> 0 from any initial state and any estimate, zero included.
+Each run is checked against the theory. M' - 2S is skew-symmetric. V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never increases.
+V1(0) - V1(t) is the integral of s'Kd s. e -> 0 from any initial state and any estimate, including zero.
 """
 
 from __future__ import annotations

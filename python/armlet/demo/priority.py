@@ -2,7 +2,7 @@
 
     v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1),   P1 = I - J1# J1                                                    (5)
 
-Links L, L, L/4, L/4; the primary task moves the tip of link 4, the secondary the tip of link 2; det J_E = L^4/16 sin q2 sin q4.
+The links are L, L, L/4, L/4. The primary task moves the tip of link 4, the secondary the tip of link 2. det J_E = L^4/16 sin q2 sin q4.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def joints(q: ArrayLike) -> Array:
 
 
 def stack(q: ArrayLike) -> list[Array]:
-    """J1 (tip of link 4) and J2 (tip of link 2), (2, 4) each: column j is the arm from joint j to the tip, turned by 90 degrees."""
+    """J1 (tip of link 4) and J2 (tip of link 2), (2, 4) each. Column j is the vector from joint j to the tip, rotated by 90 degrees."""
     points = joints(q)
     blocks = []
     for tip in (4, 2):
@@ -124,7 +124,7 @@ def compatibility(report: Report) -> None:
 
 
 def imposed(report: Report) -> None:
-    """E4: in case b J2 P1 = 0: the secondary velocity is what the primary imposes, whatever was asked."""
+    """E4: in case b J2 P1 = 0, so the primary task imposes the secondary velocity for every command."""
     seen = al.diagnose_priority(stack(CASE_B), rounding=rounding(CASE_B))
     text = "secondary error minimised, only its x lost"
     report.bound("case b: largest singular value of J2 P1", seen.projected_singular_values[1].max(), 1e-15)
@@ -178,7 +178,7 @@ def classification(report: Report) -> None:
 
 
 def draw(figure: Any) -> None:
-    """The arm in cases a and b, the velocities asked and realised, as the exam draws them."""
+    """The arm in cases a and b, with commanded and realised velocities, as in the exam's figure."""
     from ..figures.style import COLOURS
 
     figure.set_size_inches(10.5, 4.6)
@@ -194,7 +194,7 @@ def draw(figure: Any) -> None:
             asked, realised = ONES[level], stack(q)[level] @ sol.v
             # The asked velocity is a wide pale arrow, so that the realised one is seen on it where they agree.
             for velocity, width, alpha, order, text in (
-                (asked, 0.022, 0.35, 4, f"${label}$ asked ({asked[0]:.0f}, {asked[1]:.0f})"),
+                (asked, 0.022, 0.35, 4, f"${label}$ commanded ({asked[0]:.0f}, {asked[1]:.0f})"),
                 (realised, 0.008, 1.0, 5, f"${label}$ realised ({realised[0]:z.0f}, {realised[1]:z.0f})"),
             ):
                 ax.quiver(

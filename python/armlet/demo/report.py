@@ -21,7 +21,7 @@ __all__ = ["Report"]
 
 
 def _table(checks: list[tuple[str, str, str, str]]) -> list[str]:
-    """The lines of a table; in a terminal that is too narrow for it the values stand below their claim."""
+    """The lines of a table. In a narrow terminal the values are below their claim."""
     rows = [("what", "expected", "got", "verdict"), *checks]
     widths = [max(len(row[i]) for row in rows) for i in range(4)]
     if sys.stdout.isatty() and shutil.get_terminal_size().columns < sum(widths) + 8:

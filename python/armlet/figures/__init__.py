@@ -1,4 +1,4 @@
-"""Figures, one file each, in one style; matplotlib is imported when one is drawn. Here stands the style, for figures of your own."""
+"""Figures, one file each, in one style. Drawing imports matplotlib. This module exports the style for your figures."""
 
 from .style import COLOURS, available, literal, require, sheet
 

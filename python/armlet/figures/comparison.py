@@ -32,7 +32,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
         fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
     Returns:
-        The axes, (n, 2): errors on the left in rad or m, inputs on the right in N m or N.
+        The axes of shape (n, 2). Errors are on the left in rad or m, and inputs on the right in N m or N.
 
     Raises:
         InputError: no runs, runs of different arms, or not one label per run.

@@ -1,4 +1,4 @@
-"""The figure of a program: its data flow from left to right, a column per depth, values that are read far on led around the others."""
+"""The figure of a program: its data flow from left to right, with one column per depth. Values that are read late are drawn around the rest."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def _panels(run: Recorded) -> list[Panel]:
 
 
 def _of_joints(draw: Callable[[Axes, Recorded, slice], None], run: Recorded) -> list[Panel]:
-    """A panel for the joints; several where they are too many to be told apart, each with a legend."""
+    """A panel for the joints; several panels for many joints, each with a legend."""
 
     def panel(ax: Axes, run: Recorded, joints: slice) -> None:
         draw(ax, run, joints)

@@ -1,6 +1,6 @@
-"""What all figures share: the colours of Okabe and Ito (told apart by colour-blind readers), the style, and the sheet to draw on.
+"""Shared parts of all figures: the colours of Okabe and Ito (for colour-blind readers), the style, and the sheet.
 
-matplotlib is an extra: it is imported here, and only when a figure is asked for.
+matplotlib is an extra: it is imported here, and only when a figure is drawn.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     tau = A u + B r^2 + g + d q' r,   A = M q',   B = M q'' + C(q, q') q',   r = ds/dt,   u = d^2 s/dt^2
 
-At a path position `s` and a path speed `r` every limit of torque or acceleration leaves an interval of `u`; where the intervals have
-nothing in common no motion passes. The edge of that region is the maximum velocity curve; limits of joint speed bound `r` as well.
+At a path position `s` and a path speed `r` every limit of torque or acceleration allows an interval of `u`. Where the intervals have
+no common point, no motion is feasible. The edge of that region is the maximum velocity curve; limits of joint speed bound `r` as well.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Gymnasium environments of arms: `ArmEnv` steps one arm, `ArmVectorEnv` many at once. Needs gymnasium (`armlet[gym]`).
 
-Importing this module registers `armlet/Reach-v0`, a planar arm of two joints whose tip goes where it is told.
+Importing this module registers `armlet/Reach-v0`, a planar arm of two joints whose tip moves to a random target.
 
 >>> import gymnasium
 >>> import armlet.gym

@@ -84,7 +84,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
 
     @property
     def task(self) -> Task:
-        """What is asked."""
+        """The task of the environment."""
         return self._rows.task
 
     @property

@@ -1,8 +1,8 @@
-"""What an environment asks of its arm: where a run starts, what the error is, what it pays, when it is done.
+"""Tasks of environments: start, error, reward and end of a run.
 
-Every method but `draw` works on all rows at once: arrays have the axis of the rows first. The error of `Reach` is the target less the
-frame's position, that of `Track` the motion less the state, `[q_d - q, v_d - v]`; both pay `1 / (1 + (|e| / scale)^2)` per step, less
-`effort` times the mean square of the action. The pay is positive where `effort` is 0, so that ending a run early never pays.
+Every method but `draw` works on all rows at once: arrays have the axis of the rows first. The error of `Reach` is the target minus the
+frame's position. That of `Track` is the motion minus the state, `[q_d - q, v_d - v]`. The reward per step is `1 / (1 + (|e| / scale)^2)`
+minus `effort` times the mean square of the action. It is positive for `effort` 0, so that ending a run early is never an advantage.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Task:
         raise NotImplementedError
 
     def error(self, k: NDArray[np.int64], q: Array, v: Array, goal: Array) -> Array:
-        """What is left to do, (B, m), after `k` steps (B,); the last part of an observation."""
+        """The remaining error, (B, m), after `k` steps (B,); the last part of an observation."""
         raise NotImplementedError
 
     def reward(self, error: Array, action: Array, k: NDArray[np.int64], q: Array, v: Array) -> Array:
@@ -68,7 +68,7 @@ class Task:
         return pay
 
     def reached(self, error: Array, k: NDArray[np.int64], q: Array, v: Array) -> NDArray[np.bool_]:
-        """Whether a run is done, (B,): never, unless a task says so."""
+        """Whether a run is done, (B,); by default never."""
         return np.zeros(len(q), dtype=np.bool_)
 
     def _around(self, spread: float) -> tuple[Array, Array]:

@@ -34,8 +34,8 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     Args:
         num_envs: how many.
         plant, task, tau_max, dt, period, horizon, q_limit, v_limit: as for `ArmEnv`.
-        autoreset_mode: Gymnasium's: `AutoresetMode.NEXT_STEP` starts a run that has ended anew in the next step, `SAME_STEP` at once, with
-            its last observation in `info["final_obs"]`; `DISABLED` leaves it to `reset(options={"reset_mask": mask})`.
+        autoreset_mode: that of Gymnasium. `AutoresetMode.NEXT_STEP` restarts an ended run in the next step. `SAME_STEP` restarts it at once,
+            with its last observation in `info["final_obs"]`. `DISABLED` leaves it to `reset(options={"reset_mask": mask})`.
 
     Raises:
         InputError: an argument, or an action, is not what it should be.
@@ -124,7 +124,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         return observations, rewards, terminated, truncated, infos
 
     def _final(self, observations: Array, info: dict[str, Flags]) -> dict[str, Any]:
-        """How the runs that end now end; what stands beside it is of the runs that begin."""
+        """The last observations of the runs that end now. The other values are those of the new runs."""
         ended = self._ended
         last = np.full(self.num_envs, None, dtype=object)
         for row in np.flatnonzero(ended):

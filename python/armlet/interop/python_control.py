@@ -47,8 +47,8 @@ def to_control(
     Args:
         plant: what is moved; an arm stands for `RigidArm(arm)`. Without a wall.
         law: what closes the loop; None: the arm alone.
-        x0: None for the nonlinear system; the state to linearise about: q, (n,), at rest, its springs carrying gravity, with the
-            law's first estimate; or all states. The linear system is in the deviations from there, equilibrium or not.
+        x0: None for the nonlinear system, or the state of the linearisation. This is q, (n,), or all states. With q the arm is at rest, the
+            springs carry gravity, and the law has its first estimate. The states of the linear system are deviations from this state.
         t: time of the law when linearised, s.
         u0: input to linearise about, (n,); None: what keeps the arm from accelerating (the linear loop has none).
 

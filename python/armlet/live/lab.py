@@ -157,7 +157,7 @@ class LabPage:
                 model.pull(turn @ np.array(event.end_position), float(self._hand.value))
 
     def frame(self, seconds: float) -> None:
-        """Run the loop for `seconds` of the clock and draw where it stands."""
+        """Run the loop for `seconds` of the clock and draw its state."""
         if self._asked is not None and self._asked != self.model.system.title:
             self.model.choose(self._asked)
             self.scene.clear()

@@ -2,8 +2,8 @@
 
     x(t + 1 ms) = RK4(f(x; gains, targets, force))
 
-Any thread may turn a slider; one thread calls `advance`. A loop that diverges is a state of the laboratory, not an error: it stands where
-it was last finite, says so, and waits for a reset.
+Any thread may move a slider; one thread calls `advance`. A loop that diverges is a state of the laboratory, not an error. It keeps its last
+finite state, shows a message, and waits for a reset.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class Lab:
         targets: where its targets have been dragged to, by name, m, in the axes of the arm.
         status: how the loop fares: `SUCCESS` as long as it runs.
         message: what there is to say about it, in one line.
-        paused: whether time stands still.
-        speed: seconds of the loop per second of the clock that are asked for.
+        paused: whether time is stopped.
+        speed: target for the seconds of the loop per second of the clock.
         resets: how often it was started anew; whoever shows the targets puts their handles back when it changes.
     """
 
@@ -82,7 +82,7 @@ class Lab:
             self._changed = True
 
     def set(self, name: str, value: float | str) -> None:
-        """Turn a control; the loop goes on with it from where it stands."""
+        """Set a control; the loop continues from its present state."""
         with self._lock:
             controls = {control.name: control for control in self.system.controls}
             if name not in controls:
@@ -196,7 +196,7 @@ class Lab:
             return steps
 
     def _begin(self) -> None:
-        """Start a loop where the last one stands; where it is refused, the last one goes on and the reason is said."""
+        """Start a loop from the state of the last one. After an error the last one continues, and the message has the reason."""
         try:
             sim = self.system.loop(self.values, self.targets, self._wrench(), self._state)
         except al.ArmletError as error:

@@ -2,7 +2,7 @@
 
     refused unless  Host names this machine  and  (no Origin, or Origin = http(s)://Host)
 
-A browser sends the origin of the page with every websocket, and any page may open one to this machine: without the check a page of the
+A browser sends the origin of the page with every websocket, and any page may open one to this machine. Without the check a page of the
 web could read the robot and move the sliders. A name that a stranger's DNS server points here is no name of this machine.
 """
 
@@ -69,7 +69,7 @@ def own_pages_only(host: str) -> Iterator[None]:
 
 
 def refuses_strangers(host: str, port: int) -> bool:
-    """Ask the server for a websocket in the name of another site; whether it refuses."""
+    """Request a websocket in the name of another site; return whether the server refuses it."""
     here = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}.get(host, host)
     lines = [f"Host: localhost:{port}", f"Origin: {STRANGER}", "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"]
     request = "\r\n".join(["GET / HTTP/1.1", *lines, "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==", "", ""])

@@ -1,6 +1,6 @@
 """An arm on the page: its shapes under one node per frame, handles to drag.
 
-Everything stands under one node, turned from the axes of the arm to those of the scene, so that positions are written in the arm's own.
+All objects are under one node, which rotates the axes of the arm to those of the scene. So positions are in the axes of the arm.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ GREY: Colour = (130, 134, 140)
 class Shape:
     """A body fixed to `frame` (None: to the ground).
 
-    `kind` and `size`, in m: "box" (x, y, z), "cylinder" (radius, length) along z, "sphere" (radius,), "capsule" (radius, length) along
-    z and centred, "mesh" (scale x, y, z) with the file's `path`.
+    `kind` and `size`, in m: "box" (x, y, z), "cylinder" (radius, length) along z, "sphere" (radius,). "capsule" (radius, length) is along
+    z and centred. "mesh" (scale x, y, z) with the file's `path`.
     """
 
     frame: str | None

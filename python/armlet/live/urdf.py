@@ -2,8 +2,8 @@
 
     X_LS = (R(rpy), xyz) of <origin>, R = Rz(yaw) Ry(pitch) Rx(roll), in the frame of the link
 
-Looks never stop a robot from being shown: what cannot be read is drawn as if it were not there. A file names its meshes, and a stranger
-may have written it: only files inside the folder of the URDF, or of a package that the user gives, are opened, links followed.
+Looks never stop a robot from being shown: what cannot be read is drawn as if it were not there. A file names its meshes, and may come
+from an untrusted source. So only files inside the folder of the URDF, or of a package of the user, are opened, after links are resolved.
 """
 
 from __future__ import annotations

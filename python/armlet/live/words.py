@@ -36,7 +36,7 @@ class Words:
         self.show(*paragraphs)
 
     def show(self, *paragraphs: str | tuple[str, str]) -> None:
-        """Replace what stands there; an empty text is no paragraph."""
+        """Replace the text; an empty text is no paragraph."""
         pairs = [("", part) if isinstance(part, str) else part for part in paragraphs if part]
         self.shown = "\n".join(one_line(strong + rest) for strong, rest in pairs)
         self.handle.content = "\n\n".join((f"**{escaped(strong)}**" if strong else "") + escaped(rest) for strong, rest in pairs)

@@ -106,7 +106,7 @@ class ElasticArm:
 
 
 class Plant(Protocol):
-    """What a closed loop asks of a plant."""
+    """The interface between a closed loop and a plant."""
 
     arm: Any
     size: int

@@ -1,8 +1,8 @@
-"""Balances of energy and of Lyapunov functions that do not close: what tells a run apart from nonsense with finite numbers.
+"""Balances of energy and of Lyapunov functions that do not close: a sign of a wrong run with finite numbers.
 
     E(t) - E(0) - int P dt = 0,   V1(0) - V1(t) - int s'Kd s dt = 0
 
-hold for the loop, so what is left of them is the error of the method. A run of coarse steps can leave as much as there is energy.
+hold for the loop, so their residual is the error of the method. With coarse steps the residual can be as large as the energy.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], 
 
 
 def _callers() -> int:
-    """The stack level, for `warnings.warn` of the function that asks, of the first caller outside this package."""
+    """The stack level of the first caller outside this package, for `warnings.warn` of the calling function."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and str(frame.f_globals.get("__name__", "")).partition(".")[0] == "armlet":
         level, frame = level + 1, frame.f_back

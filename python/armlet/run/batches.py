@@ -30,7 +30,7 @@ STATES = ("v0", "theta0", "theta_dot0")
 
 
 def forces_of_runs(force: Any, rows: int) -> Any:
-    """`force` as `[[(t_start, F), ...], ...]` where it has one entry per run, `(B, k)` or such a list; else as it is."""
+    """`force` as `[[(t_start, F), ...], ...]` if it has one entry per run, `(B, k)` or such a list; else unchanged."""
     if _is_nested(force):
         return [list(steps) if isinstance(steps, list | tuple) else steps for steps in force]
     rows_of_numbers = isinstance(force, list | tuple) and bool(force) and isinstance(force[0], list | tuple | np.ndarray)

@@ -1,11 +1,11 @@
 """The numbers of a closed loop by name, and loops in which one of them differs a little.
 
 `"law.kp"` is an argument of the law, `"plant.stiffness"` one of the plant, `"arm.parameters"` the inertial parameters of the plant's arm,
-`"law.arm.parameters"` those that the law believes in, `"law.motion.amplitude"` an argument of its motion, `"law.tasks.0.gain"` one of its
-first task, and `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
+and `"law.arm.parameters"` those of the law. `"law.motion.amplitude"` is an argument of its motion, and `"law.tasks.0.gain"` one of its
+first task. `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
 
-The derivative of the set-up with respect to a number is a difference of fourth order of what the programs read, never of a run: with the
-step `d = 2^-10` of the number it is exact to some 1e-12 where the set-up computes with it, and to 1e-13 where it passes it on.
+The derivative of the set-up with respect to a number is a difference of fourth order of the inputs of the programs, never of a run. The
+step is `d = 2^-10` of the number. The error is some 1e-12 if the set-up computes with the number, and 1e-13 if it passes it on.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
     """The loops in which the numbers of these names differ.
 
     Raises:
-        InputError: a name is not one of the loop, or stands twice; a number cannot be varied.
+        InputError: a name is not one of the loop, or occurs twice; a number cannot be varied.
     """
     known = named_numbers(plant, law, start)
     chosen = []

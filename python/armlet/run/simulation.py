@@ -200,7 +200,7 @@ def simulate_batch(
             finished rows, and NaN and `Status.INTERRUPTED` elsewhere.
 
     Returns:
-        The runs: `batch.q` is (B, K, n), `batch.status` is (B,), and `batch[i]` is the `Run` of row i.
+        The runs. `batch.q` is (B, K, n), `batch.status` is (B,), and `batch[i]` is the `Run` of row i.
 
     Raises:
         InputError: an argument is not valid; the message names it.

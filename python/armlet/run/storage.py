@@ -86,7 +86,7 @@ def read(path: str | PathLike[str]) -> tuple[str, dict[str, Any]]:
     except (KeyError, TypeError, ValueError):
         is_run = False
     if not is_run:
-        raise fault("is not a run of armlet: expected a header that says so")
+        raise fault("is not a run of armlet: expected the header of a run")
     if header.get("version") != VERSION:
         raise fault(f"has an unknown version: expected {VERSION}, got {header.get('version')}")
     if header.get("sha256") != digest(header, arrays):

@@ -3,7 +3,7 @@
     e_k(t) = |S_k (x_d,k(t) - p_k(q(t)))|,   S_k the position rows of task k
     phi_k(t) = |S_k log(R_d,k(t) R_k(q(t))')|,   S_k its orientation rows
 
-Tasks are those of `CartesianImpedance`, `ElasticImpedance` and `ElasticTracking`, one each, and those of the priority laws that are a
+`CartesianImpedance`, `ElasticImpedance` and `ElasticTracking` have one task each. The priority laws have every
 `Task` with such rows and a target.
 """
 
@@ -26,7 +26,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Aim:
-    """A frame, rows of its position or orientation as indices of xyz, and where they stand among the rows of the target."""
+    """A frame, rows of its position or orientation as indices of xyz, and their places among the rows of the target."""
 
     frame: str
     rows: tuple[int, ...]

@@ -1,7 +1,7 @@
 """What a key of a scenario may hold: one object checks a value and says the same as JSON schema.
 
-`check(value, path)` yields problems as `path: expected .., got ..`; nothing is converted here, and shapes that depend on the arm are
-left to the constructors, whose messages `Kind.build` brings back to the path they came from.
+`check(value, path)` yields problems as `path: expected .., got ..`, and converts nothing. The constructors check shapes that depend on
+the arm. `Kind.build` adds the path to their messages.
 """
 
 from __future__ import annotations
@@ -278,7 +278,7 @@ class Values(Field):
 
 @dataclass(frozen=True)
 class Entries(Field):
-    """One of several forms, told apart by the type of the value: `forms` maps "table", "tables" or "plain" to each."""
+    """One of several forms, selected by the type of the value: `forms` maps "table", "tables" or "plain" to each."""
 
     forms: Mapping[str, Field] = field(default_factory=dict)
 

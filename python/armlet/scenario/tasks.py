@@ -16,7 +16,7 @@ TEXT = Text()
 
 
 def tasks_of(motions: OneOf) -> OneOf:
-    """The kinds of tasks; a task has a fixed `target` or a `motion` of its own, of as many numbers as it has rows."""
+    """The kinds of tasks. A task has a fixed `target` or a `motion`, with one number per row."""
     gain: dict[str, Field] = {"gain": Numbers(depth=2, low=0.0), "damping": Numbers(depth=2, low=0.0)}
     aim: dict[str, Field] = {"target": Numbers(depth=1), "motion": motions}
 

@@ -1,7 +1,7 @@
 """The cells of a sweep: what varies, and the values of cell number i, from the sweep's seed and i alone.
 
 A grid is the product of lists, the last entry fastest. Draws are random: u = U(seed, i, entry) in (0, 1) goes through the inverse of the
-distribution, so a cell's values depend on neither the order nor the number of workers.
+distribution. So a cell's values depend on neither the order nor the number of workers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Worker processes do not outlive the process that asked them."""
+"""Worker processes end with the process that started them."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Chunks of a sweep on an executor, whose workers may die.
 
-The executor has up to AHEAD chunks. Once a worker of a process pool dies the pool is lost, with no word of which chunk did it: from
-then on every worker is a pool of its own with one chunk at a time, so that the next death names its chunk. A chunk that was lost
-twice goes on cell by cell, and a cell that was lost TRIES times is recorded as failed.
+The executor has up to AHEAD chunks. If a worker of a process pool dies, the pool is lost, and the chunk that caused it is unknown. From
+then on every worker is a separate pool with one chunk at a time, so that the next death identifies its chunk. A chunk that was lost
+twice continues cell by cell. A cell that was lost TRIES times is recorded as failed.
 Dask moves the tasks of a dead worker by itself; a count of starts at its scheduler keeps the same limit.
 """
 

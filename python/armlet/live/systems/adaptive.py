@@ -1,8 +1,8 @@
-"""System 1: the PR robot under adaptive tracking, its parameters unknown to the law; pull it, load it, watch the estimate.
+"""System 1: the PR robot under adaptive tracking, with parameters unknown to the law. Pull it, load it, and observe the estimate.
 
     tau = Y a_hat + Kd s,   a_hat' = Gamma Y's,   s = v_d - v + Lambda (q_d - q)
 
-The law has three parameters A, B, C and no frames. The plant is the same robot as a chain of links, so that it can be drawn and pushed:
+The law has three parameters A, B, C and no frames. The plant is the same robot as a chain of links, so that it can be drawn and pushed.
 A = m1 + m2, B = m2 d, C = I2 + m2 d^2, the link along -y at q2 = 0.
 """
 

@@ -1,4 +1,4 @@
-"""System 4: one link under gravity from rest to rest in minimum time, under a torque limit; drag the target, watch it swing.
+"""System 4: one link under gravity from rest to rest in minimum time, under a torque limit. Drag the target and observe the swing.
 
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from the downward vertical
 

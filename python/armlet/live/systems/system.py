@@ -1,9 +1,9 @@
-"""What the laboratory asks of a system: its controls, its arm, and a loop that goes on from any state.
+"""The interface between the laboratory and a system: its controls, its arm, and a loop that starts from any state.
 
     constants + state at t  ->  al.Simulator
 
-A loop has constants for gains, targets and forces. When a hand changes one of them, another loop starts where the last one stands:
-`loop` builds it, in tens of microseconds, so that a slider or the mouse may ask for one in every frame.
+A loop has constants for gains, targets and forces. When the user changes one of them, another loop starts from the present state.
+`loop` builds it in tens of microseconds, so that a slider or the mouse can start one in every frame.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class State:
-    """Where a loop stands at time `t`, in s; None where a system has no such part, or it starts by itself."""
+    """The state of a loop at time `t`, in s. A part is None if a system lacks it, or starts it itself."""
 
     t: float
     q: Array
