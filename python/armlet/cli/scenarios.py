@@ -35,7 +35,7 @@ def _run(args: argparse.Namespace) -> int:
     metrics = run.metrics()
     print(metrics)
     if metrics["monitor_violations"]:
-        print("  (identities that do not close to 1e-6: a shorter dt, or an adaptive method, separates the integrator's error from the law's)")
+        print("  (identities that do not close to 1e-6: a shorter dt or an adaptive method shows the integrator's part of the error)")
     for path in _results(run, scenario, args):
         print(f"wrote {path}")
     return 0

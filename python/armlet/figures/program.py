@@ -1,4 +1,4 @@
-"""The figure of a program: its data flow from left to right, with one column per depth. Values that are read late are drawn around the rest."""
+"""The figure of a program: its data flow from left to right, one column per depth. Values that are read late go around the rest."""
 
 from __future__ import annotations
 

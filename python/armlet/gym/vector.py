@@ -34,8 +34,8 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     Args:
         num_envs: how many.
         plant, task, tau_max, dt, period, horizon, q_limit, v_limit: as for `ArmEnv`.
-        autoreset_mode: that of Gymnasium. `AutoresetMode.NEXT_STEP` restarts an ended run in the next step. `SAME_STEP` restarts it at once,
-            with its last observation in `info["final_obs"]`. `DISABLED` leaves it to `reset(options={"reset_mask": mask})`.
+        autoreset_mode: that of Gymnasium. `AutoresetMode.NEXT_STEP` restarts an ended run in the next step. `SAME_STEP` restarts it at
+            once, with its last observation in `info["final_obs"]`. `DISABLED` leaves it to `reset(options={"reset_mask": mask})`.
 
     Raises:
         InputError: an argument, or an action, is not what it should be.

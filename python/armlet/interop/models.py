@@ -188,8 +188,8 @@ def from_mujoco(model: Any) -> Arm:
 
     The arm has joint and body names, placements, reference positions, inertias, position limits and gravity. It has the limits of the
     actuators' force on a joint, armature, damping (including that of actuators on the joint) and dry friction. Every body and every site
-    has a frame. `arm.report` lists the parts that are dropped. They are other effects of actuators, springs, tendons, equality constraints and gravity
-    compensation. They are also fluid forces, nonlinear damping, and sites with the name of a body.
+    has a frame. `arm.report` lists the parts that are dropped. They are other effects of actuators, springs, tendons, equality
+    constraints and gravity compensation. They are also fluid forces, nonlinear damping, and sites with the name of a body.
 
     Args:
         model: a `mujoco.MjModel`.

@@ -112,7 +112,7 @@ class ClosedLoop:
         return np.concatenate([self.plant.rates(x, terms["tau"], load), terms["state_rate"], [loss, power]])
 
     def _storage(self) -> ElasticImpedance | None:
-        """The law's own storage function, where it has one and acts all the time; else the mechanical energy is watched."""
+        """The storage function of a continuous law, if it has one; else the mechanical energy."""
         own = isinstance(self.law, ElasticImpedance) and self.clock is None and self.tau_max is None
         return self.law if own and isinstance(self.law, ElasticImpedance) else None
 

@@ -49,7 +49,7 @@ def solve_exact(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike],
 def clamp_inverse(A: Array, eps: float) -> Array:
     """A' phi(A A'): singular values below eps are inverted as sigma / eps^2.
 
-    The eigenvectors U of A A' only split the rows U'A into the two sorts; those above eps are inverted by QR, because
+    The eigenvectors U of A A' only split the rows U'A into two sets. The rows above eps are inverted by QR, because
     dividing by eigenvalues would square the condition number (primary residual 1e-12 instead of 1e-14).
     """
     mu, U = np.linalg.eigh(A @ A.T)

@@ -32,7 +32,7 @@ def _inverse(A: Array, rank: int) -> Array:
 def _scales(va: Array, vb: Array, lower: Array, upper: Array, noise: float) -> tuple[Array, Array]:
     """The interval of s with lower <= s va + vb <= upper, of each joint; (inf, -inf) where there is none.
 
-    A joint at its bound has no room, and a joint that the level does not move has no rate, up to rounding.
+    A joint at its bound cannot move further. A joint that the level does not move has no rate, up to rounding.
     """
     rate, above, below = (np.where(np.abs(x) <= noise, 0.0, x) for x in (va, upper - vb, vb - lower))
     still = np.where((above >= 0.0) & (below >= 0.0), np.inf, -np.inf)

@@ -6,7 +6,7 @@
     forward dynamics:  M a = tau - h(q, v),  so  da/dq = -M^-1 d tau/dq,  da/dv = -M^-1 d tau/dv,  da/dtau = M^-1
     linearisation:     d/dt [dq; dv] = [[0, 1], [da/dq, da/dv]] [dq; dv] + [[0], [M^-1]] dtau
 
-Both rules follow from T = T_parent place exp(xi q), which has degree one in q, cos q and sin q, and from M, quadratic in T.
+Both rules follow from T = T_parent place exp(xi q) and from M. T has degree one in q, cos q and sin q, and M is quadratic in T.
 """
 
 from collections.abc import Callable

@@ -178,7 +178,7 @@ def _distances(rows: Rows, b: Array) -> tuple[Array, Array, Array]:
 
 
 def _tip(rows: Rows, b: Array) -> tuple[Array, Array]:
-    """The acceleration of the frame's origin in parts of its limit, (segments, 3), and what is left of the square of the limit."""
+    """The acceleration of the frame's origin in parts of its limit, (segments, 3), and the remainder of the square of the limit."""
     u, m = np.diff(b) / (2.0 * rows.h), 0.5 * (b[:-1] + b[1:])
     w = rows.tip[0] * u[:, None] + rows.tip[1] * m[:, None]
     return w, 1.0 - np.square(w).sum(axis=1)

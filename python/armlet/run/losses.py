@@ -1,6 +1,7 @@
 """Losses of a run with their slopes: the derivatives with respect to each recorded number.
 
-A loss has three forms: a table of named terms with weights, a function of its value and its slopes, or a function of its value alone.
+A loss has three forms. It is a table of named terms with weights, a function that returns its value and its slopes, or a function that
+returns its value alone.
 """
 
 from __future__ import annotations

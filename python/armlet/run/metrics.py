@@ -141,7 +141,8 @@ def metrics(
         frame: measure the position error of this frame in place of the law's tasks. Its reference follows from that of the joints.
 
     Returns:
-        A dict of the metrics by name. Values are (n,), (tasks,) or a number for a run, with a leading axis B for a batch. `unit(name)` has the unit.
+        A dict of the metrics by name. Values are (n,), (tasks,) or a number for a run, with a leading axis B for a batch. `unit(name)` is
+        the unit.
 
     Raises:
         InputError: the batch kept no records, or a shape is wrong.
