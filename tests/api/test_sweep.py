@@ -177,6 +177,26 @@ def test_refusals(vary: Any, options: dict[str, Any], message: str, tmp_path: Pa
     assert not (tmp_path / "out").exists()  # so that the corrected sweep may go there
 
 
+class Recording(ThreadPoolExecutor):
+    """Keeps the jobs that it is given."""
+
+    def __init__(self) -> None:
+        super().__init__(1)
+        self.jobs: list[Any] = []
+
+    def submit(self, fn: Any, /, *args: Any, **keywords: Any) -> Future[Any]:
+        self.jobs.append(fn)
+        return super().submit(fn, *args, **keywords)
+
+
+def test_a_job_holds_no_object_that_an_executor_would_look_through() -> None:
+    """Dask makes a name of a job from all numbers in it; of bytes it takes a digest."""
+    with Recording() as executor:
+        same(al.sweep(SCENARIO, GRID), al.sweep(SCENARIO, GRID, chunk=2, executor=executor))
+    kinds = {type(part) for job in executor.jobs for part in job.args}
+    assert len(executor.jobs) == 3 and kinds == {int, tuple, bytes}
+
+
 class Broken(Executor):
     """A pool whose workers died."""
 

@@ -9,6 +9,7 @@ Dask moves the tasks of a dead worker by itself; a count of starts at its schedu
 from __future__ import annotations
 
 import os
+import pickle
 import sys
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -82,7 +83,8 @@ class _Work:
                 break
             key = (chunk.start, chunk.stop)
             starts = (TRIES if len(chunk) == 1 else TRIES - 1) - self.lost[key]
-            job = partial(_serve, os.getpid(), (self.name, *key), starts, chunk)
+            # Bytes: Dask hashes every number of an object, which takes 35 ms for each chunk of a sweep of 4,000 cells.
+            job = partial(_serve, os.getpid(), (self.name, *key), starts, pickle.dumps(chunk))
             try:
                 future = self.lanes.submit(job) if self.lanes else self.executor.submit(job)
             except BrokenExecutor as error:
@@ -191,10 +193,13 @@ class _Lanes:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _serve(client: int, ticket: tuple[str, int, int], starts: int, chunk: Chunk) -> Columns | None:
-    """The rows of a chunk, in a worker; None where Dask has started it `starts` times before."""
+def _serve(client: int, ticket: tuple[str, int, int], starts: int, packed: bytes) -> Columns | None:
+    """The rows of a pickled chunk, in a worker; None where Dask has started it `starts` times before."""
     leave_with(client)
-    return chunk.run() if _started(ticket) <= starts else None
+    if _started(ticket) > starts:
+        return None
+    chunk: Chunk = pickle.loads(packed)
+    return chunk.run()
 
 
 def _started(ticket: tuple[str, int, int]) -> int:
