@@ -70,7 +70,14 @@ class BaseParameters:
         return values
 
     def regressor(self, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike) -> _Array:
-        """The columns of the Slotine-Li regressor that stay, `(..., n, b)`; arguments `(..., n)` as for `Arm.regressor`."""
+        """Compute the columns of the Slotine-Li regressor for the base parameters.
+
+        Args:
+            q, v, v_r, a_r: positions, velocities, reference velocities and accelerations, (..., n), as for `Arm.regressor`.
+
+        Returns:
+            The columns, (..., n, b).
+        """
         full = self.arm.regressor(q, v, v_r, a_r, armature=self.armature, friction=self.friction)
         return np.ascontiguousarray(full[..., self.columns])
 

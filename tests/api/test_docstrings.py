@@ -1,7 +1,8 @@
 """Docstrings of public functions and constructors have all parts; `docstrings_missing.toml` lists what is missing, and only shrinks.
 
 The parts are `args` (an entry for every argument of the signature), `returns` (functions), `raises`, `source` (`Source: ..`, or a key of
-docs/references.bib) and `example`. Classes that only armlet makes have no constructor of their own and are left out.
+docs/references.bib) and `example`. Classes that only armlet makes have no public constructor and are left out. Methods of classes
+written in Python have `args` and `returns`; their source and example are those of the class.
 """
 
 from __future__ import annotations
@@ -60,13 +61,37 @@ def lacks(name: str) -> list[str]:
     return missing(thing.__doc__ or "", parameters(thing), function=not inspect.isclass(thing))
 
 
+def methods() -> dict[str, Any]:
+    """Public methods of the public classes that are written in Python, by `Class.method`."""
+    found = {}
+    for name in al.__all__:
+        members = vars(getattr(al, name)) if inspect.isclass(getattr(al, name)) else {}
+        for member, value in members.items():
+            function = value.__func__ if isinstance(value, classmethod | staticmethod) else value
+            if inspect.isfunction(function) and not member.startswith("_"):
+                found[f"{name}.{member}"] = inspect.unwrap(function)
+    return found
+
+
+def method_lacks(method: Any) -> list[str]:
+    names = [name for name in parameters(method) if name not in ("self", "cls")]
+    silent = inspect.signature(method).return_annotation in (None, "None")
+    return [part for part in missing(method.__doc__ or "", names, function=not silent) if part in ("args", "returns")]
+
+
+@pytest.mark.parametrize("name", methods())
+def test_method_has_arguments_and_returns(name: str) -> None:
+    assert method_lacks(methods()[name]) == ALLOWED.get(name, [])
+
+
 @pytest.mark.parametrize("name", callables())
 def test_docstring_has_all_parts(name: str) -> None:
     assert lacks(name) == ALLOWED.get(name, [])
 
 
 def test_allowances_name_what_exists() -> None:
-    assert set(ALLOWED) <= set(callables())
+    assert set(ALLOWED) <= {*callables(), *methods()}
+    assert len(methods()) > 30
     assert len(callables()) > 60
 
 

@@ -115,33 +115,91 @@ class Event:
 
     @classmethod
     def joint(cls, joint: int | str, value: float, **keywords: Any) -> Event:
-        """Joint `joint` (index or name) crosses `value`, rad or m: `q_i - value`."""
+        """The event that a joint crosses a position: `q_i - value`.
+
+        Args:
+            joint: index or name of the joint.
+            value: the position, rad or m.
+            **keywords: `direction`, `stop` and `name` of the event.
+
+        Returns:
+            The event.
+        """
         return cls("joint", (joint, value), **keywords)
 
     @classmethod
     def speed(cls, joint: int | str, value: float = 0.0, **keywords: Any) -> Event:
-        """The speed of joint `joint` crosses `value`, rad/s or m/s: `v_i - value`; zero: it turns round."""
+        """The event that the speed of a joint crosses a value: `v_i - value`. At zero the joint reverses.
+
+        Args:
+            joint: index or name of the joint.
+            value: the speed, rad/s or m/s.
+            **keywords: `direction`, `stop` and `name` of the event.
+
+        Returns:
+            The event.
+        """
         return cls("speed", (joint, value), **keywords)
 
     @classmethod
     def plane(cls, frame: str, point: ArrayLike, normal: ArrayLike, **keywords: Any) -> Event:
-        """The origin of `frame` crosses a plane: `normal . (p - point)`, both (3,), world axes; rising along the normal."""
+        """The event that the origin of a frame crosses a plane: `normal . (p - point)`, rising along the normal.
+
+        Args:
+            frame: name of the frame.
+            point: a point of the plane, (3,), world axes, m.
+            normal: normal of the plane, (3,), world axes.
+            **keywords: `direction`, `stop` and `name` of the event.
+
+        Returns:
+            The event.
+        """
         return cls("plane", (frame, _plain("Event.plane", "point", point), _plain("Event.plane", "normal", normal)), **keywords)
 
     @classmethod
     def contact(cls, **keywords: Any) -> Event:
-        """The plant's wall is touched (rising) or left (falling): the depth in it."""
+        """The event that a frame touches the plant's wall (rising) or leaves it (falling), by its depth in the wall, m.
+
+        Args:
+            **keywords: `direction`, `stop` and `name` of the event.
+
+        Returns:
+            The event.
+        """
         return cls("contact", (), **keywords)
 
     @classmethod
     def joint_stop(cls, joint: int | str, side: Literal["lower", "upper"], **keywords: Any) -> Event:
-        """The plant's stop of joint `joint` is met (rising) or left (falling): the depth beyond the limit."""
+        """The event that a joint meets the plant's stop (rising) or leaves it (falling), by its depth beyond the limit, rad or m.
+
+        Args:
+            joint: index or name of the joint.
+            side: "lower" or "upper".
+            **keywords: `direction`, `stop` and `name` of the event.
+
+        Returns:
+            The event.
+
+        Raises:
+            InputError: `side` has another value.
+        """
         return cls("joint_stop", (joint, choice("Event.joint_stop", "side", side, ("lower", "upper"))), **keywords)
 
     @classmethod
     def function(cls, g: Callable[..., float], **keywords: Any) -> Event:
-        """`g` changes its sign, called like a law in Python: `g(t, q, v)`, `g(t, q)` for a VelocityArm, with `theta, theta_dot` for an
-        ElasticArm."""
+        """The event that a Python function changes its sign.
+
+        Args:
+            g: the function, called like a law in Python: `g(t, q, v)`, `g(t, q)` for a VelocityArm. For an ElasticArm `theta, theta_dot`
+                follow.
+            **keywords: `direction`, `stop` and `name` of the event; the default name is that of the function.
+
+        Returns:
+            The event.
+
+        Raises:
+            InputError: `g` is not callable.
+        """
         if not callable(g):
             raise InputError(f"Event.function: g is not callable: expected a function, got {type(g).__name__}")
         keywords.setdefault("name", getattr(g, "__name__", "function"))
@@ -190,7 +248,17 @@ class Events:
         return len(self.t)
 
     def of(self, event: int | str) -> Events:
-        """The crossings of one event, by index or name."""
+        """Select the crossings of one event.
+
+        Args:
+            event: index or name of the event.
+
+        Returns:
+            Its crossings.
+
+        Raises:
+            InputError: there is no such event.
+        """
         if isinstance(event, str) and event in self.names:
             event = self.names.index(event)
         if not isinstance(event, int) or not 0 <= event < len(self.names):

@@ -69,7 +69,14 @@ class Metrics(dict[str, Array]):
         self.units, self.input_units = units, input_units
 
     def unit(self, name: str, joint: int = 0) -> str:
-        """The unit of a metric, that of joint number `joint` where joints differ.
+        """Return the unit of a metric.
+
+        Args:
+            name: name of the metric.
+            joint: index of the joint, for metrics whose unit depends on the joint.
+
+        Returns:
+            The unit, such as "rad".
 
         Raises:
             InputError: there is no such metric, or no such joint.
@@ -86,7 +93,11 @@ class Metrics(dict[str, Array]):
         return (self.input_units if name.startswith("tau") else self.units)[joint]
 
     def columns(self) -> dict[str, Array]:
-        """One column per number of a run: `error_rms1`, `error_rms2`, .., `settling_time`, .."""
+        """Split the metrics into columns: `error_rms1`, `error_rms2`, .., `settling_time`, ..
+
+        Returns:
+            One array or number per column.
+        """
         table: dict[str, Array] = {}
         for name, values in self.items():
             if name in PER_JOINT or name in PER_TASK:

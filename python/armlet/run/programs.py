@@ -94,7 +94,13 @@ class LoopProgram:
         return tuple(stage for stage in STAGES if stage in self._listings)
 
     def at(self, stage: str) -> LoopProgram:
-        """The same program at another stage.
+        """Return the same program at another stage.
+
+        Args:
+            stage: "recorded", "simplified", "lowered" or "machine".
+
+        Returns:
+            The program at that stage.
 
         Raises:
             InputError: there is no such stage.
@@ -102,13 +108,16 @@ class LoopProgram:
         return replace(self, stage=choice("LoopProgram.at", "stage", stage, self.stages))
 
     def plot(self, fig: Figure | None = None) -> Axes:
-        """Draw the data flow at this stage, from left to right by depth, with the longest chain in bold; returns the axes.
+        """Draw the data flow at this stage, from left to right by depth, with the longest chain in bold.
 
         Args:
-            fig: a matplotlib figure to draw into; None makes one with pyplot.
+            fig: a matplotlib figure for the drawing; None makes one with pyplot.
+
+        Returns:
+            The axes.
 
         Raises:
-            InputError: more than 300 lines, which no figure shows legibly.
+            InputError: the program has more than 300 lines, too many for a figure.
             ImportError: matplotlib is not installed.
         """
         from ..figures.program import plot

@@ -74,7 +74,13 @@ class Scenario:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Scenario:
-        """Read a scenario file (TOML); paths in it are relative to its folder.
+        """Read a scenario file (TOML).
+
+        Args:
+            path: the file. Paths in it are relative to its folder.
+
+        Returns:
+            The scenario.
 
         Raises:
             InputError: it is not TOML, or not a scenario.
@@ -86,23 +92,41 @@ class Scenario:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], folder: str | PathLike[str] = ".") -> Scenario:
-        """A scenario from its tables, copied, arrays turned into lists."""
+        """Make a scenario from a copy of its tables, with arrays converted to lists.
+
+        Args:
+            data: the tables.
+            folder: start of relative paths in the tables.
+
+        Returns:
+            The scenario.
+        """
         _require_tables("Scenario.from_dict", data)
         return cls(_plain(data), file_path("Scenario.from_dict", folder))
 
     @staticmethod
     def problems(data: Mapping[str, Any]) -> Iterator[str]:
-        """What is wrong with the tables `data`, each as `path: expected .., got ..`; nothing where all is well."""
+        """List the errors in tables.
+
+        Args:
+            data: the tables.
+
+        Returns:
+            Each error as `path: expected .., got ..`; nothing for valid tables.
+        """
         found = list(SCENARIO.check(data, "$"))
         yield from found
         if not found:
             yield from _across(data)
 
     def build(self) -> Built:
-        """Make the plant and the law, and the keyword arguments of `simulate`.
+        """Make the plant, the law, and the keyword arguments of `simulate`.
+
+        Returns:
+            The parts of the loop.
 
         Raises:
-            InputError: a value does not fit the others, such as a gain of the wrong shape.
+            InputError: a value does not match the others, such as a gain of the wrong shape.
             ModelError: the robot's file is not well formed.
         """
         return self._build({})
@@ -141,11 +165,14 @@ class Scenario:
         """Build the loop and run it once, as `simulate` does.
 
         Args:
-            throw: raise where the run does not reach its end; False returns what there is, with its status.
+            throw: raise an error if the run ends early. False returns the partial run with its status.
+
+        Returns:
+            The recorded run.
 
         Raises:
-            InputError: a value does not fit the others.
-            SolveError: the run did not reach its end.
+            InputError: a value does not match the others.
+            SolveError: the run ended early.
         """
         built = self.build()
         start = partial(simulate, built.plant, built.law, **built.arguments, throw=throw)
@@ -153,10 +180,10 @@ class Scenario:
         return run
 
     def check(self) -> None:
-        """Build the loop, and take it to its first instant: everything that `run` would refuse is refused.
+        """Build the loop and start it, so that every error of `run` in the arguments is raised.
 
         Raises:
-            InputError: a value does not fit the others.
+            InputError: a value does not match the others.
         """
         built = self.build()
         short = built.arguments | {"t_end": 0.0, "t_eval": None}
@@ -165,14 +192,24 @@ class Scenario:
         pathed(self.name, "run", lambda: simulate(built.plant, built.law, **short, throw=False), self.data["run"])
 
     def summary(self) -> str:
-        """Lines of text: law, plant and time; the joints in their order; parts of the robot that the loop leaves out."""
+        """Describe the loop in lines of text.
+
+        Returns:
+            Law, plant and time; the joints in their order; parts of the robot that the loop leaves out.
+        """
         return summary(self.build(), self.data)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
-        """The same with other values, by dotted path: `replace({"law.kp": 30.0, "run.q0[1]": 0.2})`.
+        """Return a scenario with other values, by dotted path: `replace({"law.kp": 30.0, "run.q0[1]": 0.2})`.
+
+        Args:
+            changes: new values by path.
+
+        Returns:
+            The changed scenario.
 
         Raises:
-            InputError: a path leads nowhere, or the new value is not allowed there.
+            InputError: a path does not exist, or its new value is not valid.
         """
         instance("Scenario.replace", "changes", changes, Mapping, "values by path, such as {'law.kp': 30.0}")
         data = _plain(self.data)
@@ -197,7 +234,11 @@ class Scenario:
         return made
 
     def standalone(self) -> Scenario:
-        """The same with the text of its robot file inside, so that it needs no file."""
+        """Return the scenario with the text of its robot file inside.
+
+        Returns:
+            A scenario that needs no file.
+        """
         data = _plain(self.data)
         for table in ("arm", "model"):
             path = data.get(table, {}).pop("path", None)

@@ -48,17 +48,35 @@ class SweepTable(dict[str, NDArray[Any]]):
     """
 
     def to_pandas(self) -> pd.DataFrame:
-        """The same as a pandas table, indexed by `cell`."""
+        """Convert the table.
+
+        Returns:
+            A pandas table, indexed by `cell`.
+        """
         frame: pd.DataFrame = pandas_for("SweepTable.to_pandas").DataFrame(dict(self)).set_index("cell")
         return frame
 
     def to_csv(self, path: str | PathLike[str]) -> Path:
-        """Write the table as CSV, whole or not at all."""
+        """Write the table as CSV, whole or not at all.
+
+        Args:
+            path: the file.
+
+        Returns:
+            The path of the file.
+        """
         to_csv(self, path)
         return Path(path)
 
     def plot(self, quantity: str | None = None, fig: Figure | None = None) -> Axes:
-        """Draw a metric (None: the first) over the first two quantities that varied; `fig` None: a new pyplot figure.
+        """Draw a metric over the first two quantities that varied.
+
+        Args:
+            quantity: column of the metric; None: the first.
+            fig: a matplotlib figure for the drawing; None makes one with pyplot.
+
+        Returns:
+            The axes.
 
         Raises:
             InputError: no number varied, or there is no such metric.
