@@ -9,6 +9,7 @@ that does the work. Answers are compared first.
 
 from __future__ import annotations
 
+import atexit
 import statistics
 import subprocess
 import sys
@@ -33,8 +34,11 @@ RUNS, STEPS = 1024, 1000
 FEW = 128
 RECORDED = 200
 CELLS, CELL_STEPS = 4000, 4000
+#: Medians of so few rounds: the cases with threads take 0.1 s to warm up in each.
+ROUNDS = 5
 TARGETS, SAMPLES = 256, 20000
 ENVIRONMENTS = {"planar 2R": 1024, "seven axes": 1024}
+DASK = f"sweep of {CELLS} cells on Dask, two workers"
 THREADS = len(timing.cores())
 POOL = ThreadPoolExecutor(THREADS)
 RNG = np.random.default_rng(21)
@@ -95,10 +99,11 @@ def batches(name: str, plant: al.Plant, law: al.Law) -> Iterator[Case]:
     for monitors in (True, False):
         group = f"{name}, {'with' if monitors else 'without'} monitors: ns per run and step of `simulate_batch`"
         tag = f"{name}{', monitors' if monitors else ''}"
-        for keep in ("final", "metrics"):
-            against = f"final, {tag}" if keep == "metrics" else None
-            yield Case(group, f"{keep}, {tag}", run(keep, monitors), rows * STEPS, threads=THREADS, against=against)
-        for every, steps in ((1, RECORDED), (10, 10 * RECORDED)):
+        yield Case(group, f"final, {tag}", run("final", monitors), rows * STEPS, threads=THREADS)
+        if monitors:
+            yield Case(group, f"metrics, {tag}", run("metrics", True), rows * STEPS, threads=THREADS, against=f"final, {tag}")
+        for every in (1, 10) if monitors else (1,):
+            steps = every * RECORDED
             records = run("all", monitors, steps, every)
             found = records()
             arrays = [*found.__dict__.values(), *found.monitors.values()]
@@ -139,6 +144,7 @@ def sweeps() -> Iterator[Case]:
         threads=THREADS,
     )
     yield Case(group, f"sweep of {CELLS} cells", lambda: al.sweep(whole, {"law.kp": gains}), 1, "s", 1.0, threads=THREADS, against=loop)
+    yield from on_dask(group, lambda executor: al.sweep(whole, {"law.kp": gains}, executor=executor), loop)
     ranges = {"law.kp": {"uniform": [30.0, 80.0]}, "law.kd": {"uniform": [5.0, 15.0]}}
     some = CELLS // 40
 
@@ -151,6 +157,20 @@ def sweeps() -> Iterator[Case]:
         print(f"skipped: tune: {missing}", file=sys.stderr)
         return
     yield Case(group, f"tune, 4 generations of {some}", tuned, 1, "s", 1.0, threads=THREADS, against=loop)
+
+
+def on_dask(group: str, swept: Callable[[Any], Any], loop: str) -> Iterator[Case]:
+    """The same sweep on two workers of one thread, which run before and after."""
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as missing:
+        print(f"skipped: Dask: {missing}", file=sys.stderr)
+        return
+    cluster = LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50)
+    client = Client(cluster)
+    atexit.register(lambda: (client.close(), cluster.close()))
+    executor = client.get_executor()
+    yield Case(group, DASK, lambda: swept(executor), 1, "s", 1.0, threads=THREADS, against=loop)
 
 
 def environments() -> Iterator[Case]:
@@ -236,6 +256,9 @@ def verdicts(cases: list[Case]) -> Iterator[reporting.Verdict]:
             yield f"{what} to the loop and filling the arrays, {tag}", "1.5", f"{found:.2f}", found <= 1.5
     seconds = statistics.median(named[f"sweep of {CELLS} cells"].wall.values())
     yield f"sweep of {CELLS} runs of the PR robot with {CELL_STEPS} steps", "0.6 s", f"{seconds:.2f} s", seconds <= 0.6
+    if DASK in named:
+        seconds = statistics.median(named[DASK].wall.values())
+        yield DASK, "1 s", f"{seconds:.2f} s", seconds <= 1.0
     for name, least in (("planar 2R", 1.5e6), ("seven axes", 0.4e6)):
         step = named.get(f"ArmVectorEnv.step, {ENVIRONMENTS[name]} of {name}")
         if step is not None:
@@ -249,7 +272,9 @@ def _ratio(what: str, case: Case, yardstick: Case, most: float) -> reporting.Ver
 
 
 def main() -> None:
-    options = reporting.arguments("what users type, beside the loops inside it").parse_args()
+    parser = reporting.arguments("what users type, beside the loops inside it")
+    parser.set_defaults(rounds=ROUNDS)
+    options = parser.parse_args()
     reporting.require_release("bench_jobs")
     share = timing.busy()
     cases: list[Case] = []

@@ -15,6 +15,7 @@ import numpy as np
 import armlet as al
 
 sys.path.insert(0, str(Path(__file__).parent))
+import mintime_kernel
 import reporting
 import timing
 from timing import Case
@@ -62,11 +63,17 @@ def main() -> None:
         Case(optimum, "of both, as they come", each(al.torque_optimal_time, few), per=len(few), unit="us", scale=1e6),
         Case(optimum, "with friction", with_friction, per=len(rough), unit="us", scale=1e6),
     ]
+    in_c = mintime_kernel.in_c([*five, low])
+    np.testing.assert_allclose(in_c(), [batch.t_min, batch.t_max, batch.a_min, batch.a_max], rtol=1e-9, atol=1e-12)
+    cases.insert(1, Case(many, "C by hand", in_c, per=COUNT))
+    cases[2].against = "C by hand"
     timing.measure(cases, options.rounds, options.core, lambda text: None)
     goals = [("one call", 500.0, "ns"), ("arrays of 200,000", 20.0, "ns")]
     goals += [(name, 3.0, "us") for name in ("certified", "swings searched", "of both, as they come")]
     got = {case.name: case.median for case in cases}
     verdicts = [(name, f"<= {goal:g} {unit}", f"{got[name]:.3g} {unit}", got[name] <= goal) for name, goal, unit in goals]
+    found = got["arrays of 200,000"] / got["C by hand"]
+    verdicts.append(("arrays of 200,000 / C by hand", "<= 1.5", f"{found:.2f}", found <= 1.5))
     reporting.finish("mintime", reporting.report(cases, verdicts, share, options.markdown or options.readme), options.readme)
 
 

@@ -10,7 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import timing
-from generated_c import WIDEST, Array, Loop, Rows, from_lanes
+from compiling import WIDEST
+from generated_c import Array, Loop, Rows, from_lanes
 from generated_model import Expressions
 from generated_tree import Tree
 from timing import Case
