@@ -191,6 +191,29 @@ def test_citations_have_a_source() -> None:
     assert {key: page for key, page in cited.items() if key not in keys} == {}
 
 
+def formula_faults(page: str) -> list[str]:
+    """Rendered formulas whose braces, environments or delimiters do not close: MathJax shows them in red, and no build fails."""
+    faults = []
+    for formula in re.findall(r"^```math$\n(.*?)^```$", page, re.MULTILINE | re.DOTALL):
+        opened, closed = re.findall(r"\\begin\{(\w+)\}", formula), re.findall(r"\\end\{(\w+)\}", formula)
+        braces = re.findall(r"(?<!\\)[{}]", formula)
+        if sorted(opened) != sorted(closed) or braces.count("{") != braces.count("}"):
+            faults.append(formula)
+        elif len(re.findall(r"\\left\b", formula)) != len(re.findall(r"\\right\b", formula)) or not formula.strip():
+            faults.append(formula)
+    return faults
+
+
+def test_formulas_are_closed() -> None:
+    assert {name_of(page): found for page in PAGES if (found := formula_faults(page.read_text()))} == {}
+    assert sum(page.read_text().count("```math\n") for page in PAGES) > 40
+
+
+@pytest.mark.parametrize("formula", ["\\frac{1}{2", r"\begin{bmatrix} 1", r"\left( x", "", r"\begin{aligned} \end{bmatrix}"])
+def test_open_formulas_are_seen(formula: str) -> None:
+    assert formula_faults(f"# Page\n\n```math\nx = {{1}}\n```\n\n```math\n{formula}\n```\n") == [f"{formula}\n"]
+
+
 def test_examples_have_a_title() -> None:
     """The gallery of the built pages takes it from the docstring: a title, underlined, and what the script shows."""
     assert [name_of(path) for path in EXAMPLES if not re.match(r'"""(\S.*)\n=+\n\n\S', path.read_text())] == []
