@@ -120,6 +120,28 @@ def test_positions_of_the_joints_of_the_file() -> None:
     assert plain.file_joint_names == plain.joint_names and plain.file_positions([1.0, 2.0]).tolist() == [1.0, 2.0]
 
 
+def test_the_tree_of_the_joints() -> None:
+    """Which joint carries which, what moves each frame, and where the joints are; planar_pr has no links."""
+    assert [ARM.file_joint_names[p] if p >= 0 else "" for p in ARM.file_joint_parents][:2] == ["", "shoulder"]
+    for frame, mover in zip(ARM.frame_names, ARM.frame_joints, strict=True):
+        assert mover >= -1 and (mover >= 0 or np.ptp(ARM.position(np.eye(3), frame), axis=0).max() == 0.0)
+    q = np.tile([0.1, 0.2, 0.3], (2, 5, 1))
+    assert ARM.file_joint_poses(q).shape == (2, 5, 6, 4, 4) and ARM.file_joint_poses(np.zeros((0, 3))).shape == (0, 6, 4, 4)
+    many = np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))  # as a program
+    np.testing.assert_array_equal(ARM.file_joint_poses(many)[17], ARM.file_joint_poses(many[17]))
+    out = np.empty((6, 4, 4))
+    assert ARM.file_joint_poses(many[0], out=out) is out
+    for bad, problem in (([0.0, 0.0], "q has the wrong shape"), ([0.0, np.nan, 0.0], "q .*not finite"), (["a"] * 3, "q")):
+        with pytest.raises(al.InputError, match=f"file_joint_poses: {problem}"):
+            ARM.file_joint_poses(bad)  # type: ignore[arg-type]
+    with pytest.raises(al.InputError, match=r"out"):
+        ARM.file_joint_poses(many[0], out=np.empty((5, 4, 4)))
+    plain = al.planar_pr(2.0, 0.5, 0.5)
+    assert plain.file_joint_parents == (-1, 0) and plain.frame_joints == ()
+    with pytest.raises(al.InputError, match="arm has no links"):
+        plain.file_joint_poses([0.0, 0.0])
+
+
 def test_cut_arms() -> None:
     """A locked leader holds its followers; a leader that is cut off is replaced by its first follower."""
     free = al.load_urdf(GRIPPER, mimic="independent")

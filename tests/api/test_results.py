@@ -13,7 +13,6 @@ import pytest
 from matplotlib.figure import Figure
 
 import armlet as al
-from armlet.figures import animation
 from armlet.run import BatchRun, Run
 from armlet.run.metrics import PER_JOINT, PER_RUN
 
@@ -198,23 +197,9 @@ def test_animate(tmp_path: Path) -> None:
     with pytest.raises(al.InputError, match="arm is missing"):
         loaded.animate(tmp_path / "b.gif")
     loaded.animate(tmp_path / "b.gif", arm, fps=5.0, size=100)
-    spatial = al.load_urdf(al.example_urdf("seven_axis"))
-    with pytest.raises(al.InputError, match="arm is not planar"):
-        made(q=np.ones((len(T), 7))).animate(tmp_path / "c.gif", spatial)
     with pytest.raises(al.InputError, match=r"fps is out of range: expected a number in \(0, 50\], got 0"):
         run.animate(tmp_path / "c.gif", fps=0)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.gif", "b.gif", "run.npz"]
-
-
-def test_the_way_in_a_film_is_that_of_the_tip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A frame of the base may be the last of the file."""
-    arm = al.planar_arm([0.5, 0.4]).with_frame("elbow", "link1")
-    assert arm.tip_frame == "link2" and arm.frame_names[-1] == "elbow"
-    ways: list[Any] = []
-    monkeypatch.setattr(animation, "_film", lambda file, points, tip, *others: ways.append(points[:, tip]))
-    run = al.simulate(al.RigidArm(arm), al.PDGravity(arm, [0.4, 0.5], 20.0, 4.0), [0.0, 0.0], t_end=0.5, dt=1e-3)
-    run.animate(tmp_path / "a.gif", fps=10.0)
-    np.testing.assert_allclose(ways[0][0], [0.9, 0.0], atol=1e-12)  # stretched out, to rounding
 
 
 ONLY = {"q_min": [-9.0, -9.0], "q_max": [9.0, 9.0], "v_max": [9.0, 9.0], "effort": [9.0, 9.0]}

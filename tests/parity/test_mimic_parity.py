@@ -54,6 +54,10 @@ def test_against_the_reference(n: int, seed: int) -> None:
     close(np.einsum("kij,kj->ki", mass, arm.forward_dynamics(q, v, tau, wrench=wrench, wrench_frame=frame) - a), np.zeros((3, n)), largest)
     order = [names.index(name) for name in arm.file_joint_names]
     close(arm.file_positions(q), np.stack([m * Q[:, k] + c for k, m, c in (reference.movers[j] for j in order)], axis=-1))
+    close(arm.file_joint_poses(q), reference.file_joint_poses(Q)[:, order])
+    assert arm.file_joint_parents == tuple(-1 if reference.parents[j] < 0 else order.index(reference.parents[j]) for j in order)
+    bodies = [reference.frames[frame][0] for frame in arm.frame_names]
+    assert arm.frame_joints == tuple(-1 if body < 0 else order.index(body) for body in bodies)
     blocks = np.concatenate([np.arange(10 * j, 10 * j + 10) for j in order])
     close(arm.parameters, reference.parameters[blocks])
     close(arm.regressor(q, v, v_r, a_r), reference.regressor(Q, V, V_r, A_r)[:, place][:, :, blocks])

@@ -1,90 +1,135 @@
-"""A planar arm in motion as a GIF: its frames joined by lines, the way of its tip behind it."""
+"""A run as a film: links between the joints of the arm, and the path of its tip; in the plane of a planar arm, else in space."""
 
 from __future__ import annotations
 
-from os import PathLike
-from typing import TYPE_CHECKING, Any
+import errno
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from os import PathLike, fspath
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from .. import _core
 from .._core import Arm
-from ..arguments import instance, integer, positive, shown
+from ..arguments import finite, instance, integer, positive, shown
 from ..errors import InputError
 from ..files import write_whole
-from .style import COLOURS, require, sheet
+from .skeleton import Picture, Skeleton
+from .style import literal, require
 
 if TYPE_CHECKING:
     from ..run.recorded import Recorded
 
 __all__ = ["animate"]
 
-AXES = "xyz"
 # Some minutes of film, and as many megabytes.
 PICTURES = 20_000
 
 
-def animate(run: Recorded, path: str | PathLike[str], arm: Any = None, *, fps: float = 25.0, speed: float = 1.0, size: int = 400) -> None:
-    """Write the run of a planar arm as a GIF, whole or not at all.
+def animate(
+    run: Recorded,
+    path: str | PathLike[str],
+    arm: Any = None,
+    *,
+    fps: float = 25.0,
+    speed: float = 1.0,
+    size: int = 400,
+    view: ArrayLike | None = None,
+) -> None:
+    """Write the run as a film, whole or not at all: any arm with frames, with branches and slides.
+
+    The links are lines between the joints; the orange line is the path of `arm.tip_frame`. An arm whose joints and tips stay in a plane of
+    two axes is drawn in that plane. Any other is drawn in space, with its shadow on the floor of the picture.
 
     Args:
         run: the run.
-        path: the file, which should end in .gif.
+        path: the file: MP4 where its name ends in .mp4, which requires the program ffmpeg; else GIF.
         arm: the arm, where the run does not know it: one that was loaded from a file.
         fps: pictures per second of the film, at most 50.
         speed: seconds of the run per second of the film.
-        size: width and height, pixels.
+        size: width and height, pixels; MP4 rounds it up to an even number.
+        view: elevation and azimuth of the eye, degrees, for a picture in space; None: chosen.
 
     Raises:
-        InputError: the arm has no frames or does not move in a plane along two of the axes, or an argument is out of range.
+        InputError: the arm has no frames that move, an argument is out of range, or the name ends in .mp4 and there is no ffmpeg.
         ImportError: matplotlib is not installed.
+        OSError: the file cannot be written, or ffmpeg failed.
     """
     fps, speed = positive("Run.animate", "fps", fps, 50.0), positive("Run.animate", "speed", speed, 1e9)
     size = int(positive("Run.animate", "size", integer("Run.animate", "size", size), 4096))
+    eye = None if view is None else finite("Run.animate", "view", _core.numbers("Run.animate", "view", view, (2,)))
     arm = run.arm if arm is None else arm
     if arm is None:
         raise InputError("Run.animate: arm is missing: expected the arm of a run that was read from a file")
     instance("Run.animate", "arm", arm, Arm, "an Arm")
-    if not arm.frame_names or len(run.t) < 2:
-        raise InputError("Run.animate: there is nothing to draw: expected an arm with frames and a run of two records or more")
+    if arm.n != run.q.shape[-1]:
+        raise InputError(f"Run.animate: arm is not that of the run: expected {run.q.shape[-1]} joints, got {arm.n}")
+    if len(run.t) < 2:
+        raise InputError("Run.animate: there is nothing to draw: expected a run of two records or more")
     if not (run.t[-1] - run.t[0]) * fps / speed <= PICTURES:
         raise InputError(f"Run.animate: speed is too small: expected at most {PICTURES} pictures, got {shown(speed)}")
+    skeleton = Skeleton("Run.animate", arm)
+    coder = _coder(path)
+    require("Run.animate")
     times = np.arange(run.t[0], run.t[-1], speed / fps)
     q = np.stack([np.interp(times, run.t, run.q[:, i]) for i in range(run.q.shape[1])], axis=1)
-    points = np.stack([np.asarray(arm.position(q, frame)).reshape(len(times), 3) for frame in arm.frame_names], axis=1)
-    points = np.concatenate([np.zeros((len(times), 1, 3)), points], axis=1)
-    width = np.ptp(points.reshape(-1, 3), axis=0)
-    flat = int(np.argmin(width))
-    if width[flat] > 1e-9 * max(width.max(), 1.0):
-        raise InputError(f"Run.animate: arm is not planar: expected frames in one plane, got frames that spread {width} m along x, y and z")
-    axes = [i for i in range(3) if i != flat]
-    tip = 1 + arm.frame_names.index(arm.tip_frame or arm.frame_names[-1])
-    write_whole(path, lambda file: _film(file, points[..., axes], tip, times, axes, fps, size))
+    lines = skeleton.lines(q)
+    picture = Picture("Run.animate", lines.cloud(), size + size % 2 if coder else size, None if eye is None else (eye[0], eye[1]))
+    path_of = f"orange: path of {literal(arm.tip_frame)}"
+
+    def pictures() -> Iterator[NDArray[np.uint8]]:
+        for k, time in enumerate(times):
+            picture.show(lines, k, f"t = {time:.2f} s; {path_of}")
+            yield picture.pixels()
+
+    write_whole(path, lambda file: _mp4(file, pictures(), fps, coder) if coder else _gif(file, pictures(), fps))
 
 
-def _film(file: Any, points: NDArray[np.float64], tip: int, times: NDArray[np.float64], axes: list[int], fps: float, size: int) -> None:
-    """Draw `points`, (times, frames, 2), with the way of frame number `tip`."""
-    require("Run.animate")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+def _coder(path: str | PathLike[str]) -> str | None:
+    """The program that makes an MP4 file, None for a GIF."""
+    if not str(fspath(path) if isinstance(path, PathLike) else path).lower().endswith(".mp4"):
+        return None
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise InputError(f"Run.animate: path requires ffmpeg, which is not installed: expected a name that ends in .gif, got {shown(path)}")
+    return found
+
+
+def _gif(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float) -> None:
     from PIL import Image
 
-    with sheet(Figure(dpi=100), (size / 100, size / 100)) as figure:
-        canvas: Any = FigureCanvasAgg(figure)
-        ax = figure.subplots()
-        centre, reach = (points.max((0, 1)) + points.min((0, 1))) / 2, 0.55 * np.ptp(points, axis=(0, 1)).max() + 1e-3
-        ax.set_xlim(centre[0] - reach, centre[0] + reach)
-        ax.set_ylim(centre[1] - reach, centre[1] + reach)
-        ax.set_aspect("equal")
-        ax.set_xlabel(f"{AXES[axes[0]]} (m)")
-        ax.set_ylabel(f"{AXES[axes[1]]} (m)")
-        (trace,) = ax.plot([], [], color=COLOURS[1], linewidth=1.0)
-        (links,) = ax.plot([], [], color=COLOURS[0], linewidth=4.0, marker="o", markersize=7.0, solid_capstyle="round")
-        pictures = []
-        for k, time in enumerate(times):
-            links.set_data(points[k, :, 0], points[k, :, 1])
-            trace.set_data(points[: k + 1, tip, 0], points[: k + 1, tip, 1])
-            ax.set_title(f"t = {time:.2f} s")
-            canvas.draw()
-            pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
-        pictures[0].save(file, format="GIF", save_all=True, append_images=pictures[1:], duration=round(1000 / fps), loop=0)
+    first = Image.fromarray(next(pictures))
+    rest = (Image.fromarray(each) for each in pictures)
+    first.save(file, format="GIF", save_all=True, append_images=rest, duration=round(1000 / fps), loop=0)
+
+
+def _mp4(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float, coder: str) -> None:
+    """By way of a file of ffmpeg's own: MP4 is not written from beginning to end."""
+    first = next(pictures)
+    height, width, _ = first.shape
+    with tempfile.TemporaryDirectory(prefix="armlet-") as folder:
+        film, said = Path(folder, "film.mp4"), Path(folder, "said")
+        source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:.6g}", "-i", "-"]
+        command = [coder, "-loglevel", "error", *source, "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(film)]
+        with said.open("wb") as log, subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log) as process:
+            try:
+                assert process.stdin is not None
+                process.stdin.write(first.tobytes())
+                for picture in pictures:
+                    process.stdin.write(picture.tobytes())
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # its words are in the log
+            except BaseException:
+                process.kill()
+                raise
+        if process.returncode != 0:
+            words = said.read_text(errors="replace").strip().splitlines() or ["no message"]
+            raise OSError(errno.EIO, f"ffmpeg failed: {words[-1]}")
+        with film.open("rb") as made:
+            shutil.copyfileobj(made, file)

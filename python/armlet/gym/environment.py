@@ -15,6 +15,7 @@ from ..border import bordered
 from ..scenario import Scenario
 from .rows import Rows
 from .tasks import Task
+from .viewer import viewer_for
 
 __all__ = ["ArmEnv"]
 
@@ -38,6 +39,8 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         horizon: length of a run, s; 5 s if None.
         q_limit: `(low, high)` beyond which a run ends, rad or m; None: the arm's limits, 2 pi where it has none.
         v_limit: the same of speed, rad/s or m/s; None: the arm's limits, 20 where it has none.
+        render_mode: "rgb_array": `render` returns a picture, (480, 480, 3); "human": each step draws in a window of matplotlib's, at the
+            pace of the clock; None: nothing is drawn.
 
     Raises:
         InputError: an argument, or an action, is not what it should be.
@@ -58,7 +61,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
     (True, True)
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # gymnasium's own
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}  # noqa: RUF012  # gymnasium's own
 
     def __init__(
         self,
@@ -71,11 +74,15 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         horizon: float | None = None,
         q_limit: ArrayLike | None = None,
         v_limit: ArrayLike | None = None,
+        render_mode: str | None = None,
     ) -> None:
         options = {"tau_max": tau_max, "dt": dt, "period": period, "horizon": horizon, "q_limit": q_limit, "v_limit": v_limit}
         self._rows = Rows(1, plant, task, **options)  # type: ignore[arg-type]  # as declared above
         self.observation_space, self.action_space = self._rows.observations, self._rows.actions
-        self._ready = False
+        self.metadata = {**self.metadata, "render_fps": 1.0 / self._rows.period}
+        self._viewer = viewer_for("ArmEnv", render_mode, self.metadata["render_modes"], self._rows)
+        self.render_mode = render_mode
+        self._ready = self._begun = False
 
     @property
     def plant(self) -> Plant:
@@ -96,7 +103,8 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         """Start anew; the same seed draws the same starts and targets."""
         super().reset(seed=seed)
         self._rows.reset(np.zeros(1, dtype=np.int64), [self.np_random])
-        self._ready = True
+        self._ready = self._begun = True
+        self._drawn()
         return self._rows.observe()[0], {}
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -105,5 +113,30 @@ class ArmEnv(gymnasium.Env[Array, Array]):
             raise ResetNeeded("ArmEnv.step: the run has not begun, or has ended: expected a call of reset before")
         reward, terminated, truncated, info = self._rows.step(_core.numbers("step", "action", action, self._rows.actions.shape)[None])
         self._ready = not (terminated[0] or truncated[0])
+        self._drawn()
         flags = {name: bool(values[0]) for name, values in info.items()}
         return self._rows.observe()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), flags
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The picture of the present state, (480, 480, 3), 0 to 255, with `render_mode="rgb_array"`; else None.
+
+        Lines are links, dots joints, the green ring is the target of the task: of `Track`, of the tip. A planar arm is drawn in its plane.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before `reset`.
+        """
+        if self._viewer is None:
+            gymnasium.logger.warn("ArmEnv.render: nothing is drawn without a render_mode: expected ArmEnv(.., render_mode='rgb_array')")
+            return None
+        if not self._begun:
+            raise ResetNeeded("ArmEnv.render: the run has not begun: expected a call of reset before")
+        return self._viewer.pixels(0) if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, where there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+
+    def _drawn(self) -> None:
+        if self._viewer is not None and self.render_mode == "human":
+            self._viewer.show()

@@ -1,8 +1,10 @@
 """Tasks of environments: start, error, reward and end of a run.
 
-Every method but `draw` works on all rows at once: arrays have the axis of the rows first. The error of `Reach` is the target minus the
-frame's position. That of `Track` is the motion minus the state, `[q_d - q, v_d - v]`. The reward per step is `1 / (1 + (|e| / scale)^2)`
-minus `effort` times the mean square of the action. It is positive for `effort` 0, so that ending a run early is never an advantage.
+    reward = 1 / (1 + (|e| / scale)^2) - effort * (1/n) sum_i u_i^2,   u = action, within [-1, 1]
+
+Every method but `draw` works on all rows at once: arrays have the axis of the rows first. The reward has no unit. The error `e` is that
+after the step. For `Reach` it is the target minus the frame's position, m. For `Track` it is `[q_d - q, v_d - v]`, rad and rad/s, or m and
+m/s for slides. With `effort = 0` a reward is in (0, 1], so that ending a run early is never an advantage.
 """
 
 from __future__ import annotations
@@ -27,11 +29,13 @@ Array: TypeAlias = NDArray[np.float64]
 class Task:
     """Derive from it for a task of your own; each environment calls `prepare` once.
 
+    The reward of a step is `1 / (1 + (|e| / scale)^2) - effort * mean(action^2)`, without a unit: 1 at the target, 1/2 where `|e| = scale`.
+
     Args:
         q0: configuration about which runs start and targets lie, (n,), rad or m; None: the middle of the limits, 0 where there are none.
         spread: a run starts within `q0 +- spread`, at rest, rad or m.
-        scale: size of the error at which half is paid.
-        effort: what the mean square of an action costs.
+        scale: norm of the error at which the reward is 1/2, in the error's unit.
+        effort: what the mean square of the action costs, per step: a full action of all joints costs `effort`.
     """
 
     def __init__(self, *, q0: ArrayLike | None = None, spread: float = 0.1, scale: float = 0.1, effort: float = 0.0) -> None:
@@ -62,7 +66,7 @@ class Task:
         raise NotImplementedError
 
     def reward(self, error: Array, action: Array, k: NDArray[np.int64], q: Array, v: Array) -> Array:
-        """What a step pays, (B,), by the error it led to."""
+        """The reward of a step, (B,), by the error it led to; `action` is clipped to [-1, 1]."""
         size = np.linalg.norm(error, axis=-1) / self.scale
         pay: Array = 1.0 / (1.0 + size * size) - self.effort * (action * action).mean(axis=-1)
         return pay
@@ -70,6 +74,10 @@ class Task:
     def reached(self, error: Array, k: NDArray[np.int64], q: Array, v: Array) -> NDArray[np.bool_]:
         """Whether a run is done, (B,); by default never."""
         return np.zeros(len(q), dtype=np.bool_)
+
+    def points(self, k: NDArray[np.int64], q: Array, goal: Array) -> Array:
+        """Where a picture shows targets, (B, points, 3), m, after `k` steps (B,): nowhere, unless a task says so."""
+        return np.zeros((len(q), 0, 3))
 
     def _around(self, spread: float) -> tuple[Array, Array]:
         """The configurations within `spread` of the centre and within the limits: the least one, and how far they reach."""
@@ -87,6 +95,8 @@ def _within(box: tuple[Array, Array], rng: np.random.Generator) -> Array:
 @bordered
 class Reach(Task):
     """Go to a target: the position that a frame has at a random configuration, so that it can be reached.
+
+    The error is `e = p_target - p`, m, in the chosen axes. The reward is that of `Task`.
 
     Args:
         frame: the frame that goes there; None: `arm.tip_frame`.
@@ -137,6 +147,12 @@ class Reach(Task):
         error: Array = goal - self.arm.position(q, self.tip)[..., self.rows]
         return error
 
+    def points(self, k: NDArray[np.int64], q: Array, goal: Array) -> Array:
+        # Along an axis that is free the target is where the frame is.
+        targets = np.array(self.arm.position(q, self.tip))
+        targets[..., self.rows] = goal
+        return targets[:, None]
+
     def reached(self, error: Array, k: NDArray[np.int64], q: Array, v: Array) -> NDArray[np.bool_]:
         if self.within is None:
             return super().reached(error, k, q, v)
@@ -147,6 +163,9 @@ class Reach(Task):
 @bordered
 class Track(Task):
     """Follow a motion of the joints, from near its start.
+
+    The error is `e = [q_d - q, v_d - v]`, rad and rad/s (m and m/s for slides). The reward is that of `Task`, where `scale` compares
+    positions and speeds alike: an error of `scale` rad pays as much as one of `scale` rad/s.
 
     Args:
         motion: what to follow, such as `Sinusoid(..)`.
@@ -178,3 +197,7 @@ class Track(Task):
     def error(self, k: NDArray[np.int64], q: Array, v: Array, goal: Array) -> Array:
         error: Array = self.desired[k] - np.concatenate([q, v], axis=-1)
         return error
+
+    def points(self, k: NDArray[np.int64], q: Array, goal: Array) -> Array:
+        targets: Array = self.arm.position(self.desired[k, : self.arm.n], str(self.arm.tip_frame))
+        return targets[:, None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, TypeAlias
 
+import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
@@ -18,6 +19,7 @@ from ..errors import InputError
 from ..scenario import Scenario
 from .rows import Rows
 from .tasks import Task
+from .viewer import viewer_for
 
 __all__ = ["ArmVectorEnv"]
 
@@ -36,6 +38,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         plant, task, tau_max, dt, period, horizon, q_limit, v_limit: as for `ArmEnv`.
         autoreset_mode: that of Gymnasium. `AutoresetMode.NEXT_STEP` restarts an ended run in the next step. `SAME_STEP` restarts it at
             once, with its last observation in `info["final_obs"]`. `DISABLED` leaves it to `reset(options={"reset_mask": mask})`.
+        render_mode: "rgb_array": `render` returns a picture of each row; None: nothing is drawn.
 
     Raises:
         InputError: an argument, or an action, is not what it should be.
@@ -48,6 +51,8 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     >>> observations.shape, rewards.shape
     ((64, 6), (64,))
     """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012  # gymnasium's own
 
     def __init__(
         self,
@@ -62,6 +67,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         q_limit: ArrayLike | None = None,
         v_limit: ArrayLike | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
     ) -> None:
         if not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise InputError(f"ArmVectorEnv: num_envs is not a count: expected an integer >= 1, got {shown(num_envs)}")
@@ -73,7 +79,9 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         options = {"tau_max": tau_max, "dt": dt, "period": period, "horizon": horizon, "q_limit": q_limit, "v_limit": v_limit}
         self.num_envs = int(num_envs)
         self._rows = Rows(self.num_envs, plant, task, **options)  # type: ignore[arg-type]  # as declared above
-        self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
+        self.metadata = {**self.metadata, "render_fps": 1.0 / self._rows.period, "autoreset_mode": self._mode}
+        self._viewer = viewer_for("ArmVectorEnv", render_mode, self.metadata["render_modes"], self._rows)
+        self.render_mode = render_mode
         self.single_observation_space, self.single_action_space = self._rows.observations, self._rows.actions
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -122,6 +130,19 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
             observations = self._rows.observe()
             self._ended = np.zeros_like(self._ended)
         return observations, rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture of each row, (480, 480, 3), as `ArmEnv.render` draws it; None without a `render_mode`.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before `reset`.
+        """
+        if self._viewer is None:
+            gymnasium.logger.warn("ArmVectorEnv.render: nothing is drawn without a render_mode: expected render_mode='rgb_array'")
+            return None
+        if not self._ready:
+            raise ResetNeeded("ArmVectorEnv.render: the runs have not begun: expected a call of reset before")
+        return tuple(self._viewer.pixels(row) for row in range(self.num_envs))
 
     def _final(self, observations: Array, info: dict[str, Flags]) -> dict[str, Any]:
         """The last observations of the runs that end now. The other values are those of the new runs."""

@@ -187,6 +187,11 @@ class Arm(Mechanism):
         poses, slopes = self._walk(q)
         return poses[body] @ offset, slopes[body] @ offset
 
+    def file_joint_poses(self, q: ArrayLike) -> Array:
+        """T_i of every joint, those that follow others included, (..., joints, 4, 4)."""
+        (q,) = vectors(q, n=self.n)
+        return np.array(np.stack(self._walk(q)[0], axis=-3))
+
     def center_of_mass(self, q: ArrayLike) -> Array:
         """Centre of mass in world axes, (..., 3)."""
         heights = [self.with_gravity(-axis).energy(q, np.zeros(self.n))[1] for axis in np.eye(3)]

@@ -95,7 +95,7 @@ class Run(_Stored):
         return plot(self, fig)
 
     def animate(self, path: str | PathLike[str], arm: Any = None, **keywords: Any) -> None:
-        """Write a GIF of a planar arm in motion: see `armlet.figures.animation.animate`. Needs matplotlib (`armlet[plot]`)."""
+        """Write a film of the arm in motion, GIF or MP4: see `armlet.figures.animation.animate`. Needs matplotlib (`armlet[plot]`)."""
         from ..figures.animation import animate
 
         animate(self, path, arm, **keywords)

@@ -29,7 +29,7 @@ pub(super) struct Engine<S: Real> {
 macro_rules! with_quantity {
     ($query:expr, $name:ident => $each:expr) => {
         with_quantity!(@ $query, $name, $each, MassMatrix CoriolisMatrix Christoffel Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose PoseVector
-            Position Jacobian JacobianDot Com ComJacobian PathDynamics InverseDynamicsDerivatives ForwardDynamicsDerivatives)
+            Position JointPoses Jacobian JacobianDot Com ComJacobian PathDynamics InverseDynamicsDerivatives ForwardDynamicsDerivatives)
     };
     (@ $query:expr, $name:ident, $each:expr, $($quantity:ident)*) => {
         match $query.quantity {
@@ -47,7 +47,7 @@ impl<S: Real> Engine<S> {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
         let zeros = |k: usize| vec![S::zero(); k];
-        let largest = (n * (PARAMETERS * tree.bodies.len() + 3 * n)).max(6 * n).max(16);
+        let largest = (n * (PARAMETERS * tree.bodies.len() + 3 * n)).max(6 * n).max(16).max(16 * tree.bodies.len());
         let eager = eager && largest <= EAGER;
         Engine {
             ws,

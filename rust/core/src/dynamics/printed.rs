@@ -58,6 +58,7 @@ impl Quantity {
             Quantity::Pose => "the pose of the frame in world axes, 4 x 4",
             Quantity::PoseVector => "the pose of the frame in world axes, [p; rotation vector], 6",
             Quantity::Position => "the position of the frame in world axes, m",
+            Quantity::JointPoses => "the pose of the body of every joint in world axes, 4 x 4 each",
             Quantity::Jacobian => "the geometric Jacobian of the frame in world axes, rows [v; w], 6 x N",
             Quantity::JacobianDot => "the rate of the Jacobian of the frame, 6 x N",
             Quantity::Com => "the centre of mass in world axes, m",

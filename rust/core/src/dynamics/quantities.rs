@@ -8,7 +8,7 @@ use crate::arm::Tree;
 use crate::kinematics as kin;
 use crate::scalar::rows::write_one;
 use crate::scalar::{Real, sign};
-use crate::spatial::{PARAMETERS, Vector, rotation_log};
+use crate::spatial::{Lift, Matrix, Matrix3, PARAMETERS, Vector, Vector3, rotation_log};
 
 /// How a quantity is computed from the buffers of an engine, trigonometry done.
 pub trait Compute {
@@ -30,6 +30,15 @@ fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S])
             tau[i] = S::splat(body.friction).neg_mul_add(sign(v[i]), viscous);
         }
     }
+}
+
+/// A homogeneous transform, row by row.
+fn write_pose<S: Real>(r: &Matrix3<S>, p: &Vector3<S>, out: &mut [S]) {
+    for k in 0..3 {
+        (out[4 * k], out[4 * k + 1], out[4 * k + 2], out[4 * k + 3]) = (r[(k, 0)], r[(k, 1)], r[(k, 2)], p[k]);
+        out[12 + k] = S::zero();
+    }
+    out[15] = S::splat(1.0);
 }
 
 macro_rules! quantity {
@@ -159,11 +168,15 @@ quantity!(Energy, (tree, ws, trig, n, q, v, x, y, out, query, square), {
 
 quantity!(Pose, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (r, p) = kin::frame_pose(tree, &mut ws.poses, trig, q, query.frame);
-    for k in 0..3 {
-        (out[4 * k], out[4 * k + 1], out[4 * k + 2], out[4 * k + 3]) = (r[(k, 0)], r[(k, 1)], r[(k, 2)], p[k]);
-        out[12 + k] = S::zero();
+    write_pose(&r, &p, out);
+});
+
+quantity!(JointPoses, (tree, ws, trig, n, q, v, x, y, out, query, square), {
+    kin::place(tree, trig, q, &mut ws.poses);
+    for ((pose, body), out) in ws.poses.iter().zip(&tree.bodies).zip(out.chunks_exact_mut(16)) {
+        let r = body.turn.map_or(pose.rotation, |turn| pose.rotation.times(turn.transpose().lift()));
+        write_pose(&r, &pose.origin, out);
     }
-    out[15] = S::splat(1.0);
 });
 
 quantity!(PoseVector, (tree, ws, trig, n, q, v, x, y, out, query, square), {

@@ -31,6 +31,8 @@ pub enum Quantity {
     PoseVector,
     /// `q -> (3,)`.
     Position,
+    /// `q -> (4 b, 4)`: the pose of the body of every joint, those that follow others included.
+    JointPoses,
     /// `q -> (6, n)`.
     Jacobian,
     /// `q, v -> (6, n)`.
@@ -131,6 +133,7 @@ impl Query {
             Quantity::Pose => (4, 4),
             Quantity::PoseVector => (1, 6),
             Quantity::Position | Quantity::Com => (1, 3),
+            Quantity::JointPoses => (4 * bodies, 4),
             Quantity::Jacobian | Quantity::JacobianDot => (6, n),
             Quantity::ComJacobian => (3, n),
             Quantity::InverseDynamicsDerivatives | Quantity::ForwardDynamicsDerivatives => (3 * n, n),

@@ -7,7 +7,7 @@ use armlet_core::dynamics::{Functions, Quantity, Query};
 use armlet_core::scalar::trig::REDUCTION_LIMIT;
 use std::sync::Arc;
 
-pub const ALL: [Quantity; 19] = [
+pub const ALL: [Quantity; 20] = [
     Quantity::MassMatrix,
     Quantity::CoriolisMatrix,
     Quantity::Christoffel,
@@ -20,6 +20,7 @@ pub const ALL: [Quantity; 19] = [
     Quantity::Pose,
     Quantity::PoseVector,
     Quantity::Position,
+    Quantity::JointPoses,
     Quantity::Jacobian,
     Quantity::JacobianDot,
     Quantity::Com,

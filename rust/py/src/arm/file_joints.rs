@@ -4,6 +4,7 @@ use super::Arm;
 use crate::arrays::{elements, new_array, require_finite};
 use crate::broadcast::broadcast;
 use crate::errors::entry;
+use armlet_core::dynamics::Quantity;
 use armlet_core::interrupt::look;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -22,6 +23,50 @@ impl Arm {
     #[getter]
     fn file_joint_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         Self::named(py, &self.model.file_joint_names())
+    }
+
+    /// Of each joint of `file_joint_names`, the index of the joint that carries it; -1 for a joint on the base.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([0.5, 0.4]).file_joint_parents
+    /// (-1, 0)
+    #[getter]
+    fn file_joint_parents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.model.file_joint_parents())
+    }
+
+    /// Of each frame of `frame_names`, the index in `file_joint_names` of the joint that moves it; -1 for a frame of the base.
+    ///
+    /// >>> import armlet as al
+    /// >>> arm = al.planar_arm([0.5, 0.4])
+    /// >>> arm.frame_names, arm.frame_joints
+    /// (('link1', 'link2'), (0, 1))
+    #[getter]
+    fn frame_joints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.model.frame_joints())
+    }
+
+    /// The pose of every joint, `(..., len(file_joint_names), 4, 4)`: a homogeneous transform per joint, lengths in m.
+    ///
+    /// The origin is a point of the joint axis. The axes are those of the body that the joint moves, after its motion. `file_joint_parents`
+    /// says which joint carries it, so that lines from parent to joint draw the arm.
+    ///
+    /// Args:
+    ///     q: positions, `(..., n)`, rad or m.
+    ///     out: an array to write to (keyword only).
+    ///
+    /// Raises:
+    ///     InputError: `q` is not finite or has the wrong shape, the arm has no links, or `out` cannot be written.
+    ///
+    /// Source: [Featherstone2008], chapter 4.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.planar_arm([0.5, 0.4]).file_joint_poses([0.0, 1.0])[:, :3, 3]
+    /// array([[0. , 0. , 0. ],
+    ///        [0.5, 0. , 0. ]])
+    #[pyo3(signature = (q, *, out=None))]
+    fn file_joint_poses<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        self.kinematic("file_joint_poses", q, Quantity::JointPoses, out)
     }
 
     /// Positions of all joints, `(..., len(file_joint_names))`, rad or m: `multiplier q_leader + offset` for those that follow others.

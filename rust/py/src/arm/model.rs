@@ -79,6 +79,22 @@ impl ArmModel {
         }
     }
 
+    /// Of each of these joints the index of the one that carries it, -1 at the base.
+    pub fn file_joint_parents(&self) -> Vec<isize> {
+        match self {
+            ArmModel::PlanarPr(_) => vec![-1, 0],
+            ArmModel::Tree(tree) => tree.arm().joints.iter().map(|joint| index_or_base(joint.parent)).collect(),
+        }
+    }
+
+    /// Of each frame the index of the joint that moves it, -1 at the base.
+    pub fn frame_joints(&self) -> Vec<isize> {
+        match self {
+            ArmModel::PlanarPr(_) => Vec::new(),
+            ArmModel::Tree(tree) => tree.arm().frames.iter().map(|frame| index_or_base(frame.body)).collect(),
+        }
+    }
+
     /// The positions of these joints at `q` `(n,)`.
     pub fn file_positions(&self, q: &[f64], out: &mut [f64]) {
         match self {
@@ -171,6 +187,7 @@ impl ArmModel {
             Quantity::Position | Quantity::Com => ([3, 0, 0], 1),
             Quantity::PoseVector => ([6, 0, 0], 1),
             Quantity::Christoffel => ([n; 3], 3),
+            Quantity::JointPoses => ([self.size().bodies, 4, 4], 3),
             Quantity::Regressor if matches!(self, ArmModel::PlanarPr(_)) => ([2, 3, 0], 2),
             _ => {
                 let (rows, columns) = query.shape(self.size());
@@ -266,4 +283,9 @@ impl ArmModel {
         }
         text
     }
+}
+
+/// An index as Python has it: -1 for the base.
+fn index_or_base(index: Option<usize>) -> isize {
+    index.map_or(-1, |index| index as isize)
 }

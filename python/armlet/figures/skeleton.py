@@ -1,0 +1,166 @@
+"""An arm as lines between its joints, for films and environments: any tree, with slides, in the plane or in space.
+
+    p_j(q)  the origin of joint j,    s_j(q) = X_parent(q) X_parent(0)^-1 p_j(0),  its place before its own motion
+
+A link is a line from the parent's origin to `s_j`. The way of a slide is a line from `s_j` to `p_j`, which has no length where the joint
+turns. The frames of the outermost bodies and the frame of
+the tip hang on their joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Arm
+from ..errors import InputError
+from .style import COLOURS, require, sheet
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Lines", "Picture", "Skeleton"]
+
+AXES = "xyz"
+#: Elevation and azimuth from which arms in space are seen, degrees.
+VIEW = (22.0, -56.0)
+DPI = 100
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lines:
+    """What is drawn of an arm at K configurations, m.
+
+    Attributes:
+        links, slides: ends of lines, (K, lines, 2, 3).
+        joints: (K, joints, 3).
+        tip: (K, 3).
+    """
+
+    links: Array
+    slides: Array
+    joints: Array
+    tip: Array
+
+    def cloud(self) -> Array:
+        """All points, (points, 3)."""
+        return np.concatenate([part.reshape(-1, 3) for part in (self.links, self.slides, self.tip)])
+
+
+class Skeleton:
+    """The joints and frames of an arm that are drawn, and which hangs on which."""
+
+    def __init__(self, caller: str, arm: Arm) -> None:
+        if arm.tip_frame is None:
+            raise InputError(f"{caller}: arm has nothing to draw: expected an arm with frames that move, got {arm.frame_names}")
+        self.arm, self.tip = arm, arm.frame_names.index(arm.tip_frame)
+        self.parents = np.array(arm.file_joint_parents)
+        inner = set(arm.file_joint_parents)
+        frames = enumerate(arm.frame_joints)
+        self.frames = [k for k, joint in frames if k == self.tip or (joint >= 0 and joint not in inner)]
+        at_zero = arm.file_joint_poses(np.zeros(arm.n))
+        carriers = np.concatenate([at_zero, np.eye(4)[None]])[self.parents]
+        #: Of each joint its place before its own motion, in the axes of its parent.
+        self.places = (np.linalg.inv(carriers) @ at_zero)[:, :3, 3]
+
+    def lines(self, q: Array) -> Lines:
+        """At positions (K, n), rad or m."""
+        poses = np.asarray(self.arm.file_joint_poses(q))
+        carriers = np.concatenate([poses, np.broadcast_to(np.eye(4), (len(q), 1, 4, 4))], axis=1)[:, self.parents]
+        origins = poses[..., :3, 3]
+        before = np.einsum("kjab,jb->kja", carriers[..., :3, :3], self.places) + carriers[..., :3, 3]
+        links = np.stack([carriers[..., :3, 3], before], axis=2)
+        joints = [self.arm.frame_joints[k] for k in self.frames]
+        ends = np.stack([np.asarray(self.arm.position(q, self.arm.frame_names[k])) for k in self.frames], axis=1)
+        fingers = np.stack([origins[:, joints], ends], axis=2)
+        slides = np.stack([before, origins], axis=2)
+        return Lines(np.concatenate([links, fingers], axis=1), slides, origins, ends[:, self.frames.index(self.tip)])
+
+
+class Picture:
+    """A picture of an arm that is drawn again and again: in the plane of two axes where all points are in one, else in space.
+
+    Args:
+        cloud: points that the picture has room for, (points, 3), m.
+        size: width and height, pixels.
+        view: elevation and azimuth, degrees; None: the plane where there is one, else `VIEW`.
+        figure: the figure to draw into; None: one without a window.
+    """
+
+    def __init__(self, caller: str, cloud: Array, size: int, view: tuple[float, float] | None = None, figure: Figure | None = None) -> None:
+        require(caller)
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+        from matplotlib.ticker import MaxNLocator
+
+        if figure is None:
+            figure = Figure(dpi=DPI)
+            FigureCanvasAgg(figure)
+        spread = np.ptp(cloud, axis=0)
+        thin = int(np.argmin(spread))
+        flat = view is None and spread[thin] <= 1e-9 * max(spread.max(), 1.0)
+        self.axes = [i for i in range(3) if not flat or i != thin]
+        centre, reach = (cloud.max(axis=0) + cloud.min(axis=0)) / 2, 0.55 * spread.max() + 1e-3
+        self.floor = centre[2] - reach
+        with sheet(figure, (size / figure.dpi, size / figure.dpi)) as self.figure:
+            ax: Any = self.figure.add_subplot(**({} if flat else {"projection": "3d"}))
+            self.ax = ax
+            for i, letter in zip(self.axes, "xyz", strict=False):
+                ax.set(**{f"{letter}lim": (centre[i] - reach, centre[i] + reach), f"{letter}label": f"{AXES[i]} (m)"})
+                getattr(ax, f"{letter}axis").set_major_locator(MaxNLocator(4))
+            if flat:
+                ax.set_aspect("equal")
+            else:
+                elevation, azimuth = VIEW if view is None else view
+                # Smaller than usual, so that the label of z is whole.
+                ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
+                ax.view_init(elevation, azimuth)
+            self.shadow = None if flat else self._line(color="0.85", linewidth=2.5)
+            self.trace = self._line(color=COLOURS[1], linewidth=1.0)
+            self.slides = self._line(color="0.45", linewidth=2.0)
+            self.links = self._line(color=COLOURS[0], linewidth=3.5, solid_capstyle="round")
+            self.joints = self._line(color=COLOURS[0], marker="o", markersize=6.0, linestyle="none")
+            self.targets = self._line(color=COLOURS[2], marker="o", markersize=9.0, linestyle="none", fillstyle="none", markeredgewidth=2.0)
+            # Not the title of the axes, whose width would squeeze them in a small picture.
+            self.title = self.figure.suptitle("t = 0.00 s", x=0.02, horizontalalignment="left", fontsize=10)
+            # Where the axes are is settled once.
+            self.figure.canvas.draw()
+            self.figure.set_layout_engine("none")
+
+    def _line(self, **style: Any) -> Any:
+        return self.ax.plot(*([] for _ in self.axes), **style)[0]
+
+    def _put(self, line: Any, points: Array) -> None:
+        columns = [points[:, i] for i in self.axes]
+        if len(columns) == 3:
+            line.set_data_3d(*columns)
+        else:
+            line.set_data(*columns)
+
+    def show(self, lines: Lines, k: int, title: str, targets: Array | None = None) -> None:
+        """Draw configuration `k`, the path of the tip from the first configuration to it, and targets, (points, 3), m."""
+        links, slides = _broken(lines.links[k]), _broken(lines.slides[k])
+        if self.shadow is not None:
+            fallen = np.concatenate([links, slides])
+            fallen[:, 2] = self.floor
+            self._put(self.shadow, fallen)
+        for line, points in ((self.links, links), (self.slides, slides), (self.joints, lines.joints[k]), (self.trace, lines.tip[: k + 1])):
+            self._put(line, points)
+        self._put(self.targets, np.zeros((0, 3)) if targets is None else targets)
+        self.title.set_text(title)
+        self.figure.canvas.draw()
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """The picture, (height, width, 3)."""
+        canvas: Any = self.figure.canvas
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def _broken(ends: Array) -> Array:
+    """Lines (lines, 2, 3) as one that is broken by rows that are not numbers."""
+    gaps = np.full((len(ends), 1, 3), np.nan)
+    return np.concatenate([ends, gaps], axis=1).reshape(-1, 3)
