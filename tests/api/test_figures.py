@@ -80,12 +80,42 @@ def test_the_rotation_of_a_law_with_orientation_rows() -> None:
     np.testing.assert_allclose(panel.get_lines()[0].get_ydata(), np.abs(0.9 - made.q.sum(axis=1)), rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("metric", "label"),
+    [
+        ("tau_peak2", "tau_peak2 (N m or N)"),
+        ("error_rms1", "error_rms1 (rad or m)"),
+        ("settling_time", "settling_time (s)"),
+        ("overshoot1", "overshoot1"),
+    ],
+)
+def test_a_sweep_by_a_chosen_metric(metric: str, label: str) -> None:
+    figure, drawn = Figure(), table()
+    ax = drawn.plot(metric, figure)
+    assert [other.get_ylabel() for other in figure.axes if other is not ax] == [label]
+    np.testing.assert_array_equal(ax.collections[0].get_array(), drawn[metric][np.isfinite(drawn[metric])])
+
+
+def test_the_force_of_a_wall() -> None:
+    """At rest it balances the law's own stiffness: the frame stands in the wall, between both springs."""
+    wall = al.Wall("link2", [0.7, 0.0, 0.0], [-2.0, 0.0, 0.0], stiffness=1e3, damping=20.0)
+    law = al.CartesianImpedance(ARM, [0.75, 0.2], 300.0, 40.0, frame="link2", axes="xy")
+    made = al.simulate(al.RigidArm(ARM, wall=wall), law, [0.8, 1.2], t_end=3.0, dt=1e-3)
+    force = made.contact_force
+    # Two springs in series over 0.05 m, to what is left of the motion after 3 s.
+    assert force is not None and force.min() == 0.0 and force[-1] == pytest.approx(0.05 / (1 / 300.0 + 1 / 1e3), rel=1e-3)
+    (panel,) = [ax for ax in made.plot(Figure()).flat if ax.get_ylabel() == "force (N)"]
+    np.testing.assert_array_equal(panel.get_lines()[0].get_ydata(), force)
+    assert run().contact_force is None and not [ax for ax in run().plot(Figure()).flat if ax.get_ylabel() == "force (N)"]
+
+
 def test_estimates_of_many_links() -> None:
-    """A panel per kind of parameter, with its unit, and a colour per link; forty lines in one panel would say nothing."""
+    """A panel per kind of parameter, with its unit, a colour per link and a stroke per component."""
     law = al.Adaptive(ARM, al.Sinusoid([0.1, 0.2], [0.3, 0.3], [1.0, 2.0], [0.0, 0.0]), 50.0, 5.0, 1.0, friction=True)
     axes = al.simulate(al.RigidArm(ARM), law, [0.0, 0.0], t_end=0.1, dt=1e-3).plot(Figure())
     panels = [ax for ax in axes.flat if "Estimates" in ax.get_title(loc="left")]
-    assert [len(panel.get_lines()) for panel in panels] == [2, 6, 12, 4]
+    assert [len(panel.get_lines()) for panel in panels] == [2, 6, 6, 6, 4]
+    assert [line.get_linestyle() for line in panels[1].get_lines()] == ["-", "--", ":"] * 2
     assert [panel.get_ylabel() for panel in panels[:2]] == ["masses (kg)", "first moments (kg m)"]
     assert all(len({line.get_color() for line in panel.get_lines()}) == 2 for panel in panels)
 

@@ -1,4 +1,4 @@
-"""The figure of a timing: its four panels, the region that no motion passes, and what it refuses."""
+"""The figure of a timing: its panels, the region that no motion passes, and what it refuses."""
 
 from __future__ import annotations
 
@@ -16,13 +16,27 @@ TIMED = al.time_path(ARM, [[0.0, 0.0], [0.5, 0.8], [1.2, 0.3]], **LIMITS)  # typ
 
 def test_panels() -> None:
     axes = PathTiming(ARM, TIMED, **LIMITS).plot(Figure())  # type: ignore[arg-type]
-    assert axes.shape == (2, 2)
+    assert axes.shape == (2, 3)
     for ax in axes.ravel():
         assert ax.get_xlabel() and ax.get_ylabel() and ax.get_title(loc="left")
-    for ax in axes[0]:
+    for ax in axes[0, :2]:
         drawn = np.concatenate([line.get_ydata() for line in ax.get_lines()])
         # In parts of the limits; drawn to a digit more than can be seen.
         assert np.isfinite(drawn).all() and np.abs(drawn).max() <= 1.0 + 1e-6 and np.abs(drawn).max() >= 0.999
+
+
+def test_joints_over_time() -> None:
+    """Positions in rad; speeds in parts of their limits; accelerations in rad/s^2 without a limit, in parts of it with one."""
+    axes = PathTiming(ARM, TIMED, **LIMITS).plot(Figure())  # type: ignore[arg-type]
+    labels = ["joint position (rad)", "joint speed, in parts of its limits", "joint acceleration (rad/s²)"]
+    assert [ax.get_ylabel() for ax in axes[1]] == labels
+    t = axes[1, 2].get_lines()[1].get_xdata()
+    np.testing.assert_array_equal(axes[1, 2].get_lines()[1].get_ydata(), TIMED(t)[2][:, 1])
+    limited = al.time_path(ARM, [[0.0, 0.0], [0.5, 0.8]], tau_max=99.0, a_max=[4.0, 3.0])
+    drawn = PathTiming(ARM, limited, 99.0, a_max=[4.0, 3.0]).plot(Figure())[1, 2]
+    shares = np.array([line.get_ydata() for line in drawn.get_lines() if len(line.get_ydata()) > 2])
+    # The second joint goes the longer way and binds throughout, by its own limits.
+    assert np.abs(shares[1]).max() == pytest.approx(1.0, abs=1e-6) and np.abs(shares).max() <= 1.0 + 1e-6
 
 
 def test_the_timing_lies_in_its_region() -> None:

@@ -52,19 +52,23 @@ class MinimumTime:
         return -self.tau_max if self.tau_min is None else self.tau_min, self.tau_max
 
     def plot(self, fig: Figure | None = None) -> Array:
-        """Draw torque against time and angle, the phase plane, and T against gravity into `fig` (None: a new one); returns the axes.
+        """Draw torque, speed and acceleration against time, torque against angle, the phase plane, and T against gravity; returns the axes.
+
+        Args:
+            fig: a matplotlib figure to draw into; None makes one with pyplot.
 
         Raises:
             ImportError: matplotlib is not installed.
         """
         require("MinimumTime.plot")
-        with sheet(fig, (9.6, 7.0)) as figure:
-            axes = figure.subplots(2, 2)
+        with sheet(fig, (13.2, 7.0)) as figure:
+            axes = figure.subplots(2, 3)
             motions = self._motions()
-            self._torques(axes[0, 0], axes[0, 1], motions)
-            self._phase_plane(axes[1, 0], motions)
-            self._durations(axes[1, 1], [float(t[-1]) for _, _, (t, _, _, _) in motions])
-            handles = axes[0, 0].get_legend_handles_labels()[0] + axes[0, 1].get_legend_handles_labels()[0][1:]
+            self._torques(axes[0, 0], axes[1, 0], motions)
+            self._rates(axes[0, 1], axes[0, 2], motions)
+            self._phase_plane(axes[1, 1], motions)
+            self._durations(axes[1, 2], [float(t[-1]) for _, _, (t, _, _, _) in motions])
+            handles = axes[0, 0].get_legend_handles_labels()[0] + axes[1, 0].get_legend_handles_labels()[0][1:]
             figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
         result: Array = axes
         return result
@@ -111,6 +115,16 @@ class MinimumTime:
         time.set_title("Torque against time")
         angle.set_xlabel(r"angle $\theta$ (rad)")
         angle.set_title("Torque against angle")
+
+    def _rates(self, speed: Axes, acceleration: Axes, motions: list[Any]) -> None:
+        for _, colour, (t, q, v, tau) in motions:
+            speed.plot(t, v, color=colour)
+            acceleration.plot(t, (tau - self.gravity_moment * np.sin(q)) / self.inertia, color=colour)
+        for ax, symbol, unit in ((speed, r"speed $\dot\theta$", "rad/s"), (acceleration, r"acceleration $\ddot\theta$", "rad/s²")):
+            ax.set_xlabel("time (s)")
+            ax.set_ylabel(f"{symbol} ({unit})")
+        speed.set_title("Speed against time")
+        acceleration.set_title("Acceleration against time")
 
     def _phase_plane(self, ax: Axes, motions: list[Any]) -> None:
         low, high = self.limits

@@ -24,8 +24,14 @@ Panel: TypeAlias = Callable[["Axes", "Recorded"], None]
 
 #: Joints of one panel, as many as there are colours that stand out.
 MOST = 7
-#: The ten parameters of a link, by kind: their places, what they are, and their unit.
-KINDS = ((slice(0, 1), "masses", "kg"), (slice(1, 4), "first moments", "kg m"), (slice(4, 10), "moments of inertia", "kg m²"))
+#: The ten parameters of a link, by kind: their places, what they are, their unit, and the components that the strokes tell apart.
+KINDS = (
+    ((0,), "masses", "kg", ""),
+    ((1, 2, 3), "first moments", "kg m", ": x solid, y dashed, z dotted"),
+    ((4, 6, 9), "moments of inertia", "kg m²", ": x solid, y dashed, z dotted"),
+    ((5, 7, 8), "products of inertia", "kg m²", ": xy solid, xz dashed, yz dotted"),
+)
+STROKES = ("-", "--", ":", "-.")
 
 
 def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
@@ -64,6 +70,8 @@ def _panels(run: Recorded) -> list[Panel]:
         panels.append(_distance)
     if run.orientation_error is not None:
         panels.append(_turn)
+    if run.contact_force is not None:
+        panels.append(_contact)
     if run.tau is not None:
         panels += _of_joints(_torque, run)
     if run.estimate is not None and run.estimate.shape[-1]:
@@ -177,6 +185,14 @@ def _turn(ax: Axes, run: Recorded) -> None:
     _task_errors(ax, run, run.orientation_error, "angle (rad)", "Rotation")
 
 
+def _contact(ax: Axes, run: Recorded) -> None:
+    assert run.contact_force is not None
+    ax.plot(run.t, run.contact_force, color=COLOURS[0])
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("force (N)")
+    ax.set_title("Contact force, along the wall's normal")
+
+
 def _velocity(ax: Axes, run: Recorded, joints: slice) -> None:
     _lines(ax, run.t, run.v[:, joints])
     _limits(ax, run, joints, "v_max")
@@ -222,15 +238,16 @@ def _links(count: int, n: int) -> int:
     return next((links for links in range(n, count // 10 + 1) if (count - 10 * links) in (0, n, 2 * n, 3 * n, 4 * n)), n)
 
 
-def _bodies(ax: Axes, run: Recorded, kind: tuple[slice, str, str]) -> None:
-    """The estimates of one kind, a colour per link: no true values, to which they need not go."""
+def _bodies(ax: Axes, run: Recorded, kind: tuple[tuple[int, ...], str, str, str]) -> None:
+    """The estimates of one kind, a colour per link and a stroke per component: no true values, to which they need not go."""
     assert run.estimate is not None
-    places, what, unit = kind
+    places, what, unit, components = kind
     for link in range(_links(run.estimate[..., : run._estimated].shape[-1], run.q.shape[-1])):
         own = run.estimate[:, 10 * link : 10 * link + 10]
-        ax.plot(run.t, own[:, places], color=COLOURS[link % len(COLOURS)], linewidth=0.8, alpha=0.8)
+        for place, stroke in zip(places, STROKES, strict=False):
+            ax.plot(run.t, own[:, place], color=COLOURS[link % len(COLOURS)], linestyle=stroke, linewidth=1.0, alpha=0.9)
     ax.set_ylabel(f"{what} ({unit})")
-    ax.set_title(f"Estimates: {what}")
+    ax.set_title(f"Estimates{components}")
 
 
 def _rotors_and_friction(ax: Axes, run: Recorded) -> None:
@@ -238,7 +255,7 @@ def _rotors_and_friction(ax: Axes, run: Recorded) -> None:
     n = run.q.shape[-1]
     beside = run.estimate[:, 10 * _links(run.estimate[..., : run._estimated].shape[-1], n) : run._estimated]
     for i in range(beside.shape[-1]):
-        ax.plot(run.t, beside[:, i], color=COLOURS[i % n % len(COLOURS)], linestyle=("-", "--", ":", "-.")[i // n], linewidth=0.8)
+        ax.plot(run.t, beside[:, i], color=COLOURS[i % n % len(COLOURS)], linestyle=STROKES[i // n], linewidth=1.0)
     ax.set_ylabel("parameters (SI)")
     ax.set_title("Estimates: rotors, friction")
 
@@ -264,8 +281,8 @@ def _lyapunov(ax: Axes, run: Recorded) -> None:
     positive = values[values > 0]
     if len(positive) and positive.max() > 1e3 * positive.min():
         ax.set_yscale("log")
-    else:
-        ax.set_ylim(bottom=0.0)
+    elif len(positive):
+        ax.set_ylim(0.0, 1.05 * positive.max())
     ax.set_ylabel(r"$V_1$ (J)")
     ax.set_title("Lyapunov function")
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..arguments import choice
 from ..errors import InputError
+from ..run.metrics import PER_JOINT, PER_RUN, PER_TASK, Metrics
 from ..status import Status, having
 from .style import COLOURS, literal, require, sheet
 
@@ -43,13 +44,13 @@ def plot(table: Mapping[str, NDArray[Any]], quantity: str | None = None, fig: Fi
         size = float(np.clip(3e4 / len(x), 2.0, 25.0))
         if len(varied) == 1:
             ax.scatter(x[good], value[good], s=size, color=COLOURS[0])
-            ax.set(xlabel=f"{literal(varied[0])} (SI)", ylabel=f"{literal(quantity)} (SI)", yscale=_scale(value[good]))
+            ax.set(xlabel=f"{literal(varied[0])} (SI)", ylabel=_label(quantity), yscale=_scale(value[good]))
             failed = np.full(np.sum(~good), np.nanmax(value[good], initial=0.0))
         else:
             points = ax.scatter(
                 x[good], table[varied[1]][good], c=value[good], s=size, cmap="viridis", norm=_scale(value[good]), rasterized=True
             )
-            figure.colorbar(points, ax=ax, label=f"{literal(quantity)} (SI)")
+            figure.colorbar(points, ax=ax, label=_label(quantity))
             ax.set(xlabel=f"{literal(varied[0])} (SI)", ylabel=f"{literal(varied[1])} (SI)", yscale=_scale(table[varied[1]]))
             failed = table[varied[1]][~good]
         ax.set_xscale(_scale(x))
@@ -68,3 +69,10 @@ def plot(table: Mapping[str, NDArray[Any]], quantity: str | None = None, fig: Fi
 def _scale(values: NDArray[Any]) -> str:
     known = values[np.isfinite(values)]
     return "log" if len(known) and known.min() > 0.0 and known.max() > SPREAD * known.min() else "linear"
+
+
+def _label(quantity: str) -> str:
+    """The name of a metric with its unit, as far as a table of several arms can know it."""
+    name = quantity.rstrip("0123456789")
+    unit = Metrics({}, ("rad or m",), ("N m or N",)).unit(name) if name in (*PER_JOINT, *PER_TASK, *PER_RUN) else "SI"
+    return literal(quantity) + (f" ({unit})" if unit != "1" else "")

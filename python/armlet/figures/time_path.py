@@ -60,7 +60,10 @@ class PathTiming:
     viscous: ArrayLike = 0.0
 
     def plot(self, fig: Figure | None = None) -> Array:
-        """Draw torque against time and path position, the phase plane and joint speeds into `fig` (None: a new one); returns the axes.
+        """Draw torque against time and path position, the phase plane, and joint positions, speeds and accelerations; returns the axes.
+
+        Args:
+            fig: a matplotlib figure to draw into; None makes one with pyplot.
 
         Raises:
             ImportError: matplotlib is not installed.
@@ -71,14 +74,16 @@ class PathTiming:
             raise InputError("PathTiming.plot: motion has no timing to draw: expected a feasible TimedPath that takes time")
         if self.tau_max is None:
             raise InputError("PathTiming.plot: tau_max is missing: expected the limits of torque that the motion was planned with")
-        with sheet(fig, (9.6, 7.0)) as figure:
-            axes = figure.subplots(2, 2)
+        with sheet(fig, (13.2, 7.0)) as figure:
+            axes = figure.subplots(2, 3)
             t, s = self._samples()
             q, v, a = self.motion(t)
             tau = self.arm.inverse_dynamics(q, v, a) + _core.numbers("PathTiming", "viscous", self.viscous, (), (v.shape[-1],)) * v
             self._torques(axes[0, 0], axes[0, 1], t, s, tau)
-            self._phase_plane(axes[1, 0])
-            self._speeds(axes[1, 1], t, v)
+            self._phase_plane(axes[0, 2])
+            self._over_time(axes[1, 0], t, q, None, ("position", ""))
+            self._over_time(axes[1, 1], t, v, self.v_max, ("speed", "/s"))
+            self._over_time(axes[1, 2], t, a, self.a_max, ("acceleration", "/s²"))
             names = [literal(name) for name in self.arm.joint_names]
             handles = axes[0, 0].get_lines()[: len(names)]
             figure.legend(handles, names, loc="outside upper center", ncols=len(names), frameon=False)
@@ -182,13 +187,21 @@ class PathTiming:
         ax.set_title("Phase plane: no motion passes the grey" if shut.any() else "Phase plane")
         ax.legend(loc="best", handlelength=1.8)
 
-    def _speeds(self, ax: Axes, t: Array, v: Array) -> None:
-        limited = self.v_max is not None
-        scale = _bounds(self.v_max, self.arm.n)[1] if limited else np.ones(self.arm.n)
+    def _over_time(self, ax: Axes, t: Array, values: Array, limit: ArrayLike | None, what: tuple[str, str]) -> None:
+        """A quantity of the joints, in parts of its limits where it has some: the name, and what it is per."""
+        name, per = what
+        low, high = _bounds(limit, self.arm.n)
+        if limit is not None:
+            # As for torque: 1 is the upper limit, -1 the lower one, infinite ones are never near.
+            with np.errstate(invalid="ignore"):
+                values = np.where(np.isfinite(high - low), (2.0 * values - low - high) / (high - low), 0.0)
+            for bound in (-1.0, 1.0):
+                ax.axhline(bound, color=LIMIT, linestyle="--", linewidth=1.0)
         for j in range(self.arm.n):
-            ax.plot(t, v[:, j] / scale[j], color=COLOURS[j % len(COLOURS)])
-        for bound in (-1.0, 1.0) if limited else ():
-            ax.axhline(bound, color=LIMIT, linestyle="--", linewidth=1.0)
+            ax.plot(t, values[:, j], color=COLOURS[j % len(COLOURS)])
+        units = dict.fromkeys("m" if kind == "prismatic" else "rad" for kind in self.arm.joint_types)
         ax.set_xlabel("time (s)")
-        ax.set_ylabel("joint speed, in parts of its limit" if limited else "joint speed (rad/s or m/s)")
-        ax.set_title("Joint speeds")
+        ax.set_ylabel(
+            f"joint {name} ({', '.join(unit + per for unit in units)})" if limit is None else f"joint {name}, in parts of its limits"
+        )
+        ax.set_title(f"Joint {name}s")

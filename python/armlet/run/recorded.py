@@ -16,6 +16,7 @@ from .. import _core
 from ..errors import InputError
 from ..integration import DenseOutput
 from ..status import Status
+from .contacts import contact_forces
 from .events import Events
 from .task_errors import orientation_errors, position_errors
 
@@ -28,7 +29,7 @@ SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
 # Laws whose motion is not one of joints.
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Fields without a time axis that may be there.
-OTHERS = ("parameters", "target", "limits", "position_error", "orientation_error")
+OTHERS = ("parameters", "target", "limits", "position_error", "orientation_error", "contact_force")
 LIMITS = ("q_min", "q_max", "v_max", "effort")
 
 
@@ -70,7 +71,7 @@ class Recorded:
             motions = motions[:1]  # one motion made many times: sampled once
         self._motions = motions if None not in motions else []
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
-        self._laws, self._made_by, self._arms, self.arm = laws, law, arms, arms[0]
+        self._laws, self._made_by, self._plants, self._arms, self.arm = laws, law, plants, arms, arms[0]
         # How much of the law's own state is an estimate; filters may follow.
         self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
         # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
@@ -148,6 +149,11 @@ class Recorded:
     def orientation_error(self) -> Array | None:
         """The angle between the frame of each task and its target, (K, tasks) or (B, K, tasks), rad; None for laws without such tasks."""
         return self._of_tasks(orientation_errors)
+
+    @cached_property
+    def contact_force(self) -> Array | None:
+        """The force of the plant's wall on its frame along the normal, (K,) or (B, K), N; None without a wall."""
+        return None if self.arm is None else contact_forces(self._plants, self.q, self.v)
 
     def _of_tasks(self, errors: Callable[..., Array | None]) -> Array | None:
         known = self._laws[0] is not None and self.arm is not None

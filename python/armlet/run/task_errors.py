@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .. import rotations
 
-__all__ = ["frame_errors", "orientation_errors", "position_errors"]
+__all__ = ["frame_errors", "orientation_errors", "position_errors", "where_finite"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -105,18 +105,18 @@ def _rotation(aim: _Aim, arm: Any, t: Array, q: Array) -> Array:
     """`log(R_d R')` in the rows of the task; rows that have no target are zero in the rotation vector of `R_d`."""
     wanted = np.zeros((*q.shape[:-1], 3))
     wanted[..., list(aim.rows)] = aim.at(t)
-    R = _finite(lambda q: arm.pose(q, aim.frame)[..., :3, :3], q)
+    R = where_finite(lambda q: arm.pose(q, aim.frame)[..., :3, :3], q)
     turn = rotations.after(rotations.of_vector(wanted), rotations.inverse(rotations.of_matrix(R)))
     apart: Array = rotations.vector(turn)[..., list(aim.rows)]
     return apart
 
 
 def _position(arm: Any, q: Array, frame: str) -> Array:
-    return _finite(lambda q: arm.position(q, frame), q)
+    return where_finite(lambda q: arm.position(q, frame), q)
 
 
-def _finite(evaluate: Callable[[Array], Array], q: Array) -> Array:
-    """NaN where the joints are no numbers, which the arm refuses."""
+def where_finite(evaluate: Callable[[Array], Array], q: Array) -> Array:
+    """`evaluate(q)`; NaN where the joints are no numbers, which the arm refuses."""
     bad = np.asarray(~np.isfinite(q).all(axis=-1))
     found = evaluate(np.where(bad[..., None], 0.0, q))
     found[bad] = np.nan

@@ -1,0 +1,51 @@
+"""The force of the wall of a plant over a run, along its normal:
+
+f = max(0, k d + c d_dot) where d > 0, else 0,   d = n . (p_wall - p(q)),   d_dot = -n . J(q) v
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .task_errors import where_finite
+
+__all__ = ["contact_forces"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+def contact_forces(plants: Sequence[Any], q: Array, v: Array) -> Array | None:
+    """The forces, (K,) or (B, K), N, NaN where the state is not finite; None where a plant has no wall.
+
+    Args:
+        plants: one for all rows, or one per row.
+        q, v: (K, n) or (B, K, n).
+    """
+    walls = [_wall(plant) for plant in plants]
+    if any(wall is None for wall in walls):
+        return None
+    if len(plants) == 1:
+        return _force(plants[0].arm, walls[0], q, v)
+    return np.array([_force(plant.arm, wall, *rows) for plant, wall, *rows in zip(plants, walls, q, v, strict=True)])
+
+
+def _wall(plant: Any) -> Any:
+    return plant.__getnewargs_ex__()[1].get("wall") if hasattr(plant, "__getnewargs_ex__") else None
+
+
+def _force(arm: Any, wall: Any, q: Array, v: Array) -> Array:
+    (frame, point, normal), spring = wall.__getnewargs_ex__()
+    n = np.asarray(normal)
+
+    def force(state: Array) -> Array:
+        q, v = np.split(state, 2, axis=-1)
+        depth = (np.asarray(point) - arm.position(q, frame)) @ n
+        rate = -np.einsum("i,...ij,...j->...", n, arm.jacobian(q, frame)[..., :3, :], v)
+        push: Array = np.where(depth > 0.0, np.maximum(0.0, spring["stiffness"] * depth + spring["damping"] * rate), 0.0)
+        return push
+
+    return where_finite(force, np.concatenate([q, v], axis=-1))
