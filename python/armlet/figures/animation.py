@@ -1,4 +1,4 @@
-"""A run as a film: links between the joints of the arm, and the path of its tip; in the plane of a planar arm, else in space."""
+"""A run as a film: links between the joints of the arm, and the path of its tip. Planar arms are drawn in their plane."""
 
 from __future__ import annotations
 

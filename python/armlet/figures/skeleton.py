@@ -82,10 +82,12 @@ class Skeleton:
 
 
 class Picture:
-    """A picture of an arm that is drawn again and again: in the plane of two axes where all points are in one, else in space.
+    """A picture of an arm that is drawn again and again.
+
+    If all points are in a plane of two axes, the picture is of that plane. Otherwise it is in space.
 
     Args:
-        cloud: points that the picture has room for, (points, 3), m.
+        cloud: points that the picture must contain, (points, 3), m.
         size: width and height, pixels.
         view: elevation and azimuth, degrees; None: the plane where there is one, else `VIEW`.
         figure: the figure to draw into; None: one without a window.

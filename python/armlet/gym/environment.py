@@ -39,8 +39,8 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         horizon: length of a run, s; 5 s if None.
         q_limit: `(low, high)` beyond which a run ends, rad or m; None: the arm's limits, 2 pi where it has none.
         v_limit: the same of speed, rad/s or m/s; None: the arm's limits, 20 where it has none.
-        render_mode: "rgb_array": `render` returns a picture, (480, 480, 3); "human": each step draws in a window of matplotlib's, at the
-            pace of the clock; None: nothing is drawn.
+        render_mode: "rgb_array": `render` returns a picture, (480, 480, 3). "human": each step draws in a window of matplotlib, in real
+            time. None: nothing is drawn.
 
     Raises:
         InputError: an argument, or an action, is not what it should be.

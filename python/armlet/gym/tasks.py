@@ -76,7 +76,7 @@ class Task:
         return np.zeros(len(q), dtype=np.bool_)
 
     def points(self, k: NDArray[np.int64], q: Array, goal: Array) -> Array:
-        """Where a picture shows targets, (B, points, 3), m, after `k` steps (B,): nowhere, unless a task says so."""
+        """Where a picture shows targets, (B, points, 3), m, after `k` steps (B,): by default nowhere."""
         return np.zeros((len(q), 0, 3))
 
     def _around(self, spread: float) -> tuple[Array, Array]:
@@ -164,8 +164,8 @@ class Reach(Task):
 class Track(Task):
     """Follow a motion of the joints, from near its start.
 
-    The error is `e = [q_d - q, v_d - v]`, rad and rad/s (m and m/s for slides). The reward is that of `Task`, where `scale` compares
-    positions and speeds alike: an error of `scale` rad pays as much as one of `scale` rad/s.
+    The error is `e = [q_d - q, v_d - v]`, rad and rad/s (m and m/s for slides). The reward is that of `Task`. Its `scale` is one number for
+    positions and speeds: an error of `scale` rad counts as much as one of `scale` rad/s.
 
     Args:
         motion: what to follow, such as `Sinusoid(..)`.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Viewer", "viewer_for"]
 
 SIZE = 480  # pixels
-#: Random configurations within the limits whose points have room in the picture.
+#: Random configurations within the limits whose points are in the picture.
 SAMPLES = 200
 
 
@@ -42,7 +42,7 @@ class Viewer:
         return self._picture.pixels()
 
     def show(self) -> None:
-        """Draw the first row in a window, at the pace of the clock; a backend of matplotlib without windows shows nothing."""
+        """Draw the first row in a window, in real time. A backend of matplotlib without windows shows nothing."""
         from matplotlib import pyplot
 
         if self._picture is None or self._window is None:
